@@ -1,0 +1,24 @@
+// The only header that includes pybind11. Bindings translate; they hold no logic.
+#pragma once
+
+#include <pybind11/eigen.h>
+#include <pybind11/numpy.h>
+#include <pybind11/pybind11.h>
+#include <pybind11/stl.h>
+
+#include "exactarm/robot/robot.hpp"
+
+namespace exactarm::bindings {
+
+namespace py = pybind11;
+
+// New C-contiguous array of doubles.
+template <class... Sizes>
+py::array_t<double> new_array(Sizes... sizes) {
+  return py::array_t<double>(std::vector<py::ssize_t>{static_cast<py::ssize_t>(sizes)...});
+}
+
+void bind_robot(py::module_& module);
+void bind_kinematics(py::module_& module);
+
+}  // namespace exactarm::bindings

@@ -1,0 +1,8 @@
+#include "binding.hpp"
+
+PYBIND11_MODULE(_core, module) {
+  using namespace exactarm::bindings;
+  module.doc() = "Compiled core of exactarm: SI units and radians throughout.";
+  bind_robot(module);
+  bind_kinematics(module);
+}
