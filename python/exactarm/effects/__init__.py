@@ -1,0 +1,31 @@
+"""The library of effects: every module of this folder is looked through once; each subclass registers by its name."""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+from functools import cache
+
+from exactarm.effects.base import KINDS, Change, Effect, Parameter, Station
+
+__all__ = ["KINDS", "Change", "Effect", "Parameter", "Station", "effect_from_table", "library"]
+
+
+@cache
+def library() -> dict[str, type[Effect]]:
+    """Name -> class of every effect found in this folder, sorted by name."""
+    for module in pkgutil.iter_modules(__path__):
+        importlib.import_module(f"{__name__}.{module.name}")
+    return dict(sorted(_named_subclasses(Effect)))
+
+
+def _named_subclasses(cls: type[Effect]):
+    for sub in cls.__subclasses__():
+        if sub.name:
+            yield sub.name, sub
+        yield from _named_subclasses(sub)
+
+
+def effect_from_table(table: dict) -> Effect:
+    """An effect from its entry in a robot file. Raises KeyError for an unknown name."""
+    return library()[table["effect"]].from_table(table)

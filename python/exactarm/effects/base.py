@@ -1,0 +1,158 @@
+"""The effect: one physical cause acting at one station of the measurement chain.
+
+    theta --MOTOR, GEAR--> phi --LOAD--> torque --SPRING--> q --GEOMETRY--> target --DEVICE--> measured
+                                                     torque --DRIVE--> motor torque
+
+An effect is immutable. It knows its name, its axis, its parameters, which kinds of data can show it,
+whether a planner can compensate it, one sentence for a report, and how it changes the signal at its
+station with the derivatives of that change. The chain, the identification, the simulation, the diagnosis,
+the planner, the robot file and the report use nothing else.
+
+To add one: a new file in this folder with a subclass of `Effect` in it. The library finds it by itself.
+Stations and their signals (N rows, n axes):
+
+    MOTOR     motor angle theta (N, n) rad          GEAR      output angle phi (N, n) rad
+    LOAD      joint torque (N, n) Nm                SPRING    joint angle q (N, n) rad
+    GEOMETRY  displacement of the target (N, 6): m, rad (rotation increment), measuring frame
+    DEVICE    measured vector (N, m) in its units   DRIVE     drive torque (N, n) Nm, output side
+    TABLE     no signal of its own: parameters of the robot's tables (geometry, frames, gear ratio)
+"""
+
+from __future__ import annotations
+
+from abc import ABC
+from dataclasses import dataclass, replace
+from enum import IntEnum
+from typing import TYPE_CHECKING, ClassVar, Iterable, Mapping
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from exactarm.chain import View
+    from exactarm.robot import Robot
+
+
+class Station(IntEnum):
+    """Where an effect acts, in the order in which a signal passes."""
+
+    TABLE = 0
+    MOTOR = 1
+    GEAR = 2
+    LOAD = 3
+    SPRING = 4
+    GEOMETRY = 5
+    DEVICE = 6
+    DRIVE = 7
+
+
+KINDS = ("poses", "gear_run", "motion", "tracked_motion")
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One number of an effect: name with unit, bounds, plausible magnitude (SI); `fixed` ones are not estimated.
+
+    `search`: values that a non-linear parameter is tried from (periods, thresholds); empty where the
+    effect is linear in it and zero is a good start.
+    """
+
+    name: str
+    plausible: float
+    lower: float = -np.inf
+    upper: float = np.inf
+    fixed: bool = False
+    search: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True)
+class Change:
+    """What an effect adds to the signal at its station, on N rows.
+
+    value          (N, c) for the columns `columns` of the signal (joint stations: axis indices from 0)
+    by_parameters  (N, c, k) for the effect's k parameters, fixed ones included
+    by_signal      name of an upstream signal -> (N, c, m): its derivative with respect to that signal's m
+                   columns ("theta", "phi", "torque", "q", "displacement", "measured"; rates are "q_dot", ...).
+                   Absent: the change does not depend on it.
+    """
+
+    columns: tuple[int, ...]
+    value: np.ndarray
+    by_parameters: np.ndarray
+    by_signal: Mapping[str, np.ndarray] = None
+
+    def __post_init__(self) -> None:
+        if self.by_signal is None:
+            object.__setattr__(self, "by_signal", {})
+
+
+@dataclass(frozen=True)
+class Effect(ABC):
+    """Base of all effects. `joint` counts from 1; None for an effect of no single axis."""
+
+    joint: int | None
+    values: tuple[float, ...]
+
+    name: ClassVar[str] = ""
+    station: ClassVar[Station]
+    kinds: ClassVar[tuple[str, ...]] = ()
+    compensable: ClassVar[bool] = False
+    smooth: ClassVar[bool] = True  # a smooth function of the motion: may enter a planner's dynamics
+    per_joint: ClassVar[bool] = True
+    linear: ClassVar[bool] = True  # the change is linear in the free parameters
+    sentence: ClassVar[str] = ""  # format string: {joint} and the parameters' names
+    source: ClassVar[str] = ""
+
+    # -- description ------------------------------------------------------------------------------
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The parameters in the order of `values`."""
+        raise NotImplementedError
+
+    def value_of(self, name: str) -> float:
+        names = [parameter.name for parameter in self.parameters()]
+        return self.values[names.index(name)]
+
+    def with_values(self, values: Iterable[float]) -> "Effect":
+        return replace(self, values=tuple(float(value) for value in values))
+
+    @property
+    def index(self) -> int:
+        """The axis, from 0."""
+        return self.joint - 1
+
+    @property
+    def label(self) -> str:
+        return self.name if self.joint is None else f"{self.name}_{self.joint}"
+
+    def describe(self) -> str:
+        """One sentence for a report, with the values in it."""
+        numbers = {p.name: v for p, v in zip(self.parameters(), self.values)}
+        return self.sentence.format(joint=self.joint, **numbers)
+
+    # -- as a candidate ---------------------------------------------------------------------------
+    @classmethod
+    def candidates(cls, robot: "Robot", view: "View") -> Iterable["Effect"]:
+        """The effects of this class that could be missing from `robot` on this data, at zero size."""
+        raise NotImplementedError
+
+    # -- in the chain -----------------------------------------------------------------------------
+    def change(self, view: "View") -> Change:
+        """What the effect adds to the signal at its station."""
+        raise NotImplementedError
+
+    def keep(self, view: "View") -> np.ndarray | None:
+        """Rows (N,) bool that are to be used; None = all. Only effects of the record (outliers) say otherwise."""
+        return None
+
+    # -- in the robot file ------------------------------------------------------------------------
+    def to_table(self) -> dict[str, float | int | str]:
+        """Flat mapping for a robot file: name, joint, parameters with units in their names."""
+        table: dict[str, float | int | str] = {"effect": self.name}
+        if self.joint is not None:
+            table["joint"] = self.joint
+        return table | {p.name: v for p, v in zip(self.parameters(), self.values)}
+
+    @classmethod
+    def from_table(cls, table: Mapping[str, float | int | str]) -> "Effect":
+        """The inverse of `to_table`. Raises KeyError naming a missing parameter."""
+        raw = cls(joint=table.get("joint"), values=())
+        return raw.with_values(table[parameter.name] for parameter in raw.parameters())

@@ -1,0 +1,199 @@
+"""A serial robot as Python sees it: immutable tables, from which the compiled core is built.
+
+    theta --gear--> phi --+ q_offset, spring--> q --geometry--> flange
+
+Frame i: Rot_z(sign q + zero) Trans_z(d) Trans_x(a) Rot_x(alpha) Rot_y(beta) (modified
+Denavit-Hartenberg with Hayati's beta; thesis (2.2), (2.3)). A frame whose `beta` is not None follows
+Hayati: `beta` is a parameter of it and `d` is not.
+
+A controller reports q = theta / controller_ratio + controller_offset: its own constants, which a
+calibration does not change. `ratio` and `q_offset` are the best knowledge of the real ones.
+Units: m, rad, kg, Nm, s. Gear coefficients are relative to the ratio (E5).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from exactarm import _core
+
+if TYPE_CHECKING:
+    from exactarm.effects.base import Effect
+
+GRAVITY_M_S2 = 9.81
+
+
+@dataclass(frozen=True)
+class GearTable:
+    """Harmonics of u(phi) in one direction: order [cycles per output revolution], a, b (relative), each (m,)."""
+
+    order: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    a: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    b: np.ndarray = field(default_factory=lambda: np.zeros(0))
+
+    def core(self) -> _core.GearTable:
+        table = _core.GearTable()
+        table.order, table.a, table.b = self.order, self.a, self.b
+        return table
+
+
+@dataclass(frozen=True)
+class Joint:
+    """One axis: kind, geometry of its frame, gear, spring, drive, limits. None = not declared."""
+
+    type: str = "revolute"
+    sign: float = 1.0
+    zero: float = 0.0
+    d: float = 0.0
+    a: float = 0.0
+    alpha: float = 0.0
+    beta: float | None = None
+    q_offset: float = 0.0
+    controller_offset: float | None = None  # None: the same as q_offset
+    ratio: float | None = None
+    controller_ratio: float | None = None  # None: the same as ratio
+    cw: GearTable | None = None  # the motor angle falls
+    ccw: GearTable | None = None
+    spring_linear: float | None = None  # Nm/rad; None = rigid
+    spring_cubic: float = 0.0  # Nm/rad^3
+    rotor_inertia: float | None = None  # kg m^2, motor side
+    coulomb: float | None = None  # Nm, output side
+    viscous: float | None = None  # Nm s, output side
+    q_min: float | None = None
+    q_max: float | None = None
+    q_dot_max: float | None = None
+    q_ddot_max: float | None = None
+    torque_max: float | None = None
+
+    @property
+    def has_gear(self) -> bool:
+        return self.ratio is not None
+
+    @property
+    def has_harmonics(self) -> bool:
+        return any(table is not None and table.order.size for table in (self.cw, self.ccw))
+
+
+@dataclass(frozen=True)
+class Link:
+    """Mass properties of link i in DH frame i; inertia (3, 3) about the centre of mass."""
+
+    mass: float
+    centre_of_mass: np.ndarray
+    inertia: np.ndarray
+
+
+@dataclass(frozen=True)
+class Placement:
+    """Pose of one frame in another: rotation (3, 3), position (3,) in m."""
+
+    rotation: np.ndarray = field(default_factory=lambda: np.eye(3))
+    position: np.ndarray = field(default_factory=lambda: np.zeros(3))
+
+    def core(self) -> _core.Pose:
+        return _core.Pose(self.rotation, self.position)
+
+
+@dataclass(frozen=True)
+class Robot:
+    """A robot: joints, links (None where no masses are declared), gravity, tool, effects, record.
+
+    `has_geometry` is False for a robot of which only the drives are known. `effects` are the causes
+    beyond the tables, in the order they were added. `record` tells how the file came about
+    (data, date, intervals); `intervals` maps a parameter's name to its 95 % interval.
+    """
+
+    name: str
+    joints: tuple[Joint, ...]
+    links: tuple[Link, ...] | None = None
+    gravity: np.ndarray = field(default_factory=lambda: np.array([0.0, 0.0, -GRAVITY_M_S2]))
+    base: Placement = field(default_factory=Placement)
+    tool: Placement = field(default_factory=Placement)
+    has_geometry: bool = True
+    effects: tuple["Effect", ...] = ()
+    intervals: dict[str, tuple[float, float]] = field(default_factory=dict)
+    record: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def axes(self) -> int:
+        return len(self.joints)
+
+    def with_joint(self, index: int, **changes: Any) -> "Robot":
+        """The same robot with fields of joint `index` (from 0) replaced."""
+        joints = list(self.joints)
+        joints[index] = replace(joints[index], **changes)
+        return replace(self, joints=tuple(joints))
+
+    @cached_property
+    def ratios(self) -> np.ndarray:
+        """(n,) gear ratios; 1 where no gear is declared."""
+        return np.array([1.0 if joint.ratio is None else joint.ratio for joint in self.joints])
+
+    @cached_property
+    def controller_ratios(self) -> np.ndarray:
+        """(n,) the ratios by which the controller turns motor angles into the q it reports."""
+        own = [joint.controller_ratio for joint in self.joints]
+        return np.array([ratio if value is None else value for value, ratio in zip(own, self.ratios)])
+
+    @cached_property
+    def offsets(self) -> np.ndarray:
+        """(n,) q = phi + offset, in rad."""
+        return np.array([joint.q_offset for joint in self.joints])
+
+    @cached_property
+    def controller_offsets(self) -> np.ndarray:
+        """(n,) the offsets that the controller uses, in rad."""
+        own = [joint.controller_offset for joint in self.joints]
+        return np.array([offset if value is None else value for value, offset in zip(own, self.offsets)])
+
+    @cached_property
+    def core(self) -> _core.Robot:
+        """The compiled core's robot, built once."""
+        return _build_core(self)
+
+
+def _build_core(robot: Robot) -> _core.Robot:
+    core = _core.Robot()
+    frames, gears, springs, drives = [], [], [], []
+    for joint, ratio in zip(robot.joints, robot.ratios):
+        frame = _core.Frame()
+        frame.type = getattr(_core.JointType, joint.type)
+        frame.sign, frame.zero = joint.sign, joint.zero
+        frame.d, frame.a, frame.alpha, frame.beta = joint.d, joint.a, joint.alpha, joint.beta or 0.0
+        frames.append(frame)
+        gear = _core.Gear()
+        gear.ratio = ratio
+        gear.cw, gear.ccw = ((table or GearTable()).core() for table in (joint.cw, joint.ccw))
+        gears.append(gear)
+        spring = _core.Spring()
+        spring.linear, spring.cubic = joint.spring_linear or 0.0, joint.spring_cubic
+        springs.append(spring)
+        drive, friction = _core.Drive(), _core.Friction()
+        friction.coulomb, friction.viscous = joint.coulomb or 0.0, joint.viscous or 0.0
+        drive.rotor_inertia, drive.joint = joint.rotor_inertia or 0.0, friction
+        drives.append(drive)
+    core.frames, core.gears, core.springs, core.drives = frames, gears, springs, drives
+    core.q_offset = list(robot.offsets)
+    core.links = [_core_link(link) for link in robot.links or ()]
+    core.limits = [_core_limits(joint) for joint in robot.joints]
+    core.base, core.tool, core.gravity = robot.base.core(), robot.tool.core(), robot.gravity
+    return core
+
+
+def _core_link(link: Link) -> _core.LinkInertia:
+    core = _core.LinkInertia()
+    core.mass, core.centre_of_mass, core.inertia = link.mass, link.centre_of_mass, link.inertia
+    return core
+
+
+def _core_limits(joint: Joint) -> _core.Limits:
+    limits = _core.Limits()
+    bound = lambda value, default: default if value is None else value
+    limits.q_min, limits.q_max = bound(joint.q_min, -np.inf), bound(joint.q_max, np.inf)
+    limits.q_dot_max, limits.q_ddot_max = bound(joint.q_dot_max, np.inf), bound(joint.q_ddot_max, np.inf)
+    limits.torque_max = bound(joint.torque_max, np.inf)
+    return limits
