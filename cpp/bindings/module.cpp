@@ -5,4 +5,5 @@ PYBIND11_MODULE(_core, module) {
   module.doc() = "Compiled core of exactarm: SI units and radians throughout.";
   bind_robot(module);
   bind_kinematics(module);
+  bind_gear(module);
 }
