@@ -1,0 +1,170 @@
+"""The command line: `exactarm COMMAND ROBOT [FILES] --out DIR`.
+
+Exit codes: 0 done, 1 the computation failed, 2 bad input, 130 interrupted. An error is one line on stderr.
+Commands are modules of `exactarm.commands`; only the one that is asked for is imported.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import importlib
+import os
+import signal
+import sys
+import time
+import traceback
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Iterator, NoReturn, Sequence
+
+import exactarm
+from exactarm.errors import ComputationError, InputError
+from exactarm.progress import Progress
+
+DONE, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
+COMMANDS = "exactarm.commands"
+BLAS_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+
+
+def main(argv: Sequence[str] | None = None, package: str = COMMANDS) -> int:
+    """Runs one command of `package`; returns the exit code."""
+    words = list(sys.argv[1:] if argv is None else argv)
+    for stream in (sys.stdout, sys.stderr):
+        stream.reconfigure(errors="replace")
+    progress = Progress(None if "--quiet" in words else sys.stderr)
+    try:
+        with _interruptible():
+            return _run(words, progress, package)
+    except BrokenPipeError:  # the reader of our output has left
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return FAILED
+    except (Exception, KeyboardInterrupt) as error:
+        code, line = _explain(error)
+        progress.close()
+        if "--debug" in words:
+            traceback.print_exception(error)
+        print("exactarm: error: " + " ".join(line.split()), file=sys.stderr)
+        return code
+
+
+def _explain(error: BaseException) -> tuple[int, str]:
+    """Exit code and line for an exception that ends the run."""
+    if isinstance(error, InputError):
+        return BAD_INPUT, str(error)
+    if isinstance(error, ComputationError):
+        return FAILED, str(error)
+    if isinstance(error, KeyboardInterrupt):
+        return INTERRUPTED, "interrupted; nothing was written"
+    name = type(error).__name__
+    return FAILED, f"unexpected {name}: {error} (a fault in exactarm; --debug prints the traceback)"
+
+
+def _run(words: list[str], progress: Progress, package: str) -> int:
+    commands = find_commands(package)
+    if not words or words[0] in ("-h", "--help", "help"):
+        print(overview(commands), end="")
+        return DONE
+    if words[0] in ("-V", "--version"):
+        print(f"exactarm {exactarm.__version__}")
+        return DONE
+    name = words[0]
+    if name not in commands:
+        raise InputError(f"unknown command {name!r}, expected one of: {', '.join(commands)}")
+    _bound_blas_threads(words)
+    module = importlib.import_module(f"{package}.{commands[name][0]}")
+    arguments = _parse(module, words[1:])
+    arguments.progress = progress
+    return _execute(module, arguments)
+
+
+def find_commands(package: str = COMMANDS) -> dict[str, tuple[str, str]]:
+    """Command name -> (module, help), read from the literals of each file without importing it."""
+    found = {}
+    folder = Path(importlib.import_module(package).__file__).parent
+    for path in sorted(folder.glob("*.py")):
+        literals = _string_literals(path)
+        if {"NAME", "HELP"} <= literals.keys():
+            found[literals["NAME"]] = (path.stem, literals["HELP"])
+    return found
+
+
+def _string_literals(path: Path) -> dict[str, str]:
+    """The module's assignments NAME = "text" at its top level."""
+    literals = {}
+    for node in ast.parse(path.read_text(encoding="utf-8")).body:
+        if isinstance(node, ast.Assign) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str):
+            literals.update({target.id: node.value.value for target in node.targets if isinstance(target, ast.Name)})
+    return literals
+
+
+def overview(commands: dict[str, tuple[str, str]]) -> str:
+    """The text of `exactarm --help`."""
+    width = max((len(name) for name in commands), default=0)
+    lines = [f"  {name:<{width}}  {text}" for name, (_, text) in commands.items()]
+    return "\n".join([
+        "usage: exactarm COMMAND ROBOT [FILES] --out DIR",
+        "",
+        "Finds out why a robot arm misses, puts the cause into its model, and plans motions that cancel it.",
+        "",
+        *lines,
+        "",
+        "`exactarm COMMAND --help` lists the options of a command.",
+        "Exit code: 0 done, 1 the computation failed, 2 bad input.",
+        "",
+    ])
+
+
+class _Parser(argparse.ArgumentParser):
+    """Reports a wrong argument as any other bad input: one line, exit 2."""
+
+    def error(self, message: str) -> NoReturn:
+        raise InputError(f"{message} (see {self.prog} --help)")
+
+
+def _parse(module: Any, words: list[str]) -> argparse.Namespace:
+    from exactarm.commands.arguments import add_common
+
+    parser = _Parser(prog=f"exactarm {module.NAME}", description=module.HELP, allow_abbrev=False)
+    module.add_arguments(parser)
+    add_common(parser)
+    return parser.parse_intermixed_args(words)
+
+
+def _bound_blas_threads(words: list[str]) -> None:
+    """BLAS reads its number of threads when numpy is imported, so this comes before any such import."""
+    for word, value in zip(words, words[1:] + [""]):
+        threads = value if word == "--threads" else word.removeprefix("--threads=") if "=" in word else ""
+        if word.startswith("--threads") and threads.isdigit():
+            os.environ.update(dict.fromkeys(BLAS_VARIABLES, threads))
+
+
+@contextmanager
+def _interruptible() -> Iterator[None]:
+    """A polite kill ends a run as Ctrl-C does."""
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    try:
+        earlier = signal.signal(signal.SIGTERM, interrupt)
+    except ValueError:  # not the main thread
+        yield
+        return
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, earlier)
+
+
+def _execute(module: Any, arguments: argparse.Namespace) -> int:
+    from exactarm.commands.output import OutputFolder
+    from exactarm.commands.publish import publish
+
+    started = time.perf_counter()
+    with OutputFolder(arguments.out) as folder:
+        result = module.run(arguments)
+        text = publish(module.NAME, arguments, result, folder, started)
+    arguments.progress.close()
+    if not arguments.quiet:
+        print(text, end="")
+    return result.exit_code

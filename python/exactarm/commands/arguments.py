@@ -1,0 +1,57 @@
+"""The arguments that commands share."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from pathlib import Path
+
+DEFAULT_SEED = 1
+
+
+def add_robot(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("robot", metavar="ROBOT", help="robot file (.toml, .urdf) or the name of a shipped robot")
+
+
+def add_files(parser: argparse.ArgumentParser, least: int = 1, text: str = "measured data (.csv, .parquet)") -> None:
+    """FILES: at least one, or any number with `least` = 0. They are recorded as the inputs of the run."""
+    optional = {} if least else {"default": []}
+    parser.add_argument("files", metavar="FILE", nargs="+" if least else "*", type=Path, help=text, **optional)
+
+
+def add_common(parser: argparse.ArgumentParser) -> None:
+    """What every command has; added by the command line itself."""
+    group = parser.add_argument_group("common options")
+    group.add_argument("--out", metavar="DIR", type=Path, required=True, help="folder for all results (made if missing)")
+    group.add_argument("--seed", metavar="N", type=_whole_number, default=DEFAULT_SEED,
+                       help="makes every random choice repeatable (default %(default)s)")
+    group.add_argument("--threads", metavar="N", type=_positive, default=_available_cores(),
+                       help="most threads to use (default: all cores, here %(default)s)")
+    group.add_argument("--kind", choices=("poses", "gear_run", "motion", "tracked_motion"),
+                       help="kind of data (default: told by the columns)")
+    group.add_argument("--quiet", action="store_true", help="print nothing but errors")
+    group.add_argument("--debug", action="store_true", help="print the traceback of an error")
+
+
+def _available_cores() -> int:
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _whole_number(text: str) -> int:
+    value = int(text)
+    if value < 0:
+        raise argparse.ArgumentTypeError(f"{text} is negative, expected 0 or more")
+    return value
+
+
+_whole_number.__name__ = "whole number"
+
+
+def _positive(text: str) -> int:
+    value = int(text)
+    if value < 1:
+        raise argparse.ArgumentTypeError(f"{text}, expected 1 or more")
+    return value
+
+
+_positive.__name__ = "whole number"

@@ -1,0 +1,115 @@
+"""The folder of results: every file whole or absent, `result.json` last.
+
+Files are written into DIR/.partial, then renamed into place. A `result.json` of an earlier run is removed
+before the work begins, so that a run that was killed leaves none.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import os
+import shutil
+from pathlib import Path
+from typing import Any, Iterable, Mapping, Sequence
+
+import numpy as np
+
+from exactarm.errors import InputError
+
+RESULT = "result.json"
+PARTIAL = ".partial"
+
+
+class OutputFolder:
+    """DIR of one run; a context manager that leaves nothing half written."""
+
+    def __init__(self, path: Path):
+        self.path, self._partial = Path(path), Path(path) / PARTIAL
+
+    def __enter__(self) -> "OutputFolder":
+        try:
+            self.path.mkdir(parents=True, exist_ok=True)
+            (self.path / RESULT).unlink(missing_ok=True)
+            shutil.rmtree(self._partial, ignore_errors=True)
+            self._partial.mkdir()
+        except OSError as error:
+            raise InputError(f"cannot write here ({error.strerror}), expected a folder", file=self.path) from error
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        shutil.rmtree(self._partial, ignore_errors=True)
+
+    def place(self, name: str) -> Path:
+        """Where to write the file `name` before it is published."""
+        path = self._partial / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        return path
+
+    def write_text(self, name: str, text: str) -> None:
+        self.place(name).write_text(text, encoding="utf-8")
+
+    def write_table(self, name: str, columns: Mapping[str, Sequence]) -> None:
+        """Columns (N,) as .csv (round-trip digits, missing values empty) or .parquet."""
+        import pandas
+
+        frame = pandas.DataFrame(dict(columns))
+        if name.endswith(".parquet"):
+            frame.to_parquet(self.place(name), index=False)
+        else:
+            frame.to_csv(self.place(name), index=False)
+
+    def write_result(self, result: Mapping[str, Any]) -> None:
+        self.write_text(RESULT, json.dumps(plain(result), indent=1, allow_nan=False, ensure_ascii=False) + "\n")
+
+    def publish(self) -> list[Path]:
+        """Renames all files into place, `result.json` last. Returns their paths."""
+        names = [path.relative_to(self._partial) for path in sorted(self._partial.rglob("*")) if path.is_file()]
+        names.sort(key=lambda name: name == Path(RESULT))
+        for name in names:
+            target = self.path / name
+            target.parent.mkdir(parents=True, exist_ok=True)
+            os.replace(self._partial / name, target)
+        return [self.path / name for name in names]
+
+
+def plain(value: Any) -> Any:
+    """The same in JSON's own types; NaN and infinities become null."""
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, np.ndarray):
+        return plain(value.tolist())
+    if isinstance(value, (list, tuple, set, frozenset)):
+        return [plain(item) for item in value]
+    if isinstance(value, (bool, np.bool_)):
+        return bool(value)
+    if isinstance(value, (int, np.integer)):
+        return int(value)
+    if isinstance(value, (float, np.floating)):
+        return float(value) if math.isfinite(value) else None
+    if value is None or isinstance(value, str):
+        return value
+    return str(value)
+
+
+def describe_inputs(paths: Iterable[Any]) -> list[dict[str, Any]]:
+    """File, SHA-256 and, for tables, the number of data rows, of every path that is a file."""
+    files = dict.fromkeys(Path(path) for path in paths)
+    return [{"file": str(path), "sha256": _sha256(path), "rows": _rows(path)} for path in files if path.is_file()]
+
+
+def _sha256(path: Path) -> str:
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def _rows(path: Path) -> int | None:
+    if path.suffix == ".parquet":
+        from pyarrow import parquet
+
+        return parquet.read_metadata(path).num_rows
+    if path.suffix == ".csv":
+        with path.open("rb") as stream:
+            return max(sum(1 for line in stream if line.strip()) - 1, 0)
+    return None

@@ -1,0 +1,67 @@
+"""From a `CommandResult` to the files of a run and the text on the terminal."""
+
+from __future__ import annotations
+
+import argparse
+import time
+from dataclasses import replace
+from datetime import datetime, timezone
+from typing import Any
+
+import exactarm
+from exactarm.commands.output import OutputFolder, describe_inputs
+from exactarm.commands.result import CommandResult
+from exactarm.report.html import render_html
+from exactarm.report.plots.files import draw
+from exactarm.report.terminal import render_text
+from exactarm.robot import Robot
+
+
+def publish(command: str, arguments: argparse.Namespace, result: CommandResult, folder: OutputFolder,
+            started: float) -> str:
+    """Writes everything, `result.json` last. Returns what the terminal shows."""
+    name = getattr(arguments, "robot", None)
+    read = [*([name] if name else []), *(getattr(arguments, "files", None) or []), *result.inputs]
+    inputs = describe_inputs(read)
+    robot_name = result.robot.name if result.robot else name
+    report = replace(result.report, details=_details(command, robot_name, inputs, arguments.seed))
+    for file, columns in result.tables.items():
+        folder.write_table(file, columns)
+    for file, text in result.texts.items():
+        folder.write_text(file, text)
+    if result.robot is not None:
+        _write_robot(result.robot, command, inputs, folder)
+    drawings = draw(report.figures, folder.place, arguments.progress)
+    folder.write_text("report.html", render_html(report, drawings))
+    seconds = time.perf_counter() - started
+    folder.write_result({
+        "exactarm": exactarm.__version__,
+        "command": command,
+        "robot": robot_name,
+        "inputs": inputs,
+        "seed": arguments.seed,
+        "seconds": round(seconds, 3),
+    } | dict(result.json))
+    folder.publish()
+    return render_text(report) + f"\n{folder.path}/report.html  ({seconds:.1f} s)\n"
+
+
+def _details(command: str, robot: str | None, inputs: list[dict[str, Any]], seed: int) -> dict[str, str]:
+    details = {"command": f"exactarm {command} (version {exactarm.__version__})"}
+    if robot:
+        details["robot"] = robot
+    rows = [f"{entry['file']}" + (f" ({entry['rows']} rows)" if entry["rows"] is not None else "") for entry in inputs]
+    return details | ({"files": ", ".join(rows)} if rows else {}) | {"seed": str(seed)}
+
+
+def _write_robot(robot: Robot, command: str, inputs: list[dict[str, Any]], folder: OutputFolder) -> None:
+    """The robot file, with a record of which command made it, from which data and when."""
+    from exactarm.robot_file import write_robot
+
+    made = {
+        "command": command,
+        "exactarm": exactarm.__version__,
+        "date": datetime.now(timezone.utc).isoformat(timespec="seconds"),
+        "data": [{"file": entry["file"], "sha256": entry["sha256"]} for entry in inputs if entry["rows"] is not None],
+    }
+    write_robot(replace(robot, record=made | robot.record), folder.place("robot.toml"))

@@ -1,0 +1,5 @@
+"""What a person sees: a report of sections, as terminal text, as one HTML file and as plots."""
+
+from exactarm.report.sections import (  # noqa: F401
+    Cell, Estimate, Figure, Quantity, Report, Section, Table, Text, Warnings,
+)

@@ -1,0 +1,50 @@
+"""A report as one HTML file: styles and plots inside it, nothing fetched, readable light, dark and printed."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Sequence
+
+import jinja2
+from markupsafe import Markup, escape
+
+from exactarm.report.plots.files import Drawing
+from exactarm.report.sections import Figure, Report, Table, Text
+from exactarm.report.terminal import columns_of
+
+TEMPLATE = Path(__file__).parent / "page.html"
+
+
+def render_html(report: Report, drawings: Sequence[Drawing] = ()) -> str:
+    """The page; `drawings` are the report's figures in their order."""
+    environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True,
+                                     undefined=jinja2.StrictUndefined)
+    template = environment.from_string(TEMPLATE.read_text(encoding="utf-8"))
+    pending = list(drawings)
+    blocks = []
+    for section in report.sections:
+        if isinstance(section, Table):
+            blocks.append(("table", _table(section)))
+        elif isinstance(section, Figure):
+            blocks.append(("figure", {"section": section, "svg": _inline_svg(pending.pop(0).svg, section)}))
+        elif isinstance(section, Text):
+            blocks.append(("text", section))
+    return template.render(report=report, blocks=blocks)
+
+
+def _table(table: Table) -> dict:
+    header, columns, numeric = columns_of(table)
+    return {"section": table, "header": header, "rows": list(zip(*columns)), "numeric": numeric}
+
+
+def _inline_svg(svg: str, figure: Figure) -> Markup:
+    """The <svg> element alone, its ids made unique on the page, scaled by its view box."""
+    element = svg[svg.index("<svg"):]
+    element = re.sub(r"<metadata>.*?</metadata>", "", element, flags=re.DOTALL)
+    element = re.sub(r'\b(id=")', rf"\1{figure.name}-", element)
+    element = re.sub(r'((?:xlink:)?href="#)', rf"\1{figure.name}-", element)
+    element = element.replace("url(#", f"url(#{figure.name}-")
+    head, body = element.split(">", 1)
+    head = re.sub(r'\s(?:width|height)="[^"]*"', "", head)
+    return Markup(f'{head} role="img" aria-label="{escape(figure.alt)}">{body}')

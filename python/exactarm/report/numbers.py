@@ -1,0 +1,150 @@
+"""Numbers as a person reads them: 0.382 mm, 1.20 ± 0.05 mrad.
+
+A column of a table shares one prefix per unit, so that its numbers can be compared at a glance. A number with
+an interval has the digits that the interval allows (two of the half-width); a number without has three.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Sequence
+
+from exactarm.report.sections import Cell, Estimate, Quantity
+
+DASH = "–"
+SIGNIFICANT_DIGITS, INTERVAL_DIGITS = 3, 2
+MOST_DECIMALS = 6
+
+# SI unit -> (unit to show, its size in SI), from large to small.
+SCALES: dict[str, tuple[tuple[str, float], ...]] = {
+    "m": (("m", 1.0), ("mm", 1e-3), ("µm", 1e-6)),
+    "rad": (("rad", 1.0), ("mrad", 1e-3), ("µrad", 1e-6)),
+    "rad/s": (("rad/s", 1.0), ("mrad/s", 1e-3), ("µrad/s", 1e-6)),
+    "s": (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6)),
+    "Nm": (("Nm", 1.0),),
+    "Nm/rad": (("MNm/rad", 1e6), ("kNm/rad", 1e3), ("Nm/rad", 1.0)),
+    "rad/Nm": (("mrad/Nm", 1e-3), ("µrad/Nm", 1e-6), ("nrad/Nm", 1e-9)),
+    "m/N": (("mm/N", 1e-3), ("µm/N", 1e-6), ("nm/N", 1e-9)),
+    "Hz": (("kHz", 1e3), ("Hz", 1.0)),
+}
+# Lengths of a robot read best in mm well beyond 1 m, and angles in rad only when they are large.
+UPPER_LIMIT = {"mm": 1e4, "mrad": 1e2, "mrad/s": 1e2}
+
+
+@dataclass(frozen=True)
+class Scale:
+    """The unit to show and its size in SI units."""
+
+    unit: str
+    size: float
+
+
+def choose_scale(values: Sequence[float], unit: str) -> Scale:
+    """The prefix that suits the largest of `values`."""
+    finite = [abs(value) for value in values if value is not None and math.isfinite(value)]
+    largest = max(finite, default=0.0)
+    scales = SCALES.get(unit, ((unit, 1.0),))
+    if largest == 0.0:
+        return Scale(*scales[min(1, len(scales) - 1)])
+    for (shown, size), smaller in zip(scales, [*scales[1:], None]):
+        if smaller is None or (largest >= size and largest >= smaller[1] * UPPER_LIMIT.get(smaller[0], 1e3)):
+            return Scale(shown, size)
+    raise AssertionError("unreachable: the last scale always suits")
+
+
+def decimals_for(value: float, digits: int = SIGNIFICANT_DIGITS) -> int:
+    """Decimals that show `digits` significant digits of `value`."""
+    if value == 0.0 or not math.isfinite(value):
+        return 0
+    return min(max(digits - 1 - math.floor(math.log10(abs(value))), 0), MOST_DECIMALS)
+
+
+def fixed(value: float, decimals: int) -> str:
+    """The number with so many decimals, a true minus sign, and no negative zero."""
+    text = f"{value:.{decimals}f}"
+    if float(text) == 0.0:
+        text = text.lstrip("-")
+    return text.replace("-", "−")
+
+
+def number(value: float | None, digits: int = SIGNIFICANT_DIGITS) -> str:
+    """A bare number; very large and very small ones as powers of ten."""
+    if value is None or not math.isfinite(value):
+        return DASH
+    if value != 0.0 and not 1e-4 <= abs(value) < 1e7:
+        mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
+        return f"{mantissa}e{int(exponent)}".replace("-", "−")
+    return fixed(value, decimals_for(value, digits))
+
+
+def quantity(value: float | None, unit: str = "") -> str:
+    """A number with its unit, for sentences: quantity(0.000382, "m") is "0.382 mm"."""
+    return format_cells([Quantity(value, unit)])[0]
+
+
+def estimate(value: float | None, low: float | None, high: float | None, unit: str = "") -> str:
+    """A number with its interval and unit, for sentences."""
+    return format_cells([Estimate(value, low, high, unit)])[0]
+
+
+def common_unit(cells: Sequence[Cell]) -> str | None:
+    """The unit to show in the header of a column: where all its numbers share one; else None."""
+    units = {cell.unit for cell in cells if isinstance(cell, (Quantity, Estimate))}
+    if len(units) != 1 or any(isinstance(cell, int) for cell in cells):
+        return None
+    (unit,) = units
+    return _scale_of(cells, unit).unit or None
+
+
+def format_cells(cells: Sequence[Cell], with_unit: bool = True) -> list[str]:
+    """The cells of one column as text; `with_unit` = False where the header has the unit."""
+    units = {cell.unit for cell in cells if isinstance(cell, (Quantity, Estimate))}
+    scales = {unit: _scale_of(cells, unit) for unit in units}
+    decimals = {unit: _common_decimals(cells, unit, scales[unit]) for unit in units}
+    texts = []
+    for cell in cells:
+        if not isinstance(cell, (Quantity, Estimate)):
+            texts.append(DASH if cell is None else str(cell))
+            continue
+        scale = scales[cell.unit]
+        text = _format(cell, scale, decimals[cell.unit])
+        texts.append(f"{text} {scale.unit}" if with_unit and scale.unit and text != DASH else text)
+    return texts
+
+
+def _scale_of(cells: Sequence[Cell], unit: str) -> Scale:
+    return choose_scale([cell.value for cell in cells if isinstance(cell, (Quantity, Estimate)) and cell.unit == unit],
+                        unit)
+
+
+def _common_decimals(cells: Sequence[Cell], unit: str, scale: Scale) -> int | None:
+    """Decimals shared by the plain quantities of a column; None: each number has its own."""
+    values = [abs(cell.value) / scale.size for cell in cells
+              if isinstance(cell, Quantity) and cell.unit == unit and cell.value and math.isfinite(cell.value)]
+    if not values or min(values) < 1e-4 or max(values) >= 1e7:
+        return None
+    return max(decimals_for(max(values)), decimals_for(min(values), digits=2))
+
+
+def _format(cell: Quantity | Estimate, scale: Scale, decimals: int | None) -> str:
+    if cell.value is None or not math.isfinite(cell.value):
+        return DASH
+    value = cell.value / scale.size
+    if isinstance(cell, Estimate):
+        half = _half_width(cell)
+        if half is None:
+            return number(value)
+        half /= scale.size
+        places = decimals_for(half, INTERVAL_DIGITS)
+        if half < 10.0**-MOST_DECIMALS or half >= 1e7 or abs(value) >= 1e7:
+            return f"{number(value)} ± {number(half, INTERVAL_DIGITS)}"
+        return f"{fixed(value, places)} ± {fixed(half, places)}"
+    return number(value) if decimals is None else fixed(value, decimals)
+
+
+def _half_width(cell: Estimate) -> float | None:
+    if cell.low is None or cell.high is None or not math.isfinite(cell.low) or not math.isfinite(cell.high):
+        return None
+    half = (cell.high - cell.low) / 2.0
+    return half if half > 0.0 else None

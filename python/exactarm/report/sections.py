@@ -1,0 +1,100 @@
+"""A report before it is rendered: a verdict, then sections.
+
+It knows results only: names, numbers with units, and how to draw its figures. A figure is drawn when a
+renderer asks for it, and only then is matplotlib imported.
+Units of numbers are SI ("m", "rad", "Nm", "rad/s", ...); the renderers choose mm, mrad, ...
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Callable, Literal, Union
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as Drawing
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A number with its SI unit; None prints as a dash."""
+
+    value: float | None
+    unit: str = ""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """An estimated number with its 95 % interval, SI unit. No interval: low and high are None."""
+
+    value: float | None
+    low: float | None
+    high: float | None
+    unit: str = ""
+
+
+Cell = Union[str, int, None, Quantity, Estimate]
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows of cells under a header. `emphasis` names the row (from 0) that matters most."""
+
+    heading: str
+    header: tuple[str, ...]
+    rows: tuple[tuple[Cell, ...], ...]
+    note: str = ""
+    emphasis: int | None = None
+
+    def __post_init__(self) -> None:
+        for number, row in enumerate(self.rows):
+            if len(row) != len(self.header):
+                raise ValueError(f"table {self.heading!r}, row {number}: {len(row)} cells, expected {len(self.header)}")
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A plot: `name` is its file stem, `build` draws it, `alt` says in words what it shows."""
+
+    name: str
+    heading: str
+    build: Callable[[], "Drawing"]
+    caption: str
+    alt: str
+
+
+@dataclass(frozen=True)
+class Text:
+    """A heading and paragraphs."""
+
+    heading: str
+    paragraphs: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Warnings:
+    """What the reader should act on; prints last on a terminal, before the figures on the page."""
+
+    items: tuple[str, ...]
+
+
+Section = Union[Table, Figure, Text, Warnings]
+Tone = Literal["good", "caution", "bad", "plain"]
+
+
+@dataclass(frozen=True)
+class Report:
+    """Title, the verdict in one sentence, the sections. `tone` colours the verdict."""
+
+    title: str
+    verdict: str
+    sections: tuple[Section, ...] = ()
+    tone: Tone = "plain"
+    details: dict[str, str] = field(default_factory=dict)  # robot, files, seed ...: filled by the command line
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        return tuple(item for section in self.sections if isinstance(section, Warnings) for item in section.items)
+
+    @property
+    def figures(self) -> tuple[Figure, ...]:
+        return tuple(section for section in self.sections if isinstance(section, Figure))

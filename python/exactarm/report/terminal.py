@@ -1,0 +1,57 @@
+"""A report as terminal text: the verdict first, then the numbers, then the warnings."""
+
+from __future__ import annotations
+
+import textwrap
+
+from exactarm.report.numbers import common_unit, format_cells
+from exactarm.report.sections import Estimate, Quantity, Report, Table, Text
+
+WIDTH = 100
+MOST_ROWS = 40
+
+
+def render_text(report: Report, width: int = WIDTH) -> str:
+    """The whole report but its figures."""
+    blocks = [report.title + "\n" + "=" * len(report.title), _wrap(report.verdict, width)]
+    for section in report.sections:
+        if isinstance(section, Table):
+            blocks.append(_table(section, width))
+        elif isinstance(section, Text):
+            blocks.append("\n".join([section.heading, *(_wrap(paragraph, width, "  ") for paragraph in section.paragraphs)]))
+    blocks += [_wrap(f"warning: {item}", width, hanging="  ") for item in report.warnings]
+    return "\n\n".join(blocks) + "\n"
+
+
+def _wrap(text: str, width: int, indent: str = "", hanging: str = "") -> str:
+    return textwrap.fill(" ".join(text.split()), width, initial_indent=indent, subsequent_indent=indent + hanging,
+                         break_long_words=False, break_on_hyphens=False)
+
+
+def columns_of(table: Table) -> tuple[list[str], list[list[str]], list[bool]]:
+    """Header with units, the columns as text, and which of them are numbers."""
+    header, columns, numeric = [], [], []
+    for name, cells in zip(table.header, zip(*table.rows) if table.rows else [()] * len(table.header)):
+        unit = common_unit(cells)
+        header.append(f"{name} [{unit}]" if unit else name)
+        columns.append(format_cells(cells, with_unit=unit is None))
+        numeric.append(any(isinstance(cell, (int, Quantity, Estimate)) for cell in cells))
+    return header, columns, numeric
+
+
+def _table(table: Table, width: int) -> str:
+    header, columns, numeric = columns_of(table)
+    columns = [column[:MOST_ROWS] for column in columns]
+    widths = [max(len(text) for text in [name, *column]) for name, column in zip(header, columns)]
+
+    def line(cells: list[str]) -> str:
+        padded = [f"{text:>{size}}" if right else f"{text:<{size}}" for text, size, right in zip(cells, widths, numeric)]
+        return ("  " + "  ".join(padded)).rstrip()
+
+    lines = [table.heading, line(header), *(line(list(row)) for row in zip(*columns))]
+    left_out = len(table.rows) - MOST_ROWS
+    if left_out > 0:
+        lines.append(f"  ... {left_out} more in report.html")
+    if table.note:
+        lines.append(_wrap(table.note, width, "  "))
+    return "\n".join(lines)

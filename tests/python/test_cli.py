@@ -1,0 +1,187 @@
+"""The frame of the command line: exit codes, one-line errors, whole or absent results."""
+
+import hashlib
+import json
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+import time
+from pathlib import Path
+
+import pytest
+
+from exactarm import cli
+
+COMMAND = '''
+import time
+import numpy as np
+from exactarm.commands.arguments import add_files, add_robot
+from exactarm.commands.result import CommandResult, error_summary, estimate
+from exactarm.errors import ComputationError, InputError
+from exactarm.report import Estimate, Report, Table
+
+NAME = "weigh"
+HELP = "weighs the robot"
+
+def add_arguments(parser):
+    add_robot(parser)
+    add_files(parser, least=0)
+    parser.add_argument("--fail", default="")
+
+def run(arguments):
+    if arguments.fail == "input":
+        raise InputError("not a number,\\nexpected metres", file="poses.csv", row=7, column="x_m")
+    if arguments.fail == "computation":
+        raise ComputationError("the fit did not converge")
+    if arguments.fail == "fault":
+        raise KeyError("oops")
+    arguments.progress.stage("weighing")
+    while arguments.fail == "hang":
+        time.sleep(0.05)
+    report = Report("Weight", "The robot weighs 48 kg.",
+                    (Table("Mass", ("link", "mass"), ((1, Estimate(12.0, 11.5, 12.5, "kg")),)),), tone="good")
+    body = {"mass": estimate(np.float64(12.0), 11.5, np.inf), "error": error_summary(np.array([3.0, -4.0])),
+            "seeded": arguments.seed, "missing": float("nan"), "list": np.arange(2)}
+    return CommandResult(json=body, report=report, tables={"weights.csv": {"link": [1, 2], "mass_kg": [12.0, np.nan]}})
+'''
+
+
+@pytest.fixture
+def package(tmp_path, monkeypatch):
+    """A package with one command in it, on the path of this and of child processes."""
+    name = f"commands_of_{tmp_path.name}"
+    folder = tmp_path / name
+    folder.mkdir()
+    (folder / "__init__.py").write_text("")
+    (folder / "helper.py").write_text("NAME = 'not a command: it has no help'")
+    (folder / "weigh.py").write_text(COMMAND)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    return name
+
+
+def run(package, *words):
+    return cli.main([str(word) for word in words], package)
+
+
+def child(package, out, *words):
+    """The same in a process of its own."""
+    source = Path(cli.__file__).parents[1]
+    path = os.pathsep.join([str(source), str(out.parent), os.environ.get("PYTHONPATH", "")])
+    program = f"import sys; from exactarm.cli import main; sys.exit(main(package={package!r}))"
+    return subprocess.Popen([sys.executable, "-c", program, "weigh", "nobody", "--out", str(out), *words],
+                            env=os.environ | {"PYTHONPATH": path}, text=True,
+                            stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+
+
+def test_a_run_writes_everything_and_says_the_verdict_first(package, tmp_path, capsys):
+    data = tmp_path / "data.csv"
+    data.write_text("x_m\n1\n2\n\n")
+    assert run(package, "weigh", "nobody", "--out", tmp_path / "out", data, "--seed", "5") == 0
+    printed = capsys.readouterr()
+    assert printed.err == "" and printed.out.splitlines()[3] == "The robot weighs 48 kg."
+    result = json.loads((tmp_path / "out/result.json").read_text())
+    assert list(result)[:6] == ["exactarm", "command", "robot", "inputs", "seed", "seconds"]
+    assert result["command"] == "weigh" and result["robot"] == "nobody" and result["seed"] == 5
+    assert result["inputs"] == [
+        {"file": str(data), "rows": 2, "sha256": hashlib.sha256(data.read_bytes()).hexdigest()}
+    ]
+    assert result["mass"] == {"value": 12.0, "ci95": [11.5, None]}
+    assert result["error"] == {"n": 2, "mean": 3.5, "rms": pytest.approx(12.5**0.5), "max": 4.0, "min": 3.0, "std": 0.5}
+    assert result["missing"] is None and result["list"] == [0, 1]
+    assert (tmp_path / "out/weights.csv").read_text() == "link,mass_kg\n1,12.0\n2,\n"
+    assert "The robot weighs 48 kg." in (tmp_path / "out/report.html").read_text()
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["report.html", "result.json", "weights.csv"]
+
+
+def test_quiet_prints_nothing(package, tmp_path, capsys):
+    assert run(package, "weigh", "nobody", "--out", tmp_path / "out", "--quiet") == 0
+    printed = capsys.readouterr()
+    assert printed.out == printed.err == ""
+
+
+@pytest.mark.parametrize("words, code, line", [
+    (["--fail", "input"], 2, "poses.csv, row 7, column x_m: not a number, expected metres"),
+    (["--fail", "computation"], 1, "the fit did not converge"),
+    (["--fail", "fault"], 1, "unexpected KeyError: 'oops' (a fault in exactarm; --debug prints the traceback)"),
+    (["--seed", "-3"], 2, "argument --seed: -3 is negative, expected 0 or more (see exactarm weigh --help)"),
+    (["--threads", "two"], 2, "argument --threads: invalid whole number value: 'two' (see exactarm weigh --help)"),
+    (["--treads", "2"], 2, "unrecognized arguments: --treads 2 (see exactarm weigh --help)"),
+])
+def test_an_error_is_one_line_and_leaves_no_result(package, tmp_path, capsys, words, code, line):
+    out = tmp_path / "out"
+    if words[0] == "--fail":
+        assert run(package, "weigh", "nobody", "--out", out, "--quiet") == 0
+    assert run(package, "weigh", "nobody", "--out", out, *words) == code
+    assert capsys.readouterr().err == f"exactarm: error: {line}\n"
+    assert not (out / "result.json").exists() and not (out / ".partial").exists()
+
+
+def test_debug_prints_the_traceback(package, tmp_path, capsys):
+    assert run(package, "weigh", "nobody", "--out", tmp_path / "out", "--fail", "fault", "--debug") == 1
+    assert "Traceback (most recent call last)" in capsys.readouterr().err
+
+
+def test_missing_arguments_and_unknown_commands_are_bad_input(package, tmp_path, capsys):
+    assert run(package, "weigh", "nobody") == 2
+    assert run(package, "weigh", "--out", tmp_path) == 2
+    assert run(package, "lift") == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert [line.split(": ", 2)[2].split(" (")[0] for line in lines] == [
+        "the following arguments are required: --out",
+        "the following arguments are required: ROBOT",
+        "unknown command 'lift', expected one of: weigh",
+    ]
+
+
+def test_a_file_in_place_of_the_folder_is_bad_input(package, tmp_path, capsys):
+    (tmp_path / "out").write_text("mine")
+    assert run(package, "weigh", "nobody", "--out", tmp_path / "out") == 2
+    assert "expected a folder" in capsys.readouterr().err
+    assert (tmp_path / "out").read_text() == "mine"
+
+
+@pytest.mark.parametrize("number, code", [(signal.SIGINT, 130), (signal.SIGTERM, 130), (signal.SIGKILL, -9)])
+def test_a_killed_run_leaves_no_result_not_even_an_old_one(package, tmp_path, number, code):
+    out = tmp_path / "out"
+    assert run(package, "weigh", "nobody", "--out", out, "--quiet") == 0
+    process = child(package, out, "--fail", "hang")
+    deadline = time.monotonic() + 30.0
+    while (out / "result.json").exists() and time.monotonic() < deadline:
+        time.sleep(0.02)
+    process.send_signal(number)
+    _, errors = process.communicate(timeout=30)
+    assert process.returncode == code
+    assert not (out / "result.json").exists()
+    if number != signal.SIGKILL:
+        assert errors == "exactarm: error: interrupted; nothing was written\n"
+        assert not (out / ".partial").exists()
+    assert run(package, "weigh", "nobody", "--out", out, "--quiet") == 0
+    assert not (out / ".partial").exists()
+
+
+def test_help_lists_all_commands_without_importing_them(package, tmp_path, capsys):
+    (tmp_path / package / "weigh.py").write_text("NAME = 'weigh'\nHELP = 'weighs the robot'\nraise RuntimeError")
+    assert run(package, "--help") == 0
+    assert "  weigh  weighs the robot\n" in capsys.readouterr().out
+
+
+def test_help_imports_no_heavy_library():
+    program = textwrap.dedent("""
+        import sys
+        from exactarm.cli import main
+        main(["--help"])
+        print([name for name in ("numpy", "scipy", "pandas", "matplotlib", "jinja2") if name in sys.modules])
+    """)
+    source = Path(cli.__file__).parents[1]
+    done = subprocess.run([sys.executable, "-c", program], env=os.environ | {"PYTHONPATH": str(source)},
+                          capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "[]"
+
+
+def test_python_dash_m_is_the_command():
+    source = Path(cli.__file__).parents[1]
+    done = subprocess.run([sys.executable, "-m", "exactarm", "--version"], capture_output=True, text=True,
+                          env=os.environ | {"PYTHONPATH": str(source)})
+    assert done.returncode == 0 and done.stdout.startswith("exactarm ")
