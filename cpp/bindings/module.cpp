@@ -5,5 +5,7 @@ PYBIND11_MODULE(_core, module) {
   module.doc() = "Compiled core of exactarm: SI units and radians throughout.";
   bind_robot(module);
   bind_kinematics(module);
+  bind_dynamics(module);
+  bind_regressor(module);
   bind_gear(module);
 }
