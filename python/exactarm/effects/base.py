@@ -15,7 +15,9 @@ Stations and their signals (N rows, n axes):
     LOAD      joint torque (N, n) Nm                SPRING    joint angle q (N, n) rad
     GEOMETRY  displacement of the target (N, 6): m, rad (rotation increment), measuring frame
     DEVICE    measured vector (N, m) in its units   DRIVE     drive torque (N, n) Nm, output side
-    TABLE     no signal of its own: parameters of the robot's tables (geometry, frames, gear ratio)
+
+Parameters that live in the robot's tables (geometry, frames, gear ratio, masses) enter by `bake`; the change
+of such an effect is zero in value and carries only the derivative.
 """
 
 from __future__ import annotations
@@ -29,13 +31,12 @@ import numpy as np
 
 if TYPE_CHECKING:
     from exactarm.chain import View
-    from exactarm.robot import Robot
+    from exactarm.robot import Placement, Robot
 
 
 class Station(IntEnum):
     """Where an effect acts, in the order in which a signal passes."""
 
-    TABLE = 0
     MOTOR = 1
     GEAR = 2
     LOAD = 3
@@ -98,6 +99,7 @@ class Effect(ABC):
     compensable: ClassVar[bool] = False
     smooth: ClassVar[bool] = True  # a smooth function of the motion: may enter a planner's dynamics
     per_joint: ClassVar[bool] = True
+    declared: ClassVar[bool] = False  # part of the declared model: re-identified, never a finding
     linear: ClassVar[bool] = True  # the change is linear in the free parameters
     sentence: ClassVar[str] = ""  # format string: {joint} and the parameters' names
     source: ClassVar[str] = ""
@@ -123,6 +125,14 @@ class Effect(ABC):
     def label(self) -> str:
         return self.name if self.joint is None else f"{self.name}_{self.joint}"
 
+    def parameter_label(self, parameter: Parameter) -> str:
+        """Unique name of one of its parameters within a robot: `backlash_2.width_rad`."""
+        return f"{self.label}.{parameter.name}"
+
+    def bake(self, robot: "Robot") -> "Robot":
+        """The robot with those of the effect's values in its tables that live there (geometry, frames, masses)."""
+        return robot
+
     def describe(self) -> str:
         """One sentence for a report, with the values in it."""
         numbers = {p.name: v for p, v in zip(self.parameters(), self.values)}
@@ -138,6 +148,10 @@ class Effect(ABC):
     def change(self, view: "View") -> Change:
         """What the effect adds to the signal at its station."""
         raise NotImplementedError
+
+    def place(self, session: int, base: "Placement", tool: "Placement") -> tuple["Placement", "Placement"]:
+        """Base and tool frames of a session; only the effects that are frames change them."""
+        return base, tool
 
     def keep(self, view: "View") -> np.ndarray | None:
         """Rows (N,) bool that are to be used; None = all. Only effects of the record (outliers) say otherwise."""

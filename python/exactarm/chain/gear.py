@@ -1,0 +1,44 @@
+"""The declared gear at the chain's first station: phi = Xi_d^{-1}(theta), by direction of motion (E5).
+
+Each direction has its own table with Xi_d(0) = 0; where the direction is 0 (unknown, at rest) the mean
+of both tables is taken, and a direction without a table of its own uses the other one's.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from exactarm import _core
+from exactarm.chain.view import View
+from exactarm.robot import GearTable, Joint
+
+
+def declared_output_angle(view: View) -> tuple[np.ndarray, np.ndarray]:
+    """phi (N, n) of the declared gears at view.theta, and dphi/dtheta (N, n)."""
+    phi, slope = view.theta / view.robot.ratios, np.ones((view.rows, view.axes)) / view.robot.ratios
+    for i, joint in enumerate(view.robot.joints):
+        if not joint.has_harmonics:
+            continue
+        for direction, table in direction_tables(joint):
+            rows = view.direction[:, i] == direction
+            if rows.any():
+                phi[rows, i] = _core.gear_output_angle(joint.ratio, table, view.theta[rows, i])
+                slope[rows, i] = 1.0 / _core.gear_ratio(joint.ratio, table, phi[rows, i], 0)
+    return phi, slope
+
+
+def direction_tables(joint: Joint) -> tuple[tuple[int, _core.GearTable], ...]:
+    """(-1: cw, 0: mean, +1: ccw) with the core's tables."""
+    cw, ccw = joint.cw or joint.ccw, joint.ccw or joint.cw
+    return ((-1, cw.core()), (0, mean_table(cw, ccw).core()), (1, ccw.core()))
+
+
+def mean_table(cw: GearTable, ccw: GearTable) -> GearTable:
+    """Harmonics with half the coefficients of either table."""
+    if cw is ccw:
+        return cw
+    return GearTable(
+        np.concatenate([cw.order, ccw.order]),
+        0.5 * np.concatenate([cw.a, ccw.a]),
+        0.5 * np.concatenate([cw.b, ccw.b]),
+    )

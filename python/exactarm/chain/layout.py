@@ -1,0 +1,80 @@
+"""Layout: which parameters of which effects are free, and where each stands in the parameter vector."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from exactarm.effects.base import Effect, Parameter
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Effects in the chain's order with, for each, the mask (k,) of its free parameters.
+
+    The parameter vector stacks the free values, effect by effect.
+    """
+
+    effects: tuple[Effect, ...]
+    free: tuple[np.ndarray, ...]
+
+    @staticmethod
+    def of(effects: tuple[Effect, ...], estimate: bool = True) -> "Layout":
+        """All parameters free except those that call themselves fixed (none at all when `estimate` is False)."""
+        masks = [np.array([estimate and not p.fixed for p in effect.parameters()], bool) for effect in effects]
+        return Layout(tuple(effects), tuple(masks))
+
+    def joined(self, other: "Layout") -> "Layout":
+        return Layout(self.effects + other.effects, self.free + other.free)
+
+    def without(self, names: set[str]) -> "Layout":
+        """The same with the named parameters held at their present values."""
+        masks = []
+        for effect, mask in zip(self.effects, self.free):
+            masks.append(mask & np.array([self._name(effect, p) not in names for p in effect.parameters()], bool))
+        return Layout(self.effects, tuple(masks))
+
+    @staticmethod
+    def _name(effect: Effect, parameter: Parameter) -> str:
+        return effect.parameter_label(parameter)
+
+    @cached_property
+    def size(self) -> int:
+        return int(sum(mask.sum() for mask in self.free))
+
+    @cached_property
+    def slices(self) -> tuple[slice, ...]:
+        """Where each effect's free parameters stand in the vector."""
+        ends = np.cumsum([0] + [int(mask.sum()) for mask in self.free])
+        return tuple(slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:]))
+
+    @cached_property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The free parameters, in the vector's order."""
+        return tuple(p for e, mask in zip(self.effects, self.free) for p, keep in zip(e.parameters(), mask) if keep)
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Unique labels of the free parameters, with units."""
+        return tuple(
+            self._name(e, p) for e, mask in zip(self.effects, self.free) for p, keep in zip(e.parameters(), mask) if keep
+        )
+
+    @property
+    def values(self) -> np.ndarray:
+        """The free values as one vector."""
+        parts = [np.asarray(e.values, float)[mask] for e, mask in zip(self.effects, self.free)]
+        return np.concatenate(parts) if parts else np.zeros(0)
+
+    def at(self, values: np.ndarray) -> "Layout":
+        """The same layout with the free parameters at `values`."""
+        effects = []
+        for effect, mask, where in zip(self.effects, self.free, self.slices):
+            if mask.any():
+                new = np.asarray(effect.values, float).copy()
+                new[mask] = values[where]
+                effect = effect.with_values(new)
+            effects.append(effect)
+        return Layout(tuple(effects), self.free)

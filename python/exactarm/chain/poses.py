@@ -1,0 +1,191 @@
+"""The chain for static poses: motor angles in, position and orientation of the target out.
+
+At rest the spring carries the gravity torque (E4): q = phi + q_offset - kappa^{-1}(g(q)), solved by fixed-point
+iteration (the deflection is small, each pass gains three digits). The tangent of the fixed point follows from
+the implicit function theorem:
+    (I - S G) T_q = T_0 + S T_L,    S = dq/dtorque, G = dg/dq, T_L = direct tangent of the load.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from exactarm import _core
+from exactarm.chain.gear import declared_output_angle
+from exactarm.chain.layout import Layout
+from exactarm.chain.propagate import moved_tangent, pass_station
+from exactarm.chain.view import View, motor_angles
+from exactarm.dataset import Dataset
+from exactarm.effects.base import Station
+from exactarm.robot import Robot
+from exactarm.rotation import exp as rotation_exp
+from exactarm.rotation import log as rotation_log
+
+_FIXED_POINT_TOLERANCE_RAD = 1e-13
+_FIXED_POINT_PASSES = 30
+
+
+@dataclass(frozen=True)
+class PosePrediction:
+    """What the device should measure. position (N, 3) m, rotation (N, 3, 3), jacobian (N, 6, P) or None.
+
+    Rows of the jacobian: position, then rotation increment delta with R' = exp(delta) R (rad).
+    """
+
+    position: np.ndarray
+    rotation: np.ndarray
+    jacobian: np.ndarray | None
+    view: View
+
+    def residual(self, orientation: bool = False) -> np.ndarray:
+        """(N, 3) or (N, 6): measured minus predicted; orientation as a rotation vector in the measuring frame."""
+        data = self.view.data
+        position = data.position - self.position
+        if not orientation:
+            return position
+        turned = rotation_log(data.rotation @ np.swapaxes(self.rotation, -1, -2))
+        return np.concatenate([position, turned], axis=1)
+
+
+def predict_poses(
+    robot: Robot, layout: Layout, data: Dataset, *, tangents: bool = True, threads: int = 1
+) -> PosePrediction:
+    """Prediction of every row of `data` with the effects of `layout` in the chain."""
+    for effect in layout.effects:
+        robot = effect.bake(robot)
+    view = View(robot, data, "poses", threads)
+    _joint_angles(view, layout, tangents)
+    return _target(view, layout, tangents)
+
+
+def _joint_angles(view: View, layout: Layout, tangents: bool) -> None:
+    """Fills theta, phi, torque, q and their tangents."""
+    rows, n, size = view.rows, view.axes, layout.size
+    view.signals["theta"] = motor_angles(view.robot, view.data)
+    pass_station(view, layout, Station.MOTOR, "theta", False)
+    declared, slope = declared_output_angle(view)
+    view.signals["q"] = declared + view.robot.offsets
+    view.signals["torque"] = np.zeros((rows, n))
+    for _ in range(_FIXED_POINT_PASSES):
+        q_before = view.q
+        if view.has_masses:
+            view.signals["torque"] = _core.gravity_torque(view.robot.core, view.q, view.threads)
+        pass_station(view, layout, Station.LOAD, "torque", False)
+        view.signals["phi"] = declared
+        pass_station(view, layout, Station.GEAR, "phi", False)
+        view.signals["q"] = view.phi + view.robot.offsets + _declared_deflection(view)[0]
+        pass_station(view, layout, Station.SPRING, "q", False)
+        if np.max(np.abs(view.q - q_before), initial=0.0) < _FIXED_POINT_TOLERANCE_RAD or not view.has_masses:
+            break
+    if tangents and size:
+        _joint_tangents(view, layout, declared, slope)
+
+
+def _joint_tangents(view: View, layout: Layout, declared: np.ndarray, slope: np.ndarray) -> None:
+    """Tangents of theta, phi, torque and q at the fixed point.
+
+    The torque's own tangent is an unknown, so the stations run with n extra columns that stand for a unit
+    change of each joint torque.
+    """
+    rows, n, size = view.rows, view.axes, layout.size
+    wide = size + n
+    padded = Layout(layout.effects, layout.free)
+    torque, q = view.torque, view.q
+    tangents = view.tangents
+    tangents["theta"] = np.zeros((rows, n, wide))
+    pass_tangents(view, padded, Station.MOTOR, "theta")
+    tangents["torque"] = np.zeros((rows, n, wide))
+    tangents["torque"][:, :, size:] = np.eye(n)
+    load = np.zeros((rows, n, wide))
+    tangents["q"] = load
+    direct = pass_tangents(view, padded, Station.LOAD, "torque").copy()
+    direct[:, :, size:] -= np.eye(n)
+    tangents["phi"] = slope[:, :, None] * tangents["theta"]
+    view.signals["phi"] = declared
+    pass_station(view, padded, Station.GEAR, "phi", True)
+    tangents["q"] = tangents["phi"] + _declared_deflection(view)[1][:, :, None] * tangents["torque"]
+    view.signals["q"] = view.phi + view.robot.offsets + _declared_deflection(view)[0]
+    pass_station(view, padded, Station.SPRING, "q", True)
+    view.signals["torque"], view.signals["q"] = torque, q
+    by_torque, free = tangents["q"][:, :, size:], tangents["q"][:, :, :size]
+    right = free + by_torque @ direct[:, :, :size]
+    if view.has_masses:
+        gravity = _core.gravity_torque_jacobian(view.robot.core, q, view.threads)
+        if np.any(by_torque):
+            right = np.linalg.solve(np.eye(n) - by_torque @ gravity, right)
+        tangents["torque"] = gravity @ right + direct[:, :, :size]
+    else:
+        tangents["torque"] = direct[:, :, :size]
+    tangents["q"] = right
+    tangents["phi"] = tangents["phi"][:, :, :size] + tangents["phi"][:, :, size:] @ tangents["torque"]
+    tangents["theta"] = tangents["theta"][:, :, :size]
+
+
+def pass_tangents(view: View, layout: Layout, station: Station, signal: str) -> np.ndarray:
+    """Tangent of the named signal after a station whose values have been passed already."""
+    for index, effect in enumerate(layout.effects):
+        if effect.station == station:
+            view.tangents[signal] = moved_tangent(view, layout, index, effect.change(view), view.tangents[signal])
+    return view.tangents[signal]
+
+
+def _declared_deflection(view: View) -> tuple[np.ndarray, np.ndarray]:
+    """Deflection -kappa^{-1}(torque) (N, n) of the declared springs and its slope by the torque (N, n)."""
+    value, slope = np.zeros_like(view.torque), np.zeros_like(view.torque)
+    for i, joint in enumerate(view.robot.joints):
+        if joint.spring_linear:
+            stretch, by_torque = spring_inverse(joint.spring_linear, joint.spring_cubic, view.torque[:, i])
+            value[:, i], slope[:, i] = -stretch, -by_torque
+    return value, slope
+
+
+def spring_inverse(linear: float, cubic: float, torque: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """e with linear e + cubic e^3 = torque (Cardano in its hyperbolic form, monotone springs), and de/dtorque."""
+    if cubic == 0.0:
+        return torque / linear, np.full_like(torque, 1.0 / linear)
+    scale = np.sqrt(4.0 * linear / (3.0 * cubic))
+    stretch = scale * np.sinh(np.arcsinh(torque / (0.25 * cubic * scale**3)) / 3.0)
+    return stretch, 1.0 / (linear + 3.0 * cubic * stretch**2)
+
+
+def _target(view: View, layout: Layout, tangents: bool) -> PosePrediction:
+    """From joint angles to the measured target: geometry, frames of each session, device."""
+    rows, n, size = view.rows, view.axes, layout.size
+    tangents = tangents and size > 0
+    position, rotation = np.empty((rows, 3)), np.empty((rows, 3, 3))
+    columns = np.empty((rows, 6, _core.identification_columns(n))) if tangents else None
+    for session, where in view.sessions:
+        core = _placed(view.robot, layout, session).core
+        if tangents:
+            result = _core.identification_jacobian(core, view.q[where], threads=view.threads)
+            columns[where] = result[2]
+        else:
+            result = _core.forward_kinematics(core, view.q[where], view.threads)
+        position[where], rotation[where] = result[0], result[1]
+    view.signals["target"], view.signals["target_rotation"] = position, rotation.reshape(rows, 9)
+    view.signals["displacement"] = np.zeros((rows, 6))
+    if tangents:
+        view.signals["identification"] = columns.reshape(rows, -1)
+        joint_columns = columns[:, :, 4 : 6 * n : 6]
+        view.tangents["displacement"] = joint_columns @ view.tangents["q"]
+    pass_station(view, layout, Station.GEOMETRY, "displacement", tangents)
+    moved = view.signals["displacement"]
+    view.signals["measured"] = position + moved[:, :3]
+    if np.any(moved[:, 3:]):
+        rotation = rotation_exp(moved[:, 3:]) @ rotation
+    angular = None
+    if tangents:
+        view.tangents["measured"] = view.tangents["displacement"][:, :3]
+        angular = view.tangents["displacement"][:, 3:]
+    pass_station(view, layout, Station.DEVICE, "measured", tangents)
+    jacobian = np.concatenate([view.tangents["measured"], angular], axis=1) if tangents else None
+    return PosePrediction(view.measured, rotation, jacobian, view)
+
+
+def _placed(robot: Robot, layout: Layout, session: int) -> Robot:
+    base, tool = robot.base, robot.tool
+    for effect in layout.effects:
+        base, tool = effect.place(session, base, tool)
+    return replace(robot, base=base, tool=tool)

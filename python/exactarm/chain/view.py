@@ -1,0 +1,103 @@
+"""View: what the effects see of one evaluation: the robot, the rows of data and the signals so far.
+
+Signals appear as the chain passes its stations ("theta", "phi", "torque", "q", "displacement",
+"measured" and, in time series, their rates "theta_dot", "phi_dot", "q_dot", "q_ddot"); `tangents[name]`
+is the derivative (N, m, P) of a signal with respect to the P free parameters of the layout.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from exactarm import _core
+from exactarm.dataset import Dataset
+from exactarm.robot import Robot
+
+
+@dataclass
+class View:
+    """Workspace of one evaluation. `robot` has the effects' table values baked in; `threads` bounds the cores."""
+
+    robot: Robot
+    data: Dataset
+    kind: str
+    threads: int = 1
+    signals: dict[str, np.ndarray] = field(default_factory=dict)
+    tangents: dict[str, np.ndarray] = field(default_factory=dict)
+
+    @property
+    def rows(self) -> int:
+        return len(self.data.session)
+
+    @property
+    def axes(self) -> int:
+        return self.robot.axes
+
+    @property
+    def theta(self) -> np.ndarray:
+        """(N, n) motor angles, rad."""
+        return self.signals["theta"]
+
+    @property
+    def phi(self) -> np.ndarray:
+        """(N, n) output-side angles of the gears, rad."""
+        return self.signals["phi"]
+
+    @property
+    def torque(self) -> np.ndarray:
+        """(N, n) torque that the spring of each joint carries, Nm; zero where no masses are declared."""
+        return self.signals["torque"]
+
+    @property
+    def q(self) -> np.ndarray:
+        """(N, n) joint angles, rad."""
+        return self.signals["q"]
+
+    @property
+    def measured(self) -> np.ndarray:
+        """(N, m) predicted measurement so far."""
+        return self.signals["measured"]
+
+    @cached_property
+    def direction(self) -> np.ndarray:
+        """(N, n) direction of the motor's motion, -1, 0, +1: the approach of a static pose; 0 where unknown."""
+        approach = self.data.joints.get("approach")
+        if approach is None:
+            return np.zeros((self.rows, self.axes))
+        return np.sign(np.nan_to_num(approach))
+
+    @cached_property
+    def sessions(self) -> tuple[tuple[int, np.ndarray], ...]:
+        """(session, row indices) of every set-up, in rising order."""
+        return tuple((int(s), np.flatnonzero(self.data.session == s)) for s in np.unique(self.data.session))
+
+    def frames(self) -> tuple[np.ndarray, np.ndarray]:
+        """Positions (N, n + 1, 3) m and rotations (N, n + 1, 3, 3) of base and frames, in the robot base frame."""
+        return _core.frame_poses(self.robot_at_origin, self.q)
+
+    @cached_property
+    def robot_at_origin(self) -> _core.Robot:
+        """The core robot with base and tool frames at identity."""
+        from dataclasses import replace
+
+        from exactarm.robot import Placement
+
+        return replace(self.robot, base=Placement(), tool=Placement()).core
+
+    @property
+    def has_masses(self) -> bool:
+        return self.robot.links is not None
+
+
+def motor_angles(robot: Robot, data: Dataset) -> np.ndarray:
+    """(N, n) motor angles: measured ones, else from the controller's q by its own constants."""
+    theta = np.full((len(data.session), robot.axes), np.nan)
+    if "theta" in data.joints:
+        theta[:] = data.joints["theta"]
+    if "q" in data.joints:
+        reported = (data.joints["q"] - robot.controller_offsets) * robot.controller_ratios
+        theta = np.where(np.isnan(theta), reported, theta)
+    return np.where(np.isnan(theta), 0.0, theta)

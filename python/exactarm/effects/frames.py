@@ -1,0 +1,69 @@
+"""Frames: where the robot base stands in the measuring device's frame, and the target on the flange.
+
+One effect per session: base (position, rotation vector) and tool (position, and a rotation vector where the
+orientation is measured). x_measured = p_base + R_base (p_flange + R_flange p_tool).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import ClassVar, Iterable
+
+import numpy as np
+
+from exactarm.effects.base import Change, Effect, Parameter, Station
+from exactarm.rotation import exp, left_jacobian, log
+
+_AXES = ("x_m", "y_m", "z_m", "rx_rad", "ry_rad", "rz_rad")
+
+
+@dataclass(frozen=True)
+class Frames(Effect):
+    """Base and tool frame of one session; `names`: which of their numbers are parameters."""
+
+    session: int = 1
+    names: tuple[str, ...] = tuple(f"base_{axis}" for axis in _AXES) + tuple(f"tool_{axis}" for axis in _AXES[:3])
+
+    name: ClassVar[str] = "frames"
+    station: ClassVar[Station] = Station.GEOMETRY
+    kinds: ClassVar[tuple[str, ...]] = ("poses", "tracked_motion")
+    declared: ClassVar[bool] = True
+    per_joint: ClassVar[bool] = False
+    sentence: ClassVar[str] = "base and tool frames of a set-up"
+
+    @staticmethod
+    def of(session: int, base, tool, orientation: bool) -> "Frames":
+        numbers = np.concatenate([base.position, log(base.rotation), tool.position, log(tool.rotation)])
+        names = tuple(f"base_{axis}" for axis in _AXES) + tuple(f"tool_{axis}" for axis in _AXES)
+        count = 12 if orientation else 9
+        return Frames(None, tuple(float(v) for v in numbers[:count]), session, names[:count])
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        return tuple(Parameter(name, 10.0 if name.endswith("_m") else np.pi) for name in self.names)
+
+    def parameter_label(self, parameter: Parameter) -> str:
+        return f"session_{self.session}.{parameter.name}"
+
+    def place(self, session, base, tool):
+        if session != self.session:
+            return base, tool
+        v = np.asarray(self.values)
+        base = replace(base, position=v[:3], rotation=exp(v[3:6]))
+        tool = replace(tool, position=v[6:9])
+        return base, replace(tool, rotation=exp(v[9:12])) if len(v) == 12 else tool
+
+    def change(self, view) -> Change:
+        k = len(self.values)
+        derivative = np.zeros((view.rows, 6, k))
+        if "identification" in view.signals:
+            rows = np.flatnonzero(view.data.session == self.session)
+            columns = view.signals["identification"].reshape(view.rows, 6, -1)[rows, :, -12:][:, :, :k].copy()
+            columns[:, :, 3:6] = columns[:, :, 3:6] @ left_jacobian(np.asarray(self.values[3:6]))
+            if k == 12:
+                columns[:, :, 9:12] = columns[:, :, 9:12] @ left_jacobian(np.asarray(self.values[9:12]))
+            derivative[rows] = columns
+        return Change(tuple(range(6)), np.zeros((view.rows, 6)), derivative)
+
+    @classmethod
+    def candidates(cls, robot, view) -> Iterable[Effect]:
+        return ()

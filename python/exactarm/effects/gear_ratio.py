@@ -1,0 +1,39 @@
+"""Gear ratio: the constant ratio of an axis is not the declared one.
+
+phi = Xi^{-1}(theta) with Xi proportional to the ratio; as a scale error s of the angle that the
+declared gear delivers: change of phi = s phi (theta = ratio / (1 + s) phi; thesis (2.11), (3.12)).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, Iterable
+
+import numpy as np
+
+from exactarm.effects.base import Change, Effect, Parameter, Station
+
+
+@dataclass(frozen=True)
+class GearRatio(Effect):
+    """Relative scale of one axis' output angle."""
+
+    name: ClassVar[str] = "gear_ratio"
+    station: ClassVar[Station] = Station.GEAR
+    kinds: ClassVar[tuple[str, ...]] = ("poses", "gear_run", "motion", "tracked_motion")
+    compensable: ClassVar[bool] = True
+    sentence: ClassVar[str] = "the gear of axis {joint} turns its output by the factor 1 + {scale:.3g} of what is declared"
+    source: ClassVar[str] = "thesis (2.11), (3.12)"
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        return (Parameter("scale", 2e-3, -0.2, 0.2),)
+
+    def change(self, view) -> Change:
+        phi = view.phi[:, [self.index]]
+        by_phi = np.zeros((view.rows, 1, view.axes))
+        by_phi[:, 0, self.index] = self.values[0]
+        return Change((self.index,), self.values[0] * phi, phi[:, :, None], {"phi": by_phi})
+
+    @classmethod
+    def candidates(cls, robot, view) -> Iterable[Effect]:
+        return (cls(i + 1, (0.0,)) for i in range(robot.axes))

@@ -1,0 +1,63 @@
+"""Geometry: deviations of the modified Denavit-Hartenberg parameters of one frame (thesis (3.7), E8).
+
+Displacement of the target = identification Jacobian times deviation; a Hayati frame has `beta` and no `d`.
+Values are the parameters themselves, in the robot's tables.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, Iterable
+
+import numpy as np
+
+from exactarm.effects.base import Change, Effect, Parameter, Station
+
+_COLUMN = {"d_m": 0, "a_m": 1, "alpha_rad": 2, "beta_rad": 3}
+
+
+@dataclass(frozen=True)
+class Geometry(Effect):
+    """One frame's d (or Hayati's beta), a and alpha. `names`: which of them the frame has."""
+
+    names: tuple[str, ...] = ("d_m", "a_m", "alpha_rad")
+
+    name: ClassVar[str] = "geometry"
+    station: ClassVar[Station] = Station.GEOMETRY
+    kinds: ClassVar[tuple[str, ...]] = ("poses", "tracked_motion")
+    compensable: ClassVar[bool] = True
+    declared: ClassVar[bool] = True
+    sentence: ClassVar[str] = "frame {joint} deviates from its drawing"
+
+    @staticmethod
+    def of(robot, index: int) -> "Geometry":
+        """The geometry of frame `index` (from 0) as it stands in the robot's tables."""
+        joint = robot.joints[index]
+        fields = {"d_m": joint.d, "a_m": joint.a, "alpha_rad": joint.alpha}
+        if joint.beta is not None:
+            del fields["d_m"]
+            fields["beta_rad"] = joint.beta
+        return Geometry(index + 1, tuple(fields.values()), tuple(fields))
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        return tuple(Parameter(name, 3e-3 if name.endswith("_m") else 5e-3) for name in self.names)
+
+    def parameter_label(self, parameter: Parameter) -> str:
+        symbol, unit = parameter.name.rsplit("_", 1)
+        return f"{symbol}_{self.joint}_{unit}"
+
+    def bake(self, robot):
+        fields = {name.rsplit("_", 1)[0]: value for name, value in zip(self.names, self.values)}
+        return robot.with_joint(self.index, **fields)
+
+    def change(self, view) -> Change:
+        k = len(self.names)
+        derivative = np.zeros((view.rows, 6, k))
+        if "identification" in view.signals:
+            block = view.signals["identification"].reshape(view.rows, 6, -1)
+            derivative = block[:, :, [6 * self.index + _COLUMN[name] for name in self.names]]
+        return Change(tuple(range(6)), np.zeros((view.rows, 6)), derivative)
+
+    @classmethod
+    def candidates(cls, robot, view) -> Iterable[Effect]:
+        return ()

@@ -1,0 +1,44 @@
+"""Joint offset: the zero of an axis, q = phi + offset (thesis (3.7), the term in Delta q)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, Iterable
+
+import numpy as np
+
+from exactarm.effects.base import Change, Effect, Parameter, Station
+
+
+@dataclass(frozen=True)
+class JointOffset(Effect):
+    """The offset of one axis, in the robot's tables."""
+
+    name: ClassVar[str] = "joint_offset"
+    station: ClassVar[Station] = Station.SPRING
+    kinds: ClassVar[tuple[str, ...]] = ("poses", "tracked_motion")
+    compensable: ClassVar[bool] = True
+    declared: ClassVar[bool] = True
+    sentence: ClassVar[str] = "axis {joint} has its zero at {q_offset_rad:.5f} rad"
+
+    @staticmethod
+    def of(robot, index: int) -> "JointOffset":
+        return JointOffset(index + 1, (robot.joints[index].q_offset,))
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        return (Parameter("q_offset_rad", 1e-2),)
+
+    def parameter_label(self, parameter: Parameter) -> str:
+        return f"q_offset_{self.joint}_rad"
+
+    def bake(self, robot):
+        # The controller goes on using its own constant.
+        controller = robot.controller_offsets[self.index]
+        return robot.with_joint(self.index, q_offset=self.values[0], controller_offset=float(controller))
+
+    def change(self, view) -> Change:
+        return Change((self.index,), np.zeros((view.rows, 1)), np.ones((view.rows, 1, 1)))
+
+    @classmethod
+    def candidates(cls, robot, view) -> Iterable[Effect]:
+        return ()
