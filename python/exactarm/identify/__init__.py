@@ -1,0 +1,1 @@
+"""Identification: frames, identifiability, measurement design, calibration, gears, dynamics."""

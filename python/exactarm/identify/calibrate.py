@@ -1,0 +1,186 @@
+"""Kinematic calibration from measured poses (thesis 3.2.3, (3.12)), with the frames found from nowhere.
+
+1. frames of every session, 2. which parameters the poses can identify, 3. weighted non-linear least squares of
+frames, modified DH parameters, joint offsets, gear ratios and joint compliance, 4. intervals, 5. the error
+before and after on rows that were fitted and on rows that were not.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from exactarm.chain import Layout, predict_poses
+from exactarm.dataset import Dataset
+from exactarm.effects.joint_compliance import JointCompliance
+from exactarm.errors import InputError
+from exactarm.identify.declared import carried_layout, frames_layout, geometry_layout, require_geometry
+from exactarm.identify.identifiability import Identifiability, select_identifiable
+from exactarm.identify.pose_fit import PoseFit, fit_poses
+from exactarm.identify.statistics import ErrorSummary, summarise
+from exactarm.robot import Placement, Robot
+
+_UNIT_RATIO = 30.0  # measured and modelled spread differ by more: another unit was meant
+_LEAST_TORQUE_NM = 0.5  # below it, compliance of the axis moves nothing that a tracker sees
+
+
+@dataclass(frozen=True)
+class CalibrationOptions:
+    """orientation: use measured orientations too; compliance: axes (from 1) whose spring is estimated, None = choose."""
+
+    orientation: bool | None = None
+    compliance: tuple[int, ...] | None = None
+    robust: bool = False
+    seed: int = 0
+    threads: int = 1
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """Result of a calibration; errors in m, per row of the data that was given."""
+
+    robot: Robot
+    fit: PoseFit
+    identification: np.ndarray
+    error_before: np.ndarray
+    error_after: np.ndarray
+    residual_after: np.ndarray
+    before: dict[str, ErrorSummary]
+    after: dict[str, ErrorSummary]
+    identifiability: Identifiability
+    orientation: bool
+    warnings: tuple[str, ...] = field(default=())
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return self.fit.layout.names
+
+    @property
+    def intervals(self) -> np.ndarray:
+        """(P, 2) 95 % intervals in the order of `names`."""
+        return self.fit.fit.interval()
+
+
+def calibrate(robot: Robot, data: Dataset, options: CalibrationOptions = CalibrationOptions()) -> Calibration:
+    """Calibrates `robot` on the identification rows of `data` and judges it on the others.
+
+    Raises InputError where the data cannot support a calibration.
+    """
+    require_geometry(robot)
+    orientation = data.rotation is not None if options.orientation is None else options.orientation
+    if orientation and data.rotation is None:
+        raise InputError("orientation was asked for, but the data has no qw..qz or rx..rz columns")
+    identification = data.split(options.seed)
+    train = data.select(identification)
+    require_sessions(train, data)
+    frames, found = frames_layout(robot, train, orientation=orientation, seed=options.seed)
+    require_same_unit(found)
+    before = fit_poses(robot, frames.joined(carried_layout(robot)), train, orientation=orientation, threads=options.threads)
+    layout = frames.joined(geometry_layout(robot)).joined(compliance_layout(robot, train, options))
+    layout = layout.joined(carried_layout(robot))
+    kept, identifiability = identifiable_layout(robot, layout, train, orientation, options.threads)
+    require_enough(kept, train, orientation)
+    fit = fit_poses(
+        robot, kept, train, orientation=orientation, robust=options.robust, threads=options.threads
+    )
+    error_before = before.error(data, options.threads)
+    residual = fit.residual(data, options.threads)
+    error_after = np.linalg.norm(residual, axis=1)
+    parts = {"identification": identification, "validation": ~identification}
+    return Calibration(
+        robot=calibrated_robot(robot, fit),
+        fit=fit,
+        identification=identification,
+        error_before=error_before,
+        error_after=error_after,
+        residual_after=residual,
+        before={k: summarise(error_before[mask]) for k, mask in parts.items()},
+        after={k: summarise(error_after[mask]) for k, mask in parts.items()},
+        identifiability=identifiability,
+        orientation=orientation,
+        warnings=tuple(_warnings(fit, train, found)),
+    )
+
+
+def compliance_layout(robot: Robot, data: Dataset, options: CalibrationOptions) -> Layout:
+    """Linear compliance of the axes that carry gravity and have no spring declared, or of the axes asked for."""
+    carried = {effect.joint for effect in robot.effects if effect.name == JointCompliance.name}
+    if options.compliance is not None:
+        axes = options.compliance
+        if robot.links is None and axes:
+            raise InputError(f"robot {robot.name}: compliance needs declared link masses")
+    elif robot.links is None:
+        axes = ()
+    else:
+        torque = predict_poses(robot, Layout.of(()), data, tangents=False).view.torque
+        loaded = np.std(torque, axis=0) > _LEAST_TORQUE_NM
+        axes = [i + 1 for i, joint in enumerate(robot.joints) if loaded[i] and not joint.spring_linear]
+    return Layout.of(tuple(JointCompliance(axis, (0.0, 0.0)) for axis in axes if axis not in carried))
+
+
+def identifiable_layout(
+    robot: Robot, layout: Layout, data: Dataset, orientation: bool, threads: int = 1
+) -> tuple[Layout, Identifiability]:
+    """The layout without the parameters that these poses cannot tell, and why."""
+    prediction = predict_poses(robot, layout, data, threads=threads)
+    rows = prediction.jacobian if orientation else prediction.jacobian[:, :3]
+    jacobian = rows.reshape(-1, layout.size)
+    frames = sum(name.startswith("session_") for name in layout.names)
+    result = select_identifiable(jacobian, layout.names, keep_first=frames, robot=robot)
+    return layout.without(set(result.dropped_names)), result
+
+
+def require_sessions(train: Dataset, data: Dataset) -> None:
+    missing = sorted(set(data.session.tolist()) - set(train.session.tolist()))
+    if missing:
+        raise InputError(f"session {missing[0]} has no identification rows: its frames cannot be found")
+
+
+def require_same_unit(found: list) -> None:
+    for session, frames in found:
+        if not 1.0 / _UNIT_RATIO < frames.scale < _UNIT_RATIO:
+            raise InputError(
+                f"session {session}: the measured points spread {frames.scale:.4g} times as far as the robot reaches; "
+                "expected the unit that the column names say (were millimetres labelled as metres?)"
+            )
+
+
+def require_enough(layout: Layout, data: Dataset, orientation: bool) -> None:
+    angles = data.joints.get("theta", data.joints.get("q"))
+    keys = np.concatenate([data.session[:, None], np.round(np.nan_to_num(angles), 9)], axis=1)
+    distinct = len(np.unique(keys, axis=0))
+    numbers = distinct * (6 if orientation else 3)
+    if numbers <= layout.size:
+        raise InputError(
+            f"{distinct} different identification poses give {numbers} numbers for {layout.size} parameters: "
+            f"expected at least {layout.size // (6 if orientation else 3) + 1} different poses"
+        )
+
+
+def calibrated_robot(robot: Robot, fit: PoseFit) -> Robot:
+    """The robot with the estimates in its tables, found effects beside them, and the intervals on record."""
+    result = robot
+    for effect in fit.layout.effects:
+        result = effect.bake(result)
+    sessions = [effect for effect in fit.layout.effects if hasattr(effect, "session")]
+    base, tool = robot.base, robot.tool
+    if sessions:
+        base, tool = sessions[0].place(sessions[0].session, Placement(), Placement())
+    own = tuple(effect for effect in fit.layout.effects if not effect.declared)
+    pairs = zip(fit.layout.names, fit.fit.interval())
+    intervals = dict(robot.intervals) | {name: (float(low), float(high)) for name, (low, high) in pairs}
+    return replace(result, base=base, tool=tool, effects=own, intervals=intervals)
+
+
+def _warnings(fit: PoseFit, data: Dataset, found: list):
+    if not fit.fit.converged:
+        yield f"the fit did not converge in {fit.fit.iterations} iterations: check the data for gross errors"
+    for name, bound in zip(fit.layout.names, fit.fit.at_bound):
+        if bound:
+            yield f"{name} lies at its bound: the data asks for more than is plausible"
+    if fit.fit.freedom < 2 * fit.layout.size:
+        yield f"only {fit.fit.freedom} degrees of freedom for {fit.layout.size} parameters: measure more poses"
+    for session, frames in found:
+        if not 0.9 < frames.scale < 1.1:
+            yield f"session {session}: measured points spread {frames.scale:.3g} times as far as the model says"

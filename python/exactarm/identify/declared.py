@@ -1,0 +1,47 @@
+"""The declared model of a pose measurement: what a calibration estimates when nothing else is asked for.
+
+Modified DH parameters, joint offsets, gear ratios of axes that have a gear without a harmonics table, and
+base and tool frames of every session. Effects that the robot file carries are in the chain, held at their values.
+"""
+
+from __future__ import annotations
+
+from exactarm.chain import Layout
+from exactarm.dataset import Dataset
+from exactarm.effects.declared_ratio import DeclaredRatio
+from exactarm.effects.frames import Frames
+from exactarm.effects.geometry import Geometry
+from exactarm.effects.joint_offset import JointOffset
+from exactarm.errors import InputError
+from exactarm.identify.frames import find_frames
+from exactarm.robot import Robot
+
+
+def require_geometry(robot: Robot) -> None:
+    if not robot.has_geometry:
+        raise InputError(f"robot {robot.name}: expected a declared geometry, found drives only")
+
+
+def carried_layout(robot: Robot) -> Layout:
+    """The robot file's own effects, none of them free."""
+    return Layout.of(tuple(robot.effects), estimate=False)
+
+
+def frames_layout(robot: Robot, data: Dataset, *, orientation: bool, seed: int = 0) -> tuple[Layout, list]:
+    """Base and tool frames of every session, found from nowhere; and what was found, session by session."""
+    found = []
+    for session in sorted(set(data.session.tolist())):
+        found.append((session, find_frames(robot, data.select(data.session == session), carried_layout(robot), seed)))
+    frames = tuple(Frames.of(session, f.base, f.tool, orientation) for session, f in found)
+    return Layout.of(frames), found
+
+
+def geometry_layout(robot: Robot) -> Layout:
+    """mDH parameters, joint offsets and the gear ratios that are re-identified, as they stand in the tables."""
+    axes = range(robot.axes)
+    geometry = tuple(Geometry.of(robot, i) for i in axes)
+    offsets = tuple(JointOffset.of(robot, i) for i in axes)
+    ratios = tuple(
+        DeclaredRatio.of(robot, i) for i in axes if robot.joints[i].has_gear and not robot.joints[i].has_harmonics
+    )
+    return Layout.of(geometry + offsets + ratios)
