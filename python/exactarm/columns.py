@@ -1,0 +1,98 @@
+"""The columns of measured data: quantity, index, unit in one name, `theta_3_rad`, `x_mm`, `gyro_z_deg_s`.
+
+`parse_column` turns a header's name into a `Column` with the factor that takes its numbers to SI
+(rad, m, s, Nm, A). A name that starts like a known quantity and goes on wrongly (no axis number,
+a unit that does not belong to it) is refused; any other name is a covariate, kept as it is.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+
+from exactarm.errors import InputError
+
+ANGLE = {"rad": 1.0, "deg": math.pi / 180.0}
+ANGULAR_RATE = {"rad_s": 1.0, "deg_s": math.pi / 180.0}
+LENGTH = {"m": 1.0, "mm": 1e-3}
+TIME = {"s": 1.0, "ms": 1e-3}
+TORQUE = {"Nm": 1.0}
+FORCE = {"N": 1.0}
+CURRENT = {"A": 1.0}
+NO_UNIT: dict[str, float] = {"": 1.0}
+
+# Quantities per axis, `quantity_i_unit`; the key is the key of `Dataset.joints`.
+JOINT_UNITS = {
+    "theta": ANGLE,
+    "q": ANGLE,
+    "theta_dot": ANGULAR_RATE,
+    "q_dot": ANGULAR_RATE,
+    "tau": TORQUE,
+    "tau_motor": TORQUE,
+    "current": CURRENT,
+    "approach": NO_UNIT,
+}
+# What a prismatic axis has instead; its motor still turns.
+PRISMATIC_UNITS = {"q": LENGTH, "tau": FORCE}
+
+POSITION = ("x", "y", "z")
+QUATERNION = ("qw", "qx", "qy", "qz")
+ROTATION_VECTOR = ("rx", "ry", "rz")
+GYRO = ("gyro_x", "gyro_y", "gyro_z")
+SCALAR_UNITS = (
+    dict.fromkeys(POSITION, LENGTH)
+    | dict.fromkeys(QUATERNION, NO_UNIT)
+    | dict.fromkeys(ROTATION_VECTOR, ANGLE)
+    | dict.fromkeys(GYRO, ANGULAR_RATE)
+    | {"time": TIME}
+    | dict.fromkeys(("session", "visit", "run", "set"), NO_UNIT)
+)
+
+_JOINT_NAMES = "|".join(sorted(JOINT_UNITS, key=len, reverse=True))
+_ALL_UNITS = {unit for units in (*JOINT_UNITS.values(), *PRISMATIC_UNITS.values()) for unit in units} - {""}
+_INDEXED = re.compile(rf"({_JOINT_NAMES})_(\d+)(?:_(.*))?")
+_NO_INDEX = re.compile(rf"({_JOINT_NAMES})(?:_({'|'.join(_ALL_UNITS)}))?")
+_SCALAR = re.compile(rf"({'|'.join(SCALAR_UNITS)})(?:_(.*))?")
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column: quantity ("covariate" if it is none of ours), axis from 1 or None, name, factor to SI."""
+
+    quantity: str
+    axis: int | None
+    name: str
+    factor: float = 1.0
+
+    @property
+    def key(self) -> tuple[str, int | None] | str:
+        """What may stand only once in a file, whatever its unit."""
+        return self.name if self.quantity == "covariate" else (self.quantity, self.axis)
+
+
+def parse_column(name: str, file: str, prismatic: frozenset[int] = frozenset()) -> Column:
+    """The column that a header's `name` stands for. `prismatic`: axes (from 1) that move along a line."""
+    if match := _INDEXED.fullmatch(name):
+        quantity, axis, unit = match[1], int(match[2]), match[3] or ""
+        if axis < 1:
+            raise InputError("axis 0; expected axes counted from 1", file=file, column=name)
+        units = JOINT_UNITS[quantity]
+        if axis in prismatic:
+            units = PRISMATIC_UNITS.get(quantity, units)
+        return Column(quantity, axis, name, _factor(f"{quantity}_{axis}", unit, units, file, name))
+    if match := _NO_INDEX.fullmatch(name):
+        example = f"{match[1]}_1" + (f"_{match[2]}" if match[2] else "")
+        raise InputError(f"no axis number; expected a name like {example}", file=file, column=name)
+    if match := _SCALAR.fullmatch(name):
+        quantity, unit = match[1], match[2] or ""
+        return Column(quantity, None, name, _factor(quantity, unit, SCALAR_UNITS[quantity], file, name))
+    return Column("covariate", None, name)
+
+
+def _factor(quantity: str, unit: str, units: dict[str, float], file: str, name: str) -> float:
+    if unit in units:
+        return units[unit]
+    expected = " or ".join(f"{quantity}_{known}" if known else quantity for known in units)
+    found = f"unknown unit {unit!r}" if unit else "no unit"
+    raise InputError(f"{found}; expected {expected}", file=file, column=name)

@@ -1,0 +1,290 @@
+"""Measured data in memory: what CSV or Parquet files hold, in SI units, one row a sample.
+
+    read_dataset(files, robot) -> Dataset         write_dataset(file, dataset)
+
+Several files become one data set. Without a column `session` (`run`, `visit`) each file has its own
+numbers; with it, equal sessions and visits in different files mean the same thing, and runs are numbered
+anew so that they stay distinct. All files must hold the same quantities.
+N rows, n axes of the robot; angles in rad, lengths in m, time in s, torque in Nm.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from exactarm.columns import GYRO, POSITION, QUATERNION, ROTATION_VECTOR, Column, parse_column
+from exactarm.data_kind import data_kinds
+from exactarm.errors import InputError
+from exactarm.robot import Robot
+from exactarm.split import pose_split, run_split, split_rule
+from exactarm.table import Table, read_table, write_table
+
+QUATERNION_NORM_TOLERANCE = 0.01  # three decimals per component pass, a wrong column does not
+
+
+@dataclass(frozen=True)
+class Source:
+    """One file that was read: as named by the user, SHA-256 of its bytes, data rows."""
+
+    path: str
+    sha256: str
+    rows: int
+
+
+@dataclass(frozen=True)
+class Dataset:
+    """Measurements in SI units.
+
+    kind, kinds     "poses", "gear_run", "motion", "tracked_motion": the first to analyse, and all in order
+    joints          "theta", "q", "theta_dot", "q_dot", "tau", "tau_motor", "current", "approach": (N, n),
+                    NaN in axes the files do not have; no key where no axis has the quantity
+    position (N, 3), rotation (N, 3, 3), gyro (N, 3), time (N,), visit (N,) int, identification (N,) bool: or None
+    session, run    (N,) int
+    covariates      name as in the header -> (N,)
+    file_index, row (N,) where each row came from: index into `sources`, row from 1
+    """
+
+    kind: str
+    kinds: tuple[str, ...]
+    axes: int
+    joints: dict[str, np.ndarray]
+    session: np.ndarray
+    run: np.ndarray
+    file_index: np.ndarray
+    row: np.ndarray
+    time: np.ndarray | None = None
+    position: np.ndarray | None = None
+    rotation: np.ndarray | None = None
+    gyro: np.ndarray | None = None
+    visit: np.ndarray | None = None
+    identification: np.ndarray | None = None
+    covariates: dict[str, np.ndarray] = field(default_factory=dict)
+    sources: tuple[Source, ...] = ()
+
+    @classmethod
+    def of_arrays(cls, kind: str, joints: Mapping[str, np.ndarray], **arrays) -> "Dataset":
+        """A data set from arrays alone (a simulation): one session, one run and no file where not given."""
+        joints = {name: np.asarray(values, dtype=float) for name, values in joints.items()}
+        rows, axes = next(iter(joints.values())).shape
+        ones = np.ones(rows, dtype=int)
+        defaults = {"session": ones, "run": ones, "file_index": np.zeros(rows, dtype=int), "row": 1 + np.arange(rows)}
+        return cls(kind, (kind,), axes, joints, **(defaults | arrays))
+
+    def __len__(self) -> int:
+        return len(self.row)
+
+    def select(self, rows: np.ndarray) -> "Dataset":
+        """The rows of a mask (N,) bool or of an index array."""
+        changes = {}
+        for item in fields(self):
+            value = getattr(self, item.name)
+            if isinstance(value, np.ndarray):
+                changes[item.name] = value[rows]
+            elif isinstance(value, dict):
+                changes[item.name] = {name: array[rows] for name, array in value.items()}
+        return replace(self, **changes)
+
+    def split(self, seed: int, fraction: float = 0.7) -> np.ndarray:
+        """(N,) bool: the rows to identify with; `split_rule` says in words how they were chosen."""
+        if self.identification is not None:
+            return self.identification
+        split = pose_split if self.kind == "poses" else run_split
+        return split(self, np.random.default_rng(seed), fraction)
+
+    def split_rule(self, fraction: float = 0.7) -> str:
+        """One sentence: how `split` chooses."""
+        return split_rule(self, fraction)
+
+
+def read_dataset(paths: str | Path | Sequence[str | Path], robot: Robot, kind: str | None = None) -> Dataset:
+    """One data set from files measured on `robot`. `kind` overrides what the columns say. Raises InputError."""
+    paths = [paths] if isinstance(paths, (str, Path)) else list(paths)
+    if not paths:
+        raise InputError("no data file given; expected at least one CSV or Parquet file")
+    files = [_read_file(str(path), robot) for path in paths]
+    _check_same_columns(files)
+    dataset = _join(files, robot)
+    return replace(dataset, **data_kinds(dataset, robot, kind))
+
+
+def write_dataset(path: str | Path, dataset: Dataset, robot: Robot) -> None:
+    """Write `dataset` to a CSV or Parquet file that `read_dataset` reads back; whole or not at all."""
+    columns: dict[str, np.ndarray] = {}
+    if dataset.time is not None:
+        columns["time_s"] = dataset.time
+    columns |= {"session": dataset.session, "run": dataset.run}
+    if dataset.visit is not None:
+        columns["visit"] = dataset.visit
+    if dataset.identification is not None:
+        columns["set"] = np.where(dataset.identification, "identification", "validation")
+    units = {"theta": "rad", "q": "rad", "theta_dot": "rad_s", "q_dot": "rad_s", "current": "A"}
+    units |= {"tau": "Nm", "tau_motor": "Nm"}
+    for quantity, values in dataset.joints.items():
+        for index in np.flatnonzero(~np.isnan(values).all(axis=0)):
+            line = robot.joints[index].type == "prismatic"
+            unit = {"q": "m", "tau": "N"}.get(quantity, units.get(quantity)) if line else units.get(quantity)
+            column = values[:, index].astype(int) if quantity == "approach" else values[:, index]
+            columns[f"{quantity}_{index + 1}" + (f"_{unit}" if unit else "")] = column
+    if dataset.position is not None:
+        columns |= {f"{name}_m": dataset.position[:, i] for i, name in enumerate(POSITION)}
+    if dataset.rotation is not None:
+        quaternion = Rotation.from_matrix(dataset.rotation).as_quat()[:, [3, 0, 1, 2]]
+        columns |= {name: quaternion[:, i] for i, name in enumerate(QUATERNION)}
+    if dataset.gyro is not None:
+        columns |= {f"{name}_rad_s": dataset.gyro[:, i] for i, name in enumerate(GYRO)}
+    write_table(path, columns | dataset.covariates)
+
+
+# -- one file ----------------------------------------------------------------------------------------
+@dataclass(frozen=True)
+class _File:
+    """One file in SI units: quantity or covariate -> {axis or None: numbers}."""
+
+    path: str
+    table: Table
+    columns: dict[tuple[str, int | None] | str, Column]
+    values: dict[tuple[str, int | None] | str, np.ndarray]
+
+    def get(self, quantity: str) -> np.ndarray | None:
+        return self.values.get((quantity, None))
+
+
+def _read_file(path: str, robot: Robot) -> _File:
+    prismatic = frozenset(i for i, joint in enumerate(robot.joints, start=1) if joint.type == "prismatic")
+    table = read_table(path, text=("set",))
+    columns: dict[tuple[str, int | None] | str, Column] = {}
+    values: dict[tuple[str, int | None] | str, np.ndarray] = {}
+    for name, numbers in table.columns.items():
+        column = parse_column(name, path, prismatic)
+        if column.key in columns:
+            message = f"the same quantity as column {columns[column.key].name}; expected it once"
+            raise InputError(message, file=path, column=name)
+        if column.axis is not None and column.axis > robot.axes:
+            message = f"robot {robot.name} has {robot.axes} axes; expected an axis from 1 to {robot.axes}"
+            raise InputError(message, file=path, column=name)
+        _check_values(path, column, numbers)
+        columns[column.key] = column
+        values[column.key] = numbers if column.factor == 1.0 else numbers * column.factor
+    _check_vectors(path, columns)
+    return _File(path, table, columns, values)
+
+
+def _check_values(path: str, column: Column, numbers: np.ndarray) -> None:
+    """Columns that hold marks, not measurements."""
+    if column.quantity == "set":
+        good = np.isin(numbers.astype(str), ("identification", "validation"))
+        expected = "identification or validation"
+    elif column.quantity == "approach":
+        good, expected = np.isin(numbers, (-1.0, 0.0, 1.0)), "-1, 0 or 1"
+    elif column.quantity in ("session", "visit", "run"):
+        good, expected = numbers == np.round(numbers), "a whole number"
+    else:
+        return
+    if not good.all():
+        row = int(np.argmin(good))
+        raise InputError(f"{numbers[row]}; expected {expected}", file=path, row=row + 1, column=column.name)
+
+
+def _check_vectors(path: str, columns: Mapping) -> None:
+    for vector in (POSITION, QUATERNION, ROTATION_VECTOR, GYRO):
+        missing = [name for name in vector if (name, None) not in columns]
+        if missing and len(missing) < len(vector):
+            found = next(name for name in vector if name not in missing)
+            message = f"column missing; expected it beside column {columns[found, None].name}"
+            raise InputError(message, file=path, column=missing[0])
+    if ("qw", None) in columns and ("rx", None) in columns:
+        message = "a rotation vector beside a quaternion; expected one of the two"
+        raise InputError(message, file=path, column=columns["rx", None].name)
+
+
+# -- all files ---------------------------------------------------------------------------------------
+def _check_same_columns(files: Sequence[_File]) -> None:
+    """A quantity that only some files have could be neither used nor dropped without a word."""
+    numbering = {("session", None), ("run", None), ("visit", None)}
+    for file in files[1:]:
+        for here, there in ((file, files[0]), (files[0], file)):
+            missing = [key for key in there.columns if key not in here.columns and key not in numbering]
+            if missing:
+                message = f"column missing; expected it as in {there.path}"
+                raise InputError(message, file=here.path, column=there.columns[missing[0]].name)
+
+
+def _join(files: Sequence[_File], robot: Robot) -> Dataset:
+    one = len(files) == 1
+    stack = lambda key: files[0].values[key] if one else np.concatenate([file.values[key] for file in files])
+    rows = [file.table.rows for file in files]
+    first = files[0].columns
+    joints: dict[str, np.ndarray] = {}
+    for quantity, axis in (key for key in first if isinstance(key, tuple) and key[1] is not None):
+        if quantity not in joints:
+            joints[quantity] = np.full((sum(rows), robot.axes), np.nan)
+        joints[quantity][:, axis - 1] = stack((quantity, axis))
+    vector = lambda names: np.stack([stack((name, None)) for name in names], 1) if (names[0], None) in first else None
+    visit = _shared_numbers(files, "visit") if any(file.get("visit") is not None for file in files) else None
+    return Dataset(
+        kind="",
+        kinds=(),
+        axes=robot.axes,
+        joints=joints,
+        session=_shared_numbers(files, "session"),
+        run=_distinct_runs(files),
+        file_index=np.repeat(np.arange(len(files)), rows),
+        row=np.concatenate([np.arange(1, count + 1) for count in rows]),
+        time=stack(("time", None)) if ("time", None) in first else None,
+        position=vector(POSITION),
+        rotation=_rotation(files, vector),
+        gyro=vector(GYRO),
+        visit=visit,
+        identification=stack(("set", None)) == "identification" if ("set", None) in first else None,
+        covariates={key: stack(key) for key in first if isinstance(key, str)},
+        sources=tuple(Source(file.path, file.table.sha256, file.table.rows) for file in files),
+    )
+
+
+def _rotation(files: Sequence[_File], vector) -> np.ndarray | None:
+    if (vectors := vector(ROTATION_VECTOR)) is not None:
+        return Rotation.from_rotvec(vectors).as_matrix()
+    if (quaternions := vector(QUATERNION)) is None:
+        return None
+    norms = np.linalg.norm(quaternions, axis=1)
+    bad = np.flatnonzero(np.abs(norms - 1.0) > QUATERNION_NORM_TOLERANCE)
+    if bad.size:
+        starts = np.cumsum([0] + [file.table.rows for file in files])
+        index = int(np.searchsorted(starts, bad[0], side="right")) - 1
+        message = f"quaternion of norm {norms[bad[0]]:.4g}; expected 1"
+        raise InputError(message, file=files[index].path, row=int(bad[0] - starts[index]) + 1, column="qw")
+    return Rotation.from_quat(quaternions[:, [1, 2, 3, 0]]).as_matrix()
+
+
+def _shared_numbers(files: Sequence[_File], quantity: str) -> np.ndarray:
+    """Numbers that mean the same in every file that has the column; a file without it gets a number of its own."""
+    used = [file.get(quantity).astype(int) for file in files if file.get(quantity) is not None]
+    free = max((int(numbers.max()) for numbers in used), default=0)
+    out = []
+    for file in files:
+        numbers = file.get(quantity)
+        if numbers is not None:
+            out.append(numbers.astype(int))
+            continue
+        free += 1
+        out.append(np.full(file.table.rows, free))
+    return np.concatenate(out)
+
+
+def _distinct_runs(files: Sequence[_File]) -> np.ndarray:
+    """The files' own numbers where no two files share one, else 1, 2, ... in order of appearance."""
+    numbers = [np.ones(f.table.rows, dtype=int) if f.get("run") is None else f.get("run").astype(int) for f in files]
+    distinct = [np.unique(run) for run in numbers]
+    if len(np.unique(np.concatenate(distinct))) == sum(map(len, distinct)):
+        return np.concatenate(numbers)
+    out, count = [], 0
+    for run in numbers:
+        _, first, inverse = np.unique(run, return_index=True, return_inverse=True)
+        out.append(count + 1 + np.argsort(np.argsort(first))[inverse])
+        count += len(first)
+    return np.concatenate(out)

@@ -1,0 +1,98 @@
+"""Rows to identify with and rows to judge by, never from the same pose or run.
+
+`pose_split`: whole poses: rows of one visit or with identical joint angles stay together; each session gives
+its share. `run_split`: whole runs; in gear runs, runs that move the same axes the same way share; where there
+is only one of a sort, its first part is taken and its last part left. Both -> (N,) bool, True = identification.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+if TYPE_CHECKING:
+    from exactarm.dataset import Dataset
+
+SAME_ANGLE = 1e-9  # rad, m: commanded angles agree to the digits printed
+STANDS_STILL = 0.02  # an axis moves when its range is more than this share of the largest
+
+
+def pose_groups(dataset: "Dataset") -> np.ndarray:
+    """(N,) int from 0: rows with the same number were measured at the same commanded pose."""
+    angles = [np.nan_to_num(dataset.joints[name]) for name in ("theta", "q") if name in dataset.joints]
+    grid = np.round(np.hstack(angles) / SAME_ANGLE)
+    _, groups = np.unique(grid, axis=0, return_inverse=True)
+    groups = groups.ravel()
+    if dataset.visit is None:
+        return groups
+    _, visits = np.unique(dataset.visit, return_inverse=True)
+    count = groups.max() + 1
+    links = coo_array((np.ones(len(groups)), (groups, count + visits)), shape=(count + visits.max() + 1,) * 2)
+    _, labels = connected_components(links, directed=False)
+    return np.unique(labels[groups], return_inverse=True)[1]
+
+
+def pose_split(dataset: "Dataset", random: np.random.Generator, fraction: float) -> np.ndarray:
+    groups = pose_groups(dataset)
+    _, first = np.unique(groups, return_index=True)
+    chosen = np.zeros(len(first), dtype=bool)
+    home = dataset.session[first]
+    for session in np.unique(home):
+        members = np.flatnonzero(home == session)
+        chosen[random.permutation(members)[: _share(len(members), fraction)]] = True
+    return chosen[groups]
+
+
+def run_split(dataset: "Dataset", random: np.random.Generator, fraction: float) -> np.ndarray:
+    mask = np.zeros(len(dataset), dtype=bool)
+    for runs in _alike(dataset):
+        if len(runs) == 1:
+            rows = np.flatnonzero(dataset.run == runs[0])
+            rows = rows[np.argsort(dataset.time[rows], kind="stable")]
+            mask[rows[: _share(len(rows), fraction)]] = True
+        else:
+            mask |= np.isin(dataset.run, random.permutation(runs)[: _share(len(runs), fraction)])
+    return mask
+
+
+def split_rule(dataset: "Dataset", fraction: float) -> str:
+    """How the rows are chosen, as one sentence for a report."""
+    percent = f"{100 * fraction:.0f} %"
+    if dataset.identification is not None:
+        return "Identification and validation rows are those that the column `set` names."
+    if dataset.kind == "poses":
+        return f"{percent} of the poses of each session, chosen at random, identify; the others validate."
+    counts = [len(runs) for runs in _alike(dataset)]
+    cut = f"the first {percent} of the run identify, the rest, later in time, validate"
+    if max(counts) == 1:
+        return f"There is {'one run' if len(counts) == 1 else 'one run of each sort'}: {cut}."
+    whole = f"{percent} of the runs, chosen at random, identify; the others validate"
+    return f"{whole}; of a sort measured only once, {cut}." if min(counts) == 1 else f"{whole}."
+
+
+def _share(count: int, fraction: float) -> int:
+    """How many of `count` identify: neither none nor all, where there is a choice."""
+    return count if count < 2 else int(np.clip(round(fraction * count), 1, count - 1))
+
+
+def _alike(dataset: "Dataset") -> list[np.ndarray]:
+    """Numbers of the runs, grouped: in gear runs by which axes move and which way, otherwise all together."""
+    runs = np.unique(dataset.run)
+    if dataset.kind != "gear_run":
+        return [runs]
+    theta = np.nan_to_num(dataset.joints["theta"])
+    sorts: dict[tuple[int, ...], list[int]] = {}
+    for run in runs:
+        sorts.setdefault(_sort_of_motion(theta[dataset.run == run]), []).append(run)
+    return [np.array(members) for _, members in sorted(sorts.items())]
+
+
+def _sort_of_motion(theta: np.ndarray) -> tuple[int, ...]:
+    """Per axis: 0 stands still, 2 to and fro, +1 or -1 one way."""
+    span, net = np.ptp(theta, axis=0), theta[-1] - theta[0]
+    one_way = np.abs(net) > 0.9 * span
+    kind = np.where(one_way, np.sign(net), 2.0)
+    return tuple(int(value) for value in np.where(span > STANDS_STILL * max(span.max(), 1e-12), kind, 0.0))
