@@ -23,5 +23,6 @@ void bind_kinematics(py::module_& module);
 void bind_dynamics(py::module_& module);
 void bind_regressor(py::module_& module);
 void bind_gear(py::module_& module);
+void bind_inverse_kinematics(py::module_& module);
 
 }  // namespace exactarm::bindings

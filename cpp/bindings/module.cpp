@@ -8,4 +8,5 @@ PYBIND11_MODULE(_core, module) {
   bind_dynamics(module);
   bind_regressor(module);
   bind_gear(module);
+  bind_inverse_kinematics(module);
 }

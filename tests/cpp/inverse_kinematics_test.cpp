@@ -1,0 +1,190 @@
+#include "exactarm/robot/inverse_kinematics.hpp"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/LU>
+#include <Eigen/SVD>
+#include <chrono>
+
+#include "exactarm/robot/kinematics.hpp"
+#include "racer.hpp"
+#include "random_states.hpp"
+
+namespace exactarm {
+namespace {
+
+using testing::Random;
+using Status = InverseKinematicsStatus;
+
+const InverseKinematicsOptions kOptions;
+
+// The racer with every geometric parameter a little off, as identification leaves it.
+Robot identified_racer(Random& random) {
+  Robot robot = testing::racer();
+  for (Frame& frame : robot.frames) {
+    frame.d += random.uniform(-1e-3, 1e-3);
+    frame.a += random.uniform(-1e-3, 1e-3);
+    frame.alpha += random.uniform(-2e-3, 2e-3);
+    frame.beta += random.uniform(-2e-3, 2e-3);
+    frame.zero += random.uniform(-5e-3, 5e-3);
+  }
+  return robot;
+}
+
+Vector random_joints(const Robot& robot, Random& random) {
+  Vector q(robot.axes());
+  for (long i = 0; i < q.size(); ++i) q[i] = random.uniform(robot.limits[i].q_min, robot.limits[i].q_max);
+  return q;
+}
+
+double pose_distance(const Pose& a, const Pose& b) {
+  return (a.position - b.position).norm() + (a.rotation - b.rotation).norm();
+}
+
+// Straight path in y at the orientation of (4.6).
+void line(const Vector3& start, const Vector3& end, long rows, RowMatrix& positions, RowMatrix& rotations) {
+  positions.resize(rows, 3);
+  rotations = RowMatrix::Zero(rows, 9);
+  for (long k = 0; k < rows; ++k) {
+    positions.row(k) = (start + (end - start) * k / (rows - 1.0)).transpose();
+    rotations(k, 0) = rotations(k, 4) = -1.0;
+    rotations(k, 8) = 1.0;
+  }
+}
+
+const Vector kStart = (Vector(6) << 0, M_PI / 2, 0, 0, M_PI / 2, 0).finished();
+
+TEST(InverseKinematics, BranchesOfAnIdentifiedArmHoldThePoseThatMadeThem) {
+  Random random(30);
+  int eight = 0;
+  for (int sample = 0; sample < 10 * testing::samples(); ++sample) {
+    const Robot robot = identified_racer(random);
+    const Vector q = random_joints(robot, random);
+    const Pose target = forward_kinematics(robot, q);
+    InverseKinematicsOptions unlimited;
+    unlimited.check_limits = false;
+    const std::vector<Vector> branches = inverse_kinematics_branches(robot, target, unlimited);
+    double nearest = 1e9;
+    for (const Vector& branch : branches) {
+      EXPECT_LT(pose_distance(forward_kinematics(robot, branch), target), 1e-9);
+      double worst = 0.0;
+      for (long i = 0; i < 6; ++i) worst = std::max(worst, std::abs(std::remainder(branch[i] - q[i], 2 * M_PI)));
+      nearest = std::min(nearest, worst);
+    }
+    // Two branches meet at a singular pose; near one, Newton may leave by the other.
+    if (geometric_jacobian(robot, q).jacobiSvd().singularValues()[5] > 0.03) {
+      EXPECT_LT(nearest, 1e-6) << "sample " << sample;
+    }
+    eight += branches.size() == 8;
+  }
+  EXPECT_GT(eight, 0);
+}
+
+TEST(InverseKinematics, AnalyticStartsAreExactOnTheNominalArmWithAnySignAndZero) {
+  Random random(31);
+  for (int sample = 0; sample < testing::samples(); ++sample) {
+    Robot robot = testing::racer();
+    for (Frame& frame : robot.frames) {
+      frame.sign = random.uniform(-1, 1) < 0 ? -1.0 : 1.0;
+      frame.zero = random.uniform(-3, 3);
+    }
+    robot.frames[1].d = 0.1;
+    robot.frames[0].alpha *= random.uniform(-1, 1) < 0 ? -1.0 : 1.0;
+    robot.frames[3].alpha *= random.uniform(-1, 1) < 0 ? -1.0 : 1.0;
+    robot.frames[1].alpha = random.uniform(-1, 1) < 0 ? M_PI : 0.0;
+    robot.base = random.pose();
+    robot.tool = random.pose();
+    const Pose target = forward_kinematics(robot, random_joints(robot, random));
+    double nearest = 1e9;
+    for (const Vector& q : spherical_wrist_starts(robot, target))
+      nearest = std::min(nearest, pose_distance(forward_kinematics(robot, q), target));
+    EXPECT_LT(nearest, 1e-10) << "sample " << sample;
+  }
+}
+
+TEST(InverseKinematics, FollowsTheLineOfTheThesisInUnderTwentyMilliseconds) {
+  Random random(32);
+  const Robot robot = identified_racer(random);
+  RowMatrix positions, rotations, q;
+  line({0.834, 0, 1}, {0.834, 0.5, 1}, 2501, positions, rotations);
+  double seconds = 1e9;
+  InverseKinematicsReport report;
+  for (int repeat = 0; repeat < 5; ++repeat) {
+    const auto begin = std::chrono::steady_clock::now();
+    report = inverse_kinematics_path(robot, positions, rotations, kStart, q, kOptions);
+    seconds = std::min(seconds, std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count());
+  }
+  ASSERT_EQ(report.status, Status::solved);
+  for (long k = 0; k < q.rows(); k += 100)
+    EXPECT_LT((forward_kinematics(robot, q.row(k).transpose()).position - positions.row(k).transpose()).norm(), 1e-12);
+  EXPECT_LT(seconds, 0.020);
+  std::printf("2501 poses: %.2f ms, %ld iterations\n", 1e3 * seconds, report.iterations);
+}
+
+TEST(InverseKinematics, SevenAxesGiveTheNearestSolution) {
+  Random random(33);
+  for (int sample = 0; sample < testing::samples(); ++sample) {
+    const Robot robot = testing::random_robot(random, 7);
+    const Vector q0 = random.vector(7, 1.0);
+    const Pose target = forward_kinematics(robot, q0 + random.vector(7, 0.05));
+    Vector q = q0;
+    InverseKinematicsOptions options;
+    options.check_limits = false;
+    ASSERT_EQ(inverse_kinematics(robot, target, q, options).status, Status::solved);
+    EXPECT_LT(pose_distance(forward_kinematics(robot, q), target), 1e-9);
+    // At the optimum the way back to q0 has no part in the null space of the Jacobian.
+    const Matrix jacobian = geometric_jacobian(robot, q);
+    const Matrix null_space = jacobian.fullPivLu().kernel();
+    EXPECT_LT((null_space.transpose() * (q - q0)).norm() / null_space.norm(), 1e-5);
+  }
+}
+
+TEST(InverseKinematics, UnreachablePoseIsReportedWithItsIndex) {
+  RowMatrix positions, rotations, q;
+  line({0.834, 0, 1}, {3.0, 0, 1}, 201, positions, rotations);
+  const auto report = inverse_kinematics_path(testing::racer(), positions, rotations, kStart, q, kOptions);
+  EXPECT_TRUE(report.status == Status::unreachable || report.status == Status::singular);
+  EXPECT_GT(report.index, 10);
+  EXPECT_LT(report.index, 60);
+  EXPECT_GT(report.value, 1e-6);
+}
+
+TEST(InverseKinematics, JointLimitIsReportedWithJointAndAmount) {
+  Robot robot = testing::racer();
+  robot.limits[0].q_max = 0.2;
+  RowMatrix positions, rotations, q;
+  line({0.834, 0, 1}, {0.834, 0.5, 1}, 501, positions, rotations);
+  const auto report = inverse_kinematics_path(robot, positions, rotations, kStart, q, kOptions);
+  EXPECT_EQ(report.status, Status::joint_limit);
+  EXPECT_EQ(report.joint, 0);
+  EXPECT_EQ(report.limit, 0.2);
+  EXPECT_GT(report.value, 0.2);
+}
+
+TEST(InverseKinematics, PathThroughAWristSingularityIsReported) {
+  const Robot robot = testing::racer();
+  const long rows = 401;
+  RowMatrix positions(rows, 3), rotations(rows, 9), q;
+  for (long k = 0; k < rows; ++k) {
+    Vector joints = kStart;
+    joints[4] = M_PI / 2 * (1.0 - 2.0 * k / (rows - 1.0));
+    const Pose pose = forward_kinematics(robot, joints);
+    positions.row(k) = pose.position.transpose();
+    Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(rotations.row(k).data()) = pose.rotation;
+  }
+  const auto report = inverse_kinematics_path(robot, positions, rotations, kStart, q, kOptions);
+  EXPECT_EQ(report.status, Status::singular);
+  EXPECT_NEAR(report.index, 200, 2);
+}
+
+TEST(InverseKinematics, NotANumberIsReportedNotReturned) {
+  RowMatrix positions, rotations, q;
+  line({0.834, 0, 1}, {0.834, 0.5, 1}, 11, positions, rotations);
+  positions(5, 1) = std::nan("");
+  const auto report = inverse_kinematics_path(testing::racer(), positions, rotations, kStart, q, kOptions);
+  EXPECT_EQ(report.status, Status::not_finite);
+  EXPECT_EQ(report.index, 5);
+}
+
+}  // namespace
+}  // namespace exactarm
