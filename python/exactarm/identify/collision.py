@@ -1,0 +1,143 @@
+"""Why a parameter cannot be identified, in words: which others it collides with and what in the arm makes it so.
+
+The collision itself is a fact of the Jacobian (a combination of other columns gives the same motion of the
+target); the reason is looked up in the geometry: frame i lies between axes i and i + 1, which are parallel
+where its alpha and beta vanish (modulo half a turn), and collinear where its a vanishes too.
+"""
+
+from __future__ import annotations
+
+from typing import Sequence
+
+import numpy as np
+
+from exactarm.identify.parameter_name import Group, ParameterName, parse_parameter
+from exactarm.robot import Robot
+
+NEARLY_PARALLEL_RAD = 0.05  # beyond it nobody calls two axes parallel
+EXACTLY_PARALLEL_RAD = 1e-9
+COLLINEAR_M = 1e-3
+_MOST_PARTNERS = 6
+
+
+def no_effect(name: str, robot: Robot | None) -> str:
+    """The sentence for a parameter whose column vanishes."""
+    p = parse_parameter(name)
+    if p.group is Group.GEOMETRY and p.symbol in ("alpha", "beta"):
+        return f"{name} turns the tool about the target itself: only a measured orientation shows that"
+    if p.group is Group.OFFSET:
+        return f"{name} moves nothing that is measured: the target lies on axis {p.axis}"
+    if p.group is Group.RATIO:
+        return f"{name} moves nothing that is measured: the target lies on axis {p.axis}, or the axis rests at zero"
+    return f"{name} changes nothing that is measured in these poses"
+
+
+def move_alike(name: str, partners: Sequence[str], robot: Robot | None) -> str:
+    """The sentence for a parameter that a combination of `partners` imitates exactly."""
+    reason = _reason(parse_parameter(name), [parse_parameter(p) for p in partners], robot)
+    return f"{name} and {listed(partners)} move the tool alike" + (f": {reason}" if reason else " in these poses")
+
+
+def hardly_differ(name: str, partners: Sequence[str], robot: Robot | None, uncertainty: float, plausible: float) -> str:
+    """The sentence for a parameter that the noise hides: its standard deviation beside its plausible magnitude."""
+    text = f"{name} is lost in the noise: known to {uncertainty:.2g} only, plausible is {plausible:.2g}"
+    if not partners:
+        return text
+    reason = _reason(parse_parameter(name), [parse_parameter(p) for p in partners], robot)
+    return f"{text}; it is hardly told from {listed(partners)}" + (f": {reason}" if reason else "")
+
+
+def listed(names: Sequence[str]) -> str:
+    """Names as a person lists them; the six numbers of a frame become one."""
+    short = list(dict.fromkeys(_short(parse_parameter(name), names) for name in names))
+    if len(short) > _MOST_PARTNERS:
+        short = short[:_MOST_PARTNERS] + [f"{len(short) - _MOST_PARTNERS} more"]
+    return short[0] if len(short) == 1 else ", ".join(short[:-1]) + " and " + short[-1]
+
+
+def _short(p: ParameterName, names: Sequence[str]) -> str:
+    if p.group is not Group.FRAME:
+        return p.text
+    sessions = {q.session for q in map(parse_parameter, names) if q.group is Group.FRAME}
+    return f"the {p.symbol} frame" + ("s of all sessions" if len(sessions) > 1 else "")
+
+
+def _reason(p: ParameterName, partners: list[ParameterName], robot: Robot | None) -> str:
+    frames = {q.symbol for q in partners if q.group is Group.FRAME}
+    others = [q for q in partners if q.group is not Group.FRAME]
+    if frames and not others:
+        return _absorbed(p, frames)
+    if robot is None:
+        return ""
+    for rule in (_prismatic, _alike_along_parallel_axes, _collinear_turn, _turn_about_parallel_y):
+        if text := rule(p, others, robot):
+            return text
+    if frames:
+        return "together they are a motion of the " + " and ".join(sorted(frames)) + " frame"
+    return ""
+
+
+def _absorbed(p: ParameterName, frames: set[str]) -> str:
+    which = " and ".join(sorted(frames))
+    verb = "absorb" if len(frames) > 1 else "absorbs"
+    if frames == {"base"} and p.axis == 1:
+        kind = "a shift along" if p.symbol == "d" else "a turn about"
+        return f"{kind} axis 1 is a change of the base frame, which {verb} it"
+    return f"the {which} frame{'s' if len(frames) > 1 else ''} {verb} it"
+
+
+def _prismatic(p: ParameterName, others: list[ParameterName], robot: Robot) -> str:
+    sliding = [i + 1 for i, joint in enumerate(robot.joints) if joint.type == "prismatic"]
+    if p.axis in sliding and {p.symbol, *(q.symbol for q in others)} == {"d", "q_offset"}:
+        return f"axis {p.axis} slides: its zero and its d are one and the same"
+    near = [axis for axis in sliding if p.axis is not None and axis in (p.axis, p.axis + 1)]
+    if near and p.symbol in ("d", "a", "q_offset"):
+        return f"axis {near[0]} slides: its direction matters, the place where it lies does not"
+    return ""
+
+
+def _alike_along_parallel_axes(p: ParameterName, others: list[ParameterName], robot: Robot) -> str:
+    along = [q.axis for q in others if q.symbol == "d"]
+    if p.symbol != "d" or not along or len(along) != len(others):
+        return ""
+    if all(deviation_from_parallel(robot, p.axis, axis) < NEARLY_PARALLEL_RAD for axis in along):
+        return _are([*along, p.axis], robot, "parallel")
+    return ""
+
+
+def _collinear_turn(p: ParameterName, others: list[ParameterName], robot: Robot) -> str:
+    turns = [q.axis for q in others if q.symbol == "q_offset"]
+    if p.symbol != "q_offset" or not turns:
+        return ""
+    near = [axis for axis in turns if deviation_from_parallel(robot, p.axis, axis) < NEARLY_PARALLEL_RAD]
+    if near and all(abs(robot.joints[i].a) < COLLINEAR_M for i in range(min(near[0], p.axis) - 1, max(near[0], p.axis) - 1)):
+        return _are([near[0], p.axis], robot, "collinear")
+    return ""
+
+
+def _turn_about_parallel_y(p: ParameterName, others: list[ParameterName], robot: Robot) -> str:
+    """Hayati's beta at a frame whose axes are perpendicular turns about a line parallel to its own axis."""
+    for q, r in ((p, others), *((q, [p, *others]) for q in others)):
+        if q.symbol != "beta" or not any(s.symbol == "q_offset" and s.axis == q.axis for s in r):
+            continue
+        if abs(np.cos(robot.joints[q.axis - 1].alpha)) < NEARLY_PARALLEL_RAD:
+            return f"alpha_{q.axis} is a right angle, so beta_{q.axis} turns about a parallel of axis {q.axis}"
+    return ""
+
+
+def _are(axes: list[int], robot: Robot, word: str) -> str:
+    axes = sorted(set(axes))
+    off = max(deviation_from_parallel(robot, axes[0], axis) for axis in axes)
+    nearly = f"nearly {word} ({np.degrees(off):.2g} degrees)" if off > EXACTLY_PARALLEL_RAD else word
+    return f"axes {', '.join(str(axis) for axis in axes[:-1])} and {axes[-1]} are {nearly}"
+
+
+def deviation_from_parallel(robot: Robot, one: int, other: int) -> float:
+    """Largest tilt in rad (modulo half a turn) of the frames between two axes (from 1); pi / 2 at most."""
+    first, last = sorted((one, other))
+    tilts = [0.0]
+    for joint in robot.joints[first - 1 : last - 1]:
+        cosine = abs(np.cos(joint.alpha) * np.cos(joint.beta or 0.0))
+        sine = np.hypot(np.sin(joint.alpha) * np.cos(joint.beta or 0.0), np.sin(joint.beta or 0.0))
+        tilts.append(float(np.arctan2(sine, cosine)))
+    return max(tilts)
