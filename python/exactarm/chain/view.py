@@ -61,9 +61,13 @@ class View:
         """(N, m) predicted measurement so far."""
         return self.signals["measured"]
 
-    @cached_property
+    @property
     def direction(self) -> np.ndarray:
-        """(N, n) direction of the motor's motion, -1, 0, +1: the approach of a static pose; 0 where unknown."""
+        """(N, n) direction of the motor's motion, -1, 0, +1: the sign of the rate in a time series, the approach
+        of a static pose; 0 at rest and where unknown. The motor's own sense: with a negative ratio the output
+        turns the other way."""
+        if "theta_dot" in self.signals:
+            return np.sign(self.signals["theta_dot"])
         approach = self.data.joints.get("approach")
         if approach is None:
             return np.zeros((self.rows, self.axes))

@@ -21,7 +21,7 @@ def library() -> dict[str, type[Effect]]:
 
 def _named_subclasses(cls: type[Effect]):
     for sub in cls.__subclasses__():
-        if sub.name:
+        if vars(sub).get("name"):  # variants of one effect inherit its name and do not register again
             yield sub.name, sub
         yield from _named_subclasses(sub)
 
