@@ -110,6 +110,7 @@ def _joint_tangents(view: View, layout: Layout, declared: np.ndarray, slope: np.
     pass_station(view, padded, Station.SPRING, "q", True)
     view.signals["torque"], view.signals["q"] = torque, q
     by_torque, free = tangents["q"][:, :, size:], tangents["q"][:, :, :size]
+    view.signals["deflection_by_torque"] = by_torque.reshape(rows, -1)
     right = free + by_torque @ direct[:, :, :size]
     if view.has_masses:
         gravity = _core.gravity_torque_jacobian(view.robot.core, q, view.threads)
@@ -169,6 +170,7 @@ def _target(view: View, layout: Layout, tangents: bool) -> PosePrediction:
     if tangents:
         view.signals["identification"] = columns.reshape(rows, -1)
         joint_columns = columns[:, :, 4 : 6 * n : 6]
+        view.transfers = _transfers(view, joint_columns)
         view.tangents["displacement"] = joint_columns @ view.tangents["q"]
     pass_station(view, layout, Station.GEOMETRY, "displacement", tangents)
     moved = view.signals["displacement"]
@@ -182,6 +184,31 @@ def _target(view: View, layout: Layout, tangents: bool) -> PosePrediction:
     pass_station(view, layout, Station.DEVICE, "measured", tangents)
     jacobian = np.concatenate([view.tangents["measured"], angular], axis=1) if tangents else None
     return PosePrediction(view.measured, rotation, jacobian, view)
+
+
+def _transfers(view: View, joint_columns: np.ndarray) -> dict:
+    """First-order effect of a change at each station on position and orientation (6 rows)."""
+    by_torque = view.signals["deflection_by_torque"].reshape(view.rows, view.axes, view.axes)
+    ratios = view.robot.ratios
+
+    def joint(columns, derivative):
+        return joint_columns[:, :, columns] @ derivative
+
+    def motor(columns, derivative):
+        return joint_columns[:, :, columns] @ (derivative / ratios[list(columns), None])
+
+    def load(columns, derivative):
+        return joint_columns @ (by_torque[:, :, columns] @ derivative)
+
+    def geometry(columns, derivative):
+        out = np.zeros((view.rows, 6, derivative.shape[2]))
+        out[:, list(columns)] = derivative
+        return out
+
+    return {
+        Station.MOTOR: motor, Station.GEAR: joint, Station.LOAD: load, Station.SPRING: joint,
+        Station.GEOMETRY: geometry, Station.DEVICE: geometry,
+    }
 
 
 def _placed(robot: Robot, layout: Layout, session: int) -> Robot:

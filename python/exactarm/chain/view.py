@@ -9,12 +9,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Callable
 
 import numpy as np
 
 from exactarm import _core
 from exactarm.dataset import Dataset
+from exactarm.effects.base import Effect, Station
 from exactarm.robot import Robot
+
+
+# (columns of the station's signal, derivative (N, c, k)) -> what it does to the measurement, (N, m, k).
+Transfer = Callable[[tuple[int, ...], np.ndarray], np.ndarray]
 
 
 @dataclass
@@ -27,6 +33,7 @@ class View:
     threads: int = 1
     signals: dict[str, np.ndarray] = field(default_factory=dict)
     tangents: dict[str, np.ndarray] = field(default_factory=dict)
+    transfers: dict[Station, Transfer] = field(default_factory=dict)
 
     @property
     def rows(self) -> int:
@@ -90,6 +97,14 @@ class View:
         from exactarm.robot import Placement
 
         return replace(self.robot, base=Placement(), tool=Placement()).core
+
+    def response(self, effect: Effect) -> np.ndarray:
+        """(N, m, k) what the effect's parameters do to the measurement, from its station downstream, to first order.
+
+        The chain must have been evaluated with tangents; the feedback of the deflection on the load is left out.
+        """
+        change = effect.change(self)
+        return self.transfers[effect.station](change.columns, change.by_parameters)
 
     @property
     def has_masses(self) -> bool:
