@@ -66,22 +66,21 @@ spatial::Twist<T> joint_twist(const DynamicsAxis& axis, const AxisPose<T>& pose)
   return {spatial::Vec3<T>::zero(), z};
 }
 
-// Spatial inertia of link i in the base frame at its origin: J = R Jc R^T + m (|c|^2 1 - c c^T).
+// Spatial inertia in the base frame at its origin of a link with mass, centre of mass c and inertia Jc about
+// it in the axis frame: J = R Jc R^T + m (|p|^2 1 - p p^T), p = origin + R c.
 template <class T>
-spatial::SpatialInertia<T> world_inertia(const DynamicsAxis& axis, const AxisPose<T>& pose) {
+spatial::SpatialInertia<T> world_inertia(const T& mass, const spatial::Vec3<T>& centre,
+                                         const spatial::Sym3<T>& central, const AxisPose<T>& pose) {
   using Vec = spatial::Vec3<T>;
-  const Matrix3& central = axis.central_inertia;
-  const Vec c = pose.origin + pose.turn(spatial::constant<T>(axis.centre_of_mass));
-  const T mass(axis.mass);
-  const Vec h = mass * c;
-  const Vec u = pose.turn(spatial::constant<T>(central.col(0))), v = pose.turn(spatial::constant<T>(central.col(1))),
-            w = pose.turn(spatial::constant<T>(central.col(2)));
+  const Vec p = pose.origin + pose.turn(centre), h = mass * p;
+  const Vec u = pose.turn({central.xx, central.xy, central.xz}), v = pose.turn({central.xy, central.yy, central.yz}),
+            w = pose.turn({central.xz, central.yz, central.zz});
   const Vec &x = pose.x, &y = pose.y, &z = pose.z;
-  const T xx = h.x * c.x, yy = h.y * c.y, zz = h.z * c.z;
+  const T xx = h.x * p.x, yy = h.y * p.y, zz = h.z * p.z;
   return {mass, h,
-          {u.x * x.x + v.x * y.x + w.x * z.x + yy + zz, u.x * x.y + v.x * y.y + w.x * z.y - h.x * c.y,
-           u.x * x.z + v.x * y.z + w.x * z.z - h.x * c.z, u.y * x.y + v.y * y.y + w.y * z.y + xx + zz,
-           u.y * x.z + v.y * y.z + w.y * z.z - h.y * c.z, u.z * x.z + v.z * y.z + w.z * z.z + xx + yy}};
+          {u.x * x.x + v.x * y.x + w.x * z.x + yy + zz, u.x * x.y + v.x * y.y + w.x * z.y - h.x * p.y,
+           u.x * x.z + v.x * y.z + w.x * z.z - h.x * p.z, u.y * x.y + v.y * y.y + w.y * z.y + xx + zz,
+           u.y * x.z + v.y * y.z + w.y * z.z - h.y * p.z, u.z * x.z + v.z * y.z + w.z * z.z + xx + yy}};
 }
 
 }  // namespace exactarm

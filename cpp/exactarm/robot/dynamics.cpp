@@ -14,11 +14,6 @@ using spatial::Wrench;
 
 constexpr long kLeastRowsAThread = 256;
 
-template <class T>
-Sym3<T> constant_symmetric(const Matrix3& m) {
-  return {T(m(0, 0)), T(m(0, 1)), T(m(0, 2)), T(m(1, 1)), T(m(1, 2)), T(m(2, 2))};
-}
-
 // (c, s): v_before = Rot_z v_after and its inverse; likewise about x and y.
 template <class T>
 Vec3<T> about_z(const T& c, const T& s, const Vec3<T>& v) { return {c * v.x - s * v.y, s * v.x + c * v.y, v.z}; }
@@ -71,7 +66,7 @@ void newton_euler(const DynamicsModel& model, DynamicsWorkspaceOf<T>& w) {
       linear += Vec3<T>{2.0 * rate.y * speed, -2.0 * rate.x * speed, acceleration};
     }
     const Vec3<T> h = spatial::constant<T>(axis.first_moment);
-    const Sym3<T> J = constant_symmetric<T>(axis.inertia);
+    const Sym3<T> J = spatial::constant_symmetric<T>(axis.inertia);
     w.wrench[i].force = T(axis.mass) * linear + cross(angular, h) + cross(rate, cross(rate, h));
     w.wrench[i].moment = J * angular + cross(rate, J * rate) + cross(h, linear);
   }
@@ -128,7 +123,9 @@ void composite_inertia(const DynamicsModel& model, DynamicsWorkspaceOf<T>& w) {
   place(model, w);
   SpatialInertia<T> outboard = SpatialInertia<T>::zero();
   for (int k = n - 1; k >= 0; --k) {
-    outboard += world_inertia(model.axes[k], w.pose[k]);
+    const DynamicsAxis& axis = model.axes[k];
+    outboard += world_inertia(T(axis.mass), spatial::constant<T>(axis.centre_of_mass),
+                              spatial::constant_symmetric<T>(axis.central_inertia), w.pose[k]);
     const Wrench<T> momentum = outboard * w.joint[k];
     for (int j = 0; j <= k; ++j) w.result[n * j + k] = w.result[n * k + j] = dot(w.joint[j], momentum);
   }
@@ -170,7 +167,7 @@ template <class T>
 DynamicsWorkspaceOf<T>::DynamicsWorkspaceOf(const DynamicsModel& model) {
   const std::size_t n = model.axes.size();
   for (auto* values : {&q, &q_dot, &q_ddot, &angle, &sine, &cosine}) values->resize(n);
-  result.resize(n * n);
+  result.resize(padded(static_cast<int>(n * n)));
   wrench.resize(n);
   pose.resize(n);
   joint.resize(n);

@@ -49,6 +49,11 @@ struct Sym3 {
 };
 
 template <class T>
+Sym3<T> constant_symmetric(const Matrix3& m) {
+  return {T(m(0, 0)), T(m(0, 1)), T(m(0, 2)), T(m(1, 1)), T(m(1, 2)), T(m(2, 2))};
+}
+
+template <class T>
 Vec3<T> operator*(const Sym3<T>& m, const Vec3<T>& a) {
   return {m.xx * a.x + m.xy * a.y + m.xz * a.z, m.xy * a.x + m.yy * a.y + m.yz * a.z,
           m.xz * a.x + m.yz * a.y + m.zz * a.z};
@@ -109,6 +114,33 @@ template <class T>
 Wrench<T> operator*(const SpatialInertia<T>& inertia, const Twist<T>& v) {
   return {inertia.second * v.angular + cross(inertia.first, v.linear),
           inertia.mass * v.linear - cross(inertia.first, v.angular)};
+}
+
+// Rate of a spatial inertia that moves with twist v: v x* I - I v x; its mass does not change.
+template <class T>
+struct InertiaRate {
+  Vec3<T> first;
+  Sym3<T> second;
+
+  static InertiaRate zero() { return {Vec3<T>::zero(), Sym3<T>::zero()}; }
+  InertiaRate& operator+=(const InertiaRate& b) { first += b.first; second += b.second; return *this; }
+};
+
+template <class T>
+InertiaRate<T> inertia_rate(const Twist<T>& v, const SpatialInertia<T>& inertia) {
+  const Vec3<T>&w = v.angular, &u = v.linear, &h = inertia.first;
+  const Sym3<T>& J = inertia.second;
+  const Vec3<T> cx = cross(w, Vec3<T>{J.xx, J.xy, J.xz}), cy = cross(w, Vec3<T>{J.xy, J.yy, J.yz}),
+                cz = cross(w, Vec3<T>{J.xz, J.yz, J.zz});
+  const T xx = h.x * u.x, yy = h.y * u.y, zz = h.z * u.z, two(2.0);
+  return {inertia.mass * u + cross(w, h),
+          {two * (cx.x + yy + zz), cy.x + cx.y - h.x * u.y - u.x * h.y, cz.x + cx.z - h.x * u.z - u.x * h.z,
+           two * (cy.y + xx + zz), cz.y + cy.z - h.y * u.z - u.y * h.z, two * (cz.z + xx + yy)}};
+}
+
+template <class T>
+Wrench<T> operator*(const InertiaRate<T>& rate, const Twist<T>& v) {
+  return {rate.second * v.angular + cross(rate.first, v.linear), cross(v.angular, rate.first)};
 }
 
 }  // namespace exactarm::spatial
