@@ -31,6 +31,7 @@ import numpy as np
 
 if TYPE_CHECKING:
     from exactarm.chain import View
+    from exactarm.dataset import Dataset
     from exactarm.robot import Placement, Robot
 
 
@@ -100,7 +101,7 @@ class Effect(ABC):
     smooth: ClassVar[bool] = True  # a smooth function of the motion: may enter a planner's dynamics
     per_joint: ClassVar[bool] = True
     declared: ClassVar[bool] = False  # part of the declared model: re-identified, never a finding
-    linear: ClassVar[bool] = True  # the change is linear in the free parameters
+    repeatable: ClassVar[bool] = False  # several of them may act on one axis (harmonics of different orders)
     sentence: ClassVar[str] = ""  # format string: {joint} and the parameters' names
     source: ClassVar[str] = ""
 
@@ -153,7 +154,7 @@ class Effect(ABC):
         """Base and tool frames of a session; only the effects that are frames change them."""
         return base, tool
 
-    def keep(self, view: "View") -> np.ndarray | None:
+    def keep(self, data: "Dataset") -> np.ndarray | None:
         """Rows (N,) bool that are to be used; None = all. Only effects of the record (outliers) say otherwise."""
         return None
 

@@ -1,0 +1,79 @@
+"""Static poses as a diagnosis problem: residual = position (and orientation) of the target, all sessions at once."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from exactarm.chain import Layout, predict_poses
+from exactarm.dataset import Dataset
+from exactarm.diagnose.problem import Fitted, Problem
+from exactarm.identify.calibrate import identifiable_layout, require_enough, require_same_unit, require_sessions
+from exactarm.identify.declared import carried_layout, frames_layout, geometry_layout, require_geometry
+from exactarm.identify.pose_fit import fit_poses
+from exactarm.robot import Robot
+from exactarm.split import pose_groups
+
+
+class PoseProblem(Problem):
+    """`orientation` residuals are used where every row has them."""
+
+    unit = "m"
+    kind = "poses"
+
+    def __init__(self, robot: Robot, data: Dataset, held_out: Dataset, threads: int = 1, seed: int = 0):
+        super().__init__(robot, data, held_out, threads, seed)
+        require_geometry(robot)
+        self.orientation = data.rotation is not None
+        if len(held_out):
+            require_sessions(data, held_out)
+
+    def declared(self) -> Layout:
+        frames, found = frames_layout(self.robot, self.data, orientation=self.orientation, seed=self.seed)
+        require_same_unit(found)
+        layout = frames.joined(geometry_layout(self.robot)).joined(carried_layout(self.robot))
+        kept, _ = identifiable_layout(self.robot, layout, self.data, self.orientation, self.threads)
+        require_enough(kept, self.data, self.orientation)
+        return kept
+
+    def fit(self, layout: Layout, weight: np.ndarray | None = None) -> Fitted:
+        weight = np.ones(len(self.data)) if weight is None else weight
+        result = fit_poses(
+            self.robot, layout, self.data, orientation=self.orientation, weights=weight, threads=self.threads
+        )
+        prediction = predict_poses(self.robot, result.layout, self.data, threads=self.threads)
+        residual = prediction.residual(self.orientation)
+        sigma = [result.sigma_position] * 3 + ([result.sigma_orientation] * 3 if self.orientation else [])
+        view = prediction.view
+        view.signals["residual"] = residual
+        jacobian = prediction.jacobian[:, : residual.shape[1]]
+        return Fitted(self.robot, result.layout, result.fit, residual, jacobian, np.array(sigma), weight, view)
+
+    def errors(self, fitted: Fitted, data: Dataset) -> np.ndarray:
+        prediction = predict_poses(self.robot, fitted.layout, data, tangents=False, threads=self.threads)
+        return np.linalg.norm(prediction.residual(), axis=1)
+
+    def groups(self) -> np.ndarray:
+        return pose_groups(self.data)
+
+    def signals(self, fitted: Fitted) -> dict[str, np.ndarray]:
+        view, data = fitted.view, self.data
+        signals = {f"angle of axis {i + 1}": view.q[:, i] for i in range(view.axes)}
+        signals |= {f"load of axis {i + 1}": view.torque[:, i] for i in range(view.axes) if np.ptp(view.torque[:, i]) > 0}
+        directions = view.direction
+        signals |= {f"approach of axis {i + 1}": directions[:, i] for i in range(view.axes) if np.ptp(directions[:, i]) > 0}
+        position = view.signals["target"]
+        signals |= {f"position {axis}": position[:, k] for k, axis in enumerate("xyz")}
+        order = data.time if data.time is not None else np.arange(len(data), dtype=float)
+        signals["time" if data.time is not None else "order of measurement"] = order
+        return signals | {name: values for name, values in data.covariates.items() if np.ptp(values) > 0}
+
+    def repeat_noise(self, fitted: Fitted) -> float | None:
+        """Pure error of rows measured at the same commanded pose in the same session."""
+        groups = self.groups() * (1 + self.data.session.max()) + self.data.session
+        _, inverse, counts = np.unique(groups, return_inverse=True, return_counts=True)
+        if (counts - 1).sum() < 10:
+            return None
+        white = fitted.residual[:, :3] / fitted.sigma[:3]
+        means = np.stack([np.bincount(inverse, white[:, k]) / counts for k in range(3)], axis=1)
+        inside = white - means[inverse]
+        return float(np.sqrt(np.sum(inside**2) / (3.0 * (counts - 1).sum())))

@@ -1,0 +1,139 @@
+"""Scan: how much of the residual each candidate would explain beyond what the declared parameters can absorb.
+
+For whitened residual r, basis Q of the free parameters and a candidate's columns C:
+    C~ = C - Q Q'C,    gain = r'C~ (C~'C~)^{-1} C~'r,
+the fall of the weighted square sum if the candidate were fitted jointly with everything else. Non-linear
+parameters run over their search grids. Evidence (Schwarz 1978; the last two terms pay for what was tried):
+    log B = n/2 log(S / (S - gain)) - k/2 log n - log(grid points) - log(candidates).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+
+from exactarm.diagnose.problem import Fitted
+from exactarm.effects.base import Effect
+
+_ABSORBED = 1e-6  # share of a column's square sum left after projection, below which geometry explains it
+_BLOCK_COLUMNS = 192
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """An effect at its best values in the linear picture, and what it would earn."""
+
+    effect: Effect
+    gain: float
+    free: int
+    tried: int
+    evidence: float
+    absorbed: bool = False
+
+    @property
+    def label(self) -> str:
+        return self.effect.label
+
+
+def log_evidence(square: float, gain: float, count: float, free: int, tried: float) -> float:
+    """Log Bayes factor of a candidate against the model without it."""
+    left = max(square - gain, 1e-12 * square)
+    return 0.5 * count * np.log(square / left) - 0.5 * free * np.log(count) - np.log(tried)
+
+
+def grid(effect: Effect) -> list[Effect]:
+    """The effect at every combination of its non-linear parameters' search values."""
+    parameters = effect.parameters()
+    searched = [(i, p.search) for i, p in enumerate(parameters) if p.search]
+    variants = []
+    for combination in product(*(values for _, values in searched)):
+        values = list(effect.values)
+        for (i, _), value in zip(searched, combination):
+            values[i] = value
+        variants.append(effect.with_values(values))
+    return variants
+
+
+def free_mask(effect: Effect) -> np.ndarray:
+    """(k,) the parameters that are estimated linearly: neither fixed nor searched."""
+    return np.array([not p.fixed and not p.search for p in effect.parameters()], bool)
+
+
+def scan(fitted: Fitted, candidates: list[Effect], count: float) -> list[Candidate]:
+    """All candidates, best evidence first; of each (name, axis) only its best point."""
+    residual, square = fitted.whitened, float(fitted.whitened @ fitted.whitened)
+    best: dict[str, Candidate] = {}
+    families = len({effect.label for effect in candidates})
+    variants = [(effect, point) for effect in candidates for point in grid(effect)]
+    tried = {effect.label: 0 for effect in candidates}
+    for effect, _ in variants:
+        tried[effect.label] += 1
+    block: list[tuple[Effect, np.ndarray]] = []
+    width = 0
+    for _, point in variants:
+        columns = fitted.columns(point)[:, free_mask(point)]
+        block.append((point, columns))
+        width += columns.shape[1]
+        if width >= _BLOCK_COLUMNS:
+            _score_block(fitted, block, residual, square, count, tried, families, best)
+            block, width = [], 0
+    if block:
+        _score_block(fitted, block, residual, square, count, tried, families, best)
+    return sorted(best.values(), key=lambda c: -c.evidence)
+
+
+def _score_block(fitted, block, residual, square, count, tried, families, best) -> None:
+    stacked = np.concatenate([columns for _, columns in block], axis=1)
+    before = np.einsum("ij,ij->j", stacked, stacked)
+    stacked -= fitted.basis @ (fitted.basis.T @ stacked)
+    onto = stacked.T @ residual
+    at = 0
+    for point, columns in block:
+        k = columns.shape[1]
+        where = slice(at, at + k)
+        at += k
+        normal = stacked[:, where].T @ stacked[:, where]
+        usable = np.diag(normal) > _ABSORBED * np.maximum(before[where], 1e-300)
+        gain, values = _gain(normal, onto[where], usable)
+        effect = _with_free(point, values)
+        if not _within_bounds(effect):
+            effect, gain = _bounded(point, normal, onto[where], usable)
+        evidence = log_evidence(square, gain, count, int(usable.sum()), tried[point.label] * families)
+        candidate = Candidate(effect, gain, int(usable.sum()), tried[point.label], evidence, not usable.any())
+        known = best.get(point.label)
+        if known is None or evidence > known.evidence:
+            best[point.label] = candidate
+
+
+def _gain(normal: np.ndarray, onto: np.ndarray, usable: np.ndarray) -> tuple[float, np.ndarray]:
+    """Fall of the square sum and the coefficients, on the usable columns."""
+    values = np.zeros(len(onto))
+    if not usable.any():
+        return 0.0, values
+    scale = np.sqrt(np.diag(normal)[usable])
+    scaled = normal[np.ix_(usable, usable)] / np.outer(scale, scale)
+    values[usable] = np.linalg.lstsq(scaled, onto[usable] / scale, rcond=1e-8)[0] / scale
+    return float(values @ onto), values
+
+
+def _with_free(point: Effect, values: np.ndarray) -> Effect:
+    new = np.array(point.values, float)
+    new[free_mask(point)] += values
+    return point.with_values(new)
+
+
+def _within_bounds(effect: Effect) -> bool:
+    return all(p.lower <= v <= p.upper for p, v in zip(effect.parameters(), effect.values))
+
+
+def _bounded(point: Effect, normal, onto, usable) -> tuple[Effect, float]:
+    """The best point inside the bounds: coordinates that leave them are clipped, the gain is taken there."""
+    _, values = _gain(normal, onto, usable)
+    free = free_mask(point)
+    parameters = [p for p, keep in zip(point.parameters(), free) if keep]
+    start = np.array(point.values)[free]
+    values = np.clip(start + values, [p.lower for p in parameters], [p.upper for p in parameters]) - start
+    gain = float(2.0 * values @ onto - values @ normal @ values)
+    return _with_free(point, values), max(gain, 0.0)
