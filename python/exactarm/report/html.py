@@ -10,8 +10,8 @@ import jinja2
 from markupsafe import Markup, escape
 
 from exactarm.report.plots.files import Drawing
-from exactarm.report.sections import Figure, Report, Table, Text
-from exactarm.report.terminal import columns_of
+from exactarm.report.sections import Figure, Highlights, Report, Table, Text
+from exactarm.report.terminal import columns_of, highlight_texts
 
 TEMPLATE = Path(__file__).parent / "page.html"
 
@@ -20,11 +20,14 @@ def render_html(report: Report, drawings: Sequence[Drawing] = ()) -> str:
     """The page; `drawings` are the report's figures in their order."""
     environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True,
                                      undefined=jinja2.StrictUndefined)
+    environment.filters["prose"] = _prose
     template = environment.from_string(TEMPLATE.read_text(encoding="utf-8"))
     pending = list(drawings)
     blocks = []
     for section in report.sections:
-        if isinstance(section, Table):
+        if isinstance(section, Highlights):
+            blocks.append(("highlights", [(item.label, *highlight_texts(item)) for item in section.items]))
+        elif isinstance(section, Table):
             blocks.append(("table", _table(section)))
         elif isinstance(section, Figure):
             blocks.append(("figure", {"section": section, "svg": _inline_svg(pending.pop(0).svg, section)}))
@@ -36,6 +39,12 @@ def render_html(report: Report, drawings: Sequence[Drawing] = ()) -> str:
 def _table(table: Table) -> dict:
     header, columns, numeric = columns_of(table)
     return {"section": table, "header": header, "rows": list(zip(*columns)), "numeric": numeric}
+
+
+def _prose(text: str) -> Markup:
+    """Text with `code` marked, and no line break between a number and its unit."""
+    html = re.sub(r"(?<=[\d\u2013]) (?=[%a-zA-Zµ±])", "\u00a0", str(escape(text)))
+    return Markup(re.sub(r"`([^`]+)`", r"<code>\1</code>", html))
 
 
 def _inline_svg(svg: str, figure: Figure) -> Markup:

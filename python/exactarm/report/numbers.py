@@ -28,8 +28,8 @@ SCALES: dict[str, tuple[tuple[str, float], ...]] = {
     "m/N": (("mm/N", 1e-3), ("µm/N", 1e-6), ("nm/N", 1e-9)),
     "Hz": (("kHz", 1e3), ("Hz", 1.0)),
 }
-# Lengths of a robot read best in mm well beyond 1 m, and angles in rad only when they are large.
-UPPER_LIMIT = {"mm": 1e4, "mrad": 1e2, "mrad/s": 1e2}
+# From which size a unit is used, in itself: 0.4 mm stays mm, but so does 2500 mm; and angles are rad only when large.
+LEAST = {"m": 10.0, "mm": 0.1, "rad": 0.1, "mrad": 0.1, "rad/s": 0.1, "mrad/s": 0.1, "s": 0.1}
 
 
 @dataclass(frozen=True)
@@ -47,10 +47,10 @@ def choose_scale(values: Sequence[float], unit: str) -> Scale:
     scales = SCALES.get(unit, ((unit, 1.0),))
     if largest == 0.0:
         return Scale(*scales[min(1, len(scales) - 1)])
-    for (shown, size), smaller in zip(scales, [*scales[1:], None]):
-        if smaller is None or (largest >= size and largest >= smaller[1] * UPPER_LIMIT.get(smaller[0], 1e3)):
+    for shown, size in scales[:-1]:
+        if largest >= size * LEAST.get(shown, 1.0):
             return Scale(shown, size)
-    raise AssertionError("unreachable: the last scale always suits")
+    return Scale(*scales[-1])
 
 
 def decimals_for(value: float, digits: int = SIGNIFICANT_DIGITS) -> int:
@@ -124,7 +124,7 @@ def _common_decimals(cells: Sequence[Cell], unit: str, scale: Scale) -> int | No
               if isinstance(cell, Quantity) and cell.unit == unit and cell.value and math.isfinite(cell.value)]
     if not values or min(values) < 1e-4 or max(values) >= 1e7:
         return None
-    return max(decimals_for(max(values)), decimals_for(min(values), digits=2))
+    return min(decimals_for(min(values)), decimals_for(max(values)) + 1)
 
 
 def _format(cell: Quantity | Estimate, scale: Scale, decimals: int | None) -> str:

@@ -63,6 +63,22 @@ class Figure:
 
 
 @dataclass(frozen=True)
+class Highlight:
+    """One number that matters most, and what it was before."""
+
+    label: str
+    value: Quantity
+    before: Quantity | None = None
+
+
+@dataclass(frozen=True)
+class Highlights:
+    """The few numbers that a reader must not miss, shown large, right after the verdict."""
+
+    items: tuple[Highlight, ...]
+
+
+@dataclass(frozen=True)
 class Text:
     """A heading and paragraphs."""
 
@@ -77,7 +93,7 @@ class Warnings:
     items: tuple[str, ...]
 
 
-Section = Union[Table, Figure, Text, Warnings]
+Section = Union[Highlights, Table, Figure, Text, Warnings]
 Tone = Literal["good", "caution", "bad", "plain"]
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import textwrap
 
 from exactarm.report.numbers import common_unit, format_cells
-from exactarm.report.sections import Estimate, Quantity, Report, Table, Text
+from exactarm.report.sections import Estimate, Highlight, Highlights, Quantity, Report, Table, Text
 
 WIDTH = 100
 MOST_ROWS = 40
@@ -15,7 +15,9 @@ def render_text(report: Report, width: int = WIDTH) -> str:
     """The whole report but its figures."""
     blocks = [report.title + "\n" + "=" * len(report.title), _wrap(report.verdict, width)]
     for section in report.sections:
-        if isinstance(section, Table):
+        if isinstance(section, Highlights):
+            blocks.append("\n".join(_highlights(section)))
+        elif isinstance(section, Table):
             blocks.append(_table(section, width))
         elif isinstance(section, Text):
             blocks.append("\n".join([section.heading, *(_wrap(paragraph, width, "  ") for paragraph in section.paragraphs)]))
@@ -26,6 +28,23 @@ def render_text(report: Report, width: int = WIDTH) -> str:
 def _wrap(text: str, width: int, indent: str = "", hanging: str = "") -> str:
     return textwrap.fill(" ".join(text.split()), width, initial_indent=indent, subsequent_indent=indent + hanging,
                          break_long_words=False, break_on_hyphens=False)
+
+
+def highlight_texts(highlight: Highlight) -> tuple[str, str | None]:
+    """The number and the number before, both with the same unit."""
+    if highlight.before is None:
+        return format_cells([highlight.value])[0], None
+    value, before = format_cells([highlight.value, highlight.before])
+    return value, before
+
+
+def _highlights(section: Highlights) -> list[str]:
+    width = max(len(highlight.label) for highlight in section.items)
+    lines = []
+    for highlight in section.items:
+        value, before = highlight_texts(highlight)
+        lines.append(f"  {highlight.label:<{width}}  " + (f"{before} → {value}" if before else value))
+    return lines
 
 
 def columns_of(table: Table) -> tuple[list[str], list[list[str]], list[bool]]:

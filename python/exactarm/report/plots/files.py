@@ -9,8 +9,6 @@ from typing import Callable, Sequence
 from exactarm.progress import SILENT, Progress
 from exactarm.report.sections import Figure
 
-PNG_DOTS_PER_INCH = 110
-
 
 @dataclass(frozen=True)
 class Drawing:
@@ -24,16 +22,14 @@ def draw(figures: Sequence[Figure], place: Callable[[str], Path], progress: Prog
     """Writes plots/NAME.svg and plots/NAME.png to `place(name)`; the same figure gives the same bytes."""
     if not figures:
         return []
-    from exactarm.report.plots.style import house_style
+    from exactarm.report.plots.style import house_style, write_picture
 
     drawings = []
     progress.stage("drawing", total=len(figures))
     with house_style():
         for figure in figures:
-            picture = figure.build()
             vector, raster = place(f"plots/{figure.name}.svg"), place(f"plots/{figure.name}.png")
-            picture.savefig(vector, format="svg", metadata={"Date": None, "Creator": None})
-            picture.savefig(raster, format="png", dpi=PNG_DOTS_PER_INCH, metadata={"Software": None})
+            write_picture(figure.build(), vector, raster)
             drawings.append(Drawing(figure, vector.read_text(encoding="utf-8")))
             progress.step(note=figure.name)
     return drawings

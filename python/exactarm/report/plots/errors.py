@@ -1,0 +1,49 @@
+"""Error of every pose (or run) before and after, and how often which error occurs."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from exactarm.report.plots.style import (
+    AFTER, BEFORE, FLOOR, VALIDATION, from_zero, label_with, legend_above, marker_size, new_figure, scaled,
+)
+
+
+def error_per_pose(before: np.ndarray, after: np.ndarray, validation: np.ndarray, unit: str = "m", *,
+                   noise_floor: float | None = None, name: str = "position error", row: str = "pose") -> Figure:
+    """Magnitudes before, after (N,) against the row; `validation` (N,) bool marks what was never fitted."""
+    size, shown = scaled(before, unit, after)
+    rows = np.arange(1, len(before) + 1)
+    figure = new_figure(3.6)
+    axes = figure.subplots()
+    fitted, dots = ~np.asarray(validation, bool), marker_size(len(rows))
+    axes.plot(rows, before / size, "o", color=BEFORE, markersize=dots, label="before", alpha=0.75)
+    axes.plot(rows[fitted], after[fitted] / size, "o", color=AFTER, markersize=dots, label="after, fitted")
+    axes.plot(rows[~fitted], after[~fitted] / size, "D", color=VALIDATION, markersize=dots, label="after, not fitted")
+    if noise_floor is not None:
+        axes.axhline(noise_floor / size, color=FLOOR, linestyle="--", label="noise of the measurement")
+    axes.set(xlabel=row, ylabel=label_with(name, shown), xlim=(0, len(rows) + 1))
+    from_zero(axes, before / size, after / size)
+    legend_above(axes)
+    return figure
+
+
+def error_histogram(before: np.ndarray, after: np.ndarray, unit: str = "m", *, noise_floor: float | None = None,
+                    name: str = "position error", of: str = "validation poses") -> Figure:
+    """How many rows have which error, before and after, in the same bins."""
+    size, shown = scaled(before, unit, after)
+    figure = new_figure(3.0)
+    axes = figure.subplots()
+    largest = float(max(np.max(before, initial=0.0), np.max(after, initial=0.0))) / size or 1.0
+    bins = np.linspace(0.0, largest, int(np.clip(2.0 * np.sqrt(len(before)), 12, 60)) + 1)
+    for values, colour, label in ((before, BEFORE, "before"), (after, AFTER, "after")):
+        mean = float(np.mean(values)) / size
+        axes.hist(values / size, bins, color=colour, alpha=0.7, edgecolor="white", linewidth=0.4,
+                  label=f"{label}: mean {mean:.3g} {shown}")
+    if noise_floor is not None:
+        axes.axvline(noise_floor / size, color=FLOOR, linestyle="--", label="noise of the measurement")
+    axes.set(xlabel=label_with(name, shown), ylabel=f"number of {of}", xlim=(0.0, largest))
+    axes.yaxis.get_major_locator().set_params(integer=True)
+    legend_above(axes)
+    return figure

@@ -1,0 +1,83 @@
+"""Parameters with their intervals, candidates by what they reach, singular values."""
+
+from __future__ import annotations
+
+from typing import Sequence
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from exactarm.report.numbers import format_cells
+from exactarm.report.plots.style import (
+    AFTER, BEFORE, FLOOR, GREY, INK, VALIDATION, label_with, legend_above, new_figure, scaled,
+)
+from exactarm.report.sections import Quantity
+
+ROW_IN = 0.21
+
+
+def parameter_forest(labels: Sequence[str], values: np.ndarray, low: np.ndarray, high: np.ndarray,
+                     units: Sequence[str]) -> Figure:
+    """Changes of the parameters (k,) with 95 % intervals; one panel per unit, zero = as declared."""
+    kinds = list(dict.fromkeys(units))
+    counts = [units.count(kind) if isinstance(units, list) else list(units).count(kind) for kind in kinds]
+    figure = new_figure(max(1.6, 0.75 + ROW_IN * max(counts)))
+    panels = figure.subplots(1, len(kinds), squeeze=False)[0]
+    for axes, kind in zip(panels, kinds):
+        chosen = [index for index, unit in enumerate(units) if unit == kind]
+        _forest_panel(axes, [labels[index] for index in chosen], values[chosen], low[chosen], high[chosen], kind)
+    return figure
+
+
+def _forest_panel(axes, labels, values, low, high, unit) -> None:
+    size, shown = scaled(values, unit, low, high)
+    rows = np.arange(len(values))[::-1]
+    certain = (low > 0.0) | (high < 0.0)
+    axes.axvline(0.0, color=INK, linewidth=0.8)
+    for mask, colour in ((certain, AFTER), (~certain, GREY)):
+        axes.hlines(rows[mask], low[mask] / size, high[mask] / size, color=colour, linewidth=2.0)
+        axes.plot(values[mask] / size, rows[mask], "o", color=colour, markersize=4.5)
+    axes.set_yticks(rows, labels)
+    axes.set(xlabel=label_with("change", shown), ylim=(-0.7, len(values) - 0.3))
+    axes.grid(axis="y", visible=False)
+
+
+def candidate_bars(labels: Sequence[str], values: np.ndarray, unit: str, *, before: float | None = None,
+                   noise_floor: float | None = None, chosen: Sequence[bool] | None = None,
+                   name: str = "validation RMS with this effect") -> Figure:
+    """What each candidate would leave (k,), best first as given; a line where the error is without any."""
+    size, shown = scaled(values, unit, np.array([before or 0.0]))
+    chosen = np.zeros(len(values), bool) if chosen is None else np.asarray(chosen, bool)
+    figure = new_figure(0.95 + 1.25 * ROW_IN * len(values))
+    axes = figure.subplots()
+    rows = np.arange(len(values))[::-1]
+    axes.barh(rows, np.asarray(values) / size, height=0.66, color=np.where(chosen, AFTER, "#C7CBD1"))
+    texts = format_cells([Quantity(float(value) / size) for value in values])
+    for row, value, text in zip(rows, values, texts):
+        axes.annotate(text, (value / size, row), (5, 0), textcoords="offset points", va="center", fontsize=8.5,
+                      color=INK, bbox={"boxstyle": "square,pad=0.12", "facecolor": "white", "edgecolor": "none"})
+    for level, colour, label in ((before, VALIDATION, "without any of them"), (noise_floor, FLOOR, "noise")):
+        if level is not None:
+            axes.axvline(level / size, color=colour, linestyle="--", label=label)
+    axes.set_yticks(rows, labels)
+    axes.set(xlabel=label_with(name, shown), ylim=(-0.6, len(values) - 0.4))
+    axes.set_xlim(0.0, 1.12 * max([*values, before or 0.0]) / size)
+    axes.grid(axis="y", visible=False)
+    legend_above(axes)
+    return figure
+
+
+def singular_values(values: np.ndarray, rank: int) -> Figure:
+    """Singular values (k,) in falling order; those beyond `rank` cannot be identified."""
+    figure = new_figure(3.0)
+    axes = figure.subplots()
+    number = np.arange(1, len(values) + 1)
+    floor = np.finfo(float).eps * float(values[0]) if len(values) else 1.0
+    drawn = np.maximum(values, floor)
+    axes.semilogy(number[:rank], drawn[:rank], "o", color=AFTER, markersize=5, label=f"identifiable: {rank}")
+    axes.semilogy(number[rank:], drawn[rank:], "X", color=VALIDATION, markersize=6,
+                  label=f"not identifiable: {len(values) - rank}")
+    axes.axvline(rank + 0.5, color=BEFORE, linestyle="--", linewidth=1.0)
+    axes.set(xlabel="number", ylabel="singular value (scaled columns)", xlim=(0, len(values) + 1))
+    legend_above(axes)
+    return figure

@@ -1,0 +1,86 @@
+"""A residual against the signal that it follows, and its spectrum."""
+
+from __future__ import annotations
+
+from typing import Sequence
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from exactarm.report.plots.style import (
+    AFTER, BEFORE, INK, ORANGE, RASTER_ABOVE, VALIDATION, label_with, legend_above, marker_size, new_figure, scaled,
+)
+
+BINS = 24
+
+
+def residual_over_signal(signal: np.ndarray, before: np.ndarray, after: np.ndarray | None, *, unit: str,
+                         name: str, signal_name: str, signal_unit: str = "") -> Figure:
+    """Signed residuals (N,) over a signal (N,), before and after side by side, with means of equal-count bins."""
+    size, shown = scaled(before, unit, after)
+    x_size, x_shown = scaled(signal, signal_unit)
+    figure = new_figure(3.5)
+    count = 1 if after is None else 2
+    panels = figure.subplots(1, count, sharex=True, sharey=True, squeeze=False)[0]
+    for axes, values, title, colour in zip(panels, (before, after), ("before", "after"), (BEFORE, AFTER)):
+        axes.plot(signal / x_size, values / size, "o", color=colour, markersize=0.8 * marker_size(len(signal)),
+                  alpha=0.55, markeredgewidth=0.0, rasterized=len(signal) > RASTER_ABOVE)
+        centre, mean, half = binned_mean(signal, values)
+        axes.errorbar(centre / x_size, mean / size, half / size, color=INK, linewidth=1.5, marker="o", markersize=3.5,
+                      capsize=0, elinewidth=1.2, label="mean of a bin, ± 95 %")
+        axes.axhline(0.0, color=INK, linewidth=0.7)
+        rms = float(np.sqrt(np.mean(np.square(values)))) / size
+        axes.set_title(f"{title}: RMS {rms:.3g} {shown}")
+        axes.set_xlabel(label_with(signal_name, x_shown))
+    panels[0].set_ylabel(label_with(name, shown))
+    legend_above(panels[-1], "right")
+    return figure
+
+
+def binned_mean(signal: np.ndarray, values: np.ndarray, bins: int = BINS) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Centre, mean and half width of its 95 % interval in bins of equal count; few distinct values: one bin each."""
+    distinct = np.unique(signal)
+    if len(distinct) <= bins // 2:
+        groups = [np.flatnonzero(signal == value) for value in distinct]
+    else:
+        wanted = int(np.clip(len(signal) // 8, 2, bins))
+        groups = [group for group in np.array_split(np.argsort(signal, kind="stable"), wanted) if len(group)]
+    centre = np.array([signal[group].mean() for group in groups])
+    mean = np.array([values[group].mean() for group in groups])
+    half = np.array([1.96 * values[group].std(ddof=1) / np.sqrt(len(group)) if len(group) > 1 else 0.0
+                     for group in groups])
+    return centre, mean, half
+
+
+def spectrum(frequency: np.ndarray, before: np.ndarray, after: np.ndarray | None = None, *, unit: str, name: str,
+             frequency_name: str = "order", frequency_unit: str = "per output revolution",
+             marks: Sequence[tuple[float, str]] = (), threshold: float | None = None) -> Figure:
+    """Amplitudes (N,) over order or frequency; `marks` name peaks, `threshold` is what chance reaches."""
+    size, shown = scaled(before, unit, after)
+    figure = new_figure(3.3)
+    axes = figure.subplots()
+    axes.plot(frequency, before / size, color=BEFORE, linewidth=1.2, label="before")
+    if after is not None:
+        axes.plot(frequency, after / size, color=AFTER, linewidth=1.2, label="after")
+    if threshold is not None:
+        axes.axhline(threshold / size, color=ORANGE, linestyle="--", linewidth=1.0, label="reached by chance (5 %)")
+    top = float(np.nanmax(before)) / size if len(before) else 1.0
+    for position, text in _spread(marks, float(np.ptp(frequency)) * 0.05 if len(frequency) else 1.0):
+        height = float(np.interp(position[0], frequency, before)) / size
+        axes.annotate(text, (position[0], height), (position[1], top * 1.12), ha="center", va="bottom", fontsize=8.5,
+                      color=VALIDATION, arrowprops={"arrowstyle": "-", "color": VALIDATION, "linewidth": 0.7})
+    axes.set(xlabel=label_with(frequency_name, frequency_unit), ylabel=label_with(name, shown),
+             ylim=(0.0, top * (1.28 if len(marks) else 1.08) or 1.0))
+    if len(frequency):
+        axes.set_xlim(float(frequency[0]), float(frequency[-1]))
+    legend_above(axes)
+    return figure
+
+
+def _spread(marks: Sequence[tuple[float, str]], gap: float) -> list[tuple[tuple[float, float], str]]:
+    """Places of the texts, moved apart to at least `gap`."""
+    placed, last = [], -np.inf
+    for position, text in sorted(marks):
+        last = max(position, last + gap)
+        placed.append(((position, last), text))
+    return placed

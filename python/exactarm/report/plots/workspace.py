@@ -1,0 +1,49 @@
+"""Poses and paths in the workspace, seen from above and from the side."""
+
+from __future__ import annotations
+
+from typing import Mapping
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from exactarm.report.plots.style import AFTER, CYCLE, INK, VALIDATION, new_figure
+
+VIEWS = (("from above", 0, 1), ("from the side", 0, 2))
+AXIS_NAMES = ("x [m]", "y [m]", "z [m]")
+
+
+def poses_view(points: np.ndarray, validation: np.ndarray | None = None) -> Figure:
+    """Measured points (N, 3) in the robot's base frame; `validation` (N,) bool are drawn as diamonds."""
+    fitted = np.ones(len(points), bool) if validation is None else ~np.asarray(validation, bool)
+    figure, panels = _views()
+    for axes, (_, i, j) in zip(panels, VIEWS):
+        axes.plot(points[fitted, i], points[fitted, j], "o", color=AFTER, markersize=4, label="identification")
+        if not fitted.all():
+            axes.plot(points[~fitted, i], points[~fitted, j], "D", color=VALIDATION, markersize=4, label="validation")
+    _finish(figure, panels)
+    return figure
+
+
+def path_view(paths: Mapping[str, np.ndarray]) -> Figure:
+    """Paths label -> (N, 3) of the flange in the base frame."""
+    figure, panels = _views()
+    for axes, (_, i, j) in zip(panels, VIEWS):
+        for (label, path), colour in zip(paths.items(), CYCLE):
+            axes.plot(path[:, i], path[:, j], color=colour, label=label)
+    _finish(figure, panels)
+    return figure
+
+
+def _views():
+    figure = new_figure(4.0)
+    return figure, figure.subplots(1, 2)
+
+
+def _finish(figure: Figure, panels) -> None:
+    for axes, (title, i, j) in zip(panels, VIEWS):
+        axes.plot(0.0, 0.0, "+", color=INK, markersize=11, markeredgewidth=1.6, label="robot base")
+        axes.set(title=title, xlabel=AXIS_NAMES[i], ylabel=AXIS_NAMES[j])
+        axes.set_aspect("equal", adjustable="datalim")
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper right", ncols=len(labels))
