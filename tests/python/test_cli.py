@@ -18,8 +18,9 @@ COMMAND = '''
 import time
 import numpy as np
 from exactarm.commands.arguments import add_files, add_robot
-from exactarm.commands.result import CommandResult, error_summary, estimate
+from exactarm.commands.result import CommandResult, estimate
 from exactarm.errors import ComputationError, InputError
+from exactarm.identify.statistics import summarise
 from exactarm.report import Estimate, Report, Table
 
 NAME = "weigh"
@@ -42,7 +43,7 @@ def run(arguments):
         time.sleep(0.05)
     report = Report("Weight", "The robot weighs 48 kg.",
                     (Table("Mass", ("link", "mass"), ((1, Estimate(12.0, 11.5, 12.5, "kg")),)),), tone="good")
-    body = {"mass": estimate(np.float64(12.0), 11.5, np.inf), "error": error_summary(np.array([3.0, -4.0])),
+    body = {"mass": estimate(np.float64(12.0), 11.5, np.inf), "error": summarise(np.array([3.0, 4.0])),
             "seeded": arguments.seed, "missing": float("nan"), "list": np.arange(2)}
     return CommandResult(json=body, report=report, tables={"weights.csv": {"link": [1, 2], "mass_kg": [12.0, np.nan]}})
 '''

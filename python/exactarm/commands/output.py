@@ -90,6 +90,8 @@ def plain(value: Any) -> Any:
         return float(value) if math.isfinite(value) else None
     if value is None or isinstance(value, str):
         return value
+    if hasattr(value, "to_json"):
+        return plain(value.to_json())
     return str(value)
 
 

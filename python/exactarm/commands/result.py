@@ -1,11 +1,9 @@
-"""What a command hands back, and the two forms that numbers take in result.json."""
+"""What a command hands back, and the form of an estimated number in result.json."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 from typing import Any, Mapping, Sequence
-
-import numpy as np
 
 from exactarm.report.sections import Report
 from exactarm.robot import Robot
@@ -15,7 +13,7 @@ from exactarm.robot import Robot
 class CommandResult:
     """All results of one command; the frame writes them.
 
-    json        the command's own keys of result.json (SI units; arrays and NaN are taken care of)
+    json        the command's own keys of result.json (SI units; arrays, NaN, objects with to_json() may be in it)
     report      goes to the terminal, to report.html and, its figures, to plots/
     robot       written as robot.toml
     tables      file name -> columns (name with unit -> (N,) values); .csv or .parquet by the name
@@ -35,18 +33,3 @@ class CommandResult:
 def estimate(value: float, low: float, high: float) -> dict[str, Any]:
     """An estimated number with its 95 % interval."""
     return {"value": value, "ci95": [low, high]}
-
-
-def error_summary(errors: np.ndarray) -> dict[str, Any]:
-    """S of the errors (N,), each >= 0 or signed; mean, max, min and std are of their magnitudes."""
-    magnitude = np.abs(np.asarray(errors, dtype=float).ravel())
-    if magnitude.size == 0:
-        return {"n": 0, "mean": None, "rms": None, "max": None, "min": None, "std": None}
-    return {
-        "n": int(magnitude.size),
-        "mean": float(magnitude.mean()),
-        "rms": float(np.sqrt(np.mean(magnitude**2))),
-        "max": float(magnitude.max()),
-        "min": float(magnitude.min()),
-        "std": float(magnitude.std()),
-    }

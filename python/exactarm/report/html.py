@@ -42,9 +42,8 @@ def _table(table: Table) -> dict:
 
 
 def _prose(text: str) -> Markup:
-    """Text with `code` marked, and no line break between a number and its unit."""
-    html = re.sub(r"(?<=[\d\u2013]) (?=[%a-zA-Zµ±])", "\u00a0", str(escape(text)))
-    return Markup(re.sub(r"`([^`]+)`", r"<code>\1</code>", html))
+    """Text with its `code` marked."""
+    return Markup(re.sub(r"`([^`]+)`", r"<code>\1</code>", str(escape(text))))
 
 
 def _inline_svg(svg: str, figure: Figure) -> Markup:

@@ -114,8 +114,9 @@ def format_cells(cells: Sequence[Cell], with_unit: bool = True) -> list[str]:
 
 
 def _scale_of(cells: Sequence[Cell], unit: str) -> Scale:
-    return choose_scale([cell.value for cell in cells if isinstance(cell, (Quantity, Estimate)) and cell.unit == unit],
-                        unit)
+    numbers = [cell for cell in cells if isinstance(cell, (Quantity, Estimate)) and cell.unit == unit]
+    halves = [_half_width(cell) for cell in numbers if isinstance(cell, Estimate)]
+    return choose_scale([cell.value for cell in numbers] + halves, unit)
 
 
 def _common_decimals(cells: Sequence[Cell], unit: str, scale: Scale) -> int | None:

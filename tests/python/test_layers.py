@@ -1,0 +1,141 @@
+"""The rules of the house that a machine can check: imports run downwards only, small files, no special cases."""
+
+import ast
+import re
+from pathlib import Path
+
+import pytest
+
+TOP = Path(__file__).parents[2]
+PYTHON, CPP = TOP / "python" / "exactarm", TOP / "cpp"
+MOST_LINES = 420
+
+MODEL = {"leaf", "effects", "chain", "robot_file"}
+REPORT = {"errors", "progress", "report"}
+# Room -> rooms that it may import. A module directly in the package is a leaf unless it is named here.
+MAY_IMPORT = {
+    "leaf": {"leaf"},
+    "effects": MODEL - {"robot_file"},
+    "chain": MODEL - {"robot_file"},
+    "robot_file": MODEL,
+    "identify": MODEL | {"identify"},
+    "plan": MODEL | {"plan"},
+    "simulate": MODEL | {"simulate"},
+    "diagnose": MODEL | {"identify", "diagnose"},
+    "report": REPORT,
+    "commands": MODEL | {"identify", "plan", "simulate", "diagnose", "report", "commands"},
+    "cli": {"leaf", "commands"},
+    "__main__": {"cli"},
+}
+CPP_MAY_INCLUDE = {
+    "base": {"base"},
+    "robot": {"base", "robot"},
+    "nlp": {"base", "nlp"},
+    "ocp": {"base", "robot", "nlp", "ocp"},
+}
+
+
+def python_files():
+    return sorted(PYTHON.rglob("*.py"))
+
+
+def own_files():
+    folders = [TOP / name for name in ("cpp", "python", "bench", "tests")]
+    kinds = {".py", ".hpp", ".cpp", ".h", ".html"}
+    return sorted(path for folder in folders for path in folder.rglob("*") if path.suffix in kinds)
+
+
+def room_of(module: str) -> str:
+    """The room of exactarm.a.b; a module directly in the package that has no rules of its own is a leaf."""
+    name = module.split(".")[1]
+    return name if name in MAY_IMPORT or (PYTHON / name).is_dir() else "leaf"
+
+
+def imported_modules(tree: ast.AST):
+    """Names exactarm.x that a module imports when it runs; imports for type checkers do not count."""
+    for node in ast.iter_child_nodes(tree):
+        if isinstance(node, ast.If) and getattr(node.test, "id", "") == "TYPE_CHECKING":
+            continue
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names if alias.name.startswith("exactarm."))
+        elif isinstance(node, ast.ImportFrom) and node.module == "exactarm":
+            yield from (f"exactarm.{alias.name}" for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and (node.module or "").startswith("exactarm."):
+            yield node.module
+        else:
+            yield from imported_modules(node)
+
+
+@pytest.mark.parametrize("path", python_files(), ids=lambda path: str(path.relative_to(PYTHON)))
+def test_imports_run_downwards(path):
+    module = "exactarm." + ".".join(path.relative_to(PYTHON).with_suffix("").parts)
+    if module == "exactarm.__init__":
+        pytest.skip("the package itself imports nothing")
+    room = room_of(module)
+    assert room in MAY_IMPORT, f"the folder {room} is new: say what it may import"
+    for name in imported_modules(ast.parse(path.read_text())):
+        target = name.split(".")[1] if room == "report" else room_of(name)
+        assert target in MAY_IMPORT[room], f"{module} imports {name}"
+
+
+def test_the_package_itself_imports_nothing():
+    assert not list(imported_modules(ast.parse((PYTHON / "__init__.py").read_text())))
+
+
+@pytest.mark.parametrize("room", sorted(CPP_MAY_INCLUDE))
+def test_includes_run_downwards(room):
+    for path in (CPP / "exactarm" / room).glob("*.?pp"):
+        for target in re.findall(r'#include\s+["<]exactarm/(\w+)/', path.read_text()):
+            assert target in CPP_MAY_INCLUDE[room], f"{path.name} includes {target}"
+
+
+def test_every_room_of_the_core_has_rules():
+    assert {path.name for path in (CPP / "exactarm").iterdir() if path.is_dir()} <= set(CPP_MAY_INCLUDE)
+
+
+def test_the_core_knows_no_python():
+    for path in (CPP / "exactarm").rglob("*.?pp"):
+        assert "pybind11" not in path.read_text(), path.name
+
+
+@pytest.mark.parametrize("path", own_files(), ids=lambda path: str(path.relative_to(TOP)))
+def test_files_are_small_and_named_for_a_concept(path):
+    assert len(path.read_text().splitlines()) <= MOST_LINES
+    assert not re.search(r"utils?|helpers?|tools|misc", path.stem)
+
+
+def test_every_module_says_what_it_is():
+    for path in python_files():
+        assert ast.get_docstring(ast.parse(path.read_text())), path
+    for path in (CPP / "exactarm").rglob("*.hpp"):
+        assert path.read_text().startswith("//"), path
+
+
+def test_only_the_command_line_prints():
+    for path in python_files():
+        calls = [node for node in ast.walk(ast.parse(path.read_text()))
+                 if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "print"]
+        assert not calls or path.name == "cli.py", path
+
+
+def effect_names():
+    names = set()
+    for path in (PYTHON / "effects").glob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text())):
+            target = node.targets[0] if isinstance(node, ast.Assign) else getattr(node, "target", None)
+            value = getattr(node, "value", None)
+            if getattr(target, "id", "") == "name" and isinstance(value, ast.Constant) and value.value:
+                names.add(value.value)
+    return names
+
+
+def test_no_room_treats_an_effect_specially():
+    names = effect_names()
+    assert "joint_compliance" in names
+    for path in python_files():
+        if PYTHON / "effects" in path.parents:
+            continue
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, (ast.Compare, ast.MatchValue)):
+                words = {part.value for part in ast.walk(node) if isinstance(part, ast.Constant)}
+                assert not words & names, f"{path.name}:{node.lineno} compares with the name of an effect"

@@ -1,0 +1,273 @@
+"""What a person reads: numbers, terminal text, the page, and pictures that come out the same every time."""
+
+import re
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+from exactarm.progress import Progress
+from exactarm.report import Estimate, Figure, Highlight, Highlights, Quantity, Report, Table, Text, Warnings
+from exactarm.report.html import render_html
+from exactarm.report.numbers import choose_scale, estimate, format_cells, number, quantity
+from exactarm.report.plots import curves, design, errors, parameters, residual, workspace
+from exactarm.report.plots.files import draw
+from exactarm.report.plots.style import house_style
+from exactarm.report.terminal import render_text
+
+RANDOM = np.random.default_rng(11)
+
+
+@pytest.mark.parametrize("value, unit, text", [
+    (0.000382, "m", "0.382 mm"),
+    (0.0000312, "m", "31.2 µm"),
+    (1.25, "m", "1250 mm"),
+    (0.0, "m", "0 mm"),
+    (-0.00123, "rad", "−1.23 mrad"),
+    (1.5708, "rad", "1.57 rad"),
+    (2.5e-5, "rad", "25.0 µrad"),
+    (812345.0, "Nm/rad", "812 kNm/rad"),
+    (3.4e-7, "rad/Nm", "340 nrad/Nm"),
+    (12.0, "Nm", "12.0 Nm"),
+    (0.97, "", "0.970"),
+    (4.2e-9, "", "4.20e−9"),
+    (None, "m", "–"),
+    (float("nan"), "m", "–"),
+])
+def test_a_quantity_chooses_its_prefix_and_digits(value, unit, text):
+    assert quantity(value, unit) == text
+
+
+@pytest.mark.parametrize("value, half, unit, text", [
+    (0.0004, 0.00002, "rad", "0.400 ± 0.020 mrad"),
+    (0.61234567, 0.000012, "m", "612.346 ± 0.012 mm"),
+    (120.4, 33.0, "Nm", "120 ± 33 Nm"),
+    (0.00051, 0.0, "m", "0.510 mm"),
+    (0.00051, float("inf"), "m", "0.510 mm"),
+    (-1e-9, 1.0e-3, "m", "0.0 ± 1.0 mm"),
+])
+def test_an_estimate_has_the_digits_that_its_interval_allows(value, half, unit, text):
+    assert estimate(value, value - half, value + half, unit) == text
+
+
+def test_a_column_shares_one_prefix():
+    cells = [Quantity(0.00193, "m"), Quantity(0.000378, "m"), None, "none"]
+    assert format_cells(cells) == ["1.930 mm", "0.378 mm", "–", "none"]
+
+
+def test_a_scale_is_found_for_every_size():
+    for exponent in range(-15, 10):
+        assert choose_scale([10.0**exponent], "m").size in (1.0, 1e-3, 1e-6)
+    assert number(10.0) == "10.0"
+
+
+def picture():
+    axes_values = np.array([1.0, 2.0, 4.0])
+    return curves.curves(axes_values, {"a": axes_values * 1e-3}, unit="m", name="error")
+
+
+REPORT = Report(
+    "Calibration of ur10",
+    "The mean position error on poses that were never fitted falls from 1.93 mm to 0.378 mm, "
+    "which is about what the measurement allows.",
+    (
+        Highlights((
+            Highlight("validation, mean", Quantity(0.378e-3, "m"), Quantity(1.93e-3, "m")),
+            Highlight("noise", Quantity(31e-6, "m")),
+        )),
+        Table("Position error", ("", "poses", "mean", "maximum"), (
+            ("before", 60, Quantity(1.95e-3, "m"), Quantity(3.3e-3, "m")),
+            ("after", 60, Quantity(0.378e-3, "m"), Quantity(0.98e-3, "m")),
+        ), note="Drawn at random (seed 1).", emphasis=1),
+        Warnings(("`spring_3` is at its bound: axis 3 looks rigid on this data & cannot be told from a rigid one.",)),
+        Table("Parameters", ("parameter", "change"), (
+            ("d_1", Estimate(-0.54e-3, -0.78e-3, -0.30e-3, "m")),
+            ("alpha_1", Estimate(0.6021e-3, 0.5171e-3, 0.6871e-3, "rad")),
+            ("a_2", None),
+        )),
+        Text("What stays", ("The residual follows axis 2; `exactarm diagnose` says why.",)),
+        Figure("curve", "A curve", picture, "It rises.", 'A "rising" curve'),
+    ),
+    tone="good",
+    details={"robot": "ur10", "files": "<b>.csv"},
+)
+
+GOLDEN = """\
+Calibration of ur10
+===================
+
+The mean position error on poses that were never fitted falls from 1.93 mm to 0.378 mm, which is
+about what the measurement allows.
+
+  validation, mean  1.930 mm → 0.378 mm
+  noise             31.0 µm
+
+Position error
+          poses  mean [mm]  maximum [mm]
+  before     60      1.950         3.300
+  after      60      0.378         0.980
+  Drawn at random (seed 1).
+
+Parameters
+  parameter              change
+  d_1           −0.54 ± 0.24 mm
+  alpha_1    0.602 ± 0.085 mrad
+  a_2                         –
+
+What stays
+  The residual follows axis 2; `exactarm diagnose` says why.
+
+warning: `spring_3` is at its bound: axis 3 looks rigid on this data & cannot be told from a rigid
+  one.
+"""
+
+
+def test_the_terminal_shows_verdict_then_numbers_then_warnings():
+    assert render_text(REPORT) == GOLDEN
+
+
+def test_a_long_table_is_cut_on_the_terminal_only():
+    table = Table("Many", ("n",), tuple((row,) for row in range(100)))
+    report = Report("T", "V.", (table,))
+    assert "... 60 more in report.html" in render_text(report)
+    assert "<td class=\"number\">99</td>" in render_html(report)
+
+
+def test_a_table_refuses_rows_of_another_length():
+    with pytest.raises(ValueError, match="row 1: 1 cells, expected 2"):
+        Table("T", ("a", "b"), ((1, 2), (1,)))
+
+
+@pytest.fixture
+def page(tmp_path):
+    def place(name):
+        (tmp_path / "plots").mkdir(exist_ok=True)
+        return tmp_path / name
+
+    return render_html(REPORT, draw(REPORT.figures, place))
+
+
+def test_the_page_needs_nothing_but_itself(page):
+    addresses = set(re.findall(r"https?://[^\s\"'<>]+", page))
+    assert all(address.startswith("http://www.w3.org/") for address in addresses)
+    assert not re.search(r"<script|<link|<img|@import|src=", page)
+
+
+def test_the_page_is_well_formed_and_escapes_what_it_is_told(page):
+    body = page[page.index("<main>"):page.index("</main>") + len("</main>")]
+    root = ElementTree.fromstring(body)
+    assert root.find(".//h1").text == "Calibration of ur10"
+    assert "<b>.csv" in "".join(root.itertext()) and "&lt;b&gt;.csv" in page
+    (drawing,) = root.iter("{http://www.w3.org/2000/svg}svg")
+    assert drawing.get("aria-label") == 'A "rising" curve' and drawing.get("width") is None
+    assert [code.text for code in root.iter("code")] == ["spring_3", "exactarm diagnose"]
+
+
+def test_the_ids_of_all_drawings_differ_and_are_found(tmp_path):
+    figures = tuple(Figure(name, name, picture, "", name) for name in ("one", "two"))
+    (tmp_path / "plots").mkdir()
+    html = render_html(Report("T", "V.", figures), draw(figures, lambda name: tmp_path / name))
+    ids = re.findall(r'\bid="([^"]+)"', html)
+    assert len(ids) == len(set(ids))
+    assert set(re.findall(r'href="#([^"]+)"', html)) | set(re.findall(r"url\(#([^)]+)\)", html)) <= set(ids)
+
+
+def test_the_same_figure_gives_the_same_files(tmp_path):
+    files = []
+    for folder in (tmp_path / "a", tmp_path / "b"):
+        (folder / "plots").mkdir(parents=True)
+        draw(REPORT.figures, lambda name: folder / name)
+        files.append({path.name: path.read_bytes() for path in (folder / "plots").iterdir()})
+    assert files[0] == files[1] and set(files[0]) == {"curve.svg", "curve.png"}
+
+
+COUNT = 60
+SIGNAL, NOISE = RANDOM.uniform(-3, 3, COUNT), RANDOM.normal(0, 1e-4, COUNT)
+MAGNITUDE, MASK = np.abs(RANDOM.normal(1e-3, 2e-4, COUNT)), RANDOM.random(COUNT) < 0.3
+NAMES, UNITS = ["d_1", "alpha_1", "a_2"], ["m", "rad", "m"]
+PLOTS = {
+    "error_per_pose": lambda: errors.error_per_pose(2 * MAGNITUDE, MAGNITUDE, MASK, noise_floor=1e-4),
+    "error_per_pose, none held out": lambda: errors.error_per_pose(MAGNITUDE, MAGNITUDE, np.zeros(COUNT, bool)),
+    "error_histogram": lambda: errors.error_histogram(2 * MAGNITUDE, MAGNITUDE, noise_floor=1e-4),
+    "error_histogram of zeros": lambda: errors.error_histogram(np.zeros(3), np.zeros(3)),
+    "forest": lambda: parameters.parameter_forest(NAMES, np.array([1e-3, 2e-3, 0.0]), np.array([0.0, 1e-3, -1e-3]),
+                                                  np.array([2e-3, 3e-3, 1e-3]), UNITS),
+    "candidates": lambda: parameters.candidate_bars(["backlash_2", "payload"], np.array([1e-4, 3e-4]), "m",
+                                                    before=3.1e-4, noise_floor=9e-5, chosen=[True, False]),
+    "singular_values": lambda: parameters.singular_values(np.array([3.0, 1.0, 0.0]), 2),
+    "residual": lambda: residual.residual_over_signal(SIGNAL, NOISE, NOISE / 2, unit="m", name="residual",
+                                                      signal_name="angle", signal_unit="rad"),
+    "residual before": lambda: residual.residual_over_signal(np.sign(SIGNAL), NOISE, None, unit="m", name="residual",
+                                                             signal_name="direction"),
+    "spectrum": lambda: residual.spectrum(np.arange(COUNT), MAGNITUDE, MAGNITUDE / 2, unit="rad", name="amplitude",
+                                          marks=[(3.0, "3"), (4.0, "4")], threshold=1e-3),
+    "curves": lambda: curves.curves(np.arange(COUNT) + 1.0, {"a": MAGNITUDE, "b": SIGNAL**2}, log_x=True, log_y=True),
+    "curves_per_axis": lambda: curves.curves_per_axis(np.arange(9.0), {"a": np.ones((9, 7)), "b": np.zeros((9, 7))},
+                                                      unit="Nm", name="torque"),
+    "poses_view": lambda: workspace.poses_view(RANDOM.random((COUNT, 3)), MASK),
+    "path_view": lambda: workspace.path_view({"path": RANDOM.random((COUNT, 3))}),
+    "observability": lambda: design.observability_over_steps(np.arange(5.0), references={"random": 2.0}),
+}
+
+
+@pytest.mark.parametrize("name", PLOTS)
+def test_every_plot_names_its_axes_and_overlaps_no_text(name):
+    with house_style():
+        drawing = PLOTS[name]()
+        drawing.draw_without_rendering()
+        for axes in filter(lambda axes: axes.get_visible(), drawing.axes):
+            assert axes.get_xlabel() or axes not in drawing.axes[-3:]
+            boxes = [label.get_window_extent() for label in axes.get_xticklabels()
+                     if label.get_text() and axes.get_xlim()[0] <= label.get_position()[0] <= axes.get_xlim()[1]]
+            assert all(right.x0 >= left.x1 for left, right in zip(boxes, boxes[1:])), "tick labels overlap"
+        assert drawing.axes[0].get_ylabel() or [label.get_text() for label in drawing.axes[0].get_yticklabels()]
+
+
+def test_an_envelope_keeps_the_extremes():
+    x = np.arange(100000.0)
+    y = RANDOM.normal(size=x.size)
+    thin_x, thin_y = curves.envelope(x, y)
+    assert len(thin_x) <= curves.MOST_POINTS
+    assert thin_y.max() == y.max() and thin_y.min() == y.min() and np.all(np.diff(thin_x) > 0)
+
+
+def test_binned_means_cover_a_known_line():
+    centre, mean, half = residual.binned_mean(SIGNAL, 2.0 * SIGNAL)
+    assert np.allclose(mean, 2.0 * centre) and np.all(half > 0)
+    centre, mean, _ = residual.binned_mean(np.array([-1.0, 1.0, -1.0, 1.0]), np.array([1.0, 3.0, 2.0, 5.0]))
+    assert list(centre) == [-1.0, 1.0] and list(mean) == [1.5, 4.0]
+
+
+class Screen:
+    """A stream that remembers; a terminal or a pipe."""
+
+    def __init__(self, terminal):
+        self.terminal, self.text = terminal, ""
+
+    def isatty(self):
+        return self.terminal
+
+    def write(self, text):
+        self.text += text
+
+    def flush(self):
+        pass
+
+
+def test_progress_updates_one_line_on_a_terminal_and_clears_it():
+    screen, seconds = Screen(True), iter(np.arange(0.0, 100.0, 1.0))
+    progress = Progress(screen, clock=lambda: next(seconds))
+    progress.stage("fitting", total=2)
+    progress.step(note="backlash_2")
+    progress.close()
+    assert "\n" not in screen.text and "fitting 1/2: backlash_2" in screen.text and screen.text.endswith("\r\x1b[K")
+
+
+def test_progress_is_rare_plain_lines_in_a_pipe():
+    screen, seconds = Screen(False), iter(np.arange(0.0, 100.0, 0.5))
+    progress = Progress(screen, clock=lambda: next(seconds))
+    progress.stage("fitting", total=20)
+    for _ in range(20):
+        progress.step()
+    progress.close()
+    assert screen.text == "fitting 5/20\nfitting 11/20\nfitting 17/20\n"
