@@ -21,6 +21,7 @@ py::array_t<double> new_array(Sizes... sizes) {
 void bind_robot(py::module_& module);
 void bind_kinematics(py::module_& module);
 void bind_dynamics(py::module_& module);
+void bind_dynamics_derivatives(py::module_& module);
 void bind_regressor(py::module_& module);
 void bind_gear(py::module_& module);
 void bind_inverse_kinematics(py::module_& module);
