@@ -64,4 +64,7 @@ def _write_robot(robot: Robot, command: str, inputs: list[dict[str, Any]], folde
         "date": datetime.now(timezone.utc).isoformat(timespec="seconds"),
         "data": [{"file": entry["file"], "sha256": entry["sha256"]} for entry in inputs if entry["rows"] is not None],
     }
-    write_robot(replace(robot, record=made | robot.record), folder.place("robot.toml"))
+    earlier = {key: value for key, value in robot.record.items() if key in made or key == "previous"}
+    own = {key: value for key, value in robot.record.items() if key not in earlier}
+    record = own | made | ({"previous": earlier} if earlier else {})
+    write_robot(folder.place("robot.toml"), replace(robot, record=record))
