@@ -7,7 +7,7 @@ import numpy as np
 from exactarm.chain import Layout, predict_poses
 from exactarm.dataset import Dataset
 from exactarm.diagnose.problem import Fitted, Problem
-from exactarm.identify.calibrate import identifiable_layout, require_enough, require_same_unit, require_sessions
+from exactarm.identify.calibrate import CalibrationOptions, fit_identifiable, require_same_unit, require_sessions
 from exactarm.identify.declared import carried_layout, frames_layout, geometry_layout, require_geometry
 from exactarm.identify.pose_fit import fit_poses
 from exactarm.robot import Robot
@@ -31,9 +31,9 @@ class PoseProblem(Problem):
         frames, found = frames_layout(self.robot, self.data, orientation=self.orientation, seed=self.seed)
         require_same_unit(found)
         layout = frames.joined(geometry_layout(self.robot)).joined(carried_layout(self.robot))
-        kept, _ = identifiable_layout(self.robot, layout, self.data, self.orientation, self.threads)
-        require_enough(kept, self.data, self.orientation)
-        return kept
+        options = CalibrationOptions(threads=self.threads, seed=self.seed)
+        fit, _ = fit_identifiable(self.robot, layout, self.data, self.orientation, options)
+        return fit.layout
 
     def fit(self, layout: Layout, weight: np.ndarray | None = None) -> Fitted:
         weight = np.ones(len(self.data)) if weight is None else weight

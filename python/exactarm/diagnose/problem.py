@@ -47,6 +47,10 @@ class Fitted:
         """(N m,) the residual with unit variance."""
         return (self.residual * self.scale).ravel()
 
+    def square(self, sigma: np.ndarray) -> float:
+        """Square sum of the residual in units of `sigma` (m,), so that different fits can be compared."""
+        return float(np.sum((self.weight[:, None] * self.residual / sigma) ** 2))
+
     @cached_property
     def basis(self) -> np.ndarray:
         """(N m, r) orthonormal basis of what the free parameters can explain."""

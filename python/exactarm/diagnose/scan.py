@@ -18,6 +18,7 @@ from exactarm.diagnose.problem import Fitted
 from exactarm.effects.base import Effect
 
 _ABSORBED = 1e-6  # share of a column's square sum left after projection, below which geometry explains it
+_INVISIBLE = 1e-3  # whitened length that a plausible value must have: below, the column is rounding
 _BLOCK_COLUMNS = 192
 
 
@@ -95,7 +96,7 @@ def _score_block(fitted, block, residual, square, count, tried, families, best) 
         where = slice(at, at + k)
         at += k
         normal = stacked[:, where].T @ stacked[:, where]
-        usable = np.diag(normal) > _ABSORBED * np.maximum(before[where], 1e-300)
+        usable = (np.diag(normal) > _ABSORBED * before[where]) & (np.sqrt(before[where]) * _plausible(point) > _INVISIBLE)
         gain, values = _gain(normal, onto[where], usable)
         effect = _with_free(point, values)
         if not _within_bounds(effect):
@@ -105,6 +106,10 @@ def _score_block(fitted, block, residual, square, count, tried, families, best) 
         known = best.get(point.label)
         if known is None or evidence > known.evidence:
             best[point.label] = candidate
+
+
+def _plausible(effect: Effect) -> np.ndarray:
+    return np.array([p.plausible for p, keep in zip(effect.parameters(), free_mask(effect)) if keep])
 
 
 def _gain(normal: np.ndarray, onto: np.ndarray, usable: np.ndarray) -> tuple[float, np.ndarray]:

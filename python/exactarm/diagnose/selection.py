@@ -103,7 +103,8 @@ def _best_addition(problem, declared, chosen, fitted, ranking):
         if not _worth(fitted, candidate.effect, folds, without):
             continue
         trial = _fit(problem, declared, chosen + [candidate.effect])
-        if fitted.fit.cost - trial.fit.cost >= 0.5 * _KEPT_GAIN * candidate.gain or _excludes(candidate.effect):
+        fall = fitted.square(fitted.sigma) - trial.square(fitted.sigma)
+        if fall >= _KEPT_GAIN * candidate.gain or _excludes(candidate.effect):
             return [*trial.layout.effects[len(declared.effects):]], trial
     return None
 
@@ -131,7 +132,8 @@ def _prune(problem, declared, chosen, fitted):
                 continue
             rest = [e for e in chosen if e is not effect]
             trial = _fit(problem, declared, rest)
-            square, gain = 2.0 * trial.fit.cost, 2.0 * (trial.fit.cost - fitted.fit.cost)
+            square = trial.square(trial.sigma)
+            gain = square - fitted.square(trial.sigma)
             evidence = log_evidence(square, gain, _count(problem, trial), int(free_mask(effect).sum()), 1.0)
             if evidence < LEAST_EVIDENCE or gain < LEAST_SHARE * square:
                 chosen = [*trial.layout.effects[len(declared.effects):]]
@@ -154,7 +156,7 @@ def _contest(problem, declared, chosen, fitted, progress):
         effect = chosen[place]
         if winner.label != effect.label and winner.evidence > own.evidence + 1.0:
             trial = _fit(problem, declared, rest[:place] + [winner.effect] + rest[place:])
-            if trial.fit.cost < fitted.fit.cost:
+            if trial.square(fitted.sigma) < fitted.square(fitted.sigma):
                 fitted, own = trial, winner
                 chosen = [*trial.layout.effects[len(declared.effects):]]
                 effect = chosen[place]

@@ -22,7 +22,7 @@ from exactarm.identify.statistics import ErrorSummary, summarise
 from exactarm.robot import Placement, Robot
 
 _UNIT_RATIO = 30.0  # measured and modelled spread differ by more: another unit was meant
-_LEAST_TORQUE_NM = 0.5  # below it, compliance of the axis moves nothing that a tracker sees
+_LEAST_TORQUE_SHARE = 0.05  # of the most loaded axis' torque; below it, compliance moves nothing that a tracker sees
 
 
 @dataclass(frozen=True)
@@ -79,11 +79,7 @@ def calibrate(robot: Robot, data: Dataset, options: CalibrationOptions = Calibra
     before = fit_poses(robot, frames.joined(carried_layout(robot)), train, orientation=orientation, threads=options.threads)
     layout = frames.joined(geometry_layout(robot)).joined(compliance_layout(robot, train, options))
     layout = layout.joined(carried_layout(robot))
-    kept, identifiability = identifiable_layout(robot, layout, train, orientation, options.threads)
-    require_enough(kept, train, orientation)
-    fit = fit_poses(
-        robot, kept, train, orientation=orientation, robust=options.robust, threads=options.threads
-    )
+    fit, identifiability = fit_identifiable(robot, layout, train, orientation, options)
     error_before = before.error(data, options.threads)
     residual = fit.residual(data, options.threads)
     error_after = np.linalg.norm(residual, axis=1)
@@ -114,20 +110,56 @@ def compliance_layout(robot: Robot, data: Dataset, options: CalibrationOptions) 
         axes = ()
     else:
         torque = predict_poses(robot, Layout.of(()), data, tangents=False).view.torque
-        loaded = np.std(torque, axis=0) > _LEAST_TORQUE_NM
+        spread = np.std(torque, axis=0)
+        loaded = spread > max(_LEAST_TORQUE_SHARE * spread.max(), 1e-9)
         axes = [i + 1 for i, joint in enumerate(robot.joints) if loaded[i] and not joint.spring_linear]
     return Layout.of(tuple(JointCompliance(axis, (0.0, 0.0)) for axis in axes if axis not in carried))
 
 
+def fit_identifiable(
+    robot: Robot, layout: Layout, data: Dataset, orientation: bool, options: CalibrationOptions
+) -> tuple[PoseFit, Identifiability]:
+    """Fits what the poses can tell; parameters that turn out to lie under the noise are dropped and it fits anew."""
+    kept, result = identifiable_layout(robot, layout, data, orientation, threads=options.threads)
+    require_enough(kept, data, orientation)
+
+    def fit(chosen: Layout) -> PoseFit:
+        return fit_poses(
+            robot, chosen, data, orientation=orientation, robust=options.robust, threads=options.threads
+        )
+
+    first = fit(kept)
+    sigma = np.array([first.sigma_position] + ([first.sigma_orientation] if orientation else []))
+    fewer, result = identifiable_layout(robot, layout, data, orientation, sigma, options.threads)
+    return (first if fewer.names == kept.names else fit(fewer)), result
+
+
 def identifiable_layout(
-    robot: Robot, layout: Layout, data: Dataset, orientation: bool, threads: int = 1
+    robot: Robot,
+    layout: Layout,
+    data: Dataset,
+    orientation: bool,
+    sigma: np.ndarray | None = None,
+    threads: int = 1,
 ) -> tuple[Layout, Identifiability]:
-    """The layout without the parameters that these poses cannot tell, and why."""
+    """The layout without the parameters that these poses cannot tell, and why.
+
+    sigma (1,) or (2,): standard deviations of position (m) and orientation (rad) components, where known; then
+    parameters whose estimate would be less certain than they are plausible are left out too.
+    """
     prediction = predict_poses(robot, layout, data, threads=threads)
     rows = prediction.jacobian if orientation else prediction.jacobian[:, :3]
-    jacobian = rows.reshape(-1, layout.size)
-    frames = sum(name.startswith("session_") for name in layout.names)
-    result = select_identifiable(jacobian, layout.names, keep_first=frames, robot=robot)
+    weights = None if sigma is None else np.tile(np.repeat(1.0 / sigma, 3), len(rows))
+    result = select_identifiable(
+        rows.reshape(-1, layout.size),
+        layout.names,
+        keep_first=sum(name.startswith("session_") for name in layout.names),
+        poses=len(rows),
+        weights=weights,
+        sigma=None if sigma is None else 1.0,
+        plausible=[p.plausible for p in layout.parameters],
+        robot=robot,
+    )
     return layout.without(set(result.dropped_names)), result
 
 
