@@ -107,7 +107,7 @@ def _check_time(dataset: "Dataset") -> None:
             raise InputError(message, file=file, row=int(dataset.row[at]), column="time_s")
 
 
-def _check_joints(dataset: "Dataset", robot: Robot) -> None:
+def check_joints(dataset: "Dataset", robot: Robot) -> None:
     """Every axis needs an angle that the robot can turn into a joint angle."""
     q, theta = (_has(dataset.joints.get(name)) & np.ones(robot.axes, dtype=bool) for name in ("q", "theta"))
     for index, joint in enumerate(robot.joints):
@@ -131,7 +131,7 @@ def _check_poses(dataset: "Dataset", robot: Robot) -> None:
     if dataset.position is None:
         raise InputError("column missing; expected x, y, z for poses", file=_file(dataset), column="x_m")
     _check_geometry(robot)
-    _check_joints(dataset, robot)
+    check_joints(dataset, robot)
 
 
 def _check_gear_run(dataset: "Dataset", robot: Robot) -> None:
@@ -151,7 +151,7 @@ def _check_motion(dataset: "Dataset", robot: Robot) -> None:
     if not any(name in dataset.joints for name in TORQUES):
         message = "column missing; expected tau_i, tau_motor_i or current_i for a motion"
         raise InputError(message, file=_file(dataset), column="tau_1_Nm")
-    _check_joints(dataset, robot)
+    check_joints(dataset, robot)
 
 
 _CHECKS = {

@@ -18,7 +18,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from exactarm.columns import GYRO, POSITION, QUATERNION, ROTATION_VECTOR, Column, parse_column
-from exactarm.data_kind import data_kinds
+from exactarm.data_kind import check_joints, data_kinds
 from exactarm.errors import InputError
 from exactarm.robot import Robot
 from exactarm.split import pose_split, run_split, split_rule
@@ -110,6 +110,16 @@ def read_dataset(paths: str | Path | Sequence[str | Path], robot: Robot, kind: s
     _check_same_columns(files)
     dataset = _join(files, robot)
     return replace(dataset, **data_kinds(dataset, robot, kind))
+
+
+def read_planned_poses(paths: str | Path | Sequence[str | Path], robot: Robot) -> Dataset:
+    """Poses that need not have been measured: a design, a list of commands. As `read_dataset`, without x, y, z."""
+    paths = [paths] if isinstance(paths, (str, Path)) else list(paths)
+    files = [_read_file(str(path), robot) for path in paths]
+    _check_same_columns(files)
+    dataset = replace(_join(files, robot), kind="poses", kinds=("poses",))
+    check_joints(dataset, robot)
+    return dataset
 
 
 def write_dataset(path: str | Path, dataset: Dataset, robot: Robot) -> None:

@@ -1,0 +1,22 @@
+"""The data that come with the package, in a clone and in an installed wheel alike.
+
+    ur10    poses under a laser tracker, two series      kr300  encoders on both sides of the gears, two runs
+    tx40    motor angles and torques of one motion       racer  declared parameters, the thesis' poses and results
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from exactarm.errors import InputError
+
+EXAMPLES = Path(__file__).parent / "data" / "examples"
+
+
+def data_path(name: str = "") -> Path:
+    """Path of a shipped folder ("ur10") or file ("ur10/series_B.csv"); of all of them without a name."""
+    path = EXAMPLES / name
+    if not path.exists():
+        files = sorted(str(file.relative_to(EXAMPLES)) for file in EXAMPLES.rglob("*") if file.suffix in (".csv", ".parquet"))
+        raise InputError(f"no shipped data named {name!r}; expected one of {', '.join(files)}")
+    return path

@@ -1,0 +1,266 @@
+"""Robot files: a shipped name, a `.toml` or a `.urdf` -> Robot, checked key by key.
+
+    load_robot("ur10" or path) -> Robot        write_robot(path, robot)
+
+A file that does not hold a robot is refused with one line that names the key and what was expected.
+Writing and reading again gives the same numbers to the last bit.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+import tomllib
+from collections.abc import Collection, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from exactarm.effects import Effect, effect_from_table, library
+from exactarm.errors import InputError
+from exactarm.robot import GearTable, Joint, Link, Placement, Robot
+from exactarm.robot_keys import FORMAT, GEAR_KEYS, GEAR_TABLES, JOINT_KEYS, NOT_NEGATIVE, OTHER_UNITS
+from exactarm.robot_writer import write_robot
+from exactarm.urdf import read_urdf
+
+__all__ = ["load_robot", "read_robot", "shipped_robots", "write_robot"]
+
+SHIPPED = Path(__file__).parent / "data" / "robots"
+ROTATION_TOLERANCE = 1e-6  # a matrix typed by hand has at least seven digits
+
+TOP_KEYS = ("format", "name", "gravity_m_s2", "geometry", "record", "base", "tool", "joints", "links", "effects", "intervals")
+
+
+def shipped_robots() -> tuple[str, ...]:
+    """Names of the robots that come with the package."""
+    return tuple(sorted(path.stem for path in SHIPPED.glob("*.toml")))
+
+
+def load_robot(name_or_path: str | Path) -> Robot:
+    """The robot of that shipped name, or of that `.toml` or `.urdf` file."""
+    text, path = str(name_or_path), Path(name_or_path)
+    if text in shipped_robots():
+        return read_robot(SHIPPED / f"{text}.toml")
+    if text.partition("#")[0].lower().endswith(".urdf"):
+        return read_urdf(path)
+    if path.suffix.lower() == ".toml" or path.exists() or len(path.parts) > 1:
+        return read_robot(path)
+    close = difflib.get_close_matches(text.lower(), shipped_robots(), n=1, cutoff=0.5)
+    hint = f"; did you mean {close[0]}?" if close else ""
+    names = ", ".join(shipped_robots())
+    raise InputError(f"no robot named {text!r}; expected one of {names}, or a .toml or .urdf file{hint}")
+
+
+def read_robot(path: str | Path) -> Robot:
+    """The robot of a `.toml` file."""
+    try:
+        tables = tomllib.loads(Path(path).read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise InputError("no such file; expected a robot file (.toml or .urdf)", file=path) from None
+    except OSError as error:
+        raise InputError(f"cannot be read ({error.strerror}); expected a robot file", file=path) from None
+    except UnicodeDecodeError:
+        raise InputError("is no text; expected a robot file (.toml)", file=path) from None
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"is no valid TOML: {error}", file=path) from None
+    return _Reader(path).robot(tables)
+
+
+class _Reader:
+    """Turns tables of one file into a robot; every refusal names the file and the key."""
+
+    def __init__(self, path: str | Path):
+        self.path = path
+
+    def refuse(self, key: str, message: str) -> InputError:
+        return InputError(f"key {key}: {message}", file=self.path)
+
+    # -- values ------------------------------------------------------------------------------------
+    def known(self, table: Mapping[str, Any], keys: Collection[str], where: str) -> None:
+        for key in table:
+            if key not in keys:
+                close = difflib.get_close_matches(key, keys, n=1)
+                hint = f"expected {close[0]}" if close else f"expected one of {', '.join(keys)}"
+                raise self.refuse(where + key, f"is not known; {hint}")
+
+    def take(self, table: Mapping[str, Any], key: str, kind: type, where: str, expected: str) -> Any:
+        if key not in table:
+            raise self.refuse(where + key, f"is missing; expected {expected}")
+        if not isinstance(table[key], kind) or (kind is not bool and isinstance(table[key], bool)):
+            raise self.refuse(where + key, f"{_short(table[key])}; expected {expected}")
+        return table[key]
+
+    def number(self, value: Any, key: str, expected: str = "a number", finite: bool = True) -> float:
+        good = isinstance(value, (int, float)) and not isinstance(value, bool) and not math.isnan(value)
+        if not good or (finite and math.isinf(value)):
+            raise self.refuse(key, f"{_short(value)}; expected {expected}")
+        return float(value)
+
+    def array(self, value: Any, key: str, shape: tuple[int | None, ...], expected: str) -> np.ndarray:
+        def fits(item: Any, dimensions: tuple[int | None, ...]) -> bool:
+            if not dimensions:
+                return isinstance(item, (int, float)) and not isinstance(item, bool) and math.isfinite(item)
+            sized = isinstance(item, list) and dimensions[0] in (None, len(item))
+            return sized and all(fits(part, dimensions[1:]) for part in item)
+
+        if not fits(value, shape):
+            raise self.refuse(key, f"{_short(value)}; expected {expected}")
+        return np.array(value, dtype=float)
+
+    def with_units(self, table: Mapping[str, Any], keys: Collection[str], where: str) -> dict[str, Any]:
+        """The table with degrees and mm turned into rad and m."""
+        out: dict[str, Any] = {}
+        for key, value in table.items():
+            meant = key
+            for ending, (si, factor) in OTHER_UNITS.items():
+                if key not in keys and key.endswith(ending) and key.removesuffix(ending) + si in keys:
+                    meant = key.removesuffix(ending) + si
+                    value = factor * self.number(value, where + key)
+                    break
+            if meant in out or (meant != key and meant in table):
+                raise self.refuse(where + key, f"the same as {meant}; expected one of the two")
+            out[meant] = value
+        return out
+
+    # -- robot -------------------------------------------------------------------------------------
+    def robot(self, tables: Mapping[str, Any]) -> Robot:
+        self.known(tables, TOP_KEYS, "")
+        if tables.get("format", FORMAT) != FORMAT:
+            raise self.refuse("format", f"{_short(tables['format'])}; expected {FORMAT}, the format that this program reads")
+        name = self.take(tables, "name", str, "", "a name in quotes")
+        entries = self.take(tables, "joints", list, "", "one [[joints]] for each axis")
+        if not entries or not all(isinstance(entry, dict) for entry in entries):
+            raise self.refuse("joints", "expected one [[joints]] for each axis")
+        joints = tuple(self.joint(entry, f"joints[{i}].") for i, entry in enumerate(entries, start=1))
+        optional: dict[str, Any] = {}
+        if "gravity_m_s2" in tables:
+            optional["gravity"] = self.array(tables["gravity_m_s2"], "gravity_m_s2", (3,), "three numbers")
+        if "geometry" in tables:
+            optional["has_geometry"] = self.take(tables, "geometry", bool, "", "true or false")
+        for key in ("base", "tool"):
+            if key in tables:
+                optional[key] = self.placement(self.take(tables, key, dict, "", f"a table [{key}]"), f"{key}.")
+        if "links" in tables:
+            optional["links"] = self.links(tables, len(joints))
+        effects = self.take(tables, "effects", list, "", "[[effects]]") if "effects" in tables else []
+        optional["effects"] = tuple(self.effect(e, f"effects[{i}].", len(joints)) for i, e in enumerate(effects, start=1))
+        optional["intervals"] = self.intervals(tables)
+        if "record" in tables:
+            optional["record"] = self.take(tables, "record", dict, "", "a table [record]")
+        return Robot(name, joints, **optional)
+
+    def joint(self, table: Mapping[str, Any], where: str) -> Joint:
+        kind = table.get("type", "revolute")
+        if kind not in ("revolute", "prismatic"):
+            raise self.refuse(where + "type", f'{_short(kind)}; expected "revolute" or "prismatic"')
+        keys = {key.name(kind): key for key in JOINT_KEYS}
+        tables = [f"gear_{direction}" for direction in GEAR_TABLES]
+        values = self.with_units(table, keys, where)
+        self.known(values, ["type", *keys, *tables], where)
+        fields: dict[str, Any] = {"type": kind}
+        for name, key in keys.items():
+            if name in values:
+                holds, expected = key.rule
+                value = self.number(values[name], where + name, expected)
+                if not holds(value):
+                    raise self.refuse(where + name, f"{value:g}; expected {expected}")
+                fields[key.field] = value
+        for direction in GEAR_TABLES:
+            if (name := f"gear_{direction}") in table:
+                fields[direction] = self.gear_table(self.take(table, name, dict, where, "a table"), f"{where}{name}.")
+        self.check_joint(fields, kind, where)
+        return Joint(**fields)
+
+    def check_joint(self, fields: Mapping[str, Any], kind: str, where: str) -> None:
+        names = {key.field: where + key.name(kind) for key in JOINT_KEYS}
+        if fields.get("beta") is not None and fields.get("d"):
+            raise self.refuse(names["d"], f"{fields['d']:g} beside beta_rad; expected none, a frame with beta has no d")
+        if fields.get("q_min", -math.inf) >= fields.get("q_max", math.inf):
+            raise self.refuse(names["q_max"], f"{fields['q_max']:g}; expected more than {fields['q_min']:g}, the minimum")
+        for field in ("cw", "ccw", "controller_ratio"):
+            if field in fields and "ratio" not in fields:
+                raise self.refuse(names["ratio"], "is missing; expected the gear ratio that the joint's gear keys refer to")
+
+    def gear_table(self, table: Mapping[str, Any], where: str) -> GearTable:
+        self.known(table, tuple(GEAR_KEYS.values()), where)
+        values = {}
+        for field, key in GEAR_KEYS.items():
+            listed = self.take(table, key, list, where, "a list of numbers")
+            values[field] = self.array(listed, where + key, (None,), "a list of numbers")
+            count = len(values["order"])
+            if len(values[field]) != count:
+                raise self.refuse(where + key, f"{len(values[field])} numbers; expected {count}, one for each order")
+        return GearTable(**values)
+
+    def placement(self, table: Mapping[str, Any], where: str) -> Placement:
+        self.known(table, ("position_m", "rotation"), where)
+        fields = {}
+        if "position_m" in table:
+            fields["position"] = self.array(table["position_m"], where + "position_m", (3,), "three numbers")
+        if "rotation" in table:
+            rotation = self.array(table["rotation"], where + "rotation", (3, 3), "three rows of three numbers")
+            proper = np.abs(rotation @ rotation.T - np.eye(3)).max() < ROTATION_TOLERANCE and np.linalg.det(rotation) > 0
+            if not proper:
+                raise self.refuse(where + "rotation", "is no rotation; expected orthonormal rows, right-handed")
+            fields["rotation"] = rotation
+        return Placement(**fields)
+
+    def links(self, tables: Mapping[str, Any], axes: int) -> tuple[Link, ...]:
+        entries = self.take(tables, "links", list, "", "one [[links]] for each axis")
+        if len(entries) != axes:
+            raise self.refuse("links", f"{len(entries)} links; expected {axes}, one for each axis")
+        return tuple(self.link(entry, f"links[{i}].") for i, entry in enumerate(entries, start=1))
+
+    def link(self, table: Mapping[str, Any], where: str) -> Link:
+        self.known(table, ("mass_kg", "centre_of_mass_m", "inertia_kg_m2"), where)
+        holds, expected = NOT_NEGATIVE
+        mass = self.number(table.get("mass_kg"), where + "mass_kg", expected)
+        if not holds(mass):
+            raise self.refuse(where + "mass_kg", f"{mass:g}; expected {expected}")
+        centre = self.array(table.get("centre_of_mass_m"), where + "centre_of_mass_m", (3,), "three numbers")
+        inertia = np.zeros((3, 3))
+        if "inertia_kg_m2" in table:
+            key = where + "inertia_kg_m2"
+            inertia = self.array(table["inertia_kg_m2"], key, (3, 3), "three rows of three numbers")
+            if not np.allclose(inertia, inertia.T, rtol=1e-9, atol=0.0):
+                raise self.refuse(key, "is not symmetric; expected a symmetric matrix")
+        return Link(mass, centre, inertia)
+
+    def effect(self, table: Any, where: str, axes: int) -> Effect:
+        if not isinstance(table, dict) or "effect" not in table:
+            raise self.refuse(where + "effect", "is missing; expected the name of an effect")
+        name = table["effect"]
+        if name not in library():
+            close = difflib.get_close_matches(str(name), library(), n=1)
+            hint = f"expected {close[0]}" if close else f"expected one of {', '.join(library())}"
+            raise self.refuse(where + "effect", f"no effect named {_short(name)}; {hint}")
+        joint = table.get("joint")
+        if joint is not None and (not isinstance(joint, int) or isinstance(joint, bool) or not 1 <= joint <= axes):
+            raise self.refuse(where + "joint", f"{_short(joint)}; expected an axis from 1 to {axes}")
+        try:
+            effect = effect_from_table(table)
+        except KeyError as error:
+            raise self.refuse(where + str(error.args[0]), f"is missing; expected a parameter of {name}") from None
+        except (TypeError, ValueError):
+            raise self.refuse(where + "effect", f"a value is no number; expected the parameters of {name}") from None
+        self.known(table, ("joint", *effect.to_table()), where)
+        return effect
+
+    def intervals(self, tables: Mapping[str, Any]) -> dict[str, tuple[float, float]]:
+        if "intervals" not in tables:
+            return {}
+        out = {}
+        for name, pair in self.take(tables, "intervals", dict, "", "a table [intervals]").items():
+            if not isinstance(pair, list) or len(pair) != 2:
+                raise self.refuse(f"intervals.{name}", f"{_short(pair)}; expected [low, high]")
+            low, high = (self.number(end, f"intervals.{name}", "[low, high]", finite=False) for end in pair)
+            if low > high:
+                raise self.refuse(f"intervals.{name}", f"{_short(pair)}; expected low before high")
+            out[name] = (low, high)
+        return out
+
+
+def _short(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."
