@@ -29,7 +29,7 @@ __all__ = ["load_robot", "read_robot", "shipped_robots", "write_robot"]
 SHIPPED = Path(__file__).parent / "data" / "robots"
 ROTATION_TOLERANCE = 1e-6  # a matrix typed by hand has at least seven digits
 
-TOP_KEYS = ("format", "name", "gravity_m_s2", "geometry", "record", "base", "tool", "joints", "links", "effects", "intervals")
+TOP_KEYS = ("format", "name", "gravity_m_s2", "has_geometry", "record", "base", "tool", "joints", "links", "effects", "intervals")
 
 
 def shipped_robots() -> tuple[str, ...]:
@@ -136,8 +136,8 @@ class _Reader:
         optional: dict[str, Any] = {}
         if "gravity_m_s2" in tables:
             optional["gravity"] = self.array(tables["gravity_m_s2"], "gravity_m_s2", (3,), "three numbers")
-        if "geometry" in tables:
-            optional["has_geometry"] = self.take(tables, "geometry", bool, "", "true or false")
+        if "has_geometry" in tables:
+            optional["has_geometry"] = self.take(tables, "has_geometry", bool, "", "true or false")
         for key in ("base", "tool"):
             if key in tables:
                 optional[key] = self.placement(self.take(tables, key, dict, "", f"a table [{key}]"), f"{key}.")

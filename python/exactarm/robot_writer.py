@@ -51,8 +51,8 @@ def _equal(left: np.ndarray, right: np.ndarray) -> bool:
 def _top(robot: Robot) -> str:
     values = {"format": FORMAT, "name": robot.name, "gravity_m_s2": robot.gravity}
     if not robot.has_geometry:
-        values["geometry"] = False
-    comments = {"gravity_m_s2": "in the robot base frame", "geometry": "only the drives are known"}
+        values["has_geometry"] = False
+    comments = {"gravity_m_s2": "in the robot base frame", "has_geometry": "only the drives are known"}
     return "\n".join(_line(key, value, comments.get(key, "")) for key, value in values.items())
 
 
