@@ -13,8 +13,8 @@ import numpy as np
 
 from exactarm.chain import Layout, predict_poses
 from exactarm.dataset import Dataset
-from exactarm.effects.joint_compliance import JointCompliance
 from exactarm.errors import InputError
+from exactarm.identify.compliance import compliance_layout
 from exactarm.identify.declared import carried_layout, frames_layout, geometry_layout, require_geometry
 from exactarm.identify.identifiability import Identifiability, select_identifiable
 from exactarm.identify.pose_fit import PoseFit, fit_poses
@@ -22,7 +22,6 @@ from exactarm.identify.statistics import ErrorSummary, summarise
 from exactarm.robot import Placement, Robot
 
 _UNIT_RATIO = 30.0  # measured and modelled spread differ by more: another unit was meant
-_LEAST_TORQUE_SHARE = 0.05  # of the most loaded axis' torque; below it, compliance moves nothing that a tracker sees
 
 
 @dataclass(frozen=True)
@@ -77,7 +76,7 @@ def calibrate(robot: Robot, data: Dataset, options: CalibrationOptions = Calibra
     frames, found = frames_layout(robot, train, orientation=orientation, seed=options.seed)
     require_same_unit(found)
     before = fit_poses(robot, frames.joined(carried_layout(robot)), train, orientation=orientation, threads=options.threads)
-    layout = frames.joined(geometry_layout(robot)).joined(compliance_layout(robot, train, options))
+    layout = frames.joined(geometry_layout(robot)).joined(compliance_layout(robot, train, options.compliance))
     layout = layout.joined(carried_layout(robot))
     fit, identifiability = fit_identifiable(robot, layout, train, orientation, options)
     error_before = before.error(data, options.threads)
@@ -97,23 +96,6 @@ def calibrate(robot: Robot, data: Dataset, options: CalibrationOptions = Calibra
         orientation=orientation,
         warnings=tuple(_warnings(fit, train, found)),
     )
-
-
-def compliance_layout(robot: Robot, data: Dataset, options: CalibrationOptions) -> Layout:
-    """Linear compliance of the axes that carry gravity and have no spring declared, or of the axes asked for."""
-    carried = {effect.joint for effect in robot.effects if effect.name == JointCompliance.name}
-    if options.compliance is not None:
-        axes = options.compliance
-        if robot.links is None and axes:
-            raise InputError(f"robot {robot.name}: compliance needs declared link masses")
-    elif robot.links is None:
-        axes = ()
-    else:
-        torque = predict_poses(robot, Layout.of(()), data, tangents=False).view.torque
-        spread = np.std(torque, axis=0)
-        loaded = spread > max(_LEAST_TORQUE_SHARE * spread.max(), 1e-9)
-        axes = [i + 1 for i, joint in enumerate(robot.joints) if loaded[i] and not joint.spring_linear]
-    return Layout.of(tuple(JointCompliance(axis, (0.0, 0.0)) for axis in axes if axis not in carried))
 
 
 def fit_identifiable(

@@ -58,4 +58,4 @@ def column_scale(names: Sequence[str], plausible: Sequence[float] | None = None)
 
 
 def _si(name: str) -> bool:
-    return name.endswith("_m") or (name.endswith("_rad") and not name.endswith("Nm_rad"))
+    return name.endswith(("_m", "_rad")) and not ("_per_" in name or name.endswith("Nm_rad"))
