@@ -50,12 +50,12 @@ class UrdfTree:
                 raise InputError(f"no link {given!r}; expected one of {', '.join(self.children)}", file=self.path)
         start = self.root if base is None else base
         way = self._way_to(start, tip) if tip is not None else self._only_way(start)
-        if not any(joint.type in MOVING for joint in way):
-            raise InputError("no joint moves between base and tip; expected at least one", file=self.path)
         for joint in way:
             if joint.type not in (*MOVING, "fixed"):
                 message = f"joint {joint.name}: type {joint.type!r}; expected revolute, continuous, prismatic or fixed"
                 raise InputError(message, file=self.path)
+        if not any(joint.type in MOVING for joint in way):
+            raise InputError("no joint moves between base and tip; expected at least one", file=self.path)
         return way
 
     def _way_to(self, start: str, tip: str) -> tuple[UrdfJoint, ...]:
