@@ -1,0 +1,164 @@
+"""`exactarm calibrate`: kinematic identification from measured poses."""
+
+from __future__ import annotations
+
+import argparse
+
+import numpy as np
+
+from exactarm.commands.arguments import add_files, add_robot
+from exactarm.commands.error_sections import error_figures, error_table, highlights, parameter_table, unit_of
+from exactarm.commands.result import CommandResult, estimate
+from exactarm.dataset import Dataset, read_dataset
+from exactarm.errors import InputError
+from exactarm.identify.calibrate import Calibration, CalibrationOptions, calibrate
+from exactarm.identify.declared import geometry_layout
+from exactarm.report import Estimate, Figure, Report, Table, Warnings
+from exactarm.report.numbers import quantity
+from exactarm.report.plots.parameters import parameter_forest
+from exactarm.robot import Robot
+from exactarm.robot_file import load_robot
+
+NAME = "calibrate"
+HELP = "identify the geometry (and joint compliance) from measured poses"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    add_robot(parser)
+    add_files(parser)
+    parser.add_argument("--use", choices=("auto", "position", "pose"), default="auto",
+                        help="what is fitted: positions alone, or orientations too (default: what was measured)")
+    parser.add_argument("--compliance", metavar="AXES", default="auto",
+                        help="axes whose joint compliance is estimated, as 2,3; none; default: those under load")
+    parser.add_argument("--robust", action="store_true", help="Huber's loss: gross errors weigh less")
+
+
+def run(arguments: argparse.Namespace) -> CommandResult:
+    robot = load_robot(arguments.robot)
+    data = require_poses(read_dataset(arguments.files, robot, arguments.kind))
+    options = CalibrationOptions(
+        orientation={"auto": None, "position": False, "pose": True}[arguments.use],
+        compliance=_axes(arguments.compliance, robot),
+        robust=arguments.robust,
+        seed=arguments.seed,
+        threads=arguments.threads,
+    )
+    arguments.progress.update("calibrating")
+    result = calibrate(robot, data, options)
+    return CommandResult(
+        json=_json(result),
+        report=_report(robot, data, result, data.split_rule()),
+        robot=result.robot,
+        tables={"residuals.csv": residual_table(data, result.identification, result.error_before, result.residual_after)},
+    )
+
+
+def require_poses(data: Dataset) -> Dataset:
+    if data.kind != "poses":
+        raise InputError(f"expected poses (x, y, z at rest), found a {data.kind.replace('_', ' ')}",
+                         file=data.sources[0].path if data.sources else None)
+    return data
+
+
+def _axes(text: str, robot: Robot) -> tuple[int, ...] | None:
+    if text == "auto":
+        return None
+    if text == "none":
+        return ()
+    try:
+        axes = tuple(int(part) for part in text.split(","))
+    except ValueError:
+        raise InputError(f"--compliance {text}: expected axes as 2,3 or none or auto") from None
+    wrong = [axis for axis in axes if not 1 <= axis <= robot.axes]
+    if wrong:
+        raise InputError(f"--compliance: axis {wrong[0]} does not exist, expected 1 to {robot.axes}")
+    return axes
+
+
+def _json(result: Calibration) -> dict:
+    return {
+        "before": {name: summary.to_json() for name, summary in result.before.items()},
+        "after": {name: summary.to_json() for name, summary in result.after.items()},
+        "parameters": {
+            name: estimate(float(value), float(low), float(high))
+            for name, value, (low, high) in zip(result.names, result.fit.fit.x, result.intervals)
+        },
+        "dropped": [
+            {"parameter": entry.name, "why": entry.why, "collides_with": list(entry.collides_with)}
+            for entry in result.identifiability.dropped
+        ],
+        "observability": result.identifiability.observability.to_json(),
+        "noise": {"position_m": result.fit.sigma_position, "orientation_rad": result.fit.sigma_orientation},
+        "converged": result.fit.fit.converged,
+        "warnings": list(result.warnings),
+    }
+
+
+def residual_table(data: Dataset, identification: np.ndarray, before: np.ndarray, after: np.ndarray) -> dict:
+    """Columns of residuals.csv: where the row came from, its set, error before, residual after."""
+    files = [source.path for source in data.sources] or [""]
+    return {
+        "file": [files[i] for i in data.file_index],
+        "row": data.row,
+        "session": data.session,
+        "set": np.where(identification, "identification", "validation"),
+        "error_before_m": before,
+        "error_after_m": np.linalg.norm(after, axis=1),
+        "dx_m": after[:, 0],
+        "dy_m": after[:, 1],
+        "dz_m": after[:, 2],
+    }
+
+
+def _report(robot: Robot, data: Dataset, result: Calibration, rule: str) -> Report:
+    judge = "validation" if result.after["validation"].n else "identification"
+    before, after = result.before[judge], result.after[judge]
+    who = "poses that were never fitted" if judge == "validation" else "the fitted poses (none were held out)"
+    verdict = (
+        f"The mean position error on {who} falls from {quantity(before.mean, 'm')} to {quantity(after.mean, 'm')} "
+        f"(largest: {quantity(before.max, 'm')} to {quantity(after.max, 'm')})."
+    )
+    note = "Before: nominal parameters with only base and tool frames fitted. " + rule
+    sections = (
+        highlights(result.before, result.after, "m"),
+        error_table(result.before, result.after, "m", "Position error", note),
+        *error_figures(result.error_before, result.error_after, result.identification, "m", "position error", "pose"),
+        *_parameter_sections(robot, result),
+        dropped_table(result.identifiability.dropped),
+        Warnings(result.warnings),
+    )
+    return Report(f"Calibration of {robot.name}", verdict, sections, "good" if after.mean < before.mean else "caution")
+
+
+def _parameter_sections(robot: Robot, result: Calibration) -> tuple:
+    """Robot parameters as plot and table, then the frames of the sessions."""
+    declared = geometry_layout(robot)
+    start_of = dict(zip(declared.names, declared.values))
+    frame = np.array([name.startswith("session_") for name in result.names])
+
+    def pick(mask: np.ndarray) -> tuple:
+        names = [name for name, keep in zip(result.names, mask) if keep]
+        start = np.array([start_of.get(name, 0.0) for name in names])
+        x, intervals = result.fit.fit.x[mask], result.intervals[mask]
+        return names, start, x, intervals, [unit_of(name) for name in names]
+
+    names, start, x, intervals, units = pick(~frame)
+    table = parameter_table(names, start, x, intervals, units, result.fit.fit.at_bound[~frame])
+    figure = Figure(
+        "parameters", "What changed",
+        lambda: parameter_forest(names, x - start, intervals[:, 0] - start, intervals[:, 1] - start, units),
+        "Change of each parameter from its declared value, with its 95 % interval.",
+        "parameter changes with intervals",
+    )
+    frames_names, _, frames_x, frames_intervals, frames_units = pick(frame)
+    rows = tuple(
+        (name, Estimate(float(value), float(low), float(high), unit))
+        for name, value, (low, high), unit in zip(frames_names, frames_x, frames_intervals, frames_units)
+    )
+    return figure, table, Table("Frames", ("parameter", "estimate (95 %)"), rows)
+
+
+def dropped_table(dropped) -> Table:
+    rows = tuple((entry.name, entry.why) for entry in dropped)
+    return Table("Not identified", ("parameter", "why"), rows, "These keep their declared values.")
+

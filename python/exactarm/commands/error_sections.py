@@ -1,0 +1,79 @@
+"""What every command shows of errors before and after: headline numbers, table, per-row plot, histogram."""
+
+from __future__ import annotations
+
+from typing import Mapping
+
+import numpy as np
+
+from exactarm.identify.statistics import ErrorSummary
+from exactarm.report import Estimate, Figure, Highlight, Highlights, Quantity, Table
+from exactarm.report.plots.errors import error_histogram, error_per_pose
+
+SETS = ("identification", "validation")
+
+
+def error_table(
+    before: Mapping[str, ErrorSummary], after: Mapping[str, ErrorSummary], unit: str, quantity: str, note: str = ""
+) -> Table:
+    """Train and held-out side by side, before and after."""
+    rows = []
+    for when, sets in (("before", before), ("after", after)):
+        for name in SETS:
+            s = sets[name]
+            if s.n:
+                numbers = (Quantity(s.mean, unit), Quantity(s.rms, unit), Quantity(s.max, unit), Quantity(s.std, unit))
+                rows.append((f"{when}, {name}", s.n, *numbers))
+    return Table(quantity, ("", "rows", "mean", "RMS", "maximum", "std. dev."), tuple(rows), note, len(rows) - 1)
+
+
+def highlights(before: Mapping[str, ErrorSummary], after: Mapping[str, ErrorSummary], unit: str) -> Highlights:
+    """Mean and maximum of the rows that judge: validation where there are any."""
+    judge = "validation" if after["validation"].n else "identification"
+    return Highlights(tuple(
+        Highlight(f"{judge}, {name}", Quantity(getattr(after[judge], field), unit),
+                  Quantity(getattr(before[judge], field), unit))
+        for name, field in (("mean", "mean"), ("RMS", "rms"), ("maximum", "max"))
+    ))
+
+
+def error_figures(
+    before: np.ndarray, after: np.ndarray, identification: np.ndarray, unit: str, name: str, row: str
+) -> tuple[Figure, Figure]:
+    """Error of every row, and its histogram on the rows that were never fitted."""
+    validation = ~identification
+    shown = validation if validation.any() else np.ones(len(before), bool)
+    which = f"{'validation' if validation.any() else 'identification'} {row}s"
+    return (
+        Figure("error_per_row", f"{name.capitalize()} of every {row}",
+               lambda: error_per_pose(before, after, validation, unit, name=name, row=row),
+               f"Validation {row}s are marked: nothing was chosen or fitted with them.",
+               f"{name} before and after against the {row} number"),
+        Figure("error_histogram", f"Distribution of the {name}",
+               lambda: error_histogram(before[shown], after[shown], unit, name=name, of=which),
+               f"Number of {which} by their error, before and after.", f"histogram of the {name}"),
+    )
+
+
+def parameter_table(names, start, values, intervals, units, at_bound=None) -> Table:
+    """Name, declared value, estimate with its 95 % interval."""
+    rows = tuple(
+        (name, Quantity(float(s), unit), Estimate(float(v), float(low), float(high), unit),
+         "at its bound" if at_bound is not None and at_bound[i] else "")
+        for i, (name, s, v, (low, high), unit) in enumerate(zip(names, start, values, intervals, units))
+    )
+    return Table("Parameters", ("parameter", "declared", "estimate (95 %)", ""), rows)
+
+
+def unit_of(name: str) -> str:
+    """The unit at the end of a parameter's name, as the report writes it."""
+    for ending, unit in _UNITS.items():
+        if name.endswith(ending):
+            return unit
+    return ""
+
+
+_UNITS = {
+    "_rad_per_Nm3": "rad/Nm³", "_rad_per_Nm": "rad/Nm", "_rad_s": "rad/s", "_Nm_s": "Nm s", "_kg_m2": "kg m²",
+    "_rad": "rad", "_Nm": "Nm", "_kg": "kg", "_m": "m", "_s": "s",
+}

@@ -1,0 +1,45 @@
+"""The error of a robot file, as it is, on data it has not seen: only what belongs to the set-up is fitted.
+
+Poses: base and tool frames of every session. One function a kind of data, found by its name in `EVALUATORS`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Callable
+
+import numpy as np
+
+from exactarm.dataset import Dataset
+from exactarm.identify.calibrate import require_same_unit
+from exactarm.identify.declared import carried_layout, frames_layout, require_geometry
+from exactarm.identify.pose_fit import fit_poses
+from exactarm.identify.statistics import ErrorSummary, summarise
+from exactarm.robot import Robot
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """error (N,) of every row in `unit`; residual (N, m) with its column names; summaries overall and by session."""
+
+    unit: str
+    error: np.ndarray
+    residual: np.ndarray
+    columns: tuple[str, ...]
+    overall: ErrorSummary
+    sessions: tuple[tuple[int, ErrorSummary], ...]
+
+
+def evaluate_poses(robot: Robot, data: Dataset, seed: int = 0, threads: int = 1) -> Evaluation:
+    """Frames of each session fitted on all of its rows, by position alone; everything else as the file says."""
+    require_geometry(robot)
+    frames, found = frames_layout(robot, data, orientation=False, seed=seed)
+    require_same_unit(found)
+    fit = fit_poses(robot, frames.joined(carried_layout(robot)), data, threads=threads)
+    residual = fit.residual(data, threads)
+    error = np.linalg.norm(residual, axis=1)
+    sessions = tuple((int(s), summarise(error[data.session == s])) for s in np.unique(data.session))
+    return Evaluation("m", error, residual, ("dx_m", "dy_m", "dz_m"), summarise(error), sessions)
+
+
+EVALUATORS: dict[str, Callable[..., Evaluation]] = {"poses": evaluate_poses}
