@@ -43,7 +43,7 @@ def run(arguments: argparse.Namespace) -> CommandResult:
         seed=arguments.seed,
         threads=arguments.threads,
     )
-    arguments.progress.update("calibrating")
+    arguments.progress.stage("calibrating")
     result = calibrate(robot, data, options)
     return CommandResult(
         json=_json(result),
@@ -87,7 +87,7 @@ def _json(result: Calibration) -> dict:
             {"parameter": entry.name, "why": entry.why, "collides_with": list(entry.collides_with)}
             for entry in result.identifiability.dropped
         ],
-        "observability": result.identifiability.observability.to_json(),
+        "observability": result.identifiability.observability.as_dict(),
         "noise": {"position_m": result.fit.sigma_position, "orientation_rad": result.fit.sigma_orientation},
         "converged": result.fit.fit.converged,
         "warnings": list(result.warnings),

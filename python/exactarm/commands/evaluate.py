@@ -31,7 +31,7 @@ def run(arguments: argparse.Namespace) -> CommandResult:
     data = read_dataset(arguments.files, robot, arguments.kind)
     if data.kind not in EVALUATORS:
         raise InputError(f"evaluate judges {', '.join(EVALUATORS)}; found {data.kind}", file=arguments.files[0])
-    arguments.progress.update("evaluating")
+    arguments.progress.stage("evaluating")
     result = EVALUATORS[data.kind](robot, data, arguments.seed, arguments.threads)
     files = [source.path for source in data.sources]
     columns = {"file": [files[i] for i in data.file_index], "row": data.row, "session": data.session}
