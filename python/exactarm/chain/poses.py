@@ -96,12 +96,11 @@ def _joint_tangents(view: View, layout: Layout, declared: np.ndarray, slope: np.
     tangents = view.tangents
     tangents["theta"] = np.zeros((rows, n, wide))
     pass_tangents(view, padded, Station.MOTOR, "theta")
-    tangents["torque"] = np.zeros((rows, n, wide))
-    tangents["torque"][:, :, size:] = np.eye(n)
-    load = np.zeros((rows, n, wide))
-    tangents["q"] = load
-    direct = pass_tangents(view, padded, Station.LOAD, "torque").copy()
-    direct[:, :, size:] -= np.eye(n)
+    unit = np.zeros((rows, n, wide))
+    unit[:, :, size:] = np.eye(n)
+    tangents["torque"], tangents["q"] = unit, np.zeros((rows, n, wide))
+    direct = pass_tangents(view, padded, Station.LOAD, "torque") - unit
+    tangents["torque"] = unit
     tangents["phi"] = slope[:, :, None] * tangents["theta"]
     view.signals["phi"] = declared
     pass_station(view, padded, Station.GEAR, "phi", True)
@@ -157,8 +156,12 @@ def _target(view: View, layout: Layout, tangents: bool) -> PosePrediction:
     tangents = tangents and size > 0
     position, rotation = np.empty((rows, 3)), np.empty((rows, 3, 3))
     columns = np.empty((rows, 6, _core.identification_columns(n))) if tangents else None
+    view.signals["base_position"], view.signals["base_rotation"] = np.empty((rows, 3)), np.empty((rows, 9))
     for session, where in view.sessions:
-        core = _placed(view.robot, layout, session).core
+        placed = _placed(view.robot, layout, session)
+        core = placed.core
+        view.signals["base_position"][where] = placed.base.position
+        view.signals["base_rotation"][where] = placed.base.rotation.ravel()
         if tangents:
             result = _core.identification_jacobian(core, view.q[where], threads=view.threads)
             columns[where] = result[2]

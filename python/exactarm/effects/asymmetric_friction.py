@@ -1,0 +1,38 @@
+"""Asymmetric friction: an axis that rubs more in one direction than in the other.
+
+torque = coulomb_Nm sign(rate)^2 + viscous_Nm_s |rate|: half the difference between the two directions, for the
+constant and the viscous part (Armstrong-Helouvry et al. 1994, 2.2).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from exactarm.effects.base import Change, Parameter
+from exactarm.effects.drive import DriveEffect, smooth_sign
+
+
+@dataclass(frozen=True)
+class AsymmetricFriction(DriveEffect):
+    """Half the difference of the friction of the two directions of one axis."""
+
+    name: ClassVar[str] = "asymmetric_friction"
+    sentence: ClassVar[str] = (
+        "friction of axis {joint} is larger in the positive direction than in the negative one by "
+        "twice {coulomb_Nm:.3g} Nm and {viscous_Nm_s:.3g} Nm s"
+    )
+    source: ClassVar[str] = "Armstrong-Helouvry, Dupont and Canudas de Wit 1994"
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        return (Parameter("coulomb_Nm", 3.0), Parameter("viscous_Nm_s", 3.0))
+
+    def change(self, view) -> Change:
+        coulomb, viscous = self.values
+        rate = self.rate(view)
+        sign, slope = smooth_sign(rate)
+        magnitude = rate * sign  # |rate| without the kink
+        by_rate = 2.0 * coulomb * sign * slope + viscous * (sign + rate * slope)
+        return self.torque_change(view, [sign**2, magnitude], rate=by_rate)

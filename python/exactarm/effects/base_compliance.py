@@ -1,0 +1,43 @@
+"""Base compliance: the whole robot tilts on its foundation under the overturning moment of its weight.
+
+The base turns by rad_per_Nm M_across, M the moment of gravity about the base origin, across the base's z axis.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, Iterable
+
+import numpy as np
+
+from exactarm.effects.base import Change, Effect, Parameter, Station
+from exactarm.effects.gravity_moment import bending, gravity_moment
+
+
+@dataclass(frozen=True)
+class BaseCompliance(Effect):
+    """Tilt of the foundation, the same about both horizontal axes."""
+
+    name: ClassVar[str] = "base_compliance"
+    station: ClassVar[Station] = Station.GEOMETRY
+    kinds: ClassVar[tuple[str, ...]] = ("poses", "tracked_motion")
+    compensable: ClassVar[bool] = True
+    per_joint: ClassVar[bool] = False
+    sentence: ClassVar[str] = "the foundation tilts by {rad_per_Nm:.3g} rad for every Nm of overturning moment"
+    source: ClassVar[str] = "Abele, Weigold and Rothenbuecher 2007"
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        return (Parameter("rad_per_Nm", 1e-6),)
+
+    def change(self, view) -> Change:
+        compliance = self.values[0]
+        at = gravity_moment(view, 0)
+        # Joint 1 stands on the base: its axis is the base's z, its origin the base's.
+        up = at.axis[:, :, None] * at.axis[:, None, :]
+        across = np.eye(3) - up
+        value, by_q = bending(view, (across @ at.moment[:, :, None])[:, :, 0], across @ at.moment_by_q, at)
+        return Change(tuple(range(6)), compliance * value, value[:, :, None], {"q": compliance * by_q})
+
+    @classmethod
+    def candidates(cls, robot, view) -> Iterable[Effect]:
+        return (cls(None, (0.0,)),) if view.has_masses else ()

@@ -1,0 +1,31 @@
+"""Coulomb friction of a drive: torque_Nm sign(rate), constant in size and against the motion (Coulomb 1785)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, Iterable
+
+import numpy as np
+
+from exactarm.effects.base import Change, Effect, Parameter
+from exactarm.effects.drive import DriveEffect, moving_axes, smooth_sign
+
+
+@dataclass(frozen=True)
+class CoulombFriction(DriveEffect):
+    """Dry friction of one axis, beside what its tables declare."""
+
+    name: ClassVar[str] = "coulomb_friction"
+    sentence: ClassVar[str] = "axis {joint} has {torque_Nm:.3g} Nm of dry friction that is not declared"
+    source: ClassVar[str] = "Armstrong-Helouvry, Dupont and Canudas de Wit 1994; thesis (2.22)"
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        return (Parameter("torque_Nm", 10.0),)
+
+    def change(self, view) -> Change:
+        sign, slope = smooth_sign(self.rate(view))
+        return self.torque_change(view, [sign], rate=self.values[0] * slope)
+
+    @classmethod
+    def candidates(cls, robot, view) -> Iterable[Effect]:
+        return (cls(i + 1, (0.0,)) for i in moving_axes(view) if robot.joints[i].coulomb is None)

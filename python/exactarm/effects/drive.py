@@ -1,0 +1,64 @@
+"""What effects of the drive share: they add to the drive torque (output side) and follow the motor's rate.
+
+rate = theta_dot / ratio in rad/s, output side, by the controller's (nominal) ratio: drive friction acts on the
+motor side of the spring. sign(rate) is smoothed to tanh(rate / width) (Andersson et al. 2007), a motor at
+rest being in no defined state of friction.
+"""
+
+from __future__ import annotations
+
+from abc import ABC
+from dataclasses import dataclass
+from typing import ClassVar, Iterable
+
+import numpy as np
+
+from exactarm.effects.base import Change, Effect, Station
+
+SIGN_WIDTH_RAD_S = 0.02  # output side; a robot that moves at all moves ten times as fast
+
+
+def smooth_sign(rate: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """tanh(rate / width) and its slope by the rate."""
+    value = np.tanh(rate / SIGN_WIDTH_RAD_S)
+    return value, (1.0 - value**2) / SIGN_WIDTH_RAD_S
+
+
+@dataclass(frozen=True)
+class DriveEffect(Effect, ABC):
+    """Adds to the drive torque of one axis, Nm on the output side."""
+
+    station: ClassVar[Station] = Station.DRIVE
+    kinds: ClassVar[tuple[str, ...]] = ("motion",)
+    compensable: ClassVar[bool] = False  # changes the torque that is needed, not where the arm goes
+
+    def rate(self, view) -> np.ndarray:
+        """(N,) motor rate on the output side, rad/s."""
+        return view.signals["theta_dot"][:, self.index] / view.robot.controller_ratios[self.index]
+
+    def torque_change(self, view, columns: list[np.ndarray], **slopes: np.ndarray) -> Change:
+        """Change of a torque that is linear in its parameters: columns (N,) each, and slopes (N,) by this
+        axis' own entry of upstream signals; `rate` stands for theta_dot on the output side."""
+        stacked = np.stack(columns, axis=1)
+        value = stacked @ np.asarray(self.values)
+        return Change((self.index,), value[:, None], stacked[:, None, :], self.by_signal(view, **slopes))
+
+    def by_signal(self, view, **slopes: np.ndarray) -> dict[str, np.ndarray]:
+        result = {}
+        for name, slope in slopes.items():
+            if name == "rate":
+                name, slope = "theta_dot", slope / view.robot.controller_ratios[self.index]
+            matrix = np.zeros((view.rows, 1, view.axes))
+            matrix[:, 0, self.index] = slope
+            result[name] = matrix
+        return result
+
+    @classmethod
+    def candidates(cls, robot, view) -> Iterable[Effect]:
+        return (cls(i + 1, (0.0,) * len(cls(i + 1, ()).parameters())) for i in moving_axes(view))
+
+
+def moving_axes(view) -> list[int]:
+    """Axes (from 0) that move in the data of a time series."""
+    rate = view.signals["theta_dot"] / view.robot.controller_ratios
+    return [i for i in range(view.axes) if np.max(np.abs(rate[:, i]), initial=0.0) > SIGN_WIDTH_RAD_S]

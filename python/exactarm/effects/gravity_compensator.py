@@ -1,0 +1,53 @@
+"""Gravity compensator: a spring beside the drive that carries part of the weight of an axis.
+
+A torsion spring takes stiffness q + preload off the joint torque; a spring on a crank arm, hinged beside
+the axis, cosine cos q + sine sin q (zero free length; Klimchik et al. 2013 give the crank with free length, whose
+first harmonic this is). What the spring carries, the gear does not.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, Iterable
+
+import numpy as np
+
+from exactarm.effects.base import Change, Effect, Parameter, Station
+
+
+@dataclass(frozen=True)
+class GravityCompensator(Effect):
+    """Spring of one axis; `crank`: the harmonic pair is estimated, otherwise the linear spring."""
+
+    crank: bool = False
+
+    name: ClassVar[str] = "gravity_compensator"
+    station: ClassVar[Station] = Station.LOAD
+    kinds: ClassVar[tuple[str, ...]] = ("motion", "tracked_motion")
+    compensable: ClassVar[bool] = True
+    sentence: ClassVar[str] = (
+        "a spring takes load off axis {joint}: {stiffness_Nm_per_rad:.3g} Nm/rad, preload {preload_Nm:.3g} Nm, "
+        "crank {cosine_Nm:.3g} and {sine_Nm:.3g} Nm"
+    )
+    source: ClassVar[str] = "Klimchik, Wu, Dumas, Caro, Furet and Pashkevich 2013"
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        return (
+            Parameter("stiffness_Nm_per_rad", 200.0, fixed=self.crank),
+            Parameter("preload_Nm", 100.0, fixed=self.crank),
+            Parameter("cosine_Nm", 200.0, fixed=not self.crank),
+            Parameter("sine_Nm", 200.0, fixed=not self.crank),
+        )
+
+    def change(self, view) -> Change:
+        stiffness, _, cosine, sine = self.values
+        q = view.q[:, self.index]
+        columns = -np.stack([q, np.ones_like(q), np.cos(q), np.sin(q)], axis=1)
+        by_q = np.zeros((view.rows, 1, view.axes))
+        by_q[:, 0, self.index] = -(stiffness - cosine * np.sin(q) + sine * np.cos(q))
+        value = columns @ np.asarray(self.values)
+        return Change((self.index,), value[:, None], columns[:, None, :], {"q": by_q})
+
+    @classmethod
+    def candidates(cls, robot, view) -> Iterable[Effect]:
+        return (cls(i + 1, (0.0,) * 4, crank) for i in range(robot.axes) for crank in (False, True))

@@ -1,0 +1,41 @@
+"""Load friction: friction of a gear that grows with the torque that it transmits.
+
+torque = coefficient |joint torque| sign(rate) (Hamon, Gautier and Garrec 2010).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from exactarm.effects.base import Change, Parameter
+from exactarm.effects.drive import DriveEffect, smooth_sign
+
+
+@dataclass(frozen=True)
+class LoadFriction(DriveEffect):
+    """Share of the transmitted torque that one gear loses to friction."""
+
+    name: ClassVar[str] = "load_friction"
+    sentence: ClassVar[str] = "friction of axis {joint} grows by {coefficient:.3g} Nm for every Nm that the gear carries"
+    source: ClassVar[str] = "Hamon, Gautier and Garrec 2010"
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        return (Parameter("coefficient", 0.1, -1.0, 1.0),)
+
+    def change(self, view) -> Change:
+        torque = view.torque[:, self.index]
+        sign, slope = smooth_sign(self.rate(view))
+        coefficient = self.values[0]
+        return self.torque_change(
+            view,
+            [np.abs(torque) * sign],
+            rate=coefficient * np.abs(torque) * slope,
+            torque=coefficient * np.sign(torque) * sign,
+        )
+
+    @classmethod
+    def candidates(cls, robot, view):
+        return super().candidates(robot, view) if np.any(view.torque) else ()

@@ -1,0 +1,56 @@
+"""Outliers: rows of the record that are wrong by themselves (a broken beam, a wrong row), not by any cause in the arm.
+
+A row is left out when its Euclidean residual exceeds `threshold_m`, set from the robust spread of all rows:
+median / sqrt(median of chi2_3) times sqrt of the chi2_3 quantile that one good row in a hundred sets of
+this size would reach (Rousseeuw and Hubert 2011). It moves no prediction; it decides which rows count.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, Iterable
+
+import numpy as np
+from scipy import stats
+
+from exactarm.effects.base import Change, Effect, Parameter, Station
+
+_LARGEST_SHARE = 0.2  # more than that is no longer a few wrong rows
+_FALSE_ALARM = 0.01  # of a whole data set
+
+
+@dataclass(frozen=True)
+class Outliers(Effect):
+    """Threshold of the residual above which a row is left out."""
+
+    name: ClassVar[str] = "outliers"
+    station: ClassVar[Station] = Station.DEVICE
+    kinds: ClassVar[tuple[str, ...]] = ("poses",)
+    per_joint: ClassVar[bool] = False
+    sentence: ClassVar[str] = "single rows are wrong by themselves: those with more than {threshold_m:.3g} m are left out"
+    source: ClassVar[str] = "Rousseeuw and Hubert 2011"
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        return (Parameter("threshold_m", 1e-3, 0.0, fixed=True),)
+
+    def change(self, view) -> Change:
+        return Change((), np.zeros((view.rows, 0)), np.zeros((view.rows, 0, 1)))
+
+    def keep(self, view) -> np.ndarray:
+        return np.linalg.norm(view.data.position - view.measured, axis=1) <= self.values[0]
+
+    @staticmethod
+    def threshold(residual: np.ndarray) -> float:
+        """From residuals (N, 3): what a good row hardly ever exceeds."""
+        norm = np.linalg.norm(residual, axis=1)
+        sigma = np.median(norm) / np.sqrt(stats.chi2.median(3))
+        return float(sigma * np.sqrt(stats.chi2.isf(_FALSE_ALARM / max(len(norm), 1), 3)))
+
+    @classmethod
+    def candidates(cls, robot, view) -> Iterable[Effect]:
+        if view.data.position is None or "measured" not in view.signals:
+            return ()
+        residual = view.data.position - view.measured
+        limit = cls.threshold(residual)
+        share = np.mean(np.linalg.norm(residual, axis=1) > limit)
+        return (cls(None, (limit,)),) if 0.0 < share <= _LARGEST_SHARE else ()

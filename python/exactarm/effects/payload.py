@@ -1,0 +1,100 @@
+"""Payload: a mass at the flange that the robot file does not know of.
+
+    pi_n += (m, s, I),  s = m c the first moment in the flange frame,
+    I = m / (m^2 + m0^2) (|s|^2 1 - s s')     about the flange: that of a point mass at c for m >> m0
+
+Mass and first moment are the parameters, so that no mass is not a singular point (m0 = 1 g); the centre of mass is
+c = s / m. The derivative of the joint torque is the regressor's (Atkeson, An and Hollerbach 1986).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import ClassVar, Iterable
+
+import numpy as np
+
+from exactarm import _core
+from exactarm.effects.base import Change, Effect, Parameter, Station
+
+_MASS_FLOOR_KG = 1e-3
+_SYMMETRIC = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))  # the order of the six inertias
+
+
+@dataclass(frozen=True)
+class Payload(Effect):
+    """Mass (kg) and first moment (kg m, flange frame) of what the flange carries beside the declared links."""
+
+    name: ClassVar[str] = "payload"
+    station: ClassVar[Station] = Station.LOAD
+    kinds: ClassVar[tuple[str, ...]] = ("poses", "motion", "tracked_motion")
+    compensable: ClassVar[bool] = True
+    per_joint: ClassVar[bool] = False
+    linear: ClassVar[bool] = False
+    source: ClassVar[str] = "Atkeson, An and Hollerbach 1986; Swevers, Verdonck and De Schutter 2007"
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        moments = tuple(Parameter(f"moment_{axis}_kg_m", 1.0) for axis in "xyz")
+        return (Parameter("mass_kg", 5.0),) + moments
+
+    @property
+    def centre_of_mass(self) -> np.ndarray:
+        """(3,) m in the flange frame; NaN where the mass is zero."""
+        mass, *moment = self.values
+        return np.array(moment) / mass if mass else np.full(3, np.nan)
+
+    def describe(self) -> str:
+        x, y, z = 1e3 * self.centre_of_mass
+        return f"the flange carries {self.values[0]:.3g} kg more than declared, centred at ({x:.0f}, {y:.0f}, {z:.0f}) mm"
+
+    def bake(self, robot):
+        if robot.links is None:
+            return robot
+        link = robot.links[-1]
+        return replace(robot, links=robot.links[:-1] + (with_added(link, inertial(self.values)[0]),))
+
+    def change(self, view) -> Change:
+        derivative = np.zeros((view.rows, view.axes, 4))
+        if view.tangents and view.has_masses:
+            q = view.q
+            rates = [view.signals.get(name, np.zeros_like(q)) for name in ("q_dot", "q_ddot")]
+            regressor = _core.dynamics_regressor(view.robot.core, q, *rates, view.threads)[:, :, -10:]
+            derivative = regressor @ inertial(self.values)[1]
+        return Change(tuple(range(view.axes)), np.zeros((view.rows, view.axes)), derivative)
+
+    @classmethod
+    def candidates(cls, robot, view) -> Iterable[Effect]:
+        return (cls(None, (0.0,) * 4),) if view.has_masses else ()
+
+
+def inertial(values) -> tuple[np.ndarray, np.ndarray]:
+    """pi (10,) of mass and first moment, and its derivative (10, 4)."""
+    mass, s = values[0], np.asarray(values[1:], float)
+    square = mass**2 + _MASS_FLOOR_KG**2
+    inverse, by_mass = mass / square, (_MASS_FLOOR_KG**2 - mass**2) / square**2
+    second = s @ s * np.eye(3) - np.outer(s, s)
+    pick = lambda matrix: np.array([matrix[i, j] for i, j in _SYMMETRIC])
+    pi = np.concatenate([[mass], s, inverse * pick(second)])
+    slope = np.zeros((10, 4))
+    slope[:4] = np.eye(4)
+    slope[4:, 0] = by_mass * pick(second)
+    for k in range(3):
+        unit = np.eye(3)[k]
+        slope[4:, 1 + k] = inverse * pick(2.0 * s[k] * np.eye(3) - np.outer(unit, s) - np.outer(s, unit))
+    return pi, slope
+
+
+def with_added(link, pi: np.ndarray):
+    """A link with more inertial parameters (10,), about the origin of its frame."""
+    mass, centre = link.mass, np.asarray(link.centre_of_mass, float)
+    moved = lambda m, c: m * (c @ c * np.eye(3) - np.outer(c, c))
+    about_origin = np.asarray(link.inertia, float) + moved(mass, centre)
+    added = np.zeros((3, 3))
+    for value, (i, j) in zip(pi[4:], _SYMMETRIC):
+        added[i, j] = added[j, i] = value
+    total = mass + pi[0]
+    moment = mass * centre + pi[1:4]
+    if total == 0.0:  # only then is there no centre; the moments are zero with the mass in any real body
+        return replace(link, mass=0.0, centre_of_mass=np.zeros(3), inertia=about_origin + added)
+    new_centre = moment / total
+    return replace(link, mass=total, centre_of_mass=new_centre, inertia=about_origin + added - moved(total, new_centre))

@@ -1,0 +1,32 @@
+"""Rotor inertia: what the motor's own acceleration takes, J ratio theta_ddot on the output side (thesis (2.22)).
+
+inertia_kg_m2 is about the motor shaft, beside what the tables declare.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from exactarm.effects.base import Change, Parameter
+from exactarm.effects.drive import DriveEffect
+
+
+@dataclass(frozen=True)
+class RotorInertia(DriveEffect):
+    """Inertia of one motor that the tables lack."""
+
+    name: ClassVar[str] = "rotor_inertia"
+    sentence: ClassVar[str] = "the motor of axis {joint} has {inertia_kg_m2:.3g} kg m2 more inertia than declared"
+    source: ClassVar[str] = "thesis (2.22), E4"
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        return (Parameter("inertia_kg_m2", 5e-4),)
+
+    def change(self, view) -> Change:
+        ratio = view.robot.controller_ratios[self.index]
+        acceleration = view.signals["theta_ddot"][:, self.index]
+        slope = np.full(view.rows, self.values[0] * ratio)
+        return self.torque_change(view, [ratio * acceleration], theta_ddot=slope)

@@ -1,0 +1,36 @@
+"""Shear-thinning friction: viscous friction that grows less than in proportion to the rate.
+
+torque = coefficient (rate^2 + v0^2)^(-1/4) rate, about coefficient sqrt(|rate|) sign(rate): grease thins as it is
+sheared (power-law fluid with exponent 1/2; Reiner 1926; for robot gears Simoni et al. 2015). Smooth at rest.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from exactarm.effects.base import Change, Parameter
+from exactarm.effects.drive import SIGN_WIDTH_RAD_S, DriveEffect
+
+
+@dataclass(frozen=True)
+class ShearThinningFriction(DriveEffect):
+    """The square-root part of the friction curve of one axis."""
+
+    name: ClassVar[str] = "shear_thinning_friction"
+    sentence: ClassVar[str] = (
+        "friction of axis {joint} bends over with the rate as grease does: "
+        "{coefficient_Nm_sqrt_s:.3g} Nm times the square root of the rate in rad/s"
+    )
+    source: ClassVar[str] = "Reiner 1926; Simoni, Beschi, Legnani and Visioli 2015"
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        return (Parameter("coefficient_Nm_sqrt_s", 10.0),)
+
+    def change(self, view) -> Change:
+        rate = self.rate(view)
+        square = rate**2 + SIGN_WIDTH_RAD_S**2
+        by_rate = square**-0.25 - 0.5 * rate**2 * square**-1.25
+        return self.torque_change(view, [square**-0.25 * rate], rate=self.values[0] * by_rate)

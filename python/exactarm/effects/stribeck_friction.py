@@ -1,0 +1,47 @@
+"""Stribeck friction: friction above Coulomb at low rates that the lubricant film takes away as it builds up.
+
+torque = breakaway_Nm sign(rate) exp(-(rate / velocity_rad_s)^2) (Stribeck 1902; Bo and Pavelescu 1982).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from exactarm.effects.base import Change, Parameter
+from exactarm.effects.drive import DriveEffect, smooth_sign
+
+
+@dataclass(frozen=True)
+class StribeckFriction(DriveEffect):
+    """Breakaway torque of one axis above its Coulomb friction."""
+
+    name: ClassVar[str] = "stribeck_friction"
+    linear: ClassVar[bool] = False
+    sentence: ClassVar[str] = (
+        "axis {joint} has {breakaway_Nm:.3g} Nm more friction near standstill, gone above {velocity_rad_s:.3g} rad/s"
+    )
+    source: ClassVar[str] = "Stribeck 1902; Bo and Pavelescu 1982; Armstrong-Helouvry et al. 1994"
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        return (
+            Parameter("breakaway_Nm", 10.0),
+            Parameter("velocity_rad_s", 0.3, 0.01, 5.0, search=(0.03, 0.06, 0.1, 0.2, 0.4, 0.8)),
+        )
+
+    def change(self, view) -> Change:
+        breakaway, velocity = self.values
+        rate = self.rate(view)
+        sign, slope = smooth_sign(rate)
+        fade = np.exp(-((rate / velocity) ** 2))
+        by_velocity = breakaway * sign * fade * 2.0 * rate**2 / velocity**3
+        by_rate = breakaway * fade * (slope - sign * 2.0 * rate / velocity**2)
+        derivative = np.stack([sign * fade, by_velocity], axis=1)[:, None, :]
+        value = breakaway * sign * fade
+        return Change((self.index,), value[:, None], derivative, self.by_signal(view, rate=by_rate))
+
+    @classmethod
+    def candidates(cls, robot, view):
+        return (effect.with_values((0.0, 0.2)) for effect in super().candidates(robot, view))

@@ -1,0 +1,151 @@
+"""Thermal drift: the robot or its sensor changes as it warms up.
+
+Four forms, x the temperature (or time, or row order, where no temperature was measured) from its reference:
+
+    growth     displacement = growth x (target - base origin): the structure expands (steel 1.2e-5 per K)
+    target     displacement = drift x: base or tool moves off in one direction
+    sensor     the gyroscope's bias drifts: rate += drift x
+    lubricant  viscous friction falls: torque -= fall x viscous rate, on all axes alike
+
+Sources: Li and Zhao 2016 (structure), Bittencourt and Axelsson 2014 (friction and temperature), IEEE 952 (gyroscope).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, Iterable
+
+import numpy as np
+
+from exactarm.effects.base import Change, Effect, Parameter, Station
+from exactarm.effects.slow_driver import drivers, slow_signal, temperatures, unit
+
+
+@dataclass(frozen=True)
+class ThermalDrift(Effect):
+    """What all forms share; `driver` names the covariate that the drift follows, or time, or row."""
+
+    driver: str = "time"
+
+    name: ClassVar[str] = "thermal_drift"
+    station: ClassVar[Station] = Station.GEOMETRY
+    kinds: ClassVar[tuple[str, ...]] = ("poses", "gear_run", "motion", "tracked_motion")
+    per_joint: ClassVar[bool] = False
+    form: ClassVar[str] = ""
+
+    @property
+    def label(self) -> str:
+        return f"{self.name}_{self.form}"
+
+    @property
+    def unit(self) -> str:
+        return unit(self.driver)
+
+    def to_table(self):
+        return super().to_table() | {"form": self.form, "driver": self.driver}
+
+    @classmethod
+    def from_table(cls, table) -> Effect:
+        form = next(sub for sub in ThermalDrift.__subclasses__() if sub.form == table["form"])
+        raw = form(None, (), table["driver"])
+        return raw.with_values(table[parameter.name] for parameter in raw.parameters())
+
+    @classmethod
+    def candidates(cls, robot, view) -> Iterable[Effect]:
+        for form in ThermalDrift.__subclasses__():
+            if view.kind in form.kinds:
+                yield from form.of(robot, view)
+
+
+@dataclass(frozen=True)
+class ThermalGrowth(ThermalDrift):
+    kinds: ClassVar[tuple[str, ...]] = ("poses", "tracked_motion")
+    form: ClassVar[str] = "growth"
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        return (Parameter(f"growth_1_per_{self.unit}", 1e-5),)
+
+    def describe(self) -> str:
+        return f"the arm grows by {self.values[0]:.3g} of its length per {self.unit} (it follows {self.driver})"
+
+    def change(self, view) -> Change:
+        x = slow_signal(view.data, self.driver)[:, None]
+        arm = x * (view.signals["target"] - view.signals["base_position"])
+        by_displacement = np.zeros((view.rows, 3, 6))
+        by_displacement[:, :, :3] = self.values[0] * x[:, :, None] * np.eye(3)
+        return Change((0, 1, 2), self.values[0] * arm, arm[:, :, None], {"displacement": by_displacement})
+
+    @classmethod
+    def of(cls, robot, view) -> Iterable[Effect]:
+        return (cls(None, (0.0,), driver) for driver in drivers(view.data))
+
+
+@dataclass(frozen=True)
+class ThermalTargetDrift(ThermalDrift):
+    kinds: ClassVar[tuple[str, ...]] = ("poses", "tracked_motion")
+    form: ClassVar[str] = "target"
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        return tuple(Parameter(f"drift_{axis}_m_per_{self.unit}", 1e-4) for axis in "xyz")
+
+    def describe(self) -> str:
+        size = 1e6 * float(np.linalg.norm(self.values))
+        return f"the target drifts by {size:.3g} micrometres per {self.unit} (it follows {self.driver})"
+
+    def change(self, view) -> Change:
+        x = slow_signal(view.data, self.driver)
+        return Change((0, 1, 2), x[:, None] * np.asarray(self.values), x[:, None, None] * np.eye(3))
+
+    @classmethod
+    def of(cls, robot, view) -> Iterable[Effect]:
+        """Only along a temperature: along time it is the drift of the measuring device."""
+        return (cls(None, (0.0,) * 3, driver) for driver in temperatures(view.data))
+
+
+@dataclass(frozen=True)
+class ThermalSensorDrift(ThermalDrift):
+    station: ClassVar[Station] = Station.DEVICE
+    kinds: ClassVar[tuple[str, ...]] = ("gear_run",)
+    form: ClassVar[str] = "sensor"
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        return tuple(Parameter(f"drift_{axis}_rad_s_per_{self.unit}", 1e-4) for axis in "xyz")
+
+    def describe(self) -> str:
+        size = float(np.linalg.norm(self.values))
+        return f"the bias of the gyroscope drifts by {size:.3g} rad/s per {self.unit} (it follows {self.driver})"
+
+    def change(self, view) -> Change:
+        x = slow_signal(view.data, self.driver)
+        return Change((0, 1, 2), x[:, None] * np.asarray(self.values), x[:, None, None] * np.eye(3))
+
+    @classmethod
+    def of(cls, robot, view) -> Iterable[Effect]:
+        return (cls(None, (0.0,) * 3, driver) for driver in drivers(view.data)) if view.data.gyro is not None else ()
+
+
+@dataclass(frozen=True)
+class ThermalLubricant(ThermalDrift):
+    station: ClassVar[Station] = Station.DRIVE
+    kinds: ClassVar[tuple[str, ...]] = ("motion",)
+    form: ClassVar[str] = "lubricant"
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        return (Parameter(f"fall_1_per_{self.unit}", 0.01),)
+
+    def describe(self) -> str:
+        return f"viscous friction falls by {self.values[0]:.3g} of itself per {self.unit} (it follows {self.driver})"
+
+    def change(self, view) -> Change:
+        x = slow_signal(view.data, self.driver, from_start=True)[:, None]
+        ratios = view.robot.controller_ratios
+        viscous = np.array([joint.viscous or 0.0 for joint in view.robot.joints])
+        column = -x * viscous * view.signals["theta_dot"] / ratios
+        by_rate = -self.values[0] * x[:, :, None] * np.diag(viscous / ratios)
+        return Change(tuple(range(view.axes)), self.values[0] * column, column[:, :, None], {"theta_dot": by_rate})
+
+    @classmethod
+    def of(cls, robot, view) -> Iterable[Effect]:
+        if not any(joint.viscous for joint in robot.joints):
+            return ()
+        return (cls(None, (0.0,), driver) for driver in drivers(view.data))

@@ -1,0 +1,31 @@
+"""Torque constant: the torque that a drive reports is scaled, its motor's constant or current sensor being off.
+
+reported = (1 + scale) true drive torque.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from exactarm.effects.base import Change, Parameter, Station
+from exactarm.effects.drive import DriveEffect
+
+
+@dataclass(frozen=True)
+class TorqueConstant(DriveEffect):
+    """Relative error of the reported torque of one axis."""
+
+    name: ClassVar[str] = "torque_constant"
+    station: ClassVar[Station] = Station.DEVICE
+    sentence: ClassVar[str] = "the torque that axis {joint} reports is the true one times 1 + {scale:.3g}"
+    source: ClassVar[str] = "Gautier and Briot 2014 (drive gains)"
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        return (Parameter("scale", 0.1, -0.9, 5.0),)
+
+    def change(self, view) -> Change:
+        torque = view.measured[:, self.index]
+        return self.torque_change(view, [torque], measured=np.full_like(torque, self.values[0]))

@@ -1,0 +1,43 @@
+"""Tracker scale: the measuring device stretches its own axes: measured_k += scale_k measured_k.
+
+A scale that is the same on all three axes is absorbed by the arm's geometry, so at most two are told at once.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, Iterable
+
+import numpy as np
+
+from exactarm.effects.base import Change, Effect, Parameter, Station
+
+
+@dataclass(frozen=True)
+class TrackerScale(Effect):
+    """Scale errors along the device's axes; `axes`: which of x, y, z are estimated."""
+
+    axes: str = "z"
+
+    name: ClassVar[str] = "tracker_scale"
+    station: ClassVar[Station] = Station.DEVICE
+    kinds: ClassVar[tuple[str, ...]] = ("poses", "tracked_motion")
+    per_joint: ClassVar[bool] = False
+    sentence: ClassVar[str] = (
+        "the measuring device stretches its axes by {x_scale:.3g}, {y_scale:.3g} and {z_scale:.3g} (x, y, z)"
+    )
+    source: ClassVar[str] = "ASME B89.4.19 (ranging and angular errors of laser trackers)"
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        return tuple(Parameter(f"{axis}_scale", 1e-4, -0.1, 0.1, fixed=axis not in self.axes) for axis in "xyz")
+
+    def change(self, view) -> Change:
+        scale = np.asarray(self.values)
+        measured = view.measured[:, :3]
+        derivative = measured[:, :, None] * np.eye(3)
+        by_measured = np.broadcast_to(np.diag(scale), (view.rows, 3, 3))
+        return Change((0, 1, 2), scale * measured, derivative, {"measured": by_measured})
+
+    @classmethod
+    def candidates(cls, robot, view) -> Iterable[Effect]:
+        return (cls(None, (0.0,) * 3, axes) for axes in ("x", "y", "z", "xy"))

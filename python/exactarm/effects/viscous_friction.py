@@ -1,0 +1,31 @@
+"""Viscous friction of a drive: coefficient_Nm_s rate, of the lubricant in gear and bearings (Newton)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, Iterable
+
+import numpy as np
+
+from exactarm.effects.base import Change, Effect, Parameter
+from exactarm.effects.drive import DriveEffect, moving_axes
+
+
+@dataclass(frozen=True)
+class ViscousFriction(DriveEffect):
+    """Friction of one axis in proportion to its rate, beside what its tables declare."""
+
+    name: ClassVar[str] = "viscous_friction"
+    sentence: ClassVar[str] = "axis {joint} has {coefficient_Nm_s:.3g} Nm s of viscous friction that is not declared"
+    source: ClassVar[str] = "Armstrong-Helouvry, Dupont and Canudas de Wit 1994; thesis (2.22)"
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        return (Parameter("coefficient_Nm_s", 10.0),)
+
+    def change(self, view) -> Change:
+        rate = self.rate(view)
+        return self.torque_change(view, [rate], rate=np.full_like(rate, self.values[0]))
+
+    @classmethod
+    def candidates(cls, robot, view) -> Iterable[Effect]:
+        return (cls(i + 1, (0.0,)) for i in moving_axes(view) if robot.joints[i].viscous is None)

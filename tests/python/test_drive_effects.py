@@ -1,0 +1,240 @@
+"""Effects of drive, load, structure and measuring device: what they add, and every derivative of it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from central_difference import assert_derivative
+from six_axis import six_axis
+
+from exactarm import _core
+from exactarm.chain import Layout, View, predict_poses
+from exactarm.dataset import Dataset
+from exactarm.effects import Station, effect_from_table, library
+from exactarm.effects.frames import Frames
+from exactarm.effects.outliers import Outliers
+from exactarm.effects.payload import Payload, inertial
+from exactarm.effects.slow_driver import drivers, slow_signal
+from exactarm.effects.thermal_drift import ThermalDrift
+
+ROWS, AXES = 40, 6
+MOTION = (
+    "coulomb_friction viscous_friction stribeck_friction asymmetric_friction load_friction shear_thinning_friction "
+    "torque_ripple torque_constant rotor_inertia gravity_compensator motor_link_coupling payload thermal_drift"
+).split()
+POSES = "payload link_compliance base_compliance thermal_drift tracker_scale tracker_drift outliers".split()
+
+
+@pytest.fixture
+def random() -> np.random.Generator:
+    return np.random.default_rng(20240611)
+
+
+def bare(robot):
+    """The robot without declared friction, so that friction is a candidate."""
+    return replace(robot, joints=tuple(replace(joint, coulomb=None) for joint in robot.joints))
+
+
+def motion_view(random, robot=None) -> View:
+    robot = robot or six_axis()
+    temperature = {"temperature_degC": np.linspace(20.0, 45.0, ROWS)}
+    theta = random.normal(0.0, 60.0, (ROWS, AXES))
+    data = Dataset.of_arrays("motion", {"theta": theta}, time=0.01 * np.arange(ROWS), covariates=temperature)
+    view = View(robot, data, "motion")
+    scale = {"theta_dot": 30.0, "theta_ddot": 200.0, "q_dot": 1.0, "q_ddot": 5.0, "torque": 300.0, "measured": 300.0}
+    view.signals |= {name: random.normal(0.0, size, (ROWS, AXES)) for name, size in scale.items()}
+    view.signals |= {"theta": theta, "phi": theta / robot.ratios, "q": theta / robot.ratios + robot.offsets}
+    view.tangents["theta"] = np.zeros((ROWS, AXES, 0))
+    return view
+
+
+def pose_data(random, robot, **more) -> Dataset:
+    q = random.uniform(-1.5, 1.5, (ROWS, AXES))
+    zero = np.zeros((ROWS, 3))
+    data = Dataset.of_arrays("poses", {"q": q}, position=zero, time=60.0 * np.arange(ROWS), **more)
+    return replace(data, position=predict_poses(robot, Layout.of(()), data, tangents=False).position)
+
+
+def plausible(effect, random):
+    """The effect at random values of plausible size."""
+    values = []
+    for parameter, value in zip(effect.parameters(), effect.values):
+        drawn = value or parameter.plausible * random.uniform(0.5, 1.0) * random.choice([-1.0, 1.0])
+        values.append(np.clip(drawn, parameter.lower, parameter.upper))
+    return effect.with_values(values)
+
+
+def check_by_signal(effect, view):
+    """Each claimed slope by an upstream signal, one column of it at a time."""
+    change = effect.change(view)
+    for name, factor in change.by_signal.items():
+        if name == "displacement":
+            continue  # stands for the target, whose tangent it is; checked through the chain
+        original = view.signals[name]
+
+        def shifted(x, name=name, original=original):
+            view.signals[name] = original + x
+            return effect.change(view).value
+
+        step = 1e-4 * np.sqrt(np.mean(original**2))
+        if name == "theta_dot":
+            step = 1e-2  # the smoothed sign is narrow
+        assert_derivative(shifted, np.zeros(original.shape[1]), factor, step, relative=2e-5)
+        view.signals[name] = original
+
+
+@pytest.mark.parametrize("name", MOTION)
+def test_motion_effect_derivatives(name, random):
+    robot = bare(six_axis())
+    view = motion_view(random, robot)
+    if name == "viscous_friction":
+        robot = replace(robot, joints=tuple(replace(joint, viscous=None) for joint in robot.joints))
+    view.signals["theta_dot"] *= 0.1  # some rows within the smoothed sign
+    candidates = list(library()[name].candidates(robot, view))
+    assert candidates
+    for effect in candidates:
+        assert "motion" in effect.kinds
+        effect = plausible(effect, random)
+        if isinstance(effect, Payload):
+            continue  # lives in the tables: checked below
+        steps = [1e-3 * parameter.plausible for parameter in effect.parameters()]
+        if name == "torque_ripple":
+            steps[0] = 1e-5  # many cycles: the phase turns quickly with the order
+        change = lambda x, effect=effect: effect.with_values(x).change(view).value
+        assert_derivative(change, np.array(effect.values), effect.change(view).by_parameters, steps)
+        check_by_signal(effect, view)
+
+
+def test_drive_friction_opposes_motion(random):
+    """All friction takes power from the motor, whatever the sign of the gear ratio."""
+    robot = bare(six_axis())
+    robot = replace(robot, joints=tuple(replace(joint, viscous=None) for joint in robot.joints))
+    view = motion_view(random, robot)
+    rate = view.signals["theta_dot"] / robot.ratios
+    for name in ("coulomb_friction", "viscous_friction", "stribeck_friction", "load_friction", "shear_thinning_friction"):
+        for effect in library()[name].candidates(robot, view):
+            values = [value or parameter.plausible for parameter, value in zip(effect.parameters(), effect.values)]
+            change = effect.with_values(values).change(view)
+            assert np.all(change.value[:, 0] * rate[:, change.columns[0]] >= 0.0)
+
+
+def test_payload_torque_is_that_of_a_point_mass(random):
+    """Baked into the last link, it changes the inverse dynamics as the regressor says, and as a real mass would."""
+    robot, values = six_axis(), np.array([4.0, 0.2, -0.4, 0.6])
+    q, q_dot, q_ddot = (random.normal(0.0, 1.0, (5, AXES)) for _ in range(3))
+    torque = lambda x: _core.inverse_dynamics(Payload(None, tuple(x)).bake(robot).core, q, q_dot, q_ddot)
+    regressor = _core.dynamics_regressor(robot.core, q, q_dot, q_ddot)[:, :, -10:]
+    pi, slope = inertial(values)
+    np.testing.assert_allclose(torque(values) - torque(np.zeros(4)), regressor @ pi, atol=1e-9)
+    assert_derivative(torque, values, regressor @ slope, 1e-2)
+    assert_derivative(lambda x: inertial(x)[0], values, slope, 1e-3)
+    assert_derivative(lambda x: inertial(x)[0], np.array([1e-4, 0.01, 0.0, 0.0]), inertial([1e-4, 0.01, 0, 0])[1], 1e-6)
+    np.testing.assert_allclose(pi[4:], [0.13, 0.02, -0.03, 0.1, 0.06, 0.05], rtol=1e-6)
+
+
+@pytest.mark.parametrize("name", POSES)
+def test_pose_effect_derivatives(name, random):
+    """Through the whole chain: prediction against its Jacobian, with the effect alone free."""
+    robot = six_axis(springs=True)
+    data = pose_data(random, robot, covariates={"temperature_degC": random.uniform(20.0, 40.0, ROWS)})
+    broken = data.position.copy()
+    broken += random.normal(0.0, 1e-4, broken.shape)
+    broken[3] += 0.01
+    view = predict_poses(robot, Layout.of(()), replace(data, position=broken)).view
+    candidates = list(library()[name].candidates(robot, view))
+    assert candidates
+    for effect in candidates:
+        assert "poses" in effect.kinds
+        layout = Layout.of((plausible(effect, random),))
+        steps = np.array([0.1 * parameter.plausible for parameter in layout.parameters])
+        position = lambda x, layout=layout: predict_poses(robot, layout.at(x), data, tangents=False).position
+        prediction = predict_poses(robot, layout, data)
+        if layout.size:
+            assert np.max(np.abs(prediction.position - data.position)) > 1e-7
+            assert_derivative(position, layout.values, prediction.jacobian[:, :3], steps, relative=2e-4)
+
+
+@pytest.mark.parametrize("name", ["link_compliance", "base_compliance"])
+def test_bending_slope_by_joint_angles(name, random):
+    robot = six_axis()
+    data = pose_data(random, robot)
+    view = predict_poses(robot, Layout.of((Frames.of(1, robot.base, robot.tool, False),)), data).view
+    for effect in library()[name].candidates(robot, view):
+        effect = effect.with_values((1e-6,))
+
+        def value(x, effect=effect):
+            moved = replace(data, joints={"q": data.joints["q"] + x})
+            return effect.change(predict_poses(robot, Layout.of(()), moved, tangents=False).view).value
+
+        assert_derivative(value, np.zeros(AXES), effect.change(view).by_signal["q"], 1e-3)
+
+
+def test_base_tilts_towards_the_load():
+    """A stretched arm pulls its base down on its own side."""
+    robot = six_axis(placed=False)
+    data = Dataset.of_arrays("poses", {"q": np.array([[0.3, 0.1, 0.2, 0.0, 0.0, 0.0]])}, position=np.zeros((1, 3)))
+    effect = library()["base_compliance"](None, (1e-5,))
+    stiff, soft = (predict_poses(robot, Layout.of(e), data, tangents=False).position[0] for e in ((), (effect,)))
+    assert stiff[0] > 0.5
+    assert soft[2] < stiff[2] - 1e-4
+
+
+def test_tracker_scale_is_per_axis(random):
+    robot = six_axis()
+    data = pose_data(random, robot)
+    effect = library()["tracker_scale"](None, (0.0, 0.0, 1e-3))
+    moved = predict_poses(robot, Layout.of((effect,)), data, tangents=False).position
+    np.testing.assert_allclose(moved, data.position * [1.0, 1.0, 1.001], rtol=1e-12)
+
+
+def test_outliers_leave_out_broken_rows_only(random):
+    robot = six_axis()
+    clean = pose_data(random, robot)
+    noisy = replace(clean, position=clean.position + random.normal(0.0, 1e-4, (ROWS, 3)))
+    view = predict_poses(robot, Layout.of(()), noisy).view
+    assert not list(Outliers.candidates(robot, view))
+    position = noisy.position.copy()
+    position[[4, 17]] += 0.01
+    view = predict_poses(robot, Layout.of(()), replace(noisy, position=position)).view
+    (effect,) = Outliers.candidates(robot, view)
+    assert sorted(np.flatnonzero(~effect.keep(view))) == [4, 17]
+
+
+def test_drift_follows_temperature_else_time_else_rows(random):
+    robot = six_axis()
+    data = pose_data(random, robot)
+    assert drivers(data) == ["time"]
+    assert drivers(replace(data, time=None)) == ["row"]
+    assert drivers(replace(data, covariates={"gear_temp_degC": np.arange(40.0), "load_kg": np.arange(40.0)})) == ["gear_temp_degC"]
+    two = replace(data, session=np.repeat([1, 2], 20))
+    signal = slow_signal(two, "time")
+    assert abs(signal[:20].mean()) < 1e-12 and abs(signal[20:].mean()) < 1e-12
+
+
+def test_every_effect_survives_the_robot_file(random):
+    """to_table and back: the same effect, from numbers and words alone."""
+    robot = bare(six_axis())
+    views = [motion_view(random, robot)]
+    data = pose_data(random, robot, covariates={"temperature_degC": random.uniform(20.0, 40.0, ROWS)})
+    views.append(predict_poses(robot, Layout.of(()), data).view)
+    seen = set()
+    for view in views:
+        for name in MOTION + POSES:
+            if view.kind not in library()[name].kinds:
+                continue
+            for effect in library()[name].candidates(robot, view):
+                effect = plausible(effect, random)
+                back = effect_from_table(effect.to_table())
+                assert type(back) is type(effect) and back.joint == effect.joint
+                assert back.values == pytest.approx(effect.values)
+                assert back.label == effect.label and back.describe() == effect.describe()
+                seen.add(name)
+    assert seen >= set(MOTION + POSES) - {"viscous_friction", "outliers"}
+
+
+def test_thermal_forms_act_at_their_own_station():
+    stations = {form.form: form.station for form in ThermalDrift.__subclasses__()}
+    assert stations["growth"] == stations["target"] == Station.GEOMETRY
+    assert stations["sensor"] == Station.DEVICE and stations["lubricant"] == Station.DRIVE
