@@ -17,6 +17,7 @@ from exactarm import _core
 from exactarm.dataset import Dataset
 from exactarm.effects.base import Effect, Station
 from exactarm.robot import Robot
+from exactarm.split import STANDS_STILL
 
 
 # (columns of the station's signal, derivative (N, c, k)) -> what it does to the measurement, (N, m, k).
@@ -73,12 +74,53 @@ class View:
         """(N, n) direction of the motor's motion, -1, 0, +1: the sign of the rate in a time series, the approach
         of a static pose; 0 at rest and where unknown. The motor's own sense: with a negative ratio the output
         turns the other way."""
+        if "direction" in self.signals:
+            return self.signals["direction"]
         if "theta_dot" in self.signals:
             return np.sign(self.signals["theta_dot"])
         approach = self.data.joints.get("approach")
         if approach is None:
             return np.zeros((self.rows, self.axes))
         return np.sign(np.nan_to_num(approach))
+
+    @property
+    def is_series(self) -> bool:
+        """Whether the rows of a run follow each other in time."""
+        return self.kind != "poses"
+
+    @property
+    def keep(self) -> np.ndarray:
+        """(N,) rows on which the model is defined: not at a reversal of a gear run."""
+        return self.signals["keep"] > 0 if "keep" in self.signals else np.ones(self.rows, bool)
+
+    @cached_property
+    def runs(self) -> tuple[np.ndarray, ...]:
+        """Row indices of every run, in the order of time."""
+        order = np.argsort(self.data.run, kind="stable")
+        parts = np.split(order, np.flatnonzero(np.diff(self.data.run[order])) + 1)
+        if self.data.time is None:
+            return tuple(parts)
+        return tuple(rows[np.argsort(self.data.time[rows], kind="stable")] for rows in parts)
+
+    @cached_property
+    def moving(self) -> np.ndarray:
+        """(n,) axes that move in these data; all that do not rest, for poses."""
+        span = np.ptp(self.theta / self.robot.ratios, axis=0) if self.rows else np.zeros(self.axes)
+        return span > (STANDS_STILL * max(span.max(), 1e-12) if self.is_series else 0.0)
+
+    @cached_property
+    def moving_runs(self) -> tuple[tuple[np.ndarray, int], ...]:
+        """(row indices, axis from 0 that moves furthest) of every run."""
+        output = np.abs(1.0 / self.robot.ratios)
+        return tuple((rows, int(np.argmax(np.ptp(self.theta[rows], axis=0) * output))) for rows in self.runs)
+
+    @cached_property
+    def sensor_axis(self) -> np.ndarray:
+        """(N,) axis from 0 on whose link a gyroscope sits: the one that moves in the row's run."""
+        axis = np.zeros(self.rows, int)
+        for rows, index in self.moving_runs:
+            axis[rows] = index
+        return axis
 
     @cached_property
     def sessions(self) -> tuple[tuple[int, np.ndarray], ...]:

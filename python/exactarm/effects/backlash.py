@@ -1,0 +1,65 @@
+"""Backlash: clearance between the teeth; the link rests on the loaded flank.
+
+change of q = -width / 2 * s,   s = tanh((torque + friction * direction) / transition)
+
+torque is what the joint carries (the spring's torque, E4), friction the joint's Coulomb friction against the
+direction of motion: it decides where the load is small. transition = friction / 5, so that friction alone
+presses the flanks together. Two-state model of Nordin and Gutman 2002, at rest on either flank.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, Iterable
+
+import numpy as np
+
+from exactarm.effects.base import Change, Effect, Parameter, Station
+
+_TRANSITION_SHARE = 0.2
+_FRICTION_SHARE = 0.02  # of the largest load, where no friction is declared
+_LEAST_FRICTION_NM = 0.1
+
+
+@dataclass(frozen=True)
+class Backlash(Effect):
+    """values: width of the clearance at the output, and the friction that decides at small loads (not estimated)."""
+
+    name: ClassVar[str] = "backlash"
+    station: ClassVar[Station] = Station.SPRING
+    kinds: ClassVar[tuple[str, ...]] = ("poses", "gear_run", "motion", "tracked_motion")
+    compensable: ClassVar[bool] = True
+    smooth: ClassVar[bool] = False
+    sentence: ClassVar[str] = "axis {joint} has {width_rad:.3g} rad of backlash and rests on the loaded flank"
+    source: ClassVar[str] = "Nordin and Gutman 2002"
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        return (Parameter("width_rad", 3e-4, -1e-2, 1e-2), Parameter("friction_Nm", 10.0, 0.0, fixed=True))
+
+    def flank(self, view) -> tuple[np.ndarray, np.ndarray]:
+        """s (N,) in [-1, 1] and its derivative by the torque."""
+        friction = max(self.values[1], _LEAST_FRICTION_NM)
+        transition = _TRANSITION_SHARE * friction
+        pressed = view.torque[:, self.index] + friction * view.direction[:, self.index]
+        s = np.tanh(pressed / transition)
+        return s, (1.0 - s**2) / transition
+
+    def change(self, view) -> Change:
+        s, slope = self.flank(view)
+        half = 0.5 * self.values[0]
+        derivative = np.zeros((view.rows, 1, 2))
+        derivative[:, 0, 0] = -0.5 * s
+        by_torque = np.zeros((view.rows, 1, view.axes))
+        by_torque[:, 0, self.index] = -half * slope
+        return Change((self.index,), (-half * s)[:, None], derivative, {"torque": by_torque})
+
+    @classmethod
+    def candidates(cls, robot, view) -> Iterable[Effect]:
+        for index, joint in enumerate(robot.joints):
+            load = np.max(np.abs(view.torque[:, index]), initial=0.0)
+            if load == 0.0 and not np.any(view.direction[:, index]):
+                continue
+            small = max(_FRICTION_SHARE * load, _LEAST_FRICTION_NM)
+            yield cls(index + 1, (0.0, small))
+            if joint.coulomb and joint.coulomb > 2.0 * small and np.any(view.direction[:, index]):
+                yield cls(index + 1, (0.0, joint.coulomb))

@@ -1,0 +1,39 @@
+"""Direction dependence: gear harmonics that change their sign with the direction of motion (thesis 3.1.2).
+
+The tables of both directions differ by twice the effect: f = direction of motion (-1, 0, +1).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, Iterable
+
+import numpy as np
+
+from exactarm.effects.base import Effect
+from exactarm.effects.harmonic_family import HarmonicFamily, declared_orders, searched_orders
+
+
+@dataclass(frozen=True)
+class DirectionDependence(HarmonicFamily):
+    """Half the difference of a_k, b_k between counter-clockwise and clockwise motion."""
+
+    name: ClassVar[str] = "direction_dependence"
+    kinds: ClassVar[tuple[str, ...]] = ("poses", "gear_run", "motion", "tracked_motion")
+    compensable: ClassVar[bool] = True
+    smooth: ClassVar[bool] = False
+    sentence: ClassVar[str] = "the harmonic {order_per_rev:.2f} of gear {joint} depends on the direction of motion"
+    source: ClassVar[str] = "thesis 3.1.2, Tables A.6 to A.11"
+
+    def factor(self, view):
+        return view.direction[:, self.index], {}
+
+    @classmethod
+    def candidates(cls, robot, view) -> Iterable[Effect]:
+        for index in range(robot.axes):
+            direction = view.direction[:, index]
+            if not np.any(direction > 0) or not np.any(direction < 0):
+                continue
+            orders = (*np.unique(declared_orders(robot, index)), *searched_orders(robot, view, index))
+            if len(orders):
+                yield cls.zero(index + 1, orders)

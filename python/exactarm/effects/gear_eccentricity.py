@@ -1,0 +1,52 @@
+"""Gear eccentricity: an output wheel off its centre or oval, errors of first and second order per output revolution.
+
+change of phi = c1 cos(phi) + s1 sin(phi) + c2 cos(2 phi) + s2 sin(2 phi), amplitudes in rad. Its constant part is
+an offset of the axis (the declared model has it).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, Iterable
+
+import numpy as np
+
+from exactarm.effects.base import Change, Effect, Parameter, Station
+
+
+@dataclass(frozen=True)
+class GearEccentricity(Effect):
+    """Amplitudes of both orders; `second` False: of the first alone."""
+
+    second: bool = True
+
+    name: ClassVar[str] = "gear_eccentricity"
+    station: ClassVar[Station] = Station.GEAR
+    kinds: ClassVar[tuple[str, ...]] = ("poses", "gear_run", "motion", "tracked_motion")
+    compensable: ClassVar[bool] = True
+    sentence: ClassVar[str] = "the output of gear {joint} runs out of true, once and twice per revolution"
+    source: ClassVar[str] = "Mark, Performance-Based Gear Metrology (2013): run-out"
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        names = ("first_cos_rad", "first_sin_rad", "second_cos_rad", "second_sin_rad")
+        return tuple(Parameter(name, 2e-4) for name in names[: 4 if self.second else 2])
+
+    def change(self, view) -> Change:
+        phi = view.phi[:, self.index]
+        shapes = [np.cos(phi), np.sin(phi), np.cos(2.0 * phi), np.sin(2.0 * phi)][: len(self.values)]
+        slopes = [-np.sin(phi), np.cos(phi), -2.0 * np.sin(2.0 * phi), 2.0 * np.cos(2.0 * phi)][: len(self.values)]
+        shape, values = np.stack(shapes, axis=1), np.array(self.values)
+        by_phi = np.zeros((view.rows, 1, view.axes))
+        by_phi[:, 0, self.index] = np.stack(slopes, axis=1) @ values
+        return Change((self.index,), (shape @ values)[:, None], shape[:, None, :], {"phi": by_phi})
+
+    @classmethod
+    def from_table(cls, table) -> Effect:
+        raw = cls(table["joint"], (), second="second_cos_rad" in table)
+        return raw.with_values(table[parameter.name] for parameter in raw.parameters())
+
+    @classmethod
+    def candidates(cls, robot, view) -> Iterable[Effect]:
+        for index in np.flatnonzero(view.moving):
+            yield cls(int(index) + 1, (0.0, 0.0), second=False)
+            yield cls(int(index) + 1, (0.0, 0.0, 0.0, 0.0))

@@ -1,0 +1,30 @@
+"""Gear harmonics: orders of the non-constant gear ratio that the declared tables lack (thesis (2.9) to (2.14), E5).
+
+The same in both directions of motion. Orders of one rotating element and its multiples belong together.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, Iterable
+
+from exactarm.effects.base import Effect
+from exactarm.effects.harmonic_family import HarmonicFamily, searched_orders
+
+
+@dataclass(frozen=True)
+class GearHarmonics(HarmonicFamily):
+    """a_k, b_k relative to the gear ratio."""
+
+    name: ClassVar[str] = "gear_harmonics"
+    kinds: ClassVar[tuple[str, ...]] = ("poses", "gear_run", "motion", "tracked_motion")
+    compensable: ClassVar[bool] = True
+    sentence: ClassVar[str] = "the ratio of gear {joint} swings {order_per_rev:.2f} times per output revolution"
+    source: ClassVar[str] = "thesis 2.2.1, E5"
+
+    @classmethod
+    def candidates(cls, robot, view) -> Iterable[Effect]:
+        for index in range(robot.axes):
+            orders = searched_orders(robot, view, index)
+            if len(orders):
+                yield cls.zero(index + 1, orders)

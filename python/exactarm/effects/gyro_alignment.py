@@ -1,0 +1,87 @@
+"""Gyroscope alignment: the constant tilt of the sensor against the moving axis (thesis (3.3)).
+
+R_x(alpha) R_y(beta) omega_sensor = F omega_nominal, so that the reading is R_y(-beta) R_x(-alpha) F omega_nominal.
+F turns the sensor upside down (half a turn about x) where its z axis points against the moving axis.
+Part of the declared model: re-identified, one pair of angles for each set-up and moving axis.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, Iterable
+
+import numpy as np
+
+from exactarm.effects.base import Change, Effect, Parameter, Station
+
+_UPSIDE_DOWN = np.diag([1.0, -1.0, -1.0])
+
+
+@dataclass(frozen=True)
+class GyroAlignment(Effect):
+    """alpha, beta of one session while axis `joint` moves."""
+
+    session: int = 1
+    flipped: bool = False
+
+    name: ClassVar[str] = "gyro_alignment"
+    station: ClassVar[Station] = Station.DEVICE
+    kinds: ClassVar[tuple[str, ...]] = ("gear_run",)
+    declared: ClassVar[bool] = True
+    sentence: ClassVar[str] = "the gyroscope is tilted by {alpha_rad:.4g} and {beta_rad:.4g} rad against axis {joint}"
+    source: ClassVar[str] = "thesis (3.3)"
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        return (Parameter("alpha_rad", 0.02), Parameter("beta_rad", 0.02))
+
+    def parameter_label(self, parameter: Parameter) -> str:
+        return f"session_{self.session}.{self.label}.{parameter.name}"
+
+    def change(self, view) -> Change:
+        alpha, beta = self.values
+        nominal = _UPSIDE_DOWN if self.flipped else np.eye(3)
+        turn = tilt(alpha, beta).T @ nominal
+        by_alpha = (about_y(beta).T @ slope_x(alpha).T) @ nominal
+        by_beta = (slope_y(beta).T @ about_x(alpha).T) @ nominal
+        here = (view.sensor_axis == self.index) & (view.data.session == self.session)
+        rate = view.measured * here[:, None]
+        value = rate @ (turn - np.eye(3)).T
+        derivative = np.stack([rate @ by_alpha.T, rate @ by_beta.T], axis=2)
+        by_measured = here[:, None, None] * (turn - np.eye(3))
+        return Change((0, 1, 2), value, derivative, {"measured": by_measured})
+
+    @classmethod
+    def candidates(cls, robot, view) -> Iterable[Effect]:
+        return ()
+
+
+def about_x(angle: float) -> np.ndarray:
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
+
+
+def about_y(angle: float) -> np.ndarray:
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
+
+
+def slope_x(angle: float) -> np.ndarray:
+    """d about_x / d angle."""
+    return about_x(angle + 0.5 * np.pi) - np.diag([1.0, 0.0, 0.0])
+
+
+def slope_y(angle: float) -> np.ndarray:
+    """d about_y / d angle."""
+    return about_y(angle + 0.5 * np.pi) - np.diag([0.0, 1.0, 0.0])
+
+
+def tilt(alpha: float, beta: float) -> np.ndarray:
+    """R_x(alpha) R_y(beta): from the sensor's axes to the moving axis'."""
+    return about_x(alpha) @ about_y(beta)
+
+
+def aligning_angles(axis: np.ndarray) -> tuple[float, float]:
+    """alpha, beta of (3.3) in closed form: the turns that bring the direction `axis` (3,) of the sensor onto z."""
+    x, y, z = axis / np.linalg.norm(axis)
+    beta = np.arctan2(-x, z)
+    return float(np.arctan2(y, np.hypot(x, z))), float(beta)

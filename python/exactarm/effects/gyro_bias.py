@@ -1,0 +1,33 @@
+"""Gyroscope bias: a constant rate that the sensor reads at rest, per axis of the sensor."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, Iterable
+
+import numpy as np
+
+from exactarm.effects.base import Change, Effect, Parameter, Station
+
+
+@dataclass(frozen=True)
+class GyroBias(Effect):
+    """Bias of the three axes."""
+
+    name: ClassVar[str] = "gyro_bias"
+    station: ClassVar[Station] = Station.DEVICE
+    kinds: ClassVar[tuple[str, ...]] = ("gear_run",)
+    per_joint: ClassVar[bool] = False
+    sentence: ClassVar[str] = "the gyroscope reads {z_rad_s:.3g} rad/s at rest along the moving axis"
+    source: ClassVar[str] = "IEEE Std 1431: bias"
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        return tuple(Parameter(name, 2e-3, -1.0, 1.0) for name in ("x_rad_s", "y_rad_s", "z_rad_s"))
+
+    def change(self, view) -> Change:
+        value = np.broadcast_to(np.array(self.values), (view.rows, 3)).copy()
+        return Change((0, 1, 2), value, np.broadcast_to(np.eye(3), (view.rows, 3, 3)).copy())
+
+    @classmethod
+    def candidates(cls, robot, view) -> Iterable[Effect]:
+        return (cls(None, (0.0, 0.0, 0.0)),) if view.data.gyro is not None else ()

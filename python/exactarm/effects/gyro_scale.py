@@ -1,0 +1,34 @@
+"""Gyroscope scale: the sensor's sensitivity is off, measured = (1 + scale) rate, the same on all its axes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, Iterable
+
+import numpy as np
+
+from exactarm.effects.base import Change, Effect, Parameter, Station
+
+
+@dataclass(frozen=True)
+class GyroScale(Effect):
+    """One relative scale error."""
+
+    name: ClassVar[str] = "gyro_scale"
+    station: ClassVar[Station] = Station.DEVICE
+    kinds: ClassVar[tuple[str, ...]] = ("gear_run",)
+    per_joint: ClassVar[bool] = False
+    sentence: ClassVar[str] = "the gyroscope reads 1 + {scale:.3g} times the rate"
+    source: ClassVar[str] = "IEEE Std 1431: scale factor error"
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        return (Parameter("scale", 5e-3, -0.2, 0.2),)
+
+    def change(self, view) -> Change:
+        reading = view.measured
+        by_measured = np.broadcast_to(self.values[0] * np.eye(3), (view.rows, 3, 3))
+        return Change((0, 1, 2), self.values[0] * reading, reading[:, :, None].copy(), {"measured": by_measured})
+
+    @classmethod
+    def candidates(cls, robot, view) -> Iterable[Effect]:
+        return (cls(None, (0.0,)),) if view.data.gyro is not None else ()

@@ -1,0 +1,130 @@
+"""What the effects made of gear harmonics have in common: one rotating element of the gear and its multiples.
+
+    x + f e(x) = phi,    e(x) = sum_k (a_k sin(k w x) + b_k (cos(k w x) - 1)) / (k w)             (2.13), E5
+
+x is the delivered angle, phi the one without the effect, f (N,) what the error follows: 1, the direction of
+motion, the rate or the torque. Hence dx/dphi = 1 / (1 + f e'), dx/df = -e / (1 + f e'), and so for a_k, b_k, w.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Mapping
+
+import numpy as np
+
+from exactarm.effects.base import Change, Effect, Parameter, Station
+from exactarm.harmonics import basis, delivered_angle, transmission_error, transmission_slope
+from exactarm.signals import strongest_orders
+
+_POSE_MULTIPLES = 2  # of the ratio: the highest order that poses are searched for
+_RATIO_UNKNOWN = 100.0
+
+
+@dataclass(frozen=True)
+class HarmonicFamily(Effect):
+    """values: order of the element (cycles per output revolution), then a_k, b_k for its multiples k = 1, 2, ...
+
+    `search`: orders to be tried; empty once the order is known.
+    """
+
+    search: tuple[float, ...] = ()
+
+    station = Station.GEAR
+    repeatable = True
+    unit = ""  # what a and b carry beside a plain number, as the end of a name
+    plausible = 1e-3
+
+    def factor(self, view) -> tuple[np.ndarray, Mapping[str, np.ndarray]]:
+        """f (N,) and its derivatives by signals, name -> (N, n)."""
+        return np.ones(view.rows), {}
+
+    @classmethod
+    def zero(cls, joint: int, search, multiples: int = 1) -> "HarmonicFamily":
+        """The effect without any size, to be searched over orders."""
+        search = tuple(float(order) for order in search)
+        return cls(joint, (search[0],) + (0.0, 0.0) * multiples, search)
+
+    @property
+    def multiples(self) -> int:
+        return (len(self.values) - 1) // 2
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        each = [f"{c}_{k + 1}{self.unit}" for k in range(self.multiples) for c in "ab"]
+        order = Parameter("order_per_rev", 1.0, 0.2, 2000.0, search=self.search)
+        return (order, *(Parameter(name, self.plausible) for name in each))
+
+    def parameter_label(self, parameter: Parameter) -> str:
+        return f"{self.label}_order_{self.values[0]:.0f}.{parameter.name}"
+
+    def change(self, view) -> Change:
+        order, multiple = self.values[0], np.arange(1, self.multiples + 1)
+        a, b = np.array(self.values[1::2]), np.array(self.values[2::2])
+        orders = order * multiple
+        factor, by_factor = self.factor(view)
+        phi = view.phi[:, self.index]
+        x = delivered_angle(phi, orders, a, b, factor) if np.any(a) or np.any(b) else phi
+        sine, cosine = basis(x, orders)
+        error, slope = sine @ a + cosine @ b, transmission_slope(x, orders, a, b)
+        derivative = np.empty((view.rows, 1, len(self.values)))
+        # d(k w)/dw = k cancels against the k of the divisor, once in each term.
+        along = x[:, None] * (np.cos(x[:, None] * orders) * a - np.sin(x[:, None] * orders) * b)
+        derivative[:, 0, 0] = along.sum(axis=1) / order - error / order
+        derivative[:, 0, 1::2], derivative[:, 0, 2::2] = sine, cosine
+        inverse = 1.0 / (1.0 + factor * slope)
+        derivative *= -(factor * inverse)[:, None, None]
+        by_phi = np.zeros((view.rows, 1, view.axes))
+        by_phi[:, 0, self.index] = inverse - 1.0
+        by_signal = {name: -(error * inverse)[:, None, None] * row[:, None, :] for name, row in by_factor.items()}
+        return Change((self.index,), (x - phi)[:, None], derivative, {"phi": by_phi} | by_signal)
+
+    @classmethod
+    def from_table(cls, table: Mapping[str, float | int | str]) -> Effect:
+        multiples = sum(1 for name in table if name.startswith("a_"))
+        raw = cls(table.get("joint"), (1.0,) + (0.0, 0.0) * multiples)
+        return raw.with_values(table[parameter.name] for parameter in raw.parameters())
+
+
+def searched_orders(robot, view, index: int) -> tuple[float, ...]:
+    """Orders worth trying on axis `index`.
+
+    A gear run shows its own: the peaks of its residual over the angle. Elsewhere whole numbers up to twice the
+    motor's own order, without those that the declared tables have already.
+    """
+    declared = declared_orders(robot, index)
+    if view.kind == "gear_run":
+        return tuple(o for o in _residual_orders(view, index) if np.all(np.abs(declared - o) > 0.5))
+    ratio = abs(robot.ratios[index]) if robot.joints[index].has_gear else _RATIO_UNKNOWN
+    orders = np.arange(3, _POSE_MULTIPLES * int(np.ceil(ratio)) + 2, dtype=float)
+    return tuple(o for o in orders if np.all(np.abs(declared - o) > 0.5))
+
+
+def declared_orders(robot, index: int) -> np.ndarray:
+    joint = robot.joints[index]
+    tables = [table.order for table in (joint.cw, joint.ccw) if table is not None]
+    return np.concatenate(tables) if tables else np.zeros(0)
+
+
+def declared_error(view, index: int) -> tuple[np.ndarray, np.ndarray]:
+    """The declared tables' transmission error e (N,) at the present output angle, by direction, and de/dphi."""
+    joint, phi = view.robot.joints[index], view.phi[:, index]
+    cw, ccw = joint.cw or joint.ccw, joint.ccw or joint.cw
+    error, slope = np.zeros(view.rows), np.zeros(view.rows)
+    for table, share in ((cw, 0.5 - 0.5 * view.direction[:, index]), (ccw, 0.5 + 0.5 * view.direction[:, index])):
+        if table is not None and table.order.size:
+            error += share * transmission_error(phi, table.order, table.a, table.b)
+            slope += share * transmission_slope(phi, table.order, table.a, table.b)
+    return error, slope
+
+
+def _residual_orders(view, index: int) -> np.ndarray:
+    """Peaks of what the present model leaves along the moving axis, over its output angle, run by run."""
+    residual = view.signals.get("axis_residual")
+    if residual is None or not view.moving[index]:
+        return np.zeros(0)
+    pieces = []
+    for rows, axis in view.moving_runs:
+        if axis == index:
+            rows = rows[view.keep[rows]]
+            pieces.append((view.phi[rows, index], residual[rows, index]))
+    return strongest_orders(pieces, ratio=abs(view.robot.ratios[index]))

@@ -1,0 +1,93 @@
+"""Hysteresis: friction inside a drive holds back a part of its wind-up; the joint lags behind in the way it came.
+
+change of q = -size * m,   m in [-1, 1]: the memory of the motion.
+
+Static poses: m = the approach direction. Time series: m is the stop operator of the output motion with the given
+reach (a spring in series with dry friction: Maxwell-slip element, Al-Bender et al. 2005), m = +-1 after a motion
+of twice the reach. The motion is that of the motor at the nominal ratio, so m does not depend on other parameters.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, Iterable
+
+import numpy as np
+
+from exactarm.effects.base import Change, Effect, Parameter, Station
+
+_REACHES_RAD = (3e-5, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1)
+
+
+@dataclass(frozen=True)
+class Hysteresis(Effect):
+    """values: half the width of the loop at the output, and in time series the reach of the memory."""
+
+    search: tuple[float, ...] = ()
+
+    name: ClassVar[str] = "hysteresis"
+    station: ClassVar[Station] = Station.SPRING
+    kinds: ClassVar[tuple[str, ...]] = ("poses", "gear_run", "motion", "tracked_motion")
+    compensable: ClassVar[bool] = True
+    smooth: ClassVar[bool] = False
+    sentence: ClassVar[str] = "axis {joint} stays {size_rad:.3g} rad behind, in the direction from which it comes"
+    source: ClassVar[str] = "Al-Bender, Lampaert and Swevers 2005"
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        size = Parameter("size_rad", 2e-4, -1e-2, 1e-2)
+        if len(self.values) == 1:
+            return (size,)
+        return (size, Parameter("reach_rad", 1e-3, 1e-6, 1.0, search=self.search))
+
+    def change(self, view) -> Change:
+        derivative = np.zeros((view.rows, 1, len(self.values)))
+        if len(self.values) == 1:
+            memory = view.direction[:, self.index]
+        else:
+            memory, by_reach = self._memory(view)
+            derivative[:, 0, 1] = -self.values[0] * by_reach
+        derivative[:, 0, 0] = -memory
+        return Change((self.index,), (-self.values[0] * memory)[:, None], derivative)
+
+    def _memory(self, view) -> tuple[np.ndarray, np.ndarray]:
+        """m (N,) of every run and its derivative by the reach."""
+        memory, by_reach = np.zeros(view.rows), np.zeros(view.rows)
+        motion = view.theta[:, self.index] / view.robot.ratios[self.index]
+        for rows in view.runs:
+            memory[rows], by_reach[rows] = stop_operator(motion[rows], self.values[1])
+        return memory, by_reach
+
+    @classmethod
+    def from_table(cls, table) -> Effect:
+        values = [table["size_rad"]] + ([table["reach_rad"]] if "reach_rad" in table else [])
+        return cls(table["joint"], tuple(float(value) for value in values))
+
+    @classmethod
+    def candidates(cls, robot, view) -> Iterable[Effect]:
+        for index in np.flatnonzero(view.moving):
+            if np.ptp(view.direction[:, index]) > 0:
+                yield cls(int(index) + 1, (0.0,))
+            if view.is_series:
+                yield cls(int(index) + 1, (0.0, _REACHES_RAD[0]), search=_REACHES_RAD)
+
+
+def stop_operator(motion: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
+    """z / reach with dz = d(motion) held within +-reach, starting at 0, and its derivative by the reach, each (N,).
+
+    Between two turning points the motion is monotone, so z there is one clipped line.
+    """
+    z, by_reach = np.zeros(motion.size), np.zeros(motion.size)
+    moves = np.sign(np.diff(motion))
+    nonzero = np.flatnonzero(moves)
+    if nonzero.size == 0:
+        return z, by_reach
+    turns = nonzero[1:][np.diff(moves[nonzero]) != 0.0]
+    starts, ends = np.concatenate([[0], turns]), np.concatenate([turns, [motion.size - 1]])
+    height, slope = 0.0, 0.0
+    for start, end in zip(starts, ends):
+        line = height + motion[start : end + 1] - motion[start]
+        inside = np.abs(line) < reach
+        z[start : end + 1] = np.clip(line, -reach, reach)
+        by_reach[start : end + 1] = np.where(inside, slope, np.sign(line))
+        height, slope = z[end], by_reach[end]
+    return z / reach, (by_reach - z / reach) / reach

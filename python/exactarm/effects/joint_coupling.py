@@ -1,0 +1,48 @@
+"""Joint coupling: the motor of one axis also turns another (bevel gears of a hollow wrist, belts through an arm).
+
+change of phi of the turned axis = coupling * theta_motor / ratio_motor.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, Iterable
+
+import numpy as np
+
+from exactarm.effects.base import Change, Effect, Parameter, Station
+
+
+@dataclass(frozen=True)
+class JointCoupling(Effect):
+    """`joint` is the axis that is turned; values: the axis whose motor turns it, and how far per radian of output."""
+
+    name: ClassVar[str] = "joint_coupling"
+    station: ClassVar[Station] = Station.GEAR
+    kinds: ClassVar[tuple[str, ...]] = ("poses", "gear_run", "motion", "tracked_motion")
+    compensable: ClassVar[bool] = True
+    sentence: ClassVar[str] = "the motor of axis {motor:.0f} turns axis {joint} by {coupling_rad_per_rad:.3g} rad per rad"
+    source: ClassVar[str] = "Siciliano et al., Robotics (2009), transmission coupling"
+
+    @property
+    def label(self) -> str:
+        return f"{self.name}_{self.joint}_by_{self.values[0]:.0f}"
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        return (Parameter("motor", 1.0, fixed=True), Parameter("coupling_rad_per_rad", 0.02, -10.0, 10.0))
+
+    def change(self, view) -> Change:
+        motor = int(self.values[0]) - 1
+        by_theta = np.zeros((view.rows, 1, view.axes))
+        by_theta[:, 0, motor] = self.values[1] / view.robot.ratios[motor]
+        turned = view.theta[:, motor] / view.robot.ratios[motor]
+        derivative = np.zeros((view.rows, 1, 2))
+        derivative[:, 0, 1] = turned
+        return Change((self.index,), (self.values[1] * turned)[:, None], derivative, {"theta": by_theta})
+
+    @classmethod
+    def candidates(cls, robot, view) -> Iterable[Effect]:
+        for motor in np.flatnonzero(view.moving):
+            for turned in range(robot.axes):
+                if turned != motor:
+                    yield cls(turned + 1, (float(motor + 1), 0.0))

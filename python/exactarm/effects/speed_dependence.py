@@ -1,0 +1,71 @@
+"""Speed dependence: the error of a gear changes with its speed (friction and inertia inside; thesis 1.1.1, 3.1.2).
+
+Either the declared harmonics grow together, e -> (1 + relative |phi_dot|) e, or one order has a part of its own
+that is proportional to |phi_dot| (values: order, a, b as in gear_harmonics, per rad/s).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, Iterable
+
+import numpy as np
+
+from exactarm.effects.base import Change, Effect, Parameter
+from exactarm.effects.harmonic_family import HarmonicFamily, declared_error, declared_orders, searched_orders
+
+
+@dataclass(frozen=True)
+class SpeedDependence(HarmonicFamily):
+    """One value: `relative_s_per_rad` of the declared harmonics; three or more: an order of its own."""
+
+    name: ClassVar[str] = "speed_dependence"
+    kinds: ClassVar[tuple[str, ...]] = ("gear_run", "motion")
+    compensable: ClassVar[bool] = True
+    smooth: ClassVar[bool] = False
+    repeatable: ClassVar[bool] = False
+    unit: ClassVar[str] = "_s_per_rad"
+    sentence: ClassVar[str] = "the error of gear {joint} changes with its speed"
+    source: ClassVar[str] = "thesis 1.1.1, 3.1.2"
+
+    def speed(self, view) -> np.ndarray:
+        """(N,) magnitude of the output rate at the nominal ratio."""
+        return np.abs(view.signals["theta_dot"][:, self.index] / view.robot.ratios[self.index])
+
+    def factor(self, view):
+        return self.speed(view), {}
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        if len(self.values) != 1:
+            return super().parameters()
+        return (Parameter("relative_s_per_rad", 0.2, -5.0, 5.0),)
+
+    def parameter_label(self, parameter: Parameter) -> str:
+        return f"{self.label}.{parameter.name}"
+
+    def change(self, view) -> Change:
+        if len(self.values) != 1:
+            return super().change(view)
+        speed = self.speed(view)
+        error, slope = declared_error(view, self.index)
+        by_phi = np.zeros((view.rows, 1, view.axes))
+        by_phi[:, 0, self.index] = -self.values[0] * speed * slope
+        value = -self.values[0] * speed * error
+        return Change((self.index,), value[:, None], -(speed * error)[:, None, None], {"phi": by_phi})
+
+    @classmethod
+    def from_table(cls, table) -> Effect:
+        if "relative_s_per_rad" in table:
+            return cls(table["joint"], (float(table["relative_s_per_rad"]),))
+        return super().from_table(table)
+
+    @classmethod
+    def candidates(cls, robot, view) -> Iterable[Effect]:
+        if "theta_dot" not in view.signals:
+            return
+        for index in np.flatnonzero(view.moving):
+            if robot.joints[index].has_harmonics:
+                yield cls(int(index) + 1, (0.0,))
+            orders = (*np.unique(declared_orders(robot, index)), *searched_orders(robot, view, index))
+            if len(orders):
+                yield cls.zero(int(index) + 1, orders)

@@ -1,0 +1,208 @@
+"""Signals in time and over angle: acausal Gaussian filter, derivatives, spectra over a non-uniform angle.
+
+The filter is that of thesis (3.1), (3.2): impulse response exp(-t^2 / 2 s^2) / (s sqrt(2 pi)) with
+s = sqrt(ln 2) / (2 pi f_c), -3 dB at f_c, no phase. Derivatives are central differences of eighth order, one linear
+operator (a sparse matrix) for values and tangents alike; toward the ends of a block its order falls to two.
+A block is a stretch of one run without a gap in its time stamps.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import ndimage, sparse
+from scipy.signal import zoom_fft
+
+_GAP = 1.5  # a step longer than this many typical ones ends a block
+# Central differences on a unit grid, coefficients of x[k + 1] - x[k - 1], x[k + 2] - x[k - 2], ... (Fornberg 1988).
+_STENCILS = {
+    1: (1 / 2,),
+    2: (2 / 3, -1 / 12),
+    3: (3 / 4, -3 / 20, 1 / 60),
+    4: (4 / 5, -1 / 5, 4 / 105, -1 / 280),
+}
+HALF_STENCIL = 4
+
+
+def typical_step(time: np.ndarray) -> float:
+    """Median sampling interval of one run, s."""
+    return float(np.median(np.diff(time)))
+
+
+def blocks(time: np.ndarray) -> list[np.ndarray]:
+    """Index arrays of the stretches of one run without a gap."""
+    if time.size < 2:
+        return [np.arange(time.size)]
+    gaps = np.flatnonzero(np.diff(time) > _GAP * typical_step(time))
+    return np.split(np.arange(time.size), gaps + 1)
+
+
+def gaussian_sigma(cutoff_hz: float) -> float:
+    """Standard deviation in s of the filter that is -3 dB at `cutoff_hz` (3.2)."""
+    return np.sqrt(np.log(2.0)) / (2.0 * np.pi * cutoff_hz)
+
+
+def gaussian_filter(values: np.ndarray, time: np.ndarray, cutoff_hz: float) -> np.ndarray:
+    """`values` (N, ...) of one run, filtered block by block without phase; straight lines pass unchanged.
+
+    Past its ends a block goes on as its own point reflection.
+    """
+    out = np.array(values, float)
+    width = gaussian_sigma(cutoff_hz) / typical_step(time) if time.size > 1 else 0.0
+    if width < 0.05:  # the kernel is one sample wide
+        return out
+    reach = int(np.ceil(6.0 * width))
+    for rows in blocks(time):
+        pad = min(reach, rows.size - 1)
+        if pad < 1:
+            continue
+        block = out[rows]
+        head = 2.0 * block[0] - block[pad:0:-1]
+        tail = 2.0 * block[-1] - block[-2 : -pad - 2 : -1]
+        padded = np.concatenate([head, block, tail])
+        out[rows] = ndimage.gaussian_filter1d(padded, width, axis=0, mode="nearest", radius=reach)[pad : pad + rows.size]
+    return out
+
+
+def derivative_operator(time: np.ndarray) -> sparse.csr_array:
+    """(N, N) operator D of one run: D @ x is dx/dt of samples x (N,) or (N, P)."""
+    pieces = [_block_operator(time[rows]) for rows in blocks(time)]
+    return sparse.block_diag(pieces, format="csr") if len(pieces) > 1 else pieces[0]
+
+
+def _block_operator(time: np.ndarray) -> sparse.csr_array:
+    count = time.size
+    if count == 1:
+        return sparse.csr_array((1, 1))
+    index = np.arange(count)
+    half = np.minimum(np.minimum(index, count - 1 - index), HALF_STENCIL)
+    rows, columns, values = [], [], []
+
+    def add(row, column, value):
+        rows.append(row), columns.append(column), values.append(np.broadcast_to(value, np.shape(row)))
+
+    for size, stencil in _STENCILS.items():
+        at = index[half == size]
+        for reach, weight in enumerate(stencil, start=1):
+            add(at, at + reach, weight)
+            add(at, at - reach, -weight)
+    ends = ((0, (0, 1, 2)), (count - 1, (count - 1, count - 2, count - 3)))
+    for row, where in ends:
+        sign = 1.0 if row == 0 else -1.0
+        weights = (-1.5, 2.0, -0.5) if count > 2 else (-1.0, 1.0)
+        for column, weight in zip(where, weights):
+            add(np.array([row]), np.array([column]), sign * weight)
+    by_index = sparse.csr_array(
+        (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))), shape=(count, count)
+    )
+    return sparse.diags_array(1.0 / (by_index @ time)) @ by_index
+
+
+def white_noise(values: np.ndarray) -> float:
+    """Standard deviation of the white part of a smooth signal (N,), from its fourth differences (robust)."""
+    if values.size < 6:
+        return 0.0
+    fourth = np.diff(values, 4)
+    return float(1.4826 * np.median(np.abs(fourth)) / np.sqrt(70.0))
+
+
+def step_of_quantisation(values: np.ndarray) -> float:
+    """Smallest step between different samples (N,), or 0 where the signal has no visible grid."""
+    steps = np.abs(np.diff(np.unique(values)))
+    steps = steps[steps > 1e-12 * max(np.ptp(values), 1e-300)]
+    if steps.size < 2:
+        return 0.0
+    grid = float(np.percentile(steps, 5))
+    off = np.abs(steps / grid - np.round(steps / grid))
+    return grid if np.median(off) < 0.05 and steps.size < 0.9 * values.size else 0.0
+
+
+def steady_direction(rate: np.ndarray, time: np.ndarray, share: float = 0.02) -> tuple[np.ndarray, np.ndarray]:
+    """Direction of motion (N,) of one run from its rate, and the mask (N,) of its reversals.
+
+    Samples slower than `share` of the fastest take the direction of the nearest faster sample, so that a standstill
+    belongs to the motion beside it; between opposite directions they are the reversal, which no table defines.
+    """
+    fastest = np.max(np.abs(rate), initial=0.0)
+    sign = np.where(np.abs(rate) > share * fastest, np.sign(rate), 0.0)
+    known = np.flatnonzero(sign)
+    reversal = np.zeros(rate.size, bool)
+    if known.size == 0:
+        return sign, reversal
+    index = np.arange(rate.size)
+    place = np.clip(np.searchsorted(known, index), 0, known.size - 1)
+    before, after = known[np.maximum(place - 1, 0)], known[place]
+    before = np.where(index >= known[-1], known[-1], before)
+    after = np.where(index <= known[0], known[0], after)
+    nearer = np.where(np.abs(index - before) <= np.abs(after - index), before, after)
+    direction = np.where(sign != 0.0, sign, sign[nearer])
+    reversal = (sign == 0.0) & (sign[before] * sign[after] < 0.0) & (before < index) & (index < after)
+    # Two neighbours of opposite direction without a slow sample between them.
+    flips = np.flatnonzero(direction[:-1] * direction[1:] < 0.0)
+    for shift in range(-HALF_STENCIL + 1, HALF_STENCIL + 1):
+        reversal[np.clip(flips + shift, 0, rate.size - 1)] = True
+    return direction, reversal
+
+
+def periodogram(angle: np.ndarray, values: np.ndarray, orders: np.ndarray) -> np.ndarray:
+    """Complex amplitudes (K,) of exp(i order angle) in `values` (N,) on any angles (N,): 2 / N sum v exp(-i w x)."""
+    out = np.empty(orders.size, complex)
+    for k in range(0, orders.size, 64):
+        part = orders[k : k + 64]
+        out[k : k + 64] = np.exp(-1j * np.outer(part, angle)) @ values
+    return 2.0 * out / angle.size
+
+
+def on_uniform_angle(angle: np.ndarray, values: np.ndarray, samples: int) -> tuple[np.ndarray, np.ndarray]:
+    """The signal (N,) averaged into `samples` equal cells of its angle: centres (M,), means (M,); empty ones filled in."""
+    low, high = float(angle.min()), float(angle.max())
+    edges = np.linspace(low, high, samples + 1)
+    cell = np.clip(((angle - low) / (high - low) * samples).astype(int), 0, samples - 1)
+    count = np.bincount(cell, minlength=samples)
+    mean = np.bincount(cell, weights=values, minlength=samples) / np.maximum(count, 1)
+    centre = 0.5 * (edges[:-1] + edges[1:])
+    full = count > 0
+    return centre, np.interp(centre, centre[full], mean[full])
+
+
+def zoom(values: np.ndarray, step: float, low: float, high: float, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Chirp-z zoom (Rabiner 1969) of a signal on a uniform angle (rad): orders (count,), complex amplitudes."""
+    orders = np.linspace(low, high, count)
+    rate = 2.0 * np.pi / step  # samples per revolution
+    return orders, 2.0 / values.size * zoom_fft(values, [low, high], m=count, fs=rate, endpoint=True)
+
+
+def power_over_orders(pieces: list[tuple[np.ndarray, np.ndarray]], ratio: float, highest: float | None = None):
+    """Orders (K,) and the power (K,) of signals (angle, values) over their angle, summed over the pieces.
+
+    Each piece is averaged onto a uniform angle, levelled and windowed (Hann); four points per cell of resolution
+    1 / range. Below two periods in the longest range nothing can be told, so the orders begin there.
+    """
+    pieces = [(x, v) for x, v in pieces if x.size >= 32 and np.ptp(x) > 0.0]
+    if not pieces:
+        return np.zeros(0), np.zeros(0)
+    longest = max(np.ptp(x) for x, _ in pieces) / (2.0 * np.pi)
+    nyquist = min(np.pi * x.size / np.ptp(x) for x, _ in pieces)
+    top = min(0.8 * nyquist, highest or 5.0 * max(ratio, 20.0))
+    low = 2.0 / longest
+    if top <= low:
+        return np.zeros(0), np.zeros(0)
+    count = max(8, int(4.0 * longest * (top - low)))
+    power, orders = np.zeros(count), np.zeros(count)
+    for angle, values in pieces:
+        span = np.ptp(angle)
+        samples = int(min(angle.size // 2, max(64, 1.3 * top * span / np.pi)))
+        centre, mean = on_uniform_angle(angle, values, samples)
+        level = np.polynomial.Polynomial.fit(centre, mean, 1)
+        orders, amplitude = zoom((mean - level(centre)) * np.hanning(samples), centre[1] - centre[0], low, top, count)
+        power += np.abs(amplitude) ** 2 * samples
+    return orders, power
+
+
+def strongest_orders(pieces, ratio: float, most: int = 8, over_floor: float = 8.0) -> np.ndarray:
+    """The orders of the highest peaks of `power_over_orders` that stand out of its floor (median), strongest first."""
+    orders, power = power_over_orders(pieces, ratio)
+    if orders.size < 8:
+        return np.zeros(0)
+    peaks = np.flatnonzero((power[1:-1] >= power[:-2]) & (power[1:-1] > power[2:])) + 1
+    peaks = peaks[power[peaks] > over_floor * np.median(power)]
+    return orders[peaks[np.argsort(-power[peaks])]][:most]

@@ -1,0 +1,128 @@
+"""Effects of gears and gyroscopes: derivatives against central differences, signs, limits, robot file entries."""
+
+import numpy as np
+import pytest
+from central_difference import assert_derivative
+from numpy.testing import assert_allclose
+
+from exactarm.chain import Layout, predict_poses
+from exactarm.dataset import Dataset
+from exactarm.effects import effect_from_table, library
+from exactarm.effects.backlash import Backlash
+from exactarm.effects.direction_dependence import DirectionDependence
+from exactarm.effects.gear_eccentricity import GearEccentricity
+from exactarm.effects.gear_harmonics import GearHarmonics
+from exactarm.effects.hysteresis import Hysteresis, stop_operator
+from exactarm.effects.joint_coupling import JointCoupling
+from exactarm.harmonics import delivered_angle, transmission_error
+from exactarm.robot import GearTable
+from exactarm.robot_file import load_robot
+
+POSE_EFFECTS = (
+    Backlash(2, (4e-4, 3.0)),
+    GearHarmonics(1, (84.9, 1e-3, 3e-3, -5e-4, 2e-4)),
+    DirectionDependence(3, (70.2, 2e-3, -1e-3)),
+    GearEccentricity(2, (1e-4, -2e-4, 5e-5, 1e-4)),
+    Hysteresis(3, (3e-4,)),
+    JointCoupling(6, (5.0, 0.03)),
+)
+
+
+@pytest.fixture(scope="module")
+def racer():
+    return load_robot("racer-7-1.4")
+
+
+def poses(robot, rows=24, seed=3):
+    random = np.random.default_rng(seed)
+    low = np.array([joint.q_min for joint in robot.joints])
+    high = np.array([joint.q_max for joint in robot.joints])
+    q = low + (high - low) * random.uniform(0.1, 0.9, (rows, robot.axes))
+    theta = (q - robot.offsets) * robot.ratios
+    approach = random.choice([-1.0, 1.0], (rows, robot.axes))
+    return Dataset.of_arrays("poses", {"theta": theta, "approach": approach}, position=np.zeros((rows, 3)))
+
+
+@pytest.mark.parametrize("effect", POSE_EFFECTS, ids=lambda effect: effect.name)
+def test_derivatives_in_poses(racer, effect):
+    data, layout = poses(racer), Layout.of((effect,))
+    predict = lambda x: predict_poses(racer, layout.at(x), data, tangents=False).position
+    jacobian = predict_poses(racer, layout, data).jacobian[:, :3]
+    step = np.maximum(1e-3 * np.abs(layout.values), 1e-7)
+    assert_derivative(predict, layout.values, jacobian, step, relative=2e-6)
+
+
+@pytest.mark.parametrize("effect", POSE_EFFECTS, ids=lambda effect: effect.name)
+def test_zero_size_changes_nothing_in_poses(racer, effect):
+    free = [0.0 if not p.fixed and "order" not in p.name else v for p, v in zip(effect.parameters(), effect.values)]
+    data = poses(racer)
+    with_effect = predict_poses(racer, Layout.of((effect.with_values(free),)), data, tangents=False)
+    without = predict_poses(racer, Layout.of(()), data, tangents=False)
+    assert_allclose(with_effect.position, without.position, atol=1e-15)
+
+
+@pytest.mark.parametrize("effect", POSE_EFFECTS, ids=lambda effect: effect.name)
+def test_table_gives_the_effect_back(effect):
+    assert effect_from_table(effect.to_table()) == effect
+
+
+@pytest.mark.parametrize("name", sorted(library()))
+def test_candidates_have_zero_size(racer, name):
+    view = predict_poses(racer, Layout.of(()), poses(racer)).view
+    if "poses" not in library()[name].kinds:
+        pytest.skip("not for poses")
+    for effect in library()[name].candidates(racer, view):
+        change = effect.change(view)
+        assert not np.any(change.value)
+        assert change.by_parameters.shape == (view.rows, len(change.columns), len(effect.values))
+        assert len(effect.parameters()) == len(effect.values)
+
+
+def test_harmonics_are_those_of_the_declared_table(racer):
+    """The effect on a plain gear and the same numbers in the robot's table predict the same angle."""
+    table = GearTable(np.array([70.0, 140.0]), np.array([2e-2, 1e-3]), np.array([-1e-2, 3e-3]))
+    plain = racer.with_joint(2, cw=None, ccw=None)
+    data = poses(racer)
+    effect = GearHarmonics(3, (70.0, 2e-2, -1e-2, 1e-3, 3e-3))
+    by_effect = predict_poses(plain, Layout.of((effect,)), data, tangents=False).view.q
+    by_table = predict_poses(plain.with_joint(2, cw=table, ccw=table), Layout.of(()), data, tangents=False).view.q
+    assert_allclose(by_effect, by_table, atol=1e-12)
+
+
+def test_delivered_angle_solves_its_equation():
+    phi, orders = np.linspace(-3.0, 3.0, 501), np.array([85.0, 303.0])
+    a, b = np.array([0.02, 1e-3]), np.array([-0.01, 2e-3])
+    x = delivered_angle(phi, orders, a, b)
+    assert_allclose(x + transmission_error(x, orders, a, b), phi, atol=1e-13)
+
+
+def test_backlash_rests_on_the_loaded_flank(racer):
+    data = poses(racer)
+    view = predict_poses(racer, Layout.of((Backlash(2, (1e-3, 1e-3)),)), data, tangents=False).view
+    shift = view.q - predict_poses(racer, Layout.of(()), data, tangents=False).view.q
+    assert_allclose(shift[:, 1], -0.5e-3 * np.sign(view.torque[:, 1]), atol=1e-6)
+
+
+def test_backlash_without_load_follows_the_approach(racer):
+    data = poses(racer)
+    view = predict_poses(racer, Layout.of((Backlash(1, (1e-3, 5.0)),)), data, tangents=False).view
+    shift = view.q - predict_poses(racer, Layout.of(()), data, tangents=False).view.q
+    assert_allclose(shift[:, 0], -0.5e-3 * data.joints["approach"][:, 0], rtol=1e-3)
+
+
+def test_stop_operator_remembers():
+    reach = 0.1
+    motion = np.concatenate([np.linspace(0, 1, 101), np.linspace(1, 0.95, 11)[1:], np.linspace(0.95, 0, 96)[1:]])
+    memory, _ = stop_operator(motion, reach)
+    assert_allclose(memory[5], 0.5, atol=1e-12)
+    assert_allclose(memory[100], 1.0)
+    assert_allclose(memory[110], 0.5, atol=1e-12)  # came back by half the reach
+    assert_allclose(memory[-1], -1.0)
+
+
+def test_stop_operator_derivative():
+    random = np.random.default_rng(5)
+    motion = np.cumsum(random.normal(0.0, 0.02, 400))
+    value = lambda reach: stop_operator(motion, float(reach[0]))[0]
+    analytic = stop_operator(motion, 0.07)[1][:, None]
+    assert_derivative(value, np.array([0.07]), analytic, 1e-6)
