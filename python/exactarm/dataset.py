@@ -107,7 +107,7 @@ def read_dataset(paths: str | Path | Sequence[str | Path], robot: Robot, kind: s
     if not paths:
         raise InputError("no data file given; expected at least one CSV or Parquet file")
     files = [_read_file(str(path), robot) for path in paths]
-    _check_same_columns(files)
+    _check_files(files)
     dataset = _join(files, robot)
     return replace(dataset, **data_kinds(dataset, robot, kind))
 
@@ -116,7 +116,7 @@ def read_planned_poses(paths: str | Path | Sequence[str | Path], robot: Robot) -
     """Poses that need not have been measured: a design, a list of commands. As `read_dataset`, without x, y, z."""
     paths = [paths] if isinstance(paths, (str, Path)) else list(paths)
     files = [_read_file(str(path), robot) for path in paths]
-    _check_same_columns(files)
+    _check_files(files)
     dataset = replace(_join(files, robot), kind="poses", kinds=("poses",))
     check_joints(dataset, robot)
     return dataset
@@ -213,9 +213,14 @@ def _check_vectors(path: str, columns: Mapping) -> None:
 
 
 # -- all files ---------------------------------------------------------------------------------------
-def _check_same_columns(files: Sequence[_File]) -> None:
-    """A quantity that only some files have could be neither used nor dropped without a word."""
+def _check_files(files: Sequence[_File]) -> None:
+    """No file twice; and a quantity that only some files have could be neither used nor dropped without a word."""
     numbering = {("session", None), ("run", None), ("visit", None)}
+    seen: dict[str, str] = {}
+    for file in files:
+        if other := seen.get(file.table.sha256):
+            raise InputError(f"the same content as {other}; expected each file once", file=file.path)
+        seen[file.table.sha256] = file.path
     for file in files[1:]:
         for here, there in ((file, files[0]), (files[0], file)):
             missing = [key for key in there.columns if key not in here.columns and key not in numbering]

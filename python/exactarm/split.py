@@ -1,6 +1,6 @@
 """Rows to identify with and rows to judge by, never from the same pose or run.
 
-`pose_split`: whole poses: rows of one visit or with identical joint angles stay together; each session gives
+`pose_split`: whole poses: rows of one visit or with the same joint angles stay together; each session gives
 its share. `run_split`: whole runs; in gear runs, runs that move the same axes the same way share; where there
 is only one of a sort, its first part is taken and its last part left. Both -> (N,) bool, True = identification.
 """
@@ -12,27 +12,31 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 
 if TYPE_CHECKING:
     from exactarm.dataset import Dataset
 
-SAME_ANGLE = 1e-9  # rad, m: commanded angles agree to the digits printed
+SAME_POSE = 3e-5  # of an axis' range (about 1e-4 rad): an arm sent to one pose twice reports no more than this
 STANDS_STILL = 0.02  # an axis moves when its range is more than this share of the largest
 
 
 def pose_groups(dataset: "Dataset") -> np.ndarray:
-    """(N,) int from 0: rows with the same number were measured at the same commanded pose."""
-    angles = [np.nan_to_num(dataset.joints[name]) for name in ("theta", "q") if name in dataset.joints]
-    grid = np.round(np.hstack(angles) / SAME_ANGLE)
-    _, groups = np.unique(grid, axis=0, return_inverse=True)
-    groups = groups.ravel()
-    if dataset.visit is None:
-        return groups
-    _, visits = np.unique(dataset.visit, return_inverse=True)
-    count = groups.max() + 1
-    links = coo_array((np.ones(len(groups)), (groups, count + visits)), shape=(count + visits.max() + 1,) * 2)
-    _, labels = connected_components(links, directed=False)
-    return np.unique(labels[groups], return_inverse=True)[1]
+    """(N,) int from 0: rows with the same number were measured at the same pose of the arm."""
+    angles = np.hstack([np.nan_to_num(dataset.joints[name]) for name in ("theta", "q") if name in dataset.joints])
+    span = np.ptp(angles, axis=0)
+    distinct, groups = np.unique(angles / np.where(span > 0.0, span, 1.0), axis=0, return_inverse=True)
+    near = cKDTree(distinct).query_pairs(SAME_POSE, p=np.inf, output_type="ndarray")
+    pairs = [near]
+    count = len(distinct)
+    if dataset.visit is not None:
+        _, visits = np.unique(dataset.visit, return_inverse=True)
+        pairs.append(np.stack([groups.ravel(), count + visits.ravel()], axis=1))
+        count += visits.max() + 1
+    links = np.concatenate(pairs)
+    graph = coo_array((np.ones(len(links), dtype=bool), (links[:, 0], links[:, 1])), shape=(count, count))
+    _, labels = connected_components(graph, directed=False)
+    return np.unique(labels[groups.ravel()], return_inverse=True)[1]
 
 
 def pose_split(dataset: "Dataset", random: np.random.Generator, fraction: float) -> np.ndarray:

@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 from exactarm.dataset import Dataset, read_dataset, write_dataset
 from exactarm.errors import InputError
 from exactarm.robot import Joint, Robot
+from exactarm.split import pose_groups
 from exactarm.table import write_table
 
 AXES = 3
@@ -226,8 +227,29 @@ def test_a_path_that_cannot_be_read_is_refused(tmp_path):
     assert "directory" in str(refusal(tmp_path))
     (tmp_path / "a.parquet").write_text("no parquet")
     assert "no Parquet file" in str(refusal(tmp_path / "a.parquet"))
-    (tmp_path / "b.csv").write_bytes(b"q_1_rad,x_m\n1,\xff\n")
-    assert "expected" in str(refusal(tmp_path / "b.csv")) or "UTF-8" in str(refusal(tmp_path / "b.csv"))
+    (tmp_path / "b.csv").write_bytes(b"q_1_rad,x_m\n1,2\n1,\xff\n")
+    error = refusal(tmp_path / "b.csv")
+    assert error.row == 2 and "UTF-8" in error.message
+
+
+def test_what_other_programs_write_is_read(tmp_path):
+    path = write(tmp_path / "a.csv", poses())
+    plain = read_dataset(path, DIRECT)
+    text = path.read_text()
+    header, rest = text.split("\n", 1)
+    spaced = ", ".join(f'"{name}"' if name == "q_2_rad" else name for name in header.split(",")).replace(' "', '"')
+    variants = {
+        "bom": b"\xef\xbb\xbf" + text.encode(),
+        "windows": text.replace("\n", "\r\n").encode(),
+        "spaces": f"{spaced}\n{rest}".replace(",", " ,").encode(),
+        "no last line end": text.rstrip("\n").encode(),
+        "blank lines": f"{header}\n\n{rest}\n\n".encode(),
+    }
+    for name, content in variants.items():
+        path.write_bytes(content)
+        data = read_dataset(path, DIRECT)
+        np.testing.assert_array_equal(data.position, plain.position, err_msg=name)
+        np.testing.assert_array_equal(data.joints["q"], plain.joints["q"], err_msg=name)
 
 
 def test_parquet_columns_of_text_and_holes_are_refused(tmp_path):
@@ -292,8 +314,8 @@ def test_files_without_session_get_their_own(tmp_path):
 
 
 def test_equal_sessions_are_shared_and_runs_stay_distinct(tmp_path):
-    table = motion() | {"session": np.full(20, 7), "run": np.repeat([3, 1], 10)}
-    paths = [write(tmp_path / f"{i}.csv", table) for i in (1, 2)]
+    marks = {"session": np.full(20, 7), "run": np.repeat([3, 1], 10)}
+    paths = [write(tmp_path / f"{i}.csv", motion(seed=i) | marks) for i in (1, 2)]
     data = read_dataset(paths, GEARED)
     assert set(data.session) == {7}
     np.testing.assert_array_equal(data.run, np.repeat([1, 2, 3, 4], 10))
@@ -304,6 +326,12 @@ def test_files_with_other_columns_are_refused(tmp_path):
     for paths in ([one, other], [other, one]):
         error = refusal(paths)
         assert error.column == "load_kg" and error.file == str(one)
+
+
+def test_a_file_given_twice_is_refused(tmp_path):
+    one, copy = write(tmp_path / "1.csv", poses()), write(tmp_path / "2.csv", poses())
+    for paths in ([one, one], [one, copy]):
+        assert "expected each file once" in str(refusal(paths))
 
 
 # -- selection and split -----------------------------------------------------------------------------
@@ -333,6 +361,16 @@ def test_split_keeps_poses_whole_and_shares_by_session(seed, sessions, repeats):
         inside = data.session == session
         assert len(np.unique(pose[inside & mask])) == 14
         assert not set(pose[inside & mask]) & set(pose[inside & ~mask])
+
+
+def test_poses_that_differ_by_encoder_noise_are_one():
+    random = np.random.default_rng(4)
+    pose = np.repeat(np.arange(30), 3)
+    q = random.uniform(-2, 2, (30, AXES))[pose] + 1e-5 * random.uniform(-1, 1, (90, AXES))
+    for unit in (1.0, 120.0):
+        groups = pose_groups(Dataset.of_arrays("poses", {"q": unit * q}))
+        assert len(np.unique(groups)) == 30
+        assert all(len(np.unique(groups[pose == each])) == 1 for each in range(30))
 
 
 def test_split_follows_the_column_set(tmp_path):
