@@ -6,6 +6,9 @@
 // (one AVX-512, two AVX2, four SSE2 registers).
 #pragma once
 
+// Kernels over lanes pay dearly for calls (every value then goes through memory), so their parts are forced inline.
+#define EXACTARM_INLINE [[gnu::always_inline]] inline
+
 namespace exactarm {
 
 struct alignas(64) Lanes {
@@ -26,11 +29,11 @@ struct alignas(64) Lanes {
   Lanes& operator*=(const Lanes& b) { v *= b.v; return *this; }
 };
 
-inline Lanes operator+(const Lanes& a, const Lanes& b) { return Lanes(a.v + b.v); }
-inline Lanes operator-(const Lanes& a, const Lanes& b) { return Lanes(a.v - b.v); }
-inline Lanes operator*(const Lanes& a, const Lanes& b) { return Lanes(a.v * b.v); }
-inline Lanes operator/(const Lanes& a, const Lanes& b) { return Lanes(a.v / b.v); }
-inline Lanes operator-(const Lanes& a) { return Lanes(-a.v); }
+EXACTARM_INLINE Lanes operator+(const Lanes& a, const Lanes& b) { return Lanes(a.v + b.v); }
+EXACTARM_INLINE Lanes operator-(const Lanes& a, const Lanes& b) { return Lanes(a.v - b.v); }
+EXACTARM_INLINE Lanes operator*(const Lanes& a, const Lanes& b) { return Lanes(a.v * b.v); }
+EXACTARM_INLINE Lanes operator/(const Lanes& a, const Lanes& b) { return Lanes(a.v / b.v); }
+EXACTARM_INLINE Lanes operator-(const Lanes& a) { return Lanes(-a.v); }
 
 template <class T>
 constexpr int lane_count() {

@@ -59,7 +59,7 @@ void axis_poses(const DynamicsModel& model, const T* q, const T* sine, const T* 
 
 // S_i: the twist of everything outboard at unit joint rate, in the base frame at its origin.
 template <class T>
-spatial::Twist<T> joint_twist(const DynamicsAxis& axis, const AxisPose<T>& pose) {
+EXACTARM_INLINE spatial::Twist<T> joint_twist(const DynamicsAxis& axis, const AxisPose<T>& pose) {
   const T sign(axis.sign);
   const spatial::Vec3<T> z = sign * pose.z;
   if (axis.revolute) return {z, cross(pose.origin, z)};
@@ -69,7 +69,7 @@ spatial::Twist<T> joint_twist(const DynamicsAxis& axis, const AxisPose<T>& pose)
 // Spatial inertia in the base frame at its origin of a link with mass, centre of mass c and inertia Jc about
 // it in the axis frame: J = R Jc R^T + m (|p|^2 1 - p p^T), p = origin + R c.
 template <class T>
-spatial::SpatialInertia<T> world_inertia(const T& mass, const spatial::Vec3<T>& centre,
+EXACTARM_INLINE spatial::SpatialInertia<T> world_inertia(const T& mass, const spatial::Vec3<T>& centre,
                                          const spatial::Sym3<T>& central, const AxisPose<T>& pose) {
   using Vec = spatial::Vec3<T>;
   const Vec p = pose.origin + pose.turn(centre), h = mass * p;

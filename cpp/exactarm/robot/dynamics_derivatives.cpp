@@ -53,19 +53,19 @@ struct Composite<true> : Composite<false> {
 };
 
 template <class F>
-void each_lanes(Composite<false>& c, const F& f) {
-  exactarm::each_lanes(c.inertia, f);
-  exactarm::each_lanes(c.rate, f);
-  exactarm::each_lanes(c.momentum, f);
-  exactarm::each_lanes(c.force, f);
+EXACTARM_INLINE void each_lanes(Composite<false>& a, const Composite<false>& b, const F& f) {
+  exactarm::each_lanes(a.inertia, b.inertia, f);
+  exactarm::each_lanes(a.rate, b.rate, f);
+  exactarm::each_lanes(a.momentum, b.momentum, f);
+  exactarm::each_lanes(a.force, b.force, f);
 }
 
 template <class F>
-void each_lanes(Composite<true>& c, const F& f) {
-  each_lanes(static_cast<Composite<false>&>(c), f);
-  exactarm::each_lanes(c.weight_rate, f);
-  exactarm::each_lanes(c.weight_momentum, f);
-  exactarm::each_lanes(c.response, f);
+EXACTARM_INLINE void each_lanes(Composite<true>& a, const Composite<true>& b, const F& f) {
+  each_lanes(static_cast<Composite<false>&>(a), static_cast<const Composite<false>&>(b), f);
+  exactarm::each_lanes(a.weight_rate, b.weight_rate, f);
+  exactarm::each_lanes(a.weight_momentum, b.weight_momentum, f);
+  exactarm::each_lanes(a.response, b.response, f);
 }
 
 // The wrenches of axis k that meet the twists of axes j <= k.
@@ -85,23 +85,23 @@ struct Covectors<true> : Covectors<false> {
 };
 
 template <class F>
-void each_lanes(Covectors<false>& c, const F& f) {
-  exactarm::each_lanes(c.inertia_joint, f);
-  exactarm::each_lanes(c.coriolis_joint, f);
-  exactarm::each_lanes(c.by_q, f);
-  exactarm::each_lanes(c.by_q_dot, f);
+EXACTARM_INLINE void each_lanes(Covectors<false>& a, const Covectors<false>& b, const F& f) {
+  exactarm::each_lanes(a.inertia_joint, b.inertia_joint, f);
+  exactarm::each_lanes(a.coriolis_joint, b.coriolis_joint, f);
+  exactarm::each_lanes(a.by_q, b.by_q, f);
+  exactarm::each_lanes(a.by_q_dot, b.by_q_dot, f);
 }
 
 template <class F>
-void each_lanes(Covectors<true>& c, const F& f) {
-  each_lanes(static_cast<Covectors<false>&>(c), f);
-  exactarm::each_lanes(c.weight_by_q, f);
-  exactarm::each_lanes(c.response_by_q, f);
-  exactarm::each_lanes(c.response_by_q_dot, f);
+EXACTARM_INLINE void each_lanes(Covectors<true>& a, const Covectors<true>& b, const F& f) {
+  each_lanes(static_cast<Covectors<false>&>(a), static_cast<const Covectors<false>&>(b), f);
+  exactarm::each_lanes(a.weight_by_q, b.weight_by_q, f);
+  exactarm::each_lanes(a.response_by_q, b.response_by_q, f);
+  exactarm::each_lanes(a.response_by_q_dot, b.response_by_q_dot, f);
 }
 
 template <bool kSecond>
-Composite<kSecond> link_quantities(const LinkLanes& link, const MotionLanes& m) {
+EXACTARM_INLINE Composite<kSecond> link_quantities(const LinkLanes& link, const MotionLanes& m) {
   Composite<kSecond> own;
   own.inertia = world_inertia(link.mass, link.centre, link.central, m.pose);
   own.rate = inertia_rate(m.rate, own.inertia);
@@ -116,7 +116,7 @@ Composite<kSecond> link_quantities(const LinkLanes& link, const MotionLanes& m) 
 }
 
 template <bool kSecond>
-Covectors<kSecond> covectors(const Composite<kSecond>& c, const MotionLanes& m) {
+EXACTARM_INLINE Covectors<kSecond> covectors(const Composite<kSecond>& c, const MotionLanes& m) {
   const Lanes two(2.0);
   Covectors<kSecond> out;
   const LaneWrench rate_joint = c.rate * m.joint, joint_momentum = cross_dual(m.joint, c.momentum);
@@ -145,45 +145,81 @@ void forward(const Vector3& gravity, DerivativesMemory<Layout>& memory) {
     MotionLanes& m = memory.motion[b];
     const LaneVec turn = link.turn * m.pose.z;
     m.joint = {turn, cross(m.pose.origin, turn) + link.slide * m.pose.z};
-    m.rate = rate = Layout::inboard(memory.q_dot[b] * m.joint, rate);
+    Layout::inboard(memory.q_dot[b] * m.joint, rate);
+    m.rate = rate;
     m.psi_dot = cross(rate, m.joint);
-    m.acceleration = acceleration =
-        Layout::inboard(memory.q_ddot[b] * m.joint + memory.q_dot[b] * m.psi_dot, acceleration);
+    Layout::inboard(memory.q_ddot[b] * m.joint + memory.q_dot[b] * m.psi_dot, acceleration);
+    m.acceleration = acceleration;
     m.psi_ddot = cross(acceleration, m.joint) + cross(rate, m.psi_dot);
     if constexpr (kSecond) {
-      m.weight = weight = Layout::inboard(memory.lambda[b] * m.joint, weight);
+      Layout::inboard(memory.lambda[b] * m.joint, weight);
+      m.weight = weight;
       m.chi = cross(weight, m.joint);
     }
   }
 }
 
-// Where the entries go: n x n matrices of doubles (one sample) or of lanes (eight knots), column major.
+// Where the entries go, for every pair of an axis k and a block of axes j <= k: `row` holds (k, j), `column` (j, k).
+// With samples in the lanes these are n x n matrices of lanes, column major; with axes in the lanes, lane j of
+// entry [k * blocks + block], which `assemble` puts in order afterwards.
 template <class Layout>
 struct Entries {
-  using Value = typename Layout::Value;
-  int n;
-  Value* tau;
-  Value* matrix[kMatrices];
+  int n, blocks;
+  Lanes* rows[kMatrices];
+  Lanes* columns[kMatrices];
 
-  // Entries (k, j) and (j, k) for the axes j of a block.
-  void put(Result result, int k, int block, const Lanes& row, const Lanes& column) const {
-    Value* to = matrix[result];
-    if constexpr (Layout::kAxesABlock == 1) {
-      to[n * block + k] = row;
-      to[n * k + block] = column;
-    } else {
-      const int first = Layout::kAxesABlock * block, end = std::min(k + 1, first + Layout::kAxesABlock);
-      for (int j = first; j < end; ++j) {
-        to[n * j + k] = row[j - first];
-        to[n * k + j] = column[j - first];
-      }
+  Entries(int axes, Lanes* memory) : n(axes), blocks(Layout::blocks(axes)) {
+    for (int result = 0; result < kMatrices; ++result) {
+      rows[result] = memory + 2 * result * matrix_size(n);
+      columns[result] = rows[result] + matrix_size(n);
     }
   }
-  void put(Result result, int k, int block, const Lanes& both) const { put(result, k, block, both, both); }
+  static int matrix_size(int n) { return padded(padded(n) * Layout::blocks(n)); }
+  static int size(int n) { return 2 * kMatrices * matrix_size(n); }
+
+  EXACTARM_INLINE void put(Result result, int k, int block, const Lanes& row, const Lanes& column) const {
+    if constexpr (Layout::kAxesABlock == 1) {
+      rows[result][n * block + k] = row;
+      rows[result][n * k + block] = column;
+    } else {
+      rows[result][blocks * k + block] = row;
+      columns[result][blocks * k + block] = column;
+    }
+  }
+  EXACTARM_INLINE void put(Result result, int k, int block, const Lanes& both) const {
+    put(result, k, block, both, both);
+  }
 };
 
+// One n x n matrix, column major, from its tiles of 8 x 8: on and above the diagonal the columns as they are, below
+// it the rows, transposed in place.
+void assemble(const Entries<AxesInLanes>& from, int result, double* to) {
+  constexpr int kTile = Lanes::kCount;
+  const int n = from.n, blocks = from.blocks;
+  Lanes* const rows = from.rows[result];
+  for (int block = 0; block < blocks; ++block)
+    for (int column_block = 0; column_block <= block; ++column_block) {
+      Lanes tile[kTile], turned[kTile];
+      for (int i = 0; i < kTile; ++i) tile[i] = rows[blocks * (kTile * block + i) + column_block];
+      transpose(tile, turned);
+      for (int i = 0; i < kTile; ++i) rows[blocks * (kTile * block + i) + column_block] = turned[i];
+    }
+  const Lanes::Native place = {0, 1, 2, 3, 4, 5, 6, 7};
+  for (int column = 0; column < n; ++column)
+    for (int block = 0; block < blocks; ++block) {
+      const int lane = column - kTile * block;  // above 7: the tile lies above the diagonal
+      const Lanes::Native below = rows[blocks * (kTile * block + column % kTile) + column / kTile].v;
+      const Lanes::Native above = from.columns[result][blocks * column + block].v;
+      const Lanes::Native values = place <= lane ? above : below;
+      double* target = to + n * column + kTile * block;
+      // What a whole store leaves behind the matrix' end of column is overwritten by the next column.
+      const bool whole = n * column + kTile * (block + 1) <= n * n;
+      __builtin_memcpy(target, &values, whole ? sizeof values : (n - kTile * block) * sizeof(double));
+    }
+}
+
 template <class Layout, bool kSecond>
-void meet(const Covectors<kSecond>& c, const MotionLanes& m, int k, int block, const Entries<Layout>& to) {
+EXACTARM_INLINE void meet(const Covectors<kSecond>& c, const MotionLanes& m, int k, int block, const Entries<Layout>& to) {
   const Lanes two(2.0);
   to.put(kMass, k, block, dot(m.joint, c.inertia_joint));
   to.put(kDtauDq, k, block, dot(m.psi_ddot, c.inertia_joint) + dot(m.psi_dot, c.coriolis_joint), dot(m.joint, c.by_q));
@@ -200,20 +236,16 @@ void meet(const Covectors<kSecond>& c, const MotionLanes& m, int k, int block, c
 }
 
 template <class Layout, bool kSecond>
-void backward(const DerivativesMemory<Layout>& memory, const Entries<Layout>& to) {
+void backward(const DerivativesMemory<Layout>& memory, const Entries<Layout>& to, Lanes* torque) {
   Composite<kSecond> composite = Composite<kSecond>::zero();
   for (int b = static_cast<int>(memory.motion.size()) - 1; b >= 0; --b) {
     const MotionLanes& m = memory.motion[b];
-    composite = Layout::outboard(link_quantities<kSecond>(memory.links[b], m), composite);
+    Layout::outboard(link_quantities<kSecond>(memory.links[b], m), composite);
     const Covectors<kSecond> block = covectors<kSecond>(composite, m);
-    const Lanes torque = dot(m.joint, composite.force);
+    torque[b] = dot(m.joint, composite.force);
     const int first = Layout::kAxesABlock * b, end = std::min(to.n, first + Layout::kAxesABlock);
     for (int k = first; k < end; ++k) {
-      if constexpr (Layout::kAxesABlock == 1)
-        to.tau[k] = torque;
-      else
-        to.tau[k] = torque[k - first];
-      const Covectors<kSecond> axis = Layout::of_axis(block, k - first);
+      const Covectors<kSecond>& axis = Layout::of_axis(block, k - first);
       for (int inner = 0; inner <= b; ++inner) meet<Layout, kSecond>(axis, memory.motion[inner], k, inner, to);
     }
   }
@@ -223,11 +255,11 @@ void set_axis(LinkLanes& link, const DynamicsAxis& axis, int lane) {
   (axis.revolute ? link.turn : link.slide).set(lane, axis.sign);
   link.mass.set(lane, axis.mass);
   int k = 0;
-  each_lanes(link.centre, [&](Lanes& x) { x.set(lane, axis.centre_of_mass[k++]); });
+  each_lanes(link.centre, link.centre, [&](Lanes& x, const Lanes&) { x.set(lane, axis.centre_of_mass[k++]); });
   const auto central = spatial::constant_symmetric<double>(axis.central_inertia);
   const double values[] = {central.xx, central.xy, central.xz, central.yy, central.yz, central.zz};
   k = 0;
-  each_lanes(link.central, [&](Lanes& x) { x.set(lane, values[k++]); });
+  each_lanes(link.central, link.central, [&](Lanes& x, const Lanes&) { x.set(lane, values[k++]); });
 }
 
 void set_pose(AxisPose<Lanes>& block, const AxisPose<double>& pose, int lane) {
@@ -254,15 +286,17 @@ void one_sample(const DynamicsModel& model, DerivativesWorkspace& w, ConstVector
     if constexpr (kSecond) w.lambda[block].set(lane, lambda[i]);
   }
   forward<AxesInLanes, kSecond>(model.gravity, w);
-  backward<AxesInLanes, kSecond>(
-      w, {n, out.tau.data(),
-          {out.dtau_dq.data(), out.dtau_dq_dot.data(), out.mass_matrix.data(), out.q_q.data(), out.q_q_dot.data(),
-           out.q_dot_q_dot.data(), out.q_q_ddot.data()}});
+  const Entries<AxesInLanes> entries(n, w.results.data());
+  backward<AxesInLanes, kSecond>(w, entries, w.torque.data());
+  for (int i = 0; i < n; ++i) out.tau[i] = w.torque[i / Lanes::kCount][i % Lanes::kCount];
+  double* const to[kMatrices] = {out.dtau_dq.data(), out.dtau_dq_dot.data(), out.mass_matrix.data(), out.q_q.data(),
+                                 out.q_q_dot.data(), out.q_dot_q_dot.data(), out.q_q_ddot.data()};
+  for (int k = 0; k < (kSecond ? kMatrices : kQQ); ++k) assemble(entries, k, to[k]);
 }
 
 template <bool kSecond>
 void eight_knots(const DynamicsModel& model, KnotWorkspace& w, const KnotBatch& batch, long knot, long end) {
-  const int n = model.size(), square = padded(n * n);
+  const int n = model.size();
   load_rows(batch.q, n, knot, end, n, w.q.data());
   load_rows(batch.q_dot, n, knot, end, n, w.q_dot.data());
   load_rows(batch.q_ddot, n, knot, end, n, w.q_ddot.data());
@@ -271,14 +305,13 @@ void eight_knots(const DynamicsModel& model, KnotWorkspace& w, const KnotBatch& 
   axis_poses(model, w.q.data(), w.sine.data(), w.cosine.data(), w.pose.data());
   for (int i = 0; i < n; ++i) w.motion[i].pose = w.pose[i];
   forward<SamplesInLanes, kSecond>(model.gravity, w);
-  Entries<SamplesInLanes> entries{n, w.results.data() + kMatrices * square, {}};
-  for (int k = 0; k < kMatrices; ++k) entries.matrix[k] = w.results.data() + k * square;
-  backward<SamplesInLanes, kSecond>(w, entries);
-  if (batch.tau) store_rows(entries.tau, n, knot, end, n, batch.tau);
+  const Entries<SamplesInLanes> entries(n, w.results.data());
+  backward<SamplesInLanes, kSecond>(w, entries, w.torque.data());
+  if (batch.tau) store_rows(w.torque.data(), n, knot, end, n, batch.tau);
   double* const to[kMatrices] = {batch.dtau_dq, batch.dtau_dq_dot, batch.mass_matrix, batch.q_q,
                                  batch.q_q_dot, batch.q_dot_q_dot, batch.q_q_ddot};
   for (int k = 0; k < (kSecond ? kMatrices : kQQ); ++k)
-    if (to[k]) store_rows(entries.matrix[k], n * n, knot, end, n * n, to[k]);
+    if (to[k]) store_rows(entries.rows[k], n * n, knot, end, n * n, to[k]);
 }
 
 }  // namespace
@@ -303,8 +336,8 @@ DerivativesMemory<Layout>::DerivativesMemory(const DynamicsModel& model) {
   for (auto* values : {&q_dot, &q_ddot, &lambda}) values->assign(blocks, none);
   for (auto* values : {&q, &angle, &sine, &cosine}) values->assign(n, typename Layout::Value(0.0));
   pose.resize(n);
-  if constexpr (Layout::kAxesABlock == 1)
-    results.assign(kMatrices * padded(n * n) + padded(n), typename Layout::Value(0.0));
+  torque.assign(padded(blocks), none);
+  results.assign(Entries<Layout>::size(n), none);
 }
 
 template struct DerivativesMemory<AxesInLanes>;

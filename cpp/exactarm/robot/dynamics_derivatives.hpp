@@ -58,7 +58,7 @@ struct DerivativesMemory {
   std::vector<Lanes> q_dot, q_ddot, lambda;                      // one a block
   std::vector<typename Layout::Value> q, angle, sine, cosine;    // n
   std::vector<AxisPose<typename Layout::Value>> pose;            // n
-  std::vector<typename Layout::Value> results;                   // for batches, before they go to the knots
+  std::vector<Lanes> torque, results;                            // before they are put in the caller's order
 };
 
 class DerivativesWorkspace : public DerivativesMemory<AxesInLanes> {

@@ -7,6 +7,7 @@
 // Featherstone, Rigid Body Dynamics Algorithms (2008), chapter 2, angular part first.
 #pragma once
 
+#include "exactarm/base/lanes.hpp"
 #include "exactarm/base/types.hpp"
 
 namespace exactarm::spatial {
@@ -21,20 +22,20 @@ struct Vec3 {
 };
 
 template <class T>
-Vec3<T> operator+(const Vec3<T>& a, const Vec3<T>& b) { return {a.x + b.x, a.y + b.y, a.z + b.z}; }
+EXACTARM_INLINE Vec3<T> operator+(const Vec3<T>& a, const Vec3<T>& b) { return {a.x + b.x, a.y + b.y, a.z + b.z}; }
 template <class T>
-Vec3<T> operator-(const Vec3<T>& a, const Vec3<T>& b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }
+EXACTARM_INLINE Vec3<T> operator-(const Vec3<T>& a, const Vec3<T>& b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }
 template <class T>
-Vec3<T> operator*(const T& s, const Vec3<T>& a) { return {s * a.x, s * a.y, s * a.z}; }
+EXACTARM_INLINE Vec3<T> operator*(const T& s, const Vec3<T>& a) { return {s * a.x, s * a.y, s * a.z}; }
 template <class T>
-T dot(const Vec3<T>& a, const Vec3<T>& b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+EXACTARM_INLINE T dot(const Vec3<T>& a, const Vec3<T>& b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
 template <class T>
-Vec3<T> cross(const Vec3<T>& a, const Vec3<T>& b) {
+EXACTARM_INLINE Vec3<T> cross(const Vec3<T>& a, const Vec3<T>& b) {
   return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
 }
 
 template <class T>
-Vec3<T> constant(const Vector3& a) { return {T(a.x()), T(a.y()), T(a.z())}; }
+EXACTARM_INLINE Vec3<T> constant(const Vector3& a) { return {T(a.x()), T(a.y()), T(a.z())}; }
 
 // Symmetric 3 x 3 matrix.
 template <class T>
@@ -49,12 +50,12 @@ struct Sym3 {
 };
 
 template <class T>
-Sym3<T> constant_symmetric(const Matrix3& m) {
+EXACTARM_INLINE Sym3<T> constant_symmetric(const Matrix3& m) {
   return {T(m(0, 0)), T(m(0, 1)), T(m(0, 2)), T(m(1, 1)), T(m(1, 2)), T(m(2, 2))};
 }
 
 template <class T>
-Vec3<T> operator*(const Sym3<T>& m, const Vec3<T>& a) {
+EXACTARM_INLINE Vec3<T> operator*(const Sym3<T>& m, const Vec3<T>& a) {
   return {m.xx * a.x + m.xy * a.y + m.xz * a.z, m.xy * a.x + m.yy * a.y + m.yz * a.z,
           m.xz * a.x + m.yz * a.y + m.zz * a.z};
 }
@@ -76,24 +77,24 @@ struct Wrench {
 };
 
 template <class T>
-Twist<T> operator+(const Twist<T>& a, const Twist<T>& b) { return {a.angular + b.angular, a.linear + b.linear}; }
+EXACTARM_INLINE Twist<T> operator+(const Twist<T>& a, const Twist<T>& b) { return {a.angular + b.angular, a.linear + b.linear}; }
 template <class T>
-Twist<T> operator*(const T& s, const Twist<T>& a) { return {s * a.angular, s * a.linear}; }
+EXACTARM_INLINE Twist<T> operator*(const T& s, const Twist<T>& a) { return {s * a.angular, s * a.linear}; }
 template <class T>
-Wrench<T> operator+(const Wrench<T>& a, const Wrench<T>& b) { return {a.moment + b.moment, a.force + b.force}; }
+EXACTARM_INLINE Wrench<T> operator+(const Wrench<T>& a, const Wrench<T>& b) { return {a.moment + b.moment, a.force + b.force}; }
 template <class T>
-Wrench<T> operator-(const Wrench<T>& a, const Wrench<T>& b) { return {a.moment - b.moment, a.force - b.force}; }
+EXACTARM_INLINE Wrench<T> operator-(const Wrench<T>& a, const Wrench<T>& b) { return {a.moment - b.moment, a.force - b.force}; }
 template <class T>
-Wrench<T> operator*(const T& s, const Wrench<T>& a) { return {s * a.moment, s * a.force}; }
+EXACTARM_INLINE Wrench<T> operator*(const T& s, const Wrench<T>& a) { return {s * a.moment, s * a.force}; }
 
 template <class T>
-T dot(const Twist<T>& a, const Wrench<T>& f) { return dot(a.angular, f.moment) + dot(a.linear, f.force); }
+EXACTARM_INLINE T dot(const Twist<T>& a, const Wrench<T>& f) { return dot(a.angular, f.moment) + dot(a.linear, f.force); }
 template <class T>
-Twist<T> cross(const Twist<T>& a, const Twist<T>& b) {
+EXACTARM_INLINE Twist<T> cross(const Twist<T>& a, const Twist<T>& b) {
   return {cross(a.angular, b.angular), cross(a.angular, b.linear) + cross(a.linear, b.angular)};
 }
 template <class T>
-Wrench<T> cross_dual(const Twist<T>& a, const Wrench<T>& f) {
+EXACTARM_INLINE Wrench<T> cross_dual(const Twist<T>& a, const Wrench<T>& f) {
   return {cross(a.angular, f.moment) + cross(a.linear, f.force), cross(a.angular, f.force)};
 }
 
@@ -111,7 +112,7 @@ struct SpatialInertia {
 };
 
 template <class T>
-Wrench<T> operator*(const SpatialInertia<T>& inertia, const Twist<T>& v) {
+EXACTARM_INLINE Wrench<T> operator*(const SpatialInertia<T>& inertia, const Twist<T>& v) {
   return {inertia.second * v.angular + cross(inertia.first, v.linear),
           inertia.mass * v.linear - cross(inertia.first, v.angular)};
 }
@@ -127,7 +128,7 @@ struct InertiaRate {
 };
 
 template <class T>
-InertiaRate<T> inertia_rate(const Twist<T>& v, const SpatialInertia<T>& inertia) {
+EXACTARM_INLINE InertiaRate<T> inertia_rate(const Twist<T>& v, const SpatialInertia<T>& inertia) {
   const Vec3<T>&w = v.angular, &u = v.linear, &h = inertia.first;
   const Sym3<T>& J = inertia.second;
   const Vec3<T> cx = cross(w, Vec3<T>{J.xx, J.xy, J.xz}), cy = cross(w, Vec3<T>{J.xy, J.yy, J.yz}),
@@ -139,7 +140,7 @@ InertiaRate<T> inertia_rate(const Twist<T>& v, const SpatialInertia<T>& inertia)
 }
 
 template <class T>
-Wrench<T> operator*(const InertiaRate<T>& rate, const Twist<T>& v) {
+EXACTARM_INLINE Wrench<T> operator*(const InertiaRate<T>& rate, const Twist<T>& v) {
   return {rate.second * v.angular + cross(rate.first, v.linear), cross(v.angular, rate.first)};
 }
 
