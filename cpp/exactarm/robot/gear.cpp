@@ -27,6 +27,30 @@ inline double farthest(const GearTable& table) {
   return sum;
 }
 
+// phi + angle(phi) = target, where |angle| <= margin, by Newton with a bisection guard.
+template <class Relative>
+double invert(const Relative& function, double target, double margin, double guess) {
+  if (margin == 0.0) return target;
+  // The harmonics cannot move the angle by more than the margin, so the bracket holds a root.
+  const double tolerance = 4.0 * kEpsilon * std::max(1.0, std::abs(target));
+  double low = target - margin - tolerance, high = target + margin + tolerance;
+  double phi = std::min(std::max(guess, low), high), last_step = high - low;
+  for (int iteration = 0; iteration < kMostIterations; ++iteration) {
+    double angle, slope;
+    function(phi, angle, slope);
+    const double error = phi + angle - target;
+    (error > 0.0 ? high : low) = phi;
+    double step = -error / (1.0 + slope);
+    const bool newton = 1.0 + slope > 0.0 && phi + step >= low && phi + step <= high &&
+                        std::abs(step) <= 0.5 * std::abs(last_step);
+    if (!newton) step = 0.5 * (low + high) - phi;
+    phi += step;
+    last_step = step;
+    if (std::abs(step) <= tolerance) break;
+  }
+  return phi;
+}
+
 }  // namespace
 
 void gear_derivatives(double ratio, const GearTable& table, double phi, int highest, GearDerivatives& out) {
@@ -63,26 +87,32 @@ double gear_output_angle(double ratio, const GearTable& table, double theta) {
 }
 
 double gear_output_angle(double ratio, const GearTable& table, double theta, double guess) {
-  const double target = theta / ratio, margin = farthest(table);
-  if (margin == 0.0) return target;
-  // The harmonics cannot move the angle by more than the margin, so the bracket holds a root.
-  const double tolerance = 4.0 * kEpsilon * std::max(1.0, std::abs(target));
-  double low = target - margin - tolerance, high = target + margin + tolerance;
-  double phi = std::min(std::max(guess, low), high), last_step = high - low;
-  for (int iteration = 0; iteration < kMostIterations; ++iteration) {
-    double angle, slope;
-    relative(table, phi, angle, slope);
-    const double error = phi + angle - target;
-    (error > 0.0 ? high : low) = phi;
-    double step = -error / (1.0 + slope);
-    const bool newton = 1.0 + slope > 0.0 && phi + step >= low && phi + step <= high &&
-                        std::abs(step) <= 0.5 * std::abs(last_step);
-    if (!newton) step = 0.5 * (low + high) - phi;
-    phi += step;
-    last_step = step;
-    if (std::abs(step) <= tolerance) break;
+  const auto function = [&](double phi, double& angle, double& slope) { relative(table, phi, angle, slope); };
+  return invert(function, theta / ratio, farthest(table), guess);
+}
+
+void gear_derivatives(const Gear& gear, double direction, double phi, int highest, GearDerivatives& out) {
+  GearDerivatives part;
+  for (int k = 0; k <= highest; ++k) out.value[k] = 0.0;
+  for (int side : {-1, 1}) {
+    const double share = 0.5 * (1.0 + side * direction);
+    if (share == 0.0) continue;
+    gear_derivatives(1.0, side < 0 ? gear.cw : gear.ccw, phi, highest, part);
+    for (int k = 0; k <= highest; ++k) out.value[k] += share * part.value[k];
   }
-  return phi;
+}
+
+double gear_output_angle(const Gear& gear, double direction, double theta) {
+  const double cw = 0.5 * (1.0 - direction), ccw = 0.5 * (1.0 + direction);
+  const auto function = [&](double phi, double& angle, double& slope) {
+    double other_angle = 0.0, other_slope = 0.0;
+    angle = slope = 0.0;
+    if (cw != 0.0) relative(gear.cw, phi, angle, slope);
+    if (ccw != 0.0) relative(gear.ccw, phi, other_angle, other_slope);
+    angle = cw * angle + ccw * other_angle;
+    slope = cw * slope + ccw * other_slope;
+  };
+  return invert(function, theta, cw * farthest(gear.cw) + ccw * farthest(gear.ccw), theta);
 }
 
 bool gear_is_monotone(const GearTable& table, double* where) {
