@@ -235,15 +235,21 @@ class _Reader:
             close = difflib.get_close_matches(str(name), library(), n=1)
             hint = f"expected {close[0]}" if close else f"expected one of {', '.join(library())}"
             raise self.refuse(where + "effect", f"no effect named {_short(name)}; {hint}")
-        joint = table.get("joint")
+        joint, axis = table.get("joint"), f"an axis from 1 to {axes}"
+        if (joint is not None) != library()[name].per_joint:
+            expected = f"expected {axis}" if joint is None else f"expected none, {name} is of no single axis"
+            raise self.refuse(where + "joint", f"{_short(joint)}; {expected}" if joint is not None else f"is missing; {expected}")
         if joint is not None and (not isinstance(joint, int) or isinstance(joint, bool) or not 1 <= joint <= axes):
-            raise self.refuse(where + "joint", f"{_short(joint)}; expected an axis from 1 to {axes}")
+            raise self.refuse(where + "joint", f"{_short(joint)}; expected {axis}")
+        for key, value in table.items():
+            if isinstance(value, float) and not math.isfinite(value):
+                raise self.refuse(where + key, f"{value}; expected a finite number")
         try:
             effect = effect_from_table(table)
         except KeyError as error:
             raise self.refuse(where + str(error.args[0]), f"is missing; expected a parameter of {name}") from None
-        except (TypeError, ValueError):
-            raise self.refuse(where + "effect", f"a value is no number; expected the parameters of {name}") from None
+        except (TypeError, ValueError, AttributeError, StopIteration):
+            raise self.refuse(where + "effect", f"a value does not fit; expected the parameters of {name}") from None
         self.known(table, ("joint", *effect.to_table()), where)
         return effect
 

@@ -8,7 +8,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from exactarm.effects import library
+from exactarm.effects import effect_from_table
 from exactarm.errors import InputError
 from exactarm.robot import GearTable, Joint, Link, Placement, Robot
 from exactarm.robot_file import load_robot, read_robot, shipped_robots, write_robot
@@ -96,15 +96,20 @@ def test_writing_and_reading_keeps_every_bit(tmp_path, robot):
     assert same(read_robot(tmp_path / "robot.toml"), robot)
 
 
-@pytest.mark.parametrize("name", sorted(library()))
-def test_effects_come_back(tmp_path, name):
-    cls = library()[name]
-    joint = 2 if cls.per_joint else None
-    count = len(cls(joint=joint, values=()).parameters())
-    effect = cls(joint=joint, values=tuple(0.1 * (i + 1) / 3 for i in range(count)))
-    robot = Robot("two", (Joint(), Joint()), effects=(effect,))
-    write_robot(tmp_path / "robot.toml", robot)
-    assert same(read_robot(tmp_path / "robot.toml").effects, (effect,))
+EFFECTS = [
+    {"effect": "joint_compliance", "joint": 2, "linear_rad_per_Nm": 1 / 3e5, "cubic_rad_per_Nm3": 1e-13 / 3},
+    {"effect": "backlash", "joint": 1, "width_rad": 4e-4 / 3, "friction_Nm": 10.0},
+    {"effect": "payload", "mass_kg": 5 / 3, "moment_x_kg_m": 0.1, "moment_y_kg_m": -0.2, "moment_z_kg_m": 0.3},
+    {"effect": "thermal_drift", "growth_1_per_degC": 1.2e-5, "form": "growth", "driver": "temperature_degC"},
+]
+
+
+@pytest.mark.parametrize("table", EFFECTS, ids=lambda table: table["effect"])
+def test_effects_come_back(tmp_path, table):
+    effect = effect_from_table(table)
+    write_robot(tmp_path / "robot.toml", Robot("two", (Joint(), Joint()), effects=(effect,)))
+    back = read_robot(tmp_path / "robot.toml").effects
+    assert same(back, (effect,)) and back[0].to_table() == table
 
 
 def test_degrees_and_millimetres_by_hand(tmp_path):
@@ -190,21 +195,22 @@ def test_what_is_wrong_is_refused_by_its_key(tmp_path, old, new, words):
         assert word in message
 
 
-@pytest.mark.parametrize("name", sorted(library()))
-def test_a_faulty_effect_is_refused(tmp_path, name):
-    path, cls = tmp_path / "robot.toml", library()[name]
-    robot = Robot("two", (Joint(), Joint()))
-    joint = 2 if cls.per_joint else None
-    parameters = cls(joint=joint, values=()).parameters()
-    effect = cls(joint=joint, values=(0.5,) * len(parameters))
-    write_robot(path, dataclasses.replace(robot, effects=(effect,)))
+@pytest.mark.parametrize("table", EFFECTS, ids=lambda table: table["effect"])
+def test_a_faulty_effect_is_refused(tmp_path, table):
+    path = tmp_path / "robot.toml"
+    write_robot(path, Robot("two", (Joint(), Joint()), effects=(effect_from_table(table),)))
     text = path.read_text()
-    key = parameters[0].name
-    for old, new, word in (
-        (f"{key} = 0.5", f"{key}x = 0.5", key),
-        (f"{key} = 0.5", f'{key} = "much"', "no number"),
-        (f"{key} = 0.5", f"{key} = 0.5\nother = 1", "other"),
-    ):
+    key = next(name for name, value in table.items() if isinstance(value, float))
+    line = f"{key} = {table[key]!r}"
+    faults = [(line, f"{key}x = 0.5", key), (line, f'{key} = "much"', "does not fit"), (line, f"{line}\nother = 1", "other")]
+    faults += [(line, f"{key} = nan", rf"{key}: nan; expected a finite number")]
+    if "joint" in table:
+        joint = f"joint = {table['joint']}"
+        faults += [(joint, "", "joint: is missing"), (joint, "joint = 3", "joint: 3; expected an axis from 1 to 2")]
+    else:
+        faults += [(line, f"joint = 1\n{line}", "of no single axis")]
+    for old, new, word in faults:
+        assert old in text
         path.write_text(text.replace(old, new, 1))
         with pytest.raises(InputError, match=word):
             read_robot(path)
