@@ -57,13 +57,15 @@ def least_squares(
     bounds: tuple[np.ndarray, np.ndarray] | None = None,
     robust: bool = False,
     group: int = 1,
+    data_rows: int | None = None,
     tolerance: float = 1e-10,
     most_iterations: int = 60,
 ) -> Fit:
     """Minimises the weighted residual; `evaluate(x, with_jacobian)`.
 
     weights (R,): square roots of the inverse variances; `group`: consecutive residuals that share one robust
-    weight (3 for a position). Converged when no scaled step is larger than `tolerance` of its parameter's
+    weight (3 for a position); `data_rows`: the first so many residuals are data, the rest pseudo-observations of a
+    prior, which no robust loss touches. Converged when no scaled step is larger than `tolerance` of its parameter's
     own uncertainty-free scale, or the cost cannot fall any further.
     """
     x = np.array(start, float)
@@ -72,7 +74,8 @@ def least_squares(
     now = evaluate(x, True)
     w = np.ones_like(now.residual) if weights is None else weights
     damping, converged, iteration = 0.0, False, 0
-    soft = _robust_weights(w * now.residual, group) if robust else np.ones_like(w)
+    data = len(w) if data_rows is None else data_rows
+    soft = _robust_weights(w * now.residual, group, data) if robust else np.ones_like(w)
     for iteration in range(1, most_iterations + 1):
         weight = w * soft
         step, gain, held = _step(now, weight, x, lower, upper, damping)
@@ -92,7 +95,7 @@ def least_squares(
         now = evaluate(x, True)
         changed = 0.0
         if robust:
-            before, soft = soft, _robust_weights(w * now.residual, group)
+            before, soft = soft, _robust_weights(w * now.residual, group, data)
             changed = float(np.max(np.abs(soft - before), initial=0.0))
         if small and changed < 1e-3:
             converged = True
@@ -104,12 +107,14 @@ def _cost(residual: np.ndarray, weight: np.ndarray) -> float:
     return 0.5 * float(np.sum((weight * residual) ** 2))
 
 
-def _robust_weights(weighted: np.ndarray, group: int) -> np.ndarray:
+def _robust_weights(all_weighted: np.ndarray, group: int, data: int) -> np.ndarray:
     """Square roots of Huber's weights, with the scale from the median of the groups' norms."""
+    weighted = all_weighted[:data]
     norm = np.sqrt(np.mean(weighted.reshape(-1, group) ** 2, axis=1))
     scale = np.median(norm) / np.sqrt(stats.chi2.median(group) / group)
     ratio = norm / (HUBER * max(scale, np.finfo(float).tiny))
-    return np.repeat(np.sqrt(1.0 / np.maximum(ratio, 1.0)), group)
+    soft = np.repeat(np.sqrt(1.0 / np.maximum(ratio, 1.0)), group)
+    return np.concatenate([soft, np.ones(len(all_weighted) - data)])
 
 
 def _step(now: Evaluation, weight, x, lower, upper, damping):
@@ -118,13 +123,18 @@ def _step(now: Evaluation, weight, x, lower, upper, damping):
     gradient = jacobian.T @ residual
     held = ((x <= lower) & (gradient < 0)) | ((x >= upper) & (gradient > 0))
     free = ~held
-    scale = np.linalg.norm(jacobian[:, free], axis=0)
-    scale[scale == 0.0] = 1.0
-    normal = (jacobian[:, free] / scale).T @ (jacobian[:, free] / scale)
-    right = gradient[free] / scale
+    gram, scale = _scaled_gram(jacobian[:, free] if held.any() else jacobian)
     step = np.zeros_like(x)
-    step[free] = _solve(normal, right, damping) / scale
+    step[free] = _solve(gram, gradient[free] / scale, damping) / scale
     return step, 0.5 * float(step @ gradient), held
+
+
+def _scaled_gram(jacobian: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """J'J with unit diagonal, and the lengths of the columns of J (1 for an empty one)."""
+    gram = jacobian.T @ jacobian
+    scale = np.sqrt(np.diag(gram))
+    scale[scale == 0.0] = 1.0
+    return gram / np.outer(scale, scale), scale
 
 
 def _solve(normal: np.ndarray, right: np.ndarray, damping: float) -> np.ndarray:
@@ -145,9 +155,8 @@ def _finish(now, weight, soft, x, lower, upper, converged, iterations) -> Fit:
     square = float(np.sum((weight * now.residual) ** 2))
     variance = square / freedom if freedom > 0 else np.nan
     covariance = np.zeros((x.size, x.size))
-    scale = np.linalg.norm(jacobian[:, free], axis=0)
-    scale[scale == 0.0] = 1.0
-    inverse = linalg.pinvh((jacobian[:, free] / scale).T @ (jacobian[:, free] / scale))
+    gram, scale = _scaled_gram(jacobian[:, free])
+    inverse = linalg.pinvh(gram)
     covariance[np.ix_(free, free)] = variance * inverse / np.outer(scale, scale)
     return Fit(
         x, covariance, float(np.sqrt(variance)), freedom, converged, iterations, 0.5 * square, at_bound, soft, now.residual

@@ -62,6 +62,18 @@ class Layout:
             self._name(e, p) for e, mask in zip(self.effects, self.free) for p, keep in zip(e.parameters(), mask) if keep
         )
 
+    @cached_property
+    def prior(self) -> np.ndarray:
+        """(P,) standard deviation of each free parameter's Gaussian prior around zero; inf = none."""
+        return np.array([p.prior for p in self.parameters])
+
+    def prior_rows(self) -> np.ndarray:
+        """(r, P) rows of 1 / standard deviation, one for each parameter with a prior: pseudo-observations of zero."""
+        held = np.flatnonzero(np.isfinite(self.prior))
+        rows = np.zeros((len(held), self.size))
+        rows[np.arange(len(held)), held] = 1.0 / self.prior[held]
+        return rows
+
     @property
     def values(self) -> np.ndarray:
         """The free values as one vector."""

@@ -7,6 +7,7 @@ is the mean weighted square of the held-out residual (1 = all noise).
 from __future__ import annotations
 
 import numpy as np
+from scipy import linalg
 
 from exactarm.diagnose.problem import Fitted
 
@@ -20,19 +21,26 @@ def folds_of(groups: np.ndarray, seed: int, folds: int = FOLDS) -> np.ndarray:
     return (order % min(folds, len(names)))[inverse]
 
 
-def held_out_squares(fitted: Fitted, columns: np.ndarray, folds: np.ndarray) -> np.ndarray:
-    """(folds,) square sum of the held-out residual with the free parameters and `columns` (R, k) refitted."""
+def held_out_squares(fitted: Fitted, columns: np.ndarray, folds: np.ndarray, prior: np.ndarray | None = None) -> np.ndarray:
+    """(folds,) square sum of the held-out residual with the free parameters and `columns` (R, k) refitted.
+
+    prior (k,): standard deviations of the priors of the columns' coefficients, inf = none.
+    """
     design = np.concatenate([fitted.basis, columns], axis=1)
+    penalty = np.zeros(design.shape[1])
+    if prior is not None:
+        penalty[fitted.basis.shape[1] :] = 1.0 / prior**2
     norm = np.linalg.norm(design, axis=0)
-    design = design[:, norm > 0] / norm[norm > 0]
-    residual = fitted.whitened
-    fold_of_row = np.repeat(folds, residual.size // len(folds))
-    normal, right = design.T @ design, design.T @ residual
+    design, penalty = design[:, norm > 0] / norm[norm > 0], penalty[norm > 0] / norm[norm > 0] ** 2
+    residual, numbers = fitted.whitened, fitted.data_numbers
+    fold_of_row = np.full(residual.size, -1)
+    fold_of_row[:numbers] = np.repeat(folds, numbers // len(folds))
+    normal, right = design.T @ design + np.diag(penalty), design.T @ residual
     squares = []
     for fold in range(int(folds.max()) + 1):
         rows = fold_of_row == fold
         part, answer = design[rows], residual[rows]
         rest = normal - part.T @ part
-        values = np.linalg.lstsq(rest, right - part.T @ answer, rcond=1e-10)[0]
+        values = linalg.solve(rest + 1e-10 * np.eye(len(rest)), right - part.T @ answer, assume_a="pos")
         squares.append(float(np.sum((answer - part @ values) ** 2)))
     return np.array(squares)

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy import linalg
 
 from exactarm.chain import Layout, View
 from exactarm.dataset import Dataset
@@ -43,9 +44,19 @@ class Fitted:
         return self.weight[:, None] / self.sigma
 
     @cached_property
+    def prior_rows(self) -> np.ndarray:
+        """(r, P) pseudo-observations of the regularised parameters."""
+        return self.layout.prior_rows()
+
+    @cached_property
     def whitened(self) -> np.ndarray:
-        """(N m,) the residual with unit variance."""
-        return (self.residual * self.scale).ravel()
+        """(N m + r,) the residual with unit variance, then the pseudo-residuals of the priors."""
+        return np.concatenate([(self.residual * self.scale).ravel(), -self.prior_rows @ self.layout.values])
+
+    @property
+    def data_numbers(self) -> int:
+        """N m: so many entries of `whitened` are data."""
+        return self.residual.size
 
     def square(self, sigma: np.ndarray) -> float:
         """Square sum of the residual in units of `sigma` (m,), so that different fits can be compared."""
@@ -53,16 +64,32 @@ class Fitted:
 
     @cached_property
     def basis(self) -> np.ndarray:
-        """(N m, r) orthonormal basis of what the free parameters can explain."""
-        columns = (self.jacobian * self.scale[:, :, None]).reshape(self.whitened.size, -1)
-        norm = np.linalg.norm(columns, axis=0)
-        left, values, _ = np.linalg.svd(columns[:, norm > 0] / norm[norm > 0], full_matrices=False)
-        return left[:, values > 1e-9 * values[0]] if values.size else left
+        """(N m + r, b) orthonormal basis of what the free parameters can explain."""
+        data = (self.jacobian * self.scale[:, :, None]).reshape(self.data_numbers, -1)
+        columns = np.concatenate([data, self.prior_rows])
+        return orthonormal(columns)
 
     def columns(self, effect: Effect) -> np.ndarray:
-        """(N m, k) whitened response to the parameters of an effect that is not in the layout."""
+        """(N m + r, k) whitened response to the parameters of an effect that is not in the layout."""
         response = self.view.response(effect)[:, : self.residual.shape[1]]
-        return (response * self.scale[:, :, None]).reshape(self.whitened.size, -1)
+        data = (response * self.scale[:, :, None]).reshape(self.data_numbers, -1)
+        return np.concatenate([data, np.zeros((len(self.prior_rows), data.shape[1]))])
+
+
+def orthonormal(columns: np.ndarray) -> np.ndarray:
+    """Orthonormal basis (R, b) of the span of `columns`, through its Gram matrix, twice for accuracy.
+
+    Far faster than a rank-revealing factorisation for tall matrices; directions weaker than 1e-6 are left out.
+    """
+    norm = np.linalg.norm(columns, axis=0)
+    basis = columns[:, norm > 0] / norm[norm > 0]
+    for least in (1e-12, 0.5):
+        if basis.shape[1] == 0:
+            break
+        values, vectors = linalg.eigh(basis.T @ basis)
+        keep = values > least * max(values[-1], 1.0) if least < 0.1 else values > least
+        basis = basis @ (vectors[:, keep] / np.sqrt(values[keep]))
+    return basis
 
 
 class Problem(ABC):

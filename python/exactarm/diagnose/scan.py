@@ -5,6 +5,8 @@ For whitened residual r, basis Q of the free parameters and a candidate's column
 the fall of the weighted square sum if the candidate were fitted jointly with everything else. Non-linear
 parameters run over their search grids. Evidence (Schwarz 1978; the last two terms pay for what was tried):
     log B = n/2 log(S / (S - gain)) - k/2 log n - log(grid points) - log(candidates).
+A candidate of many regularised terms (Gaussian priors, standard deviations P) pays by its marginal likelihood
+instead: gain = r'C~ (C~'C~ + P^-2)^{-1} C~'r, and 1/2 log det(I + P C~'C~ P) in place of k/2 log n (MacKay 1992).
 """
 
 from __future__ import annotations
@@ -97,15 +99,34 @@ def _score_block(fitted, block, residual, square, count, tried, families, best) 
         at += k
         normal = stacked[:, where].T @ stacked[:, where]
         usable = (np.diag(normal) > _ABSORBED * before[where]) & (np.sqrt(before[where]) * _plausible(point) > _INVISIBLE)
-        gain, values = _gain(normal, onto[where], usable)
-        effect = _with_free(point, values)
-        if not _within_bounds(effect):
-            effect, gain = _bounded(point, normal, onto[where], usable)
-        evidence = log_evidence(square, gain, count, int(usable.sum()), tried[point.label] * families)
+        prior = prior_of(point)
+        if np.isfinite(prior).any():
+            gain, values, price = _regularised_gain(normal, onto[where], prior)
+            effect = _with_free(point, values)
+            evidence = log_evidence(square, gain, count, 0, tried[point.label] * families) - price
+        else:
+            gain, values = _gain(normal, onto[where], usable)
+            effect = _with_free(point, values)
+            if not _within_bounds(effect):
+                effect, gain = _bounded(point, normal, onto[where], usable)
+            evidence = log_evidence(square, gain, count, int(usable.sum()), tried[point.label] * families)
         candidate = Candidate(effect, gain, int(usable.sum()), tried[point.label], evidence, not usable.any())
         known = best.get(point.label)
         if known is None or evidence > known.evidence:
             best[point.label] = candidate
+
+
+def prior_of(effect: Effect) -> np.ndarray:
+    """(k,) standard deviations of the priors of the linear parameters, inf = none."""
+    return np.array([p.prior for p, keep in zip(effect.parameters(), free_mask(effect)) if keep])
+
+
+def _regularised_gain(normal: np.ndarray, onto: np.ndarray, prior: np.ndarray) -> tuple[float, np.ndarray, float]:
+    """Fall of the penalised square sum, coefficients, and half the log determinant that they cost."""
+    scale = np.where(np.isfinite(prior), prior, 1e6)
+    system = np.eye(len(onto)) + scale[:, None] * normal * scale
+    values = scale * np.linalg.solve(system, scale * onto)
+    return float(values @ onto), values, 0.5 * float(np.linalg.slogdet(system)[1])
 
 
 def _plausible(effect: Effect) -> np.ndarray:

@@ -16,7 +16,7 @@ import numpy as np
 from exactarm.chain import Layout
 from exactarm.diagnose.cross_validation import folds_of, held_out_squares
 from exactarm.diagnose.problem import Fitted, Problem
-from exactarm.diagnose.scan import Candidate, free_mask, log_evidence, scan
+from exactarm.diagnose.scan import Candidate, free_mask, log_evidence, prior_of, scan
 from exactarm.effects import library
 from exactarm.effects.base import Effect
 
@@ -118,7 +118,7 @@ def _worth(fitted: Fitted, effect: Effect, folds: np.ndarray, without: np.ndarra
     if _excludes(effect):
         return True
     columns = fitted.columns(effect)[:, free_mask(effect)]
-    fall = without - held_out_squares(fitted, columns, folds)
+    fall = without - held_out_squares(fitted, columns, folds, prior_of(effect))
     return fall.sum() > LEAST_SHARE * without.sum() and np.mean(fall > 0) >= 0.7
 
 

@@ -56,6 +56,7 @@ class Parameter:
 
     `search`: values that a non-linear parameter is tried from (periods, thresholds); empty where the
     effect is linear in it and zero is a good start.
+    `prior`: standard deviation of a Gaussian prior around zero that regularises one of many terms; inf = none.
     """
 
     name: str
@@ -64,6 +65,7 @@ class Parameter:
     upper: float = np.inf
     fixed: bool = False
     search: tuple[float, ...] = ()
+    prior: float = np.inf
 
 
 @dataclass(frozen=True)

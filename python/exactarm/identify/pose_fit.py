@@ -53,26 +53,36 @@ def fit_poses(
     lower = np.array([p.lower for p in layout.parameters])
     upper = np.array([p.upper for p in layout.parameters])
 
+    pull = layout.prior_rows()
+
     def evaluate(x: np.ndarray, with_jacobian: bool) -> Evaluation:
         prediction = predict_poses(robot, layout.at(x), data, tangents=with_jacobian, threads=threads)
         residual = prediction.residual(orientation)
         jacobian = None
         if with_jacobian:
             jacobian = prediction.jacobian[:, : residual.shape[1]].reshape(residual.size, -1)
-        return Evaluation(residual.ravel(), jacobian)
+            jacobian = np.concatenate([jacobian, pull])
+        return Evaluation(np.concatenate([residual.ravel(), -pull @ x]), jacobian)
 
-    sigma = np.array([1e-4, 1e-4])
+    kinds = 2 if orientation else 1
+    sigma = np.full(kinds, 1e-4)
     x = layout.values
-    for _ in range(_VARIANCE_ROUNDS if orientation else 1):
-        each = np.repeat(1.0 / sigma, 3) if orientation else np.ones(3)
+    for _ in range(_VARIANCE_ROUNDS if orientation or len(pull) else 1):
+        each = np.repeat(1.0 / sigma, 3)
         fit = least_squares(
-            evaluate, x, weights=(row_weight[:, None] * each).ravel(), bounds=(lower, upper), robust=robust, group=3
+            evaluate,
+            x,
+            weights=np.concatenate([(row_weight[:, None] * each).ravel(), np.ones(len(pull))]),
+            bounds=(lower, upper),
+            robust=robust,
+            group=3,
+            data_rows=rows * 3 * kinds,
         )
-        residual = fit.residual.reshape(rows, -1)[row_weight > 0]
+        residual = fit.residual[: rows * 3 * kinds].reshape(rows, -1)[row_weight > 0]
         share = 1.0 - layout.size / max(fit.freedom + layout.size, 1)
         new = np.sqrt(np.array([np.mean(part**2) for part in np.split(residual, residual.shape[1] // 3, axis=1)]) / share)
         x = fit.x
-        if not orientation or np.all(np.abs(new / sigma - 1.0) < 0.02):
+        if not (orientation or len(pull)) or np.all(np.abs(new / sigma - 1.0) < 0.02):
             break
         sigma = np.maximum(new, 1e-12)
     return PoseFit(robot, layout.at(fit.x), fit, float(new[0]), float(new[1]) if orientation else None)
