@@ -1,0 +1,76 @@
+# `make demo` and `make test` do all the set-up themselves, on a Debian 12 with root and nothing but make.
+# What is done is marked by files in .setup/; a second run does only what has changed.
+
+SHELL := /bin/bash
+.SHELLFLAGS := -eu -o pipefail -c
+.DELETE_ON_ERROR:
+.DEFAULT_GOAL := help
+
+VENV := .venv
+BIN := $(VENV)/bin
+PIP := $(BIN)/pip install --quiet --disable-pip-version-check
+BUILD := build/make
+OUT ?= demo
+export CMAKE_BUILD_PARALLEL_LEVEL ?= 2
+SOURCES := CMakeLists.txt pyproject.toml $(shell find cpp python -type f ! -name '*.so' ! -name '*.pyc')
+CPP_TESTS := $(shell find tests/cpp -type f 2>/dev/null)
+
+# Not deleted as intermediate files.
+.PRECIOUS: .setup/packages-%
+
+.PHONY: help demo test test-cpp test-python install bench clean
+
+help:
+	@echo "make demo     set up everything, run exactarm on the shipped data, say where the report lies"
+	@echo "make test     set up everything, run the C++ and the Python tests"
+	@echo "make install  set up everything: $(BIN)/exactarm"
+	@echo "make bench    the C++ benchmarks"
+	@echo "make clean    remove what was built (the environment stays)"
+
+demo: .setup/install
+	@$(BIN)/exactarm demo --out $(OUT)
+
+test: test-cpp test-python
+
+test-cpp: .setup/tests
+	@echo "== C++ tests"
+	@ctest --test-dir $(BUILD) --output-on-failure --no-tests=error -j $(CMAKE_BUILD_PARALLEL_LEVEL) | tail -n 30
+
+test-python: .setup/tests
+	@echo "== Python tests"
+	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest
+
+install: .setup/install
+
+bench: .setup/bench
+	@cmake -S . -B build/bench -DEXACTARM_BENCH=ON -DEXACTARM_PYTHON=OFF -DCMAKE_BUILD_TYPE=Release > build/bench.log
+	@cmake --build build/bench
+
+# System packages, each stamp for what its users need.
+.setup/system: setup/system.sh setup/packages.txt
+	@mkdir -p .setup && bash setup/system.sh setup/packages.txt && touch $@
+
+.setup/bench: setup/system.sh setup/packages-bench.txt .setup/system
+	@bash setup/system.sh setup/packages-bench.txt && mkdir -p build && touch $@
+
+.setup/venv: setup/venv.sh .setup/system
+	@bash setup/venv.sh $(VENV) && touch $@
+
+# The build tools are in the environment, so that the build folder is used again from one run to the next.
+.setup/packages-%: pyproject.toml setup/requirements.py .setup/venv
+	@echo "== Python packages ($*)"
+	@$(BIN)/python setup/requirements.py $* > .setup/$*.txt
+	@$(PIP) -r .setup/$*.txt && touch $@
+
+.setup/install: $(SOURCES) .setup/packages-build
+	@echo "== building exactarm (the first time takes minutes)"
+	@$(PIP) --no-build-isolation -C build-dir=$(BUILD) . && touch $@
+
+.setup/tests: $(CPP_TESTS) .setup/install .setup/packages-test
+	@echo "== building the C++ tests"
+	@cmake $(BUILD) -DEXACTARM_TESTS=ON > $(BUILD)/tests.log
+	@cmake --build $(BUILD) --target exactarm_tests >> $(BUILD)/tests.log || { tail -n 40 $(BUILD)/tests.log; exit 1; }
+	@touch $@
+
+clean:
+	rm -rf build .setup/install .setup/tests
