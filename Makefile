@@ -64,7 +64,7 @@ bench: .setup/bench
 
 .setup/install: $(SOURCES) .setup/packages-build
 	@echo "== building exactarm (the first time takes minutes)"
-	@$(PIP) --no-build-isolation -C build-dir=$(BUILD) . && touch $@
+	@$(PIP) --no-build-isolation --config-settings=build-dir=$(BUILD) . && touch $@
 
 .setup/tests: $(CPP_TESTS) .setup/install .setup/packages-test
 	@echo "== building the C++ tests"
