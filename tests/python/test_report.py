@@ -55,6 +55,11 @@ def test_a_column_shares_one_prefix():
     assert format_cells(cells) == ["1.930 mm", "0.378 mm", "–", "none"]
 
 
+def test_a_column_of_several_units_is_read_row_by_row():
+    cells = [Quantity(0.6, "m"), Quantity(0.0005, "rad"), Quantity(1.5708, "rad"), Quantity(0.0, "rad")]
+    assert format_cells(cells) == ["600 mm", "0.500 mrad", "1.57 rad", "0 mrad"]
+
+
 def test_a_scale_is_found_for_every_size():
     for exponent in range(-15, 10):
         assert choose_scale([10.0**exponent], "m").size in (1.0, 1e-3, 1e-6)
@@ -85,6 +90,11 @@ REPORT = Report(
             ("alpha_1", Estimate(0.6021e-3, 0.5171e-3, 0.6871e-3, "rad")),
             ("a_2", None),
         )),
+        Table("Nothing", ("parameter",), ()),
+        Table("Not identified", ("parameter", "why"), (
+            ("d_2", "It moves the tool as d_3 does: axes 2 and 3 are parallel, so that only the sum of both can be seen."),
+            ("d_1", "The base frame absorbs it."),
+        )),
         Text("What stays", ("The residual follows axis 2; `exactarm diagnose` says why.",)),
         Figure("curve", "A curve", picture, "It rises.", 'A "rising" curve'),
     ),
@@ -113,6 +123,12 @@ Parameters
   d_1           −0.54 ± 0.24 mm
   alpha_1    0.602 ± 0.085 mrad
   a_2                         –
+
+Not identified
+  parameter  why
+  d_2        It moves the tool as d_3 does: axes 2 and 3 are parallel, so that only the sum of both
+             can be seen.
+  d_1        The base frame absorbs it.
 
 What stays
   The residual follows axis 2; `exactarm diagnose` says why.

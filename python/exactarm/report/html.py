@@ -27,7 +27,7 @@ def render_html(report: Report, drawings: Sequence[Drawing] = ()) -> str:
     for section in report.sections:
         if isinstance(section, Highlights):
             blocks.append(("highlights", [(item.label, *highlight_texts(item)) for item in section.items]))
-        elif isinstance(section, Table):
+        elif isinstance(section, Table) and section.rows:
             blocks.append(("table", _table(section)))
         elif isinstance(section, Figure):
             blocks.append(("figure", {"section": section, "svg": _inline_svg(pending.pop(0).svg, section)}))

@@ -1,6 +1,6 @@
 """Numbers as a person reads them: 0.382 mm, 1.20 ± 0.05 mrad.
 
-A column of a table shares one prefix per unit, so that its numbers can be compared at a glance. A number with
+A column of one unit shares one prefix, so that its numbers can be compared at a glance. A number with
 an interval has the digits that the interval allows (two of the half-width); a number without has three.
 """
 
@@ -98,31 +98,35 @@ def common_unit(cells: Sequence[Cell]) -> str | None:
 
 
 def format_cells(cells: Sequence[Cell], with_unit: bool = True) -> list[str]:
-    """The cells of one column as text; `with_unit` = False where the header has the unit."""
+    """The cells of one column as text; `with_unit` = False where the header has the unit.
+
+    Numbers of one unit share prefix and decimals. A column of several units is read row by row: each has its own.
+    """
     units = {cell.unit for cell in cells if isinstance(cell, (Quantity, Estimate))}
-    scales = {unit: _scale_of(cells, unit) for unit in units}
-    decimals = {unit: _common_decimals(cells, unit, scales[unit]) for unit in units}
+    if len(units) > 1:
+        return [text for cell in cells for text in format_cells([cell], with_unit)]
+    scale = _scale_of(cells, units.pop() if units else "")
+    decimals = _common_decimals(cells, scale)
     texts = []
     for cell in cells:
         if not isinstance(cell, (Quantity, Estimate)):
             texts.append(DASH if cell is None else str(cell))
             continue
-        scale = scales[cell.unit]
-        text = _format(cell, scale, decimals[cell.unit])
+        text = _format(cell, scale, decimals)
         texts.append(f"{text} {scale.unit}" if with_unit and scale.unit and text != DASH else text)
     return texts
 
 
 def _scale_of(cells: Sequence[Cell], unit: str) -> Scale:
-    numbers = [cell for cell in cells if isinstance(cell, (Quantity, Estimate)) and cell.unit == unit]
+    numbers = [cell for cell in cells if isinstance(cell, (Quantity, Estimate))]
     halves = [_half_width(cell) for cell in numbers if isinstance(cell, Estimate)]
     return choose_scale([cell.value for cell in numbers] + halves, unit)
 
 
-def _common_decimals(cells: Sequence[Cell], unit: str, scale: Scale) -> int | None:
+def _common_decimals(cells: Sequence[Cell], scale: Scale) -> int | None:
     """Decimals shared by the plain quantities of a column; None: each number has its own."""
     values = [abs(cell.value) / scale.size for cell in cells
-              if isinstance(cell, Quantity) and cell.unit == unit and cell.value and math.isfinite(cell.value)]
+              if isinstance(cell, Quantity) and cell.value and math.isfinite(cell.value)]
     if not values or min(values) < 1e-4 or max(values) >= 1e7:
         return None
     return min(decimals_for(min(values)), decimals_for(max(values)) + 1)

@@ -9,6 +9,7 @@ from exactarm.report.sections import Estimate, Highlight, Highlights, Quantity, 
 
 WIDTH = 100
 MOST_ROWS = 40
+LEAST_TEXT_WIDTH = 30
 
 
 def render_text(report: Report, width: int = WIDTH) -> str:
@@ -17,7 +18,7 @@ def render_text(report: Report, width: int = WIDTH) -> str:
     for section in report.sections:
         if isinstance(section, Highlights):
             blocks.append("\n".join(_highlights(section)))
-        elif isinstance(section, Table):
+        elif isinstance(section, Table) and section.rows:
             blocks.append(_table(section, width))
         elif isinstance(section, Text):
             blocks.append("\n".join([section.heading, *(_wrap(paragraph, width, "  ") for paragraph in section.paragraphs)]))
@@ -62,10 +63,15 @@ def _table(table: Table, width: int) -> str:
     header, columns, numeric = columns_of(table)
     columns = [column[:MOST_ROWS] for column in columns]
     widths = [max(len(text) for text in [name, *column]) for name, column in zip(header, columns)]
+    if not numeric[-1]:  # a last column of text is wrapped in its own place
+        widths[-1] = min(widths[-1], max(width - sum(widths[:-1]) - 2 * len(widths), LEAST_TEXT_WIDTH))
 
     def line(cells: list[str]) -> str:
-        padded = [f"{text:>{size}}" if right else f"{text:<{size}}" for text, size, right in zip(cells, widths, numeric)]
-        return ("  " + "  ".join(padded)).rstrip()
+        last = textwrap.wrap(cells[-1], widths[-1], break_long_words=False) or [""]
+        padded = [f"{text:>{size}}" if right else f"{text:<{size}}"
+                  for text, size, right in zip([*cells[:-1], last[0]], widths, numeric)]
+        indent = " " * (sum(widths[:-1]) + 2 * len(widths))
+        return "\n".join([("  " + "  ".join(padded)).rstrip(), *(indent + text for text in last[1:])])
 
     lines = [table.heading, line(header), *(line(list(row)) for row in zip(*columns))]
     left_out = len(table.rows) - MOST_ROWS
