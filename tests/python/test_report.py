@@ -55,6 +55,11 @@ def test_a_column_shares_one_prefix():
     assert format_cells(cells) == ["1.930 mm", "0.378 mm", "–", "none"]
 
 
+def test_a_declared_number_keeps_its_digits():
+    cells = [Quantity(np.pi / 2, "rad", exact=True), Quantity(0.163941, "m", exact=True), Quantity(-0.0, "m", exact=True)]
+    assert format_cells(cells) == ["1.5708 rad", "163.941 mm", "0 mm"]
+
+
 def test_a_column_of_several_units_is_read_row_by_row():
     cells = [Quantity(0.6, "m"), Quantity(0.0005, "rad"), Quantity(1.5708, "rad"), Quantity(0.0, "rad")]
     assert format_cells(cells) == ["600 mm", "0.500 mrad", "1.57 rad", "0 mrad"]
@@ -91,6 +96,7 @@ REPORT = Report(
             ("a_2", None),
         )),
         Table("Nothing", ("parameter",), ()),
+        Table("Marks", ("parameter", ""), (("d_1", ""),)),
         Table("Not identified", ("parameter", "why"), (
             ("d_2", "It moves the tool as d_3 does: axes 2 and 3 are parallel, so that only the sum of both can be seen."),
             ("d_1", "The base frame absorbs it."),
@@ -123,6 +129,10 @@ Parameters
   d_1           −0.54 ± 0.24 mm
   alpha_1    0.602 ± 0.085 mrad
   a_2                         –
+
+Marks
+  parameter
+  d_1
 
 Not identified
   parameter  why

@@ -58,7 +58,7 @@ def error_figures(
 def parameter_table(names, start, values, intervals, units, at_bound=None) -> Table:
     """Name, declared value, estimate with its 95 % interval."""
     rows = tuple(
-        (name, Quantity(float(s), unit), Estimate(float(v), float(low), float(high), unit),
+        (name, Quantity(float(s), unit, exact=True), Estimate(float(v), float(low), float(high), unit),
          "at its bound" if at_bound is not None and at_bound[i] else "")
         for i, (name, s, v, (low, high), unit) in enumerate(zip(names, start, values, intervals, units))
     )

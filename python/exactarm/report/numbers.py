@@ -13,7 +13,7 @@ from typing import Sequence
 from exactarm.report.sections import Cell, Estimate, Quantity
 
 DASH = "–"
-SIGNIFICANT_DIGITS, INTERVAL_DIGITS = 3, 2
+SIGNIFICANT_DIGITS, INTERVAL_DIGITS, EXACT_DIGITS = 3, 2, 6
 MOST_DECIMALS = 6
 
 # SI unit -> (unit to show, its size in SI), from large to small.
@@ -126,7 +126,7 @@ def _scale_of(cells: Sequence[Cell], unit: str) -> Scale:
 def _common_decimals(cells: Sequence[Cell], scale: Scale) -> int | None:
     """Decimals shared by the plain quantities of a column; None: each number has its own."""
     values = [abs(cell.value) / scale.size for cell in cells
-              if isinstance(cell, Quantity) and cell.value and math.isfinite(cell.value)]
+              if isinstance(cell, Quantity) and not cell.exact and cell.value and math.isfinite(cell.value)]
     if not values or min(values) < 1e-4 or max(values) >= 1e7:
         return None
     return min(decimals_for(min(values)), decimals_for(max(values)) + 1)
@@ -145,6 +145,8 @@ def _format(cell: Quantity | Estimate, scale: Scale, decimals: int | None) -> st
         if half < 10.0**-MOST_DECIMALS or half >= 1e7 or abs(value) >= 1e7:
             return f"{number(value)} ± {number(half, INTERVAL_DIGITS)}"
         return f"{fixed(value, places)} ± {fixed(half, places)}"
+    if cell.exact:
+        return f"{value + 0.0:.{EXACT_DIGITS}g}".replace("-", "−")
     return number(value) if decimals is None else fixed(value, decimals)
 
 

@@ -16,10 +16,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Quantity:
-    """A number with its SI unit; None prints as a dash."""
+    """A number with its SI unit; None prints as a dash. `exact`: a declared one, with all its digits up to six."""
 
     value: float | None
     unit: str = ""
+    exact: bool = False
 
 
 @dataclass(frozen=True)

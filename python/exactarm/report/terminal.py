@@ -67,7 +67,7 @@ def _table(table: Table, width: int) -> str:
         widths[-1] = min(widths[-1], max(width - sum(widths[:-1]) - 2 * len(widths), LEAST_TEXT_WIDTH))
 
     def line(cells: list[str]) -> str:
-        last = textwrap.wrap(cells[-1], widths[-1], break_long_words=False) or [""]
+        last = textwrap.wrap(cells[-1], max(widths[-1], 1), break_long_words=False) or [""]
         padded = [f"{text:>{size}}" if right else f"{text:<{size}}"
                   for text, size, right in zip([*cells[:-1], last[0]], widths, numeric)]
         indent = " " * (sum(widths[:-1]) + 2 * len(widths))

@@ -25,7 +25,7 @@ def error_per_pose(before: np.ndarray, after: np.ndarray, validation: np.ndarray
         axes.axhline(noise_floor / size, color=FLOOR, linestyle="--", label="noise of the measurement")
     axes.set(xlabel=row, ylabel=label_with(name, shown), xlim=(0, len(rows) + 1))
     from_zero(axes, before / size, after / size)
-    legend_above(axes)
+    legend_above(axes, marker_scale=4.5 / dots)
     return figure
 
 

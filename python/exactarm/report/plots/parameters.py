@@ -13,19 +13,24 @@ from exactarm.report.plots.style import (
 )
 from exactarm.report.sections import Quantity
 
-ROW_IN = 0.21
+ROW_IN, PANEL_FRAME_IN = 0.23, 0.75
+LONG_LABEL = 22
 
 
 def parameter_forest(labels: Sequence[str], values: np.ndarray, low: np.ndarray, high: np.ndarray,
                      units: Sequence[str]) -> Figure:
-    """Changes of the parameters (k,) with 95 % intervals; one panel per unit, zero = as declared."""
-    kinds = list(dict.fromkeys(units))
-    counts = [units.count(kind) if isinstance(units, list) else list(units).count(kind) for kind in kinds]
-    figure = new_figure(max(1.6, 0.75 + ROW_IN * max(counts)))
-    panels = figure.subplots(1, len(kinds), squeeze=False)[0]
-    for axes, kind in zip(panels, kinds):
-        chosen = [index for index, unit in enumerate(units) if unit == kind]
-        _forest_panel(axes, [labels[index] for index in chosen], values[chosen], low[chosen], high[chosen], kind)
+    """Changes of the parameters (k,) with 95 % intervals; one panel per unit, two in a line; zero = as declared."""
+    rows_of = {unit: [index for index, other in enumerate(units) if other == unit] for unit in dict.fromkeys(units)}
+    wide = [unit for unit, rows in rows_of.items() if max(len(labels[index]) for index in rows) > LONG_LABEL]
+    narrow = [unit for unit in rows_of if unit not in wide]
+    lines = [narrow[first:first + 2] for first in range(0, len(narrow), 2)] + [[unit] for unit in wide]
+    heights = [PANEL_FRAME_IN + ROW_IN * max(len(rows_of[unit]) for unit in line) for line in lines]
+    figure = new_figure(sum(heights))
+    bands = figure.subfigures(len(lines), 1, height_ratios=heights, squeeze=False)[:, 0]
+    for band, line in zip(bands, lines):
+        for axes, unit in zip(band.subplots(1, len(line), squeeze=False)[0], line):
+            chosen = rows_of[unit]
+            _forest_panel(axes, [labels[index] for index in chosen], values[chosen], low[chosen], high[chosen], unit)
     return figure
 
 

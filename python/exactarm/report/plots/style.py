@@ -95,12 +95,12 @@ def label_with(name: str, unit: str) -> str:
     return f"{name} [{unit}]" if unit else name
 
 
-def legend_above(axes: Axes, side: str = "left", columns: int = 4) -> None:
+def legend_above(axes: Axes, side: str = "left", columns: int = 4, marker_scale: float = 1.0) -> None:
     """The legend over the plot, where it hides no data."""
     handles, labels = axes.get_legend_handles_labels()
     if handles:
         axes.legend(handles, labels, loc=f"lower {side}", bbox_to_anchor=(float(side == "right"), 1.0), ncols=columns,
-                    borderaxespad=0.2)
+                    borderaxespad=0.2, markerscale=marker_scale)
 
 
 def from_zero(axes: Axes, *arrays: np.ndarray | None) -> None:
