@@ -267,6 +267,7 @@ def test_parquet_columns_of_text_and_holes_are_refused(tmp_path):
         ("approach_2", [0, 1, -1, 0, 0, 0, 0, 2], "-1, 0 or 1"),
         ("session", [1] * 7 + [1.5], "whole number"),
         ("visit", [1] * 7 + [0.1], "whole number"),
+        ("run", [1] * 7 + [1e300], "whole number"),
     ],
 )
 def test_a_mark_that_is_none_is_refused(tmp_path, name, values, words):
