@@ -69,7 +69,9 @@ def _reason(p: ParameterName, partners: list[ParameterName], robot: Robot | None
         return _absorbed(p, frames)
     if robot is None:
         return ""
-    for rule in (_prismatic, _alike_along_parallel_axes, _collinear_turn, _turn_about_parallel_y):
+    for rule in (
+        _prismatic, _alike_along_parallel_axes, _collinear_turn, _turn_about_parallel_y, _target_on_axis, _one_target
+    ):
         if text := rule(p, others, robot):
             return text
     if frames:
@@ -122,6 +124,21 @@ def _turn_about_parallel_y(p: ParameterName, others: list[ParameterName], robot:
             continue
         if abs(np.cos(robot.joints[q.axis - 1].alpha)) < NEARLY_PARALLEL_RAD:
             return f"alpha_{q.axis} is a right angle, so beta_{q.axis} turns about a parallel of axis {q.axis}"
+    return ""
+
+
+def _target_on_axis(p: ParameterName, others: list[ParameterName], robot: Robot) -> str:
+    """Frame n - 1 cannot be told from turns about the target where the target lies on axis n."""
+    last, tool = robot.joints[-1], robot.tool.position
+    on_axis = abs(last.a) < COLLINEAR_M and abs(np.hypot(tool[0], tool[1])) < COLLINEAR_M
+    if on_axis and {q.axis for q in (p, *others)} == {robot.axes - 1}:
+        return f"the target lies on axis {robot.axes}"
+    return ""
+
+
+def _one_target(p: ParameterName, others: list[ParameterName], robot: Robot) -> str:
+    if p.group in (Group.GEOMETRY, Group.OFFSET) and {q.axis for q in (p, *others)} == {robot.axes}:
+        return "a single target point does not show how the last frame is turned"
     return ""
 
 

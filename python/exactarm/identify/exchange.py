@@ -5,6 +5,7 @@ One step (extended DETMAX: Mitchell 1974; thesis 3.2.2): of randomly drawn candi
 criterion `keep` are admitted, the one of them that raises the criterion `add` most is added, and the member that
 `keep` misses least is removed. A tabu list (Daney, Papegay and Madeline 2005) bars what was just removed from
 coming back and what was just added from leaving, so the search may pass through worse sets; the best is returned.
+Information that is there already (earlier measurements) enters as `prior` (m, m).
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from exactarm.identify.criterion import Criterion, LogDeterminant, SmallestOverL
 
 @dataclass(frozen=True)
 class ExchangeOptions:
-    """candidates drawn a step; tenure: steps on the tabu list; the search ends when `patience` steps together
+    """candidates drawn a step; tenure: steps on the tabu list, a quarter of the set at most; the search ends when `patience` steps together
     raise `keep` by less than `threshold`, or after `most_steps`."""
 
     candidates: int = 200
@@ -42,27 +43,35 @@ class Exchanged:
 
 
 def exchange(
-    pool: np.ndarray, start: np.ndarray, rng: np.random.Generator, options: ExchangeOptions = ExchangeOptions()
+    pool: np.ndarray,
+    start: np.ndarray,
+    rng: np.random.Generator,
+    options: ExchangeOptions = ExchangeOptions(),
+    prior: np.ndarray | None = None,
 ) -> Exchanged:
     """The best set found from the set `start` (K,) of indices into the blocks `pool` (C, r, m).
 
     Raises ComputationError where the start is singular: it cannot identify all parameters.
     """
     chosen = list(start)
-    value = options.keep.value(information_of(pool[chosen]))
+    known = np.zeros((pool.shape[-1],) * 2) if prior is None else prior
+    least = options.keep.least_gain(len(chosen), pool.shape[-1]) if prior is None else 0.0
+    value = options.keep.value(known + information_of(pool[chosen]))
     if not np.isfinite(value):
         raise ComputationError(f"a set of {len(chosen)} experiments cannot identify {pool.shape[-1]} parameters")
     best, history = (value, np.array(chosen)), [value]
-    barred: deque[int] = deque(maxlen=max(2 * options.tenure, 1))
+    tenure = min(options.tenure, len(chosen) // 4)  # in a small set the list must leave members to choose from
+    barred: deque[int] = deque(maxlen=2 * tenure)
     draw = _Draw(len(pool), options.candidates, rng)
     for step in range(options.most_steps):
-        added = _addition(pool, chosen, draw.next(set(chosen) | set(barred)), options)
+        information = known + information_of(pool[chosen])
+        added = _addition(pool, information, draw.next(set(chosen) | set(barred)), options, least)
         if added is not None:
             barred.append(added)
             chosen.append(added)
-            removed = _removal(pool, chosen, barred, options.keep)
+            removed = _removal(pool, chosen, known + information_of(pool[chosen]), barred, options.keep)
             barred.append(chosen.pop(removed))
-            value = options.keep.value(information_of(pool[chosen]))
+            value = options.keep.value(known + information_of(pool[chosen]))
             if value > best[0]:
                 best = (value, np.array(chosen))
         history.append(best[0])
@@ -71,19 +80,17 @@ def exchange(
     return Exchanged(best[1], best[0], np.array(history))
 
 
-def _addition(pool: np.ndarray, chosen: list[int], candidates: np.ndarray, options: ExchangeOptions) -> int | None:
-    """The candidate that raises `add` most among those that raise `keep` per experiment."""
-    information = information_of(pool[chosen])
-    least = options.keep.least_gain(len(chosen), pool.shape[-1])
+def _addition(pool, information, candidates: np.ndarray, options: ExchangeOptions, least: float) -> int | None:
+    """The candidate that raises `add` most among those that raise `keep` by more than `least`."""
     admitted = candidates[options.keep.gains(information, pool[candidates]) > least]
     if admitted.size == 0:
         return None
     return int(admitted[np.argmax(options.add.gains(information, pool[admitted]))])
 
 
-def _removal(pool: np.ndarray, chosen: list[int], barred: deque, keep: Criterion) -> int:
+def _removal(pool, chosen: list[int], information, barred: deque, keep: Criterion) -> int:
     """Position of the member that `keep` misses least; one on the tabu list only when all are."""
-    losses = keep.losses(information_of(pool[chosen]), pool[chosen])
+    losses = keep.losses(information, pool[chosen])
     protected = np.isin(chosen, list(barred))
     if not protected.all():
         losses = np.where(protected, -np.inf, losses)

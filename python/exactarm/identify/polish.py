@@ -40,7 +40,7 @@ def polish(
     settings, count = settings.copy(), len(settings)
     blocks = blocks_at(settings)[0].copy()
     information = information_of(blocks)
-    least = guard.value(information)
+    value, least = criterion.value(information), guard.value(information)
     for spread in np.geomspace(options.first_spread, options.last_spread, max(options.rounds, 1))[: options.rounds]:
         owner = np.repeat(np.arange(count), options.neighbours)
         moved = settings[owner] + spread * (upper - lower) * _directions(rng, len(owner), settings.shape[1])
@@ -52,12 +52,11 @@ def polish(
             if promise[place] <= 0.0:
                 break
             k = owner[place]
-            if criterion.swaps(information, blocks[[k]], new[[place]])[0] <= 0.0:
-                continue
             swapped = information + squared(new[place]) - squared(blocks[k])
-            if guard.value(swapped) >= least:
+            raised = criterion.value(swapped)
+            if raised > value and guard.value(swapped) >= least:
                 settings[k], blocks[k] = moved[place], new[place]
-                information = information_of(blocks)
+                information, value = swapped, raised
     return settings
 
 

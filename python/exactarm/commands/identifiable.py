@@ -1,0 +1,230 @@
+"""`exactarm identifiable`: which parameters planned or measured poses can identify, and which collide."""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import dataclass
+
+import numpy as np
+
+from exactarm.chain import Layout
+from exactarm.commands.arguments import add_files, add_robot
+from exactarm.commands.planning_arguments import add_noise, add_planning, box_of, noise_of, with_tool
+from exactarm.commands.result import CommandResult
+from exactarm.dataset import Dataset, read_planned_poses
+from exactarm.errors import InputError
+from exactarm.identify.compliance import compliance_layout
+from exactarm.identify.declared import frames_layout, geometry_layout, require_geometry
+from exactarm.identify.identifiability import Identifiability
+from exactarm.identify.model_check import ModelCheck, check_model
+from exactarm.identify.parameter_name import parse_parameter
+from exactarm.identify.planned import PlannedModel, pose_blocks, pose_data, row_weights
+from exactarm.identify.pose_space import PoseSpace
+from exactarm.report import Figure, Quantity, Report, Section, Table, Text, Warnings
+from exactarm.report.numbers import number
+from exactarm.robot import Robot
+from exactarm.robot_file import load_robot
+
+NAME = "identifiable"
+HELP = "which parameters the planned or measured poses can identify, and which collide with which"
+
+
+@dataclass(frozen=True)
+class _Poses:
+    """What is looked at: robot, layout, poses; `words` say where they come from."""
+
+    robot: Robot
+    layout: Layout
+    data: Dataset
+    orientation: bool
+    frame_count: int
+    words: str
+    warnings: tuple[str, ...] = ()
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    add_robot(parser)
+    add_files(parser, least=0, text="measured or planned poses (default: random poses within the joint limits)")
+    parser.add_argument("--count", metavar="K", type=int, default=1000, help="number of random poses (default %(default)s)")
+    add_planning(parser)
+    add_noise(parser)
+
+
+def run(arguments: argparse.Namespace) -> CommandResult:
+    robot = with_tool(load_robot(arguments.robot), arguments.tool)
+    require_geometry(robot)
+    poses = _poses(robot, arguments)
+    noise = noise_of(arguments.noise)
+    check = check_model(
+        poses.robot,
+        poses.layout,
+        lambda layout: pose_blocks(poses.robot, layout, poses.data, poses.orientation, arguments.threads),
+        keep_first=poses.frame_count,
+        weights=row_weights(poses.orientation, noise),
+    )
+    return CommandResult(
+        json=_json(check, poses, noise),
+        report=_report(robot, check, poses, noise),
+        tables={"parameters.csv": _parameter_columns(check)},
+    )
+
+
+def _poses(robot: Robot, arguments: argparse.Namespace) -> _Poses:
+    orientation = arguments.use == "pose"
+    data = read_planned_poses(arguments.files, robot) if arguments.files else None
+    if data is not None and data.position is not None:
+        if orientation and data.rotation is None:
+            raise InputError("--use pose: the data has no qw..qz or rx..rz columns")
+        if arguments.frames != "both":
+            raise InputError(f"--frames {arguments.frames}: measured poses have both frames unknown")
+        frames, _ = frames_layout(robot, data, orientation=orientation, seed=arguments.seed)
+        layout = frames.joined(geometry_layout(robot)).joined(compliance_layout(robot, data))
+        return _Poses(robot, layout, data, orientation, frames.size, f"{len(data)} measured poses")
+    if data is not None:
+        q, words, warnings = _controller_angles(robot, data), f"{len(data)} planned poses", ()
+    else:
+        if arguments.count < 1:
+            raise InputError(f"--count {arguments.count}: expected 1 or more")
+        space = PoseSpace.of(robot, box_of(arguments.box))
+        q = space.draw(arguments.count, np.random.default_rng(arguments.seed))
+        words, warnings = f"{len(q)} random poses within the joint limits", _limit_warnings(space)
+    model = PlannedModel.of(robot, q, arguments.frames, orientation)
+    return _Poses(model.robot, model.layout, pose_data(q), orientation, model.frame_count, words, warnings)
+
+
+def _controller_angles(robot: Robot, data: Dataset) -> np.ndarray:
+    """(N, n) joint angles as the controller reports them, from motor angles where the file has only those."""
+    q = np.full((len(data), robot.axes), np.nan)
+    if "q" in data.joints:
+        q[:] = data.joints["q"]
+    if "theta" in data.joints:
+        q = np.where(np.isnan(q), data.joints["theta"] / robot.controller_ratios + robot.controller_offsets, q)
+    return q
+
+
+def _limit_warnings(space: PoseSpace) -> tuple[str, ...]:
+    if not space.assumed:
+        return ()
+    axes = ", ".join(str(axis) for axis in space.assumed)
+    return (f"the robot file has no limits for axis {axes}: half a turn either way was assumed",)
+
+
+def _json(check: ModelCheck, poses: _Poses, noise: float) -> dict:
+    result = check.identifiability
+    return {
+        "poses": len(poses.data),
+        "noise": noise,
+        "identifiable": result.identifiable,
+        "dropped": [_dropped(entry) for entry in result.dropped],
+        "absent": [_dropped(entry) for entry in check.absent],
+        "gaps": [{"parameter": gap.name, "why": gap.why} for gap in check.gaps],
+        "singular_values": result.singular_values,
+        "condition": result.condition,
+        "observability": result.observability.as_dict(),
+    }
+
+
+def _dropped(entry) -> dict:
+    return {"parameter": entry.name, "why": entry.why, "collides_with": entry.collides_with, "exact": entry.exact}
+
+
+def _parameter_columns(check: ModelCheck) -> dict[str, list]:
+    result = check.identifiability
+    dropped = {entry.name: entry for entry in result.dropped}
+    why = [dropped[name].why if name in dropped else "" for name in result.names]
+    collides = ["; ".join(dropped[name].collides_with) if name in dropped else "" for name in result.names]
+    return {
+        "parameter": list(result.names),
+        "identifiable": ["yes" if keep else "no" for keep in result.kept],
+        "standard_deviation": list(result.sigma_parameter),
+        "collides_with": collides,
+        "why": why,
+    }
+
+
+# -- report ------------------------------------------------------------------------------------------
+def _report(robot: Robot, check: ModelCheck, poses: _Poses, noise: float) -> Report:
+    result = check.identifiability
+    count, total = len(result.identifiable), len(result.names)
+    what = "position and orientation" if poses.orientation else "position"
+    verdict = f"{count} of {total} parameters can be identified from the {what} of the target in {poses.words}."
+    sections: list[Section] = [_frame_table(robot, check), _dropped_table(check), _index_table(result)]
+    warnings = [*poses.warnings, *(gap.why for gap in check.gaps), *_hints(result)]
+    if warnings:
+        sections.append(Warnings(tuple(warnings)))
+    sections += [_figure(result), _sigma_table(result, noise), _method()]
+    return Report(f"What can be identified: {robot.name}", verdict, tuple(sections), "caution" if check.gaps else "good")
+
+
+def _frame_table(robot: Robot, check: ModelCheck) -> Table:
+    state = {name: "i" for name in check.identifiability.identifiable}
+    state |= {entry.name: "n" for entry in check.identifiability.dropped}
+    state |= {entry.name: "n" for entry in check.absent}
+    state |= {gap.name: "gap" for gap in check.gaps}
+    symbols = {}
+    for name, mark in state.items():
+        p = parse_parameter(name)
+        if p.axis is not None and "." not in name:
+            symbols[p.symbol, p.axis] = mark
+    columns = ("d", "a", "alpha", "beta", "q_offset", "ratio")
+    rows = tuple(
+        (axis, *(symbols.get((column, axis), "x") for column in columns)) for axis in range(1, robot.axes + 1)
+    )
+    note = "i: identifiable, n: not identifiable, x: not in the model, gap: not in the model, but would show"
+    return Table("Parameters of each frame", ("frame", *columns), rows, note)
+
+
+def _dropped_table(check: ModelCheck) -> Table:
+    entries = (*check.identifiability.dropped, *check.absent)
+    rows = tuple((entry.name, entry.why) for entry in entries)
+    return Table("Not identifiable, and why", ("parameter", "why"), rows, "" if rows else "Everything can be identified.")
+
+
+def _index_table(result: Identifiability) -> Table:
+    rows = tuple((name, Quantity(value)) for name, value in result.observability.as_dict().items())
+    note = f"Condition number of the identifiable columns, each scaled to unit length: {number(result.condition)}."
+    return Table("Observability", ("index", "value"), rows, note)
+
+
+def _hints(result: Identifiability) -> list[str]:
+    if any(entry.why.endswith("or the axis rests at zero") for entry in result.dropped):
+        return ["mount the target beside the last axis (--tool X,Y,Z says where): on the axis, its turn shows nothing"]
+    return []
+
+
+def _figure(result: Identifiability) -> Figure:
+    def build():
+        from exactarm.report.plots.parameters import singular_values
+
+        return singular_values(result.singular_values, int(np.sum(result.singular_values > 1e-9)))
+
+    return Figure(
+        "singular_values",
+        "Singular values",
+        build,
+        "All columns of the stacked identification Jacobian, each scaled to unit length. Those that vanish count the "
+        "combinations of parameters that move nothing.",
+        "Singular values in falling order on a logarithmic scale",
+    )
+
+
+def _sigma_table(result: Identifiability, noise: float) -> Table:
+    rows = []
+    for name, sigma in zip(result.names, result.sigma_parameter):
+        if np.isfinite(sigma):
+            unit = "m" if name.endswith("_m") else "rad" if name.endswith("_rad") else ""
+            rows.append((name, Quantity(float(sigma), unit)))
+    heading = f"Standard deviations to expect at {number(1e3 * noise)} mm of noise in every coordinate"
+    return Table(heading, ("parameter", "standard deviation"), tuple(rows))
+
+
+def _method() -> Text:
+    return Text(
+        "How it was decided",
+        (
+            "The identification Jacobian of all poses is stacked and its columns scaled to unit length. Columns are taken "
+            "in an order of preference (frames of the set-up, geometry, joint offsets, gear ratios, others; the axes from "
+            "the base on), and one that is a combination of those taken before it is dropped: these parameters collide.",
+            "A parameter whose standard deviation at the stated noise exceeds what is plausible for it is dropped as well.",
+        ),
+    )

@@ -1,0 +1,98 @@
+"""Checks the declared model against a set of poses: what they identify, and what the model lacks.
+
+Beside the parameters that the model has, the columns of the d and beta that its frames do not have are looked at
+(a Hayati frame has no d, the others have no beta). One that the poses would show though no declared parameter
+imitates it is a gap: a way in which the arm can be wrong that the model cannot express. For the others it
+is said which declared parameters stand for them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Callable
+
+import numpy as np
+
+from exactarm.chain import Layout
+from exactarm.effects.geometry import Geometry
+from exactarm.identify.collision import NEARLY_PARALLEL_RAD, deviation_from_parallel
+from exactarm.identify.identifiability import Dropped, Identifiability, select_identifiable
+from exactarm.identify.parameter_name import parse_parameter
+from exactarm.robot import Robot
+
+_ALL = ("d_m", "a_m", "alpha_rad", "beta_rad")
+
+
+@dataclass(frozen=True)
+class Gap:
+    """A parameter that the model does not have, although these poses would show it."""
+
+    name: str
+    why: str
+
+
+@dataclass(frozen=True)
+class ModelCheck:
+    """identifiability of the declared parameters; absent: the d of Hayati frames and what stands for them; gaps."""
+
+    identifiability: Identifiability
+    absent: tuple[Dropped, ...]
+    gaps: tuple[Gap, ...]
+
+
+def check_model(
+    robot: Robot,
+    layout: Layout,
+    blocks_of: Callable[[Layout], np.ndarray],
+    *,
+    keep_first: int,
+    weights: np.ndarray,
+    sigma: float = 1.0,
+) -> ModelCheck:
+    """`blocks_of(layout)` gives the Jacobian (N, r, P) of the poses; weights (r,): 1 / standard deviation of a row."""
+    full = with_all_columns(layout, robot)
+    blocks = blocks_of(full)
+    rows = blocks.reshape(-1, full.size)
+    each = np.tile(weights, len(blocks))
+    plausible = np.array([parameter.plausible for parameter in full.parameters])
+    place = {name: j for j, name in enumerate(full.names)}
+    declared = [place[name] for name in layout.names]
+
+    def select(columns: list[int], first: int) -> Identifiability:
+        names = [full.names[j] for j in columns]
+        return select_identifiable(
+            rows[:, columns], names, keep_first=first, poses=len(blocks), weights=each, sigma=sigma,
+            plausible=plausible[columns], robot=robot,
+        )
+
+    result = select(declared, keep_first)
+    kept = [place[name] for name in result.identifiable]
+    spare = [place[name] for name in full.names if name not in set(layout.names)]
+    beside = select(kept + spare, len(kept))
+    absent = tuple(entry for entry in beside.dropped if parse_parameter(entry.name).symbol == "d")
+    gaps = tuple(Gap(name, _why_gap(name, robot)) for name in beside.identifiable if place[name] in spare)
+    return ModelCheck(result, absent, gaps)
+
+
+def with_all_columns(layout: Layout, robot: Robot) -> Layout:
+    """The layout with d, a, alpha and beta of every frame free."""
+    effects, free = [], []
+    for effect, mask in zip(layout.effects, layout.free):
+        if isinstance(effect, Geometry):
+            joint = robot.joints[effect.index]
+            effect = Geometry(effect.joint, (joint.d, joint.a, joint.alpha, joint.beta or 0.0), _ALL)
+            mask = np.ones(len(_ALL), bool)
+        effects.append(effect)
+        free.append(mask)
+    return replace(layout, effects=tuple(effects), free=tuple(free))
+
+
+def _why_gap(name: str, robot: Robot) -> str:
+    p = parse_parameter(name)
+    parallel = p.axis < robot.axes and deviation_from_parallel(robot, p.axis, p.axis + 1) < NEARLY_PARALLEL_RAD
+    if p.symbol == "beta" and parallel:
+        return (
+            f"axes {p.axis} and {p.axis + 1} are parallel, and frame {p.axis} has no beta: a tilt of axis {p.axis + 1} "
+            f"about y of frame {p.axis} would show in these poses, and no parameter of the model stands for it"
+        )
+    return f"{name} would show in these poses, and no parameter of the model stands for it"

@@ -1,0 +1,85 @@
+"""Pose space: the joint angles that a measurement may use: joint limits and a box for flange and target.
+
+Angles are those that the controller reports, q (N, n) in rad (m for a sliding axis); the box is in the robot's
+base frame, in m. A small part of each axis' range next to its limits is left free: controllers refuse poses that
+touch a limit. Collisions with the surroundings, or of the arm with itself, are not known here.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from exactarm import _core
+from exactarm.errors import ComputationError, InputError
+from exactarm.robot import Placement, Robot
+
+_MARGIN = 0.005  # of the range, at either end
+_LEAST_SHARE = 1e-3  # of the random poses that must lie inside the box
+_BATCH = 2000
+
+
+@dataclass(frozen=True)
+class Box:
+    """lower (3,) and upper (3,) corner in the base frame, m. Default: above the floor."""
+
+    lower: np.ndarray = field(default_factory=lambda: np.array([-np.inf, -np.inf, 0.0]))
+    upper: np.ndarray = field(default_factory=lambda: np.full(3, np.inf))
+
+
+@dataclass(frozen=True)
+class PoseSpace:
+    """Limits lower, upper (n,) of the joint angles (margin taken off), and the box. `assumed`: axes (from 1) without declared limits."""
+
+    robot: Robot
+    box: Box
+    lower: np.ndarray
+    upper: np.ndarray
+    assumed: tuple[int, ...] = ()
+
+    @staticmethod
+    def of(robot: Robot, box: Box = Box()) -> "PoseSpace":
+        """A revolute axis without limits gets half a turn either way; a sliding one must declare them."""
+        bounds, assumed = [], []
+        for number, joint in enumerate(robot.joints, 1):
+            if joint.q_min is None or joint.q_max is None:
+                if joint.type == "prismatic":
+                    raise InputError(f"robot {robot.name}: axis {number} slides and needs q_min_m and q_max_m")
+                assumed.append(number)
+            bounds.append((-np.pi if joint.q_min is None else joint.q_min, np.pi if joint.q_max is None else joint.q_max))
+        lower, upper = np.array(bounds).T
+        margin = _MARGIN * (upper - lower)
+        return PoseSpace(replace(robot, base=Placement()), box, lower + margin, upper - margin, tuple(assumed))
+
+    def target(self, q: np.ndarray) -> np.ndarray:
+        """(N, 3) nominal position of the target in the base frame."""
+        return _core.forward_kinematics(self.robot.core, self._joint_angles(q))[0]
+
+    def allowed(self, q: np.ndarray) -> np.ndarray:
+        """(N,) bool: within the limits, target and flange inside the box."""
+        target, rotation = _core.forward_kinematics(self.robot.core, self._joint_angles(q))
+        flange = target - (rotation @ self.robot.tool.rotation.T) @ self.robot.tool.position
+        inside = np.all((q >= self.lower) & (q <= self.upper), axis=1)
+        for points in (target, flange):
+            inside &= np.all((points >= self.box.lower) & (points <= self.box.upper), axis=1)
+        return inside
+
+    def draw(self, count: int, rng: np.random.Generator) -> np.ndarray:
+        """(count, n) poses, evenly distributed over the allowed joint angles. Raises ComputationError if hardly any are."""
+        found, drawn = [np.zeros((0, len(self.lower)))], 0
+        while sum(map(len, found)) < count:
+            q = self.lower + (self.upper - self.lower) * rng.random((max(_BATCH, count), len(self.lower)))
+            found.append(q[self.allowed(q)])
+            drawn += len(q)
+            if sum(map(len, found)) < _LEAST_SHARE * drawn:
+                raise ComputationError(
+                    "fewer than one in a thousand poses within the joint limits lies inside the box: "
+                    "the box is beyond the reach, or too small"
+                )
+        return np.concatenate(found)[:count]
+
+    def _joint_angles(self, q: np.ndarray) -> np.ndarray:
+        """What the arm really turns to when the controller reports q (gear ripple and deflection left out)."""
+        theta = (q - self.robot.controller_offsets) * self.robot.controller_ratios
+        return theta / self.robot.ratios + self.robot.offsets
