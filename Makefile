@@ -34,7 +34,9 @@ test: test-cpp test-python
 
 test-cpp: .setup/tests
 	@echo "== C++ tests"
-	@ctest --test-dir $(BUILD) --output-on-failure --no-tests=error -j $(CMAKE_BUILD_PARALLEL_LEVEL) | tail -n 30
+	@ctest --test-dir $(BUILD) --output-on-failure --no-tests=error -j $(CMAKE_BUILD_PARALLEL_LEVEL) > $(BUILD)/ctest.log \
+	  || { tail -n 80 $(BUILD)/ctest.log; exit 1; }
+	@tail -n 4 $(BUILD)/ctest.log
 
 test-python: .setup/tests
 	@echo "== Python tests"

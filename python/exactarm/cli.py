@@ -6,24 +6,19 @@ Commands are modules of `exactarm.commands`; only the one that is asked for is i
 
 from __future__ import annotations
 
-import argparse
-import ast
-import importlib
 import os
 import signal
 import sys
-import time
 import traceback
 from contextlib import contextmanager
-from pathlib import Path
-from typing import Any, Iterator, NoReturn, Sequence
+from typing import Iterator, Sequence
 
 import exactarm
+from exactarm.commands.listing import COMMANDS, find_commands, import_command
 from exactarm.errors import ComputationError, InputError
 from exactarm.progress import Progress
 
 DONE, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
-COMMANDS = "exactarm.commands"
 BLAS_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
@@ -72,30 +67,14 @@ def _run(words: list[str], progress: Progress, package: str) -> int:
     if name not in commands:
         raise InputError(f"unknown command {name!r}, expected one of: {', '.join(commands)}")
     _bound_blas_threads(words)
-    module = importlib.import_module(f"{package}.{commands[name][0]}")
-    arguments = _parse(module, words[1:])
-    arguments.progress = progress
-    return _execute(module, arguments)
+    from exactarm.commands.execute import execute, parse
 
-
-def find_commands(package: str = COMMANDS) -> dict[str, tuple[str, str]]:
-    """Command name -> (module, help), read from the literals of each file without importing it."""
-    found = {}
-    folder = Path(importlib.import_module(package).__file__).parent
-    for path in sorted(folder.glob("*.py")):
-        literals = _string_literals(path)
-        if {"NAME", "HELP"} <= literals.keys():
-            found[literals["NAME"]] = (path.stem, literals["HELP"])
-    return found
-
-
-def _string_literals(path: Path) -> dict[str, str]:
-    """The module's assignments NAME = "text" at its top level."""
-    literals = {}
-    for node in ast.parse(path.read_text(encoding="utf-8")).body:
-        if isinstance(node, ast.Assign) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str):
-            literals.update({target.id: node.value.value for target in node.targets if isinstance(target, ast.Name)})
-    return literals
+    module = import_command(name, package)
+    arguments = parse(module, words[1:])
+    published = execute(module, arguments, progress)
+    if not arguments.quiet:
+        print(published.text, end="")
+    return published.result.exit_code
 
 
 def overview(commands: dict[str, tuple[str, str]]) -> str:
@@ -113,22 +92,6 @@ def overview(commands: dict[str, tuple[str, str]]) -> str:
         "Exit code: 0 done, 1 the computation failed, 2 bad input.",
         "",
     ])
-
-
-class _Parser(argparse.ArgumentParser):
-    """Reports a wrong argument as any other bad input: one line, exit 2."""
-
-    def error(self, message: str) -> NoReturn:
-        raise InputError(f"{message} (see {self.prog} --help)")
-
-
-def _parse(module: Any, words: list[str]) -> argparse.Namespace:
-    from exactarm.commands.arguments import add_common
-
-    parser = _Parser(prog=f"exactarm {module.NAME}", description=module.HELP, allow_abbrev=False)
-    module.add_arguments(parser)
-    add_common(parser)
-    return parser.parse_intermixed_args(words)
 
 
 def _bound_blas_threads(words: list[str]) -> None:
@@ -154,17 +117,3 @@ def _interruptible() -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGTERM, earlier)
-
-
-def _execute(module: Any, arguments: argparse.Namespace) -> int:
-    from exactarm.commands.output import OutputFolder
-    from exactarm.commands.publish import publish
-
-    started = time.perf_counter()
-    with OutputFolder(arguments.out) as folder:
-        result = module.run(arguments)
-        text = publish(module.NAME, arguments, result, folder, started)
-    arguments.progress.close()
-    if not arguments.quiet:
-        print(text, end="")
-    return result.exit_code

@@ -4,27 +4,37 @@ from __future__ import annotations
 
 import argparse
 import time
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from datetime import datetime, timezone
 from typing import Any
 
 import exactarm
-from exactarm.commands.output import OutputFolder, describe_inputs
+from exactarm.commands.output import OutputFolder, describe_inputs, plain
 from exactarm.commands.result import CommandResult
 from exactarm.report.html import render_html
 from exactarm.report.plots.files import draw
+from exactarm.report.sections import Report
 from exactarm.report.terminal import render_text
 from exactarm.robot import Robot
 
 
+@dataclass(frozen=True)
+class Published:
+    """A run that is done: its result, its result.json, its report as written, and what the terminal shows."""
+
+    result: CommandResult
+    json: dict[str, Any]
+    report: Report
+    text: str
+
+
 def publish(command: str, arguments: argparse.Namespace, result: CommandResult, folder: OutputFolder,
-            started: float) -> str:
-    """Writes everything, `result.json` last. Returns what the terminal shows."""
+            started: float) -> Published:
+    """Writes everything, `result.json` last."""
     name = getattr(arguments, "robot", None)
     read = [*([name] if name else []), *(getattr(arguments, "files", None) or []), *result.inputs]
     inputs = describe_inputs(read)
-    robot_name = result.robot.name if result.robot else name
-    report = replace(result.report, details=_details(command, robot_name, inputs, arguments.seed))
+    report = replace(result.report, details=_details(command, name, inputs, arguments.seed))
     for file, columns in result.tables.items():
         folder.write_table(file, columns)
     for file, text in result.texts.items():
@@ -34,16 +44,19 @@ def publish(command: str, arguments: argparse.Namespace, result: CommandResult, 
     drawings = draw(report.figures, folder.place, arguments.progress)
     folder.write_text("report.html", render_html(report, drawings))
     seconds = time.perf_counter() - started
-    folder.write_result({
+    common = {
         "exactarm": exactarm.__version__,
         "command": command,
-        "robot": robot_name,
+        "robot": name,
         "inputs": inputs,
         "seed": arguments.seed,
         "seconds": round(seconds, 3),
-    } | dict(result.json))
+    }
+    json = plain(common | dict(result.json))
+    folder.write_result(json)
     folder.publish()
-    return render_text(report) + f"\n{folder.path}/report.html  ({seconds:.1f} s)\n"
+    text = render_text(report) + f"\n{folder.path}/report.html  ({seconds:.1f} s)\n"
+    return Published(result, json, report, text)
 
 
 def _details(command: str, robot: str | None, inputs: list[dict[str, Any]], seed: int) -> dict[str, str]:

@@ -1,0 +1,35 @@
+"""Which commands there are, read from the files of a package without importing them."""
+
+from __future__ import annotations
+
+import ast
+import importlib
+from pathlib import Path
+from typing import Any
+
+COMMANDS = "exactarm.commands"
+
+
+def find_commands(package: str = COMMANDS) -> dict[str, tuple[str, str]]:
+    """Command name -> (module, help), from the literals NAME and HELP of each file."""
+    found = {}
+    folder = Path(importlib.import_module(package).__file__).parent
+    for path in sorted(folder.glob("*.py")):
+        literals = _string_literals(path)
+        if {"NAME", "HELP"} <= literals.keys():
+            found[literals["NAME"]] = (path.stem, literals["HELP"])
+    return found
+
+
+def import_command(name: str, package: str = COMMANDS) -> Any:
+    """The module of a command."""
+    return importlib.import_module(f"{package}.{find_commands(package)[name][0]}")
+
+
+def _string_literals(path: Path) -> dict[str, str]:
+    """The module's assignments NAME = "text" at its top level."""
+    literals = {}
+    for node in ast.parse(path.read_text(encoding="utf-8")).body:
+        if isinstance(node, ast.Assign) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str):
+            literals.update({target.id: node.value.value for target in node.targets if isinstance(target, ast.Name)})
+    return literals
