@@ -6,7 +6,18 @@ Every step of the program (identification, simulation, diagnosis, planning, repo
 """
 
 from exactarm.chain.layout import Layout
+from exactarm.chain.motion import MotionPrediction, predict_motion
+from exactarm.chain.motion_record import MotionRecord, motion_record
 from exactarm.chain.poses import PosePrediction, predict_poses
 from exactarm.chain.view import View
 
-__all__ = ["Layout", "PosePrediction", "View", "predict_poses"]
+__all__ = [
+    "Layout",
+    "MotionPrediction",
+    "MotionRecord",
+    "PosePrediction",
+    "View",
+    "motion_record",
+    "predict_motion",
+    "predict_poses",
+]

@@ -16,6 +16,7 @@ from exactarm import _core
 from exactarm.chain.gear import declared_output_angle
 from exactarm.chain.layout import Layout
 from exactarm.chain.propagate import moved_tangent, pass_station
+from exactarm.chain.spring import declared_deflection
 from exactarm.chain.view import View, motor_angles
 from exactarm.dataset import Dataset
 from exactarm.effects.base import Station
@@ -75,7 +76,7 @@ def _joint_angles(view: View, layout: Layout, tangents: bool) -> None:
         pass_station(view, layout, Station.LOAD, "torque", False)
         view.signals["phi"] = declared
         pass_station(view, layout, Station.GEAR, "phi", False)
-        view.signals["q"] = view.phi + view.robot.offsets + _declared_deflection(view)[0]
+        view.signals["q"] = view.phi + view.robot.offsets + declared_deflection(view.robot, view.torque)[0]
         pass_station(view, layout, Station.SPRING, "q", False)
         if np.max(np.abs(view.q - q_before), initial=0.0) < _FIXED_POINT_TOLERANCE_RAD or not view.has_masses:
             break
@@ -104,8 +105,8 @@ def _joint_tangents(view: View, layout: Layout, declared: np.ndarray, slope: np.
     tangents["phi"] = slope[:, :, None] * tangents["theta"]
     view.signals["phi"] = declared
     pass_station(view, padded, Station.GEAR, "phi", True)
-    tangents["q"] = tangents["phi"] + _declared_deflection(view)[1][:, :, None] * tangents["torque"]
-    view.signals["q"] = view.phi + view.robot.offsets + _declared_deflection(view)[0]
+    tangents["q"] = tangents["phi"] + declared_deflection(view.robot, view.torque)[1][:, :, None] * tangents["torque"]
+    view.signals["q"] = view.phi + view.robot.offsets + declared_deflection(view.robot, view.torque)[0]
     pass_station(view, padded, Station.SPRING, "q", True)
     view.signals["torque"], view.signals["q"] = torque, q
     by_torque, free = tangents["q"][:, :, size:], tangents["q"][:, :, :size]
@@ -129,25 +130,6 @@ def pass_tangents(view: View, layout: Layout, station: Station, signal: str) -> 
         if effect.station == station:
             view.tangents[signal] = moved_tangent(view, layout, index, effect.change(view), view.tangents[signal])
     return view.tangents[signal]
-
-
-def _declared_deflection(view: View) -> tuple[np.ndarray, np.ndarray]:
-    """Deflection -kappa^{-1}(torque) (N, n) of the declared springs and its slope by the torque (N, n)."""
-    value, slope = np.zeros_like(view.torque), np.zeros_like(view.torque)
-    for i, joint in enumerate(view.robot.joints):
-        if joint.spring_linear:
-            stretch, by_torque = spring_inverse(joint.spring_linear, joint.spring_cubic, view.torque[:, i])
-            value[:, i], slope[:, i] = -stretch, -by_torque
-    return value, slope
-
-
-def spring_inverse(linear: float, cubic: float, torque: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """e with linear e + cubic e^3 = torque (Cardano in its hyperbolic form, monotone springs), and de/dtorque."""
-    if cubic == 0.0:
-        return torque / linear, np.full_like(torque, 1.0 / linear)
-    scale = np.sqrt(4.0 * linear / (3.0 * cubic))
-    stretch = scale * np.sinh(np.arcsinh(torque / (0.25 * cubic * scale**3)) / 3.0)
-    return stretch, 1.0 / (linear + 3.0 * cubic * stretch**2)
 
 
 def _target(view: View, layout: Layout, tangents: bool) -> PosePrediction:

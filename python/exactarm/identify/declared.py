@@ -22,9 +22,9 @@ def require_geometry(robot: Robot) -> None:
         raise InputError(f"robot {robot.name}: expected a declared geometry, found drives only")
 
 
-def carried_layout(robot: Robot) -> Layout:
-    """The robot file's own effects, none of them free."""
-    return Layout.of(tuple(robot.effects), estimate=False)
+def carried_layout(robot: Robot, kind: str = "poses") -> Layout:
+    """The robot file's own effects that show in this kind of data, none of them free."""
+    return Layout.of(tuple(effect for effect in robot.effects if kind in effect.kinds), estimate=False)
 
 
 def frames_layout(robot: Robot, data: Dataset, *, orientation: bool, seed: int = 0) -> tuple[Layout, list]:

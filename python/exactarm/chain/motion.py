@@ -1,0 +1,213 @@
+"""The chain for motions: motor angles over time in, drive torque out (N, n), Nm on the output side.
+
+    q      = Xi^{-1}(theta) + offset + gear effects - kappa^{-1}(torque)
+    torque = D(q) q_ddot + C q_dot + g + effects of the load                       carried by the springs
+    drive  = ratio (dphi/dtheta)' torque + J ratio theta_ddot + friction(theta_dot) + effects of the drive
+
+The middle line of the drive is the principle of virtual work (E4): whatever turns a joint is loaded by it, so a
+wrist whose motors turn several axes, or a gear ratio that is not constant, transposes. Springs are quasi-static: the
+deflection is that of the torque of the undeflected motion. Rates are those of the motor over its ratio, plus the
+derivative of what the arm deviates from it, low-passed as the measured torque is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from exactarm import _core
+from exactarm.chain.gear import declared_output_angle
+from exactarm.chain.layout import Layout
+from exactarm.chain.motion_record import MotionRecord
+from exactarm.chain.propagate import pass_station
+from exactarm.chain.spring import declared_deflection
+from exactarm.chain.view import View
+from exactarm.effects.base import Effect, Station
+from exactarm.effects.drive import smooth_sign
+from exactarm.robot import Robot
+
+_RELATIVE_STEP = 1e-4  # of a plausible value, for the slope of dphi/dtheta (exact for effects linear in it)
+
+
+@dataclass
+class MotionView(View):
+    """A view that remembers how it came about, so that it can tell the response to an effect not in the layout."""
+
+    evaluated: tuple = field(default=(), repr=False)  # robot, layout, record
+
+    def response(self, effect: Effect) -> np.ndarray:
+        """(N, m, k) derivative of the prediction by all parameters of the effect, at its values."""
+        robot, layout, record = self.evaluated
+        held = Layout(layout.effects, tuple(np.zeros_like(mask) for mask in layout.free))
+        alone = Layout((effect,), (np.ones(len(effect.values), bool),))
+        return predict_motion(robot, held.joined(alone), record, threads=self.threads).jacobian
+
+
+@dataclass(frozen=True)
+class MotionPrediction:
+    """What the drives should report on the rows of the record: torque (N, n) Nm, jacobian (N, n, P) or None."""
+
+    torque: np.ndarray
+    jacobian: np.ndarray | None
+    view: MotionView
+    record: MotionRecord
+
+    def residual(self) -> np.ndarray:
+        """(N, n) measured minus predicted; NaN in axes without a measurement."""
+        return self.record.torque - self.torque
+
+
+def predict_motion(
+    robot: Robot, layout: Layout, record: MotionRecord, *, tangents: bool = True, threads: int = 1
+) -> MotionPrediction:
+    """Drive torque on every row of `record` with the effects of `layout` in the chain."""
+    view = motion_view(robot, layout, record, tangents=tangents, threads=threads)
+    tangents = tangents and layout.size > 0
+    _drive(view, robot, layout, tangents)
+    torque = record.smooth(view.signals["measured"])
+    jacobian = record.smooth(view.tangents["measured"]) if tangents else None
+    return MotionPrediction(torque, jacobian, view, record)
+
+
+def motion_view(
+    robot: Robot, layout: Layout, record: MotionRecord, *, tangents: bool = True, threads: int = 1, kind: str = "motion"
+) -> MotionView:
+    """Motor angles, gears, loads, springs and joint angles with their rates: all signals up to the joints."""
+    baked = robot
+    for effect in layout.effects:
+        baked = effect.bake(baked)
+    view = MotionView(baked, record.data, kind, threads, evaluated=(robot, layout, record))
+    tangents = tangents and layout.size > 0
+    _motors(view, layout, record, tangents)
+    declared, slope = declared_output_angle(view)
+    view.signals["phi"] = declared
+    if tangents:
+        view.tangents["phi"] = slope[:, :, None] * view.tangents["theta"]
+    view.signals["q"] = view.phi + baked.offsets
+    if tangents:
+        view.tangents["q"] = view.tangents["phi"]
+    _load(view, layout, record, tangents)  # of the undeflected motion: what bends gears and springs
+    pass_station(view, layout, Station.GEAR, "phi", tangents)
+    _joints(view, layout, record, tangents)
+    _load(view, layout, record, tangents)
+    return view
+
+
+def _motors(view: View, layout: Layout, record: MotionRecord, tangents: bool) -> None:
+    shape = (view.rows, view.axes, layout.size)
+    view.signals |= {"theta": record.theta, "theta_dot": record.theta_dot, "theta_ddot": record.theta_ddot}
+    if tangents:
+        view.tangents |= {name: np.zeros(shape) for name in ("theta", "theta_dot", "theta_ddot")}
+    if not any(effect.station == Station.MOTOR for effect in layout.effects):
+        return
+    pass_station(view, layout, Station.MOTOR, "theta", tangents)
+    moved = record.derivative(view.theta - record.theta)
+    view.signals["theta_dot"] = record.theta_dot + moved
+    view.signals["theta_ddot"] = record.theta_ddot + record.derivative(moved)
+    if tangents:
+        view.tangents["theta_dot"] = record.derivative(view.tangents["theta"])
+        view.tangents["theta_ddot"] = record.derivative(view.tangents["theta_dot"])
+
+
+def _joints(view: View, layout: Layout, record: MotionRecord, tangents: bool) -> None:
+    """q from phi and the springs, whose torque is low-passed: nobody asks how they ring."""
+    deflection, slope = declared_deflection(view.robot, view.torque)
+    view.signals["q"] = view.phi + view.robot.offsets + record.smooth(deflection)
+    if tangents:
+        view.tangents["q"] = view.tangents["phi"]
+        if np.any(slope):
+            view.tangents["q"] = view.tangents["q"] + record.smooth(slope[:, :, None] * view.tangents["torque"])
+    pass_station(view, layout, Station.SPRING, "q", tangents)
+
+
+def _load(view: View, layout: Layout, record: MotionRecord, tangents: bool) -> None:
+    """Rates of q, and the torque at the joints."""
+    ratios = view.robot.ratios
+    deviation = record.derivative(record.smooth(view.q - view.theta / ratios - view.robot.offsets))
+    view.signals["q_dot"] = view.signals["theta_dot"] / ratios + deviation
+    view.signals["q_ddot"] = view.signals["theta_ddot"] / ratios + record.derivative(deviation)
+    if tangents:
+        moved = view.tangents["q"] - view.tangents["theta"] / ratios[:, None]
+        moved = record.derivative(record.smooth(moved)) if np.any(moved) else moved
+        view.tangents["q_dot"] = view.tangents["theta_dot"] / ratios[:, None] + moved
+        moved = record.derivative(moved) if np.any(moved) else moved
+        view.tangents["q_ddot"] = view.tangents["theta_ddot"] / ratios[:, None] + moved
+    view.signals["torque"] = np.zeros((view.rows, view.axes))
+    if tangents:
+        view.tangents["torque"] = np.zeros((view.rows, view.axes, layout.size))
+    if view.has_masses:
+        motion = (view.q, view.signals["q_dot"], view.signals["q_ddot"])
+        if tangents and np.any(view.tangents["q"]):
+            slopes = _core.inverse_dynamics_derivatives(view.robot.core, *motion, threads=view.threads)
+            view.signals["torque"] = slopes["tau"]
+            pairs = (("dtau_dq", "q"), ("dtau_dq_dot", "q_dot"), ("mass_matrix", "q_ddot"))
+            view.tangents["torque"] = sum(slopes[name] @ view.tangents[signal] for name, signal in pairs)
+        else:
+            view.signals["torque"] = _core.inverse_dynamics(view.robot.core, *motion, view.threads)
+    pass_station(view, layout, Station.LOAD, "torque", tangents)
+
+
+def _drive(view: MotionView, robot: Robot, layout: Layout, tangents: bool) -> None:
+    """From joint torques to what the drives report: virtual work, rotor, friction, sensor."""
+    nominal = view.robot.controller_ratios
+    rate = view.signals["theta_dot"] / nominal
+    sign, sign_slope = smooth_sign(rate)
+    coulomb, viscous, rotor = (
+        np.array([getattr(joint, name) or 0.0 for joint in view.robot.joints])
+        for name in ("coulomb", "viscous", "rotor_inertia")
+    )
+    gears = transmission(view, layout)
+    drive = nominal * np.einsum("nji,nj->ni", gears, view.torque)
+    drive += rotor * nominal * view.signals["theta_ddot"] + coulomb * sign + viscous * rate
+    view.signals["drive"] = drive
+    if tangents:
+        moved = nominal[:, None] * np.einsum("nji,njp->nip", gears, view.tangents["torque"])
+        moved += (rotor * nominal)[:, None] * view.tangents["theta_ddot"]
+        moved += ((coulomb * sign_slope + viscous) / nominal)[:, :, None] * view.tangents["theta_dot"]
+        view.tangents["drive"] = moved + nominal[:, None] * _transmission_tangent(view, robot, layout)
+    pass_station(view, layout, Station.DRIVE, "drive", tangents)
+    view.signals["measured"] = view.signals["drive"]
+    if tangents:
+        view.tangents["measured"] = view.tangents["drive"]
+    pass_station(view, layout, Station.DEVICE, "measured", tangents)
+
+
+def transmission(view: View, layout: Layout) -> np.ndarray:
+    """dphi/dtheta (N, n, n) of declared gears and gear effects at the angles of `view`."""
+    declared, slope = declared_output_angle(view)
+    n = view.axes
+    inside = replace(view, signals=dict(view.signals), tangents={})
+    inside.signals["phi"] = declared
+    inside.tangents["theta"] = np.broadcast_to(np.eye(n), (view.rows, n, n))
+    inside.tangents["phi"] = slope[:, :, None] * np.eye(n)
+    held = Layout(layout.effects, tuple(np.zeros_like(mask) for mask in layout.free))
+    pass_station(inside, held, Station.GEAR, "phi", True)
+    return inside.tangents["phi"]
+
+
+def _transmission_tangent(view: MotionView, robot: Robot, layout: Layout) -> np.ndarray:
+    """(N, n, P) derivative of (dphi/dtheta)' torque by the parameters of the gears, the torque held."""
+    tangent = np.zeros((view.rows, view.axes, layout.size))
+    values, record = layout.values, view.evaluated[2]
+    column = 0
+    for effect, mask in zip(layout.effects, layout.free):
+        for parameter in (p for p, free in zip(effect.parameters(), mask) if free):
+            if effect.station in (Station.MOTOR, Station.GEAR):
+                step = _RELATIVE_STEP * parameter.plausible
+                ends = []
+                for sign in (1.0, -1.0):
+                    shifted = values.copy()
+                    shifted[column] += sign * step
+                    ends.append(_shifted_transmission(view, robot, layout.at(shifted), record))
+                tangent[:, :, column] = np.einsum("nji,nj->ni", (ends[0] - ends[1]) / (2.0 * step), view.torque)
+            column += 1
+    return tangent
+
+
+def _shifted_transmission(view: MotionView, robot: Robot, layout: Layout, record: MotionRecord) -> np.ndarray:
+    for effect in layout.effects:
+        robot = effect.bake(robot)
+    shifted = replace(view, robot=robot, signals=dict(view.signals), tangents={})
+    _motors(shifted, layout, record, False)
+    return transmission(shifted, layout)
