@@ -66,7 +66,7 @@ def _run(words: list[str], progress: Progress, package: str) -> int:
     name = words[0]
     if name not in commands:
         raise InputError(f"unknown command {name!r}, expected one of: {', '.join(commands)}")
-    _bound_blas_threads(words)
+    _one_blas_thread()
     from exactarm.commands.execute import execute, parse
 
     module = import_command(name, package)
@@ -94,12 +94,13 @@ def overview(commands: dict[str, tuple[str, str]]) -> str:
     ])
 
 
-def _bound_blas_threads(words: list[str]) -> None:
-    """BLAS reads its number of threads when numpy is imported, so this comes before any such import."""
-    for word, value in zip(words, words[1:] + [""]):
-        threads = value if word == "--threads" else word.removeprefix("--threads=") if "=" in word else ""
-        if word.startswith("--threads") and threads.isdigit():
-            os.environ.update(dict.fromkeys(BLAS_VARIABLES, threads))
+def _one_blas_thread() -> None:
+    """Our matrices are small: more BLAS threads would only wait for each other. --threads bounds those of the core.
+
+    BLAS reads its number of threads when numpy is imported, so this comes before any such import.
+    """
+    for variable in BLAS_VARIABLES:
+        os.environ.setdefault(variable, "1")
 
 
 @contextmanager
