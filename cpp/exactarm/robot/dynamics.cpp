@@ -197,6 +197,22 @@ void mass_matrix(const DynamicsModel& model, DynamicsWorkspace& workspace, Const
   D = Eigen::Map<const Matrix>(workspace.result.data(), model.size(), model.size());
 }
 
+RigidEnergy rigid_energy(const DynamicsModel& model, DynamicsWorkspace& workspace, ConstVectorRef q,
+                         ConstVectorRef q_dot) {
+  const int n = model.size();
+  load(workspace.q, q);
+  composite_inertia(model, workspace);
+  const Eigen::Map<const Matrix> D(workspace.result.data(), n, n);
+  RigidEnergy energy{0.0, 0.0};
+  const Vec3<double> up = spatial::constant<double>(-model.gravity);
+  for (int k = 0; k < n; ++k) {
+    const Vec3<double> first = spatial::constant<double>(model.axes[k].first_moment);
+    energy.kinetic += 0.5 * q_dot[k] * D.col(k).dot(q_dot);
+    energy.potential += dot(up, model.axes[k].mass * workspace.pose[k].origin + workspace.pose[k].turn(first));
+  }
+  return energy;
+}
+
 Vector inverse_dynamics(const Robot& robot, ConstVectorRef q, ConstVectorRef q_dot, ConstVectorRef q_ddot) {
   const long n = robot.axes();
   require_size("q", q.size(), n);

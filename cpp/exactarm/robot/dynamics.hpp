@@ -36,6 +36,13 @@ void inverse_dynamics(const DynamicsModel& model, DynamicsWorkspace& workspace, 
 void gravity_torque(const DynamicsModel& model, DynamicsWorkspace& workspace, ConstVectorRef q, VectorRef tau);
 void mass_matrix(const DynamicsModel& model, DynamicsWorkspace& workspace, ConstVectorRef q, MatrixRef D);
 
+// Energy of the rigid robot in J: 1/2 qd' D qd, and -sum m gravity . c (zero at the base frame's origin).
+struct RigidEnergy {
+  double kinetic, potential;
+};
+RigidEnergy rigid_energy(const DynamicsModel& model, DynamicsWorkspace& workspace, ConstVectorRef q,
+                         ConstVectorRef q_dot);
+
 Vector inverse_dynamics(const Robot& robot, ConstVectorRef q, ConstVectorRef q_dot, ConstVectorRef q_ddot);
 Vector gravity_torque(const Robot& robot, ConstVectorRef q);
 Matrix gravity_torque_jacobian(const Robot& robot, ConstVectorRef q);

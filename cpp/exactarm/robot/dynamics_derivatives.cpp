@@ -354,6 +354,16 @@ void inverse_dynamics_second_derivatives(const DynamicsModel& model, Derivatives
   one_sample<true>(model, workspace, q, q_dot, q_ddot, lambda.data(), out);
 }
 
+Matrix coriolis_matrix(const Robot& robot, ConstVectorRef q, ConstVectorRef q_dot) {
+  require_size("q", q.size(), robot.axes());
+  require_size("q_dot", q_dot.size(), robot.axes());
+  const DynamicsModel model(robot);
+  DerivativesWorkspace workspace(model);
+  DynamicsDerivatives out(model.size());
+  inverse_dynamics_derivatives(model, workspace, q, q_dot, Vector::Zero(model.size()), out);
+  return 0.5 * out.dtau_dq_dot;
+}
+
 void inverse_dynamics_knots(const DynamicsModel& model, KnotWorkspace& workspace, const KnotBatch& batch, long first,
                             long last) {
   for (long knot = first; knot < last; knot += Lanes::kCount)

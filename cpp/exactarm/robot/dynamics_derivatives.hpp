@@ -80,6 +80,10 @@ void inverse_dynamics_second_derivatives(const DynamicsModel& model, Derivatives
                                          ConstVectorRef q_dot, ConstVectorRef q_ddot, ConstVectorRef lambda,
                                          DynamicsDerivatives& out);
 
+// Coriolis matrix by Christoffel symbols (2.7), (2.8): C(k, j) = sum_i c_ijk qd_i = 1/2 dtau_k / dqd_j; D_dot - 2 C is
+// skew.
+Matrix coriolis_matrix(const Robot& robot, ConstVectorRef q, ConstVectorRef q_dot);
+
 // Many knots: inputs n numbers a knot, contiguous; tau n, matrices n x n (column major) a knot.
 // lambda null: no second derivatives. An output that is null is not written.
 struct KnotBatch {
