@@ -99,9 +99,11 @@ def _gear(field: str, table: GearTable, meaning: str) -> str:
 
 
 def _link(number: int, link: Link) -> str:
-    lines = [f"# Link {number}, in frame {number}; inertia about the centre of mass", "[[links]]"]
+    lines = [f"# Link {number}, in frame {number}; inertia about the centre of mass, 0 where absent", "[[links]]"]
     lines += [_line("mass_kg", float(link.mass)), _line("centre_of_mass_m", link.centre_of_mass)]
-    return "\n".join([*lines, "inertia_kg_m2 = " + _matrix(link.inertia)])
+    if not _equal(link.inertia, np.zeros((3, 3))):
+        lines.append("inertia_kg_m2 = " + _matrix(link.inertia))
+    return "\n".join(lines)
 
 
 def _table(name: str, values: Mapping[str, Any], comment: str) -> list[str]:

@@ -70,6 +70,7 @@ def _details(command: str, robot: str | None, inputs: list[dict[str, Any]], seed
 def _write_robot(robot: Robot, command: str, inputs: list[dict[str, Any]], folder: OutputFolder) -> None:
     """The robot file, with a record of which command made it, from which data and when."""
     from exactarm.robot_file import write_robot
+    from exactarm.urdf import write_urdf
 
     made = {
         "command": command,
@@ -81,3 +82,5 @@ def _write_robot(robot: Robot, command: str, inputs: list[dict[str, Any]], folde
     own = {key: value for key, value in robot.record.items() if key not in earlier}
     record = own | made | ({"previous": earlier} if earlier else {})
     write_robot(folder.place("robot.toml"), replace(robot, record=record))
+    if robot.has_geometry:
+        write_urdf(folder.place("robot.urdf"), robot)
