@@ -45,7 +45,8 @@ def main(argv: Sequence[str] | None = None, package: str = COMMANDS) -> int:
 
 def _explain(error: BaseException) -> tuple[int, str]:
     """Exit code and line for an exception that ends the run."""
-    if isinstance(error, InputError):
+    core = sys.modules.get("exactarm._core")
+    if isinstance(error, InputError) or (core is not None and isinstance(error, core.InvalidArgument)):
         return BAD_INPUT, str(error)
     if isinstance(error, ComputationError):
         return FAILED, str(error)

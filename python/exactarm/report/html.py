@@ -10,7 +10,7 @@ import jinja2
 from markupsafe import Markup, escape
 
 from exactarm.report.plots.files import Drawing
-from exactarm.report.sections import Figure, Highlights, Report, Table, Text
+from exactarm.report.sections import Figure, Highlights, Link, Report, Table, Text
 from exactarm.report.terminal import columns_of, highlight_texts
 
 TEMPLATE = Path(__file__).parent / "page.html"
@@ -38,7 +38,13 @@ def render_html(report: Report, drawings: Sequence[Drawing] = ()) -> str:
 
 def _table(table: Table) -> dict:
     header, columns, numeric = columns_of(table)
-    return {"section": table, "header": header, "rows": list(zip(*columns)), "numeric": numeric}
+    rows = [[_link(cell) if isinstance(cell, Link) else text for cell, text in zip(cells, texts)]
+            for cells, texts in zip(table.rows, zip(*columns))]
+    return {"section": table, "header": header, "rows": rows, "numeric": numeric}
+
+
+def _link(cell: Link) -> Markup:
+    return Markup('<a href="{}">{}</a>').format(cell.target, cell.text)
 
 
 def _prose(text: str) -> Markup:

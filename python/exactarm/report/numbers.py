@@ -10,7 +10,7 @@ import math
 from dataclasses import dataclass
 from typing import Sequence
 
-from exactarm.report.sections import Cell, Estimate, Quantity
+from exactarm.report.sections import Cell, Estimate, Link, Quantity
 
 DASH = "–"
 SIGNIFICANT_DIGITS, INTERVAL_DIGITS, EXACT_DIGITS = 3, 2, 6
@@ -110,7 +110,7 @@ def format_cells(cells: Sequence[Cell], with_unit: bool = True) -> list[str]:
     texts = []
     for cell in cells:
         if not isinstance(cell, (Quantity, Estimate)):
-            texts.append(DASH if cell is None else str(cell))
+            texts.append(DASH if cell is None else cell.target if isinstance(cell, Link) else str(cell))
             continue
         text = _format(cell, scale, decimals)
         texts.append(f"{text} {scale.unit}" if with_unit and scale.unit and text != DASH else text)

@@ -33,7 +33,15 @@ class Estimate:
     unit: str = ""
 
 
-Cell = Union[str, int, None, Quantity, Estimate]
+@dataclass(frozen=True)
+class Link:
+    """A file beside the report; the terminal shows its path."""
+
+    target: str
+    text: str
+
+
+Cell = Union[str, int, None, Quantity, Estimate, Link]
 
 
 @dataclass(frozen=True)
