@@ -26,8 +26,12 @@ class Progress:
         self._stream, self._clock = stream, clock
         self._terminal = stream is not None and stream.isatty()
         self._interval = TERMINAL_INTERVAL_S if self._terminal else PIPE_INTERVAL_S
-        self._name, self._total, self._done = "", None, 0
+        self._part, self._name, self._total, self._done = "", "", None, 0
         self._said_at, self._shown = clock(), False
+
+    def part(self, name: str) -> None:
+        """All stages from now on belong to this part of a longer work."""
+        self._part = name
 
     def stage(self, name: str, total: int | None = None) -> None:
         """Begins a piece of work of `total` steps (None: not known)."""
@@ -65,7 +69,8 @@ class Progress:
             count = f" {self._done}/{self._total}"
         elif self._done:
             count = f" {self._done}"
-        return f"{self._name}{count}" + (f": {note}" if note else "")
+        part = f"{self._part}, " if self._part else ""
+        return f"{part}{self._name}{count}" + (f": {note}" if note else "")
 
 
 SILENT = Progress(None)

@@ -1,0 +1,32 @@
+"""The steps of the demo: which command runs on which shipped data, in which order.
+
+`{example/...}` is a file that comes with the package, `{out/STEP/...}` a file that an earlier step wrote.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Step:
+    """One command of the demo: folder of its results, what it shows, its words. `real`: on measured data."""
+
+    folder: str
+    title: str
+    words: tuple[str, ...]
+    real: bool = True
+
+
+STEPS = (
+    Step("ur10_calibrate", "UR10 under a laser tracker: calibrate the arm",
+         ("calibrate", "ur10", "{example/ur10/series_B.csv}", "{example/ur10/series_C.csv}")),
+    Step("ur10_transfer_train", "UR10: calibrate on series B alone",
+         ("calibrate", "ur10", "{example/ur10/series_B.csv}")),
+    Step("ur10_transfer_judge", "UR10: the arm from series B judged on series C",
+         ("evaluate", "{out/ur10_transfer_train/robot.toml}", "{example/ur10/series_C.csv}")),
+    Step("racer_identifiable", "Racer 7-1.4: what poses can identify at all",
+         ("identifiable", "racer-7-1.4"), real=False),
+    Step("racer_design", "Racer 7-1.4: which poses to measure",
+         ("design", "racer-7-1.4", "--count", "50", "--validation", "13"), real=False),
+)

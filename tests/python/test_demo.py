@@ -1,0 +1,43 @@
+"""The demo: steps run in their own folders, on files that come with the package, and one failure ends nothing."""
+
+import json
+
+import pytest
+
+from exactarm import cli
+from exactarm.commands import demo
+from exactarm.commands.demo_steps import STEPS, Step
+from exactarm.commands.listing import find_commands
+from exactarm.examples import data_path
+
+
+def test_every_step_names_a_command_and_files_that_exist():
+    folders, commands = set(), find_commands()
+    for step in STEPS:
+        assert step.words[0] in commands
+        for word in step.words:
+            for kind, path in demo.REFERENCE.findall(word):
+                assert data_path(path).exists() if kind == "example" else path.split("/")[0] in folders
+        assert step.folder not in folders
+        folders.add(step.folder)
+
+
+def test_a_failed_step_is_told_and_the_others_run(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(demo, "STEPS", (
+        Step("broken", "A robot that nobody has", ("evaluate", "nobody", "{example/ur10/series_B.csv}")),
+        Step("judged", "The nominal arm", ("evaluate", "ur10", "{example/ur10/series_B.csv}")),
+    ))
+    assert cli.main(["demo", "--out", str(tmp_path / "demo")]) == 1
+    result = json.loads((tmp_path / "demo/result.json").read_text())
+    broken, judged = result["steps"]
+    assert "no robot named 'nobody'" in broken["failure"] and not (tmp_path / "demo/broken/result.json").exists()
+    assert judged["validation_mean_after"] == pytest.approx(0.00103, rel=0.1) and judged["unit"] == "m"
+    assert json.loads((tmp_path / "demo/judged/result.json").read_text())["command"] == "evaluate"
+    page = (tmp_path / "demo/report.html").read_text()
+    assert 'href="judged/report.html"' in page and "1 of 2 steps done" in page
+    assert "warning: broken: no robot named" in capsys.readouterr().out
+
+
+def test_an_unknown_step_is_bad_input(tmp_path, capsys):
+    assert cli.main(["demo", "--steps", "dance", "--out", str(tmp_path / "demo")]) == 2
+    assert "no step 'dance'" in capsys.readouterr().err
