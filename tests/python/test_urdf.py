@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -209,6 +210,21 @@ def test_an_independent_parser_reads_the_same_poses_and_torques(tmp_path, seed):
         np.testing.assert_allclose(found, expected, atol=TIGHT)
         torque = _core.inverse_dynamics(robot.core, real[None], qd[None], qdd[None])
         np.testing.assert_allclose(pin.rnea(model, data, reported, qd, qdd), np.ravel(torque), rtol=1e-8, atol=1e-8)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_simulator_reads_the_same_poses(seed):
+    robot = calibrated(seed)
+    # The simulator would melt fixed links into their parents, and the target with them.
+    text = urdf_text(robot).replace("</robot>", '<mujoco><compiler fusestatic="false"/></mujoco></robot>')
+    model = mujoco.MjModel.from_xml_string(text)
+    data, tool = mujoco.MjData(model), mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, "tool")
+    reported, real = reported_and_real(robot, seed)
+    for q, expected in zip(reported, poses(robot, real)):
+        data.qpos[:] = q
+        mujoco.mj_kinematics(model, data)
+        np.testing.assert_allclose(data.xpos[tool], expected[:3, 3], atol=TIGHT)
+        np.testing.assert_allclose(data.xmat[tool].reshape(3, 3), expected[:3, :3], atol=TIGHT)
 
 
 @pytest.mark.parametrize("name", [name for name in shipped_robots() if load_robot(name).has_geometry])
