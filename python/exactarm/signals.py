@@ -9,8 +9,8 @@ A block is a stretch of one run without a gap in its time stamps.
 from __future__ import annotations
 
 import numpy as np
+import scipy  # scipy.signal is imported at its first use: it takes half a second, and poses need none of it
 from scipy import ndimage, sparse
-from scipy.signal import zoom_fft
 
 _GAP = 1.5  # a step longer than this many typical ones ends a block
 # Central differences on a unit grid, coefficients of x[k + 1] - x[k - 1], x[k + 2] - x[k - 2], ... (Fornberg 1988).
@@ -168,7 +168,7 @@ def zoom(values: np.ndarray, step: float, low: float, high: float, count: int) -
     """Chirp-z zoom (Rabiner 1969) of a signal on a uniform angle (rad): orders (count,), complex amplitudes."""
     orders = np.linspace(low, high, count)
     rate = 2.0 * np.pi / step  # samples per revolution
-    return orders, 2.0 / values.size * zoom_fft(values, [low, high], m=count, fs=rate, endpoint=True)
+    return orders, 2.0 / values.size * scipy.signal.zoom_fft(values, [low, high], m=count, fs=rate, endpoint=True)
 
 
 def power_over_orders(pieces: list[tuple[np.ndarray, np.ndarray]], ratio: float, highest: float | None = None):

@@ -15,7 +15,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy import signal, sparse
+import scipy  # scipy.signal is imported at its first use: it takes half a second, and only motions need it
+from scipy import sparse
 
 from exactarm.chain.view import motor_angles
 from exactarm.dataset import Dataset
@@ -175,10 +176,10 @@ class _Run:
 
 def _low_pass(values: np.ndarray, cutoff_hz: float, step: float) -> np.ndarray:
     """(N, ...) without phase; ends go on as their point reflection, far enough for the filter to die out."""
-    sections = signal.butter(_ORDER, cutoff_hz, fs=1.0 / step, output="sos")
+    sections = scipy.signal.butter(_ORDER, cutoff_hz, fs=1.0 / step, output="sos")
     pad = min(len(values) - 1, int(np.ceil(3.0 / (cutoff_hz * step))))
     flat = values.reshape(len(values), -1)
     good = ~np.isnan(flat).any(axis=0)
     out = np.full_like(flat, np.nan)
-    out[:, good] = signal.sosfiltfilt(sections, flat[:, good], axis=0, padtype="odd", padlen=pad)
+    out[:, good] = scipy.signal.sosfiltfilt(sections, flat[:, good], axis=0, padtype="odd", padlen=pad)
     return out.reshape(values.shape)

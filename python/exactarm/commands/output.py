@@ -6,6 +6,7 @@ before the work begins, so that a run that was killed leaves none.
 
 from __future__ import annotations
 
+import csv
 import hashlib
 import json
 import math
@@ -52,13 +53,15 @@ class OutputFolder:
 
     def write_table(self, name: str, columns: Mapping[str, Sequence]) -> None:
         """Columns (N,) as .csv (round-trip digits, missing values empty) or .parquet."""
-        import pandas
-
-        frame = pandas.DataFrame(dict(columns))
         if name.endswith(".parquet"):
-            frame.to_parquet(self.place(name), index=False)
-        else:
-            frame.to_csv(self.place(name), index=False)
+            import pandas
+
+            pandas.DataFrame(dict(columns)).to_parquet(self.place(name), index=False)
+            return
+        with self.place(name).open("w", encoding="utf-8", newline="") as file:
+            writer = csv.writer(file, lineterminator="\n")
+            writer.writerow(columns)
+            writer.writerows(zip(*(_cells(values) for values in columns.values())))
 
     def write_result(self, result: Mapping[str, Any]) -> None:
         self.write_text(RESULT, json.dumps(plain(result), indent=1, allow_nan=False, ensure_ascii=False) + "\n")
@@ -72,6 +75,11 @@ class OutputFolder:
             target.parent.mkdir(parents=True, exist_ok=True)
             os.replace(self._partial / name, target)
         return [self.path / name for name in names]
+
+
+def _cells(values: Sequence) -> list:
+    """Numbers as the csv module writes them, with all their digits; nothing for NaN and None."""
+    return ["" if value is None or value != value else value for value in np.asarray(values).tolist()]
 
 
 def plain(value: Any) -> Any:
