@@ -236,6 +236,9 @@ PLOTS = {
     "curves": lambda: curves.curves(np.arange(COUNT) + 1.0, {"a": MAGNITUDE, "b": SIGNAL**2}, log_x=True, log_y=True),
     "curves_per_axis": lambda: curves.curves_per_axis(np.arange(9.0), {"a": np.ones((9, 7)), "b": np.zeros((9, 7))},
                                                       unit="Nm", name="torque"),
+    "spectra_per_axis": lambda: curves.curves_per_axis(
+        np.arange(1.0, 9.0), {"nu = 1e-14": np.ones((8, 6)), "nu = 1e-6": np.full((8, 6), 1e-3)}, unit="rad/s²",
+        name="amplitude", x_name="frequency", x_unit="Hz", log_x=True, log_y=True),
     "poses_view": lambda: workspace.poses_view(RANDOM.random((COUNT, 3)), MASK),
     "path_view": lambda: workspace.path_view({"path": RANDOM.random((COUNT, 3))}),
     "observability": lambda: design.observability_over_steps(np.arange(5.0), references={"random": 2.0}),

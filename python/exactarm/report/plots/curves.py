@@ -30,14 +30,15 @@ def curves(x: np.ndarray, traces: Mapping[str, np.ndarray], *, unit: str = "", n
 
 
 def curves_per_axis(x: np.ndarray, traces: Mapping[str, np.ndarray], *, unit: str, name: str, x_name: str = "time",
-                    x_unit: str = "s", colours: tuple[str, ...] = CYCLE) -> Figure:
+                    x_unit: str = "s", log_x: bool = False, log_y: bool = False,
+                    colours: tuple[str, ...] = CYCLE) -> Figure:
     """Traces label -> (N, n): one panel per axis of the robot, all with the same unit."""
     size, shown = scaled(np.concatenate([np.ravel(trace) for trace in traces.values()]), unit)
     count = next(iter(traces.values())).shape[1]
     columns = min(count, 3)
     lines = -(-count // columns)
     figure = new_figure(0.6 + 1.75 * lines)
-    panels = figure.subplots(lines, columns, sharex=True, squeeze=False)
+    panels = figure.subplots(lines, columns, sharex=True, sharey=log_y, squeeze=False)
     for index, axes in enumerate(panels.flat):
         if index >= count:
             axes.set_visible(False)
@@ -45,6 +46,8 @@ def curves_per_axis(x: np.ndarray, traces: Mapping[str, np.ndarray], *, unit: st
         for (label, trace), colour in zip(traces.items(), colours):
             axes.plot(*envelope(x, trace[:, index] / size), label=label, color=colour, linewidth=1.0)
         axes.set_title(f"axis {index + 1}")
+        axes.set_xscale("log" if log_x else "linear")
+        axes.set_yscale("log" if log_y else "linear")
         if index >= count - columns:
             axes.set_xlabel(label_with(x_name, x_unit))
             axes.tick_params(labelbottom=True)
