@@ -106,14 +106,14 @@ def white_noise(values: np.ndarray) -> float:
 
 
 def step_of_quantisation(values: np.ndarray) -> float:
-    """Smallest step between different samples (N,), or 0 where the signal has no visible grid."""
-    steps = np.abs(np.diff(np.unique(values)))
-    steps = steps[steps > 1e-12 * max(np.ptp(values), 1e-300)]
-    if steps.size < 2:
+    """The grid on which all samples (N,) lie, or 0 where the signal has none that can be seen."""
+    steps = np.diff(np.unique(values))
+    steps = steps[steps > 1e-9 * max(np.ptp(values), 1e-300)]
+    if steps.size < 8:
         return 0.0
-    grid = float(np.percentile(steps, 5))
-    off = np.abs(steps / grid - np.round(steps / grid))
-    return grid if np.median(off) < 0.05 and steps.size < 0.9 * values.size else 0.0
+    grid = float(steps.min())
+    near = steps[steps < 100.0 * grid] / grid  # few steps, so that the grid's own rounding does not add up
+    return grid if near.size >= 0.2 * steps.size and np.all(np.abs(near - np.round(near)) < 0.05) else 0.0
 
 
 def steady_direction(rate: np.ndarray, time: np.ndarray, share: float = 0.02) -> tuple[np.ndarray, np.ndarray]:

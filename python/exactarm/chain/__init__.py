@@ -5,6 +5,8 @@
 Every step of the program (identification, simulation, diagnosis, planning, reports) predicts through here.
 """
 
+from exactarm.chain.gear_record import GearRecord, gear_record
+from exactarm.chain.gear_run import GearRunPrediction, predict_gear_run
 from exactarm.chain.layout import Layout
 from exactarm.chain.motion import MotionPrediction, predict_motion
 from exactarm.chain.motion_record import MotionRecord, motion_record
@@ -12,12 +14,16 @@ from exactarm.chain.poses import PosePrediction, predict_poses
 from exactarm.chain.view import View
 
 __all__ = [
+    "GearRecord",
+    "GearRunPrediction",
     "Layout",
     "MotionPrediction",
     "MotionRecord",
     "PosePrediction",
     "View",
+    "gear_record",
     "motion_record",
+    "predict_gear_run",
     "predict_motion",
     "predict_poses",
 ]

@@ -2,6 +2,7 @@
 
 A change at a station adds its value to the signal, and to the tangent
     T_signal += change.by_parameters + sum_s change.by_signal[s] @ T_s.
+What the drives and the structure do, they do in every kind of data; encoders and devices belong to their own kind.
 """
 
 from __future__ import annotations
@@ -10,18 +11,20 @@ import numpy as np
 
 from exactarm.chain.layout import Layout
 from exactarm.chain.view import View
-from exactarm.effects.base import Change, Station
+from exactarm.effects.base import Change, Effect, Station
 
 
-def changes_at(view: View, layout: Layout, station: Station) -> list[tuple[int, Change]]:
-    """(index in the layout, change) of every effect at `station`, each seeing the signal as it is at its turn."""
-    return [(i, e.change(view)) for i, e in enumerate(layout.effects) if e.station == station]
+def acts(effect: Effect, view: View, station: Station) -> bool:
+    """Whether an effect of the layout has its turn at `station` of this evaluation."""
+    if effect.station != station:
+        return False
+    return station not in (Station.MOTOR, Station.DEVICE) or view.kind in effect.kinds
 
 
 def pass_station(view: View, layout: Layout, station: Station, signal: str, tangents: bool) -> None:
     """Adds all changes at `station` to the named signal, one effect after another."""
     for index, effect in enumerate(layout.effects):
-        if effect.station != station:
+        if not acts(effect, view, station):
             continue
         change = effect.change(view)
         if tangents:

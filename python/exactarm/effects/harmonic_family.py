@@ -14,7 +14,7 @@ from typing import Mapping
 import numpy as np
 
 from exactarm.effects.base import Change, Effect, Parameter, Station
-from exactarm.harmonics import basis, delivered_angle, transmission_error, transmission_slope
+from exactarm.harmonics import basis, delivered_angle, transmission_slope
 from exactarm.signals import strongest_orders
 
 _POSE_MULTIPLES = 2  # of the ratio: the highest order that poses are searched for
@@ -105,16 +105,15 @@ def declared_orders(robot, index: int) -> np.ndarray:
     return np.concatenate(tables) if tables else np.zeros(0)
 
 
-def declared_error(view, index: int) -> tuple[np.ndarray, np.ndarray]:
-    """The declared tables' transmission error e (N,) at the present output angle, by direction, and de/dphi."""
-    joint, phi = view.robot.joints[index], view.phi[:, index]
-    cw, ccw = joint.cw or joint.ccw, joint.ccw or joint.cw
-    error, slope = np.zeros(view.rows), np.zeros(view.rows)
-    for table, share in ((cw, 0.5 - 0.5 * view.direction[:, index]), (ccw, 0.5 + 0.5 * view.direction[:, index])):
-        if table is not None and table.order.size:
-            error += share * transmission_error(phi, table.order, table.a, table.b)
-            slope += share * transmission_slope(phi, table.order, table.a, table.b)
-    return error, slope
+def growing_error(view, index: int, size: float, follows: np.ndarray) -> tuple[Change, np.ndarray]:
+    """The whole error of a gear grows by size * follows (N,): the change, and the error e = theta / ratio - phi (N,)."""
+    error = view.theta[:, index] / view.robot.ratios[index] - view.phi[:, index]
+    by_phi, by_theta = np.zeros((2, view.rows, 1, view.axes))
+    by_phi[:, 0, index] = size * follows
+    by_theta[:, 0, index] = -size * follows / view.robot.ratios[index]
+    change = -(follows * error)
+    signals = {"phi": by_phi, "theta": by_theta}
+    return Change((index,), (size * change)[:, None], change[:, None, None], signals), error
 
 
 def _residual_orders(view, index: int) -> np.ndarray:

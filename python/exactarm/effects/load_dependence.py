@@ -1,25 +1,25 @@
 """Load dependence: the error of a gear changes with the torque that it carries (wind-up, meshing under load).
 
-Either the delivered angle gives way, change = -linear torque; or the declared harmonics grow together,
+Either the delivered angle gives way, change = -linear torque; or the gear's whole error grows,
 e -> (1 + relative |torque|) e; or one order has a part proportional to the torque (values: order, a, b per Nm).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar, Iterable
 
 import numpy as np
 
 from exactarm.effects.base import Change, Effect, Parameter
-from exactarm.effects.harmonic_family import HarmonicFamily, declared_error, declared_orders, searched_orders
+from exactarm.effects.harmonic_family import HarmonicFamily, declared_orders, growing_error, searched_orders
 
 _LEAST_SPREAD_NM = 1e-3
 
 
 @dataclass(frozen=True)
 class LoadDependence(HarmonicFamily):
-    """One value: wind-up, or with `of_declared` the growth of the declared harmonics; more: an order of its own."""
+    """One value: wind-up, or with `of_declared` the growth of the gear's error; more: an order of its own."""
 
     of_declared: bool = False
 
@@ -51,17 +51,13 @@ class LoadDependence(HarmonicFamily):
         if len(self.values) != 1:
             return super().change(view)
         size, torque = self.values[0], view.torque[:, self.index]
-        by_phi, by_torque = np.zeros((2, view.rows, 1, view.axes))
+        by_torque = np.zeros((view.rows, 1, view.axes))
         if self.of_declared:
-            error, slope = declared_error(view, self.index)
-            follows = np.abs(torque) * error
-            by_phi[:, 0, self.index] = -size * np.abs(torque) * slope
+            grown, error = growing_error(view, self.index, size, np.abs(torque))
             by_torque[:, 0, self.index] = -size * np.sign(torque) * error
-        else:
-            follows = torque
-            by_torque[:, 0, self.index] = -size
-        value = -size * follows
-        return Change((self.index,), value[:, None], -follows[:, None, None], {"phi": by_phi, "torque": by_torque})
+            return replace(grown, by_signal=grown.by_signal | {"torque": by_torque})
+        by_torque[:, 0, self.index] = -size
+        return Change((self.index,), (-size * torque)[:, None], -torque[:, None, None], {"torque": by_torque})
 
     @classmethod
     def from_table(cls, table) -> Effect:

@@ -1,6 +1,6 @@
 """Speed dependence: the error of a gear changes with its speed (friction and inertia inside; thesis 1.1.1, 3.1.2).
 
-Either the declared harmonics grow together, e -> (1 + relative |phi_dot|) e, or one order has a part of its own
+Either the gear's whole error grows, e -> (1 + relative |phi_dot|) e, or one order has a part of its own
 that is proportional to |phi_dot| (values: order, a, b as in gear_harmonics, per rad/s).
 """
 
@@ -12,12 +12,12 @@ from typing import ClassVar, Iterable
 import numpy as np
 
 from exactarm.effects.base import Change, Effect, Parameter
-from exactarm.effects.harmonic_family import HarmonicFamily, declared_error, declared_orders, searched_orders
+from exactarm.effects.harmonic_family import HarmonicFamily, declared_orders, growing_error, searched_orders
 
 
 @dataclass(frozen=True)
 class SpeedDependence(HarmonicFamily):
-    """One value: `relative_s_per_rad` of the declared harmonics; three or more: an order of its own."""
+    """One value: `relative_s_per_rad` of the gear's error; three or more: an order of its own."""
 
     name: ClassVar[str] = "speed_dependence"
     kinds: ClassVar[tuple[str, ...]] = ("gear_run", "motion")
@@ -29,7 +29,9 @@ class SpeedDependence(HarmonicFamily):
     source: ClassVar[str] = "thesis 1.1.1, 3.1.2"
 
     def speed(self, view) -> np.ndarray:
-        """(N,) magnitude of the output rate at the nominal ratio."""
+        """(N,) magnitude of the output rate at the nominal ratio; static poses have none."""
+        if "theta_dot" not in view.signals:
+            return np.zeros(view.rows)
         return np.abs(view.signals["theta_dot"][:, self.index] / view.robot.ratios[self.index])
 
     def factor(self, view):
@@ -46,12 +48,7 @@ class SpeedDependence(HarmonicFamily):
     def change(self, view) -> Change:
         if len(self.values) != 1:
             return super().change(view)
-        speed = self.speed(view)
-        error, slope = declared_error(view, self.index)
-        by_phi = np.zeros((view.rows, 1, view.axes))
-        by_phi[:, 0, self.index] = -self.values[0] * speed * slope
-        value = -self.values[0] * speed * error
-        return Change((self.index,), value[:, None], -(speed * error)[:, None, None], {"phi": by_phi})
+        return growing_error(view, self.index, self.values[0], self.speed(view))[0]
 
     @classmethod
     def from_table(cls, table) -> Effect:

@@ -1,0 +1,139 @@
+"""Gear record: what a gear run's data give once and for all, before any parameter is looked at.
+
+The motor angle enters the prediction of a rate through its derivative, which raises the encoder's quantisation by
+about 1 / step; the measured rate itself is never smoothed. So the motor angle alone passes the acausal Gaussian
+filter (3.1), at the lowest cutoff that a steady motion needs not more than and the encoder not less than: the one
+at which the encoder's part in the predicted rate is a tenth of the gyroscope's noise. Harmonics are not touched by
+it: they follow the filtered angle through the gear table.
+Between encoders on both sides nothing is filtered.
+
+The chain bends the springs by gravity alone (thesis 3.1.1). Where inertia would bend the declared spring of the
+moving axis faster than the gyroscope's noise, at the corners of a motion profile, the drive train swings and no
+quasi-static model holds: such samples are left out, as the thesis keeps to the stretch of constant velocity.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import sparse
+
+from exactarm import _core
+from exactarm.chain.view import View, motor_angles
+from exactarm.dataset import Dataset
+from exactarm.robot import Robot
+from exactarm.signals import (
+    derivative_operator,
+    gaussian_filter,
+    steady_direction,
+    step_of_quantisation,
+    typical_step,
+    white_noise,
+)
+
+_ENCODER_SHARE = 0.1  # of the gyroscope's noise that the encoder may add to the predicted rate
+_LOWEST_CUTOFF_HZ, _HIGHEST_SHARE = 15.0, 0.35  # of the sampling rate
+_DIRECTION_CUTOFF_HZ = 15.0
+_STENCIL_GAIN = 1.18  # noise of the eighth-order central difference per step
+_SWING_STEP_S, _SWING_REACH_S = 0.005, 0.03
+_LEAST_SWING_RAD_S = 2e-4
+_NOISE_BANDWIDTH = 60.6  # integral of (2 pi f)^2 exp(-ln 2 f^2 / f_c^2) 2 df / f_c^3
+
+
+@dataclass(frozen=True)
+class GearRecord:
+    """Signals (N, n) of the motors and, run by run, the operator d/dt.
+
+    theta, theta_dot (rad, rad/s), direction (-1, 0, +1); keep (N,): neither at a reversal nor where inertia swings
+    the drive train; cutoff_hz: of the filter on theta, None where it was not needed; encoder_axes: axes (from 0)
+    with an encoder at the output, empty where a gyroscope measures.
+    """
+
+    theta: np.ndarray
+    theta_dot: np.ndarray
+    direction: np.ndarray
+    keep: np.ndarray
+    runs: tuple[np.ndarray, ...]
+    operators: tuple[sparse.csr_array, ...]
+    cutoff_hz: float | None
+    encoder_axes: tuple[int, ...]
+
+    def rate(self, angle: np.ndarray) -> np.ndarray:
+        """d/dt of a signal or tangent (N, ...), run by run."""
+        out = np.empty_like(angle)
+        for rows, operator in zip(self.runs, self.operators):
+            out[rows] = (operator @ angle[rows].reshape(rows.size, -1)).reshape(angle[rows].shape)
+        return out
+
+
+def gear_record(robot: Robot, data: Dataset) -> GearRecord:
+    """Prepares all runs of `data`."""
+    theta = motor_angles(robot, data)
+    view = View(robot, data, "gear_run")
+    view.signals["theta"] = theta
+    runs, moving = view.runs, np.flatnonzero(view.moving)
+    operators = tuple(derivative_operator(data.time[rows]) for rows in runs)
+    encoder_axes = () if data.gyro is not None else _encoder_axes(data)
+    noise = None if encoder_axes else _gyro_noise(view)
+    cutoff = None if encoder_axes else _cutoff(view, robot, noise)
+    theta_dot, direction = np.zeros((2, *theta.shape))
+    keep = np.ones(len(data), bool)
+    for rows, operator, (_, main) in zip(runs, operators, view.moving_runs):
+        time = data.time[rows]
+        at = np.ix_(rows, moving)
+        if cutoff is not None:
+            theta[at] = gaussian_filter(theta[at], time, cutoff)
+        theta_dot[at] = operator @ theta[at]
+        slow = gaussian_filter(operator @ gaussian_filter(theta[at], time, _DIRECTION_CUTOFF_HZ), time, _DIRECTION_CUTOFF_HZ)
+        for column, axis in enumerate(moving):
+            direction[rows, axis], reversal = steady_direction(slow[:, column], time)
+            if axis == main and not encoder_axes:
+                acceleration = operator @ slow[:, column]
+                keep[rows] &= ~(reversal | _swings(robot, theta[rows], acceleration, time, axis, noise))
+    return GearRecord(theta, theta_dot, direction, keep, runs, operators, cutoff, encoder_axes)
+
+
+def _encoder_axes(data: Dataset) -> tuple[int, ...]:
+    both = ~np.isnan(data.joints["theta"][0]) & ~np.isnan(data.joints["q"][0])
+    return tuple(int(axis) for axis in np.flatnonzero(both))
+
+
+def _gyro_noise(view: View) -> float:
+    """Standard deviation of the gyroscope's white noise, rad/s, the median over the runs."""
+    noises = [np.mean([white_noise(view.data.gyro[rows, k]) ** 2 for k in range(3)]) for rows in view.runs]
+    return float(np.sqrt(np.median(noises)))
+
+
+def _cutoff(view: View, robot: Robot, gyro_noise: float) -> float | None:
+    """Cutoff of the filter on the motor angle in Hz; None where the encoder is fine enough without."""
+    noises, steps = [], []
+    for rows, axis in view.moving_runs:
+        angle = view.theta[rows, axis] / robot.ratios[axis]
+        noises.append(max(white_noise(angle), step_of_quantisation(angle) / np.sqrt(12.0)))
+        steps.append(typical_step(view.data.time[rows]))
+    encoder, step = float(np.median(noises)), float(np.median(steps))
+    allowed = _ENCODER_SHARE * gyro_noise
+    if _STENCIL_GAIN * encoder / step <= allowed:
+        return None
+    cutoff = (allowed**2 / (_NOISE_BANDWIDTH * encoder**2 * step)) ** (1.0 / 3.0)
+    return float(np.clip(cutoff, _LOWEST_CUTOFF_HZ, _HIGHEST_SHARE / step))
+
+
+def _swings(robot: Robot, theta: np.ndarray, acceleration: np.ndarray, time: np.ndarray, axis: int, noise: float):
+    """(R,) where the inertia torque (at rest otherwise) bends the axis' declared spring faster than `noise`."""
+    spring = robot.joints[axis].spring_linear
+    out = np.zeros(time.size, bool)
+    if robot.links is None or not spring or time.size < 16:
+        return out
+    few = np.unique(np.append(np.arange(0, time.size, max(1, int(_SWING_STEP_S / typical_step(time)))), time.size - 1))
+    ratios = robot.ratios
+    q = theta[few] / ratios + robot.offsets
+    q_ddot = np.zeros_like(q)
+    q_ddot[:, axis] = acceleration[few] / ratios[axis]
+    torque = _core.inverse_dynamics(robot.core, q, np.zeros_like(q), q_ddot) - _core.gravity_torque(robot.core, q)
+    bending = np.abs(np.gradient(torque[:, axis] / spring, time[few]))
+    swinging = np.interp(time, time[few], bending) > max(noise, _LEAST_SWING_RAD_S)
+    reach = int(np.ceil(_SWING_REACH_S / typical_step(time)))
+    near = np.convolve(swinging, np.ones(2 * reach + 1), "same")[: time.size] if swinging.any() else out
+    return near > 0.5

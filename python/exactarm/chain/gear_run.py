@@ -1,0 +1,209 @@
+"""The chain for gear runs: motor angles in, what the sensor behind the gear reads out.
+
+    theta --gear of the direction of motion--> phi --spring under gravity--> q
+    gyroscope:      reading (N, 3) = DEVICE(sum_k w_k dq_k/dt),  rad/s in the sensor's axes, z along the moving axis
+    link encoders:  reading (N, E) = q of the axes that have one, rad (an offset per run and axis is a parameter)
+
+d/dt is one linear operator, of values and tangents alike (chain/gear_record.py, signals.py). w_k are the axes
+upstream of the sensor, seen from its link; without a declared geometry only the moving axis counts. The load is
+gravity's; where no masses are declared, a measured torque is taken. The angle and its load form a fixed point as
+in static poses (chain/poses.py).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from exactarm import _core
+from exactarm.chain.gear import declared_output_angle
+from exactarm.chain.gear_record import GearRecord, gear_record
+from exactarm.chain.layout import Layout
+from exactarm.chain.propagate import acts
+from exactarm.chain.run_tangents import Recorded, device_map, joint_tangents, moved
+from exactarm.chain.sensor_link import sensor_rates
+from exactarm.chain.spring import declared_deflection
+from exactarm.chain.view import View
+from exactarm.dataset import Dataset
+from exactarm.effects.base import Station
+from exactarm.robot import Robot
+
+_FIXED_POINT_TOLERANCE_RAD = 1e-13
+_FIXED_POINT_PASSES = 30
+
+
+@dataclass(frozen=True)
+class GearRunPrediction:
+    """measured (N, m) rad/s or rad; jacobian (N, m, P) or None; observed (N, m) what the sensor said.
+
+    keep (N,) rows on which the model is defined; along (N, m): the moving axis in the sensor's axes (gyroscope).
+    """
+
+    measured: np.ndarray
+    observed: np.ndarray
+    jacobian: np.ndarray | None
+    along: np.ndarray | None
+    view: View
+
+    @property
+    def keep(self) -> np.ndarray:
+        return self.view.keep
+
+    @property
+    def unit(self) -> str:
+        return "rad" if self.along is None else "rad/s"
+
+    def residual(self) -> np.ndarray:
+        """(N, m) observed minus predicted."""
+        return self.observed - self.measured
+
+    def judged(self) -> np.ndarray:
+        """(K,) residual along the moving axis of the rows that count, unfiltered; of all axes with two encoders."""
+        residual = self.residual()[self.keep]
+        return residual.ravel() if self.along is None else np.einsum("ij,ij->i", residual, self.along[self.keep])
+
+
+def predict_gear_run(
+    robot: Robot,
+    layout: Layout,
+    data: Dataset,
+    *,
+    record: GearRecord | None = None,
+    tangents: bool = True,
+    threads: int = 1,
+) -> GearRunPrediction:
+    """Prediction of every row with the effects of `layout`; `record`: of the same data, to save its preparation."""
+    record = gear_record(robot, data) if record is None else record
+    for effect in layout.effects:
+        robot = effect.bake(robot)
+    view = View(robot, data, "gear_run", threads)
+    view.signals |= {"theta": record.theta.copy(), "theta_dot": record.theta_dot, "direction": record.direction}
+    view.signals["keep"] = record.keep.astype(float)
+    nominal = record.theta / robot.ratios + robot.offsets
+    passed = _joint_angles(view, layout)
+    view.signals["q_dot"] = record.rate(view.q)
+    if record.encoder_axes:
+        weights = np.zeros((view.rows, len(record.encoder_axes), view.axes))
+        weights[:, np.arange(len(record.encoder_axes)), record.encoder_axes] = 1.0
+        view.signals["measured"] = view.q[:, record.encoder_axes]
+        observed = data.joints["q"][:, record.encoder_axes]
+    else:
+        weights, view.signals["specific_force"] = sensor_rates(view, nominal)
+        view.signals["measured"] = np.einsum("imk,ik->im", weights, view.signals["q_dot"])
+        observed = data.gyro
+    _pass(view, layout, Station.DEVICE, "measured", passed)
+    device = device_map(view, passed)
+    along = None if record.encoder_axes else _along(view, device)
+    _keep_axis_residual(view, observed, along, record)
+    jacobian = None
+    if tangents and layout.size:
+        jacobian = _jacobian(view, layout, record, passed, weights)
+    view.transfers = _transfers(view, record, device @ weights)
+    return GearRunPrediction(view.measured, observed, jacobian, along, view)
+
+
+def _pass(view: View, layout: Layout, station: Station, signal: str, passed: list[Recorded]) -> None:
+    """Adds the changes at a station to the signal's values and records them for the tangents."""
+    for index, effect in enumerate(layout.effects):
+        if acts(effect, view, station):
+            change = effect.change(view)
+            values = view.signals[signal].copy()
+            values[:, change.columns] += change.value
+            view.signals[signal] = values
+            passed.append(Recorded(index, station, change, layout))
+
+
+def _joint_angles(view: View, layout: Layout) -> list[Recorded]:
+    """Fills theta, phi, torque, q; returns the changes of the last pass."""
+    first: list[Recorded] = []
+    _pass(view, layout, Station.MOTOR, "theta", first)
+    declared, slope = declared_output_angle(view)
+    view.signals["gear_slope"] = slope
+    view.signals["q"] = declared + view.robot.offsets
+    load = None if view.has_masses else _measured_torque(view)
+    for _ in range(_FIXED_POINT_PASSES):
+        before, passed = view.q, list(first)
+        if view.has_masses:
+            load = _core.gravity_torque(view.robot.core, view.q, view.threads)
+        view.signals["torque"] = load
+        _pass(view, layout, Station.LOAD, "torque", passed)
+        view.signals["phi"] = declared
+        _pass(view, layout, Station.GEAR, "phi", passed)
+        deflection, view.signals["spring_slope"] = declared_deflection(view.robot, view.torque)
+        view.signals["q"] = view.phi + view.robot.offsets + deflection
+        _pass(view, layout, Station.SPRING, "q", passed)
+        if np.max(np.abs(view.q - before), initial=0.0) < _FIXED_POINT_TOLERANCE_RAD or not view.has_masses:
+            break
+    return passed
+
+
+def _measured_torque(view: View) -> np.ndarray:
+    """(N, n) measured torque on the output side, 0 where none was measured."""
+    torque = np.zeros((view.rows, view.axes))
+    for name, factor in (("tau_motor", view.robot.ratios), ("tau", 1.0)):
+        if name in view.data.joints:
+            measured = view.data.joints[name] * factor
+            torque = np.where(np.isnan(measured), torque, measured)
+    return torque
+
+
+def _along(view: View, device: np.ndarray) -> np.ndarray:
+    """(N, 3) direction of the moving axis in the sensor's axes."""
+    along = device[:, :, 2]
+    return along / np.linalg.norm(along, axis=1)[:, None]
+
+
+def _keep_axis_residual(view: View, observed: np.ndarray, along: np.ndarray | None, record: GearRecord) -> None:
+    """What is left along each moving axis, (N, n) in view.signals["axis_residual"], for the search of orders."""
+    residual, by_axis = observed - view.measured, np.zeros((view.rows, view.axes))
+    if along is None:
+        by_axis[:, record.encoder_axes] = residual
+    else:
+        by_axis[np.arange(view.rows), view.sensor_axis] = np.einsum("ij,ij->i", residual, along)
+    view.signals["axis_residual"] = by_axis
+
+
+def _jacobian(view: View, layout: Layout, record: GearRecord, passed: list[Recorded], weights: np.ndarray) -> np.ndarray:
+    """(N, m, P), one run after another so that the tangents of the joints never stand in memory all at once."""
+    jacobian = np.empty((view.rows, weights.shape[1], layout.size))
+    for rows, operator in zip(record.runs, record.operators):
+        tangents = joint_tangents(view, layout, passed, rows)
+        q = tangents["q"]
+        if not record.encoder_axes:
+            q = (operator @ q.reshape(rows.size, -1)).reshape(q.shape)
+        tangents["measured"] = weights[rows] @ q
+        for change in passed:
+            if change.station == Station.DEVICE:
+                moved(tangents, "measured", change, rows)
+        jacobian[rows] = tangents["measured"]
+    return jacobian
+
+
+def _transfers(view: View, record: GearRecord, weights: np.ndarray) -> dict:
+    """First-order effect of a change at each station on the reading."""
+    by_torque = view.signals["spring_slope"]
+
+    def joint(columns, derivative):
+        moved = derivative if record.encoder_axes else record.rate(derivative)
+        return weights[:, :, list(columns)] @ moved
+
+    def motor(columns, derivative):
+        return joint(columns, derivative * view.signals["gear_slope"][:, list(columns), None])
+
+    def load(columns, derivative):
+        return joint(columns, derivative * by_torque[:, list(columns), None])
+
+    def geometry(columns, derivative):
+        return np.zeros((view.rows, weights.shape[1], derivative.shape[2]))
+
+    def device(columns, derivative):
+        out = geometry(columns, derivative)
+        out[:, list(columns)] = derivative
+        return out
+
+    return {
+        Station.MOTOR: motor, Station.GEAR: joint, Station.LOAD: load, Station.SPRING: joint,
+        Station.GEOMETRY: geometry, Station.DEVICE: device,
+    }
+

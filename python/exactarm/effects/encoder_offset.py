@@ -1,0 +1,38 @@
+"""Encoder offset: the zero of an encoder behind the gear against the motor's, one for each run and axis."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, Iterable
+
+import numpy as np
+
+from exactarm.effects.base import Change, Effect, Parameter, Station
+
+
+@dataclass(frozen=True)
+class EncoderOffset(Effect):
+    """Offset of axis `joint` in one run; `column`: where the axis stands in the reading."""
+
+    run: int = 1
+    column: int = 0
+
+    name: ClassVar[str] = "encoder_offset"
+    station: ClassVar[Station] = Station.DEVICE
+    kinds: ClassVar[tuple[str, ...]] = ("gear_run",)
+    declared: ClassVar[bool] = True
+    sentence: ClassVar[str] = "the encoders of axis {joint} differ by {offset_rad:.4g} rad in one run"
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        return (Parameter("offset_rad", 1.0),)
+
+    def parameter_label(self, parameter: Parameter) -> str:
+        return f"run_{self.run}.{self.label}.{parameter.name}"
+
+    def change(self, view) -> Change:
+        here = (view.data.run == self.run).astype(float)[:, None]
+        return Change((self.column,), self.values[0] * here, here[:, :, None])
+
+    @classmethod
+    def candidates(cls, robot, view) -> Iterable[Effect]:
+        return ()
