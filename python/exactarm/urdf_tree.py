@@ -73,8 +73,10 @@ class UrdfTree:
         while True:
             ways = [joint for joint in self.children[link] if self._moves(joint)]
             if len(ways) > 1:
-                tips = ", ".join(tip for joint in ways for tip in self.ends(joint.child))
-                message = f"the chain branches at link {link}; expected a tip, as in {Path(self.path).name}#TIP, of {tips}"
+                tips = [tip for joint in ways for tip in self.ends(joint.child)]
+                tips = [link, *tips] if any(joint.type in MOVING for joint in way) else tips
+                name = Path(self.path).name
+                message = f"the chain branches at link {link}; expected a tip, as in {name}#TIP, of {', '.join(tips)}"
                 raise InputError(message, file=self.path)
             if not ways:
                 return (*way, *self._way_to(link, self._fixed_end(link)))
@@ -97,7 +99,8 @@ class UrdfTree:
                 return usual
         if len(ends) > 1:
             name = Path(self.path).name
-            message = f"link {link} carries several ends; expected a tip, as in {name}#TIP, of {', '.join(ends)}"
+            tips = ", ".join([link, *ends])
+            message = f"link {link} carries several ends; expected a tip, as in {name}#TIP, of {tips}"
             raise InputError(message, file=self.path)
         return ends[0]
 
@@ -215,9 +218,12 @@ class _TreeReader:
             try:
                 out[joint.get("name")] = float(reduction.text)
             except (TypeError, ValueError):
-                message = f"transmission of joint {joint.get('name')}: {reduction.text!r}; expected a number"
-                raise InputError(message, file=self.path) from None
-        return out
+                out[joint.get("name")] = 0.0
+            if not (np.isfinite(out[joint.get("name")]) and out[joint.get("name")]):
+                message = f"transmission of joint {joint.get('name')}: {reduction.text!r}; expected a gear ratio"
+                raise InputError(message, file=self.path)
+        # A reduction of 1 is what description files say where nobody looked.
+        return {name: ratio for name, ratio in out.items() if ratio != 1.0}
 
     def inertial(self, link: xml.Element) -> Link | None:
         element, what = link.find("inertial"), f"link {link.get('name')}"

@@ -82,6 +82,10 @@ def test_limits_friction_and_ratio_are_read(tmp_path):
     joint = read(tmp_path, text).joints[0]
     assert (joint.q_min, joint.q_max, joint.q_dot_max, joint.torque_max) == (-1, 2, 3, 4)
     assert (joint.viscous, joint.coulomb, joint.ratio) == (5, 6, -50.5)
+    assert read(tmp_path, text.replace("-50.5", "1")).joints[0].ratio is None
+    for wrong in ("0", "nan", "many"):
+        with pytest.raises(InputError, match="transmission of joint j: .*expected a gear ratio"):
+            read(tmp_path, text.replace("-50.5", wrong))
     continuous = read(tmp_path, text.replace('"revolute"', '"continuous"')).joints[0]
     assert continuous.q_min is None and continuous.q_dot_max == 3
 
@@ -112,7 +116,7 @@ def test_fixed_branches_do_not_stop_the_reader(tmp_path):
 
 def test_a_branching_chain_is_refused_with_the_tips(tmp_path):
     text = tree("base>a", "a>left", "a>right", "right=hand")
-    with pytest.raises(InputError, match="branches at link a; expected a tip, as in sample.urdf#TIP, of left, hand"):
+    with pytest.raises(InputError, match="branches at link a; expected a tip, as in sample.urdf#TIP, of a, left, hand"):
         read(tmp_path, text)
     assert read(tmp_path, text, "#hand").axes == 2
     assert read(tmp_path, text, "#a:hand").axes == 1
