@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import ClassVar, Iterable
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from exactarm.effects.base import Change, Effect, Parameter, Station
 
@@ -43,8 +43,9 @@ class Outliers(Effect):
     def threshold(residual: np.ndarray) -> float:
         """From residuals (N, 3): what a good row hardly ever exceeds."""
         norm = np.linalg.norm(residual, axis=1)
-        sigma = np.median(norm) / np.sqrt(stats.chi2.median(3))
-        return float(sigma * np.sqrt(stats.chi2.isf(_FALSE_ALARM / max(len(norm), 1), 3)))
+        # quantiles of chi-squared with 3 degrees of freedom
+        sigma = np.median(norm) / np.sqrt(2.0 * special.gammaincinv(1.5, 0.5))
+        return float(sigma * np.sqrt(2.0 * special.gammainccinv(1.5, _FALSE_ALARM / max(len(norm), 1))))
 
     @classmethod
     def candidates(cls, robot, view) -> Iterable[Effect]:
