@@ -1,0 +1,45 @@
+"""The examples in docs/files.md are files that the program reads, and its table names what the reader knows."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+
+from exactarm.columns import JOINT_UNITS, SCALAR_UNITS
+from exactarm.dataset import read_dataset
+from exactarm.robot import Joint, Robot
+from exactarm.robot_file import load_robot, shipped_robots
+
+PAGE = (Path(__file__).parents[2] / "docs" / "files.md").read_text()
+
+
+def block(language: str) -> str:
+    return re.search(rf"```{language}\n(.*?)```", PAGE, re.DOTALL)[1]
+
+
+def test_the_table_of_data_is_read(tmp_path):
+    (tmp_path / "poses.csv").write_text(block("csv"))
+    data = read_dataset(tmp_path / "poses.csv", Robot("two", (Joint(), Joint())))
+    assert data.kinds == ("poses",) and len(data) == 2
+    np.testing.assert_allclose(data.joints["q"][:, 1], [np.pi / 2, np.pi / 4])
+    np.testing.assert_allclose(data.position[0], [0.5123, -0.0201, 0.834])
+
+
+def test_the_robot_file_is_read(tmp_path):
+    (tmp_path / "robot.toml").write_text(block("toml"))
+    robot = load_robot(tmp_path / "robot.toml")
+    assert [effect.name for effect in robot.effects] == ["payload"]
+    np.testing.assert_allclose([robot.joints[0].alpha, robot.joints[1].q_offset], np.pi / 2)
+    assert robot.core.axes == 2
+
+
+def test_every_quantity_and_unit_is_documented():
+    table = PAGE[PAGE.index("| column |") : PAGE.index("What is analysed")]
+    for name in (*(f"{quantity}_i" for quantity in JOINT_UNITS), *SCALAR_UNITS):
+        assert f"`{name}`" in table, name
+    for units in (*JOINT_UNITS.values(), *SCALAR_UNITS.values()):
+        assert all(f"`{unit}`" in table for unit in units if unit)
+
+
+def test_shipped_robots_are_named():
+    assert all(f"`{name}`" in PAGE for name in shipped_robots())
