@@ -1,0 +1,67 @@
+"""What a least-squares fit of filtered samples may claim: neighbouring residuals are not independent.
+
+With residuals e_a(t) of axis a, weights 1 / sigma_a^2 and autocorrelation rho_a of the residuals,
+
+    cov = H^{-1} S H^{-1},   H = sum_a J_a' J_a / sigma_a^2,   S = sum_a J_a' R_a J_a / sigma_a^2,
+
+R_a the Toeplitz matrix of rho_a under Bartlett's taper (Newey and West 1987, with the noise stationary). The
+effective number of samples of axis a is N / (1 + 2 sum rho_a), at most N.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import linalg, signal, stats
+
+_LAG_S = 0.5  # longer than an arm's swing and a filter's memory
+
+
+@dataclass(frozen=True)
+class Uncertainty:
+    """covariance (P, P); effective (m,) independent samples per axis; freedom: all of them less the parameters."""
+
+    covariance: np.ndarray
+    effective: np.ndarray
+    freedom: float
+
+    def interval(self, x: np.ndarray, level: float = 0.95) -> np.ndarray:
+        """(P, 2) by Student's t."""
+        half = stats.t.ppf(0.5 + 0.5 * level, max(self.freedom, 1.0)) * np.sqrt(np.diag(self.covariance))
+        return np.stack([x - half, x + half], axis=1)
+
+
+def uncertainty(jacobian: np.ndarray, residual: np.ndarray, sigma: np.ndarray, runs, step: float) -> Uncertainty:
+    """jacobian (N, m, P), residual (N, m), sigma (m,); `runs`: row indices in the order of time, `step` in s."""
+    rows, axes, size = jacobian.shape
+    shortest = min(len(run) for run in runs)
+    lags = int(np.clip(np.ceil(_LAG_S / step), 1, max(shortest // 4, 1)))
+    normal, score = np.zeros((size, size)), np.zeros((size, size))
+    effective = np.empty(axes)
+    for a in range(axes):
+        columns = jacobian[:, a] / sigma[a]
+        tapered = autocorrelation(residual[:, a], runs, lags) * (1.0 - np.arange(lags + 1) / (lags + 1))
+        effective[a] = rows / max(1.0 + 2.0 * tapered[1:].sum(), 1.0)
+        normal += columns.T @ columns
+        kernel = np.concatenate([tapered[:0:-1], tapered])[:, None]
+        for run in runs:
+            score += columns[run].T @ signal.fftconvolve(columns[run], kernel, mode="same", axes=0)
+    scale = np.sqrt(np.maximum(np.diag(normal), np.finfo(float).tiny))
+    inverse = linalg.pinvh(normal / np.outer(scale, scale)) / np.outer(scale, scale)
+    # The largest of what the white and the correlated count say: correlation may not pretend to add data.
+    covariance = inverse @ score @ inverse
+    freedom = float(effective.sum() - size)
+    share = effective.sum() / max(freedom, 1.0)
+    white = np.diag(inverse)
+    widen = np.sqrt(np.maximum(white / np.maximum(np.diag(covariance), np.finfo(float).tiny), 1.0))
+    return Uncertainty(share * covariance * np.outer(widen, widen), effective, freedom)
+
+
+def autocorrelation(values: np.ndarray, runs, lags: int) -> np.ndarray:
+    """(lags + 1,) of a zero-mean signal (N,), products taken within runs only."""
+    total = np.zeros(lags + 1)
+    for run in runs:
+        x = values[run]
+        total += np.array([x[: x.size - k] @ x[k:] for k in range(lags + 1)])
+    return total / total[0] if total[0] > 0.0 else np.eye(1, lags + 1)[0]

@@ -1,0 +1,188 @@
+"""Identification of the dynamics from motion data: base inertial parameters, rotors, friction.
+
+1. one filter on both sides (chain/motion_record), 2. base parameters by QR, 3. of these, those that the motion
+excites (pivoted QR of the weighted, scaled regressor), 4. iterated weighted least squares, 5. intervals for
+correlated samples, 6. the torque error before and after, on the rows that were fitted and on those that were not.
+Swevers et al. 1997; Gautier 1991; Atkeson, An and Hollerbach 1986.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import linalg
+
+from exactarm.chain import Layout, MotionRecord, motion_record, predict_motion
+from exactarm.dataset import Dataset
+from exactarm.effects.declared_friction import DeclaredFriction
+from exactarm.effects.declared_rotor import DeclaredRotor
+from exactarm.effects.drive import SIGN_WIDTH_RAD_S
+from exactarm.effects.link_inertia import LinkInertia
+from exactarm.errors import InputError
+from exactarm.identify.base_parameters import BaseParameters, base_parameters
+from exactarm.identify.declared import carried_layout
+from exactarm.identify.motion_fit import MotionFit, fit_motion
+from exactarm.robot import Link, Robot
+
+_WORST_CONDITION = 1e3  # of scaled columns: a parameter behind it would carry noise, not mass
+_BOOKKEEPING_MASS_KG = 5.0  # of links without a declared mass: no motion tells how a group is shared out
+
+
+@dataclass(frozen=True)
+class DynamicsOptions:
+    """share: of the rows, for fitting, where the data do not say; inertial: identify masses, not friction alone."""
+
+    bandwidth_hz: float | None = None
+    share: float = 0.7
+    inertial: bool = True
+    seed: int = 0
+    threads: int = 1
+
+
+@dataclass(frozen=True)
+class DroppedParameter:
+    """A parameter that is not estimated, and why."""
+
+    name: str
+    why: str
+
+
+@dataclass(frozen=True)
+class DynamicsIdentification:
+    """records and residuals (N', m) Nm before and after, by "identification" and "validation"."""
+
+    robot: Robot
+    fit: MotionFit
+    base: BaseParameters
+    dropped: tuple[DroppedParameter, ...]
+    records: dict[str, MotionRecord]
+    before: dict[str, np.ndarray]
+    after: dict[str, np.ndarray]
+    identification: np.ndarray
+    warnings: tuple[str, ...]
+
+
+def identify_dynamics(robot: Robot, data: Dataset, options: DynamicsOptions = DynamicsOptions()) -> DynamicsIdentification:
+    """Identifies on one part of `data`, judges on the other. Raises InputError where the data cannot support it."""
+    identification = data.split(options.seed, options.share)
+    records = {"identification": motion_record(robot, data.select(identification), options.bandwidth_hz)}
+    if np.any(~identification):
+        records["validation"] = motion_record(robot, data.select(~identification), options.bandwidth_hz)
+    train = records["identification"]
+    axes = train.measured_axes
+    carried = carried_layout(robot, "motion")
+    before = {
+        name: predict_motion(robot, carried, record, tangents=False).residual()[record.keep][:, axes]
+        for name, record in records.items()
+    }
+    base = base_parameters(robot)
+    start = with_links(robot) if options.inertial else robot
+    layout = friction_layout(start, train)
+    if options.inertial:
+        layout = layout.joined(inertial_layout(start, base))
+    layout, unexcited = excited_layout(start, layout.joined(carried), train, options.threads)
+    require_enough(layout, train)
+    fit = fit_motion(start, layout, train, threads=options.threads)
+    after = {name: fit.residual(record, options.threads) for name, record in records.items()}
+    dropped = tuple(_structurally(base)) * options.inertial + unexcited
+    return DynamicsIdentification(
+        robot=identified_robot(start, fit),
+        fit=fit,
+        base=base,
+        dropped=dropped,
+        records=records,
+        before=before,
+        after=after,
+        identification=identification,
+        warnings=tuple(_warnings(fit, data)),
+    )
+
+
+def with_links(robot: Robot) -> Robot:
+    """The robot with masses in its tables: its own, or equal ones at the frames' origins where none are declared."""
+    if robot.links is not None:
+        return robot
+    link = Link(_BOOKKEEPING_MASS_KG, np.zeros(3), np.zeros((3, 3)))
+    return replace(robot, links=(link,) * robot.axes)
+
+
+def friction_layout(robot: Robot, record: MotionRecord, axes=None) -> Layout:
+    """Coulomb and viscous friction of the axes that move and report a torque (or of those of `axes`, from 0)."""
+    rate = np.abs(record.theta_dot / robot.controller_ratios)
+    moving = np.flatnonzero(np.max(rate, axis=0) > SIGN_WIDTH_RAD_S)
+    chosen = [i for i in moving if i in record.measured_axes and (axes is None or i in axes)]
+    return Layout.of(tuple(DeclaredFriction.of(robot, i) for i in chosen))
+
+
+def inertial_layout(robot: Robot, base: BaseParameters) -> Layout:
+    """Base parameters of the links, and the rotor inertias that are no part of them."""
+    rotors = tuple(DeclaredRotor.of(robot, i) for i in base.rotors)
+    return Layout.of((LinkInertia.of(robot, base.links), *rotors))
+
+
+def excited_layout(
+    robot: Robot, layout: Layout, record: MotionRecord, threads: int = 1
+) -> tuple[Layout, tuple[DroppedParameter, ...]]:
+    """The layout without the parameters that this motion cannot tell from others."""
+    axes = record.measured_axes
+    prediction = predict_motion(robot, layout, record, threads=threads)
+    scale = np.sqrt(np.mean(record.torque[record.keep][:, axes] ** 2, axis=0))
+    columns = prediction.jacobian[record.keep][:, axes] / np.maximum(scale, 1e-12)[:, None]
+    columns = columns.reshape(-1, layout.size)
+    size = np.linalg.norm(columns, axis=0)
+    still = size <= 1e-9 * size.max()
+    dropped = [DroppedParameter(layout.names[k], "this motion does not excite it") for k in np.flatnonzero(still)]
+    moving = np.flatnonzero(~still)
+    triangle = np.linalg.qr(columns[:, moving] / size[moving], mode="r")
+    upper, order = linalg.qr(triangle, mode="r", pivoting=True)
+    diagonal = np.abs(np.diag(upper))
+    weak = np.sort(moving[order[diagonal < diagonal[0] / _WORST_CONDITION]])
+    why = "this motion cannot tell it from the others: it is held at the declared value"
+    dropped += [DroppedParameter(layout.names[k], why) for k in weak]
+    return layout.without({entry.name for entry in dropped}), tuple(dropped)
+
+
+def require_enough(layout: Layout, record: MotionRecord) -> None:
+    numbers = int(record.keep.sum()) * len(record.measured_axes)
+    if numbers <= 2 * layout.size:
+        raise InputError(
+            f"{numbers} numbers at {record.bandwidth_hz or 0:.3g} Hz bandwidth for {layout.size} parameters: "
+            "expected a longer motion"
+        )
+
+
+def identified_robot(robot: Robot, fit: MotionFit) -> Robot:
+    """The robot with the estimates in its tables and the intervals on record."""
+    result = robot
+    for effect in fit.layout.effects:
+        if effect.declared:
+            result = effect.bake(result)
+    pairs = zip(fit.layout.names, fit.intervals)
+    intervals = dict(robot.intervals) | {name: (float(low), float(high)) for name, (low, high) in pairs}
+    return replace(result, intervals=intervals)
+
+
+def _structurally(base: BaseParameters):
+    for column in base.without_effect:
+        yield DroppedParameter(base.names[column], "no motion of this robot shows it")
+    for column in base.dropped:
+        bearers = base.bearers(column)
+        yield DroppedParameter(base.names[column], f"only its sum with {', '.join(bearers)} can be told")
+
+
+def _warnings(fit: MotionFit, data: Dataset):
+    if not fit.fit.converged:
+        yield f"the fit did not converge in {fit.fit.iterations} iterations: check the data for gross errors"
+    if fit.uncertainty.freedom < 2 * fit.layout.size:
+        yield (
+            f"the samples are worth {fit.uncertainty.effective.sum():.0f} independent numbers for "
+            f"{fit.layout.size} parameters: measure longer"
+        )
+    for effect in fit.layout.effects:
+        for parameter, value in zip(effect.parameters(), effect.values):
+            name = effect.parameter_label(parameter)
+            if name in fit.layout.names and parameter.name.startswith(("coulomb", "viscous", "inertia")) and value < 0.0:
+                yield f"{name} came out negative: something else in the data acts as it does"
+    if "current" in data.joints and not {"tau", "tau_motor"} & set(data.joints):
+        yield "no torque constant is declared: the currents were taken at 1 Nm/A, and all results scale with it"
