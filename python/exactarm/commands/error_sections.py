@@ -74,6 +74,6 @@ def unit_of(name: str) -> str:
 
 
 _UNITS = {
-    "_rad_per_Nm3": "rad/Nm³", "_rad_per_Nm": "rad/Nm", "_rad_s": "rad/s", "_Nm_s": "Nm s", "_kg_m2": "kg m²",
+    "_rad_per_Nm3": "rad/Nm³", "_rad_per_Nm": "rad/Nm", "_rad_s": "rad/s", "_Nm_s": "Nm s", "_kg_m2": "kg m²", "_kg_m": "kg m",
     "_rad": "rad", "_Nm": "Nm", "_kg": "kg", "_m": "m", "_s": "s",
 }

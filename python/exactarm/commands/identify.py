@@ -1,0 +1,186 @@
+"""`exactarm identify`: inertial parameters, rotors and friction from motion data."""
+
+from __future__ import annotations
+
+import argparse
+
+import numpy as np
+
+from exactarm.commands.arguments import add_files, add_robot
+from exactarm.commands.error_sections import SETS, error_table, highlights, parameter_table, unit_of
+from exactarm.commands.result import CommandResult, estimate
+from exactarm.dataset import Dataset, read_dataset
+from exactarm.errors import InputError
+from exactarm.identify.dynamics import DynamicsIdentification, DynamicsOptions, identify_dynamics, with_links
+from exactarm.identify.dynamics import friction_layout, inertial_layout
+from exactarm.identify.statistics import summarise
+from exactarm.report import Figure, Quantity, Report, Table, Warnings
+from exactarm.report.numbers import quantity
+from exactarm.report.plots.curves import curves_per_axis
+from exactarm.robot import Robot
+from exactarm.robot_file import load_robot
+
+NAME = "identify"
+HELP = "identify masses, rotors and friction from motion data"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    add_robot(parser)
+    add_files(parser)
+    parser.add_argument("--bandwidth", metavar="HZ", type=float, default=None,
+                        help="low-pass on measurement and prediction alike (default: 20 Hz, none for slow logs)")
+    parser.add_argument("--share", metavar="PART", type=float, default=0.7,
+                        help="part of the rows that is fitted, where the data do not say (default %(default)s)")
+    parser.add_argument("--friction-only", action="store_true",
+                        help="keep masses and rotors as declared, estimate Coulomb and viscous friction")
+
+
+def run(arguments: argparse.Namespace) -> CommandResult:
+    robot = load_robot(arguments.robot)
+    data = require_motion(read_dataset(arguments.files, robot, arguments.kind))
+    options = DynamicsOptions(
+        bandwidth_hz=_bandwidth(arguments.bandwidth),
+        share=_share(arguments.share),
+        inertial=not arguments.friction_only,
+        seed=arguments.seed,
+        threads=arguments.threads,
+    )
+    arguments.progress.stage("identifying")
+    result = identify_dynamics(robot, data, options)
+    return CommandResult(
+        json=_json(result),
+        report=_report(robot, result, data.split_rule(options.share)),
+        robot=result.robot,
+        tables={"residuals.csv": residual_table(result)},
+    )
+
+
+def require_motion(data: Dataset) -> Dataset:
+    if "motion" not in data.kinds:
+        raise InputError(f"expected a motion (torques or currents over time), found {data.kind.replace('_', ' ')}",
+                         file=data.sources[0].path if data.sources else None)
+    return data
+
+
+def _bandwidth(value: float | None) -> float | None:
+    if value is not None and not value > 0.0:
+        raise InputError(f"--bandwidth {value}: expected a positive number of Hz")
+    return value
+
+
+def _share(value: float) -> float:
+    if not 0.0 < value < 1.0:
+        raise InputError(f"--share {value}: expected a number between 0 and 1")
+    return value
+
+
+def torque_summary(residual: np.ndarray, axes: np.ndarray) -> dict:
+    """S over all samples and axes of a residual (N, m), with a list of S per axis."""
+    rows = [{"joint": int(axis) + 1} | summarise(np.abs(residual[:, k])).to_json() for k, axis in enumerate(axes)]
+    return summarise(np.abs(residual).ravel()).to_json() | {"axes": rows}
+
+
+def _json(result: DynamicsIdentification) -> dict:
+    empty = np.zeros((0, len(result.fit.axes)))
+    pairs = zip(result.fit.layout.names, result.fit.fit.x, result.fit.intervals)
+    base = result.base
+    return {
+        "unit": "Nm",
+        "before": {name: torque_summary(result.before.get(name, empty), result.fit.axes) for name in SETS},
+        "after": {name: torque_summary(result.after.get(name, empty), result.fit.axes) for name in SETS},
+        "parameters": {name: estimate(float(x), float(low), float(high)) for name, x, (low, high) in pairs},
+        "base_parameters": {base.names[column]: base.group(k) for k, column in enumerate(base.kept)},
+        "dropped": [{"parameter": entry.name, "why": entry.why} for entry in result.dropped],
+        "noise_Nm": {f"axis_{axis + 1}": float(s) for axis, s in zip(result.fit.axes, result.fit.sigma)},
+        "bandwidth_hz": result.records["identification"].bandwidth_hz,
+        "converged": result.fit.fit.converged,
+        "warnings": list(result.warnings),
+    }
+
+
+def residual_table(result: DynamicsIdentification) -> dict:
+    """Columns of residuals.csv: time, run, set, then residual before and after of every axis."""
+    columns: dict[str, list] = {"time_s": [], "run": [], "set": []}
+    for name, record in result.records.items():
+        columns["time_s"].append(record.data.time[record.keep])
+        columns["run"].append(record.data.run[record.keep])
+        columns["set"].append(np.full(int(record.keep.sum()), name))
+        for k, axis in enumerate(result.fit.axes):
+            for when, residual in (("before", result.before), ("after", result.after)):
+                columns.setdefault(f"residual_{when}_{axis + 1}_Nm", []).append(residual[name][:, k])
+    return {name: np.concatenate(parts) for name, parts in columns.items()}
+
+
+def _report(robot: Robot, result: DynamicsIdentification, rule: str) -> Report:
+    summaries = {
+        when: {name: summarise(np.abs(residual.get(name, np.zeros(0))).ravel()) for name in SETS}
+        for when, residual in (("before", result.before), ("after", result.after))
+    }
+    judge = "validation" if summaries["after"]["validation"].n else "identification"
+    before, after = summaries["before"][judge], summaries["after"][judge]
+    who = "motion that was never fitted" if judge == "validation" else "the fitted motion (none was held out)"
+    verdict = (
+        f"The RMS error of the drive torque on {who} falls from {quantity(before.rms, 'Nm')} to "
+        f"{quantity(after.rms, 'Nm')} over all axes."
+    )
+    band = result.records["identification"].bandwidth_hz
+    note = "Before: the robot file as it is. " + rule
+    note += f" Measured and predicted torque passed the same low-pass at {band:.3g} Hz." if band else ""
+    return Report(
+        f"Dynamics of {robot.name}",
+        verdict,
+        (
+            highlights(summaries["before"], summaries["after"], "Nm"),
+            error_table(summaries["before"], summaries["after"], "Nm", "Torque error", note),
+            _axis_table(result, judge),
+            _figure(result, judge),
+            _parameters(robot, result),
+            _groups(result),
+            Table("Not identified", ("parameter", "why"), tuple((entry.name, entry.why) for entry in result.dropped),
+                  "These keep their declared values."),
+            Warnings(result.warnings),
+        ),
+        "good" if after.rms < before.rms else "caution",
+    )
+
+
+def _axis_table(result: DynamicsIdentification, judge: str) -> Table:
+    rms = lambda residual: np.sqrt(np.mean(residual[judge] ** 2, axis=0))
+    torque = result.records[judge].torque[result.records[judge].keep][:, result.fit.axes]
+    rows = tuple(
+        (f"axis {axis + 1}", *(Quantity(float(value), "Nm") for value in values))
+        for axis, *values in zip(result.fit.axes, np.sqrt(np.mean(torque**2, axis=0)), rms(result.before), rms(result.after))
+    )
+    return Table(f"Axes, {judge}", ("", "RMS of the torque", "RMS error before", "RMS error after"), rows)
+
+
+def _figure(result: DynamicsIdentification, judge: str) -> Figure:
+    record = result.records[judge]
+    run = record.runs[0]
+    rows = run[record.keep[run]]
+    place = np.cumsum(record.keep) - 1
+    measured = record.torque[np.ix_(rows, result.fit.axes)]
+    left = result.after[judge][place[rows]]
+    traces = {"measured": measured, "model": measured - left, "residual": left}
+    return Figure(
+        "torque", f"Torque of every axis ({judge})",
+        lambda: curves_per_axis(record.data.time[rows], traces, unit="Nm", name="torque"),
+        "Measured, as the identified model has it, and the difference.", "torque of every axis over time",
+    )
+
+
+def _parameters(robot: Robot, result: DynamicsIdentification) -> Table:
+    start = with_links(robot)
+    declared = friction_layout(start, result.records["identification"]).joined(inertial_layout(start, result.base))
+    values = dict(zip(declared.names, declared.values))
+    names = result.fit.layout.names
+    return parameter_table(names, [values[name] for name in names], result.fit.fit.x, result.fit.intervals,
+                           [unit_of(name) for name in names], result.fit.fit.at_bound)
+
+
+def _groups(result: DynamicsIdentification) -> Table:
+    base = result.base
+    free = set(result.fit.layout.names)
+    rows = tuple((base.names[c], base.group(k)) for k, c in enumerate(base.kept) if base.names[c] in free)
+    return Table("What the inertial parameters stand for", ("parameter", "base parameter"), rows,
+                 "A motion shows these sums only; the other members of a sum keep their declared values.")
