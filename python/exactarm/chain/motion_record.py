@@ -76,6 +76,15 @@ class MotionRecord:
             out[rows] = _low_pass(values[rows], self.bandwidth_hz, self.step)
         return out
 
+    def noise_autocorrelation(self, lags: int) -> np.ndarray:
+        """(lags + 1,) of white noise behind the low-pass."""
+        if self.bandwidth_hz is None:
+            return np.eye(1, lags + 1)[0]
+        frequency = np.fft.rfftfreq(max(4096, 4 * lags), self.step)
+        power = (1.0 + (frequency / self.bandwidth_hz) ** (2 * _ORDER)) ** -2.0  # amplitude twice, squared
+        found = np.fft.irfft(power)[: lags + 1]
+        return found / found[0]
+
 
 def motion_record(robot: Robot, data: Dataset, bandwidth_hz: float | None = None) -> MotionRecord:
     """The record of a motion; `bandwidth_hz`: None = 20 Hz, or no filter where the log is too slow for one.

@@ -5,12 +5,14 @@ With residuals e_a(t) of axis a, weights 1 / sigma_a^2 and autocorrelation rho_a
     cov = H^{-1} S H^{-1},   H = sum_a J_a' J_a / sigma_a^2,   S = sum_a J_a' R_a J_a / sigma_a^2,
 
 R_a the Toeplitz matrix of rho_a under Bartlett's taper (Newey and West 1987, with the noise stationary). The
-effective number of samples of axis a is N / (1 + 2 sum rho_a), at most N.
+effective number of samples of axis a is N / (1 + 2 sum rho_a), at most what the filter leaves of white noise: a fit
+takes the slow part out of the residuals that it is judged by.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Callable, Sequence
 
 import numpy as np
 from scipy import linalg, signal, stats
@@ -32,16 +34,29 @@ class Uncertainty:
         return np.stack([x - half, x + half], axis=1)
 
 
-def uncertainty(jacobian: np.ndarray, residual: np.ndarray, sigma: np.ndarray, runs, step: float) -> Uncertainty:
-    """jacobian (N, m, P), residual (N, m), sigma (m,); `runs`: row indices in the order of time, `step` in s."""
+def uncertainty(
+    jacobian: np.ndarray,
+    residual: np.ndarray,
+    sigma: np.ndarray,
+    runs: Sequence[np.ndarray],
+    step: float,
+    filtered_noise: Callable[[int], np.ndarray] = lambda lags: np.eye(1, lags + 1)[0],
+) -> Uncertainty:
+    """jacobian (N, m, P), residual (N, m), sigma (m,); `runs`: row indices in the order of time, `step` in s.
+
+    `filtered_noise(lags)`: autocorrelation (lags + 1,) of white noise behind the filter that the rows have passed.
+    """
     rows, axes, size = jacobian.shape
     shortest = min(len(run) for run in runs)
     lags = int(np.clip(np.ceil(_LAG_S / step), 1, max(shortest // 4, 1)))
+    least = filtered_noise(lags)
     normal, score = np.zeros((size, size)), np.zeros((size, size))
     effective = np.empty(axes)
     for a in range(axes):
         columns = jacobian[:, a] / sigma[a]
         tapered = autocorrelation(residual[:, a], runs, lags) * (1.0 - np.arange(lags + 1) / (lags + 1))
+        if tapered[1:].sum() < least[1:].sum():
+            tapered = least
         effective[a] = rows / max(1.0 + 2.0 * tapered[1:].sum(), 1.0)
         normal += columns.T @ columns
         kernel = np.concatenate([tapered[:0:-1], tapered])[:, None]

@@ -89,4 +89,5 @@ def _uncertainty(prediction, residual, sigma, rows, axes, record, size) -> Uncer
     place = np.full(len(record.keep), -1)
     place[rows] = np.arange(len(rows))
     runs = [place[run][place[run] >= 0] for run in record.runs]
-    return uncertainty(jacobian, residual, sigma, [run for run in runs if run.size], record.step)
+    return uncertainty(jacobian, residual, sigma, [run for run in runs if run.size], record.step,
+                       record.noise_autocorrelation)
