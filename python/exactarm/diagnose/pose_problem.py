@@ -7,6 +7,7 @@ import numpy as np
 from exactarm.chain import Layout, predict_poses
 from exactarm.dataset import Dataset
 from exactarm.diagnose.problem import Fitted, Problem
+from exactarm.effects.base import Station
 from exactarm.identify.calibrate import CalibrationOptions, fit_identifiable, require_same_unit, require_sessions
 from exactarm.identify.declared import carried_layout, frames_layout, geometry_layout, require_geometry
 from exactarm.identify.pose_fit import fit_poses
@@ -66,6 +67,16 @@ class PoseProblem(Problem):
         order = data.time if data.time is not None else np.arange(len(data), dtype=float)
         signals["time" if data.time is not None else "order of measurement"] = order
         return signals | {name: values for name, values in data.covariates.items() if np.ptp(values) > 0}
+
+    def directions(self, fitted: Fitted) -> dict[str, np.ndarray]:
+        view, m = fitted.view, fitted.residual.shape[1]
+        unit = np.ones((view.rows, 1, 1))
+        turn = {f"a turn of axis {i + 1}": view.transfers[Station.GEAR]((i,), unit)[:, :m, 0] for i in range(view.axes)}
+        axes = np.eye(m)[:3]
+        return turn | {f"the device's {name} axis": np.tile(axes[k], (view.rows, 1)) for k, name in enumerate("xyz")}
+
+    def error_of_unit_noise(self, fitted: Fitted) -> float:
+        return float(np.sqrt(np.sum(fitted.sigma[:3] ** 2)))
 
     def repeat_noise(self, fitted: Fitted) -> float | None:
         """Pure error of rows measured at the same commanded pose in the same session."""

@@ -97,6 +97,7 @@ class Problem(ABC):
 
     unit: str = ""
     kind: str = ""
+    repeat_source = "repeated visits of the same pose"
 
     def __init__(self, robot: Robot, data: Dataset, held_out: Dataset, threads: int = 1, seed: int = 0):
         self.robot, self.data, self.held_out = robot, data, held_out
@@ -121,6 +122,14 @@ class Problem(ABC):
     @abstractmethod
     def signals(self, fitted: Fitted) -> dict[str, np.ndarray]:
         """Named signals (N,) that a residual might follow: angles, torques, directions, time, covariates."""
+
+    @abstractmethod
+    def directions(self, fitted: Fitted) -> dict[str, np.ndarray]:
+        """Named patterns (N, m) along which something could move: a unit turn of each joint, each component."""
+
+    @abstractmethod
+    def error_of_unit_noise(self, fitted: Fitted) -> float:
+        """The RMS error that residuals of one sigma give, in the unit of the errors."""
 
     @abstractmethod
     def repeat_noise(self, fitted: Fitted) -> float | None:

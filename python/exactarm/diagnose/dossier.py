@@ -1,0 +1,104 @@
+"""Dossier of a residual: which signals it follows beyond chance, whatever the library holds.
+
+Every signal (angles, loads, directions, time, covariates ...) is cut into bins of equal count, or taken by its few
+values; the whitened residual is regressed on the bins along every direction in which something could move
+(joint axes, measured components), with the declared parameters projected out. F-tests, with the smallest
+p-value multiplied by the number of tests (Bonferroni).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from exactarm.diagnose.problem import Fitted, Problem
+
+BINS = 8
+SIGNIFICANT = 1e-3
+
+
+@dataclass(frozen=True)
+class Follows:
+    """The residual along `direction` follows `signal`: share of the square sum, corrected p-value."""
+
+    signal: str
+    direction: str
+    share: float
+    p_value: float
+
+    @property
+    def significant(self) -> bool:
+        return self.p_value < SIGNIFICANT
+
+
+@dataclass(frozen=True)
+class Dossier:
+    """All signals, the one that is followed best first; lag-1 autocorrelation in the order of the rows."""
+
+    follows: tuple[Follows, ...]
+    autocorrelation: float
+
+    @property
+    def structure(self) -> bool:
+        return bool(self.follows) and self.follows[0].significant
+
+    @property
+    def strongest(self) -> Follows | None:
+        return self.follows[0] if self.follows else None
+
+
+def dossier(problem: Problem, fitted: Fitted) -> Dossier:
+    """Tests every signal of the problem along every direction of it; keeps the best direction of each signal."""
+    residual = fitted.whitened
+    numbers, freedom = fitted.data_numbers, max(_effective(problem, fitted) - fitted.basis.shape[1], 1.0)
+    square = float(residual[:numbers] @ residual[:numbers])
+    signals, directions = problem.signals(fitted), problem.directions(fitted)
+    tests = max(len(signals) * len(directions), 1)
+    found = []
+    for signal, values in signals.items():
+        bins = indicator(values)
+        if bins.shape[1] < 2:
+            continue
+        entries = [_test(fitted, residual, bins, pattern, square, freedom, numbers) for pattern in directions.values()]
+        p, share, name = min((p, -share, name) for (p, share), name in zip(entries, directions))
+        found.append(Follows(signal, name, -share, min(1.0, p * tests)))
+    order = sorted(found, key=lambda f: (f.p_value, -f.share))
+    return Dossier(tuple(order), _lag_one(fitted))
+
+
+def indicator(values: np.ndarray) -> np.ndarray:
+    """(N, b) membership of bins of equal count; few distinct values have a bin each."""
+    distinct = np.unique(values)
+    if len(distinct) <= BINS:
+        return (values[:, None] == distinct).astype(float)
+    edges = np.quantile(values, np.linspace(0.0, 1.0, BINS + 1)[1:-1])
+    return (np.searchsorted(edges, values)[:, None] == np.arange(BINS)).astype(float)
+
+
+def _effective(problem: Problem, fitted: Fitted) -> float:
+    return problem.correlation_factor(fitted) * float(np.count_nonzero(fitted.whitened[: fitted.data_numbers]))
+
+
+def _test(fitted, residual, bins, pattern, square, freedom, numbers) -> tuple[float, float]:
+    """p-value and share of the square sum of the residual that the bins along `pattern` (N, m) explain."""
+    columns = np.zeros((residual.size, bins.shape[1]))
+    columns[:numbers] = ((pattern * fitted.scale)[:, :, None] * bins[:, None, :]).reshape(numbers, -1)
+    length = np.linalg.norm(columns, axis=0)
+    columns -= fitted.basis @ (fitted.basis.T @ columns)
+    gram, onto = columns.T @ columns, columns.T @ residual
+    values, vectors = np.linalg.eigh(gram)
+    keep = values > 1e-6 * max(float(np.max(length**2, initial=0.0)), 1e-300)
+    rank = int(keep.sum())
+    if rank == 0 or freedom <= rank + 1:
+        return 1.0, 0.0
+    explained = float(np.sum((vectors[:, keep].T @ onto) ** 2 / values[keep]))
+    # Correlated samples count as fewer: the same shares with the effective number of them.
+    f = (explained / rank) / max((square - explained) / (freedom - rank), 1e-300)
+    return float(stats.f.sf(f, rank, freedom - rank)), explained / square
+
+
+def _lag_one(fitted: Fitted) -> float:
+    rows = fitted.residual / fitted.sigma
+    return float(np.mean(np.sum(rows[1:] * rows[:-1], axis=1)) / max(np.mean(np.sum(rows**2, axis=1)), 1e-300))

@@ -1,0 +1,53 @@
+"""Noise floor: what no model can explain, in the measure of the errors (Euclidean for poses).
+
+From repeated visits where there are enough; else from close neighbours in joint space (the residual of poses that
+nearly coincide can differ by noise only: half the mean square of the differences, Rice 1984); else from the
+final fit, which is then an upper bound.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from exactarm.diagnose.problem import Fitted, Problem
+
+_CLOSE_RAD = 0.02
+_LEAST_PAIRS = 20
+
+
+@dataclass(frozen=True)
+class NoiseFloor:
+    """value in the unit of the errors; `measured` False: an upper bound from the fit itself."""
+
+    value: float
+    source: str
+    measured: bool
+
+
+def noise_floor(problem: Problem, final: Fitted) -> NoiseFloor:
+    """The best estimate that the data allow."""
+    unit = problem.error_of_unit_noise(final)
+    repeats = problem.repeat_noise(final)
+    if repeats is not None:
+        return NoiseFloor(repeats * unit, problem.repeat_source, True)
+    close = neighbour_noise(problem, final)
+    if close is not None and close < 1.0:
+        return NoiseFloor(close * unit, "differences between neighbouring poses", True)
+    return NoiseFloor(unit, "scatter that the final model leaves (an upper bound)", False)
+
+
+def neighbour_noise(problem: Problem, fitted: Fitted) -> float | None:
+    """Standard deviation of a whitened residual from pairs of rows closer than 0.02 rad in all joints."""
+    if problem.kind != "poses":
+        return None
+    keys = np.column_stack([fitted.view.q, 10.0 * problem.data.session])
+    distance, index = cKDTree(keys).query(keys, k=2)
+    close = (distance[:, 1] > 1e-9) & (distance[:, 1] < _CLOSE_RAD)
+    if close.sum() < _LEAST_PAIRS:
+        return None
+    rows = fitted.residual / fitted.sigma
+    difference = rows[close] - rows[index[close, 1]]
+    return float(np.sqrt(0.5 * np.mean(difference**2)))
