@@ -7,8 +7,9 @@ import numpy as np
 from exactarm.chain import Layout, predict_poses
 from exactarm.dataset import Dataset
 from exactarm.diagnose.problem import Fitted, Problem
-from exactarm.effects.base import Station
-from exactarm.identify.calibrate import CalibrationOptions, fit_identifiable, require_same_unit, require_sessions
+from exactarm.diagnose.next_poses import separating_poses
+from exactarm.effects.base import Effect, Station
+from exactarm.identify.calibrate import CalibrationOptions, calibrated_robot, fit_identifiable, require_same_unit, require_sessions
 from exactarm.identify.declared import carried_layout, frames_layout, geometry_layout, require_geometry
 from exactarm.identify.pose_fit import fit_poses
 from exactarm.robot import Robot
@@ -88,3 +89,9 @@ class PoseProblem(Problem):
         means = np.stack([np.bincount(inverse, white[:, k]) / counts for k in range(3)], axis=1)
         inside = white - means[inverse]
         return float(np.sqrt(np.sum(inside**2) / (3.0 * (counts - 1).sum())))
+
+    def updated_robot(self, fitted: Fitted) -> Robot:
+        return calibrated_robot(self.robot, fitted.layout, fitted.fit)
+
+    def separating_experiment(self, fitted: Fitted, one: Effect, other: Effect) -> str:
+        return separating_poses(self.robot, fitted, one, other, self.seed)

@@ -135,6 +135,23 @@ class Problem(ABC):
     def repeat_noise(self, fitted: Fitted) -> float | None:
         """Standard deviation of a residual component, in units of sigma, from repeated visits; None without."""
 
+    @abstractmethod
+    def updated_robot(self, fitted: Fitted) -> Robot:
+        """The robot with the re-identified parameters and the found effects."""
+
+    @abstractmethod
+    def separating_experiment(self, fitted: Fitted, one: Effect, other: Effect) -> str:
+        """In words, with numbers: the poses, speeds or loads that part two effects best."""
+
+    def usable(self, fitted: Fitted, data: Dataset) -> Dataset:
+        """The rows of `data` that no effect of the record leaves out."""
+        keep = np.ones(len(data), bool)
+        for effect in fitted.layout.effects:
+            kept = effect.keep(data)
+            if kept is not None:
+                keep &= kept
+        return data.select(keep)
+
     def correlation_factor(self, fitted: Fitted) -> float:
         """Independent numbers per number of data; below 1 where neighbouring samples are correlated."""
         return 1.0

@@ -19,6 +19,7 @@ from exactarm.identify.declared import carried_layout, frames_layout, geometry_l
 from exactarm.identify.identifiability import Identifiability, select_identifiable
 from exactarm.identify.pose_fit import PoseFit, fit_poses
 from exactarm.identify.statistics import ErrorSummary, summarise
+from exactarm.regression import Fit
 from exactarm.robot import Placement, Robot
 
 _UNIT_RATIO = 30.0  # measured and modelled spread differ by more: another unit was meant
@@ -84,7 +85,7 @@ def calibrate(robot: Robot, data: Dataset, options: CalibrationOptions = Calibra
     error_after = np.linalg.norm(residual, axis=1)
     parts = {"identification": identification, "validation": ~identification}
     return Calibration(
-        robot=calibrated_robot(robot, fit),
+        robot=calibrated_robot(robot, fit.layout, fit.fit),
         fit=fit,
         identification=identification,
         error_before=error_before,
@@ -172,17 +173,18 @@ def require_enough(layout: Layout, data: Dataset, orientation: bool) -> None:
         )
 
 
-def calibrated_robot(robot: Robot, fit: PoseFit) -> Robot:
+def calibrated_robot(robot: Robot, layout: Layout, fit: Fit) -> Robot:
     """The robot with the estimates in its tables, found effects beside them, and the intervals on record."""
     result = robot
-    for effect in fit.layout.effects:
-        result = effect.bake(result)
-    sessions = [effect for effect in fit.layout.effects if hasattr(effect, "session")]
+    for effect in layout.effects:
+        if effect.declared:
+            result = effect.bake(result)
+    sessions = [effect for effect in layout.effects if hasattr(effect, "session")]
     base, tool = robot.base, robot.tool
     if sessions:
         base, tool = sessions[0].place(sessions[0].session, Placement(), Placement())
-    own = tuple(effect for effect in fit.layout.effects if not effect.declared)
-    pairs = zip(fit.layout.names, fit.fit.interval())
+    own = tuple(effect for effect in layout.effects if not effect.declared)
+    pairs = zip(layout.names, fit.interval())
     intervals = dict(robot.intervals) | {name: (float(low), float(high)) for name, (low, high) in pairs}
     return replace(result, base=base, tool=tool, effects=own, intervals=intervals)
 

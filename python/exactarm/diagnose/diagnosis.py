@@ -1,0 +1,207 @@
+"""Diagnosis: from data to a verdict.
+
+The declared model re-identified, the effects that the residual asks for, what they earn on rows that chose nothing,
+who else could have explained it, and what is still unexplained.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from exactarm.chain import Layout
+from exactarm.dataset import Dataset
+from exactarm.diagnose.confusion import collides, next_experiment
+from exactarm.diagnose.dossier import Dossier, dossier
+from exactarm.diagnose.noise import NoiseFloor, noise_floor
+from exactarm.diagnose.problem import Fitted, Problem
+from exactarm.diagnose.problems import problem_for
+from exactarm.diagnose.scan import Candidate
+from exactarm.diagnose.selection import Accepted, Progress, Selection, select
+from exactarm.effects.base import Effect
+from exactarm.errors import InputError
+from exactarm.identify.statistics import ErrorSummary, summarise
+from exactarm.robot import Robot
+
+EXPLAINED, NOTHING, UNEXPLAINED = "explained", "no_undeclared_effect", "unexplained"
+_NOISE_REACHED = 1.25  # RMS after, beside the noise floor
+_SHARE_EXPLAINED = 0.5  # of the square sum above the noise; less, and the cause is not found
+_SHARE_LEFT = 0.10  # of the square sum that a signal still has to explain to count as structure
+_RIVALS = 3
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One effect that was added: values with 95 % intervals (k, 2), errors on the validation rows, certainty."""
+
+    effect: Effect
+    intervals: np.ndarray
+    rms_before: float
+    rms_after: float
+    probability: float
+    evidence: str
+
+
+@dataclass(frozen=True)
+class Alternative:
+    """A rival of a finding: what it would leave on the validation rows, and whether this data can tell them apart."""
+
+    effect: Effect
+    instead_of: str
+    rms_after: float
+    probability: float
+    collides: bool
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """Everything that a report says; errors (N,) are per judged number of the rows of `data`."""
+
+    robot: Robot
+    kind: str
+    unit: str
+    noise: NoiseFloor
+    before: dict[str, ErrorSummary]
+    after: dict[str, ErrorSummary]
+    findings: tuple[Finding, ...]
+    alternatives: tuple[Alternative, ...]
+    verdict: str
+    sentence: str
+    next_experiment: str | None
+    dossier_before: Dossier
+    dossier_after: Dossier
+    errors_before: dict[str, np.ndarray]
+    errors_after: dict[str, np.ndarray]
+    selection: Selection
+    problem: Problem
+    excluded: int
+
+
+def diagnose(
+    robot: Robot, data: Dataset, *, seed: int = 0, threads: int = 1, progress: Progress = lambda text: None
+) -> Diagnosis:
+    """Finds what the model of `robot` lacks on `data` (of one kind); validation rows choose nothing."""
+    identification = data.split(seed)
+    train, held_out = data.select(identification), data.select(~identification)
+    problem = problem_for(robot, train, held_out, threads, seed)
+    declared = problem.declared()
+    selection = select(problem, declared, progress)
+    first, last = selection.fits[0], selection.fits[-1]
+    progress("what is left")
+    noise = noise_floor(problem, last)
+    left, had = dossier(problem, last), dossier(problem, first)
+    errors = [_errors(problem, fitted) for fitted in selection.fits]
+    before = {name: summarise(values) for name, values in errors[0].items()}
+    after = {name: summarise(values) for name, values in errors[-1].items()}
+    findings = tuple(
+        _finding(accepted, last, declared, place, errors[place], errors[place + 1], noise, problem)
+        for place, accepted in enumerate(selection.accepted)
+    )
+    alternatives = _alternatives(problem, declared, selection)
+    verdict = _verdict(problem, before, after, noise, left, bool(findings))
+    return Diagnosis(
+        robot=_updated(robot, last, declared, problem),
+        kind=problem.kind,
+        unit=problem.unit,
+        noise=noise,
+        before=before,
+        after=after,
+        findings=findings,
+        alternatives=alternatives,
+        verdict=verdict,
+        sentence=_sentence(verdict, findings, alternatives, before, after, problem, left),
+        next_experiment=next_experiment(problem, last, findings, alternatives),
+        dossier_before=had,
+        dossier_after=left,
+        errors_before=errors[0],
+        errors_after=errors[-1],
+        selection=selection,
+        problem=problem,
+        excluded=int(np.sum(last.weight == 0.0)),
+    )
+
+
+def _errors(problem: Problem, fitted: Fitted) -> dict[str, np.ndarray]:
+    used = problem.data.select(fitted.weight > 0)
+    held = problem.held_out
+    return {
+        "identification": problem.errors(fitted, used),
+        "validation": problem.errors(fitted, problem.usable(fitted, held)) if len(held) else np.zeros(0),
+    }
+
+
+def _finding(accepted: Accepted, last, declared, place, before, after, noise, problem) -> Finding:
+    index = len(declared.effects) + place
+    effect, where, free = last.layout.effects[index], last.layout.slices[index], last.layout.free[index]
+    intervals = np.column_stack([effect.values, effect.values]).astype(float)
+    intervals[free] = last.fit.interval()[where]
+    judged = "validation" if before["validation"].size else "identification"
+    rms = lambda values: float(np.sqrt(np.mean(values**2))) if values.size else float("nan")
+    return Finding(
+        effect,
+        intervals,
+        rms(before[judged]),
+        rms(after[judged]),
+        accepted.probability,
+        f"{effect.describe()}; log evidence {accepted.evidence:.0f} over a model without it, "
+        f"{judged} RMS {rms(before[judged]):.3g} to {rms(after[judged]):.3g} {problem.unit}",
+    )
+
+
+def _alternatives(problem: Problem, declared: Layout, selection: Selection) -> tuple[Alternative, ...]:
+    """The strongest rivals of each finding, each fitted in its place."""
+    chosen = [a.effect for a in selection.accepted]
+    last = selection.fits[-1]
+    found = []
+    for place, accepted in enumerate(selection.accepted):
+        rest = chosen[:place] + chosen[place + 1 :]
+        for rival in [r for r in accepted.rivals if r.evidence > 0.0][:_RIVALS]:
+            fitted = problem.fit(declared.joined(Layout.of(tuple(rest + [rival.effect]))), last.weight)
+            judged = _errors(problem, fitted)
+            values = judged["validation"] if judged["validation"].size else judged["identification"]
+            probability = float(np.exp(min(rival.evidence - accepted.evidence, 0.0)) * accepted.probability)
+            found.append(Alternative(
+                fitted.layout.effects[-1], accepted.effect.label, float(np.sqrt(np.mean(values**2))), probability,
+                collides(last, accepted.effect, rival.effect),
+            ))
+    return tuple(sorted(found, key=lambda a: -a.probability))
+
+
+def _verdict(problem, before, after, noise: NoiseFloor, left: Dossier, found: bool) -> str:
+    judged = "validation" if after["validation"].n else "identification"
+    rms_before, rms_after = before[judged].rms, after[judged].rms
+    above, remaining = rms_before**2 - noise.value**2, rms_after**2 - noise.value**2
+    strongest = left.strongest
+    still = left.structure and strongest.share > _SHARE_LEFT
+    if noise.measured:
+        still = still or (rms_after > _NOISE_REACHED * noise.value and left.structure)
+        still = still and remaining > (1.0 - _SHARE_EXPLAINED) * max(above, 1e-300)
+    if still:
+        return UNEXPLAINED
+    return EXPLAINED if found else NOTHING
+
+
+def _updated(robot: Robot, last: Fitted, declared: Layout, problem: Problem) -> Robot:
+    return problem.updated_robot(last)
+
+
+def _sentence(verdict, findings, alternatives, before, after, problem, left: Dossier) -> str:
+    """The verdict in one sentence that a technician understands."""
+    judged = "validation" if after["validation"].n else "identification"
+    if findings:
+        causes = ", ".join(f.effect.label.replace("_", " ") for f in findings[:3])
+        more = f" and {len(findings) - 3} more" if len(findings) > 3 else ""
+        fall = 1.0 - after[judged].rms / before[judged].rms
+        text = f"The model lacks {causes}{more}; with them the {judged} RMS error falls by {100 * fall:.0f} %."
+        doubtful = [a for a in alternatives if a.collides]
+        if doubtful:
+            a = doubtful[0]
+            text += f" This data cannot tell {a.instead_of.replace('_', ' ')} from {a.effect.label.replace('_', ' ')}."
+        if verdict == UNEXPLAINED and left.strongest:
+            text += f" A structure is left that nothing in the library explains; it follows the {left.strongest.signal}."
+        return text
+    if verdict == UNEXPLAINED and left.strongest:
+        return (f"The residual has a structure that nothing in the library explains; it follows the "
+                f"{left.strongest.signal} best, along {left.strongest.direction}.")
+    return "Nothing is missing: the residual of the declared model cannot be told from noise."

@@ -1,0 +1,18 @@
+"""Which problem class analyses which kind of data."""
+
+from __future__ import annotations
+
+from exactarm.dataset import Dataset
+from exactarm.diagnose.pose_problem import PoseProblem
+from exactarm.diagnose.problem import Problem
+from exactarm.errors import InputError
+from exactarm.robot import Robot
+
+PROBLEMS: dict[str, type[Problem]] = {cls.kind: cls for cls in (PoseProblem,)}
+
+
+def problem_for(robot: Robot, data: Dataset, held_out: Dataset, threads: int, seed: int) -> Problem:
+    """The problem of the data's kind. Raises InputError for a kind that cannot be diagnosed."""
+    if data.kind not in PROBLEMS:
+        raise InputError(f"diagnosis reads {', '.join(PROBLEMS)}; found {data.kind}")
+    return PROBLEMS[data.kind](robot, data, held_out, threads, seed)
