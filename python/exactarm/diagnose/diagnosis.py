@@ -18,7 +18,7 @@ from exactarm.diagnose.noise import NoiseFloor, noise_floor
 from exactarm.diagnose.problem import Fitted, Problem
 from exactarm.diagnose.problems import problem_for
 from exactarm.diagnose.scan import Candidate
-from exactarm.diagnose.selection import Accepted, Progress, Selection, select
+from exactarm.diagnose.selection import Accepted, Progress, Selection, refit, select
 from exactarm.effects.base import Effect
 from exactarm.errors import InputError
 from exactarm.identify.statistics import ErrorSummary, summarise
@@ -28,7 +28,7 @@ EXPLAINED, NOTHING, UNEXPLAINED = "explained", "no_undeclared_effect", "unexplai
 _NOISE_REACHED = 1.25  # RMS after, beside the noise floor
 _SHARE_EXPLAINED = 0.5  # of the square sum above the noise; less, and the cause is not found
 _SHARE_LEFT = 0.10  # of the square sum that a signal still has to explain to count as structure
-_RIVALS = 3
+_RIVALS_EACH, _RIVALS = 2, 5
 
 
 @dataclass(frozen=True)
@@ -150,21 +150,25 @@ def _finding(accepted: Accepted, last, declared, place, before, after, noise, pr
 
 
 def _alternatives(problem: Problem, declared: Layout, selection: Selection) -> tuple[Alternative, ...]:
-    """The strongest rivals of each finding, each fitted in its place."""
+    """The strongest rivals of the findings, each fitted in its place."""
     chosen = [a.effect for a in selection.accepted]
     last = selection.fits[-1]
+    strongest = sorted(
+        ((rival, place) for place, a in enumerate(selection.accepted) for rival in a.rivals[:_RIVALS_EACH]
+         if rival.evidence > 0.0),
+        key=lambda pair: selection.accepted[pair[1]].evidence - pair[0].evidence,
+    )
     found = []
-    for place, accepted in enumerate(selection.accepted):
-        rest = chosen[:place] + chosen[place + 1 :]
-        for rival in [r for r in accepted.rivals if r.evidence > 0.0][:_RIVALS]:
-            fitted = problem.fit(declared.joined(Layout.of(tuple(rest + [rival.effect]))), last.weight)
-            judged = _errors(problem, fitted)
-            values = judged["validation"] if judged["validation"].size else judged["identification"]
-            probability = float(np.exp(min(rival.evidence - accepted.evidence, 0.0)) * accepted.probability)
-            found.append(Alternative(
-                fitted.layout.effects[-1], accepted.effect.label, float(np.sqrt(np.mean(values**2))), probability,
-                collides(last, accepted.effect, rival.effect),
-            ))
+    for rival, place in strongest[:_RIVALS]:
+        accepted = selection.accepted[place]
+        fitted = refit(problem, declared, chosen[:place] + [rival.effect] + chosen[place + 1 :], last)
+        judged = _errors(problem, fitted)
+        values = judged["validation"] if judged["validation"].size else judged["identification"]
+        probability = float(np.exp(min(rival.evidence - accepted.evidence, 0.0)) * accepted.probability)
+        found.append(Alternative(
+            fitted.layout.effects[len(declared.effects) + place], accepted.effect.label,
+            float(np.sqrt(np.mean(values**2))), probability, collides(last, accepted.effect, rival.effect),
+        ))
     return tuple(sorted(found, key=lambda a: -a.probability))
 
 

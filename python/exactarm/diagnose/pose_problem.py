@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from exactarm.chain import Layout, predict_poses
+from exactarm.chain import Layout, View, predict_poses
 from exactarm.dataset import Dataset
 from exactarm.diagnose.problem import Fitted, Problem
 from exactarm.diagnose.next_poses import separating_poses
@@ -37,10 +37,11 @@ class PoseProblem(Problem):
         fit, _ = fit_identifiable(self.robot, layout, self.data, self.orientation, options)
         return fit.layout
 
-    def fit(self, layout: Layout, weight: np.ndarray | None = None) -> Fitted:
+    def fit(self, layout: Layout, weight: np.ndarray | None = None, sigma: np.ndarray | None = None) -> Fitted:
         weight = np.ones(len(self.data)) if weight is None else weight
         result = fit_poses(
-            self.robot, layout, self.data, orientation=self.orientation, weights=weight, threads=self.threads
+            self.robot, layout, self.data, orientation=self.orientation, weights=weight, threads=self.threads,
+            sigma=None if sigma is None else sigma[::3],
         )
         prediction = predict_poses(self.robot, result.layout, self.data, threads=self.threads)
         residual = prediction.residual(self.orientation)
@@ -53,6 +54,9 @@ class PoseProblem(Problem):
     def errors(self, fitted: Fitted, data: Dataset) -> np.ndarray:
         prediction = predict_poses(self.robot, fitted.layout, data, tangents=False, threads=self.threads)
         return np.linalg.norm(prediction.residual(), axis=1)
+
+    def view(self, fitted: Fitted, data: Dataset) -> View:
+        return predict_poses(self.robot, fitted.layout, data, tangents=False, threads=self.threads).view
 
     def groups(self) -> np.ndarray:
         return pose_groups(self.data)

@@ -8,7 +8,7 @@ are not in the model yet.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -53,6 +53,21 @@ class Fitted:
         """(N m + r,) the residual with unit variance, then the pseudo-residuals of the priors."""
         return np.concatenate([(self.residual * self.scale).ravel(), -self.prior_rows @ self.layout.values])
 
+    @cached_property
+    def free_residual(self) -> np.ndarray:
+        """The whitened residual without what the free parameters could still explain."""
+        return self.whitened - self.basis @ (self.basis.T @ self.whitened)
+
+    def without(self, index: int) -> "Fitted":
+        """The linear picture of the fit without the effect at `index` of the layout."""
+        where = self.layout.slices[index]
+        keep = np.ones(self.layout.size, bool)
+        keep[where] = False
+        effects = self.layout.effects[:index] + self.layout.effects[index + 1 :]
+        layout = Layout(effects, self.layout.free[:index] + self.layout.free[index + 1 :])
+        residual = self.residual + self.jacobian[:, :, where] @ self.layout.values[where]
+        return replace(self, layout=layout, residual=residual, jacobian=self.jacobian[:, :, keep])
+
     @property
     def data_numbers(self) -> int:
         """N m: so many entries of `whitened` are data."""
@@ -74,6 +89,16 @@ class Fitted:
         response = self.view.response(effect)[:, : self.residual.shape[1]]
         data = (response * self.scale[:, :, None]).reshape(self.data_numbers, -1)
         return np.concatenate([data, np.zeros((len(self.prior_rows), data.shape[1]))])
+
+
+def rows_kept(layout: Layout, view: View) -> np.ndarray:
+    """(N,) bool: rows that every effect of the layout keeps."""
+    keep = np.ones(view.rows, bool)
+    for effect in layout.effects:
+        kept = effect.keep(view)
+        if kept is not None:
+            keep &= kept
+    return keep
 
 
 def orthonormal(columns: np.ndarray) -> np.ndarray:
@@ -108,8 +133,11 @@ class Problem(ABC):
         """The declared model, ready to be re-identified; parameters that the data cannot tell are held."""
 
     @abstractmethod
-    def fit(self, layout: Layout, weight: np.ndarray | None = None) -> Fitted:
-        """Estimates the free parameters of `layout` on the identification rows (weight (N,) 0 or 1)."""
+    def fit(self, layout: Layout, weight: np.ndarray | None = None, sigma: np.ndarray | None = None) -> Fitted:
+        """Estimates the free parameters of `layout` on the identification rows (weight (N,) 0 or 1).
+
+        sigma (m,): first guess of the standard deviations of the components, from an earlier fit.
+        """
 
     @abstractmethod
     def errors(self, fitted: Fitted, data: Dataset) -> np.ndarray:
@@ -145,12 +173,11 @@ class Problem(ABC):
 
     def usable(self, fitted: Fitted, data: Dataset) -> Dataset:
         """The rows of `data` that no effect of the record leaves out."""
-        keep = np.ones(len(data), bool)
-        for effect in fitted.layout.effects:
-            kept = effect.keep(data)
-            if kept is not None:
-                keep &= kept
-        return data.select(keep)
+        return data.select(rows_kept(fitted.layout, self.view(fitted, data)))
+
+    @abstractmethod
+    def view(self, fitted: Fitted, data: Dataset) -> View:
+        """The chain evaluated on any rows."""
 
     def correlation_factor(self, fitted: Fitted) -> float:
         """Independent numbers per number of data; below 1 where neighbouring samples are correlated."""

@@ -66,7 +66,8 @@ def free_mask(effect: Effect) -> np.ndarray:
 
 def scan(fitted: Fitted, candidates: list[Effect], count: float) -> list[Candidate]:
     """All candidates, best evidence first; of each (name, axis) only its best point."""
-    residual, square = fitted.whitened, float(fitted.whitened @ fitted.whitened)
+    residual = fitted.free_residual
+    square = float(residual @ residual)
     best: dict[str, Candidate] = {}
     families = len({effect.label for effect in candidates})
     variants = [(effect, point) for effect in candidates for point in grid(effect)]
@@ -76,6 +77,10 @@ def scan(fitted: Fitted, candidates: list[Effect], count: float) -> list[Candida
     block: list[tuple[Effect, np.ndarray]] = []
     width = 0
     for _, point in variants:
+        kept = point.keep(fitted.view)
+        if kept is not None:
+            best[point.label] = _excluding(fitted, point, kept, count, families)
+            continue
         columns = fitted.columns(point)[:, free_mask(point)]
         block.append((point, columns))
         width += columns.shape[1]
@@ -85,6 +90,15 @@ def scan(fitted: Fitted, candidates: list[Effect], count: float) -> list[Candida
     if block:
         _score_block(fitted, block, residual, square, count, tried, families, best)
     return sorted(best.values(), key=lambda c: -c.evidence)
+
+
+def _excluding(fitted: Fitted, point: Effect, kept: np.ndarray, count: float, families: int) -> Candidate:
+    """An effect that leaves rows out earns their square sum and pays a parameter for every number left out."""
+    rows = fitted.residual * fitted.scale
+    out = ~kept & (fitted.weight > 0)
+    gain, free = float(np.sum(rows[out] ** 2)), int(out.sum()) * rows.shape[1]
+    square = float(fitted.whitened @ fitted.whitened)
+    return Candidate(point, gain, free, 1, log_evidence(square, gain, count, free, families))
 
 
 def _score_block(fitted, block, residual, square, count, tried, families, best) -> None:

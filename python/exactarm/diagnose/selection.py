@@ -15,7 +15,7 @@ import numpy as np
 
 from exactarm.chain import Layout
 from exactarm.diagnose.cross_validation import folds_of, held_out_squares
-from exactarm.diagnose.problem import Fitted, Problem
+from exactarm.diagnose.problem import Fitted, Problem, rows_kept
 from exactarm.diagnose.scan import Candidate, free_mask, log_evidence, prior_of, scan
 from exactarm.effects import library
 from exactarm.effects.base import Effect
@@ -73,10 +73,12 @@ def select(problem: Problem, declared: Layout, progress: Progress = lambda text:
             break
         chosen, fitted = step
     chosen, fitted = _prune(problem, declared, chosen, fitted)
-    chosen, accepted = _contest(problem, declared, chosen, fitted, progress)
+    chosen, accepted, fitted = _contest(problem, declared, chosen, fitted, progress)
     fits = [base]
-    for count in range(1, len(chosen) + 1):
-        fits.append(_fit(problem, declared, chosen[:count]))
+    for count in range(1, len(chosen)):
+        fits.append(refit(problem, declared, chosen[:count], fits[-1]))
+    if chosen:
+        fits.append(fitted)
     return Selection(tuple(fits), tuple(accepted), ranking, first_ranking)
 
 
@@ -84,13 +86,18 @@ def _count(problem: Problem, fitted: Fitted) -> float:
     return problem.correlation_factor(fitted) * float(np.count_nonzero(fitted.whitened)) or 1.0
 
 
-def _fit(problem: Problem, declared: Layout, effects: list[Effect]) -> Fitted:
-    weight = np.ones(len(problem.data))
-    for effect in effects:
-        keep = effect.keep(problem.data)
-        if keep is not None:
-            weight = weight * keep
-    return problem.fit(declared.joined(Layout.of(tuple(effects))), weight)
+def refit(problem: Problem, declared: Layout, effects: list[Effect], last: Fitted) -> Fitted:
+    """The joint fit, started from the last one; effects of the record judge the rows by the last one too."""
+    start = _warm(declared, last)
+    effects = [effect.renewed(last.view) for effect in effects]
+    layout = start.joined(Layout.of(tuple(effects)))
+    return problem.fit(layout, rows_kept(layout, last.view).astype(float), last.sigma)
+
+
+def _warm(declared: Layout, last: Fitted) -> Layout:
+    """The declared layout at the values of the last fit, whose first effects are the declared ones."""
+    count = len(declared.effects)
+    return Layout(last.layout.effects[:count], declared.free)
 
 
 def _best_addition(problem, declared, chosen, fitted, ranking):
@@ -102,7 +109,7 @@ def _best_addition(problem, declared, chosen, fitted, ranking):
             return None
         if not _worth(fitted, candidate.effect, folds, without):
             continue
-        trial = _fit(problem, declared, chosen + [candidate.effect])
+        trial = refit(problem, declared, chosen + [candidate.effect], fitted)
         fall = fitted.square(fitted.sigma) - trial.square(fitted.sigma)
         if fall >= _KEPT_GAIN * candidate.gain or _excludes(candidate.effect):
             return [*trial.layout.effects[len(declared.effects):]], trial
@@ -124,22 +131,27 @@ def _worth(fitted: Fitted, effect: Effect, folds: np.ndarray, without: np.ndarra
 
 def _prune(problem, declared, chosen, fitted):
     """Backward: takes out every effect whose evidence, with all others in, has gone."""
-    removed = True
-    while removed and len(chosen) > 1:
-        removed = False
-        for effect in list(chosen):
-            if _excludes(effect):
-                continue
-            rest = [e for e in chosen if e is not effect]
-            trial = _fit(problem, declared, rest)
-            square = trial.square(trial.sigma)
-            gain = square - fitted.square(trial.sigma)
-            evidence = log_evidence(square, gain, _count(problem, trial), int(free_mask(effect).sum()), 1.0)
-            if evidence < LEAST_EVIDENCE or gain < LEAST_SHARE * square:
-                chosen = [*trial.layout.effects[len(declared.effects):]]
-                fitted, removed = trial, True
-                break
+    place = 0
+    while place < len(chosen):
+        index = len(declared.effects) + place
+        without = fitted.without(index)
+        own = None if _excludes(chosen[place]) else scan(without, [_emptied(chosen[place])], _count(problem, without))[0]
+        if own is not None and (own.evidence < LEAST_EVIDENCE or own.gain < LEAST_SHARE * _square(without)):
+            fitted = refit(problem, declared, chosen[:place] + chosen[place + 1 :], fitted)
+            chosen = [*fitted.layout.effects[len(declared.effects):]]
+            place = 0
+        else:
+            place += 1
     return chosen, fitted
+
+
+def _square(fitted: Fitted) -> float:
+    return float(fitted.free_residual @ fitted.free_residual)
+
+
+def _emptied(effect: Effect) -> Effect:
+    """The effect with its linear parameters at zero, its non-linear ones where they are."""
+    return effect.with_values(np.where(free_mask(effect), 0.0, effect.values))
 
 
 def _contest(problem, declared, chosen, fitted, progress):
@@ -147,22 +159,24 @@ def _contest(problem, declared, chosen, fitted, progress):
     accepted: list[Accepted] = []
     for place in range(len(chosen)):
         progress(f"contest for {chosen[place].label}")
-        rest = chosen[:place] + chosen[place + 1 :]
-        without = _fit(problem, declared, rest)
-        rest = [*without.layout.effects[len(declared.effects):]]
-        ranking = scan(without, candidates_for(problem, without), _count(problem, without))
+        without = fitted.without(len(declared.effects) + place)
+        count = _count(problem, without)
+        field = candidates_for(problem, without)
+        if not _excludes(chosen[place]):
+            field = field + [_emptied(chosen[place])]
+        ranking = scan(without, field, count)
+        own = next((c for c in ranking if c.label == chosen[place].label), None)
         winner = ranking[0]
-        own = next((c for c in ranking if c.label == chosen[place].label), winner)
-        effect = chosen[place]
-        if winner.label != effect.label and winner.evidence > own.evidence + 1.0:
-            trial = _fit(problem, declared, rest[:place] + [winner.effect] + rest[place:])
+        if own is not None and winner.label != own.label and winner.evidence > own.evidence + 1.0:
+            trial = refit(problem, declared, chosen[:place] + [winner.effect] + chosen[place + 1 :], fitted)
             if trial.square(fitted.sigma) < fitted.square(fitted.sigma):
                 fitted, own = trial, winner
                 chosen = [*trial.layout.effects[len(declared.effects):]]
-                effect = chosen[place]
+        effect = chosen[place]
         rivals = tuple(c for c in ranking if c.label != effect.label)
+        own = own or Candidate(effect, 0.0, 0, 1, LEAST_EVIDENCE)
         accepted.append(Accepted(effect, own.evidence, probability(own, ranking), rivals[:8]))
-    return chosen, accepted
+    return chosen, accepted, fitted
 
 
 def probability(candidate: Candidate, ranking: list[Candidate]) -> float:

@@ -31,7 +31,6 @@ import numpy as np
 
 if TYPE_CHECKING:
     from exactarm.chain import View
-    from exactarm.dataset import Dataset
     from exactarm.robot import Placement, Robot
 
 
@@ -156,9 +155,13 @@ class Effect(ABC):
         """Base and tool frames of a session; only the effects that are frames change them."""
         return base, tool
 
-    def keep(self, data: "Dataset") -> np.ndarray | None:
+    def keep(self, view: "View") -> np.ndarray | None:
         """Rows (N,) bool that are to be used; None = all. Only effects of the record (outliers) say otherwise."""
         return None
+
+    def renewed(self, view: "View") -> "Effect":
+        """The effect with what it takes from the residual itself taken anew (a threshold); others stay as they are."""
+        return self
 
     # -- in the robot file ------------------------------------------------------------------------
     def to_table(self) -> dict[str, float | int | str]:

@@ -1,6 +1,7 @@
 """Gear harmonics: orders of the non-constant gear ratio that the declared tables lack (thesis (2.9) to (2.14), E5).
 
-The same in both directions of motion. Orders of one rotating element and its multiples belong together.
+Or, where many orders act together (an encoder disc, the teeth of a strain wave gear on both sides), all of them as one
+regularised curve of the output angle: between poses, a free Fourier series would explode. The same in both directions of motion. Orders of one rotating element and its multiples belong together.
 """
 
 from __future__ import annotations
@@ -10,6 +11,9 @@ from typing import ClassVar, Iterable
 
 from exactarm.effects.base import Effect
 from exactarm.effects.harmonic_family import HarmonicFamily, searched_orders
+
+_CURVE_ORDERS = 60
+_CURVE_AMPLITUDES_RAD = (3e-5, 1e-4)  # per order; the evidence chooses
 
 
 @dataclass(frozen=True)
@@ -28,3 +32,5 @@ class GearHarmonics(HarmonicFamily):
             orders = searched_orders(robot, view, index)
             if len(orders):
                 yield cls.zero(index + 1, orders)
+            if view.kind == "poses":
+                yield from (cls.curve(index + 1, _CURVE_ORDERS, amplitude) for amplitude in _CURVE_AMPLITUDES_RAD)

@@ -19,16 +19,19 @@ from exactarm.signals import strongest_orders
 
 _POSE_MULTIPLES = 2  # of the ratio: the highest order that poses are searched for
 _RATIO_UNKNOWN = 100.0
+_CURVE_KNEE = 25.0  # order above which the amplitudes of a gear or encoder curve fall (cycles per revolution)
 
 
 @dataclass(frozen=True)
 class HarmonicFamily(Effect):
     """values: order of the element (cycles per output revolution), then a_k, b_k for its multiples k = 1, 2, ...
 
-    `search`: orders to be tried; empty once the order is known.
+    `search`: orders to be tried; empty once the order is known. `curve_rad` > 0: all orders together as one smooth
+    curve of the angle, each term regularised by a Gaussian prior of that amplitude that falls above `_CURVE_KNEE`.
     """
 
     search: tuple[float, ...] = ()
+    curve_rad: float = 0.0
 
     station = Station.GEAR
     repeatable = True
@@ -45,14 +48,27 @@ class HarmonicFamily(Effect):
         search = tuple(float(order) for order in search)
         return cls(joint, (search[0],) + (0.0, 0.0) * multiples, search)
 
+    @classmethod
+    def curve(cls, joint: int, multiples: int, amplitude_rad: float) -> "HarmonicFamily":
+        """Orders 1 to `multiples` together, without any size yet."""
+        return cls(joint, (1.0,) + (0.0, 0.0) * multiples, (), amplitude_rad)
+
     @property
     def multiples(self) -> int:
         return (len(self.values) - 1) // 2
 
     def parameters(self) -> tuple[Parameter, ...]:
         each = [f"{c}_{k + 1}{self.unit}" for k in range(self.multiples) for c in "ab"]
-        order = Parameter("order_per_rev", 1.0, 0.2, 2000.0, search=self.search)
-        return (order, *(Parameter(name, self.plausible) for name in each))
+        order = Parameter("order_per_rev", 1.0, 0.2, 2000.0, fixed=self.curve_rad > 0.0, search=self.search)
+        priors = np.repeat(self._priors(), 2)
+        return (order, *(Parameter(name, self.plausible, prior=float(p)) for name, p in zip(each, priors)))
+
+    def _priors(self) -> np.ndarray:
+        """(K,) standard deviations of a_k and b_k: an angle amplitude times the order."""
+        if self.curve_rad == 0.0:
+            return np.full(self.multiples, np.inf)
+        orders = self.values[0] * np.arange(1, self.multiples + 1)
+        return self.curve_rad * orders / np.maximum(1.0, orders / _CURVE_KNEE) ** 1.5
 
     def parameter_label(self, parameter: Parameter) -> str:
         return f"{self.label}_order_{self.values[0]:.0f}.{parameter.name}"

@@ -39,6 +39,9 @@ class Outliers(Effect):
     def keep(self, view) -> np.ndarray:
         return np.linalg.norm(view.data.position - view.measured, axis=1) <= self.values[0]
 
+    def renewed(self, view) -> Effect:
+        return self.with_values((self.threshold(view.data.position - view.measured),))
+
     @staticmethod
     def threshold(residual: np.ndarray) -> float:
         """From residuals (N, 3): what a good row hardly ever exceeds."""

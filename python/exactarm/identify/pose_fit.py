@@ -46,8 +46,10 @@ def fit_poses(
     robust: bool = False,
     weights: np.ndarray | None = None,
     threads: int = 1,
+    sigma: np.ndarray | None = None,
 ) -> PoseFit:
-    """Estimates the free parameters of `layout` from all rows of `data`; `weights` (N,) per row, 0 leaves it out."""
+    """Estimates the free parameters of `layout` from all rows of `data`. `weights` (N,) per row, 0 leaves
+    it out; `sigma` (1,) or (2,): first guess of the standard deviations (m, rad)."""
     rows = len(data.session)
     row_weight = np.ones(rows) if weights is None else weights
     lower = np.array([p.lower for p in layout.parameters])
@@ -65,7 +67,7 @@ def fit_poses(
         return Evaluation(np.concatenate([residual.ravel(), -pull @ x]), jacobian)
 
     kinds = 2 if orientation else 1
-    sigma = np.full(kinds, 1e-4)
+    sigma = np.full(kinds, 1e-4) if sigma is None else np.asarray(sigma, float)
     x = layout.values
     for _ in range(_VARIANCE_ROUNDS if orientation or len(pull) else 1):
         each = np.repeat(1.0 / sigma, 3)
