@@ -22,8 +22,11 @@ def declared_output_angle(view: View) -> tuple[np.ndarray, np.ndarray]:
         for direction, table in direction_tables(joint):
             rows = view.direction[:, i] == direction
             if rows.any():
-                phi[rows, i] = _core.gear_output_angle(joint.ratio, table, view.theta[rows, i])
-                slope[rows, i] = 1.0 / _core.gear_ratio(joint.ratio, table, phi[rows, i], 0)
+                theta = view.theta[rows, i]
+                theta = theta[:1] if np.ptp(theta) == 0.0 else theta  # an axis that stands still needs one row
+                output = _core.gear_output_angle(joint.ratio, table, theta)
+                phi[rows, i] = output
+                slope[rows, i] = 1.0 / _core.gear_ratio(joint.ratio, table, output, 0)
     return phi, slope
 
 

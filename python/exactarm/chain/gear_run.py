@@ -81,7 +81,7 @@ def predict_gear_run(
     view.signals |= {"theta": record.theta.copy(), "theta_dot": record.theta_dot, "direction": record.direction}
     view.signals["keep"] = record.keep.astype(float)
     nominal = record.theta / robot.ratios + robot.offsets
-    passed = _joint_angles(view, layout)
+    passed = _joint_angles(view, layout, tangents)
     view.signals["q_dot"] = record.rate(view.q)
     if record.encoder_axes:
         weights = np.zeros((view.rows, len(record.encoder_axes), view.axes))
@@ -103,10 +103,14 @@ def predict_gear_run(
     return GearRunPrediction(view.measured, observed, jacobian, along, view)
 
 
-def _pass(view: View, layout: Layout, station: Station, signal: str, passed: list[Recorded]) -> None:
+def _pass(
+    view: View, layout: Layout, station: Station, signal: str, passed: list[Recorded], derivatives: bool = True
+) -> None:
     """Adds the changes at a station to the signal's values and records them for the tangents."""
     for index, effect in enumerate(layout.effects):
         if acts(effect, view, station):
+            if effect.only_in_tables and not derivatives:
+                continue
             change = effect.change(view)
             values = view.signals[signal].copy()
             values[:, change.columns] += change.value
@@ -114,7 +118,7 @@ def _pass(view: View, layout: Layout, station: Station, signal: str, passed: lis
             passed.append(Recorded(index, station, change, layout))
 
 
-def _joint_angles(view: View, layout: Layout) -> list[Recorded]:
+def _joint_angles(view: View, layout: Layout, derivatives: bool) -> list[Recorded]:
     """Fills theta, phi, torque, q; returns the changes of the last pass."""
     first: list[Recorded] = []
     _pass(view, layout, Station.MOTOR, "theta", first)
@@ -122,18 +126,23 @@ def _joint_angles(view: View, layout: Layout) -> list[Recorded]:
     view.signals["gear_slope"] = slope
     view.signals["q"] = declared + view.robot.offsets
     load = None if view.has_masses else _measured_torque(view)
+    settled = False
     for _ in range(_FIXED_POINT_PASSES):
         before, passed = view.q, list(first)
         if view.has_masses:
             load = _core.gravity_torque(view.robot.core, view.q, view.threads)
         view.signals["torque"] = load
-        _pass(view, layout, Station.LOAD, "torque", passed)
+        _pass(view, layout, Station.LOAD, "torque", passed, settled and derivatives)
         view.signals["phi"] = declared
-        _pass(view, layout, Station.GEAR, "phi", passed)
+        _pass(view, layout, Station.GEAR, "phi", passed, settled and derivatives)
         deflection, view.signals["spring_slope"] = declared_deflection(view.robot, view.torque)
         view.signals["q"] = view.phi + view.robot.offsets + deflection
-        _pass(view, layout, Station.SPRING, "q", passed)
-        if np.max(np.abs(view.q - before), initial=0.0) < _FIXED_POINT_TOLERANCE_RAD or not view.has_masses:
+        _pass(view, layout, Station.SPRING, "q", passed, settled and derivatives)
+        if settled:
+            break
+        # One more pass at the fixed point records the derivatives of what lives in the robot's tables.
+        settled = np.max(np.abs(view.q - before), initial=0.0) < _FIXED_POINT_TOLERANCE_RAD
+        if settled and not derivatives:
             break
     return passed
 
@@ -166,17 +175,21 @@ def _keep_axis_residual(view: View, observed: np.ndarray, along: np.ndarray | No
 
 def _jacobian(view: View, layout: Layout, record: GearRecord, passed: list[Recorded], weights: np.ndarray) -> np.ndarray:
     """(N, m, P), one run after another so that the tangents of the joints never stand in memory all at once."""
-    jacobian = np.empty((view.rows, weights.shape[1], layout.size))
+    size, components = layout.size, weights.shape[1]
+    jacobian = np.zeros((view.rows, components, size))
     for rows, operator in zip(record.runs, record.operators):
-        tangents = joint_tangents(view, layout, passed, rows)
-        q = tangents["q"]
-        if not record.encoder_axes:
-            q = (operator @ q.reshape(rows.size, -1)).reshape(q.shape)
-        tangents["measured"] = weights[rows] @ q
-        for change in passed:
-            if change.station == Station.DEVICE:
-                moved(tangents, "measured", change, rows)
-        jacobian[rows] = tangents["measured"]
+        reading: dict[int, np.ndarray] = {}
+        for axis, tangent in joint_tangents(view, layout, passed, rows).items():
+            rate = tangent if record.encoder_axes else operator @ tangent
+            for component in np.flatnonzero(np.any(weights[rows, :, axis] != 0.0, axis=0)):
+                part = weights[rows, component, axis, None] * rate
+                reading[component] = reading[component] + part if component in reading else part
+        tangents = {"measured": reading}
+        for recorded in passed:
+            if recorded.station == Station.DEVICE:
+                moved(tangents, "measured", recorded, rows, size)
+        for component, tangent in tangents["measured"].items():
+            jacobian[rows, component] = tangent
     return jacobian
 
 

@@ -16,6 +16,8 @@ from exactarm.chain.layout import Layout
 from exactarm.chain.view import View
 from exactarm.effects.base import Change, Station
 
+_NO_FEEDBACK = 1e-15
+
 
 @dataclass(frozen=True)
 class Recorded:
@@ -31,21 +33,30 @@ class Recorded:
         return self.layout.free[self.index]
 
 
-def moved(tangents: dict[str, np.ndarray], signal: str, recorded: Recorded, rows: np.ndarray) -> None:
-    """Adds one recorded change to the tangent (R, m, P) of a signal on `rows`, in place."""
-    change, tangent = recorded.change, tangents[signal]
-    moves = []
+# Tangents by signal, by column of the signal: (R, P), absent where zero. Most axes do not move.
+Tangents = dict[str, dict[int, np.ndarray]]
+
+
+def moved(tangents: Tangents, signal: str, recorded: Recorded, rows: slice | np.ndarray, size: int) -> None:
+    """Adds one recorded change to the tangent of a signal on `rows`, in place; size = P, 0 without parameters."""
+    change, moves = recorded.change, []
     for name, factor in change.by_signal.items():
-        if name not in tangents:
-            continue
-        factor, upstream = factor[rows], tangents[name]
-        for j in np.flatnonzero(np.any(factor != 0.0, axis=(0, 1))):
-            moves.append(factor[:, :, j, None] * upstream[:, None, j])
-    for move in moves:
-        tangent[:, list(change.columns)] += move
-    if recorded.free.any():
+        for j, upstream in tangents.get(name, {}).items():
+            part = factor[rows, :, j]
+            if np.any(part):
+                moves += [(column, part[:, [i]] * upstream) for i, column in enumerate(change.columns)]
+    target = tangents[signal]
+    for column, move in moves:
+        target[column] = target[column] + move if column in target else move
+    if size and recorded.free.any():
         where = recorded.layout.slices[recorded.index]
-        tangent[:, list(change.columns), where] += change.by_parameters[rows][:, :, recorded.free]
+        for i, column in enumerate(change.columns):
+            derivative = change.by_parameters[rows, i][:, recorded.free]
+            if not np.any(derivative):
+                continue
+            if column not in target:
+                target[column] = np.zeros((derivative.shape[0], size))
+            target[column][:, where] += derivative
 
 
 def device_map(view: View, passed: list[Recorded]) -> np.ndarray:
@@ -61,34 +72,47 @@ def device_map(view: View, passed: list[Recorded]) -> np.ndarray:
     return total
 
 
-def joint_tangents(view: View, layout: Layout, passed: list[Recorded], rows: np.ndarray) -> dict[str, np.ndarray]:
-    """Tangents (R, n, P) of theta, torque, phi and q on the rows of one run."""
-    n, size = view.axes, layout.size
-    wide = size + (n if view.has_masses else 0)  # the last n columns: a unit change of each joint torque
-    tangents = {"theta": np.zeros((rows.size, n, wide))}
+def joint_tangents(view: View, layout: Layout, passed: list[Recorded], rows: np.ndarray) -> dict[int, np.ndarray]:
+    """Tangents of q by axis, (R, P), on the rows of one run."""
     at = lambda station: (recorded for recorded in passed if recorded.station == station)
+    size, slope, spring = layout.size, view.signals["gear_slope"][rows], view.signals["spring_slope"][rows]
+    tangents: Tangents = {"theta": {}, "torque": {}}
     for recorded in at(Station.MOTOR):
-        moved(tangents, "theta", recorded, rows)
-    unit = np.zeros((rows.size, n, wide))
-    if view.has_masses:
-        unit[:, :, size:] = np.eye(n)
-    tangents["torque"], tangents["q"] = unit.copy(), np.zeros((rows.size, n, wide))
+        moved(tangents, "theta", recorded, rows, size)
     for recorded in at(Station.LOAD):
-        moved(tangents, "torque", recorded, rows)
-    direct = tangents["torque"] - unit
-    tangents["torque"] = unit if view.has_masses else tangents["torque"]
-    tangents["phi"] = view.signals["gear_slope"][rows][:, :, None] * tangents["theta"]
+        moved(tangents, "torque", recorded, rows, size)
+    tangents["phi"] = {axis: slope[:, [axis]] * tangent for axis, tangent in tangents["theta"].items()}
+    _to_joints(tangents, at, rows, size, spring)
+    if not view.has_masses or not tangents["q"]:
+        return tangents["q"]
+    n, by_torque = view.axes, np.zeros((rows.size, view.axes, view.axes))
+    unit: Tangents = {"theta": {}, "phi": {}, "torque": {}}
+    unit["torque"] = {axis: np.broadcast_to(np.eye(n)[axis], (rows.size, n)) for axis in range(n)}
+    _to_joints(unit, at, rows, 0, spring)
+    for axis, tangent in unit["q"].items():
+        by_torque[:, axis] = tangent
+    if not np.any(by_torque):
+        return tangents["q"]
+    gravity = _core.gravity_torque_jacobian(view.robot.core, view.q[rows], view.threads)
+    feedback = np.linalg.inv(np.eye(n) - by_torque @ gravity)
+    feedback[np.abs(feedback) < _NO_FEEDBACK] = 0.0
+    q: dict[int, np.ndarray] = {}
+    for axis, tangent in tangents["q"].items():
+        for other in np.flatnonzero(np.any(feedback[:, :, axis] != 0.0, axis=0)):
+            part = feedback[:, other, axis, None] * tangent
+            q[other] = q[other] + part if other in q else part
+    return q
+
+
+def _to_joints(tangents: Tangents, at, rows: np.ndarray, size: int, spring: np.ndarray) -> None:
+    """From phi and torque to q: gear effects, declared springs, what else gives way."""
     for recorded in at(Station.GEAR):
-        moved(tangents, "phi", recorded, rows)
-    spring = view.signals["spring_slope"][rows]
-    tangents["q"] = tangents["phi"] + spring[:, :, None] * tangents["torque"]
+        moved(tangents, "phi", recorded, rows, size)
+    q = dict(tangents["phi"])
+    for axis, tangent in tangents["torque"].items():
+        if np.any(spring[:, axis]):
+            bent = spring[:, [axis]] * tangent
+            q[axis] = q[axis] + bent if axis in q else bent
+    tangents["q"] = q
     for recorded in at(Station.SPRING):
-        moved(tangents, "q", recorded, rows)
-    if not view.has_masses:
-        return tangents
-    by_torque, q = tangents["q"][:, :, size:], tangents["q"][:, :, :size] + 0.0
-    if np.any(by_torque):
-        q += by_torque @ direct[:, :, :size]
-        gravity = _core.gravity_torque_jacobian(view.robot.core, view.q[rows], view.threads)
-        q = np.linalg.solve(np.eye(n) - by_torque @ gravity, q)
-    return {"theta": tangents["theta"][:, :, :size], "q": q}
+        moved(tangents, "q", recorded, rows, size)

@@ -135,6 +135,11 @@ class Effect(ABC):
         """The robot with those of the effect's values in its tables that live there (geometry, frames, masses)."""
         return robot
 
+    @property
+    def only_in_tables(self) -> bool:
+        """Whether it acts through the robot's tables alone: its change is zero in value."""
+        return type(self).bake is not Effect.bake
+
     def describe(self) -> str:
         """One sentence for a report, with the values in it."""
         numbers = {p.name: v for p, v in zip(self.parameters(), self.values)}

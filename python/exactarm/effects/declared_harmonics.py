@@ -25,6 +25,7 @@ class DeclaredHarmonics(Effect):
     side: str = "cw"
     orders: tuple[float, ...] = ()
 
+    drawn_to_declared: ClassVar[bool] = True
     name: ClassVar[str] = "declared_harmonics"
     station: ClassVar[Station] = Station.GEAR
     kinds: ClassVar[tuple[str, ...]] = ("gear_run",)

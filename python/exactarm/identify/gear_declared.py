@@ -1,0 +1,86 @@
+"""The declared model of a gear run: what is re-identified when nothing else is asked for.
+
+Harmonic coefficients of the declared tables, per direction of motion; the constant tilt of the gyroscope, one pair
+of angles for each set-up and moving axis, started from the closed form of (3.3); with encoders on both sides one
+offset for each run and axis. Not the ratio. Effects that the robot file carries are held at their values.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from exactarm.chain import GearRecord, Layout
+from exactarm.chain.view import View
+from exactarm.dataset import Dataset
+from exactarm.effects.declared_harmonics import DeclaredHarmonics
+from exactarm.effects.encoder_offset import EncoderOffset
+from exactarm.effects.gyro_alignment import GyroAlignment, aligning_angles
+from exactarm.effects.gyro_bias import GyroBias
+from exactarm.identify.declared import carried_layout
+from exactarm.robot import Robot
+
+SIDES = {"cw": -1.0, "ccw": 1.0}
+
+
+def declared_gear_layout(robot: Robot, data: Dataset, record: GearRecord) -> Layout:
+    """Harmonics, sensor, and the effects on file."""
+    return harmonics_layout(robot, data, record).joined(sensor_layout(robot, data, record)).joined(carried_layout(robot))
+
+
+def harmonics_layout(robot: Robot, data: Dataset, record: GearRecord) -> Layout:
+    """The tables of the moving axes, each in the directions in which the axis moves in these data."""
+    effects = []
+    for axis in measured_axes(robot, data, record):
+        for side, way in SIDES.items():
+            seen = np.any(record.keep & (record.direction[:, axis] == way))
+            if robot.joints[axis].has_harmonics and seen:
+                effects.append(DeclaredHarmonics.of(robot, axis, side))
+    return Layout.of(tuple(effects))
+
+
+def sensor_layout(robot: Robot, data: Dataset, record: GearRecord, *, bias: bool = False) -> Layout:
+    """What belongs to the set-up: alignment (and bias) of the gyroscope, or the offsets between two encoders."""
+    if record.encoder_axes:
+        return _offsets(robot, data, record)
+    effects: list = [alignment for alignment in alignments(robot, data, record)]
+    return Layout.of((*effects, GyroBias(None, (0.0, 0.0, 0.0))) if bias else tuple(effects))
+
+
+def alignments(robot: Robot, data: Dataset, record: GearRecord) -> list[GyroAlignment]:
+    """Closed form of (3.3): the direction of the reading, weighted with the motor's rate (so with its sign), onto z."""
+    view = gear_view(robot, data, record)
+    found = []
+    for session in np.unique(data.session):
+        for axis in np.unique(view.sensor_axis[data.session == session]):
+            rows = (data.session == session) & (view.sensor_axis == axis)
+            direction = data.gyro[rows].T @ (record.theta_dot[rows, axis] / robot.ratios[axis])
+            flipped = bool(direction[2] < 0.0)
+            angles = aligning_angles(-direction if flipped else direction)
+            found.append(GyroAlignment(int(axis) + 1, angles, int(session), flipped))
+    return found
+
+
+def _offsets(robot: Robot, data: Dataset, record: GearRecord) -> Layout:
+    effects = []
+    for run in np.unique(data.run):
+        rows = data.run == run
+        for column, axis in enumerate(record.encoder_axes):
+            predicted = record.theta[rows, axis] / robot.ratios[axis] + robot.offsets[axis]
+            start = float(np.mean(data.joints["q"][rows, axis] - predicted))
+            effects.append(EncoderOffset(axis + 1, (start,), int(run), column))
+    return Layout.of(tuple(effects))
+
+
+def measured_axes(robot: Robot, data: Dataset, record: GearRecord) -> tuple[int, ...]:
+    """Axes (from 0) whose gears these data show."""
+    view = gear_view(robot, data, record)
+    if record.encoder_axes:
+        return tuple(axis for axis in record.encoder_axes if view.moving[axis])
+    return tuple(int(axis) for axis in np.unique(view.sensor_axis))
+
+
+def gear_view(robot: Robot, data: Dataset, record: GearRecord) -> View:
+    """The runs and their moving axes, before any prediction."""
+    view = View(robot, data, "gear_run")
+    view.signals["theta"] = record.theta
+    return view

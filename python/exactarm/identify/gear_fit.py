@@ -1,0 +1,90 @@
+"""Fits a layout to gear runs: weighted least squares of all components of the reading through the chain.
+
+Coefficients of gear tables are drawn towards their declared values with their plausible spread: neighbouring orders
+cannot be told apart on a short range, and would grow without bound against each other.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from exactarm.chain import GearRecord, GearRunPrediction, Layout, gear_record, predict_gear_run
+from exactarm.dataset import Dataset
+from exactarm.regression import Evaluation, Fit, least_squares
+from exactarm.robot import Robot
+
+_ROUNDS = 2
+_LEAST_SIGMA = 1e-9
+
+
+@dataclass(frozen=True)
+class GearFit:
+    """The layout at its estimate, the fit, the standard deviation (m,) of each component, the last prediction."""
+
+    robot: Robot
+    layout: Layout
+    fit: Fit
+    sigma: np.ndarray
+    prediction: GearRunPrediction
+
+    def predict(self, data: Dataset, record: GearRecord | None = None, threads: int = 1) -> GearRunPrediction:
+        """Prediction of any rows, without tangents."""
+        return predict_gear_run(self.robot, self.layout, data, record=record, tangents=False, threads=threads)
+
+
+def fit_gear_runs(
+    robot: Robot,
+    layout: Layout,
+    data: Dataset,
+    *,
+    record: GearRecord | None = None,
+    weights: np.ndarray | None = None,
+    threads: int = 1,
+) -> GearFit:
+    """Estimates the free parameters of `layout`; `weights` (N,) per row, 0 leaves it out."""
+    record = gear_record(robot, data) if record is None else record
+    used = record.keep.astype(float) if weights is None else record.keep * weights
+    parameters = layout.parameters
+    bounds = np.array([p.lower for p in parameters]), np.array([p.upper for p in parameters])
+    centre, spread = layout.values, _spreads(layout)
+    prior = np.flatnonzero(np.isfinite(spread))
+
+    def evaluate(x: np.ndarray, with_jacobian: bool) -> Evaluation:
+        prediction = predict_gear_run(
+            robot, layout.at(x), data, record=record, tangents=with_jacobian, threads=threads
+        )
+        residual = np.concatenate([prediction.residual().ravel(), (centre - x)[prior] / spread[prior]])
+        if not with_jacobian:
+            return Evaluation(residual, None)
+        drawn = np.zeros((prior.size, layout.size))
+        drawn[np.arange(prior.size), prior] = 1.0 / spread[prior]
+        return Evaluation(residual, np.concatenate([prediction.jacobian.reshape(-1, layout.size), drawn]))
+
+    x = layout.values
+    prediction = predict_gear_run(robot, layout, data, record=record, tangents=False, threads=threads)
+    sigma = _component_sigma(prediction, used)
+    for _ in range(_ROUNDS):
+        weight = np.concatenate([(used[:, None] / sigma).ravel(), np.ones(prior.size)])
+        fit = least_squares(evaluate, x, weights=weight, bounds=bounds, tolerance=1e-8)
+        x = fit.x
+        prediction = predict_gear_run(robot, layout.at(x), data, record=record, threads=threads)
+        before, sigma = sigma, _component_sigma(prediction, used)
+        if np.all(np.abs(sigma / before - 1.0) < 0.2):
+            break
+    return GearFit(robot, layout.at(x), fit, sigma, prediction)
+
+
+def _spreads(layout: Layout) -> np.ndarray:
+    """(P,) plausible spread of the parameters that are drawn to their declared values, infinite for the others."""
+    spreads = []
+    for effect, mask in zip(layout.effects, layout.free):
+        drawn = getattr(effect, "drawn_to_declared", False)
+        spreads += [p.plausible if drawn else np.inf for p, free in zip(effect.parameters(), mask) if free]
+    return np.array(spreads)
+
+
+def _component_sigma(prediction: GearRunPrediction, used: np.ndarray) -> np.ndarray:
+    residual = prediction.residual()[used > 0]
+    return np.maximum(np.sqrt(np.mean(residual**2, axis=0)), _LEAST_SIGMA)
