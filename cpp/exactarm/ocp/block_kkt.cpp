@@ -1,0 +1,107 @@
+#include "exactarm/ocp/block_kkt.hpp"
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+#include <thread>
+
+#include "exactarm/ocp/half_sweep.hpp"
+
+namespace exactarm::ocp {
+namespace {
+
+template <int Axes, int MotorOrder>
+class TwoHalves : public BlockKkt {
+ public:
+  TwoHalves(const Layout& layout, int threads)
+      : layout_(layout),
+        threads_(threads),
+        middle_((layout.knots - 2) / 2),
+        left_(layout, 1, middle_, 1),
+        right_(layout, layout.knots - 2, layout.knots - 2 - middle_, -1) {
+    for (Vector* v : {&force_, &opposite_, &left_end_, &right_end_, &scale_}) v->setZero(layout.states());
+    joined_.setZero(layout.states(), layout.states());
+  }
+
+  bool factorise(const StageDerivatives& derivatives, const Vector& diagonal) override {
+    derivatives_ = &derivatives;
+    bool left = false, right = false;
+    both([&] { left = left_.factorise(derivatives, diagonal); },
+         [&] { right = right_.factorise(derivatives, diagonal); });
+    if (!left || !right) return false;
+    joined_ = left_.compliance() + right_.compliance();
+    // States differ by powers of ten in how far a force moves them.
+    scale_ = joined_.diagonal().cwiseSqrt().cwiseInverse();
+    if (!scale_.allFinite()) return false;
+    joined_ = scale_.asDiagonal() * joined_ * scale_.asDiagonal();
+    cholesky_.compute(joined_);
+    return cholesky_.info() == Eigen::Success;
+  }
+
+  bool solve(const KktVector& right, KktVector& solution) override {
+    const int s = layout_.states();
+    both([&] { left_.backward(right, nullptr); left_.forward(right, nullptr, left_end_.data()); },
+         [&] { right_.backward(right, nullptr); right_.forward(right, nullptr, right_end_.data()); });
+    // left - C_l y - d = right + C_r y
+    const long defect = middle_;
+    force_ = scale_.cwiseProduct(left_end_ - right_end_ - right.defect.segment(defect * s, s));
+    cholesky_.solveInPlace(force_);
+    force_ = scale_.cwiseProduct(force_);
+    if (!force_.allFinite()) return false;
+    opposite_ = -force_;
+    solution.z.setZero();
+    both([&] { left_.backward(right, force_.data()); left_.forward(right, &solution, left_end_.data()); },
+         [&] { right_.backward(right, opposite_.data()); right_.forward(right, &solution, right_end_.data()); });
+    solution.defect.segment(defect * s, s) = opposite_;
+    end_multipliers(right, solution, 0, 0);
+    end_multipliers(right, solution, layout_.knots - 1, layout_.knots - 2);
+    return solution.z.allFinite();
+  }
+
+ private:
+  template <class Left, class Right>
+  void both(const Left& left, const Right& right) {
+    if (threads_ < 2 || layout_.knots < 256) {
+      left();
+      right();
+      return;
+    }
+    std::thread other(right);
+    left();
+    other.join();
+  }
+
+  // At an end only qdd is free: by_q_ddot' lambda = pi of the defect's rate row / 2 - g.
+  void end_multipliers(const KktVector& right, KktVector& solution, long knot, long defect) {
+    const int n = layout_.axes, s = layout_.states();
+    const Eigen::Map<const Matrix> by_q_ddot(derivatives_->by_q_ddot.data() + knot * n * n, n, n);
+    const Vector force = 0.5 * solution.defect.segment(defect * s + n, n) -
+                         right.z.segment(knot * layout_.width() + kQDdot * n, n);
+    // The mass matrix over the stiffness: symmetric but for the division by each axis' own stiffness.
+    solution.stage.segment(knot * n, n) = by_q_ddot.transpose().partialPivLu().solve(force);
+  }
+
+  Layout layout_;
+  int threads_;
+  long middle_;
+  HalfSweep<Axes, MotorOrder> left_, right_;
+  Vector force_, opposite_, left_end_, right_end_, scale_;
+  Matrix joined_;
+  Eigen::LLT<Matrix> cholesky_;
+  const StageDerivatives* derivatives_ = nullptr;
+};
+
+}  // namespace
+
+KktVector::KktVector(const Layout& layout)
+    : z(Vector::Zero(layout.unknowns())),
+      stage(Vector::Zero(layout.knots * layout.axes)),
+      defect(Vector::Zero((layout.knots - 1) * layout.states())) {}
+
+std::unique_ptr<BlockKkt> make_block_kkt(const Layout& layout, int threads) {
+  if (layout.axes == 6 && layout.motor_order == 2) return std::make_unique<TwoHalves<6, 2>>(layout, threads);
+  if (layout.axes == 6) return std::make_unique<TwoHalves<6, 3>>(layout, threads);
+  if (layout.motor_order == 2) return std::make_unique<TwoHalves<Eigen::Dynamic, 2>>(layout, threads);
+  return std::make_unique<TwoHalves<Eigen::Dynamic, 3>>(layout, threads);
+}
+
+}  // namespace exactarm::ocp
