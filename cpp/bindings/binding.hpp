@@ -25,5 +25,6 @@ void bind_dynamics_derivatives(py::module_& module);
 void bind_regressor(py::module_& module);
 void bind_gear(py::module_& module);
 void bind_inverse_kinematics(py::module_& module);
+void bind_solution(py::module_& module);
 
 }  // namespace exactarm::bindings

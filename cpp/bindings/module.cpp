@@ -10,4 +10,5 @@ PYBIND11_MODULE(_core, module) {
   bind_regressor(module);
   bind_gear(module);
   bind_inverse_kinematics(module);
+  bind_solution(module);
 }

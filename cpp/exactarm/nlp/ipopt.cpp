@@ -166,7 +166,7 @@ Solution solve_ipopt(Problem& problem, const IpoptOptions& options) {
   set.SetStringValue("linear_solver", options.linear_solver);
   set.SetNumericValue("tol", options.tolerance);
   set.SetNumericValue("dual_inf_tol", 1e-4);
-  set.SetNumericValue("constr_viol_tol", 1e-9);
+  set.SetNumericValue("constr_viol_tol", 1e-12);
   set.SetNumericValue("compl_inf_tol", options.last_barrier);
   set.SetNumericValue("mu_init", options.first_barrier);
   // At a large objective scale the stationarity has a floor of rounding above ten times the last barriers.

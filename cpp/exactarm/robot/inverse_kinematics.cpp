@@ -121,11 +121,17 @@ void check_limits(const Robot& robot, const VectorRef& q, InverseKinematicsRepor
   report.limit = limit;
 }
 
+// Joints without limits turn around 0.
+double middle_of(const Limits& limits) {
+  const double middle = 0.5 * (limits.q_min + limits.q_max);
+  return std::isfinite(middle) ? middle : 0.0;
+}
+
 // Whole turns that bring a revolute joint inside its limits.
 void turn_inside(const Robot& robot, VectorRef q) {
   for (size_t i = 0; i < robot.limits.size(); ++i) {
     if (robot.frames[i].type != JointType::revolute) continue;
-    const double middle = 0.5 * (robot.limits[i].q_min + robot.limits[i].q_max);
+    const double middle = middle_of(robot.limits[i]);
     q[i] -= 2.0 * M_PI * std::round((q[i] - middle) / (2.0 * M_PI));
   }
 }
@@ -136,7 +142,8 @@ std::vector<Vector> random_starts(const Robot& robot) {
   for (int sample = 0; sample < kRandomStarts; ++sample) {
     Vector q(robot.axes());
     for (long i = 0; i < q.size(); ++i) {
-      const bool limited = i < static_cast<long>(robot.limits.size());
+      const bool limited = i < static_cast<long>(robot.limits.size()) &&
+                           std::isfinite(robot.limits[i].q_max - robot.limits[i].q_min);
       q[i] = std::uniform_real_distribution<double>(limited ? robot.limits[i].q_min : -M_PI,
                                                     limited ? robot.limits[i].q_max : M_PI)(engine);
     }
@@ -148,8 +155,8 @@ std::vector<Vector> random_starts(const Robot& robot) {
 double distance_from_middle(const Robot& robot, const Vector& q) {
   double sum = 0.0;
   for (size_t i = 0; i < robot.limits.size(); ++i) {
-    const Limits& l = robot.limits[i];
-    sum += std::pow((2.0 * q[i] - l.q_min - l.q_max) / std::max(l.q_max - l.q_min, 1e-12), 2);
+    const double range = robot.limits[i].q_max - robot.limits[i].q_min;
+    sum += std::pow((q[i] - middle_of(robot.limits[i])) / (std::isfinite(range) ? std::max(range, 1e-12) : 2.0 * M_PI), 2);
   }
   return robot.limits.empty() ? q.squaredNorm() : sum;
 }

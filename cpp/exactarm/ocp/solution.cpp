@@ -1,0 +1,66 @@
+#include "exactarm/ocp/solution.hpp"
+
+#include <chrono>
+
+namespace exactarm::ocp {
+namespace {
+
+RowMatrix block(const Layout& layout, const Vector& z, int which, double factor) {
+  RowMatrix out(layout.knots, layout.axes);
+  for (long k = 0; k < layout.knots; ++k)
+    out.row(k) = factor * z.segment(k * layout.width() + which * layout.axes, layout.axes).transpose();
+  return out;
+}
+
+}  // namespace
+
+Motion solve(const Problem& problem, const StageDynamics& dynamics, const SolveOptions& options) {
+  const auto begin = std::chrono::steady_clock::now();
+  const StageModel model(problem, dynamics, options.threads);
+  Transcription transcription(model);
+  Motion motion;
+  motion.objective_scale = natural_scale(transcription);
+  nlp::Solution solution;
+  if (options.method == Method::stagewise) {
+    StagewiseOptions own;
+    own.iterations = options.iterations;
+    own.seconds = options.seconds;
+    own.objective_scale = motion.objective_scale;
+    solution = solve_stagewise(model, own);
+  } else {
+    nlp::IpoptOptions ipopt;
+    ipopt.linear_solver = options.linear_solver;
+    ipopt.iterations = options.iterations;
+    ipopt.seconds = options.seconds;
+    ipopt.objective_scale = motion.objective_scale;
+    solution = nlp::solve_ipopt(transcription, ipopt);
+  }
+  motion.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  motion.status = solution.status;
+  motion.message = solution.message;
+  motion.linear_solver = solution.linear_solver;
+  motion.iterations = solution.iterations;
+  motion.objective = solution.objective;
+  motion.kkt = nlp::kkt_error(transcription, solution.point, motion.objective_scale);
+
+  const Layout layout = problem.layout();
+  const Vector& z = solution.point.x;
+  const double rate = 1.0 / problem.step;
+  Vector ratio(layout.axes);
+  for (int i = 0; i < layout.axes; ++i) ratio[i] = problem.gears[i].ratio;
+  motion.q = block(layout, z, kQ, 1.0);
+  motion.q_dot = block(layout, z, kQDot, rate);
+  motion.q_ddot = block(layout, z, kQDdot, rate * rate);
+  motion.theta = block(layout, z, kTheta, 1.0) * ratio.asDiagonal();
+  motion.theta_dot = block(layout, z, kThetaDot, rate) * ratio.asDiagonal();
+  motion.theta_ddot = block(layout, z, kThetaDdot, rate * rate) * ratio.asDiagonal();
+  if (problem.input == Input::jerk)
+    motion.theta_dddot = block(layout, z, layout.input(), rate * rate * rate) * ratio.asDiagonal();
+  motion.stage_multipliers.resize(layout.knots, layout.axes);
+  for (long k = 0; k < layout.knots; ++k)
+    motion.stage_multipliers.row(k) =
+        solution.point.lambda.segment(transcription.stage_row(k), layout.axes).transpose();
+  return motion;
+}
+
+}  // namespace exactarm::ocp

@@ -1,0 +1,273 @@
+#include "exactarm/ocp/stagewise.hpp"
+
+#include <chrono>
+
+#include "exactarm/ocp/barrier.hpp"
+#include "exactarm/ocp/block_kkt.hpp"
+#include "exactarm/ocp/initial_guess.hpp"
+
+namespace exactarm::ocp {
+namespace {
+
+using nlp::Status;
+
+constexpr double kKeptShare = 0.005;        // of a slack after a step
+constexpr double kFirstBarrier = 0.1;
+constexpr double kLargestCurvature = 1e-2;  // rad of new residual that a step may make
+constexpr int kStalledSteps = 8;
+const char* const kBlockNames[] = {"q", "q_dot", "q_ddot", "theta", "theta_dot", "theta_ddot", "jerk"};
+
+class Solver {
+ public:
+  Solver(const StageModel& model, const StagewiseOptions& options)
+      : model_(model),
+        layout_(model.layout()),
+        options_(options),
+        transcription_(model),
+        derivatives_(layout_),
+        kkt_(make_block_kkt(layout_, model.threads())),
+        barrier_(interior_bound(-1), interior_bound(1)),
+        right_(layout_),
+        step_(layout_),
+        current_(layout_),
+        diagonal_(layout_.unknowns()),
+        base_diagonal_(Vector::Zero(layout_.unknowns())),
+        gradient_(layout_.unknowns()),
+        stationarity_(layout_.unknowns()),
+        trial_(layout_.unknowns()),
+        trial_residual_(layout_.knots * layout_.axes) {}
+
+  nlp::Solution run() {
+    const auto begin = std::chrono::steady_clock::now();
+    const auto elapsed = [&] {
+      return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+    };
+    nlp::Solution solution;
+    solution.linear_solver = "block Riccati";
+    initial_guess(model_, current_.z.data());
+    scale_ = options_.objective_scale > 0.0 ? options_.objective_scale : natural_scale(transcription_);
+    objective_diagonal();
+    if (!barrier_.start(current_.z, options_.last_barrier)) barrier_.start(current_.z, kFirstBarrier);
+    solution.status = Status::iteration_limit;
+    solution.message = "iteration limit";
+    for (int iteration = 0; iteration <= options_.iterations; ++iteration) {
+      solution.iterations = iteration;
+      model_.derivatives(current_.z.data(), current_.stage.data(), derivatives_);
+      residuals();
+      if (finished(solution) || iteration == options_.iterations) break;
+      if (elapsed() > options_.seconds) {
+        solution.status = Status::time_limit;
+        solution.message = "time limit";
+        break;
+      }
+      if (!advance(solution)) break;
+    }
+    report(solution);
+    solution.seconds = elapsed();
+    return solution;
+  }
+
+ private:
+  // The ends are fixed and have no bounds here.
+  Vector interior_bound(int side) const {
+    const int width = layout_.width();
+    Vector low(width), high(width);
+    knot_bounds(model_.problem(), low, high);
+    Vector bound = (side < 0 ? low : high).replicate(layout_.knots, 1);
+    bound.head(width).setConstant(side * 1e20);
+    bound.tail(width).setConstant(side * 1e20);
+    return bound;
+  }
+
+  void objective_diagonal() {
+    const int n = layout_.axes, width = layout_.width();
+    const Vector weights = input_weights(model_.problem());
+    for (long k = 0; k < layout_.knots; ++k) {
+      base_diagonal_.segment(k * width + kQ * n, n).setConstant(2.0 * scale_);
+      base_diagonal_.segment(k * width + layout_.input() * n, n) = 2.0 * scale_ * weights;
+    }
+    largest_angle_ = std::max(model_.problem().q_desired.cwiseAbs().maxCoeff(), 1.0);
+  }
+
+  void residuals() {
+    const int n = layout_.axes, width = layout_.width(), s = layout_.states(), n2 = n * n;
+    right_.stage = derivatives_.residual;
+    transcription_.gradient(current_.z, gradient_);
+    gradient_ *= scale_;
+    stationarity_ = gradient_;
+    const Vector& z = current_.z;
+    for (long k = 0; k < layout_.knots; ++k) {
+      const Eigen::Map<const Matrix> by_q(&derivatives_.by_q[k * n2], n, n), by_rate(&derivatives_.by_q_dot[k * n2], n, n),
+          by_qdd(&derivatives_.by_q_ddot[k * n2], n, n);
+      const double* lambda = &current_.stage[k * n];
+      double* out = &stationarity_[k * width];
+      for (int j = 0; j < n; ++j) {
+        for (int i = 0; i < n; ++i) {
+          out[j] += by_q(i, j) * lambda[i];
+          out[n + j] += by_rate(i, j) * lambda[i];
+          out[2 * n + j] += by_qdd(i, j) * lambda[i];
+        }
+        out[kTheta * n + j] += derivatives_.by_theta[k * n + j] * lambda[j];
+      }
+      if (k + 1 == layout_.knots) break;
+      for (int b = 0; b < layout_.state_blocks(); ++b)
+        for (int i = 0; i < n; ++i) {
+          const long here = k * width + Layout::state_block(b) * n + i, there = here + width;
+          right_.defect[k * s + b * n + i] = z[there] - z[here] - 0.5 * (z[here + n] + z[there + n]);
+          const double pi = current_.defect[k * s + b * n + i];
+          stationarity_[there] += pi;
+          stationarity_[here] -= pi;
+          stationarity_[here + n] -= 0.5 * pi;
+          stationarity_[there + n] -= 0.5 * pi;
+        }
+    }
+    barrier_.add_multipliers(stationarity_);
+    for (long k : {0L, layout_.knots - 1})
+      for (int i = 0; i < width; ++i)
+        if (i / n != kQDdot) stationarity_[k * width + i] = 0.0;
+  }
+
+  bool finished(nlp::Solution& solution) {
+    const double dual = stationarity_.cwiseAbs().maxCoeff();
+    const double equations = std::max(right_.stage.cwiseAbs().maxCoeff(), right_.defect.cwiseAbs().maxCoeff());
+    if (!std::isfinite(dual) || !std::isfinite(equations)) {
+      solution.status = Status::numerical_failure;
+      solution.message = "a value is not finite";
+      return true;
+    }
+    long index;
+    bool at_low;
+    const double violation = barrier_.violation(current_.z, index, at_low);
+    // The gradient 2 scale (q - q_d) cannot be smaller than the rounding of q.
+    const double tolerance = std::max(options_.tolerance, 1e-15 * scale_ * largest_angle_);
+    if (dual <= tolerance && equations <= options_.feasibility && violation <= options_.feasibility &&
+        barrier_.largest_product() <= 2.0 * options_.last_barrier) {
+      solution.status = Status::solved;
+      solution.message = "solved";
+      return true;
+    }
+    const double largest_gradient = gradient_.cwiseAbs().maxCoeff();
+    const bool runaway = barrier_.largest_multiplier() > 1e10 * (1.0 + largest_gradient);
+    if (violation > options_.feasibility && (runaway || stalled_ >= kStalledSteps)) {
+      solution.status = Status::infeasible;
+      solution.message = "no motion within the bounds: " + describe(index, at_low, violation);
+      return true;
+    }
+    if (stalled_ >= kStalledSteps) {
+      solution.status = Status::numerical_failure;
+      solution.message = "steps became too short";
+      return true;
+    }
+    return false;
+  }
+
+  std::string describe(long index, bool at_low, double violation) const {
+    const int within = static_cast<int>(index % layout_.width());
+    char text[160];
+    std::snprintf(text, sizeof text, "%s of joint %d at knot %ld is %.3g %s its limit (units of one sample)",
+                  kBlockNames[within / layout_.axes], within % layout_.axes + 1, index / layout_.width(), violation,
+                  at_low ? "below" : "above");
+    return text;
+  }
+
+  bool solve(double tau, bool corrected) {
+    right_.z = gradient_;
+    barrier_.add_gradient(current_.z, tau, corrected, right_.z);
+    return kkt_->solve(right_, step_);
+  }
+
+  bool factorise() {
+    diagonal_ = base_diagonal_;
+    barrier_.add_diagonal(diagonal_);
+    if (kkt_->factorise(derivatives_, diagonal_)) return true;
+    for (Vector* v : {&derivatives_.q_q, &derivatives_.q_q_dot, &derivatives_.q_dot_q_dot, &derivatives_.q_q_ddot,
+                      &derivatives_.q_theta, &derivatives_.theta_theta})
+      v->setZero();
+    return kkt_->factorise(derivatives_, diagonal_);
+  }
+
+  bool advance(nlp::Solution& solution) {
+    if (!factorise()) {
+      solution.status = Status::numerical_failure;
+      solution.message = "the Newton system is singular";
+      return false;
+    }
+    const double average = barrier_.average();
+    double primal = 1.0, dual = 1.0, tau = options_.last_barrier;
+    bool solved = true, corrected = false;
+    if (average > 10.0 * options_.last_barrier) {
+      solved = solve(0.0, false);
+      barrier_.set_step(current_.z, step_.z, 0.0, false);
+      barrier_.longest_steps(0.0, primal, dual);
+      const double after = barrier_.average_after(primal, dual);
+      tau = std::max(std::pow(after / average, 3) * average, options_.last_barrier);
+      barrier_.keep_products();
+      corrected = true;
+    }
+    solved = solved && solve(tau, corrected);
+    if (!solved) {
+      solution.status = Status::numerical_failure;
+      solution.message = "the Newton step is not finite";
+      return false;
+    }
+    barrier_.set_step(current_.z, step_.z, tau, corrected);
+    barrier_.longest_steps(kKeptShare, primal, dual);
+    // Longer than this the equation of motion is not near its linearisation: ask it.
+    const double size = step_.z.cwiseAbs().maxCoeff(), before = right_.stage.cwiseAbs().maxCoeff();
+    if (size > kLargestCurvature)
+      for (int halving = 0; halving < 20; ++halving) {
+        trial_ = current_.z + primal * step_.z;
+        model_.residual(trial_.data(), trial_residual_.data());
+        if (trial_residual_.cwiseAbs().maxCoeff() <= std::max(before, kLargestCurvature)) break;
+        primal *= 0.5;
+      }
+    current_.z += primal * step_.z;
+    current_.stage += primal * (step_.stage - current_.stage);
+    current_.defect += primal * (step_.defect - current_.defect);
+    barrier_.move(primal, dual);
+    stalled_ = primal < 1e-3 ? stalled_ + 1 : 0;
+    return true;
+  }
+
+  void report(nlp::Solution& solution) {
+    solution.objective = transcription_.objective(current_.z);
+    solution.point.x = current_.z;
+    solution.point.lambda.resize(transcription_.constraints());
+    for (long k = 0; k < layout_.knots; ++k) {
+      solution.point.lambda.segment(transcription_.stage_row(k), layout_.axes) =
+          current_.stage.segment(k * layout_.axes, layout_.axes);
+      if (k + 1 < layout_.knots)
+        solution.point.lambda.segment(transcription_.defect_row(k), layout_.states()) =
+            current_.defect.segment(k * layout_.states(), layout_.states());
+    }
+    solution.point.z_low = barrier_.low_multipliers();
+    solution.point.z_high = barrier_.high_multipliers();
+  }
+
+  const StageModel& model_;
+  Layout layout_;
+  StagewiseOptions options_;
+  Transcription transcription_;
+  StageDerivatives derivatives_;
+  std::unique_ptr<BlockKkt> kkt_;
+  Barrier barrier_;
+  KktVector right_, step_, current_;
+  Vector diagonal_, base_diagonal_, gradient_, stationarity_, trial_, trial_residual_;
+  double scale_ = 1.0, largest_angle_ = 1.0;
+  int stalled_ = 0;
+};
+
+}  // namespace
+
+double natural_scale(Transcription& transcription) {
+  Vector z(transcription.variables());
+  transcription.start(z);
+  const double objective = transcription.objective(z);
+  return objective > 1e-8 ? 100.0 / objective : 1e10;
+}
+
+nlp::Solution solve_stagewise(const StageModel& model, const StagewiseOptions& options) {
+  return Solver(model, options).run();
+}
+
+}  // namespace exactarm::ocp

@@ -1,0 +1,33 @@
+// Our own primal-dual interior-point solver of the transcription, on BlockKkt.
+//   min scale f(z)  s.t.  r(z) = 0, defects = 0,  z - low = s_low > 0,  high - z = s_high > 0
+// Newton on the perturbed first-order conditions with exact second derivatives; slacks of their own, so that
+// the start need not lie within the bounds (Mehrotra 1992, predictor and corrector). Where the start lies
+// well within them the barrier is small from the first step on, and the iteration is Newton's.
+// If the reduced Hessian of a knot is indefinite, that step leaves out the second derivatives of the
+// dynamics (Gauss-Newton).
+//
+// An infeasible problem shows as bound multipliers that grow without limit while the bounds stay violated:
+// scaled to one they prove it (Farkas) for the linearised equations.
+#pragma once
+
+#include "exactarm/nlp/ipopt.hpp"
+#include "exactarm/ocp/transcription.hpp"
+
+namespace exactarm::ocp {
+
+struct StagewiseOptions {
+  double tolerance = 1e-7;          // stationarity of the scaled problem
+  double feasibility = 1e-12;       // equations and bounds, rad
+  double last_barrier = 1e-11;      // complementarity of the scaled problem
+  double objective_scale = 0.0;     // 0: the start's objective becomes 100
+  int iterations = 100;
+  double seconds = 1e6;
+};
+
+// Multipliers in the order and sign of Transcription; of the scaled objective.
+nlp::Solution solve_stagewise(const StageModel& model, const StagewiseOptions& options);
+
+// The scale that makes the start's objective 100, at most 1e10.
+double natural_scale(Transcription& transcription);
+
+}  // namespace exactarm::ocp
