@@ -139,6 +139,21 @@ def test_pose_space_says_why_it_is_empty():
         space.draw(10, np.random.default_rng(0))
 
 
+def test_hand_keeps_clear_of_the_arm():
+    robot = robot_of([(0.5, 0.0, RIGHT), (0.0, 0.5, 0.0), (0.0, 0.0, RIGHT), (0.5, 0.0, -RIGHT), (0.0, 0.0, RIGHT), (0.1, 0.0, 0.0)])
+    stretched = np.array([[0.0, 0.5, RIGHT, 0.0, 0.0, 0.0]])
+    folded = np.array([[0.0, 1.0, -1.3, 0.0, 0.0, 0.0]])  # the hand hangs down beside the base column
+    wide, none = PoseSpace.of(robot), PoseSpace.of(robot, clearance=0.0)
+    assert wide.clearance == pytest.approx(0.1 * 1.6)
+    assert wide.allowed(stretched)[0] and none.allowed(folded)[0] and not wide.allowed(folded)[0]
+    q = none.draw(2000, np.random.default_rng(0))
+    clear = wide.allowed(q)
+    assert 0.5 < clear.mean() < 1.0
+    for pose in wide.target(q[clear][:200]):
+        height = np.clip(pose[2], 0.0, 0.5)
+        assert np.linalg.norm(pose - [0.0, 0.0, height]) >= wide.clearance
+
+
 def test_limits_that_are_not_declared():
     bare = Robot("bare", tuple(replace(joint, q_min=None, q_max=None) for joint in racer_like().joints))
     assert PoseSpace.of(bare).assumed == (1, 2, 3, 4, 5, 6)

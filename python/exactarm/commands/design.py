@@ -7,7 +7,7 @@ import argparse
 import numpy as np
 
 from exactarm.commands.arguments import add_robot
-from exactarm.commands.planning_arguments import add_planning, box_of, with_tool
+from exactarm.commands.planning_arguments import add_planning, box_of, clearance_of, with_tool
 from exactarm.commands.result import CommandResult
 from exactarm.errors import InputError
 from exactarm.identify.design import Design, DesignOptions, design_poses
@@ -36,6 +36,7 @@ def run(arguments: argparse.Namespace) -> CommandResult:
         count=arguments.count,
         validation=arguments.validation,
         box=box_of(arguments.box),
+        clearance=clearance_of(arguments.clearance),
         frames=arguments.frames,
         orientation=arguments.use == "pose",
         seed=arguments.seed,
@@ -101,7 +102,10 @@ def _dropped_table(design: Design) -> Table:
 
 
 def _warnings(design: Design) -> tuple[str, ...]:
-    items = ["the program knows joint limits and the box, not obstacles, cables or the arm's own body: check the poses"]
+    items = [
+        f"joint limits, the box and {number(1e3 * design.space.clearance)} mm from base column and upper arm are kept; "
+        "obstacles, cables and covers are not known: check the poses before they are driven"
+    ]
     if design.space.assumed:
         axes = ", ".join(str(axis) for axis in design.space.assumed)
         items.append(f"the robot file has no limits for axis {axes}: half a turn either way was assumed")

@@ -9,7 +9,9 @@ import numpy as np
 
 from exactarm.chain import Layout
 from exactarm.commands.arguments import add_files, add_robot
-from exactarm.commands.planning_arguments import add_noise, add_planning, box_of, noise_of, with_tool
+from exactarm.commands.planning_arguments import (
+    add_noise, add_planning, box_of, clearance_of, noise_of, with_tool,
+)
 from exactarm.commands.result import CommandResult
 from exactarm.dataset import Dataset, read_planned_poses
 from exactarm.errors import InputError
@@ -85,7 +87,7 @@ def _poses(robot: Robot, arguments: argparse.Namespace) -> _Poses:
     else:
         if arguments.count < 1:
             raise InputError(f"--count {arguments.count}: expected 1 or more")
-        space = PoseSpace.of(robot, box_of(arguments.box))
+        space = PoseSpace.of(robot, box_of(arguments.box), clearance_of(arguments.clearance))
         q = space.draw(arguments.count, np.random.default_rng(arguments.seed))
         words, warnings = f"{len(q)} random poses within the joint limits", _limit_warnings(space)
     model = PlannedModel.of(robot, q, arguments.frames, orientation)

@@ -24,6 +24,9 @@ def add_planning(parser: argparse.ArgumentParser) -> None:
                         help="what is measured: the position of a target (default), or its orientation too")
     parser.add_argument("--box", metavar="XMIN,XMAX,YMIN,YMAX,ZMIN,ZMAX",
                         help="where flange and target may be, in m in the base frame (default: above the floor, z >= 0)")
+    parser.add_argument("--clearance", metavar="M", type=float,
+                        help="least distance of flange and target from base column and upper arm in m (default: a tenth "
+                             "of the arm; 0: none)")
 
 
 def add_noise(parser: argparse.ArgumentParser) -> None:
@@ -47,6 +50,12 @@ def box_of(text: str | None) -> Box:
         if not low < high:
             raise InputError(f"--box {text}: {axis}min {low:g} is not below {axis}max {high:g}")
     return Box(lower, upper)
+
+
+def clearance_of(value: float | None) -> float | None:
+    if value is not None and not 0.0 <= value < np.inf:
+        raise InputError(f"--clearance {value}: expected a distance in m, 0 or more")
+    return value
 
 
 def noise_of(value: float) -> float:

@@ -33,11 +33,13 @@ _STARTS = 20
 
 @dataclass(frozen=True)
 class DesignOptions:
-    """count, validation: numbers of poses; frames: which of base and tool frame are unknown (planned.FRAMES)."""
+    """count, validation: numbers of poses; frames: which of base and tool frame are unknown (planned.FRAMES);
+    clearance of the hand from the arm's body in m (None: a tenth of the arm)."""
 
     count: int = 50
     validation: int = 13
     box: Box = field(default_factory=Box)
+    clearance: float | None = None
     frames: str = "both"
     orientation: bool = False
     seed: int = 0
@@ -74,7 +76,7 @@ class Design:
 def design_poses(robot: Robot, options: DesignOptions = DesignOptions()) -> Design:
     """Designs the poses. Raises InputError where `count` poses are too few for the parameters."""
     rng = np.random.default_rng(options.seed)
-    space = PoseSpace.of(robot, options.box)
+    space = PoseSpace.of(robot, options.box, options.clearance)
     candidates = space.draw(POOL, rng)
     model = PlannedModel.of(robot, candidates[:REFERENCE], options.frames, options.orientation)
     blocks = model.blocks(candidates, options.threads)

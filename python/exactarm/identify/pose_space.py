@@ -2,7 +2,8 @@
 
 Angles are those that the controller reports, q (N, n) in rad (m for a sliding axis); the box is in the robot's
 base frame, in m. A small part of each axis' range next to its limits is left free: controllers refuse poses that
-touch a limit. Collisions with the surroundings, or of the arm with itself, are not known here.
+touch a limit. Hand and target keep a clearance from the base column and the upper arm (exactarm.identify.clearance);
+obstacles and cables are not known here.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import numpy as np
 
 from exactarm import _core
 from exactarm.errors import ComputationError, InputError
+from exactarm.identify.clearance import default_clearance, is_clear
 from exactarm.robot import Placement, Robot
 
 _MARGIN = 0.005  # of the range, at either end
@@ -30,16 +32,20 @@ class Box:
 
 @dataclass(frozen=True)
 class PoseSpace:
-    """Limits lower, upper (n,) of the joint angles (margin taken off), and the box. `assumed`: axes (from 1) without declared limits."""
+    """Limits lower, upper (n,) of the joint angles (margin taken off), box, and clearance from the arm's body in m.
+
+    assumed: axes (from 1) without declared limits.
+    """
 
     robot: Robot
     box: Box
     lower: np.ndarray
     upper: np.ndarray
+    clearance: float
     assumed: tuple[int, ...] = ()
 
     @staticmethod
-    def of(robot: Robot, box: Box = Box()) -> "PoseSpace":
+    def of(robot: Robot, box: Box = Box(), clearance: float | None = None) -> "PoseSpace":
         """A revolute axis without limits gets half a turn either way; a sliding one must declare them."""
         bounds, assumed = [], []
         for number, joint in enumerate(robot.joints, 1):
@@ -50,19 +56,23 @@ class PoseSpace:
             bounds.append((-np.pi if joint.q_min is None else joint.q_min, np.pi if joint.q_max is None else joint.q_max))
         lower, upper = np.array(bounds).T
         margin = _MARGIN * (upper - lower)
-        return PoseSpace(replace(robot, base=Placement()), box, lower + margin, upper - margin, tuple(assumed))
+        keep = default_clearance(robot) if clearance is None else clearance
+        at_origin = replace(robot, base=Placement())
+        return PoseSpace(at_origin, box, lower + margin, upper - margin, keep, tuple(assumed))
 
     def target(self, q: np.ndarray) -> np.ndarray:
         """(N, 3) nominal position of the target in the base frame."""
         return _core.forward_kinematics(self.robot.core, self._joint_angles(q))[0]
 
     def allowed(self, q: np.ndarray) -> np.ndarray:
-        """(N,) bool: within the limits, target and flange inside the box."""
-        target, rotation = _core.forward_kinematics(self.robot.core, self._joint_angles(q))
+        """(N,) bool: within the limits, target and flange inside the box and clear of the arm."""
+        angles = self._joint_angles(q)
+        target, rotation = _core.forward_kinematics(self.robot.core, angles)
         flange = target - (rotation @ self.robot.tool.rotation.T) @ self.robot.tool.position
         inside = np.all((q >= self.lower) & (q <= self.upper), axis=1)
         for points in (target, flange):
             inside &= np.all((points >= self.box.lower) & (points <= self.box.upper), axis=1)
+        inside[inside] = is_clear(self.robot.core, angles[inside], (target[inside], flange[inside]), self.clearance)
         return inside
 
     def draw(self, count: int, rng: np.random.Generator) -> np.ndarray:
@@ -74,8 +84,8 @@ class PoseSpace:
             drawn += len(q)
             if sum(map(len, found)) < _LEAST_SHARE * drawn:
                 raise ComputationError(
-                    "fewer than one in a thousand poses within the joint limits lies inside the box: "
-                    "the box is beyond the reach, or too small"
+                    "fewer than one in a thousand poses within the joint limits is allowed: "
+                    "the box is beyond the reach or too small, or the clearance is too large"
                 )
         return np.concatenate(found)[:count]
 

@@ -1,0 +1,42 @@
+"""Clearance: keeps hand and target out of the arm's own body, as far as a skeleton can tell.
+
+The body is the skeleton of the first links: the straight lines between successive frame origins from the base up to
+frame n - 4 (the base column and the upper arm of a six-axis robot). The last four frames move the hand itself and
+are left out. A pose is clear when flange and target stay at least so far away from all these lines.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from exactarm import _core
+from exactarm.robot import Robot
+
+_SHARE = 0.1  # of the stretched arm: about the half-width of column plus hand of common robots
+_OWN_FRAMES = 4
+
+
+def default_clearance(robot: Robot) -> float:
+    """A tenth of the arm's length when all links are laid end to end, m."""
+    return _SHARE * sum(abs(joint.a) + abs(joint.d) for joint in robot.joints)
+
+
+def is_clear(robot: _core.Robot, q: np.ndarray, points: tuple[np.ndarray, ...], clearance: float) -> np.ndarray:
+    """(N,) bool for joint angles q (N, n) and points (N, 3), both in the frame of the robot's base."""
+    lines = q.shape[1] - _OWN_FRAMES
+    clear = np.ones(len(q), bool)
+    if clearance <= 0.0 or lines < 1:
+        return clear
+    origins, _ = _core.frame_poses(robot, q)
+    for k in range(lines):
+        for point in points:
+            clear &= _distance(point, origins[:, k], origins[:, k + 1]) >= clearance
+    return clear
+
+
+def _distance(point: np.ndarray, start: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """(N,) distance of points from line segments, all (N, 3)."""
+    along = end - start
+    square = np.maximum(np.sum(along**2, axis=1), np.finfo(float).tiny)
+    part = np.clip(np.sum((point - start) * along, axis=1) / square, 0.0, 1.0)
+    return np.linalg.norm(point - start - part[:, None] * along, axis=1)
