@@ -11,6 +11,7 @@ from exactarm.chain.layout import Layout
 from exactarm.chain.motion import MotionPrediction, predict_motion
 from exactarm.chain.motion_record import MotionRecord, motion_record
 from exactarm.chain.poses import PosePrediction, predict_poses
+from exactarm.chain.tracked_motion import predict_tracked_motion
 from exactarm.chain.view import View
 
 __all__ = [
@@ -26,4 +27,5 @@ __all__ = [
     "predict_gear_run",
     "predict_motion",
     "predict_poses",
+    "predict_tracked_motion",
 ]

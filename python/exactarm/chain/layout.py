@@ -29,6 +29,11 @@ class Layout:
     def joined(self, other: "Layout") -> "Layout":
         return Layout(self.effects + other.effects, self.free + other.free)
 
+    @property
+    def held(self) -> "Layout":
+        """The same effects with nothing free."""
+        return Layout(self.effects, tuple(np.zeros_like(mask) for mask in self.free))
+
     def without(self, names: set[str]) -> "Layout":
         """The same with the named parameters held at their present values."""
         masks = []

@@ -13,6 +13,7 @@ derivative of what the arm deviates from it, low-passed as the measured torque i
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import Callable
 
 import numpy as np
 
@@ -35,13 +36,13 @@ class MotionView(View):
     """A view that remembers how it came about, so that it can tell the response to an effect not in the layout."""
 
     evaluated: tuple = field(default=(), repr=False)  # robot, layout, record
+    predict: Callable | None = field(default=None, repr=False)  # (robot, layout, record, threads) -> prediction
 
     def response(self, effect: Effect) -> np.ndarray:
         """(N, m, k) derivative of the prediction by all parameters of the effect, at its values."""
         robot, layout, record = self.evaluated
-        held = Layout(layout.effects, tuple(np.zeros_like(mask) for mask in layout.free))
         alone = Layout((effect,), (np.ones(len(effect.values), bool),))
-        return predict_motion(robot, held.joined(alone), record, threads=self.threads).jacobian
+        return self.predict(robot, layout.held.joined(alone), record, self.threads).jacobian
 
 
 @dataclass(frozen=True)
@@ -63,6 +64,7 @@ def predict_motion(
 ) -> MotionPrediction:
     """Drive torque on every row of `record` with the effects of `layout` in the chain."""
     view = motion_view(robot, layout, record, tangents=tangents, threads=threads)
+    view.predict = lambda *about: predict_motion(*about[:3], threads=about[3])
     tangents = tangents and layout.size > 0
     _drive(view, robot, layout, tangents)
     torque = record.smooth(view.signals["measured"])
@@ -181,8 +183,7 @@ def transmission(view: View, layout: Layout) -> np.ndarray:
     inside.signals["phi"] = declared
     inside.tangents["theta"] = np.broadcast_to(np.eye(n), (view.rows, n, n))
     inside.tangents["phi"] = slope[:, :, None] * np.eye(n)
-    held = Layout(layout.effects, tuple(np.zeros_like(mask) for mask in layout.free))
-    pass_station(inside, held, Station.GEAR, "phi", True)
+    pass_station(inside, layout.held, Station.GEAR, "phi", True)
     return inside.tangents["phi"]
 
 

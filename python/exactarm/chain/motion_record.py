@@ -121,6 +121,22 @@ def motion_record(robot: Robot, data: Dataset, bandwidth_hz: float | None = None
     )
 
 
+def unthinned_record(robot: Robot, data: Dataset, bandwidth_hz: float = BANDWIDTH_HZ) -> MotionRecord:
+    """Every row of `data`, angles as they are and nothing measured: only their rates pass the low-pass of the angles."""
+    theta = motor_angles(robot, data)
+    rate, acceleration = np.zeros_like(theta), np.zeros_like(theta)
+    runs = _runs(data)
+    step = float(np.median(np.concatenate([np.diff(data.time[rows]) for rows in runs])))
+    filtered = _WIDE * bandwidth_hz < _LARGEST / step
+    for rows in runs:
+        derivative = derivative_operator(data.time[rows])
+        rate[rows] = derivative @ (_low_pass(theta[rows], _WIDE * bandwidth_hz, step) if filtered else theta[rows])
+        acceleration[rows] = derivative @ rate[rows]
+    band = bandwidth_hz if bandwidth_hz < _LARGEST / step else None
+    torque = np.full_like(theta, np.nan)
+    return MotionRecord(data, theta, rate, acceleration, torque, np.ones(len(data), bool), tuple(runs), band, step)
+
+
 def measured_torque(robot: Robot, data: Dataset) -> np.ndarray:
     """(N, n) output-side torque in Nm, NaN where an axis has none."""
     torque = np.full((len(data), robot.axes), np.nan)

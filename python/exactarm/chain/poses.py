@@ -58,7 +58,7 @@ def predict_poses(
         robot = effect.bake(robot)
     view = View(robot, data, "poses", threads)
     _joint_angles(view, layout, tangents)
-    return _target(view, layout, tangents)
+    return predict_target(view, layout, tangents)
 
 
 def _joint_angles(view: View, layout: Layout, tangents: bool) -> None:
@@ -132,7 +132,7 @@ def pass_tangents(view: View, layout: Layout, station: Station, signal: str) -> 
     return view.tangents[signal]
 
 
-def _target(view: View, layout: Layout, tangents: bool) -> PosePrediction:
+def predict_target(view: View, layout: Layout, tangents: bool) -> PosePrediction:
     """From joint angles to the measured target: geometry, frames of each session, device."""
     rows, n, size = view.rows, view.axes, layout.size
     tangents = tangents and size > 0
@@ -155,7 +155,8 @@ def _target(view: View, layout: Layout, tangents: bool) -> PosePrediction:
     if tangents:
         view.signals["identification"] = columns.reshape(rows, -1)
         joint_columns = columns[:, :, 4 : 6 * n : 6]
-        view.transfers = _transfers(view, joint_columns)
+        if not view.is_series:
+            view.transfers = _transfers(view, joint_columns)
         view.tangents["displacement"] = joint_columns @ view.tangents["q"]
     pass_station(view, layout, Station.GEOMETRY, "displacement", tangents)
     moved = view.signals["displacement"]

@@ -183,7 +183,8 @@ def calibrated_robot(robot: Robot, layout: Layout, fit: Fit) -> Robot:
     base, tool = robot.base, robot.tool
     if sessions:
         base, tool = sessions[0].place(sessions[0].session, Placement(), Placement())
-    own = tuple(effect for effect in layout.effects if not effect.declared)
+    other = tuple(effect for effect in robot.effects if "poses" not in effect.kinds)  # had no part in this fit
+    own = other + tuple(effect for effect in layout.effects if not effect.declared)
     pairs = zip(layout.names, fit.interval())
     intervals = dict(robot.intervals) | {name: (float(low), float(high)) for name, (low, high) in pairs}
     return replace(result, base=base, tool=tool, effects=own, intervals=intervals)

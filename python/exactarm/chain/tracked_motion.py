@@ -1,0 +1,33 @@
+"""The chain for tracked motions: motor angles over time in, path of the target (N, 3) in m out.
+
+Motor angles, gears and loads as for any motion (chain/motion.py): the springs carry the torque of the inverse
+dynamics, gravity and acceleration (quasi-static: they do not ring). From the joints on it is the chain of static
+poses: geometry, base and tool frames, device.
+"""
+
+from __future__ import annotations
+
+from exactarm.chain.layout import Layout
+from exactarm.chain.motion import motion_view
+from exactarm.chain.motion_record import MotionRecord, unthinned_record
+from exactarm.chain.poses import PosePrediction, predict_target
+from exactarm.dataset import Dataset
+from exactarm.robot import Robot
+
+
+def predict_tracked_motion(
+    robot: Robot,
+    layout: Layout,
+    data: Dataset,
+    *,
+    record: MotionRecord | None = None,
+    tangents: bool = True,
+    threads: int = 1,
+) -> PosePrediction:
+    """Prediction of every row of `data`; `record`: of the same data (`unthinned_record`), to save its preparation."""
+    record = unthinned_record(robot, data) if record is None else record
+    view = motion_view(robot, layout, record, tangents=tangents, threads=threads, kind="tracked_motion")
+    view.predict = lambda robot, layout, record, threads: predict_tracked_motion(
+        robot, layout, record.data, record=record, threads=threads
+    )
+    return predict_target(view, layout, tangents)

@@ -1,0 +1,78 @@
+"""The chain for tracked motions: slow ones are static poses, fast ones bend by their acceleration too."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from central_difference import assert_derivative
+from motions import fourier_motion
+from six_axis import six_axis
+
+from exactarm import _core
+from exactarm.chain import Layout, predict_poses, predict_tracked_motion
+from exactarm.dataset import Dataset
+from exactarm.effects import library
+from exactarm.effects.frames import Frames
+from exactarm.effects.joint_offset import JointOffset
+
+NONE = Layout.of(())
+
+
+def tracked(robot, seconds=3.0, rate_hz=250.0, base_hz=0.2):
+    time, angle, _, _ = fourier_motion(robot, seconds, rate_hz, 6, base_hz=base_hz)
+    zero = np.zeros((time.size, 3))
+    return Dataset.of_arrays("tracked_motion", {"theta": angle * robot.ratios}, time=time, position=zero)
+
+
+def test_creeping_motion_is_a_series_of_static_poses():
+    robot = replace(six_axis(springs=True))
+    data = tracked(robot, base_hz=0.002)
+    moving = predict_tracked_motion(robot, NONE, data, tangents=False).position
+    still = predict_poses(robot, NONE, data, tangents=False).position
+    # The springs' second-order answer to their own deflection is left out of motions.
+    assert np.max(np.abs(moving - still)) < 2e-5
+
+
+def test_acceleration_bends_the_springs():
+    """The deflection is that of the whole inverse dynamics, not of gravity alone."""
+    robot = six_axis(springs=True)
+    data = tracked(robot)
+    time, angle, rate, acceleration = fourier_motion(robot, 3.0, 250.0, 6)
+    view = predict_tracked_motion(robot, NONE, data, tangents=False).view
+    torque = _core.inverse_dynamics(robot.core, angle + robot.offsets, rate, acceleration)
+    stiffness = np.array([joint.spring_linear for joint in robot.joints])
+    inner = slice(60, -60)
+    deflection = view.q - angle - robot.offsets
+    np.testing.assert_allclose(deflection[inner], (-torque / stiffness)[inner], atol=2e-3 * np.max(np.abs(torque / stiffness)))
+
+
+def test_jacobian():
+    robot = six_axis(springs=True)
+    data = tracked(robot, seconds=0.8)
+    make = library()
+    effects = (
+        Frames.of(1, robot.base, robot.tool, False),
+        JointOffset.of(robot, 1),
+        make["joint_compliance"](3, (2e-6, 0.0)),
+        make["payload"](None, (2.0, 0.1, 0.0, 0.2)),
+        make["gear_harmonics"](2, (4.0, 2e-3, -1e-3)),
+        make["link_compliance"](2, (1e-6,)),
+        make["tracker_scale"](None, (0.0, 0.0, 1e-4)),
+    )
+    layout = Layout.of(effects)
+    steps = np.array([1e-3 if "session" in name else 0.02 * p.plausible for name, p in zip(layout.names, layout.parameters)])
+    predict = lambda x: predict_tracked_motion(robot, layout.at(x), data, tangents=False).position
+    prediction = predict_tracked_motion(robot, layout, data)
+    # The load of the undeflected motion does not know of the offset's part: 0.2 % of that column.
+    assert_derivative(predict, layout.values, prediction.jacobian[:, :3], steps, relative=3e-3)
+
+
+def test_response_to_an_effect_outside_the_layout():
+    robot = six_axis(springs=True)
+    data = tracked(robot, seconds=1.0)
+    frames, payload = Frames.of(1, robot.base, robot.tool, False), library()["payload"](None, (0.0,) * 4)
+    alone = predict_tracked_motion(robot, Layout.of((frames,)), data).view.response(payload)
+    inside = predict_tracked_motion(robot, Layout.of((frames, payload)), data).jacobian[:, :, -4:]
+    np.testing.assert_allclose(alone, inside, atol=1e-12)
+    assert np.max(np.abs(inside[:, :3, 0])) > 1e-6
