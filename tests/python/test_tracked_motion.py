@@ -57,7 +57,6 @@ def test_jacobian():
         make["joint_compliance"](3, (2e-6, 0.0)),
         make["payload"](None, (2.0, 0.1, 0.0, 0.2)),
         make["gear_harmonics"](2, (4.0, 2e-3, -1e-3)),
-        make["link_compliance"](2, (1e-6,)),
         make["tracker_scale"](None, (0.0, 0.0, 1e-4)),
     )
     layout = Layout.of(effects)
