@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from identification_poses import RIGHT, racer_like, random_joints, robot_of, stacked_jacobian
 
-from exactarm.identify.identifiability import preference, select_identifiable
+from exactarm.identify.identifiability import preference, select_identifiable, still_axes
 from exactarm.robot import Placement
 
 
@@ -116,6 +116,19 @@ def test_seven_axes_and_a_prismatic_one():
     _, _, result = analyse(robot_of(rows, types, ratios=False), orientation=True)
     assert result.kept.sum() == 4 * 5 + 2 * 1 + 6 - 1  # the DH angle of a sliding axis is no parameter
     assert any("axis 3 slides" in entry.why for entry in result.dropped)
+
+
+def test_an_axis_that_stands_still_is_named():
+    robot = racer_like()
+    q = random_joints(robot, 100, 4)
+    q[:, 3] = 0.7
+    jacobian, layout = stacked_jacobian(robot, q)
+    assert still_axes(q) == (4,)
+    result = select_identifiable(jacobian, layout.names, keep_first=9, robot=robot, still=still_axes(q))
+    assert why(result, "a_4_m").why.endswith("axis 4 stands still in these poses")
+    assert why(result, "ratio_4").collides_with == ("q_offset_4_rad",)
+    assert "base frame" in why(result, "d_1_m").why and "tool frame" in why(result, "d_6_m").why
+    assert len(result.dropped) == np.sum(result.singular_values < 1e-8) > 7
 
 
 def test_a_parameter_without_effect_is_dropped_and_said_so():

@@ -17,10 +17,10 @@ from exactarm.dataset import Dataset, read_planned_poses
 from exactarm.errors import InputError
 from exactarm.identify.compliance import compliance_layout
 from exactarm.identify.declared import frames_layout, geometry_layout, require_geometry
-from exactarm.identify.identifiability import Identifiability
+from exactarm.identify.identifiability import Identifiability, still_axes
 from exactarm.identify.model_check import ModelCheck, check_model
 from exactarm.identify.parameter_name import parse_parameter
-from exactarm.identify.planned import PlannedModel, pose_blocks, pose_data, row_weights
+from exactarm.identify.planned import PlannedModel, controller_angles, pose_blocks, pose_data, row_weights
 from exactarm.identify.pose_space import PoseSpace
 from exactarm.report import Figure, Quantity, Report, Section, Table, Text, Warnings
 from exactarm.report.numbers import number
@@ -63,6 +63,7 @@ def run(arguments: argparse.Namespace) -> CommandResult:
         lambda layout: pose_blocks(poses.robot, layout, poses.data, poses.orientation, arguments.threads),
         keep_first=poses.frame_count,
         weights=row_weights(poses.orientation, noise),
+        still=still_axes(controller_angles(poses.robot, poses.data)),
     )
     return CommandResult(
         json=_json(check, poses, noise),
@@ -83,7 +84,7 @@ def _poses(robot: Robot, arguments: argparse.Namespace) -> _Poses:
         layout = frames.joined(geometry_layout(robot)).joined(compliance_layout(robot, data))
         return _Poses(robot, layout, data, orientation, frames.size, f"{len(data)} measured poses")
     if data is not None:
-        q, words, warnings = _controller_angles(robot, data), f"{len(data)} planned poses", ()
+        q, words, warnings = controller_angles(robot, data), f"{len(data)} planned poses", ()
     else:
         if arguments.count < 1:
             raise InputError(f"--count {arguments.count}: expected 1 or more")
@@ -92,16 +93,6 @@ def _poses(robot: Robot, arguments: argparse.Namespace) -> _Poses:
         words, warnings = f"{len(q)} random poses within the joint limits", _limit_warnings(space)
     model = PlannedModel.of(robot, q, arguments.frames, orientation)
     return _Poses(model.robot, model.layout, pose_data(q), orientation, model.frame_count, words, warnings)
-
-
-def _controller_angles(robot: Robot, data: Dataset) -> np.ndarray:
-    """(N, n) joint angles as the controller reports them, from motor angles where the file has only those."""
-    q = np.full((len(data), robot.axes), np.nan)
-    if "q" in data.joints:
-        q[:] = data.joints["q"]
-    if "theta" in data.joints:
-        q = np.where(np.isnan(q), data.joints["theta"] / robot.controller_ratios + robot.controller_offsets, q)
-    return q
 
 
 def _limit_warnings(space: PoseSpace) -> tuple[str, ...]:

@@ -16,7 +16,7 @@ from exactarm.dataset import Dataset
 from exactarm.errors import InputError
 from exactarm.identify.compliance import compliance_layout
 from exactarm.identify.declared import carried_layout, frames_layout, geometry_layout, require_geometry
-from exactarm.identify.identifiability import Identifiability, select_identifiable
+from exactarm.identify.identifiability import Identifiability, select_identifiable, still_axes
 from exactarm.identify.pose_fit import PoseFit, fit_poses
 from exactarm.identify.statistics import ErrorSummary, summarise
 from exactarm.regression import Fit
@@ -142,6 +142,7 @@ def identifiable_layout(
         sigma=None if sigma is None else 1.0,
         plausible=[p.plausible for p in layout.parameters],
         robot=robot,
+        still=still_axes(prediction.view.q),
     )
     return layout.without(set(result.dropped_names)), result
 

@@ -7,6 +7,7 @@ where its alpha and beta vanish (modulo half a turn), and collinear where its a 
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Sequence
 
 import numpy as np
@@ -20,7 +21,15 @@ COLLINEAR_M = 1e-3
 _MOST_PARTNERS = 6
 
 
-def no_effect(name: str, robot: Robot | None) -> str:
+@dataclass(frozen=True)
+class Arm:
+    """What the reasons are looked up in: the robot, and the axes (from 1) that do not move in these poses."""
+
+    robot: Robot
+    still: tuple[int, ...] = ()
+
+
+def no_effect(name: str) -> str:
     """The sentence for a parameter whose column vanishes."""
     p = parse_parameter(name)
     if p.group is Group.GEOMETRY and p.symbol in ("alpha", "beta"):
@@ -32,18 +41,18 @@ def no_effect(name: str, robot: Robot | None) -> str:
     return f"{name} changes nothing that is measured in these poses"
 
 
-def move_alike(name: str, partners: Sequence[str], robot: Robot | None) -> str:
+def move_alike(name: str, partners: Sequence[str], arm: Arm | None) -> str:
     """The sentence for a parameter that a combination of `partners` imitates exactly."""
-    reason = _reason(parse_parameter(name), [parse_parameter(p) for p in partners], robot)
+    reason = _reason(parse_parameter(name), [parse_parameter(p) for p in partners], arm)
     return f"{name} and {listed(partners)} move the tool alike" + (f": {reason}" if reason else " in these poses")
 
 
-def hardly_differ(name: str, partners: Sequence[str], robot: Robot | None, uncertainty: float, plausible: float) -> str:
+def hardly_differ(name: str, partners: Sequence[str], arm: Arm | None, uncertainty: float, plausible: float) -> str:
     """The sentence for a parameter that the noise hides: its standard deviation beside its plausible magnitude."""
     text = f"{name} is lost in the noise: known to {uncertainty:.2g} only, plausible is {plausible:.2g}"
     if not partners:
         return text
-    reason = _reason(parse_parameter(name), [parse_parameter(p) for p in partners], robot)
+    reason = _reason(parse_parameter(name), [parse_parameter(p) for p in partners], arm)
     return f"{text}; it is hardly told from {listed(partners)}" + (f": {reason}" if reason else "")
 
 
@@ -62,21 +71,38 @@ def _short(p: ParameterName, names: Sequence[str]) -> str:
     return f"the {p.symbol} frame" + ("s of all sessions" if len(sessions) > 1 else "")
 
 
-def _reason(p: ParameterName, partners: list[ParameterName], robot: Robot | None) -> str:
+def _reason(p: ParameterName, partners: list[ParameterName], arm: Arm | None) -> str:
     frames = {q.symbol for q in partners if q.group is Group.FRAME}
     others = [q for q in partners if q.group is not Group.FRAME]
+    if arm is None:
+        return _absorbed(p, frames) if frames and not others else ""
+    for rule in _RULES if others else ():
+        if text := rule(p, others, arm.robot):
+            return text
+    if (resting := _resting(p, others, frames, arm)) and not _always_absorbed(p, frames, arm.robot):
+        return f"axis {resting} stands still in these poses"
     if frames and not others:
         return _absorbed(p, frames)
-    if robot is None:
-        return ""
-    for rule in (
-        _prismatic, _alike_along_parallel_axes, _collinear_turn, _turn_about_parallel_y, _target_on_axis, _one_target
-    ):
-        if text := rule(p, others, robot):
-            return text
     if frames:
         return "together they are a motion of the " + " and ".join(sorted(frames)) + " frame"
     return ""
+
+
+def _resting(p: ParameterName, others: list[ParameterName], frames: set[str], arm: Arm) -> int | None:
+    """The first axis at rest that makes two of these parameters one: its neighbours move as one body."""
+    involved = [q.axis for q in (p, *others) if q.axis is not None]
+    for k in arm.still:
+        at_end = ("base" in frames and k == 1) or ("tool" in frames and k == arm.robot.axes)
+        if at_end or any(axis in (k - 1, k) for axis in involved):
+            return k
+    return None
+
+
+def _always_absorbed(p: ParameterName, frames: set[str], robot: Robot) -> bool:
+    """Whether a frame takes the parameter up however the axes move."""
+    if frames == {"base"}:
+        return p.axis == 1 and p.symbol in ("d", "q_offset")
+    return frames == {"tool"} and p.axis == robot.axes
 
 
 def _absorbed(p: ParameterName, frames: set[str]) -> str:
@@ -158,3 +184,6 @@ def deviation_from_parallel(robot: Robot, one: int, other: int) -> float:
         sine = np.hypot(np.sin(joint.alpha) * np.cos(joint.beta or 0.0), np.sin(joint.beta or 0.0))
         tilts.append(float(np.arctan2(sine, cosine)))
     return max(tilts)
+
+
+_RULES = (_prismatic, _alike_along_parallel_axes, _collinear_turn, _turn_about_parallel_y, _target_on_axis, _one_target)

@@ -20,7 +20,7 @@ from typing import Sequence
 
 import numpy as np
 
-from exactarm.identify.collision import hardly_differ, move_alike, no_effect
+from exactarm.identify.collision import Arm, hardly_differ, move_alike, no_effect
 from exactarm.identify.observability import Observability, column_scale, observability
 from exactarm.identify.parameter_name import Group, parse_parameter
 from exactarm.robot import Robot
@@ -28,6 +28,7 @@ from exactarm.robot import Robot
 RANK_TOLERANCE = 1e-6  # part of a unit column outside the kept ones: URDF files print pi to six digits
 _NO_EFFECT = 1e-12  # length of a column (per plausible magnitude) beside the longest
 _PARTICIPATES = 1e-3  # a coefficient beside the largest of its collision
+_STILL = 1e-3
 _WEAK_SHARE = 0.3  # the same in a direction that is weak but not empty
 
 
@@ -81,15 +82,17 @@ def select_identifiable(
     sigma: float | None = None,
     plausible: Sequence[float] | None = None,
     robot: Robot | None = None,
+    still: Sequence[int] = (),
 ) -> Identifiability:
     """Identifiable parameters of `jacobian` (R, P).
 
     keep_first: the first so many columns come first in the order of preference, as they stand. poses: K of the
     observability indices (default R / 3). weights (R,): 1 / standard deviation of each row, up to a factor.
     sigma: standard deviation of a weighted row; together with `plausible` (P,) it drops what the noise hides.
-    robot: its geometry gives the reasons.
+    robot: its geometry gives the reasons, as do the axes (from 1) that stand `still` in all poses.
     """
     jacobian, names = np.asarray(jacobian, float), tuple(names)
+    arm = None if robot is None else Arm(robot, tuple(still))
     weighted = jacobian if weights is None else np.asarray(weights, float)[:, None] * jacobian
     triangle = np.linalg.qr(weighted, mode="r") if len(weighted) else np.zeros((0, len(names)))
     size = np.ones(len(names)) if plausible is None else np.asarray(plausible, float)
@@ -98,16 +101,16 @@ def select_identifiable(
     unit = triangle / np.where(seen, length, 1.0)
     order = [j for j in preference(names, keep_first) if seen[j]]
     kept, exact = _ordered_qr(unit, order)
-    dropped = [Dropped(names[j], no_effect(names[j], robot), (), True) for j in np.flatnonzero(~seen)]
+    dropped = [Dropped(names[j], no_effect(names[j]), (), True) for j in np.flatnonzero(~seen)]
     for j, partners in exact:
         others = tuple(names[k] for k in partners)
-        dropped.append(Dropped(names[j], move_alike(names[j], others, robot), others, True))
+        dropped.append(Dropped(names[j], move_alike(names[j], others, arm), others, True))
     deviations = None
     if sigma is not None:
         kept, hidden, deviations = _above_noise(unit, length, kept, sigma, plausible, len(names))
         for j, partners, deviation in hidden:
             others = tuple(names[k] for k in partners)
-            why = hardly_differ(names[j], others, robot, deviation, size[j])
+            why = hardly_differ(names[j], others, arm, deviation, size[j])
             dropped.append(Dropped(names[j], why, others, False))
     mask = np.zeros(len(names), bool)
     mask[kept] = True
@@ -124,6 +127,11 @@ def select_identifiable(
         indices,
         deviations,
     )
+
+
+def still_axes(q: np.ndarray) -> tuple[int, ...]:
+    """Axes (from 1) that move by less than a milliradian (millimetre) over all poses q (N, n)."""
+    return tuple(int(i) + 1 for i in np.flatnonzero(np.ptp(q, axis=0) < _STILL))
 
 
 def preference(names: Sequence[str], keep_first: int = 0) -> list[int]:

@@ -47,9 +47,10 @@ def check_model(
     *,
     keep_first: int,
     weights: np.ndarray,
-    sigma: float = 1.0,
+    still: tuple[int, ...] = (),
 ) -> ModelCheck:
-    """`blocks_of(layout)` gives the Jacobian (N, r, P) of the poses; weights (r,): 1 / standard deviation of a row."""
+    """`blocks_of(layout)` gives the Jacobian (N, r, P) of the poses; weights (r,): 1 / standard deviation of a row;
+    still: axes (from 1) that do not move in them."""
     full = with_all_columns(layout, robot)
     blocks = blocks_of(full)
     rows = blocks.reshape(-1, full.size)
@@ -61,8 +62,8 @@ def check_model(
     def select(columns: list[int], first: int) -> Identifiability:
         names = [full.names[j] for j in columns]
         return select_identifiable(
-            rows[:, columns], names, keep_first=first, poses=len(blocks), weights=each, sigma=sigma,
-            plausible=plausible[columns], robot=robot,
+            rows[:, columns], names, keep_first=first, poses=len(blocks), weights=each, sigma=1.0,
+            plausible=plausible[columns], robot=robot, still=still,
         )
 
     result = select(declared, keep_first)

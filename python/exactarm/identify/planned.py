@@ -75,3 +75,13 @@ def row_weights(orientation: bool, sigma_position: float = SIGMA_POSITION_M) -> 
 def pose_data(q: np.ndarray) -> Dataset:
     """Poses that nobody has measured."""
     return Dataset.of_arrays("poses", {"q": q})
+
+
+def controller_angles(robot: Robot, data: Dataset) -> np.ndarray:
+    """(N, n) joint angles as the controller reports them, from motor angles where there are only those."""
+    q = np.full((len(data), robot.axes), np.nan)
+    if "q" in data.joints:
+        q[:] = data.joints["q"]
+    if "theta" in data.joints:
+        q = np.where(np.isnan(q), data.joints["theta"] / robot.controller_ratios + robot.controller_offsets, q)
+    return q
