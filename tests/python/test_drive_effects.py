@@ -208,9 +208,8 @@ def test_drift_follows_temperature_else_time_else_rows(random):
     assert drivers(data) == ["time"]
     assert drivers(replace(data, time=None)) == ["row"]
     assert drivers(replace(data, covariates={"gear_temp_degC": np.arange(40.0), "load_kg": np.arange(40.0)})) == ["gear_temp_degC"]
-    two = replace(data, session=np.repeat([1, 2], 20))
-    signal = slow_signal(two, "time")
-    assert abs(signal[:20].mean()) < 1e-12 and abs(signal[20:].mean()) < 1e-12
+    part = np.arange(7, 40, 3)
+    assert np.array_equal(slow_signal(data.select(part), "time"), slow_signal(data, "time")[part])
 
 
 def test_every_effect_survives_the_robot_file(random):

@@ -6,7 +6,7 @@ who else could have explained it, and what is still unexplained.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -17,10 +17,8 @@ from exactarm.diagnose.dossier import Dossier, dossier
 from exactarm.diagnose.noise import NoiseFloor, noise_floor
 from exactarm.diagnose.problem import Fitted, Problem
 from exactarm.diagnose.problems import problem_for
-from exactarm.diagnose.scan import Candidate
 from exactarm.diagnose.selection import Accepted, Progress, Selection, refit, select
 from exactarm.effects.base import Effect
-from exactarm.errors import InputError
 from exactarm.identify.statistics import ErrorSummary, summarise
 from exactarm.robot import Robot
 
@@ -76,6 +74,7 @@ class Diagnosis:
     selection: Selection
     problem: Problem
     excluded: int
+    axes: list | None
 
 
 def diagnose(
@@ -92,16 +91,16 @@ def diagnose(
     noise = noise_floor(problem, last)
     left, had = dossier(problem, last), dossier(problem, first)
     errors = [_errors(problem, fitted) for fitted in selection.fits]
-    before = {name: summarise(values) for name, values in errors[0].items()}
-    after = {name: summarise(values) for name, values in errors[-1].items()}
+    before = {name: summarise(values[np.isfinite(values)]) for name, values in errors[0].items()}
+    after = {name: summarise(values[np.isfinite(values)]) for name, values in errors[-1].items()}
     findings = tuple(
-        _finding(accepted, last, declared, place, errors[place], errors[place + 1], noise, problem)
+        _finding(accepted, last, declared, place, errors[place], errors[place + 1], problem)
         for place, accepted in enumerate(selection.accepted)
     )
     alternatives = _alternatives(problem, declared, selection)
     verdict = _verdict(problem, before, after, noise, left, bool(findings))
     return Diagnosis(
-        robot=_updated(robot, last, declared, problem),
+        robot=problem.updated_robot(last),
         kind=problem.kind,
         unit=problem.unit,
         noise=noise,
@@ -119,33 +118,42 @@ def diagnose(
         selection=selection,
         problem=problem,
         excluded=int(np.sum(last.weight == 0.0)),
+        axes=problem.axes(first, last),
     )
 
 
 def _errors(problem: Problem, fitted: Fitted) -> dict[str, np.ndarray]:
-    used = problem.data.select(fitted.weight > 0)
+    """Errors of both sets; NaN where an effect of the record leaves a row out."""
     held = problem.held_out
     return {
-        "identification": problem.errors(fitted, used),
-        "validation": problem.errors(fitted, problem.usable(fitted, held)) if len(held) else np.zeros(0),
+        "identification": problem.errors(fitted, problem.data),
+        "validation": problem.errors(fitted, held) if len(held) else np.zeros(0),
     }
 
 
-def _finding(accepted: Accepted, last, declared, place, before, after, noise, problem) -> Finding:
+def _judged(errors: dict[str, np.ndarray]) -> np.ndarray:
+    values = errors["validation"] if errors["validation"].size else errors["identification"]
+    return values[np.isfinite(values)]
+
+
+def _rms(values: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(values**2))) if values.size else float("nan")
+
+
+def _finding(accepted: Accepted, last, declared, place, before, after, problem) -> Finding:
     index = len(declared.effects) + place
     effect, where, free = last.layout.effects[index], last.layout.slices[index], last.layout.free[index]
     intervals = np.column_stack([effect.values, effect.values]).astype(float)
     intervals[free] = last.fit.interval()[where]
     judged = "validation" if before["validation"].size else "identification"
-    rms = lambda values: float(np.sqrt(np.mean(values**2))) if values.size else float("nan")
+    fall = f"{judged} RMS {_rms(_judged(before)):.3g} to {_rms(_judged(after)):.3g} {problem.unit}"
     return Finding(
         effect,
         intervals,
-        rms(before[judged]),
-        rms(after[judged]),
+        _rms(_judged(before)),
+        _rms(_judged(after)),
         accepted.probability,
-        f"{effect.describe()}; log evidence {accepted.evidence:.0f} over a model without it, "
-        f"{judged} RMS {rms(before[judged]):.3g} to {rms(after[judged]):.3g} {problem.unit}",
+        f"{effect.describe()}; log evidence {accepted.evidence:.0f} over a model without it, {fall}",
     )
 
 
@@ -162,12 +170,11 @@ def _alternatives(problem: Problem, declared: Layout, selection: Selection) -> t
     for rival, place in strongest[:_RIVALS]:
         accepted = selection.accepted[place]
         fitted = refit(problem, declared, chosen[:place] + [rival.effect] + chosen[place + 1 :], last)
-        judged = _errors(problem, fitted)
-        values = judged["validation"] if judged["validation"].size else judged["identification"]
+        left = _rms(_judged(_errors(problem, fitted)))
         probability = float(np.exp(min(rival.evidence - accepted.evidence, 0.0)) * accepted.probability)
         found.append(Alternative(
             fitted.layout.effects[len(declared.effects) + place], accepted.effect.label,
-            float(np.sqrt(np.mean(values**2))), probability, collides(last, accepted.effect, rival.effect),
+            left, probability, collides(last, accepted.effect, rival.effect),
         ))
     return tuple(sorted(found, key=lambda a: -a.probability))
 
@@ -184,10 +191,6 @@ def _verdict(problem, before, after, noise: NoiseFloor, left: Dossier, found: bo
     if still:
         return UNEXPLAINED
     return EXPLAINED if found else NOTHING
-
-
-def _updated(robot: Robot, last: Fitted, declared: Layout, problem: Problem) -> Robot:
-    return problem.updated_robot(last)
 
 
 def _sentence(verdict, findings, alternatives, before, after, problem, left: Dossier) -> str:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from exactarm.chain import Layout, View, predict_poses
+from exactarm.chain import Layout, predict_poses
 from exactarm.dataset import Dataset
-from exactarm.diagnose.problem import Fitted, Problem
+from exactarm.diagnose.problem import Fitted, Problem, rows_kept
 from exactarm.diagnose.next_poses import separating_poses
 from exactarm.effects.base import Effect, Station
 from exactarm.identify.calibrate import CalibrationOptions, calibrated_robot, fit_identifiable, require_same_unit, require_sessions
@@ -53,10 +53,8 @@ class PoseProblem(Problem):
 
     def errors(self, fitted: Fitted, data: Dataset) -> np.ndarray:
         prediction = predict_poses(self.robot, fitted.layout, data, tangents=False, threads=self.threads)
-        return np.linalg.norm(prediction.residual(), axis=1)
-
-    def view(self, fitted: Fitted, data: Dataset) -> View:
-        return predict_poses(self.robot, fitted.layout, data, tangents=False, threads=self.threads).view
+        error = np.linalg.norm(prediction.residual(), axis=1)
+        return np.where(rows_kept(fitted.layout, prediction.view), error, np.nan)
 
     def groups(self) -> np.ndarray:
         return pose_groups(self.data)

@@ -171,13 +171,9 @@ class Problem(ABC):
     def separating_experiment(self, fitted: Fitted, one: Effect, other: Effect) -> str:
         """In words, with numbers: the poses, speeds or loads that part two effects best."""
 
-    def usable(self, fitted: Fitted, data: Dataset) -> Dataset:
-        """The rows of `data` that no effect of the record leaves out."""
-        return data.select(rows_kept(fitted.layout, self.view(fitted, data)))
-
-    @abstractmethod
-    def view(self, fitted: Fitted, data: Dataset) -> View:
-        """The chain evaluated on any rows."""
+    def axes(self, before: Fitted, after: Fitted) -> list | None:
+        """RMS per axis of the validation rows, where the kind of data has one number per axis; else None."""
+        return None
 
     def correlation_factor(self, fitted: Fitted) -> float:
         """Independent numbers per number of data; below 1 where neighbouring samples are correlated."""

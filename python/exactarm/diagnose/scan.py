@@ -16,7 +16,7 @@ from itertools import product
 
 import numpy as np
 
-from exactarm.diagnose.problem import Fitted
+from exactarm.diagnose.problem import Fitted, orthonormal
 from exactarm.effects.base import Effect
 
 _ABSORBED = 1e-6  # share of a column's square sum left after projection, below which geometry explains it
@@ -64,9 +64,17 @@ def free_mask(effect: Effect) -> np.ndarray:
     return np.array([not p.fixed and not p.search for p in effect.parameters()], bool)
 
 
-def scan(fitted: Fitted, candidates: list[Effect], count: float) -> list[Candidate]:
-    """All candidates, best evidence first; of each (name, axis) only its best point."""
-    residual = fitted.free_residual
+def scan(
+    fitted: Fitted, candidates: list[Effect], count: float, beside: np.ndarray | None = None
+) -> list[Candidate]:
+    """All candidates, best evidence first; of each (name, axis) only its best point.
+
+    beside (R, k): further whitened columns that are fitted jointly (effects about to be accepted).
+    """
+    basis, residual = fitted.basis, fitted.free_residual
+    if beside is not None:
+        basis = orthonormal(np.concatenate([basis, beside], axis=1))
+        residual = residual - basis @ (basis.T @ residual)
     square = float(residual @ residual)
     best: dict[str, Candidate] = {}
     families = len({effect.label for effect in candidates})
@@ -85,10 +93,10 @@ def scan(fitted: Fitted, candidates: list[Effect], count: float) -> list[Candida
         block.append((point, columns))
         width += columns.shape[1]
         if width >= _BLOCK_COLUMNS:
-            _score_block(fitted, block, residual, square, count, tried, families, best)
+            _score_block(basis, block, residual, square, count, tried, families, best)
             block, width = [], 0
     if block:
-        _score_block(fitted, block, residual, square, count, tried, families, best)
+        _score_block(basis, block, residual, square, count, tried, families, best)
     return sorted(best.values(), key=lambda c: -c.evidence)
 
 
@@ -101,10 +109,10 @@ def _excluding(fitted: Fitted, point: Effect, kept: np.ndarray, count: float, fa
     return Candidate(point, gain, free, 1, log_evidence(square, gain, count, free, families))
 
 
-def _score_block(fitted, block, residual, square, count, tried, families, best) -> None:
+def _score_block(basis, block, residual, square, count, tried, families, best) -> None:
     stacked = np.concatenate([columns for _, columns in block], axis=1)
     before = np.einsum("ij,ij->j", stacked, stacked)
-    stacked -= fitted.basis @ (fitted.basis.T @ stacked)
+    stacked -= basis @ (basis.T @ stacked)
     onto = stacked.T @ residual
     at = 0
     for point, columns in block:

@@ -24,6 +24,7 @@ LEAST_EVIDENCE = 5.0  # log Bayes factor; all candidates tried are already paid 
 LEAST_SHARE = 0.01  # an effect must take this share of the cross-validated square sum away
 MOST_EFFECTS = 16
 _SHORTLIST = 12
+_INDEPENDENT_SHARE, _INDEPENDENT_EVIDENCE = 0.9, 20.0
 _KEPT_GAIN = 0.5  # share of the predicted gain that the joint fit must confirm
 
 Progress = Callable[[str], None]
@@ -101,19 +102,43 @@ def _warm(declared: Layout, last: Fitted) -> Layout:
 
 
 def _best_addition(problem, declared, chosen, fitted, ranking):
-    """The first of the shortlist that cross-validation and the joint fit confirm; None when none does."""
+    """The best candidate that cross-validation and the joint fit confirm, with what is independent of it; else None."""
     folds = folds_of(problem.groups(), problem.seed)
     without = held_out_squares(fitted, np.zeros((fitted.whitened.size, 0)), folds)
-    for candidate in ranking[:_SHORTLIST]:
-        if candidate.evidence < LEAST_EVIDENCE:
-            return None
+    shortlist = [c for c in ranking[:_SHORTLIST] if c.evidence >= LEAST_EVIDENCE]
+    for place, candidate in enumerate(shortlist):
         if not _worth(fitted, candidate.effect, folds, without):
             continue
-        trial = refit(problem, declared, chosen + [candidate.effect], fitted)
-        fall = fitted.square(fitted.sigma) - trial.square(fitted.sigma)
-        if fall >= _KEPT_GAIN * candidate.gain or _excludes(candidate.effect):
-            return [*trial.layout.effects[len(declared.effects):]], trial
+        group = [candidate.effect]
+        if not _excludes(candidate.effect):
+            group = _independent(problem, fitted, shortlist[place:], folds, without)
+        for effects in (group, group[:1]) if len(group) > 1 else (group,):
+            trial = refit(problem, declared, chosen + effects, fitted)
+            fall = fitted.square(fitted.sigma) - trial.square(fitted.sigma)
+            if fall >= _KEPT_GAIN * candidate.gain or _excludes(candidate.effect):
+                return [*trial.layout.effects[len(declared.effects):]], trial
     return None
+
+
+def _independent(problem, fitted, shortlist: list[Candidate], folds, without) -> list[Effect]:
+    """The first of the shortlist and those others whose gain stays the same beside it: causes of their own.
+
+    Saves a search over the whole library for each of many independent causes (a curve on every axis).
+    """
+    group = [shortlist[0].effect]
+    columns = _linear_columns(fitted, shortlist[0].effect)
+    for candidate in shortlist[1:]:
+        if candidate.evidence < _INDEPENDENT_EVIDENCE or _excludes(candidate.effect):
+            continue
+        beside = scan(fitted, [_emptied(candidate.effect)], _count(problem, fitted), columns)[0]
+        if beside.gain >= _INDEPENDENT_SHARE * candidate.gain and _worth(fitted, candidate.effect, folds, without):
+            group.append(beside.effect)
+            columns = np.concatenate([columns, _linear_columns(fitted, candidate.effect)], axis=1)
+    return group
+
+
+def _linear_columns(fitted: Fitted, effect: Effect) -> np.ndarray:
+    return fitted.columns(effect)[:, free_mask(effect)]
 
 
 def _excludes(effect: Effect) -> bool:
@@ -124,7 +149,7 @@ def _worth(fitted: Fitted, effect: Effect, folds: np.ndarray, without: np.ndarra
     """Cross-validated: does the effect take enough of the square sum away, in most of the folds?"""
     if _excludes(effect):
         return True
-    columns = fitted.columns(effect)[:, free_mask(effect)]
+    columns = _linear_columns(fitted, effect)
     fall = without - held_out_squares(fitted, columns, folds, prior_of(effect))
     return fall.sum() > LEAST_SHARE * without.sum() and np.mean(fall > 0) >= 0.7
 

@@ -1,8 +1,8 @@
 """What slow drift follows: a measured temperature where there is one, else time, else the order of the rows.
 
-`drivers(data)`: the names to choose from. `slow_signal(data, name)`: (N,) the driver less its mean over each
-session (poses: the frames of a session absorb the mean) or less its first value (time series), and
-`unit(name)` the unit it is in: degC, h or row.
+`drivers(data)`: the names to choose from. `slow_signal(data, name)`: (N,) the driver from a fixed reference (20 degC,
+time 0, row 0), the same for every part of a data set: a reference taken from the rows at hand would move between
+the rows that are fitted and those that judge. `unit(name)`: degC, h or row.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 TIME, ROW = "time", "row"
+REFERENCE_DEGC = 20.0
 
 
 def temperatures(data) -> list[str]:
@@ -32,17 +33,9 @@ def unit(name: str) -> str:
     return {TIME: "h", ROW: "row"}.get(name, "degC")
 
 
-def slow_signal(data, name: str, from_start: bool = False) -> np.ndarray:
+def slow_signal(data, name: str) -> np.ndarray:
     if name == TIME:
-        values = data.time / 3600.0
-    elif name == ROW:
-        values = data.row.astype(float)
-    else:
-        values = data.covariates[name]
-    signal = np.array(values, float)
-    if from_start:
-        return signal - signal[0]
-    for session in np.unique(data.session):
-        rows = data.session == session
-        signal[rows] -= signal[rows].mean()
-    return signal
+        return np.asarray(data.time, float) / 3600.0
+    if name == ROW:
+        return data.row.astype(float)
+    return np.asarray(data.covariates[name], float) - REFERENCE_DEGC

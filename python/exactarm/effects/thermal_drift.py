@@ -137,7 +137,7 @@ class ThermalLubricant(ThermalDrift):
         return f"viscous friction falls by {self.values[0]:.3g} of itself per {self.unit} (it follows {self.driver})"
 
     def change(self, view) -> Change:
-        x = slow_signal(view.data, self.driver, from_start=True)[:, None]
+        x = slow_signal(view.data, self.driver)[:, None]
         ratios = view.robot.controller_ratios
         viscous = np.array([joint.viscous or 0.0 for joint in view.robot.joints])
         column = -x * viscous * view.signals["theta_dot"] / ratios

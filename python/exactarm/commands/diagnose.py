@@ -1,0 +1,119 @@
+"""`exactarm diagnose`: closes the loop: residual, cause, new effect, error before and after."""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import replace
+
+import numpy as np
+
+from exactarm.commands.arguments import add_files, add_robot
+from exactarm.commands.diagnose_report import report_of
+from exactarm.commands.result import CommandResult, estimate
+from exactarm.dataset import read_dataset
+from exactarm.diagnose.diagnosis import UNEXPLAINED, Diagnosis, diagnose
+from exactarm.robot_file import load_robot
+
+NAME = "diagnose"
+HELP = "find what the model lacks: residual, cause, new effect, error before and after"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    add_robot(parser)
+    add_files(parser)
+
+
+def run(arguments: argparse.Namespace) -> CommandResult:
+    robot = load_robot(arguments.robot)
+    data = read_dataset(arguments.files, robot, arguments.kind)
+    results = []
+    for kind in (data.kind,) if arguments.kind else data.kinds:
+        arguments.progress.stage(f"diagnosing {kind.replace('_', ' ')}")
+        result = diagnose(
+            robot, replace(data, kind=kind), seed=arguments.seed, threads=arguments.threads, progress=arguments.progress.stage
+        )
+        # What the first kind of data has found is part of the model that the next kind judges.
+        robot = result.robot
+        results.append(result)
+    first = results[0]
+    also = {"also": [_json(other) for other in results[1:]]} if len(results) > 1 else {}
+    return CommandResult(
+        json=_json(first) | also,
+        report=report_of(load_robot(arguments.robot), results, data.split_rule()),
+        robot=robot,
+        tables={"residuals.csv": _residuals(first)},
+    )
+
+
+def _json(result: Diagnosis) -> dict:
+    effects = [_effect(finding) for finding in result.findings]
+    if result.verdict == UNEXPLAINED:
+        effects.append(_unknown(result))
+    sets = lambda summaries: {name: summary.to_json() for name, summary in summaries.items()}
+    after = sets(result.after)
+    if result.excluded:
+        after["identification"]["excluded"] = result.excluded
+        after["validation"]["excluded"] = result.before["validation"].n - result.after["validation"].n
+    axes = {} if result.axes is None else {"axes": result.axes}
+    return {
+        "data_kind": result.kind,
+        "unit": result.unit,
+        "noise_floor": result.noise.value,
+        "noise_source": result.noise.source,
+        "before": sets(result.before),
+        "after": after,
+        "effects": effects,
+        "alternatives": [
+            {
+                "effect": a.effect.name, "joint": a.effect.joint, "instead_of": a.instead_of,
+                "validation_rms_after": a.rms_after, "probability": a.probability, "cannot_be_told_apart": a.collides,
+            }
+            for a in result.alternatives
+        ],
+        "verdict": result.verdict,
+        "sentence": result.sentence,
+        "next_experiment": result.next_experiment or "",
+    } | axes
+
+
+def _effect(finding) -> dict:
+    effect = finding.effect
+    parameters = {
+        p.name: value if p.fixed else estimate(value, float(low), float(high))
+        for p, value, (low, high) in zip(effect.parameters(), effect.values, finding.intervals)
+    }
+    return {
+        "effect": effect.name,
+        "joint": effect.joint,
+        "parameters": parameters,
+        "validation_rms_before": finding.rms_before,
+        "validation_rms_after": finding.rms_after,
+        "probability": finding.probability,
+        "evidence": finding.evidence,
+        "compensable": effect.compensable,
+    }
+
+
+def _unknown(result: Diagnosis) -> dict:
+    signal = result.dossier_after.strongest
+    follows = f"follows the {signal.signal} along {signal.direction}" if signal else "follows no single signal"
+    share = f" ({100 * signal.share:.0f} % of the remaining square sum, p = {signal.p_value:.1e})" if signal else ""
+    rms = result.after["validation" if result.after["validation"].n else "identification"].rms
+    return {
+        "effect": "unknown", "joint": None, "parameters": {},
+        "validation_rms_before": rms, "validation_rms_after": rms,
+        "probability": 1.0 - (signal.p_value if signal else 0.0),
+        "evidence": f"a structure that no candidate explains {follows}{share}",
+        "compensable": False,
+    }
+
+
+def _residuals(result: Diagnosis) -> dict:
+    """Every judged number of both sets, before and after; empty where a row was left out."""
+    sets = list(result.errors_before)
+    return {
+        "set": [name for name in sets for _ in result.errors_before[name]],
+        "number": np.concatenate([np.arange(1, len(result.errors_before[name]) + 1) for name in sets]),
+        "error_before": np.concatenate([result.errors_before[name] for name in sets]),
+        "error_after": np.concatenate([result.errors_after[name] for name in sets]),
+    }
