@@ -22,6 +22,7 @@ void bind_robot(py::module_& module);
 void bind_kinematics(py::module_& module);
 void bind_dynamics(py::module_& module);
 void bind_dynamics_derivatives(py::module_& module);
+void bind_elastic_joint_dynamics(py::module_& module);
 void bind_regressor(py::module_& module);
 void bind_gear(py::module_& module);
 void bind_inverse_kinematics(py::module_& module);

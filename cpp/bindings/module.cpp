@@ -7,6 +7,7 @@ PYBIND11_MODULE(_core, module) {
   bind_kinematics(module);
   bind_dynamics(module);
   bind_dynamics_derivatives(module);
+  bind_elastic_joint_dynamics(module);
   bind_regressor(module);
   bind_gear(module);
   bind_inverse_kinematics(module);

@@ -174,7 +174,7 @@ def _build_core(robot: Robot) -> _core.Robot:
         springs.append(spring)
         drive, friction = _core.Drive(), _core.Friction()
         friction.coulomb, friction.viscous = joint.coulomb or 0.0, joint.viscous or 0.0
-        drive.rotor_inertia, drive.joint = joint.rotor_inertia or 0.0, friction
+        drive.rotor_inertia, drive.motor = joint.rotor_inertia or 0.0, friction
         drives.append(drive)
     core.frames, core.gears, core.springs, core.drives = frames, gears, springs, drives
     core.q_offset = list(robot.offsets)

@@ -76,13 +76,20 @@ void ElasticJointDynamics::add_drives(ConstVectorRef x, ConstVectorRef a, Vector
   torques.tail(n_) += motor_;
 }
 
+void ElasticJointDynamics::check(ConstVectorRef x, ConstVectorRef second) const {
+  require_size("x", x.size(), 4 * n_);
+  require_size("a or torques", second.size(), 2 * n_);
+}
+
 void ElasticJointDynamics::inverse(ConstVectorRef x, ConstVectorRef a, VectorRef torques) {
+  check(x, a);
   inverse_dynamics(model_->rigid, rigid_, x.head(n_), x.segment(n_, n_), a.head(n_), torques.head(n_));
   add_drives(x, a, torques);
 }
 
 void ElasticJointDynamics::inverse(ConstVectorRef x, ConstVectorRef a, VectorRef torques, MatrixRef by_state,
                                    MatrixRef by_acceleration) {
+  check(x, a);
   const long n = n_;
   const double width = model_->options.friction_width;
   inverse_dynamics_derivatives(model_->rigid, derivatives_, x.head(n), x.segment(n, n), a.head(n), slopes_);
@@ -130,6 +137,7 @@ void ElasticJointDynamics::mass(ConstVectorRef q, MatrixRef D) {
 }
 
 void ElasticJointDynamics::forward(ConstVectorRef x, ConstVectorRef torques, VectorRef a) {
+  check(x, torques);
   at_rest_.setZero(2 * n_);
   inverse(x, at_rest_, a);
   a = torques - a;
@@ -154,6 +162,7 @@ void ElasticJointDynamics::rate_jacobian(ConstVectorRef x, ConstVectorRef a, Mat
 }
 
 ElasticJointEnergy ElasticJointDynamics::energy(ConstVectorRef x) {
+  require_size("x", x.size(), 4 * n_);
   const auto q = x.head(n_), q_dot = x.segment(n_, n_), theta = x.segment(2 * n_, n_), theta_dot = x.tail(n_);
   const RigidEnergy rigid = rigid_energy(model_->rigid, rigid_, q, q_dot);
   ElasticJointEnergy energy{rigid.kinetic, rigid.potential, 0.0};
@@ -170,6 +179,7 @@ ElasticJointEnergy ElasticJointDynamics::energy(ConstVectorRef x) {
 }
 
 void ElasticJointDynamics::matrices(ConstVectorRef x, ElasticJointMatrices& out) {
+  require_size("x", x.size(), 4 * n_);
   const auto q = x.head(n_), q_dot = x.segment(n_, n_), theta = x.segment(2 * n_, n_), theta_dot = x.tail(n_);
   mass(q, out.D);
   out.C.setZero();

@@ -75,6 +75,7 @@ class ElasticJointDynamics {
   struct Joint {  // gear and spring of one axis at one state
     double torque, stiffness, ratio, ratio_slope;
   };
+  void check(ConstVectorRef x, ConstVectorRef second) const;
   Joint joint(int i, double q, double theta) const;
   double output_angle(int i, double theta) const;
   void add_drives(ConstVectorRef x, ConstVectorRef a, VectorRef torques);
