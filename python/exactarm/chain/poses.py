@@ -15,7 +15,7 @@ import numpy as np
 from exactarm import _core
 from exactarm.chain.gear import declared_output_angle
 from exactarm.chain.layout import Layout
-from exactarm.chain.propagate import acts, moved_tangent, pass_station
+from exactarm.chain.propagate import pass_station, pass_tangents
 from exactarm.chain.spring import declared_deflection
 from exactarm.chain.view import View, motor_angles
 from exactarm.dataset import Dataset
@@ -122,14 +122,6 @@ def _joint_tangents(view: View, layout: Layout, declared: np.ndarray, slope: np.
     tangents["q"] = right
     tangents["phi"] = tangents["phi"][:, :, :size] + tangents["phi"][:, :, size:] @ tangents["torque"]
     tangents["theta"] = tangents["theta"][:, :, :size]
-
-
-def pass_tangents(view: View, layout: Layout, station: Station, signal: str) -> np.ndarray:
-    """Tangent of the named signal after a station whose values have been passed already."""
-    for index, effect in enumerate(layout.effects):
-        if acts(effect, view, station):
-            view.tangents[signal] = moved_tangent(view, layout, index, effect.change(view), view.tangents[signal])
-    return view.tangents[signal]
 
 
 def predict_target(view: View, layout: Layout, tangents: bool) -> PosePrediction:

@@ -23,25 +23,42 @@ def acts(effect: Effect, view: View, station: Station) -> bool:
 
 def pass_station(view: View, layout: Layout, station: Station, signal: str, tangents: bool) -> None:
     """Adds all changes at `station` to the named signal, one effect after another."""
-    for index, effect in enumerate(layout.effects):
-        if not acts(effect, view, station):
-            continue
+    acting = [(i, effect) for i, effect in enumerate(layout.effects) if acts(effect, view, station)]
+    if acting and tangents:
+        view.tangents[signal] = view.tangents[signal].copy()
+    for index, effect in acting:
         change = effect.change(view)
         if tangents:
-            view.tangents[signal] = moved_tangent(view, layout, index, change, view.tangents[signal])
+            _move_tangent(view, layout, index, change, view.tangents[signal])
         moved = view.signals[signal].copy()
         moved[:, change.columns] += change.value
         view.signals[signal] = moved
 
 
-def moved_tangent(view: View, layout: Layout, index: int, change: Change, tangent: np.ndarray) -> np.ndarray:
-    """The tangent (N, m, P) after a change."""
-    moved = tangent.copy()
+def pass_tangents(view: View, layout: Layout, station: Station, signal: str) -> np.ndarray:
+    """Tangent of the named signal after a station whose values have been passed already."""
+    view.tangents[signal] = view.tangents[signal].copy()
+    for index, effect in enumerate(layout.effects):
+        if acts(effect, view, station):
+            _move_tangent(view, layout, index, effect.change(view), view.tangents[signal])
+    return view.tangents[signal]
+
+
+def _move_tangent(view: View, layout: Layout, index: int, change: Change, tangent: np.ndarray) -> None:
+    """Adds to a tangent (N, m, P), in place, what a change does to it."""
     columns = list(change.columns)
-    for name, factor in change.by_signal.items():
-        if name in view.tangents:
-            moved[:, columns] += factor @ view.tangents[name]
+    added = [_through(factor, view.tangents[name]) for name, factor in change.by_signal.items() if name in view.tangents]
+    for part in added:
+        if part is not None:
+            tangent[:, columns] += part
     mask = layout.free[index]
     if mask.any():
-        moved[:, columns, layout.slices[index]] += change.by_parameters[:, :, mask]
-    return moved
+        tangent[:, columns, layout.slices[index]] += change.by_parameters[:, :, mask]
+
+
+def _through(factor: np.ndarray, tangent: np.ndarray) -> np.ndarray | None:
+    """factor (N, c, m) @ tangent (N, m, P), over those m that have any influence; None where none has."""
+    used = np.flatnonzero(np.any(factor, axis=(0, 1)))
+    if used.size == 0:
+        return None
+    return factor[:, :, used] @ tangent[:, used]

@@ -49,7 +49,7 @@ def log_evidence(square: float, gain: float, count: float, free: int, tried: flo
 def grid(effect: Effect) -> list[Effect]:
     """The effect at every combination of its non-linear parameters' search values."""
     parameters = effect.parameters()
-    searched = [(i, p.search) for i, p in enumerate(parameters) if p.search]
+    searched = [(i, dict.fromkeys((*p.search, effect.values[i]))) for i, p in enumerate(parameters) if p.search]
     variants = []
     for combination in product(*(values for _, values in searched)):
         values = list(effect.values)

@@ -74,7 +74,7 @@ def select(problem: Problem, declared: Layout, progress: Progress = lambda text:
             break
         chosen, fitted = step
     chosen, fitted = _prune(problem, declared, chosen, fitted)
-    chosen, accepted, fitted = _contest(problem, declared, chosen, fitted, progress)
+    chosen, accepted, fitted = _contest(problem, declared, chosen, fitted, first_ranking, progress)
     fits = [base]
     for count in range(1, len(chosen)):
         fits.append(refit(problem, declared, chosen[:count], fits[-1]))
@@ -179,16 +179,14 @@ def _emptied(effect: Effect) -> Effect:
     return effect.with_values(np.where(free_mask(effect), 0.0, effect.values))
 
 
-def _contest(problem, declared, chosen, fitted, progress):
+def _contest(problem, declared, chosen, fitted, first_ranking, progress):
     """Every effect against the whole library, with the others in place; a stronger rival takes the place."""
     accepted: list[Accepted] = []
     for place in range(len(chosen)):
         progress(f"contest for {chosen[place].label}")
         without = fitted.without(len(declared.effects) + place)
         count = _count(problem, without)
-        field = candidates_for(problem, without)
-        if not _excludes(chosen[place]):
-            field = field + [_emptied(chosen[place])]
+        field = _rivals_of(chosen[place], candidates_for(problem, without), first_ranking)
         ranking = scan(without, field, count)
         own = next((c for c in ranking if c.label == chosen[place].label), None)
         winner = ranking[0]
@@ -202,6 +200,20 @@ def _contest(problem, declared, chosen, fitted, progress):
         own = own or Candidate(effect, 0.0, 0, 1, LEAST_EVIDENCE)
         accepted.append(Accepted(effect, own.evidence, probability(own, ranking), rivals[:8]))
     return chosen, accepted, fitted
+
+
+def _rivals_of(effect: Effect, library_field: list[Effect], first_ranking) -> list[Effect]:
+    """The whole library against `effect`; on other axes, searched families only at the best point of the first search."""
+    best = {c.label: c.effect for c in first_ranking}
+    field = [] if _excludes(effect) else [_emptied(effect)]
+    for other in library_field:
+        searched = any(p.search for p in other.parameters())
+        if searched and other.joint != effect.joint:
+            if other.label in best:
+                field.append(_emptied(best.pop(other.label)))
+        else:
+            field.append(other)
+    return field
 
 
 def probability(candidate: Candidate, ranking: list[Candidate]) -> float:
