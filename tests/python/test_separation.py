@@ -3,7 +3,7 @@
 import numpy as np
 
 from exactarm.identify.criterion import information_of
-from exactarm.identify.separation import separating_set
+from exactarm.identify.separation import separating_set, separation_of
 
 
 def sine_blocks(x):
@@ -22,6 +22,7 @@ def test_distances_are_those_of_a_fit():
     result = separating_set(sine_blocks(pool), information_of(sine_blocks(old)), 4, np.random.default_rng(0))
     assert np.isclose(result.before, left_by_the_rival(old), rtol=1e-2, atol=2e-4)
     together = np.concatenate([old, pool[result.chosen]])
+    assert np.isclose(separation_of(information_of(sine_blocks(together))), result.after, rtol=1e-3)
     assert np.isclose(result.after, left_by_the_rival(together), rtol=1e-3)
 
 

@@ -1,69 +1,121 @@
 """Poses that part two effects: where, after everything else is fitted anew, their predictions differ most.
 
-Random poses inside the joint limits (or the measured range) are predicted with both effects at their best values;
-the difference is freed of what the declared parameters could absorb over old and new poses together, and the
-poses are ranked by what is left.
+Candidates are random poses inside the joint limits (or the measured range) with the target inside the measured
+space, each approached from both directions. Of these a small set is chosen by the exchange of the design of
+experiments, so that the two effects stand as many standard deviations apart as possible once the declared
+parameters and the rival have absorbed what they can over old and new poses together.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
+
 import numpy as np
 
-from exactarm.chain import predict_poses
+from exactarm.chain import View, predict_poses
 from exactarm.dataset import Dataset
-from exactarm.diagnose.problem import Fitted, orthonormal
+from exactarm.diagnose.problem import Fitted
 from exactarm.diagnose.scan import free_mask
 from exactarm.effects.base import Effect
+from exactarm.identify.criterion import information_of
+from exactarm.identify.pose_space import Box, PoseSpace
+from exactarm.identify.separation import separating_set, separation_of
 from exactarm.robot import Robot
 
 _CANDIDATES = 400
-_NAMED = 3
+_POSES = 4
+_APART = 4.0  # standard deviations between two effects that nobody confuses any more
+_MOST_REPEATS = 25
+
+
+@dataclass(frozen=True)
+class SeparatingPoses:
+    """q (K, n) in rad, each to be approached from both directions and measured `repeats` times; standard deviations
+    between the two effects before and after."""
+
+    q: np.ndarray
+    repeats: int
+    before: float
+    after: float
 
 
 def separating_poses(robot: Robot, fitted: Fitted, one: Effect, other: Effect, seed: int) -> str:
-    """One sentence with the best poses and by how much the two effects differ there."""
-    q = _random_poses(robot, fitted, seed)
-    session = np.full(len(q), fitted.view.data.session[0])
-    approach = np.random.default_rng(seed + 1).choice([-1.0, 1.0], q.shape)
-    data = Dataset.of_arrays("poses", {"q": q, "approach": approach}, session=session, position=np.zeros((len(q), 3)))
-    view = predict_poses(robot, fitted.layout, data).view
-    difference, absorbed = _difference(fitted, view, one, other)
-    left = difference - absorbed @ (absorbed.T @ difference)
-    new = left[-3 * len(q) :].reshape(-1, 3)
-    apart = np.linalg.norm(new, axis=1)
-    best = np.argsort(-apart)[:_NAMED]
-    noise = float(np.sqrt(np.sum(fitted.sigma[:3] ** 2)))
-    degrees = "; ".join("(" + ", ".join(f"{angle:.0f}" for angle in np.rad2deg(q[i])) + ")" for i in best)
+    """One sentence with the poses to measure and what they would tell."""
+    plan = plan_separation(robot, fitted, one, other, seed)
     names = f"{one.label.replace('_', ' ')} and {other.label.replace('_', ' ')}"
-    ratio = apart[best].mean() / noise
-    if ratio < 1.0:
-        return (f"No unloaded pose inside the limits parts {names} (at most {1e6 * apart.max():.0f} um beside a scatter "
-                f"of {1e6 * noise:.0f} um): repeat the poses with another known payload, speed or direction of approach.")
-    count = max(3, int(np.ceil(16.0 / ratio**2)))
-    return (f"Measure {count} poses near q = {degrees} degrees, approached from both directions: there {names} differ "
-            f"by {1e6 * apart[best].mean():.0f} um beside a scatter of {1e6 * noise:.0f} um.")
+    if plan.after < _APART:
+        return (f"No unloaded poses inside the limits part {names} ({len(plan.q)} poses measured {plan.repeats} times from "
+                f"both directions: {plan.after:.1f} standard deviations): repeat the poses with another known payload, "
+                "speed or direction of approach.")
+    degrees = "; ".join("(" + ", ".join(str(round(float(angle))) for angle in np.rad2deg(q)) + ")" for q in plan.q)
+    times = "" if plan.repeats == 1 else f", {plan.repeats} times each"
+    return (f"Measure q = {degrees} degrees, approached from both directions{times}: then {names} stand {plan.after:.1f} "
+            f"standard deviations apart instead of {plan.before:.1f}.")
 
 
-def _random_poses(robot: Robot, fitted: Fitted, seed: int) -> np.ndarray:
+def plan_separation(robot: Robot, fitted: Fitted, one: Effect, other: Effect, seed: int) -> SeparatingPoses:
+    """The poses that part `one` (at its values) from `other` (at any values), on top of the fitted data."""
+    q = _candidate_poses(robot, fitted, seed)
+    both_ways = np.repeat(q, 2, axis=0)
+    approach = np.tile([[-1.0], [1.0]], (len(q), robot.axes))
+    data = fitted.view.data
+    new = Dataset.of_arrays(
+        "poses",
+        {"q": both_ways, "approach": approach},
+        session=np.full(len(both_ways), data.session[0]),
+        position=np.zeros((len(both_ways), 3)),
+        covariates={name: np.full(len(both_ways), values.mean()) for name, values in data.covariates.items()},
+    )
+    keep = _others(fitted, one, other)
+    view = predict_poses(robot, fitted.layout, new).view
+    pool = _columns(view, one, other, keep) / fitted.sigma[:3, None]
+    pool = pool.reshape(len(q), 6, -1)
+    old = _columns(fitted.view, one, other, keep) * fitted.scale[:, :3, None]
+    known = information_of(old) + _prior(fitted, keep, pool.shape[-1])
+    found = separating_set(pool, known, _POSES, np.random.default_rng(seed))
+    gained = information_of(pool[found.chosen])
+    for repeats in range(1, _MOST_REPEATS + 1):
+        after = separation_of(known + repeats * gained)
+        if after >= _APART:
+            break
+    return SeparatingPoses(q[found.chosen], repeats, found.before, after)
+
+
+def _candidate_poses(robot: Robot, fitted: Fitted, seed: int) -> np.ndarray:
+    """(C, n) poses; an axis without limits stays in its measured range, the target in the measured space."""
     measured = fitted.view.q
-    low = [measured[:, i].min() if j.q_min is None else j.q_min for i, j in enumerate(robot.joints)]
-    high = [measured[:, i].max() if j.q_max is None else j.q_max for i, j in enumerate(robot.joints)]
-    return np.random.default_rng(seed).uniform(low, high, (_CANDIDATES, robot.axes))
+    joints = tuple(
+        replace(
+            joint,
+            q_min=measured[:, i].min() if joint.q_min is None else joint.q_min,
+            q_max=measured[:, i].max() if joint.q_max is None else joint.q_max,
+        )
+        for i, joint in enumerate(robot.joints)
+    )
+    open_space = PoseSpace.of(replace(robot, joints=joints), Box(np.full(3, -np.inf), np.full(3, np.inf)))
+    seen = open_space.target(measured)
+    box = Box(seen.min(axis=0), seen.max(axis=0))
+    return replace(open_space, box=box).draw(_CANDIDATES, np.random.default_rng(seed))
 
 
-def _difference(fitted: Fitted, view, one: Effect, other: Effect) -> tuple[np.ndarray, np.ndarray]:
-    """Difference of the two predictions on old and new poses (R,), and a basis of what the others absorb (R, b)."""
-    both = (fitted.view, view)
-    rows = lambda v, effect: v.response(effect)[:, :3].reshape(-1, len(effect.values))[:, free_mask(effect)]
-    stacked = [np.concatenate([rows(v, effect) for v in both]) for effect in (one, other)]
-    first = stacked[0] @ np.array(one.values)[free_mask(one)]
+def _others(fitted: Fitted, one: Effect, other: Effect) -> np.ndarray:
+    """(P,) the free parameters that belong to neither effect."""
     keep = np.ones(fitted.layout.size, bool)
     for effect, where in zip(fitted.layout.effects, fitted.layout.slices):
         if effect.label in (one.label, other.label):
             keep[where] = False
-    declared = np.concatenate([v.tangents["measured"][:, :, keep].reshape(-1, int(keep.sum())) for v in both])
-    basis = orthonormal(declared)
-    old = 3 * fitted.view.rows
-    freed = stacked[1][:old] - basis[:old] @ np.linalg.lstsq(basis[:old], stacked[1][:old], rcond=1e-9)[0]
-    values = np.linalg.lstsq(freed, first[:old], rcond=1e-9)[0]
-    return first - stacked[1] @ values, basis
+    return keep
+
+
+def _columns(view: View, one: Effect, other: Effect, keep: np.ndarray) -> np.ndarray:
+    """(N, 3, m) declared parameters, the rival's parameters, and the signal of `one` last."""
+    signal = view.response(one)[:, :3, free_mask(one)] @ np.array(one.values)[free_mask(one)]
+    rival = view.response(other)[:, :3, free_mask(other)]
+    return np.concatenate([view.tangents["measured"][:, :, keep], rival, signal[:, :, None]], axis=2)
+
+
+def _prior(fitted: Fitted, keep: np.ndarray, size: int) -> np.ndarray:
+    """(m, m) information of the priors of regularised parameters."""
+    rows = np.zeros((len(fitted.prior_rows), size))
+    rows[:, : int(keep.sum())] = fitted.prior_rows[:, keep]
+    return rows.T @ rows
