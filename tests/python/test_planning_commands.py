@@ -73,6 +73,13 @@ def test_designed_poses_are_read_back_by_identifiable(tmp_path):
     assert code == 0 and seen["poses"] == 24 and seen["identifiable"] == result["identifiable"]
 
 
+def test_a_target_on_the_last_axis_is_pointed_out(tmp_path, capsys):
+    for command in ("design", "identifiable"):
+        main([command, "racer-7-1.4", "--count", "30", "--out", str(tmp_path / command)])
+        text = " ".join(capsys.readouterr().out.split())
+        assert "which hides alpha_5_rad, q_offset_5_rad, q_offset_6_rad, ratio_6: mount it beside that axis" in text
+
+
 def test_a_robot_without_gears_gets_no_motor_angles(tmp_path):
     run(tmp_path, "design", "ur10", "--count", "12", "--validation", "0")
     header = list(rows_of(tmp_path / "poses.csv")[0])

@@ -7,7 +7,7 @@ import argparse
 import numpy as np
 
 from exactarm.commands.arguments import add_robot
-from exactarm.commands.planning_arguments import add_planning, box_of, clearance_of, with_tool
+from exactarm.commands.planning_arguments import add_planning, box_of, clearance_of, target_hint, with_tool
 from exactarm.commands.result import CommandResult
 from exactarm.errors import InputError
 from exactarm.identify.design import Design, DesignOptions, design_poses
@@ -109,7 +109,7 @@ def _warnings(design: Design) -> tuple[str, ...]:
     if design.space.assumed:
         axes = ", ".join(str(axis) for axis in design.space.assumed)
         items.append(f"the robot file has no limits for axis {axes}: half a turn either way was assumed")
-    return tuple(items)
+    return (*items, *target_hint(design.identifiability.dropped))
 
 
 def _history_figure(design: Design) -> Figure:

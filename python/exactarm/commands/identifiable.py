@@ -10,7 +10,7 @@ import numpy as np
 from exactarm.chain import Layout
 from exactarm.commands.arguments import add_files, add_robot
 from exactarm.commands.planning_arguments import (
-    add_noise, add_planning, box_of, clearance_of, noise_of, with_tool,
+    add_noise, add_planning, box_of, clearance_of, noise_of, target_hint, with_tool,
 )
 from exactarm.commands.result import CommandResult
 from exactarm.dataset import Dataset, read_planned_poses
@@ -142,7 +142,7 @@ def _report(robot: Robot, check: ModelCheck, poses: _Poses, noise: float) -> Rep
     what = "position and orientation" if poses.orientation else "position"
     verdict = f"{count} of {total} parameters can be identified from the {what} of the target in {poses.words}."
     sections: list[Section] = [_frame_table(robot, check), _dropped_table(check), _index_table(result)]
-    warnings = [*poses.warnings, *(gap.why for gap in check.gaps), *_hints(result)]
+    warnings = [*poses.warnings, *(gap.why for gap in check.gaps), *target_hint(result.dropped)]
     if warnings:
         sections.append(Warnings(tuple(warnings)))
     sections += [_figure(result), _sigma_table(result, noise), _method()]
@@ -177,12 +177,6 @@ def _index_table(result: Identifiability) -> Table:
     rows = tuple((name, Quantity(value)) for name, value in result.observability.as_dict().items())
     note = f"Condition number of the identifiable columns, each scaled to unit length: {number(result.condition)}."
     return Table("Observability", ("index", "value"), rows, note)
-
-
-def _hints(result: Identifiability) -> list[str]:
-    if any(entry.why.endswith("or the axis rests at zero") for entry in result.dropped):
-        return ["mount the target beside the last axis (--tool X,Y,Z says where): on the axis, its turn shows nothing"]
-    return []
 
 
 def _figure(result: Identifiability) -> Figure:

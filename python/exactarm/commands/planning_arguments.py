@@ -5,10 +5,12 @@ from __future__ import annotations
 import argparse
 import re
 from dataclasses import replace
+from typing import Sequence
 
 import numpy as np
 
 from exactarm.errors import InputError
+from exactarm.identify.identifiability import Dropped
 from exactarm.identify.planned import FRAMES, SIGMA_POSITION_M
 from exactarm.identify.pose_space import Box
 from exactarm.robot import Placement, Robot
@@ -50,6 +52,15 @@ def box_of(text: str | None) -> Box:
         if not low < high:
             raise InputError(f"--box {text}: {axis}min {low:g} is not below {axis}max {high:g}")
     return Box(lower, upper)
+
+
+def target_hint(dropped: Sequence[Dropped]) -> tuple[str, ...]:
+    """What to do where parameters are lost only because the target lies on the last axis."""
+    lost = [entry.name for entry in dropped if "the target lies on axis" in entry.why]
+    if not lost:
+        return ()
+    return (f"the target is taken to lie on the last axis, which hides {', '.join(lost)}: mount it beside that axis, and say "
+            "where with --tool X,Y,Z",)
 
 
 def clearance_of(value: float | None) -> float | None:
