@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -80,7 +80,8 @@ def _poses(robot: Robot, arguments: argparse.Namespace) -> _Poses:
             raise InputError("--use pose: the data has no qw..qz or rx..rz columns")
         if arguments.frames != "both":
             raise InputError(f"--frames {arguments.frames}: measured poses have both frames unknown")
-        frames, _ = frames_layout(robot, data, orientation=orientation, seed=arguments.seed)
+        frames, found = frames_layout(robot, data, orientation=orientation, seed=arguments.seed)
+        robot = replace(robot, tool=found[0][1].tool)  # reasons look at where the target really is
         layout = frames.joined(geometry_layout(robot)).joined(compliance_layout(robot, data))
         return _Poses(robot, layout, data, orientation, frames.size, f"{len(data)} measured poses")
     if data is not None:

@@ -59,8 +59,8 @@ def target_hint(dropped: Sequence[Dropped]) -> tuple[str, ...]:
     lost = [entry.name for entry in dropped if "the target lies on axis" in entry.why]
     if not lost:
         return ()
-    return (f"the target is taken to lie on the last axis, which hides {', '.join(lost)}: mount it beside that axis, and say "
-            "where with --tool X,Y,Z",)
+    return (f"the target lies on the last axis, which hides {', '.join(lost)}: mount it beside that axis (plans are told "
+            "where by --tool X,Y,Z)",)
 
 
 def clearance_of(value: float | None) -> float | None:
