@@ -49,7 +49,8 @@ def move_alike(name: str, partners: Sequence[str], arm: Arm | None) -> str:
 
 def hardly_differ(name: str, partners: Sequence[str], arm: Arm | None, uncertainty: float, plausible: float) -> str:
     """The sentence for a parameter that the noise hides: its standard deviation beside its plausible magnitude."""
-    text = f"{name} is lost in the noise: known to {uncertainty:.2g} only, plausible is {plausible:.2g}"
+    unit = " m" if name.endswith("_m") else " rad" if name.endswith("_rad") else ""
+    text = f"{name} is lost in the noise: known to {uncertainty:.2g}{unit} only, plausible is {plausible:.2g}{unit}"
     if not partners:
         return text
     reason = _reason(parse_parameter(name), [parse_parameter(p) for p in partners], arm)
