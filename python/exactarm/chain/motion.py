@@ -66,7 +66,7 @@ def predict_motion(
     view = motion_view(robot, layout, record, tangents=tangents, threads=threads)
     view.predict = lambda *about: predict_motion(*about[:3], threads=about[3])
     tangents = tangents and layout.size > 0
-    _drive(view, robot, layout, tangents)
+    predict_drive(view, robot, layout, tangents)
     torque = record.smooth(view.signals["measured"])
     jacobian = record.smooth(view.tangents["measured"]) if tangents else None
     return MotionPrediction(torque, jacobian, view, record)
@@ -150,7 +150,7 @@ def _load(view: View, layout: Layout, record: MotionRecord, tangents: bool) -> N
     pass_station(view, layout, Station.LOAD, "torque", tangents)
 
 
-def _drive(view: MotionView, robot: Robot, layout: Layout, tangents: bool) -> None:
+def predict_drive(view: MotionView, robot: Robot, layout: Layout, tangents: bool) -> None:
     """From joint torques to what the drives report: virtual work, rotor, friction, sensor."""
     nominal = view.robot.controller_ratios
     rate = view.signals["theta_dot"] / nominal
