@@ -125,6 +125,11 @@ def read_planned_poses(paths: str | Path | Sequence[str | Path], robot: Robot) -
 
 def write_dataset(path: str | Path, dataset: Dataset, robot: Robot) -> None:
     """Write `dataset` to a CSV or Parquet file that `read_dataset` reads back; whole or not at all."""
+    write_table(path, dataset_columns(dataset, robot))
+
+
+def dataset_columns(dataset: Dataset, robot: Robot) -> dict[str, np.ndarray]:
+    """The columns of a file that holds `dataset`, by their names."""
     columns: dict[str, np.ndarray] = {}
     if dataset.time is not None:
         columns["time_s"] = dataset.time
@@ -148,7 +153,7 @@ def write_dataset(path: str | Path, dataset: Dataset, robot: Robot) -> None:
         columns |= {name: quaternion[:, i] for i, name in enumerate(QUATERNION)}
     if dataset.gyro is not None:
         columns |= {f"{name}_rad_s": dataset.gyro[:, i] for i, name in enumerate(GYRO)}
-    write_table(path, columns | dataset.covariates)
+    return columns | dataset.covariates
 
 
 # -- one file ----------------------------------------------------------------------------------------

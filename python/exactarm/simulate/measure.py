@@ -25,6 +25,7 @@ from exactarm.simulate.sensors import Sensors, read, temperature
 from exactarm.simulate.virtual_robot import VirtualRobot
 
 _POSE_S = 10.0  # between two static poses
+_JUMP, _LEAST_JUMP_RAD = 3.0, 1e-9  # a step this many times its neighbours' is none of the motion
 _BRIDGE_S = 0.02  # to either side of a reversal, where the gear tables of the two directions do not meet
 
 
@@ -127,10 +128,13 @@ def joint_motion(
 def _bridged(phi: np.ndarray, nominal: np.ndarray, direction: np.ndarray, step: float) -> np.ndarray:
     """phi (N, n) of one run without the jump from one table to the other: a cubic across each reversal."""
     deviation, reach = phi - nominal, max(2, int(np.ceil(_BRIDGE_S / step)))
-    out = deviation.copy()
+    out, last = deviation.copy(), len(phi) - 1
     for i in range(phi.shape[1]):
-        last = len(phi) - 1
+        steps = np.abs(np.diff(deviation[:, i]))
         for flip in np.flatnonzero(direction[1:, i] != direction[:-1, i]):
+            beside = steps[[max(flip - 1, 0), min(flip + 1, last - 1)]].max()
+            if steps[flip] <= _JUMP * beside + _LEAST_JUMP_RAD:
+                continue
             a, b = max(flip - reach, 0), min(flip + 1 + reach, last)
             s = (np.arange(a, b + 1) - a) / (b - a)
             out[a : b + 1, i] = out[a, i] + (out[b, i] - out[a, i]) * s**2 * (3.0 - 2.0 * s)

@@ -80,6 +80,11 @@ def placed(robot: Robot, random: np.random.Generator) -> Robot:
     return replace(robot, base=base, tool=Placement(np.eye(3), random.uniform(-_TOOL_M, _TOOL_M, 3)))
 
 
+def unplaced(robot: Robot) -> Robot:
+    """The robot seen from its own base, its flange the target."""
+    return replace(robot, base=Placement(), tool=Placement())
+
+
 def _geometry(joint: Joint, scale: float, random: np.random.Generator) -> dict[str, float]:
     length, angle = (lambda: scale * random.normal(0.0, LENGTH_M)), (lambda: scale * random.normal(0.0, ANGLE_RAD))
     changes = {"a": joint.a + length(), "alpha": joint.alpha + angle()}

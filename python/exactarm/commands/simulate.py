@@ -1,0 +1,257 @@
+"""`exactarm simulate`: a virtual robot, measured as the real one would be.
+
+    exactarm simulate racer-7-1.4 trajectory.csv --out played
+    exactarm simulate racer-7-1.4 --measure motion --effect "payload mass_kg=3 moment_x_kg_m=0.2 ..." --out log
+    exactarm simulate ur10 poses.csv --measure poses --deviation 1 --effect "joint_compliance joint=2 ..." --out poses
+"""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import make_interp_spline
+
+from exactarm.commands.arguments import add_files, add_robot
+from exactarm.commands.result import CommandResult
+from exactarm.dataset import Dataset, dataset_columns, read_planned_poses
+from exactarm.errors import InputError
+from exactarm.identify.statistics import summarise
+from exactarm.report import Highlight, Highlights, Quantity, Report, Text
+from exactarm.report.numbers import quantity
+from exactarm.robot import Robot
+from exactarm.robot_file import load_robot
+from exactarm.robot_writer import robot_text
+from exactarm.simulate import (
+    Sensors, VirtualRobot, deviated, measure_gear_runs, measure_motion, measure_poses, measure_tracked_motion,
+    parse_effect,
+)
+from exactarm.simulate.independent import independent_path
+from exactarm.simulate.measure import true_path
+from exactarm.simulate.profiles import excitation, limit
+from exactarm.simulate.virtual_robot import placed, unplaced
+
+NAME = "simulate"
+HELP = "play a trajectory or measure poses, gears and motions on a virtual robot"
+
+MEASURES = ("poses", "gear", "motion", "tracked")
+_SPEEDS = (0.4, 0.3)  # of the largest rate, as in the thesis (3.1.2)
+DEGREE = np.pi / 180.0
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    add_robot(parser)
+    add_files(parser, least=0, text="trajectory.csv to play, or poses.csv to measure")
+    parser.add_argument("--measure", choices=MEASURES, default=None,
+                        help="what is measured (default: tracked for a trajectory, else poses)")
+    truth = parser.add_argument_group("truth, written to truth.toml alone")
+    truth.add_argument("--effect", metavar="WORDS", action="append", default=[],
+                       help='a hidden effect, as "backlash joint=2 width_rad=4e-4"; may be repeated')
+    truth.add_argument("--deviation", metavar="SCALE", type=float, default=0.0,
+                       help="random errors of geometry, masses, friction: 1 = as usual (default %(default)s)")
+    truth.add_argument("--frames", choices=("random", "declared"), default="random",
+                       help="where tracker and target are, for poses and tracked motion (default %(default)s)")
+    truth.add_argument("--quasi-static", action="store_true", help="springs follow the load without swinging")
+    truth.add_argument("--damping", metavar="S", type=float, default=None,
+                       help="damping of the springs over their stiffness (default: 1e-3 for motion, 0 for tracked)")
+    truth.add_argument("--engine", choices=("own", "pinocchio"), default="own",
+                       help="plant of a tracked motion: ours, or an independent one (needs the package pin)")
+    what = parser.add_argument_group("measurement")
+    what.add_argument("--count", metavar="K", type=int, default=63, help="random poses, without a file (default %(default)s)")
+    what.add_argument("--visits", metavar="K", type=int, default=1, help="how often each pose is visited (default %(default)s)")
+    what.add_argument("--orientation", action="store_true", help="measure orientations too")
+    what.add_argument("--joint", metavar="I", type=int, action="append", help="axes of gear runs (default: all with a gear)")
+    what.add_argument("--speed", metavar="DEG_S", type=float, action="append", help="speeds of gear runs (default: 40 and 30 %% of the largest)")
+    what.add_argument("--repeats", metavar="K", type=int, default=2, help="to and fro at each speed (default %(default)s)")
+    what.add_argument("--runs", metavar="K", type=int, default=3, help="motions, without a file (default %(default)s)")
+    what.add_argument("--seconds", metavar="S", type=float, default=10.0, help="length of a motion (default %(default)s)")
+    what.add_argument("--rate", metavar="HZ", type=float, default=None, help="samples per second (default: the file's, else 1000, motion 500)")
+    sensors = parser.add_argument_group("sensors")
+    sensors.add_argument("--noise", metavar="SIGMA", type=float, default=None,
+                         help="of position in m (5e-5), gyroscope in rad/s (8.7e-4), torque in Nm (1 %% of each axis)")
+    sensors.add_argument("--counts", metavar="K", type=int, default=2**16, help="encoder counts per motor revolution, 0: exact")
+    sensors.add_argument("--wrong-rows", metavar="SHARE", type=float, default=0.0, help="share of rows with gross errors")
+    sensors.add_argument("--temperature", metavar="DEGC", type=float, nargs=2, default=None, help="at the start and in the end")
+
+
+@dataclass(frozen=True)
+class _Played:
+    """What was measured, under which file name, and for a played trajectory the flange's error (N,) in m."""
+
+    data: Dataset
+    name: str
+    tracking: np.ndarray | None = None
+
+
+def run(arguments: argparse.Namespace) -> CommandResult:
+    robot = load_robot(arguments.robot)
+    planned = read_planned_poses(arguments.files, robot) if arguments.files else None
+    series = planned is not None and planned.time is not None
+    measure = arguments.measure or ("tracked" if series else "poses")
+    _require(arguments, robot, measure, planned)
+    random = np.random.default_rng(arguments.seed)
+    virtual = _virtual(arguments, robot, measure, random)
+    arguments.progress.stage(f"measuring {measure}")
+    played = _MEASURE[measure](arguments, virtual, planned if series or measure == "poses" else None, random)
+    truth = virtual.true
+    return CommandResult(
+        json=_json(played, measure),
+        report=_report(robot, played, measure),
+        tables={played.name: dataset_columns(played.data, robot)},
+        texts={"truth.toml": robot_text(truth)},
+    )
+
+
+def _require(arguments: argparse.Namespace, robot: Robot, measure: str, planned: Dataset | None) -> None:
+    for name, least in (("count", 1), ("visits", 1), ("repeats", 1), ("runs", 1), ("counts", 0)):
+        if getattr(arguments, name) < least:
+            raise InputError(f"--{name} {getattr(arguments, name)}: expected {least} or more")
+    for name in ("seconds", "rate"):
+        if getattr(arguments, name) is not None and not getattr(arguments, name) > 0.0:
+            raise InputError(f"--{name} {getattr(arguments, name)}: expected a positive number")
+    for name in ("noise", "deviation", "damping"):
+        if getattr(arguments, name) is not None and not getattr(arguments, name) >= 0.0:
+            raise InputError(f"--{name} {getattr(arguments, name)}: expected 0 or more")
+    if measure in ("poses", "tracked") and not robot.has_geometry:
+        raise InputError(f"robot {robot.name} declares no geometry; expected one for measured positions")
+    if measure == "motion" and robot.links is None:
+        raise InputError(f"robot {robot.name} declares no link masses; expected them for a motion")
+    if measure == "tracked" and (planned is None or planned.time is None):
+        raise InputError("tracked motion: expected a trajectory.csv with time_s and theta_i_rad")
+
+
+def _virtual(arguments: argparse.Namespace, robot: Robot, measure: str, random: np.random.Generator) -> VirtualRobot:
+    effects = [parse_effect(text, robot.axes) for text in arguments.effect]
+    true = robot
+    if arguments.deviation:
+        true = deviated(true, arguments.deviation, random, frames=False)
+    if arguments.frames == "random" and measure in ("poses", "tracked"):
+        true = placed(true, random)
+    return VirtualRobot.of(robot, effects, true)
+
+
+def _sensors(arguments: argparse.Namespace, default: Sensors = Sensors()) -> Sensors:
+    noise = {}
+    if arguments.noise is not None:
+        noise = {"position_m": arguments.noise, "gyro_rad_s": arguments.noise, "torque_Nm": arguments.noise}
+    temperature = None if arguments.temperature is None else tuple(arguments.temperature)
+    return Sensors(counts=arguments.counts, wrong_rows=arguments.wrong_rows, temperature_degC=temperature, **noise)
+
+
+def _poses(arguments, virtual: VirtualRobot, planned: Dataset | None, random) -> _Played:
+    robot = virtual.nominal
+    if planned is not None:
+        angles = planned.joints.get("q", np.full((len(planned), robot.axes), np.nan))
+        theta = planned.joints.get("theta", np.full_like(angles, np.nan))
+        q = np.where(np.isnan(angles), theta / robot.controller_ratios + robot.controller_offsets, angles)
+    else:
+        q = random.uniform(limit(robot, "q_min"), limit(robot, "q_max"), (arguments.count, robot.axes))
+    data = measure_poses(virtual, q, _sensors(arguments), random, visits=arguments.visits, orientation=arguments.orientation)
+    return _Played(data, "measured.csv")
+
+
+def _gear(arguments, virtual: VirtualRobot, planned, random) -> _Played:
+    robot = virtual.nominal
+    axes = [i for i, joint in enumerate(robot.joints) if joint.has_gear]
+    if arguments.joint:
+        wrong = [axis for axis in arguments.joint if axis - 1 not in axes]
+        if wrong:
+            raise InputError(f"--joint {wrong[0]}: expected an axis with a gear, one of {[i + 1 for i in axes]}")
+        axes = [axis - 1 for axis in arguments.joint]
+    parts = []
+    for axis in axes:
+        top = float(limit(robot, "q_dot_max")[axis])
+        speeds = [speed * DEGREE for speed in arguments.speed] if arguments.speed else [share * top for share in _SPEEDS]
+        parts.append(measure_gear_runs(
+            virtual, [axis], speeds, arguments.repeats, _sensors(arguments), random, arguments.rate or 1000.0
+        ))
+    return _Played(_joined(parts), "gear_runs.parquet")
+
+
+def _joined(parts: list[Dataset]) -> Dataset:
+    first, runs = [], 0
+    for part in parts:
+        first.append(part.run + runs)
+        runs += int(part.run.max())
+    stack = lambda pick: np.concatenate([pick(part) for part in parts])
+    covariates = {name: stack(lambda part, name=name: part.covariates[name]) for name in parts[0].covariates}
+    return Dataset.of_arrays(
+        "gear_run", {"theta": stack(lambda part: part.joints["theta"])}, time=stack(lambda part: part.time),
+        run=np.concatenate(first), gyro=stack(lambda part: part.gyro), covariates=covariates,
+    )
+
+
+def _motion(arguments, virtual: VirtualRobot, planned: Dataset | None, random) -> _Played:
+    if planned is None:
+        pieces = []
+        for _ in range(arguments.runs):
+            time, q = excitation(virtual.nominal, arguments.seconds, arguments.rate or 500.0, random)
+            pieces.append((time, virtual.motor_angles(q)))
+        time, theta = (np.concatenate([piece[k] for piece in pieces]) for k in (0, 1))
+        run = np.repeat(np.arange(1, len(pieces) + 1), [len(piece[0]) for piece in pieces])
+    else:
+        time, theta = _resampled(planned, virtual.nominal, arguments.rate)
+        run = np.ones(time.size, int)
+    damping = 1e-3 if arguments.damping is None else arguments.damping
+    data = measure_motion(virtual, time, theta, _sensors(arguments), random, run=run,
+                          quasi_static=arguments.quasi_static, damping_s=damping)
+    return _Played(data, "motion.parquet")
+
+
+def _tracked(arguments, virtual: VirtualRobot, planned: Dataset, random) -> _Played:
+    time, theta = _resampled(planned, virtual.nominal, arguments.rate)
+    how = {"quasi_static": arguments.quasi_static, "damping_s": arguments.damping or 0.0}
+    series = Dataset.of_arrays("tracked_motion", {"theta": theta}, time=time)
+    at_flange = VirtualRobot(virtual.nominal, unplaced(virtual.true))
+    if arguments.engine == "pinocchio":
+        flange = independent_path(at_flange, time, theta)
+    else:
+        flange = true_path(at_flange, series, **how)
+    data = measure_tracked_motion(virtual, time, theta, _sensors(arguments), random, **how)
+    tracking = None
+    if planned.position is not None:
+        desired = make_interp_spline(planned.time, planned.position, k=5)(time)
+        tracking = np.linalg.norm(flange - desired, axis=1)
+    return _Played(data, "tracked.csv", tracking)
+
+
+def _resampled(planned: Dataset, robot: Robot, rate_hz: float | None) -> tuple[np.ndarray, np.ndarray]:
+    """time and motor angles, by a quintic spline where another rate is asked for (the controller's interpolation)."""
+    angles = planned.joints.get("theta")
+    if angles is None or np.isnan(angles).any():
+        angles = (planned.joints["q"] - robot.controller_offsets) * robot.controller_ratios
+    if len(planned) < 6 or np.any(np.diff(planned.time) <= 0.0):
+        raise InputError("a trajectory needs at least 6 rows whose time_s rises")
+    if rate_hz is None:
+        return planned.time, angles
+    time = np.arange(planned.time[0], planned.time[-1] + 0.5 / rate_hz, 1.0 / rate_hz)
+    time = time[time <= planned.time[-1] + 1e-12]
+    return time, make_interp_spline(planned.time, angles, k=5)(time)
+
+
+_MEASURE = {"poses": _poses, "gear": _gear, "motion": _motion, "tracked": _tracked}
+
+
+def _json(played: _Played, measure: str) -> dict:
+    result = {"data_kind": played.data.kind, "file": played.name, "rows": len(played.data)}
+    if played.tracking is not None:
+        summary = summarise(played.tracking).to_json()
+        result["tracking"] = {"position_rms_m": summary["rms"], "position_max_m": summary["max"], "error": summary}
+    return result
+
+
+def _report(robot: Robot, played: _Played, measure: str) -> Report:
+    runs = len(np.unique(played.data.run))
+    rows = f"{len(played.data)} rows" + (f" in {runs} runs" if runs > 1 else "")
+    verdict = f"{played.name} holds {rows}, as a virtual {robot.name} would have been measured ({measure})."
+    sections: list = []
+    if played.tracking is not None:
+        summary = summarise(played.tracking).to_json()
+        verdict += f" The flange follows the trajectory within {quantity(summary['rms'], 'm')} (RMS)."
+        sections.append(Highlights(tuple(
+            Highlight(f"flange error, {name}", Quantity(summary[key], "m"), None)
+            for name, key in (("mean", "mean"), ("RMS", "rms"), ("maximum", "max"))
+        )))
+    sections.append(Text("Truth", ("What the virtual robot really is stands in truth.toml and nowhere else.",)))
+    return Report(f"Virtual {robot.name}", verdict, tuple(sections), "plain")
