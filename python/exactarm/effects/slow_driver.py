@@ -34,8 +34,10 @@ def unit(name: str) -> str:
 
 
 def slow_signal(data, name: str) -> np.ndarray:
-    if name == TIME:
-        return np.asarray(data.time, float) / 3600.0
+    """(N,); poses that are planned have neither time nor temperature yet: they stand at the reference."""
     if name == ROW:
         return data.row.astype(float)
-    return np.asarray(data.covariates[name], float) - REFERENCE_DEGC
+    measured = data.time if name == TIME else data.covariates.get(name)
+    if measured is None:
+        return np.zeros(len(data.row))
+    return np.asarray(measured, float) / 3600.0 if name == TIME else np.asarray(measured, float) - REFERENCE_DEGC
