@@ -142,10 +142,29 @@ def _solve(normal: np.ndarray, right: np.ndarray, damping: float) -> np.ndarray:
     """Solves the scaled normal equations; directions below rounding get no step."""
     if right.size == 0:
         return right
+    factor = _cholesky(normal + damping * np.eye(len(right)))
+    if factor is not None:
+        return linalg.cho_solve((factor, True), right, check_finite=False)
     values, vectors = linalg.eigh(normal)
     keep = values > 1e-13 * values[-1]
     projected = vectors.T @ right
     return vectors @ np.where(keep, projected / (np.where(keep, values, 1.0) + damping), 0.0)
+
+
+def _cholesky(gram: np.ndarray) -> np.ndarray | None:
+    """Lower factor of a matrix with unit diagonal; None where it is singular to working accuracy."""
+    try:
+        factor = linalg.cholesky(gram, lower=True, check_finite=False)
+    except linalg.LinAlgError:
+        return None
+    return factor if gram.size == 0 or np.diag(factor).min() > 1e-6 else None
+
+
+def _inverse(gram: np.ndarray) -> np.ndarray:
+    factor = _cholesky(gram)
+    if factor is None:
+        return linalg.pinvh(gram)
+    return linalg.cho_solve((factor, True), np.eye(len(gram)), check_finite=False)
 
 
 def _finish(now, weight, soft, x, lower, upper, converged, iterations) -> Fit:
@@ -157,7 +176,7 @@ def _finish(now, weight, soft, x, lower, upper, converged, iterations) -> Fit:
     variance = square / freedom if freedom > 0 else np.nan
     covariance = np.zeros((x.size, x.size))
     gram, scale = _scaled_gram(jacobian[:, free])
-    inverse = linalg.pinvh(gram)
+    inverse = _inverse(gram)
     covariance[np.ix_(free, free)] = variance * inverse / np.outer(scale, scale)
     return Fit(
         x, covariance, float(np.sqrt(variance)), freedom, converged, iterations, 0.5 * square, at_bound, soft, now.residual

@@ -16,6 +16,9 @@ from exactarm.robot import Robot
 from exactarm.split import pose_groups
 
 
+_TOLERANCE = 1e-7  # relative fall of the square sum that ends a fit: a thousandth of what evidence can notice
+
+
 class PoseProblem(Problem):
     """`orientation` residuals are used where every row has them."""
 
@@ -41,7 +44,7 @@ class PoseProblem(Problem):
         weight = np.ones(len(self.data)) if weight is None else weight
         result = fit_poses(
             self.robot, layout, self.data, orientation=self.orientation, weights=weight, threads=self.threads,
-            sigma=None if sigma is None else sigma[::3],
+            sigma=None if sigma is None else sigma[::3], tolerance=_TOLERANCE,
         )
         prediction = predict_poses(self.robot, result.layout, self.data, threads=self.threads)
         residual = prediction.residual(self.orientation)

@@ -102,19 +102,30 @@ def rows_kept(layout: Layout, view: View) -> np.ndarray:
 
 
 def orthonormal(columns: np.ndarray) -> np.ndarray:
-    """Orthonormal basis (R, b) of the span of `columns`, through its Gram matrix, twice for accuracy.
+    """Orthonormal basis (R, b) of the span of `columns`: Cholesky QR, twice for accuracy (Yamamoto et al. 2015).
 
-    Far faster than a rank-revealing factorisation for tall matrices; directions weaker than 1e-6 are left out.
+    Far faster than a rank-revealing factorisation for tall matrices. Where the columns are nearly dependent, the
+    eigenvectors of their Gram matrix serve, without the directions weaker than 1e-6.
     """
     norm = np.linalg.norm(columns, axis=0)
     basis = columns[:, norm > 0] / norm[norm > 0]
-    for least in (1e-12, 0.5):
-        if basis.shape[1] == 0:
-            break
-        values, vectors = linalg.eigh(basis.T @ basis)
-        keep = values > least * max(values[-1], 1.0) if least < 0.1 else values > least
-        basis = basis @ (vectors[:, keep] / np.sqrt(values[keep]))
+    for _ in range(2):
+        if basis.shape[1]:
+            basis = _whitened(basis)
     return basis
+
+
+def _whitened(basis: np.ndarray) -> np.ndarray:
+    gram = basis.T @ basis
+    try:
+        factor = linalg.cholesky(gram, lower=True, check_finite=False)
+        if np.diag(factor).min() > 1e-4:
+            return linalg.solve_triangular(factor, basis.T, lower=True, check_finite=False).T
+    except linalg.LinAlgError:
+        pass
+    values, vectors = linalg.eigh(gram)
+    keep = values > 1e-12 * values[-1]
+    return basis @ (vectors[:, keep] / np.sqrt(values[keep]))
 
 
 class Problem(ABC):

@@ -12,7 +12,7 @@ from typing import ClassVar, Iterable
 from exactarm.effects.base import Effect
 from exactarm.effects.harmonic_family import HarmonicFamily, searched_orders
 
-_CURVE_ORDERS = 60
+_CURVE_ORDERS = 40
 _CURVE_AMPLITUDES_RAD = (3e-5, 1e-4)  # per order; the evidence chooses
 
 

@@ -14,7 +14,7 @@ from typing import Mapping
 import numpy as np
 
 from exactarm.effects.base import Change, Effect, Parameter, Station
-from exactarm.harmonics import basis, delivered_angle, transmission_slope
+from exactarm.harmonics import delivered_angle, waves
 from exactarm.signals import strongest_orders
 
 _POSE_MULTIPLES = 2  # of the ratio: the highest order that poses are searched for
@@ -80,13 +80,13 @@ class HarmonicFamily(Effect):
         factor, by_factor = self.factor(view)
         phi = view.phi[:, self.index]
         x = delivered_angle(phi, orders, a, b, factor) if np.any(a) or np.any(b) else phi
-        sine, cosine = basis(x, orders)
-        error, slope = sine @ a + cosine @ b, transmission_slope(x, orders, a, b)
+        sine, cosine = waves(x, orders)
+        slope = cosine @ a - sine @ b
         derivative = np.empty((view.rows, 1, len(self.values)))
+        derivative[:, 0, 1::2], derivative[:, 0, 2::2] = sine / orders, (cosine - 1.0) / orders
+        error = derivative[:, 0, 1::2] @ a + derivative[:, 0, 2::2] @ b
         # d(k w)/dw = k cancels against the k of the divisor, once in each term.
-        along = x[:, None] * (np.cos(x[:, None] * orders) * a - np.sin(x[:, None] * orders) * b)
-        derivative[:, 0, 0] = along.sum(axis=1) / order - error / order
-        derivative[:, 0, 1::2], derivative[:, 0, 2::2] = sine, cosine
+        derivative[:, 0, 0] = (x * slope - error) / order
         inverse = 1.0 / (1.0 + factor * slope)
         derivative *= -(factor * inverse)[:, None, None]
         by_phi = np.zeros((view.rows, 1, view.axes))

@@ -16,6 +16,7 @@ from exactarm.regression import Evaluation, Fit, least_squares
 from exactarm.robot import Robot
 
 _VARIANCE_ROUNDS = 4
+_VARIANCE_TOLERANCE = 0.05
 
 
 @dataclass(frozen=True)
@@ -47,9 +48,11 @@ def fit_poses(
     weights: np.ndarray | None = None,
     threads: int = 1,
     sigma: np.ndarray | None = None,
+    tolerance: float = 1e-10,
 ) -> PoseFit:
     """Estimates the free parameters of `layout` from all rows of `data`. `weights` (N,) per row, 0 leaves
-    it out; `sigma` (1,) or (2,): first guess of the standard deviations (m, rad)."""
+    it out; `sigma` (1,) or (2,): first guess of the standard deviations (m, rad);
+    `tolerance`: relative fall of the square sum at which the search ends."""
     rows = len(data.session)
     row_weight = np.ones(rows) if weights is None else weights
     lower = np.array([p.lower for p in layout.parameters])
@@ -79,12 +82,13 @@ def fit_poses(
             robust=robust,
             group=3,
             data_rows=rows * 3 * kinds,
+            tolerance=tolerance,
         )
         residual = fit.residual[: rows * 3 * kinds].reshape(rows, -1)[row_weight > 0]
         share = 1.0 - layout.size / max(fit.freedom + layout.size, 1)
         new = np.sqrt(np.array([np.mean(part**2) for part in np.split(residual, residual.shape[1] // 3, axis=1)]) / share)
         x = fit.x
-        if not (orientation or len(pull)) or np.all(np.abs(new / sigma - 1.0) < 0.02):
+        if not (orientation or len(pull)) or np.all(np.abs(new / sigma - 1.0) < _VARIANCE_TOLERANCE):
             break
         sigma = np.maximum(new, 1e-12)
     return PoseFit(robot, layout.at(fit.x), fit, float(new[0]), float(new[1]) if orientation else None)
