@@ -8,7 +8,7 @@ the evidences of that contest give its probability and its rivals.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Callable
 
 import numpy as np
@@ -24,6 +24,7 @@ LEAST_EVIDENCE = 5.0  # log Bayes factor; all candidates tried are already paid 
 LEAST_SHARE = 0.01  # an effect must take this share of the cross-validated square sum away
 MOST_EFFECTS = 16
 _SHORTLIST = 12
+_FOLD_CERTAINTY = 2.5  # the mean fall of the folds beside its standard error
 _INDEPENDENT_SHARE, _INDEPENDENT_EVIDENCE = 0.9, 20.0
 _KEPT_GAIN = 0.5  # share of the predicted gain that the joint fit must confirm
 
@@ -84,7 +85,9 @@ def select(problem: Problem, declared: Layout, progress: Progress = lambda text:
 
 
 def _count(problem: Problem, fitted: Fitted) -> float:
-    return problem.correlation_factor(fitted) * float(np.count_nonzero(fitted.whitened)) or 1.0
+    """Independent numbers in the residual: those of the data less the parameters that have been fitted to them."""
+    data = float(np.count_nonzero(fitted.whitened[: fitted.data_numbers]))
+    return max(problem.correlation_factor(fitted) * data - fitted.basis.shape[1], 1.0)
 
 
 def refit(problem: Problem, declared: Layout, effects: list[Effect], last: Fitted) -> Fitted:
@@ -146,12 +149,13 @@ def _excludes(effect: Effect) -> bool:
 
 
 def _worth(fitted: Fitted, effect: Effect, folds: np.ndarray, without: np.ndarray) -> bool:
-    """Cross-validated: does the effect take enough of the square sum away, in most of the folds?"""
+    """Cross-validated: does the effect take enough of the square sum away, and in all folds alike?"""
     if _excludes(effect):
         return True
     columns = _linear_columns(fitted, effect)
     fall = without - held_out_squares(fitted, columns, folds, prior_of(effect))
-    return fall.sum() > LEAST_SHARE * without.sum() and np.mean(fall > 0) >= 0.7
+    certain = fall.mean() > _FOLD_CERTAINTY * fall.std(ddof=1) / np.sqrt(len(fall))
+    return bool(certain and fall.sum() > LEAST_SHARE * without.sum())
 
 
 def _prune(problem, declared, chosen, fitted):
@@ -185,6 +189,8 @@ def _contest(problem, declared, chosen, fitted, first_ranking, progress):
     for place in range(len(chosen)):
         progress(f"contest for {chosen[place].label}")
         without = fitted.without(len(declared.effects) + place)
+        if _excludes(chosen[place]):
+            without = replace(without, weight=rows_kept(without.layout, without.view).astype(float))
         count = _count(problem, without)
         field = _rivals_of(chosen[place], candidates_for(problem, without), first_ranking)
         ranking = scan(without, field, count)
@@ -196,7 +202,7 @@ def _contest(problem, declared, chosen, fitted, first_ranking, progress):
                 fitted, own = trial, winner
                 chosen = [*trial.layout.effects[len(declared.effects):]]
         effect = chosen[place]
-        rivals = tuple(c for c in ranking if c.label != effect.label)
+        rivals = tuple(c for c in ranking if not _same_cause(c.effect, effect))
         own = own or Candidate(effect, 0.0, 0, 1, LEAST_EVIDENCE)
         accepted.append(Accepted(effect, own.evidence, probability(own, ranking), rivals[:8]))
     return chosen, accepted, fitted
@@ -216,8 +222,14 @@ def _rivals_of(effect: Effect, library_field: list[Effect], first_ranking) -> li
     return field
 
 
+def _same_cause(one: Effect, other: Effect) -> bool:
+    return one.name == other.name and one.joint == other.joint
+
+
 def probability(candidate: Candidate, ranking: list[Candidate]) -> float:
-    """Posterior probability among all candidates and 'nothing', equal prior odds each."""
-    evidences = np.array([0.0] + [c.evidence for c in ranking if c.label != candidate.label] + [candidate.evidence])
+    """Posterior probability among all other causes and 'nothing', equal prior odds each."""
+    rivals = [c.evidence for c in ranking if not _same_cause(c.effect, candidate.effect)]
+    own = max([candidate.evidence] + [c.evidence for c in ranking if _same_cause(c.effect, candidate.effect)])
+    evidences = np.array([own, 0.0, *rivals])
     weights = np.exp(evidences - evidences.max())
-    return float(weights[-1] / weights.sum())
+    return float(weights[0] / weights.sum())

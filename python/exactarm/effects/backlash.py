@@ -57,7 +57,8 @@ class Backlash(Effect):
     def candidates(cls, robot, view) -> Iterable[Effect]:
         for index, joint in enumerate(robot.joints):
             load = np.max(np.abs(view.torque[:, index]), initial=0.0)
-            if load == 0.0 and not np.any(view.direction[:, index]):
+            # Without a load the flank is that of the direction alone: hysteresis, in a static pose.
+            if load < _LEAST_FRICTION_NM and (view.kind == "poses" or not np.any(view.direction[:, index])):
                 continue
             small = max(_FRICTION_SHARE * load, _LEAST_FRICTION_NM)
             yield cls(index + 1, (0.0, small))

@@ -12,11 +12,13 @@ from typing import ClassVar, Iterable
 
 import numpy as np
 from scipy import special
+from scipy.spatial import cKDTree
 
 from exactarm.effects.base import Change, Effect, Parameter, Station
 
 _LARGEST_SHARE = 0.2  # more than that is no longer a few wrong rows
 _FALSE_ALARM = 0.01  # of a whole data set
+_TOGETHER_BY_CHANCE = 0.999
 
 
 @dataclass(frozen=True)
@@ -52,9 +54,20 @@ class Outliers(Effect):
 
     @classmethod
     def candidates(cls, robot, view) -> Iterable[Effect]:
+        """None where the wrong rows lie together, in the order of measurement or in space: that is a structure."""
         if view.data.position is None or "measured" not in view.signals:
             return ()
         residual = view.data.position - view.measured
         limit = cls.threshold(residual)
-        share = np.mean(np.linalg.norm(residual, axis=1) > limit)
-        return (cls(None, (limit,)),) if 0.0 < share <= _LARGEST_SHARE else ()
+        wrong = np.linalg.norm(residual, axis=1) > limit
+        if not 0 < wrong.sum() <= _LARGEST_SHARE * len(wrong):
+            return ()
+        neighbour = cKDTree(view.measured).query(view.measured, k=2)[1][:, 1]
+        apart = _scattered(wrong[:-1] & wrong[1:], wrong) and _scattered(wrong & wrong[neighbour], wrong)
+        return (cls(None, (limit,)),) if apart else ()
+
+
+def _scattered(together: np.ndarray, wrong: np.ndarray) -> bool:
+    """Whether wrong rows have wrong neighbours no more often than chance has it (Poisson, 1 in 1,000)."""
+    expected = wrong.mean() * wrong.sum()
+    return together.sum() <= special.pdtrik(_TOGETHER_BY_CHANCE, max(expected, 0.5))
