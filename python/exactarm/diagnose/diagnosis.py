@@ -27,11 +27,13 @@ _NOISE_REACHED = 1.25  # RMS after, beside the noise floor
 _SHARE_EXPLAINED = 0.5  # of the square sum above the noise; less, and the cause is not found
 _SHARE_LEFT = 0.10  # of the square sum that a signal still has to explain to count as structure
 _RIVALS_EACH, _RIVALS = 2, 5
+_MANY_PARAMETERS = 200  # above it, only the strongest rival is fitted in the other's place
 
 
 @dataclass(frozen=True)
 class Finding:
-    """One effect that was added: values with 95 % intervals (k, 2), errors on the validation rows, certainty."""
+    """One effect that was added: values with 95 % intervals (k, 2), certainty, and the validation RMS before and after
+    the round that added it (independent causes are added in one round)."""
 
     effect: Effect
     intervals: np.ndarray
@@ -94,7 +96,7 @@ def diagnose(
     before = {name: summarise(values[np.isfinite(values)]) for name, values in errors[0].items()}
     after = {name: summarise(values[np.isfinite(values)]) for name, values in errors[-1].items()}
     findings = tuple(
-        _finding(accepted, last, declared, place, errors[place], errors[place + 1], problem)
+        _finding(accepted, last, declared, place, errors, problem)
         for place, accepted in enumerate(selection.accepted)
     )
     alternatives = _alternatives(problem, declared, selection)
@@ -140,11 +142,12 @@ def _rms(values: np.ndarray) -> float:
     return float(np.sqrt(np.mean(values**2))) if values.size else float("nan")
 
 
-def _finding(accepted: Accepted, last, declared, place, before, after, problem) -> Finding:
+def _finding(accepted: Accepted, last, declared, place, errors, problem) -> Finding:
     index = len(declared.effects) + place
     effect, where, free = last.layout.effects[index], last.layout.slices[index], last.layout.free[index]
     intervals = np.column_stack([effect.values, effect.values]).astype(float)
     intervals[free] = last.fit.interval()[where]
+    before, after = errors[accepted.round], errors[accepted.round + 1]
     judged = "validation" if before["validation"].size else "identification"
     fall = f"{judged} RMS {_rms(_judged(before)):.3g} to {_rms(_judged(after)):.3g} {problem.unit}"
     return Finding(
@@ -167,7 +170,7 @@ def _alternatives(problem: Problem, declared: Layout, selection: Selection) -> t
         key=lambda pair: selection.accepted[pair[1]].evidence - pair[0].evidence,
     )
     found = []
-    for rival, place in strongest[:_RIVALS]:
+    for rival, place in strongest[: _RIVALS if last.layout.size < _MANY_PARAMETERS else 1]:
         accepted = selection.accepted[place]
         fitted = refit(problem, declared, chosen[:place] + [rival.effect] + chosen[place + 1 :], last)
         left = _rms(_judged(_errors(problem, fitted)))

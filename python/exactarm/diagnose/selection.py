@@ -21,7 +21,7 @@ from exactarm.effects import library
 from exactarm.effects.base import Effect
 
 LEAST_EVIDENCE = 5.0  # log Bayes factor; all candidates tried are already paid for
-LEAST_SHARE = 0.01  # an effect must take this share of the cross-validated square sum away
+LEAST_SHARE = 0.02  # an effect must take this share of the cross-validated square sum away
 MOST_EFFECTS = 16
 _SHORTLIST = 12
 _FOLD_CERTAINTY = 2.5  # the mean fall of the folds beside its standard error
@@ -33,17 +33,21 @@ Progress = Callable[[str], None]
 
 @dataclass(frozen=True)
 class Accepted:
-    """An effect in the model: its candidate when it won, probability among all rivals, and the rivals by evidence."""
+    """An effect in the model: its evidence, its probability among all rivals, the rivals by evidence.
+
+    round: it came in between fits[round] and fits[round + 1] of the selection.
+    """
 
     effect: Effect
     evidence: float
     probability: float
     rivals: tuple[Candidate, ...]
+    round: int
 
 
 @dataclass(frozen=True)
 class Selection:
-    """fits[0] is the declared model, fits[i] the one with the first i effects; ranking: last scan of what is left."""
+    """fits[0] is the declared model, fits[i] the one after i rounds; ranking: last scan of what is left."""
 
     fits: tuple[Fitted, ...]
     accepted: tuple[Accepted, ...]
@@ -63,24 +67,24 @@ def candidates_for(problem: Problem, fitted: Fitted) -> list[Effect]:
 
 def select(problem: Problem, declared: Layout, progress: Progress = lambda text: None) -> Selection:
     """Forward selection from the declared model, then the contest for every place."""
-    base = problem.fit(declared)
-    chosen: list[Effect] = []
-    fitted, first_ranking, ranking = base, (), ()
+    fits, chosen, rounds = [problem.fit(declared)], [], []
+    first_ranking, ranking = (), ()
     while len(chosen) < MOST_EFFECTS:
         progress(f"searching with {len(chosen)} effects in the model")
+        fitted = fits[-1]
         ranking = tuple(scan(fitted, candidates_for(problem, fitted), _count(problem, fitted)))
         first_ranking = first_ranking or ranking
         step = _best_addition(problem, declared, chosen, fitted, ranking)
         if step is None:
             break
-        chosen, fitted = step
-    chosen, fitted = _prune(problem, declared, chosen, fitted)
-    chosen, accepted, fitted = _contest(problem, declared, chosen, fitted, first_ranking, progress)
-    fits = [base]
-    for count in range(1, len(chosen)):
-        fits.append(refit(problem, declared, chosen[:count], fits[-1]))
-    if chosen:
-        fits.append(fitted)
+        chosen, trial = step
+        rounds += [len(fits) - 1] * (len(chosen) - len(rounds))
+        fits.append(trial)
+    places, fitted = _prune(problem, declared, chosen, fits[-1])
+    chosen, rounds = [*fitted.layout.effects[len(declared.effects):]], [rounds[place] for place in places]
+    accepted, fitted = _contest(problem, declared, chosen, rounds, fitted, first_ranking, progress)
+    if len(fits) > 1:
+        fits[-1] = fitted
     return Selection(tuple(fits), tuple(accepted), ranking, first_ranking)
 
 
@@ -159,19 +163,19 @@ def _worth(fitted: Fitted, effect: Effect, folds: np.ndarray, without: np.ndarra
 
 
 def _prune(problem, declared, chosen, fitted):
-    """Backward: takes out every effect whose evidence, with all others in, has gone."""
-    place = 0
+    """Backward: takes out every effect whose evidence, with all others in, has gone. Returns the places that stay."""
+    places, place = list(range(len(chosen))), 0
     while place < len(chosen):
-        index = len(declared.effects) + place
-        without = fitted.without(index)
+        without = fitted.without(len(declared.effects) + place)
         own = None if _excludes(chosen[place]) else scan(without, [_emptied(chosen[place])], _count(problem, without))[0]
         if own is not None and (own.evidence < LEAST_EVIDENCE or own.gain < LEAST_SHARE * _square(without)):
+            del places[place]
             fitted = refit(problem, declared, chosen[:place] + chosen[place + 1 :], fitted)
             chosen = [*fitted.layout.effects[len(declared.effects):]]
             place = 0
         else:
             place += 1
-    return chosen, fitted
+    return places, fitted
 
 
 def _square(fitted: Fitted) -> float:
@@ -183,7 +187,7 @@ def _emptied(effect: Effect) -> Effect:
     return effect.with_values(np.where(free_mask(effect), 0.0, effect.values))
 
 
-def _contest(problem, declared, chosen, fitted, first_ranking, progress):
+def _contest(problem, declared, chosen, rounds, fitted, first_ranking, progress):
     """Every effect against the whole library, with the others in place; a stronger rival takes the place."""
     accepted: list[Accepted] = []
     for place in range(len(chosen)):
@@ -204,8 +208,8 @@ def _contest(problem, declared, chosen, fitted, first_ranking, progress):
         effect = chosen[place]
         rivals = tuple(c for c in ranking if not _same_cause(c.effect, effect))
         own = own or Candidate(effect, 0.0, 0, 1, LEAST_EVIDENCE)
-        accepted.append(Accepted(effect, own.evidence, probability(own, ranking), rivals[:8]))
-    return chosen, accepted, fitted
+        accepted.append(Accepted(effect, own.evidence, probability(own, ranking), rivals[:8], rounds[place]))
+    return accepted, fitted
 
 
 def _rivals_of(effect: Effect, library_field: list[Effect], first_ranking) -> list[Effect]:
