@@ -43,7 +43,12 @@ def transmission_slope(phi: np.ndarray, orders: np.ndarray, a: np.ndarray, b: np
 
 
 def delivered_angle(
-    phi: np.ndarray, orders: np.ndarray, a: np.ndarray, b: np.ndarray, factor: np.ndarray | float = 1.0
+    phi: np.ndarray,
+    orders: np.ndarray,
+    a: np.ndarray,
+    b: np.ndarray,
+    factor: np.ndarray | float = 1.0,
+    tolerance: float = _TOLERANCE_RAD,
 ) -> np.ndarray:
     """The angle x (N,) with x + factor e(x) = phi, by Newton; factor (N,) scales the error row by row."""
     x = phi
@@ -53,6 +58,6 @@ def delivered_angle(
         error = sine @ (a / orders) + cosine @ (b / orders) - np.sum(b / orders)
         step = (x + factor * error - phi) / slope
         x = x - step
-        if np.max(np.abs(step), initial=0.0) < _TOLERANCE_RAD:
+        if np.max(np.abs(step), initial=0.0) < tolerance:
             break
     return x

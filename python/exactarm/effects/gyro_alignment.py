@@ -37,6 +37,11 @@ class GyroAlignment(Effect):
     def parameter_label(self, parameter: Parameter) -> str:
         return f"session_{self.session}.{self.label}.{parameter.name}"
 
+    @property
+    def axis_in_sensor(self) -> np.ndarray:
+        """(3,) the moving axis, in the sense in which its angle rises, in the sensor's axes."""
+        return tilt(*self.values).T[:, 2] * (-1.0 if self.flipped else 1.0)
+
     def change(self, view) -> Change:
         alpha, beta = self.values
         nominal = _UPSIDE_DOWN if self.flipped else np.eye(3)

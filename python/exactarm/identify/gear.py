@@ -1,0 +1,253 @@
+"""Gear identification (thesis 3.1.1) from gear runs: ratio, and harmonics per direction of motion, of every moving axis.
+
+1. derivative of the motor encoder, alignment of the gyroscope (3.3), gravity deflection out   gear_samples
+2. kinematic error (E6), both sides filtered alike (3.1), (3.2)                                gear_error
+3. coarse FFT or zoom, orders accepted by a test against noise                                 gear_orders
+4. ratio and coefficients per direction by least squares (3.5), on unfiltered samples          gear_axis
+5. error before and after on identification rows and on rows that were not fitted              here
+Both methods of finding orders are run and compared; the chosen one goes into the robot.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from exactarm import _core
+from exactarm.chain import gear_record
+from exactarm.dataset import Dataset
+from exactarm.effects.gyro_alignment import tilt
+from exactarm.errors import ComputationError, InputError
+from exactarm.identify.gear_axis import GearEstimate, identify_axis
+from exactarm.identify.gear_declared import SIDES, measured_axes
+from exactarm.identify.gear_error import cutoff_hz, kinematic_error, noise_of_error, sensor_part
+from exactarm.identify.gear_orders import METHODS
+from exactarm.identify.gear_samples import GearSamples, gear_samples
+from exactarm.identify.statistics import ErrorSummary, summarise
+from exactarm.robot import GearTable, Robot
+
+_SAME_SPEED = 0.1  # runs whose speeds differ by less than this share count as one speed
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """RMS of the kinematic error on the rows of one set, direction and speed (rad/s at the output), by method."""
+
+    joint: int
+    side: str
+    speed: float
+    fitted: bool
+    rows: int
+    before: float
+    after: dict[str, float]
+
+
+@dataclass(frozen=True)
+class Gear:
+    """One direction of one axis. error_before, error_after (N,) over its samples, NaN on rows that do not count.
+
+    declared: with the robot file's own tables and ratio; noise: the part of the error that is white noise.
+    """
+
+    joint: int
+    side: str
+    estimate: GearEstimate
+    table: GearTable
+    error_before: np.ndarray
+    error_after: np.ndarray
+    before: dict[str, ErrorSummary]
+    after: dict[str, ErrorSummary]
+    declared: dict[str, ErrorSummary]
+    noise: float
+    cutoff_hz: float | None
+
+    @property
+    def samples(self) -> GearSamples:
+        return self.estimate.samples
+
+    @property
+    def unit(self) -> str:
+        return self.samples.unit
+
+
+@dataclass(frozen=True)
+class Alignment:
+    """Mean reading (3,) rad/s of one direction before and after the alignment, and its angles alpha, beta."""
+
+    joint: int
+    side: str
+    angles: tuple[float, float]
+    before: np.ndarray
+    after: np.ndarray
+
+
+@dataclass(frozen=True)
+class GearIdentification:
+    robot: Robot
+    gears: tuple[Gear, ...]
+    held_out: tuple[HeldOut, ...]
+    alignments: tuple[Alignment, ...]
+    method: str
+    warnings: tuple[str, ...]
+
+
+def identify_gears(
+    robot: Robot, data: Dataset, *, method: str = "refined", seed: int = 0, threads: int = 1, progress=lambda text: None
+) -> GearIdentification:
+    """Identifies every gear that moves in the data. Raises InputError where nothing can be identified."""
+    if method not in METHODS:
+        raise InputError(f"unknown method {method!r}, expected one of {', '.join(METHODS)}")
+    identification = data.split(seed)
+    record = gear_record(robot, data)
+    result, gears, held_out, alignments, warnings = robot, [], [], [], []
+    for axis in measured_axes(robot, data, record):
+        samples, setup = gear_samples(robot, data, record, axis, identification, threads)
+        estimates: dict[str, GearEstimate] = {}
+        for name in METHODS:
+            progress(f"gear {axis + 1}: {name}")
+            found = identify_axis(samples, name)
+            if found is not None:
+                estimates[name] = found
+        if method not in estimates:
+            warnings.append(f"axis {axis + 1}: too few identification rows in steady motion, its gear is left as declared")
+            continue
+        chosen = estimates[method]
+        new = _with_tables(result, axis, chosen)
+        errors = _errors(robot, estimates, method)
+        gears += [_gear(chosen, side, errors) for side in chosen.tables]
+        held_out += _held_out(chosen, errors)
+        alignments += _alignments(data, samples, setup)
+        warnings += _warnings(chosen)
+        result = new
+    if not gears:
+        raise InputError("no axis moves far enough in one direction; expected gear runs over a range of its axis")
+    intervals = dict(result.intervals)
+    for gear in gears:
+        intervals[f"ratio_{gear.joint}"] = _interval(gear.estimate.ratio, gear.estimate.ratio_sigma)
+    return GearIdentification(
+        replace(result, intervals=intervals), tuple(gears), tuple(held_out), tuple(alignments), method, tuple(warnings)
+    )
+
+
+def _interval(value: float, sigma: float) -> tuple[float, float]:
+    return float(value - 1.96 * sigma), float(value + 1.96 * sigma)
+
+
+def _with_tables(robot: Robot, axis: int, estimate: GearEstimate) -> Robot:
+    """The robot with the ratio and the tables of the directions that were measured; the controller keeps its constant."""
+    tables = {side: estimate.gear_table(side) for side in estimate.tables}
+    for side, table in tables.items():
+        try:
+            _core.require_gear(f"gear of joint {axis + 1}, {side}", estimate.ratio, table.core())
+        except ValueError as error:
+            raise ComputationError(f"the identified gear cannot be used: {error}") from None
+    controller = float(robot.controller_ratios[axis])
+    return robot.with_joint(axis, ratio=estimate.ratio, controller_ratio=controller, **tables)
+
+
+@dataclass(frozen=True)
+class _Errors:
+    """Kinematic errors (N,) of one axis: constant ratio, each method's tables, the robot file's own; noise of the chosen."""
+
+    before: np.ndarray
+    after: dict[str, np.ndarray]
+    declared: np.ndarray
+    noise: float
+
+
+def _errors(robot: Robot, estimates: dict[str, GearEstimate], method: str) -> _Errors:
+    chosen = estimates[method]
+    samples, joint = chosen.samples, robot.joints[chosen.samples.axis]
+    sensor = sensor_part(samples, chosen.disturbance)
+    tables = lambda estimate: {side: estimate.gear_table(side) for side in estimate.tables}
+    own = {side: getattr(joint, side) or joint.cw or joint.ccw for side in SIDES}
+    after = {
+        name: kinematic_error(samples, each.scale, sensor_part(samples, each.disturbance), tables(each))
+        for name, each in estimates.items()
+    }
+    raw = kinematic_error(samples, chosen.scale, sensor, tables(chosen), filtered=False)
+    return _Errors(
+        kinematic_error(samples, chosen.scale, sensor, {}),
+        after,
+        kinematic_error(samples, 1.0, sensor, {side: table for side, table in own.items() if table is not None}),
+        noise_of_error(samples, raw),
+    )
+
+
+def _gear(estimate: GearEstimate, side: str, errors: _Errors) -> Gear:
+    samples, after = estimate.samples, errors.after[estimate.method]
+    rows = samples.side(SIDES[side])
+    sets = {"identification": rows & samples.identification, "validation": rows & ~samples.identification}
+    summary = lambda error: {name: summarise(np.abs(error[mask])) for name, mask in sets.items()}
+    return Gear(
+        samples.axis + 1, side, estimate, estimate.gear_table(side), errors.before, after, summary(errors.before),
+        summary(after), summary(errors.declared), errors.noise, _cutoff(samples) if samples.rated else None,
+    )
+
+
+def _cutoff(samples: GearSamples) -> float:
+    return float(np.median([cutoff_hz(samples, run) for run in np.unique(samples.run)]))
+
+
+def _held_out(estimate: GearEstimate, errors: _Errors) -> list[HeldOut]:
+    """The comparison of the methods, by direction, set and speed."""
+    samples = estimate.samples
+    speeds = _speed_of_rows(samples)
+    rms = lambda error, rows: float(np.sqrt(np.mean(error[rows] ** 2)))
+    out = []
+    for side in estimate.tables:
+        for fitted in (True, False):
+            rows = samples.side(SIDES[side]) & (samples.identification == fitted)
+            for speed in np.unique(speeds[rows]):
+                part = rows & (speeds == speed)
+                after = {name: rms(error, part) for name, error in errors.after.items()}
+                out.append(HeldOut(samples.axis + 1, side, float(speed), fitted, int(part.sum()), rms(errors.before, part), after))
+    return out
+
+
+def _speed_of_rows(samples: GearSamples) -> np.ndarray:
+    """(N,) typical speed of each row's run; runs of nearly the same speed share one number."""
+    runs = np.unique(samples.run)
+    own = np.array([np.median(np.abs(samples.rate[(samples.run == run) & samples.keep])) if
+                    np.any((samples.run == run) & samples.keep) else 0.0 for run in runs])
+    shared, out = own.copy(), np.zeros(samples.run.size)
+    for k in np.argsort(own):
+        close = np.abs(own - own[k]) <= _SAME_SPEED * own[k]
+        shared[close] = np.median(own[close])
+    for run, speed in zip(runs, shared):
+        out[samples.run == run] = speed
+    return out
+
+
+def _alignments(data: Dataset, samples: GearSamples, setup) -> list[Alignment]:
+    """What the alignment does to the mean reading, as Table 3.1 has it."""
+    if not samples.rated:
+        return []
+    out = []
+    for effect in setup.effects:
+        turn = tilt(*effect.values)
+        for side, way in SIDES.items():
+            fast = np.abs(samples.rate) > 0.9 * samples.speed()
+            rows = samples.rows[samples.side(way) & fast & (data.session[samples.rows] == effect.session)]
+            if rows.size:
+                mean = data.gyro[rows].mean(axis=0)
+                out.append(Alignment(effect.joint, side, (effect.values[0], effect.values[1]), mean, turn @ mean))
+    return out
+
+
+def _warnings(estimate: GearEstimate):
+    joint, samples = estimate.samples.axis + 1, estimate.samples
+    if len(estimate.tables) == 1:
+        side = next(iter(estimate.tables))
+        yield f"axis {joint} was measured in one direction ({side}) only: the other direction keeps its declared table"
+    if samples.rated and not np.any(sensor_part(samples, estimate.disturbance)) and len(estimate.tables) == 1:
+        yield f"axis {joint}: one direction at one speed cannot tell the gyroscope's bias from the ratio; it is taken as 0"
+    longest = max(profile.range_rev for profile in estimate.profiles.values())
+    if longest < 0.2:
+        yield (
+            f"axis {joint} moves over {360.0 * longest:.0f} deg: orders closer than {1.0 / longest:.0f} per revolution "
+            "cannot be told apart; the table holds on this range only"
+        )
+    if not estimate.orders.size:
+        yield f"axis {joint}: no order stands out of the noise"

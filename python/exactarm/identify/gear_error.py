@@ -1,0 +1,83 @@
+"""Kinematic error of a gear on any of its samples, before and after (E6, thesis (3.4)).
+
+Both sides pass the same acausal filter (3.1): the difference is filtered, stretch by stretch of rows that count, at
+a cutoff of a few motor revolutions of each run, so that the harmonics stay and the gyroscope's noise does not hide them.
+With encoders on both sides the difference of the angles is taken, less one constant for each run.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from exactarm.identify.gear_axis import looked_up
+from exactarm.identify.gear_declared import SIDES
+from exactarm.identify.gear_samples import GearSamples
+from exactarm.robot import GearTable
+from exactarm.signals import gaussian_filter, typical_step, white_noise
+
+CUTOFF_PER_MOTOR_REV = 2.3
+_HIGHEST_SHARE = 0.4  # of the sampling rate
+_NOISE_SHARE = 1.0645  # equivalent noise bandwidth of the filter over its cutoff
+
+
+def cutoff_hz(samples: GearSamples, run: int) -> float:
+    """-3 dB frequency for the kinematic error of one run; Table A.4 has 2.3, 1.5 and 4.9 motor revolutions."""
+    rows = samples.run == run
+    kept = rows & samples.keep
+    speed = float(np.median(np.abs(samples.rate[kept]))) if kept.any() else 0.0
+    motor_hz = abs(samples.ratio) * speed / (2.0 * np.pi)
+    return float(min(CUTOFF_PER_MOTOR_REV * max(motor_hz, 1e-3), _HIGHEST_SHARE / typical_step(samples.time[rows])))
+
+
+def kinematic_error(
+    samples: GearSamples, scale: float, disturbance: np.ndarray, tables: dict[str, GearTable], filtered: bool = True
+) -> np.ndarray:
+    """(N,) motor over ratio (by the tables) minus output; NaN on rows that do not count.
+
+    disturbance (k,): coefficients of the columns that belong to the sensor; none of the others is taken out.
+    """
+    model = samples.motor / scale
+    for side, table in tables.items():
+        rows = samples.direction == SIDES[side]
+        slope, error = looked_up(samples.angle[rows] / scale, table.order, table.a, table.b)
+        model[rows] = model[rows] / (1.0 + slope) if samples.rated else model[rows] - error
+    out = model + samples.disturbances @ disturbance - samples.output
+    out[~samples.keep] = np.nan
+    for run in np.unique(samples.run):
+        rows = np.flatnonzero(samples.run == run)
+        if not samples.rated:
+            out[rows] -= np.nanmean(out[rows]) if np.any(samples.keep[rows]) else 0.0
+        elif filtered:
+            _filter_stretches(out, rows, samples, cutoff_hz(samples, run))
+    return out
+
+
+def _filter_stretches(out: np.ndarray, rows: np.ndarray, samples: GearSamples, cutoff: float) -> None:
+    kept = samples.keep[rows]
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], kept, [False]]).astype(int)))
+    for start, end in zip(edges[::2], edges[1::2]):
+        part = rows[start:end]
+        if part.size > 2:
+            out[part] = gaussian_filter(out[part], samples.time[part], cutoff)
+
+
+def sensor_part(samples: GearSamples, disturbance: np.ndarray) -> np.ndarray:
+    """The coefficients of those disturbances that belong to the sensor (bias), zeros elsewhere."""
+    mine = np.array([name == "bias" for name in samples.disturbance_names])
+    return np.where(mine, disturbance, 0.0)
+
+
+def noise_of_error(samples: GearSamples, error: np.ndarray) -> float:
+    """White noise in an unfiltered error after the filter, rad/s; between encoders, of the angle itself."""
+    squares, counts = [], []
+    for run in np.unique(samples.run):
+        rows = samples.run == run
+        part = error[rows & samples.keep]
+        if part.size < 8:
+            continue
+        share = 1.0
+        if samples.rated:
+            share = min(1.0, 2.0 * _NOISE_SHARE * cutoff_hz(samples, run) * typical_step(samples.time[rows]))
+        squares.append(share * white_noise(part) ** 2)
+        counts.append(part.size)
+    return float(np.sqrt(np.average(squares, weights=counts))) if squares else 0.0

@@ -1,0 +1,112 @@
+"""Angle profile: the samples of one direction averaged into narrow cells of the output angle.
+
+The error of a gear depends on its angle, so all runs of a direction fold onto one another. In a cell
+    gyroscope:  value = sum rate output / sum rate^2,   model 1 / (1 + s(phi)), s = du/u0 by the harmonics
+    encoders:   value = mean (angle - output),          model e(phi)
+with weights sum rate^2 (count), which make the folded fit the fit of all samples as long as a cell is narrow beside
+the shortest period.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import gammaincc
+
+from exactarm.harmonics import delivered_angle
+from exactarm.signals import zoom
+
+_CELL_PHASE_RAD = 0.25  # of the highest order
+_LEAST_SPEED_SHARE = 0.3  # slower samples carry little and may stick
+_ANGLE_TOLERANCE_RAD = 1e-6  # of the last Newton step, which squares it
+FALSE_ALARM = 1e-3
+
+
+@dataclass(frozen=True)
+class AngleProfile:
+    """Cells of one direction: motor angle over the ratio (M,) rad, value (M,), weight (M,); `step`: cell width.
+
+    sums over cells are sums over samples; `place` (M,) numbers the cells on the uniform grid.
+    """
+
+    way: float
+    angle: np.ndarray
+    value: np.ndarray
+    weight: np.ndarray
+    place: np.ndarray
+    step: float
+    samples: int
+    rated: bool
+
+    @property
+    def range_rev(self) -> float:
+        return float(np.ptp(self.angle)) / (2.0 * np.pi)
+
+    def columns(self, orders: np.ndarray, a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The model's value (M,) and its derivatives by all a, then all b (M, 2 m), at the present coefficients."""
+        x = delivered_angle(self.angle, orders, a, b, tolerance=_ANGLE_TOLERANCE_RAD) if np.any(a) or np.any(b) else self.angle
+        phase = x[:, None] * orders
+        cosine, sine = np.cos(phase), np.sin(phase)
+        if not self.rated:
+            columns = np.concatenate([sine / orders, (cosine - 1.0) / orders], axis=1)
+            return columns @ np.concatenate([a, b]), columns
+        model = 1.0 / (1.0 + cosine @ a - sine @ b)
+        return model, -(model**2)[:, None] * np.concatenate([cosine, -sine], axis=1)
+
+    def spectrum(self, residual: np.ndarray, low: float, high: float, count: int) -> tuple[np.ndarray, np.ndarray]:
+        """Orders and complex weighted sums of residual exp(-i order angle) by the chirp-z zoom."""
+        grid = np.zeros(int(self.place.max()) + 1)
+        grid[self.place] = self.weight * residual
+        orders, transform = zoom(grid, self.step, low, high, count)
+        return orders, 0.5 * grid.size * transform
+
+    def variance(self, residual: np.ndarray, spent: int = 0) -> float:
+        """Residual variance per unit of weight."""
+        return float(self.weight @ residual**2) / max(self.angle.size - spent, 1)
+
+    def amplitude(self, residual: np.ndarray, low: float, high: float, count: int) -> tuple[np.ndarray, np.ndarray]:
+        """Orders and the relative amplitude (of the ratio) at each."""
+        orders, sums = self.spectrum(residual, low, high, count)
+        size = 2.0 * np.abs(sums) / self.weight.sum()
+        return orders, size if self.rated else size * orders
+
+
+def angle_profile(samples, chosen: np.ndarray, way: float, highest: float, scale: float, disturbance: np.ndarray):
+    """Profile of the chosen rows; scale: true ratio over declared one; disturbance (N,): what to take out of the output."""
+    fast = np.abs(samples.rate) > _LEAST_SPEED_SHARE * np.max(np.abs(samples.rate), initial=0.0)
+    chosen = chosen & (fast if samples.rated else True)
+    angle = samples.angle[chosen] / scale
+    output = samples.output[chosen] - disturbance[chosen]
+    step = _CELL_PHASE_RAD / highest
+    place = ((angle - angle.min()) / step).astype(int)
+    fold = lambda weights: np.bincount(place, weights=weights)
+    count = np.bincount(place)
+    full = np.flatnonzero(count)
+    if samples.rated:
+        rate = samples.rate[chosen] / scale
+        weight = fold(rate**2)[full]
+        value = fold(rate * output)[full] / weight
+    else:
+        weight = count[full].astype(float)
+        value = fold(angle - output)[full] / weight
+    centre = fold(angle)[full] / count[full]
+    return AngleProfile(way, centre, value, weight, full, step, int(chosen.sum()), samples.rated)
+
+
+def search_band(profiles: list[AngleProfile], ratio: float, samples) -> tuple[float, float]:
+    """Orders that the data can tell: from two periods within the range to five per motor revolution or Nyquist's."""
+    spacing = np.median(np.abs(np.diff(samples.angle))[samples.keep[1:]])
+    longest = max(profile.range_rev for profile in profiles)
+    return 2.0 / longest, min(5.0 * max(abs(ratio), 20.0), 0.8 * np.pi / max(spacing, 1e-12))
+
+
+def false_alarm(power: float, profiles: int, range_rev: float, low: float, high: float) -> float:
+    """Probability that noise alone shows a peak so high somewhere in the band (Scargle 1982; sum over profiles).
+
+    power: sum over profiles of |sum w r exp|^2 / (variance sum w), each exponential with mean 1 under noise.
+    """
+    single = float(gammaincc(profiles, power))
+    independent = max(1.0, range_rev * (high - low))
+    return float(-np.expm1(independent * np.log1p(-min(single, 1.0 - 1e-16))))
+

@@ -1,0 +1,166 @@
+"""Samples of one gear: what its output did beside what its motor did, with everything else taken out.
+
+Gyroscope: the reading along the aligned axis (3.3), less what gravity bends (the chain without this gear's
+harmonics, on a thinned record: it is smooth), against the motor's rate at the ratio u0.
+Encoders on both sides: the output angle less offset and bending against the motor angle over u0.
+Kinematic error (E6): motor over ratio minus output.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from exactarm.chain import GearRecord, Layout, gear_record, predict_gear_run
+from exactarm.dataset import Dataset
+from exactarm.identify.declared import carried_layout
+from exactarm.identify.gear_declared import gear_view, sensor_layout
+from exactarm.robot import Robot
+from exactarm.signals import typical_step
+
+_THIN_ROWS = 40000
+_THINNEST_STEP_S = 0.02
+
+
+@dataclass(frozen=True)
+class GearSamples:
+    """Rows of one axis (index from 0), all arrays (N,) over them.
+
+    rows: in the data; angle, rate: motor over u0 (the declared ratio), rad and rad/s; output: rad/s or rad;
+    direction -1, +1; keep; run; identification; disturbances (N, k): what may stand in the output beside the gear
+    (unit columns), known by name. `rated`: the output is a rate.
+    """
+
+    axis: int
+    ratio: float
+    rows: np.ndarray
+    time: np.ndarray
+    angle: np.ndarray
+    rate: np.ndarray
+    output: np.ndarray
+    direction: np.ndarray
+    keep: np.ndarray
+    run: np.ndarray
+    identification: np.ndarray
+    disturbances: np.ndarray
+    disturbance_names: tuple[str, ...]
+    rated: bool
+
+    @property
+    def motor(self) -> np.ndarray:
+        """What the output would be with a constant ratio u0."""
+        return self.rate if self.rated else self.angle
+
+    @property
+    def unit(self) -> str:
+        return "rad/s" if self.rated else "rad"
+
+    def side(self, way: float) -> np.ndarray:
+        """(N,) the rows that count in one direction."""
+        return self.keep & (self.direction == way)
+
+    def speed(self) -> float:
+        """Typical speed at the output, rad/s."""
+        return float(np.median(np.abs(self.rate[self.keep]))) if self.keep.any() else 0.0
+
+
+def plain_gear(robot: Robot, axis: int) -> Robot:
+    """The robot with a constant ratio in one axis."""
+    return robot.with_joint(axis, cw=None, ccw=None)
+
+
+def gear_samples(
+    robot: Robot, data: Dataset, record: GearRecord, axis: int, identification: np.ndarray, threads: int = 1
+) -> tuple[GearSamples, Layout]:
+    """Samples of one axis, and the set-up (alignment or offsets) that was found on the identification rows."""
+    view = gear_view(robot, data, record)
+    here = np.ones(len(data), bool) if record.encoder_axes else view.sensor_axis == axis
+    rows = np.flatnonzero(here)
+    plain = plain_gear(robot, axis)
+    fitted = rows if record.encoder_axes else _setup_rows(data, rows, identification)
+    setup = sensor_layout(plain, data.select(fitted), _part(record, fitted), bias=False)
+    angle = record.theta[rows, axis] / robot.ratios[axis]
+    rate = record.theta_dot[rows, axis] / robot.ratios[axis]
+    beside = _beside(plain, data, rows, axis, setup, bool(record.encoder_axes), threads)
+    rated = not record.encoder_axes
+    if rated:
+        along = _axis_in_sensor(setup, data.session[rows])
+        output = np.einsum("ij,ij->i", data.gyro[rows], along) - beside
+        disturbances, names = np.ones((rows.size, 1)), ("bias",)
+    else:
+        output = data.joints["q"][rows, axis] - robot.offsets[axis] - beside
+        disturbances, names = _encoder_disturbances(robot, data, record, rows, axis)
+    samples = GearSamples(
+        axis, float(robot.ratios[axis]), rows, data.time[rows], angle, rate, output, record.direction[rows, axis],
+        record.keep[rows], data.run[rows], identification[rows], disturbances, names, rated,
+    )
+    return samples, setup
+
+
+def _setup_rows(data: Dataset, rows: np.ndarray, identification: np.ndarray) -> np.ndarray:
+    """Identification rows of every set-up that has any."""
+    fitted = identification[rows]
+    known = np.isin(data.session[rows], np.unique(data.session[rows[fitted]]))
+    return rows[fitted | ~known]
+
+
+def _part(record: GearRecord, rows: np.ndarray) -> GearRecord:
+    """The record of some of the rows, for what looks at single rows only."""
+    pick = lambda values: values[rows]
+    return GearRecord(
+        pick(record.theta), pick(record.theta_dot), pick(record.direction), pick(record.keep), (), (),
+        record.cutoff_hz, record.encoder_axes,
+    )
+
+
+def _axis_in_sensor(setup: Layout, sessions: np.ndarray) -> np.ndarray:
+    """(N, 3) the moving axis in the sensor's axes, by session."""
+    along = np.zeros((sessions.size, 3))
+    for effect in setup.effects:
+        along[sessions == effect.session] = effect.axis_in_sensor
+    return along
+
+
+def _beside(plain, data, rows, axis, setup, encoders: bool, threads: int) -> np.ndarray:
+    """(N,) what the chain puts into the output beside this gear, on thinned rows, interpolated in time."""
+    stride = 1
+    if rows.size > _THIN_ROWS:
+        step = typical_step(data.time[rows[data.run[rows] == data.run[rows[0]]]])
+        stride = max(1, min(int(np.ceil(rows.size / _THIN_ROWS)), int(_THINNEST_STEP_S / step)))
+    thin = np.unique(np.concatenate([
+        np.append(part[::stride], part[-1]) for part in (rows[data.run[rows] == run] for run in np.unique(data.run[rows]))
+    ]))
+    part = data.select(thin)
+    record = gear_record(plain, part)
+    layout = carried_layout(plain) if encoders else setup.joined(carried_layout(plain))
+    prediction = predict_gear_run(plain, layout, part, record=record, tangents=False, threads=threads)
+    ratio = plain.ratios[axis]
+    if encoders:
+        column = record.encoder_axes.index(axis)
+        beside = prediction.measured[:, column] - record.theta[:, axis] / ratio - plain.offsets[axis]
+    else:
+        beside = np.einsum("ij,ij->i", prediction.measured, prediction.along) - record.theta_dot[:, axis] / ratio
+    out = np.empty(rows.size)
+    for run in np.unique(part.run):
+        to, of = data.run[rows] == run, part.run == run
+        out[to] = np.interp(data.time[rows][to], part.time[of], beside[of])
+    return out
+
+
+def _encoder_disturbances(robot, data, record, rows, axis):
+    """Offsets of the runs, delay, wind-up under the measured torque, and the friction that follows the direction."""
+    runs = np.unique(data.run[rows])
+    columns = [(data.run[rows] == run).astype(float) for run in runs]
+    names = [f"offset of run {run}" for run in runs]
+    columns.append(record.theta_dot[rows, axis] / robot.ratios[axis])
+    names.append("delay")
+    for name in ("tau", "tau_motor"):
+        torque = data.joints.get(name)
+        if torque is not None and np.all(np.isfinite(torque[rows, axis])):
+            columns.append(torque[rows, axis])
+            names.append("wind-up")
+            break
+    columns.append(record.direction[rows, axis])
+    names.append("friction")
+    return np.stack(columns, axis=1), tuple(names)
