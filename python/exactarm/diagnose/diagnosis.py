@@ -6,7 +6,7 @@ who else could have explained it, and what is still unexplained.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -87,7 +87,7 @@ def diagnose(
     train, held_out = data.select(identification), data.select(~identification)
     problem = problem_for(robot, train, held_out, threads, seed)
     declared = problem.declared()
-    selection = select(problem, declared, progress)
+    selection = _search(problem, declared, progress)
     first, last = selection.fits[0], selection.fits[-1]
     progress("what is left")
     noise = noise_floor(problem, last)
@@ -122,6 +122,20 @@ def diagnose(
         excluded=int(np.sum(last.weight == 0.0)),
         axes=problem.axes(first, last),
     )
+
+
+def _search(problem: Problem, declared: Layout, progress: Progress) -> Selection:
+    """Selection on as many rows as it takes; first and last model are then fitted to all identification rows."""
+    rows = problem.search_rows()
+    if rows is None:
+        return select(problem, declared, progress)
+    part = type(problem)(problem.robot, problem.data.select(rows), problem.held_out, problem.threads, problem.seed)
+    found = select(part, declared, progress)
+    progress("fitting all identification rows")
+    first = problem.fit(declared)
+    effects = [accepted.effect for accepted in found.accepted]
+    fits = [first, *found.fits[1:-1]] + ([refit(problem, declared, effects, first)] if effects else [])
+    return replace(found, fits=tuple(fits))
 
 
 def _errors(problem: Problem, fitted: Fitted) -> dict[str, np.ndarray]:

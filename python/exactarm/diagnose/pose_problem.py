@@ -13,10 +13,12 @@ from exactarm.identify.calibrate import CalibrationOptions, calibrated_robot, fi
 from exactarm.identify.declared import carried_layout, frames_layout, geometry_layout, require_geometry
 from exactarm.identify.pose_fit import fit_poses
 from exactarm.robot import Robot
-from exactarm.split import pose_groups
+from exactarm.split import pose_groups, pose_split
 
 
 _TOLERANCE = 1e-7  # relative fall of the square sum that ends a fit: a thousandth of what evidence can notice
+
+_SEARCH_POSES = 1000  # more poses than these do not change what is found, only how long it takes
 
 
 class PoseProblem(Problem):
@@ -58,6 +60,11 @@ class PoseProblem(Problem):
         prediction = predict_poses(self.robot, fitted.layout, data, tangents=False, threads=self.threads)
         error = np.linalg.norm(prediction.residual(), axis=1)
         return np.where(rows_kept(fitted.layout, prediction.view), error, np.nan)
+
+    def search_rows(self) -> np.ndarray | None:
+        if len(self.data) <= _SEARCH_POSES:
+            return None
+        return pose_split(self.data, np.random.default_rng(self.seed), _SEARCH_POSES / len(self.data))
 
     def groups(self) -> np.ndarray:
         return pose_groups(self.data)

@@ -182,6 +182,13 @@ class Problem(ABC):
     def separating_experiment(self, fitted: Fitted, one: Effect, other: Effect) -> str:
         """In words, with numbers: the poses, speeds or loads that part two effects best."""
 
+    def search_rows(self) -> np.ndarray | None:
+        """(N,) bool: the identification rows that are enough to search with, where there are many; None = all.
+
+        What is found is fitted to all of them afterwards.
+        """
+        return None
+
     def axes(self, before: Fitted, after: Fitted) -> list | None:
         """RMS per axis of the validation rows, where the kind of data has one number per axis; else None."""
         return None
