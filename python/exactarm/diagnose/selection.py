@@ -25,7 +25,7 @@ LEAST_SHARE = 0.02  # an effect must take this share of the cross-validated squa
 MOST_EFFECTS = 16
 _SHORTLIST = 12
 _FOLD_CERTAINTY = 2.5  # the mean fall of the folds beside its standard error
-_INDEPENDENT_SHARE, _INDEPENDENT_EVIDENCE = 0.9, 20.0
+_INDEPENDENT_SHARE, _INDEPENDENT_EVIDENCE = 0.8, 20.0
 _KEPT_GAIN = 0.5  # share of the predicted gain that the joint fit must confirm
 
 Progress = Callable[[str], None]
