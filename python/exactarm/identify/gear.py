@@ -47,7 +47,8 @@ class HeldOut:
 class Gear:
     """One direction of one axis. error_before, error_after (N,) over its samples, NaN on rows that do not count.
 
-    declared: with the robot file's own tables and ratio; noise: the part of the error that is white noise.
+    declared: with the robot file's own tables and ratio; rest: as after, with all that was found beside the gear
+    taken out too (delay, wind-up, friction); noise: the part of the error that is white noise.
     """
 
     joint: int
@@ -59,6 +60,7 @@ class Gear:
     before: dict[str, ErrorSummary]
     after: dict[str, ErrorSummary]
     declared: dict[str, ErrorSummary]
+    rest: dict[str, ErrorSummary]
     noise: float
     cutoff_hz: float | None
 
@@ -148,11 +150,14 @@ def _with_tables(robot: Robot, axis: int, estimate: GearEstimate) -> Robot:
 
 @dataclass(frozen=True)
 class _Errors:
-    """Kinematic errors (N,) of one axis: constant ratio, each method's tables, the robot file's own; noise of the chosen."""
+    """Kinematic errors (N,) of one axis: constant ratio, each method's tables, the robot file's own, the
+    chosen tables with all that stands beside the gear taken out; noise of the chosen.
+    """
 
     before: np.ndarray
     after: dict[str, np.ndarray]
     declared: np.ndarray
+    rest: np.ndarray
     noise: float
 
 
@@ -171,6 +176,7 @@ def _errors(robot: Robot, estimates: dict[str, GearEstimate], method: str) -> _E
         kinematic_error(samples, chosen.scale, sensor, {}),
         after,
         kinematic_error(samples, 1.0, sensor, {side: table for side, table in own.items() if table is not None}),
+        kinematic_error(samples, chosen.scale, chosen.disturbance, tables(chosen)),
         noise_of_error(samples, raw),
     )
 
@@ -182,7 +188,7 @@ def _gear(estimate: GearEstimate, side: str, errors: _Errors) -> Gear:
     summary = lambda error: {name: summarise(np.abs(error[mask])) for name, mask in sets.items()}
     return Gear(
         samples.axis + 1, side, estimate, estimate.gear_table(side), errors.before, after, summary(errors.before),
-        summary(after), summary(errors.declared), errors.noise, _cutoff(samples) if samples.rated else None,
+        summary(after), summary(errors.declared), summary(errors.rest), errors.noise, _cutoff(samples) if samples.rated else None,
     )
 
 

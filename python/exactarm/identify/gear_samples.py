@@ -149,18 +149,18 @@ def _beside(plain, data, rows, axis, setup, encoders: bool, threads: int) -> np.
 
 
 def _encoder_disturbances(robot, data, record, rows, axis):
-    """Offsets of the runs, delay, wind-up under the measured torque, and the friction that follows the direction."""
+    """Offsets of the runs, delay, wind-up under the measured torque, and the friction by which the output stays behind."""
     runs = np.unique(data.run[rows])
     columns = [(data.run[rows] == run).astype(float) for run in runs]
     names = [f"offset of run {run}" for run in runs]
-    columns.append(record.theta_dot[rows, axis] / robot.ratios[axis])
+    columns.append(-record.theta_dot[rows, axis] / robot.ratios[axis])
     names.append("delay")
     for name in ("tau", "tau_motor"):
         torque = data.joints.get(name)
         if torque is not None and np.all(np.isfinite(torque[rows, axis])):
-            columns.append(torque[rows, axis])
+            columns.append(-torque[rows, axis])
             names.append("wind-up")
             break
-    columns.append(record.direction[rows, axis])
+    columns.append(-record.direction[rows, axis])
     names.append("friction")
     return np.stack(columns, axis=1), tuple(names)

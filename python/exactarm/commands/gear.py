@@ -1,0 +1,111 @@
+"""`exactarm gear`: gear ratio and its harmonics per axis and direction, from gear runs."""
+
+from __future__ import annotations
+
+import argparse
+
+import numpy as np
+
+from exactarm.commands.arguments import add_files, add_robot
+from exactarm.commands.gear_report import gear_report
+from exactarm.commands.result import CommandResult, estimate
+from exactarm.dataset import read_dataset
+from exactarm.errors import InputError
+from exactarm.identify.gear import Gear, GearIdentification, identify_gears
+from exactarm.identify.gear_orders import METHODS
+from exactarm.robot_file import load_robot
+
+NAME = "gear"
+HELP = "gear ratio and its harmonics per axis and direction, from gear runs"
+_LEVEL = 1.96  # a million samples: Student's t is the normal distribution
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    add_robot(parser)
+    add_files(parser, text="gear runs: motor angles and a gyroscope, or encoders on both sides (.csv, .parquet)")
+    parser.add_argument("--method", choices=METHODS, default=METHODS[0],
+                        help="orders as real numbers, or whole numbers with their neighbours as the source has them "
+                             "(default %(default)s; both are compared in the report)")
+
+
+def run(arguments: argparse.Namespace) -> CommandResult:
+    robot = load_robot(arguments.robot)
+    data = read_dataset(arguments.files, robot, arguments.kind)
+    if "gear_run" not in data.kinds:
+        raise InputError(f"expected gear runs (gyroscope, or encoders on both sides), found {data.kind}",
+                         file=data.sources[0].path if data.sources else None)
+    result = identify_gears(
+        robot, data, method=arguments.method, seed=arguments.seed, threads=arguments.threads,
+        progress=arguments.progress.stage,
+    )
+    return CommandResult(
+        json={
+            "gears": [gear_json(gear) for gear in result.gears],
+            "method": result.method,
+            "alignment": [
+                {"joint": a.joint, "direction": a.side, "alpha_rad": a.angles[0], "beta_rad": a.angles[1],
+                 "mean_before_rad_s": a.before, "mean_after_rad_s": a.after} for a in result.alignments
+            ],
+            "comparison": [
+                {"joint": h.joint, "direction": h.side, "speed_rad_s": h.speed,
+                 "set": "identification" if h.fitted else "validation", "n": h.rows, "rms_before": h.before,
+                 "rms_after": h.after} for h in result.held_out
+            ],
+            "warnings": list(result.warnings),
+        },
+        report=gear_report(robot, result, data.split_rule()),
+        robot=result.robot,
+        tables={"residuals.csv": _residuals(data, result)},
+    )
+
+
+def gear_json(gear: Gear) -> dict:
+    """One direction of one axis, as the list `gears` has it."""
+    table, fit = gear.table, gear.estimate.tables[gear.side]
+    sigma = np.sqrt(np.diag(fit.covariance))
+    spread = lambda value, deviation: estimate(float(value), float(value - _LEVEL * deviation), float(value + _LEVEL * deviation))
+    m = table.order.size
+    return {
+        "joint": gear.joint,
+        "direction": gear.side,
+        "unit": gear.unit,
+        "ratio": spread(gear.estimate.ratio, gear.estimate.ratio_sigma),
+        "harmonics": [
+            {"order": spread(order, deviation), "a": spread(a, s_a), "b": spread(b, s_b)}
+            for order, deviation, a, s_a, b, s_b in zip(
+                table.order, gear.estimate.order_sigma, table.a, sigma[:m], table.b, sigma[m:]
+            )
+        ],
+        "before": {name: summary.to_json() for name, summary in gear.before.items()},
+        "after": {name: summary.to_json() for name, summary in gear.after.items()},
+        "declared": {name: summary.to_json() for name, summary in gear.declared.items()},
+        "rest": {name: summary.to_json() for name, summary in gear.rest.items()},
+        "noise": gear.noise,
+        "cutoff_hz": gear.cutoff_hz,
+        "disturbances": dict(zip(gear.samples.disturbance_names, gear.estimate.disturbance.tolist())),
+    }
+
+
+def _residuals(data, result: GearIdentification) -> dict:
+    """Kinematic error before and after of every row that counts."""
+    files = [source.path for source in data.sources] or [""]
+    columns: dict[str, list] = {}
+    for gear in result.gears:
+        samples = gear.samples
+        chosen = samples.side(-1.0 if gear.side == "cw" else 1.0)
+        rows = samples.rows[chosen]
+        unit = gear.unit.replace("/", "_")
+        parts = {
+            "file": np.array(files, object)[data.file_index[rows]],
+            "row": data.row[rows],
+            "run": data.run[rows],
+            "joint": np.full(rows.size, gear.joint),
+            "direction": np.full(rows.size, gear.side, object),
+            "set": np.where(samples.identification[chosen], "identification", "validation"),
+            "angle_rad": samples.angle[chosen] / gear.estimate.scale,
+            f"error_before_{unit}": gear.error_before[chosen],
+            f"error_after_{unit}": gear.error_after[chosen],
+        }
+        for name, values in parts.items():
+            columns.setdefault(name, []).append(values)
+    return {name: np.concatenate(parts) for name, parts in columns.items()}
