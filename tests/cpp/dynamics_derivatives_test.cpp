@@ -153,9 +153,8 @@ TEST(DynamicsDerivatives, AllocateNothing) {
   gravity_torque(model, plain, x, result);
   mass_matrix(model, plain, x, D);
   EXPECT_EQ(testing::allocation_count(), before);
-  const Vector counted = Vector::Zero(100);  // the counter itself works
-  EXPECT_GT(testing::allocation_count(), before);
-  EXPECT_EQ(counted.sum(), 0.0);
+  ::operator delete(::operator new(100));  // a direct call is never optimised away: the counter itself works
+  EXPECT_EQ(testing::allocation_count(), before + 1);
 }
 
 }  // namespace
