@@ -164,7 +164,7 @@ def _write(folder, robot, truth, rows, causes, random, seed) -> Case | None:
         return None
     position, rotation = position + noise, turn(turned) @ rotation
     best = fit_left(truth, rows, position, rotation, sigma, sigma_turn)
-    declared = fit_left(replace(truth, hidden=()), rows, position, rotation, sigma, sigma_turn) if causes else best
+    declared = fit_left(replace(truth, hidden=()), rows, position, rotation, sigma, sigma_turn, steps=4) if causes else best
     record = {
         "kind": "poses", "seed": seed, "effects": [cause.truth() for cause in truth.hidden],
         "noise": float(np.sqrt(3.0) * sigma), "best": best.validation, "declared": declared.validation,
@@ -184,7 +184,7 @@ def _to_size(cause: Hidden, truth: Truth, rows: Rows, raised: float, sigma: floa
     for _ in range(3):
         world = replace(truth, hidden=(cause,))
         position, rotation = measure(world, rows)
-        left = fit_left(truth, rows, position, rotation, sigma, sigma_turn, steps=1).validation
+        left = fit_left(truth, rows, position, rotation, sigma, sigma_turn, steps=2).validation
         if left < 1e-9:
             return None
         factor = np.sqrt(raised**2 - 1.0) * np.sqrt(3.0) * sigma / left

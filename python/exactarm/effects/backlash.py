@@ -61,6 +61,9 @@ class Backlash(Effect):
             if load < _LEAST_FRICTION_NM and (view.kind == "poses" or not np.any(view.direction[:, index])):
                 continue
             small = max(_FRICTION_SHARE * load, _LEAST_FRICTION_NM)
+            if view.kind == "poses" and load <= small:
+                continue  # at rest only friction would press the flanks, which is hysteresis by another name
             yield cls(index + 1, (0.0, small))
-            if joint.coulomb and joint.coulomb > 2.0 * small and np.any(view.direction[:, index]):
+            friction_decides = joint.coulomb and joint.coulomb > 2.0 * small and np.any(view.direction[:, index])
+            if friction_decides and not (view.kind == "poses" and joint.coulomb >= load):
                 yield cls(index + 1, (0.0, joint.coulomb))

@@ -1,0 +1,92 @@
+"""A small part of the blind test of bench/blind: the cases agree with the chain, and the diagnosis names what is hidden.
+
+The whole test has hundreds of cases: python bench/blind/run.py --count 300
+"""
+
+from __future__ import annotations
+
+import ast
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+TOP = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(TOP / "bench"))
+
+from blind.arm import gravity_torque, output_angle, posture, read_arm  # noqa: E402
+from blind.pose_scenario import draw_case  # noqa: E402
+from blind.scorer import diagnose_case, summary  # noqa: E402
+
+from exactarm import _core  # noqa: E402
+from exactarm.robot_file import load_robot  # noqa: E402
+
+ROBOTS = TOP / "python" / "exactarm" / "data" / "robots"
+NOISE = 1.25  # times the best possible that the error after may have
+
+
+@pytest.mark.parametrize("name", ["ur10", "racer-7-1.4"])
+def test_arm_moves_and_weighs_as_in_the_core(name):
+    arm, core = read_arm(ROBOTS / f"{name}.toml"), load_robot(name).core
+    q = np.random.default_rng(3).uniform(-2.0, 2.0, (20, arm.axes))
+    at = posture(arm, q)
+    origins, rotations = _core.frame_poses(core, q)
+    np.testing.assert_allclose(at.origin, origins, atol=1e-12)
+    np.testing.assert_allclose(at.rotation, rotations, atol=1e-12)
+    np.testing.assert_allclose(gravity_torque(arm, at), _core.gravity_torque(core, q), atol=1e-9)
+
+
+def test_gears_turn_as_in_the_core():
+    arm, robot = read_arm(ROBOTS / "racer-7-1.4.toml"), load_robot("racer-7-1.4")
+    theta = np.random.default_rng(4).uniform(-100.0, 100.0, (50, 6))
+    for direction, side in ((-1.0, "cw"), (1.0, "ccw")):
+        phi = output_angle(arm, theta, np.full_like(theta, direction))
+        for axis in range(3):
+            joint = robot.joints[axis]
+            expected = _core.gear_output_angle(joint.ratio, getattr(joint, side).core(), theta[:, axis])
+            np.testing.assert_allclose(phi[:, axis], expected, atol=1e-12)
+
+
+def test_only_the_scorer_knows_the_package():
+    for path in (TOP / "bench" / "blind").glob("*.py"):
+        names = {node.module or "" for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.ImportFrom)}
+        known = {name for name in names if name.startswith("exactarm")}
+        allowed = {"exactarm.dataset", "exactarm.diagnose.diagnosis", "exactarm.robot_file"} if path.stem == "scorer" else set()
+        assert known <= allowed, path.name
+
+
+def test_cases_are_repeatable(tmp_path):
+    one, two = (draw_case(tmp_path / name, 11, ROBOTS) for name in "ab")
+    assert one.truth == two.truth
+    assert one.data.read_bytes() == two.data.read_bytes()
+    assert one.robot.read_bytes() == two.robot.read_bytes()
+
+
+@pytest.mark.parametrize(
+    "seed, theme",
+    [(6, "joint_compliance"), (9, "gear_harmonics"), (4, "tracker_scale"), (3, "joint_coupling"), (8, "hysteresis"), (2, "clean")],
+)
+def test_hidden_effect_is_named(tmp_path, seed, theme):
+    case = draw_case(tmp_path, seed, ROBOTS, theme)
+    record = diagnose_case(case.robot, case.data, case.truth)
+    print(record)
+    assert "failed" not in record, record.get("failed")
+    assert theme == "clean" or case.truth["raised"] > 1.5, "the case must be a clear one"
+    assert record["score"] == "right"
+    assert record["after"] <= NOISE * case.truth["best"]
+    assert record["after"] <= record["before"] * (1.0 + 1e-9)
+
+
+def test_marks_count_what_they_say():
+    case = {"arm": "a", "foreign": False, "noise": 1.0, "best": 1.0, "rows": 9, "has": [], "seconds": 1.0, "before": 3.0,
+            "probability": [0.95], "hits": [True], "named": ["backlash_2"], "missed": []}
+    right = case | {"seed": 1, "hidden": ["backlash_2"], "raised": 2.0, "score": "right", "after": 1.0, "against_best": 1.0}
+    wrong = right | {"seed": 2, "score": "wrong", "hits": [False], "after": 4.0, "against_best": 4.0, "missed": ["backlash_2"]}
+    clean = case | {"seed": 3, "hidden": [], "raised": 1.0, "score": "wrong", "hits": [False], "after": 3.0, "against_best": 1.0}
+    marks = summary([right, wrong, clean])
+    assert marks["first_right_when_clear"] == 0.5
+    assert marks["by_effect"] == {"backlash": "1/2"}
+    assert marks["clean_with_effects"] == 1.0
+    assert marks["validation_grew"] == [2]
+    assert marks["probabilities"] == {"0.9-0.99": "1/3"}
