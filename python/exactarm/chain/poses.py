@@ -4,6 +4,7 @@ At rest the spring carries the gravity torque (E4): q = phi + q_offset - kappa^{
 iteration (the deflection is small, each pass gains three digits). The tangent of the fixed point follows from
 the implicit function theorem:
     (I - S G) T_q = T_0 + S T_L,    S = dq/dtorque, G = dg/dq, T_L = direct tangent of the load.
+Left out of the tangents: that geometry changes the gravity torque too (below 1 % of a geometry column).
 """
 
 from __future__ import annotations

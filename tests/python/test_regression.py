@@ -1,0 +1,137 @@
+"""Weighted least squares: against closed forms, and intervals that hold the truth as often as they say."""
+
+import numpy as np
+import pytest
+
+from exactarm.regression import HUBER, Evaluation, least_squares
+
+
+def linear(columns, measured):
+    """The problem y = columns x in the form that the search asks for."""
+    return lambda x, with_jacobian: Evaluation(measured - columns @ x, columns if with_jacobian else None)
+
+
+def exponential(time, measured):
+    """y = x0 exp(-x1 t)."""
+
+    def evaluate(x, with_jacobian):
+        decay = np.exp(-x[1] * time)
+        jacobian = np.stack([decay, -x[0] * time * decay], axis=1)
+        return Evaluation(measured - x[0] * decay, jacobian if with_jacobian else None)
+
+    return evaluate
+
+
+def test_weighted_linear_fit_is_the_closed_form():
+    rng = np.random.default_rng(1)
+    columns = rng.normal(size=(60, 4)) * [1.0, 1e-4, 1e5, 1.0]
+    weights = rng.uniform(0.2, 5.0, 60)
+    measured = columns @ [2.0, -3e3, 4e-5, 0.5] + rng.normal(size=60) / weights
+    fit = least_squares(linear(columns, measured), np.zeros(4), weights=weights)
+    weighted = weights[:, None] * columns
+    scale = 1.0 / np.linalg.norm(weighted, axis=0)
+    expected, square, *_ = np.linalg.lstsq(weighted * scale, weights * measured, rcond=None)
+    assert fit.converged and fit.freedom == 56 and not fit.at_bound.any()
+    np.testing.assert_allclose(fit.x, expected * scale, rtol=1e-9)
+    np.testing.assert_allclose(fit.sigma**2, square[0] / 56, rtol=1e-9)
+    np.testing.assert_allclose(fit.cost, 0.5 * square[0], rtol=1e-9)
+    inverse = np.linalg.inv((weighted * scale).T @ (weighted * scale)) * np.outer(scale, scale)
+    np.testing.assert_allclose(fit.covariance, fit.sigma**2 * inverse, rtol=1e-8)
+
+
+def test_zero_weight_leaves_a_row_out():
+    rng = np.random.default_rng(2)
+    columns, weights = rng.normal(size=(30, 2)), np.ones(30)
+    measured = columns @ [1.0, 2.0] + 0.01 * rng.normal(size=30)
+    measured[7], weights[7] = 1e6, 0.0
+    fit = least_squares(linear(columns, measured), np.zeros(2), weights=weights)
+    rest = np.arange(30) != 7
+    np.testing.assert_allclose(fit.x, np.linalg.lstsq(columns[rest], measured[rest], rcond=None)[0], rtol=1e-9)
+    assert fit.freedom == 27
+
+
+def test_curved_problem_converges_from_afar():
+    time = np.linspace(0.0, 4.0, 40)
+    fit = least_squares(exponential(time, 3.0 * np.exp(-1.7 * time)), np.array([1.0, 0.1]))
+    assert fit.converged
+    np.testing.assert_allclose(fit.x, [3.0, 1.7], rtol=1e-8)
+
+
+def test_bound_is_held_and_the_others_are_refitted():
+    rng = np.random.default_rng(3)
+    columns = rng.normal(size=(80, 3))
+    measured = columns @ [1.0, 2.0, -1.0] + 0.1 * rng.normal(size=80)
+    lower, upper = np.array([-np.inf, -np.inf, -0.4]), np.array([np.inf, 1.5, np.inf])
+    fit = least_squares(linear(columns, measured), np.zeros(3), bounds=(lower, upper))
+    alone = np.linalg.lstsq(columns[:, :1], measured - columns[:, 1:] @ [1.5, -0.4], rcond=None)[0]
+    assert fit.at_bound.tolist() == [False, True, True] and fit.freedom == 79
+    np.testing.assert_allclose(fit.x, [alone[0], 1.5, -0.4], rtol=1e-9)
+    assert np.all(fit.covariance[1:] == 0.0)
+
+
+def test_bound_is_left_again_when_the_data_ask_for_it():
+    columns = np.random.default_rng(4).normal(size=(20, 2))
+    bounds = (np.zeros(2), np.array([5.0, 5.0]))
+    fit = least_squares(linear(columns, columns @ [1.0, 2.0]), np.array([0.0, 5.0]), bounds=bounds)
+    np.testing.assert_allclose(fit.x, [1.0, 2.0], rtol=1e-9)
+    assert not fit.at_bound.any()
+
+
+def test_huber_solves_its_own_estimating_equation():
+    """sum_i psi(r_i / s) x_i = 0 with psi clipped at HUBER, s from the median of |r|."""
+    rng = np.random.default_rng(5)
+    columns = rng.normal(size=(200, 3))
+    measured = columns @ [1.0, -1.0, 0.5] + 0.02 * rng.normal(size=200)
+    measured[::10] += 6.0 * np.sign(columns[::10, 0])
+    fit = least_squares(linear(columns, measured), np.zeros(3), robust=True)
+    plain = least_squares(linear(columns, measured), np.zeros(3))
+    scale = np.median(np.abs(fit.residual)) / 0.6744897501960817
+    score = np.clip(fit.residual / scale, -HUBER, HUBER)
+    size = np.linalg.norm(columns, axis=0) * np.sqrt(np.mean(score**2))
+    assert fit.converged and np.all(np.abs(columns.T @ score) < 1e-2 * size)
+    truth = np.array([1.0, -1.0, 0.5])
+    assert np.max(np.abs(fit.x - truth)) < 0.03 < 0.3 < np.max(np.abs(plain.x - truth))
+
+
+def test_robust_weight_is_shared_by_a_group_and_spares_the_prior():
+    rng = np.random.default_rng(6)
+    columns = np.concatenate([rng.normal(size=(90, 2)), 0.1 * np.eye(2)])
+    measured = np.concatenate([columns[:90] @ [1.0, 2.0] + 0.01 * rng.normal(size=90), [10.0, 10.0]])
+    measured[4] += 5.0
+    fit = least_squares(linear(columns, measured), np.zeros(2), robust=True, group=3, data_rows=90)
+    assert fit.weights[3] == fit.weights[4] == fit.weights[5] < 0.2
+    assert np.all(fit.weights[90:] == 1.0)
+
+
+def test_prior_rows_are_ridge_regression():
+    rng = np.random.default_rng(7)
+    columns, deviation = rng.normal(size=(25, 3)), np.array([0.1, 1.0, 10.0])
+    measured = columns @ [0.5, 0.5, 0.5] + rng.normal(size=25)
+    rows = np.concatenate([columns, np.diag(1.0 / deviation)])
+    fit = least_squares(linear(rows, np.concatenate([measured, np.zeros(3)])), np.ones(3), data_rows=25)
+    closed = np.linalg.solve(columns.T @ columns + np.diag(deviation**-2.0), columns.T @ measured)
+    np.testing.assert_allclose(fit.x, closed, rtol=1e-9)
+
+
+def test_dependent_columns_give_a_finite_best_fit():
+    rng = np.random.default_rng(8)
+    one = rng.normal(size=(40, 2))
+    columns = np.column_stack([one, one[:, 0] + one[:, 1]])
+    measured = one @ [1.0, 2.0]
+    fit = least_squares(linear(columns, measured), np.zeros(3))
+    np.testing.assert_allclose(columns @ fit.x, measured, atol=1e-9)
+    assert np.all(np.isfinite(fit.covariance))
+
+
+@pytest.mark.parametrize("count", [8, 40])
+def test_intervals_hold_the_truth_in_19_of_20_repeats(count):
+    """Few and many degrees of freedom; 400 repeats of 2 parameters: 95 % within 3 standard errors."""
+    rng = np.random.default_rng(9)
+    time = np.linspace(0.0, 2.0, count)
+    truth = np.array([2.0, 0.8])
+    inside = []
+    for _ in range(400):
+        measured = truth[0] * np.exp(-truth[1] * time) + rng.normal(0.0, 0.01, count)
+        low, high = least_squares(exponential(time, measured), truth).interval().T
+        inside.append((low < truth) & (truth < high))
+    assert abs(np.mean(inside) - 0.95) < 3.0 * np.sqrt(0.95 * 0.05 / 400)
