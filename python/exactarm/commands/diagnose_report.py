@@ -62,12 +62,12 @@ def _effects_table(result: Diagnosis) -> Table:
         shown = list(zip(effect.parameters(), effect.values, finding.intervals))[:_MOST_SHOWN]
         for place, (parameter, value, (low, high)) in enumerate(shown):
             more = len(effect.values) - len(shown)
-            head = (effect.label.replace("_", " "), f"{100 * finding.probability:.1f} %",
+            head = (effect.label.replace("_", " "), _percent(finding.probability),
                     Quantity(finding.rms_before, result.unit), Quantity(finding.rms_after, result.unit))
             name = parameter.name + (f" (and {more} more)" if more and place == len(shown) - 1 else "")
             cell = Estimate(float(value), float(low), float(high), unit_of(parameter.name))
             rows.append((*(head if place == 0 else ("", "", None, None)), name, cell))
-    header = ("effect", "probability", "validation RMS before", "after", "parameter", "estimate (95 %)")
+    header = ("effect", "probability", "RMS before", "after", "parameter", "estimate (95 %)")
     return Table("Effects found, in the order they were added", header, tuple(rows))
 
 
@@ -127,7 +127,7 @@ def _betrayal(result: Diagnosis, effect: Effect) -> tuple[str, str] | None:
 def _rivals(result: Diagnosis) -> list:
     rows = tuple(
         (a.effect.label.replace("_", " "), a.instead_of.replace("_", " "), Quantity(a.rms_after, result.unit),
-         f"{100 * a.probability:.2g} %", "cannot be told apart here" if a.collides else "explains less")
+         _percent(a.probability), "cannot be told apart here" if a.collides else "explains less")
         for a in result.alternatives
     )
     header = ("runner-up", "instead of", "validation RMS after", "probability", "why not")
@@ -143,6 +143,10 @@ def _rivals(result: Diagnosis) -> list:
         "bars of the remaining error by candidate",
     )
     return [Table("Runners-up, and why they lost", header, rows), bars]
+
+
+def _percent(probability: float) -> str:
+    return "below 0.01 %" if probability < 1e-4 else f"{100 * probability:.2f} %" if probability < 0.9999 else "above 99.99 %"
 
 
 def _dossier_table(heading: str, dossier: Dossier) -> Table:

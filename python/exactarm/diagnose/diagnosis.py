@@ -12,7 +12,7 @@ import numpy as np
 
 from exactarm.chain import Layout
 from exactarm.dataset import Dataset
-from exactarm.diagnose.confusion import collides, next_experiment
+from exactarm.diagnose.confusion import DOUBT, next_experiment
 from exactarm.diagnose.dossier import Dossier, dossier
 from exactarm.diagnose.noise import NoiseFloor, noise_floor
 from exactarm.diagnose.problem import Fitted, Problem
@@ -191,7 +191,7 @@ def _alternatives(problem: Problem, declared: Layout, selection: Selection) -> t
         probability = float(np.exp(min(rival.evidence - accepted.evidence, 0.0)) * accepted.probability)
         found.append(Alternative(
             fitted.layout.effects[len(declared.effects) + place], accepted.effect.label,
-            left, probability, collides(last, accepted.effect, rival.effect),
+            left, probability, probability > DOUBT,
         ))
     return tuple(sorted(found, key=lambda a: -a.probability))
 
@@ -217,7 +217,8 @@ def _sentence(verdict, findings, alternatives, before, after, problem, left: Dos
         causes = ", ".join(f.effect.label.replace("_", " ") for f in findings[:3])
         more = f" and {len(findings) - 3} more" if len(findings) > 3 else ""
         fall = 1.0 - after[judged].rms / before[judged].rms
-        text = f"The model lacks {causes}{more}; with them the {judged} RMS error falls by {100 * fall:.0f} %."
+        it = "it" if len(findings) == 1 else "them"
+        text = f"The model lacks {causes}{more}; with {it} the {judged} RMS error falls by {100 * fall:.0f} %."
         doubtful = [a for a in alternatives if a.collides]
         if doubtful:
             a = doubtful[0]
