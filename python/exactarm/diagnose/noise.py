@@ -32,7 +32,8 @@ def noise_floor(problem: Problem, final: Fitted) -> NoiseFloor:
     unit = problem.error_of_unit_noise(final)
     repeats = problem.repeat_noise(final)
     if repeats is not None:
-        return NoiseFloor(repeats * unit, problem.repeat_source, True)
+        # A model of many terms may follow the repeats a little closer than their own scatter.
+        return NoiseFloor(min(repeats, 1.0) * unit, problem.repeat_source, True)
     close = neighbour_noise(problem, final)
     if close is not None and close < 1.0:
         return NoiseFloor(close * unit, "differences between neighbouring poses", True)

@@ -20,6 +20,8 @@ _TOLERANCE = 1e-7  # relative fall of the square sum that ends a fit: a thousand
 
 _SEARCH_POSES = 1000  # more poses than these do not change what is found, only how long it takes
 
+_LEAST_REPEATS = 10
+
 
 class PoseProblem(Problem):
     """`orientation` residuals are used where every row has them."""
@@ -92,12 +94,13 @@ class PoseProblem(Problem):
         return float(np.sqrt(np.sum(fitted.sigma[:3] ** 2)))
 
     def repeat_noise(self, fitted: Fitted) -> float | None:
-        """Pure error of rows measured at the same commanded pose in the same session."""
-        groups = self.groups() * (1 + self.data.session.max()) + self.data.session
+        """Pure error of rows measured at the same commanded pose in the same session, those left out excepted."""
+        used = fitted.weight > 0
+        groups = (self.groups() * (1 + self.data.session.max()) + self.data.session)[used]
         _, inverse, counts = np.unique(groups, return_inverse=True, return_counts=True)
-        if (counts - 1).sum() < 10:
+        if (counts - 1).sum() < _LEAST_REPEATS:
             return None
-        white = fitted.residual[:, :3] / fitted.sigma[:3]
+        white = fitted.residual[used, :3] / fitted.sigma[:3]
         means = np.stack([np.bincount(inverse, white[:, k]) / counts for k in range(3)], axis=1)
         inside = white - means[inverse]
         return float(np.sqrt(np.sum(inside**2) / (3.0 * (counts - 1).sum())))
