@@ -9,8 +9,9 @@ from exactarm.dataset import Dataset
 from exactarm.diagnose.problem import Fitted, Problem, rows_kept
 from exactarm.diagnose.next_poses import separating_poses
 from exactarm.effects.base import Effect, Station
-from exactarm.identify.calibrate import CalibrationOptions, calibrated_robot, fit_identifiable, require_same_unit, require_sessions
+from exactarm.identify.calibrate import CalibrationOptions, calibrated_robot, fit_identifiable, require_sessions
 from exactarm.identify.declared import carried_layout, frames_layout, geometry_layout, require_geometry
+from exactarm.identify.match import require_match
 from exactarm.identify.pose_fit import fit_poses
 from exactarm.robot import Robot
 from exactarm.split import pose_groups, pose_split
@@ -38,7 +39,7 @@ class PoseProblem(Problem):
 
     def declared(self) -> Layout:
         frames, found = frames_layout(self.robot, self.data, orientation=self.orientation, seed=self.seed)
-        require_same_unit(found)
+        require_match(self.robot, self.data, found, carried_layout(self.robot), self.seed)
         layout = frames.joined(geometry_layout(self.robot)).joined(carried_layout(self.robot))
         options = CalibrationOptions(threads=self.threads, seed=self.seed)
         fit, _ = fit_identifiable(self.robot, layout, self.data, self.orientation, options)

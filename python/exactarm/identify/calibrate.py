@@ -17,12 +17,11 @@ from exactarm.errors import InputError
 from exactarm.identify.compliance import compliance_layout
 from exactarm.identify.declared import carried_layout, frames_layout, geometry_layout, require_geometry
 from exactarm.identify.identifiability import Identifiability, select_identifiable, still_axes
+from exactarm.identify.match import require_match
 from exactarm.identify.pose_fit import PoseFit, fit_poses
 from exactarm.identify.statistics import ErrorSummary, summarise
 from exactarm.regression import Fit
 from exactarm.robot import Placement, Robot
-
-_UNIT_RATIO = 30.0  # measured and modelled spread differ by more: another unit was meant
 
 
 @dataclass(frozen=True)
@@ -75,7 +74,7 @@ def calibrate(robot: Robot, data: Dataset, options: CalibrationOptions = Calibra
     train = data.select(identification)
     require_sessions(train, data)
     frames, found = frames_layout(robot, train, orientation=orientation, seed=options.seed)
-    require_same_unit(found)
+    require_match(robot, train, found, carried_layout(robot), options.seed)
     before = fit_poses(robot, frames.joined(carried_layout(robot)), train, orientation=orientation, threads=options.threads)
     layout = frames.joined(geometry_layout(robot)).joined(compliance_layout(robot, train, options.compliance))
     layout = layout.joined(carried_layout(robot))
@@ -153,15 +152,6 @@ def require_sessions(train: Dataset, data: Dataset) -> None:
         raise InputError(f"session {missing[0]} has no identification rows: its frames cannot be found")
 
 
-def require_same_unit(found: list) -> None:
-    for session, frames in found:
-        if not 1.0 / _UNIT_RATIO < frames.scale < _UNIT_RATIO:
-            raise InputError(
-                f"session {session}: the measured points spread {frames.scale:.4g} times as far as the robot reaches; "
-                "expected the unit that the column names say (were millimetres labelled as metres?)"
-            )
-
-
 def require_enough(layout: Layout, data: Dataset, orientation: bool) -> None:
     angles = data.joints.get("theta", data.joints.get("q"))
     keys = np.concatenate([data.session[:, None], np.round(np.nan_to_num(angles), 9)], axis=1)
@@ -200,5 +190,9 @@ def _warnings(fit: PoseFit, data: Dataset, found: list):
     if fit.fit.freedom < 2 * fit.layout.size:
         yield f"only {fit.fit.freedom} degrees of freedom for {fit.layout.size} parameters: measure more poses"
     for session, frames in found:
+        if frames.other_tool is not None:
+            point = ", ".join(f"{1e3 * value:.0f}" for value in frames.other_tool)
+            yield (f"session {session}: another minimum is as good, with the target at ({point}) mm on the flange: "
+                   "measure poses that differ more in orientation")
         if not 0.9 < frames.scale < 1.1:
             yield f"session {session}: measured points spread {frames.scale:.3g} times as far as the model says"

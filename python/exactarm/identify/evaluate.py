@@ -11,8 +11,8 @@ from typing import Callable
 import numpy as np
 
 from exactarm.dataset import Dataset
-from exactarm.identify.calibrate import require_same_unit
 from exactarm.identify.declared import carried_layout, frames_layout, require_geometry
+from exactarm.identify.match import require_match
 from exactarm.identify.pose_fit import fit_poses
 from exactarm.identify.statistics import ErrorSummary, summarise
 from exactarm.robot import Robot
@@ -34,7 +34,7 @@ def evaluate_poses(robot: Robot, data: Dataset, seed: int = 0, threads: int = 1)
     """Frames of each session fitted on all of its rows, by position alone; everything else as the file says."""
     require_geometry(robot)
     frames, found = frames_layout(robot, data, orientation=False, seed=seed)
-    require_same_unit(found)
+    require_match(robot, data, found, carried_layout(robot), seed)
     fit = fit_poses(robot, frames.joined(carried_layout(robot)), data, threads=threads)
     residual = fit.residual(data, threads)
     error = np.linalg.norm(residual, axis=1)

@@ -23,16 +23,21 @@ from exactarm.rotation import nearest
 _STARTS = 12
 _TOOL_REACH_M = 0.5  # spread of the random starts of the tool point
 _STEPS = 40
+_APART_M, _AS_GOOD = 0.01, 1.1  # another end of the search that far off with such a share of the RMS is as good
 
 
 @dataclass(frozen=True)
 class FoundFrames:
-    """Base and tool frame of one set-up, RMS of what is left (m), and the scale of the data that fits best."""
+    """Base and tool frame of one set-up, RMS of what is left (m), and the scale of the data that fits best.
+
+    other_tool (3,): a tool point elsewhere with which the frames fit as well, or None.
+    """
 
     base: Placement
     tool: Placement
     rms: float
     scale: float
+    other_tool: np.ndarray | None = None
 
 
 def find_frames(robot: Robot, data: Dataset, layout: Layout | None = None, seed: int = 0) -> FoundFrames:
@@ -50,13 +55,15 @@ def find_frames(robot: Robot, data: Dataset, layout: Layout | None = None, seed:
     starts = np.random.default_rng(seed).normal(0.0, _TOOL_REACH_M, (_STARTS, 3))
     starts[0] = 0.0
     ends = [_refine(points, rotations, measured, start) for start in starts]
-    tool_point = min(ends, key=lambda end: end[1])[0]
+    tool_point, cost = min(ends, key=lambda end: end[1])
+    as_good = (end for end, other in ends if other <= _AS_GOOD**2 * cost and np.linalg.norm(end - tool_point) > _APART_M)
     base, residual = _procrustes(points + rotations @ tool_point, measured)
     tool_rotation = np.eye(3)
     if data.rotation is not None:
         tool_rotation = nearest(np.mean(np.swapaxes(base.rotation @ rotations, -1, -2) @ data.rotation, axis=0))
     rms = float(np.sqrt(np.mean(np.sum(residual**2, axis=1))))
-    return FoundFrames(base, Placement(tool_rotation, tool_point), rms, _scale(points + rotations @ tool_point, measured))
+    scale = _scale(points + rotations @ tool_point, measured)
+    return FoundFrames(base, Placement(tool_rotation, tool_point), rms, scale, next(as_good, None))
 
 
 def _procrustes(source: np.ndarray, target: np.ndarray) -> tuple[Placement, np.ndarray]:

@@ -1,0 +1,81 @@
+"""Robot and data that do not belong together are refused, and the unit that was meant is named."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from set_ups import joints_in_limits, measured, true_robot
+from six_axis import six_axis
+
+from exactarm.errors import InputError
+from exactarm.identify.calibrate import calibrate
+from exactarm.identify.evaluate import evaluate_poses
+from exactarm.identify.match import WORST_SHARE, reach
+from exactarm.robot_file import load_robot
+
+
+@pytest.fixture(scope="module")
+def arm():
+    return six_axis(springs=True, placed=False)
+
+
+def data_of(robot, scale=1.0, count=30, seed=30):
+    rng = np.random.default_rng(seed)
+    return measured(robot, [true_robot(robot, rng, scale)], [joints_in_limits(robot, count, rng)], 1e-4, rng)
+
+
+def scaled(data, length=1.0, angle=1.0):
+    return replace(data, position=length * data.position, joints={"theta": angle * data.joints["theta"]})
+
+
+def test_reach_is_that_of_the_stretched_arm(arm):
+    assert reach(arm) == pytest.approx(np.hypot(0.43, 0.15) + 0.59 + 0.13 + 0.684 + 0.1)
+
+
+@pytest.mark.parametrize("factors, words", [
+    ({"length": 1e3}, "millimetres labelled as metres"),
+    ({"length": 1e-3}, "metres labelled as millimetres"),
+    ({"angle": 180.0 / np.pi}, "degrees labelled as radians"),
+    ({"angle": np.pi / 180.0}, "radians labelled as degrees"),
+], ids=lambda value: value if isinstance(value, str) else "")
+def test_wrong_unit_is_named(arm, factors, words):
+    with pytest.raises(InputError, match=f"robot and data do not match: .*{words}"):
+        evaluate_poses(arm, scaled(data_of(arm), **factors))
+
+
+@pytest.mark.parametrize("other", ["ur10", "tx40", "kr300"])
+def test_another_robot_is_refused(arm, other):
+    data = data_of(arm)
+    reported = data.joints["theta"] / arm.controller_ratios + arm.controller_offsets
+    data = replace(data, joints={"q": reported})
+    robot = load_robot(other)
+    if not robot.has_geometry:
+        with pytest.raises(InputError, match="expected a declared geometry"):
+            calibrate(robot, data)
+        return
+    with pytest.raises(InputError, match="robot and data do not match: .*is it another robot"):
+        calibrate(robot, data)
+
+
+def test_exchanged_axes_are_refused(arm):
+    data = data_of(arm)
+    swapped = data.joints["theta"][:, [0, 2, 1, 3, 4, 5]]
+    with pytest.raises(InputError, match="do not match"):
+        calibrate(arm, replace(data, joints={"theta": swapped}))
+
+
+def test_badly_mastered_robot_passes(arm):
+    """Zeros off by half a degree on every axis and lengths by millimetres: bad, but this robot."""
+    data = data_of(arm, scale=9.0, count=60)
+    error = evaluate_poses(arm, data).overall.rms
+    assert 0.2 * WORST_SHARE * reach(arm) < error < WORST_SHARE * reach(arm)
+    assert calibrate(arm, data).after["validation"].rms < 1e-3
+
+
+def test_session_at_fault_is_named(arm):
+    rng = np.random.default_rng(31)
+    truth = true_robot(arm, rng)
+    data = measured(arm, [truth, truth], [joints_in_limits(arm, 30, rng) for _ in range(2)], 1e-4, rng)
+    position = np.where((data.session == 2)[:, None], 1e3, 1.0) * data.position
+    with pytest.raises(InputError, match="base and tool of session 2.*millimetres labelled as metres"):
+        calibrate(arm, replace(data, position=position))
