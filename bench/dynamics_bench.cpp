@@ -2,6 +2,8 @@
 // Rows of the same name with "pinocchio/" are the same quantity by that library in the same run.
 #include <benchmark/benchmark.h>
 
+#include <cstdio>
+
 #include "exactarm/robot/dynamics.hpp"
 #include "exactarm/robot/dynamics_derivatives.hpp"
 #include "exactarm/robot/kinematics.hpp"
@@ -10,6 +12,7 @@
 
 #ifdef EXACTARM_BENCH_PINOCCHIO
 void register_pinocchio(const exactarm::Robot& robot, const exactarm::bench::States& states);
+double largest_difference(const exactarm::Robot& robot, const exactarm::bench::States& states);
 #endif
 
 namespace {
@@ -85,6 +88,9 @@ int main(int argc, char** argv) {
   batch_row("knot_regressor", [&] { dynamics_regressor_batch(robot, q, q_dot, q_ddot, rows.data(), 1); });
 
 #ifdef EXACTARM_BENCH_PINOCCHIO
+  const double difference = largest_difference(robot, s);
+  std::fprintf(stderr, "largest relative difference from Pinocchio: %.1e\n", difference);
+  if (!(difference < 1e-10)) return 1;
   register_pinocchio(robot, s);
 #endif
   benchmark::RunSpecifiedBenchmarks();

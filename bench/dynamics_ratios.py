@@ -43,7 +43,7 @@ def build(directory: Path) -> Path:
 def run(program: Path, repetitions: int) -> dict:
     command = [program, "--benchmark_format=json", f"--benchmark_repetitions={repetitions}"]
     command += ["--benchmark_min_time=0.05", "--benchmark_enable_random_interleaving=true"]
-    return json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
+    return json.loads(subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout)
 
 
 def medians(report: dict) -> dict[str, float]:

@@ -12,6 +12,7 @@
 #include <memory>
 
 #include "exactarm/base/rotation.hpp"
+#include "exactarm/robot/dynamics_derivatives.hpp"
 #include "sample_states.hpp"
 
 namespace {
@@ -40,6 +41,44 @@ pinocchio::Model pinocchio_model(const Robot& robot) {
 }
 
 }  // namespace
+
+// Largest difference between the two libraries' torques, mass matrices, first and contracted second derivatives,
+// relative to the largest entry: what is timed must be the same numbers.
+double largest_difference(const Robot& robot, const exactarm::bench::States& s) {
+  const pinocchio::Model model = pinocchio_model(robot);
+  pinocchio::Data data(model);
+  const exactarm::DynamicsModel ours(robot);
+  exactarm::DerivativesWorkspace workspace(ours);
+  const long n = robot.axes();
+  exactarm::DynamicsDerivatives out(n);
+  double worst = 0.0;
+  const auto compare = [&](const Eigen::MatrixXd& found, const Eigen::MatrixXd& expected) {
+    worst = std::max(worst, (found - expected).cwiseAbs().maxCoeff() / expected.cwiseAbs().maxCoeff());
+  };
+  for (long k = 0; k < exactarm::bench::kStates; ++k) {
+    const Eigen::VectorXd q = s.q.col(k), v = s.q_dot.col(k), a = s.q_ddot.col(k), lambda = s.lambda.col(k);
+    exactarm::inverse_dynamics_second_derivatives(ours, workspace, q, v, a, lambda, out);
+    pinocchio::computeRNEADerivatives(model, data, q, v, a);
+    pinocchio::ComputeRNEASecondOrderDerivatives(model, data, q, v, a);
+    // (torque, first argument, second argument) of the tensor's name; that of (a, q) has q last.
+    const auto contracted = [&](const auto& tensor) {
+      Eigen::MatrixXd sum = Eigen::MatrixXd::Zero(n, n);
+      for (long i = 0; i < n; ++i)
+        for (long j = 0; j < n; ++j)
+          for (long l = 0; l < n; ++l) sum(j, l) += lambda[i] * tensor(i, j, l);
+      return sum;
+    };
+    compare(out.tau, data.tau);
+    compare(out.mass_matrix, Eigen::MatrixXd(data.M.selfadjointView<Eigen::Upper>()));
+    compare(out.dtau_dq, data.dtau_dq);
+    compare(out.dtau_dq_dot, data.dtau_dv);
+    compare(out.q_q, contracted(data.d2tau_dqdq));
+    compare(out.q_dot_q_dot, contracted(data.d2tau_dvdv));
+    compare(out.q_q_dot, contracted(data.d2tau_dqdv));
+    compare(out.q_q_ddot, contracted(data.d2tau_dadq).transpose());
+  }
+  return worst;
+}
 
 void register_pinocchio(const Robot& robot, const exactarm::bench::States& s) {
   const auto model = std::make_shared<pinocchio::Model>(pinocchio_model(robot));
