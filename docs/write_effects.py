@@ -1,0 +1,106 @@
+"""Writes docs/effects.md from the library itself:  python docs/write_effects.py
+
+Everything on the page is what the effects say of themselves: docstring, stations, kinds of data, parameters.
+"""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import MISSING, fields, replace
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+
+from exactarm.effects import KINDS, Effect, Parameter, library
+
+PAGE = Path(__file__).with_name("effects.md")
+SHAPES = ((), (0.0,), (1.0, 0.0, 0.0))  # of the values, where the parameters depend on how many there are
+HEAD = """# The library of effects
+
+Written by `python docs/write_effects.py`; a test compares this page with the library. What an effect is: [design.md](design.md). How to add one:
+[adding-an-effect.md](adding-an-effect.md). `thesis` and bracketed numbers: [method.md](method.md).
+
+An effect is given on the command line of `simulate` as words (`--effect "backlash joint=2 width_rad=4e-4"`), and stands in a robot file as an entry
+`[[effects]]` with the same keys. *Plausible* is the magnitude that counts as ordinary: it scales searches and priors and bounds nothing.
+"""
+
+
+def variants(cls: type[Effect]) -> list[Effect]:
+    """The forms in which an effect comes: its subclasses without a name of their own, its switches, its numbers of values."""
+    forms = [sub for sub in cls.__subclasses__() if not vars(sub).get("name")] or [cls]
+    found = []
+    for form in forms:
+        switches = [field.name for field in fields(form) if field.default is not MISSING and field.default in (True, False)
+                    and isinstance(field.default, bool)]
+        for values, setting in product(SHAPES, product((False, True), repeat=len(switches))):
+            effect = replace(form(1 if form.per_joint else None, values), **dict(zip(switches, setting)))
+            try:
+                effect.parameters()
+            except ValueError:  # not a number of values that this effect has
+                continue
+            found.append(effect)
+    return found
+
+
+def parameters(cls: type[Effect]) -> dict[str, tuple[Parameter, bool]]:
+    """Name -> parameter, and whether no form estimates it."""
+    found: dict[str, tuple[Parameter, bool]] = {}
+    for effect in variants(cls):
+        for parameter in effect.parameters():
+            fixed = parameter.fixed and found.get(parameter.name, (parameter, True))[1]
+            found[parameter.name] = (parameter, fixed)
+    return found
+
+
+def kinds(cls: type[Effect]) -> str:
+    return ", ".join(kind.replace("_", " ") for kind in KINDS if kind in cls.kinds)
+
+
+def overview(classes: dict[str, type[Effect]]) -> list[str]:
+    marks = ("poses", "gear_run", "motion", "tracked_motion")
+    lines = ["| effect | station | " + " | ".join(mark.replace("_", " ") for mark in marks) + " | planner |", "| --- | --- |" + " --- |" * 5]
+    for name, cls in classes.items():
+        shown = " | ".join("x" if mark in cls.kinds else "" for mark in marks)
+        planner = ("model" if cls.smooth else "along the path") if cls.compensable else ""
+        lines.append(f"| [`{name}`](#{name}) | {cls.station.name} | {shown} | {planner} |")
+    return lines
+
+
+def entry(name: str, cls: type[Effect]) -> list[str]:
+    document = sys.modules[cls.__module__].__doc__.strip()
+    scope = "one axis" if cls.per_joint else "the whole arm or device"
+    lines = [f"### {name}", "", "```", document, "```", "", f"Acts at {cls.station.name}, on {scope}; shown by: {kinds(cls)}."]
+    if cls.source:
+        lines[-1] += f" Source: {cls.source}."
+    known = parameters(cls)
+    if not known:
+        return [*lines, "", "Its parameters are as many as the robot's tables have.", ""]
+    lines += ["", "| parameter | plausible | bounds | |", "| --- | --- | --- | --- |"]
+    for parameter, fixed in known.values():
+        bounded = np.isfinite(parameter.lower) or np.isfinite(parameter.upper)
+        bounds = f"{parameter.lower:g} to {parameter.upper:g}" if bounded else ""
+        lines.append(f"| `{parameter.name}` | {parameter.plausible:g} | {bounds} | {'set, not estimated' if fixed else ''} |")
+    return [*lines, ""]
+
+
+def page() -> str:
+    effects = library()
+    causes = {name: cls for name, cls in effects.items() if not cls.declared}
+    tables = {name: cls for name, cls in effects.items() if cls.declared}
+    lines = [HEAD, "## Causes that a diagnosis looks for", "",
+             "`planner`: how a plan compensates it: as part of its model, or as a known function along the path.", "", *overview(causes), ""]
+    for name, cls in causes.items():
+        lines += entry(name, cls)
+    lines += ["## Parameters of the declared model", "",
+              "Identified again in every fit where they apply; never a finding.", "", *overview(tables), ""]
+    for name, cls in tables.items():
+        lines += entry(name, cls)
+    lines += ["## unknown", "",
+              "A structure that no candidate explains. It is no entry of the library but a verdict, `unexplained`; the evidence names the signal that the "
+              "residual follows best.", ""]
+    return "\n".join(lines).rstrip() + "\n"
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page())
