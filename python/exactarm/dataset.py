@@ -140,7 +140,7 @@ def dataset_columns(dataset: Dataset, robot: Robot) -> dict[str, np.ndarray]:
         columns["set"] = np.where(dataset.identification, "identification", "validation")
     units = {"theta": "rad", "q": "rad", "theta_dot": "rad_s", "q_dot": "rad_s", "current": "A"}
     units |= {"tau": "Nm", "tau_motor": "Nm"}
-    for quantity, values in dataset.joints.items():
+    for quantity, values in _with_gears_only(dataset, robot).items():
         for index in np.flatnonzero(~np.isnan(values).all(axis=0)):
             line = robot.joints[index].type == "prismatic"
             unit = {"q": "m", "tau": "N"}.get(quantity, units.get(quantity)) if line else units.get(quantity)
@@ -154,6 +154,17 @@ def dataset_columns(dataset: Dataset, robot: Robot) -> dict[str, np.ndarray]:
     if dataset.gyro is not None:
         columns |= {f"{name}_rad_s": dataset.gyro[:, i] for i, name in enumerate(GYRO)}
     return columns | dataset.covariates
+
+
+def _with_gears_only(dataset: Dataset, robot: Robot) -> dict[str, np.ndarray]:
+    """The joints' columns with the controller's angle in place of a motor angle where no gear is declared."""
+    joints, bare = dict(dataset.joints), np.array([joint.ratio is None for joint in robot.joints])
+    for motor, link, offset in (("theta", "q", robot.controller_offsets), ("theta_dot", "q_dot", 0.0)):
+        if motor in joints and bare.any():
+            known = joints.get(link, np.full_like(joints[motor], np.nan))
+            joints[link] = np.where(bare & np.isnan(known), joints[motor] + offset, known)
+            joints[motor] = np.where(bare, np.nan, joints[motor])
+    return joints
 
 
 # -- one file ----------------------------------------------------------------------------------------

@@ -399,3 +399,12 @@ def test_one_run_is_cut_in_time():
     data = Dataset.of_arrays("motion", {"theta": np.zeros((10, AXES))}, time=np.arange(10)[::-1] * 0.1)
     np.testing.assert_array_equal(data.split(3), np.arange(10) >= 3)
     assert "one run" in data.split_rule() and "later in time" in data.split_rule()
+
+
+def test_a_motor_angle_of_an_axis_without_a_gear_is_written_as_its_joint_angle(tmp_path):
+    robot = Robot("two", (Joint(q_offset=0.5), Joint(ratio=100.0)))
+    data = Dataset.of_arrays("poses", {"theta": np.array([[0.1, 20.0], [0.2, 30.0]])}, position=np.zeros((2, 3)))
+    write_dataset(tmp_path / "poses.csv", data, robot)
+    back = read_dataset(tmp_path / "poses.csv", robot)
+    np.testing.assert_allclose(back.joints["q"][:, 0], [0.6, 0.7])
+    np.testing.assert_allclose(back.joints["theta"][:, 1], [20.0, 30.0])

@@ -31,6 +31,7 @@ class ThermalDrift(Effect):
     station: ClassVar[Station] = Station.GEOMETRY
     kinds: ClassVar[tuple[str, ...]] = ("poses", "gear_run", "motion", "tracked_motion")
     per_joint: ClassVar[bool] = False
+    source: ClassVar[str] = "Li and Zhao 2016; Bittencourt and Axelsson 2014; IEEE 952"
     form: ClassVar[str] = ""
 
     @property
