@@ -4,7 +4,9 @@
 
 Levenberg-Marquardt on scaled columns (Moré 1978) with the active bounds held; a robust loss is handled by
 iteratively reweighted residuals (Huber 1964). Covariance: s^2 (J' W J)^{-1} with s^2 from N - P degrees of
-freedom (frames and all other free parameters counted), intervals by Student's t.
+freedom (frames and all other free parameters counted), intervals by Student's t. Under the robust loss s^2 is taken
+from the clipped residuals psi over their mean slope, sum psi^2 / mean(psi')^2, and J keeps its plain weights (Huber
+1973), so that gross errors widen nothing.
 """
 
 from __future__ import annotations
@@ -29,7 +31,8 @@ class Evaluation(NamedTuple):
 class Fit:
     """x (P,), covariance (P, P), sigma (weighted residual standard deviation), freedom, state of the search.
 
-    at_bound (P,) bool; weights (R,) of the robust loss (1 without); cost = half the weighted square sum.
+    at_bound (P,) bool; weights (R,) of the robust loss, square roots (1 without); slope: mean slope of the clipped
+    residual; cost = half the weighted square sum.
     """
 
     x: np.ndarray
@@ -42,6 +45,12 @@ class Fit:
     at_bound: np.ndarray
     weights: np.ndarray
     residual: np.ndarray
+    slope: float = 1.0
+
+    @property
+    def clipped(self) -> np.ndarray:
+        """(R,) the residual, under the robust loss clipped and scaled so that its spread is that of good data."""
+        return self.weights**2 * self.residual / self.slope
 
     def interval(self, level: float = 0.95) -> np.ndarray:
         """(P, 2) confidence intervals."""
@@ -100,7 +109,7 @@ def least_squares(
         if small and changed < 1e-3:
             converged = True
             break
-    return _finish(now, w * soft, soft, x, lower, upper, converged, iteration)
+    return _finish(now, w, soft, _mean_slope(soft[:data], group), x, lower, upper, converged, iteration)
 
 
 def _cost(residual: np.ndarray, weight: np.ndarray) -> float:
@@ -116,6 +125,11 @@ def _robust_weights(all_weighted: np.ndarray, group: int, data: int) -> np.ndarr
     ratio = norm / (HUBER * max(scale, np.finfo(float).tiny))
     soft = np.repeat(np.sqrt(1.0 / np.maximum(ratio, 1.0)), group)
     return np.concatenate([soft, np.ones(len(all_weighted) - data)])
+
+
+def _mean_slope(soft: np.ndarray, group: int) -> float:
+    """Mean of psi': 1 inside; outside a group of g moves freely but along itself, (g - 1) / g of its weight."""
+    return float(np.mean(np.where(soft == 1.0, 1.0, (group - 1.0) / group * soft**2)))
 
 
 def _step(now: Evaluation, weight, x, lower, upper, damping):
@@ -167,17 +181,19 @@ def _inverse(gram: np.ndarray) -> np.ndarray:
     return linalg.cho_solve((factor, True), np.eye(len(gram)), check_finite=False)
 
 
-def _finish(now, weight, soft, x, lower, upper, converged, iterations) -> Fit:
+def _finish(now, weight, soft, slope, x, lower, upper, converged, iterations) -> Fit:
     jacobian = weight[:, None] * now.jacobian
     at_bound = (x <= lower) | (x >= upper)
     free = ~at_bound
     freedom = int(np.sum(weight > 0) - free.sum())
-    square = float(np.sum((weight * now.residual) ** 2))
-    variance = square / freedom if freedom > 0 else np.nan
+    square = float(np.sum((weight * soft * now.residual) ** 2))
+    clipped = float(np.sum((weight * soft**2 * now.residual / slope) ** 2))
+    variance = clipped / freedom if freedom > 0 else np.nan
     covariance = np.zeros((x.size, x.size))
     gram, scale = _scaled_gram(jacobian[:, free])
     inverse = _inverse(gram)
     covariance[np.ix_(free, free)] = variance * inverse / np.outer(scale, scale)
     return Fit(
-        x, covariance, float(np.sqrt(variance)), freedom, converged, iterations, 0.5 * square, at_bound, soft, now.residual
+        x, covariance, float(np.sqrt(variance)), freedom, converged, iterations, 0.5 * square, at_bound, soft, now.residual,
+        slope,
     )

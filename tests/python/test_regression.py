@@ -135,3 +135,21 @@ def test_intervals_hold_the_truth_in_19_of_20_repeats(count):
         low, high = least_squares(exponential(time, measured), truth).interval().T
         inside.append((low < truth) & (truth < high))
     assert abs(np.mean(inside) - 0.95) < 3.0 * np.sqrt(0.95 * 0.05 / 400)
+
+
+@pytest.mark.parametrize("gross", [0.0, 0.1])
+def test_robust_intervals_hold_the_truth_beside_gross_errors(gross):
+    """Neither widened by a tenth of wrong rows nor too narrow on clean ones; groups of 3 as for positions."""
+    rng = np.random.default_rng(10)
+    truth, inside, sigmas = np.array([1.0, -2.0, 0.5]), [], []
+    for _ in range(300):
+        columns = rng.normal(size=(150, 3))
+        measured = columns @ truth + 0.01 * rng.normal(size=150)
+        wrong = np.repeat(rng.random(50) < gross, 3)
+        measured[wrong] += rng.normal(0.0, 5.0, wrong.sum())
+        fit = least_squares(linear(columns, measured), truth, robust=True, group=3)
+        low, high = fit.interval().T
+        inside.append((low < truth) & (truth < high))
+        sigmas.append(fit.sigma)
+    assert 0.92 < np.mean(inside) < 0.98
+    assert 0.009 < np.mean(sigmas) < 0.013

@@ -16,7 +16,7 @@ import numpy as np
 
 from exactarm.chain import Layout, predict_poses
 from exactarm.dataset import Dataset
-from exactarm.errors import ComputationError
+from exactarm.errors import InputError
 from exactarm.robot import Placement, Robot
 from exactarm.rotation import nearest
 
@@ -43,15 +43,15 @@ class FoundFrames:
 def find_frames(robot: Robot, data: Dataset, layout: Layout | None = None, seed: int = 0) -> FoundFrames:
     """Frames of one session by the robot as declared (with the effects of `layout`, none free).
 
-    Raises ComputationError with fewer than 4 different poses or when all targets lie on one line.
+    Raises InputError with fewer than 4 different poses or when all targets lie on one line.
     """
     identity = replace(robot, base=Placement(), tool=Placement())
     flange = predict_poses(identity, layout or Layout.of(()), data, tangents=False)
     points, rotations, measured = flange.position, flange.rotation, data.position
     if len(np.unique(np.round(points, 9), axis=0)) < 4:
-        raise ComputationError("the frames cannot be found: a session needs at least 4 different poses")
+        raise InputError("the frames cannot be found: a session needs at least 4 different poses")
     if np.linalg.svd(measured - measured.mean(0), compute_uv=False)[1] < 1e-6:
-        raise ComputationError("the frames cannot be found: all measured points of a session lie on one line")
+        raise InputError("the frames cannot be found: all measured points of a session lie on one line")
     starts = np.random.default_rng(seed).normal(0.0, _TOOL_REACH_M, (_STARTS, 3))
     starts[0] = 0.0
     ends = [_refine(points, rotations, measured, start) for start in starts]

@@ -14,7 +14,7 @@ import numpy as np
 
 from exactarm.chain import Layout
 from exactarm.dataset import Dataset
-from exactarm.errors import ComputationError, InputError
+from exactarm.errors import InputError
 from exactarm.identify.frames import FoundFrames, find_frames
 from exactarm.robot import Robot
 
@@ -54,7 +54,7 @@ def _unit_that_fits(robot: Robot, data: Dataset, carried: Layout, seed: int) -> 
     for trial, words in trials:
         try:
             fits = find_frames(robot, trial, carried, seed).rms <= WORST_SHARE * reach(robot)
-        except ComputationError:
+        except InputError:
             continue
         spread = np.sqrt(np.mean(np.sum((trial.position - trial.position.mean(0)) ** 2, axis=1)))
         if fits and spread > WORST_SHARE * reach(robot):  # points shrunk to a dot would fit any robot

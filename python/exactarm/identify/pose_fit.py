@@ -84,7 +84,7 @@ def fit_poses(
             data_rows=rows * 3 * kinds,
             tolerance=tolerance,
         )
-        residual = fit.residual[: rows * 3 * kinds].reshape(rows, -1)[row_weight > 0]
+        residual = fit.clipped[: rows * 3 * kinds].reshape(rows, -1)[row_weight > 0]
         share = 1.0 - layout.size / max(fit.freedom + layout.size, 1)
         new = np.sqrt(np.array([np.mean(part**2) for part in np.split(residual, residual.shape[1] // 3, axis=1)]) / share)
         x = fit.x

@@ -1,0 +1,242 @@
+"""Calibration: the truth comes back within its intervals, errors reach the noise, bad data are refused."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from set_ups import at_random_place, joints_in_limits, measured, true_robot
+from six_axis import six_axis
+
+from exactarm import cli
+from exactarm.chain import Layout
+from exactarm.dataset import read_dataset, read_planned_poses, write_dataset
+from exactarm.effects.frames import Frames
+from exactarm.effects.joint_compliance import JointCompliance
+from exactarm.errors import InputError
+from exactarm.examples import data_path
+from exactarm.identify.calibrate import CalibrationOptions, calibrate
+from exactarm.identify.declared import geometry_layout
+from exactarm.identify.evaluate import evaluate_poses
+from exactarm.robot_file import load_robot
+from exactarm.robot_writer import write_robot
+
+NOISE_M, NOISE_RAD = 1e-4, 1e-4
+FLOOR_M = np.sqrt(3.0) * NOISE_M  # RMS of the Euclidean error that noise alone makes
+REPEATS = 40
+
+
+@pytest.fixture(scope="module")
+def arm():
+    return six_axis(placed=False)
+
+
+def all_identify(count):
+    return {"identification": np.ones(count, bool)}
+
+
+def held_out(count, last):
+    return {"identification": np.arange(count) < count - last}
+
+
+def deviated_where_identifiable(nominal, names, rng):
+    """`nominal` with every named table parameter off by about its plausible size."""
+    layout = geometry_layout(nominal)
+    x = layout.values
+    for k, (name, parameter) in enumerate(zip(layout.names, layout.parameters)):
+        if name in names:
+            x[k] += rng.normal(0.0, 0.3 * parameter.plausible)
+    robot = nominal
+    for effect in layout.at(x).effects:
+        robot = effect.bake(robot)
+    return robot
+
+
+def test_truth_lies_in_19_of_20_intervals(arm):
+    rng = np.random.default_rng(40)
+    q = joints_in_limits(arm, 60, rng)
+    options = CalibrationOptions(orientation=False, compliance=(2, 3))
+    pilot = calibrate(arm, measured(arm, [at_random_place(arm, rng)], [q], NOISE_M, rng, **all_identify(60)), options)
+    inside = []
+    for _ in range(REPEATS):
+        true = at_random_place(deviated_where_identifiable(arm, pilot.names, rng), rng)
+        springs = Layout.of((JointCompliance(2, (5e-6, 0.0)), JointCompliance(3, (8e-6, 0.0))))
+        data = measured(arm, [true], [q], NOISE_M, rng, layout=springs, **all_identify(60))
+        result = calibrate(arm, data, options)
+        layout = Layout.of((Frames.of(1, true.base, true.tool, False),)).joined(geometry_layout(true)).joined(springs)
+        truth = dict(zip(layout.names, layout.values))
+        assert result.names == pilot.names and result.fit.fit.converged
+        values = np.array([truth[name] for name in result.names])
+        inside.append((result.intervals[:, 0] < values) & (values < result.intervals[:, 1]))
+    assert 0.92 < np.mean(inside) < 0.98, f"{np.mean(inside):.3f} of {np.size(inside)}"
+
+
+def test_racer_at_the_poses_of_the_source_reaches_the_noise():
+    """The 50 poses of the source, 0.1 mm of noise, deviations as its Table 3.8 has them; judged on 40 other poses."""
+    racer = load_robot("racer-7-1.4")
+    planned = read_planned_poses(data_path("racer/thesis_poses.csv"), racer).joints["theta"]
+    q = planned / racer.controller_ratios + racer.controller_offsets
+    before, after = [], []
+    for seed in range(5):
+        rng = np.random.default_rng(50 + seed)
+        poses = np.concatenate([q, joints_in_limits(racer, 40, rng)])
+        result = calibrate(racer, measured(racer, [true_robot(racer, rng)], [poses], NOISE_M, rng, **held_out(90, 40)))
+        before.append(result.before["validation"].rms)
+        after.append(result.after["validation"].rms)
+    # 33 parameters from 150 numbers: sqrt(1 + 33 / 150) = 1.10 of the noise is the best there is
+    assert np.sqrt(np.mean(np.square(after))) < 1.25 * FLOOR_M and min(before) > 5.0 * max(after)
+
+
+def test_orientation_adds_what_position_cannot_tell(arm):
+    rng = np.random.default_rng(60)
+    truth, q = true_robot(arm, rng), joints_in_limits(arm, 70, rng)
+    data = measured(arm, [truth], [q], NOISE_M, rng, noise_rad=NOISE_RAD, **held_out(70, 20))
+    pose, position = (calibrate(arm, data, CalibrationOptions(orientation=use)) for use in (True, False))
+    assert pose.orientation and not position.orientation
+    assert "session_1.tool_rx_rad" in pose.names and "session_1.tool_rx_rad" not in position.names
+    assert pose.fit.sigma_position == pytest.approx(NOISE_M, rel=0.25)
+    assert pose.fit.sigma_orientation == pytest.approx(NOISE_RAD, rel=0.25)
+    widths = [dict(zip(each.names, np.ptp(each.intervals, axis=1))) for each in (pose, position)]
+    shared = [name for name in widths[1] if name.startswith("session") or name.startswith("a_")]
+    assert all(widths[0][name] < widths[1][name] for name in shared if name in widths[0])
+    assert pose.after["validation"].rms < 1.3 * FLOOR_M
+
+
+def test_sessions_share_the_robot_and_keep_their_frames(arm):
+    rng = np.random.default_rng(61)
+    true = true_robot(arm, rng)
+    places = [at_random_place(true, rng) for _ in range(3)]
+    q = [joints_in_limits(arm, 20, rng) for _ in places]
+    result = calibrate(arm, measured(arm, places, q, NOISE_M, rng))
+    assert sum(name.endswith("base_x_m") for name in result.names) == 3
+    assert sum(name == "a_2_m" for name in result.names) == 1
+    assert result.fit.fit.freedom == 3 * int(result.identification.sum()) - len(result.names)
+    assert result.after["validation"].rms < 1.5 * FLOOR_M < 5.0 * FLOOR_M < result.before["validation"].rms
+
+
+def test_session_without_identification_rows_is_refused(arm):
+    rng = np.random.default_rng(62)
+    truth = true_robot(arm, rng)
+    q = [joints_in_limits(arm, 30, rng), joints_in_limits(arm, 6, rng)]
+    data = measured(arm, [truth, truth], q, NOISE_M, rng, **held_out(36, 6))
+    with pytest.raises(InputError, match="session 2 has no identification rows"):
+        calibrate(arm, data)
+
+
+def test_robust_loss_survives_gross_errors(arm):
+    rng = np.random.default_rng(63)
+    q = joints_in_limits(arm, 100, rng)
+    data = measured(arm, [true_robot(arm, rng)], [q], NOISE_M, rng, **held_out(100, 30))
+    position = data.position.copy()
+    position[:70:12] += rng.normal(0.0, 0.02, (6, 3))
+    data = replace(data, position=position)
+    robust, plain = (calibrate(arm, data, CalibrationOptions(robust=robust)) for robust in (True, False))
+    assert robust.after["validation"].rms < 1.5 * FLOOR_M < 5.0 * FLOOR_M < plain.after["validation"].rms
+
+
+def test_repeated_poses_tell_no_more_parameters(arm):
+    rng = np.random.default_rng(64)
+    q = np.repeat(joints_in_limits(arm, 9, rng), 10, axis=0)
+    with pytest.raises(InputError, match="9 different identification poses give 27 numbers"):
+        calibrate(arm, measured(arm, [true_robot(arm, rng)], [q], NOISE_M, rng, **all_identify(90)))
+
+
+def test_repeated_poses_stay_on_one_side(arm):
+    rng = np.random.default_rng(65)
+    q = np.tile(joints_in_limits(arm, 30, rng), (3, 1))
+    result = calibrate(arm, measured(arm, [true_robot(arm, rng)], [q], NOISE_M, rng))
+    assert np.all(result.identification.reshape(3, 30) == result.identification[:30])
+    assert result.after["validation"].rms < 1.5 * FLOOR_M
+
+
+def test_calibrated_robot_is_as_good_on_fresh_data(arm, tmp_path):
+    """Through its file, tables, compliance and all, with only the frames refitted."""
+    rng = np.random.default_rng(66)
+    true = true_robot(arm, rng)
+    springs = Layout.of((JointCompliance(2, (6e-6, 0.0)), JointCompliance(3, (9e-6, 0.0))))
+    result = calibrate(arm, measured(arm, [true], [joints_in_limits(arm, 120, rng)], NOISE_M, rng, layout=springs))
+    write_robot(tmp_path / "robot.toml", result.robot)
+    fresh = measured(arm, [at_random_place(true, rng)], [joints_in_limits(arm, 80, rng)], NOISE_M, rng, layout=springs)
+    error = evaluate_poses(load_robot(tmp_path / "robot.toml"), fresh).overall.rms
+    assert error == pytest.approx(result.after["validation"].rms, rel=0.2) and error < 1.25 * FLOOR_M
+    again = calibrate(load_robot(tmp_path / "robot.toml"), fresh)
+    assert again.before["validation"].rms < 1.3 * FLOOR_M
+
+
+def test_dropped_parameters_are_known_by_name(arm):
+    rng = np.random.default_rng(67)
+    result = calibrate(arm, measured(arm, [true_robot(arm, rng)], [joints_in_limits(arm, 50, rng)], NOISE_M, rng))
+    dropped = set(result.identifiability.dropped_names)
+    assert {"d_1_m", "q_offset_1_rad", "d_6_m"} <= dropped and not dropped & set(result.names)
+    assert all(entry.why for entry in result.identifiability.dropped)
+    tables = dict(zip(geometry_layout(result.robot).names, geometry_layout(result.robot).values))
+    start = dict(zip(geometry_layout(arm).names, geometry_layout(arm).values))
+    assert all(tables[name] == start[name] for name in dropped if name in start)
+
+
+def test_says_when_another_minimum_is_as_good():
+    """All poses with one orientation of the flange: the target may sit anywhere on it."""
+    ur10, rng = load_robot("ur10"), np.random.default_rng(68)
+    q = joints_in_limits(ur10, 60, rng)
+    q = np.column_stack([np.zeros(60), q[:, 1:3], -q[:, 1] - q[:, 2], np.full(60, -1.2), np.zeros(60)])
+    q[:, 0] = 0.3 * rng.choice([-1.0, 1.0], 60)
+    data = measured(ur10, [true_robot(ur10, rng)], [q], NOISE_M, rng)
+    assert any("another minimum is as good" in warning for warning in calibrate(ur10, data).warnings)
+
+
+# -- the command -------------------------------------------------------------------------------------
+def run(robot, data, folder, capsys, *words):
+    """(exit code, lines on standard error, result or None) of the command on files."""
+    write_robot(folder / "robot.toml", robot)
+    write_dataset(folder / "poses.csv", data, robot)
+    out = folder / "out"
+    code = cli.main(["calibrate", str(folder / "robot.toml"), str(folder / "poses.csv"), "--out", str(out), "--quiet", *words])
+    result = json.loads((out / "result.json").read_text()) if (out / "result.json").exists() else None
+    return code, capsys.readouterr().err.strip().splitlines(), result
+
+
+def test_command_writes_intervals_and_both_errors(arm, tmp_path, capsys):
+    rng = np.random.default_rng(70)
+    data = measured(arm, [true_robot(arm, rng)], [joints_in_limits(arm, 50, rng)], NOISE_M, rng)
+    code, _, result = run(arm, data, tmp_path, capsys, "--compliance", "none")
+    assert code == 0
+    assert {"before", "after", "parameters", "dropped", "observability"} <= set(result)
+    for part in ("before", "after"):
+        assert {"n", "mean", "rms", "max", "min", "std"} == set(result[part]["validation"])
+    low, high = result["parameters"]["a_2_m"]["ci95"]
+    assert low < result["parameters"]["a_2_m"]["value"] < high
+    assert set(result["observability"]) == {"O1", "O2", "O3", "O4", "O5"}
+
+
+@pytest.mark.parametrize("fault, words", [
+    ("few", "different identification poses give"),
+    ("millimetres", "millimetres labelled as metres"),
+    ("nan", "row 4, column x_m"),
+    ("one session too few", "at least 4 different poses"),
+])
+def test_bad_data_end_with_one_line(arm, tmp_path, capsys, fault, words):
+    rng = np.random.default_rng(71)
+    count = {"few": 9, "one session too few": 3}.get(fault, 40)
+    data = measured(arm, [true_robot(arm, rng)], [joints_in_limits(arm, count, rng)], NOISE_M, rng, **all_identify(count))
+    position = data.position.copy()
+    if fault == "millimetres":
+        position *= 1e3
+    if fault == "nan":
+        position[3, 0] = np.nan
+    code, lines, result = run(arm, replace(data, position=position), tmp_path, capsys)
+    assert code == 2 and result is None
+    assert len(lines) == 1 and words in lines[0]
+
+
+# -- real data ---------------------------------------------------------------------------------------
+@pytest.mark.parametrize("series, most_m", [
+    (("B",), 0.38e-3),  # 0.371 mm at the default seed
+    (("C",), 0.45e-3),  # 0.434 mm
+    (("B", "C"), 0.43e-3),  # 0.420 mm
+])
+def test_ur10_under_a_tracker(series, most_m):
+    """Held-out mean with geometry and compliance; position and orientation fitted, frames per session."""
+    ur10 = load_robot("ur10")
+    data = read_dataset([data_path(f"ur10/series_{name}.csv") for name in series], ur10)
+    result = calibrate(ur10, data)
+    assert result.after["validation"].mean <= most_m
