@@ -106,9 +106,10 @@ def test_jacobian(springs):
     smooth = tuple(effect for effect in every if effect.name != "load_friction")  # |torque| has kinks
     for effects in [(effect,) for effect in every] + [smooth]:
         layout = Layout.of(effects)
-        predict = lambda x, layout=layout: predict_motion(robot, layout.at(x), record, tangents=False).torque
-        jacobian = predict_motion(robot, layout, record).jacobian
-        assert_derivative(predict, layout.values, jacobian, 0.05 * steps_of(layout), relative=5e-4)
+        predict = lambda x, layout=layout: predict_motion(robot, layout.at(x), record, tangents=False).torque[record.keep]
+        jacobian = predict_motion(robot, layout, record).jacobian[record.keep]
+        relative = 5e-2 if springs else 5e-4  # the springs' answer is of first order in their stretch
+        assert_derivative(predict, layout.values, jacobian, 0.05 * steps_of(layout), relative=relative)
 
 
 def test_response_to_an_effect_outside_the_layout():

@@ -109,7 +109,7 @@ def test_identification_recovers_masses_and_friction():
     """Swinging springs and all: the friction and masses that moved the virtual robot come back."""
     random = np.random.default_rng(6)
     nominal = six_axis()
-    virtual = VirtualRobot.of(nominal, true=deviated(nominal, 2.0, random, frames=False))
+    virtual = VirtualRobot.of(nominal, true=deviated(nominal, 2.0, random, geometry=False, frames=False))
     time, q = excitation(nominal, 20.0, 200.0, random)
     data = measure_motion(virtual, time, virtual.motor_angles(q), Sensors(), random)
     result = identify_dynamics(nominal, data, DynamicsOptions())

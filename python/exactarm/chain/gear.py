@@ -12,6 +12,9 @@ from exactarm import _core
 from exactarm.chain.view import View
 from exactarm.robot import GearTable, Joint
 
+_BRIDGE_S = 0.02
+_JUMP, _LEAST_JUMP_RAD = 3.0, 1e-9  # a step this many times its neighbours' is none of the motion
+
 
 def declared_output_angle(view: View) -> tuple[np.ndarray, np.ndarray]:
     """phi (N, n) of the declared gears at view.theta, and dphi/dtheta (N, n)."""
@@ -28,6 +31,30 @@ def declared_output_angle(view: View) -> tuple[np.ndarray, np.ndarray]:
                 phi[rows, i] = output
                 slope[rows, i] = 1.0 / _core.gear_ratio(joint.ratio, table, output, 0)
     return phi, slope
+
+
+def bridged(phi: np.ndarray, nominal: np.ndarray, direction: np.ndarray, runs, step: float) -> np.ndarray:
+    """phi (N, n) of a motion without the jump from one direction's table to the other's at a reversal.
+
+    The model does not define the transition; here it is a cubic in what phi deviates from `nominal`, over 20 ms
+    to either side.
+    """
+    deviation, reach = phi - nominal, max(2, int(np.ceil(_BRIDGE_S / step)))
+    out = deviation.copy()
+    for rows in runs:
+        last = len(rows) - 1
+        for i in range(phi.shape[1]):
+            x, sign = deviation[rows, i], direction[rows, i]
+            steps = np.abs(np.diff(x))
+            for flip in np.flatnonzero(sign[1:] != sign[:-1]):
+                beside = steps[[max(flip - 1, 0), min(flip + 1, last - 1)]].max()
+                if steps[flip] <= _JUMP * beside + _LEAST_JUMP_RAD:
+                    continue
+                a, b = max(flip - reach, 0), min(flip + 1 + reach, last)
+                s = (np.arange(a, b + 1) - a) / (b - a)
+                start, end = out[rows[a], i], out[rows[b], i]
+                out[rows[a : b + 1], i] = start + (end - start) * s**2 * (3.0 - 2.0 * s)
+    return nominal + out
 
 
 def direction_tables(joint: Joint) -> tuple[tuple[int, _core.GearTable], ...]:

@@ -5,9 +5,10 @@
     drive  = ratio (dphi/dtheta)' torque + J ratio theta_ddot + friction(theta_dot) + effects of the drive
 
 The middle line of the drive is the principle of virtual work (E4): whatever turns a joint is loaded by it, so a
-wrist whose motors turn several axes, or a gear ratio that is not constant, transposes. Springs are quasi-static: the
-deflection is that of the torque of the undeflected motion. Rates are those of the motor over its ratio, plus the
-derivative of what the arm deviates from it, low-passed as the measured torque is.
+wrist whose motors turn several axes, or a gear ratio that is not constant, transposes. Declared springs answer as the
+arm swings on them (chain/spring_response.py); what effects add to them follows the load of the unbent motion.
+Rates are those of the motor over its ratio, plus the derivative of what the arm deviates from it, low-passed as the
+measured angles are.
 """
 
 from __future__ import annotations
@@ -18,11 +19,11 @@ from typing import Callable
 import numpy as np
 
 from exactarm import _core
-from exactarm.chain.gear import declared_output_angle
+from exactarm.chain.gear import bridged, declared_output_angle
 from exactarm.chain.layout import Layout
 from exactarm.chain.motion_record import MotionRecord
-from exactarm.chain.propagate import pass_station
-from exactarm.chain.spring import declared_deflection
+from exactarm.chain.propagate import pass_station, pass_tangents
+from exactarm.chain.spring_response import SpringResponse
 from exactarm.chain.view import View
 from exactarm.effects.base import Effect, Station
 from exactarm.effects.drive import smooth_sign
@@ -83,6 +84,7 @@ def motion_view(
     tangents = tangents and layout.size > 0
     _motors(view, layout, record, tangents)
     declared, slope = declared_output_angle(view)
+    declared = bridged(declared, view.theta / baked.ratios, view.direction, record.runs, record.step)
     view.signals["phi"] = declared
     if tangents:
         view.tangents["phi"] = slope[:, :, None] * view.tangents["theta"]
@@ -91,8 +93,10 @@ def motion_view(
         view.tangents["q"] = view.tangents["phi"]
     _load(view, layout, record, tangents)  # of the undeflected motion: what bends gears and springs
     pass_station(view, layout, Station.GEAR, "phi", tangents)
-    _joints(view, layout, record, tangents)
+    _joints(view, layout, tangents)
     _load(view, layout, record, tangents)
+    if view.has_masses and any(joint.spring_linear for joint in baked.joints):
+        _bend(view, layout, record, tangents)
     return view
 
 
@@ -112,26 +116,54 @@ def _motors(view: View, layout: Layout, record: MotionRecord, tangents: bool) ->
         view.tangents["theta_ddot"] = record.derivative(view.tangents["theta_dot"])
 
 
-def _joints(view: View, layout: Layout, record: MotionRecord, tangents: bool) -> None:
-    """q from phi and the springs, whose torque is low-passed: nobody asks how they ring."""
-    deflection, slope = declared_deflection(view.robot, view.torque)
-    view.signals["q"] = view.phi + view.robot.offsets + record.smooth(deflection)
+def _joints(view: View, layout: Layout, tangents: bool) -> None:
+    """q from phi and what effects add to the springs."""
+    view.signals["q"] = view.phi + view.robot.offsets
     if tangents:
         view.tangents["q"] = view.tangents["phi"]
-        if np.any(slope):
-            view.tangents["q"] = view.tangents["q"] + record.smooth(slope[:, :, None] * view.tangents["torque"])
     pass_station(view, layout, Station.SPRING, "q", tangents)
+
+
+def _bend(view: View, layout: Layout, record: MotionRecord, tangents: bool) -> None:
+    """The declared springs give way under the torque, which is relieved by it; tangents about the bent motion."""
+    unbent = SpringResponse(view.robot, *_slopes(view), record.runs, record.step)
+    _bent(view.signals, unbent, *unbent.give_way(view.torque))
+    if tangents:
+        slopes = _slopes(view)
+        view.tangents["torque"] = _torque_tangent(view, slopes)
+        pass_tangents(view, layout, Station.LOAD, "torque")
+        response = SpringResponse(view.robot, *slopes, record.runs, record.step)
+        response.tangent = unbent.tangent
+        _bent(view.tangents, response, *response.give_way_tangent(view.tangents["torque"]))
+
+
+def _slopes(view: View) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(N, n, n) derivatives of the inverse dynamics by q, q_dot, q_ddot."""
+    motion = (view.q, view.signals["q_dot"], view.signals["q_ddot"])
+    slopes = _core.inverse_dynamics_derivatives(view.robot.core, *motion, threads=view.threads)
+    return slopes["dtau_dq"], slopes["dtau_dq_dot"], slopes["mass_matrix"]
+
+
+def _torque_tangent(view: View, slopes) -> np.ndarray:
+    return sum(slope @ view.tangents[name] for slope, name in zip(slopes, ("q", "q_dot", "q_ddot")))
+
+
+def _bent(signals: dict[str, np.ndarray], response: SpringResponse, stretch: np.ndarray, torque: np.ndarray) -> None:
+    rate, acceleration = response.rates(stretch)
+    signals["torque"] = torque
+    for name, change in (("q", stretch), ("q_dot", rate), ("q_ddot", acceleration)):
+        signals[name] = signals[name] - change
 
 
 def _load(view: View, layout: Layout, record: MotionRecord, tangents: bool) -> None:
     """Rates of q, and the torque at the joints."""
     ratios = view.robot.ratios
-    deviation = record.derivative(record.smooth(view.q - view.theta / ratios - view.robot.offsets))
+    deviation = record.derivative(record.smooth_angle(view.q - view.theta / ratios - view.robot.offsets))
     view.signals["q_dot"] = view.signals["theta_dot"] / ratios + deviation
     view.signals["q_ddot"] = view.signals["theta_ddot"] / ratios + record.derivative(deviation)
     if tangents:
         moved = view.tangents["q"] - view.tangents["theta"] / ratios[:, None]
-        moved = record.derivative(record.smooth(moved)) if np.any(moved) else moved
+        moved = record.derivative(record.smooth_angle(moved)) if np.any(moved) else moved
         view.tangents["q_dot"] = view.tangents["theta_dot"] / ratios[:, None] + moved
         moved = record.derivative(moved) if np.any(moved) else moved
         view.tangents["q_ddot"] = view.tangents["theta_ddot"] / ratios[:, None] + moved
@@ -140,13 +172,9 @@ def _load(view: View, layout: Layout, record: MotionRecord, tangents: bool) -> N
         view.tangents["torque"] = np.zeros((view.rows, view.axes, layout.size))
     if view.has_masses:
         motion = (view.q, view.signals["q_dot"], view.signals["q_ddot"])
+        view.signals["torque"] = _core.inverse_dynamics(view.robot.core, *motion, view.threads)
         if tangents and np.any(view.tangents["q"]):
-            slopes = _core.inverse_dynamics_derivatives(view.robot.core, *motion, threads=view.threads)
-            view.signals["torque"] = slopes["tau"]
-            pairs = (("dtau_dq", "q"), ("dtau_dq_dot", "q_dot"), ("mass_matrix", "q_ddot"))
-            view.tangents["torque"] = sum(slopes[name] @ view.tangents[signal] for name, signal in pairs)
-        else:
-            view.signals["torque"] = _core.inverse_dynamics(view.robot.core, *motion, view.threads)
+            view.tangents["torque"] = _torque_tangent(view, _slopes(view))
     pass_station(view, layout, Station.LOAD, "torque", tangents)
 
 

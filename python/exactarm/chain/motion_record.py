@@ -2,7 +2,7 @@
 
 The measured torque passes an acausal Butterworth low-pass (fourth order, forwards and backwards) at the bandwidth f;
 the angles pass the same at 2.5 f, which leaves the band of the torque untouched, and are differentiated. Rows are
-then thinned to 12.5 f a second. The prediction, friction's jumps and all, goes through the low-pass at f too
+then thinned to 12.5 f a second (25 f where gear harmonics are declared). The prediction, friction's jumps and all, goes through the low-pass at f too
 (thesis (3.2): both sides alike), so it is never asked for what the measured side has lost.
 
 Torque (N, n) in Nm on the output side: tau, or nominal ratio times tau_motor, or nominal ratio times current
@@ -16,8 +16,9 @@ from functools import cached_property
 
 import numpy as np
 import scipy  # scipy.signal is imported at its first use: it takes half a second, and only motions need it
-from scipy import sparse
+from scipy import linalg, sparse
 
+from exactarm import _core
 from exactarm.chain.view import motor_angles
 from exactarm.dataset import Dataset
 from exactarm.errors import InputError
@@ -28,6 +29,9 @@ BANDWIDTH_HZ = 20.0  # arms are moved below 5 Hz and swing near 10 Hz
 _ORDER = 4
 _WIDE = 2.5  # bandwidth of the angles over that of the torque
 _ROWS_PER_PERIOD = 12.5
+_ROWS_WITH_HARMONICS = 25.0  # gear errors reach beyond the band: they must not fold back into it
+_SLOWEST_HZ = 5.0
+_SAMPLED_ROWS = 16
 _LARGEST = 0.4  # of the sampling rate: no low-pass above it
 _EDGE_PERIODS = 3.0  # of the bandwidth, left out at both ends of a run
 
@@ -69,11 +73,18 @@ class MotionRecord:
 
     def smooth(self, values: np.ndarray) -> np.ndarray:
         """The low-pass of the measured torque on (N, ...)."""
-        if self.bandwidth_hz is None:
+        return self._low_passed(values, 1.0)
+
+    def smooth_angle(self, values: np.ndarray) -> np.ndarray:
+        """The low-pass of the measured angles on (N, ...)."""
+        return self._low_passed(values, _WIDE)
+
+    def _low_passed(self, values: np.ndarray, wider: float) -> np.ndarray:
+        if self.bandwidth_hz is None or wider * self.bandwidth_hz >= _LARGEST / self.step:
             return values
         out = np.empty_like(values)
         for rows in self.runs:
-            out[rows] = _low_pass(values[rows], self.bandwidth_hz, self.step)
+            out[rows] = _low_pass(values[rows], wider * self.bandwidth_hz, self.step)
         return out
 
     def noise_autocorrelation(self, lags: int) -> np.ndarray:
@@ -87,11 +98,11 @@ class MotionRecord:
 
 
 def motion_record(robot: Robot, data: Dataset, bandwidth_hz: float | None = None) -> MotionRecord:
-    """The record of a motion; `bandwidth_hz`: None = 20 Hz, or no filter where the log is too slow for one.
+    """The record of a motion; `bandwidth_hz`: None = `default_bandwidth`, or no filter where the log is too slow for one.
 
     Raises InputError where torque, angles or time are missing or a run is too short.
     """
-    bandwidth = BANDWIDTH_HZ if bandwidth_hz is None else bandwidth_hz
+    bandwidth = default_bandwidth(robot, data) if bandwidth_hz is None else bandwidth_hz
     if data.time is None:
         raise InputError("a motion needs a time: expected the column time_s")
     torque, theta = measured_torque(robot, data), motor_angles(robot, data)
@@ -101,7 +112,7 @@ def motion_record(robot: Robot, data: Dataset, bandwidth_hz: float | None = None
         step = typical_step(data.time[rows]) if rows.size > 1 else np.inf
         steps.append(step)
         filtered = bandwidth < _LARGEST / step
-        parts.append(_Run(rows, step, filtered).thinned(theta, rates, torque, data.time, bandwidth))
+        parts.append(_Run(rows, step, filtered, _rows_per_period(robot)).thinned(theta, rates, torque, data.time, bandwidth))
     filtered = all(bandwidth < _LARGEST / step for step in steps)
     if not filtered and any(bandwidth < _LARGEST / step for step in steps):
         raise InputError("runs of one motion were logged at very different rates; expected one sampling rate")
@@ -119,6 +130,25 @@ def motion_record(robot: Robot, data: Dataset, bandwidth_hz: float | None = None
         bandwidth_hz=bandwidth if filtered else None,
         step=float(np.median([np.median(np.diff(data.time[part[0]])) for part in parts])),
     )
+
+
+def default_bandwidth(robot: Robot, data: Dataset) -> float:
+    """20 Hz; no more than the arm's lowest resonance where declared gear errors shake declared springs.
+
+    Above it, what the drives feel hangs on a damping that nobody declared.
+    """
+    shaken = any(joint.has_harmonics for joint in robot.joints) and all(joint.spring_linear for joint in robot.joints)
+    if not shaken or robot.links is None:
+        return BANDWIDTH_HZ
+    rows = np.linspace(0, len(data) - 1, min(_SAMPLED_ROWS, len(data))).astype(int)
+    q = motor_angles(robot, data.select(rows)) / robot.ratios + robot.offsets
+    stiffness = np.diag([joint.spring_linear for joint in robot.joints])
+    softest = min(linalg.eigh(stiffness, mass, eigvals_only=True)[0] for mass in _core.mass_matrix(robot.core, q))
+    return float(np.clip(np.sqrt(softest) / (2.0 * np.pi), _SLOWEST_HZ, BANDWIDTH_HZ))
+
+
+def _rows_per_period(robot: Robot) -> float:
+    return _ROWS_WITH_HARMONICS if any(joint.has_harmonics for joint in robot.joints) else _ROWS_PER_PERIOD
 
 
 def unthinned_record(robot: Robot, data: Dataset, bandwidth_hz: float = BANDWIDTH_HZ) -> MotionRecord:
@@ -173,6 +203,7 @@ class _Run:
     rows: np.ndarray
     step: float
     filtered: bool
+    rows_per_period: float
 
     def thinned(self, theta, rates, torque, time, bandwidth):
         """(kept rows, theta, theta_dot, theta_ddot, torque, keep) of the run."""
@@ -192,7 +223,7 @@ class _Run:
         every = 1
         if self.filtered:
             moment = _low_pass(moment, bandwidth, step)
-            every = max(1, int(1.0 / (_ROWS_PER_PERIOD * bandwidth * step) + 1e-9))
+            every = max(1, int(1.0 / (self.rows_per_period * bandwidth * step) + 1e-9))
         keep = np.zeros(rows.size, bool)
         keep[edge : rows.size - edge] = True
         pick = slice(0, None, every)

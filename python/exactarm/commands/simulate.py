@@ -49,7 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     truth.add_argument("--effect", metavar="WORDS", action="append", default=[],
                        help='a hidden effect, as "backlash joint=2 width_rad=4e-4"; may be repeated')
     truth.add_argument("--deviation", metavar="SCALE", type=float, default=0.0,
-                       help="random errors of geometry, masses, friction: 1 = as usual (default %(default)s)")
+                       help="random errors of masses, friction and, for positions, geometry: 1 = as usual (default %(default)s)")
     truth.add_argument("--frames", choices=("random", "declared"), default="random",
                        help="where tracker and target are, for poses and tracked motion (default %(default)s)")
     truth.add_argument("--quasi-static", action="store_true", help="springs follow the load without swinging")
@@ -125,7 +125,7 @@ def _virtual(arguments: argparse.Namespace, robot: Robot, measure: str, random: 
     effects = [parse_effect(text, robot.axes) for text in arguments.effect]
     true = robot
     if arguments.deviation:
-        true = deviated(true, arguments.deviation, random, frames=False)
+        true = deviated(true, arguments.deviation, random, geometry=measure in ("poses", "tracked"), frames=False)
     if arguments.frames == "random" and measure in ("poses", "tracked"):
         true = placed(true, random)
     return VirtualRobot.of(robot, effects, true)

@@ -25,8 +25,6 @@ from exactarm.simulate.sensors import Sensors, read, temperature
 from exactarm.simulate.virtual_robot import VirtualRobot
 
 _POSE_S = 10.0  # between two static poses
-_JUMP, _LEAST_JUMP_RAD = 3.0, 1e-9  # a step this many times its neighbours' is none of the motion
-_BRIDGE_S = 0.02  # to either side of a reversal, where the gear tables of the two directions do not meet
 
 
 def measure_poses(
@@ -112,8 +110,7 @@ def joint_motion(
         return view
     moving = {name: np.empty_like(view.q) for name in ("q", "q_dot", "q_ddot", "torque")}
     for rows in record.runs:
-        phi = _bridged(view.phi[rows], view.theta[rows] / view.robot.ratios, view.direction[rows], record.step)
-        links = swing(view.robot, data.time[rows], phi + view.robot.offsets, damping_s)
+        links = swing(view.robot, data.time[rows], (view.phi + view.robot.offsets)[rows], damping_s)
         for name, values in moving.items():
             values[rows] = getattr(links, name)
     view.signals |= moving
@@ -123,22 +120,6 @@ def joint_motion(
     view.signals["q"] = view.q + more
     pass_station(view, layout, Station.SPRING, "q", False)
     return view
-
-
-def _bridged(phi: np.ndarray, nominal: np.ndarray, direction: np.ndarray, step: float) -> np.ndarray:
-    """phi (N, n) of one run without the jump from one table to the other: a cubic across each reversal."""
-    deviation, reach = phi - nominal, max(2, int(np.ceil(_BRIDGE_S / step)))
-    out, last = deviation.copy(), len(phi) - 1
-    for i in range(phi.shape[1]):
-        steps = np.abs(np.diff(deviation[:, i]))
-        for flip in np.flatnonzero(direction[1:, i] != direction[:-1, i]):
-            beside = steps[[max(flip - 1, 0), min(flip + 1, last - 1)]].max()
-            if steps[flip] <= _JUMP * beside + _LEAST_JUMP_RAD:
-                continue
-            a, b = max(flip - reach, 0), min(flip + 1 + reach, last)
-            s = (np.arange(a, b + 1) - a) / (b - a)
-            out[a : b + 1, i] = out[a, i] + (out[b, i] - out[a, i]) * s**2 * (3.0 - 2.0 * s)
-    return nominal + out
 
 
 def _series(kind: str, time: np.ndarray, theta: np.ndarray, run: np.ndarray | None, sensors: Sensors) -> Dataset:

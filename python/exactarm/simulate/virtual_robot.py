@@ -52,21 +52,21 @@ class VirtualRobot:
         return (q - self.nominal.controller_offsets) * self.nominal.controller_ratios
 
 
-def deviated(robot: Robot, scale: float, random: np.random.Generator, frames: bool = True) -> Robot:
-    """The robot with random errors `scale` times as large as usual in geometry, masses and friction.
+def deviated(
+    robot: Robot, scale: float, random: np.random.Generator, *, geometry: bool = True, frames: bool = True
+) -> Robot:
+    """The robot with random errors `scale` times as large as usual in masses, friction and geometry.
 
-    The controller keeps its own constants. frames: base and tool at unknown places, as in a real set-up.
+    The controller keeps its own constants. geometry: frames and zeros deviate too (a dynamic identification takes
+    them as calibrated); frames: base and tool at unknown places, as in a real set-up.
     """
     near = lambda value: None if value is None else value * (1.0 + scale * random.normal(0.0, SHARE))
     joints = []
     for i, joint in enumerate(robot.joints):
-        changes = {
-            "controller_offset": float(robot.controller_offsets[i]),
-            "q_offset": joint.q_offset + scale * random.normal(0.0, ANGLE_RAD),
-            "coulomb": near(joint.coulomb),
-            "viscous": near(joint.viscous),
-        }
-        if robot.has_geometry:
+        changes = {"coulomb": near(joint.coulomb), "viscous": near(joint.viscous)}
+        if geometry and robot.has_geometry:
+            offset = joint.q_offset + scale * random.normal(0.0, ANGLE_RAD)
+            changes |= {"controller_offset": float(robot.controller_offsets[i]), "q_offset": offset}
             changes |= _geometry(joint, scale, random)
         joints.append(replace(joint, **changes))
     links = None if robot.links is None else tuple(_link(link, scale, random) for link in robot.links)
