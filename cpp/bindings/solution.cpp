@@ -40,7 +40,8 @@ void bind_solution(py::module_& module) {
       .def_readwrite("linear_solver", &SolveOptions::linear_solver)
       .def_readwrite("iterations", &SolveOptions::iterations)
       .def_readwrite("seconds", &SolveOptions::seconds)
-      .def_readwrite("threads", &SolveOptions::threads);
+      .def_readwrite("threads", &SolveOptions::threads)
+      .def_readwrite("print_level", &SolveOptions::print_level);
 
   py::class_<Motion>(module, "PlanMotion")
       .def_property_readonly("status", [](const Motion& motion) { return nlp::status_name(motion.status); })

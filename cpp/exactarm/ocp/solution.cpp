@@ -32,6 +32,7 @@ Motion solve(const Problem& problem, const StageDynamics& dynamics, const SolveO
     ipopt.linear_solver = options.linear_solver;
     ipopt.iterations = options.iterations;
     ipopt.seconds = options.seconds;
+    ipopt.print_level = options.print_level;
     ipopt.objective_scale = motion.objective_scale;
     solution = nlp::solve_ipopt(transcription, ipopt);
   }

@@ -14,6 +14,7 @@ struct SolveOptions {
   int iterations = 200;
   double seconds = 1e6;
   int threads = 1;
+  int print_level = 0;                  // of Ipopt
 };
 
 struct Motion {

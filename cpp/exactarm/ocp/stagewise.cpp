@@ -140,7 +140,9 @@ class Solver {
     const double violation = barrier_.violation(current_.z, index, at_low);
     // The gradient 2 scale (q - q_d) cannot be smaller than the rounding of q.
     const double tolerance = std::max(options_.tolerance, 1e-15 * scale_ * largest_angle_);
-    if (dual <= tolerance && equations <= options_.feasibility && violation <= options_.feasibility &&
+    const double owed = std::abs(right_.stage.dot(current_.stage) + right_.defect.dot(current_.defect));
+    const double objective = scale_ * transcription_.objective(current_.z);
+    if (dual <= tolerance && owed <= options_.objective * objective + 1e-12 && equations <= options_.feasibility && violation <= options_.feasibility &&
         barrier_.largest_product() <= 2.0 * options_.last_barrier) {
       solution.status = Status::solved;
       solution.message = "solved";

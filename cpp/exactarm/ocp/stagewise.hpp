@@ -17,7 +17,8 @@ namespace exactarm::ocp {
 
 struct StagewiseOptions {
   double tolerance = 1e-7;          // stationarity of the scaled problem
-  double feasibility = 1e-12;       // equations and bounds, rad
+  double feasibility = 1e-11;       // equations and bounds, rad
+  double objective = 1e-10;         // what the multipliers say the equations' residual does to it, relative
   double last_barrier = 1e-11;      // complementarity of the scaled problem
   double objective_scale = 0.0;     // 0: the start's objective becomes 100
   int iterations = 100;

@@ -1,0 +1,143 @@
+"""`exactarm plan`: the motor motion that puts the flange on a path."""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from exactarm.commands.arguments import add_robot
+from exactarm.commands.result import CommandResult
+from exactarm.errors import InputError
+from exactarm.plan.optimal import ENERGY_SHARE, Plan, PlanOptions, plan_path
+from exactarm.plan.path_file import CHOICES, PlannedPath, load_path, shipped_paths
+from exactarm.plan.trajectory import trajectory_table
+from exactarm.report import Figure, Highlight, Highlights, Quantity, Report, Section, Table, Text, Warnings
+from exactarm.report.numbers import quantity
+from exactarm.report.plots.curves import curves, curves_per_axis
+from exactarm.robot import Robot
+from exactarm.robot_file import load_robot
+
+NAME = "plan"
+HELP = "motor trajectory that puts the flange on a path (line, spiral, or a path file)"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    add_robot(parser)
+    parser.add_argument("path", metavar="PATH", help="path file (.toml), or line or spiral")
+    parser.add_argument("--rate", metavar="HZ", type=float, help="samples a second (default: that of the path)")
+    parser.add_argument("--duration", metavar="S", type=float, help="duration in s (default: that of the path)")
+    parser.add_argument("--nu", type=float, help="weight of the input (default: that of the path)")
+    for key, options in CHOICES.items():
+        parser.add_argument(f"--{key.replace('_', '-')}", choices=options, help="instead of the path's own")
+    parser.add_argument("--start", metavar="DEG,DEG,...", help="joint angles near the first pose, to choose a branch")
+    parser.add_argument("--format", choices=("csv", "parquet"), default="csv", help="of the trajectory (default csv)")
+
+
+def run(arguments: argparse.Namespace) -> CommandResult:
+    robot, path = load_robot(arguments.robot), _path(arguments)
+    arguments.progress.stage("planning")
+    plan = plan_path(robot, path, PlanOptions(threads=arguments.threads, start=_start(arguments.start)))
+    file = [] if arguments.path in shipped_paths() else [Path(arguments.path)]
+    return CommandResult(
+        json=_json(plan),
+        report=_report(robot, plan),
+        tables={f"trajectory.{arguments.format}": trajectory_table(plan)},
+        inputs=tuple(file),
+    )
+
+
+def _path(arguments: argparse.Namespace) -> PlannedPath:
+    path = load_path(arguments.path)
+    numbers = {"rate_hz": arguments.rate, "duration": arguments.duration, "nu": arguments.nu}
+    for name, value in numbers.items():
+        if value is not None and not (np.isfinite(value) and value > 0.0):
+            raise InputError(f"--{name.split('_')[0]}: expected a number above 0, found {value}")
+    if numbers["duration"] is not None and getattr(path.curve, "times", None) is not None:
+        raise InputError("--duration: the path gives the times of its points")
+    chosen = numbers | {key: getattr(arguments, key) for key in CHOICES}
+    path = replace(path, **{key: value for key, value in chosen.items() if value is not None})
+    if path.duration * path.rate_hz < 11.0:
+        raise InputError(f"{path.duration * path.rate_hz + 1:.0f} samples: expected at least 12; raise --rate or --duration")
+    return path
+
+
+def _start(text: str | None) -> np.ndarray | None:
+    if text is None:
+        return None
+    try:
+        return np.radians([float(part) for part in text.split(",")])
+    except ValueError:
+        raise InputError(f"--start {text}: expected joint angles in degrees as 0,90,0,0,90,0") from None
+
+
+def _json(plan: Plan) -> dict:
+    solver, tracking = plan.solver, plan.tracking
+    return {
+        "solver": {"name": solver.name, "linear_solver": solver.linear_solver, "status": solver.status,
+                   "iterations": solver.iterations, "seconds": solver.seconds, "kkt_error": solver.kkt_error,
+                   "objective": solver.objective},
+        "tracking": {"position_rms_m": tracking.position_rms, "position_max_m": tracking.position_max,
+                     "joint_max_rad": tracking.joint_max},
+        "bandwidth_hz": list(plan.bandwidth),
+        "path": {"name": plan.path.name, "duration_s": plan.path.duration, "samples": len(plan.time),
+                 "step_s": plan.reference.step, "nu": plan.path.nu, "input": plan.path.input,
+                 "gear_direction": plan.path.gear_direction},
+        "violations": [{"joint": v.joint, "quantity": v.quantity, "unit": v.unit, "value": v.value, "limit": v.limit,
+                        "time_s": v.time} for v in plan.violations],
+        "shortest_duration_s": plan.shortest_duration,
+        "compensated": list(plan.compensated),
+        "warnings": list(plan.warnings),
+    }
+
+
+def _report(robot: Robot, plan: Plan) -> Report:
+    tracking, solver = plan.tracking, plan.solver
+    verdict = (f"On the planner's model the flange keeps to the path within {quantity(tracking.position_max, 'm')} "
+               f"({quantity(tracking.position_rms, 'm')} RMS) at the samples; solved in {solver.iterations} iterations "
+               f"and {quantity(solver.seconds, 's')}.")
+    sections: list[Section] = [
+        Highlights((Highlight("flange error, RMS", Quantity(tracking.position_rms, "m")),
+                    Highlight("flange error, largest", Quantity(tracking.position_max, "m")),
+                    Highlight("joint error, largest", Quantity(tracking.joint_max, "rad")))),
+        _axis_table(robot, plan),
+        Text("Solver", (f"{solver.name} ({solver.linear_solver}): {solver.status} after {solver.iterations} iterations; "
+                        f"largest first-order error, computed outside the solver: {solver.kkt_error:.1e}.",)),
+    ]
+    if plan.compensated:
+        sections.append(Text("Compensated effects", (", ".join(plan.compensated) + ".",)))
+    sections += [*_figures(robot, plan), Warnings(plan.warnings)]
+    return Report(f"Plan for {robot.name}: {plan.path.name}", verdict, tuple(sections),
+                  "caution" if plan.warnings else "good")
+
+
+def _axis_table(robot: Robot, plan: Plan) -> Table:
+    rate = np.abs(plan.theta_dot / robot.ratios).max(axis=0)
+    acceleration = np.abs(plan.theta_ddot / robot.ratios).max(axis=0)
+    rows = tuple(
+        (str(i + 1), Quantity(float(rate[i]), "rad/s"), Quantity(float(acceleration[i]), "rad/s^2"),
+         Quantity(plan.bandwidth[i], "Hz"))
+        for i in range(robot.axes)
+    )
+    note = f"Output side. Bandwidth: below it lie {100 * ENERGY_SHARE:.0f} % of the energy of the acceleration."
+    return Table("Axes", ("axis", "largest rate", "largest acceleration", "bandwidth"), rows, note)
+
+
+def _figures(robot: Robot, plan: Plan) -> tuple[Figure, ...]:
+    spectrum = np.abs(np.fft.rfft(plan.theta_ddot / robot.ratios, axis=0)) * 2.0 / len(plan.time)
+    frequency = np.fft.rfftfreq(len(plan.time), plan.reference.step)
+    return (
+        Figure("flange_error", "Error of the flange",
+               lambda: curves(plan.time, {"error": plan.position_error}, unit="m", name="position error"),
+               "Distance of the flange from the path at the samples, on the planner's model.", "flange error over time"),
+        Figure("motor_rate", "Motor rates, output side",
+               lambda: curves_per_axis(plan.time, {"motor": plan.theta_dot / robot.ratios, "link": plan.q_dot},
+                                       unit="rad/s", name="rate"),
+               "What the motors do so that the links move smoothly.", "motor and link rates over time"),
+        Figure("spectrum", "Spectrum of the motor accelerations",
+               lambda: curves_per_axis(frequency[1:], {"acceleration": spectrum[1:]}, unit="rad/s^2", name="amplitude",
+                                       x_name="frequency", x_unit="Hz", log_x=True, log_y=True),
+               "Single-sided amplitude of the input, output side.", "spectrum of the input per axis"),
+    )

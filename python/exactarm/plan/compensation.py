@@ -1,0 +1,172 @@
+"""What the planner knows of the robot beyond the tables of the solver: effects and gear directions along a reference.
+
+Every effect of the robot that is `compensable` enters. What lives in tables (`bake`: payload, gear ratio,
+geometry) goes into the tables; every other change is evaluated along the reference and enters the equation of motion
+as a known function of time, a shift of the gear's output angle,
+    phi + q_offset + phi_shift - q = kappa^{-1}(torque),   phi_shift = gear + spring - kappa^{-1} by the load's change
+exact but for the tracking error (about 1e-7 rad). A displacement of the flange moves the desired pose the other way.
+
+At a reversal of an axis, what is not smooth (the gear table of the direction, backlash, hysteresis) passes from one
+side to the other on a spline of four times continuous slope over TRANSITION_S, half before and half after: never a
+jump in the motor angle. The gear's table is the one of the direction in which the axis moves along the
+reference; an axis that stands still takes the mean of both.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from exactarm import _core
+from exactarm.chain.spring import declared_deflection
+from exactarm.chain.view import View
+from exactarm.dataset import Dataset
+from exactarm.effects.base import Effect, Station
+from exactarm.plan.reference import Reference
+from exactarm.robot import Link, Placement, Robot
+from exactarm.rotation import exp as rotation_exp
+
+TRANSITION_S = 0.04
+STANDS_STILL_RAD_S = 1e-7
+RIGID_SHARE = 100.0  # stiffness for a rigid joint, in inertias per square sample; its deflection is taken out again
+_BOXES = 6  # a box folded with itself this often is a B-spline of degree 5
+
+
+@dataclass(frozen=True)
+class PlanningModel:
+    """The robot as the planner sees it, base and tool at the flange; which effects enter, what is left out.
+
+    `rigid`: no masses are declared or no joint has a spring, so that the motors follow from q alone.
+    """
+
+    robot: Robot
+    effects: tuple[Effect, ...]
+    rigid: bool
+    warnings: tuple[str, ...]
+
+    @property
+    def core(self) -> _core.Robot:
+        return self.robot.core
+
+
+def planning_model(robot: Robot) -> PlanningModel:
+    """Tables with the compensable effects baked in; rigid joints and absent masses replaced and told."""
+    used = tuple(effect for effect in robot.effects if effect.compensable)
+    left_out = [effect.label for effect in robot.effects if not effect.compensable]
+    warnings = [f"not compensated, because no plan can: {', '.join(left_out)}"] if left_out else []
+    baked = robot
+    for effect in used:
+        baked = effect.bake(baked)
+    if baked.links is None:
+        warnings.append("no link masses are declared: planned without dynamics and deflection")
+        baked = replace(baked, links=(Link(0.0, np.zeros(3), np.zeros((3, 3))),) * baked.axes)
+    rigid = robot.links is None or not any(joint.spring_linear for joint in baked.joints)
+    joints = tuple(_with_both_tables(joint) for joint in baked.joints)
+    baked = replace(baked, joints=joints, base=Placement(), tool=Placement(), effects=())
+    return PlanningModel(baked, used, rigid, tuple(warnings))
+
+
+def _with_both_tables(joint):
+    return replace(joint, cw=joint.cw or joint.ccw, ccw=joint.ccw or joint.cw)
+
+
+@dataclass(frozen=True)
+class KnownFunctions:
+    """Along a reference: blend of the gear tables and shift of the output angle (N, n), displacement (N, 6) of the flange."""
+
+    direction: np.ndarray
+    phi_shift: np.ndarray
+    displacement: np.ndarray
+
+
+def known_functions(model: PlanningModel, q: np.ndarray, step: float, gear_direction: str, threads: int) -> KnownFunctions:
+    """Evaluated where the links follow q (N, n), sampled at equal steps."""
+    robot = model.robot
+    sides = motion_direction(q, step) * np.sign(robot.ratios)
+    blend = smooth_transition(sides, step)
+    view = _view(model, q, step, sides, threads)
+    shift, displacement = np.zeros_like(q), np.zeros((len(q), 6))
+    torque = view.torque.copy()
+    for effect in sorted(model.effects, key=lambda effect: effect.station):
+        change = effect.change(view)
+        value = change.value if effect.smooth else smooth_transition(change.value, step)
+        columns = list(change.columns)
+        if effect.station in (Station.GEAR, Station.SPRING):
+            shift[:, columns] += value
+        elif effect.station == Station.LOAD:
+            torque[:, columns] += value
+        elif effect.station == Station.GEOMETRY:
+            displacement[:, columns] += value
+    shift += declared_deflection(robot, torque)[0] - declared_deflection(robot, view.torque)[0]
+    springs = solver_springs(model, q, step)
+    for i, joint in enumerate(robot.joints):
+        if not joint.spring_linear:
+            shift[:, i] += view.torque[:, i] / springs[i].linear
+    if gear_direction != "motion":
+        blend = np.full_like(q, -1.0 if gear_direction == "cw" else 1.0)
+    return KnownFunctions(blend, shift, displacement)
+
+
+def solver_springs(model: PlanningModel, q: np.ndarray, step: float) -> list[_core.Spring]:
+    """The declared springs, and for a rigid joint one that is stiff against the samples."""
+    inertia = _core.mass_matrix(model.core, q[:: max(len(q) // 20, 1)], 1)
+    springs = []
+    for i, joint in enumerate(model.robot.joints):
+        spring = _core.Spring()
+        stiff = RIGID_SHARE * max(float(inertia[:, i, i].max()), 1e-3) / step**2
+        spring.linear, spring.cubic = (joint.spring_linear, joint.spring_cubic) if joint.spring_linear else (stiff, 0.0)
+        springs.append(spring)
+    return springs
+
+
+def moved_reference(reference: Reference, displacement: np.ndarray) -> Reference:
+    """Where the undisturbed arm must aim, so that the displaced flange meets the reference."""
+    rotation = np.swapaxes(rotation_exp(displacement[:, 3:]), -1, -2) @ reference.rotation
+    return replace(reference, position=reference.position - displacement[:, :3], rotation=rotation)
+
+
+def motion_direction(q: np.ndarray, step: float) -> np.ndarray:
+    """(N, n) -1, +1: the side to which an axis moves, held while it stands; 0 for one that never moves."""
+    rate = np.gradient(q, step, axis=0)
+    sides = np.where(np.abs(rate) > STANDS_STILL_RAD_S, np.sign(rate), 0.0)
+    for column in sides.T:
+        moving = np.flatnonzero(column)
+        if moving.size:
+            last = np.clip(np.searchsorted(moving, np.arange(len(column)), side="right") - 1, 0, None)
+            column[:] = column[moving[last]]
+    return sides
+
+
+def smooth_transition(values: np.ndarray, step: float) -> np.ndarray:
+    """(N, c) values folded with a B-spline of total width TRANSITION_S; steps become smooth, constants stay."""
+    width = max(int(round(TRANSITION_S / step / _BOXES)), 1)
+    box = np.ones(width) / width
+    kernel = np.ones(1)
+    for _ in range(_BOXES):
+        kernel = np.convolve(kernel, box)
+    if len(kernel) % 2 == 0:
+        kernel = np.convolve(kernel, [0.5, 0.5])
+    half = len(kernel) // 2
+    padded = np.pad(values, ((half, half), (0, 0)), mode="edge")
+    return np.column_stack([np.convolve(column, kernel, mode="valid") for column in padded.T])
+
+
+def _view(model: PlanningModel, q: np.ndarray, step: float, sides: np.ndarray, threads: int) -> View:
+    """The chain's signals along the reference."""
+    robot = model.robot
+    q_dot = np.gradient(q, step, axis=0)
+    q_ddot = np.gradient(q_dot, step, axis=0)
+    torque = _core.inverse_dynamics(robot.core, q, q_dot, q_ddot, threads)
+    phi = q - robot.offsets - declared_deflection(robot, torque)[0]
+    theta = phi * robot.ratios
+    time = step * np.arange(len(q))
+    data = Dataset.of_arrays("tracked_motion", {"theta": theta}, time=time)
+    rows = len(q)
+    signals = {
+        "theta": theta, "theta_dot": q_dot * robot.ratios, "theta_ddot": q_ddot * robot.ratios, "phi": phi,
+        "phi_dot": q_dot, "torque": torque, "q": q, "q_dot": q_dot, "q_ddot": q_ddot, "direction": sides,
+        "base_position": np.zeros((rows, 3)), "base_rotation": np.tile(np.eye(3).ravel(), (rows, 1)),
+        "displacement": np.zeros((rows, 6)),
+    }
+    return View(robot, data, "tracked_motion", threads, signals=signals)

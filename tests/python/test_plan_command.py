@@ -1,0 +1,50 @@
+"""`exactarm plan` through the command line: files, keys, options, refusals."""
+
+import json
+
+import numpy as np
+import pytest
+
+from exactarm.cli import main
+from exactarm.table import read_table
+
+
+def run(tmp_path, *words):
+    code = main(["plan", *words, "--out", str(tmp_path / "out"), "--quiet"])
+    result = tmp_path / "out" / "result.json"
+    return code, json.loads(result.read_text()) if result.exists() else None
+
+
+def test_plan_writes_trajectory_result_report_and_plots(tmp_path):
+    code, result = run(tmp_path, "racer-7-1.4", "line", "--rate", "250")
+    assert code == 0
+    assert set(result["solver"]) >= {"name", "status", "iterations", "seconds", "kkt_error"}
+    assert set(result["tracking"]) == {"position_rms_m", "position_max_m", "joint_max_rad"}
+    assert len(result["bandwidth_hz"]) == 6 and result["path"]["samples"] == 626
+    columns = read_table(tmp_path / "out" / "trajectory.csv").columns
+    assert len(columns["time_s"]) == 626 and columns["time_s"][1] == pytest.approx(0.004)
+    assert np.abs(columns["q_1_rad"] - columns["q_desired_1_rad"]).max() <= result["tracking"]["joint_max_rad"]
+    assert (tmp_path / "out" / "report.html").exists() and list((tmp_path / "out" / "plots").glob("spectrum.*"))
+
+
+def test_options_replace_those_of_the_path_and_parquet_is_written(tmp_path):
+    code, result = run(tmp_path, "racer-7-1.4", "spiral", "--rate", "100", "--duration", "4", "--nu", "1e-10",
+                       "--gear-direction", "cw", "--solver", "ipopt", "--format", "parquet")
+    assert code == 0 and result["path"]["samples"] == 401 and result["path"]["nu"] == 1e-10
+    assert result["solver"]["name"] == "ipopt" and result["path"]["gear_direction"] == "cw"
+    assert read_table(tmp_path / "out" / "trajectory.parquet").rows == 401
+
+
+@pytest.mark.parametrize("words, code, text", [
+    (("racer-7-1.4", "nowhere.toml"), 2, "nowhere.toml"),
+    (("racer-7-1.4", "line", "--rate", "-5"), 2, "--rate"),
+    (("racer-7-1.4", "line", "--rate", "1"), 2, "samples"),
+    (("racer-7-1.4", "line", "--start", "a,b"), 2, "--start"),
+    (("racer-7-1.4", "line", "--start", "1,2"), 2, "start"),
+    (("racer-7-1.4", "line", "--rate", "400", "--duration", "0.2"), 1, "shortest duration"),
+])
+def test_failures_end_with_their_code_and_one_line(tmp_path, capsys, words, code, text):
+    found, result = run(tmp_path, *words)
+    error = capsys.readouterr().err.strip().splitlines()
+    assert found == code and result is None
+    assert error[-1].startswith("exactarm: error:") and text in error[-1]
