@@ -5,6 +5,7 @@
 #include <Eigen/LU>
 
 #include "exactarm/ocp/robot_dynamics.hpp"
+#include "exactarm/ocp/transcription.hpp"
 #include "planning_cases.hpp"
 #include "racer.hpp"
 
@@ -25,12 +26,13 @@ Both solve_both(const Problem& problem, const StageDynamics& dynamics) {
   const StageModel model(problem, dynamics, 2);
   Transcription transcription(model);
   Both both;
-  both.scale = natural_scale(transcription);
   both.own = solve_stagewise(model, {});
+  both.scale = both.own.objective_scale;
   both.error = nlp::kkt_error(transcription, both.own.point, both.scale);
   nlp::IpoptOptions options;
   options.objective_scale = both.scale;
   options.first_barrier = 1e-3;
+  options.tolerance = std::max(options.tolerance, Objective(problem).gradient_floor(both.scale));
   both.ipopt = nlp::solve_ipopt(transcription, options);
   const Layout l = problem.layout();
   both.largest_difference = 0.0;

@@ -158,6 +158,7 @@ Solution solve_ipopt(Problem& problem, const IpoptOptions& options) {
 
   Solution solution;
   solution.linear_solver = options.linear_solver;
+  solution.objective_scale = options.objective_scale;
   SmartPtr<Ipopt::IpoptApplication> application = new Ipopt::IpoptApplication(options.print_level > 0);
   auto& set = *application->Options();
   set.SetIntegerValue("print_level", options.print_level);

@@ -39,6 +39,7 @@ struct Solution {
   std::string linear_solver;  // the one that ran
   int iterations = 0;
   double seconds = 0.0, objective = 0.0;  // objective unscaled
+  double objective_scale = 1.0;
   Point point;                // multipliers of the objective times objective_scale
 };
 

@@ -6,20 +6,12 @@
 // Sizes are constants of the compiler for the usual number of axes (Axes > 0), else read at run time.
 #pragma once
 
+#include <array>
+
 #include "exactarm/ocp/block_kkt.hpp"
+#include "exactarm/ocp/block_product.hpp"
 
 namespace exactarm::ocp {
-
-// c (rows x cols) += a (rows x inner) b (inner x cols), column major, no padding.
-template <class Int>
-inline void add_product(Int rows, Int inner, Int cols, const double* __restrict a, const double* __restrict b,
-                        double* __restrict c) {
-  for (int j = 0; j < cols; ++j)
-    for (int l = 0; l < inner; ++l) {
-      const double factor = b[j * inner + l];
-      for (int i = 0; i < rows; ++i) c[j * rows + i] += a[l * rows + i] * factor;
-    }
-}
 
 template <int Axes, int MotorOrder>
 class HalfSweep {
@@ -38,6 +30,8 @@ class HalfSweep {
 
  private:
   static constexpr int kStateBlocks = kLinkOrder + MotorOrder, kBlocks = kStateBlocks + 2;
+  static constexpr int kN = Axes > 0 ? Axes : 0, kS = kStateBlocks * kN, kR = kS + kN, kW = kR + kN;
+  using Square = Eigen::Matrix<double, Axes, Axes>;
   int n() const { return Axes > 0 ? Axes : axes_; }
   int states() const { return kStateBlocks * n(); }
   int rest() const { return states() + n(); }
@@ -51,8 +45,12 @@ class HalfSweep {
   };
   Knot at(long position);
 
-  void gather_hessian(const StageDerivatives& derivatives, const Vector& diagonal, long k);
-  bool eliminate(const StageDerivatives& derivatives, long position);
+  // quadratic_ = T_out' P T_out with the cost to go P behind the knot, then += T' H T.
+  void carry_value(const double* value);
+  void add_link_hessian(const StageDerivatives& derivatives, const double* diagonal, long k);
+  void add_motor_hessian(const StageDerivatives& derivatives, const double* diagonal, long k);
+  bool eliminate_qdd(const StageDerivatives& derivatives, long k, const Knot& here);
+  bool eliminate_input(const Knot& here);
   void propagate_compliance();
   const double* jump(const KktVector& right, long position, double& sign) const;
   void next_state(const double* sigma, const double* qdd, const double* input, double* x, double* out) const;
@@ -65,7 +63,18 @@ class HalfSweep {
   double x_of_[kStateBlocks][kBlocks] = {}, out_of_[kStateBlocks][kBlocks] = {};
   std::vector<double> memory_;
   long knot_size_;
-  Matrix hessian_, half_, quadratic_, compliance_, covariance_, joint_, cross_;
+  // The entries of out_of_ that are not zero, in the order of c; `first`: of its c, or of its b.
+  struct Term {
+    int b, c;
+    double factor;
+    bool first;
+  };
+  std::vector<Term> terms_by_input_, terms_by_output_;
+  Matrix half_, quadratic_, compliance_, covariance_;
+  // Column-major scratch: rest x n (three of them), rest x rest, and what the compliance needs.
+  std::vector<double> rest_transposed_, factor_, cross_, reduced_, product_, joint_, joint_transposed_, gain_transposed_,
+      corner_;
+  std::array<Square, 8> blocks_;
   Vector work_;
 };
 

@@ -57,19 +57,25 @@ void HalfSweep<Axes, MotorOrder>::backward(const KktVector& right, const double*
       offset[i] = y_qdd[i];
       for (int j = 0; j < m; ++j) offset[i] += here.qdd_by_qdd[j * m + i] * here.qdd_offset[j];
     }
-    const auto substituted = [&](int row, double value) {
-      for (int j = 0; j < m; ++j)
-        value += here.qdd_by_rest[row * m + j] * offset[j] + here.rest_by_qdd[j * r + row] * here.qdd_offset[j];
-      return value;
-    };
-    for (int i = 0; i < m; ++i) y_input[i] = substituted(s + i, y_input[i]);
+    // rest = (sigma, input) with the substituted qdd.
+    double* reduced = offset + m;
+    std::copy_n(y, s, reduced);
+    std::copy_n(y_input, m, reduced + s);
+    for (int j = 0; j < m; ++j)
+      for (int i = 0; i < r; ++i) reduced[i] += here.rest_by_qdd[j * r + i] * here.qdd_offset[j];
+    for (int i = 0; i < r; ++i) {
+      double sum = 0.0;
+      for (int j = 0; j < m; ++j) sum += here.qdd_by_rest[i * m + j] * offset[j];
+      reduced[i] += sum;
+    }
+    y_input = reduced + s;
     for (int i = 0; i < m; ++i) {
       double sum = 0.0;
       for (int j = 0; j < m; ++j) sum -= here.input_inverse[j * m + i] * y_input[j];
       here.input_offset[i] = sum;
     }
     for (int i = 0; i < s; ++i) {
-      double sum = substituted(i, y[i]);
+      double sum = reduced[i];
       for (int j = 0; j < m; ++j) sum += here.gain[i * m + j] * y_input[j];
       here.gradient[i] = sum;
     }

@@ -2,6 +2,9 @@
 
 #include <chrono>
 
+#include "exactarm/ocp/objective.hpp"
+#include "exactarm/ocp/transcription.hpp"
+
 namespace exactarm::ocp {
 namespace {
 
@@ -17,23 +20,26 @@ RowMatrix block(const Layout& layout, const Vector& z, int which, double factor)
 Motion solve(const Problem& problem, const StageDynamics& dynamics, const SolveOptions& options) {
   const auto begin = std::chrono::steady_clock::now();
   const StageModel model(problem, dynamics, options.threads);
-  Transcription transcription(model);
+  const Objective objective(problem);
   Motion motion;
-  motion.objective_scale = natural_scale(transcription);
   nlp::Solution solution;
   if (options.method == Method::stagewise) {
     StagewiseOptions own;
     own.iterations = options.iterations;
     own.seconds = options.seconds;
-    own.objective_scale = motion.objective_scale;
     solution = solve_stagewise(model, own);
+    motion.objective_scale = solution.objective_scale;
   } else {
+    Transcription transcription(model);
+    Vector start(transcription.variables());
+    transcription.start(start);
     nlp::IpoptOptions ipopt;
     ipopt.linear_solver = options.linear_solver;
     ipopt.iterations = options.iterations;
     ipopt.seconds = options.seconds;
     ipopt.print_level = options.print_level;
-    ipopt.objective_scale = motion.objective_scale;
+    ipopt.objective_scale = motion.objective_scale = objective.natural_scale(start.data());
+    ipopt.tolerance = std::max(ipopt.tolerance, objective.gradient_floor(ipopt.objective_scale));
     solution = nlp::solve_ipopt(transcription, ipopt);
   }
   motion.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
@@ -42,6 +48,7 @@ Motion solve(const Problem& problem, const StageDynamics& dynamics, const SolveO
   motion.linear_solver = solution.linear_solver;
   motion.iterations = solution.iterations;
   motion.objective = solution.objective;
+  Transcription transcription(model);
   motion.kkt = nlp::kkt_error(transcription, solution.point, motion.objective_scale);
 
   const Layout layout = problem.layout();

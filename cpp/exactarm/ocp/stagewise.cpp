@@ -5,6 +5,7 @@
 #include "exactarm/ocp/barrier.hpp"
 #include "exactarm/ocp/block_kkt.hpp"
 #include "exactarm/ocp/initial_guess.hpp"
+#include "exactarm/ocp/objective.hpp"
 
 namespace exactarm::ocp {
 namespace {
@@ -23,7 +24,7 @@ class Solver {
       : model_(model),
         layout_(model.layout()),
         options_(options),
-        transcription_(model),
+        objective_(model.problem()),
         derivatives_(layout_),
         kkt_(make_block_kkt(layout_, model.threads())),
         barrier_(interior_bound(-1), interior_bound(1)),
@@ -45,7 +46,8 @@ class Solver {
     nlp::Solution solution;
     solution.linear_solver = "block Riccati";
     initial_guess(model_, current_.z.data());
-    scale_ = options_.objective_scale > 0.0 ? options_.objective_scale : natural_scale(transcription_);
+    scale_ = options_.objective_scale > 0.0 ? options_.objective_scale
+                                            : objective_.natural_scale(current_.z.data());
     objective_diagonal();
     if (!barrier_.start(current_.z, options_.last_barrier)) barrier_.start(current_.z, kFirstBarrier);
     solution.status = Status::iteration_limit;
@@ -81,18 +83,17 @@ class Solver {
 
   void objective_diagonal() {
     const int n = layout_.axes, width = layout_.width();
-    const Vector weights = input_weights(model_.problem());
+    const Vector& weights = objective_.input_weights();
     for (long k = 0; k < layout_.knots; ++k) {
       base_diagonal_.segment(k * width + kQ * n, n).setConstant(2.0 * scale_);
       base_diagonal_.segment(k * width + layout_.input() * n, n) = 2.0 * scale_ * weights;
     }
-    largest_angle_ = std::max(model_.problem().q_desired.cwiseAbs().maxCoeff(), 1.0);
   }
 
   void residuals() {
     const int n = layout_.axes, width = layout_.width(), s = layout_.states(), n2 = n * n;
     right_.stage = derivatives_.residual;
-    transcription_.gradient(current_.z, gradient_);
+    objective_.gradient(current_.z.data(), gradient_.data());
     gradient_ *= scale_;
     stationarity_ = gradient_;
     const Vector& z = current_.z;
@@ -138,10 +139,9 @@ class Solver {
     long index;
     bool at_low;
     const double violation = barrier_.violation(current_.z, index, at_low);
-    // The gradient 2 scale (q - q_d) cannot be smaller than the rounding of q.
-    const double tolerance = std::max(options_.tolerance, 1e-15 * scale_ * largest_angle_);
+    const double tolerance = std::max(options_.tolerance, objective_.gradient_floor(scale_));
     const double owed = std::abs(right_.stage.dot(current_.stage) + right_.defect.dot(current_.defect));
-    const double objective = scale_ * transcription_.objective(current_.z);
+    const double objective = scale_ * objective_.value(current_.z.data());
     if (dual <= tolerance && owed <= options_.objective * objective + 1e-12 && equations <= options_.feasibility && violation <= options_.feasibility &&
         barrier_.largest_product() <= 2.0 * options_.last_barrier) {
       solution.status = Status::solved;
@@ -232,15 +232,16 @@ class Solver {
   }
 
   void report(nlp::Solution& solution) {
-    solution.objective = transcription_.objective(current_.z);
+    const int n = layout_.axes, s = layout_.states();
+    solution.objective = objective_.value(current_.z.data());
+    solution.objective_scale = scale_;
     solution.point.x = current_.z;
-    solution.point.lambda.resize(transcription_.constraints());
+    // The order of Transcription: per knot the equation of motion, then the defects to the next.
+    solution.point.lambda.resize(layout_.knots * (n + s) - s);
     for (long k = 0; k < layout_.knots; ++k) {
-      solution.point.lambda.segment(transcription_.stage_row(k), layout_.axes) =
-          current_.stage.segment(k * layout_.axes, layout_.axes);
+      solution.point.lambda.segment(k * (n + s), n) = current_.stage.segment(k * n, n);
       if (k + 1 < layout_.knots)
-        solution.point.lambda.segment(transcription_.defect_row(k), layout_.states()) =
-            current_.defect.segment(k * layout_.states(), layout_.states());
+        solution.point.lambda.segment(k * (n + s) + n, s) = current_.defect.segment(k * s, s);
     }
     solution.point.z_low = barrier_.low_multipliers();
     solution.point.z_high = barrier_.high_multipliers();
@@ -249,24 +250,17 @@ class Solver {
   const StageModel& model_;
   Layout layout_;
   StagewiseOptions options_;
-  Transcription transcription_;
+  Objective objective_;
   StageDerivatives derivatives_;
   std::unique_ptr<BlockKkt> kkt_;
   Barrier barrier_;
   KktVector right_, step_, current_;
   Vector diagonal_, base_diagonal_, gradient_, stationarity_, trial_, trial_residual_;
-  double scale_ = 1.0, largest_angle_ = 1.0;
+  double scale_ = 1.0;
   int stalled_ = 0;
 };
 
 }  // namespace
-
-double natural_scale(Transcription& transcription) {
-  Vector z(transcription.variables());
-  transcription.start(z);
-  const double objective = transcription.objective(z);
-  return objective > 1e-8 ? 100.0 / objective : 1e10;
-}
 
 nlp::Solution solve_stagewise(const StageModel& model, const StagewiseOptions& options) {
   return Solver(model, options).run();

@@ -11,7 +11,7 @@
 #pragma once
 
 #include "exactarm/nlp/ipopt.hpp"
-#include "exactarm/ocp/transcription.hpp"
+#include "exactarm/ocp/stage_model.hpp"
 
 namespace exactarm::ocp {
 
@@ -27,8 +27,5 @@ struct StagewiseOptions {
 
 // Multipliers in the order and sign of Transcription; of the scaled objective.
 nlp::Solution solve_stagewise(const StageModel& model, const StagewiseOptions& options);
-
-// The scale that makes the start's objective 100, at most 1e10.
-double natural_scale(Transcription& transcription);
 
 }  // namespace exactarm::ocp

@@ -4,16 +4,8 @@
 
 namespace exactarm::ocp {
 
-Vector input_weights(const Problem& problem) {
-  const double unit = std::pow(problem.step, problem.input == Input::jerk ? 3 : 2);
-  Vector weights(problem.axes());
-  for (int i = 0; i < problem.axes(); ++i)
-    weights[i] = problem.weight * std::pow(problem.gears[i].ratio / unit, 2);
-  return weights;
-}
-
 Transcription::Transcription(const StageModel& model)
-    : model_(model), layout_(model.layout()), derivatives_(layout_), input_weight_(input_weights(model.problem())) {
+    : model_(model), layout_(model.layout()), derivatives_(layout_), objective_(model.problem()) {
   lambda_.resize(layout_.knots * layout_.axes);
   residual_.resize(layout_.knots * layout_.axes);
   describe_jacobian();
@@ -43,28 +35,9 @@ void Transcription::constraint_bounds(VectorRef low, VectorRef high) const {
 
 void Transcription::start(VectorRef x) const { initial_guess(model_, x.data()); }
 
-double Transcription::objective(ConstVectorRef x) {
-  const int n = layout_.axes, width = layout_.width();
-  double sum = 0.0;
-  for (long k = 0; k < layout_.knots; ++k)
-    for (int i = 0; i < n; ++i) {
-      const double error = x[k * width + i] - model_.problem().q_desired(k, i);
-      const double input = x[k * width + layout_.input() * n + i];
-      sum += error * error + input_weight_[i] * input * input;
-    }
-  return sum;
-}
+double Transcription::objective(ConstVectorRef x) { return objective_.value(x.data()); }
 
-void Transcription::gradient(ConstVectorRef x, VectorRef gradient) {
-  const int n = layout_.axes, width = layout_.width();
-  gradient.setZero();
-  for (long k = 0; k < layout_.knots; ++k)
-    for (int i = 0; i < n; ++i) {
-      const long q = k * width + i, input = k * width + layout_.input() * n + i;
-      gradient[q] = 2.0 * (x[q] - model_.problem().q_desired(k, i));
-      gradient[input] = 2.0 * input_weight_[i] * x[input];
-    }
-}
+void Transcription::gradient(ConstVectorRef x, VectorRef gradient) { objective_.gradient(x.data(), gradient.data()); }
 
 void Transcription::constraint(ConstVectorRef x, VectorRef c) {
   const int n = layout_.axes, width = layout_.width();
@@ -158,7 +131,7 @@ void Transcription::hessian(ConstVectorRef x, double objective_factor, ConstVect
       std::copy_n(part->data() + k * n, n, values);
       values += n;
     }
-    for (int i = 0; i < n; ++i) *values++ = 2.0 * objective_factor * input_weight_[i];
+    for (int i = 0; i < n; ++i) *values++ = 2.0 * objective_factor * objective_.input_weights()[i];
   }
 }
 

@@ -6,6 +6,7 @@
 #pragma once
 
 #include "exactarm/nlp/problem.hpp"
+#include "exactarm/ocp/objective.hpp"
 #include "exactarm/ocp/stage_model.hpp"
 
 namespace exactarm::ocp {
@@ -38,10 +39,8 @@ class Transcription : public nlp::Problem {
   Layout layout_;
   nlp::Sparsity jacobian_sparsity_, hessian_sparsity_;
   StageDerivatives derivatives_;
-  Vector lambda_, residual_, input_weight_;
+  Objective objective_;
+  Vector lambda_, residual_;
 };
-
-// nu ratio^2 in the layout's units, n; the objective is |q - q_d|^2 + sum of this times input^2.
-Vector input_weights(const Problem& problem);
 
 }  // namespace exactarm::ocp

@@ -1,0 +1,44 @@
+#include "exactarm/ocp/objective.hpp"
+
+namespace exactarm::ocp {
+
+Objective::Objective(const Problem& problem)
+    : problem_(problem), layout_(problem.layout()), input_weights_(problem.axes()) {
+  const double unit = std::pow(problem.step, problem.input == Input::jerk ? 3 : 2);
+  for (int i = 0; i < problem.axes(); ++i)
+    input_weights_[i] = problem.weight * std::pow(problem.gears[i].ratio / unit, 2);
+}
+
+double Objective::value(const double* z) const {
+  const int n = layout_.axes, width = layout_.width();
+  double sum = 0.0;
+  for (long k = 0; k < layout_.knots; ++k)
+    for (int i = 0; i < n; ++i) {
+      const double error = z[k * width + i] - problem_.q_desired(k, i);
+      const double input = z[k * width + layout_.input() * n + i];
+      sum += error * error + input_weights_[i] * input * input;
+    }
+  return sum;
+}
+
+void Objective::gradient(const double* z, double* gradient) const {
+  const int n = layout_.axes, width = layout_.width();
+  std::fill_n(gradient, layout_.unknowns(), 0.0);
+  for (long k = 0; k < layout_.knots; ++k)
+    for (int i = 0; i < n; ++i) {
+      const long q = k * width + i, input = k * width + layout_.input() * n + i;
+      gradient[q] = 2.0 * (z[q] - problem_.q_desired(k, i));
+      gradient[input] = 2.0 * input_weights_[i] * z[input];
+    }
+}
+
+double Objective::natural_scale(const double* z) const {
+  const double objective = value(z);
+  return objective > 1e-8 ? 100.0 / objective : 1e10;
+}
+
+double Objective::gradient_floor(double scale) const {
+  return 1e-15 * scale * std::max(problem_.q_desired.cwiseAbs().maxCoeff(), 1.0);
+}
+
+}  // namespace exactarm::ocp
