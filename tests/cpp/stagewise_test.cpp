@@ -32,6 +32,7 @@ Both solve_both(const Problem& problem, const StageDynamics& dynamics) {
   nlp::IpoptOptions options;
   options.objective_scale = both.scale;
   options.first_barrier = 1e-3;
+  options.feasibility = 1e-12;
   options.tolerance = std::max(options.tolerance, Objective(problem).gradient_floor(both.scale));
   both.ipopt = nlp::solve_ipopt(transcription, options);
   const Layout l = problem.layout();

@@ -167,8 +167,10 @@ Solution solve_ipopt(Problem& problem, const IpoptOptions& options) {
   set.SetStringValue("linear_solver", options.linear_solver);
   set.SetNumericValue("tol", options.tolerance);
   set.SetNumericValue("dual_inf_tol", 1e-4);
-  set.SetNumericValue("constr_viol_tol", 1e-12);
+  set.SetNumericValue("constr_viol_tol", options.feasibility);
   set.SetNumericValue("compl_inf_tol", options.last_barrier);
+  // MUMPS without its permutation solves to ten digits; refinement brings the rest.
+  set.SetIntegerValue("min_refinement_steps", 3);
   set.SetNumericValue("mu_init", options.first_barrier);
   // At a large objective scale the stationarity has a floor of rounding above ten times the last barriers.
   set.SetNumericValue("barrier_tol_factor", 1e3);

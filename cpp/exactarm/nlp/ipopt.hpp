@@ -24,7 +24,8 @@ const char* status_name(Status status);
 
 struct IpoptOptions {
   std::string linear_solver = "mumps";
-  double tolerance = 1e-7;           // stationarity and feasibility, of the scaled problem
+  double tolerance = 1e-7;           // stationarity of the scaled problem
+  double feasibility = 1e-10;        // equations and bounds
   double objective_scale = 1.0;
   double first_barrier = 1e-6;
   double last_barrier = 1e-10;       // complementarity, of the scaled problem
