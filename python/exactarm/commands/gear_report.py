@@ -26,7 +26,7 @@ def gear_report(robot: Robot, result: GearIdentification, rule: str) -> Report:
         f"The {error} on runs that were {'never fitted' if judge == 'validation' else 'fitted (none was held out)'} "
         f"falls from {quantity(before, unit)} to {quantity(after, unit)} RMS; {_noise_sentence(result.gears)}."
     )
-    fall = after < before
+    fall = after < 0.9 * before  # less is no success worth a green verdict
     sections = (
         Highlights((Highlight(f"{judge}, RMS", Quantity(after, unit), Quantity(before, unit)),)),
         _error_table(result.gears, error, rule),

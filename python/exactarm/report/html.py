@@ -14,6 +14,8 @@ from exactarm.report.sections import Figure, Highlights, Link, Report, Table, Te
 from exactarm.report.terminal import columns_of, highlight_texts
 
 TEMPLATE = Path(__file__).parent / "page.html"
+SHORT_CELL = 24  # a column of such cells is never broken
+WIDE_TABLE = 7  # columns from which a table is set closer
 
 
 def render_html(report: Report, drawings: Sequence[Drawing] = ()) -> str:
@@ -40,7 +42,8 @@ def _table(table: Table) -> dict:
     header, columns, numeric = columns_of(table)
     rows = [[_link(cell) if isinstance(cell, Link) else text for cell, text in zip(cells, texts)]
             for cells, texts in zip(table.rows, zip(*columns))]
-    return {"section": table, "header": header, "rows": rows, "numeric": numeric}
+    short = [max(map(len, column), default=0) <= SHORT_CELL for column in columns]
+    return {"section": table, "header": header, "rows": rows, "numeric": numeric, "short": short, "wide": len(header) >= WIDE_TABLE}
 
 
 def _link(cell: Link) -> Markup:
