@@ -190,9 +190,15 @@ def output_angle(arm: Arm, theta: np.ndarray, direction: np.ndarray) -> np.ndarr
         if not tables:
             continue
         cw, ccw = tables.get("cw", tables.get("ccw")), tables.get("ccw", tables.get("cw"))
-        share = 0.5 * (1.0 + direction[:, i])
-        wanted = phi[:, i].copy()
+        # An axis that stands still is worked out once.
+        still = np.ptp(theta[:, i]) == 0.0 and np.ptp(direction[:, i]) == 0.0
+        rows = slice(0, 1) if still else slice(None)
+        share, wanted = 0.5 * (1.0 + direction[rows, i]), phi[rows, i].copy()
+        x = wanted
         for _ in range(15):
-            step = share * ccw.error(phi[:, i]) + (1.0 - share) * cw.error(phi[:, i])
-            phi[:, i] = wanted - step
+            before = x
+            x = wanted - share * ccw.error(x) - (1.0 - share) * cw.error(x)
+            if np.max(np.abs(x - before)) < 1e-14:
+                break
+        phi[:, i] = x
     return phi

@@ -143,7 +143,7 @@ class GearHarmonics(Hidden):
 
 @dataclass(frozen=True)
 class DirectionDependence(Hidden):
-    """A gear error that has another sign in the other direction of motion."""
+    """A gear error that has another sign in the other direction of motion; nought at angle 0, as both tables are."""
 
     name: str = "direction_dependence"
     order: float = 3.0
@@ -159,7 +159,7 @@ class DirectionDependence(Hidden):
         return cls(joint=i + 1, size=3e-4, order=order, phase=random.uniform(0, 2 * np.pi), detail={"order": order})
 
     def gear(self, arm, phi, rows):
-        wave = np.cos(self.order * phi[:, self.index] + self.phase)
+        wave = np.cos(self.order * phi[:, self.index] + self.phase) - np.cos(self.phase)
         return self.at_joint(wave * rows.direction[:, self.index], arm.axes)
 
 

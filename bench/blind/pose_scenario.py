@@ -147,7 +147,7 @@ def _draw_causes(theme, wanted, random, truth, rows) -> tuple[Hidden, ...] | Non
 def _write(folder, robot, truth, rows, causes, random, seed) -> Case | None:
     sigma = random.uniform(3e-5, 1.5e-4) / np.sqrt(3.0)
     sigma_turn = sigma / random.uniform(0.15, 0.5) if "orientation" in rows.has else None
-    noise = random.normal(0.0, sigma, (len(rows), 3))
+    noise = _noise(truth, rows, sigma, random)
     turned = random.normal(0.0, sigma_turn, (len(rows), 3)) if sigma_turn else np.zeros((len(rows), 3))
     raised = float(np.exp(random.uniform(np.log(1.05), np.log(5.0))))
     clean, _ = measure(truth, rows)
@@ -175,6 +175,23 @@ def _write(folder, robot, truth, rows, causes, random, seed) -> Case | None:
     _table(truth.declared, rows, position, rotation, random).to_csv(data, index=False, float_format="%.10g")
     (folder / "truth.json").write_text(json.dumps(record, indent=1))
     return Case(robot, data, record)
+
+
+def _noise(truth: Truth, rows: Rows, sigma: float, random) -> np.ndarray:
+    """(N, 3) of RMS sigma per component: even; or with an axis of its own; or growing with the distance; or partly the
+    repeatability of the joints, which does not come back at the next visit."""
+    noise = random.normal(size=(len(rows), 3))
+    kind = random.choice(("even", "axes", "distance", "joints"), p=(0.55, 0.15, 0.15, 0.15))
+    if kind == "axes":
+        noise *= random.uniform(0.5, 1.5, 3)
+    elif kind == "distance":
+        far = np.linalg.norm(measure(truth, rows)[0], axis=1, keepdims=True)
+        noise *= 0.5 + far / far.mean()
+    elif kind == "joints":
+        slack = random.normal(0.0, 1e-5, rows.command.shape) * truth.arm.motor_per_output
+        moved = measure(truth, replace(rows, command=rows.command + slack))[0] - measure(truth, rows)[0]
+        noise += moved / np.sqrt(np.mean(moved**2))
+    return sigma * noise / np.sqrt(np.mean(noise**2))
 
 
 def _to_size(cause: Hidden, truth: Truth, rows: Rows, raised: float, sigma: float, sigma_turn) -> Hidden | None:

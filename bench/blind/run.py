@@ -1,6 +1,6 @@
 """Draws cases, diagnoses them blind and prints the marks.
 
-    python bench/blind/run.py --count 60 [--seed 0] [--theme NAME] [--folder DIR] [--out marks.json]
+    python bench/blind/run.py --count 60 [--kind poses|gear_run] [--seed 0] [--theme NAME] [--folder DIR] [--out marks.json]
 
 theme: single, clean, foreign, pair, or the name of one effect; without it they come in turn at random. Every case
 stands in its own folder under DIR with robot, data and truth, so that any of them can be looked at again.
@@ -19,9 +19,10 @@ for folder in (TOP / "bench", TOP / "python"):
     if str(folder) not in sys.path:
         sys.path.insert(0, str(folder))
 
-from blind.pose_scenario import draw_case  # noqa: E402
+from blind import gear_scenario, pose_scenario  # noqa: E402
 from blind.scorer import diagnose_case, summary  # noqa: E402
 
+SCENARIOS = {"poses": pose_scenario, "gear_run": gear_scenario}
 ROBOTS = TOP / "python" / "exactarm" / "data" / "robots"
 
 
@@ -38,6 +39,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--count", type=int, default=60)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--kind", choices=SCENARIOS, default="poses")
     parser.add_argument("--theme")
     parser.add_argument("--folder", type=Path)
     parser.add_argument("--out", type=Path)
@@ -46,7 +48,7 @@ def main() -> None:
         folder = arguments.folder or Path(scratch)
         records = []
         for seed in range(arguments.seed, arguments.seed + arguments.count):
-            case = draw_case(folder / str(seed), seed, ROBOTS, arguments.theme)
+            case = SCENARIOS[arguments.kind].draw_case(folder / str(seed), seed, ROBOTS, arguments.theme)
             records.append(diagnose_case(case.robot, case.data, case.truth))
             print(line(records[-1]), flush=True)
     marks = summary(records)

@@ -1,0 +1,210 @@
+"""One drawn case of a gear run: arm, runs, hidden cause scaled to a wanted error, sensor noise, files.
+
+What the declared model can still absorb is taken out by a linear fit of our own: harmonics of the declared orders
+per direction, the constant tilt of the gyroscope, an offset per run of a link encoder.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from blind.arm import read_arm
+from blind.gear_effects import GEAR_EFFECTS, GEAR_FOREIGN
+from blind.gear_runs import OVERSAMPLING, Reading, Runs, ramped, sense, to_and_fro
+from blind.pose_scenario import Case
+from blind.random_arms import write_random_arm
+
+TRIES = 60
+LARGEST_RATE_SHARE, LARGEST_ANGLE_RAD = 0.3, 5e-3  # that a cause of plausible size changes
+
+
+def draw_case(folder: Path, seed: int, robots: Path, theme: str | None = None) -> Case:
+    """Writes robot.toml, gear.csv and truth.json. theme as in `pose_scenario.draw_case` (no pairs)."""
+    random = np.random.default_rng(seed)
+    folder.mkdir(parents=True, exist_ok=True)
+    theme = theme or random.choice(("single", "clean", "foreign"), p=(0.75, 0.15, 0.1))
+    for _ in range(TRIES):
+        robot = _robot_file(folder, random, robots, seed)
+        declared = read_arm(robot)
+        if not declared.has_gear.all():
+            continue
+        arm = declared.with_values(offset=declared.offset + random.normal(0.0, 1e-3, declared.axes))
+        encoders = declared.name == "kr300" or random.random() < 0.4
+        runs = _encoder_runs(arm, random) if encoders else _gyroscope_runs(arm, random)
+        tilt = _small_turn(random.normal(0.0, 0.015, 2))
+        if declared.name == "kr300" and theme == "foreign":
+            continue
+        cause = _draw_cause(theme, random, sense(arm, runs, (), tilt))
+        if cause is None:
+            continue
+        case = _write(folder, robot, arm, runs, tilt, cause, random, seed)
+        if case is not None:
+            return case
+    raise RuntimeError(f"seed {seed}: no case of {theme} after {TRIES} draws")
+
+
+def _robot_file(folder: Path, random, robots: Path, seed: int) -> Path:
+    path = folder / "robot.toml"
+    choice = random.integers(5)
+    if choice < 3:
+        shutil.copy(robots / f"{('racer-7-1.4', 'tx40', 'kr300')[choice]}.toml", path)
+    else:
+        write_random_arm(path, random, f"arm-{seed}")
+    return path
+
+
+def _small_turn(angles) -> np.ndarray:
+    a, b = angles
+    about_x = np.array([[1, 0, 0], [0, np.cos(a), -np.sin(a)], [0, np.sin(a), np.cos(a)]])
+    about_y = np.array([[np.cos(b), 0, np.sin(b)], [0, 1, 0], [-np.sin(b), 0, np.cos(b)]])
+    return about_x @ about_y
+
+
+def _rest(arm, random) -> np.ndarray:
+    middle, half = 0.5 * (arm.lower + arm.upper), 0.5 * np.minimum(arm.upper - arm.lower, np.pi)
+    return middle + 0.5 * half * random.uniform(-1.0, 1.0, arm.axes)
+
+
+def _gyroscope_runs(arm, random) -> Runs:
+    """One axis, to one side and back, at one or two speeds, two or three times each."""
+    rate = float(random.choice((400.0, 400.0, 1000.0)))
+    step = 1.0 / (rate * OVERSAMPLING)
+    axis = int(random.integers(min(arm.axes, 5)))
+    low, high = arm.lower[axis] - arm.offset[axis] + 0.1, arm.upper[axis] - arm.offset[axis] - 0.1
+    if high - low > 4.0:
+        low, high = 0.5 * (low + high) - 2.0, 0.5 * (low + high) + 2.0
+    rest = _rest(arm, random) - arm.offset
+    speeds = random.uniform(0.7, 1.8) * np.array((1.0, 0.5) if random.random() < 0.6 else (1.0,))
+    parts = []
+    for repeat in range(3 if len(speeds) == 1 else 2):
+        for speed in speeds:
+            path = ramped(high - low, speed, 0.25, step)
+            for sign in (1.0, -1.0):
+                phi = np.tile(rest, (len(path), 1))
+                phi[:, axis] = low + path if sign > 0 else high - path
+                direction = np.zeros_like(phi)
+                direction[:, axis] = sign * np.sign(arm.motor_per_output[axis])
+                parts.append((phi, direction, axis))
+    return _joined(arm, parts, step, random)
+
+
+def _encoder_runs(arm, random) -> Runs:
+    """Several axes wander at once; encoders on one to three of the first axes."""
+    rate = 250.0
+    step = 1.0 / (rate * OVERSAMPLING)
+    count = int(random.integers(1, min(4, arm.axes)))
+    parts = []
+    for _ in range(2 + int(random.random() < 0.5)):
+        phi = np.tile(_rest(arm, random) - arm.offset, (int(10.0 / step), 1))
+        for axis in range(max(count, 2)):
+            half = 0.35 * min(arm.upper[axis] - arm.lower[axis], np.pi)
+            phi[:, axis] += to_and_fro(half, 10.0, step, random)[: len(phi)]
+        speed = np.gradient(phi, step, axis=0)
+        direction = np.where(np.abs(speed) > 1e-9, np.sign(speed), 0.0) * np.sign(arm.motor_per_output)
+        parts.append((phi, direction, 0))
+    runs = _joined(arm, parts, step, random)
+    return Runs(runs.time, runs.theta, runs.direction, runs.run, runs.moved, runs.temperature, tuple(range(count)))
+
+
+def _joined(arm, parts, step: float, random) -> Runs:
+    time, run, temperature, clock = [], [], [], 0.0
+    for number, (phi, _, _) in enumerate(parts):
+        t = np.arange(len(phi)) * step
+        time.append(t)
+        run.append(np.full(len(phi), number + 1))
+        temperature.append(25.0 + 8.0 * (1.0 - np.exp(-(clock + t) / 40.0)))
+        clock += t[-1] + 5.0
+    theta = np.concatenate([phi for phi, _, _ in parts]) * arm.motor_per_output
+    moved = np.concatenate([np.full(len(phi), axis) for phi, _, axis in parts])
+    return Runs(np.concatenate(time), theta, np.concatenate([d for _, d, _ in parts]), np.concatenate(run), moved, np.concatenate(temperature))
+
+
+def _draw_cause(theme: str, random, clean: Reading):
+    if theme == "clean":
+        return ()
+    pool = GEAR_FOREIGN if theme == "foreign" else GEAR_EFFECTS
+    if theme not in ("single", "foreign"):
+        pool = tuple(c for c in GEAR_EFFECTS + GEAR_FOREIGN if theme in (c.name, c.__name__))
+    cause = pool[random.integers(len(pool))].draw(random, clean.state)
+    return None if cause is None else (cause,)
+
+
+def _absorbed(arm, reading: Reading, error: np.ndarray) -> np.ndarray:
+    """(M, c) what is left of `error` after what the declared model re-identifies."""
+    state, picked = reading.state, reading.picked
+    run = state.runs.run[picked]
+    left = np.empty_like(error)
+    axes = state.runs.encoder_axes or (int(state.runs.moved[0]),)
+    for column, axis in enumerate(axes):
+        phi, rate, direction = (v[picked, axis] for v in (state.phi, state.rate, state.runs.direction))
+        columns = [np.ones(len(phi)) * (run == number) for number in np.unique(run)] if state.runs.encoder_axes else []
+        tables = arm.tables[axis] if arm.tables else {}
+        orders = np.unique(np.concatenate([t.order for t in tables.values()])) if tables else ()
+        speed = 1.0 if state.runs.encoder_axes else rate
+        for order in orders:
+            columns += [f(order * phi) * (direction * side > 0) * speed for f in (np.cos, np.sin) for side in (-1, 1)]
+        if not state.runs.encoder_axes:
+            # A constant tilt turns the reading across the axis into nothing that shows along it.
+            left[:, 0:2] = error[:, 0:2] - rate[:, None] * (rate @ error[:, 0:2] / (rate @ rate))
+            column = 2
+        if columns:
+            design = np.stack(columns, axis=1)
+            left[:, column] = error[:, column] - design @ np.linalg.lstsq(design, error[:, column], rcond=1e-10)[0]
+        else:
+            left[:, column] = error[:, column]
+    return left
+
+
+def _judged(left: np.ndarray, encoders: bool) -> float:
+    return float(np.sqrt(np.mean(left**2 if encoders else left[:, 2] ** 2)))
+
+
+def _write(folder, robot, arm, runs, tilt, causes, random, seed) -> Case | None:
+    encoders = bool(runs.encoder_axes)
+    sigma = random.uniform(5e-6, 3e-5) if encoders else random.uniform(3e-4, 2e-3)
+    raised = float(np.exp(random.uniform(np.log(1.05), np.log(5.0))))
+    clean = sense(arm, runs, (), tilt)
+    for _ in range(2 if causes else 0):
+        error = _absorbed(arm, clean, sense(arm, runs, causes, tilt).sensor - clean.sensor)
+        size = _judged(error, encoders)
+        if not encoders:  # what shows only across the axis is found there
+            size = max(size, float(np.sqrt(np.mean(error[:, :2] ** 2))))
+        if size < 1e-12:
+            return None
+        causes = tuple(cause.scaled(cause.size * np.sqrt(raised**2 - 1.0) * sigma / size) for cause in causes)
+    reading = sense(arm, runs, causes, tilt)
+    change = np.abs(reading.sensor - clean.sensor).max()
+    limit = LARGEST_ANGLE_RAD if encoders else LARGEST_RATE_SHARE * np.abs(clean.sensor).max()
+    if causes and change > limit:
+        return None
+    sensor = reading.sensor + random.normal(0.0, sigma, reading.sensor.shape)
+    left = _judged(_absorbed(arm, clean, sensor - clean.sensor), encoders)
+    picked = reading.picked
+    numbers = np.unique(runs.run)
+    record = {
+        "kind": "gear_run", "seed": seed, "effects": [cause.truth() for cause in causes], "noise": sigma, "best": sigma,
+        "declared": left, "raised": left / sigma, "arm": arm.name, "rows": len(picked), "encoders": encoders,
+        "has": ["encoders" if encoders else "gyroscope", f"axis {runs.moved[0] + 1}"],
+    }
+    columns: dict[str, np.ndarray] = {"time_s": runs.time[picked], "run": runs.run[picked]}
+    if random.random() < 0.5 and len(numbers) >= 3:
+        held = numbers[-1:] if encoders else numbers[-2:]
+        columns["set"] = np.where(np.isin(runs.run[picked], held), "validation", "identification")
+    step = 2.0 * np.pi / 2**16
+    for i in range(arm.axes):
+        columns[f"theta_{i + 1}_rad"] = np.round(runs.theta[picked, i] / step) * step
+    if encoders:
+        columns |= {f"q_{axis + 1}_rad": sensor[:, k] for k, axis in enumerate(runs.encoder_axes)}
+    else:
+        columns |= {f"gyro_{axis}_rad_s": sensor[:, k] for k, axis in enumerate("xyz")}
+    if random.random() < 0.5 or any(cause.name == "thermal_drift" for cause in causes):
+        columns["temperature_degC"] = runs.temperature[picked]
+    data = folder / "gear.csv"
+    pd.DataFrame(columns).to_csv(data, index=False, float_format="%.12g")
+    (folder / "truth.json").write_text(json.dumps(record, indent=1))
+    return Case(robot, data, record)
