@@ -1,0 +1,210 @@
+"""The causes of the contract's table that motion data can show, with physics of their own.
+
+    links    changes masses                torque   adds to the drive torque, output side (N, n) Nm
+    motor    adds to the motor angle       record   changes what is written down
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from blind.motion import SMOOTH_RAD_S
+
+
+@dataclass(frozen=True)
+class MotionCause:
+    """A cause in a motion; `size` is what a scenario scales. `joint` from 1."""
+
+    name: str = ""
+    joint: int | None = None
+    size: float = 1.0
+    detail: dict = field(default_factory=dict)
+
+    foreign = False
+
+    @classmethod
+    def draw(cls, random, arm, drive, played):
+        return cls(joint=int(random.integers(arm.axes)) + 1)
+
+    def scaled(self, size: float):
+        return replace(self, size=size)
+
+    def on_axis(self, drive, shape):
+        out = np.zeros_like(drive.q)
+        out[:, self.joint - 1] = self.size * shape
+        return out
+
+    def of(self, values):
+        return values[:, self.joint - 1]
+
+    def links(self, arm):
+        return arm
+
+    def torque(self, arm, drive, played):
+        return 0.0
+
+    def motor(self, arm, drive, played):
+        return 0.0
+
+    def record(self, tau, drive):
+        return tau
+
+    def truth(self) -> dict:
+        return {"effect": self.name, "joint": self.joint, "size": self.size, "foreign": self.foreign} | self.detail
+
+
+@dataclass(frozen=True)
+class Stribeck(MotionCause):
+    name: str = "stribeck_friction"
+    fades: float = 0.05
+
+    @classmethod
+    def draw(cls, random, arm, drive, played):
+        return replace(super().draw(random, arm, drive, played), fades=float(np.exp(random.uniform(np.log(0.02), np.log(0.2)))))
+
+    def torque(self, arm, drive, played):
+        v = self.of(drive.rate)
+        return self.on_axis(drive, np.tanh(v / SMOOTH_RAD_S) * np.exp(-((v / self.fades) ** 2)))
+
+
+@dataclass(frozen=True)
+class Asymmetric(MotionCause):
+    """More friction one way than the other."""
+
+    name: str = "asymmetric_friction"
+
+    def torque(self, arm, drive, played):
+        v = self.of(drive.rate)
+        return self.on_axis(drive, np.tanh(v / SMOOTH_RAD_S) ** 2 + 0.3 * np.abs(v))
+
+
+@dataclass(frozen=True)
+class LoadFriction(MotionCause):
+    name: str = "load_friction"
+
+    @classmethod
+    def draw(cls, random, arm, drive, played):
+        cause = super().draw(random, arm, drive, played)
+        return cause if np.abs(cause.of(played.link)).std() > 1.0 else None
+
+    def torque(self, arm, drive, played):
+        return self.on_axis(drive, np.tanh(self.of(drive.rate) / SMOOTH_RAD_S) * np.abs(self.of(played.link)))
+
+
+@dataclass(frozen=True)
+class TorqueRipple(MotionCause):
+    """Cogging: an order of the motor's own angle."""
+
+    name: str = "torque_ripple"
+    order: float = 6.0
+    phase: float = 0.0
+
+    @classmethod
+    def draw(cls, random, arm, drive, played):
+        order = float(random.choice((1.0, 2.0, 6.0)))
+        return replace(super().draw(random, arm, drive, played), order=order, phase=random.uniform(0, 6.28), detail={"order": order})
+
+    def torque(self, arm, drive, played):
+        return self.on_axis(drive, np.sin(self.order * self.of(played.theta) + self.phase))
+
+
+@dataclass(frozen=True)
+class TorqueConstant(MotionCause):
+    name: str = "torque_constant"
+
+    def record(self, tau, drive):
+        out = tau.copy()
+        out[:, self.joint - 1] *= 1.0 + self.size
+        return out
+
+
+@dataclass(frozen=True)
+class RotorInertia(MotionCause):
+    name: str = "rotor_inertia"
+
+    def torque(self, arm, drive, played):
+        return self.on_axis(drive, self.of(drive.acceleration))
+
+
+@dataclass(frozen=True)
+class GravityCompensator(MotionCause):
+    """A spring cylinder beside an axis: pulls with the sine of the angle from its dead centre."""
+
+    name: str = "gravity_compensator"
+    centre: float = 0.0
+
+    @classmethod
+    def draw(cls, random, arm, drive, played):
+        if arm.mass is None:
+            return None
+        return cls(joint=int(random.integers(2, 4)), size=10.0, centre=random.uniform(-1.0, 1.0))
+
+    def torque(self, arm, drive, played):
+        return self.on_axis(drive, -np.sin(self.of(drive.q) - self.centre))
+
+
+@dataclass(frozen=True)
+class Payload(MotionCause):
+    name: str = "payload"
+    centre: tuple[float, float, float] = (0.0, 0.0, 0.05)
+
+    @classmethod
+    def draw(cls, random, arm, drive, played):
+        return cls(size=2.0, centre=tuple(random.uniform((-0.05, -0.05, 0.0), (0.05, 0.05, 0.15))))
+
+    def links(self, arm):
+        mass, centre, inertia = arm.mass.copy(), arm.centre.copy(), arm.inertia.copy()
+        total = mass[-1] + self.size
+        new = (mass[-1] * centre[-1] + self.size * np.array(self.centre)) / total
+        for m, c in ((mass[-1], centre[-1] - new), (self.size, np.array(self.centre) - new)):
+            inertia[-1] = inertia[-1] + m * (c @ c * np.eye(3) - np.outer(c, c))
+        mass[-1], centre[-1] = total, new
+        return arm.with_values(mass=mass, centre=centre, inertia=inertia)
+
+
+@dataclass(frozen=True)
+class TimeDelay(MotionCause):
+    name: str = "time_delay"
+    size: float = 1e-3
+
+    @classmethod
+    def draw(cls, random, arm, drive, played):
+        return cls()
+
+    def record(self, tau, drive):
+        out = tau.copy()
+        for number in np.unique(drive.run):
+            rows = np.flatnonzero(drive.run == number)
+            for i in range(tau.shape[1]):
+                out[rows, i] = np.interp(drive.time[rows] - self.size, drive.time[rows], tau[rows, i])
+        return out
+
+
+@dataclass(frozen=True)
+class FloorShock(MotionCause):
+    """Foreign: a torque that follows the time and nothing else."""
+
+    name: str = "machine_nearby"
+    foreign = True
+
+    def torque(self, arm, drive, played):
+        return self.on_axis(drive, np.sin(2.0 * np.pi * 3.3 * drive.time) * (1.0 + 0.5 * np.sin(2.0 * np.pi * 0.21 * drive.time)))
+
+
+@dataclass(frozen=True)
+class CableBundle(MotionCause):
+    """Foreign: cables wind up with two axes at once."""
+
+    name: str = "cable_bundle"
+    foreign = True
+
+    def torque(self, arm, drive, played):
+        return self.on_axis(drive, drive.q[:, -1] * drive.q[:, -2] ** 2)
+
+
+MOTION_EFFECTS = (
+    Stribeck, Asymmetric, LoadFriction, TorqueRipple, TorqueConstant, RotorInertia, GravityCompensator, Payload, TimeDelay,
+)
+MOTION_FOREIGN = (FloorShock, CableBundle)
