@@ -276,6 +276,22 @@ class ThermalShift(Hidden):
 
 
 @dataclass(frozen=True)
+class ThermalZero(Hidden):
+    """The zero of one axis moves with the temperature."""
+
+    name: str = "thermal_drift"
+
+    @classmethod
+    def draw(cls, random, setting: Setting):
+        if "temperature" not in setting.rows.has:
+            return None
+        return cls(joint=pick(random, range(1, setting.arm.axes)), size=2e-5, detail={"form": "zero"})
+
+    def spring(self, arm, q, torque, rows):
+        return self.at_joint(rows.temperature - 20.0, arm.axes)
+
+
+@dataclass(frozen=True)
 class TrackerScale(Hidden):
     """The device reads one or two of its axes too long."""
 
@@ -343,5 +359,5 @@ class Outliers(Hidden):
 
 POSE_EFFECTS = (
     Backlash, JointCompliance, LinkCompliance, BaseCompliance, GearEccentricity, GearHarmonics, DirectionDependence,
-    GearRatio, JointCoupling, Hysteresis, Payload, ThermalGrowth, ThermalShift, TrackerScale, TrackerDrift, Outliers,
+    GearRatio, JointCoupling, Hysteresis, Payload, ThermalGrowth, ThermalShift, ThermalZero, TrackerScale, TrackerDrift, Outliers,
 )

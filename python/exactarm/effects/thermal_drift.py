@@ -1,9 +1,10 @@
 """Thermal drift: the robot or its sensor changes as it warms up.
 
-Four forms, x the temperature (or time, or row order, where no temperature was measured) from its reference:
+Five forms, x the temperature (or time, or row order, where no temperature was measured) from its reference:
 
-    growth     displacement = growth x (target - base origin): the structure expands (steel 1.2e-5 per K)
+    growth     displacement = growth x (flange - base origin): the structure expands (steel 1.2e-5 per K), the tool does not
     target     displacement = drift x: base or tool moves off in one direction
+    zero       q_i += drift x: the zero of one axis moves (a warm gear or link turns it)
     sensor     the gyroscope's bias drifts: rate += drift x
     lubricant  viscous friction falls: torque -= fall x viscous rate, on all axes alike
 
@@ -48,7 +49,7 @@ class ThermalDrift(Effect):
     @classmethod
     def from_table(cls, table) -> Effect:
         form = next(sub for sub in ThermalDrift.__subclasses__() if sub.form == table["form"])
-        raw = form(None, (), table["driver"])
+        raw = form(table.get("joint"), (), table["driver"])
         return raw.with_values(table[parameter.name] for parameter in raw.parameters())
 
     @classmethod
@@ -71,9 +72,15 @@ class ThermalGrowth(ThermalDrift):
 
     def change(self, view) -> Change:
         x = slow_signal(view.data, self.driver)[:, None]
-        arm = x * (view.signals["target"] - view.signals["base_position"])
+        base = view.signals["base_rotation"].reshape(view.rows, 3, 3)
+        arm = np.einsum("nij,nj->ni", base, view.frames()[0][:, -1])
+        tool = view.signals["target"] - view.signals["base_position"] - arm
+        arm = x * arm
         by_displacement = np.zeros((view.rows, 3, 6))
-        by_displacement[:, :, :3] = self.values[0] * x[:, :, None] * np.eye(3)
+        by_displacement[:, :, :3] = np.eye(3)
+        # The flange moves as the target does, less what a turn does to the tool between them.
+        by_displacement[:, :, 3:] = np.cross(tool[:, :, None], np.eye(3), axis=1)
+        by_displacement *= self.values[0] * x[:, :, None]
         return Change((0, 1, 2), self.values[0] * arm, arm[:, :, None], {"displacement": by_displacement})
 
     @classmethod
@@ -101,6 +108,31 @@ class ThermalTargetDrift(ThermalDrift):
     def of(cls, robot, view) -> Iterable[Effect]:
         """Only along a temperature: along time it is the drift of the measuring device."""
         return (cls(None, (0.0,) * 3, driver) for driver in temperatures(view.data))
+
+
+@dataclass(frozen=True)
+class ThermalZeroDrift(ThermalDrift):
+    station: ClassVar[Station] = Station.SPRING
+    kinds: ClassVar[tuple[str, ...]] = ("poses", "tracked_motion")
+    form: ClassVar[str] = "zero"
+
+    @property
+    def label(self) -> str:
+        return f"{super().label}_{self.joint}"
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        return (Parameter(f"zero_rad_per_{self.unit}", 2e-5),)
+
+    def describe(self) -> str:
+        return f"the zero of axis {self.joint} drifts by {self.values[0]:.3g} rad per {self.unit} (it follows {self.driver})"
+
+    def change(self, view) -> Change:
+        x = slow_signal(view.data, self.driver)[:, None]
+        return Change((self.index,), self.values[0] * x, x[:, :, None])
+
+    @classmethod
+    def of(cls, robot, view) -> Iterable[Effect]:
+        return (cls(axis + 1, (0.0,), driver) for driver in drivers(view.data) for axis in range(robot.axes))
 
 
 @dataclass(frozen=True)
