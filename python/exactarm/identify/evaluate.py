@@ -1,6 +1,6 @@
 """The error of a robot file, as it is, on data it has not seen: only what belongs to the set-up is fitted.
 
-Poses: base and tool frames of every session. One function a kind of data, found by its name in `EVALUATORS`.
+Poses: base and tool frames of every session. Gear runs: alignment and bias of the gyroscope. One function a kind of data, found by its name in `EVALUATORS`.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import numpy as np
 
 from exactarm.dataset import Dataset
 from exactarm.identify.declared import carried_layout, frames_layout, require_geometry
+from exactarm.identify.gear_evaluate import gear_run_error
 from exactarm.identify.match import require_match
 from exactarm.identify.pose_fit import fit_poses
 from exactarm.identify.statistics import ErrorSummary, summarise
@@ -42,4 +43,13 @@ def evaluate_poses(robot: Robot, data: Dataset, seed: int = 0, threads: int = 1)
     return Evaluation("m", error, residual, ("dx_m", "dy_m", "dz_m"), summarise(error), sessions)
 
 
-EVALUATORS: dict[str, Callable[..., Evaluation]] = {"poses": evaluate_poses}
+def evaluate_gear_runs(robot: Robot, data: Dataset, seed: int = 0, threads: int = 1) -> Evaluation:
+    """The unfiltered rate along the moving axis (or the angle between two encoders), on the rows that count."""
+    found = gear_run_error(robot, data, threads)
+    judged = lambda rows: summarise(found.error[rows & found.keep])
+    sessions = tuple((int(s), judged(data.session == s)) for s in np.unique(data.session))
+    overall = judged(np.ones(len(data), bool))
+    return Evaluation(found.unit, found.error, found.residual, found.columns, overall, sessions)
+
+
+EVALUATORS: dict[str, Callable[..., Evaluation]] = {"poses": evaluate_poses, "gear_run": evaluate_gear_runs}
