@@ -12,6 +12,7 @@ import numpy as np
 import scipy  # scipy.signal is imported at its first use: it takes half a second, and poses need none of it
 from scipy import ndimage, sparse
 
+_FIRST_SAMPLES = 400  # as good as all, and quick on a long run
 _GAP = 1.5  # a step longer than this many typical ones ends a block
 # Central differences on a unit grid, coefficients of x[k + 1] - x[k - 1], x[k + 2] - x[k - 2], ... (Fornberg 1988).
 _STENCILS = {
@@ -24,8 +25,8 @@ HALF_STENCIL = 4
 
 
 def typical_step(time: np.ndarray) -> float:
-    """Median sampling interval of one run, s."""
-    return float(np.median(np.diff(time)))
+    """Median sampling interval of one run, s, from its first samples."""
+    return float(np.median(np.diff(time[:_FIRST_SAMPLES])))
 
 
 def blocks(time: np.ndarray) -> list[np.ndarray]:

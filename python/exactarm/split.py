@@ -89,8 +89,9 @@ def _alike(dataset: "Dataset") -> list[np.ndarray]:
         return [runs]
     theta = np.nan_to_num(dataset.joints["theta"])
     sorts: dict[tuple[int, ...], list[int]] = {}
-    for run in runs:
-        sorts.setdefault(_sort_of_motion(theta[dataset.run == run]), []).append(run)
+    order = np.argsort(dataset.run, kind="stable")
+    for run, rows in zip(runs, np.split(order, np.flatnonzero(np.diff(dataset.run[order])) + 1)):
+        sorts.setdefault(_sort_of_motion(theta[rows]), []).append(run)
     return [np.array(members) for _, members in sorted(sorts.items())]
 
 

@@ -54,7 +54,9 @@ def link_angle(theta: np.ndarray, ratio: float, table) -> np.ndarray:
     for _ in range(60):
         angle = np.multiply.outer(phi, table.order)
         error = (np.sin(angle) * table.a + (np.cos(angle) - 1.0) * table.b) / table.order
-        phi = theta / ratio - error.sum(axis=-1)
+        before, phi = phi, theta / ratio - error.sum(axis=-1)
+        if np.max(np.abs(phi - before)) < 1e-14:
+            break
     return phi
 
 

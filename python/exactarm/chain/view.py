@@ -112,6 +112,8 @@ class View:
     def moving_runs(self) -> tuple[tuple[np.ndarray, int], ...]:
         """(row indices, axis from 0 that moves furthest) of every run."""
         output = np.abs(1.0 / self.robot.ratios)
+        if np.count_nonzero(self.moving) == 1:
+            return tuple((rows, int(np.argmax(self.moving))) for rows in self.runs)
         return tuple((rows, int(np.argmax(np.ptp(self.theta[rows], axis=0) * output))) for rows in self.runs)
 
     @cached_property

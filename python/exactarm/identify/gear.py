@@ -10,6 +10,7 @@ Both methods of finding orders are run and compared; the chosen one goes into th
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -105,12 +106,10 @@ def identify_gears(
     result, gears, held_out, alignments, warnings = robot, [], [], [], []
     for axis in measured_axes(robot, data, record):
         samples, setup = gear_samples(robot, data, record, axis, identification, threads)
-        estimates: dict[str, GearEstimate] = {}
-        for name in METHODS:
-            progress(f"gear {axis + 1}: {name}")
-            found = identify_axis(samples, name)
-            if found is not None:
-                estimates[name] = found
+        progress(f"gear {axis + 1}")
+        with ThreadPoolExecutor(max_workers=max(1, min(threads, len(METHODS)))) as pool:
+            found = dict(zip(METHODS, pool.map(lambda name: identify_axis(samples, name), METHODS)))
+        estimates = {name: estimate for name, estimate in found.items() if estimate is not None}
         if method not in estimates:
             warnings.append(f"axis {axis + 1}: too few identification rows in steady motion, its gear is left as declared")
             continue
@@ -193,7 +192,7 @@ def _gear(estimate: GearEstimate, side: str, errors: _Errors) -> Gear:
 
 
 def _cutoff(samples: GearSamples) -> float:
-    return float(np.median([cutoff_hz(samples, run) for run in np.unique(samples.run)]))
+    return float(np.median([cutoff_hz(samples, rows) for rows in samples.runs]))
 
 
 def _held_out(estimate: GearEstimate, errors: _Errors) -> list[HeldOut]:
@@ -214,15 +213,14 @@ def _held_out(estimate: GearEstimate, errors: _Errors) -> list[HeldOut]:
 
 def _speed_of_rows(samples: GearSamples) -> np.ndarray:
     """(N,) typical speed of each row's run; runs of nearly the same speed share one number."""
-    runs = np.unique(samples.run)
-    own = np.array([np.median(np.abs(samples.rate[(samples.run == run) & samples.keep])) if
-                    np.any((samples.run == run) & samples.keep) else 0.0 for run in runs])
+    kept = [rows[samples.keep[rows]] for rows in samples.runs]
+    own = np.array([np.median(np.abs(samples.rate[rows])) if rows.size else 0.0 for rows in kept])
     shared, out = own.copy(), np.zeros(samples.run.size)
     for k in np.argsort(own):
         close = np.abs(own - own[k]) <= _SAME_SPEED * own[k]
         shared[close] = np.median(own[close])
-    for run, speed in zip(runs, shared):
-        out[samples.run == run] = speed
+    for rows, speed in zip(samples.runs, shared):
+        out[rows] = speed
     return out
 
 

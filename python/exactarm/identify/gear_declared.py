@@ -54,6 +54,8 @@ def alignments(robot: Robot, data: Dataset, record: GearRecord) -> list[GyroAlig
         for axis in np.unique(view.sensor_axis[data.session == session]):
             rows = (data.session == session) & (view.sensor_axis == axis)
             direction = data.gyro[rows].T @ (record.theta_dot[rows, axis] / robot.ratios[axis])
+            if not np.any(direction):
+                continue
             flipped = bool(direction[2] < 0.0)
             angles = aligning_angles(-direction if flipped else direction)
             found.append(GyroAlignment(int(axis) + 1, angles, int(session), flipped))
@@ -76,7 +78,7 @@ def measured_axes(robot: Robot, data: Dataset, record: GearRecord) -> tuple[int,
     view = gear_view(robot, data, record)
     if record.encoder_axes:
         return tuple(axis for axis in record.encoder_axes if view.moving[axis])
-    return tuple(int(axis) for axis in np.unique(view.sensor_axis))
+    return tuple(int(axis) for axis in np.unique(view.sensor_axis) if view.moving[axis])
 
 
 def gear_view(robot: Robot, data: Dataset, record: GearRecord) -> View:

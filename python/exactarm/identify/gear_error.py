@@ -20,11 +20,10 @@ _HIGHEST_SHARE = 0.4  # of the sampling rate
 _NOISE_SHARE = 1.0645  # equivalent noise bandwidth of the filter over its cutoff
 
 
-def cutoff_hz(samples: GearSamples, run: int) -> float:
+def cutoff_hz(samples: GearSamples, rows: np.ndarray) -> float:
     """-3 dB frequency for the kinematic error of one run; Table A.4 has 2.3, 1.5 and 4.9 motor revolutions."""
-    rows = samples.run == run
-    kept = rows & samples.keep
-    speed = float(np.median(np.abs(samples.rate[kept]))) if kept.any() else 0.0
+    kept = rows[samples.keep[rows]]
+    speed = float(np.median(np.abs(samples.rate[kept]))) if kept.size else 0.0
     motor_hz = abs(samples.ratio) * speed / (2.0 * np.pi)
     return float(min(CUTOFF_PER_MOTOR_REV * max(motor_hz, 1e-3), _HIGHEST_SHARE / typical_step(samples.time[rows])))
 
@@ -43,12 +42,11 @@ def kinematic_error(
         model[rows] = model[rows] / (1.0 + slope) if samples.rated else model[rows] - error
     out = model + samples.disturbances @ disturbance - samples.output
     out[~samples.keep] = np.nan
-    for run in np.unique(samples.run):
-        rows = np.flatnonzero(samples.run == run)
+    for rows in samples.runs:
         if not samples.rated:
             out[rows] -= np.nanmean(out[rows]) if np.any(samples.keep[rows]) else 0.0
         elif filtered:
-            _filter_stretches(out, rows, samples, cutoff_hz(samples, run))
+            _filter_stretches(out, rows, samples, cutoff_hz(samples, rows))
     return out
 
 
@@ -70,14 +68,13 @@ def sensor_part(samples: GearSamples, disturbance: np.ndarray) -> np.ndarray:
 def noise_of_error(samples: GearSamples, error: np.ndarray) -> float:
     """White noise in an unfiltered error after the filter, rad/s; between encoders, of the angle itself."""
     squares, counts = [], []
-    for run in np.unique(samples.run):
-        rows = samples.run == run
-        part = error[rows & samples.keep]
+    for rows in samples.runs:
+        part = error[rows[samples.keep[rows]]]
         if part.size < 8:
             continue
         share = 1.0
         if samples.rated:
-            share = min(1.0, 2.0 * _NOISE_SHARE * cutoff_hz(samples, run) * typical_step(samples.time[rows]))
+            share = min(1.0, 2.0 * _NOISE_SHARE * cutoff_hz(samples, rows) * typical_step(samples.time[rows]))
         squares.append(share * white_noise(part) ** 2)
         counts.append(part.size)
     return float(np.sqrt(np.average(squares, weights=counts))) if squares else 0.0

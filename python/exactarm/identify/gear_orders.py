@@ -44,28 +44,39 @@ class Table:
 
 
 def fit_table(profile: AngleProfile, orders: np.ndarray, start: Table | None = None) -> Table:
-    """Coefficients at fixed orders, by Gauss-Newton (the model is nearly linear)."""
+    """Coefficients at fixed orders, by Gauss-Newton (the model is nearly linear).
+
+    The level of the profile is fitted beside them and dropped: it belongs to the ratio, which on a short range the
+    harmonics would otherwise imitate.
+    """
     m = orders.size
-    x = np.zeros(2 * m)
+    x = np.zeros(2 * m + 1)
     if start is not None and start.orders.size == m:
-        x = np.concatenate([start.a, start.b])
-    covariance = np.zeros((2 * m, 2 * m))
-    for _ in range(_NEWTON_PASSES if m else 1):
-        model, columns = profile.columns(orders, x[:m], x[m:])
-        residual = profile.value - model
-        variance = profile.variance(residual, 2 * m)
-        if not m:
-            break
+        x[:-1] = np.concatenate([start.a, start.b])
+    drawn = np.append(np.full(2 * m, 1.0 / _SPREAD**2), 0.0)
+    covariance = np.zeros((2 * m + 1, 2 * m + 1))
+    for _ in range(_NEWTON_PASSES if m else 2):
+        residual, columns = _levelled(profile, orders, x)
+        variance = profile.variance(residual, 2 * m + 1)
         weighted = columns * profile.weight[:, None]
-        normal = columns.T @ weighted / max(variance, 1e-300) + np.eye(2 * m) / _SPREAD**2
+        normal = columns.T @ weighted / max(variance, 1e-300) + np.diag(drawn)
         factor = linalg.cho_factor(normal)
-        step = linalg.cho_solve(factor, weighted.T @ residual / max(variance, 1e-300) - x / _SPREAD**2)
+        step = linalg.cho_solve(factor, weighted.T @ residual / max(variance, 1e-300) - x * drawn)
         x = x + step
-        covariance = linalg.cho_solve(factor, np.eye(2 * m))
+        covariance = linalg.cho_solve(factor, np.eye(2 * m + 1))
         if np.max(np.abs(step)) < 1e-9:
             break
-    residual = profile.value - profile.columns(orders, x[:m], x[m:])[0]
-    return Table(orders, x[:m], x[m:], covariance, residual, profile.variance(residual, 2 * m))
+    residual, _ = _levelled(profile, orders, x)
+    variance = profile.variance(residual, 2 * m + 1)
+    return Table(orders, x[:m], x[m:-1], covariance[:-1, :-1], residual, variance)
+
+
+def _levelled(profile: AngleProfile, orders: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Residual (M,) and columns (M, 2 m + 1) at coefficients a, b and level."""
+    m = orders.size
+    model, columns = profile.columns(orders, x[:m], x[m:-1])
+    level = model if profile.rated else np.ones_like(model)
+    return profile.value - model - x[-1] * level, np.concatenate([columns, level[:, None]], axis=1)
 
 
 def find_orders(
@@ -213,7 +224,7 @@ def _projected(profiles, orders: np.ndarray, tables) -> tuple[np.ndarray, np.nda
     normal, gradient = np.zeros((orders.size, orders.size)), np.zeros(orders.size)
     for profile, table in zip(profiles, tables):
         slopes = _order_slopes(profile, table)
-        _, columns = profile.columns(orders, table.a, table.b)
+        _, columns = _levelled(profile, orders, np.concatenate([table.a, table.b, [0.0]]))
         root = np.sqrt(profile.weight / max(table.variance, 1e-300))[:, None]
         q, _ = np.linalg.qr(columns * root)
         projected = slopes * root - q @ (q.T @ (slopes * root))

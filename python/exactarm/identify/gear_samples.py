@@ -9,6 +9,7 @@ Kinematic error (E6): motor over ratio minus output.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -56,6 +57,11 @@ class GearSamples:
     def unit(self) -> str:
         return "rad/s" if self.rated else "rad"
 
+    @cached_property
+    def runs(self) -> tuple[np.ndarray, ...]:
+        """Index arrays of the runs, in the order of their numbers."""
+        return rows_by_number(self.run)
+
     def side(self, way: float) -> np.ndarray:
         """(N,) the rows that count in one direction."""
         return self.keep & (self.direction == way)
@@ -98,6 +104,12 @@ def gear_samples(
     return samples, setup
 
 
+def rows_by_number(numbers: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Index arrays of equal numbers (N,), in rising order of the numbers."""
+    order = np.argsort(numbers, kind="stable")
+    return tuple(np.split(order, np.flatnonzero(np.diff(numbers[order])) + 1))
+
+
 def _setup_rows(data: Dataset, rows: np.ndarray, identification: np.ndarray) -> np.ndarray:
     """Identification rows of every set-up that has any."""
     fitted = identification[rows]
@@ -124,13 +136,12 @@ def _axis_in_sensor(setup: Layout, sessions: np.ndarray) -> np.ndarray:
 
 def _beside(plain, data, rows, axis, setup, encoders: bool, threads: int) -> np.ndarray:
     """(N,) what the chain puts into the output beside this gear, on thinned rows, interpolated in time."""
-    stride = 1
+    stride, runs = 1, rows_by_number(data.run[rows])
     if rows.size > _THIN_ROWS:
-        step = typical_step(data.time[rows[data.run[rows] == data.run[rows[0]]]])
+        step = typical_step(data.time[rows[runs[0]]])
         stride = max(1, min(int(np.ceil(rows.size / _THIN_ROWS)), int(_THINNEST_STEP_S / step)))
-    thin = np.unique(np.concatenate([
-        np.append(part[::stride], part[-1]) for part in (rows[data.run[rows] == run] for run in np.unique(data.run[rows]))
-    ]))
+    picked = [np.append(of[:-1:stride], of[-1]) for of in runs]
+    thin = rows[np.concatenate(picked)]
     part = data.select(thin)
     record = gear_record(plain, part)
     layout = carried_layout(plain) if encoders else setup.joined(carried_layout(plain))
@@ -142,9 +153,9 @@ def _beside(plain, data, rows, axis, setup, encoders: bool, threads: int) -> np.
     else:
         beside = np.einsum("ij,ij->i", prediction.measured, prediction.along) - record.theta_dot[:, axis] / ratio
     out = np.empty(rows.size)
-    for run in np.unique(part.run):
-        to, of = data.run[rows] == run, part.run == run
-        out[to] = np.interp(data.time[rows][to], part.time[of], beside[of])
+    ends = np.cumsum([0] + [of.size for of in picked])
+    for of, start, end in zip(runs, ends[:-1], ends[1:]):
+        out[of] = np.interp(data.time[rows[of]], part.time[start:end], beside[start:end])
     return out
 
 

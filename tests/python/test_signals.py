@@ -1,0 +1,123 @@
+"""Filters, derivatives and spectra of signals."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from exactarm.signals import (
+    blocks,
+    derivative_operator,
+    gaussian_filter,
+    gaussian_sigma,
+    periodogram,
+    steady_direction,
+    step_of_quantisation,
+    strongest_orders,
+    white_noise,
+    zoom,
+)
+
+
+def test_filter_halves_the_power_at_its_cutoff():
+    """(3.1), (3.2): -3 dB at f_c, and no phase."""
+    time = np.arange(0.0, 2.0, 0.001)
+    wave = np.cos(2.0 * np.pi * 20.0 * time)
+    filtered = gaussian_filter(wave, time, 20.0)
+    middle = slice(300, -300)
+    gain = filtered[middle] @ wave[middle] / (wave[middle] @ wave[middle])
+    assert_allclose(gain, np.sqrt(0.5), rtol=2e-3)
+    across = filtered[middle] @ np.sin(2.0 * np.pi * 20.0 * time)[middle]
+    assert abs(across) < 1e-3 * abs(filtered[middle] @ wave[middle])
+    assert_allclose(gaussian_sigma(20.0), np.sqrt(np.log(2.0)) / (2.0 * np.pi * 20.0))
+
+
+def test_filter_leaves_straight_lines_to_their_ends():
+    time = np.arange(0.0, 1.0, 0.002)
+    line = 3.0 - 2.0 * time
+    assert_allclose(gaussian_filter(line, time, 7.0), line, atol=1e-12)
+    both = np.stack([line, 5.0 * line], axis=1)
+    assert_allclose(gaussian_filter(both, time, 7.0), both, atol=1e-12)
+
+
+def test_filter_does_not_reach_over_a_gap():
+    time = np.concatenate([np.arange(0.0, 0.5, 0.01), np.arange(0.8, 1.3, 0.01)])
+    steps = np.where(time < 0.6, 0.0, 1.0)
+    assert len(blocks(time)) == 2
+    assert_allclose(gaussian_filter(steps, time, 5.0), steps, atol=1e-12)
+
+
+@pytest.mark.parametrize("frequency", [1.0, 30.0, 90.0])
+def test_derivative_of_a_wave(frequency):
+    time = np.arange(0.0, 1.0, 0.001)
+    omega = 2.0 * np.pi * frequency
+    slope = derivative_operator(time) @ np.sin(omega * time)
+    assert_allclose(slope[4:-4], omega * np.cos(omega * time)[4:-4], atol=1e-4 * omega)
+
+
+def test_derivative_of_polynomials_is_exact_and_linear():
+    random = np.random.default_rng(1)
+    time = np.arange(60) * 0.01
+    operator = derivative_operator(time)
+    square = np.stack([time**2, 1.0 - 3.0 * time], axis=1)
+    assert_allclose(operator @ square, np.stack([2.0 * time, np.full(60, -3.0)], axis=1), atol=1e-10)
+    one, other = random.normal(size=(2, 60))
+    assert_allclose(operator @ (2.0 * one - other), 2.0 * (operator @ one) - operator @ other, atol=1e-9)
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 5, 8])
+def test_derivative_of_short_runs(count):
+    time = np.arange(count) * 0.1
+    slope = derivative_operator(time) @ (2.0 * time)
+    assert_allclose(slope, np.zeros(1) if count == 1 else np.full(count, 2.0), atol=1e-12)
+
+
+def test_white_noise_of_a_smooth_signal():
+    random = np.random.default_rng(2)
+    time = np.linspace(0.0, 4.0, 8000)
+    noisy = np.sin(3.0 * time) + random.normal(0.0, 1e-3, time.size)
+    assert_allclose(white_noise(noisy), 1e-3, rtol=0.05)
+
+
+def test_quantisation_is_seen_and_not_invented():
+    random = np.random.default_rng(3)
+    motion = np.cumsum(random.uniform(0.0, 3e-3, 5000))
+    step = 2.0 * np.pi / 4096
+    assert_allclose(step_of_quantisation(np.round(motion / step) * step), step, rtol=1e-6)
+    assert step_of_quantisation(motion) == 0.0
+    assert step_of_quantisation(np.ones(100)) == 0.0
+
+
+def test_direction_belongs_to_the_motion_beside_a_standstill():
+    time = np.arange(0.0, 6.0, 0.01)
+    rate = np.where(time < 1.0, 0.0, np.where(time < 3.0, 1.0, -1.0)) * (time < 5.0)
+    rate = gaussian_filter(rate, time, 2.0)
+    direction, reversal = steady_direction(rate, time)
+    assert np.all(direction[time < 2.8] == 1.0) and np.all(direction[time > 3.2] == -1.0)
+    turns = time[reversal]
+    assert turns.size and np.all(np.abs(turns - 3.0) < 0.1)
+
+
+def test_direction_of_a_standstill_is_none():
+    direction, reversal = steady_direction(np.zeros(50), np.arange(50) * 0.01)
+    assert not direction.any() and not reversal.any()
+
+
+def test_zoom_and_periodogram_agree():
+    angle = np.linspace(0.0, 3.0, 2000)
+    values = 2.0 * np.cos(84.3 * angle) + 0.5 * np.sin(203.0 * angle)
+    orders, amplitude = zoom(values, angle[1] - angle[0], 60.0, 220.0, 641)
+    assert_allclose(np.abs(amplitude), np.abs(periodogram(angle, values, orders)), atol=1e-9)
+    assert abs(orders[np.argmax(np.abs(amplitude))] - 84.3) < 0.3
+
+
+def test_strongest_orders_come_first():
+    random = np.random.default_rng(4)
+    pieces = []
+    for _ in range(2):
+        angle = np.sort(random.uniform(0.0, 4.0, 4000))
+        values = 3.0 * np.cos(101.0 * angle + 1.0) + np.cos(202.4 * angle) + random.normal(0.0, 1.0, angle.size)
+        pieces.append((angle, values))
+    found = strongest_orders(pieces, ratio=85.0)
+    assert_allclose(found[:2], [101.0, 202.4], atol=0.5)
+    noise = [(angle, random.normal(size=angle.size)) for angle, _ in pieces]
+    assert len(strongest_orders(noise, ratio=85.0, over_floor=40.0)) == 0
