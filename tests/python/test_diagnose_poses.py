@@ -1,0 +1,191 @@
+"""Diagnosis of static poses: a hidden cause is named with its axis, clean data and unknown causes are told as such."""
+
+import json
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from set_ups import joints_in_limits, measured, true_robot
+
+from exactarm import cli
+from exactarm.chain import Layout
+from exactarm.dataset import write_dataset
+from exactarm.diagnose.diagnosis import diagnose
+from exactarm.effects import effect_from_table
+from exactarm.identify.pose_fit import fit_poses
+from exactarm.robot_file import load_robot
+
+NOISE_M = 5e-5
+COUNT, FITTED = 140, 100
+HIDDEN = {
+    "backlash": {"effect": "backlash", "joint": 2, "width_rad": 4e-4, "friction_Nm": 2.4},
+    "gear_eccentricity": {"effect": "gear_eccentricity", "joint": 3, "first_cos_rad": 3e-4, "first_sin_rad": -2e-4},
+    "joint_compliance": {"effect": "joint_compliance", "joint": 3, "linear_rad_per_Nm": 1e-5, "cubic_rad_per_Nm3": 0.0},
+    "gear_ratio": {"effect": "gear_ratio", "joint": 2, "scale": 6e-4},
+    "tracker_scale": {"effect": "tracker_scale", "x_scale": 0.0, "y_scale": 0.0, "z_scale": 8e-4},
+}
+
+
+@cache
+def ur10():
+    return load_robot("ur10")
+
+
+def data_with(effects, seed, push=None):
+    """100 poses to fit and 40 to judge by, `effects` hidden in them; push(position): what no library holds."""
+    rng = np.random.default_rng(seed)
+    robot = ur10()
+    truth = true_robot(robot, rng, 0.5)
+    q = np.clip(joints_in_limits(robot, COUNT, rng), -2.2, 2.2)
+    approach = rng.choice([-1.0, 1.0], (COUNT, robot.axes))
+    data = measured(robot, [truth], [q], NOISE_M, rng, layout=Layout.of(tuple(effects), estimate=False),
+                    joints={"approach": approach}, identification=np.arange(COUNT) < FITTED)
+    if push is not None:
+        data = replace(data, position=data.position + push(data.position))
+    return data, truth
+
+
+def hidden(name):
+    return effect_from_table(HIDDEN[name])
+
+
+@cache
+def diagnosis_of(name):
+    data, truth = data_with((hidden(name),), 80)
+    return diagnose(ur10(), data), data, truth
+
+
+@pytest.mark.parametrize("seed", [81, 82, 83])
+def test_clean_data_lack_nothing(seed):
+    result = diagnose(ur10(), data_with((), seed)[0])
+    assert result.verdict == "no_undeclared_effect" and not result.findings and not result.alternatives
+    assert result.before == result.after
+    assert result.noise.value == pytest.approx(np.sqrt(3.0) * NOISE_M, rel=0.15)
+
+
+@pytest.mark.parametrize("name", sorted(HIDDEN))
+def test_hidden_cause_is_named_with_its_axis(name):
+    result, _, _ = diagnosis_of(name)
+    truth = hidden(name)
+    first = result.findings[0]
+    assert result.verdict == "explained" and len(result.findings) == 1
+    assert (first.effect.name, first.effect.joint) == (truth.name, truth.joint)
+    assert first.probability > 0.9 and first.rms_after < first.rms_before
+    assert first.effect.describe() in first.evidence
+
+
+@pytest.mark.parametrize("name", sorted(HIDDEN))
+def test_validation_error_is_that_of_the_true_model(name):
+    """At most 1.1 times what the true model leaves with its effect in and every declared parameter fitted anew."""
+    result, data, _ = diagnosis_of(name)
+    fitted = result.problem.declared().joined(Layout.of((hidden(name),)))
+    best = fit_poses(ur10(), fitted, data.select(data.identification)).error(data.select(~data.identification))
+    assert result.after["validation"].rms < 1.1 * np.sqrt(np.mean(best**2))
+    assert result.after["validation"].rms < 0.85 * result.before["validation"].rms
+
+
+@pytest.mark.parametrize("name", sorted(HIDDEN))
+def test_size_comes_back(name):
+    """Free values within twice their 95 % intervals of the truth."""
+    first, truth = diagnosis_of(name)[0].findings[0], hidden(name)
+    half = 0.5 * np.ptp(first.intervals, axis=1)
+    for parameter, value, reach in zip(first.effect.parameters(), first.effect.values, half):
+        known = {p.name: v for p, v in zip(truth.parameters(), truth.values)}
+        if reach > 0.0:
+            assert abs(value - known.get(parameter.name, 0.0)) < 2.0 * reach, parameter.name
+
+
+def test_cause_outside_the_library_is_unexplained_and_followed():
+    """Something pushes the arm aside in one corner of its workspace."""
+    way = np.array([0.6, -0.48, 0.64])
+
+    def push(position):
+        far = np.sum((position - position[5]) ** 2, axis=1) / 0.45**2
+        return 1e-3 * np.exp(-0.5 * far)[:, None] * way
+
+    result = diagnose(ur10(), data_with((), 84, push)[0])
+    strongest = result.dossier_after.strongest
+    assert result.verdict == "unexplained" and strongest.significant
+    assert strongest.signal.startswith("position") and strongest.signal in result.sentence
+    assert "nothing in the library explains" in result.sentence
+
+
+def test_validation_rows_choose_nothing():
+    result, data, _ = diagnosis_of("joint_compliance")
+    held = ~data.identification
+    rng = np.random.default_rng(85)
+    broken = data.position.copy()
+    broken[held] = rng.permutation(broken[held]) + rng.normal(0.0, 0.3, (held.sum(), 3))
+    other = diagnose(ur10(), replace(data, position=broken))
+    assert [f.effect for f in other.findings] == [f.effect for f in result.findings]
+    assert [f.probability for f in other.findings] == [f.probability for f in result.findings]
+    assert other.after["identification"] == result.after["identification"]
+    assert other.after["validation"].rms > 0.1
+
+
+def test_same_seed_same_answer():
+    result, data, _ = diagnosis_of("gear_ratio")
+    again = diagnose(ur10(), data)
+    assert again.before == result.before and again.after == result.after and again.sentence == result.sentence
+    for one, other in zip(again.findings, result.findings, strict=True):
+        assert one.effect == other.effect and np.array_equal(one.intervals, other.intervals)
+
+
+def test_never_worse_than_before():
+    for name in HIDDEN:
+        result = diagnosis_of(name)[0]
+        assert result.after["validation"].rms <= result.before["validation"].rms
+
+
+# -- the command -------------------------------------------------------------------------------------
+@pytest.fixture(scope="module")
+def command(tmp_path_factory):
+    """Folder in which the command has diagnosed a hidden compliance, and a fresh measurement of the same robot."""
+    folder = tmp_path_factory.mktemp("diagnosis")
+    data, truth = data_with((hidden("joint_compliance"),), 86)
+    write_dataset(folder / "poses.csv", data, ur10())
+    rng = np.random.default_rng(87)
+    fresh = measured(ur10(), [truth], [np.clip(joints_in_limits(ur10(), 60, rng), -2.2, 2.2)], NOISE_M, rng,
+                     layout=Layout.of((hidden("joint_compliance"),), estimate=False))
+    write_dataset(folder / "fresh.csv", fresh, ur10())
+    assert run("diagnose", "ur10", folder / "poses.csv", folder / "diagnosed") == 0
+    return folder
+
+
+def run(command, robot, data, out):
+    return cli.main([command, str(robot), str(data), "--out", str(out), "--quiet"])
+
+
+def test_result_has_the_agreed_keys(command):
+    result = json.loads((command / "diagnosed" / "result.json").read_text())
+    common = {"exactarm", "command", "robot", "inputs", "seed", "seconds"}
+    agreed = {"data_kind", "unit", "noise_floor", "before", "after", "effects", "alternatives", "verdict", "next_experiment"}
+    assert common | agreed <= set(result)
+    assert (result["data_kind"], result["unit"], result["verdict"]) == ("poses", "m", "explained")
+    for part in ("before", "after"):
+        for rows in ("identification", "validation"):
+            assert {"n", "mean", "rms", "max", "min", "std"} <= set(result[part][rows])
+    effect = result["effects"][0]
+    assert set(effect) == {"effect", "joint", "parameters", "validation_rms_before", "validation_rms_after", "probability",
+                           "evidence", "compensable"}
+    assert (effect["effect"], effect["joint"], effect["compensable"]) == ("joint_compliance", 3, True)
+    low, high = effect["parameters"]["linear_rad_per_Nm"]["ci95"]
+    assert low < effect["parameters"]["linear_rad_per_Nm"]["value"] < high
+    for other in result["alternatives"]:
+        assert {"effect", "joint", "validation_rms_after", "probability"} <= set(other)
+    assert isinstance(result["next_experiment"], str)
+
+
+def test_diagnosed_robot_works_in_evaluate_and_calibrate(command):
+    robot = command / "diagnosed" / "robot.toml"
+    assert [effect.label for effect in load_robot(robot).effects] == ["joint_compliance_3"]
+    assert run("evaluate", robot, command / "fresh.csv", command / "evaluated") == 0
+    error = json.loads((command / "evaluated" / "result.json").read_text())["error"]
+    assert error["rms"] < 1.3 * np.sqrt(3.0) * NOISE_M
+    assert run("calibrate", robot, command / "fresh.csv", command / "calibrated") == 0
+    before = json.loads((command / "calibrated" / "result.json").read_text())["before"]["validation"]
+    assert before["rms"] < 1.4 * np.sqrt(3.0) * NOISE_M
+    assert run("diagnose", robot, command / "fresh.csv", command / "again") == 0
+    again = json.loads((command / "again" / "result.json").read_text())
+    assert again["verdict"] == "no_undeclared_effect" and again["effects"] == []
