@@ -67,7 +67,7 @@ def test_a_column_of_several_units_is_read_row_by_row():
 
 def test_a_scale_is_found_for_every_size():
     for exponent in range(-15, 10):
-        assert choose_scale([10.0**exponent], "m").size in (1.0, 1e-3, 1e-6)
+        assert choose_scale([10.0**exponent], "m").size in (1.0, 1e-3, 1e-6, 1e-9)
     assert number(10.0) == "10.0"
 
 

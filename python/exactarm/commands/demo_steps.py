@@ -39,4 +39,8 @@ STEPS = (
          ("simulate", "racer-7-1.4", "--measure", "gear"), real=False),
     Step("racer_gear", "Racer 7-1.4: harmonics of the gears from these runs",
          ("gear", "racer-7-1.4", "{out/racer_gear_runs/gear_runs.parquet}"), real=False),
+    Step("racer_plan", "Racer 7-1.4: motor trajectory for a straight line",
+         ("plan", "racer-7-1.4", "line"), real=False),
+    Step("racer_play", "Racer 7-1.4: the virtual robot follows that trajectory",
+         ("simulate", "racer-7-1.4", "{out/racer_plan/trajectory.csv}", "--frames", "declared"), real=False),
 )

@@ -68,7 +68,7 @@ def parameter_table(names, start, values, intervals, units, at_bound=None) -> Ta
 def unit_of(name: str) -> str:
     """The unit at the end of a parameter's name, as the report writes it."""
     for ending, unit in _UNITS.items():
-        if name.endswith(ending):
+        if ("_" + name).endswith(ending):
             return unit
     return ""
 

@@ -117,7 +117,7 @@ def _axis_table(robot: Robot, plan: Plan) -> Table:
     rate = np.abs(plan.theta_dot / robot.ratios).max(axis=0)
     acceleration = np.abs(plan.theta_ddot / robot.ratios).max(axis=0)
     rows = tuple(
-        (str(i + 1), Quantity(float(rate[i]), "rad/s"), Quantity(float(acceleration[i]), "rad/s^2"),
+        (str(i + 1), Quantity(float(rate[i]), "rad/s"), Quantity(float(acceleration[i]), "rad/s²"),
          Quantity(plan.bandwidth[i], "Hz"))
         for i in range(robot.axes)
     )
@@ -137,7 +137,7 @@ def _figures(robot: Robot, plan: Plan) -> tuple[Figure, ...]:
                                        unit="rad/s", name="rate"),
                "What the motors do so that the links move smoothly.", "motor and link rates over time"),
         Figure("spectrum", "Spectrum of the motor accelerations",
-               lambda: curves_per_axis(frequency[1:], {"acceleration": spectrum[1:]}, unit="rad/s^2", name="amplitude",
+               lambda: curves_per_axis(frequency[1:], {"acceleration": spectrum[1:]}, unit="rad/s²", name="amplitude",
                                        x_name="frequency", x_unit="Hz", log_x=True, log_y=True),
                "Single-sided amplitude of the input, output side.", "spectrum of the input per axis"),
     )

@@ -39,7 +39,7 @@ def violations(robot: Robot, time: np.ndarray, theta_dot: np.ndarray, theta_ddot
                torque: np.ndarray | None = None) -> tuple[Violation, ...]:
     """Limits that a motor motion (N, n) exceeds, on the output side (E10); torque (N, n) of the drives where known."""
     checks = [("rate", "rad/s", theta_dot / robot.ratios, "q_dot_max"),
-              ("acceleration", "rad/s^2", theta_ddot / robot.ratios, "q_ddot_max")]
+              ("acceleration", "rad/s²", theta_ddot / robot.ratios, "q_ddot_max")]
     if torque is not None:
         checks.append(("drive torque", "Nm", torque, "torque_max"))
     found = []

@@ -18,7 +18,7 @@ MOST_DECIMALS = 6
 
 # SI unit -> (unit to show, its size in SI), from large to small.
 SCALES: dict[str, tuple[tuple[str, float], ...]] = {
-    "m": (("m", 1.0), ("mm", 1e-3), ("µm", 1e-6)),
+    "m": (("m", 1.0), ("mm", 1e-3), ("µm", 1e-6), ("nm", 1e-9)),
     "rad": (("rad", 1.0), ("mrad", 1e-3), ("µrad", 1e-6)),
     "rad/s": (("rad/s", 1.0), ("mrad/s", 1e-3), ("µrad/s", 1e-6)),
     "s": (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6)),
@@ -29,7 +29,7 @@ SCALES: dict[str, tuple[tuple[str, float], ...]] = {
     "Hz": (("kHz", 1e3), ("Hz", 1.0)),
 }
 # From which size a unit is used, in itself: 0.4 mm stays mm, but so does 2500 mm; and angles are rad only when large.
-LEAST = {"m": 10.0, "mm": 0.1, "rad": 0.1, "mrad": 0.1, "rad/s": 0.1, "mrad/s": 0.1, "s": 0.1}
+LEAST = {"m": 10.0, "mm": 0.1, "µm": 0.1, "rad": 0.1, "mrad": 0.1, "rad/s": 0.1, "mrad/s": 0.1, "s": 0.1}
 
 
 @dataclass(frozen=True)
