@@ -118,11 +118,13 @@ class GearEccentricity(Hidden):
 
 @dataclass(frozen=True)
 class GearHarmonics(Hidden):
-    """A wheel inside the gear or the encoder: an order of 3 and more per output revolution, or that of the motor."""
+    """A wheel inside the gear or the encoder: an order of 3 and more per output revolution, or that of the motor; at times
+    with its first overtone."""
 
     name: str = "gear_harmonics"
     order: float = 3.0
     phase: float = 0.0
+    overtone: float = 0.0
 
     @classmethod
     def draw(cls, random, setting: Setting):
@@ -135,10 +137,12 @@ class GearHarmonics(Hidden):
         declared = [table.order for table in setting.arm.tables[i].values()] if setting.arm.tables else []
         if declared and np.abs(np.concatenate(declared) - order).min() < 1.5:
             return None
-        return cls(joint=i + 1, size=2e-4, order=order, phase=random.uniform(0, 2 * np.pi), detail={"order": order})
+        return cls(joint=i + 1, size=2e-4, order=order, phase=random.uniform(0, 2 * np.pi), detail={"order": order},
+                   overtone=random.uniform(0.3, 0.8) if random.random() < 0.35 else 0.0)
 
     def gear(self, arm, phi, rows):
-        return self.at_joint(np.cos(self.order * phi[:, self.index] + self.phase), arm.axes)
+        x = self.order * phi[:, self.index]
+        return self.at_joint(np.cos(x + self.phase) + self.overtone * np.cos(2.0 * x - self.phase), arm.axes)
 
 
 @dataclass(frozen=True)
@@ -336,7 +340,7 @@ class TrackerDrift(Hidden):
 
 @dataclass(frozen=True)
 class Outliers(Hidden):
-    """Some readings that are plainly wrong: a few hundredths of all rows, 5 to 25 times the noise (`size`)."""
+    """Some readings that are plainly wrong: a few hundredths of all rows, 5 to 25 or 200 times the noise (`size`)."""
 
     name: str = "outliers"
     errors: tuple = ()
@@ -347,7 +351,8 @@ class Outliers(Hidden):
         wrong = random.random(rows) < random.uniform(0.015, 0.05)
         wrong[random.integers(rows, size=2)] = True
         errors = random.normal(size=(rows, 3)) * wrong[:, None]
-        errors *= random.uniform(5.0, 25.0, (rows, 1)) / np.maximum(np.linalg.norm(errors, axis=1, keepdims=True), 1e-12)
+        far = random.choice((25.0, 25.0, 200.0))
+        errors *= np.exp(random.uniform(np.log(5.0), np.log(far), (rows, 1))) / np.maximum(np.linalg.norm(errors, axis=1, keepdims=True), 1e-12)
         return cls(size=1.0, errors=tuple(map(tuple, errors)), detail={"rows": int(wrong.sum())})
 
     def device(self, measured, rows):

@@ -18,7 +18,7 @@ from blind.arm import Arm, gravity_torque, output_angle, posture, read_arm, turn
 from blind.foreign_effects import FOREIGN_EFFECTS
 from blind.hidden import Hidden, Rows, Setting
 from blind.pose_effects import POSE_EFFECTS
-from blind.poses import Setup, Truth, fit_left, measure
+from blind.poses import Setup, Truth, fit_left, measure, spoiled
 from blind.random_arms import write_random_arm
 
 SHIPPED = ("ur10", "racer-7-1.4", "tx40")
@@ -160,7 +160,7 @@ def _write(folder, robot, truth, rows, causes, random, seed) -> Case | None:
     truth = replace(truth, hidden=tuple(sized))
     position, rotation = measure(truth, rows)
     shift = np.linalg.norm(position - clean, axis=1)
-    if causes and shift.max() > LARGEST_SHIFT_M:
+    if causes and shift[~spoiled(truth, rows)].max() > LARGEST_SHIFT_M:
         return None
     position, rotation = position + noise, turn(turned) @ rotation
     best = fit_left(truth, rows, position, rotation, sigma, sigma_turn)
