@@ -31,6 +31,7 @@ from exactarm.signals import (
     typical_step,
     white_noise,
 )
+from exactarm.split import STANDS_STILL
 
 _ENCODER_SHARE = 0.1  # of the gyroscope's noise that the encoder may add to the predicted rate
 _LOWEST_CUTOFF_HZ, _HIGHEST_SHARE = 15.0, 0.35  # of the sampling rate
@@ -86,7 +87,10 @@ def gear_record(robot: Robot, data: Dataset) -> GearRecord:
             theta[at] = gaussian_filter(theta[at], time, cutoff)
         theta_dot[at] = operator @ theta[at]
         slow = gaussian_filter(operator @ gaussian_filter(theta[at], time, _DIRECTION_CUTOFF_HZ), time, _DIRECTION_CUTOFF_HZ)
+        span = np.ptp(theta[at] / robot.ratios[moving], axis=0)
         for column, axis in enumerate(moving):
+            if span[column] <= STANDS_STILL * span.max():
+                continue  # its rate is rounding and has no direction
             direction[rows, axis], reversal = steady_direction(slow[:, column], time)
             if axis == main and not encoder_axes:
                 acceleration = operator @ slow[:, column]

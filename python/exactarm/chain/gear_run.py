@@ -15,6 +15,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import ndimage
 
 from exactarm import _core
 from exactarm.chain.gear import declared_output_angle
@@ -28,9 +29,12 @@ from exactarm.chain.view import View
 from exactarm.dataset import Dataset
 from exactarm.effects.base import Station
 from exactarm.robot import Robot
+from exactarm.signals import gaussian_filter, typical_step
 
 _FIXED_POINT_TOLERANCE_RAD = 1e-13
 _FIXED_POINT_PASSES = 30
+_TORQUE_CUTOFF_HZ = 10.0  # arms swing near 10 Hz: above it the drive's torque does not reach the link
+_SPIKE_S = 0.02
 
 
 @dataclass(frozen=True)
@@ -148,12 +152,22 @@ def _joint_angles(view: View, layout: Layout, derivatives: bool) -> list[Recorde
 
 
 def _measured_torque(view: View) -> np.ndarray:
-    """(N, n) measured torque on the output side, 0 where none was measured."""
+    """(N, n) measured torque on the output side, 0 where none was measured: spikes out, low-passed.
+
+    A gear gives way to what the arm demands, not to the ripple and noise of the drive's current.
+    """
     torque = np.zeros((view.rows, view.axes))
     for name, factor in (("tau_motor", view.robot.ratios), ("tau", 1.0)):
         if name in view.data.joints:
             measured = view.data.joints[name] * factor
             torque = np.where(np.isnan(measured), torque, measured)
+    if not np.any(torque):
+        return torque
+    for rows in view.runs:
+        time = view.data.time[rows]
+        width = 1 + 2 * int(round(_SPIKE_S / typical_step(time)))
+        plain = ndimage.median_filter(torque[rows], size=(width, 1), mode="nearest")
+        torque[rows] = gaussian_filter(plain, time, _TORQUE_CUTOFF_HZ)
     return torque
 
 

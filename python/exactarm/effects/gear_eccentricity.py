@@ -13,6 +13,10 @@ import numpy as np
 
 from exactarm.effects.base import Change, Effect, Parameter, Station
 
+_SPREAD_RAD = 1e-3  # of real gears; on a part of a revolution, larger terms would imitate any slow curve
+
+_LEAST_RANGE_RAD = 2.0 * np.pi / 3.0  # on less, once per revolution is a parabola, and has no name
+
 
 @dataclass(frozen=True)
 class GearEccentricity(Effect):
@@ -29,7 +33,7 @@ class GearEccentricity(Effect):
 
     def parameters(self) -> tuple[Parameter, ...]:
         names = ("first_cos_rad", "first_sin_rad", "second_cos_rad", "second_sin_rad")
-        return tuple(Parameter(name, 2e-4) for name in names[: 4 if self.second else 2])
+        return tuple(Parameter(name, 2e-4, prior=_SPREAD_RAD) for name in names[: 4 if self.second else 2])
 
     def change(self, view) -> Change:
         phi = view.phi[:, self.index]
@@ -47,6 +51,6 @@ class GearEccentricity(Effect):
 
     @classmethod
     def candidates(cls, robot, view) -> Iterable[Effect]:
-        for index in np.flatnonzero(view.moving):
+        for index in np.flatnonzero(view.moving & (np.ptp(view.phi, axis=0) > _LEAST_RANGE_RAD)):
             yield cls(int(index) + 1, (0.0, 0.0), second=False)
             yield cls(int(index) + 1, (0.0, 0.0, 0.0, 0.0))

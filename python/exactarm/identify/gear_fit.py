@@ -48,7 +48,7 @@ def fit_gear_runs(
     used = record.keep.astype(float) if weights is None else record.keep * weights
     parameters = layout.parameters
     bounds = np.array([p.lower for p in parameters]), np.array([p.upper for p in parameters])
-    centre, spread = layout.values, _spreads(layout)
+    centre, spread = _priors(layout)
     prior = np.flatnonzero(np.isfinite(spread))
 
     def evaluate(x: np.ndarray, with_jacobian: bool) -> Evaluation:
@@ -76,13 +76,15 @@ def fit_gear_runs(
     return GearFit(robot, layout.at(x), fit, sigma, prediction)
 
 
-def _spreads(layout: Layout) -> np.ndarray:
-    """(P,) plausible spread of the parameters that are drawn to their declared values, infinite for the others."""
-    spreads = []
-    for effect, mask in zip(layout.effects, layout.free):
-        drawn = getattr(effect, "drawn_to_declared", False)
-        spreads += [p.plausible if drawn else np.inf for p, free in zip(effect.parameters(), mask) if free]
-    return np.array(spreads)
+def _priors(layout: Layout) -> tuple[np.ndarray, np.ndarray]:
+    """Centre and standard deviation (P,) of each parameter's prior: the declared value with its plausible spread, or
+    what the effect itself asks for around zero; infinite for the others."""
+    centre, spread = np.zeros(layout.size), np.array(layout.prior, float)
+    for effect, mask, where in zip(layout.effects, layout.free, layout.slices):
+        if getattr(effect, "drawn_to_declared", False):
+            centre[where] = np.array(effect.values)[mask]
+            spread[where] = np.array([p.plausible for p in effect.parameters()])[mask]
+    return centre, spread
 
 
 def _component_sigma(prediction: GearRunPrediction, used: np.ndarray) -> np.ndarray:

@@ -1,0 +1,167 @@
+"""Gear runs as a diagnosis problem: residual = reading of the gyroscope (rad/s) or of the link encoders (rad).
+
+Re-identified: the coefficients of the declared harmonics per direction, and the constant tilt of the gyroscope or one
+offset per run and axis between two encoders. Judged: the unfiltered residual along the moving axis.
+
+Searched and fitted on the thinned runs (thinned_run.py); judged on all samples.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from exactarm.chain import GearRecord, Layout, gear_record, predict_gear_run
+from exactarm.dataset import Dataset
+from exactarm.diagnose.coloured_noise import ColouredNoise
+from exactarm.diagnose.next_runs import separating_run
+from exactarm.diagnose.problem import Fitted, Problem
+from exactarm.diagnose.thinned_run import thinned_run
+from exactarm.diagnose.time_groups import time_groups
+from exactarm.effects.base import Effect, Station
+from exactarm.effects.encoder_offset import EncoderOffset
+from exactarm.identify.gear_declared import declared_gear_layout, gear_view, sensor_layout
+from exactarm.identify.gear_fit import fit_gear_runs
+from exactarm.robot import Robot
+from exactarm.signals import typical_step, white_noise
+
+_LEAST_SIGMA = 1e-12
+_RUNS_OF_A_SORT = 4
+
+
+class GearProblem(Problem):
+    """Runs of one axis at a time under a gyroscope, or of all axes together between encoders."""
+
+    kind = "gear_run"
+    unit = "rad/s"
+    repeat_source = "high frequencies of the residual"
+
+    def __init__(self, robot: Robot, data: Dataset, held_out: Dataset, threads: int = 1, seed: int = 0):
+        super().__init__(robot, data, held_out, threads, seed)
+        self._noise = ColouredNoise(self)
+        self._records = {"identification": gear_record(robot, data)}
+        if len(held_out):
+            self._records["validation"] = gear_record(robot, held_out)
+        self.thin, self.record = thinned_run(robot, data, self._records["identification"])
+        if self.record.encoder_axes:
+            self.unit = "rad"
+
+    def _record_of(self, data: Dataset) -> GearRecord:
+        if data is self.data or data is self.held_out:
+            return self._records["identification" if data is self.data else "validation"]
+        return gear_record(self.robot, data)
+
+    def declared(self) -> Layout:
+        return declared_gear_layout(self.robot, self.thin, self.record)
+
+    def fit(self, layout: Layout, weight: np.ndarray | None = None, sigma: np.ndarray | None = None) -> Fitted:
+        share = self._noise.share
+        weights = np.full(len(self.thin), np.sqrt(share))
+        found = fit_gear_runs(
+            self.robot, layout, self.thin, record=self.record, weights=weights, threads=self.threads
+        )
+        prediction = found.prediction
+        residual, keep = prediction.residual(), self.record.keep
+        fitted = Fitted(
+            robot=self.robot,
+            layout=found.layout,
+            fit=found.fit,
+            residual=residual,
+            jacobian=np.zeros((*residual.shape, 0)) if prediction.jacobian is None else prediction.jacobian,
+            sigma=np.maximum(np.sqrt(np.mean(residual[keep] ** 2, axis=0)), _LEAST_SIGMA),
+            weight=keep.astype(float),
+            view=prediction.view,
+        )
+        share = self._noise.independent_share(fitted, self.record.runs, typical_step(self.thin.time[self.record.runs[0]]))
+        # Correlated samples count as fewer, against priors and in intervals.
+        widened = replace(found.fit, covariance=found.fit.covariance / share)
+        return replace(fitted, sigma=fitted.sigma / np.sqrt(share), fit=widened)
+
+    def errors(self, fitted: Fitted, data: Dataset) -> np.ndarray:
+        return np.abs(self._deviations(fitted, data))
+
+    def _deviations(self, fitted: Fitted, data: Dataset) -> np.ndarray:
+        """(K,) measured minus predicted along the moving axis, sample by sample; NaN where no model is defined."""
+        record = self._record_of(data)
+        layout = fitted.layout.joined(self._new_set_up(fitted.layout, data, record))
+        prediction = predict_gear_run(
+            self.robot, layout, data, record=record, tangents=False, threads=self.threads
+        )
+        residual = prediction.residual()
+        if prediction.along is not None:
+            return np.where(record.keep, np.einsum("ij,ij->i", residual, prediction.along), np.nan)
+        known = {effect.run for effect in fitted.layout.effects if isinstance(effect, EncoderOffset)}
+        for rows in prediction.view.runs:
+            # A run that was not fitted has an offset of its own, which belongs to the set-up.
+            if data.run[rows[0]] not in known:
+                residual[rows] -= residual[rows].mean(axis=0)
+        return residual.ravel()
+
+    def _new_set_up(self, layout: Layout, data: Dataset, record: GearRecord) -> Layout:
+        """Alignments (offsets) of sessions, axes or runs that were not among the identification rows."""
+        known = {name for effect in layout.effects for name in map(effect.parameter_label, effect.parameters())}
+        new = [e for e in sensor_layout(self.robot, data, record).effects
+               if not known & set(map(e.parameter_label, e.parameters()))]
+        return Layout.of(tuple(new), estimate=False)
+
+    def groups(self) -> np.ndarray:
+        """Whole runs where every set-up has several of each axis, else pieces of every run.
+
+        Encoders have an offset in every run, so that no run can be left out whole.
+        """
+        moving = gear_view(self.robot, self.thin, self.record).moving_runs
+        sorts = [(int(self.thin.session[rows[0]]), axis) for rows, axis in moving]
+        several = min(sorts.count(sort) for sort in sorts) >= _RUNS_OF_A_SORT
+        return self.thin.run if several and not self.record.encoder_axes else time_groups(self.thin.run)
+
+    def correlation_factor(self, fitted: Fitted) -> float:
+        return self._noise.share
+
+    def signals(self, fitted: Fitted) -> dict[str, np.ndarray]:
+        view = fitted.view
+        signals = {}
+        for i in np.flatnonzero(view.moving):
+            signals[f"motor angle of axis {i + 1} within a revolution"] = np.mod(view.theta[:, i], 2.0 * np.pi)
+            signals[f"angle of axis {i + 1}"] = view.q[:, i]
+            signals[f"direction of axis {i + 1}"] = view.direction[:, i]
+            signals[f"speed of axis {i + 1}"] = view.signals["theta_dot"][:, i] / view.robot.ratios[i]
+            signals[f"load of axis {i + 1}"] = view.torque[:, i]
+        signals["time"] = self.thin.time
+        signals |= {name: values for name, values in self.thin.covariates.items()}
+        return {name: values for name, values in signals.items() if np.ptp(values) > 0.0}
+
+    def directions(self, fitted: Fitted) -> dict[str, np.ndarray]:
+        shape = fitted.residual.shape
+        if self.record.encoder_axes:
+            names = [f"axis {axis + 1}" for axis in self.record.encoder_axes]
+        else:
+            names = [f"the sensor's {axis} axis" for axis in "xyz"]
+        return {name: np.tile(np.eye(shape[1])[k], (shape[0], 1)) for k, name in enumerate(names)}
+
+    def error_of_unit_noise(self, fitted: Fitted) -> float:
+        errors = self.errors(fitted, self.data)
+        return float(np.sqrt(np.nanmean(errors**2)))
+
+    def repeat_noise(self, fitted: Fitted) -> float | None:
+        """White part of the unfiltered residual, by its fourth differences."""
+        errors = self._deviations(fitted, self.data).reshape(len(self.data), -1)
+        runs = self._records["identification"].runs
+        squares = [white_noise(column[np.isfinite(column)]) ** 2 for rows in runs for column in errors[rows].T]
+        return float(min(np.sqrt(np.mean(squares) / np.nanmean(errors**2)), 1.0))
+
+    def updated_robot(self, fitted: Fitted) -> Robot:
+        result = self.robot
+        for effect in fitted.layout.effects:
+            if effect.declared:
+                result = effect.bake(result)
+        other = tuple(effect for effect in self.robot.effects if self.kind not in effect.kinds)
+        own = other + tuple(effect for effect in fitted.layout.effects if not effect.declared)
+        pairs = zip(fitted.layout.names, fitted.fit.interval())
+        set_up = {e.parameter_label(p) for e in fitted.layout.effects if e.station == Station.DEVICE and e.declared
+                  for p in e.parameters()}
+        intervals = {name: (float(low), float(high)) for name, (low, high) in pairs if name not in set_up}
+        return replace(result, effects=own, intervals=dict(self.robot.intervals) | intervals)
+
+    def separating_experiment(self, fitted: Fitted, one: Effect, other: Effect) -> str:
+        return separating_run(self.robot, fitted, self.record, one, other, self.unit)

@@ -1,0 +1,62 @@
+"""Gear runs at the sampling rate that their content needs.
+
+The gears of a run show up to twice the motor's rate of turn (or their highest declared order); beyond, a gyroscope
+adds noise only. Reading and motor angle pass the same acausal low-pass (Butterworth, eighth order, forwards and
+backwards), flat below, and every k-th sample is taken: a search over hundreds of candidates then costs 1 / k.
+Encoders on both sides are left as they are.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import scipy  # scipy.signal is imported at its first use: it takes half a second
+
+from exactarm.chain import GearRecord
+from exactarm.dataset import Dataset
+from exactarm.robot import Robot
+from exactarm.signals import derivative_operator, typical_step
+
+_MOTOR_ORDERS, _LEAST_HZ = 2.5, 80.0
+_ROWS_PER_PERIOD = 2.6  # of the low-pass; 2 would be its Nyquist rate
+_ORDER = 8
+_REACH_PERIODS = 1.0  # the low-pass carries what is not defined so far into its neighbours
+
+
+def thinned_run(robot: Robot, data: Dataset, record: GearRecord) -> tuple[Dataset, GearRecord]:
+    """The thinned rows and their record; both as they are where nothing is to be gained."""
+    step = max(typical_step(data.time[rows]) for rows in record.runs)
+    cutoff = _highest_frequency(robot, record)
+    every = int(1.0 / (_ROWS_PER_PERIOD * cutoff * step))
+    if record.encoder_axes or every < 2 or min(rows.size for rows in record.runs) < 40 * every:
+        return data, record
+    sections = scipy.signal.butter(_ORDER, cutoff, fs=1.0 / step, output="sos")
+    low_pass = lambda values: scipy.signal.sosfiltfilt(sections, values, axis=0)
+    reach = int(np.ceil(_REACH_PERIODS / (cutoff * step)))
+    gyro, theta, keep = np.empty_like(data.gyro), record.theta.copy(), np.empty_like(record.keep)
+    for rows in record.runs:
+        gyro[rows], theta[rows] = low_pass(data.gyro[rows]), low_pass(record.theta[rows])
+        undefined = np.convolve(~record.keep[rows], np.ones(2 * reach + 1), "same") > 0.5
+        keep[rows] = ~undefined
+    chosen = np.concatenate([rows[::every] for rows in record.runs])
+    count = np.cumsum([0] + [rows[::every].size for rows in record.runs])
+    runs = tuple(np.arange(a, b) for a, b in zip(count[:-1], count[1:]))
+    operators = tuple(derivative_operator(data.time[chosen[rows]]) for rows in runs)
+    theta = theta[chosen]
+    theta_dot = np.concatenate([operator @ theta[rows] for rows, operator in zip(runs, operators)])
+    thin = GearRecord(
+        theta, theta_dot, record.direction[chosen], keep[chosen], runs, operators, record.cutoff_hz, record.encoder_axes
+    )
+    return replace(data, gyro=gyro).select(chosen), thin
+
+
+def _highest_frequency(robot: Robot, record: GearRecord) -> float:
+    """Hz up to which the gears of these runs can show."""
+    fastest = np.max(np.abs(record.theta_dot), axis=0, initial=0.0) / (2.0 * np.pi)
+    highest = 0.0
+    for joint, rate in zip(robot.joints, fastest):
+        tables = [table.order for table in (joint.cw, joint.ccw) if table is not None]
+        declared = 1.2 * np.max(np.concatenate(tables)) / abs(joint.ratio) if tables else 0.0
+        highest = max(highest, max(_MOTOR_ORDERS, declared) * rate)
+    return max(highest, _LEAST_HZ)

@@ -1,0 +1,73 @@
+"""Diagnosis of gear runs: a hidden cause is named with its axis, and nothing is found where nothing is hidden."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from gear_simulation import DEGREE, GearRuns, joined, simulate
+
+from exactarm.dataset import Dataset
+from exactarm.diagnose.diagnosis import EXPLAINED, NOTHING, diagnose
+from exactarm.robot_file import load_robot
+
+RATE_HZ = 400.0
+NOISE = 0.05 * DEGREE
+
+
+@pytest.fixture(scope="module")
+def racer():
+    """Rigid springs: the simulation of these tests turns one axis at a time without gravity."""
+    robot = load_robot("racer-7-1.4")
+    for index in range(robot.axes):
+        robot = robot.with_joint(index, spring_linear=None, spring_cubic=0.0)
+    return robot
+
+
+def runs(robot, extra=None, axes=(1, 2), seed=3) -> Dataset:
+    """Two speeds of each axis, to and fro, twice; extra(joint) -> what the link of that axis turns further."""
+    parts, first = [], 1
+    for joint in axes:
+        for speed in (40.0, 80.0):
+            case = GearRuns(joint, speed * DEGREE, 4, RATE_HZ, NOISE, seed=seed + first, first_run=first)
+            parts.append(simulate(robot, case, rest=np.zeros(6), extra=extra(joint) if extra else None))
+            first += 4
+    return joined(*parts)
+
+
+def on_axis(joint, shape):
+    return lambda moving: (lambda time, phi, direction: shape(time, phi, direction) if moving == joint else 0.0 * phi)
+
+
+def test_clean_runs_have_no_undeclared_effect(racer):
+    result = diagnose(racer, runs(racer))
+    assert result.verdict == NOTHING and not result.findings
+    assert result.noise.value == pytest.approx(NOISE, rel=0.05)
+    assert result.after["validation"].rms == pytest.approx(NOISE, rel=0.05)
+
+
+HIDDEN = {
+    "gear_harmonics": (2, lambda time, phi, direction: 2e-3 * np.sin(23.0 * phi) / 23.0),
+    "gear_ratio": (2, lambda time, phi, direction: 2e-3 * phi),
+}
+
+
+@pytest.mark.parametrize("name", HIDDEN)
+def test_names_what_the_gear_does(racer, name):
+    joint, shape = HIDDEN[name]
+    result = diagnose(racer, runs(racer, on_axis(joint, shape)))
+    assert result.findings, result.sentence
+    assert (result.findings[0].effect.name, result.findings[0].effect.joint) == (name, joint)
+    assert result.verdict == EXPLAINED
+    assert result.after["validation"].rms < 1.05 * NOISE
+    assert result.before["validation"].rms > 1.2 * result.after["validation"].rms
+    found = {(effect.name, effect.joint) for effect in result.robot.effects}
+    assert (name, joint) in found
+
+
+def test_names_what_the_gyroscope_does(racer):
+    clean = runs(racer)
+    biased = diagnose(racer, replace(clean, gyro=clean.gyro + np.array([0.0, 1e-3, 2e-3])))
+    assert [finding.effect.name for finding in biased.findings] == ["gyro_bias"]
+    bias = biased.findings[0].effect.value_of("z_rad_s")
+    low, high = biased.findings[0].intervals[2]
+    assert low < bias < high and bias == pytest.approx(2e-3, abs=1e-4)
