@@ -65,7 +65,9 @@ class Fitted:
         keep[where] = False
         effects = self.layout.effects[:index] + self.layout.effects[index + 1 :]
         layout = Layout(effects, self.layout.free[:index] + self.layout.free[index + 1 :])
-        residual = self.residual + self.jacobian[:, :, where] @ self.layout.values[where]
+        # A non-linear parameter (an order) is no part of what the effect has moved: its linear ones have moved it all.
+        linear = np.array([not p.search for p in self.layout.parameters[where]], bool)
+        residual = self.residual + self.jacobian[:, :, where] @ np.where(linear, self.layout.values[where], 0.0)
         return replace(self, layout=layout, residual=residual, jacobian=self.jacobian[:, :, keep])
 
     @property
