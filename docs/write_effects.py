@@ -62,7 +62,8 @@ def overview(classes: dict[str, type[Effect]]) -> list[str]:
     lines = ["| effect | station | " + " | ".join(mark.replace("_", " ") for mark in marks) + " | planner |", "| --- | --- |" + " --- |" * 5]
     for name, cls in classes.items():
         shown = " | ".join("x" if mark in cls.kinds else "" for mark in marks)
-        planner = ("model" if cls.smooth else "along the path") if cls.compensable else ""
+        how = "tables" if cls.bake is not Effect.bake else "path" if cls.smooth else "path, eased"
+        planner = how if cls.compensable else ""
         lines.append(f"| [`{name}`](#{name}) | {cls.station.name} | {shown} | {planner} |")
     return lines
 
@@ -89,7 +90,7 @@ def page() -> str:
     causes = {name: cls for name, cls in effects.items() if not cls.declared}
     tables = {name: cls for name, cls in effects.items() if cls.declared}
     lines = [HEAD, "## Causes that a diagnosis looks for", "",
-             "`planner`: how a plan compensates it: as part of its model, or as a known function along the path.", "", *overview(causes), ""]
+             "`planner`: how a plan compensates it: in its tables of the robot, as a known function along the path, and eased at reversals where it jumps.", "", *overview(causes), ""]
     for name, cls in causes.items():
         lines += entry(name, cls)
     lines += ["## Parameters of the declared model", "",

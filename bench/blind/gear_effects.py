@@ -1,4 +1,4 @@
-"""The causes of the contract's table that gear runs can show, with physics of their own.
+"""The causes of docs/effects.md that gear runs can show, with physics of their own.
 
     motor    adds to the motor angle that the sensor answers to     (N, n) rad
     gear     adds to the output angle of a gear                     (N, n) rad

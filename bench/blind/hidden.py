@@ -1,4 +1,4 @@
-"""What a hidden cause is: a name of the contract's table, an axis, a size, and where it enters the measurement.
+"""What a hidden cause is: a name of docs/effects.md, an axis, a size, and where it enters the measurement.
 
     gear       adds to the output angle of a gear            (N, n) rad
     links      changes masses: returns another arm

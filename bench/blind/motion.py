@@ -1,7 +1,7 @@
 """Motion of a true arm with hidden causes: joint angles and torques of an excitation, computed from the link back to the motor.
 
     q(t) -> link torque (recursive Newton-Euler) -> phi = q - offset + deflection -> theta = ratio phi
-    tau  =  link torque + rotor ratio^2 ddq + friction(d theta/dt) + causes        output side, contract's convention
+    tau  =  link torque + rotor ratio^2 ddq + friction(d theta/dt) + causes        output side, convention of docs/method.md
 
 Newton-Euler as in Luh, Walker and Paul 1980: velocities and accelerations outwards, with the base accelerated by -g,
 forces and moments inwards, all in the base frame.

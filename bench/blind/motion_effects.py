@@ -1,4 +1,4 @@
-"""The causes of the contract's table that motion data can show, with physics of their own.
+"""The causes of docs/effects.md that motion data can show, with physics of their own.
 
     links    changes masses                torque   adds to the drive torque, output side (N, n) Nm
     motor    adds to the motor angle       record   changes what is written down

@@ -1,4 +1,4 @@
-"""The causes of the contract's table that static poses can show, with physics of their own.
+"""The causes of docs/effects.md that static poses can show, with physics of their own.
 
 Each class draws itself for a setting (`draw`, None where it cannot act there) and enters where `hidden` says.
 `unit_size` is a first size; a scenario scales it to what it wants to see.

@@ -212,7 +212,7 @@ def _to_size(cause: Hidden, truth: Truth, rows: Rows, raised: float, sigma: floa
 
 
 def _table(arm: Arm, rows: Rows, position, rotation, random) -> pd.DataFrame:
-    """Columns of the contract, with the units that the case happened to choose."""
+    """Columns as docs/files.md has them, with the units that the case happened to choose."""
     columns: dict[str, np.ndarray] = {}
     if "time" in rows.has:
         columns["time_s"] = rows.time

@@ -57,7 +57,7 @@ def label(effect: dict) -> str:
 
 
 def label_of(effect) -> str:
-    """The same for an effect of the package: drops forms that the contract's names do not have."""
+    """The same for an effect of the package: drops forms that docs/effects.md does not have."""
     axis = "" if effect.joint is None else f"_{effect.joint}"
     by = f"_by_{effect.value_of('motor'):.0f}" if effect.name == "joint_coupling" else ""
     return effect.name + axis + by

@@ -7,6 +7,7 @@ import numpy as np
 
 from exactarm.columns import JOINT_UNITS, SCALAR_UNITS
 from exactarm.dataset import read_dataset
+from exactarm.plan.path_file import CHOICES, COMMON, load_path, shipped_paths
 from exactarm.robot import Joint, Robot
 from exactarm.robot_file import load_robot, shipped_robots
 
@@ -43,3 +44,15 @@ def test_every_quantity_and_unit_is_documented():
 
 def test_shipped_robots_are_named():
     assert all(f"`{name}`" in PAGE for name in shipped_robots())
+
+
+def test_the_path_file_is_read_and_every_kind_is_documented(tmp_path):
+    written = re.search(r'```toml\n(kind = "line".*?)```', PAGE, re.DOTALL)[1]
+    (tmp_path / "path.toml").write_text(written)
+    path, bare = load_path(tmp_path / "path.toml"), tmp_path / "bare.toml"
+    bare.write_text("\n".join(line for line in written.splitlines() if line.split()[0] in ("kind", "start_m", "end_m", "duration_s")))
+    defaults = load_path(bare)
+    for key in ("rate_hz", "nu", *CHOICES):
+        assert getattr(path, key) == getattr(defaults, key)
+    for key in (*COMMON, *(name for options in CHOICES.values() for name in options), *shipped_paths()):
+        assert re.search(rf'["`]?{key}\b', PAGE), key

@@ -154,7 +154,7 @@ class Problem(ABC):
 
     @abstractmethod
     def errors(self, fitted: Fitted, data: Dataset) -> np.ndarray:
-        """(K,) the errors of any rows whose RMS the contract of this kind of data asks for."""
+        """(K,) the errors of any rows whose RMS is reported for this kind of data."""
 
     @abstractmethod
     def groups(self) -> np.ndarray:
