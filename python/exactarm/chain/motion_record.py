@@ -30,7 +30,7 @@ _ORDER = 4
 _WIDE = 2.5  # bandwidth of the angles over that of the torque
 _ROWS_PER_PERIOD = 12.5
 _ROWS_WITH_HARMONICS = 25.0  # gear errors reach beyond the band: they must not fold back into it
-_SLOWEST_HZ = 5.0
+_SLOWEST_HZ, _BELOW_RESONANCE = 5.0, 0.6
 _SAMPLED_ROWS = 16
 _LARGEST = 0.4  # of the sampling rate: no low-pass above it
 _EDGE_PERIODS = 3.0  # of the bandwidth, left out at both ends of a run
@@ -133,9 +133,9 @@ def motion_record(robot: Robot, data: Dataset, bandwidth_hz: float | None = None
 
 
 def default_bandwidth(robot: Robot, data: Dataset) -> float:
-    """20 Hz; no more than the arm's lowest resonance where declared gear errors shake declared springs.
+    """20 Hz; well below the arm's lowest resonance where declared gear errors shake declared springs.
 
-    Above it, what the drives feel hangs on a damping that nobody declared.
+    Near it, what the drives feel hangs on a damping that nobody declared.
     """
     shaken = any(joint.has_harmonics for joint in robot.joints) and all(joint.spring_linear for joint in robot.joints)
     if not shaken or robot.links is None:
@@ -144,7 +144,7 @@ def default_bandwidth(robot: Robot, data: Dataset) -> float:
     q = motor_angles(robot, data.select(rows)) / robot.ratios + robot.offsets
     stiffness = np.diag([joint.spring_linear for joint in robot.joints])
     softest = min(linalg.eigh(stiffness, mass, eigvals_only=True)[0] for mass in _core.mass_matrix(robot.core, q))
-    return float(np.clip(np.sqrt(softest) / (2.0 * np.pi), _SLOWEST_HZ, BANDWIDTH_HZ))
+    return float(np.clip(_BELOW_RESONANCE * np.sqrt(softest) / (2.0 * np.pi), _SLOWEST_HZ, BANDWIDTH_HZ))
 
 
 def _rows_per_period(robot: Robot) -> float:

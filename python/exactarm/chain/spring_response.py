@@ -22,6 +22,7 @@ from exactarm.robot import Robot
 
 DAMPING_S = 1e-3
 _SECANTS = 3
+_LEAST_INERTIA = 1e-6  # of the largest
 _ALPHA = 0.05
 _GAMMA, _BETA = 0.5 + _ALPHA, 0.25 * (1.0 + _ALPHA) ** 2
 _STIFF = (0.5 + _BETA - _GAMMA, 0.5 - 2.0 * _BETA + _GAMMA, _BETA)  # weights of before, now, after
@@ -35,7 +36,7 @@ class SpringResponse:
     def __init__(self, robot: Robot, by_q, by_rate, mass, runs, step: float):
         self.linear = np.array([joint.spring_linear or 0.0 for joint in robot.joints])
         self.cubic = np.array([joint.spring_cubic for joint in robot.joints])
-        self.robot, self.by_q, self.by_rate, self.mass = robot, by_q, by_rate, mass
+        self.robot, self.by_q, self.by_rate, self.mass = robot, by_q, by_rate, _positive(mass)
         self.runs, self.step = runs, step
         self.elastic = self.linear > 0.0
         self.tangent = np.broadcast_to(self.linear, by_q.shape[:2])
@@ -88,6 +89,17 @@ class SpringResponse:
             band = _banded(blocks, self.elastic)
             e[rows] = solve_banded((3 * n - 1, n - 1), band, flat, check_finite=False).reshape(right.shape)
         return e
+
+
+def _positive(mass: np.ndarray) -> np.ndarray:
+    """The mass matrices (N, n, n), made positive where a trial of an identification is not: it would run away."""
+    try:
+        np.linalg.cholesky(mass)
+        return mass
+    except np.linalg.LinAlgError:
+        values, vectors = np.linalg.eigh(mass)
+        values = np.maximum(values, _LEAST_INERTIA * values[:, -1:])
+        return (vectors * values[:, None, :]) @ np.swapaxes(vectors, 1, 2)
 
 
 def _banded(blocks, elastic: np.ndarray) -> np.ndarray:
