@@ -67,7 +67,7 @@ def identify_axis(samples: GearSamples, method: str) -> GearEstimate | None:
         if turn < _SEARCH_ROUNDS:
             band = search_band(list(profiles.values()), samples.ratio, samples)
             if band[1] > band[0]:
-                orders = find_orders(list(profiles.values()), band, method, orders)
+                orders = find_orders(list(profiles.values()), band, method, orders if orders.size else None)
         tables = {side: fit_table(profile, orders) for side, profile in profiles.items()}
         before = scale
         scale, disturbance, sigma = _ratio(samples, fitted, tables, scale)

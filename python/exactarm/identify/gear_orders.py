@@ -26,7 +26,7 @@ _NEIGHBOURHOOD = 40  # resolutions over which the floor of the spectrum is taken
 _SIDE_LOBE, _APART = 0.15, 3.0  # peaks found at once: share of the highest, resolutions between them
 _SPREAD = 1e-2  # of a and b
 _SEPARATION = 0.6  # of the resolution 1 / range: closer orders cannot be told apart
-_WHOLE_NUMBERS_APART = 2.9  # coarsest resolution at which neighbouring whole numbers can be fitted
+_WHOLE_NUMBERS_APART = 2.9  # resolution up to which neighbouring whole numbers are tried there
 _NEWTON_PASSES = 4
 _OVERSAMPLING = 8
 
@@ -85,16 +85,20 @@ def find_orders(
     """Accepted orders (m,), sorted, for all directions together; `start`: orders that are in already.
 
     The refined search has two beginnings, its own peaks and the whole numbers of the other method: close orders
-    that nearly cancel each other leave many local minima. The smaller criterion of Schwarz (1978) decides, and
-    orders that do not earn their place by it are taken out.
+    that nearly cancel each other leave many local minima. Akaike's criterion (1974) decides, which asks for the
+    better prediction; an order that is not estimated but a whole number costs nothing for itself.
     """
+    whole = _one_after_another(profiles, band, None, coarse=True) if method == "neighbours" or start is None else None
     if method == "neighbours":
-        return _one_after_another(profiles, band, start, coarse=True)
+        return whole if start is None else _one_after_another(profiles, band, start, coarse=True)
     settle = lambda orders: _earning(profiles, _refine(profiles, orders, band))
     found = [settle(_one_after_another(profiles, band, start, coarse=False))]
     resolution = 1.0 / max(profile.range_rev for profile in profiles)
-    if start is None and resolution < _WHOLE_NUMBERS_APART:
-        found.append(settle(_earning(profiles, _one_after_another(profiles, band, None, coarse=True))))
+    # Between encoders, delay and friction colour what is left: there no criterion can judge lines closer than a cell.
+    if whole is not None and (profiles[0].rated or resolution < _WHOLE_NUMBERS_APART):
+        found += [settle(_earning(profiles, whole)), _earning(profiles, whole), whole]
+    elif start is not None:
+        found.append(start)
     return min(found, key=lambda orders: _criterion(profiles, orders))
 
 
@@ -116,14 +120,14 @@ def _one_after_another(profiles, band, start, coarse: bool) -> np.ndarray:
 
 
 def _criterion(profiles, orders: np.ndarray) -> float:
-    cells = sum(profile.angle.size for profile in profiles)
-    free = orders.size * (1 + 2 * len(profiles))
-    return _cost(profiles, [fit_table(profile, orders) for profile in profiles]) + free * np.log(cells)
+    estimated = np.count_nonzero(np.abs(orders - np.round(orders)) > 1e-9)
+    free = estimated + 2 * orders.size * len(profiles)
+    return _cost(profiles, [fit_table(profile, orders) for profile in profiles]) + 2.0 * free
 
 
 def _earning(profiles, orders: np.ndarray) -> np.ndarray:
-    """The orders without those whose coefficients are worth less than they cost, the weakest first."""
-    price = (1 + 2 * len(profiles)) * np.log(sum(profile.angle.size for profile in profiles))
+    """The orders without those that predict worse than nothing (Akaike), the weakest first."""
+    price = 2.0 * (1 + 2 * len(profiles))
     while orders.size:
         worth = np.zeros(orders.size)
         for profile in profiles:
