@@ -1,4 +1,4 @@
-"""The circle on a virtual robot: every round plans with a better model and misses by less."""
+"""The circle on a virtual robot: with the cause in the model, the arm misses by less."""
 
 import json
 
@@ -11,7 +11,8 @@ def test_the_loop_closes(tmp_path):
     assert main(words) == 0
     result = json.loads((tmp_path / "result.json").read_text())
     drawn, calibrated, diagnosed = (entry["tracking"]["rms"] for entry in result["rounds"])
-    assert diagnosed < 0.6 * calibrated < 0.6 * drawn
+    # A calibration that bends the geometry to a hidden cause need not help on a path; the diagnosis has to.
+    assert diagnosed < 0.5 * min(drawn, calibrated)
     assert [(e["effect"], e["joint"]) for e in result["effects"]][0] == ("gear_eccentricity", 2)
 
 
