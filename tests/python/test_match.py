@@ -7,11 +7,14 @@ import pytest
 from set_ups import joints_in_limits, measured, true_robot
 from six_axis import six_axis
 
+from exactarm import cli
+from exactarm.dataset import write_dataset
 from exactarm.errors import InputError
 from exactarm.identify.calibrate import calibrate
 from exactarm.identify.evaluate import evaluate_poses
 from exactarm.identify.match import WORST_SHARE, reach
 from exactarm.robot_file import load_robot
+from exactarm.robot_writer import write_robot
 
 
 @pytest.fixture(scope="module")
@@ -79,3 +82,14 @@ def test_session_at_fault_is_named(arm):
     position = np.where((data.session == 2)[:, None], 1e3, 1.0) * data.position
     with pytest.raises(InputError, match="base and tool of session 2.*millimetres labelled as metres"):
         calibrate(arm, replace(data, position=position))
+
+
+@pytest.mark.parametrize("command", ["calibrate", "evaluate", "identifiable", "diagnose"])
+def test_every_command_on_poses_asks_first(arm, tmp_path, capsys, command):
+    write_robot(tmp_path / "robot.toml", arm)
+    write_dataset(tmp_path / "poses.csv", scaled(data_of(arm), length=1e3), arm)
+    words = [command, tmp_path / "robot.toml", tmp_path / "poses.csv", "--out", tmp_path / "out", "--quiet"]
+    assert cli.main([str(word) for word in words]) == 2
+    lines = capsys.readouterr().err.strip().splitlines()
+    assert len(lines) == 1 and "poses.csv" in lines[0] and "millimetres labelled as metres" in lines[0]
+    assert not (tmp_path / "out" / "result.json").exists()

@@ -16,8 +16,9 @@ from exactarm.commands.result import CommandResult
 from exactarm.dataset import Dataset, read_planned_poses
 from exactarm.errors import InputError
 from exactarm.identify.compliance import compliance_layout
-from exactarm.identify.declared import frames_layout, geometry_layout, require_geometry
+from exactarm.identify.declared import carried_layout, frames_layout, geometry_layout, require_geometry
 from exactarm.identify.identifiability import Identifiability, still_axes
+from exactarm.identify.match import require_match
 from exactarm.identify.model_check import ModelCheck, check_model
 from exactarm.identify.parameter_name import parse_parameter
 from exactarm.identify.planned import PlannedModel, controller_angles, pose_blocks, pose_data, row_weights
@@ -81,6 +82,7 @@ def _poses(robot: Robot, arguments: argparse.Namespace) -> _Poses:
         if arguments.frames != "both":
             raise InputError(f"--frames {arguments.frames}: measured poses have both frames unknown")
         frames, found = frames_layout(robot, data, orientation=orientation, seed=arguments.seed)
+        require_match(robot, data, found, carried_layout(robot), arguments.seed)
         robot = replace(robot, tool=found[0][1].tool)  # reasons look at where the target really is
         layout = frames.joined(geometry_layout(robot)).joined(compliance_layout(robot, data))
         return _Poses(robot, layout, data, orientation, frames.size, f"{len(data)} measured poses")
