@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import ClassVar, Iterable
 
 from exactarm.effects.base import Effect
-from exactarm.effects.harmonic_family import HarmonicFamily, searched_orders
+from exactarm.effects.harmonic_family import HarmonicFamily, motor_orders, searched_orders
 
 _CURVE_ORDERS = 40
 _CURVE_AMPLITUDES_RAD = (3e-5, 1e-4)  # per order; the evidence chooses
@@ -32,5 +32,8 @@ class GearHarmonics(HarmonicFamily):
             orders = searched_orders(robot, view, index)
             if len(orders):
                 yield cls.zero(index + 1, orders)
+            own = motor_orders(robot, orders, index)
+            if len(own):
+                yield cls.zero(index + 1, own, multiples=2)
             if view.kind == "poses":
                 yield from (cls.curve(index + 1, _CURVE_ORDERS, amplitude) for amplitude in _CURVE_AMPLITUDES_RAD)

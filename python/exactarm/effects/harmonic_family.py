@@ -115,6 +115,14 @@ def searched_orders(robot, view, index: int) -> tuple[float, ...]:
     return tuple(o for o in orders if np.all(np.abs(declared - o) > 0.5))
 
 
+def motor_orders(robot, orders, index: int) -> tuple[float, ...]:
+    """Those of `orders` that are the motor's own, or half of it (a wave generator): what turns there has overtones too."""
+    if not robot.joints[index].has_gear:
+        return ()
+    motor = abs(robot.ratios[index])
+    return tuple(o for o in orders if min(abs(o - motor), abs(o - 0.5 * motor)) <= 1.0)
+
+
 def declared_orders(robot, index: int) -> np.ndarray:
     joint = robot.joints[index]
     tables = [table.order for table in (joint.cw, joint.ccw) if table is not None]
