@@ -15,11 +15,14 @@ import pytest
 TOP = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(TOP / "bench"))
 
+from blind import gear_scenario, motion_scenario  # noqa: E402
 from blind.arm import gravity_torque, output_angle, posture, read_arm  # noqa: E402
+from blind.motion import inverse_dynamics  # noqa: E402
 from blind.pose_scenario import draw_case  # noqa: E402
 from blind.scorer import diagnose_case, summary  # noqa: E402
 
 from exactarm import _core  # noqa: E402
+from exactarm.dataset import read_dataset  # noqa: E402
 from exactarm.robot_file import load_robot  # noqa: E402
 
 ROBOTS = TOP / "python" / "exactarm" / "data" / "robots"
@@ -46,6 +49,22 @@ def test_gears_turn_as_in_the_core():
             joint = robot.joints[axis]
             expected = _core.gear_output_angle(joint.ratio, getattr(joint, side).core(), theta[:, axis])
             np.testing.assert_allclose(phi[:, axis], expected, atol=1e-12)
+
+
+def test_newton_and_euler_agree_with_the_core():
+    arm, core = read_arm(ROBOTS / "racer-7-1.4.toml"), load_robot("racer-7-1.4").core
+    q, rate, acceleration = np.random.default_rng(5).uniform(-2.0, 2.0, (3, 30, arm.axes))
+    expected = _core.inverse_dynamics(core, q, rate, acceleration)
+    np.testing.assert_allclose(inverse_dynamics(arm, q, rate, acceleration), expected, atol=1e-9)
+
+
+@pytest.mark.parametrize("scenario", [gear_scenario, motion_scenario], ids=["gear", "motion"])
+def test_time_series_are_read_as_what_they_are(tmp_path, scenario):
+    case = scenario.draw_case(tmp_path, 4, ROBOTS, "clean")
+    robot = load_robot(str(case.robot))
+    data = read_dataset([str(case.data)], robot)
+    assert data.kind == case.truth["kind"]
+    assert case.truth["raised"] == pytest.approx(1.0, abs=0.05)
 
 
 def test_only_the_scorer_knows_the_package():
