@@ -33,8 +33,7 @@ void Objective::gradient(const double* z, double* gradient) const {
 }
 
 double Objective::natural_scale(const double* z) const {
-  const double objective = value(z);
-  return objective > 1e-8 ? 100.0 / objective : 1e10;
+  return 100.0 / std::max(value(z), 1e-6);
 }
 
 double Objective::gradient_floor(double scale) const {

@@ -12,7 +12,7 @@ class Objective {
   void gradient(const double* z, double* gradient) const;
   const Vector& input_weights() const { return input_weights_; }  // n
 
-  // The scale that makes the objective at z 100, at most 1e10: solvers have absolute tolerances.
+  // The scale that makes the objective at z 100, at most 1e8: solvers have absolute tolerances.
   double natural_scale(const double* z) const;
   // The gradient 2 scale (q - q_d) cannot be told from 0 below the rounding of q.
   double gradient_floor(double scale) const;
