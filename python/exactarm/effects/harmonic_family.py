@@ -141,13 +141,16 @@ def growing_error(view, index: int, size: float, follows: np.ndarray) -> tuple[C
 
 
 def _residual_orders(view, index: int) -> np.ndarray:
-    """Peaks of what the present model leaves along the moving axis, over its output angle, run by run."""
+    """Peaks of what the present model leaves along a moving axis, over its output angle, run by run.
+
+    A gyroscope sits behind the axis that moves furthest; link encoders see every axis that moves.
+    """
     residual = view.signals.get("axis_residual")
     if residual is None or not view.moving[index]:
         return np.zeros(0)
     pieces = []
     for rows, axis in view.moving_runs:
-        if axis == index:
+        if axis == index or view.data.gyro is None:
             rows = rows[view.keep[rows]]
             pieces.append((view.phi[rows, index], residual[rows, index]))
     return strongest_orders(pieces, ratio=abs(view.robot.ratios[index]))
