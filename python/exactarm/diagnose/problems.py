@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from exactarm.dataset import Dataset
 from exactarm.diagnose.gear_problem import GearProblem
+from exactarm.diagnose.motion_problem import MotionProblem
 from exactarm.diagnose.pose_problem import PoseProblem
 from exactarm.diagnose.problem import Problem
 from exactarm.errors import InputError
 from exactarm.robot import Robot
 
-PROBLEMS: dict[str, type[Problem]] = {cls.kind: cls for cls in (PoseProblem, GearProblem)}
+PROBLEMS: dict[str, type[Problem]] = {cls.kind: cls for cls in (PoseProblem, GearProblem, MotionProblem)}
 
 
 def problem_for(robot: Robot, data: Dataset, held_out: Dataset, threads: int, seed: int) -> Problem:

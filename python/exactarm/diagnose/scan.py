@@ -11,6 +11,7 @@ instead: gain = r'C~ (C~'C~ + P^-2)^{-1} C~'r, and 1/2 log det(I + P C~'C~ P) in
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -79,9 +80,8 @@ def scan(
     best: dict[str, Candidate] = {}
     families = len({effect.label for effect in candidates})
     variants = [(effect, point) for effect in candidates for point in grid(effect)]
-    tried = {effect.label: 0 for effect in candidates}
-    for effect, _ in variants:
-        tried[effect.label] += 1
+    points = Counter(effect.label for effect, _ in variants)
+    tried = {point.label: points[effect.label] for effect, point in variants}  # a searched order may be in the label
     block: list[tuple[Effect, np.ndarray]] = []
     width = 0
     for _, point in variants:

@@ -19,6 +19,7 @@ from exactarm.signals import strongest_orders
 
 _POSE_MULTIPLES = 2  # of the ratio: the highest order that poses are searched for
 _RATIO_UNKNOWN = 100.0
+_MOTOR_MULTIPLES = (1.0, 2.0)  # that motions are searched for
 _CURVE_KNEE = 25.0  # order above which the amplitudes of a gear or encoder curve fall (cycles per revolution)
 
 
@@ -104,13 +105,17 @@ class HarmonicFamily(Effect):
 def searched_orders(robot, view, index: int) -> tuple[float, ...]:
     """Orders worth trying on axis `index`.
 
-    A gear run shows its own: the peaks of its residual over the angle. Elsewhere whole numbers up to twice the
+    A gear run shows its own: the peaks of its residual over the angle. Motions: few. Elsewhere whole numbers up to twice the
     motor's own order, without those that the declared tables have already.
     """
     declared = declared_orders(robot, index)
     if view.kind == "gear_run":
         return tuple(o for o in _residual_orders(view, index) if np.all(np.abs(declared - o) > 0.5))
     ratio = abs(robot.ratios[index]) if robot.joints[index].has_gear else _RATIO_UNKNOWN
+    if view.kind == "motion":
+        # A drive torque is low-passed: it shows what turns with the motor, not every tooth.
+        motion = ratio * np.array(_MOTOR_MULTIPLES)
+        return tuple(o for o in motion if np.all(np.abs(declared - o) > 0.5))
     orders = np.arange(3, _POSE_MULTIPLES * int(np.ceil(ratio)) + 2, dtype=float)
     return tuple(o for o in orders if np.all(np.abs(declared - o) > 0.5))
 

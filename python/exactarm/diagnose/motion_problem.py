@@ -1,0 +1,161 @@
+"""Motions as a diagnosis problem: residual = measured minus predicted drive torque of every measured axis, Nm.
+
+Re-identified: Coulomb and viscous friction, and base inertial parameters where the robot file declares no masses; of
+these, what the motion excites. Both sides pass the same low-pass (chain/motion_record.py); judged on its rows.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from exactarm.chain import Layout, MotionRecord, motion_record, predict_motion
+from exactarm.dataset import Dataset
+from exactarm.diagnose.coloured_noise import ColouredNoise
+from exactarm.diagnose.next_motions import separating_motion
+from exactarm.diagnose.problem import Fitted, Problem
+from exactarm.diagnose.time_groups import time_groups
+from exactarm.effects.base import Effect, Station
+from exactarm.identify.base_parameters import base_parameters
+from exactarm.identify.declared import carried_layout
+from exactarm.identify.dynamics import excited_layout, friction_layout, inertial_layout, require_enough, with_links
+from exactarm.identify.motion_fit import fit_motion
+from exactarm.robot import Robot
+
+_RUNS_ENOUGH = 5
+
+
+@dataclass(frozen=True)
+class MotionFitted(Fitted):
+    """measured (m,): axes (from 0) whose torque was measured; record: of the identification rows."""
+
+    measured: np.ndarray = None
+    record: MotionRecord = None
+
+    def columns(self, effect: Effect) -> np.ndarray:
+        response = self._response(effect)[:, self.measured]
+        data = (response * self.scale[:, :, None]).reshape(self.data_numbers, -1)
+        return np.concatenate([data, np.zeros((len(self.prior_rows), data.shape[1]))])
+
+    def _response(self, effect: Effect) -> np.ndarray:
+        """(N, n, k): what acts on the drive torque itself needs no second run through the arm."""
+        if effect.station != Station.DRIVE or effect.only_in_tables:
+            return self.view.response(effect)
+        change = effect.change(self.view)
+        response = np.zeros((self.view.rows, self.view.axes, len(effect.values)))
+        response[:, list(change.columns)] = change.by_parameters
+        return self.record.smooth(response)
+
+
+class MotionProblem(Problem):
+    """One or several runs of all axes together."""
+
+    unit = "Nm"
+    kind = "motion"
+
+    def __init__(self, robot: Robot, data: Dataset, held_out: Dataset, threads: int = 1, seed: int = 0):
+        inertial = robot.links is None and robot.has_geometry
+        super().__init__(with_links(robot) if inertial else robot, data, held_out, threads, seed)
+        self.inertial = inertial
+        self.record = motion_record(self.robot, data)
+        self._held = motion_record(self.robot, held_out, self.record.bandwidth_hz) if len(held_out) else None
+        self._noise = ColouredNoise(self)
+
+    def _record_of(self, data: Dataset) -> MotionRecord:
+        if data is self.data or data is self.held_out:
+            return self.record if data is self.data else self._held
+        return motion_record(self.robot, data, self.record.bandwidth_hz)
+
+    def declared(self) -> Layout:
+        layout = friction_layout(self.robot, self.record)
+        if self.inertial:
+            layout = layout.joined(inertial_layout(self.robot, base_parameters(self.robot)))
+        layout, _ = excited_layout(self.robot, layout.joined(carried_layout(self.robot, "motion")), self.record, self.threads)
+        require_enough(layout, self.record)
+        return layout
+
+    def fit(self, layout: Layout, weight: np.ndarray | None = None, sigma: np.ndarray | None = None) -> Fitted:
+        found = fit_motion(self.robot, layout, self.record, threads=self.threads)
+        prediction, axes, keep = found.prediction, found.axes, self.record.keep
+        residual = np.where(keep[:, None], prediction.residual()[:, axes], 0.0)
+        jacobian = np.zeros((*residual.shape, 0))
+        if prediction.jacobian is not None:
+            jacobian = prediction.jacobian[:, axes]
+        fitted = MotionFitted(
+            robot=self.robot,
+            layout=found.layout,
+            fit=replace(found.fit, covariance=found.uncertainty.covariance),
+            residual=residual,
+            jacobian=jacobian,
+            sigma=found.sigma,
+            weight=keep.astype(float),
+            view=prediction.view,
+            measured=axes,
+            record=self.record,
+        )
+        share = self._noise.independent_share(fitted, self.record.runs, self.record.step)
+        return replace(fitted, sigma=found.sigma / np.sqrt(share))
+
+    def _residual(self, fitted: Fitted, data: Dataset) -> np.ndarray:
+        """(N', m) measured minus predicted on the rows that count."""
+        record = self._record_of(data)
+        prediction = predict_motion(self.robot, fitted.layout, record, tangents=False, threads=self.threads)
+        return prediction.residual()[record.keep][:, self.record.measured_axes]
+
+    def errors(self, fitted: Fitted, data: Dataset) -> np.ndarray:
+        return np.abs(self._residual(fitted, data)).ravel()
+
+    def axes(self, before: Fitted, after: Fitted) -> list | None:
+        data = self.held_out if len(self.held_out) else self.data
+        rms = [np.sqrt(np.mean(self._residual(fitted, data) ** 2, axis=0)) for fitted in (before, after)]
+        return [{"joint": int(axis) + 1, "before": float(rms[0][k]), "after": float(rms[1][k])}
+                for k, axis in enumerate(self.record.measured_axes)]
+
+    def groups(self) -> np.ndarray:
+        """Whole runs where there are several, else pieces of each."""
+        run = self.record.data.run
+        return run if len(self.record.runs) >= _RUNS_ENOUGH else time_groups(run)
+
+    def correlation_factor(self, fitted: Fitted) -> float:
+        return self._noise.share
+
+    def signals(self, fitted: Fitted) -> dict[str, np.ndarray]:
+        view, data, signals = fitted.view, self.record.data, {}
+        rate = view.signals["theta_dot"] / view.robot.controller_ratios
+        for i in range(view.axes):
+            signals[f"motor angle of axis {i + 1} within a revolution"] = np.mod(view.theta[:, i], 2.0 * np.pi)
+            signals[f"angle of axis {i + 1}"] = view.q[:, i]
+            signals[f"direction of axis {i + 1}"] = np.sign(rate[:, i])
+            signals[f"speed of axis {i + 1}"] = rate[:, i]
+            signals[f"acceleration of axis {i + 1}"] = view.signals["theta_ddot"][:, i]
+            signals[f"load of axis {i + 1}"] = view.torque[:, i]
+        signals["time"] = data.time
+        signals |= data.covariates
+        return {name: values for name, values in signals.items() if np.ptp(values) > 0.0}
+
+    def directions(self, fitted: Fitted) -> dict[str, np.ndarray]:
+        rows, m = fitted.residual.shape
+        axes = self.record.measured_axes
+        return {f"axis {axis + 1}": np.tile(np.eye(m)[k], (rows, 1)) for k, axis in enumerate(axes)}
+
+    def error_of_unit_noise(self, fitted: Fitted) -> float:
+        return float(np.sqrt(np.mean(self._residual(fitted, self.data) ** 2)))
+
+    def repeat_noise(self, fitted: Fitted) -> float | None:
+        """No estimate: behind the low-pass noise has no high frequencies that would tell it from what moves the arm."""
+        return None
+
+    def updated_robot(self, fitted: Fitted) -> Robot:
+        result = self.robot
+        for effect in fitted.layout.effects:
+            if effect.declared:
+                result = effect.bake(result)
+        other = tuple(effect for effect in self.robot.effects if self.kind not in effect.kinds)
+        own = other + tuple(effect for effect in fitted.layout.effects if not effect.declared)
+        pairs = zip(fitted.layout.names, fitted.fit.interval())
+        intervals = dict(self.robot.intervals) | {name: (float(low), float(high)) for name, (low, high) in pairs}
+        return replace(result, effects=own, intervals=intervals)
+
+    def separating_experiment(self, fitted: Fitted, one: Effect, other: Effect) -> str:
+        return separating_motion(self.robot, fitted, self.record, one, other)

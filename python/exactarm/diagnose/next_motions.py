@@ -1,0 +1,74 @@
+"""Motions that part two effects: the measured motion played slower, faster, or its axes one at a time.
+
+Each variant is predicted with both effects at their best values; the difference is freed of what all other free
+parameters could absorb over the old and the new motion together, and the variant with the most left of it is named.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from exactarm.chain import MotionRecord, predict_motion
+from exactarm.diagnose.problem import Fitted, orthonormal
+from exactarm.diagnose.scan import free_mask
+from exactarm.effects.base import Effect
+from exactarm.robot import Robot
+
+_TEMPOS = (0.5, 1.0, 1.5)
+
+
+def separating_motion(robot: Robot, fitted: Fitted, record: MotionRecord, one: Effect, other: Effect) -> str:
+    """One sentence with the best motion and by how much the two effects differ in it."""
+    axes, numbers = record.measured_axes, fitted.data_numbers
+    values = np.where(free_mask(one), one.values, 0.0)[free_mask(one)]
+    first = fitted.columns(one)[:numbers, free_mask(one)] @ values
+    second = fitted.columns(other)[:numbers, free_mask(other)]
+    keep = np.ones(fitted.layout.size, bool)
+    for effect, where in zip(fitted.layout.effects, fitted.layout.slices):
+        keep[where] &= effect.label not in (one.label, other.label)
+    declared = (fitted.jacobian[:, :, keep] * fitted.scale[:, :, None]).reshape(numbers, -1)
+    basis = orthonormal(declared)
+    free = lambda columns: columns - basis @ (basis.T @ columns)
+    imitation = np.linalg.lstsq(free(second), free(first), rcond=1e-9)[0]
+    old = first - second @ imitation
+    best, best_apart = "", -1.0
+    for name, planned in _variants(record):
+        prediction = predict_motion(robot, fitted.layout, planned)
+        used = np.ix_(np.flatnonzero(planned.keep), axes)
+        view = prediction.view
+        rows = view.response(one)[used][..., free_mask(one)] @ values
+        rows = rows - view.response(other)[used][..., free_mask(other)] @ imitation
+        new = (prediction.jacobian[used][..., keep] / fitted.sigma[:, None]).reshape(rows.size, -1)
+        both = orthonormal(np.concatenate([declared, new]))
+        difference = np.concatenate([old, (rows / fitted.sigma).ravel()])
+        left = (difference - both @ (both.T @ difference))[old.size :]
+        apart = float(np.sqrt(np.mean(left**2)))
+        if apart > 1.02 * best_apart:
+            best, best_apart = name, apart
+    names = f"{one.label.replace('_', ' ')} and {other.label.replace('_', ' ')}"
+    return f"Play {best}: there {names} differ by {best_apart:.2g} times the scatter of the torque (RMS over all axes)."
+
+
+def _variants(record: MotionRecord):
+    """Named records: time stretched, all axes together or one alone."""
+    moving = np.flatnonzero(np.ptp(record.theta, axis=0) > 0.0)
+    for tempo in _TEMPOS:
+        speed = "as it is" if tempo == 1.0 else f"at {tempo:g} times the speed"
+        if tempo != 1.0:
+            yield f"the same motion {speed}", _played(record, tempo, None)
+        for axis in moving:
+            yield f"the motion of axis {axis + 1} alone, {speed}", _played(record, tempo, int(axis))
+
+
+def _played(record: MotionRecord, tempo: float, axis: int | None) -> MotionRecord:
+    theta, rate, acceleration = (np.array(v) for v in (record.theta, record.theta_dot, record.theta_ddot))
+    if axis is not None:
+        others = np.arange(theta.shape[1]) != axis
+        theta[:, others], rate[:, others], acceleration[:, others] = theta[0, others], 0.0, 0.0
+    data = replace(record.data, time=record.data.time / tempo)
+    return replace(
+        record, data=data, theta=theta, theta_dot=tempo * rate, theta_ddot=tempo**2 * acceleration,
+        step=record.step / tempo,
+    )

@@ -1,0 +1,50 @@
+"""Diagnosis of motions: a hidden cause in the drive torque is named with its axis; clean torque has none."""
+
+import numpy as np
+import pytest
+from motions import fourier_motion, motion_data
+
+from exactarm import _core
+from exactarm.diagnose.diagnosis import EXPLAINED, NOTHING, diagnose
+from exactarm.robot_file import load_robot
+
+NOISE_NM = 0.5
+
+
+@pytest.fixture(scope="module")
+def racer():
+    """Declared masses, rigid joints, constant ratios; friction is re-identified."""
+    robot = load_robot("racer-7-1.4")
+    for index in range(robot.axes):
+        robot = robot.with_joint(
+            index, cw=None, ccw=None, spring_linear=None, spring_cubic=0.0, rotor_inertia=0.0, coulomb=0.0, viscous=0.0
+        )
+    return robot
+
+
+def motion(robot, hidden=None):
+    """12 s at 100 Hz: rigid inverse dynamics, Coulomb friction of 5 Nm, white noise, and hidden(rate, ...) -> (N, n)."""
+    time, angle, rate, acceleration = fourier_motion(robot, 12.0, 100.0, seed=5)
+    torque = _core.inverse_dynamics(robot.core, angle + robot.offsets, rate, acceleration)
+    torque = torque + 5.0 * np.tanh(rate / 0.02)
+    if hidden is not None:
+        torque = torque + hidden(angle, rate, acceleration)
+    torque = torque + np.random.default_rng(2).normal(0.0, NOISE_NM, torque.shape)
+    return motion_data(robot, time, angle, torque)
+
+
+def test_clean_torque_has_no_undeclared_effect(racer):
+    result = diagnose(racer, motion(racer))
+    assert result.verdict == NOTHING and not result.findings
+    assert result.unit == "Nm" and len(result.axes) == 6
+
+
+def test_names_a_rotor(racer):
+    def rotor(angle, rate, acceleration):
+        return np.where(np.arange(6) == 2, 3.0, 0.0) * acceleration
+
+    result = diagnose(racer, motion(racer, rotor))
+    assert (result.findings[0].effect.name, result.findings[0].effect.joint) == ("rotor_inertia", 3)
+    assert result.verdict == EXPLAINED
+    axis = result.axes[2]
+    assert axis["after"] < 0.7 * axis["before"]
