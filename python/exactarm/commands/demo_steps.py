@@ -29,6 +29,8 @@ STEPS = (
          ("diagnose", "ur10", "{example/ur10/series_B.csv}")),
     Step("kr300_gear", "KR300, encoders on both sides of the gears: ratios and what they leave",
          ("gear", "kr300", "{example/kr300/run_A.csv}", "{example/kr300/run_B.csv}")),
+    Step("kr300_diagnose", "KR300: what lies between the two encoders of its axes?",
+         ("diagnose", "kr300", "{example/kr300/run_A.csv}", "{example/kr300/run_B.csv}", "--kind", "gear_run")),
     Step("tx40_identify", "TX40: inertias and friction from one motion",
          ("identify", "tx40", "{example/tx40/motion.parquet}")),
     Step("racer_identifiable", "Racer 7-1.4: what poses can identify at all",
@@ -43,4 +45,6 @@ STEPS = (
          ("plan", "racer-7-1.4", "line"), real=False),
     Step("racer_play", "Racer 7-1.4: the virtual robot follows that trajectory",
          ("simulate", "racer-7-1.4", "{out/racer_plan/trajectory.csv}", "--frames", "declared"), real=False),
+    Step("racer_loop", "Racer 7-1.4 with a hidden backlash: the whole circle, to the plan that knows of it",
+         ("loop", "racer-7-1.4", "--effect", "backlash joint=2 width_rad=4e-4"), real=False),
 )
