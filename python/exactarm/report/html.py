@@ -15,7 +15,7 @@ from exactarm.report.terminal import columns_of, highlight_texts
 
 TEMPLATE = Path(__file__).parent / "page.html"
 SHORT_CELL = 24  # a column of such cells is never broken
-WIDE_TABLE = 7  # columns from which a table is set closer
+WIDE_TABLE = 6  # columns from which a table is set closer
 
 
 def render_html(report: Report, drawings: Sequence[Drawing] = ()) -> str:
