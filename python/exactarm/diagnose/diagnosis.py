@@ -119,7 +119,7 @@ def diagnose(
         errors_after=errors[-1],
         selection=selection,
         problem=problem,
-        excluded=int(np.sum(last.weight == 0.0)),
+        excluded=int(np.sum((last.weight == 0.0) & (first.weight > 0.0))),  # by effects of the record
         axes=problem.axes(first, last),
     )
 
