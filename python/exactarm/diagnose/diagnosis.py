@@ -24,6 +24,7 @@ from exactarm.robot import Robot
 
 EXPLAINED, NOTHING, UNEXPLAINED = "explained", "no_undeclared_effect", "unexplained"
 _NOISE_REACHED = 1.25  # RMS after, beside the noise floor
+_FAR_ABOVE_NOISE = 1.5  # RMS after, beside a measured noise floor: something is left, whatever it follows
 _SHARE_EXPLAINED = 0.5  # of the square sum above the noise; less, and the cause is not found
 _SHARE_LEFT = 0.10  # of the square sum that a signal still has to explain to count as structure
 _RIVALS_EACH, _RIVALS = 2, 5
@@ -205,6 +206,7 @@ def _verdict(problem, before, after, noise: NoiseFloor, left: Dossier, found: bo
     if noise.measured:
         still = still or (rms_after > _NOISE_REACHED * noise.value and left.structure)
         still = still and remaining > (1.0 - _SHARE_EXPLAINED) * max(above, 1e-300)
+        still = still or rms_after > _FAR_ABOVE_NOISE * noise.value
     if still:
         return UNEXPLAINED
     return EXPLAINED if found else NOTHING

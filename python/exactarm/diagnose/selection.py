@@ -202,12 +202,15 @@ def _contest(problem, declared, chosen, rounds, fitted, first_ranking, progress)
         winner = ranking[0]
         if own is not None and winner.label != own.label and winner.evidence > own.evidence + 1.0:
             trial = refit(problem, declared, chosen[:place] + [winner.effect] + chosen[place + 1 :], fitted)
-            if trial.square(fitted.sigma) < fitted.square(fitted.sigma):
+            price = np.log(count) * (free_mask(winner.effect).sum() - free_mask(chosen[place]).sum())
+            if trial.square(fitted.sigma) + price < fitted.square(fitted.sigma):
                 fitted, own = trial, winner
                 chosen = [*trial.layout.effects[len(declared.effects):]]
         effect = chosen[place]
-        rivals = tuple(c for c in ranking if not _same_cause(c.effect, effect))
         own = own or Candidate(effect, 0.0, 0, 1, LEAST_EVIDENCE)
+        # Rows that are wrong by themselves pull at every other candidate: they are judged against their staying in.
+        ranking = [] if _excludes(effect) else ranking
+        rivals = tuple(c for c in ranking if not _same_cause(c.effect, effect))
         accepted.append(Accepted(effect, own.evidence, probability(own, ranking), rivals[:8], rounds[place]))
     return accepted, fitted
 
