@@ -12,6 +12,7 @@ from exactarm.commands.diagnose_report import report_of
 from exactarm.commands.result import CommandResult, estimate
 from exactarm.dataset import read_dataset
 from exactarm.diagnose.diagnosis import UNEXPLAINED, Diagnosis, diagnose
+from exactarm.errors import InputError
 from exactarm.robot_file import load_robot
 
 NAME = "diagnose"
@@ -26,20 +27,29 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> CommandResult:
     robot = load_robot(arguments.robot)
     data = read_dataset(arguments.files, robot, arguments.kind)
-    results = []
+    results, skipped = [], []
     for kind in (data.kind,) if arguments.kind else data.kinds:
         arguments.progress.stage(f"diagnosing {kind.replace('_', ' ')}")
-        result = diagnose(
-            robot, replace(data, kind=kind), seed=arguments.seed, threads=arguments.threads, progress=arguments.progress.stage
-        )
+        try:
+            result = diagnose(
+                robot, replace(data, kind=kind), seed=arguments.seed, threads=arguments.threads,
+                progress=arguments.progress.stage,
+            )
+        except InputError as error:
+            # The same file may hold more than this robot's tables can judge, as torques of an arm without geometry.
+            if not results:
+                raise
+            skipped.append(f"the file also holds {kind.replace('_', ' ')} data, which was not diagnosed: {error}")
+            continue
         # What the first kind of data has found is part of the model that the next kind judges.
         robot = result.robot
         results.append(result)
     first = results[0]
     also = {"also": [_json(other) for other in results[1:]]} if len(results) > 1 else {}
+    also |= {"skipped": skipped} if skipped else {}
     return CommandResult(
         json=_json(first) | also,
-        report=report_of(load_robot(arguments.robot), results, data.split_rule()),
+        report=report_of(load_robot(arguments.robot), results, data.split_rule(), skipped),
         robot=robot,
         tables={"residuals.csv": _residuals(first)},
     )

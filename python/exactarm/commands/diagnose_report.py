@@ -18,14 +18,16 @@ _FIGURES = 3
 _SIGNAL_UNITS = {"angle": "rad", "motor": "rad", "load": "Nm", "time": "s", "position": "m", "speed": "rad/s"}
 
 
-def report_of(robot: Robot, results: list[Diagnosis], rule: str) -> Report:
-    """One report; further kinds of data follow the first."""
+def report_of(robot: Robot, results: list[Diagnosis], rule: str, skipped: list[str]) -> Report:
+    """One report; further kinds of data follow the first; `skipped` says which could not be judged."""
     first = results[0]
     sections: list = []
     for result in results:
         if len(results) > 1:
             sections.append(Text(f"Data read as {result.kind.replace('_', ' ')}", (result.sentence,)))
         sections += _sections(result, rule)
+    if skipped:
+        sections.append(Warnings(tuple(skipped)))
     tone = {NOTHING: "good", UNEXPLAINED: "caution"}.get(first.verdict, "good")
     return Report(f"Diagnosis of {robot.name}", first.sentence, tuple(sections), tone)
 
