@@ -203,9 +203,12 @@ def _contest(problem, declared, chosen, rounds, fitted, first_ranking, progress)
         if own is not None and winner.label != own.label and winner.evidence > own.evidence + 1.0:
             trial = refit(problem, declared, chosen[:place] + [winner.effect] + chosen[place + 1 :], fitted)
             price = np.log(count) * (free_mask(winner.effect).sum() - free_mask(chosen[place]).sum())
-            if trial.square(fitted.sigma) + price < fitted.square(fitted.sigma):
+            lead = 0.5 * (trial.square(fitted.sigma) + price - fitted.square(fitted.sigma))
+            if lead < 0.0:
                 fitted, own = trial, winner
                 chosen = [*trial.layout.effects[len(declared.effects):]]
+            else:  # the joint fits have the last word on which of the two is more likely
+                own = replace(own, evidence=max(own.evidence, winner.evidence + lead))
         effect = chosen[place]
         own = own or Candidate(effect, 0.0, 0, 1, LEAST_EVIDENCE)
         # Rows that are wrong by themselves pull at every other candidate: they are judged against their staying in.
