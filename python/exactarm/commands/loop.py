@@ -27,7 +27,7 @@ from exactarm.plan.reference import Reference
 from exactarm.report import Figure, Highlight, Highlights, Quantity, Report, Table, Text
 from exactarm.report.numbers import quantity
 from exactarm.report.plots.curves import curves
-from exactarm.robot import Placement, Robot
+from exactarm.robot import Robot
 from exactarm.robot_file import load_robot
 from exactarm.robot_writer import robot_text
 from exactarm.simulate import Sensors, VirtualRobot, deviated, measure_poses, parse_effect

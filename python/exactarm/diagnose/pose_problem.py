@@ -19,7 +19,7 @@ from exactarm.split import pose_groups, pose_split
 
 _TOLERANCE = 1e-7  # relative fall of the square sum that ends a fit: a thousandth of what evidence can notice
 
-_SEARCH_POSES = 600  # more poses than these do not change what is found, only how long it takes
+_SEARCH_POSES = 600  # enough to find every large cause in good time; the smallest may need more poses
 
 _LEAST_REPEATS = 10
 

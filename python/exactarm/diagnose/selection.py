@@ -16,7 +16,7 @@ import numpy as np
 from exactarm.chain import Layout
 from exactarm.diagnose.cross_validation import folds_of, held_out_squares
 from exactarm.diagnose.problem import Fitted, Problem, rows_kept
-from exactarm.diagnose.scan import Candidate, free_mask, log_evidence, prior_of, scan
+from exactarm.diagnose.scan import Candidate, free_mask, prior_of, scan
 from exactarm.effects import library
 from exactarm.effects.base import Effect
 

@@ -9,8 +9,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-import numpy as np
-
 from exactarm.effects.base import Change, Parameter
 from exactarm.effects.drive import DriveEffect, smooth_sign
 

@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar, Iterable
 
-import numpy as np
-
 from exactarm.effects.base import Change, Effect, Parameter
 from exactarm.effects.drive import DriveEffect, moving_axes, smooth_sign
 
