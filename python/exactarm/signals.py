@@ -113,6 +113,9 @@ def step_of_quantisation(values: np.ndarray) -> float:
     if steps.size < 8:
         return 0.0
     grid = float(steps.min())
+    # An exact angle at an even pace or acceleration lies on a grid too, that of its own steps, but does not scatter.
+    if np.count_nonzero(np.abs(np.diff(values, 4)) > 0.1 * grid) < 0.2 * steps.size:
+        return 0.0
     near = steps[steps < 100.0 * grid] / grid  # few steps, so that the grid's own rounding does not add up
     return grid if near.size >= 0.2 * steps.size and np.all(np.abs(near - np.round(near)) < 0.05) else 0.0
 

@@ -215,6 +215,21 @@ def test_command(racer, tmp_path, capsys):
     assert "never fitted" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize("joint", (4, 5, 6))
+def test_quick_wrist_axes_are_left_with_the_noise(racer, joint):
+    """Constant ratios, ramps of 1300 deg/s^2: what the filter on the motor angle takes at their corners is no error."""
+    speed = 0.4 * racer.joints[joint - 1].q_dot_max
+    data = runs_of(racer, GearRuns(joint=joint, speed=speed, runs=4))
+    data = replace(data, identification=data.run <= 2)
+    result = identify_gears(racer, data)
+    for gear in result.gears:
+        assert not gear.table.order.size
+        assert gear.after["validation"].n > 800
+        assert gear.after["validation"].rms < 1.2 * gear.noise
+    estimate = result.gears[0].estimate
+    assert abs(estimate.ratio - racer.joints[joint - 1].ratio) < 4.0 * estimate.ratio_sigma
+
+
 def test_poses_are_refused(racer, tmp_path):
     poses = Dataset.of_arrays("poses", {"theta": np.zeros((3, 6))}, position=np.zeros((3, 3)))
     write_dataset(tmp_path / "poses.csv", poses, racer)

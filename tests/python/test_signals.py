@@ -87,6 +87,17 @@ def test_quantisation_is_seen_and_not_invented():
     assert step_of_quantisation(np.ones(100)) == 0.0
 
 
+def test_an_exact_angle_at_an_even_pace_is_not_quantised():
+    """Even steps, and even growth of the steps, make grids of their own; a slow encoder's grid is seen beside them."""
+    time = np.arange(0.0, 2.0, 1e-3)
+    ramp = np.clip(time - 0.1, 0.0, 0.2)
+    motion = 0.5 * 20.0 * ramp**2 + 4.0 * np.clip(time - 0.3, 0.0, None)
+    assert step_of_quantisation(motion) == 0.0
+    step = 2e-5
+    slow = np.round(0.0213 * motion / step) * step
+    assert_allclose(step_of_quantisation(slow), step, rtol=1e-6)
+
+
 def test_direction_belongs_to_the_motion_beside_a_standstill():
     time = np.arange(0.0, 6.0, 0.01)
     rate = np.where(time < 1.0, 0.0, np.where(time < 3.0, 1.0, -1.0)) * (time < 5.0)

@@ -212,6 +212,16 @@ def test_profiles_stay_within_the_limits():
     assert np.max(np.abs(np.gradient(q[:, 2], time))) == pytest.approx(0.8, rel=1e-6)
 
 
+def test_simulated_gyroscope_follows_the_corners_of_the_motion():
+    """The motors' commands are exact: no filter against an encoder rounds the rate of a gear run."""
+    robot = load_robot("racer-7-1.4")
+    runs = measure_gear_runs(VirtualRobot.of(robot), [5], [3.0], 1, EXACT, np.random.default_rng(1))
+    up = runs.run == 1
+    time, q = gear_run(robot, 5, 3.0, True, 1000.0)
+    rate = np.gradient(q[:, 5], time)
+    assert np.max(np.abs(rate - runs.gyro[up, 2])) < 0.02  # half a sample of the ramp
+
+
 def test_gear_inverse_of_the_independent_plant():
     robot = geared(six_axis())
     phi = np.linspace(-2.0, 2.0, 50)

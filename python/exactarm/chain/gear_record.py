@@ -4,8 +4,9 @@ The motor angle enters the prediction of a rate through its derivative, which ra
 about 1 / step; the measured rate itself is never smoothed. So the motor angle alone passes the acausal Gaussian
 filter (3.1), at the lowest cutoff that a steady motion needs not more than and the encoder not less than: the one
 at which the encoder's part in the predicted rate is a tenth of the gyroscope's noise. Harmonics are not touched by
-it: they follow the filtered angle through the gear table.
-Between encoders on both sides nothing is filtered.
+it: they follow the filtered angle through the gear table. Where the filter rounds the motion itself by more than
+a share of the gyroscope's noise, at the corners of a motion profile, samples are left out.
+Between encoders on both sides nothing is filtered, nor where the sensor has not measured yet (a plan, a simulation).
 
 The chain bends the springs by gravity alone (thesis 3.1.1). Where inertia would bend the declared spring of the
 moving axis faster than the gyroscope's noise, at the corners of a motion profile, the drive train swings and no
@@ -17,7 +18,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import sparse
+from scipy import ndimage, sparse
 
 from exactarm import _core
 from exactarm.chain.view import View, motor_angles
@@ -26,6 +27,7 @@ from exactarm.robot import Robot
 from exactarm.signals import (
     derivative_operator,
     gaussian_filter,
+    gaussian_sigma,
     steady_direction,
     step_of_quantisation,
     typical_step,
@@ -40,6 +42,9 @@ _STENCIL_GAIN = 1.18  # noise of the eighth-order central difference per step
 _SWING_STEP_S, _SWING_REACH_S = 0.005, 0.03
 _LEAST_SWING_RAD_S = 2e-4
 _NOISE_BANDWIDTH = 60.6  # integral of (2 pi f)^2 exp(-ln 2 f^2 / f_c^2) 2 df / f_c^3
+_ROUNDED_SHARE = 0.3  # of the gyroscope's noise that the filter may take from the motion's own rate
+_ROUNDED_REACH = 3.0  # deviations of the filter
+_ROUNDED_NOISE, _CERTAIN = 0.515, 6.0  # of the encoder's part in the rate, in what a second filter takes; deviations
 
 
 @dataclass(frozen=True)
@@ -47,7 +52,7 @@ class GearRecord:
     """Signals (N, n) of the motors and, run by run, the operator d/dt.
 
     theta, theta_dot (rad, rad/s), direction (-1, 0, +1); keep (N,): neither at a reversal nor where inertia swings
-    the drive train; cutoff_hz: of the filter on theta, None where it was not needed; encoder_axes: axes (from 0)
+    the drive train or the filter rounds the motion; cutoff_hz: of the filter on theta, None where it was not needed; encoder_axes: axes (from 0)
     with an encoder at the output, empty where a gyroscope measures.
     """
 
@@ -77,7 +82,7 @@ def gear_record(robot: Robot, data: Dataset) -> GearRecord:
     operators = tuple(derivative_operator(data.time[rows]) for rows in runs)
     encoder_axes = () if data.gyro is not None else _encoder_axes(data)
     noise = None if encoder_axes else _gyro_noise(view)
-    cutoff = None if encoder_axes else _cutoff(view, robot, noise)
+    cutoff, blur = (None, 0.0) if encoder_axes or not np.any(data.gyro) else _cutoff(view, robot, noise)
     theta_dot, direction = np.zeros((2, *theta.shape))
     keep = np.ones(len(data), bool)
     for rows, operator, (_, main) in zip(runs, operators, view.moving_runs):
@@ -95,6 +100,9 @@ def gear_record(robot: Robot, data: Dataset) -> GearRecord:
             if axis == main and not encoder_axes:
                 acceleration = operator @ slow[:, column]
                 keep[rows] &= ~(reversal | _swings(robot, theta[rows], acceleration, time, axis, noise))
+                if cutoff is not None:
+                    angle = theta[rows, axis] / robot.ratios[axis]
+                    keep[rows] &= ~_rounded(angle, time, operator, cutoff, max(_ROUNDED_SHARE * noise, blur))
     return GearRecord(theta, theta_dot, direction, keep, runs, operators, cutoff, encoder_axes)
 
 
@@ -109,8 +117,9 @@ def _gyro_noise(view: View) -> float:
     return float(np.sqrt(np.median(noises)))
 
 
-def _cutoff(view: View, robot: Robot, gyro_noise: float) -> float | None:
-    """Cutoff of the filter on the motor angle in Hz; None where the encoder is fine enough without."""
+def _cutoff(view: View, robot: Robot, gyro_noise: float) -> tuple[float | None, float]:
+    """Cutoff of the filter on the motor angle in Hz, None where the encoder is fine enough without; and the rate in
+    rad/s below which a rounding by the filter cannot be told from the encoder's own part."""
     noises, steps = [], []
     for rows, axis in view.moving_runs:
         angle = view.theta[rows, axis] / robot.ratios[axis]
@@ -119,9 +128,17 @@ def _cutoff(view: View, robot: Robot, gyro_noise: float) -> float | None:
     encoder, step = float(np.median(noises)), float(np.median(steps))
     allowed = _ENCODER_SHARE * gyro_noise
     if _STENCIL_GAIN * encoder / step <= allowed:
-        return None
+        return None, 0.0
     cutoff = (allowed**2 / (_NOISE_BANDWIDTH * encoder**2 * step)) ** (1.0 / 3.0)
-    return float(np.clip(cutoff, _LOWEST_CUTOFF_HZ, _HIGHEST_SHARE / step))
+    cutoff = float(np.clip(cutoff, _LOWEST_CUTOFF_HZ, _HIGHEST_SHARE / step))
+    left = encoder * np.sqrt(_NOISE_BANDWIDTH * step * cutoff**3)
+    return cutoff, _CERTAIN * _ROUNDED_NOISE * left
+
+
+def _rounded(angle: np.ndarray, time: np.ndarray, operator, cutoff: float, limit: float) -> np.ndarray:
+    """(R,) where filtering the filtered angle (R,) once more changes its rate by more than `limit` rad/s, and around."""
+    taken = np.abs(operator @ (angle - gaussian_filter(angle, time, cutoff))) > limit
+    return _widened(taken, time, _ROUNDED_REACH * gaussian_sigma(cutoff))
 
 
 def _swings(robot: Robot, theta: np.ndarray, acceleration: np.ndarray, time: np.ndarray, axis: int, noise: float):
@@ -137,7 +154,12 @@ def _swings(robot: Robot, theta: np.ndarray, acceleration: np.ndarray, time: np.
     q_ddot[:, axis] = acceleration[few] / ratios[axis]
     torque = _core.inverse_dynamics(robot.core, q, np.zeros_like(q), q_ddot) - _core.gravity_torque(robot.core, q)
     bending = np.abs(np.gradient(torque[:, axis] / spring, time[few]))
-    swinging = np.interp(time, time[few], bending) > max(noise, _LEAST_SWING_RAD_S)
-    reach = int(np.ceil(_SWING_REACH_S / typical_step(time)))
-    near = np.convolve(swinging, np.ones(2 * reach + 1), "same")[: time.size] if swinging.any() else out
-    return near > 0.5
+    return _widened(np.interp(time, time[few], bending) > max(noise, _LEAST_SWING_RAD_S), time, _SWING_REACH_S)
+
+
+def _widened(mask: np.ndarray, time: np.ndarray, reach_s: float) -> np.ndarray:
+    """(R,) all samples within `reach_s` of one in the mask."""
+    if not mask.any():
+        return mask
+    reach = max(1, int(np.ceil(reach_s / typical_step(time))))
+    return ndimage.maximum_filter1d(mask.astype(np.uint8), 2 * reach + 1, mode="constant") > 0
