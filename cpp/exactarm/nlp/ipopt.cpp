@@ -169,7 +169,9 @@ Solution solve_ipopt(Problem& problem, const IpoptOptions& options) {
   set.SetNumericValue("dual_inf_tol", 1e-4);
   set.SetNumericValue("constr_viol_tol", options.feasibility);
   set.SetNumericValue("compl_inf_tol", options.last_barrier);
-  // MUMPS without its permutation solves to ten digits; refinement brings the rest.
+  // Below a pivot threshold of 1e-2 MUMPS without its permutation solves to too few digits: the same problem then took
+  // anything from 4 to 200 iterations, by the rounding of the day. Refinement brings the last digits.
+  set.SetNumericValue("mumps_pivtol", 1e-2);
   set.SetIntegerValue("min_refinement_steps", 3);
   set.SetNumericValue("mu_init", options.first_barrier);
   // At a large objective scale the stationarity has a floor of rounding above ten times the last barriers.
