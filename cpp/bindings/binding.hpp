@@ -25,6 +25,8 @@ void bind_dynamics_derivatives(py::module_& module);
 void bind_elastic_joint_dynamics(py::module_& module);
 void bind_regressor(py::module_& module);
 void bind_gear(py::module_& module);
+void bind_harmonics(py::module_& module);
+void bind_gear_profile(py::module_& module);
 void bind_inverse_kinematics(py::module_& module);
 void bind_solution(py::module_& module);
 

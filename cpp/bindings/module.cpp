@@ -10,6 +10,8 @@ PYBIND11_MODULE(_core, module) {
   bind_elastic_joint_dynamics(module);
   bind_regressor(module);
   bind_gear(module);
+  bind_harmonics(module);
+  bind_gear_profile(module);
   bind_inverse_kinematics(module);
   bind_solution(module);
 }

@@ -10,18 +10,14 @@ from __future__ import annotations
 
 import numpy as np
 
-_TOLERANCE_RAD = 1e-14
-_PASSES = 12
+from exactarm import _core
+
+_TOLERANCE_RAD = 1e-13
 
 
 def waves(phi: np.ndarray, orders: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """sin(w phi) and cos(w phi), (N, m); multiples of the first order by recurrence, which is much faster."""
-    if len(orders) > 2 and np.array_equal(orders, orders[0] * np.arange(1, len(orders) + 1)):
-        turn = np.exp(1j * orders[0] * phi)
-        powers = np.cumprod(np.broadcast_to(turn[:, None], (len(phi), len(orders))), axis=1)
-        return powers.imag, powers.real
-    angle = phi[:, None] * orders
-    return np.sin(angle), np.cos(angle)
+    """sin(w phi) and cos(w phi), (N, m)."""
+    return _core.waves(phi, orders)
 
 
 def basis(phi: np.ndarray, orders: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -32,32 +28,25 @@ def basis(phi: np.ndarray, orders: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def transmission_error(phi: np.ndarray, orders: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """e (N,) in rad."""
-    sine, cosine = basis(phi, orders)
-    return sine @ a + cosine @ b
+    return _core.transmission(phi, orders, a, b)[0]
 
 
 def transmission_slope(phi: np.ndarray, orders: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """de/dphi (N,) = u / ratio - 1."""
-    sine, cosine = waves(phi, orders)
-    return cosine @ a - sine @ b
+    return _core.transmission(phi, orders, a, b)[1]
 
 
 def delivered_angle(
-    phi: np.ndarray,
-    orders: np.ndarray,
-    a: np.ndarray,
-    b: np.ndarray,
-    factor: np.ndarray | float = 1.0,
-    tolerance: float = _TOLERANCE_RAD,
+    phi: np.ndarray, orders: np.ndarray, a: np.ndarray, b: np.ndarray, factor: np.ndarray | float = 1.0
 ) -> np.ndarray:
     """The angle x (N,) with x + factor e(x) = phi, by Newton; factor (N,) scales the error row by row."""
-    x = phi
-    for _ in range(_PASSES):
-        sine, cosine = waves(x, orders)
-        slope = np.maximum(1.0 + factor * (cosine @ a - sine @ b), 0.1)
-        error = sine @ (a / orders) + cosine @ (b / orders) - np.sum(b / orders)
-        step = (x + factor * error - phi) / slope
-        x = x - step
-        if np.max(np.abs(step), initial=0.0) < tolerance:
-            break
-    return x
+    return delivered(phi, orders, a, b, factor)[0]
+
+
+def delivered(
+    phi: np.ndarray, orders: np.ndarray, a: np.ndarray, b: np.ndarray, factor: np.ndarray | float = 1.0, threads: int = 1
+) -> tuple[np.ndarray, np.ndarray]:
+    """The delivered angle x (N,) and u / ratio - 1 there."""
+    scaled = isinstance(factor, np.ndarray) or factor != 1.0
+    factors = np.broadcast_to(factor, phi.shape) if scaled else np.zeros(0)
+    return _core.delivered_angle(phi, orders, a, b, factors, _TOLERANCE_RAD, threads)

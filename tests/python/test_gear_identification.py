@@ -125,8 +125,8 @@ def test_no_order_is_invented():
         ]
         for side in sides:
             side.value[:] -= side.value.mean() - 1.0
-        assert find_orders(sides, (5.0, 400.0), "refined").size == 0
-        assert find_orders(sides, (5.0, 400.0), "neighbours").size == 0
+        assert find_orders(sides, (5.0, 400.0), "refined").orders.size == 0
+        assert find_orders(sides, (5.0, 400.0), "neighbours").orders.size == 0
 
 
 def test_false_alarm_is_what_chance_does():

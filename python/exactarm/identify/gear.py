@@ -20,9 +20,9 @@ from exactarm.chain import gear_record
 from exactarm.dataset import Dataset
 from exactarm.effects.gyro_alignment import tilt
 from exactarm.errors import ComputationError, InputError
-from exactarm.identify.gear_axis import GearEstimate, identify_axis
+from exactarm.identify.gear_axis import GearEstimate, first_look, identify_axis
 from exactarm.identify.gear_declared import SIDES, measured_axes
-from exactarm.identify.gear_error import cutoff_hz, kinematic_error, noise_of_error, sensor_part
+from exactarm.identify.gear_error import cutoff_hz, kinematic_error, motor_by_tables, noise_of_error, sensor_part
 from exactarm.identify.gear_orders import METHODS
 from exactarm.identify.gear_samples import GearSamples, gear_samples
 from exactarm.identify.statistics import ErrorSummary, summarise
@@ -107,12 +107,12 @@ def identify_gears(
     for axis in measured_axes(robot, data, record):
         samples, setup = gear_samples(robot, data, record, axis, identification, threads)
         progress(f"gear {axis + 1}")
-        with ThreadPoolExecutor(max_workers=max(1, min(threads, len(METHODS)))) as pool:
-            found = dict(zip(METHODS, pool.map(lambda name: identify_axis(samples, name), METHODS)))
-        estimates = {name: estimate for name, estimate in found.items() if estimate is not None}
-        if method not in estimates:
+        first = first_look(samples)
+        if first is None:
             warnings.append(f"axis {axis + 1}: too few identification rows in steady motion, its gear is left as declared")
             continue
+        with ThreadPoolExecutor(max_workers=max(1, min(threads, len(METHODS)))) as pool:
+            estimates = dict(zip(METHODS, pool.map(lambda name: identify_axis(samples, name, first), METHODS)))
         chosen = estimates[method]
         new = _with_tables(result, axis, chosen)
         errors = _errors(robot, estimates, method)
@@ -166,17 +166,15 @@ def _errors(robot: Robot, estimates: dict[str, GearEstimate], method: str) -> _E
     sensor = sensor_part(samples, chosen.disturbance)
     tables = lambda estimate: {side: estimate.gear_table(side) for side in estimate.tables}
     own = {side: getattr(joint, side) or joint.cw or joint.ccw for side in SIDES}
-    after = {
-        name: kinematic_error(samples, each.scale, sensor_part(samples, each.disturbance), tables(each))
-        for name, each in estimates.items()
-    }
-    raw = kinematic_error(samples, chosen.scale, sensor, tables(chosen), filtered=False)
+    error = lambda model, disturbance=sensor, **how: kinematic_error(samples, model, disturbance, **how)
+    models = {name: motor_by_tables(samples, each.scale, tables(each)) for name, each in estimates.items()}
+    after = {name: error(models[name], sensor_part(samples, each.disturbance)) for name, each in estimates.items()}
     return _Errors(
-        kinematic_error(samples, chosen.scale, sensor, {}),
+        error(samples.motor / chosen.scale),
         after,
-        kinematic_error(samples, 1.0, sensor, {side: table for side, table in own.items() if table is not None}),
-        kinematic_error(samples, chosen.scale, chosen.disturbance, tables(chosen)),
-        noise_of_error(samples, raw),
+        error(motor_by_tables(samples, 1.0, {side: table for side, table in own.items() if table is not None})),
+        after[method] if np.array_equal(sensor, chosen.disturbance) else error(models[method], chosen.disturbance),
+        noise_of_error(samples, error(models[method], filtered=False)),
     )
 
 

@@ -14,9 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import linalg
 
-from exactarm.harmonics import delivered_angle, transmission_slope
+from exactarm.harmonics import delivered
 from exactarm.identify.gear_declared import SIDES
-from exactarm.identify.gear_orders import Table, find_orders, fit_table, order_uncertainty
+from exactarm.identify.gear_orders import Found, Table, find_orders, fit_all, order_uncertainty, whole_orders
 from exactarm.identify.gear_profile import AngleProfile, angle_profile, search_band
 from exactarm.identify.gear_samples import GearSamples
 from exactarm.robot import GearTable
@@ -25,7 +25,6 @@ _ROUNDS = 3
 _SEARCH_ROUNDS = 2
 _TELLS_BIAS = 1e-4  # share of the bias column that the rate cannot imitate
 _LEAST_CELLS = 64
-_POINTS_PER_PERIOD = 80  # of the shortest period, where a table is looked up instead of evaluated
 
 
 @dataclass(frozen=True)
@@ -54,28 +53,52 @@ class GearEstimate:
         return GearTable(table.orders, table.a, table.b)
 
 
-def identify_axis(samples: GearSamples, method: str) -> GearEstimate | None:
-    """Estimate from the identification rows; None where they are too few."""
+@dataclass(frozen=True)
+class FirstLook:
+    """Profiles by side with the first ratio, the band of orders that they can tell, and the whole numbers in it."""
+
+    scale: float
+    disturbance: np.ndarray
+    sigma: float
+    profiles: dict[str, AngleProfile]
+    band: tuple[float, float]
+    whole: Found
+
+
+def first_look(samples: GearSamples) -> FirstLook | None:
+    """What both methods begin with; None where there are too few identification rows."""
     fitted = samples.identification & samples.keep
     scale, disturbance, sigma = _ratio(samples, fitted, {}, 1.0)
-    tables: dict[str, Table] = {}
-    orders = np.zeros(0)
+    profiles = _profiles(samples, fitted, scale, disturbance)
+    if not profiles:
+        return None
+    sides = list(profiles.values())
+    band = search_band(sides, samples.ratio, samples)
+    nothing = fit_all(sides, np.zeros(0))
+    whole = whole_orders(sides, band, nothing) if band[1] > band[0] else nothing
+    return FirstLook(scale, disturbance, sigma, profiles, band, whole)
+
+
+def identify_axis(samples: GearSamples, method: str, first: FirstLook) -> GearEstimate:
+    """Estimate from the identification rows."""
+    fitted = samples.identification & samples.keep
+    scale, disturbance, sigma, profiles = first.scale, first.disturbance, first.sigma, first.profiles
+    found = None
     for turn in range(_ROUNDS):
-        profiles = _profiles(samples, fitted, scale, disturbance)
-        if not profiles:
-            return None
-        if turn < _SEARCH_ROUNDS:
-            band = search_band(list(profiles.values()), samples.ratio, samples)
-            if band[1] > band[0]:
-                orders = find_orders(list(profiles.values()), band, method, orders if orders.size else None)
-        tables = {side: fit_table(profile, orders) for side, profile in profiles.items()}
+        if turn:
+            profiles = _profiles(samples, fitted, scale, disturbance)
+        sides, band = list(profiles.values()), first.band
+        if turn < _SEARCH_ROUNDS and band[1] > band[0]:
+            found = find_orders(sides, band, method, found, None if turn else first.whole)
+        else:
+            found = fit_all(sides, np.zeros(0)) if found is None else fit_all(sides, found.orders, found.tables)
         before = scale
-        scale, disturbance, sigma = _ratio(samples, fitted, tables, scale)
+        scale, disturbance, sigma = _ratio(samples, fitted, dict(zip(profiles, found.tables)), scale)
         if turn >= _SEARCH_ROUNDS - 1 and abs(scale - before) < 0.1 * sigma:
             break
-    order_sigma = order_uncertainty(list(profiles.values()), orders, list(tables.values()))
     return GearEstimate(
-        samples, method, samples.ratio * scale, abs(samples.ratio) * sigma, disturbance, orders, order_sigma, tables, profiles
+        samples, method, samples.ratio * scale, abs(samples.ratio) * sigma, disturbance, found.orders,
+        order_uncertainty(sides, found), dict(zip(profiles, found.tables)), profiles,
     )
 
 
@@ -100,8 +123,9 @@ def _ratio(samples: GearSamples, fitted: np.ndarray, tables: dict[str, Table], s
     error = np.zeros(samples.rate.size)
     for side, table in tables.items():
         rows = samples.direction == SIDES[side]
-        slope, transmission = looked_up(samples.angle[rows] / scale, table.orders, table.a, table.b)
-        shape[rows], error[rows] = 1.0 / (1.0 + slope), transmission
+        phi = samples.angle[rows] / scale
+        x, slope = delivered(phi, table.orders, table.a, table.b)
+        shape[rows], error[rows] = 1.0 / (1.0 + slope), phi - x
     motor = samples.rate * shape if samples.rated else samples.angle
     output = samples.output if samples.rated else samples.output + error
     chosen = _tellable(motor[fitted], samples.disturbances[fitted])
@@ -128,15 +152,3 @@ def _tellable(motor: np.ndarray, columns: np.ndarray) -> np.ndarray:
             chosen[k] = True
             basis.append(rest / np.linalg.norm(rest))
     return chosen
-
-
-def looked_up(phi: np.ndarray, orders: np.ndarray, a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """u / u0 - 1 and e at the delivered angle of each motor angle phi = theta / ratio, from a fine grid over its range."""
-    if not orders.size or not phi.size:
-        return np.zeros(phi.size), np.zeros(phi.size)
-    low, high = phi.min(), phi.max()
-    points = int(np.ceil((high - low) * orders.max() / (2.0 * np.pi) * _POINTS_PER_PERIOD)) + 2
-    grid = np.linspace(low, high, min(points, 200_000)) if phi.size > points else phi
-    x = delivered_angle(grid, orders, a, b, tolerance=1e-6)
-    slope, error = transmission_slope(x, orders, a, b), grid - x
-    return (slope, error) if grid is phi else (np.interp(phi, grid, slope), np.interp(phi, grid, error))

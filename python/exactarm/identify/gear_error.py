@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from exactarm.identify.gear_axis import looked_up
+from exactarm.harmonics import delivered
 from exactarm.identify.gear_declared import SIDES
 from exactarm.identify.gear_samples import GearSamples
 from exactarm.robot import GearTable
@@ -28,19 +28,25 @@ def cutoff_hz(samples: GearSamples, rows: np.ndarray) -> float:
     return float(min(CUTOFF_PER_MOTOR_REV * max(motor_hz, 1e-3), _HIGHEST_SHARE / typical_step(samples.time[rows])))
 
 
-def kinematic_error(
-    samples: GearSamples, scale: float, disturbance: np.ndarray, tables: dict[str, GearTable], filtered: bool = True
-) -> np.ndarray:
-    """(N,) motor over ratio (by the tables) minus output; NaN on rows that do not count.
+def motor_by_tables(samples: GearSamples, scale: float, tables: dict[str, GearTable]) -> np.ndarray:
+    """(N,) what the output would be by the ratio and the tables of each side, rad/s or rad."""
+    model = samples.motor / scale
+    for side, table in tables.items():
+        rows = np.flatnonzero(samples.keep & (samples.direction == SIDES[side]))
+        phi = samples.angle[rows] / scale
+        x, slope = delivered(phi, table.order, table.a, table.b)
+        model[rows] = model[rows] / (1.0 + slope) if samples.rated else model[rows] - (phi - x)
+    return model
+
+
+def kinematic_error(samples: GearSamples, model: np.ndarray, disturbance: np.ndarray, filtered: bool = True) -> np.ndarray:
+    """(N,) motor over ratio (by the tables, `motor_by_tables`) minus output; NaN on rows that do not count.
 
     disturbance (k,): coefficients of the columns that belong to the sensor; none of the others is taken out.
     """
-    model = samples.motor / scale
-    for side, table in tables.items():
-        rows = samples.direction == SIDES[side]
-        slope, error = looked_up(samples.angle[rows] / scale, table.order, table.a, table.b)
-        model[rows] = model[rows] / (1.0 + slope) if samples.rated else model[rows] - error
-    out = model + samples.disturbances @ disturbance - samples.output
+    out = model - samples.output
+    if np.any(disturbance):
+        out += samples.disturbances @ disturbance
     out[~samples.keep] = np.nan
     for rows in samples.runs:
         if not samples.rated:

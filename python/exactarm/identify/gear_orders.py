@@ -10,7 +10,7 @@ neighbours which a short range cannot tell apart do not grow against each other.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import linalg
@@ -27,135 +27,165 @@ _SIDE_LOBE, _APART = 0.15, 3.0  # peaks found at once: share of the highest, res
 _SPREAD = 1e-2  # of a and b
 _SEPARATION = 0.6  # of the resolution 1 / range: closer orders cannot be told apart
 _WHOLE_NUMBERS_APART = 2.9  # resolution up to which neighbouring whole numbers are tried there
-_NEWTON_PASSES = 4
+_NEWTON_PASSES = 6
+_RESTS = 0.01  # standard deviations of a coefficient: a smaller step ends its fit
+_TINY = 1e-300
 _OVERSAMPLING = 8
 
 
 @dataclass(frozen=True)
 class Table:
-    """Coefficients of one direction with their covariance ((2 m, 2 m), a then b) and the residual in the cells."""
+    """Coefficients of one direction with their covariance ((2 m, 2 m), a then b) and the residual in the cells.
+
+    level: of the profile, fitted beside them and dropped; it belongs to the ratio, which on a short range the harmonics
+    would otherwise imitate.
+    """
 
     orders: np.ndarray
     a: np.ndarray
     b: np.ndarray
+    level: float
     covariance: np.ndarray
     residual: np.ndarray
     variance: float
 
+    @property
+    def x(self) -> np.ndarray:
+        """a, b, level (2 m + 1,)."""
+        return np.concatenate([self.a, self.b, [self.level]])
+
+    def without(self, k: int) -> "Table":
+        """A start for the fit without the k-th order."""
+        return replace(self, orders=np.delete(self.orders, k), a=np.delete(self.a, k), b=np.delete(self.b, k))
+
+
+@dataclass(frozen=True)
+class Found:
+    """Orders (m,), sorted, with the table of every profile."""
+
+    orders: np.ndarray
+    tables: tuple[Table, ...]
+
+    @property
+    def cost(self) -> float:
+        """-2 log likelihood but for constants: the variance of each direction is its own."""
+        return sum(table.residual.size * np.log(max(table.variance, _TINY)) for table in self.tables)
+
+    @property
+    def criterion(self) -> float:
+        estimated = np.count_nonzero(np.abs(self.orders - np.round(self.orders)) > 1e-9)
+        return self.cost + 2.0 * (estimated + 2 * self.orders.size * len(self.tables))
+
 
 def fit_table(profile: AngleProfile, orders: np.ndarray, start: Table | None = None) -> Table:
-    """Coefficients at fixed orders, by Gauss-Newton (the model is nearly linear).
-
-    The level of the profile is fitted beside them and dropped: it belongs to the ratio, which on a short range the
-    harmonics would otherwise imitate.
-    """
+    """Coefficients at fixed orders, by Gauss-Newton from `start` (the model is nearly linear)."""
     m = orders.size
-    x = np.zeros(2 * m + 1)
-    if start is not None and start.orders.size == m:
-        x[:-1] = np.concatenate([start.a, start.b])
-    drawn = np.append(np.full(2 * m, 1.0 / _SPREAD**2), 0.0)
-    covariance = np.zeros((2 * m + 1, 2 * m + 1))
-    for _ in range(_NEWTON_PASSES if m else 2):
-        residual, columns = _levelled(profile, orders, x)
+    x = start.x if start is not None and start.orders.size == m else np.zeros(2 * m + 1)
+    drawn = _drawn(m)
+    for _ in range(_NEWTON_PASSES):
+        normal, gradient, residual = profile.normal(orders, x)
         variance = profile.variance(residual, 2 * m + 1)
-        weighted = columns * profile.weight[:, None]
-        normal = columns.T @ weighted / max(variance, 1e-300) + np.diag(drawn)
-        factor = linalg.cho_factor(normal)
-        step = linalg.cho_solve(factor, weighted.T @ residual / max(variance, 1e-300) - x * drawn)
+        factor = linalg.cho_factor(normal / max(variance, _TINY) + np.diag(drawn), check_finite=False)
+        step = linalg.cho_solve(factor, gradient / max(variance, _TINY) - x * drawn, check_finite=False)
         x = x + step
-        covariance = linalg.cho_solve(factor, np.eye(2 * m + 1))
-        if np.max(np.abs(step)) < 1e-9:
+        covariance = linalg.cho_solve(factor, np.eye(2 * m + 1), check_finite=False)
+        if np.all(np.abs(step) <= _RESTS * np.sqrt(np.diag(covariance))):
             break
-    residual, _ = _levelled(profile, orders, x)
-    variance = profile.variance(residual, 2 * m + 1)
-    return Table(orders, x[:m], x[m:-1], covariance[:-1, :-1], residual, variance)
+    return Table(orders, x[:m], x[m:-1], float(x[-1]), covariance[:-1, :-1], residual, variance)
 
 
-def _levelled(profile: AngleProfile, orders: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Residual (M,) and columns (M, 2 m + 1) at coefficients a, b and level."""
-    m = orders.size
-    model, columns = profile.columns(orders, x[:m], x[m:-1])
-    level = model if profile.rated else np.ones_like(model)
-    return profile.value - model - x[-1] * level, np.concatenate([columns, level[:, None]], axis=1)
+def _drawn(m: int) -> np.ndarray:
+    """(2 m + 1,) inverse variances of the priors on a, b and level."""
+    return np.append(np.full(2 * m, 1.0 / _SPREAD**2), 0.0)
+
+
+def fit_all(profiles: list[AngleProfile], orders: np.ndarray, start: tuple[Table, ...] | None = None) -> Found:
+    """The tables of all profiles at fixed orders."""
+    starts = start or (None,) * len(profiles)
+    return Found(orders, tuple(fit_table(profile, orders, table) for profile, table in zip(profiles, starts)))
 
 
 def find_orders(
-    profiles: list[AngleProfile], band: tuple[float, float], method: str, start: np.ndarray | None = None
-) -> np.ndarray:
-    """Accepted orders (m,), sorted, for all directions together; `start`: orders that are in already.
+    profiles: list[AngleProfile], band: tuple[float, float], method: str, start: Found | None = None, whole: Found | None = None
+) -> Found:
+    """Accepted orders for all directions together; `start`: orders that are in already, from other profiles of the same
+    gear; `whole`: what `whole_orders` found in these profiles.
 
     The refined search has two beginnings, its own peaks and the whole numbers of the other method: close orders
     that nearly cancel each other leave many local minima. Akaike's criterion (1974) decides, which asks for the
     better prediction; an order that is not estimated but a whole number costs nothing for itself.
     """
-    whole = _one_after_another(profiles, band, None, coarse=True) if method == "neighbours" or start is None else None
+    if start is not None:
+        start = fit_all(profiles, start.orders, start.tables)
     if method == "neighbours":
-        return whole if start is None else _one_after_another(profiles, band, start, coarse=True)
-    settle = lambda orders: _earning(profiles, _refine(profiles, orders, band))
+        return whole if whole is not None else whole_orders(profiles, band, start)
+    settle = lambda found: _earning(profiles, _refine(profiles, found, band))
     found = [settle(_one_after_another(profiles, band, start, coarse=False))]
-    resolution = 1.0 / max(profile.range_rev for profile in profiles)
-    # Between encoders, delay and friction colour what is left: there no criterion can judge lines closer than a cell.
-    if whole is not None and (profiles[0].rated or resolution < _WHOLE_NUMBERS_APART):
-        found += [settle(_earning(profiles, whole)), _earning(profiles, whole), whole]
-    elif start is not None:
+    if start is not None:
         found.append(start)
-    return min(found, key=lambda orders: _criterion(profiles, orders))
+    # Between encoders, delay and friction colour what is left: there no criterion can judge lines closer than a cell.
+    elif profiles[0].rated or 1.0 / longest_range(profiles) < _WHOLE_NUMBERS_APART:
+        whole = whole_orders(profiles, band) if whole is None else whole
+        earning = _earning(profiles, whole)
+        found += [settle(earning), earning, whole]
+    return min(found, key=lambda each: each.criterion)
 
 
-def _one_after_another(profiles, band, start, coarse: bool) -> np.ndarray:
-    orders = np.zeros(0) if start is None else start
-    tables = [fit_table(profile, orders) for profile in profiles]
+def whole_orders(profiles: list[AngleProfile], band: tuple[float, float], start: Found | None = None) -> Found:
+    """The nearest whole numbers of the coarse FFT's peaks with their neighbours."""
+    return _one_after_another(profiles, band, start, coarse=True)
+
+
+def longest_range(profiles: list[AngleProfile]) -> float:
+    """Revolutions."""
+    return max(profile.range_rev for profile in profiles)
+
+
+def _one_after_another(profiles, band, start: Found | None, coarse: bool) -> Found:
+    found = fit_all(profiles, np.zeros(0)) if start is None else start
     for _ in range(_MOST_ROUNDS):
-        peaks = _peaks(profiles, tables, band, orders, coarse)[: _MOST_ORDERS - orders.size]
+        peaks = _peaks(profiles, found, band, coarse)[: _MOST_ORDERS - found.orders.size]
         if not peaks.size:
             break
         if coarse:
             whole = np.maximum(2.0, np.round(peaks))
             peaks = (whole[:, None] + [-1.0, 0.0, 1.0]).ravel()
-        orders = np.unique(np.concatenate([orders, peaks]))
+        found = fit_all(profiles, np.unique(np.concatenate([found.orders, peaks])))
         if not coarse:
-            orders = _refine(profiles, orders, band, rounds=1)
-        tables = [fit_table(profile, orders) for profile in profiles]
-    return np.sort(orders)
+            found = _refine(profiles, found, band, rounds=1)
+    return found
 
 
-def _criterion(profiles, orders: np.ndarray) -> float:
-    estimated = np.count_nonzero(np.abs(orders - np.round(orders)) > 1e-9)
-    free = estimated + 2 * orders.size * len(profiles)
-    return _cost(profiles, [fit_table(profile, orders) for profile in profiles]) + 2.0 * free
-
-
-def _earning(profiles, orders: np.ndarray) -> np.ndarray:
+def _earning(profiles, found: Found) -> Found:
     """The orders without those that predict worse than nothing (Akaike), the weakest first."""
     price = 2.0 * (1 + 2 * len(profiles))
-    while orders.size:
-        worth = np.zeros(orders.size)
-        for profile in profiles:
-            table = fit_table(profile, orders)
-            for k in range(orders.size):
-                pair = [k, k + orders.size]
+    while found.orders.size:
+        worth = np.zeros(found.orders.size)
+        for table in found.tables:
+            for k in range(found.orders.size):
+                pair = [k, k + found.orders.size]
                 x = np.array([table.a[k], table.b[k]])
                 worth[k] += x @ np.linalg.solve(table.covariance[np.ix_(pair, pair)], x)
         weakest = int(np.argmin(worth))
         if worth[weakest] >= price:
             break
-        orders = np.delete(orders, weakest)
-    return orders
+        rest = tuple(table.without(weakest) for table in found.tables)
+        found = fit_all(profiles, np.delete(found.orders, weakest), rest)
+    return found
 
 
-def _peaks(profiles, tables, band, orders, coarse: bool) -> np.ndarray:
+def _peaks(profiles, already: Found, band, coarse: bool) -> np.ndarray:
     """Peaks that pass the test against noise, away from each other and from the orders already in, highest first.
 
     Only those within a factor of the highest are told at once: beside a strong line its side lobes stand.
     """
-    low, high = band
-    longest = max(profile.range_rev for profile in profiles)
+    (low, high), orders, longest = band, already.orders, longest_range(profiles)
     per_cell = 1 if coarse else _OVERSAMPLING
     count = max(16, int(np.ceil(per_cell * longest * (high - low))))
     power = np.zeros(count)
-    for profile, table in zip(profiles, tables):
+    for profile, table in zip(profiles, already.tables):
         grid, sums = profile.spectrum(table.residual, low, high, count)
-        power += np.abs(sums) ** 2 / (max(table.variance, 1e-300) * profile.weight.sum())
+        power += np.abs(sums) ** 2 / (max(table.variance, _TINY) * profile.weight.sum())
     power /= _colour(power, len(profiles), max(3, int(_NEIGHBOURHOOD * per_cell)))
     cells = sum(profile.angle.size for profile in profiles)
     nearest = np.min(np.abs(grid[:, None] - orders), axis=1) if orders.size else np.full(count, np.inf)
@@ -194,70 +224,49 @@ def _summit(grid: np.ndarray, power: np.ndarray, best: int) -> float:
     return float(grid[best] + np.clip(shift, -1.0, 1.0) * (grid[1] - grid[0]))
 
 
-def _refine(profiles, orders: np.ndarray, band, rounds: int = 5) -> np.ndarray:
+def _refine(profiles, found: Found, band, rounds: int = 5) -> Found:
     """Gauss-Newton on the orders with the coefficients eliminated; a step that does not help is shortened, then dropped."""
+    orders = found.orders
     if not orders.size:
-        return orders
-    gap = _SEPARATION / max(profile.range_rev for profile in profiles)
+        return found
+    gap = _SEPARATION / longest_range(profiles)
     closest = min(0.7 * gap, 0.9 * np.min(np.diff(orders), initial=np.inf))
-    tables = [fit_table(profile, orders) for profile in profiles]
-    cost = _cost(profiles, tables)
     for _ in range(rounds):
-        normal, gradient = _projected(profiles, orders, tables)
+        normal, gradient = _projected(profiles, found)
         normal += np.eye(orders.size) * 1e-9 * np.trace(normal) / orders.size
         # A third of what can be told apart is all that the linear picture carries.
         step = np.clip(np.linalg.solve(normal, gradient), -0.3 * gap, 0.3 * gap)
+        before = found
         for share in (1.0, 0.3):
-            moved = np.sort(np.clip(orders + share * step, *band))
+            moved = np.sort(np.clip(found.orders + share * step, *band))
             if orders.size > 1 and np.min(np.diff(moved)) < closest:
                 continue
-            trial = [fit_table(profile, moved, table) for profile, table in zip(profiles, tables)]
-            if _cost(profiles, trial) < cost:
-                orders, tables = moved, trial
+            trial = fit_all(profiles, moved, found.tables)
+            if trial.cost < found.cost:
+                found = trial
                 break
-        else:
+        if before.cost - found.cost < 0.1:
             break
-        before, cost = cost, _cost(profiles, tables)
-        if before - cost < 0.1:
-            break
-    return orders
+    return found
 
 
-def _projected(profiles, orders: np.ndarray, tables) -> tuple[np.ndarray, np.ndarray]:
-    """Normal matrix (m, m) and gradient (m,) of the orders, orthogonal to all coefficients."""
-    normal, gradient = np.zeros((orders.size, orders.size)), np.zeros(orders.size)
-    for profile, table in zip(profiles, tables):
-        slopes = _order_slopes(profile, table)
-        _, columns = _levelled(profile, orders, np.concatenate([table.a, table.b, [0.0]]))
-        root = np.sqrt(profile.weight / max(table.variance, 1e-300))[:, None]
-        q, _ = np.linalg.qr(columns * root)
-        projected = slopes * root - q @ (q.T @ (slopes * root))
-        normal += projected.T @ projected
-        gradient += projected.T @ (table.residual * root[:, 0])
+def _projected(profiles, found: Found) -> tuple[np.ndarray, np.ndarray]:
+    """Normal matrix (m, m) and gradient (m,) of the orders with all coefficients eliminated (Schur's complement)."""
+    m = found.orders.size
+    normal, gradient = np.zeros((m, m)), np.zeros(m)
+    own, order = slice(0, 2 * m + 1), slice(2 * m + 1, None)
+    for profile, table in zip(profiles, found.tables):
+        full, slope, _ = profile.normal(found.orders, table.x, with_orders=True)
+        full, slope = full / max(table.variance, _TINY), slope / max(table.variance, _TINY)
+        factor = linalg.cho_factor(full[own, own] + np.diag(_drawn(m)), check_finite=False)
+        eliminated = linalg.cho_solve(factor, full[own, order], check_finite=False)
+        normal += full[order, order] - full[order, own] @ eliminated
+        gradient += slope[order] - eliminated.T @ (slope[own] - table.x * _drawn(m))
     return normal, gradient
 
 
-def _cost(profiles, tables) -> float:
-    """-2 log likelihood but for constants: the variance of each direction is its own."""
-    return sum(profile.angle.size * np.log(max(table.variance, 1e-300)) for profile, table in zip(profiles, tables))
-
-
-def _order_slopes(profile: AngleProfile, table: Table) -> np.ndarray:
-    """(M, m) d model / d order at the table's coefficients."""
-    _, columns = profile.columns(table.orders, table.a, table.b)
-    m = table.orders.size
-    x, w = profile.angle[:, None], table.orders
-    by_a, by_b = columns[:, :m], columns[:, m:]
-    if not profile.rated:
-        sine, cosine = by_a * w, by_b * w + 1.0
-        error = by_a * table.a + by_b * table.b
-        return (x * (cosine * table.a - sine * table.b) - error) / w
-    # d/dw of cos(w x) is -x sin(w x): the columns trade places.
-    return x * (by_b * table.a - by_a * table.b)
-
-
-def order_uncertainty(profiles, orders: np.ndarray, tables) -> np.ndarray:
+def order_uncertainty(profiles: list[AngleProfile], found: Found) -> np.ndarray:
     """(m,) standard deviation of the orders with the coefficients eliminated."""
-    if not orders.size:
+    if not found.orders.size:
         return np.zeros(0)
-    return np.sqrt(np.diag(linalg.pinvh(_projected(profiles, orders, tables)[0])))
+    return np.sqrt(np.diag(linalg.pinvh(_projected(profiles, found)[0])))

@@ -14,12 +14,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import gammaincc
 
-from exactarm.harmonics import delivered_angle
+from exactarm import _core
 from exactarm.signals import zoom
 
 _CELL_PHASE_RAD = 0.25  # of the highest order
 _LEAST_SPEED_SHARE = 0.3  # slower samples carry little and may stick
-_ANGLE_TOLERANCE_RAD = 1e-6  # of the last Newton step, which squares it
 FALSE_ALARM = 1e-3
 
 
@@ -43,16 +42,15 @@ class AngleProfile:
     def range_rev(self) -> float:
         return float(np.ptp(self.angle)) / (2.0 * np.pi)
 
-    def columns(self, orders: np.ndarray, a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The model's value (M,) and its derivatives by all a, then all b (M, 2 m), at the present coefficients."""
-        x = delivered_angle(self.angle, orders, a, b, tolerance=_ANGLE_TOLERANCE_RAD) if np.any(a) or np.any(b) else self.angle
-        phase = x[:, None] * orders
-        cosine, sine = np.cos(phase), np.sin(phase)
-        if not self.rated:
-            columns = np.concatenate([sine / orders, (cosine - 1.0) / orders], axis=1)
-            return columns @ np.concatenate([a, b]), columns
-        model = 1.0 / (1.0 + cosine @ a - sine @ b)
-        return model, -(model**2)[:, None] * np.concatenate([cosine, -sine], axis=1)
+    def normal(self, orders: np.ndarray, x: np.ndarray, with_orders: bool = False) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """J' W J (P, P), J' W r (P,) and the residual r (M,) at x (2 m + 1,): all a, all b, the level.
+
+        P = 2 m + 1, with the derivatives by the orders behind them 3 m + 1 (cpp/exactarm/robot/gear_profile.hpp).
+        """
+        m = orders.size
+        return _core.profile_normal(
+            self.angle, self.value, self.weight, self.rated, orders, x[:m], x[m : 2 * m], float(x[-1]), with_orders
+        )
 
     def spectrum(self, residual: np.ndarray, low: float, high: float, count: int) -> tuple[np.ndarray, np.ndarray]:
         """Orders and complex weighted sums of residual exp(-i order angle) by the chirp-z zoom."""

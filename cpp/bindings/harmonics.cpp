@@ -1,0 +1,70 @@
+#include "exactarm/robot/harmonics.hpp"
+
+#include "binding.hpp"
+#include "exactarm/base/check.hpp"
+
+namespace exactarm::bindings {
+namespace {
+
+using Row = py::array_t<double, py::array::c_style | py::array::forcecast>;
+
+GearTable table_of(const Vector& order, const Vector& a, const Vector& b) {
+  require_size("a", a.size(), order.size());
+  require_size("b", b.size(), order.size());
+  return {order, a, b};
+}
+
+}  // namespace
+
+void bind_harmonics(py::module_& module) {
+  module.def(
+      "delivered_angle",
+      [](const Row& phi, const Vector& order, const Vector& a, const Vector& b, const Row& factor, double tolerance,
+         int threads) {
+        const GearTable table = table_of(order, a, b);
+        if (factor.size()) require_size("factor", factor.size(), phi.size());
+        auto x = new_array(phi.size()), slope = new_array(phi.size());
+        const double *in = phi.data(), *scale = factor.size() ? factor.data() : nullptr;
+        double *angle = x.mutable_data(), *out = slope.mutable_data();
+        const long count = phi.size();
+        {
+          py::gil_scoped_release release;
+          delivered_angles(table, in, scale, count, tolerance, threads, angle, out);
+        }
+        return std::make_pair(x, slope);
+      },
+      py::arg("phi"), py::arg("order"), py::arg("a"), py::arg("b"), py::arg("factor"), py::arg("tolerance"),
+      py::arg("threads") = 1, "x (N,) with x + factor e(x) = phi, factor empty for 1, and the slope s(x) of e there.");
+  module.def(
+      "transmission",
+      [](const Row& x, const Vector& order, const Vector& a, const Vector& b, int threads) {
+        const GearTable table = table_of(order, a, b);
+        auto error = new_array(x.size()), slope = new_array(x.size());
+        const double* in = x.data();
+        double *e = error.mutable_data(), *s = slope.mutable_data();
+        const long count = x.size();
+        {
+          py::gil_scoped_release release;
+          transmission(table, in, count, threads, e, s);
+        }
+        return std::make_pair(error, slope);
+      },
+      py::arg("x"), py::arg("order"), py::arg("a"), py::arg("b"), py::arg("threads") = 1,
+      "Transmission error e (N,) and its slope s (N,) at the output angles x.");
+  module.def(
+      "waves",
+      [](const Row& x, const Vector& order) {
+        auto sine = new_array(x.size(), order.size()), cosine = new_array(x.size(), order.size());
+        const double* in = x.data();
+        double *s = sine.mutable_data(), *c = cosine.mutable_data();
+        const long count = x.size();
+        {
+          py::gil_scoped_release release;
+          waves(order, in, count, s, c);
+        }
+        return std::make_pair(sine, cosine);
+      },
+      py::arg("x"), py::arg("order"), "sin(w x) and cos(w x), (N, m).");
+}
+
+}  // namespace exactarm::bindings
