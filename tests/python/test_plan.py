@@ -8,13 +8,18 @@ import numpy as np
 import pytest
 
 from exactarm import _core
+from exactarm.dataset import Dataset
 from exactarm.effects.backlash import Backlash
+from exactarm.effects.direction_dependence import DirectionDependence
+from exactarm.effects.hysteresis import Hysteresis
 from exactarm.effects.payload import Payload
 from exactarm.errors import ComputationError, InputError
 from exactarm.plan import Line, PathFailure, PlannedPath, PlanOptions, Points, load_path, plan_many, plan_path
-from exactarm.plan.compensation import TRANSITION_S, motion_direction, smooth_transition
+from exactarm.chain.direction import TRANSITION_S
 from exactarm.robot_file import load_robot
 from exactarm.plan.limits import violations
+from exactarm.simulate.measure import true_path
+from exactarm.simulate.virtual_robot import VirtualRobot
 from exactarm.table import read_table
 from exactarm.plan.trajectory import trajectory_table, write_trajectory
 
@@ -77,22 +82,21 @@ def test_gear_table_changes_at_a_reversal_without_a_jump_of_the_motor():
     assert gap > 1e-3 and jump < 0.7 * gap  # in one of the 20 samples that the transition takes
 
 
-def test_the_transition_is_smooth_and_as_wide_as_stated():
-    step = 1e-3
-    sign = np.where(np.arange(400) < 200, -1.0, 1.0)[:, None]
-    smooth = smooth_transition(sign, step)
-    inside = np.flatnonzero(np.abs(smooth[:, 0]) < 1.0 - 1e-12)
-    assert len(inside) * step <= TRANSITION_S * 1.05
-    assert np.abs(np.diff(smooth[:, 0])).max() < 0.2 and np.all(np.diff(smooth[:, 0]) >= -1e-15)
-    np.testing.assert_allclose(smooth_transition(np.full((50, 2), 0.7), step), 0.7, rtol=1e-14)
-
-
-def test_an_axis_that_stands_still_has_no_direction_and_one_that_pauses_keeps_its_own():
-    q = np.zeros((30, 2))
-    q[10:20, 1] = np.linspace(0, 1, 10)
-    q[20:, 1] = 1.0
-    sides = motion_direction(q, 1e-3)
-    assert np.all(sides[:, 0] == 0.0) and np.all(sides[:, 1] == 1.0)
+@pytest.mark.parametrize("effect, rms", [
+    (None, 3e-6), (DirectionDependence(2, (3.0, 1e-3, 5e-4)), 3e-6), (Hysteresis(2, (2e-4,)), 3e-6), (Backlash(1, (4e-4, 30.0)), 3e-6),
+])  # fmt: skip
+def test_plan_and_virtual_robot_pass_reversals_alike(effect, rms):
+    """Both gear tables, five reversals, springs without damping: a different passage would let the arm swing on."""
+    robot = replace(ROBOT, effects=() if effect is None else (effect,))
+    plan = plan_path(robot, replace(load_path("spiral"), rate_hz=500.0), THREADS)
+    played = Dataset.of_arrays("tracked_motion", {"theta": plan.theta}, time=plan.time)
+    flange = true_path(VirtualRobot(robot, robot), played, plan.q_desired)
+    error = np.linalg.norm(flange - plan.reference.position, axis=1)
+    assert np.sqrt(np.mean(error**2)) < rms and error.max() < 10.0 * rms
+    late = np.roll(plan.q_desired, 20, axis=0)
+    late[:20] = plan.q_desired[0]
+    missed = np.linalg.norm(true_path(VirtualRobot(robot, robot), played, late) - plan.reference.position, axis=1)
+    assert np.sqrt(np.mean(missed**2)) > 10.0 * rms
 
 
 def test_a_payload_is_held_by_the_springs():

@@ -292,6 +292,20 @@ def test_command_plays_a_trajectory(arm, tmp_path):
     assert fine["tracking"]["position_rms_m"] == pytest.approx(errors[0], rel=1e-2)
 
 
+@pytest.mark.parametrize("direction", ["motion", "cw"])
+def test_command_plays_a_plan_as_the_planner_meant_it(direction, tmp_path):
+    """Reversals are those of q_desired; a plan that keeps one table is played on a robot that does."""
+    words = ["racer-7-1.4", "spiral", "--rate", "250", "--gear-direction", direction, "--out", str(tmp_path / "plan")]
+    assert main(["plan", *words]) == 0
+    trajectory = str(tmp_path / "plan" / "trajectory.csv")
+    robot = ["racer-7-1.4", "--frames", "declared", "--gear-direction", direction]
+    played = simulate(robot[0], tmp_path / "played", trajectory, *robot[1:])
+    fine = simulate(robot[0], tmp_path / "fine", trajectory, *robot[1:], "--rate", "1000")
+    other = simulate(robot[0], tmp_path / "other", trajectory, *robot[1:], "--engine", "pinocchio")
+    for result in (played, fine, other):
+        assert result["tracking"]["position_rms_m"] < 1e-5
+
+
 @pytest.mark.parametrize("words, expected", [
     (["--measure", "tracked"], "trajectory.csv"), (["--measure", "gear", "--joint", "9"], "--joint 9"),
     (["--count", "0"], "--count 0"), (["--noise", "-1"], "--noise"), (["--effect", "nothing"], "unknown effect"),

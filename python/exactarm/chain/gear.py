@@ -1,7 +1,8 @@
 """The declared gear at the chain's first station: phi = Xi_d^{-1}(theta), by direction of motion (E5).
 
 Each direction has its own table with Xi_d(0) = 0; where the direction is 0 (unknown, at rest) the mean
-of both tables is taken, and a direction without a table of its own uses the other one's.
+of both tables is taken, between the two their mixture Xi = (1 - d) / 2 Xi_cw + (1 + d) / 2 Xi_ccw
+(chain/direction.py). A direction without a table of its own uses the other one's.
 """
 
 from __future__ import annotations
@@ -12,8 +13,7 @@ from exactarm import _core
 from exactarm.chain.view import View
 from exactarm.robot import GearTable, Joint
 
-_BRIDGE_S = 0.02
-_JUMP, _LEAST_JUMP_RAD = 3.0, 1e-9  # a step this many times its neighbours' is none of the motion
+_NEWTON_STEPS = 4  # from an error of the two tables' difference, 1e-3 rad
 
 
 def declared_output_angle(view: View) -> tuple[np.ndarray, np.ndarray]:
@@ -30,31 +30,21 @@ def declared_output_angle(view: View) -> tuple[np.ndarray, np.ndarray]:
                 output = _core.gear_output_angle(joint.ratio, table, theta)
                 phi[rows, i] = output
                 slope[rows, i] = 1.0 / _core.gear_ratio(joint.ratio, table, output, 0)
+        rows = np.flatnonzero(np.mod(view.direction[:, i], 1.0))
+        if rows.size:
+            phi[rows, i], slope[rows, i] = _between(joint, view.direction[rows, i], view.theta[rows, i])
     return phi, slope
 
 
-def bridged(phi: np.ndarray, nominal: np.ndarray, direction: np.ndarray, runs, step: float) -> np.ndarray:
-    """phi (N, n) of a motion without the jump from one direction's table to the other's at a reversal.
-
-    The model does not define the transition; here it is a cubic in what phi deviates from `nominal`, over 20 ms
-    to either side.
-    """
-    deviation, reach = phi - nominal, max(2, int(np.ceil(_BRIDGE_S / step)))
-    out = deviation.copy()
-    for rows in runs:
-        last = len(rows) - 1
-        for i in range(phi.shape[1]):
-            x, sign = deviation[rows, i], direction[rows, i]
-            steps = np.abs(np.diff(x))
-            for flip in np.flatnonzero(sign[1:] != sign[:-1]):
-                beside = steps[[max(flip - 1, 0), min(flip + 1, last - 1)]].max()
-                if steps[flip] <= _JUMP * beside + _LEAST_JUMP_RAD:
-                    continue
-                a, b = max(flip - reach, 0), min(flip + 1 + reach, last)
-                s = (np.arange(a, b + 1) - a) / (b - a)
-                start, end = out[rows[a], i], out[rows[b], i]
-                out[rows[a : b + 1], i] = start + (end - start) * s**2 * (3.0 - 2.0 * s)
-    return nominal + out
+def _between(joint: Joint, direction: np.ndarray, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """phi (N,) and dphi/dtheta (N,) between the two tables."""
+    tables = ((joint.cw or joint.ccw).core(), (joint.ccw or joint.cw).core())
+    mixed = lambda cw, ccw: 0.5 * (1.0 - direction) * cw + 0.5 * (1.0 + direction) * ccw
+    phi = mixed(*(_core.gear_output_angle(joint.ratio, table, theta) for table in tables))
+    for _ in range(_NEWTON_STEPS):
+        ratio = mixed(*(_core.gear_ratio(joint.ratio, table, phi, 0) for table in tables))
+        phi = phi - (mixed(*(_core.gear_motor_angle(joint.ratio, table, phi) for table in tables)) - theta) / ratio
+    return phi, 1.0 / ratio
 
 
 def direction_tables(joint: Joint) -> tuple[tuple[int, _core.GearTable], ...]:

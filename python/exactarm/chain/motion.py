@@ -19,7 +19,7 @@ from typing import Callable
 import numpy as np
 
 from exactarm import _core
-from exactarm.chain.gear import bridged, declared_output_angle
+from exactarm.chain.gear import declared_output_angle
 from exactarm.chain.layout import Layout
 from exactarm.chain.motion_record import MotionRecord
 from exactarm.chain.propagate import pass_station, pass_tangents
@@ -84,7 +84,6 @@ def motion_view(
     tangents = tangents and layout.size > 0
     _motors(view, layout, record, tangents)
     declared, slope = declared_output_angle(view)
-    declared = bridged(declared, view.theta / baked.ratios, view.direction, record.runs, record.step)
     view.signals["phi"] = declared
     if tangents:
         view.tangents["phi"] = slope[:, :, None] * view.tangents["theta"]
@@ -103,6 +102,7 @@ def motion_view(
 def _motors(view: View, layout: Layout, record: MotionRecord, tangents: bool) -> None:
     shape = (view.rows, view.axes, layout.size)
     view.signals |= {"theta": record.theta, "theta_dot": record.theta_dot, "theta_ddot": record.theta_ddot}
+    view.signals["direction"] = record.direction
     if tangents:
         view.tangents |= {name: np.zeros(shape) for name in ("theta", "theta_dot", "theta_ddot")}
     if not any(effect.station == Station.MOTOR for effect in layout.effects):

@@ -19,6 +19,7 @@ import scipy  # scipy.signal is imported at its first use: it takes half a secon
 from scipy import linalg, sparse
 
 from exactarm import _core
+from exactarm.chain.direction import direction_of_motion
 from exactarm.chain.view import motor_angles
 from exactarm.dataset import Dataset
 from exactarm.errors import InputError
@@ -40,6 +41,7 @@ _EDGE_PERIODS = 3.0  # of the bandwidth, left out at both ends of a run
 class MotionRecord:
     """theta, theta_dot, theta_ddot, torque (N, n); keep (N,) bool: rows away from the ends of their run.
 
+    direction (N, n): of the motor's motion, -1 to 1 (chain/direction.py).
     data: the thinned rows; runs: row indices in the order of time; bandwidth_hz: None where nothing was filtered.
     """
 
@@ -48,6 +50,7 @@ class MotionRecord:
     theta_dot: np.ndarray
     theta_ddot: np.ndarray
     torque: np.ndarray
+    direction: np.ndarray
     keep: np.ndarray
     runs: tuple[np.ndarray, ...]
     bandwidth_hz: float | None
@@ -119,12 +122,14 @@ def motion_record(robot: Robot, data: Dataset, bandwidth_hz: float | None = None
     kept = np.concatenate([part[0] for part in parts])
     stack = lambda k: np.concatenate([part[k] for part in parts])
     counts = np.cumsum([0] + [len(part[0]) for part in parts])
+    sides = [direction_of_motion(data.time[part[0]], part[1] / np.abs(robot.ratios)) for part in parts]
     return MotionRecord(
         data=data.select(kept),
         theta=stack(1),
         theta_dot=stack(2),
         theta_ddot=stack(3),
         torque=stack(4),
+        direction=np.concatenate(sides),
         keep=stack(5),
         runs=tuple(np.arange(a, b) for a, b in zip(counts[:-1], counts[1:])),
         bandwidth_hz=bandwidth if filtered else None,
@@ -151,10 +156,16 @@ def _rows_per_period(robot: Robot) -> float:
     return _ROWS_WITH_HARMONICS if any(joint.has_harmonics for joint in robot.joints) else _ROWS_PER_PERIOD
 
 
-def unthinned_record(robot: Robot, data: Dataset, bandwidth_hz: float = BANDWIDTH_HZ) -> MotionRecord:
-    """Every row of `data`, angles as they are and nothing measured: only their rates pass the low-pass of the angles."""
+def unthinned_record(
+    robot: Robot, data: Dataset, bandwidth_hz: float = BANDWIDTH_HZ, joints: np.ndarray | None = None
+) -> MotionRecord:
+    """Every row of `data`, angles as they are and nothing measured: only their rates pass the low-pass of the angles.
+
+    `joints` (N, n): joint angles whose motion tells the direction, where they are known (default: the motors').
+    """
     theta = motor_angles(robot, data)
-    rate, acceleration = np.zeros_like(theta), np.zeros_like(theta)
+    turned = theta / np.abs(robot.ratios) if joints is None else joints * np.sign(robot.ratios)
+    rate, acceleration, direction = np.zeros_like(theta), np.zeros_like(theta), np.zeros_like(theta)
     runs = _runs(data)
     step = float(np.median(np.concatenate([np.diff(data.time[rows]) for rows in runs])))
     filtered = _WIDE * bandwidth_hz < _LARGEST / step
@@ -162,9 +173,11 @@ def unthinned_record(robot: Robot, data: Dataset, bandwidth_hz: float = BANDWIDT
         derivative = derivative_operator(data.time[rows])
         rate[rows] = derivative @ (_low_pass(theta[rows], _WIDE * bandwidth_hz, step) if filtered else theta[rows])
         acceleration[rows] = derivative @ rate[rows]
+        direction[rows] = direction_of_motion(data.time[rows], turned[rows])
     band = bandwidth_hz if bandwidth_hz < _LARGEST / step else None
     torque = np.full_like(theta, np.nan)
-    return MotionRecord(data, theta, rate, acceleration, torque, np.ones(len(data), bool), tuple(runs), band, step)
+    everywhere = np.ones(len(data), bool)
+    return MotionRecord(data, theta, rate, acceleration, torque, direction, everywhere, tuple(runs), band, step)
 
 
 def measured_torque(robot: Robot, data: Dataset) -> np.ndarray:

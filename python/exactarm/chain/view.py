@@ -71,9 +71,8 @@ class View:
 
     @property
     def direction(self) -> np.ndarray:
-        """(N, n) direction of the motor's motion, -1, 0, +1: the sign of the rate in a time series, the approach
-        of a static pose; 0 at rest and where unknown. The motor's own sense: with a negative ratio the output
-        turns the other way."""
+        """(N, n) direction of the motor's motion from -1 to 1: in a time series as in chain/direction.py, the approach of
+        a static pose; 0 where unknown. The motor's own sense: with a negative ratio the output turns the other way."""
         if "direction" in self.signals:
             return self.signals["direction"]
         if "theta_dot" in self.signals:

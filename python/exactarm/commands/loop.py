@@ -131,7 +131,7 @@ def _execute(name: str, model: Robot, drawn: Robot, virtual: VirtualRobot, path:
     moved = replace(path, curve=_Moved(path.curve, turn, origin, offset), orientation_wxyz=_quaternion(held))
     plan = plan_path(model, moved, PlanOptions(threads=threads))
     series = Dataset.of_arrays("tracked_motion", {"theta": plan.theta}, time=plan.time)
-    measured = true_path(virtual, series, damping_s=_DAMPING_S)
+    measured = true_path(virtual, series, plan.q_desired, damping_s=_DAMPING_S)
     error = np.linalg.norm(measured - _in_tracker(desired, drawn), axis=1)
     return _Round(name, model, error, summarise(error))
 

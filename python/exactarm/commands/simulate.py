@@ -30,7 +30,7 @@ from exactarm.simulate import (
 from exactarm.simulate.independent import independent_path
 from exactarm.simulate.measure import true_path
 from exactarm.simulate.profiles import excitation, limit
-from exactarm.simulate.virtual_robot import placed, unplaced
+from exactarm.simulate.virtual_robot import one_sided, placed, unplaced
 
 NAME = "simulate"
 HELP = "play a trajectory or measure poses, gears and motions on a virtual robot"
@@ -53,6 +53,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     truth.add_argument("--frames", choices=("random", "declared"), default="random",
                        help="where tracker and target are, for poses and tracked motion (default %(default)s)")
     truth.add_argument("--quasi-static", action="store_true", help="springs follow the load without swinging")
+    truth.add_argument("--gear-direction", choices=("motion", "cw", "ccw"), default="motion",
+                       help="gear tables of the direction of motion, or one throughout, as a plan may assume (default %(default)s)")
     truth.add_argument("--damping", metavar="S", type=float, default=None,
                        help="damping of the springs over their stiffness (default: 1e-3 for motion, 0 for tracked)")
     truth.add_argument("--engine", choices=("own", "pinocchio"), default="own",
@@ -126,6 +128,7 @@ def _virtual(arguments: argparse.Namespace, robot: Robot, measure: str, random: 
     true = robot
     if arguments.deviation:
         true = deviated(true, arguments.deviation, random, geometry=measure in ("poses", "tracked"), frames=False)
+    true = one_sided(true, arguments.gear_direction)
     if arguments.frames == "random" and measure in ("poses", "tracked"):
         true = placed(true, random)
     return VirtualRobot.of(robot, effects, true)
@@ -183,6 +186,7 @@ def _joined(parts: list[Dataset]) -> Dataset:
 
 
 def _motion(arguments, virtual: VirtualRobot, planned: Dataset | None, random) -> _Played:
+    joints = None
     if planned is None:
         pieces = []
         for _ in range(arguments.runs):
@@ -191,24 +195,24 @@ def _motion(arguments, virtual: VirtualRobot, planned: Dataset | None, random) -
         time, theta = (np.concatenate([piece[k] for piece in pieces]) for k in (0, 1))
         run = np.repeat(np.arange(1, len(pieces) + 1), [len(piece[0]) for piece in pieces])
     else:
-        time, theta = _resampled(planned, virtual.nominal, arguments.rate)
+        time, theta, joints = _resampled(planned, virtual.nominal, arguments.rate)
         run = np.ones(time.size, int)
     damping = 1e-3 if arguments.damping is None else arguments.damping
-    data = measure_motion(virtual, time, theta, _sensors(arguments), random, run=run,
+    data = measure_motion(virtual, time, theta, _sensors(arguments), random, run=run, joints=joints,
                           quasi_static=arguments.quasi_static, damping_s=damping)
     return _Played(data, "motion.parquet")
 
 
 def _tracked(arguments, virtual: VirtualRobot, planned: Dataset, random) -> _Played:
-    time, theta = _resampled(planned, virtual.nominal, arguments.rate)
+    time, theta, joints = _resampled(planned, virtual.nominal, arguments.rate)
     how = {"quasi_static": arguments.quasi_static, "damping_s": arguments.damping or 0.0}
     series = Dataset.of_arrays("tracked_motion", {"theta": theta}, time=time)
     at_flange = VirtualRobot(virtual.nominal, unplaced(virtual.true))
     if arguments.engine == "pinocchio":
-        flange = independent_path(at_flange, time, theta)
+        flange = independent_path(at_flange, time, theta, joints)
     else:
-        flange = true_path(at_flange, series, **how)
-    data = measure_tracked_motion(virtual, time, theta, _sensors(arguments), random, **how)
+        flange = true_path(at_flange, series, joints, **how)
+    data = measure_tracked_motion(virtual, time, theta, _sensors(arguments), random, joints=joints, **how)
     tracking = None
     if planned.position is not None:
         desired = make_interp_spline(planned.time, planned.position, k=5)(time)
@@ -216,18 +220,31 @@ def _tracked(arguments, virtual: VirtualRobot, planned: Dataset, random) -> _Pla
     return _Played(data, "tracked.csv", tracking)
 
 
-def _resampled(planned: Dataset, robot: Robot, rate_hz: float | None) -> tuple[np.ndarray, np.ndarray]:
-    """time and motor angles, by a quintic spline where another rate is asked for (the controller's interpolation)."""
-    angles = planned.joints.get("theta")
+def _resampled(planned: Dataset, robot: Robot, rate_hz: float | None) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+    """time, motor angles and joint angles (as planned, None if not in the file).
+
+    By a quintic spline where another rate is asked for (the controller's interpolation).
+    """
+    angles, joints = planned.joints.get("theta"), _planned_joints(planned, robot)
     if angles is None or np.isnan(angles).any():
         angles = (planned.joints["q"] - robot.controller_offsets) * robot.controller_ratios
     if len(planned) < 6 or np.any(np.diff(planned.time) <= 0.0):
         raise InputError("a trajectory needs at least 6 rows whose time_s rises")
     if rate_hz is None:
-        return planned.time, angles
+        return planned.time, angles, joints
     time = np.arange(planned.time[0], planned.time[-1] + 0.5 / rate_hz, 1.0 / rate_hz)
     time = time[time <= planned.time[-1] + 1e-12]
-    return time, make_interp_spline(planned.time, angles, k=5)(time)
+    at = lambda values: None if values is None else make_interp_spline(planned.time, values, k=5)(time)
+    return time, at(angles), at(joints)
+
+
+def _planned_joints(planned: Dataset, robot: Robot) -> np.ndarray | None:
+    """(N, n) the joint angles that a trajectory is for, else those that it reaches."""
+    desired = [planned.covariates.get(f"q_desired_{i + 1}_rad") for i in range(robot.axes)]
+    if all(column is not None for column in desired):
+        return np.column_stack(desired)
+    reached = planned.joints.get("q")
+    return None if reached is None or np.isnan(reached).any() else reached
 
 
 _MEASURE = {"poses": _poses, "gear": _gear, "motion": _motion, "tracked": _tracked}

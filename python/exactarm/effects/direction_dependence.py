@@ -1,6 +1,6 @@
 """Direction dependence: gear harmonics that change their sign with the direction of motion (thesis 3.1.2).
 
-The tables of both directions differ by twice the effect: f = direction of motion (-1, 0, +1).
+The tables of both directions differ by twice the effect: f = direction of motion, from -1 to 1 (chain/direction.py).
 """
 
 from __future__ import annotations
@@ -21,7 +21,6 @@ class DirectionDependence(HarmonicFamily):
     name: ClassVar[str] = "direction_dependence"
     kinds: ClassVar[tuple[str, ...]] = ("poses", "gear_run", "motion", "tracked_motion")
     compensable: ClassVar[bool] = True
-    smooth: ClassVar[bool] = False
     sentence: ClassVar[str] = "the harmonic {order_per_rev:.2f} of gear {joint} depends on the direction of motion"
     source: ClassVar[str] = "thesis 3.1.2, Tables A.6 to A.11"
 

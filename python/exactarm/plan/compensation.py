@@ -6,10 +6,9 @@ as a known function of time, a shift of the gear's output angle,
     phi + q_offset + phi_shift - q = kappa^{-1}(torque),   phi_shift = gear + spring - kappa^{-1} by the load's change
 exact but for the tracking error (about 1e-7 rad). A displacement of the flange moves the desired pose the other way.
 
-At a reversal of an axis, what is not smooth (the gear table of the direction, backlash, hysteresis) passes from one
-side to the other on a spline of four times continuous slope over TRANSITION_S, half before and half after: never a
-jump in the motor angle. The gear's table is the one of the direction in which the axis moves along the
-reference; an axis that stands still takes the mean of both.
+The gear's table is the one of the direction in which the axis moves along the reference, and passes into the other's at a
+reversal as chain/direction.py says: never a jump in the motor angle. Effects see that direction too; what else jumps in
+them (a flank that changes with the load) is eased with the same kernel.
 """
 
 from __future__ import annotations
@@ -19,6 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from exactarm import _core
+from exactarm.chain.direction import direction_of_motion, eased
 from exactarm.chain.spring import declared_deflection
 from exactarm.chain.view import View
 from exactarm.dataset import Dataset
@@ -27,10 +27,7 @@ from exactarm.plan.reference import Reference
 from exactarm.robot import Link, Placement, Robot
 from exactarm.rotation import exp as rotation_exp
 
-TRANSITION_S = 0.04
-STANDS_STILL_RAD_S = 1e-7
 RIGID_SHARE = 100.0  # stiffness for a rigid joint, in inertias per square sample; its deflection is taken out again
-_BOXES = 6  # a box folded with itself this often is a B-spline of degree 5
 
 
 @dataclass(frozen=True)
@@ -73,7 +70,7 @@ def _with_both_tables(joint):
 
 @dataclass(frozen=True)
 class KnownFunctions:
-    """Along a reference: blend of the gear tables and shift of the output angle (N, n), displacement (N, 6) of the flange."""
+    """Along a reference: direction (N, n) between the gear tables, shift of the output angle (N, n), displacement (N, 6) of the flange."""
 
     direction: np.ndarray
     phi_shift: np.ndarray
@@ -83,14 +80,13 @@ class KnownFunctions:
 def known_functions(model: PlanningModel, q: np.ndarray, step: float, gear_direction: str, threads: int) -> KnownFunctions:
     """Evaluated where the links follow q (N, n), sampled at equal steps."""
     robot = model.robot
-    sides = motion_direction(q, step) * np.sign(robot.ratios)
-    blend = smooth_transition(sides, step)
-    view = _view(model, q, step, sides, threads)
+    direction = direction_of_motion(step * np.arange(len(q)), q * np.sign(robot.ratios))
+    view = _view(model, q, step, direction, threads)
     shift, displacement = np.zeros_like(q), np.zeros((len(q), 6))
     torque = view.torque.copy()
     for effect in sorted(model.effects, key=lambda effect: effect.station):
         change = effect.change(view)
-        value = change.value if effect.smooth else smooth_transition(change.value, step)
+        value = change.value if effect.smooth else eased(change.value, step)
         columns = list(change.columns)
         if effect.station in (Station.GEAR, Station.SPRING):
             shift[:, columns] += value
@@ -104,8 +100,8 @@ def known_functions(model: PlanningModel, q: np.ndarray, step: float, gear_direc
         if not joint.spring_linear:
             shift[:, i] += view.torque[:, i] / springs[i].linear
     if gear_direction != "motion":
-        blend = np.full_like(q, -1.0 if gear_direction == "cw" else 1.0)
-    return KnownFunctions(blend, shift, displacement)
+        direction = np.full_like(q, -1.0 if gear_direction == "cw" else 1.0)
+    return KnownFunctions(direction, shift, displacement)
 
 
 def solver_springs(model: PlanningModel, q: np.ndarray, step: float) -> list[_core.Spring]:
@@ -126,33 +122,7 @@ def moved_reference(reference: Reference, displacement: np.ndarray) -> Reference
     return replace(reference, position=reference.position - displacement[:, :3], rotation=rotation)
 
 
-def motion_direction(q: np.ndarray, step: float) -> np.ndarray:
-    """(N, n) -1, +1: the side to which an axis moves, held while it stands; 0 for one that never moves."""
-    rate = np.gradient(q, step, axis=0)
-    sides = np.where(np.abs(rate) > STANDS_STILL_RAD_S, np.sign(rate), 0.0)
-    for column in sides.T:
-        moving = np.flatnonzero(column)
-        if moving.size:
-            last = np.clip(np.searchsorted(moving, np.arange(len(column)), side="right") - 1, 0, None)
-            column[:] = column[moving[last]]
-    return sides
-
-
-def smooth_transition(values: np.ndarray, step: float) -> np.ndarray:
-    """(N, c) values folded with a B-spline of total width TRANSITION_S; steps become smooth, constants stay."""
-    width = max(int(round(TRANSITION_S / step / _BOXES)), 1)
-    box = np.ones(width) / width
-    kernel = np.ones(1)
-    for _ in range(_BOXES):
-        kernel = np.convolve(kernel, box)
-    if len(kernel) % 2 == 0:
-        kernel = np.convolve(kernel, [0.5, 0.5])
-    half = len(kernel) // 2
-    padded = np.pad(values, ((half, half), (0, 0)), mode="edge")
-    return np.column_stack([np.convolve(column, kernel, mode="valid") for column in padded.T])
-
-
-def _view(model: PlanningModel, q: np.ndarray, step: float, sides: np.ndarray, threads: int) -> View:
+def _view(model: PlanningModel, q: np.ndarray, step: float, direction: np.ndarray, threads: int) -> View:
     """The chain's signals along the reference."""
     robot = model.robot
     q_dot = np.gradient(q, step, axis=0)
@@ -165,7 +135,7 @@ def _view(model: PlanningModel, q: np.ndarray, step: float, sides: np.ndarray, t
     rows = len(q)
     signals = {
         "theta": theta, "theta_dot": q_dot * robot.ratios, "theta_ddot": q_ddot * robot.ratios, "phi": phi,
-        "phi_dot": q_dot, "torque": torque, "q": q, "q_dot": q_dot, "q_ddot": q_ddot, "direction": sides,
+        "phi_dot": q_dot, "torque": torque, "q": q, "q_dot": q_dot, "q_ddot": q_ddot, "direction": direction,
         "base_position": np.zeros((rows, 3)), "base_rotation": np.tile(np.eye(3).ravel(), (rows, 1)),
         "displacement": np.zeros((rows, 6)),
     }

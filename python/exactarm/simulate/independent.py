@@ -1,6 +1,6 @@
 """An independent plant: Pinocchio's forward dynamics behind springs, integrated by scipy, with its own gear formula.
 
-It shares with the rest of the program the numbers of the robot's tables and nothing else: kinematics and dynamics
+It shares with the rest of the program the numbers of the robot's tables and where an axis reverses, nothing else: kinematics and dynamics
 are Pinocchio's, the gear's inverse a bisection of (2.13), the integrator an adaptive Radau. The package `pin` is
 imported only here. Hidden effects beyond the tables are not in it.
 """
@@ -11,6 +11,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.interpolate import make_interp_spline
 
+from exactarm.chain.direction import direction_of_motion
 from exactarm.errors import ComputationError, InputError
 from exactarm.robot import GearTable, Joint, Robot
 from exactarm.simulate.virtual_robot import VirtualRobot
@@ -19,13 +20,18 @@ _BISECTIONS = 60
 _FIRST_GUESS_RAD = 0.2  # the error of a gear table is far smaller
 
 
-def independent_path(robot: VirtualRobot, time: np.ndarray, theta: np.ndarray) -> np.ndarray:
-    """(N, 3) m of the tool frame in the measuring frame while the motors follow theta (N, n) at `time` (N,)."""
+def independent_path(
+    robot: VirtualRobot, time: np.ndarray, theta: np.ndarray, joints: np.ndarray | None = None
+) -> np.ndarray:
+    """(N, 3) m of the tool frame in the measuring frame while the motors follow theta (N, n) at `time` (N,).
+
+    `joints` (N, n): how the joints move, which tells their reversals (default: the motors).
+    """
     pin = _pinocchio()
     true = robot.baked
     model = _model(pin, true)
     data = model.createData()
-    output = gear_outputs(true, time, theta)
+    output = gear_outputs(true, time, theta, joints)
     n = true.axes
     elastic = true.links is not None and all(joint.spring_linear for joint in true.joints)
     q = _swing(pin, model, data, true, time, output) if elastic else output
@@ -37,33 +43,27 @@ def independent_path(robot: VirtualRobot, time: np.ndarray, theta: np.ndarray) -
     return path @ np.asarray(true.base.rotation).T + true.base.position
 
 
-def gear_outputs(robot: Robot, time: np.ndarray, theta: np.ndarray) -> np.ndarray:
-    """(N, n) rad: outputs of the gears plus offsets; each direction by its own table, rest by that of the motion before."""
-    output = np.empty_like(theta)
+def gear_outputs(robot: Robot, time: np.ndarray, theta: np.ndarray, joints: np.ndarray | None = None) -> np.ndarray:
+    """(N, n) rad: outputs of the gears plus offsets; directions and reversals by the convention of chain/direction.py."""
+    moved = theta / np.abs(robot.ratios) if joints is None else joints * np.sign(robot.ratios)
+    direction = direction_of_motion(time, moved)
+    output = theta / robot.ratios
     for i, joint in enumerate(robot.joints):
-        rate = np.gradient(theta[:, i], time)
-        sign = np.sign(np.where(np.abs(rate) > 1e-9 * np.max(np.abs(rate), initial=1e-300), rate, 0.0))
-        known = np.flatnonzero(sign)
-        if known.size:
-            place = np.clip(np.searchsorted(known, np.arange(sign.size), side="right") - 1, 0, None)
-            sign = sign[known[place]]
-        ratio = robot.ratios[i]
-        phi = theta[:, i] / ratio
-        for direction, table in ((-1.0, joint.cw or joint.ccw), (1.0, joint.ccw or joint.cw)):
-            rows = sign == direction
-            if table is not None and table.order.size and rows.any():
-                phi[rows] = _inverse(table, theta[rows, i] / ratio)
-        output[:, i] = phi + joint.q_offset
+        if joint.has_harmonics:
+            output[:, i] = _inverse((joint.cw or joint.ccw, joint.ccw or joint.cw), direction[:, i], output[:, i])
+        output[:, i] += joint.q_offset
     return output
 
 
-def _inverse(table: GearTable, target: np.ndarray) -> np.ndarray:
-    """phi with phi + sum_j (a_j sin w_j phi + b_j (cos w_j phi - 1)) / w_j = target."""
+def _inverse(tables: tuple[GearTable, GearTable], direction: np.ndarray, target: np.ndarray) -> np.ndarray:
+    """phi with phi + sum_j (a_j sin w_j phi + b_j (cos w_j phi - 1)) / w_j = target, the sums mixed by direction."""
     low, high = target - _FIRST_GUESS_RAD, target + _FIRST_GUESS_RAD
     for _ in range(_BISECTIONS):
         middle = 0.5 * (low + high)
-        angle = np.multiply.outer(middle, table.order)
-        value = middle + ((table.a * np.sin(angle) + table.b * (np.cos(angle) - 1.0)) / table.order).sum(axis=-1)
+        value = middle
+        for table, share in zip(tables, (0.5 * (1.0 - direction), 0.5 * (1.0 + direction))):
+            angle = np.multiply.outer(middle, table.order)
+            value = value + share * ((table.a * np.sin(angle) + table.b * (np.cos(angle) - 1.0)) / table.order).sum(axis=-1)
         low, high = np.where(value < target, middle, low), np.where(value < target, high, middle)
     return 0.5 * (low + high)
 

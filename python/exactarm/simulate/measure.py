@@ -11,9 +11,11 @@ from typing import Sequence
 
 import numpy as np
 
+from exactarm import _core
 from exactarm.chain import Layout, predict_gear_run, predict_poses
+from exactarm.chain.direction import eased
 from exactarm.chain.motion import MotionView, motion_view, predict_drive
-from exactarm.chain.motion_record import unthinned_record
+from exactarm.chain.motion_record import MotionRecord, unthinned_record
 from exactarm.chain.poses import predict_target
 from exactarm.chain.propagate import pass_station
 from exactarm.chain.spring import declared_deflection
@@ -72,54 +74,80 @@ def measure_gear_runs(
 
 def measure_motion(
     robot: VirtualRobot, time: np.ndarray, theta: np.ndarray, sensors: Sensors, random: np.random.Generator, *,
-    run: np.ndarray | None = None, quasi_static: bool = False, damping_s: float = 0.0,
+    run: np.ndarray | None = None, joints: np.ndarray | None = None, quasi_static: bool = False, damping_s: float = 0.0,
 ) -> Dataset:
-    """Drive torques while the motors follow theta (N, n) at `time` (N,), run by run."""
+    """Drive torques while the motors follow theta (N, n) at `time` (N,), run by run; `joints` as in `joint_motion`."""
     data = _series("motion", time, theta, run, sensors)
-    view = joint_motion(robot, data, quasi_static=quasi_static, damping_s=damping_s)
+    view = joint_motion(robot, data, joints, quasi_static=quasi_static, damping_s=damping_s)
     predict_drive(view, robot.true, robot.layout, False)
     return read(replace(data, joints=data.joints | {"tau": view.signals["measured"]}), sensors, random)
 
 
 def measure_tracked_motion(
     robot: VirtualRobot, time: np.ndarray, theta: np.ndarray, sensors: Sensors, random: np.random.Generator, *,
-    run: np.ndarray | None = None, quasi_static: bool = False, damping_s: float = 0.0,
+    run: np.ndarray | None = None, joints: np.ndarray | None = None, quasi_static: bool = False, damping_s: float = 0.0,
 ) -> Dataset:
-    """The target's path under a tracker while the motors follow theta (N, n) at `time` (N,)."""
+    """The target's path under a tracker while the motors follow theta (N, n) at `time` (N,); `joints` as in `joint_motion`."""
     data = _series("tracked_motion", time, theta, run, sensors)
-    return read(replace(data, position=true_path(robot, data, quasi_static=quasi_static, damping_s=damping_s)), sensors, random)
+    position = true_path(robot, data, joints, quasi_static=quasi_static, damping_s=damping_s)
+    return read(replace(data, position=position), sensors, random)
 
 
-def true_path(robot: VirtualRobot, data: Dataset, *, quasi_static: bool = False, damping_s: float = 0.0) -> np.ndarray:
+def true_path(
+    robot: VirtualRobot, data: Dataset, joints: np.ndarray | None = None, *, quasi_static: bool = False, damping_s: float = 0.0
+) -> np.ndarray:
     """(N, 3) m where the target really goes, in the measuring frame."""
-    view = joint_motion(robot, data, quasi_static=quasi_static, damping_s=damping_s)
+    view = joint_motion(robot, data, joints, quasi_static=quasi_static, damping_s=damping_s)
     return predict_target(view, robot.layout, False).position
 
 
 def joint_motion(
-    robot: VirtualRobot, data: Dataset, *, quasi_static: bool = False, damping_s: float = 0.0
+    robot: VirtualRobot, data: Dataset, joints: np.ndarray | None = None, *, quasi_static: bool = False, damping_s: float = 0.0
 ) -> MotionView:
     """All signals up to the joints: the chain's, with the springs left to swing where all axes have one.
 
-    What load and spring effects add, they add to the swinging motion as the chain adds it to a quasi-static one.
+    What load and spring effects add to the deflection along the motion without ringing, moves what the links swing
+    behind: the springs are in series with it. What jumps there passes as a plan lets it pass (chain/direction.py).
+    `joints` (N, n): how the joints are to move; reversals and loads of effects are those of this motion. Without it they
+    are the motors', which a plan lets make up for gears and clearances.
     """
     layout: Layout = robot.layout
-    record = unthinned_record(robot.true, data)
+    record = unthinned_record(robot.true, data, joints=joints)
     view = motion_view(robot.true, layout, record, tangents=False, kind=data.kind)
     if quasi_static or not is_elastic(view.robot):
         return view
+    behind = view.phi + view.robot.offsets + _added_deflection(view, layout, record, joints)
     moving = {name: np.empty_like(view.q) for name in ("q", "q_dot", "q_ddot", "torque")}
     for rows in record.runs:
-        links = swing(view.robot, data.time[rows], (view.phi + view.robot.offsets)[rows], damping_s)
+        links = swing(view.robot, data.time[rows], behind[rows], damping_s)
         for name, values in moving.items():
             values[rows] = getattr(links, name)
     view.signals |= moving
-    plain = view.torque
     pass_station(view, layout, Station.LOAD, "torque", False)
-    more = declared_deflection(view.robot, view.torque)[0] - declared_deflection(view.robot, plain)[0]
-    view.signals["q"] = view.q + more
-    pass_station(view, layout, Station.SPRING, "q", False)
     return view
+
+
+def _added_deflection(
+    view: MotionView, layout: Layout, record: MotionRecord, joints: np.ndarray | None
+) -> np.ndarray:
+    """(N, n) what effects at load and springs add to q."""
+    inside = replace(view, signals=dict(view.signals))
+    if joints is not None:
+        rate = record.derivative(joints)
+        inside.signals |= {"q": joints, "q_dot": rate, "q_ddot": record.derivative(rate)}
+    motion = (inside.q, inside.signals["q_dot"], inside.signals["q_ddot"])
+    plain = _core.inverse_dynamics(view.robot.core, *motion, view.threads)
+    inside.signals["torque"] = plain
+    pass_station(inside, layout, Station.LOAD, "torque", False)
+    added = declared_deflection(view.robot, inside.torque)[0] - declared_deflection(view.robot, plain)[0]
+    for effect in layout.effects:
+        if effect.station != Station.SPRING:
+            continue
+        change = effect.change(inside)
+        for rows in record.runs:
+            value = change.value[rows]
+            added[np.ix_(rows, change.columns)] += value if effect.smooth else eased(value, record.step)
+    return added
 
 
 def _series(kind: str, time: np.ndarray, theta: np.ndarray, run: np.ndarray | None, sensors: Sensors) -> Dataset:

@@ -85,6 +85,16 @@ def unplaced(robot: Robot) -> Robot:
     return replace(robot, base=Placement(), tool=Placement())
 
 
+def one_sided(robot: Robot, gear_direction: str) -> Robot:
+    """The robot with the gear tables of one direction ("cw" or "ccw") in both; unchanged for "motion"."""
+    if gear_direction == "motion":
+        return robot
+    return replace(robot, joints=tuple(
+        replace(joint, cw=table, ccw=table)
+        for joint in robot.joints for table in [getattr(joint, gear_direction) or joint.cw or joint.ccw]
+    ))
+
+
 def _geometry(joint: Joint, scale: float, random: np.random.Generator) -> dict[str, float]:
     length, angle = (lambda: scale * random.normal(0.0, LENGTH_M)), (lambda: scale * random.normal(0.0, ANGLE_RAD))
     changes = {"a": joint.a + length(), "alpha": joint.alpha + angle()}

@@ -1,0 +1,94 @@
+"""In which direction an axis moves, and how its gear passes from one direction's table to the other's at a reversal.
+
+The model has a gear table for each direction of motion and none for what lies between (thesis 3.1.2, 4.1). The
+convention here, the same for plans, virtual robots and measured motions:
+    d(t) = d_0 + sum_k 2 d_k C((t - t_k) / T),   Xi = (1 - d) / 2 Xi_cw + (1 + d) / 2 Xi_ccw,   T = TRANSITION_S
+t_k: the reversals, d_k = +-1 the direction behind them. C is the integral of a B-spline of degree 5 on (-1/2, 1/2): half of
+the passage lies before the reversal, half behind, it has five continuous derivatives, and no motor angle jumps.
+
+    A reversal is a turning point that the axis leaves by more than LEAST_TURN_RAD: less is rest, with its jitter.
+    It lies midway between the instants at which the axis is half of that away from it; so a rest is halved.
+    At rest the direction is that of the last motion, before the first motion that of the coming one.
+    An axis that never moves has the direction 0: the mean of both tables.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.interpolate import BSpline
+
+TRANSITION_S = 0.05  # what a passage asks of the motor stays below about 50 Hz
+LEAST_TURN_RAD = 1e-4  # 20 arc seconds: less is within the wind-up of a gear
+_DEGREE = 5
+_KERNEL = BSpline.basis_element(np.linspace(-0.5, 0.5, _DEGREE + 2), extrapolate=False)
+_STEP = BSpline.construct_fast(_KERNEL.t, _KERNEL.c, _KERNEL.k).antiderivative()
+
+
+def direction_of_motion(time: np.ndarray, angle: np.ndarray) -> np.ndarray:
+    """(N, n) in [-1, 1] for angles (N, n) rad at `time` (N,) s, rising; the sign is that of the angle's motion."""
+    direction = np.zeros(angle.shape)
+    for i, column in enumerate(angle.T):
+        first, turns = reversals(time, column)
+        direction[:, i] = first
+        for turn, after in turns:
+            direction[:, i] += 2.0 * after * _passed((time - turn) / TRANSITION_S)
+    return np.clip(direction, -1.0, 1.0)
+
+
+def reversals(time: np.ndarray, angle: np.ndarray) -> tuple[float, list[tuple[float, float]]]:
+    """Direction of the first motion (0: none), and (instant, direction behind it) of every reversal of angle (N,)."""
+    moves = np.sign(np.diff(angle))
+    moving = np.flatnonzero(moves)
+    if not moving.size:
+        return 0.0, []
+    changes = np.flatnonzero(np.diff(moves[moving]))
+    extremes = np.concatenate([[0], moving[changes + 1], [len(angle) - 1]])
+    first, side, turns, low, high = 0.0, 0.0, [], 0, 0
+    for k in extremes:
+        low, high = (k if angle[k] < angle[low] else low), (k if angle[k] > angle[high] else high)
+        if side >= 0.0 and angle[high] - angle[k] > LEAST_TURN_RAD:
+            after, extreme = -1.0, high
+        elif side <= 0.0 and angle[k] - angle[low] > LEAST_TURN_RAD:
+            after, extreme = 1.0, low
+        else:
+            continue
+        if side:
+            turns.append((extreme, after))
+        else:
+            first = after
+        side, low, high = after, k, k
+    marks = [0, *(k for k, _ in turns), len(angle) - 1]
+    return first, [(_instant(time, angle, *marks[j : j + 3], after), after) for j, (_, after) in enumerate(turns)]
+
+
+def eased(values: np.ndarray, step: float) -> np.ndarray:
+    """(N, c) values folded with the kernel of the passage at equal steps: jumps become smooth, constants stay."""
+    half = int(np.ceil(0.5 * TRANSITION_S / step))
+    edges = step * (np.arange(-half, half + 2) - 0.5) / TRANSITION_S
+    kernel = np.diff(_passed(edges))
+    padded = np.pad(values, ((half, half), (0, 0)), mode="edge")
+    return np.column_stack([np.convolve(column, kernel, mode="valid") for column in padded.T])
+
+
+def _passed(s: np.ndarray) -> np.ndarray:
+    """C(s): 0 before the passage, 1 behind it."""
+    inside = _STEP(np.clip(s, -0.5, 0.5))
+    return (inside - _STEP(-0.5)) / (_STEP(0.5) - _STEP(-0.5))
+
+
+def _instant(time: np.ndarray, angle: np.ndarray, start: int, k: int, end: int, after: float) -> float:
+    """Middle of the stay near the extreme at sample k, between the neighbouring turning points `start` and `end`.
+
+    Coarse samples widen the stay to two of them. About a turning point the root of the distance is nearly straight in time.
+    """
+    root = np.sqrt(np.maximum(after * (angle[start : end + 1] - angle[k]), 0.0))
+    here = k - start
+    wanted = max(0.5 * LEAST_TURN_RAD, 2.0 * np.max(root[max(here - 1, 0) : here + 2] ** 2))
+    level = min(np.sqrt(wanted), np.max(root[: here + 1]), np.max(root[here:]))
+    before = np.flatnonzero(root[: here + 1] >= level)[-1]
+    behind = here + np.flatnonzero(root[here:] >= level)[0]
+    crossings = []
+    for outside, inside in ((before, before + 1), (behind, behind - 1)):
+        share = (level - root[inside]) / (root[outside] - root[inside])
+        crossings.append(time[start + inside] + share * (time[start + outside] - time[start + inside]))
+    return float(np.mean(crossings))
