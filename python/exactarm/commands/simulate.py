@@ -2,6 +2,7 @@
 
     exactarm simulate racer-7-1.4 trajectory.csv --out played
     exactarm simulate racer-7-1.4 --measure motion --effect "payload mass_kg=3 moment_x_kg_m=0.2 ..." --out log
+    exactarm simulate racer-7-1.4 --compare line --out worth
     exactarm simulate ur10 poses.csv --measure poses --deviation 1 --effect "joint_compliance joint=2 ..." --out poses
 """
 
@@ -13,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
+from exactarm.commands import compare
 from exactarm.commands.arguments import add_files, add_robot
 from exactarm.commands.result import CommandResult
 from exactarm.dataset import Dataset, dataset_columns, read_planned_poses
@@ -45,11 +47,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_files(parser, least=0, text="trajectory.csv to play, or poses.csv to measure")
     parser.add_argument("--measure", choices=MEASURES, default=None,
                         help="what is measured (default: tracked for a trajectory, else poses)")
+    parser.add_argument("--compare", metavar="PATH", default=None,
+                        help="what a plan is worth: plays rigid motions and exactarm's for a path file, line or spiral")
     truth = parser.add_argument_group("truth, written to truth.toml alone")
     truth.add_argument("--effect", metavar="WORDS", action="append", default=[],
                        help='a hidden effect, as "backlash joint=2 width_rad=4e-4"; may be repeated')
-    truth.add_argument("--deviation", metavar="SCALE", type=float, default=0.0,
-                       help="random errors of masses, friction and, for positions, geometry: 1 = as usual (default %(default)s)")
+    truth.add_argument("--deviation", metavar="SCALE", type=float, default=None,
+                       help="random errors of masses, friction and, for positions, geometry: 1 = as usual (default 0, to compare 1)")
     truth.add_argument("--frames", choices=("random", "declared"), default="random",
                        help="where tracker and target are, for poses and tracked motion (default %(default)s)")
     truth.add_argument("--quasi-static", action="store_true", help="springs follow the load without swinging")
@@ -57,8 +61,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                        help="gear tables of the direction of motion, or one throughout, as a plan may assume (default %(default)s)")
     truth.add_argument("--damping", metavar="S", type=float, default=None,
                        help="damping of the springs over their stiffness (default: 1e-3 for motion, 0 for tracked)")
-    truth.add_argument("--engine", choices=("own", "pinocchio"), default="own",
-                       help="plant of a tracked motion: ours, or an independent one (needs the package pin)")
+    truth.add_argument("--engine", choices=("own", "pinocchio"), default=None,
+                       help="plant of a tracked motion: ours, or an independent one (needs the package pin); default ours, to compare both")
     what = parser.add_argument_group("measurement")
     what.add_argument("--count", metavar="K", type=int, default=63, help="random poses, without a file (default %(default)s)")
     what.add_argument("--visits", metavar="K", type=int, default=1, help="how often each pose is visited (default %(default)s)")
@@ -88,6 +92,9 @@ class _Played:
 
 def run(arguments: argparse.Namespace) -> CommandResult:
     robot = load_robot(arguments.robot)
+    if arguments.compare is not None:
+        _require_comparison(arguments, robot)
+        return compare.run(arguments, robot)
     planned = read_planned_poses(arguments.files, robot) if arguments.files else None
     series = planned is not None and planned.time is not None
     measure = arguments.measure or ("tracked" if series else "poses")
@@ -105,7 +112,29 @@ def run(arguments: argparse.Namespace) -> CommandResult:
     )
 
 
+def _require_comparison(arguments: argparse.Namespace, robot: Robot) -> None:
+    if arguments.files or arguments.measure:
+        raise InputError("--compare plans its own trajectories: expected neither a file nor --measure")
+    if arguments.quasi_static:
+        raise InputError("--compare lets the springs swing: expected no --quasi-static")
+    if arguments.engine == "pinocchio" and (arguments.effect or arguments.damping):
+        raise InputError("--engine pinocchio knows neither hidden effects nor damping: expected no --effect and no --damping")
+    _require_numbers(arguments)
+    if not robot.has_geometry:
+        raise InputError(f"robot {robot.name} declares no geometry; expected one for a path")
+
+
 def _require(arguments: argparse.Namespace, robot: Robot, measure: str, planned: Dataset | None) -> None:
+    _require_numbers(arguments)
+    if measure in ("poses", "tracked") and not robot.has_geometry:
+        raise InputError(f"robot {robot.name} declares no geometry; expected one for measured positions")
+    if measure == "motion" and robot.links is None:
+        raise InputError(f"robot {robot.name} declares no link masses; expected them for a motion")
+    if measure == "tracked" and (planned is None or planned.time is None):
+        raise InputError("tracked motion: expected a trajectory.csv with time_s and theta_i_rad")
+
+
+def _require_numbers(arguments: argparse.Namespace) -> None:
     for name, least in (("count", 1), ("visits", 1), ("repeats", 1), ("runs", 1), ("counts", 0)):
         if getattr(arguments, name) < least:
             raise InputError(f"--{name} {getattr(arguments, name)}: expected {least} or more")
@@ -115,12 +144,6 @@ def _require(arguments: argparse.Namespace, robot: Robot, measure: str, planned:
     for name in ("noise", "deviation", "damping"):
         if getattr(arguments, name) is not None and not getattr(arguments, name) >= 0.0:
             raise InputError(f"--{name} {getattr(arguments, name)}: expected 0 or more")
-    if measure in ("poses", "tracked") and not robot.has_geometry:
-        raise InputError(f"robot {robot.name} declares no geometry; expected one for measured positions")
-    if measure == "motion" and robot.links is None:
-        raise InputError(f"robot {robot.name} declares no link masses; expected them for a motion")
-    if measure == "tracked" and (planned is None or planned.time is None):
-        raise InputError("tracked motion: expected a trajectory.csv with time_s and theta_i_rad")
 
 
 def _virtual(arguments: argparse.Namespace, robot: Robot, measure: str, random: np.random.Generator) -> VirtualRobot:
