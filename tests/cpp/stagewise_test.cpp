@@ -4,6 +4,7 @@
 
 #include <Eigen/LU>
 
+#include "allocation_count.hpp"
 #include "exactarm/ocp/robot_dynamics.hpp"
 #include "exactarm/ocp/transcription.hpp"
 #include "planning_cases.hpp"
@@ -127,6 +128,35 @@ TEST(Stagewise, AgreesWithIpoptOnRandomPathsWithActiveBounds) {
     problem.bounds.theta_ddot.setConstant(1e3);
     const Both both = solve_both(problem, dynamics);
     expect_agreement(both, "sample " + std::to_string(sample));
+  }
+}
+
+TEST(Stagewise, IterationsAllocateNothing) {
+  Random random(67);
+  const Robot robot = testing::racer();
+  const RobotDynamics dynamics(robot);
+  for (const Input input : {Input::acceleration, Input::jerk}) {
+    Problem problem = problem_of(robot);
+    problem.step = 4e-3;
+    problem.weight = 1e-10;
+    problem.input = input;
+    const Vector from = random.vector(6, 1.0);
+    problem.q_desired = testing::random_reference(random, 101, from, from + random.vector(6, 0.3), 0.02);
+    problem.bounds.theta_dot.setConstant(1.7 * 0.3 / 0.4);  // active: predictor and corrector both run
+    const StageModel model(problem, dynamics, 1);
+    const auto allocations = [&](int iterations) {
+      StagewiseOptions options;
+      options.iterations = iterations;
+      const long before = testing::allocation_count();
+      const nlp::Solution solution = solve_stagewise(model, options);
+      const long count = testing::allocation_count() - before;
+      EXPECT_EQ(solution.status, Status::iteration_limit);
+      return count;
+    };
+    allocations(1);  // workspaces of the dynamics are made once
+    const long few = allocations(1);
+    EXPECT_GT(few, 0);
+    EXPECT_EQ(allocations(5), few);
   }
 }
 

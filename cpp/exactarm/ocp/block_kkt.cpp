@@ -73,8 +73,9 @@ class TwoHalves : public BlockKkt {
   // At an end only qdd is free: by_q_ddot' lambda = pi of the defect's rate row / 2 - g.
   void end_multipliers(const KktVector& right, KktVector& solution, long knot, long defect) {
     const int n = layout_.axes, s = layout_.states();
-    const Eigen::Map<const Matrix> by_q_ddot(derivatives_->by_q_ddot.data() + knot * n * n, n, n);
-    const Vector force = 0.5 * solution.defect.segment(defect * s + n, n) -
+    const Eigen::Map<const Eigen::Matrix<double, Axes, Axes>> by_q_ddot(
+        derivatives_->by_q_ddot.data() + knot * n * n, n, n);
+    const Eigen::Matrix<double, Axes, 1> force = 0.5 * solution.defect.segment(defect * s + n, n) -
                          right.z.segment(knot * layout_.width() + kQDdot * n, n);
     // The mass matrix over the stiffness: symmetric but for the division by each axis' own stiffness.
     solution.stage.segment(knot * n, n) = by_q_ddot.transpose().partialPivLu().solve(force);

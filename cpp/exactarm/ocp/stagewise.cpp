@@ -1,5 +1,6 @@
 #include "exactarm/ocp/stagewise.hpp"
 
+#include <algorithm>
 #include <chrono>
 
 #include "exactarm/ocp/barrier.hpp"
@@ -16,6 +17,9 @@ constexpr double kKeptShare = 0.005;        // of a slack after a step
 constexpr double kFirstBarrier = 0.1;
 constexpr double kLargestCurvature = 1e-2;  // rad of new residual that a step may make
 constexpr int kStalledSteps = 8;
+constexpr double kLeastDamping = 1e-4, kMostDamping = 1e20;  // of the reduced Hessian
+constexpr double kFilterMargin = 1e-5;
+constexpr int kMostHalvings = 12;
 const char* const kBlockNames[] = {"q", "q_dot", "q_ddot", "theta", "theta_dot", "theta_ddot", "jerk"};
 
 class Solver {
@@ -36,7 +40,9 @@ class Solver {
         gradient_(layout_.unknowns()),
         stationarity_(layout_.unknowns()),
         trial_(layout_.unknowns()),
-        trial_residual_(layout_.knots * layout_.axes) {}
+        trial_residual_(layout_.knots * layout_.axes) {
+    filter_.reserve(std::max(options.iterations, 0) + 1);
+  }
 
   nlp::Solution run() {
     const auto begin = std::chrono::steady_clock::now();
@@ -178,14 +184,24 @@ class Solver {
     return kkt_->solve(right_, step_);
   }
 
+  // Adds the least damping (a power of a few) that makes the reduced Hessian of every knot positive definite.
   bool factorise() {
+    const double last = damping_;
     diagonal_ = base_diagonal_;
     barrier_.add_diagonal(diagonal_);
+    damping_ = 0.0;
     if (kkt_->factorise(derivatives_, diagonal_)) return true;
-    for (Vector* v : {&derivatives_.q_q, &derivatives_.q_q_dot, &derivatives_.q_dot_q_dot, &derivatives_.q_q_ddot,
-                      &derivatives_.q_theta, &derivatives_.theta_theta})
-      v->setZero();
-    return kkt_->factorise(derivatives_, diagonal_);
+    if (!damped_before_) {
+      // Far from the start's basin: a small barrier would pin the motion to the first bounds that it meets.
+      barrier_.start(current_.z, kFirstBarrier);
+      damped_before_ = true;
+    }
+    for (damping_ = std::max(last / 3.0, kLeastDamping); damping_ < kMostDamping; damping_ *= last > 0.0 ? 3.0 : 10.0) {
+      diagonal_ = base_diagonal_.array() + damping_;
+      barrier_.add_diagonal(diagonal_);
+      if (kkt_->factorise(derivatives_, diagonal_)) return true;
+    }
+    return false;
   }
 
   bool advance(nlp::Solution& solution) {
@@ -215,20 +231,31 @@ class Solver {
     barrier_.set_step(current_.z, step_.z, tau, corrected);
     barrier_.longest_steps(kKeptShare, primal, dual);
     // Longer than this the equation of motion is not near its linearisation: ask it.
-    const double size = step_.z.cwiseAbs().maxCoeff(), before = right_.stage.cwiseAbs().maxCoeff();
-    if (size > kLargestCurvature)
-      for (int halving = 0; halving < 20; ++halving) {
-        trial_ = current_.z + primal * step_.z;
-        model_.residual(trial_.data(), trial_residual_.data());
-        if (trial_residual_.cwiseAbs().maxCoeff() <= std::max(before, kLargestCurvature)) break;
-        primal *= 0.5;
-      }
+    if (damping_ > 0.0 || step_.z.cwiseAbs().maxCoeff() > kLargestCurvature) primal = accepted_step(primal);
     current_.z += primal * step_.z;
     current_.stage += primal * (step_.stage - current_.stage);
     current_.defect += primal * (step_.defect - current_.defect);
     barrier_.move(primal, dual);
     stalled_ = primal < 1e-3 ? stalled_ + 1 : 0;
     return true;
+  }
+
+  // Halves the step until no earlier point was better in both, the equations and the objective (a filter, Fletcher
+  // and Leyffer 2002). The shortest step is taken in any case.
+  double accepted_step(double primal) {
+    const double gaps = right_.defect.lpNorm<1>();
+    filter_.push_back({scale_ * objective_.value(current_.z.data()), right_.stage.lpNorm<1>() + gaps});
+    for (int halving = 0; halving < kMostHalvings; ++halving, primal *= 0.5) {
+      trial_ = current_.z + primal * step_.z;
+      model_.residual(trial_.data(), trial_residual_.data());
+      const Merit merit{scale_ * objective_.value(trial_.data()), trial_residual_.lpNorm<1>() + (1.0 - primal) * gaps};
+      const bool better = std::all_of(filter_.begin(), filter_.end(), [&](const Merit& m) {
+        return merit.violation <= (1.0 - kFilterMargin) * m.violation ||
+               merit.objective <= m.objective - kFilterMargin * m.violation;
+      });
+      if (better) break;
+    }
+    return primal;
   }
 
   void report(nlp::Solution& solution) {
@@ -256,7 +283,12 @@ class Solver {
   Barrier barrier_;
   KktVector right_, step_, current_;
   Vector diagonal_, base_diagonal_, gradient_, stationarity_, trial_, trial_residual_;
-  double scale_ = 1.0;
+  double scale_ = 1.0, damping_ = 0.0;
+  bool damped_before_ = false;
+  struct Merit {
+    double objective, violation;
+  };
+  std::vector<Merit> filter_;  // one entry an iteration at most
   int stalled_ = 0;
 };
 

@@ -3,8 +3,8 @@
 // Newton on the perturbed first-order conditions with exact second derivatives; slacks of their own, so that
 // the start need not lie within the bounds (Mehrotra 1992, predictor and corrector). Where the start lies
 // well within them the barrier is small from the first step on, and the iteration is Newton's.
-// If the reduced Hessian of a knot is indefinite, that step leaves out the second derivatives of the
-// dynamics (Gauss-Newton).
+// If the reduced Hessian of a knot is indefinite, that step adds the least multiple of the identity that makes
+// it definite (Levenberg); steps that are damped or long are halved until a filter takes them.
 //
 // An infeasible problem shows as bound multipliers that grow without limit while the bounds stay violated:
 // scaled to one they prove it (Farkas) for the linearised equations.
