@@ -170,10 +170,13 @@ Solution solve_ipopt(Problem& problem, const IpoptOptions& options) {
   set.SetNumericValue("constr_viol_tol", options.feasibility);
   set.SetNumericValue("compl_inf_tol", options.last_barrier);
   // Below a pivot threshold of 1e-2 MUMPS without its permutation solves to too few digits: the same problem then took
-  // anything from 4 to 200 iterations, by the rounding of the day. Refinement brings the last digits.
+  // anything from 4 to 200 iterations, by the rounding of the day.
   set.SetNumericValue("mumps_pivtol", 1e-2);
-  set.SetIntegerValue("min_refinement_steps", 3);
   set.SetNumericValue("mu_init", options.first_barrier);
+  // Multipliers of the bounds that belong to that barrier; those of the equations come with the first step, and a
+  // least-squares estimate would cost a factorisation.
+  set.SetStringValue("bound_mult_init_method", "mu-based");
+  set.SetNumericValue("constr_mult_init_max", 0.0);
   // At a large objective scale the stationarity has a floor of rounding above ten times the last barriers.
   set.SetNumericValue("barrier_tol_factor", 1e3);
   set.SetNumericValue("bound_relax_factor", 0.0);

@@ -2,6 +2,7 @@
 
 #include <chrono>
 
+#include "exactarm/ocp/barrier.hpp"
 #include "exactarm/ocp/objective.hpp"
 #include "exactarm/ocp/transcription.hpp"
 
@@ -13,6 +14,18 @@ RowMatrix block(const Layout& layout, const Vector& z, int which, double factor)
   for (long k = 0; k < layout.knots; ++k)
     out.row(k) = factor * z.segment(k * layout.width() + which * layout.axes, layout.axes).transpose();
   return out;
+}
+
+// Whether the start lies well within all bounds that leave a range: then no barrier needs to be followed down.
+bool lies_inside(const Transcription& transcription, const Vector& start) {
+  Vector low(start.size()), high(start.size());
+  transcription.variable_bounds(low, high);
+  for (long i = 0; i < start.size(); ++i)
+    if (low[i] == high[i]) {
+      low[i] = -1e20;
+      high[i] = 1e20;
+    }
+  return Barrier(low, high).start(start, 1.0);
 }
 
 }  // namespace
@@ -40,6 +53,7 @@ Motion solve(const Problem& problem, const StageDynamics& dynamics, const SolveO
     ipopt.print_level = options.print_level;
     ipopt.objective_scale = motion.objective_scale = objective.natural_scale(start.data());
     ipopt.tolerance = std::max(ipopt.tolerance, objective.gradient_floor(ipopt.objective_scale));
+    if (lies_inside(transcription, start)) ipopt.first_barrier = 0.1 * ipopt.last_barrier;
     solution = nlp::solve_ipopt(transcription, ipopt);
   }
   motion.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
