@@ -86,22 +86,4 @@ class CrossedAngle(Foreign):
         return self.at_joint(np.sin(self.order * q[:, self.other - 1] + self.phase), arm.axes)
 
 
-@dataclass(frozen=True)
-class BumpedTripod(Foreign):
-    """The device jumps once, in the middle of a session, and stays there."""
-
-    name: str = "bumped_tripod"
-    share: float = 0.5
-    way: tuple = ()
-
-    @classmethod
-    def draw(cls, random, setting: Setting):
-        way = random.normal(size=3)
-        return cls(size=3e-4, share=random.uniform(0.25, 0.75), way=tuple(way / np.linalg.norm(way)))
-
-    def device(self, measured, rows):
-        later = rows.order > np.quantile(rows.order, self.share)
-        return self.size * later[:, None] * np.array(self.way)
-
-
-FOREIGN_EFFECTS = (WorkspaceBump, CableForce, Refraction, CrossedAngle, BumpedTripod)
+FOREIGN_EFFECTS = (WorkspaceBump, CableForce, Refraction, CrossedAngle)

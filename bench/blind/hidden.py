@@ -13,7 +13,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 
@@ -24,7 +24,7 @@ from blind.arm import Arm, Posture
 class Rows:
     """What a controller and a clock report, row by row: commands (N, n), approach directions, session, time, temperature.
 
-    `order`: a number per row, in the order of measurement; `noise`: draws that a cause may use, repeatable.
+    `order`: a number per row, in the order of measurement; rate, acceleration (N, n) of the joints: where the arm moves.
     """
 
     command: np.ndarray
@@ -36,9 +36,16 @@ class Rows:
     visit: np.ndarray
     identification: np.ndarray
     has: frozenset[str] = frozenset()
+    rate: np.ndarray | None = None
+    acceleration: np.ndarray | None = None
 
     def __len__(self) -> int:
         return len(self.session)
+
+    def part(self, chosen: np.ndarray) -> "Rows":
+        """The rows of an index array."""
+        arrays = {item.name: getattr(self, item.name) for item in fields(self)}
+        return replace(self, **{name: value[chosen] for name, value in arrays.items() if isinstance(value, np.ndarray)})
 
 
 @dataclass(frozen=True)

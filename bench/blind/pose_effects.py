@@ -339,6 +339,27 @@ class TrackerDrift(Hidden):
 
 
 @dataclass(frozen=True)
+class TrackerStep(Hidden):
+    """Someone bumps the tripod once: from then on the device stands elsewhere, and mostly turned a little too."""
+
+    name: str = "tracker_step"
+    share: float = 0.5
+    way: tuple[float, float, float] = (0.0, 0.0, 1.0)
+    turn: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    @classmethod
+    def draw(cls, random, setting: Setting):
+        way, turned = random.normal(size=3), random.normal(size=3) * random.choice((0.0, 0.3, 1.0))
+        return cls(size=3e-4, share=random.uniform(0.2, 0.8), way=tuple(way / np.linalg.norm(way)), turn=tuple(turned))
+
+    def device(self, measured, rows):
+        session = rows.session[np.argsort(rows.order)[int(self.share * len(rows))]]
+        own = rows.session == session
+        later = own & (rows.order > np.quantile(rows.order[own], self.share))
+        return self.size * later[:, None] * (np.array(self.way) + np.cross(np.array(self.turn), measured))
+
+
+@dataclass(frozen=True)
 class Outliers(Hidden):
     """Some readings that are plainly wrong: a few hundredths of all rows, 5 to 25 or 200 times the noise (`size`)."""
 
@@ -364,5 +385,5 @@ class Outliers(Hidden):
 
 POSE_EFFECTS = (
     Backlash, JointCompliance, LinkCompliance, BaseCompliance, GearEccentricity, GearHarmonics, DirectionDependence,
-    GearRatio, JointCoupling, Hysteresis, Payload, ThermalGrowth, ThermalShift, ThermalZero, TrackerScale, TrackerDrift, Outliers,
+    GearRatio, JointCoupling, Hysteresis, Payload, ThermalGrowth, ThermalShift, ThermalZero, TrackerScale, TrackerDrift, TrackerStep, Outliers,
 )

@@ -65,8 +65,13 @@ def _robot_file(folder: Path, random, robots: Path, seed: int) -> Path:
 
 def _true_world(declared: Arm, random) -> tuple[Truth, Rows]:
     """The true arm beside its drawing, the set-ups and the commands."""
-    n = declared.axes
     rows = _rows(declared, random)
+    return draw_set_up(declared, random, len(np.unique(rows.session))), rows
+
+
+def draw_set_up(declared: Arm, random, sessions: int) -> Truth:
+    """The true arm beside its drawing, and where it stands in each session."""
+    n = declared.axes
     shape = lambda sigma: random.normal(0.0, sigma, n)
     arm = declared.with_values(
         a=declared.a + shape(3e-4), d=declared.d + shape(3e-4) * ~declared.hayati, alpha=declared.alpha + shape(5e-4),
@@ -75,7 +80,6 @@ def _true_world(declared: Arm, random) -> tuple[Truth, Rows]:
     tables = arm.tables or ({},) * n
     plain = np.array([not table for table in tables])
     arm = arm.with_values(ratio=np.where(plain, arm.ratio * (1.0 + shape(1e-4)), arm.ratio))
-    sessions = len(np.unique(rows.session))
     base, tool = np.zeros((sessions, 6)), np.zeros((sessions, 6))
     for s in range(sessions):
         base[s, :3] = random.normal(size=3) * (2.0, 2.0, 0.7)
@@ -83,7 +87,7 @@ def _true_world(declared: Arm, random) -> tuple[Truth, Rows]:
         base[s, 3:] = (*random.normal(0.0, 0.01, 2), random.uniform(-np.pi, np.pi)) if level else random.normal(0.0, 1.0, 3)
         tool[s, :3] = random.uniform((-0.15, -0.15, 0.03), (0.15, 0.15, 0.3))
         tool[s, 3:] = random.normal(0.0, 0.8, 3)
-    return Truth(arm, Setup(base, tool), (), declared), rows
+    return Truth(arm, Setup(base, tool), (), declared)
 
 
 def _rows(arm: Arm, random) -> Rows:

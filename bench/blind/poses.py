@@ -1,4 +1,4 @@
-"""Static poses of a true arm with hidden causes: what the device reads, and what a fit of the true model leaves.
+"""Poses of a true arm with hidden causes, at rest or on the move: what the device reads, and what a fit of the true model leaves.
 
     theta -> phi -> q <- gravity -> flange, tool, base -> device,   fixed point of q and its own gravity torque
 
@@ -15,6 +15,7 @@ import numpy as np
 
 from blind.arm import Arm, gravity_torque, output_angle, posture, spring_deflection, turn
 from blind.hidden import Hidden, Rows
+from blind.motion import inverse_dynamics
 
 _FIELDS = ("a", "alpha", "offset")
 _STEP = 1e-6  # m or rad
@@ -51,7 +52,7 @@ def measure(truth: Truth, rows: Rows) -> tuple[np.ndarray, np.ndarray]:
     moves_under_load = arm.mass is not None and (np.any(arm.linear) or any(type(c).spring is not Hidden.spring for c in truth.hidden))
     for _ in range(_PASSES if moves_under_load else 1):
         before = q
-        torque = gravity_torque(arm, posture(arm, q))
+        torque = load(arm, q, rows)
         rest = phi + arm.offset - spring_deflection(arm, torque)
         q = rest + sum(cause.spring(arm, q, torque, rows) for cause in truth.hidden)
         if np.max(np.abs(q - before)) < _SETTLED_RAD:
@@ -69,6 +70,13 @@ def measure(truth: Truth, rows: Rows) -> tuple[np.ndarray, np.ndarray]:
     position = base[:, :3] + np.einsum("nij,nj->ni", frame, target)
     position = position + sum(cause.device(position, rows) for cause in truth.hidden)
     return position, frame @ rotation
+
+
+def load(arm: Arm, q: np.ndarray, rows: Rows) -> np.ndarray:
+    """(N, n) torque at the joints: gravity at rest, and what the acceleration adds in motion."""
+    if rows.rate is None or arm.mass is None:
+        return gravity_torque(arm, posture(arm, q))
+    return inverse_dynamics(arm, q, rows.rate, rows.acceleration)
 
 
 def spoiled(truth: Truth, rows: Rows) -> np.ndarray:

@@ -1,6 +1,6 @@
 """Draws cases, diagnoses them blind and prints the marks.
 
-    python bench/blind/run.py --count 60 [--kind poses|gear_run|motion] [--seed 0] [--theme NAME] [--folder DIR] [--out marks.json]
+    python bench/blind/run.py --count 60 [--kind poses|gear_run|motion|tracked_motion] [--seed 0] [--theme NAME] [--folder DIR] [--out marks.json]
 
 theme: single, clean, foreign, pair, or the name of one effect; without it they come in turn at random. Every case
 stands in its own folder under DIR with robot, data and truth, so that any of them can be looked at again.
@@ -19,10 +19,10 @@ for folder in (TOP / "bench", TOP / "python"):
     if str(folder) not in sys.path:
         sys.path.insert(0, str(folder))
 
-from blind import gear_scenario, motion_scenario, pose_scenario  # noqa: E402
+from blind import gear_scenario, motion_scenario, pose_scenario, tracked_scenario  # noqa: E402
 from blind.scorer import diagnose_case, summary  # noqa: E402
 
-SCENARIOS = {"poses": pose_scenario, "gear_run": gear_scenario, "motion": motion_scenario}
+SCENARIOS = {"poses": pose_scenario, "gear_run": gear_scenario, "motion": motion_scenario, "tracked_motion": tracked_scenario}
 ROBOTS = TOP / "python" / "exactarm" / "data" / "robots"
 
 

@@ -23,6 +23,7 @@ NEIGHBOURS = (
     {"base_compliance", "link_compliance"}, {"payload", "joint_compliance"}, {"thermal_drift", "tracker_drift"},
     {"thermal_drift", "tracker_scale"}, {"gear_eccentricity", "gear_harmonics"}, {"hysteresis", "backlash"},
     {"hysteresis", "direction_dependence"}, {"joint_compliance", "gear_eccentricity"}, {"joint_compliance", "link_compliance"},
+    {"tracker_step", "tracker_drift"},
 )
 
 

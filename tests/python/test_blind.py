@@ -15,7 +15,7 @@ import pytest
 TOP = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(TOP / "bench"))
 
-from blind import gear_scenario, motion_scenario  # noqa: E402
+from blind import gear_scenario, motion_scenario, tracked_scenario  # noqa: E402
 from blind.arm import gravity_torque, output_angle, posture, read_arm  # noqa: E402
 from blind.motion import inverse_dynamics  # noqa: E402
 from blind.pose_scenario import draw_case  # noqa: E402
@@ -58,7 +58,7 @@ def test_newton_and_euler_agree_with_the_core():
     np.testing.assert_allclose(inverse_dynamics(arm, q, rate, acceleration), expected, atol=1e-9)
 
 
-@pytest.mark.parametrize("scenario", [gear_scenario, motion_scenario], ids=["gear", "motion"])
+@pytest.mark.parametrize("scenario", [gear_scenario, motion_scenario, tracked_scenario], ids=["gear", "motion", "tracked"])
 def test_time_series_are_read_as_what_they_are(tmp_path, scenario):
     case = scenario.draw_case(tmp_path, 4, ROBOTS, "clean")
     robot = load_robot(str(case.robot))
@@ -95,6 +95,17 @@ def test_hidden_effect_is_named(tmp_path, seed, theme):
     assert record["score"] == "right"
     assert record["after"] <= NOISE * case.truth["best"]
     assert record["after"] <= record["before"] * (1.0 + 1e-9)
+
+
+@pytest.mark.parametrize("seed, theme", [(4, "time_delay"), (6, "tracker_scale")])
+def test_hidden_effect_of_a_tracked_motion_is_named(tmp_path, seed, theme):
+    case = tracked_scenario.draw_case(tmp_path, seed, ROBOTS, theme)
+    record = diagnose_case(case.robot, case.data, case.truth)
+    print(record)
+    assert "failed" not in record, record.get("failed")
+    assert case.truth["raised"] > 1.4, "the case must be a clear one"
+    assert record["score"] == "right"
+    assert record["after"] <= NOISE * case.truth["best"]
 
 
 def test_marks_count_what_they_say():

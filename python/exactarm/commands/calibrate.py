@@ -55,7 +55,8 @@ def run(arguments: argparse.Namespace) -> CommandResult:
 
 def require_poses(data: Dataset) -> Dataset:
     if data.kind != "poses":
-        raise InputError(f"expected poses (x, y, z at rest), found a {data.kind.replace('_', ' ')}",
+        how = "; --kind poses takes its rows as poses at rest" if data.position is not None else ""
+        raise InputError(f"expected poses (x, y, z at rest), found a {data.kind.replace('_', ' ')}{how}",
                          file=data.sources[0].path if data.sources else None)
     return data
 

@@ -7,6 +7,7 @@ parameters could absorb over the old and the new motion together, and the varian
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Callable
 
 import numpy as np
 
@@ -19,9 +20,15 @@ from exactarm.robot import Robot
 _TEMPOS = (0.5, 1.0, 1.5)
 
 
-def separating_motion(robot: Robot, fitted: Fitted, record: MotionRecord, one: Effect, other: Effect) -> str:
-    """One sentence with the best motion and by how much the two effects differ in it."""
-    axes, numbers = record.measured_axes, fitted.data_numbers
+def separating_motion(
+    robot: Robot, fitted: Fitted, record: MotionRecord, one: Effect, other: Effect, *,
+    predict: Callable = predict_motion, columns: np.ndarray | None = None, measured: str = "the torque (RMS over all axes)",
+) -> str:
+    """One sentence with the best motion and by how much the two effects differ in it.
+
+    predict: (robot, layout, record) -> prediction; columns: those of its jacobian that are measured (default: all torques).
+    """
+    axes, numbers = record.measured_axes if columns is None else columns, fitted.data_numbers
     values = np.where(free_mask(one), one.values, 0.0)[free_mask(one)]
     first = fitted.columns(one)[:numbers, free_mask(one)] @ values
     second = fitted.columns(other)[:numbers, free_mask(other)]
@@ -35,7 +42,7 @@ def separating_motion(robot: Robot, fitted: Fitted, record: MotionRecord, one: E
     old = first - second @ imitation
     best, best_apart = "", -1.0
     for name, planned in _variants(record):
-        prediction = predict_motion(robot, fitted.layout, planned)
+        prediction = predict(robot, fitted.layout, planned)
         used = np.ix_(np.flatnonzero(planned.keep), axes)
         view = prediction.view
         rows = view.response(one)[used][..., free_mask(one)] @ values
@@ -48,7 +55,7 @@ def separating_motion(robot: Robot, fitted: Fitted, record: MotionRecord, one: E
         if apart > 1.02 * best_apart:
             best, best_apart = name, apart
     names = f"{one.label.replace('_', ' ')} and {other.label.replace('_', ' ')}"
-    return f"Play {best}: there {names} differ by {best_apart:.2g} times the scatter of the torque (RMS over all axes)."
+    return f"Play {best}: there {names} differ by {best_apart:.2g} times the scatter of {measured}."
 
 
 def _variants(record: MotionRecord):

@@ -7,10 +7,11 @@ from exactarm.diagnose.gear_problem import GearProblem
 from exactarm.diagnose.motion_problem import MotionProblem
 from exactarm.diagnose.pose_problem import PoseProblem
 from exactarm.diagnose.problem import Problem
+from exactarm.diagnose.tracked_problem import TrackedProblem
 from exactarm.errors import InputError
 from exactarm.robot import Robot
 
-PROBLEMS: dict[str, type[Problem]] = {cls.kind: cls for cls in (PoseProblem, GearProblem, MotionProblem)}
+PROBLEMS: dict[str, type[Problem]] = {cls.kind: cls for cls in (PoseProblem, GearProblem, MotionProblem, TrackedProblem)}
 
 
 def problem_for(robot: Robot, data: Dataset, held_out: Dataset, threads: int, seed: int) -> Problem:

@@ -1,4 +1,4 @@
-"""Time delay: the second signal (gyroscope, link encoder, torque) is stamped later than the motor encoder.
+"""Time delay: the second signal (gyroscope, link encoder, torque, tracker) is stamped later than the motor encoder.
 
 It shows at t what the motor did at t - delay: theta(t) -> theta(t - delay), a cubic spline through each run's
 samples; past its ends the run goes on as a straight line.
@@ -21,7 +21,7 @@ class TimeDelay(Effect):
 
     name: ClassVar[str] = "time_delay"
     station: ClassVar[Station] = Station.MOTOR
-    kinds: ClassVar[tuple[str, ...]] = ("gear_run", "motion")
+    kinds: ClassVar[tuple[str, ...]] = ("gear_run", "motion", "tracked_motion")
     per_joint: ClassVar[bool] = False
     sentence: ClassVar[str] = "the measured signal comes {delay_s:.4g} s after the motor encoder"
     source: ClassVar[str] = "sampling: signals of two devices, one clock"

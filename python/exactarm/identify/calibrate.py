@@ -164,7 +164,7 @@ def require_enough(layout: Layout, data: Dataset, orientation: bool) -> None:
         )
 
 
-def calibrated_robot(robot: Robot, layout: Layout, fit: Fit) -> Robot:
+def calibrated_robot(robot: Robot, layout: Layout, fit: Fit, kind: str = "poses") -> Robot:
     """The robot with the estimates in its tables, found effects beside them, and the intervals on record."""
     result = robot
     for effect in layout.effects:
@@ -174,7 +174,7 @@ def calibrated_robot(robot: Robot, layout: Layout, fit: Fit) -> Robot:
     base, tool = robot.base, robot.tool
     if sessions:
         base, tool = sessions[0].place(sessions[0].session, Placement(), Placement())
-    other = tuple(effect for effect in robot.effects if "poses" not in effect.kinds)  # had no part in this fit
+    other = tuple(effect for effect in robot.effects if kind not in effect.kinds)  # had no part in this fit
     own = other + tuple(effect for effect in layout.effects if not effect.declared)
     pairs = zip(layout.names, fit.interval())
     intervals = dict(robot.intervals) | {name: (float(low), float(high)) for name, (low, high) in pairs}

@@ -1,6 +1,7 @@
 """The error of a robot file, as it is, on data it has not seen: only what belongs to the set-up is fitted.
 
-Poses: base and tool frames of every session. Gear runs: alignment and bias of the gyroscope. One function a kind of data, found by its name in `EVALUATORS`.
+Poses and tracked motions: base and tool frames of every session. Gear runs: alignment and bias of the gyroscope. One
+function a kind of data, found by its name in `EVALUATORS`.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from exactarm.identify.gear_evaluate import gear_run_error
 from exactarm.identify.match import require_match
 from exactarm.identify.pose_fit import fit_poses
 from exactarm.identify.statistics import ErrorSummary, summarise
+from exactarm.identify.tracked_fit import fit_tracked, predict_record, thinned_record, tracked_frames, tracked_record
 from exactarm.robot import Robot
 
 
@@ -37,7 +39,18 @@ def evaluate_poses(robot: Robot, data: Dataset, seed: int = 0, threads: int = 1)
     frames, found = frames_layout(robot, data, orientation=False, seed=seed)
     require_match(robot, data, found, carried_layout(robot), seed)
     fit = fit_poses(robot, frames.joined(carried_layout(robot)), data, threads=threads)
-    residual = fit.residual(data, threads)
+    return _of_positions(data, fit.residual(data, threads))
+
+
+def evaluate_tracked_motion(robot: Robot, data: Dataset, seed: int = 0, threads: int = 1) -> Evaluation:
+    """The path of every sample, with the frames of each session fitted."""
+    record = tracked_record(data, robot)
+    layout = tracked_frames(robot, data, seed).joined(carried_layout(robot, "tracked_motion"))
+    fit = fit_tracked(robot, layout, thinned_record(record, robot), threads=threads)
+    return _of_positions(data, predict_record(robot, fit.layout, record, tangents=False, threads=threads).residual())
+
+
+def _of_positions(data: Dataset, residual: np.ndarray) -> Evaluation:
     error = np.linalg.norm(residual, axis=1)
     sessions = tuple((int(s), summarise(error[data.session == s])) for s in np.unique(data.session))
     return Evaluation("m", error, residual, ("dx_m", "dy_m", "dz_m"), summarise(error), sessions)
@@ -52,4 +65,6 @@ def evaluate_gear_runs(robot: Robot, data: Dataset, seed: int = 0, threads: int 
     return Evaluation(found.unit, found.error, found.residual, found.columns, overall, sessions)
 
 
-EVALUATORS: dict[str, Callable[..., Evaluation]] = {"poses": evaluate_poses, "gear_run": evaluate_gear_runs}
+EVALUATORS: dict[str, Callable[..., Evaluation]] = {
+    "poses": evaluate_poses, "gear_run": evaluate_gear_runs, "tracked_motion": evaluate_tracked_motion,
+}

@@ -1,0 +1,170 @@
+"""Tracked motions as a diagnosis problem: residual = measured minus predicted path of the target (N, 3), m.
+
+Re-identified as for static poses: geometry, joint offsets, gear ratios and frames, as far as the motion shows them.
+Neighbouring samples share their noise (a swinging arm, a device that wanders): they count as fewer, and whole runs or
+long pieces of them are held out. Fitted and searched on thinned runs, judged on all samples.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from exactarm.chain import Layout, MotionRecord
+from exactarm.dataset import Dataset
+from exactarm.diagnose.coloured_noise import ColouredNoise
+from exactarm.diagnose.next_motions import separating_motion
+from exactarm.diagnose.problem import Fitted, Problem, rows_kept
+from exactarm.diagnose.time_groups import time_groups
+from exactarm.effects.base import Effect, Station
+from exactarm.identify.calibrate import calibrated_robot, identifiable_layout, require_sessions
+from exactarm.identify.declared import carried_layout, geometry_layout
+from exactarm.identify.tracked_fit import (
+    KIND, fit_tracked, predict_record, static_rows, thinned_record, tracked_frames, tracked_record,
+)
+from exactarm.robot import Robot
+
+_RUNS_ENOUGH = 5
+_SAME_PATH_RAD = 1e-3  # a path is played again: its motor angles, over their ratios, differ by less at every sample
+_LEAST_REPEATED = 100  # samples
+_LEAST_SIGMA = 1e-12
+
+
+class TrackedFitted(Fitted):
+    """Columns of most effects straight from their station; what changes the load goes through the springs."""
+
+    def columns(self, effect: Effect) -> np.ndarray:
+        response = self._response(effect)[:, :3]
+        data = (response * self.scale[:, :, None]).reshape(self.data_numbers, -1)
+        return np.concatenate([data, np.zeros((len(self.prior_rows), data.shape[1]))])
+
+    def _response(self, effect: Effect) -> np.ndarray:
+        view = self.view
+        if effect.station == Station.LOAD:
+            return view.response(effect)
+        change = effect.change(view)
+        columns, moved = list(change.columns), change.by_parameters
+        if effect.station in (Station.GEOMETRY, Station.DEVICE):
+            response = np.zeros((view.rows, 6, moved.shape[2]))
+            response[:, columns] = moved
+            return response
+        if effect.station == Station.MOTOR:
+            moved = moved / view.robot.ratios[columns, None]
+        return view.signals["identification"].reshape(view.rows, 6, -1)[:, :, 4 : 6 * view.axes : 6][:, :, columns] @ moved
+
+
+class TrackedProblem(Problem):
+    """One or several runs of all axes under a tracker."""
+
+    unit = "m"
+    kind = KIND
+    repeat_source = "paths that were played again"
+
+    def __init__(self, robot: Robot, data: Dataset, held_out: Dataset, threads: int = 1, seed: int = 0):
+        super().__init__(robot, data, held_out, threads, seed)
+        self._records = {"identification": tracked_record(data, robot)}
+        if len(held_out):
+            require_sessions(data, held_out)
+            self._records["validation"] = tracked_record(held_out, robot)
+        self.record = thinned_record(self._records["identification"], robot)
+        self._noise = ColouredNoise(self)
+
+    def _record_of(self, data: Dataset) -> MotionRecord:
+        if data is self.data or data is self.held_out:
+            return self._records["identification" if data is self.data else "validation"]
+        return tracked_record(data, self.robot)
+
+    def declared(self) -> Layout:
+        frames = tracked_frames(self.robot, self.data, self.seed)
+        layout = frames.joined(geometry_layout(self.robot)).joined(carried_layout(self.robot, KIND))
+        still = static_rows(self.data)
+        kept, _ = identifiable_layout(self.robot, layout, still, False, threads=self.threads)
+        first = self.fit(kept)
+        layout = Layout(first.layout.effects, layout.free)
+        # As if every other sample had told nothing new: the sigma of independent rows, at the number of rows used here.
+        sigma = first.sigma[:1] * np.sqrt(len(still) / len(self.record.data))
+        return identifiable_layout(self.robot, layout, still, False, sigma, self.threads)[0]
+
+    def fit(self, layout: Layout, weight: np.ndarray | None = None, sigma: np.ndarray | None = None) -> Fitted:
+        share = self._noise.share
+        start = None if sigma is None else float(sigma[0] * np.sqrt(share))
+        found = fit_tracked(self.robot, layout, self.record, share=share, sigma=start, threads=self.threads)
+        prediction = found.prediction
+        residual, view = prediction.residual(), prediction.view
+        view.signals["residual"] = residual
+        jacobian = np.zeros((*residual.shape, 0)) if prediction.jacobian is None else prediction.jacobian[:, :3]
+        fitted = TrackedFitted(
+            robot=self.robot, layout=found.layout, fit=found.fit, residual=residual, jacobian=jacobian,
+            sigma=np.full(3, max(found.sigma, _LEAST_SIGMA)), weight=np.ones(len(residual)), view=view,
+        )
+        share = self._noise.independent_share(fitted, self.record.runs, self.record.step)
+        widened = replace(found.fit, covariance=found.fit.covariance / share)
+        return replace(fitted, sigma=fitted.sigma / np.sqrt(share), fit=widened)
+
+    def errors(self, fitted: Fitted, data: Dataset) -> np.ndarray:
+        record = self._record_of(data)
+        prediction = predict_record(self.robot, fitted.layout, record, tangents=False, threads=self.threads)
+        error = np.linalg.norm(prediction.residual(), axis=1)
+        return np.where(rows_kept(fitted.layout, prediction.view), error, np.nan)
+
+    def groups(self) -> np.ndarray:
+        """Whole runs where there are several, else long pieces of each."""
+        run = self.record.data.run
+        return run if len(self.record.runs) >= _RUNS_ENOUGH else time_groups(run)
+
+    def correlation_factor(self, fitted: Fitted) -> float:
+        return self._noise.share
+
+    def signals(self, fitted: Fitted) -> dict[str, np.ndarray]:
+        view, data, signals = fitted.view, self.record.data, {}
+        rate = view.signals["theta_dot"] / view.robot.controller_ratios
+        for i in np.flatnonzero(view.moving):
+            signals[f"angle of axis {i + 1}"] = view.q[:, i]
+            signals[f"direction of axis {i + 1}"] = np.sign(rate[:, i])
+            signals[f"speed of axis {i + 1}"] = rate[:, i]
+            signals[f"acceleration of axis {i + 1}"] = view.signals["theta_ddot"][:, i]
+            signals[f"load of axis {i + 1}"] = view.torque[:, i]
+        signals |= {f"position {axis}": view.signals["target"][:, k] for k, axis in enumerate("xyz")}
+        signals["time"] = data.time
+        signals |= data.covariates
+        return {name: values for name, values in signals.items() if np.ptp(values) > 0.0}
+
+    def directions(self, fitted: Fitted) -> dict[str, np.ndarray]:
+        view = fitted.view
+        columns = view.signals["identification"].reshape(view.rows, 6, -1)[:, :3, 4 : 6 * view.axes : 6]
+        turn = {f"a turn of axis {i + 1}": columns[:, :, i] for i in range(view.axes)}
+        return turn | {f"the device's {name} axis": np.tile(np.eye(3)[k], (view.rows, 1)) for k, name in enumerate("xyz")}
+
+    def error_of_unit_noise(self, fitted: Fitted) -> float:
+        return float(np.sqrt(np.mean(np.sum(fitted.residual**2, axis=1))))
+
+    def repeat_noise(self, fitted: Fitted) -> float | None:
+        """Scatter between runs of one session that played the same path; None where no path was played again."""
+        motion = fitted.view.theta / self.robot.controller_ratios
+        squares, numbers = 0.0, 0
+        runs, session = list(self.record.runs), self.record.data.session
+        while runs:
+            first = runs.pop()
+            same = [first] + [rows for rows in runs if _same_path(motion, session, first, rows)]
+            runs = [rows for rows in runs if not any(rows is other for other in same)]
+            residual = np.stack([fitted.residual[rows] for rows in same])
+            squares += float(np.sum((residual - residual.mean(axis=0)) ** 2))
+            numbers += (len(same) - 1) * residual[0].size
+        if numbers < 3 * _LEAST_REPEATED:
+            return None
+        return float(np.sqrt(squares / numbers / np.mean(fitted.residual**2)))
+
+    def updated_robot(self, fitted: Fitted) -> Robot:
+        return calibrated_robot(self.robot, fitted.layout, fitted.fit, KIND)
+
+    def separating_experiment(self, fitted: Fitted, one: Effect, other: Effect) -> str:
+        return separating_motion(
+            self.robot, fitted, self.record, one, other, predict=predict_record, columns=np.arange(3),
+            measured="the measured path",
+        )
+
+
+def _same_path(motion: np.ndarray, session: np.ndarray, one: np.ndarray, other: np.ndarray) -> bool:
+    return (one.size == other.size and session[one[0]] == session[other[0]]
+            and bool(np.max(np.abs(motion[one] - motion[other])) < _SAME_PATH_RAD))

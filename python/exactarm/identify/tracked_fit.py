@@ -1,0 +1,119 @@
+"""Fits a layout to tracked motions: weighted least squares of the target's path (x, y, z) through the chain.
+
+Runs are thinned to every k-th sample, which is enough for what moves with the arm; rates are taken before that, from
+all samples. Positions only: an orientation that the device may have measured too is left aside.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from exactarm.chain import Layout, MotionRecord, PosePrediction, predict_poses, predict_tracked_motion
+from exactarm.chain.motion_record import unthinned_record
+from exactarm.dataset import Dataset
+from exactarm.errors import InputError
+from exactarm.identify.declared import carried_layout, frames_layout, require_geometry
+from exactarm.identify.match import require_match
+from exactarm.regression import Evaluation, Fit, least_squares
+from exactarm.robot import Robot
+
+KIND = "tracked_motion"
+_ROWS = 2000  # that a fit works on, as long as they do not stand further apart than
+_LONGEST_STEP_S, _SHAKEN_STEP_S = 0.04, 0.01  # the second where declared gear errors shake declared springs
+_STATIC_ROWS = 400  # from which frames are found, as if the arm stood still in them
+_LEAST_ROWS = 30  # of a run
+_PRIOR_ROUNDS, _SETTLED = 4, 0.05
+
+
+@dataclass(frozen=True)
+class TrackedFit:
+    """The layout at its estimate; sigma: standard deviation of a component, m, of independent rows; prediction of the fitted rows."""
+
+    layout: Layout
+    fit: Fit
+    sigma: float
+    prediction: PosePrediction
+
+
+def tracked_record(data: Dataset, robot: Robot) -> MotionRecord:
+    """All rows of a tracked motion with their rates. Raises InputError where a run is too short for them."""
+    require_geometry(robot)
+    runs, counts = np.unique(data.run, return_counts=True)
+    if counts.size and counts.min() < _LEAST_ROWS:
+        raise InputError(
+            f"run {runs[counts.argmin()]} of a tracked motion has {counts.min()} samples; expected at least {_LEAST_ROWS}",
+            file=data.sources[0].path if data.sources else None,
+        )
+    return unthinned_record(robot, data)
+
+
+def thinned_record(record: MotionRecord, robot: Robot) -> MotionRecord:
+    """Every k-th row of each run, with the rates that all rows gave."""
+    shaken = any(joint.spring_linear for joint in robot.joints) and any(joint.has_harmonics for joint in robot.joints)
+    longest = _SHAKEN_STEP_S if shaken else _LONGEST_STEP_S
+    every = max(1, min(len(record.data) // _ROWS, int(longest / record.step)))
+    if every == 1:
+        return record
+    chosen = np.concatenate([rows[::every] for rows in record.runs])
+    ends = np.cumsum([0] + [rows[::every].size for rows in record.runs])
+    return replace(
+        record, data=record.data.select(chosen), theta=record.theta[chosen], theta_dot=record.theta_dot[chosen],
+        theta_ddot=record.theta_ddot[chosen], torque=record.torque[chosen], keep=record.keep[chosen],
+        runs=tuple(np.arange(a, b) for a, b in zip(ends[:-1], ends[1:])), step=every * record.step,
+    )
+
+
+def tracked_frames(robot: Robot, data: Dataset, seed: int = 0) -> Layout:
+    """Base and tool frames of every session as static poses would give them: near enough to start from."""
+    frames, found = frames_layout(robot, static_rows(data), orientation=False, seed=seed)
+    require_match(robot, data, found, carried_layout(robot), seed)
+    return frames
+
+
+def static_rows(data: Dataset) -> Dataset:
+    """Some rows of each session, evenly spread, as poses."""
+    chosen = [rows[:: max(1, rows.size // _STATIC_ROWS)] for rows in
+              (np.flatnonzero(data.session == session) for session in np.unique(data.session))]
+    return replace(data.select(np.concatenate(chosen)), kind="poses")
+
+
+def predict_record(robot: Robot, layout: Layout, record: MotionRecord, *, tangents: bool = True, threads: int = 1):
+    return predict_tracked_motion(robot, layout, record.data, record=record, tangents=tangents, threads=threads)
+
+
+def fit_tracked(
+    robot: Robot, layout: Layout, record: MotionRecord, *, share: float = 1.0, sigma: float | None = None,
+    threads: int = 1,
+) -> TrackedFit:
+    """Estimates the free parameters of `layout`. share: independent numbers per number (correlated noise counts less)."""
+    lower = np.array([p.lower for p in layout.parameters])
+    upper = np.array([p.upper for p in layout.parameters])
+    numbers, pull = 3 * len(record.data), layout.prior_rows()
+
+    def evaluate(x: np.ndarray, with_jacobian: bool) -> Evaluation:
+        prediction = predict_record(robot, layout.at(x), record, tangents=with_jacobian, threads=threads)
+        jacobian = None
+        if with_jacobian:
+            jacobian = np.zeros((numbers, layout.size))
+            if layout.size:
+                jacobian = prediction.jacobian[:, :3].reshape(numbers, -1)
+            jacobian = np.concatenate([jacobian, pull])
+        return Evaluation(np.concatenate([prediction.residual().ravel(), -pull @ x]), jacobian)
+
+    sigma, x = 1e-4 if sigma is None else sigma, layout.values
+    for _ in range(_PRIOR_ROUNDS if len(pull) else 1):
+        weights = np.concatenate([np.full(numbers, np.sqrt(share) / sigma), np.ones(len(pull))])
+        fit = least_squares(evaluate, x, weights=weights, bounds=(lower, upper), data_rows=numbers, tolerance=1e-7)
+        square = np.sum(fit.residual[:numbers] ** 2)
+        new = float(np.sqrt(square / max(numbers - layout.size, 1)))
+        x, settled = fit.x, abs(new / sigma - 1.0) < _SETTLED
+        sigma = max(new, 1e-12)
+        if settled:
+            break
+    layout = layout.at(fit.x)
+    prediction = predict_record(robot, layout, record, threads=threads)
+    # With the standard deviation that was found, whatever the weights of the last round were.
+    return TrackedFit(layout, fit, sigma, prediction)
+

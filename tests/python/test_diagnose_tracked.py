@@ -1,0 +1,114 @@
+"""Diagnosis of tracked motions: a hidden cause is named in coloured noise, clean paths lack nothing; evaluate reads them."""
+
+import json
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from motions import fourier_motion
+from set_ups import at_random_place
+
+from exactarm import cli
+from exactarm.chain import Layout, predict_tracked_motion
+from exactarm.dataset import Dataset, write_dataset
+from exactarm.diagnose.diagnosis import diagnose
+from exactarm.effects import effect_from_table
+from exactarm.identify.evaluate import evaluate_tracked_motion
+from exactarm.identify.tracked_fit import thinned_record, tracked_record
+from exactarm.robot_file import load_robot
+
+NOISE_M = 3e-5
+RATE_HZ = 60.0
+MEMORY_S = 0.03
+
+
+@cache
+def ur10():
+    return load_robot("ur10")
+
+
+def tracked(effect, seed, runs=3, seconds=10.0):
+    """Runs of all axes under a tracker whose noise has a memory; the last run validates."""
+    rng = np.random.default_rng(seed)
+    robot = ur10()
+    parts = [fourier_motion(robot, seconds, RATE_HZ, seed + run, base_hz=0.1, amplitude=0.8) for run in range(runs)]
+    time, angle = np.concatenate([part[0] for part in parts]), np.concatenate([part[1] for part in parts])
+    run = np.repeat(np.arange(1, runs + 1), len(parts[0][0]))
+    truth = at_random_place(robot, rng, 0.3)
+    data = Dataset.of_arrays("tracked_motion", {"q": angle + [0.3, -1.2, 1.2, -0.8, 0.9, 0.2]}, time=time, run=run,
+                             position=np.zeros((time.size, 3)), identification=run < runs)
+    layout = Layout.of((effect,) if effect else (), estimate=False)
+    path = predict_tracked_motion(truth, layout, data, tangents=False).position
+    noise, keep = rng.normal(0.0, NOISE_M, path.shape), np.exp(-1.0 / RATE_HZ / MEMORY_S)
+    for k in range(1, len(noise)):
+        noise[k] = keep * noise[k - 1] + np.sqrt(1.0 - keep**2) * noise[k]
+    return replace(data, position=path + noise)
+
+
+def test_clean_path_lacks_nothing():
+    result = diagnose(ur10(), tracked(None, 3))
+    assert result.kind == "tracked_motion" and result.unit == "m"
+    assert result.verdict == "no_undeclared_effect" and not result.findings
+    assert result.after["validation"].rms == pytest.approx(np.sqrt(3.0) * NOISE_M, rel=0.15)
+
+
+HIDDEN = {
+    "time_delay": {"effect": "time_delay", "delay_s": 4e-4},
+    "hysteresis": {"effect": "hysteresis", "joint": 3, "size_rad": 2e-4, "reach_rad": 3e-3},
+    "tracker_scale": {"effect": "tracker_scale", "x_scale": 0.0, "y_scale": 0.0, "z_scale": 6e-4},
+}
+
+
+@pytest.mark.parametrize("name", HIDDEN)
+def test_hidden_cause_is_named(name):
+    effect = effect_from_table(HIDDEN[name])
+    result = diagnose(ur10(), tracked(effect, 5))
+    assert result.findings, result.sentence
+    first = result.findings[0]
+    assert (first.effect.name, first.effect.joint) == (effect.name, effect.joint)
+    assert result.verdict == "explained" and len(result.findings) == 1
+    assert result.after["validation"].rms < 1.2 * np.sqrt(3.0) * NOISE_M < result.before["validation"].rms
+    which = -1 if name == "tracker_scale" else 0
+    found, size, (low, high) = first.effect.values[which], effect.values[which], first.intervals[which]
+    assert abs(found - size) < max(0.05 * size, high - low)
+    assert name in {e.name for e in result.robot.effects}
+
+
+def test_played_again_the_scatter_is_the_noise_floor():
+    """The same path twice: what differs between the runs is noise, whatever the model leaves."""
+    data = tracked(None, 7, runs=1)
+    again = tracked(None, 7, runs=2)
+    half = len(data)
+    data = replace(again, joints={"q": np.tile(again.joints["q"][:half], (2, 1))}, identification=np.ones(2 * half, bool))
+    first = again.position[:half]
+    noise = np.random.default_rng(9).normal(0.0, NOISE_M, (2 * half, 3))
+    result = diagnose(ur10(), replace(data, position=np.tile(first, (2, 1)) + noise))
+    assert result.noise.measured and result.noise.value == pytest.approx(np.sqrt(3.0) * NOISE_M, rel=0.1)
+
+
+def test_rates_are_those_of_all_samples():
+    data = tracked(None, 4, runs=8)
+    dense = tracked_record(data, ur10())
+    thin = thinned_record(dense, ur10())
+    assert len(thin.data) == len(dense.data) // 2 and thin.step == pytest.approx(2.0 / RATE_HZ)
+    chosen = np.concatenate([rows[::2] for rows in dense.runs])
+    np.testing.assert_array_equal(thin.theta_ddot, dense.theta_ddot[chosen])
+    np.testing.assert_array_equal(thin.data.position, data.position[chosen])
+
+
+def test_evaluate_leaves_the_noise_and_sees_what_is_hidden():
+    clean = evaluate_tracked_motion(ur10(), tracked(None, 3))
+    delayed = evaluate_tracked_motion(ur10(), tracked(effect_from_table(HIDDEN["time_delay"]), 3))
+    assert clean.overall.rms == pytest.approx(np.sqrt(3.0) * NOISE_M, rel=0.1)
+    assert clean.overall.n == 1800 and delayed.overall.rms > 2.0 * clean.overall.rms
+
+
+def test_commands_read_it_or_say_why_not(tmp_path, capsys):
+    write_dataset(tmp_path / "path.csv", tracked(None, 3, runs=2), ur10())
+    assert cli.main(["evaluate", "ur10", str(tmp_path / "path.csv"), "--out", str(tmp_path / "judged"), "--quiet"]) == 0
+    assert json.loads((tmp_path / "judged" / "result.json").read_text())["error"]["n"] == 1200
+    capsys.readouterr()
+    assert cli.main(["calibrate", "ur10", str(tmp_path / "path.csv"), "--out", str(tmp_path / "c"), "--quiet"]) == 2
+    message = capsys.readouterr().err.strip()
+    assert "\n" not in message and "tracked motion" in message
