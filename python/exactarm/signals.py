@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 import scipy  # scipy.signal is imported at its first use: it takes half a second, and poses need none of it
-from scipy import ndimage, sparse
+from scipy import fft, ndimage, sparse
 
 _FIRST_SAMPLES = 400  # as good as all, and quick on a long run
 _GAP = 1.5  # a step longer than this many typical ones ends a block
@@ -22,6 +22,7 @@ _STENCILS = {
     4: (4 / 5, -1 / 5, 4 / 105, -1 / 280),
 }
 HALF_STENCIL = 4
+_WIDE = 60  # samples of a kernel's reach from which a Fourier transform is quicker
 
 
 def typical_step(time: np.ndarray) -> float:
@@ -60,7 +61,56 @@ def gaussian_filter(values: np.ndarray, time: np.ndarray, cutoff_hz: float) -> n
         head = 2.0 * block[0] - block[pad:0:-1]
         tail = 2.0 * block[-1] - block[-2 : -pad - 2 : -1]
         padded = np.concatenate([head, block, tail])
-        out[rows] = ndimage.gaussian_filter1d(padded, width, axis=0, mode="nearest", radius=reach)[pad : pad + rows.size]
+        out[rows] = _smoothed(padded, width, reach, pad < reach)[pad : pad + rows.size]
+    return out
+
+
+def _smoothed(padded: np.ndarray, width: float, reach: int, short: bool) -> np.ndarray:
+    """`padded` (N, ...) under a Gaussian kernel of `width` samples that ends at `reach`: a wide one by Fourier
+    transform, which wraps round at the ends, so not where the padding is `short` of the reach."""
+    if short or reach < _WIDE:
+        return ndimage.gaussian_filter1d(padded, width, axis=0, mode="nearest", radius=reach)
+    size = fft.next_fast_len(padded.shape[0], real=True)
+    kernel = np.zeros(size)
+    reached = np.arange(-reach, reach + 1)
+    kernel[reached] = np.exp(-0.5 * (reached / width) ** 2)
+    transfer = fft.rfft(kernel / kernel.sum()).real
+    level = padded[:1]
+    spectrum = fft.rfft(padded - level, size, axis=0) * transfer.reshape(-1, *(1,) * (padded.ndim - 1))
+    return fft.irfft(spectrum, size, axis=0)[: padded.shape[0]] + level
+
+
+def derivative(values: np.ndarray, time: np.ndarray) -> np.ndarray:
+    """d/dt of samples (N, ...) of one run: what `derivative_operator` does, without the matrix."""
+    return np.concatenate([_block_derivative(values[rows], time[rows]) for rows in blocks(time)])
+
+
+def _block_derivative(values: np.ndarray, time: np.ndarray) -> np.ndarray:
+    if time.size <= 2 * HALF_STENCIL:
+        return (_block_operator(time) @ values.reshape(time.size, -1)).reshape(values.shape)
+    slope, step = _on_unit_grid(values), _on_unit_grid(time)
+    return slope / step.reshape(-1, *(1,) * (values.ndim - 1))
+
+
+def _on_unit_grid(values: np.ndarray) -> np.ndarray:
+    """Derivative by the sample's index, of a block longer than the stencils."""
+    count = values.shape[0]
+    out = np.empty_like(values, dtype=float)
+    inner = out[HALF_STENCIL : count - HALF_STENCIL]
+    for reach, weight in enumerate(_STENCILS[HALF_STENCIL], start=1):
+        ahead = values[HALF_STENCIL + reach : count - HALF_STENCIL + reach]
+        behind = values[HALF_STENCIL - reach : count - HALF_STENCIL - reach]
+        if reach == 1:
+            np.subtract(ahead, behind, out=inner)
+            inner *= weight
+        else:
+            inner += weight * (ahead - behind)
+    for at in range(1, HALF_STENCIL):
+        for k in (at, count - 1 - at):
+            stencil = enumerate(_STENCILS[at], start=1)
+            out[k] = sum(weight * (values[k + reach] - values[k - reach]) for reach, weight in stencil)
+    out[0] = -1.5 * values[0] + 2.0 * values[1] - 0.5 * values[2]
+    out[-1] = 1.5 * values[-1] - 2.0 * values[-2] + 0.5 * values[-3]
     return out
 
 

@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from scipy import ndimage
 
 from exactarm.signals import (
     blocks,
+    derivative,
     derivative_operator,
     gaussian_filter,
     gaussian_sigma,
@@ -132,3 +134,29 @@ def test_strongest_orders_come_first():
     assert_allclose(found[:2], [101.0, 202.4], atol=0.5)
     noise = [(angle, random.normal(size=angle.size)) for angle, _ in pieces]
     assert len(strongest_orders(noise, ratio=85.0, over_floor=40.0)) == 0
+
+
+@pytest.mark.parametrize("count", (5, 9, 40, 3000))
+def test_derivative_is_that_of_the_operator(count):
+    random = np.random.default_rng(count)
+    time = 1e-3 * (np.arange(count) + 0.2 * random.random(count))
+    time[count // 2 :] += 0.5  # a gap
+    values = random.normal(size=(count, 3))
+    operator = derivative_operator(time)
+    assert_allclose(derivative(values, time), operator @ values, rtol=1e-11, atol=1e-9)
+    assert_allclose(derivative(values[:, 0], time), operator @ values[:, 0], rtol=1e-11, atol=1e-9)
+
+
+def test_wide_kernels_by_fourier_transform_are_the_direct_ones():
+    """Each block by itself, also where it is shorter than the kernel's reach."""
+    random = np.random.default_rng(4)
+    time = np.concatenate([np.arange(2001), 2500 + np.arange(700), 5000 + np.arange(30)]) * 1e-3
+    values = 250.0 + np.cumsum(random.normal(size=(time.size, 2)), axis=0)
+    smooth = gaussian_filter(values, time, 7.0)
+    width = gaussian_sigma(7.0) / 1e-3
+    for start, end in ((0, 2001), (2001, 2701), (2701, 2731)):
+        block = values[start:end]
+        pad = min(int(np.ceil(6.0 * width)), len(block) - 1)
+        padded = np.concatenate([2 * block[0] - block[pad:0:-1], block, 2 * block[-1] - block[-2 : -pad - 2 : -1]])
+        direct = ndimage.gaussian_filter1d(padded, width, axis=0, mode="nearest", radius=int(np.ceil(6.0 * width)))
+        assert_allclose(smooth[start:end], direct[pad : pad + len(block)], atol=1e-11)

@@ -18,14 +18,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import ndimage, sparse
+from scipy import ndimage
 
 from exactarm import _core
 from exactarm.chain.view import View, motor_angles
 from exactarm.dataset import Dataset
 from exactarm.robot import Robot
 from exactarm.signals import (
-    derivative_operator,
+    derivative,
     gaussian_filter,
     gaussian_sigma,
     steady_direction,
@@ -49,7 +49,7 @@ _ROUNDED_NOISE, _CERTAIN = 0.515, 6.0  # of the encoder's part in the rate, in w
 
 @dataclass(frozen=True)
 class GearRecord:
-    """Signals (N, n) of the motors and, run by run, the operator d/dt.
+    """Signals (N, n) of the motors at `time` (N,), and the runs' row indices.
 
     theta, theta_dot (rad, rad/s), direction (-1, 0, +1); keep (N,): neither at a reversal nor where inertia swings
     the drive train or the filter rounds the motion; cutoff_hz: of the filter on theta, None where it was not needed; encoder_axes: axes (from 0)
@@ -61,15 +61,15 @@ class GearRecord:
     direction: np.ndarray
     keep: np.ndarray
     runs: tuple[np.ndarray, ...]
-    operators: tuple[sparse.csr_array, ...]
+    time: np.ndarray
     cutoff_hz: float | None
     encoder_axes: tuple[int, ...]
 
     def rate(self, angle: np.ndarray) -> np.ndarray:
         """d/dt of a signal or tangent (N, ...), run by run."""
         out = np.empty_like(angle)
-        for rows, operator in zip(self.runs, self.operators):
-            out[rows] = (operator @ angle[rows].reshape(rows.size, -1)).reshape(angle[rows].shape)
+        for rows in self.runs:
+            out[rows] = derivative(angle[rows], self.time[rows])
         return out
 
 
@@ -79,31 +79,31 @@ def gear_record(robot: Robot, data: Dataset) -> GearRecord:
     view = View(robot, data, "gear_run")
     view.signals["theta"] = theta
     runs, moving = view.runs, np.flatnonzero(view.moving)
-    operators = tuple(derivative_operator(data.time[rows]) for rows in runs)
     encoder_axes = () if data.gyro is not None else _encoder_axes(data)
     noise = None if encoder_axes else _gyro_noise(view)
     cutoff, blur = (None, 0.0) if encoder_axes or not np.any(data.gyro) else _cutoff(view, robot, noise)
     theta_dot, direction = np.zeros((2, *theta.shape))
     keep = np.ones(len(data), bool)
-    for rows, operator, (_, main) in zip(runs, operators, view.moving_runs):
+    for rows, main in view.moving_runs:
         time = data.time[rows]
         at = np.ix_(rows, moving)
-        if cutoff is not None:
-            theta[at] = gaussian_filter(theta[at], time, cutoff)
-        theta_dot[at] = operator @ theta[at]
-        slow = gaussian_filter(operator @ gaussian_filter(theta[at], time, _DIRECTION_CUTOFF_HZ), time, _DIRECTION_CUTOFF_HZ)
-        span = np.ptp(theta[at] / robot.ratios[moving], axis=0)
+        angle = theta[at] if cutoff is None else gaussian_filter(theta[at], time, cutoff)
+        theta[at] = angle
+        theta_dot[at] = rate = derivative(angle, time)
+        # Filtered with sqrt(2) of the width at once, as if twice.
+        slow = gaussian_filter(rate, time, _DIRECTION_CUTOFF_HZ / np.sqrt(2.0))
+        span = np.ptp(angle, axis=0) / np.abs(robot.ratios[moving])
         for column, axis in enumerate(moving):
             if span[column] <= STANDS_STILL * span.max():
                 continue  # its rate is rounding and has no direction
             direction[rows, axis], reversal = steady_direction(slow[:, column], time)
             if axis == main and not encoder_axes:
-                acceleration = operator @ slow[:, column]
+                acceleration = derivative(slow[:, column], time)
                 keep[rows] &= ~(reversal | _swings(robot, theta[rows], acceleration, time, axis, noise))
                 if cutoff is not None:
-                    angle = theta[rows, axis] / robot.ratios[axis]
-                    keep[rows] &= ~_rounded(angle, time, operator, cutoff, max(_ROUNDED_SHARE * noise, blur))
-    return GearRecord(theta, theta_dot, direction, keep, runs, operators, cutoff, encoder_axes)
+                    output = angle[:, column] / robot.ratios[axis]
+                    keep[rows] &= ~_rounded(output, time, cutoff, max(_ROUNDED_SHARE * noise, blur))
+    return GearRecord(theta, theta_dot, direction, keep, runs, data.time, cutoff, encoder_axes)
 
 
 def _encoder_axes(data: Dataset) -> tuple[int, ...]:
@@ -135,9 +135,9 @@ def _cutoff(view: View, robot: Robot, gyro_noise: float) -> tuple[float | None, 
     return cutoff, _CERTAIN * _ROUNDED_NOISE * left
 
 
-def _rounded(angle: np.ndarray, time: np.ndarray, operator, cutoff: float, limit: float) -> np.ndarray:
+def _rounded(angle: np.ndarray, time: np.ndarray, cutoff: float, limit: float) -> np.ndarray:
     """(R,) where filtering the filtered angle (R,) once more changes its rate by more than `limit` rad/s, and around."""
-    taken = np.abs(operator @ (angle - gaussian_filter(angle, time, cutoff))) > limit
+    taken = np.abs(derivative(angle - gaussian_filter(angle, time, cutoff), time)) > limit
     return _widened(taken, time, _ROUNDED_REACH * gaussian_sigma(cutoff))
 
 

@@ -16,7 +16,7 @@ import scipy  # scipy.signal is imported at its first use: it takes half a secon
 from exactarm.chain import GearRecord
 from exactarm.dataset import Dataset
 from exactarm.robot import Robot
-from exactarm.signals import derivative_operator, typical_step
+from exactarm.signals import derivative, typical_step
 
 _MOTOR_ORDERS, _LEAST_HZ = 2.5, 80.0
 _ROWS_PER_PERIOD = 2.6  # of the low-pass; 2 would be its Nyquist rate
@@ -42,11 +42,10 @@ def thinned_run(robot: Robot, data: Dataset, record: GearRecord) -> tuple[Datase
     chosen = np.concatenate([rows[::every] for rows in record.runs])
     count = np.cumsum([0] + [rows[::every].size for rows in record.runs])
     runs = tuple(np.arange(a, b) for a, b in zip(count[:-1], count[1:]))
-    operators = tuple(derivative_operator(data.time[chosen[rows]]) for rows in runs)
-    theta = theta[chosen]
-    theta_dot = np.concatenate([operator @ theta[rows] for rows, operator in zip(runs, operators)])
+    theta, time = theta[chosen], data.time[chosen]
+    theta_dot = np.concatenate([derivative(theta[rows], time[rows]) for rows in runs])
     thin = GearRecord(
-        theta, theta_dot, record.direction[chosen], keep[chosen], runs, operators, record.cutoff_hz, record.encoder_axes
+        theta, theta_dot, record.direction[chosen], keep[chosen], runs, time, record.cutoff_hz, record.encoder_axes
     )
     return replace(data, gyro=gyro).select(chosen), thin
 

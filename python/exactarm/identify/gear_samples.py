@@ -121,7 +121,7 @@ def _part(record: GearRecord, rows: np.ndarray) -> GearRecord:
     """The record of some of the rows, for what looks at single rows only."""
     pick = lambda values: values[rows]
     return GearRecord(
-        pick(record.theta), pick(record.theta_dot), pick(record.direction), pick(record.keep), (), (),
+        pick(record.theta), pick(record.theta_dot), pick(record.direction), pick(record.keep), (), pick(record.time),
         record.cutoff_hz, record.encoder_axes,
     )
 
