@@ -26,8 +26,11 @@ _WIDE = 60  # samples of a kernel's reach from which a Fourier transform is quic
 
 
 def typical_step(time: np.ndarray) -> float:
-    """Median sampling interval of one run, s, from its first samples."""
-    return float(np.median(np.diff(time[:_FIRST_SAMPLES])))
+    """Median sampling interval of one run, s, from its first samples; infinite for a single one."""
+    if time.size < 2:
+        return np.inf
+    steps = np.sort(np.diff(time[:_FIRST_SAMPLES]))  # np.median takes five times as long on so few
+    return float(0.5 * (steps[(steps.size - 1) // 2] + steps[steps.size // 2]))
 
 
 def blocks(time: np.ndarray) -> list[np.ndarray]:

@@ -94,7 +94,7 @@ def test_a_run_writes_everything_and_says_the_verdict_first(package, tmp_path, c
     assert result["mass"] == {"value": 12.0, "ci95": [11.5, None]}
     assert result["error"] == {"n": 2, "mean": 3.5, "rms": pytest.approx(12.5**0.5), "max": 4.0, "min": 3.0, "std": 0.5}
     assert result["missing"] is None and result["list"] == [0, 1]
-    assert (tmp_path / "out/weights.csv").read_text() == "link,mass_kg\n1,12.0\n2,\n"
+    assert (tmp_path / "out/weights.csv").read_text() == "link,mass_kg\n1,12\n2,\n"
     assert "The robot weighs 48 kg." in (tmp_path / "out/report.html").read_text()
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["report.html", "result.json", "weights.csv"]
 

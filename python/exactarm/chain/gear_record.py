@@ -16,6 +16,7 @@ quasi-static model holds: such samples are left out, as the thesis keeps to the 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy import ndimage
@@ -53,7 +54,8 @@ class GearRecord:
 
     theta, theta_dot (rad, rad/s), direction (-1, 0, +1); keep (N,): neither at a reversal nor where inertia swings
     the drive train or the filter rounds the motion; cutoff_hz: of the filter on theta, None where it was not needed; encoder_axes: axes (from 0)
-    with an encoder at the output, empty where a gyroscope measures.
+    with an encoder at the output, empty where a gyroscope measures; moving (n,): axes that move at all; furthest: of
+    each run, the axis (from 0) that moves furthest.
     """
 
     theta: np.ndarray
@@ -64,6 +66,25 @@ class GearRecord:
     time: np.ndarray
     cutoff_hz: float | None
     encoder_axes: tuple[int, ...]
+    moving: np.ndarray
+    furthest: tuple[int, ...]
+
+    @cached_property
+    def sensor_axis(self) -> np.ndarray:
+        """(N,) axis from 0 on whose link a gyroscope sits: the one that moves in the row's run."""
+        axis = np.zeros(self.time.size, int)
+        for rows, index in zip(self.runs, self.furthest):
+            axis[rows] = index
+        return axis
+
+    def view(self, robot: Robot, data: Dataset, threads: int = 1) -> View:
+        """A view of the data with what is known here already."""
+        view = View(robot, data, "gear_run", threads)
+        view.signals |= {"theta": self.theta.copy(), "theta_dot": self.theta_dot, "direction": self.direction}
+        view.signals["keep"] = self.keep.astype(float)
+        view.runs, view.moving, view.moving_runs = self.runs, self.moving, tuple(zip(self.runs, self.furthest))
+        view.sensor_axis = self.sensor_axis
+        return view
 
     def rate(self, angle: np.ndarray) -> np.ndarray:
         """d/dt of a signal or tangent (N, ...), run by run."""
@@ -103,7 +124,8 @@ def gear_record(robot: Robot, data: Dataset) -> GearRecord:
                 if cutoff is not None:
                     output = angle[:, column] / robot.ratios[axis]
                     keep[rows] &= ~_rounded(output, time, cutoff, max(_ROUNDED_SHARE * noise, blur))
-    return GearRecord(theta, theta_dot, direction, keep, runs, data.time, cutoff, encoder_axes)
+    return GearRecord(theta, theta_dot, direction, keep, runs, data.time, cutoff, encoder_axes, view.moving,
+                      tuple(axis for _, axis in view.moving_runs))
 
 
 def _encoder_axes(data: Dataset) -> tuple[int, ...]:

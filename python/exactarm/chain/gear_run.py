@@ -81,9 +81,7 @@ def predict_gear_run(
     record = gear_record(robot, data) if record is None else record
     for effect in layout.effects:
         robot = effect.bake(robot)
-    view = View(robot, data, "gear_run", threads)
-    view.signals |= {"theta": record.theta.copy(), "theta_dot": record.theta_dot, "direction": record.direction}
-    view.signals["keep"] = record.keep.astype(float)
+    view = record.view(robot, data, threads)
     nominal = record.theta / robot.ratios + robot.offsets
     passed = _joint_angles(view, layout, tangents)
     view.signals["q_dot"] = record.rate(view.q)

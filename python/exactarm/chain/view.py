@@ -104,7 +104,7 @@ class View:
     @cached_property
     def moving(self) -> np.ndarray:
         """(n,) axes that move in these data; all that do not rest, for poses."""
-        span = np.ptp(self.theta / self.robot.ratios, axis=0) if self.rows else np.zeros(self.axes)
+        span = np.ptp(self.theta, axis=0) / np.abs(self.robot.ratios) if self.rows else np.zeros(self.axes)
         return span > (STANDS_STILL * max(span.max(), 1e-12) if self.is_series else 0.0)
 
     @cached_property

@@ -6,7 +6,6 @@ before the work begins, so that a run that was killed leaves none.
 
 from __future__ import annotations
 
-import csv
 import hashlib
 import json
 import math
@@ -16,6 +15,8 @@ from pathlib import Path
 from typing import Any, Iterable, Mapping, Sequence
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.csv
 
 from exactarm.errors import InputError
 
@@ -58,10 +59,14 @@ class OutputFolder:
 
             pandas.DataFrame(dict(columns)).to_parquet(self.place(name), index=False)
             return
-        with self.place(name).open("w", encoding="utf-8", newline="") as file:
-            writer = csv.writer(file, lineterminator="\n")
-            writer.writerow(columns)
-            writer.writerows(zip(*(_cells(values) for values in columns.values())))
+        table = pa.table({column: _cells(values) for column, values in columns.items()})
+        try:
+            content = _csv(table, "none")
+        except pa.ArrowInvalid:  # a text that has to be quoted; then Arrow quotes all texts
+            content = _csv(table, "needed")
+        with self.place(name).open("wb") as file:
+            file.write((",".join(columns) + "\n").encode())
+            file.write(content)
 
     def write_result(self, result: Mapping[str, Any]) -> None:
         self.write_text(RESULT, json.dumps(plain(result), indent=1, allow_nan=False, ensure_ascii=False) + "\n")
@@ -77,9 +82,16 @@ class OutputFolder:
         return [self.path / name for name in names]
 
 
-def _cells(values: Sequence) -> list:
-    """Numbers as the csv module writes them, with all their digits; nothing for NaN and None."""
-    return ["" if value is None or value != value else value for value in np.asarray(values).tolist()]
+def _cells(values: Sequence) -> pa.Array:
+    """A column; NaN and None become empty cells."""
+    array = np.asarray(values)
+    return pa.array(np.where(array, "True", "False") if array.dtype == bool else array, from_pandas=True)
+
+
+def _csv(table: pa.Table, quoting: str) -> pa.Buffer:
+    stream = pa.BufferOutputStream()
+    pa.csv.write_csv(table, stream, pa.csv.WriteOptions(include_header=False, quoting_style=quoting))
+    return stream.getvalue()
 
 
 def plain(value: Any) -> Any:

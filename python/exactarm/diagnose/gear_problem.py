@@ -21,7 +21,7 @@ from exactarm.diagnose.thinned_run import thinned_run
 from exactarm.diagnose.time_groups import time_groups
 from exactarm.effects.base import Effect, Station
 from exactarm.effects.encoder_offset import EncoderOffset
-from exactarm.identify.gear_declared import declared_gear_layout, gear_view, sensor_layout
+from exactarm.identify.gear_declared import declared_gear_layout, sensor_layout
 from exactarm.identify.gear_fit import fit_gear_runs
 from exactarm.robot import Robot
 from exactarm.signals import typical_step, white_noise
@@ -110,7 +110,7 @@ class GearProblem(Problem):
 
         Encoders have an offset in every run, so that no run can be left out whole.
         """
-        moving = gear_view(self.robot, self.thin, self.record).moving_runs
+        moving = zip(self.record.runs, self.record.furthest)
         sorts = [(int(self.thin.session[rows[0]]), axis) for rows, axis in moving]
         several = min(sorts.count(sort) for sort in sorts) >= _RUNS_OF_A_SORT
         return self.thin.run if several and not self.record.encoder_axes else time_groups(self.thin.run)

@@ -45,7 +45,8 @@ def thinned_run(robot: Robot, data: Dataset, record: GearRecord) -> tuple[Datase
     theta, time = theta[chosen], data.time[chosen]
     theta_dot = np.concatenate([derivative(theta[rows], time[rows]) for rows in runs])
     thin = GearRecord(
-        theta, theta_dot, record.direction[chosen], keep[chosen], runs, time, record.cutoff_hz, record.encoder_axes
+        theta, theta_dot, record.direction[chosen], keep[chosen], runs, time, record.cutoff_hz, record.encoder_axes,
+        record.moving, record.furthest,
     )
     return replace(data, gyro=gyro).select(chosen), thin
 

@@ -104,7 +104,7 @@ def identify_gears(
     identification = data.split(seed)
     record = gear_record(robot, data)
     result, gears, held_out, alignments, warnings = robot, [], [], [], []
-    for axis in measured_axes(robot, data, record):
+    for axis in measured_axes(record):
         samples, setup = gear_samples(robot, data, record, axis, identification, threads)
         progress(f"gear {axis + 1}")
         first = first_look(samples)

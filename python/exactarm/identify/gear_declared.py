@@ -10,7 +10,6 @@ from __future__ import annotations
 import numpy as np
 
 from exactarm.chain import GearRecord, Layout
-from exactarm.chain.view import View
 from exactarm.dataset import Dataset
 from exactarm.effects.declared_harmonics import DeclaredHarmonics
 from exactarm.effects.encoder_offset import EncoderOffset
@@ -30,7 +29,7 @@ def declared_gear_layout(robot: Robot, data: Dataset, record: GearRecord) -> Lay
 def harmonics_layout(robot: Robot, data: Dataset, record: GearRecord) -> Layout:
     """The tables of the moving axes, each in the directions in which the axis moves in these data."""
     effects = []
-    for axis in measured_axes(robot, data, record):
+    for axis in measured_axes(record):
         for side, way in SIDES.items():
             seen = np.any(record.keep & (record.direction[:, axis] == way))
             if robot.joints[axis].has_harmonics and seen:
@@ -38,21 +37,25 @@ def harmonics_layout(robot: Robot, data: Dataset, record: GearRecord) -> Layout:
     return Layout.of(tuple(effects))
 
 
-def sensor_layout(robot: Robot, data: Dataset, record: GearRecord, *, bias: bool = False) -> Layout:
-    """What belongs to the set-up: alignment (and bias) of the gyroscope, or the offsets between two encoders."""
+def sensor_layout(
+    robot: Robot, data: Dataset, record: GearRecord, *, bias: bool = False, chosen: np.ndarray | None = None
+) -> Layout:
+    """What belongs to the set-up: alignment (and bias) of the gyroscope, or the offsets between two encoders; started
+    from the `chosen` rows (N,) alone."""
     if record.encoder_axes:
         return _offsets(robot, data, record)
-    effects: list = [alignment for alignment in alignments(robot, data, record)]
+    effects: list = [alignment for alignment in alignments(robot, data, record, chosen)]
     return Layout.of((*effects, GyroBias(None, (0.0, 0.0, 0.0))) if bias else tuple(effects))
 
 
-def alignments(robot: Robot, data: Dataset, record: GearRecord) -> list[GyroAlignment]:
+def alignments(robot: Robot, data: Dataset, record: GearRecord, chosen: np.ndarray | None = None) -> list[GyroAlignment]:
     """Closed form of (3.3): the direction of the reading, weighted with the motor's rate (so with its sign), onto z."""
-    view = gear_view(robot, data, record)
+    sensor_axis = record.sensor_axis
+    usable = np.ones(len(data), bool) if chosen is None else chosen
     found = []
     for session in np.unique(data.session):
-        for axis in np.unique(view.sensor_axis[data.session == session]):
-            rows = (data.session == session) & (view.sensor_axis == axis)
+        for axis in np.unique(sensor_axis[usable & (data.session == session)]):
+            rows = np.flatnonzero(usable & (data.session == session) & (sensor_axis == axis))
             direction = data.gyro[rows].T @ (record.theta_dot[rows, axis] / robot.ratios[axis])
             if not np.any(direction):
                 continue
@@ -73,16 +76,7 @@ def _offsets(robot: Robot, data: Dataset, record: GearRecord) -> Layout:
     return Layout.of(tuple(effects))
 
 
-def measured_axes(robot: Robot, data: Dataset, record: GearRecord) -> tuple[int, ...]:
+def measured_axes(record: GearRecord) -> tuple[int, ...]:
     """Axes (from 0) whose gears these data show."""
-    view = gear_view(robot, data, record)
-    if record.encoder_axes:
-        return tuple(axis for axis in record.encoder_axes if view.moving[axis])
-    return tuple(int(axis) for axis in np.unique(view.sensor_axis) if view.moving[axis])
-
-
-def gear_view(robot: Robot, data: Dataset, record: GearRecord) -> View:
-    """The runs and their moving axes, before any prediction."""
-    view = View(robot, data, "gear_run")
-    view.signals["theta"] = record.theta
-    return view
+    seen = record.encoder_axes or sorted(set(record.furthest))
+    return tuple(axis for axis in seen if record.moving[axis])

@@ -16,11 +16,11 @@ import numpy as np
 from exactarm.chain import GearRecord, Layout, gear_record, predict_gear_run
 from exactarm.dataset import Dataset
 from exactarm.identify.declared import carried_layout
-from exactarm.identify.gear_declared import gear_view, sensor_layout
+from exactarm.identify.gear_declared import sensor_layout
 from exactarm.robot import Robot
 from exactarm.signals import typical_step
 
-_THIN_ROWS = 40000
+_THIN_ROWS = 10000
 _THINNEST_STEP_S = 0.02
 
 
@@ -80,12 +80,11 @@ def gear_samples(
     robot: Robot, data: Dataset, record: GearRecord, axis: int, identification: np.ndarray, threads: int = 1
 ) -> tuple[GearSamples, Layout]:
     """Samples of one axis, and the set-up (alignment or offsets) that was found on the identification rows."""
-    view = gear_view(robot, data, record)
-    here = np.ones(len(data), bool) if record.encoder_axes else view.sensor_axis == axis
+    here = np.ones(len(data), bool) if record.encoder_axes else record.sensor_axis == axis
     rows = np.flatnonzero(here)
     plain = plain_gear(robot, axis)
-    fitted = rows if record.encoder_axes else _setup_rows(data, rows, identification)
-    setup = sensor_layout(plain, data.select(fitted), _part(record, fitted), bias=False)
+    fitted = here if record.encoder_axes else _setup_rows(data, here, identification)
+    setup = sensor_layout(plain, data, record, chosen=fitted)
     angle = record.theta[rows, axis] / robot.ratios[axis]
     rate = record.theta_dot[rows, axis] / robot.ratios[axis]
     beside = _beside(plain, data, rows, axis, setup, bool(record.encoder_axes), threads)
@@ -110,20 +109,11 @@ def rows_by_number(numbers: np.ndarray) -> tuple[np.ndarray, ...]:
     return tuple(np.split(order, np.flatnonzero(np.diff(numbers[order])) + 1))
 
 
-def _setup_rows(data: Dataset, rows: np.ndarray, identification: np.ndarray) -> np.ndarray:
-    """Identification rows of every set-up that has any."""
-    fitted = identification[rows]
-    known = np.isin(data.session[rows], np.unique(data.session[rows[fitted]]))
-    return rows[fitted | ~known]
-
-
-def _part(record: GearRecord, rows: np.ndarray) -> GearRecord:
-    """The record of some of the rows, for what looks at single rows only."""
-    pick = lambda values: values[rows]
-    return GearRecord(
-        pick(record.theta), pick(record.theta_dot), pick(record.direction), pick(record.keep), (), pick(record.time),
-        record.cutoff_hz, record.encoder_axes,
-    )
+def _setup_rows(data: Dataset, here: np.ndarray, identification: np.ndarray) -> np.ndarray:
+    """(N,) the identification rows of every set-up that has any, all rows of the others."""
+    fitted = here & identification
+    known = np.isin(data.session, np.unique(data.session[fitted]))
+    return here & (identification | ~known)
 
 
 def _axis_in_sensor(setup: Layout, sessions: np.ndarray) -> np.ndarray:
@@ -140,7 +130,7 @@ def _beside(plain, data, rows, axis, setup, encoders: bool, threads: int) -> np.
     if rows.size > _THIN_ROWS:
         step = typical_step(data.time[rows[runs[0]]])
         stride = max(1, min(int(np.ceil(rows.size / _THIN_ROWS)), int(_THINNEST_STEP_S / step)))
-    picked = [np.append(of[:-1:stride], of[-1]) for of in runs]
+    picked = [of[::stride] for of in runs]  # even steps, which derivatives ask for
     thin = rows[np.concatenate(picked)]
     part = data.select(thin)
     record = gear_record(plain, part)
