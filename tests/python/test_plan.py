@@ -91,7 +91,8 @@ def test_gear_table_changes_at_a_reversal_without_a_jump_of_the_motor():
 
 
 @pytest.mark.parametrize("effect, rms", [
-    (None, 3e-6), (DirectionDependence(2, (3.0, 1e-3, 5e-4)), 3e-6), (Hysteresis(2, (2e-4,)), 3e-6), (Backlash(1, (4e-4, 30.0)), 3e-6),
+    (None, 3e-6), (DirectionDependence(2, (3.0, 1e-3, 5e-4)), 3e-6), (Hysteresis(2, (2e-4,)), 3e-6), (Hysteresis(2, (2e-4, 1e-3)), 3e-6),
+    (Backlash(1, (4e-4, 30.0)), 3e-6),
 ])  # fmt: skip
 def test_plan_and_virtual_robot_pass_reversals_alike(effect, rms):
     """Both gear tables, five reversals, springs without damping: a different passage would let the arm swing on."""

@@ -77,11 +77,13 @@ class KnownFunctions:
     displacement: np.ndarray
 
 
-def known_functions(model: PlanningModel, q: np.ndarray, step: float, gear_direction: str, threads: int) -> KnownFunctions:
-    """Evaluated where the links follow q (N, n), sampled at equal steps."""
+def known_functions(
+    model: PlanningModel, q: np.ndarray, step: float, gear_direction: str, threads: int, theta: np.ndarray | None = None
+) -> KnownFunctions:
+    """Evaluated where the links follow q (N, n), sampled at equal steps; theta (N, n): the motors, where known already."""
     robot = model.robot
     direction = direction_of_motion(step * np.arange(len(q)), q * np.sign(robot.ratios))
-    view = _view(model, q, step, direction, threads)
+    view = _view(model, q, step, direction, theta, threads)
     shift, displacement = np.zeros_like(q), np.zeros((len(q), 6))
     torque = view.torque.copy()
     for effect in sorted(model.effects, key=lambda effect: effect.station):
@@ -122,14 +124,16 @@ def moved_reference(reference: Reference, displacement: np.ndarray) -> Reference
     return replace(reference, position=reference.position - displacement[:, :3], rotation=rotation)
 
 
-def _view(model: PlanningModel, q: np.ndarray, step: float, direction: np.ndarray, threads: int) -> View:
+def _view(
+    model: PlanningModel, q: np.ndarray, step: float, direction: np.ndarray, theta: np.ndarray | None, threads: int
+) -> View:
     """The chain's signals along the reference."""
     robot = model.robot
     q_dot = np.gradient(q, step, axis=0)
     q_ddot = np.gradient(q_dot, step, axis=0)
     torque = _core.inverse_dynamics(robot.core, q, q_dot, q_ddot, threads)
     phi = q - robot.offsets - declared_deflection(robot, torque)[0]
-    theta = phi * robot.ratios
+    theta = phi * robot.ratios if theta is None else theta
     time = step * np.arange(len(q))
     data = Dataset.of_arrays("tracked_motion", {"theta": theta}, time=time)
     rows = len(q)

@@ -25,6 +25,7 @@ LEAST_KNOTS = 12  # fewer leave no freedom between the two ends
 ENERGY_SHARE = 0.99  # of the input, below the bandwidth
 NO_INPUT_RAD_S2 = 1e-6  # output side: an axis below does not move
 _DISPLACEMENT_PASSES = 3
+_MEMORY_PASSES = 3  # an effect that remembers the motor's way sees the motor that makes up for it
 
 
 @dataclass(frozen=True)
@@ -107,10 +108,13 @@ def plan_path(robot: Robot, path: PlannedPath, options: PlanOptions = PlanOption
 def _joint_reference(model: PlanningModel, reference: Reference, path: PlannedPath, options: PlanOptions):
     """q_desired (N, n) and the known functions along it; displacements of the flange are aimed against."""
     found = inverse_kinematics(model.core, reference, options.start)
-    known = known_functions(model, found.q, reference.step, path.gear_direction, options.threads)
+    along = lambda q, theta=None: known_functions(model, q, reference.step, path.gear_direction, options.threads, theta)
+    known = along(found.q)
     for _ in range(_DISPLACEMENT_PASSES if np.any(known.displacement) else 0):
         found = inverse_kinematics(model.core, moved_reference(reference, known.displacement), found.q[0])
-        known = known_functions(model, found.q, reference.step, path.gear_direction, options.threads)
+        known = along(found.q)
+    for _ in range(0 if all(effect.smooth for effect in model.effects) else _MEMORY_PASSES):
+        known = along(found.q, _flat_motion(model, found.q, known, reference.step)[0])
     return found.q, known, found.warnings
 
 
