@@ -37,13 +37,31 @@ class MotionView(View):
     """A view that remembers how it came about, so that it can tell the response to an effect not in the layout."""
 
     evaluated: tuple = field(default=(), repr=False)  # robot, layout, record
-    predict: Callable | None = field(default=None, repr=False)  # (robot, layout, record, threads) -> prediction
+    predict: Callable | None = field(default=None, repr=False)  # (robot, layout, record, threads, bent) -> prediction
+    bent: tuple | None = field(default=None, repr=False)  # stretch of the springs, torque left, tangent stiffness
+
+    @property
+    def sign_width(self) -> np.ndarray:
+        return self.evaluated[2].sign_width
+
+    @property
+    def swing(self) -> np.ndarray:
+        step = self.evaluated[2].step
+        return 0.5 * step * np.abs(self.signals["theta_ddot"] / self.robot.controller_ratios)
 
     def response(self, effect: Effect) -> np.ndarray:
         """(N, m, k) derivative of the prediction by all parameters of the effect, at its values."""
+        return self._responses([effect], None)[0]
+
+    def responses(self, effects: list[Effect]) -> list[np.ndarray]:
+        """The same of several effects of zero size: one run through the arm serves all of them."""
+        return self._responses(effects, self.bent)
+
+    def _responses(self, effects: list[Effect], bent) -> list[np.ndarray]:
         robot, layout, record = self.evaluated
-        alone = Layout((effect,), (np.ones(len(effect.values), bool),))
-        return self.predict(robot, layout.held.joined(alone), record, self.threads).jacobian
+        asked = Layout(tuple(effects), tuple(np.ones(len(effect.values), bool) for effect in effects))
+        jacobian = self.predict(robot, layout.held.joined(asked), record, self.threads, bent).jacobian
+        return [jacobian[:, :, where] for where in asked.slices]
 
 
 @dataclass(frozen=True)
@@ -61,11 +79,14 @@ class MotionPrediction:
 
 
 def predict_motion(
-    robot: Robot, layout: Layout, record: MotionRecord, *, tangents: bool = True, threads: int = 1
+    robot: Robot, layout: Layout, record: MotionRecord, *, tangents: bool = True, threads: int = 1, bent=None
 ) -> MotionPrediction:
-    """Drive torque on every row of `record` with the effects of `layout` in the chain."""
-    view = motion_view(robot, layout, record, tangents=tangents, threads=threads)
-    view.predict = lambda *about: predict_motion(*about[:3], threads=about[3])
+    """Drive torque on every row of `record` with the effects of `layout` in the chain.
+
+    bent: `MotionView.bent` of the same motion, where that is known.
+    """
+    view = motion_view(robot, layout, record, tangents=tangents, threads=threads, bent=bent)
+    view.predict = lambda *about: predict_motion(*about[:3], threads=about[3], bent=about[4])
     tangents = tangents and layout.size > 0
     predict_drive(view, robot, layout, tangents)
     torque = record.smooth(view.signals["measured"])
@@ -74,13 +95,14 @@ def predict_motion(
 
 
 def motion_view(
-    robot: Robot, layout: Layout, record: MotionRecord, *, tangents: bool = True, threads: int = 1, kind: str = "motion"
+    robot: Robot, layout: Layout, record: MotionRecord, *, tangents: bool = True, threads: int = 1, kind: str = "motion",
+    bent=None,
 ) -> MotionView:
     """Motor angles, gears, loads, springs and joint angles with their rates: all signals up to the joints."""
     baked = robot
     for effect in layout.effects:
         baked = effect.bake(baked)
-    view = MotionView(baked, record.data, kind, threads, evaluated=(robot, layout, record))
+    view = MotionView(baked, record.data, kind, threads, evaluated=(robot, layout, record), bent=bent)
     tangents = tangents and layout.size > 0
     _motors(view, layout, record, tangents)
     declared, slope = declared_output_angle(view)
@@ -127,7 +149,10 @@ def _joints(view: View, layout: Layout, tangents: bool) -> None:
 def _bend(view: View, layout: Layout, record: MotionRecord, tangents: bool) -> None:
     """The declared springs give way under the torque, which is relieved by it; tangents about the bent motion."""
     unbent = SpringResponse(view.robot, *_slopes(view), record.runs, record.step)
-    _bent(view.signals, unbent, *unbent.give_way(view.torque))
+    if view.bent is None:
+        view.bent = (*unbent.give_way(view.torque), unbent.tangent)
+    stretch, torque, unbent.tangent = view.bent
+    _bent(view.signals, unbent, stretch, torque)
     if tangents:
         slopes = _slopes(view)
         view.tangents["torque"] = _torque_tangent(view, slopes)
@@ -182,7 +207,7 @@ def predict_drive(view: MotionView, robot: Robot, layout: Layout, tangents: bool
     """From joint torques to what the drives report: virtual work, rotor, friction, sensor."""
     nominal = view.robot.controller_ratios
     rate = view.signals["theta_dot"] / nominal
-    sign, sign_slope = smooth_sign(rate)
+    sign, sign_slope = smooth_sign(rate, view.sign_width, view.swing)
     coulomb, viscous, rotor = (
         np.array([getattr(joint, name) or 0.0 for joint in view.robot.joints])
         for name in ("coulomb", "viscous", "rotor_inertia")
@@ -218,20 +243,29 @@ def transmission(view: View, layout: Layout) -> np.ndarray:
 def _transmission_tangent(view: MotionView, robot: Robot, layout: Layout) -> np.ndarray:
     """(N, n, P) derivative of (dphi/dtheta)' torque by the parameters of the gears, the torque held."""
     tangent = np.zeros((view.rows, view.axes, layout.size))
-    values, record = layout.values, view.evaluated[2]
-    column = 0
-    for effect, mask in zip(layout.effects, layout.free):
-        for parameter in (p for p, free in zip(effect.parameters(), mask) if free):
-            if effect.station in (Station.MOTOR, Station.GEAR):
-                step = _RELATIVE_STEP * parameter.plausible
-                ends = []
-                for sign in (1.0, -1.0):
-                    shifted = values.copy()
-                    shifted[column] += sign * step
-                    ends.append(_shifted_transmission(view, robot, layout.at(shifted), record))
-                tangent[:, :, column] = np.einsum("nji,nj->ni", (ends[0] - ends[1]) / (2.0 * step), view.torque)
-            column += 1
+    record = view.evaluated[2]
+    sized = [index for index, effect in enumerate(layout.effects) if effect.only_in_tables or _has_size(effect)]
+    for index, effect in enumerate(layout.effects):
+        if effect.station not in (Station.MOTOR, Station.GEAR):
+            continue
+        # Effects without any size leave the transmission as it is.
+        around = [layout.effects[k] for k in sized if k != index]
+        parameters = effect.parameters()
+        for column, k in zip(range(layout.size)[layout.slices[index]], np.flatnonzero(layout.free[index])):
+            step = _RELATIVE_STEP * parameters[k].plausible
+            ends = []
+            for sign in (1.0, -1.0):
+                shifted = np.array(effect.values, float)
+                shifted[k] += sign * step
+                held = Layout.of((*around, effect.with_values(shifted)), estimate=False)
+                ends.append(_shifted_transmission(view, robot, held, record))
+            tangent[:, :, column] = np.einsum("nji,nj->ni", (ends[0] - ends[1]) / (2.0 * step), view.torque)
     return tangent
+
+
+def _has_size(effect: Effect) -> bool:
+    """Whether any value differs from zero that is neither fixed nor searched."""
+    return any(value != 0.0 for p, value in zip(effect.parameters(), effect.values) if not p.fixed and not p.search)
 
 
 def _shifted_transmission(view: MotionView, robot: Robot, layout: Layout, record: MotionRecord) -> np.ndarray:

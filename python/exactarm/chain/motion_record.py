@@ -12,7 +12,7 @@ Torque (N, n) in Nm on the output side: tau, or nominal ratio times tau_motor, o
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 import scipy  # scipy.signal is imported at its first use: it takes half a second, and only motions need it
@@ -22,6 +22,7 @@ from exactarm import _core
 from exactarm.chain.direction import direction_of_motion
 from exactarm.chain.view import motor_angles
 from exactarm.dataset import Dataset
+from exactarm.effects.drive import SIGN_WIDTH_RAD_S
 from exactarm.errors import InputError
 from exactarm.robot import Robot
 from exactarm.signals import derivative_operator, typical_step
@@ -42,7 +43,8 @@ class MotionRecord:
     """theta, theta_dot, theta_ddot, torque (N, n); keep (N,) bool: rows away from the ends of their run.
 
     direction (N, n): of the motor's motion, -1 to 1 (chain/direction.py).
-    data: the thinned rows; runs: row indices in the order of time; bandwidth_hz: None where nothing was filtered.
+    data: the thinned rows; runs: row indices in the order of time; bandwidth_hz: None where nothing was filtered;
+    sign_width (n,) rad/s, output side: within it dry friction turns over (identify/friction_width.py).
     """
 
     data: Dataset
@@ -55,6 +57,7 @@ class MotionRecord:
     runs: tuple[np.ndarray, ...]
     bandwidth_hz: float | None
     step: float
+    sign_width: np.ndarray
 
     @property
     def measured_axes(self) -> np.ndarray:
@@ -100,8 +103,9 @@ class MotionRecord:
         return found / found[0]
 
 
-def motion_record(robot: Robot, data: Dataset, bandwidth_hz: float | None = None) -> MotionRecord:
+def motion_record(robot: Robot, data: Dataset, bandwidth_hz: float | None = None, rows_share: float = 1.0) -> MotionRecord:
     """The record of a motion; `bandwidth_hz`: None = `default_bandwidth`, or no filter where the log is too slow for one.
+    rows_share: of the usual rows, where fewer will do.
 
     Raises InputError where torque, angles or time are missing or a run is too short.
     """
@@ -115,7 +119,7 @@ def motion_record(robot: Robot, data: Dataset, bandwidth_hz: float | None = None
         step = typical_step(data.time[rows]) if rows.size > 1 else np.inf
         steps.append(step)
         filtered = bandwidth < _LARGEST / step
-        parts.append(_Run(rows, step, filtered, _rows_per_period(robot)).thinned(theta, rates, torque, data.time, bandwidth))
+        parts.append(_Run(rows, step, filtered, rows_share * _rows_per_period(robot)).thinned(theta, rates, torque, data.time, bandwidth))
     filtered = all(bandwidth < _LARGEST / step for step in steps)
     if not filtered and any(bandwidth < _LARGEST / step for step in steps):
         raise InputError("runs of one motion were logged at very different rates; expected one sampling rate")
@@ -134,6 +138,7 @@ def motion_record(robot: Robot, data: Dataset, bandwidth_hz: float | None = None
         runs=tuple(np.arange(a, b) for a, b in zip(counts[:-1], counts[1:])),
         bandwidth_hz=bandwidth if filtered else None,
         step=float(np.median([np.median(np.diff(data.time[part[0]])) for part in parts])),
+        sign_width=np.full(robot.axes, SIGN_WIDTH_RAD_S),
     )
 
 
@@ -176,8 +181,8 @@ def unthinned_record(
         direction[rows] = direction_of_motion(data.time[rows], turned[rows])
     band = bandwidth_hz if bandwidth_hz < _LARGEST / step else None
     torque = np.full_like(theta, np.nan)
-    everywhere = np.ones(len(data), bool)
-    return MotionRecord(data, theta, rate, acceleration, torque, direction, everywhere, tuple(runs), band, step)
+    keep, width = np.ones(len(data), bool), np.full(robot.axes, SIGN_WIDTH_RAD_S)
+    return MotionRecord(data, theta, rate, acceleration, torque, direction, keep, tuple(runs), band, step, width)
 
 
 def measured_torque(robot: Robot, data: Dataset) -> np.ndarray:
@@ -243,12 +248,18 @@ class _Run:
         return rows[pick], angle[pick], rate[pick], acceleration[pick], moment[pick], keep[pick]
 
 
+@lru_cache(maxsize=64)
+def _butterworth(cutoff_hz: float, step: float) -> np.ndarray:
+    return scipy.signal.butter(_ORDER, cutoff_hz, fs=1.0 / step, output="sos")
+
+
 def _low_pass(values: np.ndarray, cutoff_hz: float, step: float) -> np.ndarray:
     """(N, ...) without phase; ends go on as their point reflection, far enough for the filter to die out."""
-    sections = scipy.signal.butter(_ORDER, cutoff_hz, fs=1.0 / step, output="sos")
+    sections = _butterworth(cutoff_hz, step)
     pad = min(len(values) - 1, int(np.ceil(3.0 / (cutoff_hz * step))))
     flat = values.reshape(len(values), -1)
-    good = ~np.isnan(flat).any(axis=0)
-    out = np.full_like(flat, np.nan)
+    bad = np.isnan(flat).any(axis=0)
+    good = ~bad & flat.any(axis=0)  # most tangents are zero in most axes
+    out = np.where(bad, np.nan, np.zeros_like(flat))
     out[:, good] = scipy.signal.sosfiltfilt(sections, flat[:, good], axis=0, padtype="odd", padlen=pad)
     return out.reshape(values.shape)

@@ -59,6 +59,8 @@ class SpringResponse:
         """(N, n, P) torque at the joints as the arm gives way by e (N, n, P): that of the springs where there are any."""
         rate, acceleration = self.rates(e)
         springs = stiffness[:, :, None] * e + (DAMPING_S * self.linear)[:, None] * rate
+        if np.all(self.elastic):
+            return springs
         rigid = torque - self.by_q @ e - self.by_rate @ rate - self.mass @ acceleration
         return np.where(self.elastic[:, None], springs, rigid)
 

@@ -23,11 +23,13 @@ def predict_tracked_motion(
     record: MotionRecord | None = None,
     tangents: bool = True,
     threads: int = 1,
+    bent=None,
 ) -> PosePrediction:
-    """Prediction of every row of `data`; `record`: of the same data (`unthinned_record`), to save its preparation."""
+    """Prediction of every row of `data`; `record`: of the same data (`unthinned_record`), to save its preparation;
+    bent: `MotionView.bent` of the same motion, where that is known."""
     record = unthinned_record(robot, data) if record is None else record
-    view = motion_view(robot, layout, record, tangents=tangents, threads=threads, kind="tracked_motion")
-    view.predict = lambda robot, layout, record, threads: predict_tracked_motion(
-        robot, layout, record.data, record=record, threads=threads
+    view = motion_view(robot, layout, record, tangents=tangents, threads=threads, kind="tracked_motion", bent=bent)
+    view.predict = lambda robot, layout, record, threads, bent: predict_tracked_motion(
+        robot, layout, record.data, record=record, threads=threads, bent=bent
     )
     return predict_target(view, layout, tangents)

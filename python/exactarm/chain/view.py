@@ -16,6 +16,7 @@ import numpy as np
 from exactarm import _core
 from exactarm.dataset import Dataset
 from exactarm.effects.base import Effect, Station
+from exactarm.effects.drive import SIGN_WIDTH_RAD_S
 from exactarm.robot import Robot
 from exactarm.split import STANDS_STILL
 
@@ -81,6 +82,16 @@ class View:
         if approach is None:
             return np.zeros((self.rows, self.axes))
         return np.sign(np.nan_to_num(approach))
+
+    @property
+    def sign_width(self) -> np.ndarray:
+        """(n,) rad/s, output side: within it dry friction turns over."""
+        return np.full(self.axes, SIGN_WIDTH_RAD_S)
+
+    @property
+    def swing(self) -> np.ndarray:
+        """(N, n) rad/s, output side: how far the motors' rates move within half a row."""
+        return np.zeros((self.rows, self.axes))
 
     @property
     def is_series(self) -> bool:

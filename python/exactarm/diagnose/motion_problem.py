@@ -15,15 +15,19 @@ from exactarm.dataset import Dataset
 from exactarm.diagnose.coloured_noise import ColouredNoise
 from exactarm.diagnose.next_motions import separating_motion
 from exactarm.diagnose.problem import Fitted, Problem
+from exactarm.diagnose.scan import free_mask
 from exactarm.diagnose.time_groups import time_groups
 from exactarm.effects.base import Effect, Station
 from exactarm.identify.base_parameters import base_parameters
 from exactarm.identify.declared import carried_layout
 from exactarm.identify.dynamics import excited_layout, friction_layout, inertial_layout, require_enough, with_links
+from exactarm.identify.friction_width import friction_widths
 from exactarm.identify.motion_fit import fit_motion
 from exactarm.robot import Robot
 
 _RUNS_ENOUGH = 5
+_COLUMNS_AT_ONCE = 48
+_ROWS_SHARE = 0.5  # of those of an identification: a search over hundreds of candidates costs as many times the rows
 
 
 @dataclass(frozen=True)
@@ -33,19 +37,33 @@ class MotionFitted(Fitted):
     measured: np.ndarray = None
     record: MotionRecord = None
 
-    def columns(self, effect: Effect) -> np.ndarray:
-        response = self._response(effect)[:, self.measured]
-        data = (response * self.scale[:, :, None]).reshape(self.data_numbers, -1)
-        return np.concatenate([data, np.zeros((len(self.prior_rows), data.shape[1]))])
+    def columns_of(self, effects: list[Effect]) -> list[np.ndarray]:
+        """Effects without any size share runs through the arm; what acts on the reported torque itself needs none."""
+        found: dict[int, np.ndarray] = {}
+        together: list[int] = []
+        for place, effect in enumerate(effects):
+            if effect.station in (Station.DRIVE, Station.DEVICE) and not effect.only_in_tables:
+                found[place] = self._direct(effect)
+            elif any(value != 0.0 for value, free in zip(effect.values, free_mask(effect)) if free):
+                found[place] = self.view.response(effect)
+            else:
+                together.append(place)
+        for part in _in_parts(together, [len(effects[place].values) for place in together]):
+            found |= dict(zip(part, self.view.responses([effects[place] for place in part])))
+        return [self.whiten(found[place][:, self.measured]) for place in range(len(effects))]
 
-    def _response(self, effect: Effect) -> np.ndarray:
-        """(N, n, k): what acts on the drive torque itself needs no second run through the arm."""
-        if effect.station != Station.DRIVE or effect.only_in_tables:
-            return self.view.response(effect)
+    def _direct(self, effect: Effect) -> np.ndarray:
+        """(N, n, k)"""
         change = effect.change(self.view)
         response = np.zeros((self.view.rows, self.view.axes, len(effect.values)))
         response[:, list(change.columns)] = change.by_parameters
         return self.record.smooth(response)
+
+
+def _in_parts(places: list[int], widths: list[int]) -> list[list[int]]:
+    """`places` in their order, cut so that each part has about `_COLUMNS_AT_ONCE` columns."""
+    part_of = np.cumsum(widths) // _COLUMNS_AT_ONCE
+    return [[places[k] for k in np.flatnonzero(part_of == part)] for part in np.unique(part_of)]
 
 
 class MotionProblem(Problem):
@@ -58,14 +76,14 @@ class MotionProblem(Problem):
         inertial = robot.links is None and robot.has_geometry
         super().__init__(with_links(robot) if inertial else robot, data, held_out, threads, seed)
         self.inertial = inertial
-        self.record = motion_record(self.robot, data)
-        self._held = motion_record(self.robot, held_out, self.record.bandwidth_hz) if len(held_out) else None
+        self.record = motion_record(self.robot, data, None, _ROWS_SHARE)
+        self._held = motion_record(self.robot, held_out, self.record.bandwidth_hz, _ROWS_SHARE) if len(held_out) else None
         self._noise = ColouredNoise(self)
 
     def _record_of(self, data: Dataset) -> MotionRecord:
         if data is self.data or data is self.held_out:
             return self.record if data is self.data else self._held
-        return motion_record(self.robot, data, self.record.bandwidth_hz)
+        return replace(motion_record(self.robot, data, self.record.bandwidth_hz, _ROWS_SHARE), sign_width=self.record.sign_width)
 
     def declared(self) -> Layout:
         layout = friction_layout(self.robot, self.record)
@@ -73,6 +91,9 @@ class MotionProblem(Problem):
             layout = layout.joined(inertial_layout(self.robot, base_parameters(self.robot)))
         layout, _ = excited_layout(self.robot, layout.joined(carried_layout(self.robot, "motion")), self.record, self.threads)
         require_enough(layout, self.record)
+        widths = friction_widths(self.robot, layout, self.record, self.threads)
+        self.record = replace(self.record, sign_width=widths)
+        self._held = self._held and replace(self._held, sign_width=widths)
         return layout
 
     def fit(self, layout: Layout, weight: np.ndarray | None = None, sigma: np.ndarray | None = None) -> Fitted:

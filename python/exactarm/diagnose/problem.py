@@ -88,7 +88,14 @@ class Fitted:
 
     def columns(self, effect: Effect) -> np.ndarray:
         """(N m + r, k) whitened response to the parameters of an effect that is not in the layout."""
-        response = self.view.response(effect)[:, : self.residual.shape[1]]
+        return self.columns_of([effect])[0]
+
+    def columns_of(self, effects: list[Effect]) -> list[np.ndarray]:
+        """The same of several effects, each as if it were alone."""
+        return [self.whiten(self.view.response(effect)[:, : self.residual.shape[1]]) for effect in effects]
+
+    def whiten(self, response: np.ndarray) -> np.ndarray:
+        """(N m + r, k) of a response (N, m, k), in units of the noise, with nothing in the rows of the priors."""
         data = (response * self.scale[:, :, None]).reshape(self.data_numbers, -1)
         return np.concatenate([data, np.zeros((len(self.prior_rows), data.shape[1]))])
 

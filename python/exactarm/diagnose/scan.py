@@ -82,21 +82,19 @@ def scan(
     variants = [(effect, point) for effect in candidates for point in grid(effect)]
     points = Counter(effect.label for effect, _ in variants)
     tried = {point.label: points[effect.label] for effect, point in variants}  # a searched order may be in the label
-    block: list[tuple[Effect, np.ndarray]] = []
+    block: list[Effect] = []
     width = 0
-    for _, point in variants:
+    for place, (_, point) in enumerate(variants):
         kept = point.keep(fitted.view)
         if kept is not None:
             best[point.label] = _excluding(fitted, point, kept, count, families)
-            continue
-        columns = fitted.columns(point)[:, free_mask(point)]
-        block.append((point, columns))
-        width += columns.shape[1]
-        if width >= _BLOCK_COLUMNS:
-            _score_block(basis, block, residual, square, count, tried, families, best)
+        else:
+            block.append(point)
+            width += int(free_mask(point).sum())
+        if block and (width >= _BLOCK_COLUMNS or place == len(variants) - 1):
+            columns = [c[:, free_mask(e)] for e, c in zip(block, fitted.columns_of(block))]
+            _score_block(basis, list(zip(block, columns)), residual, square, count, tried, families, best)
             block, width = [], 0
-    if block:
-        _score_block(basis, block, residual, square, count, tried, families, best)
     return sorted(best.values(), key=lambda c: -c.evidence)
 
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from exactarm.effects.base import Change, Parameter
-from exactarm.effects.drive import DriveEffect, smooth_sign
+from exactarm.effects.drive import DriveEffect
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class AsymmetricFriction(DriveEffect):
     def change(self, view) -> Change:
         coulomb, viscous = self.values
         rate = self.rate(view)
-        sign, slope = smooth_sign(rate)
+        sign, slope = self.sign(view)
         magnitude = rate * sign  # |rate| without the kink
         by_rate = 2.0 * coulomb * sign * slope + viscous * (sign + rate * slope)
         return self.torque_change(view, [sign**2, magnitude], rate=by_rate)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar, Iterable
 
 from exactarm.effects.base import Change, Effect, Parameter
-from exactarm.effects.drive import DriveEffect, moving_axes, smooth_sign
+from exactarm.effects.drive import DriveEffect, moving_axes
 
 
 @dataclass(frozen=True)
@@ -21,7 +21,7 @@ class CoulombFriction(DriveEffect):
         return (Parameter("torque_Nm", 10.0),)
 
     def change(self, view) -> Change:
-        sign, slope = smooth_sign(self.rate(view))
+        sign, slope = self.sign(view)
         return self.torque_change(view, [sign], rate=self.values[0] * slope)
 
     @classmethod

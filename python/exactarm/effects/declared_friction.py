@@ -11,7 +11,7 @@ from typing import ClassVar, Iterable
 import numpy as np
 
 from exactarm.effects.base import Change, Effect, Parameter
-from exactarm.effects.drive import DriveEffect, smooth_sign
+from exactarm.effects.drive import DriveEffect
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class DeclaredFriction(DriveEffect):
 
     def change(self, view) -> Change:
         rate = self.rate(view)
-        derivative = np.stack([smooth_sign(rate)[0], rate], axis=1)[:, None, :]
+        derivative = np.stack([self.sign(view)[0], rate], axis=1)[:, None, :]
         return Change((self.index,), np.zeros((view.rows, 1)), derivative)
 
     @classmethod

@@ -18,10 +18,25 @@ from exactarm.effects.base import Change, Effect, Station
 SIGN_WIDTH_RAD_S = 0.02  # output side; a robot that moves at all moves ten times as fast
 
 
-def smooth_sign(rate: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """tanh(rate / width) and its slope by the rate."""
-    value = np.tanh(rate / SIGN_WIDTH_RAD_S)
-    return value, (1.0 - value**2) / SIGN_WIDTH_RAD_S
+_LEAST_SWING = 1e-3  # of the width
+
+
+def smooth_sign(rate: np.ndarray, width=SIGN_WIDTH_RAD_S, swing=0.0) -> tuple[np.ndarray, np.ndarray]:
+    """Mean of tanh(rate / width) over rate - swing ... rate + swing, and its slope by the rate.
+
+    swing: how far the rate moves in half a sample. Without it a sharp reversal would jump at a sample, wherever between
+    two of them it is.
+    """
+    width = np.broadcast_to(width, rate.shape)
+    swing = np.maximum(np.broadcast_to(swing, rate.shape), _LEAST_SWING * width)
+    high, low = (rate + swing) / width, (rate - swing) / width
+    mean = width / (2.0 * swing) * (_log_cosh(high) - _log_cosh(low))
+    return mean, (np.tanh(high) - np.tanh(low)) / (2.0 * swing)
+
+
+def _log_cosh(x: np.ndarray) -> np.ndarray:
+    """log(2 cosh x), for any x."""
+    return np.abs(x) + np.log1p(np.exp(-2.0 * np.abs(x)))
 
 
 @dataclass(frozen=True)
@@ -35,6 +50,10 @@ class DriveEffect(Effect, ABC):
     def rate(self, view) -> np.ndarray:
         """(N,) motor rate on the output side, rad/s."""
         return view.signals["theta_dot"][:, self.index] / view.robot.controller_ratios[self.index]
+
+    def sign(self, view) -> tuple[np.ndarray, np.ndarray]:
+        """Smooth sign (N,) of the rate and its slope."""
+        return smooth_sign(self.rate(view), view.sign_width[self.index], view.swing[:, self.index])
 
     def torque_change(self, view, columns: list[np.ndarray], **slopes: np.ndarray) -> Change:
         """Change of a torque that is linear in its parameters: columns (N,) each, and slopes (N,) by this

@@ -146,7 +146,8 @@ def growing_error(view, index: int, size: float, follows: np.ndarray) -> tuple[C
 
 
 def _residual_orders(view, index: int) -> np.ndarray:
-    """Peaks of what the present model leaves along a moving axis, over its output angle, run by run.
+    """Peaks of what the present model leaves along a moving axis, over its output angle, run by run and way by way:
+    what changes its sign with the direction would cancel in a run to and fro.
 
     A gyroscope sits behind the axis that moves furthest; link encoders see every axis that moves.
     """
@@ -157,5 +158,7 @@ def _residual_orders(view, index: int) -> np.ndarray:
     for rows, axis in view.moving_runs:
         if axis == index or view.data.gyro is None:
             rows = rows[view.keep[rows]]
-            pieces.append((view.phi[rows, index], residual[rows, index]))
+            direction = view.direction[rows, index]
+            ways = [rows[direction > 0.0], rows[direction < 0.0]]
+            pieces += [(view.phi[way, index], residual[way, index]) for way in ways]
     return strongest_orders(pieces, ratio=abs(view.robot.ratios[index]))

@@ -11,7 +11,7 @@ from typing import ClassVar
 import numpy as np
 
 from exactarm.effects.base import Change, Parameter
-from exactarm.effects.drive import DriveEffect, smooth_sign
+from exactarm.effects.drive import DriveEffect
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class LoadFriction(DriveEffect):
 
     def change(self, view) -> Change:
         torque = view.torque[:, self.index]
-        sign, slope = smooth_sign(self.rate(view))
+        sign, slope = self.sign(view)
         coefficient = self.values[0]
         return self.torque_change(
             view,

@@ -11,7 +11,7 @@ from typing import ClassVar
 import numpy as np
 
 from exactarm.effects.base import Change, Parameter
-from exactarm.effects.drive import DriveEffect, smooth_sign
+from exactarm.effects.drive import DriveEffect
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class StribeckFriction(DriveEffect):
     def change(self, view) -> Change:
         breakaway, velocity = self.values
         rate = self.rate(view)
-        sign, slope = smooth_sign(rate)
+        sign, slope = self.sign(view)
         fade = np.exp(-((rate / velocity) ** 2))
         by_velocity = breakaway * sign * fade * 2.0 * rate**2 / velocity**3
         by_rate = breakaway * fade * (slope - sign * 2.0 * rate / velocity**2)

@@ -1,0 +1,51 @@
+"""How sharply dry friction turns over at a reversal, axis by axis: the width w of tanh(rate / w).
+
+No robot file declares it, and a wrong one leaves a peak at every reversal that looks like breakaway torque. Each axis
+takes the width at which its own torque leaves least, with friction and all free parameters fitted; the usual one
+unless another is clearly better.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from exactarm.chain import Layout, MotionRecord, predict_motion
+from exactarm.effects.declared_friction import DeclaredFriction
+from exactarm.effects.drive import SIGN_WIDTH_RAD_S, smooth_sign
+from exactarm.robot import Robot
+
+_WIDTHS_RAD_S = (1e-3, 2.5e-3, 5e-3, 1e-2, SIGN_WIDTH_RAD_S, 4e-2, 8e-2, 0.16)
+_CLEARLY = 0.99  # of the square sum
+
+
+def friction_widths(robot: Robot, layout: Layout, record: MotionRecord, threads: int = 1) -> np.ndarray:
+    """(n,) rad/s on the output side; `layout`: what is identified."""
+    widths = record.sign_width.copy()
+    rubbed = [e.index for e in layout.effects if isinstance(e, DeclaredFriction)]
+    if not rubbed:
+        return widths
+    prediction = predict_motion(robot, layout, record, threads=threads)
+    view, keep = prediction.view, record.keep
+    rate = record.theta_dot / robot.controller_ratios
+    signs = [record.smooth(smooth_sign(rate, width, view.swing)[0]) for width in _WIDTHS_RAD_S]
+    usual = _WIDTHS_RAD_S.index(SIGN_WIDTH_RAD_S)
+    residual = prediction.residual()
+    for axis in rubbed:
+        columns = prediction.jacobian[keep, axis]
+        columns = columns[:, np.any(columns, axis=0)]
+        # What the usual width has explained lies in the span of the columns: only the peaks at reversals are at stake.
+        left = [_square(columns, signs[usual][keep, axis], sign[keep, axis], residual[keep, axis], robot.joints[axis].coulomb)
+                for sign in signs]
+        best = int(np.argmin(left))
+        if left[best] < _CLEARLY * left[usual]:
+            widths[axis] = _WIDTHS_RAD_S[best]
+    return widths
+
+
+def _square(columns, usual, sign, residual, coulomb) -> float:
+    """Square sum left by the free parameters where dry friction follows `sign` in place of `usual`."""
+    size = np.linalg.norm(columns, axis=0)
+    dry = columns.T @ usual / (size * np.linalg.norm(usual)) > 1.0 - 1e-9
+    design = np.column_stack([columns[:, ~dry] / size[~dry], sign])
+    target = residual + (coulomb or 0.0) * usual
+    return float(np.sum((target - design @ np.linalg.lstsq(design, target, rcond=1e-9)[0]) ** 2))
