@@ -1,5 +1,7 @@
 """Effects of gears and gyroscopes: derivatives against central differences, signs, limits, robot file entries."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from central_difference import assert_derivative
@@ -12,6 +14,7 @@ from exactarm.effects.backlash import Backlash
 from exactarm.effects.direction_dependence import DirectionDependence
 from exactarm.effects.gear_eccentricity import GearEccentricity
 from exactarm.effects.gear_harmonics import GearHarmonics
+from exactarm.effects.harmonic_family import searched_orders
 from exactarm.effects.hysteresis import Hysteresis, stop_operator
 from exactarm.effects.joint_coupling import JointCoupling
 from exactarm.harmonics import delivered_angle, transmission_error
@@ -126,3 +129,15 @@ def test_stop_operator_derivative():
     value = lambda reach: stop_operator(motion, float(reach[0]))[0]
     analytic = stop_operator(motion, 0.07)[1][:, None]
     assert_derivative(value, np.array([0.07]), analytic, 1e-6)
+
+
+def test_an_order_that_changes_sign_with_the_direction_is_found_in_a_run_to_and_fro():
+    time = np.linspace(0.0, 20.0, 6000)
+    phi, rate = np.sin(time)[:, None], np.cos(time)[:, None]
+    wave = 1e-4 * np.sign(rate) * np.sin(90.0 * phi)
+    view = SimpleNamespace(
+        signals={"axis_residual": wave}, moving=np.array([True]), moving_runs=((np.arange(6000), 0),),
+        data=SimpleNamespace(gyro=None), keep=np.ones(6000, bool), phi=phi, direction=np.sign(rate), kind="gear_run",
+        robot=SimpleNamespace(ratios=np.array([100.0]), joints=(SimpleNamespace(cw=None, ccw=None),)),
+    )
+    assert abs(searched_orders(view.robot, view, 0)[0] - 90.0) < 1.0

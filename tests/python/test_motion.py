@@ -182,3 +182,14 @@ def test_refusals():
         motion_record(robot, data.select(np.arange(20)))
     with pytest.raises(InputError, match="time"):
         motion_record(robot, replace(data, time=None))
+
+
+def test_effects_of_no_size_answer_together_as_they_do_alone():
+    robot = six_axis()
+    view = predict_motion(robot, Layout.of((DeclaredFriction.of(robot, 1),)), record_of(robot)).view
+    kinds = library()
+    asked = [kinds["gear_ratio"](2, (0.0,)), kinds["time_delay"](None, (0.0,)), kinds["payload"](None, (0.0,) * 4),
+             kinds["joint_compliance"](3, (0.0, 0.0)), kinds["gear_harmonics"](1, (100.0, 0.0, 0.0))]
+    for effect, together in zip(asked, view.responses(asked)):
+        alone = view.response(effect)
+        np.testing.assert_allclose(together, alone, atol=1e-9 * np.max(np.abs(alone)))

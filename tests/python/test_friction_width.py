@@ -1,0 +1,43 @@
+"""How sharply dry friction turns over: the mean sign over a row, and the width that a torque shows, axis by axis."""
+
+from dataclasses import replace
+
+import numpy as np
+from motions import fourier_motion, motion_data
+from six_axis import six_axis
+
+from exactarm import _core
+from exactarm.chain import motion_record
+from exactarm.effects.drive import SIGN_WIDTH_RAD_S, smooth_sign
+from exactarm.identify.dynamics import friction_layout
+from exactarm.identify.friction_width import friction_widths
+
+
+def test_smooth_sign_is_the_mean_over_the_swing():
+    rate, swing = np.array([-0.3, -0.01, 0.0, 0.004, 0.2]), 0.03
+    grid = np.linspace(-swing, swing, 20001)
+    mean, slope = smooth_sign(rate, 0.01, swing)
+    np.testing.assert_allclose(mean, np.tanh((rate[:, None] + grid) / 0.01).mean(axis=1), atol=2e-4)
+    step = 1e-6
+    np.testing.assert_allclose(
+        slope, (smooth_sign(rate + step, 0.01, swing)[0] - smooth_sign(rate - step, 0.01, swing)[0]) / (2 * step), atol=1e-4
+    )
+
+
+def test_without_swing_it_is_the_hyperbolic_tangent():
+    rate = np.linspace(-0.1, 0.1, 11)
+    np.testing.assert_allclose(smooth_sign(rate)[0], np.tanh(rate / SIGN_WIDTH_RAD_S), atol=1e-6)
+
+
+def test_each_axis_takes_the_width_of_its_torque():
+    robot = six_axis()
+    plain = tuple(replace(joint, coulomb=0.0, viscous=0.0, rotor_inertia=0.0) for joint in robot.joints)
+    robot = replace(robot, joints=plain)
+    time, angle, rate, acceleration = fourier_motion(robot, 10.0, 500.0, 3)
+    widths = np.array([1e-3, 1e-3, SIGN_WIDTH_RAD_S, SIGN_WIDTH_RAD_S, 0.08, 0.08])
+    torque = _core.inverse_dynamics(robot.core, angle + robot.offsets, rate, acceleration)
+    torque += 20.0 * np.tanh(rate / widths) + np.random.default_rng(1).normal(0.0, 0.5, rate.shape)
+    record = motion_record(robot, motion_data(robot, time, angle, torque))
+    found = friction_widths(robot, friction_layout(robot, record), record)
+    assert np.all(found[:2] < 0.006)
+    np.testing.assert_array_equal(found[2:], widths[2:])
