@@ -54,8 +54,12 @@ class Fit:
 
     def interval(self, level: float = 0.95) -> np.ndarray:
         """(P, 2) confidence intervals."""
-        half = special.stdtrit(max(self.freedom, 1), 0.5 + 0.5 * level) * np.sqrt(np.diag(self.covariance))
+        half = self.half_width(np.sqrt(np.diag(self.covariance)), level)
         return np.stack([self.x - half, self.x + half], axis=1)
+
+    def half_width(self, sigma: np.ndarray | float, level: float = 0.95) -> np.ndarray | float:
+        """Of the confidence interval of any number with the standard deviation `sigma`."""
+        return special.stdtrit(max(self.freedom, 1), 0.5 + 0.5 * level) * sigma
 
 
 def least_squares(

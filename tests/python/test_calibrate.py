@@ -52,6 +52,17 @@ def deviated_where_identifiable(nominal, names, rng):
     return robot
 
 
+def test_compliance_is_never_negative_and_its_bound_is_told(arm):
+    """A drive that seemed to stiffen under its load: the estimate stays at zero, with a warning."""
+    rng = np.random.default_rng(47)
+    rigid = JointCompliance(2, (-4e-6, 0.0))
+    data = measured(arm, [at_random_place(arm, rng)], [joints_in_limits(arm, 60, rng)], NOISE_M, rng,
+                    layout=Layout.of((rigid,), estimate=False), **all_identify(60))
+    result = calibrate(arm, data, CalibrationOptions(orientation=False, compliance=(2,)))
+    assert dict(zip(result.names, result.fit.fit.x))["joint_compliance_2.linear_rad_per_Nm"] == 0.0
+    assert any("joint_compliance_2.linear_rad_per_Nm lies at its bound" in warning for warning in result.warnings)
+
+
 def test_truth_lies_in_19_of_20_intervals(arm):
     rng = np.random.default_rng(40)
     q = joints_in_limits(arm, 60, rng)
@@ -110,7 +121,7 @@ def test_sessions_share_the_robot_and_keep_their_frames(arm):
     result = calibrate(arm, measured(arm, places, q, NOISE_M, rng))
     assert sum(name.endswith("base_x_m") for name in result.names) == 3
     assert sum(name == "a_2_m" for name in result.names) == 1
-    assert result.fit.fit.freedom == 3 * int(result.identification.sum()) - len(result.names)
+    assert result.fit.fit.freedom == 3 * int(result.identification.sum()) - len(result.names) + int(result.fit.fit.at_bound.sum())
     assert result.after["validation"].rms < 1.5 * FLOOR_M < 5.0 * FLOOR_M < result.before["validation"].rms
 
 

@@ -96,6 +96,17 @@ def test_size_comes_back(name):
             assert abs(value - known.get(parameter.name, 0.0)) < 2.0 * reach, parameter.name
 
 
+@pytest.mark.parametrize("friction_Nm", [0.6, 2.4, 6.0])
+def test_backlash_rests_on_its_flank_whatever_the_friction(friction_Nm):
+    """The approach decides where the friction exceeds the load; how much it is, nobody declared."""
+    clearance = effect_from_table(HIDDEN["backlash"] | {"friction_Nm": friction_Nm})
+    result = diagnose(ur10(), data_with((clearance,), 88)[0])
+    first = result.findings[0].effect
+    assert (first.name, first.joint, result.verdict) == ("backlash", 2, "explained")
+    # Of a hundred poses only some carry less load than this, and only the largest friction has enough of them.
+    assert friction_Nm < 6.0 or 0.6 * friction_Nm < first.value_of("friction_Nm") < 1.7 * friction_Nm
+
+
 def test_cause_outside_the_library_is_unexplained_and_followed():
     """Something pushes the arm aside in one corner of its workspace."""
     way = np.array([0.6, -0.48, 0.64])

@@ -62,7 +62,7 @@ def plausible(effect, random):
     values = []
     for parameter, value in zip(effect.parameters(), effect.values):
         drawn = value or parameter.plausible * random.uniform(0.5, 1.0) * random.choice([-1.0, 1.0])
-        values.append(np.clip(drawn, parameter.lower, parameter.upper))
+        values.append(np.clip(abs(drawn) if parameter.lower == 0.0 else drawn, parameter.lower, parameter.upper))
     return effect.with_values(values)
 
 
@@ -132,6 +132,19 @@ def test_payload_torque_is_that_of_a_point_mass(random):
     assert_derivative(lambda x: inertial(x)[0], values, slope, 1e-3)
     assert_derivative(lambda x: inertial(x)[0], np.array([1e-4, 0.01, 0.0, 0.0]), inertial([1e-4, 0.01, 0, 0])[1], 1e-6)
     np.testing.assert_allclose(pi[4:], [0.13, 0.02, -0.03, 0.1, 0.06, 0.05], rtol=1e-6)
+
+
+def test_centre_of_mass_follows_with_its_uncertainty():
+    """The delta method against draws of mass and moments; where the mass is not certain there is no centre."""
+    spread = np.random.default_rng(8).normal(size=(4, 4)) * 0.02
+    payload, covariance = Payload(None, (5.0, 0.5, -0.25, 1.0)), spread @ spread.T
+    draws = np.random.default_rng(9).multivariate_normal(payload.values, covariance, 40_000)
+    found = payload.derived(covariance)
+    assert [name for name, _, _ in found] == ["com_x_m", "com_y_m", "com_z_m"] and payload.caveat(covariance) == ""
+    np.testing.assert_allclose([value for _, value, _ in found], [0.1, -0.05, 0.2])
+    np.testing.assert_allclose([sigma for _, _, sigma in found], np.std(draws[:, 1:] / draws[:, :1], axis=0), rtol=0.05)
+    vague = np.diag([4.0**2, 0.01, 0.01, 0.01])
+    assert payload.derived(vague) == () and "mass" in payload.caveat(vague)
 
 
 @pytest.mark.parametrize("name", POSES)

@@ -91,7 +91,7 @@ def _effect(finding) -> dict:
     parameters = {
         p.name: value if p.fixed else estimate(value, float(low), float(high))
         for p, value, (low, high) in zip(effect.parameters(), effect.values, finding.intervals)
-    }
+    } | {name: estimate(*numbers) for name, numbers in finding.derived.items()}
     return {
         "effect": effect.name,
         "joint": effect.joint,

@@ -34,7 +34,10 @@ _MANY_PARAMETERS = 200  # above it, only the strongest rival is fitted in the ot
 @dataclass(frozen=True)
 class Finding:
     """One effect that was added: values with 95 % intervals (k, 2), certainty, and the validation RMS before and after
-    the round that added it (independent causes are added in one round)."""
+    the round that added it (independent causes are added in one round).
+
+    derived: numbers that follow from the values, name -> (value, low, high).
+    """
 
     effect: Effect
     intervals: np.ndarray
@@ -42,6 +45,7 @@ class Finding:
     rms_after: float
     probability: float
     evidence: str
+    derived: dict[str, tuple[float, float, float]]
 
 
 @dataclass(frozen=True)
@@ -162,6 +166,13 @@ def _finding(accepted: Accepted, last, declared, place, errors, problem) -> Find
     effect, where, free = last.layout.effects[index], last.layout.slices[index], last.layout.free[index]
     intervals = np.column_stack([effect.values, effect.values]).astype(float)
     intervals[free] = last.fit.interval()[where]
+    covariance = np.zeros((len(effect.values),) * 2)
+    covariance[np.ix_(free, free)] = last.fit.covariance[where, where]
+    derived = {}
+    for name, value, sigma in effect.derived(covariance):
+        half = float(last.fit.half_width(sigma))
+        derived[name] = (value, value - half, value + half)
+    caveat = effect.caveat(covariance)
     before, after = errors[accepted.round], errors[accepted.round + 1]
     judged = "validation" if before["validation"].size else "identification"
     fall = f"{judged} RMS {_rms(_judged(before)):.3g} to {_rms(_judged(after)):.3g} {problem.unit}"
@@ -171,7 +182,9 @@ def _finding(accepted: Accepted, last, declared, place, errors, problem) -> Find
         _rms(_judged(before)),
         _rms(_judged(after)),
         accepted.probability,
-        f"{effect.describe()}; log evidence {accepted.evidence:.0f} over a model without it, {fall}",
+        f"{effect.describe()}; log evidence {accepted.evidence:.0f} over a model without it, {fall}"
+        + (f"; {caveat}" if caveat else ""),
+        derived,
     )
 
 

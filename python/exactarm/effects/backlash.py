@@ -18,12 +18,15 @@ from exactarm.effects.base import Change, Effect, Parameter, Station
 
 _TRANSITION_SHARE = 0.2
 _FRICTION_SHARE = 0.02  # of the largest load, where no friction is declared
+_FRICTION_SHARES = (0.003, 0.005, 0.0075, 0.011, 0.016, 0.023, 0.033, 0.048, 0.07)  # to choose from, where the device shows the flank itself
 _LEAST_FRICTION_NM = 0.1
 
 
 @dataclass(frozen=True)
 class Backlash(Effect):
-    """values: width of the clearance at the output, and the friction that decides at small loads (not estimated)."""
+    """values: width of the clearance at the output, and the friction that decides at small loads, chosen from `search`."""
+
+    search: tuple[float, ...] = ()
 
     name: ClassVar[str] = "backlash"
     station: ClassVar[Station] = Station.SPRING
@@ -34,7 +37,8 @@ class Backlash(Effect):
     source: ClassVar[str] = "Nordin and Gutman 2002"
 
     def parameters(self) -> tuple[Parameter, ...]:
-        return (Parameter("width_rad", 3e-4, -1e-2, 1e-2), Parameter("friction_Nm", 10.0, 0.0, fixed=True))
+        return (Parameter("width_rad", 3e-4, -1e-2, 1e-2),
+                Parameter("friction_Nm", 10.0, 0.0, fixed=True, search=self.search))
 
     def flank(self, view) -> tuple[np.ndarray, np.ndarray]:
         """s (N,) in [-1, 1] and its derivative by the torque."""
@@ -63,7 +67,12 @@ class Backlash(Effect):
             small = max(_FRICTION_SHARE * load, _LEAST_FRICTION_NM)
             if view.kind == "poses" and load <= small:
                 continue  # at rest only friction would press the flanks, which is hysteresis by another name
+            if view.kind in ("poses", "tracked_motion"):
+                shares = [share * load for share in _FRICTION_SHARES] + ([joint.coulomb] if joint.coulomb else [])
+                shares = tuple(sorted({min(max(value, _LEAST_FRICTION_NM), load) for value in shares if value < load}))
+                yield cls(index + 1, (0.0, shares[0]), shares)
+                continue
             yield cls(index + 1, (0.0, small))
             friction_decides = joint.coulomb and joint.coulomb > 2.0 * small and np.any(view.direction[:, index])
-            if friction_decides and not (view.kind == "poses" and joint.coulomb >= load):
+            if friction_decides:
                 yield cls(index + 1, (0.0, joint.coulomb))

@@ -145,6 +145,17 @@ class Effect(ABC):
         numbers = {p.name: v for p, v in zip(self.parameters(), self.values)}
         return self.sentence.format(joint=self.joint, **numbers)
 
+    def derived(self, covariance: np.ndarray) -> tuple[tuple[str, float, float], ...]:
+        """Numbers that follow from the parameters and say more: (name with unit, value, standard deviation).
+
+        covariance (k, k) of all parameters; only what the estimate supports is given.
+        """
+        return ()
+
+    def caveat(self, covariance: np.ndarray) -> str:
+        """What the estimate cannot tell, in a few words; empty where there is nothing to say."""
+        return ""
+
     # -- as a candidate ---------------------------------------------------------------------------
     @classmethod
     def candidates(cls, robot: "Robot", view: "View") -> Iterable["Effect"]:

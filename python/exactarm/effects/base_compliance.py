@@ -27,7 +27,7 @@ class BaseCompliance(Effect):
     source: ClassVar[str] = "Abele, Weigold and Rothenbuecher 2007"
 
     def parameters(self) -> tuple[Parameter, ...]:
-        return (Parameter("rad_per_Nm", 1e-6),)
+        return (Parameter("rad_per_Nm", 1e-6, 0.0),)
 
     def change(self, view) -> Change:
         compliance = self.values[0]

@@ -17,9 +17,13 @@ from exactarm.effects.base import Change, Effect, Parameter, Station
 
 @dataclass(frozen=True)
 class JointCompliance(Effect):
-    """Compliance of one axis beyond its declared spring; `cubic_free` adds the cubic term to the estimate."""
+    """Compliance of one axis beyond its declared spring; `cubic_free` adds the cubic term to the estimate.
+
+    beside_spring: only there may the linear term be negative, where the declared spring is too soft.
+    """
 
     cubic_free: bool = False
+    beside_spring: bool = True
 
     name: ClassVar[str] = "joint_compliance"
     station: ClassVar[Station] = Station.SPRING
@@ -30,7 +34,7 @@ class JointCompliance(Effect):
 
     def parameters(self) -> tuple[Parameter, ...]:
         return (
-            Parameter("linear_rad_per_Nm", 5e-6),
+            Parameter("linear_rad_per_Nm", 5e-6, -np.inf if self.beside_spring else 0.0),
             Parameter("cubic_rad_per_Nm3", 1e-12, fixed=not self.cubic_free),
         )
 
@@ -44,7 +48,12 @@ class JointCompliance(Effect):
         return Change((self.index,), value[:, None], derivative, {"torque": by_torque})
 
     @classmethod
+    def none_of(cls, robot, index: int, cubic_free: bool = False) -> "JointCompliance":
+        """That of axis `index` (from 0) at zero size."""
+        return cls(index + 1, (0.0, 0.0), cubic_free, bool(robot.joints[index].spring_linear))
+
+    @classmethod
     def candidates(cls, robot, view) -> Iterable[Effect]:
         if not view.has_masses:
             return ()
-        return (cls(i + 1, (0.0, 0.0), cubic) for i in range(robot.axes) for cubic in (False, True))
+        return (cls.none_of(robot, i, cubic) for i in range(robot.axes) for cubic in (False, True))

@@ -28,7 +28,7 @@ class LinkCompliance(Effect):
     source: ClassVar[str] = "Abele, Weigold and Rothenbuecher 2007; Klimchik et al. 2013"
 
     def parameters(self) -> tuple[Parameter, ...]:
-        return (Parameter("rad_per_Nm", 2e-6),)
+        return (Parameter("rad_per_Nm", 2e-6, 0.0),)
 
     def change(self, view) -> Change:
         compliance = self.values[0]

@@ -18,6 +18,7 @@ from exactarm import _core
 from exactarm.effects.base import Change, Effect, Parameter, Station
 
 _MASS_FLOOR_KG = 1e-3
+_CERTAIN = 2.0  # standard deviations that the mass must be away from zero, so that a moment over it has a meaning
 _SYMMETRIC = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))  # the order of the six inertias
 
 
@@ -46,6 +47,26 @@ class Payload(Effect):
     def describe(self) -> str:
         x, y, z = 1e3 * self.centre_of_mass
         return f"the flange carries {self.values[0]:.3g} kg more than declared, centred at ({x:.0f}, {y:.0f}, {z:.0f}) mm"
+
+    def derived(self, covariance):
+        """Centre of mass s / m, by the delta method: d(s / m) = (ds - c dm) / m."""
+        mass = self.values[0]
+        if not self._weighs(covariance):
+            return ()
+        found = []
+        for k, axis in enumerate("xyz", start=1):
+            slope = np.zeros(4)
+            slope[0], slope[k] = -self.values[k] / mass**2, 1.0 / mass
+            found.append((f"com_{axis}_m", self.values[k] / mass, float(np.sqrt(slope @ covariance @ slope))))
+        return tuple(found)
+
+    def caveat(self, covariance):
+        if self._weighs(covariance):
+            return ""
+        return "this data tells its moment but not its mass apart from the lever arm: no centre of mass is given"
+
+    def _weighs(self, covariance) -> bool:
+        return abs(self.values[0]) > max(_CERTAIN * np.sqrt(covariance[0, 0]), _MASS_FLOOR_KG)
 
     def bake(self, robot):
         if robot.links is None:

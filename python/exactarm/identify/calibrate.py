@@ -186,7 +186,7 @@ def _warnings(fit: PoseFit, data: Dataset, found: list):
         yield f"the fit did not converge in {fit.fit.iterations} iterations: check the data for gross errors"
     for name, bound in zip(fit.layout.names, fit.fit.at_bound):
         if bound:
-            yield f"{name} lies at its bound: the data asks for more than is plausible"
+            yield f"{name} lies at its bound: the data asks for a value that no drive or structure can have"
     if fit.fit.freedom < 2 * fit.layout.size:
         yield f"only {fit.fit.freedom} degrees of freedom for {fit.layout.size} parameters: measure more poses"
     for session, frames in found:

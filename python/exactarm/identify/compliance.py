@@ -22,7 +22,7 @@ def compliance_layout(robot: Robot, data: Dataset, axes: Sequence[int] | None = 
         axes = _loaded_axes(robot, data)
     elif robot.links is None and axes:
         raise InputError(f"robot {robot.name}: compliance needs declared link masses")
-    return Layout.of(tuple(JointCompliance(axis, (0.0, 0.0)) for axis in axes if axis not in carried))
+    return Layout.of(tuple(JointCompliance.none_of(robot, axis - 1) for axis in axes if axis not in carried))
 
 
 def _loaded_axes(robot: Robot, data: Dataset) -> list[int]:
