@@ -1,7 +1,8 @@
 """Motion of a true arm with hidden causes: joint angles and torques of an excitation, computed from the link back to the motor.
 
     q(t) -> link torque (recursive Newton-Euler) -> phi = q - offset + deflection -> theta = ratio phi
-    tau  =  link torque + rotor ratio^2 ddq + friction(d theta/dt) + causes        output side, convention of docs/method.md
+    tau  =  T' link torque + rotor ratio d2 theta/dt2 + friction(d theta/dt) + causes        output side, convention of docs/method.md
+    T: turn of every output by every motor over the nominal ratio (virtual work); hidden gears change it
 
 Newton-Euler as in Luh, Walker and Paul 1980: velocities and accelerations outwards, with the base accelerated by -g,
 forces and moments inwards, all in the base frame.
@@ -73,35 +74,76 @@ def play(arm: Arm, drive: Drive, causes) -> Played:
         loaded = cause.links(loaded)
     link = inverse_dynamics(loaded, drive.q, drive.rate, drive.acceleration)
     ratio = arm.motor_per_output
-    rotor = ratio**2 * arm.rotor * drive.acceleration
-    friction = arm.coulomb * np.tanh(drive.rate / SMOOTH_RAD_S) + arm.viscous * drive.rate
-    theta = (drive.q - arm.offset + spring_deflection(arm, link)) * ratio
-    state = Played(theta, link + rotor + friction, link)
+    phi = drive.q - arm.offset
+    # What the motor's angle over its ratio has ahead of the output; its rates by differences, run by run.
+    ahead = spring_deflection(arm, link) - sum(cause.gear(arm, drive, phi) for cause in causes)
+    rate, acceleration = drive.rate + slope(ahead, drive), drive.acceleration + slope(slope(ahead, drive), drive)
+    carried = link + sum(cause.carried(arm, drive, phi, link) for cause in causes)
+    rotor = ratio**2 * arm.rotor * acceleration
+    friction = arm.coulomb * np.tanh(rate / SMOOTH_RAD_S) + arm.viscous * rate
+    state = Played((phi + ahead) * ratio, carried + rotor + friction, link)
     tau = state.tau + sum(cause.torque(arm, drive, state) for cause in causes)
-    theta = theta + sum(cause.motor(arm, drive, state) for cause in causes)
     for cause in causes:
         tau = cause.record(tau, drive)
-    return replace(state, theta=theta, tau=tau)
+    return replace(state, tau=tau)
+
+
+def slope(values: np.ndarray, drive: Drive) -> np.ndarray:
+    """d/dt of (N, ...) run by run, central differences."""
+    if np.ndim(values) == 0:
+        return 0.0
+    out = np.zeros_like(values)
+    for number in np.unique(drive.run):
+        rows = np.flatnonzero(drive.run == number)
+        out[rows] = np.gradient(values[rows], drive.time[rows], axis=0, edge_order=2)
+    return out
 
 
 def excitation(arm: Arm, middle: np.ndarray, seconds: float, step: float, runs: int, random) -> Drive:
-    """Sums of five harmonics of a base frequency on every axis, to and fro within the limits; each run its own."""
-    parts = []
+    """Runs of one sort: Fourier series of a base frequency, one sinusoid an axis, or moves from point to point."""
+    shape = (_series, _sinusoids, _moves)[random.choice(3, p=(0.5, 0.25, 0.25))]
+    half = random.uniform(0.4, 0.8, arm.axes) * 0.5 * np.minimum(arm.upper - arm.lower, 4.0)
     time = np.arange(0.0, seconds, step)
-    base = 2.0 * np.pi / seconds
+    parts = []
     for run in range(runs):
-        orders = np.arange(1, 6)[:, None]
-        cosine, sine = random.normal(size=(2, 5, arm.axes)) / orders
-        span = np.abs(cosine).sum(axis=0) + np.abs(sine).sum(axis=0)
-        half = random.uniform(0.4, 0.8, arm.axes) * 0.5 * np.minimum(arm.upper - arm.lower, 4.0)
-        cosine, sine = cosine * half / span, sine * half / span
-        angle = base * orders[:, 0] * time[:, None]
-        w = base * orders
-        parts.append((
-            middle + np.cos(angle) @ cosine + np.sin(angle) @ sine,
-            -np.sin(angle) @ (cosine * w) + np.cos(angle) @ (sine * w),
-            -np.cos(angle) @ (cosine * w**2) - np.sin(angle) @ (sine * w**2),
-            np.full(len(time), run + 1), 25.0 + 10.0 * (1.0 - np.exp(-(time + run * seconds) / 60.0)),
-        ))
+        angle, rate, acceleration = shape(time, half, random)
+        temperature = 25.0 + 10.0 * (1.0 - np.exp(-(time + run * seconds) / 60.0))
+        parts.append((middle + angle, rate, acceleration, np.full(len(time), run + 1), temperature))
     q, rate, acceleration, run, temperature = (np.concatenate(values) for values in zip(*parts))
     return Drive(np.tile(time, runs), run, q, rate, acceleration, temperature)
+
+
+def _series(time, half, random):
+    """Five harmonics of the base frequency of the run on every axis."""
+    orders = np.arange(1, 6)[:, None]
+    cosine, sine = random.normal(size=(2, 5, len(half))) / orders
+    span = np.abs(cosine).sum(axis=0) + np.abs(sine).sum(axis=0)
+    cosine, sine = cosine * half / span, sine * half / span
+    w = 2.0 * np.pi / (time[-1] + time[1]) * orders
+    angle = w[:, 0] * time[:, None]
+    return (np.cos(angle) @ cosine + np.sin(angle) @ sine,
+            -np.sin(angle) @ (cosine * w) + np.cos(angle) @ (sine * w),
+            -np.cos(angle) @ (cosine * w**2) - np.sin(angle) @ (sine * w**2))
+
+
+def _sinusoids(time, half, random):
+    w = 2.0 * np.pi * random.uniform(0.15, 0.6, len(half))
+    x = w * time[:, None] + random.uniform(0.0, 6.28, len(half))
+    return half * np.sin(x), half * w * np.cos(x), -half * w**2 * np.sin(x)
+
+
+def _moves(time, half, random):
+    """All axes together from one drawn point to the next, sin^2 profiles of the acceleration's integral, short rests."""
+    angle, rate, acceleration = np.zeros((3, len(time), len(half)))
+    start, at = random.uniform(-half, half), 0.0
+    while at < time[-1] + 1.0:
+        end, takes = random.uniform(-half, half), random.uniform(1.2, 2.5)
+        s = np.clip((time - at) / takes, 0.0, 1.0)[:, None]
+        x = 2.0 * np.pi * s
+        inside = ((time >= at) & (time < at + takes + 0.2))[:, None]
+        way = end - start
+        angle = np.where(inside, start + way * (s - np.sin(x) / (2.0 * np.pi)), angle)
+        rate = np.where(inside, way / takes * (1.0 - np.cos(x)), rate)
+        acceleration = np.where(inside, way * 2.0 * np.pi / takes**2 * np.sin(x), acceleration)
+        start, at = end, at + takes + 0.2
+    return angle, rate, acceleration

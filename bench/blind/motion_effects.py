@@ -1,7 +1,8 @@
 """The causes of docs/effects.md that motion data can show, with physics of their own.
 
     links    changes masses                torque   adds to the drive torque, output side (N, n) Nm
-    motor    adds to the motor angle       record   changes what is written down
+    gear     adds to the output angle      record   changes what is written down
+    carried  what virtual work makes of it at the motors (N, n) Nm
 """
 
 from __future__ import annotations
@@ -10,7 +11,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from blind.motion import SMOOTH_RAD_S
+from blind.arm import posture
+from blind.motion import SMOOTH_RAD_S, slope
 
 
 @dataclass(frozen=True)
@@ -21,6 +23,7 @@ class MotionCause:
     joint: int | None = None
     size: float = 1.0
     detail: dict = field(default_factory=dict)
+    largest: float = np.inf  # size that would still be plausible
 
     foreign = False
 
@@ -45,7 +48,10 @@ class MotionCause:
     def torque(self, arm, drive, played):
         return 0.0
 
-    def motor(self, arm, drive, played):
+    def gear(self, arm, drive, phi):
+        return 0.0
+
+    def carried(self, arm, drive, phi, link):
         return 0.0
 
     def record(self, tau, drive):
@@ -86,7 +92,7 @@ class LoadFriction(MotionCause):
 
     @classmethod
     def draw(cls, random, arm, drive, played):
-        cause = super().draw(random, arm, drive, played)
+        cause = replace(super().draw(random, arm, drive, played), largest=0.6)
         return cause if np.abs(cause.of(played.link)).std() > 1.0 else None
 
     def torque(self, arm, drive, played):
@@ -165,6 +171,126 @@ class Payload(MotionCause):
 
 
 @dataclass(frozen=True)
+class GearRatio(MotionCause):
+    """The output turns 1 + size times as far as declared, and carries so much more at the motor."""
+
+    name: str = "gear_ratio"
+    size: float = 1e-3
+    largest: float = 0.05
+
+    def gear(self, arm, drive, phi):
+        return self.on_axis(drive, self.of(phi) / (1.0 + self.size))
+
+    def carried(self, arm, drive, phi, link):
+        return self.on_axis(drive, self.of(link))
+
+
+@dataclass(frozen=True)
+class JointCoupling(MotionCause):
+    """The motor of another axis turns this one; so it is loaded by it."""
+
+    name: str = "joint_coupling"
+    motor_axis: int = 1
+    size: float = 1e-2
+    largest: float = 1.0
+
+    @classmethod
+    def draw(cls, random, arm, drive, played):
+        joint, motor = (int(k) + 1 for k in random.permutation(arm.axes)[:2])
+        return cls(joint=joint, motor_axis=motor, detail={"motor": motor})
+
+    def gear(self, arm, drive, phi):
+        return self.on_axis(drive, phi[:, self.motor_axis - 1])
+
+    def carried(self, arm, drive, phi, link):
+        out = np.zeros_like(link)
+        out[:, self.motor_axis - 1] = self.size * self.of(link)
+        return out
+
+
+@dataclass(frozen=True)
+class GearWave(MotionCause):
+    """The error of the gear: a wave of the output angle. size: of the ratio."""
+
+    order: float = 1.0
+    phase: float = 0.0
+    size: float = 1e-3
+
+    def gear(self, arm, drive, phi):
+        return self.on_axis(drive, np.sin(self.order * self.of(phi) + self.phase) / self.order)
+
+    def carried(self, arm, drive, phi, link):
+        swing = self.size * np.cos(self.order * self.of(phi) + self.phase)
+        return self.on_axis(drive, self.of(link) * swing / (1.0 - swing) / self.size)
+
+
+@dataclass(frozen=True)
+class GearHarmonics(GearWave):
+    name: str = "gear_harmonics"
+    largest: float = 0.05
+
+    @classmethod
+    def draw(cls, random, arm, drive, played):
+        cause = super().draw(random, arm, drive, played)
+        order = abs(arm.motor_per_output[cause.joint - 1]) * float(random.choice((1.0, 2.0)))
+        if order * np.abs(cause.of(drive.rate)).max() > 2.0 * np.pi * 15.0:  # beyond any drive's bandwidth
+            return None
+        return replace(cause, order=order, phase=random.uniform(0, 6.28), detail={"order": order})
+
+
+@dataclass(frozen=True)
+class GearEccentricity(GearWave):
+    name: str = "gear_eccentricity"
+    largest: float = 0.02
+
+    @classmethod
+    def draw(cls, random, arm, drive, played):
+        return replace(super().draw(random, arm, drive, played), phase=random.uniform(0, 6.28))
+
+
+@dataclass(frozen=True)
+class MotorLinkCoupling(MotionCause):
+    """Spinning rotors on moving links: the rate of their momentum loads the links, the links' turn loads the rotors."""
+
+    name: str = "motor_link_coupling"
+
+    @classmethod
+    def draw(cls, random, arm, drive, played):
+        return cls() if np.any(arm.rotor) else None
+
+    def torque(self, arm, drive, played):
+        at = posture(arm, drive.q)
+        out, omega = np.zeros_like(drive.q), np.zeros((len(drive.q), 3))
+        for i in range(arm.axes):
+            axis = at.axis[:, i]
+            spin = arm.rotor[i] * arm.motor_per_output[i]
+            out[:, i] += spin * slope(np.sum(axis * omega, axis=1), drive)
+            moment = slope(spin * drive.rate[:, i : i + 1] * axis, drive)
+            for j in range(i):
+                out[:, j] += np.sum(at.axis[:, j] * moment, axis=1)
+            omega = omega + axis * drive.rate[:, i : i + 1]
+        return self.size * out
+
+
+@dataclass(frozen=True)
+class ThermalDrift(MotionCause):
+    """The lubricant thins out as it warms up: all friction falls with the temperature."""
+
+    name: str = "thermal_drift"
+    size: float = 0.01
+    largest: float = 0.06
+    dry: bool = False
+
+    @classmethod
+    def draw(cls, random, arm, drive, played):
+        return cls(dry=bool(random.random() < 0.5))
+
+    def torque(self, arm, drive, played):
+        friction = arm.viscous * drive.rate + self.dry * arm.coulomb * np.tanh(drive.rate / SMOOTH_RAD_S)
+        return -self.size * (drive.temperature - 25.0)[:, None] * friction
+
+
+@dataclass(frozen=True)
 class TimeDelay(MotionCause):
     name: str = "time_delay"
     size: float = 1e-3
@@ -206,5 +332,6 @@ class CableBundle(MotionCause):
 
 MOTION_EFFECTS = (
     Stribeck, Asymmetric, LoadFriction, TorqueRipple, TorqueConstant, RotorInertia, GravityCompensator, Payload, TimeDelay,
+    GearRatio, JointCoupling, GearHarmonics, GearEccentricity, MotorLinkCoupling, ThermalDrift,
 )
 MOTION_FOREIGN = (FloorShock, CableBundle)

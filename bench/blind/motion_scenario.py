@@ -24,17 +24,17 @@ LARGEST_SHARE = 0.6  # of the largest torque that a cause of plausible size make
 
 
 def draw_case(folder: Path, seed: int, robots: Path, theme: str | None = None) -> Case:
-    """Writes robot.toml, motion.csv and truth.json. theme as in `pose_scenario.draw_case` (no pairs)."""
+    """Writes robot.toml, motion.csv and truth.json. theme as in `pose_scenario.draw_case`."""
     random = np.random.default_rng(seed)
     folder.mkdir(parents=True, exist_ok=True)
-    theme = theme or random.choice(("single", "clean", "foreign"), p=(0.75, 0.15, 0.1))
+    theme = theme or random.choice(("single", "pair", "clean", "foreign"), p=(0.65, 0.1, 0.15, 0.1))
     for _ in range(TRIES):
         robot = _robot_file(folder, random, robots, seed)
         arm = read_arm(robot)
         if arm.mass is None or not arm.has_gear.all():
             continue
         middle = 0.5 * (arm.lower + arm.upper) + random.uniform(-0.2, 0.2, arm.axes)
-        rate = float(random.choice((250.0, 500.0)))
+        rate = float(random.choice((100.0, 250.0, 500.0, 1000.0)))
         drive = excitation(arm, middle, random.uniform(8.0, 14.0), 1.0 / rate, int(random.integers(2, 5)), random)
         cause = _draw_cause(theme, random, arm, drive)
         case = None if cause is None else _write(folder, robot, arm, drive, cause, random, seed)
@@ -66,10 +66,11 @@ def _draw_cause(theme: str, random, arm: Arm, drive: Drive):
     if theme == "clean":
         return ()
     pool = MOTION_FOREIGN if theme == "foreign" else MOTION_EFFECTS
-    if theme not in ("single", "foreign"):
+    if theme not in ("single", "pair", "foreign"):
         pool = tuple(c for c in MOTION_EFFECTS + MOTION_FOREIGN if theme in (c.name, c.__name__))
-    cause = pool[random.integers(len(pool))].draw(random, arm, drive, play(arm, drive, ()))
-    return None if cause is None else (cause,)
+    chosen = random.permutation(len(pool))[: 2 if theme == "pair" else 1]
+    causes = tuple(pool[k].draw(random, arm, drive, play(arm, drive, ())) for k in chosen)
+    return None if any(cause is None for cause in causes) else causes
 
 
 def _left(drive: Drive, error: np.ndarray) -> float:
@@ -87,6 +88,8 @@ def _write(folder, robot, arm, drive, causes, random, seed) -> Case | None:
     sigma = random.uniform(0.005, 0.02) * np.abs(clean.tau).max(axis=0)
     level = float(np.sqrt(np.mean(sigma**2)))
     raised = float(np.exp(random.uniform(np.log(1.05), np.log(3.0))))
+    if len(causes) == 2:
+        raised = max(raised, 1.5)
     for _ in range(2):
         sized = []
         for cause in causes:
@@ -95,6 +98,8 @@ def _write(folder, robot, arm, drive, causes, random, seed) -> Case | None:
                 return None
             sized.append(cause.scaled(cause.size * np.sqrt(raised**2 - 1.0) * level / size))
         causes = tuple(sized)
+    if any(abs(cause.size) > cause.largest for cause in causes):
+        return None
     played = play(arm, drive, causes)
     if np.any(np.abs(played.tau - clean.tau).max(axis=0) > LARGEST_SHARE * np.abs(clean.tau).max(axis=0)):
         return None
@@ -108,7 +113,13 @@ def _write(folder, robot, arm, drive, causes, random, seed) -> Case | None:
     columns = {"time_s": drive.time, "run": drive.run}
     columns["set"] = np.where(drive.run == numbers[-1], "validation", "identification")
     step = 2.0 * np.pi / 2**17
-    columns |= {f"theta_{i + 1}_rad": np.round(played.theta[:, i] / step) * step for i in range(arm.axes)}
+    theta = np.round(played.theta / step) * step
+    reported = random.integers(3)  # motor angles, or the controller's joint angles in either unit
+    for i in range(arm.axes):
+        q = theta[:, i] / arm.motor_per_output[i] + arm.offset[i]
+        columns |= (({f"theta_{i + 1}_rad": theta[:, i]}, {f"q_{i + 1}_rad": q}, {f"q_{i + 1}_deg": np.rad2deg(q)})[reported])
+    if any(cause.name == "thermal_drift" for cause in causes) or random.random() < 0.2:
+        columns["temperature_degC"] = drive.temperature
     motor_side = random.random() < 0.5
     for i in range(arm.axes):
         name = f"tau_motor_{i + 1}_Nm" if motor_side else f"tau_{i + 1}_Nm"

@@ -8,7 +8,7 @@ from six_axis import six_axis
 
 from exactarm import _core
 from exactarm.chain import motion_record
-from exactarm.effects.drive import SIGN_WIDTH_RAD_S, smooth_sign
+from exactarm.effects.drive import SIGN_WIDTH_RAD_S, smooth_sign, smooth_square
 from exactarm.identify.dynamics import friction_layout
 from exactarm.identify.friction_width import friction_widths
 
@@ -21,6 +21,17 @@ def test_smooth_sign_is_the_mean_over_the_swing():
     step = 1e-6
     np.testing.assert_allclose(
         slope, (smooth_sign(rate + step, 0.01, swing)[0] - smooth_sign(rate - step, 0.01, swing)[0]) / (2 * step), atol=1e-4
+    )
+
+
+def test_smooth_square_is_the_mean_over_the_swing():
+    rate, swing = np.array([-0.3, -0.01, 0.0, 0.004, 0.2]), 0.03
+    grid = np.linspace(-swing, swing, 20001)
+    mean, slope = smooth_square(rate, 0.01, swing)
+    np.testing.assert_allclose(mean, (np.tanh((rate[:, None] + grid) / 0.01) ** 2).mean(axis=1), atol=2e-4)
+    step = 1e-6
+    np.testing.assert_allclose(
+        slope, (smooth_square(rate + step, 0.01, swing)[0] - smooth_square(rate - step, 0.01, swing)[0]) / (2 * step), atol=1e-4
     )
 
 

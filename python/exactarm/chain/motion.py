@@ -51,17 +51,23 @@ class MotionView(View):
 
     def response(self, effect: Effect) -> np.ndarray:
         """(N, m, k) derivative of the prediction by all parameters of the effect, at its values."""
-        return self._responses([effect], None)[0]
+        return self._responses([effect], [np.ones(len(effect.values), bool)], None)[0]
 
     def responses(self, effects: list[Effect]) -> list[np.ndarray]:
-        """The same of several effects of zero size: one run through the arm serves all of them."""
-        return self._responses(effects, self.bent)
+        """The same of several effects of zero size, by what is neither fixed nor searched (the rest is zero): one run
+        through the arm serves all of them."""
+        free = [np.array([not p.fixed and not p.search for p in effect.parameters()], bool) for effect in effects]
+        return self._responses(effects, free, self.bent)
 
-    def _responses(self, effects: list[Effect], bent) -> list[np.ndarray]:
+    def _responses(self, effects: list[Effect], free: list[np.ndarray], bent) -> list[np.ndarray]:
         robot, layout, record = self.evaluated
-        asked = Layout(tuple(effects), tuple(np.ones(len(effect.values), bool) for effect in effects))
+        asked = Layout(tuple(effects), tuple(free))
         jacobian = self.predict(robot, layout.held.joined(asked), record, self.threads, bent).jacobian
-        return [jacobian[:, :, where] for where in asked.slices]
+        found = []
+        for mask, where in zip(free, asked.slices):
+            found.append(np.zeros((*jacobian.shape[:2], mask.size)))
+            found[-1][:, :, mask] = jacobian[:, :, where]
+        return found
 
 
 @dataclass(frozen=True)
@@ -148,7 +154,7 @@ def _joints(view: View, layout: Layout, tangents: bool) -> None:
 
 def _bend(view: View, layout: Layout, record: MotionRecord, tangents: bool) -> None:
     """The declared springs give way under the torque, which is relieved by it; tangents about the bent motion."""
-    unbent = SpringResponse(view.robot, *_slopes(view), record.runs, record.step)
+    unbent = SpringResponse(view.robot, *_slopes(view), record.runs, record.step, record.keep)
     if view.bent is None:
         view.bent = (*unbent.give_way(view.torque), unbent.tangent)
     stretch, torque, unbent.tangent = view.bent
@@ -157,7 +163,7 @@ def _bend(view: View, layout: Layout, record: MotionRecord, tangents: bool) -> N
         slopes = _slopes(view)
         view.tangents["torque"] = _torque_tangent(view, slopes)
         pass_tangents(view, layout, Station.LOAD, "torque")
-        response = SpringResponse(view.robot, *slopes, record.runs, record.step)
+        response = SpringResponse(view.robot, *slopes, record.runs, record.step, record.keep)
         response.tangent = unbent.tangent
         _bent(view.tangents, response, *response.give_way_tangent(view.tangents["torque"]))
 

@@ -93,6 +93,13 @@ class MotionRecord:
             out[rows] = _low_pass(values[rows], wider * self.bandwidth_hz, self.step)
         return out
 
+    def white_share(self, step: float) -> float:
+        """Share of the variance of white noise, sampled every `step` s, that passes the low-pass of the torque."""
+        if self.bandwidth_hz is None:
+            return 1.0
+        frequency = np.linspace(0.0, 0.5 / step, 4096)
+        return float(np.mean((1.0 + (frequency / self.bandwidth_hz) ** (2 * _ORDER)) ** -2.0))
+
     def noise_autocorrelation(self, lags: int) -> np.ndarray:
         """(lags + 1,) of white noise behind the low-pass."""
         if self.bandwidth_hz is None:
@@ -115,7 +122,7 @@ def motion_record(robot: Robot, data: Dataset, bandwidth_hz: float | None = None
     torque, theta = measured_torque(robot, data), motor_angles(robot, data)
     rates = _given_rates(robot, data)
     parts, steps = [], []
-    for rows in _runs(data):
+    for rows in runs_of(data):
         step = typical_step(data.time[rows]) if rows.size > 1 else np.inf
         steps.append(step)
         filtered = bandwidth < _LARGEST / step
@@ -171,7 +178,7 @@ def unthinned_record(
     theta = motor_angles(robot, data)
     turned = theta / np.abs(robot.ratios) if joints is None else joints * np.sign(robot.ratios)
     rate, acceleration, direction = np.zeros_like(theta), np.zeros_like(theta), np.zeros_like(theta)
-    runs = _runs(data)
+    runs = runs_of(data)
     step = float(np.median(np.concatenate([np.diff(data.time[rows]) for rows in runs])))
     filtered = _WIDE * bandwidth_hz < _LARGEST / step
     for rows in runs:
@@ -210,7 +217,7 @@ def _given_rates(robot: Robot, data: Dataset) -> np.ndarray | None:
     return None if np.any(missing & angles) else np.nan_to_num(rates)
 
 
-def _runs(data: Dataset) -> list[np.ndarray]:
+def runs_of(data: Dataset) -> list[np.ndarray]:
     return [rows[np.argsort(data.time[rows], kind="stable")] for rows in (np.flatnonzero(data.run == r) for r in np.unique(data.run))]
 
 

@@ -5,7 +5,7 @@ With e the stretch of the springs (q = phi + q_offset - e) and tau the torque of
     kappa(e) + d e_dot = tau - (dtau/dq e + dtau/dq_dot e_dot + D e_ddot)
 
 so that gear errors near a resonance of the arm are answered as the arm does, not as its inertia alone. Integrated
-from the equilibrium of the first row by Newmark's method in its three-point form (Zienkiewicz 1977), a little damped
+from the equilibria of the first rows of a run (a log that begins in motion has no accelerations there yet) by Newmark's method in its three-point form (Zienkiewicz 1977), a little damped
 at the highest frequencies (gamma = 1/2 + a, beta = (1 + a)^2 / 4); all steps of a run are one banded system, which
 serves values and tangents. Damping d = 1e-3 s kappa'(0), as gears have it (3 % of critical at 10 Hz): it decides
 where a resonance is crossed and nowhere else. A cubic spring enters by its secant. Axes without a declared spring
@@ -31,13 +31,16 @@ _MASSIVE = (1.0, -2.0, 1.0)
 
 
 class SpringResponse:
-    """The system of one motion: slopes (N, n, n) of the unbent torque by q, q_dot, q_ddot; runs of row indices."""
+    """The system of one motion: slopes (N, n, n) of the unbent torque by q, q_dot, q_ddot; runs of row indices; keep (N,):
+    rows away from the ends of their run."""
 
-    def __init__(self, robot: Robot, by_q, by_rate, mass, runs, step: float):
+    def __init__(self, robot: Robot, by_q, by_rate, mass, runs, step: float, keep=None):
         self.linear = np.array([joint.spring_linear or 0.0 for joint in robot.joints])
         self.cubic = np.array([joint.spring_cubic for joint in robot.joints])
         self.robot, self.by_q, self.by_rate, self.mass = robot, by_q, by_rate, _positive(mass)
         self.runs, self.step = runs, step
+        # Rows of each run from the start on in which the arm does not swing: two, or those that are not kept.
+        self.still = [max(2, int(np.argmax(keep[rows])) if keep is not None else 2) for rows in runs]
         self.elastic = self.linear > 0.0
         self.tangent = np.broadcast_to(self.linear, by_q.shape[:2])
 
@@ -77,16 +80,17 @@ class SpringResponse:
         n, h = torque.shape[1], self.step
         damping = np.diag(DAMPING_S * self.linear)
         e = np.zeros_like(torque)
-        for rows in self.runs:
+        for rows, first in zip(self.runs, self.still):
             still = self.by_q[rows] + np.eye(n) * stiffness[rows][:, :, None]
             right = np.where(self.elastic[:, None], torque[rows], 0.0)
             # The equation about row t stands in block row t + 1, whose unknown it gives.
             blocks = [np.zeros_like(still) for _ in range(3)]
-            blocks[2][:2] = still[:2]
+            blocks[2][:first] = still[:first]
+            now, swings = slice(first - 1, -1), rows[first - 1 : -1]
             for block, s, d, m in zip(blocks, _STIFF, _DAMPED, _MASSIVE):
-                block[2:] = s * still[1:-1] + d / h * (self.by_rate[rows][1:-1] + damping) + m / h**2 * self.mass[rows][1:-1]
+                block[first:] = s * still[now] + d / h * (self.by_rate[swings] + damping) + m / h**2 * self.mass[swings]
             mean = right.copy()
-            mean[2:] = _STIFF[0] * right[:-2] + _STIFF[1] * right[1:-1] + _STIFF[2] * right[2:]
+            mean[first:] = _STIFF[0] * right[first - 2 : -2] + _STIFF[1] * right[now] + _STIFF[2] * right[first:]
             flat = mean.reshape(len(rows) * n, -1)
             band = _banded(blocks, self.elastic)
             e[rows] = solve_banded((3 * n - 1, n - 1), band, flat, check_finite=False).reshape(right.shape)

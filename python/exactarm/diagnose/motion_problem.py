@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from exactarm.chain import Layout, MotionRecord, motion_record, predict_motion
+from exactarm.chain.motion_record import measured_torque, runs_of
 from exactarm.dataset import Dataset
 from exactarm.diagnose.coloured_noise import ColouredNoise
 from exactarm.diagnose.next_motions import separating_motion
@@ -24,9 +25,11 @@ from exactarm.identify.dynamics import excited_layout, friction_layout, inertial
 from exactarm.identify.friction_width import friction_widths
 from exactarm.identify.motion_fit import fit_motion
 from exactarm.robot import Robot
+from exactarm.signals import typical_step, white_noise
 
 _RUNS_ENOUGH = 5
 _COLUMNS_AT_ONCE = 48
+_LEAST_SAMPLES, _LEAST_NOISE, _WHITE = 50, 1e-5, 1.2
 _ROWS_SHARE = 0.5  # of those of an identification: a search over hundreds of candidates costs as many times the rows
 
 
@@ -48,7 +51,7 @@ class MotionFitted(Fitted):
                 found[place] = self.view.response(effect)
             else:
                 together.append(place)
-        for part in _in_parts(together, [len(effects[place].values) for place in together]):
+        for part in _in_parts(together, [int(free_mask(effects[place]).sum()) for place in together]):
             found |= dict(zip(part, self.view.responses([effects[place] for place in part])))
         return [self.whiten(found[place][:, self.measured]) for place in range(len(effects))]
 
@@ -71,6 +74,7 @@ class MotionProblem(Problem):
 
     unit = "Nm"
     kind = "motion"
+    repeat_source = "white noise of the torque above the band of the motion"
 
     def __init__(self, robot: Robot, data: Dataset, held_out: Dataset, threads: int = 1, seed: int = 0):
         inertial = robot.links is None and robot.has_geometry
@@ -164,8 +168,24 @@ class MotionProblem(Problem):
         return float(np.sqrt(np.mean(self._residual(fitted, self.data) ** 2)))
 
     def repeat_noise(self, fitted: Fitted) -> float | None:
-        """No estimate: behind the low-pass noise has no high frequencies that would tell it from what moves the arm."""
-        return None
+        """From the torque as it was logged, above what moves an arm: its white noise, as much as passes the low-pass.
+
+        None where that noise is not white: then nothing says how much of it lies below.
+        """
+        torque = measured_torque(self.robot, self.data)
+        parts = [rows for rows in runs_of(self.data) if rows.size > 4 * _LEAST_SAMPLES]
+        if not parts:
+            return None
+        variances = []
+        for axis, sigma in zip(self.record.measured_axes, np.sqrt(np.mean(torque[:, self.record.measured_axes] ** 2, axis=0))):
+            each = [[white_noise(torque[rows[::every], axis]) for rows in parts] for every in (1, 2)]
+            fine, coarse = (float(np.sqrt(np.mean(np.square(values)))) for values in each)
+            if not _LEAST_NOISE * sigma < fine or not 1.0 / _WHITE < coarse / fine < _WHITE:
+                return None
+            variances.append(fine**2)
+        step = float(np.median([typical_step(self.data.time[rows]) for rows in parts]))
+        floor = np.sqrt(np.mean(variances) * self.record.white_share(step))
+        return float(min(floor / self.error_of_unit_noise(fitted), 1.0))
 
     def updated_robot(self, fitted: Fitted) -> Robot:
         result = self.robot

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from exactarm.effects.base import Change, Parameter
-from exactarm.effects.drive import DriveEffect
+from exactarm.effects.drive import DriveEffect, smooth_square
 
 
 @dataclass(frozen=True)
@@ -31,6 +31,7 @@ class AsymmetricFriction(DriveEffect):
         coulomb, viscous = self.values
         rate = self.rate(view)
         sign, slope = self.sign(view)
+        moving, onset = smooth_square(rate, view.sign_width[self.index], view.swing[:, self.index])
         magnitude = rate * sign  # |rate| without the kink
-        by_rate = 2.0 * coulomb * sign * slope + viscous * (sign + rate * slope)
-        return self.torque_change(view, [sign**2, magnitude], rate=by_rate)
+        by_rate = coulomb * onset + viscous * (sign + rate * slope)
+        return self.torque_change(view, [moving, magnitude], rate=by_rate)

@@ -34,6 +34,14 @@ def smooth_sign(rate: np.ndarray, width=SIGN_WIDTH_RAD_S, swing=0.0) -> tuple[np
     return mean, (np.tanh(high) - np.tanh(low)) / (2.0 * swing)
 
 
+def smooth_square(rate: np.ndarray, width=SIGN_WIDTH_RAD_S, swing=0.0) -> tuple[np.ndarray, np.ndarray]:
+    """Mean of tanh(rate / width)^2 over the same, and its slope by the rate."""
+    width = np.broadcast_to(width, rate.shape)
+    swing = np.maximum(np.broadcast_to(swing, rate.shape), _LEAST_SWING * width)
+    high, low = np.tanh((rate + swing) / width), np.tanh((rate - swing) / width)
+    return 1.0 - width * (high - low) / (2.0 * swing), (high**2 - low**2) / (2.0 * swing)
+
+
 def _log_cosh(x: np.ndarray) -> np.ndarray:
     """log(2 cosh x), for any x."""
     return np.abs(x) + np.log1p(np.exp(-2.0 * np.abs(x)))

@@ -68,7 +68,9 @@ class Hysteresis(Effect):
             if np.ptp(view.direction[:, index]) > 0:
                 yield cls(int(index) + 1, (0.0,))
             if view.is_series:
-                yield cls(int(index) + 1, (0.0, _REACHES_RAD[0]), search=_REACHES_RAD)
+                # A drive torque shows what turns the joint by its rates: the shape of the memory is nearly lost.
+                reaches = _REACHES_RAD[::3] if view.kind == "motion" else _REACHES_RAD
+                yield cls(int(index) + 1, (0.0, reaches[0]), search=reaches)
 
 
 def stop_operator(motion: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:

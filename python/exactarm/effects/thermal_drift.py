@@ -1,12 +1,13 @@
 """Thermal drift: the robot or its sensor changes as it warms up.
 
-Five forms, x the temperature (or time, or row order, where no temperature was measured) from its reference:
+Six forms, x the temperature (or time, or row order, where no temperature was measured) from its reference:
 
     growth     displacement = growth x (flange - base origin): the structure expands (steel 1.2e-5 per K), the tool does not
     target     displacement = drift x: base or tool moves off in one direction
     zero       q_i += drift x: the zero of one axis moves (a warm gear or link turns it)
     sensor     the gyroscope's bias drifts: rate += drift x
     lubricant  viscous friction falls: torque -= fall x viscous rate, on all axes alike
+    friction   dry friction with it
 
 Sources: Li and Zhao 2016 (structure), Bittencourt and Axelsson 2014 (friction and temperature), IEEE 952 (gyroscope).
 """
@@ -19,6 +20,7 @@ from typing import ClassVar, Iterable
 import numpy as np
 
 from exactarm.effects.base import Change, Effect, Parameter, Station
+from exactarm.effects.drive import smooth_sign
 from exactarm.effects.slow_driver import drivers, slow_signal, temperatures, unit
 
 
@@ -171,14 +173,45 @@ class ThermalLubricant(ThermalDrift):
 
     def change(self, view) -> Change:
         x = slow_signal(view.data, self.driver)[:, None]
-        ratios = view.robot.controller_ratios
-        viscous = np.array([joint.viscous or 0.0 for joint in view.robot.joints])
-        column = -x * viscous * view.signals["theta_dot"] / ratios
-        by_rate = -self.values[0] * x[:, :, None] * np.diag(viscous / ratios)
+        torque, slope = self.friction(view)
+        column = -x * torque
+        by_rate = -self.values[0] * x[:, :, None] * (slope / view.robot.controller_ratios)[:, :, None] * np.eye(view.axes)
         return Change(tuple(range(view.axes)), self.values[0] * column, column[:, :, None], {"theta_dot": by_rate})
+
+    def friction(self, view) -> tuple[np.ndarray, np.ndarray]:
+        """(N, n) Nm of what thins out, and its slope by the rate."""
+        viscous = np.array([joint.viscous or 0.0 for joint in view.robot.joints])
+        rate = view.signals["theta_dot"] / view.robot.controller_ratios
+        return viscous * rate, np.broadcast_to(viscous, rate.shape)
 
     @classmethod
     def of(cls, robot, view) -> Iterable[Effect]:
-        if not any(joint.viscous for joint in robot.joints):
+        if not any(joint.viscous for joint in view.robot.joints):
+            return ()
+        return (cls(None, (0.0,), driver) for driver in drivers(view.data))
+
+
+@dataclass(frozen=True)
+class ThermalFriction(ThermalDrift):
+    station: ClassVar[Station] = Station.DRIVE
+    kinds: ClassVar[tuple[str, ...]] = ("motion",)
+    form: ClassVar[str] = "friction"
+
+    parameters = ThermalLubricant.parameters
+    change = ThermalLubricant.change
+
+    def describe(self) -> str:
+        return f"all friction falls by {self.values[0]:.3g} of itself per {self.unit} (it follows {self.driver})"
+
+    def friction(self, view) -> tuple[np.ndarray, np.ndarray]:
+        torque, slope = ThermalLubricant.friction(self, view)
+        coulomb = np.array([joint.coulomb or 0.0 for joint in view.robot.joints])
+        rate = view.signals["theta_dot"] / view.robot.controller_ratios
+        sign, sign_slope = smooth_sign(rate, view.sign_width, view.swing)
+        return torque + coulomb * sign, slope + coulomb * sign_slope
+
+    @classmethod
+    def of(cls, robot, view) -> Iterable[Effect]:
+        if not any(joint.coulomb for joint in view.robot.joints):
             return ()
         return (cls(None, (0.0,), driver) for driver in drivers(view.data))

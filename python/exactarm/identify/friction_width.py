@@ -1,8 +1,9 @@
 """How sharply dry friction turns over at a reversal, axis by axis: the width w of tanh(rate / w).
 
 No robot file declares it, and a wrong one leaves a peak at every reversal that looks like breakaway torque. Each axis
-takes the width at which its own torque leaves least, with friction and all free parameters fitted; the usual one
-unless another is clearly better.
+takes the width at which its own torque leaves least, with friction, all free parameters and smooth curves of angle,
+rate, acceleration and load fitted (a cause that is not declared must not hide the peaks); the usual one unless another
+is clearly better.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ def friction_widths(robot: Robot, layout: Layout, record: MotionRecord, threads:
     usual = _WIDTHS_RAD_S.index(SIGN_WIDTH_RAD_S)
     residual = prediction.residual()
     for axis in rubbed:
-        columns = prediction.jacobian[keep, axis]
+        columns = np.column_stack([prediction.jacobian[keep, axis], record.smooth(_smooth_curves(view, rate, axis))[keep]])
         columns = columns[:, np.any(columns, axis=0)]
         # What the usual width has explained lies in the span of the columns: only the peaks at reversals are at stake.
         left = [_square(columns, signs[usual][keep, axis], sign[keep, axis], residual[keep, axis], robot.joints[axis].coulomb)
@@ -40,6 +41,12 @@ def friction_widths(robot: Robot, layout: Layout, record: MotionRecord, threads:
         if left[best] < _CLEARLY * left[usual]:
             widths[axis] = _WIDTHS_RAD_S[best]
     return widths
+
+
+def _smooth_curves(view, rate: np.ndarray, axis: int) -> np.ndarray:
+    """(N, c) what a torque may follow without jumping at a reversal."""
+    v, q, load = np.abs(rate[:, axis]), view.q[:, axis], view.torque[:, axis]
+    return np.column_stack([np.ones_like(v), v, v * rate[:, axis], view.signals["q_ddot"][:, axis], np.cos(q), np.sin(q), load])
 
 
 def _square(columns, usual, sign, residual, coulomb) -> float:
