@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from exactarm.chain.direction import TRANSITION_S, reversals
 from exactarm.commands.arguments import add_robot
 from exactarm.commands.result import CommandResult
 from exactarm.errors import InputError
@@ -88,6 +89,9 @@ def _json(plan: Plan) -> dict:
         "violations": [{"joint": v.joint, "quantity": v.quantity, "unit": v.unit, "value": v.value, "limit": v.limit,
                         "time_s": v.time} for v in plan.violations],
         "shortest_duration_s": plan.shortest_duration,
+        "reversals": [{"joint": i + 1, "time_s": instant} for i, column in enumerate(plan.q_desired.T)
+                      for instant, _ in reversals(plan.time, column)[1]],
+        "passage_s": TRANSITION_S,
         "compensated": list(plan.compensated),
         "warnings": list(plan.warnings),
     }
