@@ -1,6 +1,7 @@
 """The command line: `exactarm COMMAND ROBOT [FILES] --out DIR`.
 
-Exit codes: 0 done, 1 the computation failed, 2 bad input, 130 interrupted. An error is one line on stderr.
+Exit codes: 0 done, 1 the computation failed, 2 bad input, 130 interrupted. An error is one line on stderr,
+where nothing else is written in a pipe.
 Commands are modules of `exactarm.commands`; only the one that is asked for is imported.
 """
 
@@ -11,7 +12,7 @@ import signal
 import sys
 import traceback
 from contextlib import contextmanager
-from typing import Iterator, Sequence
+from typing import Iterator, Sequence, TextIO
 
 import exactarm
 from exactarm.commands.listing import COMMANDS, find_commands, import_command
@@ -27,7 +28,7 @@ def main(argv: Sequence[str] | None = None, package: str = COMMANDS) -> int:
     words = list(sys.argv[1:] if argv is None else argv)
     for stream in (sys.stdout, sys.stderr):
         stream.reconfigure(errors="replace")
-    progress = Progress(None if "--quiet" in words else sys.stderr)
+    progress = Progress(None if "--quiet" in words else _progress_stream())
     try:
         with _interruptible():
             return _run(words, progress, package)
@@ -41,6 +42,11 @@ def main(argv: Sequence[str] | None = None, package: str = COMMANDS) -> int:
             traceback.print_exception(error)
         print("exactarm: error: " + " ".join(line.split()), file=sys.stderr)
         return code
+
+
+def _progress_stream() -> TextIO:
+    """Where progress is said: on the terminal, else on stdout, so that stderr holds nothing but the one line of an error."""
+    return sys.stderr if sys.stderr.isatty() else sys.stdout
 
 
 def _explain(error: BaseException) -> tuple[int, str]:

@@ -79,6 +79,11 @@ class Dataset:
     def __len__(self) -> int:
         return len(self.row)
 
+    @property
+    def first_file(self) -> str | None:
+        """The file that the first row came from, for messages; None where no file was read."""
+        return self.sources[self.file_index[0]].path if self.sources and len(self) else None
+
     def select(self, rows: np.ndarray) -> "Dataset":
         """The rows of a mask (N,) bool or of an index array."""
         changes = {}

@@ -3,7 +3,7 @@
 `read_table` gives {name: numbers (N,) float64, or list of str for the columns named in `text`} and
 refuses, in one line that names file, row (1 = first data row), column and what was expected: an
 unreadable or empty file, names missing or given twice, rows of another length, cells that are no
-finite number. `write_table` is its inverse, exact to the last bit.
+finite number or beyond 1e30. `write_table` is its inverse, exact to the last bit.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ import pyarrow.parquet
 
 from exactarm.errors import InputError
 
+LARGEST_NUMBER = 1e30  # its square and the square's sum over all rows are still numbers
 _NOT_BLANK = re.compile(rb"\S")
 
 
@@ -225,4 +226,7 @@ def _numpy(path: str | Path, name: str, column: pa.ChunkedArray, is_text: bool) 
     if not finite.all():
         row = int(np.argmin(finite))
         raise InputError(f"{numbers[row]}; expected a finite number", file=path, row=row + 1, column=name)
+    if len(numbers) and np.max(np.abs(numbers)) > LARGEST_NUMBER:
+        row = int(np.argmax(np.abs(numbers)))
+        raise InputError(f"{numbers[row]}; expected a number of at most {LARGEST_NUMBER:g} in size", file=path, row=row + 1, column=name)
     return numbers

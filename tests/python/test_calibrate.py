@@ -223,7 +223,7 @@ def test_command_writes_intervals_and_both_errors(arm, tmp_path, capsys):
     ("few", "different identification poses give"),
     ("millimetres", "millimetres labelled as metres"),
     ("nan", "row 4, column x_m"),
-    ("one session too few", "at least 4 different poses"),
+    ("one session too few", "different poses of session 1 to find its frames by: 3; expected at least 4"),
 ])
 def test_bad_data_end_with_one_line(arm, tmp_path, capsys, fault, words):
     rng = np.random.default_rng(71)

@@ -33,6 +33,7 @@ def add_arguments(parser):
     parser.add_argument("--fail", default="")
 
 def run(arguments):
+    arguments.progress.stage("preparing")
     if arguments.fail == "input":
         raise InputError("not a number,\\nexpected metres", file="poses.csv", row=7, column="x_m")
     if arguments.fail == "computation":
@@ -122,6 +123,14 @@ def test_an_error_is_one_line_and_leaves_no_result(package, tmp_path, capsys, wo
     errors = capsys.readouterr().err
     assert errors.startswith(f"exactarm: error: {line}") and errors.count("\n") == 1
     assert not (out / "result.json").exists() and not (out / ".partial").exists()
+
+
+def test_in_a_pipe_stderr_holds_the_error_alone(package, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("exactarm.progress.PIPE_INTERVAL_S", -1.0)
+    assert run(package, "weigh", "nobody", "--out", tmp_path / "out", "--fail", "input") == 2
+    printed = capsys.readouterr()
+    assert printed.out == "preparing\n"
+    assert printed.err.count("\n") == 1 and printed.err.startswith("exactarm: error: ")
 
 
 def test_debug_prints_the_traceback(package, tmp_path, capsys):

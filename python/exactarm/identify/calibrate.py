@@ -149,7 +149,10 @@ def identifiable_layout(
 def require_sessions(train: Dataset, data: Dataset) -> None:
     missing = sorted(set(data.session.tolist()) - set(train.session.tolist()))
     if missing:
-        raise InputError(f"session {missing[0]} has no identification rows: its frames cannot be found")
+        raise InputError(
+            f"session {missing[0]} has no identification rows: its frames cannot be found; expected at least 4 different poses",
+            file=data.select(data.session == missing[0]).first_file,
+        )
 
 
 def require_enough(layout: Layout, data: Dataset, orientation: bool) -> None:
@@ -160,7 +163,8 @@ def require_enough(layout: Layout, data: Dataset, orientation: bool) -> None:
     if numbers <= layout.size:
         raise InputError(
             f"{distinct} different identification poses give {numbers} numbers for {layout.size} parameters: "
-            f"expected at least {layout.size // (6 if orientation else 3) + 1} different poses"
+            f"expected at least {layout.size // (6 if orientation else 3) + 1} different poses",
+            file=data.first_file,
         )
 
 

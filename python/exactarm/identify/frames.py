@@ -48,10 +48,15 @@ def find_frames(robot: Robot, data: Dataset, layout: Layout | None = None, seed:
     identity = replace(robot, base=Placement(), tool=Placement())
     flange = predict_poses(identity, layout or Layout.of(()), data, tangents=False)
     points, rotations, measured = flange.position, flange.rotation, data.position
-    if len(np.unique(np.round(points, 9), axis=0)) < 4:
-        raise InputError("the frames cannot be found: a session needs at least 4 different poses")
+    distinct = len(np.unique(np.round(points, 9), axis=0))
+    if distinct < 4:
+        raise InputError(
+            f"different poses of session {data.session[0]} to find its frames by: {distinct}; expected at least 4", file=data.first_file)
     if np.linalg.svd(measured - measured.mean(0), compute_uv=False)[1] < 1e-6:
-        raise InputError("the frames cannot be found: all measured points of a session lie on one line")
+        raise InputError(
+            f"measured points of session {data.session[0]} lie on one line; expected points in space, to find its frames by",
+            file=data.first_file,
+        )
     starts = np.random.default_rng(seed).normal(0.0, _TOOL_REACH_M, (_STARTS, 3))
     starts[0] = 0.0
     ends = [_refine(points, rotations, measured, start) for start in starts]

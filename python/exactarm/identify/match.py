@@ -42,7 +42,7 @@ def require_match(robot: Robot, data: Dataset, found: list[tuple[int, FoundFrame
         raise InputError(
             f"robot and data do not match: with the best base and tool of session {session}, {robot.name} misses the measured "
             f"points by {frames.rms:.3g} m (RMS), expected less than {WORST_SHARE * reach(robot):.2g} m: {cause}",
-            file=data.sources[rows.file_index[0]].path if data.sources else None,
+            file=rows.first_file,
         )
 
 
