@@ -1,0 +1,171 @@
+"""The report of `exactarm study`: tables and the figures that the source shows, for every path."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Sequence
+
+import numpy as np
+
+from exactarm import _core
+from exactarm.identify.statistics import summarise
+from exactarm.plan.compensation import planning_model
+from exactarm.plan.spectrum import PEAK_SHARE, amplitude
+from exactarm.report import Figure, Highlight, Highlights, Quantity, Report, Section, Table, Text
+from exactarm.report.numbers import quantity
+from exactarm.report.plots.weighting import histories, over_weight, path_in_space, spectra_per_axis, trade_off
+from exactarm.robot import Robot
+
+if TYPE_CHECKING:
+    from exactarm.commands.study import Case
+
+Study = dict[str, list["Case"]]
+_LEAST_SHOWN_M = 1e-10
+_INPUTS = {"acceleration": "acceleration", "jerk": "jerk"}
+
+
+def study_report(robot: Robot, studies: dict[str, Study]) -> Report:
+    """`studies`: path -> input -> cases in the order of their weights."""
+    best = {path: kinds["acceleration"][0] for path, kinds in studies.items()}
+    verdict = "; ".join(
+        f"{path}: {quantity(_rms(case.played.knots), 'm')} RMS at the knots and {quantity(_rms(case.played.between), 'm')} between "
+        f"them with ν = {_power(case.nu)}, {quantity(_rms(kinds['acceleration'][-1].played.knots), 'm')} with "
+        f"{_power(kinds['acceleration'][-1].nu)}"
+        for (path, kinds), case in zip(studies.items(), best.values())
+    )
+    sections: list[Section] = [
+        Highlights(tuple(Highlight(f"{path}, between the knots, RMS", Quantity(_rms(case.played.between), "m"))
+                         for path, case in best.items())),
+        *[_table(path, kinds) for path, kinds in studies.items()],
+        _ringing_table(studies),
+        Figure("tradeoff", "Accuracy against bandwidth", lambda: _trade_off(studies),
+               "Error of the flange between the knots on the virtual robot over the largest bandwidth of an axis; each point is a "
+               "weight, the smallest at the bottom.", "error over bandwidth, both logarithmic, for both inputs"),
+    ]
+    for path, kinds in studies.items():
+        sections += _figures(robot, path, kinds)
+    sections.append(Text("How to read it", (
+        f"Bandwidth: highest frequency at which the spectrum of the motor acceleration of an axis is above {PEAK_SHARE:g} of the largest peak of all axes. "
+        "Ringing: RMS of what alternates from knot to knot, the eigenvalue −1 of the trapezoidal rule. All accelerations on the "
+        "output side of the gears. Played on the virtual robot without deviations by the stiff integrator, between the knots on "
+        "the quintic spline through the motor angles at the knots.",
+        "The weight of the jerk is ν / (100 rad/s)²: at 16 Hz both inputs cost the same, and a row compares two such plans.",
+    )))
+    return Report(f"Weight of the input on {robot.name}", verdict + ".", tuple(sections), "plain")
+
+
+def _rms(errors: np.ndarray) -> float:
+    return summarise(errors).rms
+
+
+def _power(nu: float) -> str:
+    """A weight as a person writes it: 1e−14 as 10 to the power of −14."""
+    exponent = np.log10(nu)
+    if abs(exponent - round(exponent)) > 1e-9:
+        return f"{nu:.3g}"
+    return "10" + str(int(round(exponent))).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+
+
+def _table(path: str, kinds: Study) -> Table:
+    rows = tuple(
+        (_power(case.nu), Quantity(case.plan.tracking.position_rms, "m"), Quantity(_rms(case.played.knots), "m"),
+         Quantity(_rms(case.played.between), "m"), Quantity(summarise(case.played.between).max, "m"),
+         Quantity(case.widest, "Hz"), str(case.plan.solver.iterations))
+        for case in kinds["acceleration"]
+    )
+    rows = tuple((row[0], *(quantity(cell.value, cell.unit) for cell in row[1:6]), row[6]) for row in rows)
+    header = ("ν", "planned, RMS", "knots, RMS", "between, RMS", "between, largest", "bandwidth", "iterations")
+    return Table(f"Weights on {path}, acceleration as the input", header, rows,
+                 "Error of the flange: on the planner's model, then on the virtual robot at and between the knots.", 0)
+
+
+def _ringing_table(studies: dict[str, Study]) -> Table:
+    rows = []
+    for path, kinds in studies.items():
+        for jerk in kinds["jerk"]:
+            plain = next(case for case in kinds["acceleration"] if case.nu == jerk.nu)
+            rows.append((path, _power(jerk.nu), *(
+                cell for pair in zip(_compared(plain), _compared(jerk)) for cell in pair)))
+    header = ("path", "ν", *(f"{name}, {kind}" for name in ("knots", "between", "bandwidth", "ringing") for kind in ("a", "j")))
+    return Table("Acceleration (a) and jerk (j) as the input", header, tuple(rows),
+                 "RMS errors of the flange on the virtual robot; largest bandwidth and ringing (mrad/s²) of an axis.")
+
+
+def _compared(case: "Case") -> tuple[str, ...]:
+    return (quantity(_rms(case.played.knots), "m"), quantity(_rms(case.played.between), "m"), quantity(case.widest, "Hz"),
+            f"{1e3 * case.ringing.max():.2g}")
+
+
+def _trade_off(studies: dict[str, Study]):
+    lines = {
+        path: {f"{_INPUTS[kind]} as the input": (np.array([case.widest for case in cases]),
+                                                 np.array([_rms(case.played.between) for case in cases]))
+               for kind, cases in kinds.items()}
+        for path, kinds in studies.items()
+    }
+    return trade_off(lines, "RMS error between knots", "largest bandwidth", "Hz")
+
+
+def _figures(robot: Robot, path: str, kinds: Study) -> list[Figure]:
+    cases = kinds["acceleration"]
+    shown = [cases[0], cases[len(cases) // 2], cases[-1]] if len(cases) > 2 else cases
+    labels = [f"ν = {_power(case.nu)}" for case in shown]
+    best, time = cases[0].plan, cases[0].plan.time
+    axis = _livelier(best, robot)
+    each = lambda pick: {label: pick(case) for label, case in zip(labels, shown)}
+    per_axis = lambda values: {f"axis {i + 1}": values[:, i] for i in range(values.shape[1])}
+    smallest = f"ν = {_power(cases[0].nu)}"
+    joints, orientation = best.q - best.q_desired, _turned(robot, best)
+    planned, wanted = (np.linalg.norm(np.gradient(p, time, axis=0), axis=1) for p in (best.position, best.reference.position))
+    build = [
+        ("weight", "error and bandwidth over the weight", "Error of the flange on the virtual robot, at and between the knots, and bandwidth of each axis.",
+         lambda: over_weight(
+             np.array([case.nu for case in cases]),
+             {label: np.array([getattr(summarise(getattr(case.played, where)), field) for case in cases])
+              for label, where, field in (("RMS at knots", "knots", "rms"), ("between", "between", "rms"),
+                                          ("largest", "between", "max"))},
+             np.array([[np.nan if b is None else b for b in case.bandwidth] for case in cases]))),
+        ("spectrum", "spectrum of the motor acceleration", "Output side; the highest amplitude of each narrow band.",
+         lambda: spectra_per_axis(_spectrum(robot, shown[0])[0], each(lambda case: _spectrum(robot, case)[1]))),
+        ("error", "error of the flange over time", "Distance of the flange from the path at the samples, on the planner's model.",
+         lambda: histories(time, [("position error", "m", each(lambda case: np.maximum(case.plan.position_error, _LEAST_SHOWN_M)))],
+                           log_y=True)),
+        ("axis", f"what the weight does to axis {axis + 1}", "Motor acceleration, motor rate and link rate, output side.",
+         lambda: histories(time, [
+             ("motor acceleration", "rad/s²", each(lambda case: (case.plan.theta_ddot / robot.ratios)[:, axis])),
+             ("motor rate", "rad/s", each(lambda case: (case.plan.theta_dot / robot.ratios)[:, axis])),
+             ("link rate", "rad/s", each(lambda case: case.plan.q_dot[:, axis]))])),
+        ("speed", "speed along the path", f"{smallest}, differences of the planned positions.",
+         lambda: histories(time, [("speed", "m/s", {"desired": wanted, "calculated": planned})])),
+        ("errors", f"errors with {smallest}", "Joint angles, orientation of the flange and its position, on the planner's model.",
+         lambda: histories(time, [
+             ("joint error", "rad", per_axis(joints)),
+             ("orientation error", "rad", {name: orientation[:, k] for k, name in enumerate(("about x", "about y", "about z"))}),
+             ("position error", "m", {name: (best.position - best.reference.position)[:, k] for k, name in enumerate("xyz")})])),
+        ("motion", f"motion with {smallest}", "Motor acceleration, motor rate and link rate, output side.",
+         lambda: histories(time, [("motor acceleration", "rad/s²", per_axis(best.theta_ddot / robot.ratios)),
+                                  ("motor rate", "rad/s", per_axis(best.theta_dot / robot.ratios)),
+                                  ("link rate", "rad/s", per_axis(best.q_dot))])),
+        ("space", "path in space", f"{smallest}; the axes of the flange at some instants.",
+         lambda: path_in_space(best.reference.position, best.position, best.reference.rotation)),
+        ("jerk", "spectrum with either input", f"Motor acceleration, output side, both with the weight of {smallest}.",
+         lambda: spectra_per_axis(_spectrum(robot, cases[0])[0],
+                                  {f"{_INPUTS[kind]} as the input": _spectrum(robot, kinds[kind][0])[1] for kind in _INPUTS})),
+    ]
+    return [Figure(f"{name}_{path}", f"{path.capitalize()}: {heading}", draw, caption, heading)
+            for name, heading, caption, draw in build]
+
+
+def _spectrum(robot: Robot, case: "Case") -> tuple[np.ndarray, np.ndarray]:
+    return amplitude(case.plan.theta_ddot / robot.ratios, case.plan.reference.step)
+
+
+def _livelier(plan, robot: Robot) -> int:
+    """The axis (from 0) whose motor acceleration is largest."""
+    return int(np.argmax(np.abs(plan.theta_ddot / robot.ratios).max(axis=0)))
+
+
+def _turned(robot: Robot, plan) -> np.ndarray:
+    """(N, 3) rad: small rotation from the desired orientation to that of the planned joint angles."""
+    rotation = _core.forward_kinematics(planning_model(robot).core, plan.q)[1].reshape(-1, 3, 3)
+    off = np.swapaxes(plan.reference.rotation, -1, -2) @ rotation
+    return 0.5 * np.stack([off[:, 2, 1] - off[:, 1, 2], off[:, 0, 2] - off[:, 2, 0], off[:, 1, 0] - off[:, 0, 1]], axis=1)
