@@ -28,6 +28,7 @@ from exactarm.chain.spring import declared_deflection
 from exactarm.chain.view import View
 from exactarm.dataset import Dataset
 from exactarm.effects.base import Station
+from exactarm.effects.drive import smooth_sign
 from exactarm.robot import Robot
 from exactarm.signals import derivative, gaussian_filter, typical_step
 
@@ -127,7 +128,7 @@ def _joint_angles(view: View, layout: Layout, derivatives: bool) -> list[Recorde
     declared, slope = declared_output_angle(view)
     view.signals["gear_slope"] = slope
     view.signals["q"] = declared + view.robot.offsets
-    load = None if view.has_masses else _measured_torque(view)
+    load = None if view.has_masses else _measured_load(view)
     settled = False
     for _ in range(_FIXED_POINT_PASSES):
         before, passed = view.q, list(first)
@@ -149,10 +150,11 @@ def _joint_angles(view: View, layout: Layout, derivatives: bool) -> list[Recorde
     return passed
 
 
-def _measured_torque(view: View) -> np.ndarray:
+def _measured_load(view: View) -> np.ndarray:
     """(N, n) measured torque on the output side, 0 where none was measured: spikes out, low-passed.
 
-    A gear gives way to what the arm demands, not to the ripple and noise of the drive's current.
+    A gear gives way to what the arm demands, not to the ripple and noise of the drive's current. Nor to what the drive's
+    dry friction takes of it: view.signals["friction_sign"] (N, n) is the shape of that part behind the same low-pass.
     """
     torque = np.zeros((view.rows, view.axes))
     for name, factor in (("tau_motor", view.robot.ratios), ("tau", 1.0)):
@@ -161,11 +163,14 @@ def _measured_torque(view: View) -> np.ndarray:
             torque = np.where(np.isnan(measured), torque, measured)
     if not np.any(torque):
         return torque
+    view.signals["friction_sign"] = np.zeros_like(torque)
     for rows in view.runs:
         time = view.data.time[rows]
         width = 1 + 2 * int(round(_SPIKE_S / typical_step(time)))
         plain = ndimage.median_filter(torque[rows], size=(width, 1), mode="nearest")
         torque[rows] = gaussian_filter(plain, time, _TORQUE_CUTOFF_HZ)
+        sign = smooth_sign(view.signals["theta_dot"][rows] / view.robot.ratios)[0]
+        view.signals["friction_sign"][rows] = gaussian_filter(sign, time, _TORQUE_CUTOFF_HZ)
     return torque
 
 

@@ -40,6 +40,7 @@ def _sections(result: Diagnosis, rule: str) -> list:
     sections: list = [
         highlights(result.before, result.after, unit),
         error_table(result.before, result.after, unit, name.capitalize(), note),
+        *_axes_table(result),
         Table("Noise floor", ("", "", "from"), (("no model can do better than", Quantity(result.noise.value, unit),
                                                  result.noise.source),)),
     ]
@@ -55,6 +56,18 @@ def _sections(result: Diagnosis, rule: str) -> list:
     if result.excluded:
         sections.append(Warnings((f"{result.excluded} identification rows were left out as outliers",)))
     return sections
+
+
+def _axes_table(result: Diagnosis) -> list[Table]:
+    if not result.axes or len(result.axes) < 2:
+        return []
+    judged = "validation" if result.after["validation"].n else "identification"
+    rows = tuple(
+        (str(axis["joint"]), Quantity(axis["before"], result.unit), Quantity(axis["after"], result.unit),
+         ", ".join(f.effect.label.replace("_", " ") for f in result.findings if f.effect.joint in (None, axis["joint"])))
+        for axis in result.axes
+    )
+    return [Table(f"RMS error by axis, {judged} rows", ("axis", "before", "after", "found on it"), rows)]
 
 
 def _effects_table(result: Diagnosis) -> Table:

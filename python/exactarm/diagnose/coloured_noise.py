@@ -2,7 +2,8 @@
 
 Samples of a filtered or drifting signal count as fewer: 1 / (1 + 2 sum rho) each, rho the autocorrelation of the noise
 (Bartlett's taper). Noise is what the strongest candidates of the library together cannot explain: the residual itself
-still has the causes in it that are searched for, and they would pass for correlation.
+still has the causes in it that are searched for, and they would pass for correlation. Where the noise drifts
+(`drifts`), the drift is filtered out first (identify/drifting_noise.py), and the rest is counted.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import numpy as np
 from exactarm.diagnose.problem import Fitted, Problem, orthonormal
 from exactarm.diagnose.scan import free_mask, scan
 from exactarm.identify.correlated import autocorrelation
+from exactarm.identify.drifting_noise import DriftingNoise
 
 _LAG_S = 1.0
 _ANEW = 0.5  # estimated anew when the square sum of the residual has fallen to this share
@@ -21,17 +23,36 @@ _STRONGEST = 10  # candidates: many more would explain noise
 
 
 class ColouredNoise:
-    """Keeps the estimate of a problem, `share`, until its residual has become another one."""
+    """Keeps the estimates of a problem, `share` and `drift`, until its residual has become another one."""
 
     def __init__(self, problem: Problem):
         self._problem = problem
-        self._square, self.share = np.inf, 1.0
+        self._square, self.share, self.drift = np.inf, 1.0, None
+
+    def is_known(self, residual: np.ndarray) -> bool:
+        """Whether the estimates hold for a residual of this size still; if not, they are to be made anew."""
+        return float(np.sum(residual**2)) >= _ANEW * self._square
+
+    def drift_of(self, fitted: Fitted, runs: Sequence[np.ndarray]) -> DriftingNoise | None:
+        """From a fit whose residual has passed no filter."""
+        return DriftingNoise.of(self._unexplained(fitted), runs)
+
+    def adopts(self, fitted: Fitted, drift: DriftingNoise | None, runs: Sequence[np.ndarray], step: float) -> bool:
+        """Takes the drift and the share behind its filter (of a fit with it) for the present ones, if they claim less.
+
+        Ten of the library explain any slow noise of one run: what has once passed for drift stays so.
+        """
+        self._square = float(np.sum(fitted.residual**2))
+        share = _share_of(self._unexplained(fitted), runs, step)
+        if share >= self.share:
+            return False
+        self.share, self.drift = share, drift
+        return True
 
     def independent_share(self, fitted: Fitted, runs: Sequence[np.ndarray], step: float) -> float:
-        """Independent numbers per number of `fitted.residual`; `runs`: its rows in the order of time."""
-        square = float(np.sum(fitted.residual**2))
-        if square < _ANEW * self._square:
-            self._square = square
+        """Independent numbers per number of `fitted.whitened`; `runs`: its rows in the order of time."""
+        if not self.is_known(fitted.residual):
+            self._square = float(np.sum(fitted.residual**2))
             self.share = _share_of(self._unexplained(fitted), runs, step)
         return self.share
 

@@ -21,10 +21,17 @@ def folds_of(groups: np.ndarray, seed: int, folds: int = FOLDS) -> np.ndarray:
     return (order % min(folds, len(names)))[inverse]
 
 
-def held_out_squares(fitted: Fitted, columns: np.ndarray, folds: np.ndarray, prior: np.ndarray | None = None) -> np.ndarray:
-    """(folds,) square sum of the held-out residual with the free parameters and `columns` (R, k) refitted.
+def held_out_squares(
+    fitted: Fitted,
+    columns: np.ndarray,
+    folds: np.ndarray,
+    prior: np.ndarray | None = None,
+    units: np.ndarray | None = None,
+) -> np.ndarray:
+    """(units,) square sum of the held-out residual with the free parameters and `columns` (R, k) refitted.
 
-    prior (k,): standard deviations of the priors of the columns' coefficients, inf = none.
+    prior (k,): standard deviations of the priors of the columns' coefficients, inf = none. units (N,): what the
+    square sum is told by, numbers from 0; absent: the folds.
     """
     design = np.concatenate([fitted.basis, columns], axis=1)
     penalty = np.zeros(design.shape[1])
@@ -36,11 +43,12 @@ def held_out_squares(fitted: Fitted, columns: np.ndarray, folds: np.ndarray, pri
     fold_of_row = np.full(residual.size, -1)
     fold_of_row[:numbers] = np.repeat(folds, numbers // len(folds))
     normal, right = design.T @ design + np.diag(penalty), design.T @ residual
-    squares = []
+    held_out = np.empty(numbers)
     for fold in range(int(folds.max()) + 1):
         rows = fold_of_row == fold
         part, answer = design[rows], residual[rows]
         rest = normal - part.T @ part
         values = linalg.solve(rest + 1e-10 * np.eye(len(rest)), right - part.T @ answer, assume_a="pos")
-        squares.append(float(np.sum((answer - part @ values) ** 2)))
-    return np.array(squares)
+        held_out[rows[:numbers]] = answer - part @ values
+    squares = np.sum(held_out.reshape(len(folds), -1) ** 2, axis=1)
+    return np.bincount(folds if units is None else units, weights=squares)

@@ -84,7 +84,7 @@ def _effective(problem: Problem, fitted: Fitted) -> float:
 def _test(fitted, residual, bins, pattern, square, freedom, numbers) -> tuple[float, float]:
     """p-value and share of the square sum of the residual that the bins along `pattern` (N, m) explain."""
     columns = np.zeros((residual.size, bins.shape[1]))
-    columns[:numbers] = ((pattern * fitted.scale)[:, :, None] * bins[:, None, :]).reshape(numbers, -1)
+    columns[:numbers] = fitted.standard(pattern[:, :, None] * bins[:, None, :])
     length = np.linalg.norm(columns, axis=0)
     columns -= fitted.basis @ (fitted.basis.T @ columns)
     gram, onto = columns.T @ columns, columns.T @ residual

@@ -8,7 +8,7 @@ Searched and fitted on the thinned runs (thinned_run.py); judged on all samples.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from exactarm.diagnose.thinned_run import thinned_run
 from exactarm.diagnose.time_groups import time_groups
 from exactarm.effects.base import Effect, Station
 from exactarm.effects.encoder_offset import EncoderOffset
+from exactarm.identify.drifting_noise import DriftingNoise
 from exactarm.identify.gear_declared import declared_gear_layout, sensor_layout
 from exactarm.identify.gear_fit import fit_gear_runs
 from exactarm.robot import Robot
@@ -28,6 +29,17 @@ from exactarm.signals import typical_step, white_noise
 
 _LEAST_SIGMA = 1e-12
 _RUNS_OF_A_SORT = 4
+_LEAST_SHARE_OF_WHITE = 0.004  # behind the filter most of the square sum is the encoders' own, whatever the slow part does
+
+
+@dataclass(frozen=True)
+class GearFitted(Fitted):
+    """drift: of the noise between two encoders; None where neighbouring samples are taken as they are."""
+
+    drift: DriftingNoise | None = None
+
+    def decorrelated(self, values: np.ndarray) -> np.ndarray:
+        return values if self.drift is None else self.drift.white(values)
 
 
 class GearProblem(Problem):
@@ -44,8 +56,10 @@ class GearProblem(Problem):
         if len(held_out):
             self._records["validation"] = gear_record(robot, held_out)
         self.thin, self.record = thinned_run(robot, data, self._records["identification"])
+        self._step = typical_step(self.thin.time[self.record.runs[0]])
         if self.record.encoder_axes:
             self.unit = "rad"
+            self.least_share = _LEAST_SHARE_OF_WHITE
 
     def _record_of(self, data: Dataset) -> GearRecord:
         if data is self.data or data is self.held_out:
@@ -56,26 +70,40 @@ class GearProblem(Problem):
         return declared_gear_layout(self.robot, self.thin, self.record)
 
     def fit(self, layout: Layout, weight: np.ndarray | None = None, sigma: np.ndarray | None = None) -> Fitted:
+        fitted = self._fit_with(layout, self._noise.drift)
+        if self.record.encoder_axes and not self._noise.is_known(fitted.residual):
+            plain = fitted if fitted.drift is None else self._fit_with(layout, None)
+            trial = self._fit_with(layout, self._noise.drift_of(plain, self.record.runs))
+            if self._noise.adopts(trial, trial.drift, self.record.runs, self._step):
+                fitted = trial
+        return self._counted(fitted)
+
+    def _fit_with(self, layout: Layout, drift: DriftingNoise | None) -> "GearFitted":
+        """The layout fitted to noise that drifts so; sigma of what lies behind the filter, every row counted."""
         share = self._noise.share
         weights = np.full(len(self.thin), np.sqrt(share))
         found = fit_gear_runs(
-            self.robot, layout, self.thin, record=self.record, weights=weights, threads=self.threads
+            self.robot, layout, self.thin, record=self.record, weights=weights, drift=drift, threads=self.threads
         )
         prediction = found.prediction
         residual, keep = prediction.residual(), self.record.keep
-        fitted = Fitted(
+        white = residual if drift is None else drift.white(residual)
+        return GearFitted(
             robot=self.robot,
             layout=found.layout,
             fit=found.fit,
             residual=residual,
             jacobian=np.zeros((*residual.shape, 0)) if prediction.jacobian is None else prediction.jacobian,
-            sigma=np.maximum(np.sqrt(np.mean(residual[keep] ** 2, axis=0)), _LEAST_SIGMA),
+            sigma=np.maximum(np.sqrt(np.mean(white[keep] ** 2, axis=0)), _LEAST_SIGMA),
             weight=keep.astype(float),
             view=prediction.view,
+            drift=drift,
         )
-        share = self._noise.independent_share(fitted, self.record.runs, typical_step(self.thin.time[self.record.runs[0]]))
-        # Correlated samples count as fewer, against priors and in intervals.
-        widened = replace(found.fit, covariance=found.fit.covariance / share)
+
+    def _counted(self, fitted: "GearFitted") -> "GearFitted":
+        """Correlated samples count as fewer, against priors and in intervals."""
+        share = self._noise.independent_share(fitted, self.record.runs, self._step)
+        widened = replace(fitted.fit, covariance=fitted.fit.covariance / share)
         return replace(fitted, sigma=fitted.sigma / np.sqrt(share), fit=widened)
 
     def errors(self, fitted: Fitted, data: Dataset) -> np.ndarray:
@@ -98,6 +126,21 @@ class GearProblem(Problem):
                 residual[rows] -= residual[rows].mean(axis=0)
         return residual.ravel()
 
+    def axes(self, before: Fitted, after: Fitted) -> list:
+        data = self.held_out if len(self.held_out) else self.data
+        rms = [self._rms_by_axis(fitted, data) for fitted in (before, after)]
+        return [{"joint": axis + 1, "before": rms[0][axis], "after": rms[1][axis]} for axis in sorted(rms[0])]
+
+    def _rms_by_axis(self, fitted: Fitted, data: Dataset) -> dict[int, float]:
+        """RMS of the deviations by axis (from 0): of each encoder, or of the runs in which the axis moves."""
+        record, deviations = self._record_of(data), self._deviations(fitted, data)
+        if record.encoder_axes:
+            parts = dict(zip(record.encoder_axes, deviations.reshape(len(data), -1).T))
+        else:
+            moved = record.sensor_axis
+            parts = {int(axis): deviations[moved == axis] for axis in np.unique(moved)}
+        return {axis: float(np.sqrt(np.nanmean(part**2))) for axis, part in parts.items() if np.isfinite(part).any()}
+
     def _new_set_up(self, layout: Layout, data: Dataset, record: GearRecord) -> Layout:
         """Alignments (offsets) of sessions, axes or runs that were not among the identification rows."""
         known = {name for effect in layout.effects for name in map(effect.parameter_label, effect.parameters())}
@@ -114,6 +157,12 @@ class GearProblem(Problem):
         sorts = [(int(self.thin.session[rows[0]]), axis) for rows, axis in moving]
         several = min(sorts.count(sort) for sort in sorts) >= _RUNS_OF_A_SORT
         return self.thin.run if several and not self.record.encoder_axes else time_groups(self.thin.run)
+
+    def units(self, folds: np.ndarray) -> np.ndarray:
+        """Stretches longer than what the filtered noise remembers; without a filter the folds."""
+        if self._noise.drift is None:
+            return folds
+        return np.arange(len(folds)) // int(np.ceil(1.0 / self._noise.share))
 
     def correlation_factor(self, fitted: Fitted) -> float:
         return self._noise.share

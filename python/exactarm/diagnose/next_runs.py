@@ -90,7 +90,7 @@ def _difference_on_record(fitted: Fitted, one: Effect, other: Effect):
     first = fitted.columns(one)[:numbers, free_mask(one)] @ np.array(one.values)[free_mask(one)]
     second = fitted.columns(other)[:numbers, free_mask(other)]
     keep = _shared(fitted, one, other)
-    declared = (fitted.jacobian[:, :, keep] * fitted.scale[:, :, None]).reshape(numbers, -1)
+    declared = fitted.standard(fitted.jacobian[:, :, keep])
     basis = orthonormal(declared)
     free = lambda columns: columns - basis @ (basis.T @ columns)
     values = np.linalg.lstsq(free(second), free(first), rcond=1e-9)[0]

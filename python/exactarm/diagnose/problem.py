@@ -51,7 +51,8 @@ class Fitted:
     @cached_property
     def whitened(self) -> np.ndarray:
         """(N m + r,) the residual with unit variance, then the pseudo-residuals of the priors."""
-        return np.concatenate([(self.residual * self.scale).ravel(), -self.prior_rows @ self.layout.values])
+        data = self.standard(self.residual[:, :, None]).ravel()
+        return np.concatenate([data, -self.prior_rows @ self.layout.values])
 
     @cached_property
     def free_residual(self) -> np.ndarray:
@@ -75,15 +76,22 @@ class Fitted:
         """N m: so many entries of `whitened` are data."""
         return self.residual.size
 
-    def square(self, sigma: np.ndarray) -> float:
-        """Square sum of the residual in units of `sigma` (m,), so that different fits can be compared."""
-        return float(np.sum((self.weight[:, None] * self.residual / sigma) ** 2))
+    def decorrelated(self, values: np.ndarray) -> np.ndarray:
+        """(N, m, ...) behind the filter that makes the noise of neighbouring rows independent; here there is none."""
+        return values
+
+    def standard(self, values: np.ndarray) -> np.ndarray:
+        """(N, m, k) of the measurement as (N m, k) in units of its noise."""
+        return (self.decorrelated(values) * self.scale[:, :, None]).reshape(self.data_numbers, -1)
+
+    def square(self, like: "Fitted") -> float:
+        """Square sum of the residual in the noise of `like`, so that different fits can be compared."""
+        return float(np.sum((self.weight[:, None] * like.decorrelated(self.residual) / like.sigma) ** 2))
 
     @cached_property
     def basis(self) -> np.ndarray:
         """(N m + r, b) orthonormal basis of what the free parameters can explain."""
-        data = (self.jacobian * self.scale[:, :, None]).reshape(self.data_numbers, -1)
-        columns = np.concatenate([data, self.prior_rows])
+        columns = np.concatenate([self.standard(self.jacobian), self.prior_rows])
         return orthonormal(columns)
 
     def columns(self, effect: Effect) -> np.ndarray:
@@ -96,7 +104,7 @@ class Fitted:
 
     def whiten(self, response: np.ndarray) -> np.ndarray:
         """(N m + r, k) of a response (N, m, k), in units of the noise, with nothing in the rows of the priors."""
-        data = (response * self.scale[:, :, None]).reshape(self.data_numbers, -1)
+        data = self.standard(response)
         return np.concatenate([data, np.zeros((len(self.prior_rows), data.shape[1]))])
 
 
@@ -143,6 +151,7 @@ class Problem(ABC):
     unit: str = ""
     kind: str = ""
     repeat_source = "repeated visits of the same pose"
+    least_share = 0.02  # of the cross-validated square sum that an effect must take away
 
     def __init__(self, robot: Robot, data: Dataset, held_out: Dataset, threads: int = 1, seed: int = 0):
         self.robot, self.data, self.held_out = robot, data, held_out
@@ -197,6 +206,10 @@ class Problem(ABC):
         What is found is fitted to all of them afterwards.
         """
         return None
+
+    def units(self, folds: np.ndarray) -> np.ndarray:
+        """(N,) int from 0: rows whose held-out errors scatter independently of each other's; the folds, to be safe."""
+        return folds
 
     def axes(self, before: Fitted, after: Fitted) -> list | None:
         """RMS per axis of the validation rows, where the kind of data has one number per axis; else None."""

@@ -21,7 +21,6 @@ from exactarm.effects import library
 from exactarm.effects.base import Effect
 
 LEAST_EVIDENCE = 5.0  # log Bayes factor; all candidates tried are already paid for
-LEAST_SHARE = 0.02  # an effect must take this share of the cross-validated square sum away
 MOST_EFFECTS = 16
 _SHORTLIST = 12
 _FOLD_CERTAINTY = 2.5  # the mean fall of the folds beside its standard error
@@ -111,17 +110,17 @@ def _warm(declared: Layout, last: Fitted) -> Layout:
 def _best_addition(problem, declared, chosen, fitted, ranking):
     """The best candidate that cross-validation and the joint fit confirm, with what is independent of it; else None."""
     folds = folds_of(problem.groups(), problem.seed)
-    without = held_out_squares(fitted, np.zeros((fitted.whitened.size, 0)), folds)
+    without = held_out_squares(fitted, np.zeros((fitted.whitened.size, 0)), folds, units=problem.units(folds))
     shortlist = [c for c in ranking[:_SHORTLIST] if c.evidence >= LEAST_EVIDENCE]
     for place, candidate in enumerate(shortlist):
-        if not _worth(fitted, candidate.effect, folds, without):
+        if not _worth(problem, fitted, candidate.effect, folds, without):
             continue
         group = [candidate.effect]
         if not _excludes(candidate.effect):
             group = _independent(problem, fitted, shortlist[place:], folds, without)
         for effects in (group, group[:1]) if len(group) > 1 else (group,):
             trial = refit(problem, declared, chosen + effects, fitted)
-            fall = fitted.square(fitted.sigma) - trial.square(fitted.sigma)
+            fall = fitted.square(fitted) - trial.square(fitted)
             if fall >= _KEPT_GAIN * candidate.gain or _excludes(candidate.effect):
                 return [*trial.layout.effects[len(declared.effects):]], trial
     return None
@@ -138,7 +137,7 @@ def _independent(problem, fitted, shortlist: list[Candidate], folds, without) ->
         if candidate.evidence < _INDEPENDENT_EVIDENCE or _excludes(candidate.effect):
             continue
         beside = scan(fitted, [_emptied(candidate.effect)], _count(problem, fitted), columns)[0]
-        if beside.gain >= _INDEPENDENT_SHARE * candidate.gain and _worth(fitted, candidate.effect, folds, without):
+        if beside.gain >= _INDEPENDENT_SHARE * candidate.gain and _worth(problem, fitted, candidate.effect, folds, without):
             group.append(beside.effect)
             columns = np.concatenate([columns, _linear_columns(fitted, candidate.effect)], axis=1)
     return group
@@ -152,14 +151,14 @@ def _excludes(effect: Effect) -> bool:
     return type(effect).keep is not Effect.keep
 
 
-def _worth(fitted: Fitted, effect: Effect, folds: np.ndarray, without: np.ndarray) -> bool:
-    """Cross-validated: does the effect take enough of the square sum away, and in all folds alike?"""
+def _worth(problem: Problem, fitted: Fitted, effect: Effect, folds: np.ndarray, without: np.ndarray) -> bool:
+    """Cross-validated: does the effect take enough of the square sum away, and surely so over the problem's units?"""
     if _excludes(effect):
         return True
     columns = _linear_columns(fitted, effect)
-    fall = without - held_out_squares(fitted, columns, folds, prior_of(effect))
+    fall = without - held_out_squares(fitted, columns, folds, prior_of(effect), problem.units(folds))
     certain = fall.mean() > _FOLD_CERTAINTY * fall.std(ddof=1) / np.sqrt(len(fall))
-    return bool(certain and fall.sum() > LEAST_SHARE * without.sum())
+    return bool(certain and fall.sum() > problem.least_share * without.sum())
 
 
 def _prune(problem, declared, chosen, fitted):
@@ -168,7 +167,7 @@ def _prune(problem, declared, chosen, fitted):
     while place < len(chosen):
         without = fitted.without(len(declared.effects) + place)
         own = None if _excludes(chosen[place]) else scan(without, [_emptied(chosen[place])], _count(problem, without))[0]
-        if own is not None and (own.evidence < LEAST_EVIDENCE or own.gain < LEAST_SHARE * _square(without)):
+        if own is not None and (own.evidence < LEAST_EVIDENCE or own.gain < problem.least_share * _square(without)):
             del places[place]
             fitted = refit(problem, declared, chosen[:place] + chosen[place + 1 :], fitted)
             chosen = [*fitted.layout.effects[len(declared.effects):]]
@@ -203,7 +202,7 @@ def _contest(problem, declared, chosen, rounds, fitted, first_ranking, progress)
         if own is not None and winner.label != own.label and winner.evidence > own.evidence + 1.0:
             trial = refit(problem, declared, chosen[:place] + [winner.effect] + chosen[place + 1 :], fitted)
             price = np.log(count) * (free_mask(winner.effect).sum() - free_mask(chosen[place]).sum())
-            lead = 0.5 * (trial.square(fitted.sigma) + price - fitted.square(fitted.sigma))
+            lead = 0.5 * (trial.square(fitted) + price - fitted.square(fitted))
             if lead < 0.0:
                 fitted, own = trial, winner
                 chosen = [*trial.layout.effects[len(declared.effects):]]

@@ -2,6 +2,9 @@
 
 Either the delivered angle gives way, change = -linear torque; or the gear's whole error grows,
 e -> (1 + relative |torque|) e; or one order has a part proportional to the torque (values: order, a, b per Nm).
+A measured torque is the drive's: what its dry friction holds never reaches the gear, so that
+change = -linear torque + friction sign(rate), friction = linear times the torque of that friction (torque and sign
+behind the same low-pass; no friction where the load comes from declared masses).
 """
 
 from __future__ import annotations
@@ -15,11 +18,13 @@ from exactarm.effects.base import Change, Effect, Parameter
 from exactarm.effects.harmonic_family import HarmonicFamily, declared_orders, growing_error, searched_orders
 
 _LEAST_SPREAD_NM = 1e-3
+_LEAST_SPREAD_SIGN = 0.5
 
 
 @dataclass(frozen=True)
 class LoadDependence(HarmonicFamily):
-    """One value: wind-up, or with `of_declared` the growth of the gear's error; more: an order of its own."""
+    """One value: wind-up, or with `of_declared` the growth of the gear's error; two: wind-up and the friction of the
+    drive; three: an order of its own."""
 
     of_declared: bool = False
 
@@ -38,17 +43,17 @@ class LoadDependence(HarmonicFamily):
         return view.torque[:, self.index], {"torque": by_torque}
 
     def parameters(self) -> tuple[Parameter, ...]:
-        if len(self.values) != 1:
+        if len(self.values) > 2:
             return super().parameters()
         if self.of_declared:
             return (Parameter("relative_per_Nm", 5e-3, -1.0, 1.0),)
-        return (Parameter("linear_rad_per_Nm", 5e-6),)
+        return (Parameter("linear_rad_per_Nm", 5e-6), Parameter("friction_rad", 1e-4))[: len(self.values)]
 
     def parameter_label(self, parameter: Parameter) -> str:
         return f"{self.label}.{parameter.name}"
 
     def change(self, view) -> Change:
-        if len(self.values) != 1:
+        if len(self.values) > 2:
             return super().change(view)
         size, torque = self.values[0], view.torque[:, self.index]
         by_torque = np.zeros((view.rows, 1, view.axes))
@@ -57,10 +62,20 @@ class LoadDependence(HarmonicFamily):
             by_torque[:, 0, self.index] = -size * np.sign(torque) * error
             return replace(grown, by_signal=grown.by_signal | {"torque": by_torque})
         by_torque[:, 0, self.index] = -size
-        return Change((self.index,), (-size * torque)[:, None], -torque[:, None, None], {"torque": by_torque})
+        columns = -torque[:, None]
+        if len(self.values) == 2:
+            columns = np.stack([-torque, self._sign(view)], axis=1)
+        value = columns @ np.array(self.values)
+        return Change((self.index,), value[:, None], columns[:, None, :], {"torque": by_torque})
+
+    def _sign(self, view) -> np.ndarray:
+        """(N,) shape of the drive's friction in the load; 0 where the load is the arm's own."""
+        return view.signals["friction_sign"][:, self.index] if "friction_sign" in view.signals else np.zeros(view.rows)
 
     @classmethod
     def from_table(cls, table) -> Effect:
+        if "friction_rad" in table:
+            return cls(table["joint"], (float(table["linear_rad_per_Nm"]), float(table["friction_rad"])))
         for key, of_declared in (("relative_per_Nm", True), ("linear_rad_per_Nm", False)):
             if key in table:
                 return cls(table["joint"], (float(table[key]),), of_declared=of_declared)
@@ -72,6 +87,8 @@ class LoadDependence(HarmonicFamily):
             if np.std(view.torque[:, index]) < _LEAST_SPREAD_NM:
                 continue
             yield cls(index + 1, (0.0,))
+            if "friction_sign" in view.signals and np.ptp(view.signals["friction_sign"][:, index]) > _LEAST_SPREAD_SIGN:
+                yield cls(index + 1, (0.0, 0.0))
             if robot.joints[index].has_harmonics:
                 yield cls(index + 1, (0.0,), of_declared=True)
             orders = (*np.unique(declared_orders(robot, index)), *searched_orders(robot, view, index))

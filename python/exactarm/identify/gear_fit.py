@@ -12,6 +12,7 @@ import numpy as np
 
 from exactarm.chain import GearRecord, GearRunPrediction, Layout, gear_record, predict_gear_run
 from exactarm.dataset import Dataset
+from exactarm.identify.drifting_noise import DriftingNoise
 from exactarm.regression import Evaluation, Fit, least_squares
 from exactarm.robot import Robot
 
@@ -41,36 +42,38 @@ def fit_gear_runs(
     *,
     record: GearRecord | None = None,
     weights: np.ndarray | None = None,
+    drift: DriftingNoise | None = None,
     threads: int = 1,
 ) -> GearFit:
-    """Estimates the free parameters of `layout`; `weights` (N,) per row, 0 leaves it out."""
+    """Estimates the free parameters of `layout`; `weights` (N,) per row, 0 leaves it out; `drift`: of the noise."""
     record = gear_record(robot, data) if record is None else record
     used = record.keep.astype(float) if weights is None else record.keep * weights
     parameters = layout.parameters
     bounds = np.array([p.lower for p in parameters]), np.array([p.upper for p in parameters])
     centre, spread = _priors(layout)
     prior = np.flatnonzero(np.isfinite(spread))
+    white = (lambda values: values) if drift is None else drift.white
 
     def evaluate(x: np.ndarray, with_jacobian: bool) -> Evaluation:
         prediction = predict_gear_run(
             robot, layout.at(x), data, record=record, tangents=with_jacobian, threads=threads
         )
-        residual = np.concatenate([prediction.residual().ravel(), (centre - x)[prior] / spread[prior]])
+        residual = np.concatenate([white(prediction.residual()).ravel(), (centre - x)[prior] / spread[prior]])
         if not with_jacobian:
             return Evaluation(residual, None)
         drawn = np.zeros((prior.size, layout.size))
         drawn[np.arange(prior.size), prior] = 1.0 / spread[prior]
-        return Evaluation(residual, np.concatenate([prediction.jacobian.reshape(-1, layout.size), drawn]))
+        return Evaluation(residual, np.concatenate([white(prediction.jacobian).reshape(-1, layout.size), drawn]))
 
     x = layout.values
     prediction = predict_gear_run(robot, layout, data, record=record, tangents=False, threads=threads)
-    sigma = _component_sigma(prediction, used)
+    sigma = _component_sigma(white(prediction.residual()), used)
     for _ in range(_ROUNDS):
         weight = np.concatenate([(used[:, None] / sigma).ravel(), np.ones(prior.size)])
         fit = least_squares(evaluate, x, weights=weight, bounds=bounds, tolerance=1e-8)
         x = fit.x
         prediction = predict_gear_run(robot, layout.at(x), data, record=record, threads=threads)
-        before, sigma = sigma, _component_sigma(prediction, used)
+        before, sigma = sigma, _component_sigma(white(prediction.residual()), used)
         if np.all(np.abs(sigma / before - 1.0) < 0.2):
             break
     return GearFit(robot, layout.at(x), fit, sigma, prediction)
@@ -87,6 +90,5 @@ def _priors(layout: Layout) -> tuple[np.ndarray, np.ndarray]:
     return centre, spread
 
 
-def _component_sigma(prediction: GearRunPrediction, used: np.ndarray) -> np.ndarray:
-    residual = prediction.residual()[used > 0]
-    return np.maximum(np.sqrt(np.mean(residual**2, axis=0)), _LEAST_SIGMA)
+def _component_sigma(residual: np.ndarray, used: np.ndarray) -> np.ndarray:
+    return np.maximum(np.sqrt(np.mean(residual[used > 0] ** 2, axis=0)), _LEAST_SIGMA)
