@@ -1,6 +1,7 @@
 #include "exactarm/ocp/block_kkt.hpp"
 
 #include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <thread>
 
@@ -30,12 +31,20 @@ class TwoHalves : public BlockKkt {
     if (!left || !right) return false;
     joined_ = left_.compliance() + right_.compliance();
     // States differ by powers of ten in how far a force moves them.
-    scale_ = joined_.diagonal().cwiseSqrt().cwiseInverse();
+    scale_ = joined_.diagonal().cwiseAbs().cwiseSqrt().cwiseInverse();
     if (!scale_.allFinite()) return false;
     joined_ = scale_.asDiagonal() * joined_ * scale_.asDiagonal();
-    cholesky_.compute(joined_);
-    return cholesky_.info() == Eigen::Success;
+    negative_ = left_.negative_pivots() + right_.negative_pivots();
+    if (negative_ == 0) {
+      cholesky_.compute(joined_);
+      return cholesky_.info() == Eigen::Success;
+    }
+    // Halves that are not convex alone: the whole is when the fixed middle takes each such direction away.
+    eigen_.compute(joined_);
+    return (eigen_.eigenvalues().array() < 0.0).count() == negative_;
   }
+
+  int negative_pivots() const override { return negative_; }
 
   bool solve(const KktVector& right, KktVector& solution) override {
     const int s = layout_.states();
@@ -44,7 +53,7 @@ class TwoHalves : public BlockKkt {
     // left - C_l y - d = right + C_r y
     const long defect = middle_;
     force_ = scale_.cwiseProduct(left_end_ - right_end_ - right.defect.segment(defect * s, s));
-    cholesky_.solveInPlace(force_);
+    join(force_);
     force_ = scale_.cwiseProduct(force_);
     if (!force_.allFinite()) return false;
     opposite_ = -force_;
@@ -70,6 +79,13 @@ class TwoHalves : public BlockKkt {
     other.join();
   }
 
+  void join(Vector& gap) const {
+    if (negative_ == 0)
+      cholesky_.solveInPlace(gap);
+    else
+      gap = eigen_.eigenvectors() * (eigen_.eigenvectors().transpose() * gap).cwiseQuotient(eigen_.eigenvalues());
+  }
+
   // At an end only qdd is free: by_q_ddot' lambda = pi of the defect's rate row / 2 - g.
   void end_multipliers(const KktVector& right, KktVector& solution, long knot, long defect) {
     const int n = layout_.axes, s = layout_.states();
@@ -87,7 +103,9 @@ class TwoHalves : public BlockKkt {
   HalfSweep<Axes, MotorOrder> left_, right_;
   Vector force_, opposite_, left_end_, right_end_, scale_;
   Matrix joined_;
+  int negative_ = 0;
   Eigen::LLT<Matrix> cholesky_;
+  Eigen::SelfAdjointEigenSolver<Matrix> eigen_;
   const StageDerivatives* derivatives_ = nullptr;
 };
 

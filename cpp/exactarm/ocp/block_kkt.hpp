@@ -32,6 +32,8 @@ class BlockKkt {
   // diagonal: added to the Hessian of the constraints in `derivatives`, N x width. False when the
   // reduced Hessian of some knot is not positive definite.
   virtual bool factorise(const StageDerivatives& derivatives, const Vector& diagonal) = 0;
+  // Of the halves alone, their middle free; the whole has none when factorise() was true.
+  virtual int negative_pivots() const = 0;
   // right = (g, r, d); solution = (dz, lambda, pi). False when the halves cannot be joined.
   virtual bool solve(const KktVector& right, KktVector& solution) = 0;
 };

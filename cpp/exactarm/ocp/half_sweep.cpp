@@ -1,6 +1,7 @@
 #include "exactarm/ocp/half_sweep.hpp"
 
 #include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 
 namespace exactarm::ocp {
@@ -8,6 +9,8 @@ namespace exactarm::ocp {
 using Eigen::Map;
 
 namespace {
+
+constexpr double kLeastPivot = 1e-8;  // of the largest of its block
 
 // Rounding must not grow an antisymmetric part over thousands of knots.
 inline void symmetrise(double* matrix, int size) {
@@ -215,11 +218,15 @@ bool HalfSweep<Axes, MotorOrder>::eliminate_input(const Knot& here) {
   const int m = n(), s = states(), r = rest();
   Square &input = blocks_[0], &negative = blocks_[1];
   for (int j = 0; j < m; ++j) std::copy_n(reduced_.data() + (s + j) * r + s, m, input.data() + j * m);
-  const Eigen::LLT<Eigen::Ref<Square>> cholesky(input);
-  if (cholesky.info() != Eigen::Success) return false;
   Map<Square> input_inverse(here.input_inverse, m, m);
-  input_inverse.setIdentity();
-  cholesky.solveInPlace(input_inverse);
+  input_inverse = input;
+  const Eigen::LLT<Eigen::Ref<Square>> cholesky(input);
+  if (cholesky.info() == Eigen::Success) {
+    input_inverse.setIdentity();
+    cholesky.solveInPlace(input_inverse);
+  } else if (!invert_indefinite(input_inverse)) {
+    return false;
+  }
   negative = -input_inverse;
   for (int j = 0; j < m; ++j) std::copy_n(reduced_.data() + (s + j) * r, s, cross_.data() + j * s);
   std::fill_n(gain_transposed_.data(), s * m, 0.0);
@@ -231,8 +238,21 @@ bool HalfSweep<Axes, MotorOrder>::eliminate_input(const Knot& here) {
   return true;
 }
 
+// With a free middle a half may have directions that raise nothing, or lower the cost, though the whole has none.
+template <int Axes, int MotorOrder>
+template <class Block>
+bool HalfSweep<Axes, MotorOrder>::invert_indefinite(Block& block) {
+  const Eigen::SelfAdjointEigenSolver<Square> eigen(block);
+  const auto& values = eigen.eigenvalues();
+  if (!(values.cwiseAbs().minCoeff() > kLeastPivot * values.cwiseAbs().maxCoeff())) return false;
+  negative_pivots_ += static_cast<int>((values.array() < 0.0).count());
+  block = eigen.eigenvectors() * values.cwiseInverse().asDiagonal() * eigen.eigenvectors().transpose();
+  return true;
+}
+
 template <int Axes, int MotorOrder>
 bool HalfSweep<Axes, MotorOrder>::factorise(const StageDerivatives& d, const Vector& diagonal) {
+  negative_pivots_ = 0;
   std::fill_n(at(count_).value, states() * states(), 0.0);
   for (long position = count_ - 1; position >= 0; --position) {
     const long k = knot(position);

@@ -27,6 +27,8 @@ class HalfSweep {
   void forward(const KktVector& right, KktVector* solution, double* inner);
   // Compliance of the inner end: d(state) = -compliance force.
   const Matrix& compliance() const { return compliance_; }
+  // Of the reduced Hessian of this half alone, its middle free: how many eigenvalues are below zero.
+  int negative_pivots() const { return negative_pivots_; }
 
  private:
   static constexpr int kStateBlocks = kLinkOrder + MotorOrder, kBlocks = kStateBlocks + 2;
@@ -51,6 +53,8 @@ class HalfSweep {
   void add_motor_hessian(const StageDerivatives& derivatives, const double* diagonal, long k);
   bool eliminate_qdd(const StageDerivatives& derivatives, long k, const Knot& here);
   bool eliminate_input(const Knot& here);
+  template <class Block>
+  bool invert_indefinite(Block& block);
   void propagate_compliance();
   const double* jump(const KktVector& right, long position, double& sign) const;
   void next_state(const double* sigma, const double* qdd, const double* input, double* x, double* out) const;
@@ -63,6 +67,7 @@ class HalfSweep {
   double x_of_[kStateBlocks][kBlocks] = {}, out_of_[kStateBlocks][kBlocks] = {};
   std::vector<double> memory_;
   long knot_size_;
+  int negative_pivots_ = 0;
   // The entries of out_of_ that are not zero, in the order of c; `first`: of its c, or of its b.
   struct Term {
     int b, c;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <limits>
 
 #include "exactarm/ocp/barrier.hpp"
 #include "exactarm/ocp/block_kkt.hpp"
@@ -17,6 +18,7 @@ constexpr double kKeptShare = 0.005;        // of a slack after a step
 constexpr double kFirstBarrier = 0.1;
 constexpr double kLargestCurvature = 1e-2;  // rad of new residual that a step may make
 constexpr int kStalledSteps = 8;
+constexpr double kRoundings = 4.0 * std::numeric_limits<double>::epsilon();
 constexpr double kLeastDamping = 1e-4, kMostDamping = 1e20;  // of the reduced Hessian
 constexpr double kFilterMargin = 1e-5;
 constexpr int kMostHalvings = 12;
@@ -102,11 +104,15 @@ class Solver {
     objective_.gradient(current_.z.data(), gradient_.data());
     gradient_ *= scale_;
     stationarity_ = gradient_;
+    largest_term_ = current_.defect.cwiseAbs().maxCoeff();
     const Vector& z = current_.z;
     for (long k = 0; k < layout_.knots; ++k) {
       const Eigen::Map<const Matrix> by_q(&derivatives_.by_q[k * n2], n, n), by_rate(&derivatives_.by_q_dot[k * n2], n, n),
           by_qdd(&derivatives_.by_q_ddot[k * n2], n, n);
       const double* lambda = &current_.stage[k * n];
+      const double entries =
+          std::max({by_q.cwiseAbs().maxCoeff(), by_rate.cwiseAbs().maxCoeff(), by_qdd.cwiseAbs().maxCoeff()});
+      largest_term_ = std::max(largest_term_, entries * current_.stage.segment(k * n, n).cwiseAbs().maxCoeff());
       double* out = &stationarity_[k * width];
       for (int j = 0; j < n; ++j) {
         for (int i = 0; i < n; ++i) {
@@ -145,7 +151,9 @@ class Solver {
     long index;
     bool at_low;
     const double violation = barrier_.violation(current_.z, index, at_low);
-    const double tolerance = std::max(options_.tolerance, objective_.gradient_floor(scale_));
+    // Sums of terms this large round off more than the tolerance asks.
+    const double tolerance =
+        std::max({options_.tolerance, objective_.gradient_floor(scale_), kRoundings * largest_term_});
     const double owed = std::abs(right_.stage.dot(current_.stage) + right_.defect.dot(current_.defect));
     const double objective = scale_ * objective_.value(current_.z.data());
     if (dual <= tolerance && owed <= options_.objective * objective + 1e-12 && equations <= options_.feasibility && violation <= options_.feasibility &&
@@ -184,7 +192,7 @@ class Solver {
     return kkt_->solve(right_, step_);
   }
 
-  // Adds the least damping (a power of a few) that makes the reduced Hessian of every knot positive definite.
+  // Adds the least damping (a power of a few) that makes the whole reduced Hessian positive definite.
   bool factorise() {
     const double last = damping_;
     diagonal_ = base_diagonal_;
@@ -231,7 +239,8 @@ class Solver {
     barrier_.set_step(current_.z, step_.z, tau, corrected);
     barrier_.longest_steps(kKeptShare, primal, dual);
     // Longer than this the equation of motion is not near its linearisation: ask it.
-    if (damping_ > 0.0 || step_.z.cwiseAbs().maxCoeff() > kLargestCurvature) primal = accepted_step(primal);
+    const bool curved = damping_ > 0.0 || kkt_->negative_pivots() > 0;
+    if (curved || step_.z.cwiseAbs().maxCoeff() > kLargestCurvature) primal = accepted_step(primal);
     current_.z += primal * step_.z;
     current_.stage += primal * (step_.stage - current_.stage);
     current_.defect += primal * (step_.defect - current_.defect);
@@ -283,7 +292,7 @@ class Solver {
   Barrier barrier_;
   KktVector right_, step_, current_;
   Vector diagonal_, base_diagonal_, gradient_, stationarity_, trial_, trial_residual_;
-  double scale_ = 1.0, damping_ = 0.0;
+  double scale_ = 1.0, damping_ = 0.0, largest_term_ = 0.0;
   bool damped_before_ = false;
   struct Merit {
     double objective, violation;
