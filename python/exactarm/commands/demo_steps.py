@@ -46,7 +46,7 @@ STEPS = (
     Step("racer_play", "Racer 7-1.4: the virtual robot follows that trajectory",
          ("simulate", "racer-7-1.4", "{out/racer_plan/trajectory.csv}", "--frames", "declared"), real=False),
     Step("racer_worth", "Racer 7-1.4: rigid planning and exactarm's, played on a robot that deviates from its drawing",
-         ("simulate", "racer-7-1.4", "--compare", "line"), real=False),
+         ("simulate", "racer-7-1.4", "--compare", "line", "--rate", "500"), real=False),
     Step("racer_loop", "Racer 7-1.4 with a hidden backlash: the whole circle, to the plan that knows of it",
          ("loop", "racer-7-1.4", "--effect", "backlash joint=2 width_rad=4e-4"), real=False),
 )
