@@ -122,6 +122,16 @@ def test_cause_outside_the_library_is_unexplained_and_followed():
     assert "nothing in the library explains" in result.sentence
 
 
+def test_two_angles_that_act_together_are_unexplained():
+    """A cable that two axes of the wrist wind up: no single angle shows it."""
+    data, truth = data_with((), 89)
+    q = data.joints.get("q", data.joints.get("theta"))
+    lift = 2e-4 * (q[:, 4] - q[:, 4].mean()) * (q[:, 5] - q[:, 5].mean())
+    result = diagnose(ur10(), replace(data, position=data.position + lift[:, None] * np.array([0.0, 0.6, 0.8])))
+    assert result.verdict == "unexplained"
+    assert "two axes together" in result.dossier_after.strongest.signal
+
+
 def test_validation_rows_choose_nothing():
     result, data, _ = diagnosis_of("joint_compliance")
     held = ~data.identification

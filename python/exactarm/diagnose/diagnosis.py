@@ -220,6 +220,11 @@ def _verdict(problem, before, after, noise: NoiseFloor, left: Dossier, found: bo
         still = still or (rms_after > _NOISE_REACHED * noise.value and left.structure)
         still = still and remaining > (1.0 - _SHARE_EXPLAINED) * max(above, 1e-300)
         still = still or rms_after > _FAR_ABOVE_NOISE * noise.value
+    elif still:
+        # What follows the signal is structure, the rest at most noise.
+        structure = strongest.share * rms_after**2
+        taken = max(rms_before**2 - rms_after**2, 0.0)
+        still = strongest.share > _SHARE_EXPLAINED or structure > (1.0 - _SHARE_EXPLAINED) * (taken + structure)
     if still:
         return UNEXPLAINED
     return EXPLAINED if found else NOTHING

@@ -2,8 +2,9 @@
 
 Every signal (angles, loads, directions, time, covariates ...) is cut into bins of equal count, or taken by its few
 values; the whitened residual is regressed on the bins along every direction in which something could move
-(joint axes, measured components), with the declared parameters projected out. F-tests, with the smallest
-p-value multiplied by the number of tests (Bonferroni).
+(joint axes, measured components), with the declared parameters projected out. F-tests; the same on the columns of
+surfaces in several signals; and whether rows that lie close together in a space err alike (smoothness.py). The
+smallest p-value is multiplied by the number of tests (Bonferroni).
 """
 
 from __future__ import annotations
@@ -13,9 +14,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from exactarm.diagnose.problem import Fitted, Problem
+from exactarm.diagnose.problem import Fitted, Problem, orthonormal
+from exactarm.diagnose.smoothness import closeness, follows_space
 
 BINS = 8
+_NUMBERS_IN_SPACE = 750  # more would take long, and not make a structure plainer
+_NEAR = 1.0  # spreads of the points: closer rows might err alike
 SIGNIFICANT = 1e-3
 
 
@@ -55,10 +59,10 @@ def dossier(problem: Problem, fitted: Fitted) -> Dossier:
     numbers, freedom = fitted.data_numbers, max(_effective(problem, fitted) - fitted.basis.shape[1], 1.0)
     square = float(residual[:numbers] @ residual[:numbers])
     signals, directions = problem.signals(fitted), problem.directions(fitted)
-    tests = max(len(signals) * len(directions), 1)
-    found = []
-    for signal, values in signals.items():
-        bins = indicator(values)
+    columns = {signal: indicator(values) for signal, values in signals.items()} | problem.surfaces(fitted)
+    tests = len(columns) * len(directions) + 1
+    found = _over_space(problem, fitted, tests)
+    for signal, bins in columns.items():
         if bins.shape[1] < 2:
             continue
         entries = [_test(fitted, residual, bins, pattern, square, freedom, numbers) for pattern in directions.values()]
@@ -97,6 +101,23 @@ def _test(fitted, residual, bins, pattern, square, freedom, numbers) -> tuple[fl
     # Correlated samples count as fewer: the same shares with the effective number of them.
     f = (explained / rank) / max((square - explained) / (freedom - rank), 1e-300)
     return float(stats.f.sf(f, rank, freedom - rank)), explained / square
+
+
+def _over_space(problem: Problem, fitted: Fitted, tests: int) -> list[Follows]:
+    """Whether the position error varies smoothly over the problem's space; empty where it has none."""
+    space = problem.space(fitted)
+    if space is None:
+        return []
+    name, points = space
+    used = np.flatnonzero(fitted.weight > 0)
+    rows = used[:: max(1, -(-3 * used.size // _NUMBERS_IN_SPACE))]
+    pick = lambda values: values[: fitted.data_numbers].reshape(*fitted.residual.shape, -1)[rows, :3]
+    basis = orthonormal(pick(fitted.basis).reshape(3 * rows.size, -1))
+    residual = pick(fitted.whitened).reshape(-1)
+    residual = (residual - basis @ (basis.T @ residual)).reshape(-1, 3)
+    axes = [np.tile(np.eye(3)[k], (rows.size, 1)) * fitted.scale[rows, :3] for k in range(3)]
+    p_value, share = follows_space(residual, basis, axes, closeness(points[rows], _NEAR))
+    return [Follows(name, "the device's axes", share, min(1.0, p_value * tests))]
 
 
 def _lag_one(fitted: Fitted) -> float:

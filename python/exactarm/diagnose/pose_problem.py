@@ -8,6 +8,7 @@ from exactarm.chain import Layout, predict_poses
 from exactarm.dataset import Dataset
 from exactarm.diagnose.problem import Fitted, Problem, rows_kept
 from exactarm.diagnose.next_poses import separating_poses
+from exactarm.diagnose.smoothness import second_order
 from exactarm.effects.base import Effect, Station
 from exactarm.identify.calibrate import CalibrationOptions, calibrated_robot, fit_identifiable, require_sessions
 from exactarm.identify.declared import carried_layout, frames_layout, geometry_layout, require_geometry
@@ -83,6 +84,16 @@ class PoseProblem(Problem):
         order = data.time if data.time is not None else np.arange(len(data), dtype=float)
         signals["time" if data.time is not None else "order of measurement"] = order
         return signals | {name: values for name, values in data.covariates.items() if np.ptp(values) > 0}
+
+    def surfaces(self, fitted: Fitted) -> dict[str, np.ndarray]:
+        q = fitted.view.q
+        return {"angles of two axes together": second_order(q[:, np.ptp(q, axis=0) > 0.0])}
+
+    def space(self, fitted: Fitted) -> tuple[str, np.ndarray]:
+        """Where the target is; set-ups stand far apart."""
+        target, session = fitted.view.signals["target"], self.data.session
+        spread = np.sqrt(np.mean(np.var(target, axis=0)))
+        return "position in the workspace", np.column_stack([target / spread, 100.0 * session])
 
     def directions(self, fitted: Fitted) -> dict[str, np.ndarray]:
         view, m = fitted.view, fitted.residual.shape[1]

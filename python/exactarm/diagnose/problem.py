@@ -180,6 +180,14 @@ class Problem(ABC):
     def signals(self, fitted: Fitted) -> dict[str, np.ndarray]:
         """Named signals (N,) that a residual might follow: angles, torques, directions, time, covariates."""
 
+    def surfaces(self, fitted: Fitted) -> dict[str, np.ndarray]:
+        """Named columns (N, b), each set tested as one, where several signals might act only together."""
+        return {}
+
+    def space(self, fitted: Fitted) -> tuple[str, np.ndarray] | None:
+        """Name and points (N, d): a space over which the residual along the device's axes might vary smoothly."""
+        return None
+
     @abstractmethod
     def directions(self, fitted: Fitted) -> dict[str, np.ndarray]:
         """Named patterns (N, m) along which something could move: a unit turn of each joint, each component."""

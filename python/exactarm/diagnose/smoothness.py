@@ -1,0 +1,61 @@
+"""Does a residual vary smoothly over a space: are rows that lie close together off in the same way?
+
+    T = e' A e / e' e,    A = P K P,    K_nm = sum_d p_dn' p_dm k_nm  (n != m)
+
+e: residual (rows of m numbers, stacked), P: projection onto what the fitted parameters leave, k: closeness of two
+rows, p_d: patterns along which something could move. For white noise e / |e| is a random direction, so that the first
+three moments of T follow from traces of powers of A; they are matched by a shifted gamma (score test of a variance
+component, Lin 1997). No bins: it works where poses are few and the space has several dimensions.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import special
+
+_LEAST_SKEW = 1e-3
+
+
+def follows_space(residual: np.ndarray, basis: np.ndarray, patterns: list[np.ndarray], kernel: np.ndarray) -> tuple[float, float]:
+    """p-value, and the share of the square sum that the smooth part accounts for (method of moments).
+
+    residual (N, m), free of `basis` (N m, b, orthonormal); patterns, each (N, m); kernel (N, N) of unit diagonal.
+    """
+    apart = kernel - np.diag(np.diag(kernel))
+    rows, m = residual.shape
+    full = sum(pattern[:, :, None, None] * pattern[None, None] for pattern in patterns)
+    full = (full * apart[:, None, :, None]).reshape(rows * m, rows * m)
+    onto = full @ basis
+    cross = basis @ onto.T
+    a = full - cross - cross.T + basis @ ((basis.T @ onto) @ basis.T)
+    e, freedom = residual.ravel(), rows * m - basis.shape[1]
+    square = float(e @ e)
+    if freedom < 2 or square <= 0.0:
+        return 1.0, 0.0
+    first, second = float(np.trace(a)), float(np.sum(a**2))
+    third = float(np.sum((a @ a) * a))
+    mean = first / freedom
+    spread = max(second - first * mean, 1e-300)
+    deviation = float(e @ a @ e) / square - mean
+    variance = 2.0 * spread / (freedom * (freedom + 2.0))
+    skewed = 8.0 * (third - 3.0 * mean * second + 2.0 * mean**2 * first) / (freedom * (freedom + 2.0) * (freedom + 4.0))
+    skew = max(skewed / variance**1.5, _LEAST_SKEW)
+    shape = 4.0 / skew**2
+    at = shape + np.sqrt(shape) * deviation / np.sqrt(variance)
+    p_value = float(special.gammaincc(shape, at)) if at > 0.0 else 1.0
+    size = deviation / spread * sum(float(np.sum(pattern**2)) for pattern in patterns)
+    return p_value, min(max(size, 0.0), 1.0)
+
+
+def closeness(points: np.ndarray, reach: float | np.ndarray) -> np.ndarray:
+    """(N, N) Gaussian kernel of points (N, d); `reach` (d,) where it has fallen to exp(-1/2)."""
+    scaled = points / reach
+    square = np.sum(scaled**2, axis=1)
+    return np.exp(-0.5 * np.maximum(square[:, None] + square - 2.0 * scaled @ scaled.T, 0.0))
+
+
+def second_order(angles: np.ndarray) -> np.ndarray:
+    """(N, b) columns of a second-order surface: every angle, its square, and every product of two (Box and Wilson 1951)."""
+    scaled = (angles - angles.mean(axis=0)) / np.maximum(np.std(angles, axis=0), 1e-12)
+    products = [scaled[:, i] * scaled[:, j] for i in range(scaled.shape[1]) for j in range(i + 1)]
+    return np.stack([np.ones(len(scaled)), *scaled.T, *products], axis=1)
