@@ -19,7 +19,7 @@ class TwoHalves : public BlockKkt {
         middle_((layout.knots - 2) / 2),
         left_(layout, 1, middle_, 1),
         right_(layout, layout.knots - 2, layout.knots - 2 - middle_, -1) {
-    for (Vector* v : {&force_, &opposite_, &left_end_, &right_end_, &scale_}) v->setZero(layout.states());
+    for (Vector* v : {&force_, &opposite_, &left_end_, &right_end_, &scale_, &turned_}) v->setZero(layout.states());
     joined_.setZero(layout.states(), layout.states());
   }
 
@@ -67,6 +67,9 @@ class TwoHalves : public BlockKkt {
   }
 
  private:
+  static constexpr int kStates = Axes > 0 ? (kLinkOrder + MotorOrder) * Axes : Eigen::Dynamic;
+  using States = Eigen::Matrix<double, kStates, kStates>;
+
   template <class Left, class Right>
   void both(const Left& left, const Right& right) {
     if (threads_ < 2 || layout_.knots < 256) {
@@ -79,11 +82,14 @@ class TwoHalves : public BlockKkt {
     other.join();
   }
 
-  void join(Vector& gap) const {
-    if (negative_ == 0)
+  void join(Vector& gap) {
+    if (negative_ == 0) {
       cholesky_.solveInPlace(gap);
-    else
-      gap = eigen_.eigenvectors() * (eigen_.eigenvectors().transpose() * gap).cwiseQuotient(eigen_.eigenvalues());
+      return;
+    }
+    turned_.noalias() = eigen_.eigenvectors().transpose() * gap;
+    turned_ = turned_.cwiseQuotient(eigen_.eigenvalues());
+    gap.noalias() = eigen_.eigenvectors() * turned_;
   }
 
   // At an end only qdd is free: by_q_ddot' lambda = pi of the defect's rate row / 2 - g.
@@ -101,11 +107,11 @@ class TwoHalves : public BlockKkt {
   int threads_;
   long middle_;
   HalfSweep<Axes, MotorOrder> left_, right_;
-  Vector force_, opposite_, left_end_, right_end_, scale_;
-  Matrix joined_;
+  Vector force_, opposite_, left_end_, right_end_, scale_, turned_;
+  States joined_;
   int negative_ = 0;
-  Eigen::LLT<Matrix> cholesky_;
-  Eigen::SelfAdjointEigenSolver<Matrix> eigen_;
+  Eigen::LLT<States> cholesky_;
+  Eigen::SelfAdjointEigenSolver<States> eigen_;
   const StageDerivatives* derivatives_ = nullptr;
 };
 
