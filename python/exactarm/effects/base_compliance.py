@@ -23,7 +23,9 @@ class BaseCompliance(Effect):
     kinds: ClassVar[tuple[str, ...]] = ("poses", "tracked_motion")
     compensable: ClassVar[bool] = True
     per_joint: ClassVar[bool] = False
-    sentence: ClassVar[str] = "the foundation tilts by {rad_per_Nm:.3g} rad for every Nm of overturning moment"
+    sentence: ClassVar[str] = (
+        "the foundation tilts, or axis 1 bends across itself (the two look alike), by {rad_per_Nm:.3g} rad for every Nm of overturning moment"
+    )
     source: ClassVar[str] = "Abele, Weigold and Rothenbuecher 2007"
 
     def parameters(self) -> tuple[Parameter, ...]:
