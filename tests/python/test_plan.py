@@ -141,6 +141,23 @@ def test_a_robot_without_springs_and_masses_is_planned_as_a_rigid_one():
     np.testing.assert_allclose(plan.theta / robot.ratios + robot.offsets, plan.q, atol=1e-6)
 
 
+@pytest.mark.parametrize("kind, nu", [("acceleration", 1e-14), ("jerk", 1e-18)])
+@pytest.mark.parametrize("rigid", [(3, 4, 5), (0,), (0, 1, 2, 3, 4)])
+def test_rigid_joints_among_elastic_ones_follow_their_gears(rigid, kind, nu):
+    joints = tuple(replace(joint, spring_linear=0.0, spring_cubic=0.0) if i in rigid else joint
+                   for i, joint in enumerate(ROBOT.joints))
+    mixed = replace(ROBOT, joints=joints)
+    plan = plan_path(mixed, replace(LINE, input=kind, nu=nu, gear_direction="cw"), THREADS)
+    assert plan.solver.status == "solved" and plan.tracking.position_max < 1e-6
+    soft = plan_path(ROBOT, replace(LINE, input=kind, nu=nu, gear_direction="cw"), THREADS)
+    for i, joint in enumerate(ROBOT.joints):
+        phi = _core.gear_output_angle(joint.ratio, ROBOT.core.gears[i].cw, plan.theta[:, i])
+        if i in rigid:
+            np.testing.assert_allclose(phi + joint.q_offset, plan.q[:, i], atol=1e-9)
+        else:
+            np.testing.assert_allclose(plan.theta[:, i], soft.theta[:, i], atol=1e-4 * joint.ratio)
+
+
 @pytest.mark.parametrize("change, words", [
     ({"curve": Line(np.array([0.834, 0, 1.0]), np.array([3.0, 0, 1.0]))}, ("out of reach", " s")),
     ({"curve": Line(np.array([9.0, 0, 1.0]), np.array([9.5, 0, 1.0]))}, ("starts at a pose out of reach",)),
@@ -165,6 +182,16 @@ def test_a_reference_beyond_the_limits_names_axis_time_amount_and_a_duration_tha
     assert tight.violations
     # The planned motion itself keeps to the limits.
     assert not [v for v in violations(ROBOT, plan.time, plan.theta_dot, plan.theta_ddot)]
+
+
+def test_times_of_via_points_are_stretched_to_the_shortest_duration_that_fits():
+    points = np.array([[0.834, 0.0, 1.0], [0.834, 0.15, 1.02], [0.834, 0.0, 1.04]])
+    path = PlannedPath(Points(points, np.array([0.0, 0.25, 0.5])), 0.5, 400.0)
+    with pytest.raises(ComputationError, match="^infeasible: no motion within the limits; joint 1 needs .* that fits is") as failure:
+        plan_path(ROBOT, path, THREADS)
+    fits = float(str(failure.value).split()[-2])
+    plan = plan_path(ROBOT, path.lasting(fits * 1.002), THREADS)
+    assert fits > 0.75 and not plan.violations and plan.path.curve.times[1] == pytest.approx(0.501 * fits)
 
 
 def test_a_path_of_no_length_stands_still():

@@ -39,6 +39,8 @@ def test_options_replace_those_of_the_path_and_parquet_is_written(tmp_path):
     (("racer-7-1.4", "nowhere.toml"), 2, "nowhere.toml"),
     (("racer-7-1.4", "line", "--rate", "-5"), 2, "--rate"),
     (("racer-7-1.4", "line", "--rate", "1"), 2, "samples"),
+    (("racer-7-1.4", "line", "--rate", "1e6"), 2, "samples"),
+    (("racer-7-1.4", "line", "--duration", "nan"), 2, "--duration"),
     (("racer-7-1.4", "line", "--start", "a,b"), 2, "--start"),
     (("racer-7-1.4", "line", "--start", "1,2"), 2, "start"),
     (("racer-7-1.4", "line", "--rate", "400", "--duration", "0.2"), 1, "shortest duration"),

@@ -13,7 +13,7 @@ from exactarm.commands.arguments import add_robot
 from exactarm.commands.result import CommandResult
 from exactarm.errors import InputError
 from exactarm.plan.optimal import ENERGY_SHARE, Plan, PlanOptions, plan_path
-from exactarm.plan.path_file import CHOICES, PlannedPath, load_path, shipped_paths
+from exactarm.plan.path_file import CHOICES, MOST_SAMPLES, PlannedPath, load_path, shipped_paths
 from exactarm.plan.trajectory import trajectory_table
 from exactarm.report import Figure, Highlight, Highlights, Quantity, Report, Section, Table, Text, Warnings
 from exactarm.report.numbers import quantity
@@ -29,7 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_robot(parser)
     parser.add_argument("path", metavar="PATH", help="path file (.toml), or line or spiral")
     parser.add_argument("--rate", metavar="HZ", type=float, help="samples a second (default: that of the path)")
-    parser.add_argument("--duration", metavar="S", type=float, help="duration in s (default: that of the path)")
+    parser.add_argument("--duration", metavar="S", type=float, help="duration in s (default: that of the path); stretches the times of via-points too")
     parser.add_argument("--nu", type=float, help="weight of the input (default: that of the path)")
     for key, options in CHOICES.items():
         parser.add_argument(f"--{key.replace('_', '-')}", choices=options, help="instead of the path's own")
@@ -56,12 +56,14 @@ def _path(arguments: argparse.Namespace) -> PlannedPath:
     for name, value in numbers.items():
         if value is not None and not (np.isfinite(value) and value > 0.0):
             raise InputError(f"--{name.split('_')[0]}: expected a number above 0, found {value}")
-    if numbers["duration"] is not None and getattr(path.curve, "times", None) is not None:
-        raise InputError("--duration: the path gives the times of its points")
-    chosen = numbers | {key: getattr(arguments, key) for key in CHOICES}
+    if arguments.duration is not None:
+        path = path.lasting(arguments.duration)
+    chosen = {"rate_hz": arguments.rate, "nu": arguments.nu} | {key: getattr(arguments, key) for key in CHOICES}
     path = replace(path, **{key: value for key, value in chosen.items() if value is not None})
-    if path.duration * path.rate_hz < 11.0:
-        raise InputError(f"{path.duration * path.rate_hz + 1:.0f} samples: expected at least 12; raise --rate or --duration")
+    samples = path.duration * path.rate_hz + 1.0
+    if not 12.0 <= samples <= MOST_SAMPLES:
+        raise InputError(f"{samples:.0f} samples at {path.rate_hz:g} Hz in {path.duration:g} s: expected 12 to {MOST_SAMPLES}; "
+                         "change --rate or --duration")
     return path
 
 

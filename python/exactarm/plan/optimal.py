@@ -181,13 +181,10 @@ def _stretch(spring: _core.Spring, torque: np.ndarray) -> np.ndarray:
     return spring_inverse(spring.linear, spring.cubic, torque)[0]
 
 
-def _fitting_duration(model: PlanningModel, path: PlannedPath, options: PlanOptions) -> float | None:
-    """Shortest duration whose motor motion keeps to the limits; None for a path whose times are given."""
-    if getattr(path.curve, "times", None) is not None:
-        return None
-
+def _fitting_duration(model: PlanningModel, path: PlannedPath, options: PlanOptions) -> float:
+    """Shortest duration whose motor motion keeps to the limits."""
     def motion(duration: float):
-        slower = replace(path, duration=duration)
+        slower = path.lasting(duration)
         reference = slower.reference()
         joints, known, _ = _joint_reference(model, reference, slower, options)
         return _flat_motion(model, joints, known, reference.step)[1:]
@@ -196,9 +193,10 @@ def _fitting_duration(model: PlanningModel, path: PlannedPath, options: PlanOpti
 
 
 def _failure(motion: _core.PlanMotion, broken: tuple[Violation, ...], fits: float | None) -> str:
-    line = f"the solver ended with status {motion.status}: {motion.message}"
-    if broken:
-        line += "; " + "; ".join(str(violation) for violation in broken)
+    if not broken:
+        return f"the solver ended with status {motion.status}: {motion.message}"
+    line = f"{motion.status}: no motion within the limits" if motion.status == "infeasible" else f"the solver ended with status {motion.status}"
+    line += "; " + "; ".join(str(violation) for violation in broken)
     return line + (f"; the shortest duration that fits is {fits:.3f} s" if fits else "")
 
 

@@ -6,7 +6,7 @@ A value that cannot be used is refused with one line that names the file, the ke
 from __future__ import annotations
 
 import tomllib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Callable
 
@@ -44,6 +44,12 @@ class PlannedPath:
     def reference(self) -> Reference:
         wxyz = np.array([0.0, 0.0, 0.0, 1.0]) if self.orientation_wxyz is None else self.orientation_wxyz
         return sample_reference(self.curve, wxyz, self.duration, self.rate_hz)
+
+    def lasting(self, duration: float) -> "PlannedPath":
+        """The same path in another time (s); times of via-points are stretched with it."""
+        times = getattr(self.curve, "times", None)
+        curve = self.curve if times is None else replace(self.curve, times=times * (duration / times[-1]))
+        return replace(self, curve=curve, duration=duration)
 
 
 def shipped_paths() -> tuple[str, ...]:
