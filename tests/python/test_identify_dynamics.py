@@ -103,6 +103,22 @@ def test_truth_within_the_intervals():
     assert np.max(np.abs(errors)) < 2.5
 
 
+def test_friction_that_jumps_at_a_reversal():
+    """Exact Coulomb friction, no smooth sign: what the reversals show is told from viscous friction and masses."""
+    truth = true_arm()
+    time, angle, rate, acceleration = fourier_motion(truth, 20.0, 250.0, 5, base_hz=0.1, amplitude=0.9)
+    of_joints = lambda name: np.array([getattr(joint, name) for joint in truth.joints])
+    torque = _core.inverse_dynamics(truth.core, angle + truth.offsets, rate, acceleration)
+    torque += of_joints("rotor_inertia") * truth.ratios**2 * acceleration
+    torque += of_joints("coulomb") * np.sign(rate) + of_joints("viscous") * rate
+    torque += np.random.default_rng(11).normal(0.0, NOISE_NM, rate.shape)
+    result = identify_dynamics(six_axis(), motion_data(truth, time, angle, torque), DynamicsOptions())
+    errors = misses(truth, result)
+    assert np.mean(np.abs(errors) <= 1.0) > 0.85
+    assert np.max(np.abs(errors)) < 2.5
+    assert np.all(np.sqrt(np.mean(result.after["validation"] ** 2, axis=0)) < 0.6 * NOISE_NM)
+
+
 def test_shipped_arm_with_springs_and_gear_errors():
     """The Racer, its springs swinging under its gear errors: masses and friction 10 % off come back in their intervals."""
     nominal, random = load_robot("racer-7-1.4"), np.random.default_rng(3)

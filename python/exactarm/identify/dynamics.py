@@ -1,8 +1,9 @@
 """Identification of the dynamics from motion data: base inertial parameters, rotors, friction.
 
 1. one filter on both sides (chain/motion_record), 2. base parameters by QR, 3. of these, those that the motion
-excites (pivoted QR of the weighted, scaled regressor), 4. iterated weighted least squares, 5. intervals for
-correlated samples, 6. the torque error before and after, on the rows that were fitted and on those that were not.
+excites (pivoted QR of the weighted, scaled regressor), 4. how sharply dry friction turns over at a reversal,
+5. iterated weighted least squares, 6. intervals for correlated samples, 7. the torque error before and after, on the
+rows that were fitted and on those that were not.
 Swevers et al. 1997; Gautier 1991; Atkeson, An and Hollerbach 1986.
 """
 
@@ -22,6 +23,7 @@ from exactarm.effects.link_inertia import LinkInertia
 from exactarm.errors import InputError
 from exactarm.identify.base_parameters import BaseParameters, base_parameters
 from exactarm.identify.declared import carried_layout
+from exactarm.identify.friction_width import friction_widths
 from exactarm.identify.motion_fit import MotionFit, fit_motion
 from exactarm.robot import Link, Robot
 
@@ -83,7 +85,9 @@ def identify_dynamics(robot: Robot, data: Dataset, options: DynamicsOptions = Dy
         layout = layout.joined(inertial_layout(start, base))
     layout, unexcited = excited_layout(start, layout.joined(carried), train, options.threads)
     require_enough(layout, train)
-    fit = fit_motion(start, layout, train, threads=options.threads)
+    widths = friction_widths(start, layout, train, options.threads)
+    records = {name: replace(record, sign_width=widths) for name, record in records.items()}
+    fit = fit_motion(start, layout, records["identification"], threads=options.threads)
     after = {name: fit.residual(record, options.threads) for name, record in records.items()}
     dropped = tuple(_structurally(base)) * options.inertial + unexcited
     return DynamicsIdentification(
