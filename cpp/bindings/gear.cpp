@@ -1,6 +1,7 @@
 #include "exactarm/robot/gear.hpp"
 
 #include "binding.hpp"
+#include "exactarm/robot/harmonics.hpp"
 
 namespace exactarm::bindings {
 namespace {
@@ -34,6 +35,21 @@ void bind_gear(py::module_& module) {
         return each(theta, [&](double angle) { return gear_output_angle(ratio, table, angle); });
       },
       py::arg("ratio"), py::arg("table"), py::arg("theta"), "Xi^{-1}(theta): output angle of each motor angle.");
+  module.def(
+      "gear_outputs",
+      [](double ratio, const GearTable& table, const Angles& theta) {
+        require_gear("gear", ratio, table);
+        auto phi = new_array(theta.size()), u = new_array(theta.size());
+        const double* in = theta.data();
+        double *angle = phi.mutable_data(), *there = u.mutable_data();
+        const py::ssize_t size = theta.size();
+        {
+          py::gil_scoped_release release;
+          gear_outputs(ratio, table, in, size, angle, there);
+        }
+        return std::make_pair(phi, u);
+      },
+      py::arg("ratio"), py::arg("table"), py::arg("theta"), "Xi^{-1}(theta) (N,) and u there (N,), eight at once.");
   module.def(
       "gear_ratio",
       [](double ratio, const GearTable& table, const Angles& phi, int order) {

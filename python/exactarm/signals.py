@@ -12,6 +12,8 @@ import numpy as np
 import scipy  # scipy.signal is imported at its first use: it takes half a second, and poses need none of it
 from scipy import fft, ndimage, sparse
 
+from exactarm import _core
+
 _FIRST_SAMPLES = 400  # as good as all, and quick on a long run
 _GAP = 1.5  # a step longer than this many typical ones ends a block
 # Central differences on a unit grid, coefficients of x[k + 1] - x[k - 1], x[k + 2] - x[k - 2], ... (Fornberg 1988).
@@ -83,38 +85,14 @@ def _smoothed(padded: np.ndarray, width: float, reach: int, short: bool) -> np.n
     return fft.irfft(spectrum, size, axis=0)[: padded.shape[0]] + level
 
 
-def derivative(values: np.ndarray, time: np.ndarray) -> np.ndarray:
-    """d/dt of samples (N, ...) of one run: what `derivative_operator` does, without the matrix."""
-    return np.concatenate([_block_derivative(values[rows], time[rows]) for rows in blocks(time)])
+def derivative(values: np.ndarray, time: np.ndarray, starts: list[int] | None = None) -> np.ndarray:
+    """d/dt of samples (N, ...) of one run: what `derivative_operator` does, without the matrix; starts: `block_starts`."""
+    return _core.derivative(values, time, block_starts(time) if starts is None else starts)
 
 
-def _block_derivative(values: np.ndarray, time: np.ndarray) -> np.ndarray:
-    if time.size <= 2 * HALF_STENCIL:
-        return (_block_operator(time) @ values.reshape(time.size, -1)).reshape(values.shape)
-    slope, step = _on_unit_grid(values), _on_unit_grid(time)
-    return slope / step.reshape(-1, *(1,) * (values.ndim - 1))
-
-
-def _on_unit_grid(values: np.ndarray) -> np.ndarray:
-    """Derivative by the sample's index, of a block longer than the stencils."""
-    count = values.shape[0]
-    out = np.empty_like(values, dtype=float)
-    inner = out[HALF_STENCIL : count - HALF_STENCIL]
-    for reach, weight in enumerate(_STENCILS[HALF_STENCIL], start=1):
-        ahead = values[HALF_STENCIL + reach : count - HALF_STENCIL + reach]
-        behind = values[HALF_STENCIL - reach : count - HALF_STENCIL - reach]
-        if reach == 1:
-            np.subtract(ahead, behind, out=inner)
-            inner *= weight
-        else:
-            inner += weight * (ahead - behind)
-    for at in range(1, HALF_STENCIL):
-        for k in (at, count - 1 - at):
-            stencil = enumerate(_STENCILS[at], start=1)
-            out[k] = sum(weight * (values[k + reach] - values[k - reach]) for reach, weight in stencil)
-    out[0] = -1.5 * values[0] + 2.0 * values[1] - 0.5 * values[2]
-    out[-1] = 1.5 * values[-1] - 2.0 * values[-2] + 0.5 * values[-3]
-    return out
+def block_starts(time: np.ndarray) -> list[int]:
+    """First row of each block of one run."""
+    return [int(rows[0]) for rows in blocks(time)]
 
 
 def derivative_operator(time: np.ndarray) -> sparse.csr_array:

@@ -32,6 +32,24 @@ TEST(Harmonics, DeliveredAnglesAreThoseOfTheGear) {
   }
 }
 
+// Up to tables that stand almost still somewhere, where Newton alone oscillates.
+TEST(Harmonics, OutputsAreThoseOfTheSafeguardedInverse) {
+  Random random(4);
+  for (int sample = 0; sample < testing::samples(); ++sample)
+    for (double sum : {0.0, 0.01, 0.6, 0.98}) {
+      const int orders = 1 + sample % 12;
+      const GearTable table = random_table(random, orders, 0.7 * sum / orders);
+      const double ratio = random.uniform(-120.0, 120.0);
+      const Vector theta = 4.0 * ratio * random.vector(21, 1.0);
+      Vector phi(21), u(21);
+      gear_outputs(ratio, table, theta.data(), 21, phi.data(), u.data());
+      for (long i = 0; i < 21; ++i) {
+        EXPECT_NEAR(phi[i], gear_output_angle(ratio, table, theta[i]), 1e-13 / (1.0 - sum));
+        EXPECT_NEAR(u[i] / ratio, gear_ratio(1.0, table, phi[i], 0), 1e-7);
+      }
+    }
+}
+
 TEST(Harmonics, FactorScalesTheErrorRowByRow) {
   Random random(1);
   const GearTable table = random_table(random, 5, 0.02);

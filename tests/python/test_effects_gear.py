@@ -7,6 +7,7 @@ import pytest
 from central_difference import assert_derivative
 from numpy.testing import assert_allclose
 
+from exactarm import _core
 from exactarm.chain import Layout, predict_poses
 from exactarm.dataset import Dataset
 from exactarm.effects import effect_from_table, library
@@ -15,7 +16,7 @@ from exactarm.effects.direction_dependence import DirectionDependence
 from exactarm.effects.gear_eccentricity import GearEccentricity
 from exactarm.effects.gear_harmonics import GearHarmonics
 from exactarm.effects.harmonic_family import searched_orders
-from exactarm.effects.hysteresis import Hysteresis, stop_operator
+from exactarm.effects.hysteresis import Hysteresis
 from exactarm.effects.joint_coupling import JointCoupling
 from exactarm.harmonics import delivered_angle, transmission_error
 from exactarm.robot import GearTable
@@ -116,7 +117,7 @@ def test_backlash_without_load_follows_the_approach(racer):
 def test_stop_operator_remembers():
     reach = 0.1
     motion = np.concatenate([np.linspace(0, 1, 101), np.linspace(1, 0.95, 11)[1:], np.linspace(0.95, 0, 96)[1:]])
-    memory, _ = stop_operator(motion, reach)
+    memory, _ = _core.stop_operator(motion, reach)
     assert_allclose(memory[5], 0.5, atol=1e-12)
     assert_allclose(memory[100], 1.0)
     assert_allclose(memory[110], 0.5, atol=1e-12)  # came back by half the reach
@@ -126,8 +127,8 @@ def test_stop_operator_remembers():
 def test_stop_operator_derivative():
     random = np.random.default_rng(5)
     motion = np.cumsum(random.normal(0.0, 0.02, 400))
-    value = lambda reach: stop_operator(motion, float(reach[0]))[0]
-    analytic = stop_operator(motion, 0.07)[1][:, None]
+    value = lambda reach: _core.stop_operator(motion, float(reach[0]))[0]
+    analytic = _core.stop_operator(motion, 0.07)[1][:, None]
     assert_derivative(value, np.array([0.07]), analytic, 1e-6)
 
 

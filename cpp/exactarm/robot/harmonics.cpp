@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "exactarm/base/parallel.hpp"
+#include "exactarm/robot/gear.hpp"
 
 namespace exactarm {
 namespace {
@@ -39,6 +40,25 @@ void delivered_angles(const GearTable& table, const double* phi, const double* f
       store(sums.slope, i, end, slope);
     }
   });
+}
+
+void gear_outputs(double ratio, const GearTable& table, const double* theta, long count, double* phi, double* u) {
+  constexpr double kNear = 1e-7, kSettled = 1e-10;  // rad; the last step squares what is left
+  std::vector<Lanes> sine(table.order.size()), cosine(table.order.size());
+  for (long i = 0; i < count; i += Lanes::kCount) {
+    const Lanes target = loaded(theta, i, count) / Lanes(ratio);
+    Lanes x = target;
+    deliver(table, target, Lanes(1.0), kNear, x, sine.data(), cosine.data());
+    const HarmonicSums sums = harmonic_sums(table, x, sine.data(), cosine.data());
+    const Lanes slope = Lanes(1.0) + sums.slope, step = (x + sums.error - target) / slope;
+    store(x - step, i, count, phi);
+    store(Lanes(ratio) * slope, i, count, u);
+    for (int lane = 0; lane < Lanes::kCount && i + lane < count; ++lane) {
+      if (std::abs(step[lane]) < kSettled && slope[lane] > 0.0) continue;
+      phi[i + lane] = gear_output_angle(ratio, table, theta[i + lane]);
+      u[i + lane] = gear_ratio(ratio, table, phi[i + lane], 0);
+    }
+  }
 }
 
 void transmission(const GearTable& table, const double* x, long count, int threads, double* error, double* slope) {

@@ -61,6 +61,10 @@ EXACTARM_INLINE HarmonicSums deliver(const GearTable& table, const Lanes& phi, c
 void delivered_angles(const GearTable& table, const double* phi, const double* factor, long count, double tolerance,
                       int threads, double* x, double* slope);
 
+// Output angles Xi^{-1}(theta) and the ratio u there, as gear_output_angle (gear.hpp) finds them one by one: where
+// Newton alone does not settle, that one is asked.
+void gear_outputs(double ratio, const GearTable& table, const double* theta, long count, double* phi, double* u);
+
 // s(x) and e(x) at any angles; either may be null.
 void transmission(const GearTable& table, const double* x, long count, int threads, double* error, double* slope);
 

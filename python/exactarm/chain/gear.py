@@ -27,9 +27,8 @@ def declared_output_angle(view: View) -> tuple[np.ndarray, np.ndarray]:
             if rows.any():
                 theta = view.theta[rows, i]
                 theta = theta[:1] if np.ptp(theta) == 0.0 else theta  # an axis that stands still needs one row
-                output = _core.gear_output_angle(joint.ratio, table, theta)
-                phi[rows, i] = output
-                slope[rows, i] = 1.0 / _core.gear_ratio(joint.ratio, table, output, 0)
+                output, ratio = _core.gear_outputs(joint.ratio, table, theta)
+                phi[rows, i], slope[rows, i] = output, 1.0 / ratio
         rows = np.flatnonzero(np.mod(view.direction[:, i], 1.0))
         if rows.size:
             phi[rows, i], slope[rows, i] = _between(joint, view.direction[rows, i], view.theta[rows, i])

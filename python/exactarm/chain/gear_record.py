@@ -26,6 +26,7 @@ from exactarm.chain.view import View, motor_angles
 from exactarm.dataset import Dataset
 from exactarm.robot import Robot
 from exactarm.signals import (
+    block_starts,
     derivative,
     gaussian_filter,
     gaussian_sigma,
@@ -89,9 +90,18 @@ class GearRecord:
     def rate(self, angle: np.ndarray) -> np.ndarray:
         """d/dt of a signal or tangent (N, ...), run by run."""
         out = np.empty_like(angle)
-        for rows in self.runs:
-            out[rows] = derivative(angle[rows], self.time[rows])
+        for number, rows in enumerate(self.runs):
+            out[rows] = self.run_rate(number, angle[rows])
         return out
+
+    def run_rate(self, number: int, angle: np.ndarray) -> np.ndarray:
+        """d/dt of a signal or tangent (R, ...) of one run."""
+        time, starts = self._blocks[number]
+        return derivative(angle, time, starts)
+
+    @cached_property
+    def _blocks(self) -> list[tuple[np.ndarray, list[int]]]:
+        return [(self.time[rows], block_starts(self.time[rows])) for rows in self.runs]
 
 
 def gear_record(robot: Robot, data: Dataset) -> GearRecord:

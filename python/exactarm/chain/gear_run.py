@@ -30,7 +30,7 @@ from exactarm.dataset import Dataset
 from exactarm.effects.base import Station
 from exactarm.effects.drive import smooth_sign
 from exactarm.robot import Robot
-from exactarm.signals import derivative, gaussian_filter, typical_step
+from exactarm.signals import gaussian_filter, typical_step
 
 _FIXED_POINT_TOLERANCE_RAD = 1e-13
 _FIXED_POINT_PASSES = 30
@@ -194,10 +194,10 @@ def _jacobian(view: View, layout: Layout, record: GearRecord, passed: list[Recor
     """(N, m, P), one run after another so that the tangents of the joints never stand in memory all at once."""
     size, components = layout.size, weights.shape[1]
     jacobian = np.zeros((view.rows, components, size))
-    for rows in record.runs:
+    for number, rows in enumerate(record.runs):
         reading: dict[int, np.ndarray] = {}
         for axis, tangent in joint_tangents(view, layout, passed, rows).items():
-            rate = tangent if record.encoder_axes else derivative(tangent, record.time[rows])
+            rate = tangent if record.encoder_axes else record.run_rate(number, tangent)
             for component in np.flatnonzero(np.any(weights[rows, :, axis] != 0.0, axis=0)):
                 part = weights[rows, component, axis, None] * rate
                 reading[component] = reading[component] + part if component in reading else part

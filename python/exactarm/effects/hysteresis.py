@@ -14,6 +14,7 @@ from typing import ClassVar, Iterable
 
 import numpy as np
 
+from exactarm import _core
 from exactarm.effects.base import Change, Effect, Parameter, Station
 
 _REACHES_RAD = (3e-5, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1)
@@ -54,7 +55,7 @@ class Hysteresis(Effect):
         memory, by_reach = np.zeros(view.rows), np.zeros(view.rows)
         motion = view.theta[:, self.index] / view.robot.ratios[self.index]
         for rows in view.runs:
-            memory[rows], by_reach[rows] = stop_operator(motion[rows], self.values[1])
+            memory[rows], by_reach[rows] = _core.stop_operator(motion[rows], self.values[1])
         return memory, by_reach
 
     @classmethod
@@ -71,25 +72,3 @@ class Hysteresis(Effect):
                 # A drive torque shows what turns the joint by its rates: the shape of the memory is nearly lost.
                 reaches = _REACHES_RAD[::3] if view.kind == "motion" else _REACHES_RAD
                 yield cls(int(index) + 1, (0.0, reaches[0]), search=reaches)
-
-
-def stop_operator(motion: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
-    """z / reach with dz = d(motion) held within +-reach, starting at 0, and its derivative by the reach, each (N,).
-
-    Between two turning points the motion is monotone, so z there is one clipped line.
-    """
-    z, by_reach = np.zeros(motion.size), np.zeros(motion.size)
-    moves = np.sign(np.diff(motion))
-    nonzero = np.flatnonzero(moves)
-    if nonzero.size == 0:
-        return z, by_reach
-    turns = nonzero[1:][np.diff(moves[nonzero]) != 0.0]
-    starts, ends = np.concatenate([[0], turns]), np.concatenate([turns, [motion.size - 1]])
-    height, slope = 0.0, 0.0
-    for start, end in zip(starts, ends):
-        line = height + motion[start : end + 1] - motion[start]
-        inside = np.abs(line) < reach
-        z[start : end + 1] = np.clip(line, -reach, reach)
-        by_reach[start : end + 1] = np.where(inside, slope, np.sign(line))
-        height, slope = z[end], by_reach[end]
-    return z / reach, (by_reach - z / reach) / reach

@@ -54,10 +54,17 @@ def fit_gear_runs(
     prior = np.flatnonzero(np.isfinite(spread))
     white = (lambda values: values) if drift is None else drift.white
 
+    known: dict[bytes, GearRunPrediction] = {}
+
+    def predicted(at: np.ndarray) -> GearRunPrediction:
+        # Nearly every trial is accepted, so its tangents come along at once.
+        if at.tobytes() not in known:
+            known.clear()
+            known[at.tobytes()] = predict_gear_run(robot, layout.at(at), data, record=record, threads=threads)
+        return known[at.tobytes()]
+
     def evaluate(x: np.ndarray, with_jacobian: bool) -> Evaluation:
-        prediction = predict_gear_run(
-            robot, layout.at(x), data, record=record, tangents=with_jacobian, threads=threads
-        )
+        prediction = predicted(x)
         residual = np.concatenate([white(prediction.residual()).ravel(), (centre - x)[prior] / spread[prior]])
         if not with_jacobian:
             return Evaluation(residual, None)
@@ -66,13 +73,12 @@ def fit_gear_runs(
         return Evaluation(residual, np.concatenate([white(prediction.jacobian).reshape(-1, layout.size), drawn]))
 
     x = layout.values
-    prediction = predict_gear_run(robot, layout, data, record=record, tangents=False, threads=threads)
-    sigma = _component_sigma(white(prediction.residual()), used)
+    sigma = _component_sigma(white(predicted(x).residual()), used)
     for _ in range(_ROUNDS):
         weight = np.concatenate([(used[:, None] / sigma).ravel(), np.ones(prior.size)])
         fit = least_squares(evaluate, x, weights=weight, bounds=bounds, tolerance=1e-8)
         x = fit.x
-        prediction = predict_gear_run(robot, layout.at(x), data, record=record, threads=threads)
+        prediction = predicted(x)
         before, sigma = sigma, _component_sigma(white(prediction.residual()), used)
         if np.all(np.abs(sigma / before - 1.0) < 0.2):
             break

@@ -1,0 +1,41 @@
+#include "exactarm/base/check.hpp"
+#include "exactarm/base/derivative.hpp"
+#include "exactarm/robot/stop_operator.hpp"
+
+#include "binding.hpp"
+
+namespace exactarm::bindings {
+namespace {
+
+using Samples = py::array_t<double, py::array::c_style | py::array::forcecast>;
+
+}  // namespace
+
+void bind_signals(py::module_& module) {
+  module.def(
+      "derivative",
+      [](const Samples& values, const Samples& time, const std::vector<long>& starts) {
+        const long rows = values.ndim() ? values.shape(0) : 0, columns = rows ? values.size() / rows : 0;
+        require_size("time", time.size(), rows);
+        py::array_t<double> out(std::vector<py::ssize_t>(values.shape(), values.shape() + values.ndim()));
+        const double *in = values.data(), *at = time.data();
+        double* result = out.mutable_data();
+        {
+          py::gil_scoped_release release;
+          derivative(in, at, rows, columns, starts, result);
+        }
+        return out;
+      },
+      py::arg("values"), py::arg("time"), py::arg("starts"),
+      "d/dt of samples (N, ...) at time (N,), block by block from each row in starts on.");
+  module.def(
+      "stop_operator",
+      [](const Samples& motion, double reach) {
+        auto memory = new_array(motion.size()), by_reach = new_array(motion.size());
+        stop_operator(motion.data(), motion.size(), reach, memory.mutable_data(), by_reach.mutable_data());
+        return std::make_pair(memory, by_reach);
+      },
+      py::arg("motion"), py::arg("reach"), "Motion (N,) held within +-reach, over the reach, and its derivative by it.");
+}
+
+}  // namespace exactarm::bindings
