@@ -24,6 +24,7 @@ _STENCILS = {
     4: (4 / 5, -1 / 5, 4 / 105, -1 / 280),
 }
 HALF_STENCIL = 4
+_EVEN, _CLOCK_CUTOFF_HZ = 1e-6, 1.0  # share of a step; slower changes of the sampling rate are believed
 _WIDE = 60  # samples of a kernel's reach from which a Fourier transform is quicker
 
 
@@ -41,6 +42,20 @@ def blocks(time: np.ndarray) -> list[np.ndarray]:
         return [np.arange(time.size)]
     gaps = np.flatnonzero(np.diff(time) > _GAP * typical_step(time))
     return np.split(np.arange(time.size), gaps + 1)
+
+
+def even_clock(time: np.ndarray) -> np.ndarray:
+    """Time stamps (N,) of one run without what scatters in them: their rounding, or a logger's jitter.
+
+    A step that is off by a thousandth puts a thousandth of the speed into a rate, which is more than a gyroscope's noise.
+    """
+    if time.size < 3:
+        return time
+    steps = np.diff(time)
+    uneven = np.abs(steps / typical_step(time) - 1.0) > _EVEN
+    if not np.any(uneven & (steps < _GAP * typical_step(time))):
+        return time
+    return gaussian_filter(time, time, _CLOCK_CUTOFF_HZ)
 
 
 def gaussian_sigma(cutoff_hz: float) -> float:

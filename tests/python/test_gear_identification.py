@@ -19,6 +19,7 @@ from exactarm.identify.gear_declared import declared_gear_layout, sensor_layout
 from exactarm.identify.gear_fit import fit_gear_runs
 from exactarm.identify.gear_orders import find_orders
 from exactarm.identify.gear_profile import AngleProfile, false_alarm
+from exactarm.robot import GearTable
 from exactarm.robot_file import load_robot
 
 # joint, speed, margin that leaves the thesis' range of steady motion, orders it names
@@ -228,6 +229,58 @@ def test_quick_wrist_axes_are_left_with_the_noise(racer, joint):
         assert gear.after["validation"].rms < 1.2 * gear.noise
     estimate = result.gears[0].estimate
     assert abs(estimate.ratio - racer.joints[joint - 1].ratio) < 4.0 * estimate.ratio_sigma
+
+
+def test_stamps_that_are_rounded_or_jitter_put_nothing_into_the_rate(racer):
+    """3 kHz with stamps in whole microseconds, and a logger that scatters its stamps by a tenth of a step."""
+    rounded = runs_of(racer, GearRuns(joint=1, speed=120.0 * DEGREE, runs=4, rate_hz=3000.0))
+    rounded = replace(rounded, time=np.round(rounded.time, 6))
+    scattered = runs_of(racer, GearRuns(joint=1, speed=80.0 * DEGREE, runs=4))
+    random = np.random.default_rng(5)
+    scattered = replace(scattered, time=scattered.time + random.uniform(-1e-4, 1e-4, len(scattered)))
+    for data in (rounded, scattered):
+        for gear in identify_gears(racer, replace(data, identification=data.run <= 2)).gears:
+            assert gear.after["validation"].rms < 1.2 * gear.noise
+
+
+def test_other_gears_at_other_sampling_rates(racer):
+    """Orders between whole numbers, more than a hundred motor revolutions an output one, 500 Hz and 4 kHz."""
+    table = GearTable(np.array([12.37, 50.7, 161.3, 322.6]), np.array([5e-4, 1e-3, 2e-3, -1e-3]), np.array([1e-3, -5e-4, 1e-3, 5e-4]))
+    robot = racer.with_joint(0, ratio=161.3, cw=table, ccw=table)
+    for rate_hz in (500.0, 4000.0):
+        data = runs_of(robot, GearRuns(joint=1, speed=60.0 * DEGREE, runs=4, rate_hz=rate_hz))
+        data = replace(data, identification=data.run <= 2)
+        result = identify_gears(robot.with_joint(0, cw=None, ccw=None, ratio=161.0), data)
+        assert abs(result.robot.joints[0].ratio / 161.3 - 1.0) < 5e-5
+        for gear in result.gears:
+            np.testing.assert_allclose(gear.table.order, table.order, atol=0.1)
+            assert gear.after["validation"].rms < 1.2 * gear.noise
+
+
+def test_a_single_run_is_extrapolated_and_says_so(racer):
+    data = runs_of(racer, GearRuns(joint=1, speed=80.0 * DEGREE, runs=1))
+    result = identify_gears(racer, data)
+    assert any("extrapolated" in warning for warning in result.warnings)
+
+
+@pytest.mark.parametrize("change", (
+    lambda data: replace(data, gyro=data.gyro / DEGREE),
+    lambda data: replace(data, joints={"theta": data.joints["theta"] / DEGREE}),
+    lambda data: replace(data, gyro=np.zeros_like(data.gyro)),
+    lambda data: replace(data, gyro=np.random.default_rng(1).normal(0.0, 1e-3, data.gyro.shape)),
+), ids=("gyroscope in degrees", "motor in degrees", "dead gyroscope", "gyroscope elsewhere"))
+def test_a_reading_that_is_none_of_the_gear_is_refused(racer, change):
+    data = runs_of(racer, GearRuns(joint=1, speed=80.0 * DEGREE, runs=2))
+    with pytest.raises(InputError, match="axis 1: .* gear ratio of .* 84.86; expected"):
+        identify_gears(racer, change(data))
+
+
+@pytest.mark.parametrize("samples", (1, 2, 5, 60))
+def test_runs_of_a_few_samples_are_refused(racer, samples):
+    data = runs_of(racer, GearRuns(joint=1, speed=80.0 * DEGREE, runs=2))
+    few = np.concatenate([np.flatnonzero(data.run == run)[500 : 500 + samples] for run in (1, 2)])
+    with pytest.raises(InputError, match="axis 1: only .* rows"):
+        identify_gears(racer, data.select(few))
 
 
 def test_poses_are_refused(racer, tmp_path):

@@ -28,6 +28,7 @@ from exactarm.robot import Robot
 from exactarm.signals import (
     block_starts,
     derivative,
+    even_clock,
     gaussian_filter,
     gaussian_sigma,
     steady_direction,
@@ -51,7 +52,7 @@ _ROUNDED_NOISE, _CERTAIN = 0.515, 6.0  # of the encoder's part in the rate, in w
 
 @dataclass(frozen=True)
 class GearRecord:
-    """Signals (N, n) of the motors at `time` (N,), and the runs' row indices.
+    """Signals (N, n) of the motors at `time` (N,), the stamps without their rounding, and the runs' row indices.
 
     theta, theta_dot (rad, rad/s), direction (-1, 0, +1); keep (N,): neither at a reversal nor where inertia swings
     the drive train or the filter rounds the motion; cutoff_hz: of the filter on theta, None where it was not needed; encoder_axes: axes (from 0)
@@ -115,8 +116,9 @@ def gear_record(robot: Robot, data: Dataset) -> GearRecord:
     cutoff, blur = (None, 0.0) if encoder_axes or not np.any(data.gyro) else _cutoff(view, robot, noise)
     theta_dot, direction = np.zeros((2, *theta.shape))
     keep = np.ones(len(data), bool)
+    clock = data.time.copy()
     for rows, main in view.moving_runs:
-        time = data.time[rows]
+        clock[rows] = time = even_clock(data.time[rows])
         at = np.ix_(rows, moving)
         angle = theta[at] if cutoff is None else gaussian_filter(theta[at], time, cutoff)
         theta[at] = angle
@@ -134,7 +136,7 @@ def gear_record(robot: Robot, data: Dataset) -> GearRecord:
                 if cutoff is not None:
                     output = angle[:, column] / robot.ratios[axis]
                     keep[rows] &= ~_rounded(output, time, cutoff, max(_ROUNDED_SHARE * noise, blur))
-    return GearRecord(theta, theta_dot, direction, keep, runs, data.time, cutoff, encoder_axes, view.moving,
+    return GearRecord(theta, theta_dot, direction, keep, runs, clock, cutoff, encoder_axes, view.moving,
                       tuple(axis for _, axis in view.moving_runs))
 
 

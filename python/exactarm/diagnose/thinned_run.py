@@ -42,7 +42,7 @@ def thinned_run(robot: Robot, data: Dataset, record: GearRecord) -> tuple[Datase
     chosen = np.concatenate([rows[::every] for rows in record.runs])
     count = np.cumsum([0] + [rows[::every].size for rows in record.runs])
     runs = tuple(np.arange(a, b) for a, b in zip(count[:-1], count[1:]))
-    theta, time = theta[chosen], data.time[chosen]
+    theta, time = theta[chosen], record.time[chosen]
     theta_dot = np.concatenate([derivative(theta[rows], time[rows]) for rows in runs])
     thin = GearRecord(
         theta, theta_dot, record.direction[chosen], keep[chosen], runs, time, record.cutoff_hz, record.encoder_axes,

@@ -28,6 +28,7 @@ from exactarm.identify.gear_samples import GearSamples, gear_samples
 from exactarm.identify.statistics import ErrorSummary, summarise
 from exactarm.robot import GearTable, Robot
 
+_MUCH_OUTSIDE, _FAR_ABOVE = 0.2, 2.0  # share of validation rows; times the noise
 _SAME_SPEED = 0.1  # runs whose speeds differ by less than this share count as one speed
 
 
@@ -109,18 +110,25 @@ def identify_gears(
         progress(f"gear {axis + 1}")
         first = first_look(samples)
         if first is None:
-            warnings.append(f"axis {axis + 1}: too few identification rows in steady motion, its gear is left as declared")
+            used = int(np.sum(samples.identification & samples.keep))
+            warnings.append(
+                f"axis {axis + 1}: only {used} of its {samples.run.size} rows identify in a steady motion along a range of the "
+                "axis, expected some hundreds: its gear is left as declared"
+            )
             continue
         with ThreadPoolExecutor(max_workers=max(1, min(threads, len(METHODS)))) as pool:
             estimates = dict(zip(METHODS, pool.map(lambda name: identify_axis(samples, name, first), METHODS)))
         chosen = estimates[method]
         new = _with_tables(result, axis, chosen)
         errors = _errors(robot, estimates, method)
-        gears += [_gear(chosen, side, errors) for side in chosen.tables]
+        sides = [_gear(chosen, side, errors) for side in chosen.tables]
+        gears += sides
         held_out += _held_out(chosen, errors)
         alignments += _alignments(data, samples, setup)
-        warnings += _warnings(chosen)
+        warnings += [*_warnings(chosen), *_remaining(sides)]
         result = new
+    if not gears and warnings:
+        raise InputError(warnings[0])
     if not gears:
         raise InputError("no axis moves far enough in one direction; expected gear runs over a range of its axis")
     intervals = dict(result.intervals)
@@ -253,3 +261,26 @@ def _warnings(estimate: GearEstimate):
         )
     if not estimate.orders.size:
         yield f"axis {joint}: no order stands out of the noise"
+
+
+def _remaining(gears: list[Gear]):
+    """What the validation rows say beside their RMS: rows outside the fitted range, and errors far above the noise."""
+    for gear in gears:
+        samples, profile = gear.samples, gear.estimate.profiles[gear.side]
+        where = f"axis {gear.joint}, {gear.side}"
+        held_out = samples.side(SIDES[gear.side]) & ~samples.identification
+        if not held_out.any():
+            continue
+        angle = samples.angle[held_out] / gear.estimate.scale
+        outside = np.mean((angle < profile.angle.min() - profile.step) | (angle > profile.angle.max() + profile.step))
+        if outside > _MUCH_OUTSIDE:
+            yield (
+                f"{where}: {100.0 * outside:.0f} % of the validation rows lie outside the angles that were fitted; there the "
+                "table is extrapolated"
+            )
+        left = gear.rest["validation"].rms
+        if gear.noise > 0.0 and left > _FAR_ABOVE * gear.noise:
+            yield (
+                f"{where}: what remains on held-out rows is {left / gear.noise:.1f} times the sensor's noise; "
+                "`exactarm diagnose` looks for its cause"
+            )

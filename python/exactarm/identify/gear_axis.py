@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import linalg
 
+from exactarm.errors import InputError
 from exactarm.harmonics import delivered
 from exactarm.identify.gear_declared import SIDES
 from exactarm.identify.gear_orders import Found, Table, find_orders, fit_all, order_uncertainty, whole_orders
@@ -25,6 +26,7 @@ _ROUNDS = 3
 _SEARCH_ROUNDS = 2
 _TELLS_BIAS = 1e-4  # share of the bias column that the rate cannot imitate
 _LEAST_CELLS = 64
+_LARGEST_FACTOR = 2.0  # between the measured ratio and the declared one
 
 
 @dataclass(frozen=True)
@@ -68,7 +70,10 @@ class FirstLook:
 def first_look(samples: GearSamples) -> FirstLook | None:
     """What both methods begin with; None where there are too few identification rows."""
     fitted = samples.identification & samples.keep
+    if fitted.sum() < _LEAST_CELLS:
+        return None
     scale, disturbance, sigma = _ratio(samples, fitted, {}, 1.0)
+    _require_like(samples, scale)
     profiles = _profiles(samples, fitted, scale, disturbance)
     if not profiles:
         return None
@@ -100,6 +105,16 @@ def identify_axis(samples: GearSamples, method: str, first: FirstLook) -> GearEs
         samples, method, samples.ratio * scale, abs(samples.ratio) * sigma, disturbance, found.orders,
         order_uncertainty(sides, found), dict(zip(profiles, found.tables)), profiles,
     )
+
+
+def _require_like(samples: GearSamples, scale: float) -> None:
+    """Refuses a reading that has nothing to do with the motor's: a unit or a ratio far off, another axis."""
+    if not 1.0 / _LARGEST_FACTOR < scale < _LARGEST_FACTOR:
+        sensor = "gyroscope" if samples.rated else "encoder behind the gear"
+        raise InputError(
+            f"axis {samples.axis + 1}: motor angle and {sensor} give a gear ratio of {samples.ratio * scale:.4g} where the robot "
+            f"file has {samples.ratio:.4g}; expected less than a factor {_LARGEST_FACTOR:.0f} between them: check units and ratio"
+        )
 
 
 def _profiles(samples, fitted, scale, disturbance) -> dict[str, AngleProfile]:
@@ -138,7 +153,8 @@ def _ratio(samples: GearSamples, fitted: np.ndarray, tables: dict[str, Table], s
     sigma = np.sqrt(residual @ residual / max(residual.size - x.size, 1) * inverse[0, 0])
     disturbance = np.zeros(samples.disturbances.shape[1])
     disturbance[chosen] = x[1:]
-    return 1.0 / x[0], disturbance, float(sigma / x[0] ** 2)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return 1.0 / x[0], disturbance, float(sigma / x[0] ** 2)
 
 
 def _tellable(motor: np.ndarray, columns: np.ndarray) -> np.ndarray:

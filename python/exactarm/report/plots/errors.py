@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from exactarm.report.plots.style import (
-    AFTER, BEFORE, FLOOR, VALIDATION, from_zero, label_with, legend_above, marker_size, new_figure, scaled,
+    AFTER, BEFORE, FLOOR, RASTER_ABOVE, VALIDATION, from_zero, label_with, legend_above, marker_size, new_figure, scaled,
 )
 
 
@@ -18,9 +18,10 @@ def error_per_pose(before: np.ndarray, after: np.ndarray, validation: np.ndarray
     figure = new_figure(3.6)
     axes = figure.subplots()
     fitted, dots = ~np.asarray(validation, bool), marker_size(len(rows))
-    axes.plot(rows, before / size, "o", color=BEFORE, markersize=dots, label="before", alpha=0.75)
-    axes.plot(rows[fitted], after[fitted] / size, "o", color=AFTER, markersize=dots, label="after, fitted")
-    axes.plot(rows[~fitted], after[~fitted] / size, "D", color=VALIDATION, markersize=dots, label="after, not fitted")
+    how = {"markersize": dots, "rasterized": len(rows) > RASTER_ABOVE, "linestyle": "none"}
+    axes.plot(rows, before / size, marker="o", color=BEFORE, label="before", alpha=0.75, **how)
+    axes.plot(rows[fitted], after[fitted] / size, marker="o", color=AFTER, label="after, fitted", **how)
+    axes.plot(rows[~fitted], after[~fitted] / size, marker="D", color=VALIDATION, label="after, not fitted", **how)
     if noise_floor is not None:
         axes.axhline(noise_floor / size, color=FLOOR, linestyle="--", label="noise of the measurement")
     axes.set(xlabel=row, ylabel=label_with(name, shown), xlim=(0, len(rows) + 1))
