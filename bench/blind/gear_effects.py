@@ -70,7 +70,7 @@ class Wave(GearCause):
 
     @classmethod
     def draw_orders(cls, random, state: GearState, **more):
-        axis = int(np.unique(state.runs.moved)[0])
+        axis = int(random.choice(np.unique(state.runs.moved)))
         ratio = abs(state.arm.motor_per_output[axis])
         order = float((ratio, 2.0 * ratio, 0.5 * ratio, random.uniform(8.0, 1.2 * ratio))[random.integers(4)])
         declared = [t.order for t in (state.arm.tables[axis] if state.arm.tables else {}).values()]
@@ -96,7 +96,9 @@ class DirectionDependence(Wave):
     draw = classmethod(lambda cls, random, state: cls.draw_orders(random, state))
 
     def gear(self, state):
-        return self.on_axis(state, self.wave(state) * self.of(state.runs, "direction"))
+        # The tables of both directions meet at the angle zero, as declared ones do.
+        wave = self.wave(state) - np.sin(self.phase) / self.order
+        return self.on_axis(state, wave * self.of(state.runs, "direction"))
 
 
 @dataclass(frozen=True)

@@ -24,10 +24,10 @@ LARGEST_RATE_SHARE, LARGEST_ANGLE_RAD = 0.3, 5e-3  # that a cause of plausible s
 
 
 def draw_case(folder: Path, seed: int, robots: Path, theme: str | None = None) -> Case:
-    """Writes robot.toml, gear.csv and truth.json. theme as in `pose_scenario.draw_case` (no pairs)."""
+    """Writes robot.toml, gear.csv and truth.json. theme as in `pose_scenario.draw_case`."""
     random = np.random.default_rng(seed)
     folder.mkdir(parents=True, exist_ok=True)
-    theme = theme or random.choice(("single", "clean", "foreign"), p=(0.75, 0.15, 0.1))
+    theme = theme or random.choice(("single", "pair", "clean", "foreign"), p=(0.65, 0.1, 0.15, 0.1))
     for _ in range(TRIES):
         robot = _robot_file(folder, random, robots, seed)
         declared = read_arm(robot)
@@ -71,25 +71,26 @@ def _rest(arm, random) -> np.ndarray:
 
 
 def _gyroscope_runs(arm, random) -> Runs:
-    """One axis, to one side and back, at one or two speeds, two or three times each."""
+    """One or two axes, one after the other, to one side and back, at one or two speeds, two or three times each."""
     rate = float(random.choice((400.0, 400.0, 1000.0)))
     step = 1.0 / (rate * OVERSAMPLING)
-    axis = int(random.integers(min(arm.axes, 5)))
-    low, high = arm.lower[axis] - arm.offset[axis] + 0.1, arm.upper[axis] - arm.offset[axis] - 0.1
-    if high - low > 4.0:
-        low, high = 0.5 * (low + high) - 2.0, 0.5 * (low + high) + 2.0
     rest = _rest(arm, random) - arm.offset
+    axes = random.permutation(min(arm.axes, 5))[: 1 + int(random.random() < 0.3)]
     speeds = random.uniform(0.7, 1.8) * np.array((1.0, 0.5) if random.random() < 0.6 else (1.0,))
     parts = []
-    for repeat in range(3 if len(speeds) == 1 else 2):
-        for speed in speeds:
-            path = ramped(high - low, speed, 0.25, step)
-            for sign in (1.0, -1.0):
-                phi = np.tile(rest, (len(path), 1))
-                phi[:, axis] = low + path if sign > 0 else high - path
-                direction = np.zeros_like(phi)
-                direction[:, axis] = sign * np.sign(arm.motor_per_output[axis])
-                parts.append((phi, direction, axis))
+    for axis in map(int, axes):
+        low, high = arm.lower[axis] - arm.offset[axis] + 0.1, arm.upper[axis] - arm.offset[axis] - 0.1
+        if high - low > 4.0:
+            low, high = 0.5 * (low + high) - 2.0, 0.5 * (low + high) + 2.0
+        for repeat in range(3 if len(speeds) == 1 else 2):
+            for speed in speeds:
+                path = ramped(high - low, speed, 0.25, step)
+                for sign in (1.0, -1.0):
+                    phi = np.tile(rest, (len(path), 1))
+                    phi[:, axis] = low + path if sign > 0 else high - path
+                    direction = np.zeros_like(phi)
+                    direction[:, axis] = sign * np.sign(arm.motor_per_output[axis])
+                    parts.append((phi, direction, axis))
     return _joined(arm, parts, step, random)
 
 
@@ -128,10 +129,11 @@ def _draw_cause(theme: str, random, clean: Reading):
     if theme == "clean":
         return ()
     pool = GEAR_FOREIGN if theme == "foreign" else GEAR_EFFECTS
-    if theme not in ("single", "foreign"):
+    if theme not in ("single", "pair", "foreign"):
         pool = tuple(c for c in GEAR_EFFECTS + GEAR_FOREIGN if theme in (c.name, c.__name__))
-    cause = pool[random.integers(len(pool))].draw(random, clean.state)
-    return None if cause is None else (cause,)
+    chosen = random.permutation(len(pool))[: 2 if theme == "pair" else 1]
+    causes = tuple(pool[k].draw(random, clean.state) for k in chosen)
+    return None if any(cause is None for cause in causes) else causes
 
 
 def _absorbed(arm, reading: Reading, error: np.ndarray) -> np.ndarray:
@@ -139,24 +141,26 @@ def _absorbed(arm, reading: Reading, error: np.ndarray) -> np.ndarray:
     state, picked = reading.state, reading.picked
     run = state.runs.run[picked]
     left = np.empty_like(error)
-    axes = state.runs.encoder_axes or (int(state.runs.moved[0]),)
-    for column, axis in enumerate(axes):
-        phi, rate, direction = (v[picked, axis] for v in (state.phi, state.rate, state.runs.direction))
-        columns = [np.ones(len(phi)) * (run == number) for number in np.unique(run)] if state.runs.encoder_axes else []
+    encoders = state.runs.encoder_axes
+    moved = state.runs.moved[picked]
+    for column, axis in enumerate(encoders or tuple(int(a) for a in np.unique(moved))):
+        rows = np.ones(len(picked), bool) if encoders else moved == axis
+        phi, rate, direction = (v[picked, axis][rows] for v in (state.phi, state.rate, state.runs.direction))
+        columns = [np.ones(len(phi)) * (run[rows] == number) for number in np.unique(run)] if encoders else []
         tables = arm.tables[axis] if arm.tables else {}
         orders = np.unique(np.concatenate([t.order for t in tables.values()])) if tables else ()
-        speed = 1.0 if state.runs.encoder_axes else rate
+        speed = 1.0 if encoders else rate
         for order in orders:
             columns += [f(order * phi) * (direction * side > 0) * speed for f in (np.cos, np.sin) for side in (-1, 1)]
-        if not state.runs.encoder_axes:
+        if not encoders:
             # A constant tilt turns the reading across the axis into nothing that shows along it.
-            left[:, 0:2] = error[:, 0:2] - rate[:, None] * (rate @ error[:, 0:2] / (rate @ rate))
+            across = error[rows, 0:2]
+            left[rows, 0:2] = across - rate[:, None] * (rate @ across / (rate @ rate))
             column = 2
+        left[rows, column] = error[rows, column]
         if columns:
             design = np.stack(columns, axis=1)
-            left[:, column] = error[:, column] - design @ np.linalg.lstsq(design, error[:, column], rcond=1e-10)[0]
-        else:
-            left[:, column] = error[:, column]
+            left[rows, column] -= design @ np.linalg.lstsq(design, error[rows, column], rcond=1e-10)[0]
     return left
 
 
@@ -169,14 +173,19 @@ def _write(folder, robot, arm, runs, tilt, causes, random, seed) -> Case | None:
     sigma = random.uniform(5e-6, 3e-5) if encoders else random.uniform(3e-4, 2e-3)
     raised = float(np.exp(random.uniform(np.log(1.05), np.log(5.0))))
     clean = sense(arm, runs, (), tilt)
-    for _ in range(2 if causes else 0):
-        error = _absorbed(arm, clean, sense(arm, runs, causes, tilt).sensor - clean.sensor)
-        size = _judged(error, encoders)
-        if not encoders:  # what shows only across the axis is found there
-            size = max(size, float(np.sqrt(np.mean(error[:, :2] ** 2))))
-        if size < 1e-12:
-            return None
-        causes = tuple(cause.scaled(cause.size * np.sqrt(raised**2 - 1.0) * sigma / size) for cause in causes)
+    if len(causes) == 2:
+        raised = max(raised, 1.5)
+    for _ in range(2):
+        sized = []
+        for cause in causes:
+            error = _absorbed(arm, clean, sense(arm, runs, (cause,), tilt).sensor - clean.sensor)
+            size = _judged(error, encoders)
+            if not encoders:  # what shows only across the axis is found there
+                size = max(size, float(np.sqrt(np.mean(error[:, :2] ** 2))))
+            if size < 1e-12:
+                return None
+            sized.append(cause.scaled(cause.size * np.sqrt(raised**2 - 1.0) * sigma / size))
+        causes = tuple(sized)
     reading = sense(arm, runs, causes, tilt)
     change = np.abs(reading.sensor - clean.sensor).max()
     limit = LARGEST_ANGLE_RAD if encoders else LARGEST_RATE_SHARE * np.abs(clean.sensor).max()
@@ -193,15 +202,17 @@ def _write(folder, robot, arm, runs, tilt, causes, random, seed) -> Case | None:
     }
     columns: dict[str, np.ndarray] = {"time_s": runs.time[picked], "run": runs.run[picked]}
     if random.random() < 0.5 and len(numbers) >= 3:
-        held = numbers[-1:] if encoders else numbers[-2:]
+        each = [numbers[[runs.moved[runs.run == number][0] == axis for number in numbers]] for axis in np.unique(runs.moved)]
+        held = numbers[-1:] if encoders else np.concatenate([own[-2:] for own in each])
         columns["set"] = np.where(np.isin(runs.run[picked], held), "validation", "identification")
     step = 2.0 * np.pi / 2**16
+    unit, scale = (("rad", 1.0), ("deg", 180.0 / np.pi))[int(random.random() < 0.3)]
     for i in range(arm.axes):
-        columns[f"theta_{i + 1}_rad"] = np.round(runs.theta[picked, i] / step) * step
+        columns[f"theta_{i + 1}_{unit}"] = np.round(runs.theta[picked, i] / step) * step * scale
     if encoders:
-        columns |= {f"q_{axis + 1}_rad": sensor[:, k] for k, axis in enumerate(runs.encoder_axes)}
+        columns |= {f"q_{axis + 1}_{unit}": sensor[:, k] * scale for k, axis in enumerate(runs.encoder_axes)}
     else:
-        columns |= {f"gyro_{axis}_rad_s": sensor[:, k] for k, axis in enumerate("xyz")}
+        columns |= {f"gyro_{axis}_{unit}_s": sensor[:, k] * scale for k, axis in enumerate("xyz")}
     if random.random() < 0.5 or any(cause.name == "thermal_drift" for cause in causes):
         columns["temperature_degC"] = runs.temperature[picked]
     data = folder / "gear.csv"

@@ -227,7 +227,7 @@ class GearWave(MotionCause):
 @dataclass(frozen=True)
 class GearHarmonics(GearWave):
     name: str = "gear_harmonics"
-    largest: float = 0.05
+    largest: float = 0.01
 
     @classmethod
     def draw(cls, random, arm, drive, played):
@@ -253,6 +253,7 @@ class MotorLinkCoupling(MotionCause):
     """Spinning rotors on moving links: the rate of their momentum loads the links, the links' turn loads the rotors."""
 
     name: str = "motor_link_coupling"
+    largest: float = 1.5
 
     @classmethod
     def draw(cls, random, arm, drive, played):

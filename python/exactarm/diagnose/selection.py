@@ -24,6 +24,7 @@ LEAST_EVIDENCE = 5.0  # log Bayes factor; all candidates tried are already paid 
 MOST_EFFECTS = 16
 _SHORTLIST = 12
 _FOLD_CERTAINTY = 2.5  # the mean fall of the folds beside its standard error
+_LEAST_FALLING = 8  # folds
 _INDEPENDENT_SHARE, _INDEPENDENT_EVIDENCE = 0.8, 20.0
 _KEPT_GAIN = 0.5  # share of the predicted gain that the joint fit must confirm
 
@@ -158,6 +159,8 @@ def _worth(problem: Problem, fitted: Fitted, effect: Effect, folds: np.ndarray, 
     columns = _linear_columns(fitted, effect)
     fall = without - held_out_squares(fitted, columns, folds, prior_of(effect), problem.units(folds))
     certain = fall.mean() > _FOLD_CERTAINTY * fall.std(ddof=1) / np.sqrt(len(fall))
+    # What shows in bursts (a resonance that is passed) falls very unevenly, but it falls everywhere.
+    certain = certain or (len(fall) >= _LEAST_FALLING and np.all(fall > 0.0))
     return bool(certain and fall.sum() > problem.least_share * without.sum())
 
 
