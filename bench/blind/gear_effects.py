@@ -116,7 +116,8 @@ class SpeedDependence(Wave):
         return cause if max(speeds) > 1.5 * min(speeds) else None
 
     def gear(self, state):
-        return self.on_axis(state, self.wave(state) * np.abs(self.of(state, "rate")))
+        wave = self.wave(state) - np.sin(self.phase) / self.order
+        return self.on_axis(state, wave * np.abs(self.of(state, "rate")))
 
 
 @dataclass(frozen=True)

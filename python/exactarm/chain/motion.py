@@ -46,8 +46,9 @@ class MotionView(View):
 
     @property
     def swing(self) -> np.ndarray:
-        step = self.evaluated[2].step
-        return 0.5 * step * np.abs(self.signals["theta_ddot"] / self.robot.controller_ratios)
+        # A row stands for all samples of the log around it, none of which has seen more than its own instant.
+        step = self.evaluated[2].step - self.evaluated[2].logged_step
+        return 0.5 * max(step, 0.0) * np.abs(self.signals["theta_ddot"] / self.robot.controller_ratios)
 
     def response(self, effect: Effect) -> np.ndarray:
         """(N, m, k) derivative of the prediction by all parameters of the effect, at its values."""

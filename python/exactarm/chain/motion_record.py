@@ -44,6 +44,7 @@ class MotionRecord:
 
     direction (N, n): of the motor's motion, -1 to 1 (chain/direction.py).
     data: the thinned rows; runs: row indices in the order of time; bandwidth_hz: None where nothing was filtered;
+    step, logged_step: s between its rows and between those of the log;
     sign_width (n,) rad/s, output side: within it dry friction turns over (identify/friction_width.py).
     """
 
@@ -57,6 +58,7 @@ class MotionRecord:
     runs: tuple[np.ndarray, ...]
     bandwidth_hz: float | None
     step: float
+    logged_step: float
     sign_width: np.ndarray
 
     @property
@@ -145,6 +147,7 @@ def motion_record(robot: Robot, data: Dataset, bandwidth_hz: float | None = None
         runs=tuple(np.arange(a, b) for a, b in zip(counts[:-1], counts[1:])),
         bandwidth_hz=bandwidth if filtered else None,
         step=float(np.median([np.median(np.diff(data.time[part[0]])) for part in parts])),
+        logged_step=float(np.median(steps)),
         sign_width=np.full(robot.axes, SIGN_WIDTH_RAD_S),
     )
 
@@ -189,7 +192,7 @@ def unthinned_record(
     band = bandwidth_hz if bandwidth_hz < _LARGEST / step else None
     torque = np.full_like(theta, np.nan)
     keep, width = np.ones(len(data), bool), np.full(robot.axes, SIGN_WIDTH_RAD_S)
-    return MotionRecord(data, theta, rate, acceleration, torque, direction, keep, tuple(runs), band, step, width)
+    return MotionRecord(data, theta, rate, acceleration, torque, direction, keep, tuple(runs), band, step, step, width)
 
 
 def measured_torque(robot: Robot, data: Dataset) -> np.ndarray:

@@ -90,7 +90,7 @@ class View:
 
     @property
     def swing(self) -> np.ndarray:
-        """(N, n) rad/s, output side: how far the motors' rates move within half a row."""
+        """(N, n) rad/s, output side: how far the motors' rates move to either side among the samples that a row stands for."""
         return np.zeros((self.rows, self.axes))
 
     @property

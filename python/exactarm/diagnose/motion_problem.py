@@ -87,7 +87,7 @@ class MotionProblem(Problem):
     def _record_of(self, data: Dataset) -> MotionRecord:
         if data is self.data or data is self.held_out:
             return self.record if data is self.data else self._held
-        return replace(motion_record(self.robot, data, self.record.bandwidth_hz, _ROWS_SHARE), sign_width=self.record.sign_width)
+        return motion_record(self.robot, data, self.record.bandwidth_hz, _ROWS_SHARE)
 
     def declared(self) -> Layout:
         layout = friction_layout(self.robot, self.record)
@@ -95,13 +95,13 @@ class MotionProblem(Problem):
             layout = layout.joined(inertial_layout(self.robot, base_parameters(self.robot)))
         layout, _ = excited_layout(self.robot, layout.joined(carried_layout(self.robot, "motion")), self.record, self.threads)
         require_enough(layout, self.record)
-        widths = friction_widths(self.robot, layout, self.record, self.threads)
-        self.record = replace(self.record, sign_width=widths)
-        self._held = self._held and replace(self._held, sign_width=widths)
+        self._turn_over(layout)
         return layout
 
     def fit(self, layout: Layout, weight: np.ndarray | None = None, sigma: np.ndarray | None = None) -> Fitted:
         found = fit_motion(self.robot, layout, self.record, threads=self.threads)
+        if self._turn_over(found.layout):
+            found = fit_motion(self.robot, found.layout, self.record, threads=self.threads)
         prediction, axes, keep = found.prediction, found.axes, self.record.keep
         residual = np.where(keep[:, None], prediction.residual()[:, axes], 0.0)
         jacobian = np.zeros((*residual.shape, 0))
@@ -122,9 +122,16 @@ class MotionProblem(Problem):
         share = self._noise.independent_share(fitted, self.record.runs, self.record.step)
         return replace(fitted, sigma=found.sigma / np.sqrt(share))
 
+    def _turn_over(self, layout: Layout) -> bool:
+        """Whether with `layout` dry friction turns over more or less sharply than in the record so far."""
+        widths = friction_widths(self.robot, layout, self.record, self.threads)
+        other = not np.array_equal(widths, self.record.sign_width)
+        self.record = replace(self.record, sign_width=widths)
+        return other
+
     def _residual(self, fitted: Fitted, data: Dataset) -> np.ndarray:
         """(N', m) measured minus predicted on the rows that count."""
-        record = self._record_of(data)
+        record = replace(self._record_of(data), sign_width=fitted.record.sign_width)
         prediction = predict_motion(self.robot, fitted.layout, record, tangents=False, threads=self.threads)
         return prediction.residual()[record.keep][:, self.record.measured_axes]
 

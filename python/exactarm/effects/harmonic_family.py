@@ -20,6 +20,7 @@ from exactarm.signals import strongest_orders
 _POSE_MULTIPLES = 2  # of the ratio: the highest order that poses are searched for
 _RATIO_UNKNOWN = 100.0
 _MOTOR_MULTIPLES = (1.0, 2.0)  # that motions are searched for
+_REFINED, _BESIDE = 3, (-0.5, -0.25, 0.25, 0.5)  # peaks, and steps in cells of resolution
 _CURVE_KNEE = 25.0  # order above which the amplitudes of a gear or encoder curve fall (cycles per revolution)
 
 
@@ -161,4 +162,8 @@ def _residual_orders(view, index: int) -> np.ndarray:
             direction = view.direction[rows, index]
             ways = [rows[direction > 0.0], rows[direction < 0.0]]
             pieces += [(view.phi[way, index], residual[way, index]) for way in ways]
-    return strongest_orders(pieces, ratio=abs(view.robot.ratios[index]))
+    orders = strongest_orders(pieces, ratio=abs(view.robot.ratios[index]))
+    # The peak of a wave that grows with speed or load lies beside its order: the neighbourhood is tried too.
+    cell = 2.0 * np.pi / max((np.ptp(x) for x, _ in pieces if x.size), default=np.inf)
+    beside = orders[:_REFINED, None] + cell * np.array(_BESIDE)
+    return np.concatenate([orders, beside[beside > cell]])

@@ -2,7 +2,7 @@
 
 No robot file declares it, and a wrong one leaves a peak at every reversal that looks like breakaway torque. Each axis
 takes the width at which its own torque leaves least, with friction, all free parameters and smooth curves of angle,
-rate, acceleration and load fitted (a cause that is not declared must not hide the peaks); the usual one unless another
+rate, acceleration and load fitted (a cause that is not declared must not hide the peaks); the one of the record unless another
 is clearly better.
 """
 
@@ -29,17 +29,17 @@ def friction_widths(robot: Robot, layout: Layout, record: MotionRecord, threads:
     view, keep = prediction.view, record.keep
     rate = record.theta_dot / robot.controller_ratios
     signs = [record.smooth(smooth_sign(rate, width, view.swing)[0]) for width in _WIDTHS_RAD_S]
-    usual = _WIDTHS_RAD_S.index(SIGN_WIDTH_RAD_S)
+    near = record.smooth(smooth_sign(rate, record.sign_width, view.swing)[0])
     residual = prediction.residual()
     for axis in rubbed:
         columns = np.column_stack([prediction.jacobian[keep, axis], record.smooth(_smooth_curves(view, rate, axis))[keep]])
         columns = columns[:, np.any(columns, axis=0)]
         # What the usual width has explained lies in the span of the columns: only the peaks at reversals are at stake.
-        left = [_square(columns, signs[usual][keep, axis], sign[keep, axis], residual[keep, axis], robot.joints[axis].coulomb)
-                for sign in signs]
+        coulomb = view.robot.joints[axis].coulomb
+        left = [_square(columns, near[keep, axis], sign[keep, axis], residual[keep, axis], coulomb) for sign in (near, *signs)]
         best = int(np.argmin(left))
-        if left[best] < _CLEARLY * left[usual]:
-            widths[axis] = _WIDTHS_RAD_S[best]
+        if left[best] < _CLEARLY * left[0]:
+            widths[axis] = _WIDTHS_RAD_S[best - 1]
     return widths
 
 
@@ -49,10 +49,10 @@ def _smooth_curves(view, rate: np.ndarray, axis: int) -> np.ndarray:
     return np.column_stack([np.ones_like(v), v, v * rate[:, axis], view.signals["q_ddot"][:, axis], np.cos(q), np.sin(q), load])
 
 
-def _square(columns, usual, sign, residual, coulomb) -> float:
-    """Square sum left by the free parameters where dry friction follows `sign` in place of `usual`."""
+def _square(columns, near, sign, residual, coulomb) -> float:
+    """Square sum left by the free parameters where dry friction follows `sign` in place of `near`."""
     size = np.linalg.norm(columns, axis=0)
-    dry = columns.T @ usual / (size * np.linalg.norm(usual)) > 1.0 - 1e-9
+    dry = columns.T @ near / (size * np.linalg.norm(near)) > 1.0 - 1e-9
     design = np.column_stack([columns[:, ~dry] / size[~dry], sign])
-    target = residual + (coulomb or 0.0) * usual
+    target = residual + (coulomb or 0.0) * near
     return float(np.sum((target - design @ np.linalg.lstsq(design, target, rcond=1e-9)[0]) ** 2))
