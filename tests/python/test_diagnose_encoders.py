@@ -10,6 +10,7 @@ from exactarm.dataset import Dataset
 from exactarm.diagnose.diagnosis import diagnose
 from exactarm.effects import effect_from_table
 from exactarm.effects.load_dependence import LoadDependence
+from exactarm.identify.gear_evaluate import gear_run_error
 from exactarm.robot_file import load_robot
 
 RATE_HZ, SECONDS, RUNS = 125.0, 8.0, 2
@@ -52,8 +53,12 @@ def measured(robot, compliance: float, seed: int = 7) -> Dataset:
     return Dataset.of_arrays("gear_run", joints, time=np.tile(time, RUNS), run=run)
 
 
-def test_names_the_gear_that_winds_up_under_a_measured_torque(robot):
-    result = diagnose(robot, measured(robot, COMPLIANCE))
+@pytest.fixture(scope="module")
+def result(robot):
+    return diagnose(robot, measured(robot, COMPLIANCE))
+
+
+def test_names_the_gear_that_winds_up_under_a_measured_torque(result):
     assert [(f.effect.name, f.effect.joint) for f in result.findings] == [("load_dependence", 2)]
     (low, high), (least, most) = result.findings[0].intervals
     assert low < COMPLIANCE < high and high - low < COMPLIANCE
@@ -61,6 +66,12 @@ def test_names_the_gear_that_winds_up_under_a_measured_torque(robot):
     axes = {axis["joint"]: axis for axis in result.axes}
     assert axes[2]["after"] < 0.5 * axes[2]["before"]
     assert axes[1]["after"] == pytest.approx(axes[1]["before"], rel=0.02)
+
+
+def test_the_updated_robot_carries_what_was_found(robot, result):
+    left = gear_run_error(result.robot, measured(robot, COMPLIANCE)).error
+    declared = gear_run_error(robot, measured(robot, COMPLIANCE)).error
+    assert np.sqrt(np.mean(left**2)) < 0.5 * np.sqrt(np.mean(declared**2))
 
 
 def test_drift_alone_is_no_effect(robot):
