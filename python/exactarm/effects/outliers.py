@@ -19,6 +19,7 @@ from exactarm.effects.base import Change, Effect, Parameter, Station
 _LARGEST_SHARE = 0.2  # more than that is no longer a few wrong rows
 _FALSE_ALARM = 0.01  # of a whole data set
 _TOGETHER_BY_CHANCE = 0.999
+_ALIKE_COSINE, _ALIKE_SHARE = 0.5, 0.25  # of two random directions, a quarter lie within 60 degrees
 
 
 @dataclass(frozen=True)
@@ -62,12 +63,20 @@ class Outliers(Effect):
         wrong = np.linalg.norm(residual, axis=1) > limit
         if not 0 < wrong.sum() <= _LARGEST_SHARE * len(wrong):
             return ()
-        neighbour = cKDTree(view.measured).query(view.measured, k=2)[1][:, 1]
-        apart = _scattered(wrong[:-1] & wrong[1:], wrong) and _scattered(wrong & wrong[neighbour], wrong)
+        rows = np.arange(len(wrong))
+        nearest = cKDTree(view.measured).query(view.measured, k=2)[1]
+        neighbour = np.where(nearest[:, 0] == rows, nearest[:, 1], nearest[:, 0])  # a repeated visit may come first
+        apart = all(_scattered(residual, wrong, beside) for beside in (np.roll(rows, -1), neighbour))
         return (cls(None, (limit,)),) if apart else ()
 
 
-def _scattered(together: np.ndarray, wrong: np.ndarray) -> bool:
-    """Whether wrong rows have wrong neighbours no more often than chance has it (Poisson, 1 in 1,000)."""
-    expected = wrong.mean() * wrong.sum()
-    return together.sum() <= special.pdtrik(_TOGETHER_BY_CHANCE, max(expected, 0.5))
+def _scattered(residual: np.ndarray, wrong: np.ndarray, beside: np.ndarray) -> bool:
+    """Whether wrong rows have neighbours wrong the same way no more often than chance has it (Poisson, 1 in 1,000).
+
+    The same way: within 60 degrees. A fit that a wrong row pulls leaves its neighbours wrong the other way.
+    """
+    pairs = wrong & wrong[beside]
+    length = np.maximum(np.linalg.norm(residual, axis=1), np.finfo(float).tiny)
+    alike = np.einsum("ij,ij->i", residual, residual[beside]) > _ALIKE_COSINE * length * length[beside]
+    expected = wrong.mean() * wrong.sum() * _ALIKE_SHARE
+    return (pairs & alike).sum() <= special.pdtrik(_TOGETHER_BY_CHANCE, max(expected, 0.5))
