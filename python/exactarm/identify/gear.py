@@ -121,16 +121,16 @@ def identify_gears(
         chosen = estimates[method]
         new = _with_tables(result, axis, chosen)
         errors = _errors(robot, estimates, method)
-        sides = [_gear(chosen, side, errors) for side in chosen.tables]
-        gears += sides
+        gears += [_gear(chosen, side, errors) for side in chosen.tables]
         held_out += _held_out(chosen, errors)
         alignments += _alignments(data, samples, setup)
-        warnings += [*_warnings(chosen), *_remaining(sides)]
+        warnings += _warnings(chosen)
         result = new
     if not gears and warnings:
         raise InputError(warnings[0])
     if not gears:
         raise InputError("no axis moves far enough in one direction; expected gear runs over a range of its axis")
+    warnings += _remaining(gears)
     intervals = dict(result.intervals)
     for gear in gears:
         intervals[f"ratio_{gear.joint}"] = _interval(gear.estimate.ratio, gear.estimate.ratio_sigma)
@@ -265,22 +265,23 @@ def _warnings(estimate: GearEstimate):
 
 def _remaining(gears: list[Gear]):
     """What the validation rows say beside their RMS: rows outside the fitted range, and errors far above the noise."""
+    outside, loud = [], []
     for gear in gears:
         samples, profile = gear.samples, gear.estimate.profiles[gear.side]
-        where = f"axis {gear.joint}, {gear.side}"
         held_out = samples.side(SIDES[gear.side]) & ~samples.identification
         if not held_out.any():
             continue
         angle = samples.angle[held_out] / gear.estimate.scale
-        outside = np.mean((angle < profile.angle.min() - profile.step) | (angle > profile.angle.max() + profile.step))
-        if outside > _MUCH_OUTSIDE:
-            yield (
-                f"{where}: {100.0 * outside:.0f} % of the validation rows lie outside the angles that were fitted; there the "
-                "table is extrapolated"
-            )
+        share = np.mean((angle < profile.angle.min() - profile.step) | (angle > profile.angle.max() + profile.step))
         left = gear.rest["validation"].rms
+        if share > _MUCH_OUTSIDE:
+            outside.append(f"{100.0 * share:.0f} % of {gear.joint} {gear.side}")
         if gear.noise > 0.0 and left > _FAR_ABOVE * gear.noise:
-            yield (
-                f"{where}: what remains on held-out rows is {left / gear.noise:.1f} times the sensor's noise; "
-                "`exactarm diagnose` looks for its cause"
-            )
+            loud.append(f"{gear.joint} {gear.side} {left / gear.noise:.1f} times")
+    if outside:
+        yield f"validation rows outside the angles that were fitted, where the table is extrapolated: {', '.join(outside)}"
+    if loud:
+        yield (
+            "what remains on held-out rows, even without all that stands beside the gear, is more than the sensor's noise: "
+            f"{', '.join(loud)}; `exactarm diagnose` looks for its cause"
+        )
