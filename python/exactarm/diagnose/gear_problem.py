@@ -59,7 +59,6 @@ class GearProblem(Problem):
         self._step = typical_step(self.thin.time[self.record.runs[0]])
         if self.record.encoder_axes:
             self.unit = "rad"
-            self.least_share = _LEAST_SHARE_OF_WHITE
 
     def _record_of(self, data: Dataset) -> GearRecord:
         if data is self.data or data is self.held_out:
@@ -157,6 +156,10 @@ class GearProblem(Problem):
         sorts = [(int(self.thin.session[rows[0]]), axis) for rows, axis in moving]
         several = min(sorts.count(sort) for sort in sorts) >= _RUNS_OF_A_SORT
         return self.thin.run if several and not self.record.encoder_axes else time_groups(self.thin.run)
+
+    @property
+    def least_share(self) -> float:
+        return Problem.least_share if self._noise.drift is None else _LEAST_SHARE_OF_WHITE
 
     def units(self, folds: np.ndarray) -> np.ndarray:
         """Stretches longer than what the filtered noise remembers; without a filter the folds."""
