@@ -15,6 +15,7 @@ import numpy as np
 
 from exactarm.chain import Layout
 from exactarm.diagnose.cross_validation import folds_of, held_out_squares
+from exactarm.diagnose.forms import best_form, same_family
 from exactarm.diagnose.problem import Fitted, Problem, rows_kept
 from exactarm.diagnose.scan import Candidate, free_mask, prior_of, scan
 from exactarm.effects import library
@@ -199,9 +200,13 @@ def _contest(problem, declared, chosen, rounds, fitted, first_ranking, progress)
             without = replace(without, weight=rows_kept(without.layout, without.view).astype(float))
         count = _count(problem, without)
         field = _rivals_of(chosen[place], candidates_for(problem, without), first_ranking)
+        form = best_form(problem, without, chosen[place], field, count, LEAST_EVIDENCE)
+        if form is not None and _differs(form.effect, chosen[place]):
+            trial = refit(problem, declared, chosen[:place] + [form.effect] + chosen[place + 1 :], fitted)
+            fitted, chosen = trial, [*trial.layout.effects[len(declared.effects):]]
         ranking = scan(without, field, count)
         own = next((c for c in ranking if c.label == chosen[place].label), None)
-        winner = ranking[0]
+        winner = next((c for c in ranking if not same_family(c.effect, chosen[place])), ranking[0])
         if own is not None and winner.label != own.label and winner.evidence > own.evidence + 1.0:
             trial = refit(problem, declared, chosen[:place] + [winner.effect] + chosen[place + 1 :], fitted)
             price = np.log(count) * (free_mask(winner.effect).sum() - free_mask(chosen[place]).sum())
@@ -232,6 +237,11 @@ def _rivals_of(effect: Effect, library_field: list[Effect], first_ranking) -> li
         else:
             field.append(other)
     return field
+
+
+def _differs(one: Effect, other: Effect) -> bool:
+    """In kind or in the number of parameters."""
+    return one.name != other.name or len(one.values) != len(other.values)
 
 
 def _same_cause(one: Effect, other: Effect) -> bool:

@@ -28,6 +28,7 @@ class GearEccentricity(Effect):
     station: ClassVar[Station] = Station.GEAR
     kinds: ClassVar[tuple[str, ...]] = ("poses", "gear_run", "motion", "tracked_motion")
     compensable: ClassVar[bool] = True
+    family: ClassVar[str] = "gear curve"
     sentence: ClassVar[str] = "the output of gear {joint} runs out of true, once and twice per revolution"
     source: ClassVar[str] = "Mark, Performance-Based Gear Metrology (2013): run-out"
 

@@ -23,6 +23,7 @@ class GearHarmonics(HarmonicFamily):
     name: ClassVar[str] = "gear_harmonics"
     kinds: ClassVar[tuple[str, ...]] = ("poses", "gear_run", "motion", "tracked_motion")
     compensable: ClassVar[bool] = True
+    family: ClassVar[str] = "gear curve"
     sentence: ClassVar[str] = "the ratio of gear {joint} swings {order_per_rev:.2f} times per output revolution"
     source: ClassVar[str] = "thesis 2.2.1, E5"
 

@@ -1,0 +1,49 @@
+"""Forms of one cause on one axis: a single order, a run-out, or any repeatable curve of a gear.
+
+Which of them the data asks for is decided by the cross-validated error over whole poses or runs: the form with the
+fewest free parameters whose error is not certainly worse than the best one's (one standard error of the paired
+differences between folds; Breiman et al. 1984).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from exactarm.diagnose.cross_validation import folds_of, held_out_squares
+from exactarm.diagnose.problem import Fitted, Problem
+from exactarm.diagnose.scan import Candidate, free_mask, prior_of, scan
+from exactarm.effects.base import Effect
+
+_HOPELESS = 2.0  # times the square sum that the closest fitting form leaves: held out it will not do better
+
+
+def same_family(one: Effect, other: Effect) -> bool:
+    """Whether both are forms of one cause on one axis."""
+    return bool(one.family) and one.family == other.family and one.joint == other.joint
+
+
+def best_form(problem: Problem, without: Fitted, effect: Effect, field: list[Effect], count: float, least: float) -> Candidate | None:
+    """The form of `effect` among `field` that the data asks for; None where there is nothing to choose between.
+
+    without: the fit without the effect; count: independent numbers; least: evidence that a form must have.
+    """
+    forms: dict[tuple, Candidate] = {}
+    for form in (other for other in field if same_family(other, effect)):
+        found = scan(without, [form], count)[0]
+        key = (found.effect.name, int(free_mask(found.effect).sum()))
+        if found.evidence >= least and (key not in forms or found.evidence > forms[key].evidence):
+            forms[key] = found
+    if len(forms) < 2:
+        return None
+    square = float(without.free_residual @ without.free_residual)
+    left = {key: square - found.gain for key, found in forms.items()}
+    able = [key for key in forms if left[key] <= _HOPELESS * min(left.values())]
+    if len(able) < 2:
+        return forms[able[0]]
+    folds = folds_of(problem.groups(), problem.seed)
+    errors = {key: held_out_squares(without, without.columns(forms[key].effect)[:, free_mask(forms[key].effect)], folds,
+                                    prior_of(forms[key].effect)) for key in able}
+    best = min(able, key=lambda key: errors[key].sum())
+    excess = {key: errors[key] - errors[best] for key in able}
+    as_good = [key for key in able if excess[key].mean() <= excess[key].std(ddof=1) / np.sqrt(len(excess[key]))]
+    return forms[min(as_good, key=lambda key: (key[1], errors[key].sum()))]
