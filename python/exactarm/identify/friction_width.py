@@ -27,7 +27,7 @@ def friction_widths(robot: Robot, layout: Layout, record: MotionRecord, threads:
         return widths
     prediction = predict_motion(robot, layout, record, threads=threads)
     view, keep = prediction.view, record.keep
-    rate = record.theta_dot / robot.controller_ratios
+    rate = view.signals["theta_dot"] / robot.controller_ratios
     signs = [record.smooth(smooth_sign(rate, width, view.swing)[0]) for width in _WIDTHS_RAD_S]
     near = record.smooth(smooth_sign(rate, record.sign_width, view.swing)[0])
     residual = prediction.residual()
