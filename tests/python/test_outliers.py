@@ -55,3 +55,15 @@ def test_a_corner_of_the_workspace_that_is_wrong_is_no_set_of_outliers():
     corner = np.argsort(np.linalg.norm(predicted - 1.0, axis=1))[:12]
     residual[corner] += 15 * NOISE
     assert len(Outliers.candidates(None, view(predicted, residual))) == 0
+
+
+def test_regions_that_gross_rows_pull_along_stay():
+    random, residual = noise(300, 5)
+    predicted = np.tile(random.uniform(-1.0, 1.0, (150, 3)), (2, 1))[random.permutation(300)]
+    for row, push in ((40, 100 * NOISE), (150, -80 * NOISE)):
+        near = np.exp(-np.sum((predicted - predicted[row]) ** 2, axis=1) / (2.0 * 0.5**2))[:, None]
+        residual += 0.06 * push * near * np.array([0.6, 0.0, 0.8])  # the least-squares fit gives way
+        residual[row] += push
+    seen = view(predicted, residual)
+    (found,) = Outliers.candidates(None, seen)
+    assert set(np.flatnonzero(~found.keep(seen))) == {40, 150}

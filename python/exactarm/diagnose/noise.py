@@ -16,6 +16,8 @@ from exactarm.diagnose.problem import Fitted, Problem
 
 _CLOSE_RAD = 0.02
 _LEAST_PAIRS = 20
+_GROSS = 5.0  # robust standard deviations: one good number in two millions lies beyond
+_FEW = 0.1  # of the groups; where more scatter so, it is noise
 
 
 @dataclass(frozen=True)
@@ -52,3 +54,22 @@ def neighbour_noise(problem: Problem, fitted: Fitted) -> float | None:
     rows = fitted.residual / fitted.sigma
     difference = rows[close] - rows[index[close, 1]]
     return float(np.sqrt(0.5 * np.mean(difference**2)))
+
+
+def repeat_scatter(white: np.ndarray, group: np.ndarray) -> float:
+    """Standard deviation within groups of rows (N, 3) that repeat each other, of which at least one has two.
+
+    Groups with a gross error in them are left out: a broken beam in one of two visits is no noise of the device, and
+    counted as such it would hide itself and every cause beneath.
+    """
+    _, group, counts = np.unique(group, return_inverse=True, return_counts=True)
+    means = np.stack([np.bincount(group, white[:, k]) / counts for k in range(3)], axis=1)
+    inside = (white - means[group]) * np.sqrt(counts / np.maximum(counts - 1, 1))[group, None]
+    repeated = counts > 1
+    spread = 1.4826 * np.median(np.abs(inside[repeated[group]]))
+    worst = np.zeros(len(counts))
+    np.maximum.at(worst, group, np.max(np.abs(inside), axis=1))
+    gross = repeated & (worst > _GROSS * spread)
+    chosen = repeated & ~gross if gross.sum() <= _FEW * repeated.sum() else repeated
+    squares = np.sum((white - means[group])[chosen[group]] ** 2)
+    return float(np.sqrt(squares / (3.0 * (counts[chosen] - 1).sum())))

@@ -6,6 +6,7 @@ import numpy as np
 
 from exactarm.chain import Layout, predict_poses
 from exactarm.dataset import Dataset
+from exactarm.diagnose.noise import repeat_scatter
 from exactarm.diagnose.problem import Fitted, Problem, rows_kept
 from exactarm.diagnose.next_poses import separating_poses
 from exactarm.diagnose.smoothness import second_order
@@ -109,13 +110,9 @@ class PoseProblem(Problem):
         """Pure error of rows measured at the same commanded pose in the same session, those left out excepted."""
         used = fitted.weight > 0
         groups = (self.groups() * (1 + self.data.session.max()) + self.data.session)[used]
-        _, inverse, counts = np.unique(groups, return_inverse=True, return_counts=True)
-        if (counts - 1).sum() < _LEAST_REPEATS:
+        if len(groups) - len(np.unique(groups)) < _LEAST_REPEATS:
             return None
-        white = fitted.residual[used, :3] / fitted.sigma[:3]
-        means = np.stack([np.bincount(inverse, white[:, k]) / counts for k in range(3)], axis=1)
-        inside = white - means[inverse]
-        return float(np.sqrt(np.sum(inside**2) / (3.0 * (counts - 1).sum())))
+        return repeat_scatter(fitted.residual[used, :3] / fitted.sigma[:3], groups)
 
     def updated_robot(self, fitted: Fitted) -> Robot:
         return calibrated_robot(self.robot, fitted.layout, fitted.fit)

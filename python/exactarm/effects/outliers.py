@@ -19,6 +19,7 @@ from exactarm.effects.base import Change, Effect, Parameter, Station
 _LARGEST_SHARE = 0.2  # more than that is no longer a few wrong rows
 _FALSE_ALARM = 0.01  # of a whole data set
 _TOGETHER_BY_CHANCE = 0.999
+_CLEAR_GAP = 4.0
 _ALIKE_COSINE, _ALIKE_SHARE = 0.5, 0.25  # of two random directions, a quarter lie within 60 degrees
 
 
@@ -59,15 +60,29 @@ class Outliers(Effect):
         if view.data.position is None or "measured" not in view.signals:
             return ()
         residual = view.data.position - view.measured
-        limit = cls.threshold(residual)
-        wrong = np.linalg.norm(residual, axis=1) > limit
-        if not 0 < wrong.sum() <= _LARGEST_SHARE * len(wrong):
-            return ()
-        rows = np.arange(len(wrong))
+        norm = np.linalg.norm(residual, axis=1)
+        rows = np.arange(len(norm))
         nearest = cKDTree(view.measured).query(view.measured, k=2)[1]
         neighbour = np.where(nearest[:, 0] == rows, nearest[:, 1], nearest[:, 0])  # a repeated visit may come first
-        apart = all(_scattered(residual, wrong, beside) for beside in (np.roll(rows, -1), neighbour))
-        return (cls(None, (limit,)),) if apart else ()
+        usual = cls.threshold(residual)
+        for limit in (usual, _gap(norm, usual)):
+            wrong = norm > limit
+            if not 0 < wrong.sum() <= _LARGEST_SHARE * len(wrong):
+                return ()
+            if all(_scattered(residual, wrong, beside) for beside in (np.roll(rows, -1), neighbour)):
+                return (cls(None, (limit,)),)
+        return ()
+
+
+def _gap(norm: np.ndarray, limit: float) -> float:
+    """A limit between the gross rows and those that they have pulled the fit away from; infinite without a clear gap.
+
+    Rows pulled out of place lie together around a gross one, but stay far smaller; a structure has no such gap.
+    """
+    above = np.sort(np.append(norm[norm > limit], limit))
+    ratio = above[1:] / above[:-1]
+    widest = int(np.argmax(ratio)) if len(ratio) else -1
+    return float(np.sqrt(above[widest] * above[widest + 1])) if widest >= 0 and ratio[widest] > _CLEAR_GAP else np.inf
 
 
 def _scattered(residual: np.ndarray, wrong: np.ndarray, beside: np.ndarray) -> bool:
