@@ -5,6 +5,7 @@ import pytest
 from motions import fourier_motion, motion_data
 
 from exactarm import _core
+from exactarm.commands.diagnose import _json
 from exactarm.diagnose.diagnosis import EXPLAINED, NOTHING, diagnose
 from exactarm.robot_file import load_robot
 
@@ -48,3 +49,9 @@ def test_names_a_rotor(racer):
     assert result.verdict == EXPLAINED
     axis = result.axes[2]
     assert axis["after"] < 0.7 * axis["before"]
+    told = _json(result)
+    for part in ("before", "after"):
+        summary = told[part]["validation"]
+        assert [entry["joint"] for entry in summary["axes"]] == [1, 2, 3, 4, 5, 6]
+        assert summary["axes"][2]["rms"] == pytest.approx(axis[part])
+        assert sum(entry["n"] for entry in summary["axes"]) == summary["n"]

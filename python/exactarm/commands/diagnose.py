@@ -13,6 +13,7 @@ from exactarm.commands.result import CommandResult, estimate
 from exactarm.dataset import read_dataset
 from exactarm.diagnose.diagnosis import UNEXPLAINED, Diagnosis, diagnose
 from exactarm.errors import InputError
+from exactarm.identify.statistics import summarise
 from exactarm.robot_file import load_robot
 
 NAME = "diagnose"
@@ -59,8 +60,10 @@ def _json(result: Diagnosis) -> dict:
     effects = [_effect(finding) for finding in result.findings]
     if result.verdict == UNEXPLAINED:
         effects.append(_unknown(result))
-    sets = lambda summaries: {name: summary.to_json() for name, summary in summaries.items()}
-    after = sets(result.after)
+    sets = lambda summaries, errors: {
+        name: summary.to_json() | _per_axis(result, errors[name]) for name, summary in summaries.items()
+    }
+    after = sets(result.after, result.errors_after)
     if result.excluded:
         after["identification"]["excluded"] = result.excluded
         after["validation"]["excluded"] = result.before["validation"].n - result.after["validation"].n
@@ -70,7 +73,7 @@ def _json(result: Diagnosis) -> dict:
         "unit": result.unit,
         "noise_floor": result.noise.value,
         "noise_source": result.noise.source,
-        "before": sets(result.before),
+        "before": sets(result.before, result.errors_before),
         "after": after,
         "effects": effects,
         "alternatives": [
@@ -84,6 +87,14 @@ def _json(result: Diagnosis) -> dict:
         "sentence": result.sentence,
         "next_experiment": result.next_experiment or "",
     } | axes
+
+
+def _per_axis(result: Diagnosis, errors: np.ndarray) -> dict:
+    """A summary of each axis, in motions, where every sample holds a number for each."""
+    if result.axes is None or result.kind != "motion":
+        return {}
+    columns = errors.reshape(-1, len(result.axes)).T
+    return {"axes": [{"joint": axis["joint"]} | summarise(column).to_json() for axis, column in zip(result.axes, columns)]}
 
 
 def _effect(finding) -> dict:
