@@ -186,12 +186,11 @@ def test_a_reference_beyond_the_limits_names_axis_time_amount_and_a_duration_tha
 
 def test_times_of_via_points_are_stretched_to_the_shortest_duration_that_fits():
     points = np.array([[0.834, 0.0, 1.0], [0.834, 0.15, 1.02], [0.834, 0.0, 1.04]])
-    path = PlannedPath(Points(points, np.array([0.0, 0.25, 0.5])), 0.5, 400.0)
-    with pytest.raises(ComputationError, match="^infeasible: no motion within the limits; joint 1 needs .* that fits is") as failure:
-        plan_path(ROBOT, path, THREADS)
-    fits = float(str(failure.value).split()[-2])
-    plan = plan_path(ROBOT, path.lasting(fits * 1.002), THREADS)
-    assert fits > 0.75 and not plan.violations and plan.path.curve.times[1] == pytest.approx(0.501 * fits)
+    path = PlannedPath(Points(points, np.array([0.0, 0.35, 0.7])), 0.7, 400.0)
+    hurried = plan_path(ROBOT, path, THREADS)
+    assert hurried.violations and hurried.shortest_duration > 0.75 and hurried.solver.iterations < 30
+    plan = plan_path(ROBOT, path.lasting(hurried.shortest_duration * 1.002), THREADS)
+    assert not plan.violations and plan.path.curve.times[1] == pytest.approx(0.501 * hurried.shortest_duration)
 
 
 def test_a_path_of_no_length_stands_still():

@@ -15,7 +15,8 @@ namespace {
 using nlp::Status;
 
 constexpr double kKeptShare = 0.005;        // of a slack after a step
-constexpr double kFirstBarrier = 0.1;
+constexpr double kFirstBarrier = 1e3;       // where bounds become active, their multipliers are large
+constexpr double kDampedBarrier = 0.1;
 constexpr double kLargestCurvature = 1e-2;  // rad of new residual that a step may make
 constexpr int kStalledSteps = 8;
 constexpr double kRoundings = 4.0 * std::numeric_limits<double>::epsilon();
@@ -201,7 +202,7 @@ class Solver {
     if (kkt_->factorise(derivatives_, diagonal_)) return true;
     if (!damped_before_) {
       // Far from the start's basin: a small barrier would pin the motion to the first bounds that it meets.
-      barrier_.start(current_.z, kFirstBarrier);
+      barrier_.start(current_.z, kDampedBarrier);
       damped_before_ = true;
     }
     for (damping_ = std::max(last / 3.0, kLeastDamping); damping_ < kMostDamping; damping_ *= last > 0.0 ? 3.0 : 10.0) {
