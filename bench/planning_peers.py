@@ -1,12 +1,15 @@
 """The planner against CasADi, Ipopt and MUMPS, in one run on the line of the source.
 
-    tuned    inverse dynamics with qdd and phi as unknowns, time in samples, output-side angles, flat start,
-             scaled objective, stage functions mapped over the knots, mumps_permuting_scaling = 0
-    exactarm the stage-wise solver, and our Ipopt path
+    exactarm  the stage-wise solver, and our Ipopt path
+    tuned     inverse dynamics with qdd and phi as unknowns, time in samples, output-side angles, flat start,
+              scaled objective, stage functions mapped over the knots, mumps_permuting_scaling = 0
+    source    the source's own formulation with the solver's defaults, bench/planning_thesis_form.py; ended at --limit
+              processor seconds, and then its ratio is a lower bound
 
-    python bench/planning_peers.py out.json [--knots N]
+    python bench/planning_peers.py out.json [--knots N] [--runs 3] [--limit 100]
 
-Times are wall clock of the solve alone, without building the problem. CasADi is needed by this script only.
+Medians of the solve alone, without building the problem: wall clock, and processor time of all threads, which is what
+counts on a busy machine. CasADi is needed by the benches only.
 """
 
 import argparse
@@ -17,10 +20,13 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 
+from exactarm import _core
+from exactarm.chain.spring import spring_inverse
 from exactarm.plan import PlanOptions, load_path, plan_path
 from exactarm.plan.compensation import known_functions, planning_model
-from exactarm.plan.optimal import _flat_motion
+from exactarm.plan.optimal import _flat_motion, _joint_reference, _problem, _solve_options
 from exactarm.robot_file import load_robot
+from planning_thesis_form import problem
 
 
 def turn(axis, angle):
@@ -74,12 +80,26 @@ def springs(robot, e):
 
 def solve(name, x, f, g, start, low, high, options):
     solver = ca.nlpsol(name, "ipopt", {"x": x, "f": f, "g": g}, {"ipopt.print_level": 0, "print_time": False} | options)
-    begin = time.perf_counter()
+    clock = Clock()
     answer = solver(x0=start, lbx=low, ubx=high, lbg=0, ubg=0)
-    seconds = time.perf_counter() - begin
+    times = clock.read()
     stats = solver.stats()
-    return np.array(answer["x"]).ravel(), {"seconds": seconds, "iterations": stats["iter_count"],
-                                           "status": stats["return_status"]}
+    return np.array(answer["x"]).ravel(), times | {"iterations": stats["iter_count"], "status": stats["return_status"]}
+
+
+class Clock:
+    """Wall clock and processor time since it was made, in s."""
+
+    def __init__(self):
+        self.wall, self.processor = time.perf_counter(), time.process_time()
+
+    def read(self):
+        return {"seconds": time.perf_counter() - self.wall, "processor_seconds": time.process_time() - self.processor}
+
+
+def median(rows):
+    """The row in the middle by processor time."""
+    return sorted(rows, key=lambda row: row["processor_seconds"])[len(rows) // 2] | {"runs": len(rows)}
 
 
 def fixed_ends(low, high, start, rows):
@@ -141,26 +161,60 @@ def limits(model, step, knots):
     return np.tile(low[:, None], knots), np.tile(high[:, None], knots)
 
 
+def source(robot, model, q_desired, step, nu, limit):
+    """The source's formulation from the reference at rest; objective as printed, all options at their defaults."""
+    still = _core.gravity_torque(model.core, q_desired, 1)
+    theta = np.empty_like(q_desired)
+    for i, joint in enumerate(model.joints):
+        phi = q_desired[:, i] - model.offsets[i] + spring_inverse(joint.spring_linear, joint.spring_cubic, still[:, i])[0]
+        theta[:, i] = _core.gear_motor_angle(robot.ratios[i], model.core.gears[i].cw, phi)
+    program, start, low, high = problem(model, inverse_dynamics(model), springs, q_desired, theta, step, nu)
+    x, info = solve("source", program["x"], program["f"], program["g"], start.ravel("F"), low.ravel("F"), high.ravel("F"),
+                    {"ipopt.max_cpu_time": limit})
+    return np.reshape(x, start.shape, "F")[:robot.axes].T, info
+
+
+def ours(robot, path, runs):
+    """Median of our solver's time, and the plan. The model's set-up is in it, the inverse kinematics is not."""
+    rows = []
+    for _ in range(runs):
+        plan = plan_path(robot, path, PlanOptions(threads=2))
+        shared = prepared(robot, path)
+        clock = Clock()
+        motion = _core.plan_motion(*shared)
+        rows.append(clock.read() | {"iterations": motion.iterations, "status": motion.status, "solver_seconds": motion.seconds})
+    return plan, median(rows)
+
+
+def prepared(robot, path):
+    """The arguments of the core's solver for a path."""
+    model, reference, options = planning_model(robot), path.reference(), PlanOptions(threads=2)
+    joints, known, _ = _joint_reference(model, reference, path, options)
+    return model.core, _problem(model, path, reference.step, joints, known, options), _solve_options(path, options)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("out")
     parser.add_argument("--knots", type=int, default=2501)
+    parser.add_argument("--runs", type=int, default=3)
+    parser.add_argument("--limit", type=float, default=100.0)
     arguments = parser.parse_args()
     robot = load_robot("racer-7-1.4")
     path = replace(load_path("line"), gear_direction="cw", rate_hz=(arguments.knots - 1) / 2.5)
     model = planning_model(robot)
-    plans = {}
-    for solver in ("stagewise", "ipopt"):
-        runs = [plan_path(robot, replace(path, solver=solver), PlanOptions(threads=2)) for _ in range(5 if solver == "stagewise" else 1)]
-        plans[solver] = sorted(runs, key=lambda plan: plan.solver.seconds)[len(runs) // 2]
-    own = plans["stagewise"]
-    rows = {name: {"seconds": plan.solver.seconds, "iterations": plan.solver.iterations, "status": plan.solver.status}
-            for name, plan in plans.items()}
+    own, first = ours(robot, path, 2 * arguments.runs + 1)
+    rows = {"stagewise": first, "ipopt": ours(robot, replace(path, solver="ipopt"), arguments.runs)[1]}
     step = own.reference.step
     flat = _flat_motion(model, own.q_desired, known_functions(model, own.q_desired, step, "cw", 1), step)
-    q, peer = tuned(robot, model.robot, own.q_desired, flat, step, path.nu)
-    rows["casadi_tuned"] = peer | {"q_difference_rad": float(np.abs(q - own.q).max()),
-                                   "ratio": peer["seconds"] / own.solver.seconds}
+    peers = [tuned(robot, model.robot, own.q_desired, flat, step, path.nu) for _ in range(arguments.runs)]
+    rows["casadi_tuned"] = median([info | {"q_difference_rad": float(np.abs(q - own.q).max())} for q, info in peers])
+    q, info = source(robot, model.robot, own.q_desired, step, path.nu, arguments.limit)
+    rows["casadi_source"] = info | {"q_difference_rad": float(np.abs(q - own.q).max()), "runs": 1,
+                                    "ended": info["status"] == "Solve_Succeeded"}
+    for row in rows.values():
+        row["ratio"] = row["seconds"] / first["seconds"]
+        row["processor_ratio"] = row["processor_seconds"] / first["processor_seconds"]
     with open(arguments.out, "w", encoding="utf-8") as file:
         json.dump({"knots": arguments.knots} | rows, file, indent=1)
 
