@@ -1,5 +1,6 @@
 """Effects of gears and gyroscopes: derivatives against central differences, signs, limits, robot file entries."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -142,3 +143,16 @@ def test_an_order_that_changes_sign_with_the_direction_is_found_in_a_run_to_and_
         robot=SimpleNamespace(ratios=np.array([100.0]), joints=(SimpleNamespace(cw=None, ccw=None),)),
     )
     assert abs(searched_orders(view.robot, view, 0)[0] - 90.0) < 1.0
+
+
+def test_curve_keeps_its_end_where_nothing_was_measured():
+    """Beyond the measured angles the value of the nearer end, over whole turns too; the robot file remembers them."""
+    curve = GearHarmonics(1, (1.0, 1e-3, 2e-3, -1e-3, 5e-4), seen=(-0.5, 1.0))
+    free = replace(curve, seen=None)
+    angles = np.array([0.3, 0.3 + 2.0 * np.pi, 1.0, 2.0, -0.5, -1.2, 5.0])
+    at = lambda effect, phi: effect.change(SimpleNamespace(phi=phi[:, None], rows=phi.size, axes=1))
+    value, slope = at(curve, angles).value[:, 0], at(curve, angles).by_signal["phi"][:, 0, 0]
+    expected = at(free, np.array([0.3, 0.3, 1.0, 1.0, -0.5, -0.5, -0.5])).value[:, 0]
+    np.testing.assert_allclose(value, expected, atol=1e-12)
+    assert np.all(slope[[3, 5, 6]] == 0.0) and slope[0] != 0.0
+    assert effect_from_table(curve.to_table()) == curve

@@ -37,4 +37,5 @@ class GearHarmonics(HarmonicFamily):
             if len(own):
                 yield cls.zero(index + 1, own, multiples=2)
             if view.kind == "poses":
-                yield from (cls.curve(index + 1, _CURVE_ORDERS, amplitude) for amplitude in _CURVE_AMPLITUDES_RAD)
+                seen = (float(view.phi[:, index].min()), float(view.phi[:, index].max()))
+                yield from (cls.curve(index + 1, _CURVE_ORDERS, amplitude, seen) for amplitude in _CURVE_AMPLITUDES_RAD)

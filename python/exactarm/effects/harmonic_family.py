@@ -30,10 +30,12 @@ class HarmonicFamily(Effect):
 
     `search`: orders to be tried; empty once the order is known. `curve_rad` > 0: all orders together as one smooth
     curve of the angle, each term regularised by a Gaussian prior of that amplitude that falls above `_CURVE_KNEE`.
+    `seen`: output angles (rad) between which a curve was measured; beyond, it keeps the value of the nearer end.
     """
 
     search: tuple[float, ...] = ()
     curve_rad: float = 0.0
+    seen: tuple[float, float] | None = None
 
     station = Station.GEAR
     repeatable = True
@@ -51,9 +53,19 @@ class HarmonicFamily(Effect):
         return cls(joint, (search[0],) + (0.0, 0.0) * multiples, search)
 
     @classmethod
-    def curve(cls, joint: int, multiples: int, amplitude_rad: float) -> "HarmonicFamily":
+    def curve(cls, joint: int, multiples: int, amplitude_rad: float, seen: tuple[float, float]) -> "HarmonicFamily":
         """Orders 1 to `multiples` together, without any size yet."""
-        return cls(joint, (1.0,) + (0.0, 0.0) * multiples, (), amplitude_rad)
+        return cls(joint, (1.0,) + (0.0, 0.0) * multiples, (), amplitude_rad, seen)
+
+    def _measured(self, phi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The angle (N,) at which the error is looked up, and which rows (N,) lie where it was measured."""
+        if self.seen is None:
+            return phi, np.ones(phi.shape, bool)
+        low, high = self.seen
+        turned = low + np.mod(phi - low, 2.0 * np.pi)
+        inside = turned <= high
+        end = np.where(turned - high < low + 2.0 * np.pi - turned, high, low)
+        return np.where(inside, phi, end), inside
 
     @property
     def multiples(self) -> int:
@@ -80,7 +92,7 @@ class HarmonicFamily(Effect):
         a, b = np.array(self.values[1::2]), np.array(self.values[2::2])
         orders = order * multiple
         factor, by_factor = self.factor(view)
-        phi = view.phi[:, self.index]
+        phi, inside = self._measured(view.phi[:, self.index])
         x = delivered_angle(phi, orders, a, b, factor) if np.any(a) or np.any(b) else phi
         sine, cosine = waves(x, orders)
         slope = cosine @ a - sine @ b
@@ -92,14 +104,18 @@ class HarmonicFamily(Effect):
         inverse = 1.0 / (1.0 + factor * slope)
         derivative *= -(factor * inverse)[:, None, None]
         by_phi = np.zeros((view.rows, 1, view.axes))
-        by_phi[:, 0, self.index] = inverse - 1.0
+        by_phi[:, 0, self.index] = np.where(inside, inverse - 1.0, 0.0)
         by_signal = {name: -(error * inverse)[:, None, None] * row[:, None, :] for name, row in by_factor.items()}
         return Change((self.index,), (x - phi)[:, None], derivative, {"phi": by_phi} | by_signal)
+
+    def to_table(self):
+        return super().to_table() | ({} if self.seen is None else {"seen_from_rad": self.seen[0], "seen_to_rad": self.seen[1]})
 
     @classmethod
     def from_table(cls, table: Mapping[str, float | int | str]) -> Effect:
         multiples = sum(1 for name in table if name.startswith("a_"))
-        raw = cls(table.get("joint"), (1.0,) + (0.0, 0.0) * multiples)
+        seen = (float(table["seen_from_rad"]), float(table["seen_to_rad"])) if "seen_from_rad" in table else None
+        raw = cls(table.get("joint"), (1.0,) + (0.0, 0.0) * multiples, seen=seen)
         return raw.with_values(table[parameter.name] for parameter in raw.parameters())
 
 
