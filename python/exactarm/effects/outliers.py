@@ -19,6 +19,7 @@ from exactarm.effects.base import Change, Effect, Parameter, Station
 _LARGEST_SHARE = 0.2  # more than that is no longer a few wrong rows
 _FALSE_ALARM = 0.01  # of a whole data set
 _TOGETHER_BY_CHANCE = 0.999
+_LEAST_EXPECTED = 0.25  # pairs: two rows that are each other's neighbours may agree by chance, three may not
 _CLEAR_GAP = 4.0
 _ALIKE_COSINE, _ALIKE_SHARE = 0.5, 0.25  # of two random directions, a quarter lie within 60 degrees
 
@@ -94,4 +95,4 @@ def _scattered(residual: np.ndarray, wrong: np.ndarray, beside: np.ndarray) -> b
     length = np.maximum(np.linalg.norm(residual, axis=1), np.finfo(float).tiny)
     alike = np.einsum("ij,ij->i", residual, residual[beside]) > _ALIKE_COSINE * length * length[beside]
     expected = wrong.mean() * wrong.sum() * _ALIKE_SHARE
-    return (pairs & alike).sum() <= special.pdtrik(_TOGETHER_BY_CHANCE, max(expected, 0.5))
+    return (pairs & alike).sum() <= special.pdtrik(_TOGETHER_BY_CHANCE, max(expected, _LEAST_EXPECTED))
