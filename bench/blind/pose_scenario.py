@@ -42,7 +42,7 @@ def draw_case(folder: Path, seed: int, robots: Path, theme: str | None = None) -
     theme = theme or random.choice(("single", "clean", "foreign", "pair"), p=(0.68, 0.12, 0.1, 0.1))
     wanted = None if theme in ("single", "clean", "foreign", "pair") else theme
     for _ in range(TRIES):
-        robot = _robot_file(folder, random, robots, seed)
+        robot = pose_robot_file(folder, random, robots, seed)
         truth, rows = _true_world(read_arm(robot), random)
         causes = _draw_causes(theme, wanted, random, truth, rows)
         if causes is None:
@@ -53,7 +53,7 @@ def draw_case(folder: Path, seed: int, robots: Path, theme: str | None = None) -
     raise RuntimeError(f"seed {seed}: no case of {theme} after {TRIES} draws")
 
 
-def _robot_file(folder: Path, random, robots: Path, seed: int) -> Path:
+def pose_robot_file(folder: Path, random, robots: Path, seed: int) -> Path:
     path = folder / "robot.toml"
     choice = random.integers(6)
     if choice < 3:

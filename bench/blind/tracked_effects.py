@@ -8,7 +8,6 @@ import numpy as np
 
 from blind import foreign_effects, pose_effects
 from blind.hidden import Hidden, Setting
-from blind.pose_effects import pick
 
 
 @dataclass(frozen=True)

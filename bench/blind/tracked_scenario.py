@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import json
 import re
-import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,9 +16,8 @@ import pandas as pd
 from blind.arm import posture, read_arm
 from blind.hidden import Hidden, Rows, Setting
 from blind.motion import excitation
-from blind.pose_scenario import LARGEST_SHIFT_M, SHIPPED, Case, draw_set_up
-from blind.poses import Setup, Truth, fit_left, load, measure
-from blind.random_arms import write_random_arm
+from blind.pose_scenario import LARGEST_SHIFT_M, Case, draw_set_up, pose_robot_file
+from blind.poses import Truth, fit_left, load, measure
 from blind.tracked_effects import SHAKING, TRACKED_EFFECTS, TRACKED_FOREIGN
 
 TRIES = 60
@@ -45,12 +43,7 @@ def draw_case(folder: Path, seed: int, robots: Path, theme: str | None = None) -
 
 def _robot_file(folder: Path, random, robots: Path, seed: int) -> Path:
     """A shipped or a drawn arm without gear tables: at a reversal they leave the motion undefined."""
-    path = folder / "robot.toml"
-    choice = random.integers(6)
-    if choice < 3:
-        shutil.copy(robots / f"{SHIPPED[choice]}.toml", path)
-    else:
-        write_random_arm(path, random, f"arm-{seed}")
+    path = pose_robot_file(folder, random, robots, seed)
     path.write_text(re.sub(r"\[joints\.gear_c?cw\][^\n]*\n(?:[a-z_]+ = [^\n]*\n)+", "", path.read_text()))
     return path
 

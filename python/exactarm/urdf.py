@@ -19,7 +19,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from exactarm.errors import InputError
-from exactarm.mdh_frames import Axis, behind_axis, compose, mdh_chain, relative, rotation_x, rotation_y, rotation_z
+from exactarm.mdh_frames import Axis, behind_axis, compose, mdh_chain, relative, rotation_z
 from exactarm.robot import GRAVITY_M_S2, Joint, Link, Placement, Robot
 from exactarm.table import atomic_file
 from exactarm.urdf_tree import MOVING, UrdfJoint, UrdfTree, read_tree

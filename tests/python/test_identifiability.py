@@ -5,7 +5,6 @@ import pytest
 from identification_poses import RIGHT, racer_like, random_joints, robot_of, stacked_jacobian
 
 from exactarm.identify.identifiability import preference, select_identifiable, still_axes
-from exactarm.robot import Placement
 
 
 def analyse(robot, frames=True, orientation=False, count=200, seed=5, **options):

@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from motions import fourier_motion
 from six_axis import six_axis
 
 from exactarm import _core

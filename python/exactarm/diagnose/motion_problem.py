@@ -17,7 +17,7 @@ from exactarm.diagnose.coloured_noise import ColouredNoise
 from exactarm.diagnose.next_motions import separating_motion
 from exactarm.diagnose.problem import Fitted, Problem
 from exactarm.diagnose.scan import free_mask
-from exactarm.diagnose.time_groups import time_groups
+from exactarm.diagnose.time_groups import run_groups
 from exactarm.effects.base import Effect, Station
 from exactarm.identify.base_parameters import base_parameters
 from exactarm.identify.declared import carried_layout
@@ -27,7 +27,6 @@ from exactarm.identify.motion_fit import fit_motion
 from exactarm.robot import Robot
 from exactarm.signals import typical_step, white_noise
 
-_RUNS_ENOUGH = 5
 _COLUMNS_AT_ONCE = 48
 _LEAST_SAMPLES, _LEAST_NOISE, _WHITE = 50, 1e-5, 1.2
 _ROWS_SHARE = 0.5  # of those of an identification: a search over hundreds of candidates costs as many times the rows
@@ -145,9 +144,7 @@ class MotionProblem(Problem):
                 for k, axis in enumerate(self.record.measured_axes)]
 
     def groups(self) -> np.ndarray:
-        """Whole runs where there are several, else pieces of each."""
-        run = self.record.data.run
-        return run if len(self.record.runs) >= _RUNS_ENOUGH else time_groups(run)
+        return run_groups(self.record.data.run)
 
     def correlation_factor(self, fitted: Fitted) -> float:
         return self._noise.share

@@ -8,6 +8,12 @@ from __future__ import annotations
 import numpy as np
 
 _PIECES = 20
+_RUNS_ENOUGH = 5
+
+
+def run_groups(run: np.ndarray) -> np.ndarray:
+    """(N,) whole runs where there are several, else pieces of each."""
+    return run if np.unique(run).size >= _RUNS_ENOUGH else time_groups(run)
 
 
 def time_groups(run: np.ndarray, pieces: int = _PIECES) -> np.ndarray:

@@ -16,7 +16,7 @@ from exactarm.dataset import Dataset
 from exactarm.diagnose.coloured_noise import ColouredNoise
 from exactarm.diagnose.next_motions import separating_motion
 from exactarm.diagnose.problem import Fitted, Problem, rows_kept
-from exactarm.diagnose.time_groups import time_groups
+from exactarm.diagnose.time_groups import run_groups
 from exactarm.effects.base import Effect, Station
 from exactarm.identify.calibrate import calibrated_robot, identifiable_layout, require_sessions
 from exactarm.identify.declared import carried_layout, geometry_layout
@@ -25,7 +25,6 @@ from exactarm.identify.tracked_fit import (
 )
 from exactarm.robot import Robot
 
-_RUNS_ENOUGH = 5
 _SAME_PATH_RAD = 1e-3  # a path is played again: its motor angles, over their ratios, differ by less at every sample
 _LEAST_REPEATED = 100  # samples
 _LEAST_SIGMA = 1e-12
@@ -109,9 +108,7 @@ class TrackedProblem(Problem):
         return np.where(rows_kept(fitted.layout, prediction.view), error, np.nan)
 
     def groups(self) -> np.ndarray:
-        """Whole runs where there are several, else long pieces of each."""
-        run = self.record.data.run
-        return run if len(self.record.runs) >= _RUNS_ENOUGH else time_groups(run)
+        return run_groups(self.record.data.run)
 
     def correlation_factor(self, fitted: Fitted) -> float:
         return self._noise.share

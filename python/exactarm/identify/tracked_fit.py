@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from exactarm.chain import Layout, MotionRecord, PosePrediction, predict_poses, predict_tracked_motion
+from exactarm.chain import Layout, MotionRecord, PosePrediction, predict_tracked_motion
 from exactarm.chain.motion_record import unthinned_record
 from exactarm.dataset import Dataset
 from exactarm.errors import InputError

@@ -7,7 +7,7 @@ theta in rad at the motor; N knots, n axes.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
