@@ -33,10 +33,8 @@ _LEAST_SIGMA = 1e-12
 class TrackedFitted(Fitted):
     """Columns of most effects straight from their station; what changes the load goes through the springs."""
 
-    def columns(self, effect: Effect) -> np.ndarray:
-        response = self._response(effect)[:, :3]
-        data = (response * self.scale[:, :, None]).reshape(self.data_numbers, -1)
-        return np.concatenate([data, np.zeros((len(self.prior_rows), data.shape[1]))])
+    def columns_of(self, effects: list[Effect]) -> list[np.ndarray]:
+        return [self.whiten(self._response(effect)[:, :3]) for effect in effects]
 
     def _response(self, effect: Effect) -> np.ndarray:
         view = self.view
