@@ -75,6 +75,12 @@ def test_hidden_cause_is_named(name):
     assert name in {e.name for e in result.robot.effects}
 
 
+def test_arm_without_masses_is_diagnosed_too():
+    """Nothing carries a load: a flank is then chosen by the direction alone."""
+    result = diagnose(replace(ur10(), links=None), tracked(None, 3, runs=2))
+    assert result.verdict == "no_undeclared_effect" and not result.findings
+
+
 def test_played_again_the_scatter_is_the_noise_floor():
     """The same path twice: what differs between the runs is noise, whatever the model leaves."""
     data = tracked(None, 7, runs=1)
