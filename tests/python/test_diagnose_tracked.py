@@ -100,6 +100,7 @@ def test_rates_are_those_of_all_samples():
     assert len(thin.data) == len(dense.data) // 2 and thin.step == pytest.approx(2.0 / RATE_HZ)
     chosen = np.concatenate([rows[::2] for rows in dense.runs])
     np.testing.assert_array_equal(thin.theta_ddot, dense.theta_ddot[chosen])
+    np.testing.assert_array_equal(thin.direction, dense.direction[chosen])
     np.testing.assert_array_equal(thin.data.position, data.position[chosen])
 
 

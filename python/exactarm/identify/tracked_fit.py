@@ -6,7 +6,7 @@ all samples. Positions only: an orientation that the device may have measured to
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -58,10 +58,12 @@ def thinned_record(record: MotionRecord, robot: Robot) -> MotionRecord:
         return record
     chosen = np.concatenate([rows[::every] for rows in record.runs])
     ends = np.cumsum([0] + [rows[::every].size for rows in record.runs])
+    values = {item.name: getattr(record, item.name) for item in fields(record)}
+    rows = len(record.data)
+    by_row = {name: value[chosen] for name, value in values.items() if isinstance(value, np.ndarray) and len(value) == rows}
     return replace(
-        record, data=record.data.select(chosen), theta=record.theta[chosen], theta_dot=record.theta_dot[chosen],
-        theta_ddot=record.theta_ddot[chosen], torque=record.torque[chosen], keep=record.keep[chosen],
-        runs=tuple(np.arange(a, b) for a, b in zip(ends[:-1], ends[1:])), step=every * record.step,
+        record, data=record.data.select(chosen), step=every * record.step,
+        runs=tuple(np.arange(a, b) for a, b in zip(ends[:-1], ends[1:])), **by_row,
     )
 
 
