@@ -12,6 +12,7 @@ from six_axis import six_axis
 from exactarm import cli
 from exactarm.chain import Layout
 from exactarm.dataset import Dataset, write_dataset
+from exactarm.effects.gear_harmonics import GearHarmonics
 from exactarm.effects.joint_compliance import JointCompliance
 from exactarm.errors import InputError
 from exactarm.identify.evaluate import evaluate_poses
@@ -133,3 +134,16 @@ def test_command_refuses_data_without_positions(arm, tmp_path, capsys):
     lines = capsys.readouterr().err.strip().splitlines()
     assert code == 2 and len(lines) == 1 and "poses.csv" in lines[0]
     assert not (tmp_path / "o" / "result.json").exists()
+
+
+def test_a_curve_used_beyond_its_angles_is_told(arm, rng):
+    """Half of the rows lie beyond: told with axis, angles and count, in evaluation and plan; within its angles, nothing."""
+    q = joints_in_limits(arm, 60, rng)
+    middle = float(np.median(q[:, 1])) - arm.offsets[1]
+    curve = GearHarmonics(2, (1.0, 1e-5, 2e-5), (), 1e-4, (-np.pi + middle, middle))
+    known = replace(arm, effects=(curve,))
+    data = measured(known, [at_random_place(known, rng)], [q], 0.0, rng)
+    (told,) = evaluate_poses(known, data).warnings
+    assert "gear_harmonics of axis 2" in told and "30 of 60 rows" in told
+    everywhere = replace(arm, effects=(replace(curve, seen=(-np.pi, np.pi)),))
+    assert evaluate_poses(everywhere, data).warnings == ()

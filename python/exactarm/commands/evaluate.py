@@ -11,7 +11,7 @@ from exactarm.commands.result import CommandResult
 from exactarm.dataset import Dataset, read_dataset
 from exactarm.errors import InputError
 from exactarm.identify.evaluate import EVALUATORS, Evaluation
-from exactarm.report import Figure, Highlight, Highlights, Quantity, Report, Table
+from exactarm.report import Figure, Highlight, Highlights, Quantity, Report, Table, Warnings
 from exactarm.report.numbers import quantity
 from exactarm.report.plots.errors import error_histogram, error_per_pose
 from exactarm.robot import Robot
@@ -42,6 +42,7 @@ def run(arguments: argparse.Namespace) -> CommandResult:
             "error": result.overall.to_json(),
             "unit": result.unit,
             "sessions": [{"session": session} | summary.to_json() for session, summary in result.sessions],
+            "warnings": list(result.warnings),
         },
         report=_report(robot, data, result),
         tables={"residuals.csv": columns},
@@ -72,4 +73,5 @@ def _report(robot: Robot, data: Dataset, result: Evaluation) -> Report:
         Figure("error_histogram", f"Distribution of the {name}",
                lambda: error_histogram(result.error, result.error, unit, name=name, of="rows"),
                "Number of rows by their error.", f"histogram of the {name}"),
+        Warnings(result.warnings),
     ))

@@ -176,6 +176,10 @@ class Effect(ABC):
         """Rows (N,) bool that are to be used; None = all. Only effects of the record (outliers) say otherwise."""
         return None
 
+    def measured(self, phi: np.ndarray) -> np.ndarray | None:
+        """Rows (N,) bool of output angles phi (N, n), rad, where the effect was estimated; None = it holds everywhere."""
+        return None
+
     def renewed(self, view: "View") -> "Effect":
         """The effect with what it takes from the residual itself taken anew (a threshold); others stay as they are."""
         return self

@@ -57,7 +57,10 @@ class HarmonicFamily(Effect):
         """Orders 1 to `multiples` together, without any size yet."""
         return cls(joint, (1.0,) + (0.0, 0.0) * multiples, (), amplitude_rad, seen)
 
-    def _measured(self, phi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def measured(self, phi: np.ndarray) -> np.ndarray | None:
+        return None if self.seen is None else self._looked_up(phi[:, self.index])[1]
+
+    def _looked_up(self, phi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The angle (N,) at which the error is looked up, and which rows (N,) lie where it was measured."""
         if self.seen is None:
             return phi, np.ones(phi.shape, bool)
@@ -92,7 +95,7 @@ class HarmonicFamily(Effect):
         a, b = np.array(self.values[1::2]), np.array(self.values[2::2])
         orders = order * multiple
         factor, by_factor = self.factor(view)
-        phi, inside = self._measured(view.phi[:, self.index])
+        phi, inside = self._looked_up(view.phi[:, self.index])
         x = delivered_angle(phi, orders, a, b, factor) if np.any(a) or np.any(b) else phi
         sine, cosine = waves(x, orders)
         slope = cosine @ a - sine @ b

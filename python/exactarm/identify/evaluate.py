@@ -11,10 +11,12 @@ from typing import Callable
 
 import numpy as np
 
+from exactarm.chain.extrapolation import extrapolations
 from exactarm.dataset import Dataset
 from exactarm.identify.declared import carried_layout, frames_layout, require_geometry
 from exactarm.identify.gear_evaluate import gear_run_error
 from exactarm.identify.match import require_match
+from exactarm.identify.planned import controller_angles
 from exactarm.identify.pose_fit import fit_poses
 from exactarm.identify.statistics import ErrorSummary, summarise
 from exactarm.identify.tracked_fit import fit_tracked, predict_record, thinned_record, tracked_frames, tracked_record
@@ -23,7 +25,10 @@ from exactarm.robot import Robot
 
 @dataclass(frozen=True)
 class Evaluation:
-    """error (N,) of every row in `unit`; residual (N, m) with its column names; summaries overall and by session."""
+    """error (N,) of every row in `unit`; residual (N, m) with its column names; summaries overall and by session.
+
+    warnings: effects that are used where they were never measured.
+    """
 
     unit: str
     error: np.ndarray
@@ -31,6 +36,7 @@ class Evaluation:
     columns: tuple[str, ...]
     overall: ErrorSummary
     sessions: tuple[tuple[int, ErrorSummary], ...]
+    warnings: tuple[str, ...] = ()
 
 
 def evaluate_poses(robot: Robot, data: Dataset, seed: int = 0, threads: int = 1) -> Evaluation:
@@ -39,7 +45,7 @@ def evaluate_poses(robot: Robot, data: Dataset, seed: int = 0, threads: int = 1)
     frames, found = frames_layout(robot, data, orientation=False, seed=seed)
     require_match(robot, data, found, carried_layout(robot), seed)
     fit = fit_poses(robot, frames.joined(carried_layout(robot)), data, threads=threads)
-    return _of_positions(data, fit.residual(data, threads))
+    return _of_positions(robot, data, fit.residual(data, threads))
 
 
 def evaluate_tracked_motion(robot: Robot, data: Dataset, seed: int = 0, threads: int = 1) -> Evaluation:
@@ -47,13 +53,14 @@ def evaluate_tracked_motion(robot: Robot, data: Dataset, seed: int = 0, threads:
     record = tracked_record(data, robot)
     layout = tracked_frames(robot, data, seed).joined(carried_layout(robot, "tracked_motion"))
     fit = fit_tracked(robot, layout, thinned_record(record, robot), threads=threads)
-    return _of_positions(data, predict_record(robot, fit.layout, record, tangents=False, threads=threads).residual())
+    return _of_positions(robot, data, predict_record(robot, fit.layout, record, tangents=False, threads=threads).residual())
 
 
-def _of_positions(data: Dataset, residual: np.ndarray) -> Evaluation:
+def _of_positions(robot: Robot, data: Dataset, residual: np.ndarray) -> Evaluation:
     error = np.linalg.norm(residual, axis=1)
     sessions = tuple((int(s), summarise(error[data.session == s])) for s in np.unique(data.session))
-    return Evaluation("m", error, residual, ("dx_m", "dy_m", "dz_m"), summarise(error), sessions)
+    beyond = extrapolations(robot, controller_angles(robot, data))
+    return Evaluation("m", error, residual, ("dx_m", "dy_m", "dz_m"), summarise(error), sessions, beyond)
 
 
 def evaluate_gear_runs(robot: Robot, data: Dataset, seed: int = 0, threads: int = 1) -> Evaluation:

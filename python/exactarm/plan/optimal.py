@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from exactarm import _core
+from exactarm.chain.extrapolation import extrapolations
 from exactarm.chain.spring import spring_inverse
 from exactarm.errors import ComputationError, InputError
 from exactarm.plan.compensation import PlanningModel, known_functions, moved_reference, planning_model, solver_springs
@@ -92,17 +93,18 @@ def plan_path(robot: Robot, path: PlannedPath, options: PlanOptions = PlanOption
     if len(reference.time) < LEAST_KNOTS:
         raise InputError(f"the path has {len(reference.time)} samples, expected at least {LEAST_KNOTS}")
     joints, known, warnings = _joint_reference(model, reference, path, options)
+    warnings = model.warnings + warnings + extrapolations(robot, joints, "samples")
     flat = _flat_motion(model, joints, known, reference.step)
     broken = violations(model.robot, reference.time, *flat[1:]) if options.bounds else ()
     fits = _fitting_duration(model, path, options) if broken else None
     if model.rigid:
         return _plan(model, path, reference, joints, known, _rigid_motion(joints, flat, reference.step), broken, fits,
-                     model.warnings + warnings)
+                     warnings)
     problem = _problem(model, path, reference.step, joints, known, options)
     motion = _core.plan_motion(model.core, problem, _solve_options(path, options))
     if motion.status not in ("solved", "acceptable"):
         raise ComputationError(_failure(motion, broken, fits))
-    return _plan(model, path, reference, joints, known, motion, broken, fits, model.warnings + warnings)
+    return _plan(model, path, reference, joints, known, motion, broken, fits, warnings)
 
 
 def _joint_reference(model: PlanningModel, reference: Reference, path: PlannedPath, options: PlanOptions):
