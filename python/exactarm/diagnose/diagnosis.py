@@ -249,4 +249,7 @@ def _sentence(verdict, findings, alternatives, before, after, problem, left: Dos
     if verdict == UNEXPLAINED and left.strongest:
         return (f"The residual has a structure that nothing in the library explains; it follows the "
                 f"{left.strongest.signal} best, along {left.strongest.direction}.")
+    if left.structure:
+        return (f"No effect of the library earns its place: the residual follows the {left.strongest.signal} beyond chance, "
+                f"but this is {100 * left.strongest.share:.0f} % of its square sum.")
     return "Nothing is missing: the residual of the declared model cannot be told from noise."

@@ -27,6 +27,8 @@ _SHORTLIST = 12
 _FOLD_CERTAINTY = 2.5  # the mean fall of the folds beside its standard error
 _LEAST_FALLING = 8  # folds
 _INDEPENDENT_SHARE, _INDEPENDENT_EVIDENCE = 0.8, 20.0
+_PAIRED = 6  # of the shortlist, tried two by two
+_HIDDEN_GAIN = 1.5  # gain of the second beside the first, over what both promised alone
 _KEPT_GAIN = 0.5  # share of the predicted gain that the joint fit must confirm
 
 Progress = Callable[[str], None]
@@ -115,17 +117,39 @@ def _best_addition(problem, declared, chosen, fitted, ranking):
     without = held_out_squares(fitted, np.zeros((fitted.whitened.size, 0)), folds, units=problem.units(folds))
     shortlist = [c for c in ranking[:_SHORTLIST] if c.evidence >= LEAST_EVIDENCE]
     for place, candidate in enumerate(shortlist):
-        if not _worth(problem, fitted, candidate.effect, folds, without):
+        if not _worth(problem, fitted, [candidate.effect], folds, without):
             continue
         group = [candidate.effect]
         if not _excludes(candidate.effect):
             group = _independent(problem, fitted, shortlist[place:], folds, without)
         for effects in (group, group[:1]) if len(group) > 1 else (group,):
             trial = refit(problem, declared, chosen + effects, fitted)
-            fall = fitted.square(fitted) - trial.square(fitted)
-            if fall >= _KEPT_GAIN * candidate.gain or _excludes(candidate.effect):
+            if _excludes(candidate.effect) or _confirmed(fitted, trial, candidate.gain):
+                return [*trial.layout.effects[len(declared.effects):]], trial
+    return _best_pair(problem, declared, chosen, fitted, shortlist, folds, without)
+
+
+def _best_pair(problem, declared, chosen, fitted, shortlist: list[Candidate], folds, without):
+    """Two candidates that hide each other: neither is worth its place alone, both together are; else None."""
+    count = _count(problem, fitted)
+    linear = [c for c in shortlist if not _excludes(c.effect)][:_PAIRED]
+    pairs = []
+    for place, first in enumerate(linear):
+        columns = _linear_columns(fitted, first.effect)
+        for second in scan(fitted, [_emptied(c.effect) for c in linear[place + 1 :]], count, columns):
+            if second.gain > _HIDDEN_GAIN * (first.gain + next(c.gain for c in linear if c.label == second.label)):
+                pairs.append((first.gain + second.gain, first.effect, second.effect))
+    for gain, *effects in sorted(pairs, key=lambda pair: -pair[0]):
+        if _worth(problem, fitted, effects, folds, without):
+            trial = refit(problem, declared, chosen + effects, fitted)
+            if _confirmed(fitted, trial, gain):
                 return [*trial.layout.effects[len(declared.effects):]], trial
     return None
+
+
+def _confirmed(fitted: Fitted, trial: Fitted, gain: float) -> bool:
+    """Whether the joint fit takes enough of the gain that the linear picture promised."""
+    return fitted.square(fitted) - trial.square(fitted) >= _KEPT_GAIN * gain
 
 
 def _independent(problem, fitted, shortlist: list[Candidate], folds, without) -> list[Effect]:
@@ -139,7 +163,7 @@ def _independent(problem, fitted, shortlist: list[Candidate], folds, without) ->
         if candidate.evidence < _INDEPENDENT_EVIDENCE or _excludes(candidate.effect):
             continue
         beside = scan(fitted, [_emptied(candidate.effect)], _count(problem, fitted), columns)[0]
-        if beside.gain >= _INDEPENDENT_SHARE * candidate.gain and _worth(problem, fitted, candidate.effect, folds, without):
+        if beside.gain >= _INDEPENDENT_SHARE * candidate.gain and _worth(problem, fitted, [candidate.effect], folds, without):
             group.append(beside.effect)
             columns = np.concatenate([columns, _linear_columns(fitted, candidate.effect)], axis=1)
     return group
@@ -153,12 +177,13 @@ def _excludes(effect: Effect) -> bool:
     return type(effect).keep is not Effect.keep
 
 
-def _worth(problem: Problem, fitted: Fitted, effect: Effect, folds: np.ndarray, without: np.ndarray) -> bool:
-    """Cross-validated: does the effect take enough of the square sum away, and surely so over the problem's units?"""
-    if _excludes(effect):
+def _worth(problem: Problem, fitted: Fitted, effects: list[Effect], folds: np.ndarray, without: np.ndarray) -> bool:
+    """Cross-validated: do the effects take enough of the square sum away, and surely so over the problem's units?"""
+    if any(_excludes(effect) for effect in effects):
         return True
-    columns = _linear_columns(fitted, effect)
-    fall = without - held_out_squares(fitted, columns, folds, prior_of(effect), problem.units(folds))
+    columns = np.concatenate([_linear_columns(fitted, effect) for effect in effects], axis=1)
+    prior = np.concatenate([prior_of(effect) for effect in effects])
+    fall = without - held_out_squares(fitted, columns, folds, prior, problem.units(folds))
     certain = fall.mean() > _FOLD_CERTAINTY * fall.std(ddof=1) / np.sqrt(len(fall))
     # What shows in bursts (a resonance that is passed) falls very unevenly, but it falls everywhere.
     certain = certain or (len(fall) >= _LEAST_FALLING and np.all(fall > 0.0))
