@@ -12,7 +12,7 @@ from exactarm.diagnose.next_poses import separating_poses
 from exactarm.diagnose.smoothness import second_order
 from exactarm.effects.base import Effect, Station
 from exactarm.identify.calibrate import CalibrationOptions, calibrated_robot, fit_identifiable, require_sessions
-from exactarm.identify.declared import carried_layout, frames_layout, geometry_layout, require_geometry
+from exactarm.identify.declared import carried_layout, frames_layout, geometry_layout, reestimated_layout, require_geometry
 from exactarm.identify.match import require_match
 from exactarm.identify.pose_fit import fit_poses
 from exactarm.robot import Robot
@@ -42,7 +42,7 @@ class PoseProblem(Problem):
     def declared(self) -> Layout:
         frames, found = frames_layout(self.robot, self.data, orientation=self.orientation, seed=self.seed)
         require_match(self.robot, self.data, found, carried_layout(self.robot), self.seed)
-        layout = frames.joined(geometry_layout(self.robot)).joined(carried_layout(self.robot))
+        layout = frames.joined(geometry_layout(self.robot)).joined(reestimated_layout(self.robot))
         options = CalibrationOptions(threads=self.threads, seed=self.seed)
         fit, _ = fit_identifiable(self.robot, layout, self.data, self.orientation, options)
         return fit.layout

@@ -1,13 +1,17 @@
 """The declared model of a pose measurement: what a calibration estimates when nothing else is asked for.
 
 Modified DH parameters, joint offsets, gear ratios of axes that have a gear without a harmonics table, and
-base and tool frames of every session. Effects that the robot file carries are in the chain, held at their values.
+base and tool frames of every session. Effects that the robot file carries are in the chain: held at their values, or
+free where an earlier fit has estimated them.
 """
 
 from __future__ import annotations
 
+import numpy as np
+
 from exactarm.chain import Layout
 from exactarm.dataset import Dataset
+from exactarm.effects.base import Effect, Parameter
 from exactarm.effects.declared_ratio import DeclaredRatio
 from exactarm.effects.frames import Frames
 from exactarm.effects.geometry import Geometry
@@ -25,6 +29,25 @@ def require_geometry(robot: Robot) -> None:
 def carried_layout(robot: Robot, kind: str = "poses") -> Layout:
     """The robot file's own effects that show in this kind of data, none of them free."""
     return Layout.of(tuple(effect for effect in robot.effects if kind in effect.kinds), estimate=False)
+
+
+def reestimated_layout(robot: Robot, kind: str = "poses") -> Layout:
+    """The same effects, those free that were estimated from data before: what has an interval on record.
+
+    An estimate is no declaration: held, it would keep what another cause had lent it. Orders and other searched
+    parameters stay where they were found, parameters at a bound too.
+    """
+    layout = carried_layout(robot, kind)
+    free = tuple(
+        np.array([not (p.fixed or p.search) and _was_estimated(robot, e, p) for p in e.parameters()], bool)
+        for e in layout.effects
+    )
+    return Layout(layout.effects, free)
+
+
+def _was_estimated(robot: Robot, effect: Effect, parameter: Parameter) -> bool:
+    low, high = robot.intervals.get(effect.parameter_label(parameter), (0.0, 0.0))
+    return low < high
 
 
 def frames_layout(robot: Robot, data: Dataset, *, orientation: bool, seed: int = 0) -> tuple[Layout, list]:

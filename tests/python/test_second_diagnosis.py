@@ -1,0 +1,63 @@
+"""A robot file that an earlier command wrote: its estimates are estimated again, what a person declared in it is not."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from set_ups import joints_in_limits, measured, true_robot
+
+from exactarm.chain import Layout
+from exactarm.diagnose.diagnosis import diagnose
+from exactarm.effects import effect_from_table
+from exactarm.identify.calibrate import calibrate
+from exactarm.identify.declared import reestimated_layout
+from exactarm.robot_file import load_robot
+
+NOISE_M = 5e-5
+COUNT, FITTED = 140, 100
+ECCENTRICITY = effect_from_table({
+    "effect": "gear_eccentricity", "joint": 2, "first_cos_rad": 3e-4, "first_sin_rad": 1e-4, "second_cos_rad": 1e-4, "second_sin_rad": 1e-4,
+})
+COMPLIANCE = effect_from_table({"effect": "joint_compliance", "joint": 3, "linear_rad_per_Nm": 1e-5, "cubic_rad_per_Nm3": 0.0})
+
+
+@pytest.fixture(scope="module")
+def data():
+    """UR10 with run-out in gear 2, which a calibration lends to the compliances that it looks for."""
+    rng, robot = np.random.default_rng(31), load_robot("ur10")
+    q = np.clip(joints_in_limits(robot, COUNT, rng), -2.2, 2.2)
+    return measured(robot, [true_robot(robot, rng, 0.5)], [q], NOISE_M, rng, identification=np.arange(COUNT) < FITTED,
+                    layout=Layout.of((ECCENTRICITY,), estimate=False))
+
+
+@pytest.fixture(scope="module")
+def calibrated(data):
+    return calibrate(load_robot("ur10"), data).robot
+
+
+@pytest.fixture(scope="module")
+def first(data, calibrated):
+    return diagnose(calibrated, data)
+
+
+def test_what_a_calibration_has_lent_to_springs_is_given_back(calibrated, first):
+    assert any(effect.name == "joint_compliance" for effect in calibrated.effects)
+    found = first.findings[0]
+    assert (found.effect.name, found.effect.joint) == ("gear_eccentricity", 2) and len(first.findings) == 1
+    assert found.probability > 0.99 and first.verdict == "explained"
+    assert found.effect.values[0] == pytest.approx(3e-4, abs=6e-5)
+    assert first.after["validation"].rms < 1.15 * np.sqrt(3.0) * NOISE_M
+
+
+def test_diagnosed_once_more_nothing_is_added(data, first):
+    again = diagnose(first.robot, data)
+    assert not again.findings and again.verdict == "no_undeclared_effect"
+    assert again.after["validation"].rms == pytest.approx(first.after["validation"].rms, rel=0.02)
+
+
+def test_only_estimates_are_free():
+    robot = replace(load_robot("ur10"), effects=(COMPLIANCE, ECCENTRICITY), intervals={
+        "joint_compliance_3.linear_rad_per_Nm": (0.9e-5, 1.1e-5),
+        "gear_eccentricity_2.first_cos_rad": (0.0, 0.0),  # at a bound
+    })
+    assert reestimated_layout(robot).names == ("joint_compliance_3.linear_rad_per_Nm",)
