@@ -84,6 +84,11 @@ class Dataset:
         """The file that the first row came from, for messages; None where no file was read."""
         return self.sources[self.file_index[0]].path if self.sources and len(self) else None
 
+    @property
+    def fingerprint(self) -> tuple[str, ...]:
+        """SHA-256 of the files that it was read from, in their order; empty where no file was read."""
+        return tuple(source.sha256 for source in self.sources)
+
     def select(self, rows: np.ndarray) -> "Dataset":
         """The rows of a mask (N,) bool or of an index array."""
         changes = {}

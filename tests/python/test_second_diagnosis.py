@@ -7,6 +7,7 @@ import pytest
 from set_ups import joints_in_limits, measured, true_robot
 
 from exactarm.chain import Layout
+from exactarm.dataset import Dataset
 from exactarm.diagnose.diagnosis import diagnose
 from exactarm.effects import effect_from_table
 from exactarm.identify.calibrate import calibrate
@@ -56,8 +57,9 @@ def test_diagnosed_once_more_nothing_is_added(data, first):
 
 
 def test_only_estimates_are_free():
+    poses = Dataset.of_arrays("poses", {"q": np.zeros((1, 6))})
     robot = replace(load_robot("ur10"), effects=(COMPLIANCE, ECCENTRICITY), intervals={
         "joint_compliance_3.linear_rad_per_Nm": (0.9e-5, 1.1e-5),
         "gear_eccentricity_2.first_cos_rad": (0.0, 0.0),  # at a bound
     })
-    assert reestimated_layout(robot).names == ("joint_compliance_3.linear_rad_per_Nm",)
+    assert reestimated_layout(robot, poses).names == ("joint_compliance_3.linear_rad_per_Nm",)

@@ -82,7 +82,7 @@ def _poses(robot: Robot, arguments: argparse.Namespace) -> _Poses:
         if arguments.frames != "both":
             raise InputError(f"--frames {arguments.frames}: measured poses have both frames unknown")
         frames, found = frames_layout(robot, data, orientation=orientation, seed=arguments.seed)
-        require_match(robot, data, found, carried_layout(robot), arguments.seed)
+        require_match(robot, data, found, carried_layout(robot, data), arguments.seed)
         robot = replace(robot, tool=found[0][1].tool)  # reasons look at where the target really is
         layout = frames.joined(geometry_layout(robot)).joined(compliance_layout(robot, data))
         return _Poses(robot, layout, data, orientation, frames.size, f"{len(data)} measured poses")

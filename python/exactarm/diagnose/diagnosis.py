@@ -107,7 +107,7 @@ def diagnose(
     alternatives = _alternatives(problem, declared, selection)
     verdict = _verdict(problem, before, after, noise, left, bool(findings))
     return Diagnosis(
-        robot=problem.updated_robot(last),
+        robot=_bound(problem.updated_robot(last), robot, data),
         kind=problem.kind,
         unit=problem.unit,
         noise=noise,
@@ -127,6 +127,12 @@ def diagnose(
         excluded=int(np.sum((last.weight == 0.0) & (first.weight > 0.0))),  # by effects of the record
         axes=problem.axes(first, last),
     )
+
+
+def _bound(updated: Robot, robot: Robot, data: Dataset) -> Robot:
+    """The updated robot, whose new effects that tell of one record act on these data files alone."""
+    effects = (effect if effect in robot.effects else effect.bound_to(data) for effect in updated.effects)
+    return replace(updated, effects=tuple(effects))
 
 
 def _search(problem: Problem, declared: Layout, progress: Progress) -> Selection:

@@ -21,6 +21,7 @@ from exactarm.diagnose.thinned_run import thinned_run
 from exactarm.diagnose.time_groups import time_groups
 from exactarm.effects.base import Effect, Station
 from exactarm.effects.encoder_offset import EncoderOffset
+from exactarm.identify.declared import all_effects
 from exactarm.identify.drifting_noise import DriftingNoise
 from exactarm.identify.gear_declared import declared_gear_layout, sensor_layout
 from exactarm.identify.gear_fit import fit_gear_runs
@@ -207,13 +208,11 @@ class GearProblem(Problem):
         for effect in fitted.layout.effects:
             if effect.declared:
                 result = effect.bake(result)
-        other = tuple(effect for effect in self.robot.effects if self.kind not in effect.kinds)
-        own = other + tuple(effect for effect in fitted.layout.effects if not effect.declared)
         pairs = zip(fitted.layout.names, fitted.fit.interval())
         set_up = {e.parameter_label(p) for e in fitted.layout.effects if e.station == Station.DEVICE and e.declared
                   for p in e.parameters()}
         intervals = {name: (float(low), float(high)) for name, (low, high) in pairs if name not in set_up}
-        return replace(result, effects=own, intervals=dict(self.robot.intervals) | intervals)
+        return replace(result, effects=all_effects(self.robot, self.data, fitted.layout, self.kind), intervals=dict(self.robot.intervals) | intervals)
 
     def separating_experiment(self, fitted: Fitted, one: Effect, other: Effect) -> str:
         return separating_run(self.robot, fitted, self.record, one, other, self.unit)

@@ -20,7 +20,7 @@ from exactarm.diagnose.scan import free_mask
 from exactarm.diagnose.time_groups import run_groups
 from exactarm.effects.base import Effect, Station
 from exactarm.identify.base_parameters import base_parameters
-from exactarm.identify.declared import carried_layout
+from exactarm.identify.declared import all_effects, carried_layout
 from exactarm.identify.dynamics import excited_layout, friction_layout, inertial_layout, require_enough, with_links
 from exactarm.identify.friction_width import friction_widths
 from exactarm.identify.motion_fit import fit_motion
@@ -92,7 +92,7 @@ class MotionProblem(Problem):
         layout = friction_layout(self.robot, self.record)
         if self.inertial:
             layout = layout.joined(inertial_layout(self.robot, base_parameters(self.robot)))
-        layout, _ = excited_layout(self.robot, layout.joined(carried_layout(self.robot, "motion")), self.record, self.threads)
+        layout, _ = excited_layout(self.robot, layout.joined(carried_layout(self.robot, self.data, "motion")), self.record, self.threads)
         require_enough(layout, self.record)
         self._turn_over(layout)
         return layout
@@ -196,11 +196,9 @@ class MotionProblem(Problem):
         for effect in fitted.layout.effects:
             if effect.declared:
                 result = effect.bake(result)
-        other = tuple(effect for effect in self.robot.effects if self.kind not in effect.kinds)
-        own = other + tuple(effect for effect in fitted.layout.effects if not effect.declared)
         pairs = zip(fitted.layout.names, fitted.fit.interval())
         intervals = dict(self.robot.intervals) | {name: (float(low), float(high)) for name, (low, high) in pairs}
-        return replace(result, effects=own, intervals=intervals)
+        return replace(result, effects=all_effects(self.robot, self.data, fitted.layout, self.kind), intervals=intervals)
 
     def separating_experiment(self, fitted: Fitted, one: Effect, other: Effect) -> str:
         return separating_motion(self.robot, fitted, self.record, one, other)

@@ -41,8 +41,8 @@ class PoseProblem(Problem):
 
     def declared(self) -> Layout:
         frames, found = frames_layout(self.robot, self.data, orientation=self.orientation, seed=self.seed)
-        require_match(self.robot, self.data, found, carried_layout(self.robot), self.seed)
-        layout = frames.joined(geometry_layout(self.robot)).joined(reestimated_layout(self.robot))
+        require_match(self.robot, self.data, found, carried_layout(self.robot, self.data), self.seed)
+        layout = frames.joined(geometry_layout(self.robot)).joined(reestimated_layout(self.robot, self.data))
         options = CalibrationOptions(threads=self.threads, seed=self.seed)
         fit, _ = fit_identifiable(self.robot, layout, self.data, self.orientation, options)
         return fit.layout
@@ -115,7 +115,7 @@ class PoseProblem(Problem):
         return repeat_scatter(fitted.residual[used, :3] / fitted.sigma[:3], groups)
 
     def updated_robot(self, fitted: Fitted) -> Robot:
-        return calibrated_robot(self.robot, fitted.layout, fitted.fit)
+        return calibrated_robot(self.robot, self.data, fitted.layout, fitted.fit)
 
     def separating_experiment(self, fitted: Fitted, one: Effect, other: Effect) -> str:
         return separating_poses(self.robot, fitted, one, other, self.seed)

@@ -74,7 +74,7 @@ class TrackedProblem(Problem):
 
     def declared(self) -> Layout:
         frames = tracked_frames(self.robot, self.data, self.seed)
-        layout = frames.joined(geometry_layout(self.robot)).joined(carried_layout(self.robot, KIND))
+        layout = frames.joined(geometry_layout(self.robot)).joined(carried_layout(self.robot, self.data, KIND))
         still = static_rows(self.data)
         kept, _ = identifiable_layout(self.robot, layout, still, False, threads=self.threads)
         first = self.fit(kept)
@@ -151,7 +151,7 @@ class TrackedProblem(Problem):
         return float(np.sqrt(squares / numbers / np.mean(fitted.residual**2)))
 
     def updated_robot(self, fitted: Fitted) -> Robot:
-        return calibrated_robot(self.robot, fitted.layout, fitted.fit, KIND)
+        return calibrated_robot(self.robot, self.data, fitted.layout, fitted.fit, KIND)
 
     def separating_experiment(self, fitted: Fitted, one: Effect, other: Effect) -> str:
         return separating_motion(

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import importlib
 import pkgutil
+from dataclasses import replace
 from functools import cache
 
-from exactarm.effects.base import KINDS, Change, Effect, Parameter, Station
+from exactarm.effects.base import KINDS, RECORD_KEY, Change, Effect, Parameter, Station
 
 __all__ = ["KINDS", "Change", "Effect", "Parameter", "Station", "effect_from_table", "library"]
 
@@ -27,5 +28,8 @@ def _named_subclasses(cls: type[Effect]):
 
 
 def effect_from_table(table: dict) -> Effect:
-    """An effect from its entry in a robot file. Raises KeyError for an unknown name."""
-    return library()[table["effect"]].from_table(table)
+    """An effect from its entry in a robot file. Raises KeyError for an unknown name, TypeError for a wrong record."""
+    effect, record = library()[table["effect"]].from_table(table), table.get(RECORD_KEY, [])
+    if not isinstance(record, list) or not all(isinstance(entry, str) for entry in record):
+        raise TypeError(RECORD_KEY)
+    return replace(effect, record=tuple(record)) if record else effect

@@ -23,7 +23,7 @@ of such an effect is zero in value and carries only the derivative.
 from __future__ import annotations
 
 from abc import ABC
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from enum import IntEnum
 from typing import TYPE_CHECKING, ClassVar, Iterable, Mapping
 
@@ -31,6 +31,7 @@ import numpy as np
 
 if TYPE_CHECKING:
     from exactarm.chain import View
+    from exactarm.dataset import Dataset
     from exactarm.robot import Placement, Robot
 
 
@@ -46,6 +47,7 @@ class Station(IntEnum):
     DRIVE = 7
 
 
+RECORD_KEY = "data_sha256"  # of a robot file
 KINDS = ("poses", "gear_run", "motion", "tracked_motion")
 
 
@@ -94,6 +96,7 @@ class Effect(ABC):
 
     joint: int | None
     values: tuple[float, ...]
+    record: tuple[str, ...] = field(default=(), kw_only=True)  # SHA-256 of the data files that it tells of; empty: any data
 
     name: ClassVar[str] = ""
     station: ClassVar[Station]
@@ -184,16 +187,31 @@ class Effect(ABC):
         """The effect with what it takes from the residual itself taken anew (a threshold); others stay as they are."""
         return self
 
+    # -- what it tells of -------------------------------------------------------------------------
+    @property
+    def of_record(self) -> bool:
+        """Whether it tells of one record (a device that was pushed, rows that are wrong), not of arm or device as such."""
+        return False
+
+    def bound_to(self, data: "Dataset") -> "Effect":
+        """The effect for these data files alone, if it is one of a record; data without files binds nothing."""
+        return replace(self, record=data.fingerprint) if self.of_record else self
+
+    def acts_on(self, data: "Dataset") -> bool:
+        """False where it tells of other data files than those that `data` was read from."""
+        return not self.record or self.record == data.fingerprint
+
     # -- in the robot file ------------------------------------------------------------------------
-    def to_table(self) -> dict[str, float | int | str]:
+    def to_table(self) -> dict[str, float | int | str | list[str]]:
         """Flat mapping for a robot file: name, joint, parameters with units in their names."""
-        table: dict[str, float | int | str] = {"effect": self.name}
+        table: dict[str, float | int | str | list[str]] = {"effect": self.name}
         if self.joint is not None:
             table["joint"] = self.joint
-        return table | {p.name: v for p, v in zip(self.parameters(), self.values)}
+        table |= {p.name: v for p, v in zip(self.parameters(), self.values)}
+        return table | ({RECORD_KEY: list(self.record)} if self.record else {})
 
     @classmethod
     def from_table(cls, table: Mapping[str, float | int | str]) -> "Effect":
-        """The inverse of `to_table`. Raises KeyError naming a missing parameter."""
+        """The inverse of `to_table`, but for the record. Raises KeyError naming a missing parameter."""
         raw = cls(joint=table.get("joint"), values=())
         return raw.with_values(table[parameter.name] for parameter in raw.parameters())

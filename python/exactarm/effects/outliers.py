@@ -35,6 +35,10 @@ class Outliers(Effect):
     sentence: ClassVar[str] = "single rows are wrong by themselves: those with more than {threshold_m:.3g} m are left out"
     source: ClassVar[str] = "Rousseeuw and Hubert 2011"
 
+    @property
+    def of_record(self) -> bool:
+        return True
+
     def parameters(self) -> tuple[Parameter, ...]:
         return (Parameter("threshold_m", 1e-3, 0.0, fixed=True),)
 

@@ -21,7 +21,7 @@ import numpy as np
 
 from exactarm.effects.base import Change, Effect, Parameter, Station
 from exactarm.effects.drive import smooth_sign
-from exactarm.effects.slow_driver import drivers, slow_signal, temperatures, unit
+from exactarm.effects.slow_driver import ROW, TIME, drivers, slow_signal, temperatures, unit
 
 
 @dataclass(frozen=True)
@@ -44,6 +44,10 @@ class ThermalDrift(Effect):
     @property
     def unit(self) -> str:
         return unit(self.driver)
+
+    @property
+    def of_record(self) -> bool:
+        return self.driver in (TIME, ROW)  # when the arm was switched on is no property of the arm; how it follows its warmth is
 
     def to_table(self):
         return super().to_table() | {"form": self.form, "driver": self.driver}

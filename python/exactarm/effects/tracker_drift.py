@@ -26,6 +26,10 @@ class TrackerDrift(Effect):
     per_joint: ClassVar[bool] = False
     source: ClassVar[str] = "ISO 10360-10 (stability of laser trackers)"
 
+    @property
+    def of_record(self) -> bool:
+        return True
+
     def parameters(self) -> tuple[Parameter, ...]:
         return tuple(Parameter(f"{axis}_m_per_{unit(self.driver)}", 1e-4) for axis in "xyz")
 

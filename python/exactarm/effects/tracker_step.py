@@ -34,6 +34,10 @@ class TrackerStep(Effect):
     per_joint: ClassVar[bool] = False
     source: ClassVar[str] = "ISO 10360-10 (stability of laser trackers)"
 
+    @property
+    def of_record(self) -> bool:
+        return True
+
     def parameters(self) -> tuple[Parameter, ...]:
         after = Parameter(f"after_{unit(self.driver)}", 1.0, fixed=True, search=self.search)
         shift = tuple(Parameter(f"{axis}_m", 3e-4) for axis in "xyz")

@@ -15,7 +15,7 @@ from exactarm.chain import Layout, predict_poses
 from exactarm.dataset import Dataset
 from exactarm.errors import InputError
 from exactarm.identify.compliance import compliance_layout
-from exactarm.identify.declared import carried_layout, frames_layout, geometry_layout, require_geometry
+from exactarm.identify.declared import all_effects, carried_layout, frames_layout, geometry_layout, require_geometry
 from exactarm.identify.identifiability import Identifiability, select_identifiable, still_axes
 from exactarm.identify.match import require_match
 from exactarm.identify.pose_fit import PoseFit, fit_poses
@@ -74,17 +74,17 @@ def calibrate(robot: Robot, data: Dataset, options: CalibrationOptions = Calibra
     train = data.select(identification)
     require_sessions(train, data)
     frames, found = frames_layout(robot, train, orientation=orientation, seed=options.seed)
-    require_match(robot, train, found, carried_layout(robot), options.seed)
-    before = fit_poses(robot, frames.joined(carried_layout(robot)), train, orientation=orientation, threads=options.threads)
+    require_match(robot, train, found, carried_layout(robot, train), options.seed)
+    before = fit_poses(robot, frames.joined(carried_layout(robot, train)), train, orientation=orientation, threads=options.threads)
     layout = frames.joined(geometry_layout(robot)).joined(compliance_layout(robot, train, options.compliance))
-    layout = layout.joined(carried_layout(robot))
+    layout = layout.joined(carried_layout(robot, train))
     fit, identifiability = fit_identifiable(robot, layout, train, orientation, options)
     error_before = before.error(data, options.threads)
     residual = fit.residual(data, options.threads)
     error_after = np.linalg.norm(residual, axis=1)
     parts = {"identification": identification, "validation": ~identification}
     return Calibration(
-        robot=calibrated_robot(robot, fit.layout, fit.fit),
+        robot=calibrated_robot(robot, train, fit.layout, fit.fit),
         fit=fit,
         identification=identification,
         error_before=error_before,
@@ -168,7 +168,7 @@ def require_enough(layout: Layout, data: Dataset, orientation: bool) -> None:
         )
 
 
-def calibrated_robot(robot: Robot, layout: Layout, fit: Fit, kind: str = "poses") -> Robot:
+def calibrated_robot(robot: Robot, data: Dataset, layout: Layout, fit: Fit, kind: str = "poses") -> Robot:
     """The robot with the estimates in its tables, found effects beside them, and the intervals on record."""
     result = robot
     for effect in layout.effects:
@@ -178,11 +178,9 @@ def calibrated_robot(robot: Robot, layout: Layout, fit: Fit, kind: str = "poses"
     base, tool = robot.base, robot.tool
     if sessions:
         base, tool = sessions[0].place(sessions[0].session, Placement(), Placement())
-    other = tuple(effect for effect in robot.effects if kind not in effect.kinds)  # had no part in this fit
-    own = other + tuple(effect for effect in layout.effects if not effect.declared)
     pairs = zip(layout.names, fit.interval())
     intervals = dict(robot.intervals) | {name: (float(low), float(high)) for name, (low, high) in pairs}
-    return replace(result, base=base, tool=tool, effects=own, intervals=intervals)
+    return replace(result, base=base, tool=tool, effects=all_effects(robot, data, layout, kind), intervals=intervals)
 
 
 def _warnings(fit: PoseFit, data: Dataset, found: list):

@@ -26,18 +26,29 @@ def require_geometry(robot: Robot) -> None:
         raise InputError(f"robot {robot.name}: expected a declared geometry, found drives only")
 
 
-def carried_layout(robot: Robot, kind: str = "poses") -> Layout:
-    """The robot file's own effects that show in this kind of data, none of them free."""
-    return Layout.of(tuple(effect for effect in robot.effects if kind in effect.kinds), estimate=False)
+def carried_layout(robot: Robot, data: Dataset, kind: str = "poses") -> Layout:
+    """The robot file's own effects that show in this kind of data, none of them free.
+
+    Those that tell of another record (a tracker that was pushed there) have no part in it.
+    """
+    own = tuple(effect for effect in robot.effects if kind in effect.kinds and effect.acts_on(data))
+    return Layout.of(own, estimate=False)
 
 
-def reestimated_layout(robot: Robot, kind: str = "poses") -> Layout:
+def all_effects(robot: Robot, data: Dataset, layout: Layout, kind: str = "poses") -> tuple[Effect, ...]:
+    """The effects of the robot file that had no part in this data, and those of `layout` beyond the declared model."""
+    carried = carried_layout(robot, data, kind).effects
+    apart = tuple(effect for effect in robot.effects if effect not in carried)
+    return apart + tuple(effect for effect in layout.effects if not effect.declared)
+
+
+def reestimated_layout(robot: Robot, data: Dataset, kind: str = "poses") -> Layout:
     """The same effects, those free that were estimated from data before: what has an interval on record.
 
     An estimate is no declaration: held, it would keep what another cause had lent it. Orders and other searched
     parameters stay where they were found, parameters at a bound too.
     """
-    layout = carried_layout(robot, kind)
+    layout = carried_layout(robot, data, kind)
     free = tuple(
         np.array([not (p.fixed or p.search) and _was_estimated(robot, e, p) for p in e.parameters()], bool)
         for e in layout.effects
@@ -54,7 +65,7 @@ def frames_layout(robot: Robot, data: Dataset, *, orientation: bool, seed: int =
     """Base and tool frames of every session, found from nowhere; and what was found, session by session."""
     found = []
     for session in sorted(set(data.session.tolist())):
-        found.append((session, find_frames(robot, data.select(data.session == session), carried_layout(robot), seed)))
+        found.append((session, find_frames(robot, data.select(data.session == session), carried_layout(robot, data), seed)))
     frames = tuple(Frames.of(session, f.base, f.tool, orientation) for session, f in found)
     return Layout.of(frames), found
 

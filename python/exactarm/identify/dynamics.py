@@ -73,7 +73,7 @@ def identify_dynamics(robot: Robot, data: Dataset, options: DynamicsOptions = Dy
         records["validation"] = motion_record(robot, data.select(~identification), options.bandwidth_hz)
     train = records["identification"]
     axes = train.measured_axes
-    carried = carried_layout(robot, "motion")
+    carried = carried_layout(robot, data, "motion")
     before = {
         name: predict_motion(robot, carried, record, tangents=False).residual()[record.keep][:, axes]
         for name, record in records.items()

@@ -43,15 +43,15 @@ def evaluate_poses(robot: Robot, data: Dataset, seed: int = 0, threads: int = 1)
     """Frames of each session fitted on all of its rows, by position alone; everything else as the file says."""
     require_geometry(robot)
     frames, found = frames_layout(robot, data, orientation=False, seed=seed)
-    require_match(robot, data, found, carried_layout(robot), seed)
-    fit = fit_poses(robot, frames.joined(carried_layout(robot)), data, threads=threads)
+    require_match(robot, data, found, carried_layout(robot, data), seed)
+    fit = fit_poses(robot, frames.joined(carried_layout(robot, data)), data, threads=threads)
     return _of_positions(robot, data, fit.residual(data, threads))
 
 
 def evaluate_tracked_motion(robot: Robot, data: Dataset, seed: int = 0, threads: int = 1) -> Evaluation:
     """The path of every sample, with the frames of each session fitted."""
     record = tracked_record(data, robot)
-    layout = tracked_frames(robot, data, seed).joined(carried_layout(robot, "tracked_motion"))
+    layout = tracked_frames(robot, data, seed).joined(carried_layout(robot, data, "tracked_motion"))
     fit = fit_tracked(robot, layout, thinned_record(record, robot), threads=threads)
     return _of_positions(robot, data, predict_record(robot, fit.layout, record, tangents=False, threads=threads).residual())
 

@@ -23,7 +23,7 @@ SIDES = {"cw": -1.0, "ccw": 1.0}
 
 def declared_gear_layout(robot: Robot, data: Dataset, record: GearRecord) -> Layout:
     """Harmonics, sensor, and the effects on file."""
-    return harmonics_layout(robot, data, record).joined(sensor_layout(robot, data, record)).joined(carried_layout(robot, "gear_run"))
+    return harmonics_layout(robot, data, record).joined(sensor_layout(robot, data, record)).joined(carried_layout(robot, data, "gear_run"))
 
 
 def harmonics_layout(robot: Robot, data: Dataset, record: GearRecord) -> Layout:

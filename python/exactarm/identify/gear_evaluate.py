@@ -32,7 +32,7 @@ class GearRunError:
 def gear_run_error(robot: Robot, data: Dataset, threads: int = 1) -> GearRunError:
     """Fits the set-up on all rows that count and returns what is left on every row."""
     record = gear_record(robot, data)
-    layout = sensor_layout(robot, data, record, bias=True).joined(carried_layout(robot, "gear_run"))
+    layout = sensor_layout(robot, data, record, bias=True).joined(carried_layout(robot, data, "gear_run"))
     prediction = fit_gear_runs(robot, layout, data, record=record, threads=threads).prediction
     residual = prediction.residual()
     if prediction.along is None:

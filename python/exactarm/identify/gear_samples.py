@@ -134,7 +134,7 @@ def _beside(plain, data, rows, axis, setup, encoders: bool, threads: int) -> np.
     thin = rows[np.concatenate(picked)]
     part = data.select(thin)
     record = gear_record(plain, part)
-    layout = carried_layout(plain, "gear_run") if encoders else setup.joined(carried_layout(plain, "gear_run"))
+    layout = carried_layout(plain, data, "gear_run") if encoders else setup.joined(carried_layout(plain, data, "gear_run"))
     prediction = predict_gear_run(plain, layout, part, record=record, tangents=False, threads=threads)
     ratio = plain.ratios[axis]
     if encoders:

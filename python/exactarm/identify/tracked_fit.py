@@ -70,7 +70,7 @@ def thinned_record(record: MotionRecord, robot: Robot) -> MotionRecord:
 def tracked_frames(robot: Robot, data: Dataset, seed: int = 0) -> Layout:
     """Base and tool frames of every session as static poses would give them: near enough to start from."""
     frames, found = frames_layout(robot, static_rows(data), orientation=False, seed=seed)
-    require_match(robot, data, found, carried_layout(robot), seed)
+    require_match(robot, data, found, carried_layout(robot, data), seed)
     return frames
 
 

@@ -33,7 +33,8 @@ class VirtualRobot:
     def of(nominal: Robot, effects: Sequence[Effect] = (), true: Robot | None = None) -> "VirtualRobot":
         """`true`: the robot with deviated tables, or None for the declared ones; `effects`: hidden ones."""
         true = nominal if true is None else true
-        return VirtualRobot(nominal, replace(true, effects=true.effects + tuple(effects)))
+        own = tuple(effect for effect in true.effects if not effect.record)  # what a past record told stays with it
+        return VirtualRobot(nominal, replace(true, effects=own + tuple(effects)))
 
     @property
     def layout(self) -> Layout:
