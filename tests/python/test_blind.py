@@ -85,7 +85,8 @@ def test_cases_are_repeatable(tmp_path):
 @pytest.mark.parametrize(
     "seed, theme",
     [(6, "joint_compliance"), (9, "gear_harmonics"), (4, "tracker_scale"), (1, "joint_coupling"), (8, "hysteresis"), (2, "clean"),
-     pytest.param(9152, None, id="two drifts that hide each other")],
+     pytest.param(9152, None, id="two drifts that hide each other"),
+     pytest.param(9182, None, id="a wheel with an overtone")],
 )
 def test_hidden_effect_is_named(tmp_path, seed, theme):
     case = draw_case(tmp_path, seed, ROBOTS, theme)

@@ -22,17 +22,23 @@ def same_family(one: Effect, other: Effect) -> bool:
     return bool(one.family) and one.family == other.family and one.joint == other.joint
 
 
-def best_form(problem: Problem, without: Fitted, effect: Effect, field: list[Effect], count: float, least: float) -> Candidate | None:
-    """The form of `effect` among `field` that the data asks for; None where there is nothing to choose between.
-
-    without: the fit without the effect; count: independent numbers; least: evidence that a form must have.
-    """
+def forms_of(without: Fitted, effect: Effect, field: list[Effect], count: float, least: float) -> dict[tuple, Candidate]:
+    """The forms of `effect` among `field` by name and number of free parameters, each at its best point."""
     forms: dict[tuple, Candidate] = {}
     for form in (other for other in field if same_family(other, effect)):
         found = scan(without, [form], count)[0]
         key = (found.effect.name, int(free_mask(found.effect).sum()))
         if found.evidence >= least and (key not in forms or found.evidence > forms[key].evidence):
             forms[key] = found
+    return forms
+
+
+def best_form(problem: Problem, without: Fitted, effect: Effect, field: list[Effect], count: float, least: float) -> Candidate | None:
+    """The form of `effect` among `field` that the data asks for; None where there is nothing to choose between.
+
+    without: the fit without the effect; count: independent numbers; least: evidence that a form must have.
+    """
+    forms = forms_of(without, effect, field, count, least)
     if len(forms) < 2:
         return None
     square = float(without.free_residual @ without.free_residual)

@@ -15,7 +15,7 @@ import numpy as np
 
 from exactarm.chain import Layout
 from exactarm.diagnose.cross_validation import folds_of, held_out_squares
-from exactarm.diagnose.forms import best_form, same_family
+from exactarm.diagnose.forms import best_form, forms_of, same_family
 from exactarm.diagnose.problem import Fitted, Problem, rows_kept
 from exactarm.diagnose.scan import Candidate, free_mask, prior_of, scan
 from exactarm.effects import library
@@ -117,16 +117,31 @@ def _best_addition(problem, declared, chosen, fitted, ranking):
     without = held_out_squares(fitted, np.zeros((fitted.whitened.size, 0)), folds, units=problem.units(folds))
     shortlist = [c for c in ranking[:_SHORTLIST] if c.evidence >= LEAST_EVIDENCE]
     for place, candidate in enumerate(shortlist):
-        if not _worth(problem, fitted, [candidate.effect], folds, without):
+        candidate = _worthy_form(problem, fitted, candidate, folds, without)
+        if candidate is None:
             continue
         group = [candidate.effect]
         if not _excludes(candidate.effect):
-            group = _independent(problem, fitted, shortlist[place:], folds, without)
+            group = _independent(problem, fitted, [candidate, *shortlist[place + 1 :]], folds, without)
         for effects in (group, group[:1]) if len(group) > 1 else (group,):
             trial = refit(problem, declared, chosen + effects, fitted)
             if _excludes(candidate.effect) or _confirmed(fitted, trial, candidate.gain):
                 return [*trial.layout.effects[len(declared.effects):]], trial
     return _best_pair(problem, declared, chosen, fitted, shortlist, folds, without)
+
+
+def _worthy_form(problem, fitted, candidate: Candidate, folds, without) -> Candidate | None:
+    """The candidate, or another form of the same cause where it is not worth its place (a curve that wraps around single poses
+    hides the one order that is there); None where no form is."""
+    if _worth(problem, fitted, [candidate.effect], folds, without):
+        return candidate
+    if not candidate.effect.family:
+        return None
+    forms = forms_of(fitted, candidate.effect, candidates_for(problem, fitted), _count(problem, fitted), LEAST_EVIDENCE)
+    for form in sorted(forms.values(), key=lambda form: -form.evidence):
+        if _differs(form.effect, candidate.effect) and _worth(problem, fitted, [form.effect], folds, without):
+            return form
+    return None
 
 
 def _best_pair(problem, declared, chosen, fitted, shortlist: list[Candidate], folds, without):
@@ -225,7 +240,7 @@ def _contest(problem, declared, chosen, rounds, fitted, first_ranking, progress)
             without = replace(without, weight=rows_kept(without.layout, without.view).astype(float))
         count = _count(problem, without)
         field = _rivals_of(chosen[place], candidates_for(problem, without), first_ranking)
-        form = best_form(problem, without, chosen[place], field, count, LEAST_EVIDENCE)
+        form = best_form(problem, without, chosen[place], [*field, *chosen[place].richer()], count, LEAST_EVIDENCE)
         if form is not None and _differs(form.effect, chosen[place]):
             trial = refit(problem, declared, chosen[:place] + [form.effect] + chosen[place + 1 :], fitted)
             fitted, chosen = trial, [*trial.layout.effects[len(declared.effects):]]

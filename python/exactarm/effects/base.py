@@ -166,6 +166,10 @@ class Effect(ABC):
         """The effects of this class that could be missing from `robot` on this data, at zero size."""
         raise NotImplementedError
 
+    def richer(self) -> Iterable["Effect"]:
+        """Forms of the same cause with more terms, at zero size where it stands: tried once the effect is found."""
+        return ()
+
     # -- in the chain -----------------------------------------------------------------------------
     def change(self, view: "View") -> Change:
         """What the effect adds to the signal at its station."""

@@ -8,8 +8,8 @@ motion, the rate or the torque. Hence dx/dphi = 1 / (1 + f e'), dx/df = -e / (1 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Mapping
+from dataclasses import dataclass, replace
+from typing import Iterable, Mapping
 
 import numpy as np
 
@@ -19,6 +19,8 @@ from exactarm.signals import strongest_orders
 
 _POSE_MULTIPLES = 2  # of the ratio: the highest order that poses are searched for
 _RATIO_UNKNOWN = 100.0
+_LEAST_ORDER, _BELOW_SEARCH = 0.2, 0.8  # a fit that drifts far below the orders that were tried follows another cause
+_MOST_MULTIPLES = 2  # of an element whose order was searched
 _MOTOR_MULTIPLES = (1.0, 2.0)  # that motions are searched for
 _REFINED, _BESIDE = 3, (-0.5, -0.25, 0.25, 0.5)  # peaks, and steps in cells of resolution
 _CURVE_KNEE = 25.0  # order above which the amplitudes of a gear or encoder curve fall (cycles per revolution)
@@ -76,9 +78,16 @@ class HarmonicFamily(Effect):
 
     def parameters(self) -> tuple[Parameter, ...]:
         each = [f"{c}_{k + 1}{self.unit}" for k in range(self.multiples) for c in "ab"]
-        order = Parameter("order_per_rev", 1.0, 0.2, 2000.0, fixed=self.curve_rad > 0.0, search=self.search)
+        lowest = _LEAST_ORDER if not self.search else _BELOW_SEARCH * min(self.search)
+        order = Parameter("order_per_rev", 1.0, lowest, 2000.0, fixed=self.curve_rad > 0.0, search=self.search)
         priors = np.repeat(self._priors(), 2)
         return (order, *(Parameter(name, self.plausible, prior=float(p)) for name, p in zip(each, priors)))
+
+    def richer(self) -> Iterable[Effect]:
+        """The next multiple of the element: a wheel that is not round has overtones."""
+        if self.curve_rad == 0.0 and self.multiples < _MOST_MULTIPLES:
+            order = self.values[0]
+            yield replace(self, values=(order,) + (0.0, 0.0) * (self.multiples + 1), search=(order,))
 
     def _priors(self) -> np.ndarray:
         """(K,) standard deviations of a_k and b_k: an angle amplitude times the order."""
