@@ -81,11 +81,11 @@ def test_files_are_told_by_their_content_and_order():
     assert effect_from_table(bound.to_table()) == bound
 
 
-def test_time_binds_a_thermal_drift_and_temperature_does_not():
+def test_a_thermal_drift_belongs_to_the_arm():
     drift = library()["thermal_drift"]
-    table = {"effect": "thermal_drift", "form": "growth", "growth_1_per_h": 1e-5, "growth_1_per_degC": 1e-5}
-    assert drift.from_table(table | {"driver": "time"}).of_record
-    assert not drift.from_table(table | {"driver": "temperature_degC"}).of_record
+    table = {"effect": "thermal_drift", "form": "growth", "growth_1_per_h": 1e-5, "growth_1_per_degC": 1e-5, "growth_1_per_row": 1e-5}
+    assert drift.from_table(table | {"driver": "row"}).of_record
+    assert not any(drift.from_table(table | {"driver": driver}).of_record for driver in ("time", "temperature_degC"))
 
 
 @pytest.mark.parametrize("record", ['"abc"', "[1]"])

@@ -21,7 +21,7 @@ import numpy as np
 
 from exactarm.effects.base import Change, Effect, Parameter, Station
 from exactarm.effects.drive import smooth_sign
-from exactarm.effects.slow_driver import ROW, TIME, drivers, slow_signal, temperatures, unit
+from exactarm.effects.slow_driver import ROW, drivers, slow_signal, temperatures, unit
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class ThermalDrift(Effect):
 
     @property
     def of_record(self) -> bool:
-        return self.driver in (TIME, ROW)  # when the arm was switched on is no property of the arm; how it follows its warmth is
+        return self.driver == ROW
 
     def to_table(self):
         return super().to_table() | {"form": self.form, "driver": self.driver}
