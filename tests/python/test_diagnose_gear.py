@@ -71,3 +71,17 @@ def test_names_what_the_gyroscope_does(racer):
     bias = biased.findings[0].effect.value_of("z_rad_s")
     low, high = biased.findings[0].intervals[2]
     assert low < bias < high and bias == pytest.approx(2e-3, abs=1e-4)
+
+
+def test_runs_of_another_axis_do_not_hide_what_one_gear_does(racer):
+    """Half of the runs show the cause, the fast ones far more than the slow ones."""
+    wave = on_axis(2, lambda time, phi, direction: 1e-3 * np.sin(23.0 * phi) / 23.0)
+    parts, first = [], 1
+    for joint in (1, 2):
+        for speed in (20.0, 40.0, 60.0, 80.0, 50.0):
+            case = GearRuns(joint, speed * DEGREE, 1, RATE_HZ, NOISE, seed=first, first_run=first)
+            parts.append(simulate(racer, case, rest=np.zeros(6), extra=wave(joint)))
+            first += 1
+    data = joined(*parts)
+    result = diagnose(racer, replace(data, identification=data.run % 5 != 0))
+    assert [(f.effect.name, f.effect.joint) for f in result.findings] == [("gear_harmonics", 2)]

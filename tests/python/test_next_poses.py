@@ -68,7 +68,7 @@ def test_chosen_poses_part_better_than_random_ones(narrow):
 def test_sentence_names_poses_effects_and_distance(narrow):
     robot, fitted = narrow
     text = separating_poses(robot, fitted, SPRING, RATIO, 0)
-    assert text.startswith("Measure q = (") and "joint compliance 2 and gear ratio 2 stand" in text
+    assert text.startswith("Measure q = (") and "joint compliance of axis 2 and gear ratio of axis 2 stand" in text
     assert text == separating_poses(robot, fitted, SPRING, RATIO, 0)
 
 

@@ -7,6 +7,7 @@ import numpy as np
 from exactarm.commands.error_sections import error_figures, error_table, highlights, unit_of
 from exactarm.diagnose.diagnosis import NOTHING, UNEXPLAINED, Diagnosis
 from exactarm.diagnose.dossier import Dossier, indicator
+from exactarm.diagnose.problem import Fitted
 from exactarm.effects.base import Effect
 from exactarm.report import Estimate, Figure, Quantity, Report, Table, Text, Warnings
 from exactarm.report.plots.parameters import candidate_bars
@@ -64,7 +65,7 @@ def _axes_table(result: Diagnosis) -> list[Table]:
     judged = "validation" if result.after["validation"].n else "identification"
     rows = tuple(
         (str(axis["joint"]), Quantity(axis["before"], result.unit), Quantity(axis["after"], result.unit),
-         ", ".join(f.effect.label.replace("_", " ") for f in result.findings if f.effect.joint in (None, axis["joint"])))
+         ", ".join(f.effect.title for f in result.findings if f.effect.joint in (None, axis["joint"])))
         for axis in result.axes
     )
     return [Table(f"RMS error by axis, {judged} rows", ("axis", "before", "after", "found on it"), rows)]
@@ -77,7 +78,7 @@ def _effects_table(result: Diagnosis) -> Table:
         shown = list(zip(effect.parameters(), effect.values, finding.intervals))[:_MOST_SHOWN]
         for place, (parameter, value, (low, high)) in enumerate(shown):
             more = len(effect.values) - len(shown)
-            head = (effect.label.replace("_", " "), _percent(finding.probability),
+            head = (effect.title, _percent(finding.probability),
                     Quantity(finding.rms_before, result.unit), Quantity(finding.rms_after, result.unit))
             name = parameter.name + (f" (and {more} more)" if more and place == len(shown) - 1 else "")
             cell = Estimate(float(value), float(low), float(high), unit_of(parameter.name))
@@ -87,31 +88,30 @@ def _effects_table(result: Diagnosis) -> Table:
 
 
 def _betraying_figures(result: Diagnosis) -> list[Figure]:
-    """Residual before and after, over the signal that it follows best, for the first effects found."""
-    figures, seen = [], set()
-    for finding in result.findings:
-        place = _betrayal(result, finding.effect)
-        if place is None or place in seen or len(figures) >= _FIGURES:
-            continue
-        seen.add(place)
-        signal, direction = place
-        figures.append(_residual_figure(result, finding.effect, signal, direction, len(figures) + 1))
+    """Residual without and with each of the first effects found, over the signal that it follows best."""
+    figures, last = [], result.selection.fits[-1]
+    declared = len(last.layout.effects) - len(result.findings)
+    for index, finding in enumerate(result.findings[:_FIGURES]):
+        without = last.without(declared + index)
+        place = _betrayal(result, without, finding.effect)
+        if place is not None:
+            figures.append(_residual_figure(result, without, finding.effect, *place, len(figures) + 1))
     return figures
 
 
-def _residual_figure(result: Diagnosis, effect: Effect, signal: str, direction: str, number: int) -> Figure:
-    first, last = result.selection.fits[0], result.selection.fits[-1]
-    values = result.problem.signals(first)[signal]
-    before, after = (_along(result, fitted, direction) for fitted in (first, last))
+def _residual_figure(result: Diagnosis, without: Fitted, effect: Effect, signal: str, direction: str, number: int) -> Figure:
+    values = result.problem.signals(without)[signal]
+    before, after = (_along(result, fitted, direction) for fitted in (without, result.selection.fits[-1]))
     turn = direction.startswith("a turn")
     unit = "rad" if turn else result.unit
     name = f"residual as {direction}" if turn else f"residual, {direction}"
     return Figure(
-        f"residual_{number}", f"What betrayed {effect.label.replace('_', ' ')}",
+        f"residual_{number}", f"What betrayed {effect.title}",
         lambda: residual_over_signal(values, before, after, unit=unit, name=name, signal_name=signal,
                                      signal_unit=_SIGNAL_UNITS.get(signal.split()[0], "")),
-        f"Residual of the identification rows as {direction}, over the {signal}; left before, right after.",
-        f"{name} over {signal}, before and after",
+        f"Residual of the identification rows as {direction}, over the {signal}, with all other effects in the model; "
+        "before: without this one, after: with it.",
+        f"{name} over {signal}, without and with the effect",
     )
 
 
@@ -122,14 +122,13 @@ def _along(result: Diagnosis, fitted, direction: str) -> np.ndarray:
     return np.sum(pattern * fitted.residual / fitted.sigma, axis=1) / size
 
 
-def _betrayal(result: Diagnosis, effect: Effect) -> tuple[str, str] | None:
-    """(signal, direction) in which the first residual shows the effect most clearly."""
-    first = result.selection.fits[0]
-    directions, signals = result.problem.directions(first), result.problem.signals(first)
+def _betrayal(result: Diagnosis, without: Fitted, effect: Effect) -> tuple[str, str] | None:
+    """(signal, direction) in which the residual of the model without the effect shows it most clearly."""
+    directions, signals = result.problem.directions(without), result.problem.signals(without)
     own = [name for name in directions if effect.joint is not None and name.endswith(f" {effect.joint}")]
     best, best_share = None, 0.0
     for direction in own or list(directions):
-        residual = _along(result, first, direction)
+        residual = _along(result, without, direction)
         for signal, values in signals.items():
             bins = indicator(values)
             mean = bins @ ((bins.T @ residual) / np.maximum(bins.sum(axis=0), 1.0))
@@ -140,14 +139,15 @@ def _betrayal(result: Diagnosis, effect: Effect) -> tuple[str, str] | None:
 
 
 def _rivals(result: Diagnosis) -> list:
+    titles = {f.effect.label: f.effect.title for f in result.findings}
     rows = tuple(
-        (a.effect.label.replace("_", " "), a.instead_of.replace("_", " "), Quantity(a.rms_after, result.unit),
+        (a.effect.title, titles[a.instead_of], Quantity(a.rms_after, result.unit),
          _percent(a.probability), "cannot be told apart here" if a.collides else "explains less")
         for a in result.alternatives
     )
     header = ("runner-up", "instead of", "validation RMS after", "probability", "why not")
     judged = "validation" if result.after["validation"].n else "identification"
-    labels = [f.effect.label for f in result.findings] + [a.effect.label for a in result.alternatives]
+    labels = [f.effect.title for f in result.findings] + [a.effect.title for a in result.alternatives]
     values = np.array([f.rms_after for f in result.findings] + [a.rms_after for a in result.alternatives])
     chosen = [True] * len(result.findings) + [False] * len(result.alternatives)
     bars = Figure(

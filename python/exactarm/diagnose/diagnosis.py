@@ -240,7 +240,7 @@ def _sentence(verdict, findings, alternatives, before, after, problem, left: Dos
     """The verdict in one sentence that a technician understands."""
     judged = "validation" if after["validation"].n else "identification"
     if findings:
-        causes = ", ".join(f.effect.label.replace("_", " ") for f in findings[:3])
+        causes = ", ".join(f.effect.title for f in findings[:3])
         more = f" and {len(findings) - 3} more" if len(findings) > 3 else ""
         fall = 1.0 - after[judged].rms / before[judged].rms
         it = "it" if len(findings) == 1 else "them"
@@ -248,7 +248,8 @@ def _sentence(verdict, findings, alternatives, before, after, problem, left: Dos
         doubtful = [a for a in alternatives if a.collides]
         if doubtful:
             a = doubtful[0]
-            text += f" This data cannot tell {a.instead_of.replace('_', ' ')} from {a.effect.label.replace('_', ' ')}."
+            own = next(f.effect for f in findings if f.effect.label == a.instead_of)
+            text += f" This data cannot tell {own.title} from {a.effect.title}."
         if verdict == UNEXPLAINED and left.strongest:
             text += f" A structure is left that nothing in the library explains; it follows the {left.strongest.signal}."
         return text

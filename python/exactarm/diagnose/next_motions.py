@@ -54,7 +54,7 @@ def separating_motion(
         apart = float(np.sqrt(np.mean(left**2)))
         if apart > 1.02 * best_apart:
             best, best_apart = name, apart
-    names = f"{one.label.replace('_', ' ')} and {other.label.replace('_', ' ')}"
+    names = f"{one.title} and {other.title}"
     return f"Play {best}: there {names} differ by {best_apart:.2g} times the scatter of {measured}."
 
 

@@ -42,7 +42,7 @@ class SeparatingPoses:
 def separating_poses(robot: Robot, fitted: Fitted, one: Effect, other: Effect, seed: int) -> str:
     """One sentence with the poses to measure and what they would tell."""
     plan = plan_separation(robot, fitted, one, other, seed)
-    names = f"{one.label.replace('_', ' ')} and {other.label.replace('_', ' ')}"
+    names = f"{one.title} and {other.title}"
     if plan.after < _APART:
         return (f"No unloaded poses inside the limits part {names} ({len(plan.q)} poses measured {plan.repeats} times from "
                 f"both directions: {plan.after:.1f} standard deviations): repeat the poses with another known payload, "

@@ -36,7 +36,7 @@ def separating_run(robot: Robot, fitted: Fitted, record: GearRecord, one: Effect
                     posture = " with the other axes turned by 90 degrees" if turn else " in the same posture"
                     best = f"axis {axis + 1} to and fro at {np.rad2deg(speed):.0f} deg/s{posture}"
                     best_apart, best_rows = apart, len(data)
-    names = f"{one.label.replace('_', ' ')} and {other.label.replace('_', ' ')}"
+    names = f"{one.title} and {other.title}"
     noise = float(np.mean(fitted.sigma))
     ratio = best_apart / noise
     runs = max(1, int(np.ceil((_CERTAIN / max(ratio, 1e-9)) ** 2 / best_rows)))

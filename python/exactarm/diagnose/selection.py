@@ -26,6 +26,7 @@ MOST_EFFECTS = 16
 _SHORTLIST = 12
 _FOLD_CERTAINTY = 2.5  # the mean fall of the folds beside its standard error
 _LEAST_FALLING = 8  # folds
+_RESPONDING, _LEAST_SHOWING = 1e-6, 3  # share of the strongest unit's response; units to judge by
 _INDEPENDENT_SHARE, _INDEPENDENT_EVIDENCE = 0.8, 20.0
 _PAIRED = 6  # of the shortlist, tried two by two
 _HIDDEN_GAIN = 1.5  # gain of the second beside the first, over what both promised alone
@@ -198,11 +199,22 @@ def _worth(problem: Problem, fitted: Fitted, effects: list[Effect], folds: np.nd
         return True
     columns = np.concatenate([_linear_columns(fitted, effect) for effect in effects], axis=1)
     prior = np.concatenate([prior_of(effect) for effect in effects])
-    fall = without - held_out_squares(fitted, columns, folds, prior, problem.units(folds))
+    units = problem.units(folds)
+    fall = (without - held_out_squares(fitted, columns, folds, prior, units))[_showing(fitted, columns, units)]
     certain = fall.mean() > _FOLD_CERTAINTY * fall.std(ddof=1) / np.sqrt(len(fall))
     # What shows in bursts (a resonance that is passed) falls very unevenly, but it falls everywhere.
     certain = certain or (len(fall) >= _LEAST_FALLING and np.all(fall > 0.0))
+    # A fall g of a square sum of white noise scatters by 2 sqrt(g): beyond 4 z^2 every single unit is sure of it.
+    certain = certain or (len(fall) >= _LEAST_SHOWING and np.all(fall > 4.0 * _FOLD_CERTAINTY**2))
     return bool(certain and fall.sum() > problem.least_share * without.sum())
+
+
+def _showing(fitted: Fitted, columns: np.ndarray, units: np.ndarray) -> np.ndarray:
+    """Which units (U,) bool respond to the columns at all: a run in which the axis stands tells nothing about its gear."""
+    rows = np.sum(columns[: fitted.data_numbers] ** 2, axis=1).reshape(len(units), -1).sum(axis=1)
+    response = np.bincount(units, weights=rows)
+    showing = response > _RESPONDING * response.max()
+    return showing if showing.sum() >= _LEAST_SHOWING else np.ones(len(response), bool)
 
 
 def _prune(problem, declared, chosen, fitted):

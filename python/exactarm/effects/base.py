@@ -131,6 +131,12 @@ class Effect(ABC):
     def label(self) -> str:
         return self.name if self.joint is None else f"{self.name}_{self.joint}"
 
+    @property
+    def title(self) -> str:
+        """As a technician says it: `backlash of axis 2`."""
+        words = self.name.replace("_", " ")
+        return words if self.joint is None else f"{words} of axis {self.joint}"
+
     def parameter_label(self, parameter: Parameter) -> str:
         """Unique name of one of its parameters within a robot: `backlash_2.width_rad`."""
         return f"{self.label}.{parameter.name}"

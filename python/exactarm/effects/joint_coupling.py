@@ -28,6 +28,10 @@ class JointCoupling(Effect):
     def label(self) -> str:
         return f"{self.name}_{self.joint}_by_{self.values[0]:.0f}"
 
+    @property
+    def title(self) -> str:
+        return f"{super().title} by motor {self.values[0]:.0f}"
+
     def parameters(self) -> tuple[Parameter, ...]:
         return (Parameter("motor", 1.0, fixed=True), Parameter("coupling_rad_per_rad", 0.02, -10.0, 10.0))
 
