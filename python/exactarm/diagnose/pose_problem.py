@@ -31,6 +31,7 @@ class PoseProblem(Problem):
 
     unit = "m"
     kind = "poses"
+    groups_independent = True
 
     def __init__(self, robot: Robot, data: Dataset, held_out: Dataset, threads: int = 1, seed: int = 0):
         super().__init__(robot, data, held_out, threads, seed)

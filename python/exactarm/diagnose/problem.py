@@ -151,6 +151,7 @@ class Problem(ABC):
     unit: str = ""
     kind: str = ""
     repeat_source = "repeated visits of the same pose"
+    groups_independent = False  # whether the residuals of different groups of rows are
     least_share = 0.02  # of the cross-validated square sum that an effect must take away
 
     def __init__(self, robot: Robot, data: Dataset, held_out: Dataset, threads: int = 1, seed: int = 0):

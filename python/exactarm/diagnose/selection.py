@@ -17,6 +17,7 @@ from exactarm.chain import Layout
 from exactarm.diagnose.cross_validation import folds_of, held_out_squares
 from exactarm.diagnose.forms import best_form, forms_of, same_family
 from exactarm.diagnose.problem import Fitted, Problem, rows_kept
+from exactarm.diagnose.row_scatter import robust_evidence
 from exactarm.diagnose.scan import Candidate, free_mask, prior_of, scan
 from exactarm.effects import library
 from exactarm.effects.base import Effect
@@ -116,7 +117,7 @@ def _best_addition(problem, declared, chosen, fitted, ranking):
     """The best candidate that cross-validation and the joint fit confirm, with what is independent of it; else None."""
     folds = folds_of(problem.groups(), problem.seed)
     without = held_out_squares(fitted, np.zeros((fitted.whitened.size, 0)), folds, units=problem.units(folds))
-    shortlist = [c for c in ranking[:_SHORTLIST] if c.evidence >= LEAST_EVIDENCE]
+    shortlist = [c for c in ranking[:_SHORTLIST] if _evidence(problem, fitted, c) >= LEAST_EVIDENCE]
     for place, candidate in enumerate(shortlist):
         candidate = _worthy_form(problem, fitted, candidate, folds, without)
         if candidate is None:
@@ -131,6 +132,14 @@ def _best_addition(problem, declared, chosen, fitted, ranking):
     return _best_pair(problem, declared, chosen, fitted, shortlist, folds, without)
 
 
+def _evidence(problem: Problem, fitted: Fitted, candidate: Candidate) -> float:
+    """The candidate's evidence; where groups of rows are independent, not more than their own scatter allows."""
+    if candidate.evidence < LEAST_EVIDENCE or not problem.groups_independent or _excludes(candidate.effect):
+        return candidate.evidence
+    columns = _linear_columns(fitted, candidate.effect)
+    return robust_evidence(fitted, candidate, columns, problem.groups(), _count(problem, fitted))
+
+
 def _worthy_form(problem, fitted, candidate: Candidate, folds, without) -> Candidate | None:
     """The candidate, or another form of the same cause where it is not worth its place (a curve that wraps around single poses
     hides the one order that is there); None where no form is."""
@@ -140,7 +149,8 @@ def _worthy_form(problem, fitted, candidate: Candidate, folds, without) -> Candi
         return None
     forms = forms_of(fitted, candidate.effect, candidates_for(problem, fitted), _count(problem, fitted), LEAST_EVIDENCE)
     for form in sorted(forms.values(), key=lambda form: -form.evidence):
-        if _differs(form.effect, candidate.effect) and _worth(problem, fitted, [form.effect], folds, without):
+        if (_differs(form.effect, candidate.effect) and _evidence(problem, fitted, form) >= LEAST_EVIDENCE
+                and _worth(problem, fitted, [form.effect], folds, without)):
             return form
     return None
 

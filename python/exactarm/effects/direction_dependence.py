@@ -33,6 +33,6 @@ class DirectionDependence(HarmonicFamily):
             direction = view.direction[:, index]
             if not np.any(direction > 0) or not np.any(direction < 0):
                 continue
-            orders = (*np.unique(declared_orders(robot, index)), *searched_orders(robot, view, index))
+            orders = (*np.unique(declared_orders(robot, index)), *searched_orders(robot, view, index, lowest=1.0))
             if len(orders):
                 yield cls.zero(index + 1, orders)

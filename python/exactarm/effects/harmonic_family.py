@@ -18,6 +18,7 @@ from exactarm.harmonics import delivered_angle, waves
 from exactarm.signals import strongest_orders
 
 _POSE_MULTIPLES = 2  # of the ratio: the highest order that poses are searched for
+_HALVES_UNTIL = 40.0  # orders of an element that turns neither with the output nor with the motor
 _RATIO_UNKNOWN = 100.0
 _LEAST_ORDER, _BELOW_SEARCH = 0.2, 0.8  # a fit that drifts far below the orders that were tried follows another cause
 _MOST_MULTIPLES = 2  # of an element whose order was searched
@@ -131,11 +132,11 @@ class HarmonicFamily(Effect):
         return raw.with_values(table[parameter.name] for parameter in raw.parameters())
 
 
-def searched_orders(robot, view, index: int) -> tuple[float, ...]:
+def searched_orders(robot, view, index: int, lowest: float = 3.0) -> tuple[float, ...]:
     """Orders worth trying on axis `index`.
 
-    A gear run shows its own: the peaks of its residual over the angle. Motions: few. Elsewhere whole numbers up to twice the
-    motor's own order, without those that the declared tables have already.
+    A gear run shows its own: the peaks of its residual over the angle. Motions: few. Elsewhere `lowest` (1 and 2 are a run-out, gear_eccentricity.py)
+    up to twice the motor's own order, first in halves, without those that the declared tables have already.
     """
     declared = declared_orders(robot, index)
     if view.kind == "gear_run":
@@ -145,7 +146,9 @@ def searched_orders(robot, view, index: int) -> tuple[float, ...]:
         # A drive torque is low-passed: it shows what turns with the motor, not every tooth.
         motion = ratio * np.array(_MOTOR_MULTIPLES)
         return tuple(o for o in motion if np.all(np.abs(declared - o) > 0.5))
-    orders = np.arange(3, _POSE_MULTIPLES * int(np.ceil(ratio)) + 2, dtype=float)
+    highest = _POSE_MULTIPLES * int(np.ceil(ratio)) + 2
+    orders = np.concatenate([np.arange(lowest, _HALVES_UNTIL, 0.5), np.arange(_HALVES_UNTIL, highest)])
+    orders = orders[orders < highest]
     return tuple(o for o in orders if np.all(np.abs(declared - o) > 0.5))
 
 

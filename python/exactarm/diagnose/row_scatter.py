@@ -1,0 +1,42 @@
+"""Evidence by the scatter of the rows themselves: one noise level for all of them is not believed.
+
+What other causes have left makes some rows and some directions noisier than the mean. With columns C~ of a candidate,
+cleared of what the free parameters absorb, its coefficients b, the residual e that they leave and the scores
+s_g = C~_g' e_g of the groups g of rows (visits of one pose) that are independent of each other,
+
+    V = (C~'C~)^{-1} (sum_g s_g s_g') (C~'C~)^{-1} G / (G - k),    W = b' V^{-1} b                 (White 1980)
+
+stands in for the likelihood ratio where it is the smaller one.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from exactarm.diagnose.problem import Fitted
+from exactarm.diagnose.scan import Candidate
+
+_GROUPS_EACH = 5  # groups for each coefficient, below which their scatter is no estimate
+
+
+def robust_evidence(fitted: Fitted, candidate: Candidate, columns: np.ndarray, groups: np.ndarray, count: float) -> float:
+    """The candidate's evidence, less what it owes to noisy rows. columns (R, k) whitened, groups (N,), count: independent numbers."""
+    names, group = np.unique(groups, return_inverse=True)
+    clear = columns - fitted.basis @ (fitted.basis.T @ columns)
+    seen = np.einsum("ij,ij->j", clear, clear) > 1e-6 * np.einsum("ij,ij->j", columns, columns)
+    clear = clear[:, seen] / np.linalg.norm(clear[:, seen], axis=0)
+    k = clear.shape[1]
+    if not k or len(names) < _GROUPS_EACH * k:
+        return candidate.evidence
+    residual = fitted.free_residual
+    values = np.linalg.lstsq(clear, residual, rcond=1e-8)[0]
+    numbers = fitted.data_numbers
+    scores = (clear * (residual - clear @ values)[:, None])[:numbers].reshape(len(groups), -1, k).sum(axis=1)
+    by_group = np.zeros((len(names), k))
+    np.add.at(by_group, group, scores)
+    spread = by_group.T @ by_group * len(names) / (len(names) - k)
+    pull = clear.T @ clear @ values
+    wald = float(pull @ np.linalg.pinv(spread, rcond=1e-10, hermitian=True) @ pull)
+    square = float(residual @ residual)
+    ratio = count * np.log(square / max(square - candidate.gain, 1e-12 * square))
+    return candidate.evidence - 0.5 * max(ratio - wald, 0.0)
