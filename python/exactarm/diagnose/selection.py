@@ -117,7 +117,8 @@ def _best_addition(problem, declared, chosen, fitted, ranking):
     """The best candidate that cross-validation and the joint fit confirm, with what is independent of it; else None."""
     folds = folds_of(problem.groups(), problem.seed)
     without = held_out_squares(fitted, np.zeros((fitted.whitened.size, 0)), folds, units=problem.units(folds))
-    shortlist = [c for c in ranking[:_SHORTLIST] if _evidence(problem, fitted, c) >= LEAST_EVIDENCE]
+    asked = [c for c in ranking[:_SHORTLIST] if c.evidence >= LEAST_EVIDENCE]
+    shortlist = [c for c in asked if _evidence(problem, fitted, c) >= LEAST_EVIDENCE]
     for place, candidate in enumerate(shortlist):
         candidate = _worthy_form(problem, fitted, candidate, folds, without)
         if candidate is None:
@@ -129,7 +130,7 @@ def _best_addition(problem, declared, chosen, fitted, ranking):
             trial = refit(problem, declared, chosen + effects, fitted)
             if _excludes(candidate.effect) or _confirmed(fitted, trial, candidate.gain):
                 return [*trial.layout.effects[len(declared.effects):]], trial
-    return _best_pair(problem, declared, chosen, fitted, shortlist, folds, without)
+    return _best_pair(problem, declared, chosen, fitted, asked, folds, without)
 
 
 def _evidence(problem: Problem, fitted: Fitted, candidate: Candidate) -> float:
