@@ -11,7 +11,7 @@ from set_ups import joints_in_limits, measured, true_robot
 from exactarm import cli
 from exactarm.chain import Layout
 from exactarm.dataset import write_dataset
-from exactarm.diagnose.diagnosis import diagnose
+from exactarm.diagnose.diagnosis import diagnose, held_out_excess
 from exactarm.effects import effect_from_table
 from exactarm.identify.pose_fit import fit_poses
 from exactarm.robot_file import load_robot
@@ -210,3 +210,15 @@ def test_diagnosed_robot_works_in_evaluate_and_calibrate(command):
     assert run("diagnose", robot, command / "fresh.csv", command / "again") == 0
     again = json.loads((command / "again" / "result.json").read_text())
     assert again["verdict"] == "no_undeclared_effect" and again["effects"] == []
+
+
+def test_what_does_not_carry_over_is_no_explanation():
+    rng = np.random.default_rng(3)
+    fitted, held = rng.normal(size=200), rng.normal(size=80)
+    assert held_out_excess({"identification": fitted, "validation": held}, 1.0) < 1.3
+    assert held_out_excess({"identification": fitted, "validation": 3.0 * held}, 1.0) > 2.0
+    held[:4] = 50.0  # wrong rows
+    assert held_out_excess({"identification": fitted, "validation": held}, 1.0) < 1.3
+    # Half of the numbers are spent on parameters: the fit errs less on its own rows, and more on others.
+    assert held_out_excess({"identification": fitted * 0.5**0.5, "validation": held * 1.5**0.5}, 1.0) < 1.3
+    assert held_out_excess({"identification": fitted, "validation": np.zeros(0)}, 1.0) == 1.0

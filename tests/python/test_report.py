@@ -6,6 +6,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
+from exactarm.commands.error_sections import unit_of
 from exactarm.progress import Progress
 from exactarm.report import Estimate, Figure, Highlight, Highlights, Link, Quantity, Report, Table, Text, Warnings
 from exactarm.report.html import render_html
@@ -28,6 +29,7 @@ RANDOM = np.random.default_rng(11)
     (2.5e-5, "rad", "25.0 µrad"),
     (812345.0, "Nm/rad", "812 kNm/rad"),
     (3.4e-7, "rad/Nm", "340 nrad/Nm"),
+    (2.5e-4, "m/h", "250 µm/h"),
     (12.0, "Nm", "12.0 Nm"),
     (0.97, "", "0.970"),
     (4.2e-9, "", "4.20e−9"),
@@ -48,6 +50,15 @@ def test_a_quantity_chooses_its_prefix_and_digits(value, unit, text):
 ])
 def test_an_estimate_has_the_digits_that_its_interval_allows(value, half, unit, text):
     assert estimate(value, value - half, value + half, unit) == text
+
+
+@pytest.mark.parametrize("name, unit", [
+    ("width_rad", "rad"), ("linear_rad_per_Nm", "rad/Nm"), ("cubic_rad_per_Nm3", "rad/Nm³"), ("rad_per_Nm", "rad/Nm"),
+    ("coefficient_Nm_sqrt_s", "Nm √s"), ("growth_1_per_degC", "1/°C"), ("zero_rad_per_h", "rad/h"), ("x_m_per_row", "m/row"),
+    ("relative_s_per_rad", "s/rad"), ("a_1", ""), ("order_per_rev", ""), ("coupling_rad_per_rad", "rad/rad"),
+])
+def test_a_unit_is_read_off_the_name(name, unit):
+    assert unit_of(name) == unit
 
 
 def test_a_column_shares_one_prefix():

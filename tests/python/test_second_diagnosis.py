@@ -10,6 +10,7 @@ from exactarm.chain import Layout
 from exactarm.dataset import Dataset
 from exactarm.diagnose.diagnosis import diagnose
 from exactarm.effects import effect_from_table
+from exactarm.effects.gear_harmonics import GearHarmonics
 from exactarm.identify.calibrate import calibrate
 from exactarm.identify.declared import reestimated_layout
 from exactarm.robot_file import load_robot
@@ -63,3 +64,10 @@ def test_only_estimates_are_free():
         "gear_eccentricity_2.first_cos_rad": (0.0, 0.0),  # at a bound
     })
     assert reestimated_layout(robot, poses).names == ("joint_compliance_3.linear_rad_per_Nm",)
+
+
+def test_a_curve_keeps_its_regularisation_and_says_what_it_is():
+    curve = GearHarmonics.curve(2, 40, 1e-4, (-1.0, 2.0)).with_values((1.0, 0.0, 0.0, 2e-4) + (0.0,) * 77)
+    read = effect_from_table(curve.to_table())
+    assert [p.prior for p in read.parameters()] == [p.prior for p in curve.parameters()]
+    assert read.describe() == curve.describe() and "curve that repeats with every revolution, 7" in curve.describe()

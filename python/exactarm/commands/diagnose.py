@@ -11,7 +11,7 @@ from exactarm.commands.arguments import add_files, add_robot
 from exactarm.commands.diagnose_report import report_of
 from exactarm.commands.result import CommandResult, estimate
 from exactarm.dataset import read_dataset
-from exactarm.diagnose.diagnosis import UNEXPLAINED, Diagnosis, diagnose
+from exactarm.diagnose.diagnosis import UNEXPLAINED, Diagnosis, diagnose, remains
 from exactarm.errors import InputError
 from exactarm.identify.statistics import summarise
 from exactarm.robot_file import load_robot
@@ -116,15 +116,14 @@ def _effect(finding) -> dict:
 
 
 def _unknown(result: Diagnosis) -> dict:
-    signal = result.dossier_after.strongest
-    follows = f"follows the {signal.signal} along {signal.direction}" if signal else "follows no single signal"
-    share = f" ({100 * signal.share:.0f} % of the remaining square sum, p = {signal.p_value:.1e})" if signal else ""
+    left, signal = result.dossier_after, result.dossier_after.strongest
+    share = f" ({100 * signal.share:.0f} % of the remaining square sum, p = {signal.p_value:.1e})" if left.structure else ""
     rms = result.after["validation" if result.after["validation"].n else "identification"].rms
     return {
         "effect": "unknown", "joint": None, "parameters": {},
         "validation_rms_before": rms, "validation_rms_after": rms,
-        "probability": 1.0 - (signal.p_value if signal else 0.0),
-        "evidence": f"a structure that no candidate explains {follows}{share}",
+        "probability": 1.0 - (signal.p_value if left.structure else 0.0),
+        "evidence": f"a structure that no candidate explains: {remains(left, result.excess)}{share}",
         "compensable": False,
     }
 

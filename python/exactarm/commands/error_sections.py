@@ -66,14 +66,18 @@ def parameter_table(names, start, values, intervals, units, at_bound=None) -> Ta
 
 
 def unit_of(name: str) -> str:
-    """The unit at the end of a parameter's name, as the report writes it."""
+    """The unit at the end of a parameter's name, as the report writes it: `growth_1_per_h` is in 1/h."""
+    head, per, below = name.rpartition("_per_")
+    if per and below in _BELOW:
+        return f"{unit_of(head) or '1'}/{_BELOW[below]}"
     for ending, unit in _UNITS.items():
         if ("_" + name).endswith(ending):
             return unit
     return ""
 
 
+_BELOW = {"Nm": "Nm", "Nm3": "Nm³", "N": "N", "rad": "rad", "g": "g", "h": "h", "row": "row", "degC": "°C"}
 _UNITS = {
-    "_rad_per_Nm3": "rad/Nm³", "_rad_per_Nm": "rad/Nm", "_rad_s": "rad/s", "_Nm_s": "Nm s", "_kg_m2": "kg m²", "_kg_m": "kg m",
+    "_rad_s": "rad/s", "_Nm_s": "Nm s", "_Nm_sqrt_s": "Nm √s", "_kg_m2": "kg m²", "_kg_m": "kg m",
     "_rad": "rad", "_Nm": "Nm", "_kg": "kg", "_m": "m", "_s": "s",
 }

@@ -93,7 +93,8 @@ def _alignment_table(result: GearIdentification) -> tuple[Table, ...]:
         for axis, before, after in zip("xyz", entry.before, entry.after):
             rows.append((f"{entry.joint} {entry.side}", axis, Quantity(float(before), "rad/s"), Quantity(float(after), "rad/s")))
     angles = {(e.joint, e.angles) for e in result.alignments}
-    note = "; ".join(f"axis {joint}: alpha {alpha:.5f} rad, beta {beta:.5f} rad" for joint, (alpha, beta) in sorted(angles))
+    turn = lambda angle: f"{1e3 * angle:.2f} mrad".replace("-0.00", "0.00")
+    note = "; ".join(f"axis {joint}: {turn(alpha)} about x, {turn(beta)} about y" for joint, (alpha, beta) in sorted(angles))
     return (Table("Alignment of the gyroscope: mean reading", ("gear", "sensor axis", "before", "after"), tuple(rows), note),)
 
 

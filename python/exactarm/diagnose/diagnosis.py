@@ -27,6 +27,7 @@ _NOISE_REACHED = 1.25  # RMS after, beside the noise floor
 _FAR_ABOVE_NOISE = 1.5  # RMS after, beside a measured noise floor: something is left, whatever it follows
 _SHARE_EXPLAINED = 0.5  # of the square sum above the noise; less, and the cause is not found
 _SHARE_LEFT = 0.10  # of the square sum that a signal still has to explain to count as structure
+_CARRIES_OVER, _WRONG_SHARE = 2.0, 0.1  # held-out error beside the expected one; share of rows that may be wrong by themselves
 _RIVALS_EACH, _RIVALS = 2, 5
 _MANY_PARAMETERS = 200  # above it, only the strongest rival is fitted in the other's place
 
@@ -81,6 +82,7 @@ class Diagnosis:
     selection: Selection
     problem: Problem
     excluded: int
+    excess: float
     axes: list | None
 
 
@@ -105,7 +107,8 @@ def diagnose(
         for place, accepted in enumerate(selection.accepted)
     )
     alternatives = _alternatives(problem, declared, selection)
-    verdict = _verdict(problem, before, after, noise, left, bool(findings))
+    excess = held_out_excess(errors[-1], problem.error_of_unit_noise(last))
+    verdict = UNEXPLAINED if excess > _CARRIES_OVER else _verdict(problem, before, after, noise, left, bool(findings))
     return Diagnosis(
         robot=_bound(problem.updated_robot(last), robot, data),
         kind=problem.kind,
@@ -116,7 +119,8 @@ def diagnose(
         findings=findings,
         alternatives=alternatives,
         verdict=verdict,
-        sentence=_sentence(verdict, findings, alternatives, before, after, problem, left),
+        sentence=_sentence(verdict, findings, alternatives, before, after, left, excess),
+        excess=excess,
         next_experiment=next_experiment(problem, last, findings, alternatives),
         dossier_before=had,
         dossier_after=left,
@@ -216,6 +220,19 @@ def _alternatives(problem: Problem, declared: Layout, selection: Selection) -> t
     return tuple(sorted(found, key=lambda a: -a.probability))
 
 
+def held_out_excess(errors: dict[str, np.ndarray], unit: float) -> float:
+    """How many times more the model errs on held-out rows than its fit lets expect; 1 where nothing is held out.
+
+    RMS of the two sets (N,), each without its worst tenth (wrong rows are no lack of the model). A fit with few degrees of freedom
+    errs less on its own rows, and more on others, than the noise `unit`: by about the same factor.
+    """
+    held, fitted = (np.sort(np.abs(values[np.isfinite(values)])) for values in (errors["validation"], errors["identification"]))
+    if not held.size or not fitted.size:
+        return 1.0
+    most = lambda values: _rms(values[: max(1, int((1.0 - _WRONG_SHARE) * len(values)))])
+    return most(held) / max(most(fitted), 1e-300) / max(1.0, unit / max(_rms(fitted), 1e-300)) ** 2
+
+
 def _verdict(problem, before, after, noise: NoiseFloor, left: Dossier, found: bool) -> str:
     judged = "validation" if after["validation"].n else "identification"
     rms_before, rms_after = before[judged].rms, after[judged].rms
@@ -236,7 +253,18 @@ def _verdict(problem, before, after, noise: NoiseFloor, left: Dossier, found: bo
     return EXPLAINED if found else NOTHING
 
 
-def _sentence(verdict, findings, alternatives, before, after, problem, left: Dossier) -> str:
+def remains(left: Dossier, excess: float) -> str:
+    """What is known of a structure that nothing explains."""
+    if left.structure:
+        known = f"it follows the {left.strongest.signal} best, along {left.strongest.direction}"
+    else:
+        known = "it follows no single signal beyond chance"
+    if excess > _CARRIES_OVER:
+        known += f", and on rows that were not fitted the error is {excess:.1f} times what the fit lets expect"
+    return known
+
+
+def _sentence(verdict, findings, alternatives, before, after, left: Dossier, excess: float) -> str:
     """The verdict in one sentence that a technician understands."""
     judged = "validation" if after["validation"].n else "identification"
     if findings:
@@ -244,18 +272,18 @@ def _sentence(verdict, findings, alternatives, before, after, problem, left: Dos
         more = f" and {len(findings) - 3} more" if len(findings) > 3 else ""
         fall = 1.0 - after[judged].rms / before[judged].rms
         it = "it" if len(findings) == 1 else "them"
-        text = f"The model lacks {causes}{more}; with {it} the {judged} RMS error falls by {100 * fall:.0f} %."
+        falls = f"falls by {100 * fall:.0f} %" if fall >= 0.005 else "does not fall"
+        text = f"The model lacks {causes}{more}; with {it} the {judged} RMS error {falls}."
         doubtful = [a for a in alternatives if a.collides]
         if doubtful:
             a = doubtful[0]
             own = next(f.effect for f in findings if f.effect.label == a.instead_of)
             text += f" This data cannot tell {own.title} from {a.effect.title}."
-        if verdict == UNEXPLAINED and left.strongest:
-            text += f" A structure is left that nothing in the library explains; it follows the {left.strongest.signal}."
+        if verdict == UNEXPLAINED:
+            text += f" A structure is left that nothing in the library explains; {remains(left, excess)}."
         return text
-    if verdict == UNEXPLAINED and left.strongest:
-        return (f"The residual has a structure that nothing in the library explains; it follows the "
-                f"{left.strongest.signal} best, along {left.strongest.direction}.")
+    if verdict == UNEXPLAINED:
+        return f"The residual has a structure that nothing in the library explains; {remains(left, excess)}."
     if left.structure:
         return (f"No effect of the library earns its place: the residual follows the {left.strongest.signal} beyond chance, "
                 f"but this is {100 * left.strongest.share:.0f} % of its square sum.")

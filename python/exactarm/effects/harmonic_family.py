@@ -122,13 +122,14 @@ class HarmonicFamily(Effect):
         return Change((self.index,), (x - phi)[:, None], derivative, {"phi": by_phi} | by_signal)
 
     def to_table(self):
-        return super().to_table() | ({} if self.seen is None else {"seen_from_rad": self.seen[0], "seen_to_rad": self.seen[1]})
+        curve = {} if self.seen is None else {"seen_from_rad": self.seen[0], "seen_to_rad": self.seen[1], "each_order_rad": self.curve_rad}
+        return super().to_table() | curve
 
     @classmethod
     def from_table(cls, table: Mapping[str, float | int | str]) -> Effect:
         multiples = sum(1 for name in table if name.startswith("a_"))
         seen = (float(table["seen_from_rad"]), float(table["seen_to_rad"])) if "seen_from_rad" in table else None
-        raw = cls(table.get("joint"), (1.0,) + (0.0, 0.0) * multiples, seen=seen)
+        raw = cls(table.get("joint"), (1.0,) + (0.0, 0.0) * multiples, curve_rad=float(table.get("each_order_rad", 0.0)), seen=seen)
         return raw.with_values(table[parameter.name] for parameter in raw.parameters())
 
 

@@ -40,11 +40,19 @@ class Scale:
     size: float
 
 
+def _scales(unit: str) -> tuple[tuple[str, float], ...]:
+    """Those of the unit, or of what stands above the stroke: m/h is shown as m/h, mm/h, ..."""
+    above, stroke, below = unit.partition("/")
+    if unit in SCALES or not stroke:
+        return SCALES.get(unit, ((unit, 1.0),))
+    return tuple((f"{shown}/{below}", size) for shown, size in SCALES.get(above, ((above, 1.0),)))
+
+
 def choose_scale(values: Sequence[float], unit: str) -> Scale:
     """The prefix that suits the largest of `values`."""
     finite = [abs(value) for value in values if value is not None and math.isfinite(value)]
     largest = max(finite, default=0.0)
-    scales = SCALES.get(unit, ((unit, 1.0),))
+    scales = _scales(unit)
     if largest == 0.0:
         return Scale(*scales[min(1, len(scales) - 1)])
     for shown, size in scales[:-1]:
