@@ -1,8 +1,8 @@
 """How many independent numbers the noise of a time series leaves.
 
 Samples of a filtered or drifting signal count as fewer: 1 / (1 + 2 sum rho) each, rho the autocorrelation of the noise
-(Bartlett's taper). Noise is what the strongest candidates of the library together cannot explain: the residual itself
-still has the causes in it that are searched for, and they would pass for correlation. Where the noise drifts
+(Bartlett's taper). Noise is what the surest candidates of the library cannot explain: the residual itself still has
+the causes in it that are searched for, and they would pass for correlation. Where the noise drifts
 (`drifts`), the drift is filtered out first (identify/drifting_noise.py), and the rest is counted.
 """
 
@@ -13,13 +13,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from exactarm.diagnose.problem import Fitted, Problem, orthonormal
-from exactarm.diagnose.scan import free_mask, scan
+from exactarm.diagnose.scan import free_mask, log_evidence, scan
 from exactarm.identify.correlated import autocorrelation
 from exactarm.identify.drifting_noise import DriftingNoise
 
 _LAG_S = 1.0
 _ANEW = 0.5  # estimated anew when the square sum of the residual has fallen to this share
-_STRONGEST = 10  # candidates: many more would explain noise
+_STRONGEST = 10  # candidates
 
 
 class ColouredNoise:
@@ -33,41 +33,58 @@ class ColouredNoise:
         """Whether the estimates hold for a residual of this size still; if not, they are to be made anew."""
         return float(np.sum(residual**2)) >= _ANEW * self._square
 
-    def drift_of(self, fitted: Fitted, runs: Sequence[np.ndarray]) -> DriftingNoise | None:
+    def drift_of(self, fitted: Fitted, runs: Sequence[np.ndarray], step: float) -> DriftingNoise | None:
         """From a fit whose residual has passed no filter."""
-        return DriftingNoise.of(self._unexplained(fitted), runs)
+        return DriftingNoise.of(self._unexplained(fitted, runs, step), runs)
 
-    def adopts(self, fitted: Fitted, drift: DriftingNoise | None, runs: Sequence[np.ndarray], step: float) -> bool:
-        """Takes the drift and the share behind its filter (of a fit with it) for the present ones, if they claim less.
-
-        Ten of the library explain any slow noise of one run: what has once passed for drift stays so.
-        """
+    def adopt(self, fitted: Fitted, drift: DriftingNoise | None, runs: Sequence[np.ndarray], step: float) -> None:
+        """Takes the drift, and the share behind its filter (of a fit with it), for the present ones."""
         self._square = float(np.sum(fitted.residual**2))
-        share = _share_of(self._unexplained(fitted), runs, step)
-        if share >= self.share:
-            return False
-        self.share, self.drift = share, drift
-        return True
+        self.share, self.drift = _share_of(self._unexplained(fitted, runs, step), runs, step), drift
 
     def independent_share(self, fitted: Fitted, runs: Sequence[np.ndarray], step: float) -> float:
         """Independent numbers per number of `fitted.whitened`; `runs`: its rows in the order of time."""
         if not self.is_known(fitted.residual):
             self._square = float(np.sum(fitted.residual**2))
-            self.share = _share_of(self._unexplained(fitted), runs, step)
+            self.share = _share_of(self._unexplained(fitted, runs, step), runs, step)
         return self.share
 
-    def _unexplained(self, fitted: Fitted) -> np.ndarray:
-        """(N, m) whitened residual without what the declared parameters and the strongest candidates explain."""
-        from exactarm.diagnose.selection import candidates_for
+    def share_of(self, fitted: Fitted, runs: Sequence[np.ndarray], step: float) -> float:
+        """Of a fit whose residual has passed no filter, as it stands."""
+        return _share_of(fitted.residual, runs, step)
 
-        residual = fitted.free_residual
+    def _unexplained(self, fitted: Fitted, runs: Sequence[np.ndarray], step: float) -> np.ndarray:
+        """(N, m) whitened residual without what the declared parameters and the surest candidates explain.
+
+        Candidates come in one by one, the surest first, each paid for with the independent numbers that the rest still
+        has: from the cautious side, since many candidates together explain any slow noise.
+        """
+        from exactarm.diagnose.selection import LEAST_EVIDENCE, candidates_for
+
+        numbers, shape = fitted.data_numbers, fitted.residual.shape
+        noise = lambda residual: residual[:numbers].reshape(shape)
+        basis, residual = fitted.basis, fitted.free_residual
         candidates = [e for e in candidates_for(self._problem, fitted) if e.keep(fitted.view) is None]
-        strongest = scan(fitted, candidates, float(fitted.data_numbers))[:_STRONGEST]
-        columns = [fitted.columns(c.effect)[:, free_mask(c.effect)] for c in strongest if c.evidence > 0.0]
-        if columns:
-            basis = orthonormal(np.concatenate([fitted.basis, *columns], axis=1))
+        strongest = [c for c in scan(fitted, candidates, float(numbers))[:_STRONGEST] if c.evidence > 0.0]
+        while strongest:
+            count = max(_share_of(noise(residual), runs, step) * numbers - basis.shape[1], 1.0)
+            gains = [_added(basis, fitted.columns(c.effect)[:, free_mask(c.effect)], residual) for c in strongest]
+            square = float(residual @ residual)
+            sure = [log_evidence(square, gain, count, c.free, c.tried * len(candidates)) for (_, gain), c in zip(gains, strongest)]
+            best = int(np.argmax(sure))
+            if sure[best] < LEAST_EVIDENCE:
+                break
+            basis = np.concatenate([basis, gains[best][0]], axis=1)
             residual = residual - basis @ (basis.T @ residual)
-        return residual[: fitted.data_numbers].reshape(fitted.residual.shape)
+            del strongest[best]
+        return noise(residual)
+
+
+def _added(basis: np.ndarray, columns: np.ndarray, residual: np.ndarray) -> tuple[np.ndarray, float]:
+    """What columns (R, k) add to an orthonormal basis, orthonormal too, and the square sum that it takes away."""
+    left = columns - basis @ (basis.T @ columns)
+    left = orthonormal(left - basis @ (basis.T @ left))
+    return left, float(np.sum((left.T @ residual) ** 2))
 
 
 def _share_of(noise: np.ndarray, runs: Sequence[np.ndarray], step: float) -> float:

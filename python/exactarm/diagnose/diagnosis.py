@@ -95,6 +95,7 @@ def diagnose(
     problem = problem_for(robot, train, held_out, threads, seed)
     declared = problem.declared()
     selection = _search(problem, declared, progress)
+    selection = replace(selection, fits=tuple(problem.settled(f) for f in selection.fits))
     first, last = selection.fits[0], selection.fits[-1]
     progress("what is left")
     noise = noise_floor(problem, last)
@@ -210,7 +211,7 @@ def _alternatives(problem: Problem, declared: Layout, selection: Selection) -> t
     found = []
     for rival, place in strongest[: _RIVALS if last.layout.size < _MANY_PARAMETERS else 1]:
         accepted = selection.accepted[place]
-        fitted = refit(problem, declared, chosen[:place] + [rival.effect] + chosen[place + 1 :], last)
+        fitted = problem.settled(refit(problem, declared, chosen[:place] + [rival.effect] + chosen[place + 1 :], last))
         left = _rms(_judged(_errors(problem, fitted)))
         probability = float(np.exp(min(rival.evidence - accepted.evidence, 0.0)) * accepted.probability)
         found.append(Alternative(

@@ -16,7 +16,8 @@ from exactarm.chain import GearRecord, Layout, gear_record, predict_gear_run
 from exactarm.dataset import Dataset
 from exactarm.diagnose.coloured_noise import ColouredNoise
 from exactarm.diagnose.next_runs import separating_run
-from exactarm.diagnose.problem import Fitted, Problem
+from exactarm.diagnose.problem import Fitted, Problem, orthonormal
+from exactarm.diagnose.scan import free_mask
 from exactarm.diagnose.thinned_run import thinned_run
 from exactarm.diagnose.time_groups import time_groups
 from exactarm.effects.base import Effect, Station
@@ -25,11 +26,13 @@ from exactarm.identify.declared import all_effects
 from exactarm.identify.drifting_noise import DriftingNoise
 from exactarm.identify.gear_declared import declared_gear_layout, sensor_layout
 from exactarm.identify.gear_fit import fit_gear_runs
+from exactarm.regression import Fit
 from exactarm.robot import Robot
 from exactarm.signals import typical_step, white_noise
 
 _LEAST_SIGMA = 1e-12
 _RUNS_OF_A_SORT = 4
+_LONG_PIECES = 5  # of a run between encoders: a slow error, or a resonance that is passed, goes on over shorter ones
 _LEAST_SHARE_OF_WHITE = 0.004  # behind the filter most of the square sum is the encoders' own, whatever the slow part does
 
 
@@ -73,9 +76,8 @@ class GearProblem(Problem):
         fitted = self._fit_with(layout, self._noise.drift)
         if self.record.encoder_axes and not self._noise.is_known(fitted.residual):
             plain = fitted if fitted.drift is None else self._fit_with(layout, None)
-            trial = self._fit_with(layout, self._noise.drift_of(plain, self.record.runs))
-            if self._noise.adopts(trial, trial.drift, self.record.runs, self._step):
-                fitted = trial
+            fitted = self._fit_with(layout, self._noise.drift_of(plain, self.record.runs, self._step))
+            self._noise.adopt(fitted, fitted.drift, self.record.runs, self._step)
         return self._counted(fitted)
 
     def _fit_with(self, layout: Layout, drift: DriftingNoise | None) -> "GearFitted":
@@ -105,6 +107,31 @@ class GearProblem(Problem):
         share = self._noise.independent_share(fitted, self.record.runs, self._step)
         widened = replace(fitted.fit, covariance=fitted.fit.covariance / share)
         return replace(fitted, sigma=fitted.sigma / np.sqrt(share), fit=widened)
+
+    def settled(self, fitted: Fitted) -> Fitted:
+        """What drifts between two encoders is as much what no cause explains as it is noise: effects that the filter
+        weakens more than that are estimated again without it, by the error as it is judged."""
+        if fitted.drift is None:
+            return fitted
+        plain = np.sqrt(np.mean(fitted.residual**2, axis=0)) / np.sqrt(self._noise.share)
+        slow = []
+        for effect, where in zip(fitted.layout.effects, fitted.layout.slices):
+            response = fitted.jacobian[:, :, where]
+            kept = np.sum((fitted.decorrelated(response) / fitted.sigma[:, None]) ** 2)
+            slow.append(effect.declared or kept < np.sum((response / plain[:, None]) ** 2))
+        masks = [mask & keep for mask, keep in zip(fitted.layout.free, slow)]
+        again = self._fit_with(Layout(fitted.layout.effects, tuple(masks)), None)
+        layout = Layout(again.layout.effects, fitted.layout.free)
+        slow = np.concatenate([m[f] for m, f in zip(masks, layout.free)])
+        return replace(again, layout=layout, jacobian=fitted.jacobian, sigma=fitted.sigma, drift=fitted.drift,
+                       fit=self._settled_fit(fitted, layout, again, slow))
+
+    def _settled_fit(self, fitted: Fitted, layout: Layout, again: "GearFitted", slow: np.ndarray) -> Fit:
+        """The fit behind the filter with what was estimated without it; neighbouring samples count as fewer there."""
+        share = self._noise.share_of(again, self.record.runs, self._step)
+        covariance = np.where(slow[:, None] | slow, 0.0, fitted.fit.covariance)
+        covariance[np.ix_(slow, slow)] = again.fit.covariance * self._noise.share / share
+        return replace(fitted.fit, x=layout.values, covariance=covariance)
 
     def errors(self, fitted: Fitted, data: Dataset) -> np.ndarray:
         return np.abs(self._deviations(fitted, data))
@@ -156,11 +183,27 @@ class GearProblem(Problem):
         moving = zip(self.record.runs, self.record.furthest)
         sorts = [(int(self.thin.session[rows[0]]), axis) for rows, axis in moving]
         several = min(sorts.count(sort) for sort in sorts) >= _RUNS_OF_A_SORT
-        return self.thin.run if several and not self.record.encoder_axes else time_groups(self.thin.run)
+        if self.record.encoder_axes:
+            return time_groups(self.thin.run, _LONG_PIECES)
+        return self.thin.run if several else time_groups(self.thin.run)
 
     @property
     def least_share(self) -> float:
         return Problem.least_share if self._noise.drift is None else _LEAST_SHARE_OF_WHITE
+
+    def judged_share(self, fitted: Fitted, effect: Effect) -> float:
+        """Of the encoder for which that is most, beside everything that is free."""
+        if fitted.drift is None:
+            return 1.0
+        components = fitted.residual.shape[1]
+        values = np.where(free_mask(effect), effect.values, 0.0)
+        change = fitted.view.response(effect)[:, :components] @ values
+        basis = orthonormal(fitted.jacobian.reshape(fitted.data_numbers, -1))
+        squares: list[np.ndarray] = []
+        for part in (change.ravel(), fitted.residual.ravel()):
+            left = part - basis @ (basis.T @ part)
+            squares.append(np.sum(left.reshape(-1, components) ** 2, axis=0))
+        return float(np.max(squares[0] / np.maximum(squares[1], 1e-300)))
 
     def units(self, folds: np.ndarray) -> np.ndarray:
         """Stretches longer than what the filtered noise remembers; without a filter the folds."""

@@ -216,6 +216,14 @@ class Problem(ABC):
         """
         return None
 
+    def settled(self, fitted: Fitted) -> Fitted:
+        """The last fit as it is to be judged and written, where the search has weighed the rows otherwise."""
+        return fitted
+
+    def judged_share(self, fitted: Fitted, effect: Effect) -> float:
+        """How much an effect at its values changes, beside the square sum as it is judged, where the search weighs it otherwise."""
+        return 1.0
+
     def units(self, folds: np.ndarray) -> np.ndarray:
         """(N,) int from 0: rows whose held-out errors scatter independently of each other's; the folds, to be safe."""
         return folds

@@ -18,7 +18,7 @@ from exactarm.diagnose.cross_validation import folds_of, held_out_squares
 from exactarm.diagnose.forms import best_form, forms_of, same_family
 from exactarm.diagnose.problem import Fitted, Problem, rows_kept
 from exactarm.diagnose.row_scatter import robust_evidence
-from exactarm.diagnose.scan import Candidate, free_mask, prior_of, scan
+from exactarm.diagnose.scan import Candidate, free_mask, scan
 from exactarm.effects import library
 from exactarm.effects.base import Effect
 
@@ -208,8 +208,9 @@ def _worth(problem: Problem, fitted: Fitted, effects: list[Effect], folds: np.nd
     """Cross-validated: do the effects take enough of the square sum away, and surely so over the problem's units?"""
     if any(_excludes(effect) for effect in effects):
         return True
-    columns = np.concatenate([_linear_columns(fitted, effect) for effect in effects], axis=1)
-    prior = np.concatenate([prior_of(effect) for effect in effects])
+    free = [np.array([not p.fixed for p in effect.parameters()], bool) for effect in effects]  # searched orders too
+    columns = np.concatenate([fitted.columns(effect)[:, mask] for effect, mask in zip(effects, free)], axis=1)
+    prior = np.concatenate([np.array([p.prior for p in effect.parameters()])[mask] for effect, mask in zip(effects, free)])
     units = problem.units(folds)
     fall = (without - held_out_squares(fitted, columns, folds, prior, units))[_showing(fitted, columns, units)]
     certain = fall.mean() > _FOLD_CERTAINTY * fall.std(ddof=1) / np.sqrt(len(fall))
@@ -234,7 +235,7 @@ def _prune(problem, declared, chosen, fitted):
     while place < len(chosen):
         without = fitted.without(len(declared.effects) + place)
         own = None if _excludes(chosen[place]) else scan(without, [_emptied(chosen[place])], _count(problem, without))[0]
-        if own is not None and (own.evidence < LEAST_EVIDENCE or own.gain < problem.least_share * _square(without)):
+        if own is not None and _lost(problem, without, own):
             del places[place]
             fitted = refit(problem, declared, chosen[:place] + chosen[place + 1 :], fitted)
             chosen = [*fitted.layout.effects[len(declared.effects):]]
@@ -242,6 +243,11 @@ def _prune(problem, declared, chosen, fitted):
         else:
             place += 1
     return places, fitted
+
+
+def _lost(problem: Problem, without: Fitted, own: Candidate) -> bool:
+    small = own.gain < problem.least_share * _square(without) or problem.judged_share(without, own.effect) < Problem.least_share
+    return own.evidence < LEAST_EVIDENCE or small
 
 
 def _square(fitted: Fitted) -> float:

@@ -86,9 +86,9 @@ class LoadDependence(HarmonicFamily):
         for index in range(robot.axes):
             if np.std(view.torque[:, index]) < _LEAST_SPREAD_NM:
                 continue
-            yield cls(index + 1, (0.0,))
-            if "friction_sign" in view.signals and np.ptp(view.signals["friction_sign"][:, index]) > _LEAST_SPREAD_SIGN:
-                yield cls(index + 1, (0.0, 0.0))
+            # A measured torque always has the friction of the drive in it.
+            rubs = "friction_sign" in view.signals and np.ptp(view.signals["friction_sign"][:, index]) > _LEAST_SPREAD_SIGN
+            yield cls(index + 1, (0.0, 0.0) if rubs else (0.0,))
             if robot.joints[index].has_harmonics:
                 yield cls(index + 1, (0.0,), of_declared=True)
             orders = (*np.unique(declared_orders(robot, index)), *searched_orders(robot, view, index))
