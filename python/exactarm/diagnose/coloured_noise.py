@@ -9,17 +9,18 @@ the causes in it that are searched for, and they would pass for correlation. Whe
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import combinations
 
 import numpy as np
 
 from exactarm.diagnose.problem import Fitted, Problem, orthonormal
-from exactarm.diagnose.scan import free_mask, log_evidence, scan
+from exactarm.diagnose.scan import Candidate, free_mask, log_evidence, scan
 from exactarm.identify.correlated import autocorrelation
 from exactarm.identify.drifting_noise import DriftingNoise
 
 _LAG_S = 1.0
 _ANEW = 0.5  # estimated anew when the square sum of the residual has fallen to this share
-_STRONGEST = 10  # candidates
+_STRONGEST, _PAIRED = 10, 5  # candidates
 
 
 class ColouredNoise:
@@ -56,35 +57,41 @@ class ColouredNoise:
     def _unexplained(self, fitted: Fitted, runs: Sequence[np.ndarray], step: float) -> np.ndarray:
         """(N, m) whitened residual without what the declared parameters and the surest candidates explain.
 
-        Candidates come in one by one, the surest first, each paid for with the independent numbers that the rest still
-        has: from the cautious side, since many candidates together explain any slow noise.
+        Candidates come in one by one, or two that hide each other; each pays with the independent numbers that are in
+        what it leaves. So a cause that leaves white noise is sure, and one more curve through slow noise is not.
         """
         from exactarm.diagnose.selection import LEAST_EVIDENCE, candidates_for
 
         numbers, shape = fitted.data_numbers, fitted.residual.shape
-        noise = lambda residual: residual[:numbers].reshape(shape)
         basis, residual = fitted.basis, fitted.free_residual
         candidates = [e for e in candidates_for(self._problem, fitted) if e.keep(fitted.view) is None]
         strongest = [c for c in scan(fitted, candidates, float(numbers))[:_STRONGEST] if c.evidence > 0.0]
+        columns = {c.label: fitted.columns(c.effect)[:, free_mask(c.effect)] for c in strongest}
+
+        def tried(group: tuple[Candidate, ...]) -> tuple[float, np.ndarray, np.ndarray]:
+            added = _added(basis, np.concatenate([columns[c.label] for c in group], axis=1))
+            left = residual - added @ (added.T @ residual)
+            count = max(_share_of(left[:numbers].reshape(shape), runs, step) * (numbers - basis.shape[1]), 1.0)
+            square, price = float(residual @ residual), np.prod([float(c.tried * len(candidates)) for c in group])
+            return log_evidence(square, square - float(left @ left), count, sum(c.free for c in group), price), added, left
+
         while strongest:
-            count = max(_share_of(noise(residual), runs, step) * numbers - basis.shape[1], 1.0)
-            gains = [_added(basis, fitted.columns(c.effect)[:, free_mask(c.effect)], residual) for c in strongest]
-            square = float(residual @ residual)
-            sure = [log_evidence(square, gain, count, c.free, c.tried * len(candidates)) for (_, gain), c in zip(gains, strongest)]
-            best = int(np.argmax(sure))
-            if sure[best] < LEAST_EVIDENCE:
+            for groups in ([(c,) for c in strongest], list(combinations(strongest[:_PAIRED], 2))):
+                found = {group: tried(group) for group in groups}
+                best = max(found, key=lambda group: found[group][0], default=None)
+                if best is not None and found[best][0] >= LEAST_EVIDENCE:
+                    break
+            else:
                 break
-            basis = np.concatenate([basis, gains[best][0]], axis=1)
-            residual = residual - basis @ (basis.T @ residual)
-            del strongest[best]
-        return noise(residual)
+            basis, residual = np.concatenate([basis, found[best][1]], axis=1), found[best][2]
+            strongest = [c for c in strongest if c not in best]
+        return residual[:numbers].reshape(shape)
 
 
-def _added(basis: np.ndarray, columns: np.ndarray, residual: np.ndarray) -> tuple[np.ndarray, float]:
-    """What columns (R, k) add to an orthonormal basis, orthonormal too, and the square sum that it takes away."""
+def _added(basis: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    """What columns (R, k) add to an orthonormal basis, orthonormal too."""
     left = columns - basis @ (basis.T @ columns)
-    left = orthonormal(left - basis @ (basis.T @ left))
-    return left, float(np.sum((left.T @ residual) ** 2))
+    return orthonormal(left - basis @ (basis.T @ left))
 
 
 def _share_of(noise: np.ndarray, runs: Sequence[np.ndarray], step: float) -> float:

@@ -32,7 +32,7 @@ from exactarm.signals import typical_step, white_noise
 
 _LEAST_SIGMA = 1e-12
 _RUNS_OF_A_SORT = 4
-_LONG_PIECES = 5  # of a run between encoders: a slow error, or a resonance that is passed, goes on over shorter ones
+_LONG_PIECES = 5  # of a run where noise drifts: a slow error, or a resonance that is passed, goes on over shorter ones
 _LEAST_SHARE_OF_WHITE = 0.004  # behind the filter most of the square sum is the encoders' own, whatever the slow part does
 
 
@@ -183,9 +183,9 @@ class GearProblem(Problem):
         moving = zip(self.record.runs, self.record.furthest)
         sorts = [(int(self.thin.session[rows[0]]), axis) for rows, axis in moving]
         several = min(sorts.count(sort) for sort in sorts) >= _RUNS_OF_A_SORT
-        if self.record.encoder_axes:
+        if self._noise.drift is not None:
             return time_groups(self.thin.run, _LONG_PIECES)
-        return self.thin.run if several else time_groups(self.thin.run)
+        return self.thin.run if several and not self.record.encoder_axes else time_groups(self.thin.run)
 
     @property
     def least_share(self) -> float:
@@ -206,8 +206,8 @@ class GearProblem(Problem):
         return float(np.max(squares[0] / np.maximum(squares[1], 1e-300)))
 
     def units(self, folds: np.ndarray) -> np.ndarray:
-        """Stretches longer than what the filtered noise remembers; without a filter the folds."""
-        if self._noise.drift is None:
+        """Between encoders stretches longer than what the noise remembers; whole runs are long enough as they are."""
+        if not self.record.encoder_axes:
             return folds
         return np.arange(len(folds)) // int(np.ceil(1.0 / self._noise.share))
 

@@ -15,7 +15,7 @@ from exactarm.effects.base import Change, Effect, Parameter, Station
 
 _SPREAD_RAD = 1e-3  # of real gears; on a part of a revolution, larger terms would imitate any slow curve
 
-_LEAST_RANGE_RAD = 2.0 * np.pi / 3.0  # on less, once per revolution is a parabola, and has no name
+_LEAST_RANGE_RAD = 1.0  # on less, once per revolution is a parabola, and has no name
 
 
 @dataclass(frozen=True)
