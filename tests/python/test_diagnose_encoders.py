@@ -74,6 +74,25 @@ def test_the_updated_robot_carries_what_was_found(robot, result):
     assert np.sqrt(np.mean(left**2)) < 0.5 * np.sqrt(np.mean(declared**2))
 
 
+def test_a_second_diagnosis_adds_nothing(robot, result):
+    again = diagnose(result.robot, measured(robot, COMPLIANCE))
+    assert not again.findings
+
+
+def test_a_slow_cause_in_white_noise_is_no_drift(robot):
+    """A ratio and a delay, either of them slow; what both leave is white."""
+    data = measured(robot, 0.0)
+    random = np.random.default_rng(11)
+    rate = np.concatenate([np.gradient(data.joints["theta"][data.run == run], 1.0 / RATE_HZ, axis=0) for run in (1, 2)])
+    phi = data.joints["theta"][:, 0] / robot.ratios[0]
+    link = data.joints["theta"][:, :2] / robot.ratios[:2] + random.normal(0.0, 1e-5, (len(data), 2))
+    link[:, 0] += 4e-5 * phi
+    q = np.hstack([link - 3e-5 * rate[:, :2] / robot.ratios[:2], np.full((len(data), 4), np.nan)])
+    arrays = {"theta": data.joints["theta"], "q": q}
+    found = diagnose(robot, Dataset.of_arrays("gear_run", arrays, time=data.time, run=data.run)).findings
+    assert {(f.effect.name, f.effect.joint) for f in found} == {("time_delay", None), ("gear_ratio", 1)}
+
+
 def test_drift_alone_is_no_effect(robot):
     result = diagnose(robot, measured(robot, 0.0))
     assert not result.findings
