@@ -37,6 +37,7 @@ def test_options_replace_those_of_the_path_and_parquet_is_written(tmp_path):
 
 @pytest.mark.parametrize("words, code, text", [
     (("racer-7-1.4", "nowhere.toml"), 2, "nowhere.toml"),
+    (("kr300", "line"), 2, "geometry"),
     (("racer-7-1.4", "line", "--rate", "-5"), 2, "--rate"),
     (("racer-7-1.4", "line", "--rate", "1"), 2, "samples"),
     (("racer-7-1.4", "line", "--rate", "1e6"), 2, "samples"),

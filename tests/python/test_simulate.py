@@ -315,6 +315,11 @@ def test_command_refuses(arm, tmp_path, words, expected, capsys):
     assert not (tmp_path / "out" / "result.json").exists()
 
 
+def test_robot_without_gears_has_no_gear_runs(tmp_path, capsys):
+    assert main(["simulate", "ur10", "--measure", "gear", "--out", str(tmp_path / "out")]) == 2
+    assert "declares no gear ratio" in capsys.readouterr().err
+
+
 def test_robot_without_masses_cannot_be_simulated_in_motion(tmp_path, capsys):
     assert main(["simulate", "tx40", "--measure", "motion", "--out", str(tmp_path / "out")]) == 2
     assert "link masses" in capsys.readouterr().err

@@ -12,6 +12,7 @@ from exactarm.chain.direction import TRANSITION_S, reversals
 from exactarm.commands.arguments import add_robot
 from exactarm.commands.result import CommandResult
 from exactarm.errors import InputError
+from exactarm.identify.declared import require_geometry
 from exactarm.plan.optimal import ENERGY_SHARE, Plan, PlanOptions, plan_path
 from exactarm.plan.path_file import CHOICES, MOST_SAMPLES, PlannedPath, load_path, shipped_paths
 from exactarm.plan.trajectory import trajectory_table
@@ -39,6 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> CommandResult:
     robot, path = load_robot(arguments.robot), _path(arguments)
+    require_geometry(robot)
     arguments.progress.stage("planning")
     plan = plan_path(robot, path, PlanOptions(threads=arguments.threads, start=_start(arguments.start)))
     file = [] if arguments.path in shipped_paths() else [Path(arguments.path)]

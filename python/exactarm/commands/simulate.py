@@ -180,6 +180,8 @@ def _poses(arguments, virtual: VirtualRobot, planned: Dataset | None, random) ->
 def _gear(arguments, virtual: VirtualRobot, planned, random) -> _Played:
     robot = virtual.nominal
     axes = [i for i, joint in enumerate(robot.joints) if joint.has_gear]
+    if not axes:
+        raise InputError(f"robot {robot.name} declares no gear ratio; expected one for a gear run")
     if arguments.joint:
         wrong = [axis for axis in arguments.joint if axis - 1 not in axes]
         if wrong:
