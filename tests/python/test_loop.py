@@ -14,6 +14,8 @@ def test_the_loop_closes(tmp_path):
     # A calibration that bends the geometry to a hidden cause need not help on a path; the diagnosis has to.
     assert diagnosed < 0.5 * min(drawn, calibrated)
     assert [(e["effect"], e["joint"]) for e in result["effects"]][0] == ("gear_eccentricity", 2)
+    page = (tmp_path / "report.html").read_text()
+    assert "What was hidden, and what was found" in page and page.count("gear eccentricity of axis 2") >= 2
 
 
 def test_the_loop_wants_a_hidden_cause(tmp_path, capsys):

@@ -17,6 +17,7 @@ from exactarm.commands.arguments import add_robot
 from exactarm.commands.result import CommandResult
 from exactarm.dataset import Dataset
 from exactarm.diagnose.diagnosis import Diagnosis, diagnose
+from exactarm.effects.base import Effect
 from exactarm.errors import InputError
 from exactarm.identify.calibrate import CalibrationOptions, calibrate
 from exactarm.identify.declared import frames_layout
@@ -87,7 +88,8 @@ def run(arguments: argparse.Namespace) -> CommandResult:
     true = placed(deviated(robot, arguments.deviation, random, frames=False), random)
     # Masses and springs as declared: what is hidden is the cause that was asked for, and the geometry.
     true = replace(true, links=robot.links)
-    virtual = VirtualRobot.of(robot, [parse_effect(text, robot.axes) for text in arguments.effect], true)
+    hidden = [parse_effect(text, robot.axes) for text in arguments.effect]
+    virtual = VirtualRobot.of(robot, hidden, true)
     arguments.progress.stage("measuring poses")
     data = _measure(virtual, arguments, random)
     arguments.progress.stage("calibrating")
@@ -101,7 +103,7 @@ def run(arguments: argparse.Namespace) -> CommandResult:
         rounds.append(_execute(name, model, drawn, virtual, path, arguments.threads))
     return CommandResult(
         json=_json(rounds, diagnosis),
-        report=_report(robot, path, rounds, diagnosis),
+        report=_report(robot, path, rounds, diagnosis, hidden),
         robot=diagnosis.robot,
         tables={"tracking.csv": {f"error_{r.name.replace(' ', '_')}_m": r.error for r in rounds}},
         texts={"truth.toml": robot_text(virtual.true)},
@@ -159,7 +161,7 @@ def _json(rounds: list[_Round], diagnosis: Diagnosis) -> dict:
     }
 
 
-def _report(robot: Robot, path: PlannedPath, rounds: list[_Round], diagnosis: Diagnosis) -> Report:
+def _report(robot: Robot, path: PlannedPath, rounds: list[_Round], diagnosis: Diagnosis, hidden: list[Effect]) -> Report:
     first, middle, last = rounds
     verdict = (
         f"On the path {path.name} the target of the virtual {robot.name} misses by {quantity(first.summary.rms, 'm')} RMS as "
@@ -175,4 +177,8 @@ def _report(robot: Robot, path: PlannedPath, rounds: list[_Round], diagnosis: Di
                lambda: curves(time, {r.name: r.error for r in rounds}, unit="m", name="error of the target", log_y=True),
                "Distance of the target from where it should be, round by round.", "tracking error over time"),
         Text("What the diagnosis said", (diagnosis.sentence,)),
+        Table("What was hidden, and what was found", ("", "effect", "in words"), (
+            *(("hidden", effect.title, effect.describe()) for effect in hidden),
+            *(("found", finding.effect.title, finding.effect.describe()) for finding in diagnosis.findings),
+        ), "The diagnosis saw the measured poses only."),
     ), "good" if last.summary.rms <= middle.summary.rms else "caution")
