@@ -14,6 +14,7 @@ from exactarm.chain import Layout, predict_poses
 from exactarm.dataset import Dataset
 from exactarm.effects.frames import Frames
 from exactarm.effects.gear_harmonics import GearHarmonics
+from exactarm.effects.hysteresis import Hysteresis
 from exactarm.effects.joint_compliance import JointCompliance
 from exactarm.effects.payload import Payload
 from exactarm.effects.tracker_scale import TrackerScale
@@ -225,3 +226,13 @@ def test_controller_keeps_its_own_constants(rng):
     view = predict_poses(robot, layout.at(x), data, tangents=False).view
     assert_allclose(view.q[:, 1], q[:, 1] + 0.01, rtol=1e-13)
     assert_allclose(view.q[:, 3], q[:, 3] / 1.001, rtol=1e-13)
+
+
+def test_hysteresis_follows_the_approach_whatever_its_reach(rng):
+    """A robot file from gear runs declares a reach; between poses at rest nobody knows the way that it would run along."""
+    robot = six_axis()
+    data = poses(robot, rng)
+    plain, reaching = (predict_poses(robot, Layout.of((Hysteresis(2, values),)), data) for values in ((2e-4,), (2e-4, 1e-3)))
+    assert_allclose(reaching.position, plain.position, rtol=0, atol=1e-15)
+    assert_allclose(reaching.jacobian[:, :, 0], plain.jacobian[:, :, 0], rtol=0, atol=1e-12)
+    assert not np.any(reaching.jacobian[:, :, 1])

@@ -42,7 +42,7 @@ class Hysteresis(Effect):
 
     def change(self, view) -> Change:
         derivative = np.zeros((view.rows, 1, len(self.values)))
-        if len(self.values) == 1:
+        if len(self.values) == 1 or not view.is_series:
             memory = view.direction[:, self.index]
         else:
             memory, by_reach = self._memory(view)
