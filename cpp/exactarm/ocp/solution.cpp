@@ -3,8 +3,11 @@
 #include <chrono>
 
 #include "exactarm/ocp/barrier.hpp"
+#include "exactarm/ocp/initial_guess.hpp"
 #include "exactarm/ocp/objective.hpp"
+#include "exactarm/ocp/reach.hpp"
 #include "exactarm/ocp/transcription.hpp"
+#include "exactarm/ocp/weight_continuation.hpp"
 
 namespace exactarm::ocp {
 namespace {
@@ -28,35 +31,80 @@ bool lies_inside(const Transcription& transcription, const Vector& start) {
   return Barrier(low, high).start(start, 1.0);
 }
 
+bool flat_motion_fits(const StageModel& model) {
+  Vector flat(model.layout().unknowns());
+  initial_guess(model, flat.data());
+  return lies_inside(Transcription(model), flat);
+}
+
+// On the way to the weight that is asked for only the neighbourhood of a solution is wanted.
+constexpr double kNear = 1e-3, kNearObjective = 1e-4, kNearEquations = 1e-8;
+constexpr int kHardSteps = 10;
+constexpr int kNearIterations = 30;
+constexpr int kInsideIterations = 50;  // of Ipopt, from well within all bounds: more do not help
+
+nlp::Solution by_stages(const StageModel& model, const SolveOptions& options, double seconds, const nlp::Solution* start,
+                        bool last) {
+  StagewiseOptions own;
+  own.iterations = last ? options.iterations : std::min(options.iterations, kNearIterations);
+  own.seconds = seconds;
+  own.start = start;
+  own.hard_steps = kHardSteps;
+  if (!last) {
+    own.tolerance = kNear;
+    own.objective = kNearObjective;
+    own.feasibility = kNearEquations;
+  }
+  return solve_stagewise(model, own);
+}
+
+nlp::Solution by_ipopt(const StageModel& model, const SolveOptions& options, double seconds, const nlp::Solution* start,
+                       bool last) {
+  Transcription transcription(model);
+  if (start) transcription.start_at(start->point.x);
+  Vector first(transcription.variables());
+  transcription.start(first);
+  nlp::IpoptOptions ipopt;
+  ipopt.linear_solver = options.linear_solver;
+  const bool inside = lies_inside(transcription, first);
+  ipopt.iterations = std::min(options.iterations, !last ? kNearIterations : inside ? kInsideIterations : options.iterations);
+  ipopt.seconds = seconds;
+  ipopt.print_level = options.print_level;
+  ipopt.objective_scale = Objective(model.problem()).natural_scale(first.data());
+  if (!last) ipopt.tolerance = kNear;
+  ipopt.tolerance = std::max(ipopt.tolerance, Objective(model.problem()).gradient_floor(ipopt.objective_scale));
+  if (inside) ipopt.first_barrier = 0.1 * ipopt.last_barrier;
+  return nlp::solve_ipopt(transcription, ipopt);
+}
+
 }  // namespace
 
 Motion solve(const Problem& problem, const StageDynamics& dynamics, const SolveOptions& options) {
   const auto begin = std::chrono::steady_clock::now();
-  const StageModel model(problem, dynamics, options.threads);
-  const Objective objective(problem);
   Motion motion;
-  nlp::Solution solution;
-  if (options.method == Method::stagewise) {
-    StagewiseOptions own;
-    own.iterations = options.iterations;
-    own.seconds = options.seconds;
-    solution = solve_stagewise(model, own);
-    motion.objective_scale = solution.objective_scale;
-  } else {
-    Transcription transcription(model);
-    Vector start(transcription.variables());
-    transcription.start(start);
-    nlp::IpoptOptions ipopt;
-    ipopt.linear_solver = options.linear_solver;
-    ipopt.iterations = options.iterations;
-    ipopt.seconds = options.seconds;
-    ipopt.print_level = options.print_level;
-    ipopt.objective_scale = motion.objective_scale = objective.natural_scale(start.data());
-    ipopt.tolerance = std::max(ipopt.tolerance, objective.gradient_floor(ipopt.objective_scale));
-    if (lies_inside(transcription, start)) ipopt.first_barrier = 0.1 * ipopt.last_barrier;
-    solution = nlp::solve_ipopt(transcription, ipopt);
+  const auto left = [&] {
+    return options.seconds - std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  };
+  const auto attempt = [&](const Problem& weighed, const nlp::Solution* start, bool last) {
+    const StageModel model(weighed, dynamics, options.threads);
+    return options.method == Method::stagewise ? by_stages(model, options, left(), start, last)
+                                               : by_ipopt(model, options, left(), start, last);
+  };
+  nlp::Solution solution = attempt(problem, nullptr, true);
+  const bool ended = solution.status == nlp::Status::solved || solution.status == nlp::Status::acceptable ||
+                     solution.status == nlp::Status::time_limit || solution.status == nlp::Status::stopped;
+  const StageModel model(problem, dynamics, options.threads);
+  const std::string reach = ended ? "" : out_of_reach(model, solution.point.x.data());
+  if (!reach.empty()) {
+    solution.status = nlp::Status::infeasible;
+    solution.message = "no motion within the bounds: " + reach;
+  } else if (!ended && solution.iterations < options.iterations && flat_motion_fits(model)) {
+    // The flat motion solves all equations but for its differences: with it within the bounds there is a solution.
+    if (solution.status == nlp::Status::infeasible) solution.status = nlp::Status::numerical_failure;
+    solution = continue_weight(problem, solution, attempt);
   }
   motion.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  motion.objective_scale = solution.objective_scale;
   motion.status = solution.status;
   motion.message = solution.message;
   motion.linear_solver = solution.linear_solver;

@@ -8,6 +8,7 @@
 #include "exactarm/ocp/block_kkt.hpp"
 #include "exactarm/ocp/initial_guess.hpp"
 #include "exactarm/ocp/objective.hpp"
+#include "exactarm/ocp/reach.hpp"
 
 namespace exactarm::ocp {
 namespace {
@@ -23,6 +24,9 @@ constexpr double kRoundings = 4.0 * std::numeric_limits<double>::epsilon();
 constexpr double kLeastDamping = 1e-4, kMostDamping = 1e20;  // of the reduced Hessian
 constexpr double kFilterMargin = 1e-5;
 constexpr int kMostHalvings = 12;
+constexpr double kTinyStep = 1e-6;          // rad; damping of such a step comes from rounding
+constexpr double kAcceptableObjective = 1e-6, kAcceptableFactor = 10.0;
+constexpr int kRoundedSteps = 6;            // that good without getting better: rounding is reached
 const char* const kBlockNames[] = {"q", "q_dot", "q_ddot", "theta", "theta_dot", "theta_ddot", "jerk"};
 
 class Solver {
@@ -42,6 +46,7 @@ class Solver {
         base_diagonal_(Vector::Zero(layout_.unknowns())),
         gradient_(layout_.unknowns()),
         stationarity_(layout_.unknowns()),
+        lagrangian_(layout_.unknowns()),
         trial_(layout_.unknowns()),
         trial_residual_(layout_.knots * layout_.axes) {
     filter_.reserve(std::max(options.iterations, 0) + 1);
@@ -54,11 +59,16 @@ class Solver {
     };
     nlp::Solution solution;
     solution.linear_solver = "block Riccati";
-    initial_guess(model_, current_.z.data());
+    if (options_.start)
+      current_.z = options_.start->point.x;
+    else
+      initial_guess(model_, current_.z.data());
     scale_ = options_.objective_scale > 0.0 ? options_.objective_scale
                                             : objective_.natural_scale(current_.z.data());
+    if (options_.start) take_multipliers(*options_.start);
     objective_diagonal();
-    if (!barrier_.start(current_.z, options_.last_barrier)) barrier_.start(current_.z, kFirstBarrier);
+    inside_ = barrier_.start(current_.z, options_.last_barrier);
+    if (!inside_) barrier_.start(current_.z, kFirstBarrier);
     solution.status = Status::iteration_limit;
     solution.message = "iteration limit";
     for (int iteration = 0; iteration <= options_.iterations; ++iteration) {
@@ -90,6 +100,17 @@ class Solver {
     return bound;
   }
 
+  // The order of Transcription, as in report().
+  void take_multipliers(const nlp::Solution& start) {
+    const int n = layout_.axes, s = layout_.states();
+    const double factor = scale_ / start.objective_scale;
+    for (long k = 0; k < layout_.knots; ++k) {
+      current_.stage.segment(k * n, n) = factor * start.point.lambda.segment(k * (n + s), n);
+      if (k + 1 < layout_.knots)
+        current_.defect.segment(k * s, s) = factor * start.point.lambda.segment(k * (n + s) + n, s);
+    }
+  }
+
   void objective_diagonal() {
     const int n = layout_.axes, width = layout_.width();
     const Vector& weights = objective_.input_weights();
@@ -104,7 +125,7 @@ class Solver {
     right_.stage = derivatives_.residual;
     objective_.gradient(current_.z.data(), gradient_.data());
     gradient_ *= scale_;
-    stationarity_ = gradient_;
+    lagrangian_ = gradient_;
     largest_term_ = current_.defect.cwiseAbs().maxCoeff();
     const Vector& z = current_.z;
     for (long k = 0; k < layout_.knots; ++k) {
@@ -114,7 +135,7 @@ class Solver {
       const double entries =
           std::max({by_q.cwiseAbs().maxCoeff(), by_rate.cwiseAbs().maxCoeff(), by_qdd.cwiseAbs().maxCoeff()});
       largest_term_ = std::max(largest_term_, entries * current_.stage.segment(k * n, n).cwiseAbs().maxCoeff());
-      double* out = &stationarity_[k * width];
+      double* out = &lagrangian_[k * width];
       for (int j = 0; j < n; ++j) {
         for (int i = 0; i < n; ++i) {
           out[j] += by_q(i, j) * lambda[i];
@@ -129,12 +150,13 @@ class Solver {
           const long here = k * width + Layout::state_block(b) * n + i, there = here + width;
           right_.defect[k * s + b * n + i] = z[there] - z[here] - 0.5 * (z[here + n] + z[there + n]);
           const double pi = current_.defect[k * s + b * n + i];
-          stationarity_[there] += pi;
-          stationarity_[here] -= pi;
-          stationarity_[here + n] -= 0.5 * pi;
-          stationarity_[there + n] -= 0.5 * pi;
+          lagrangian_[there] += pi;
+          lagrangian_[here] -= pi;
+          lagrangian_[here + n] -= 0.5 * pi;
+          lagrangian_[there + n] -= 0.5 * pi;
         }
     }
+    stationarity_ = lagrangian_;
     barrier_.add_multipliers(stationarity_);
     for (long k : {0L, layout_.knots - 1})
       for (int i = 0; i < width; ++i)
@@ -157,20 +179,29 @@ class Solver {
         std::max({options_.tolerance, objective_.gradient_floor(scale_), kRoundings * largest_term_});
     const double owed = std::abs(right_.stage.dot(current_.stage) + right_.defect.dot(current_.defect));
     const double objective = scale_ * objective_.value(current_.z.data());
-    if (dual <= tolerance && owed <= options_.objective * objective + 1e-12 && equations <= options_.feasibility && violation <= options_.feasibility &&
-        barrier_.largest_product() <= 2.0 * options_.last_barrier) {
+    const bool kept = equations <= options_.feasibility && violation <= options_.feasibility &&
+                      barrier_.largest_product() <= 2.0 * options_.last_barrier;
+    if (kept && dual <= tolerance && owed <= options_.objective * objective + 1e-12) {
       solution.status = Status::solved;
       solution.message = "solved";
+      return true;
+    }
+    rounded_ += kept && dual <= kAcceptableFactor * tolerance && owed <= kAcceptableObjective * objective;
+    if (rounded_ >= kRoundedSteps) {
+      solution.status = Status::acceptable;
+      solution.message = "solved as far as the rounding of large multipliers allows";
       return true;
     }
     const double largest_gradient = gradient_.cwiseAbs().maxCoeff();
     const bool runaway = barrier_.largest_multiplier() > 1e10 * (1.0 + largest_gradient);
     if (violation > options_.feasibility && (runaway || stalled_ >= kStalledSteps)) {
-      solution.status = Status::infeasible;
-      solution.message = "no motion within the bounds: " + describe(index, at_low, violation);
+      const std::string reach = out_of_reach(model_, current_.z.data());
+      solution.status = reach.empty() ? Status::numerical_failure : Status::infeasible;
+      solution.message = "no motion within the bounds: " + reach;
+      if (reach.empty()) solution.message = "no motion within the bounds was found: " + describe(index, at_low, violation);
       return true;
     }
-    if (stalled_ >= kStalledSteps) {
+    if (stalled_ >= kStalledSteps || (inside_ && hard_steps_ > options_.hard_steps)) {
       solution.status = Status::numerical_failure;
       solution.message = "steps became too short";
       return true;
@@ -187,8 +218,9 @@ class Solver {
     return text;
   }
 
+  // Steps of the multipliers, not the multipliers themselves: large ones would cost the digits of a small step.
   bool solve(double tau, bool corrected) {
-    right_.z = gradient_;
+    right_.z = lagrangian_;
     barrier_.add_gradient(current_.z, tau, corrected, right_.z);
     return kkt_->solve(right_, step_);
   }
@@ -240,13 +272,15 @@ class Solver {
     barrier_.set_step(current_.z, step_.z, tau, corrected);
     barrier_.longest_steps(kKeptShare, primal, dual);
     // Longer than this the equation of motion is not near its linearisation: ask it.
+    const double longest = primal;
     const bool curved = damping_ > 0.0 || kkt_->negative_pivots() > 0;
     if (curved || step_.z.cwiseAbs().maxCoeff() > kLargestCurvature) primal = accepted_step(primal);
     current_.z += primal * step_.z;
-    current_.stage += primal * (step_.stage - current_.stage);
-    current_.defect += primal * (step_.defect - current_.defect);
+    current_.stage += primal * step_.stage;
+    current_.defect += primal * step_.defect;
     barrier_.move(primal, dual);
     stalled_ = primal < 1e-3 ? stalled_ + 1 : 0;
+    if ((damping_ > 0.0 || primal < longest) && step_.z.cwiseAbs().maxCoeff() > kTinyStep) ++hard_steps_;
     return true;
   }
 
@@ -292,14 +326,15 @@ class Solver {
   std::unique_ptr<BlockKkt> kkt_;
   Barrier barrier_;
   KktVector right_, step_, current_;
-  Vector diagonal_, base_diagonal_, gradient_, stationarity_, trial_, trial_residual_;
+  Vector diagonal_, base_diagonal_, gradient_, stationarity_, lagrangian_, trial_, trial_residual_;
   double scale_ = 1.0, damping_ = 0.0, largest_term_ = 0.0;
   bool damped_before_ = false;
   struct Merit {
     double objective, violation;
   };
   std::vector<Merit> filter_;  // one entry an iteration at most
-  int stalled_ = 0;
+  int stalled_ = 0, hard_steps_ = 0, rounded_ = 0;
+  bool inside_ = false;
 };
 
 }  // namespace

@@ -6,8 +6,8 @@
 // If the reduced Hessian of a knot is indefinite, that step adds the least multiple of the identity that makes
 // it definite (Levenberg); steps that are damped or long are halved until a filter takes them.
 //
-// An infeasible problem shows as bound multipliers that grow without limit while the bounds stay violated:
-// scaled to one they prove it (Farkas) for the linearised equations.
+// Where bounds stay violated while their multipliers grow without limit or steps become too short, the problem is called
+// infeasible only if an axis provably cannot get from one end to the other (reach.hpp).
 #pragma once
 
 #include "exactarm/nlp/ipopt.hpp"
@@ -23,6 +23,8 @@ struct StagewiseOptions {
   double objective_scale = 0.0;     // 0: the start's objective becomes 100
   int iterations = 100;
   double seconds = 1e6;
+  int hard_steps = 1 << 30;         // damped or shortened steps from a start well within all bounds
+  const nlp::Solution* start = nullptr;  // of the same layout; null: the flat motion
 };
 
 // Multipliers in the order and sign of Transcription; of the scaled objective.

@@ -33,7 +33,12 @@ void Transcription::constraint_bounds(VectorRef low, VectorRef high) const {
   high.setZero();
 }
 
-void Transcription::start(VectorRef x) const { initial_guess(model_, x.data()); }
+void Transcription::start(VectorRef x) const {
+  if (start_.size() > 0)
+    x = start_;
+  else
+    initial_guess(model_, x.data());
+}
 
 double Transcription::objective(ConstVectorRef x) { return objective_.value(x.data()); }
 

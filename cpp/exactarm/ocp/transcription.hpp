@@ -19,7 +19,9 @@ class Transcription : public nlp::Problem {
   long constraints() const override;
   void variable_bounds(VectorRef low, VectorRef high) const override;
   void constraint_bounds(VectorRef low, VectorRef high) const override;
+  // The flat motion, or what start_at() was given.
   void start(VectorRef x) const override;
+  void start_at(Vector x) { start_ = std::move(x); }
   double objective(ConstVectorRef x) override;
   void gradient(ConstVectorRef x, VectorRef gradient) override;
   void constraint(ConstVectorRef x, VectorRef c) override;
@@ -40,7 +42,7 @@ class Transcription : public nlp::Problem {
   nlp::Sparsity jacobian_sparsity_, hessian_sparsity_;
   StageDerivatives derivatives_;
   Objective objective_;
-  Vector lambda_, residual_;
+  Vector lambda_, residual_, start_;
 };
 
 }  // namespace exactarm::ocp
