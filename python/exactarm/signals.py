@@ -9,13 +9,13 @@ A block is a stretch of one run without a gap in its time stamps.
 from __future__ import annotations
 
 import numpy as np
-import scipy  # scipy.signal is imported at its first use: it takes half a second, and poses need none of it
 from scipy import fft, ndimage, sparse
 
 from exactarm import _core
 
 _FIRST_SAMPLES = 400  # as good as all, and quick on a long run
-_GAP = 1.5  # a step longer than this many typical ones ends a block
+_GAP = 1.5  # a step longer than this many typical ones may end a block ...
+_LOST, _AROUND = 0.5, 8  # ... if the clock stays late by this share of one: median of so many stamps on either side
 # Central differences on a unit grid, coefficients of x[k + 1] - x[k - 1], x[k + 2] - x[k - 2], ... (Fornberg 1988).
 _STENCILS = {
     1: (1 / 2,),
@@ -24,6 +24,8 @@ _STENCILS = {
     4: (4 / 5, -1 / 5, 4 / 105, -1 / 280),
 }
 HALF_STENCIL = 4
+_LONG_SAMPLES = 10000
+_CERTAIN = 5.0  # standard deviations
 _EVEN, _CLOCK_CUTOFF_HZ = 1e-6, 1.0  # share of a step; slower changes of the sampling rate are believed
 _WIDE = 60  # samples of a kernel's reach from which a Fourier transform is quicker
 
@@ -36,12 +38,35 @@ def typical_step(time: np.ndarray) -> float:
     return float(0.5 * (steps[(steps.size - 1) // 2] + steps[steps.size // 2]))
 
 
+def order_of_sampling(time: np.ndarray) -> np.ndarray:
+    """Row indices of one run in the order of its stamps; rows stay as they are where stamps only jitter past each other."""
+    back = -np.min(np.diff(time), initial=0.0)
+    if back == 0.0 or back < typical_step(time):
+        return np.arange(time.size)
+    return np.argsort(time, kind="stable")
+
+
 def blocks(time: np.ndarray) -> list[np.ndarray]:
     """Index arrays of the stretches of one run without a gap."""
     if time.size < 2:
         return [np.arange(time.size)]
-    gaps = np.flatnonzero(np.diff(time) > _GAP * typical_step(time))
+    step = typical_step(time)
+    gaps = np.flatnonzero(np.diff(time) > _GAP * step)
+    if gaps.size:
+        gaps = gaps[_lateness(time, gaps) > _LOST * step]
     return np.split(np.arange(time.size), gaps + 1)
+
+
+def _lateness(time: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """By how much the stamps behind each of `rows` are later than those up to it say: a single late stamp is made up for
+    by the next step, lost samples are not."""
+    far = min(2 * _AROUND, time.size - 1)
+    step = np.median(time[far:][:_LONG_SAMPLES] - time[:-far][:_LONG_SAMPLES]) / far  # over many steps: their scatter stays small
+    reach = np.arange(_AROUND)
+    behind = np.minimum(rows[:, None] + 1 + reach, time.size - 1)
+    ahead = np.maximum(rows[:, None] - reach, 0)
+    late = lambda index: np.median(time[index] - step * index, axis=1)
+    return late(behind) - late(ahead)
 
 
 def even_clock(time: np.ndarray) -> np.ndarray:
@@ -55,7 +80,29 @@ def even_clock(time: np.ndarray) -> np.ndarray:
     uneven = np.abs(steps / typical_step(time) - 1.0) > _EVEN
     if not np.any(uneven & (steps < _GAP * typical_step(time))):
         return time
-    return gaussian_filter(time, time, _CLOCK_CUTOFF_HZ)
+    out = time.copy()
+    width = gaussian_sigma(_CLOCK_CUTOFF_HZ) / typical_step(time)
+    for rows in blocks(time):
+        # Beside a straight line: a jittered end is no point to reflect the block in.
+        line = np.polynomial.Polynomial.fit(rows, time[rows], 1)(rows) if rows.size > 2 else time[rows]
+        pad = min(int(np.ceil(6.0 * width)), rows.size)
+        beside = np.pad(time[rows] - line, pad, mode="symmetric")
+        out[rows] = line + _smoothed(beside, width, pad, True)[pad : pad + rows.size]
+    return out
+
+
+def stamps_are_true(values: np.ndarray, rate: np.ndarray, time: np.ndarray, clock: np.ndarray) -> bool:
+    """Whether samples (N,) with derivative `rate` were taken at their uneven stamps, and not evenly and stamped unevenly:
+    then they scatter about their smooth course on the even `clock` as the rate times what scatters in the stamps."""
+    if values.size < 16:
+        return False
+    stamped, scattered = np.diff((time - clock) * rate, 4), np.diff(values - rate.mean() * clock, 4)
+    power = float(stamped @ stamped)
+    if power == 0.0:
+        return False
+    share = float(stamped @ scattered) / power
+    left = scattered - share * stamped
+    return share > 0.5 and share > _CERTAIN * np.sqrt(float(left @ left) / power / values.size)
 
 
 def gaussian_sigma(cutoff_hz: float) -> float:
@@ -215,10 +262,22 @@ def on_uniform_angle(angle: np.ndarray, values: np.ndarray, samples: int) -> tup
 
 
 def zoom(values: np.ndarray, step: float, low: float, high: float, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Chirp-z zoom (Rabiner 1969) of a signal on a uniform angle (rad): orders (count,), complex amplitudes."""
+    """Chirp-z zoom (Rabiner 1969) of a signal on a uniform angle (rad): orders (count,), complex amplitudes.
+
+    By Bluestein's convolution here: scipy.signal takes half a second to import.
+    """
     orders = np.linspace(low, high, count)
-    rate = 2.0 * np.pi / step  # samples per revolution
-    return orders, 2.0 / values.size * scipy.signal.zoom_fft(values, [low, high], m=count, fs=rate, endpoint=True)
+    turn = (high - low) / max(count - 1, 1) * step / (2.0 * np.pi)  # revolutions from one order to the next, a sample
+    samples = values.size
+    index = np.arange(max(samples, count), dtype=float)
+    chirp = np.exp(-2j * np.pi * np.fmod(0.5 * turn * index**2, 1.0))
+    size = fft.next_fast_len(samples + count - 1)
+    kernel = np.zeros(size, complex)
+    kernel[:count] = chirp[:count].conj()
+    kernel[size - samples + 1 :] = chirp[samples - 1 : 0 : -1].conj()
+    turned = values * np.exp(-1j * low * step * index[:samples]) * chirp[:samples]
+    spectrum = fft.ifft(fft.fft(turned, size) * fft.fft(kernel))[:count] * chirp[:count]
+    return orders, 2.0 / samples * spectrum
 
 
 def power_over_orders(pieces: list[tuple[np.ndarray, np.ndarray]], ratio: float, highest: float | None = None):

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from gear_simulation import DEGREE, GearRuns, joined, simulate
+from scipy.interpolate import make_interp_spline
 
 from exactarm import _core
 from exactarm.chain import gear_record
@@ -241,6 +242,24 @@ def test_stamps_that_are_rounded_or_jitter_put_nothing_into_the_rate(racer):
     for data in (rounded, scattered):
         for gear in identify_gears(racer, replace(data, identification=data.run <= 2)).gears:
             assert gear.after["validation"].rms < 1.2 * gear.noise
+
+
+@pytest.mark.parametrize("read_at_stamps", [False, True])
+def test_a_jitter_of_a_fifth_of_a_step_is_taken_out(racer, read_at_stamps):
+    """Samples taken evenly and stamped late, or taken when their stamps say."""
+    data = runs_of(racer, GearRuns(joint=1, speed=40.0 * DEGREE, runs=4))
+    data = replace(data, identification=data.run <= 2)
+    random, theta = np.random.default_rng(6), data.joints["theta"].copy()
+    stamps = data.time + 2e-4 * random.standard_normal(len(data))
+    if read_at_stamps:
+        for run in np.unique(data.run):
+            rows = data.run == run
+            theta[rows] = make_interp_spline(data.time[rows], theta[rows])(np.clip(stamps[rows], *data.time[rows][[0, -1]]))
+    uneven = replace(data, time=stamps, joints=data.joints | {"theta": theta})
+    even = identify_gears(racer, data).gears
+    for gear, clean in zip(identify_gears(racer, uneven).gears, even):
+        assert gear.after["validation"].n > 0.95 * clean.after["validation"].n
+        assert gear.after["validation"].rms < 1.2 * gear.noise
 
 
 def test_other_gears_at_other_sampling_rates(racer):

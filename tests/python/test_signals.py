@@ -9,9 +9,11 @@ from exactarm.signals import (
     blocks,
     derivative,
     derivative_operator,
+    even_clock,
     gaussian_filter,
     gaussian_sigma,
     periodogram,
+    stamps_are_true,
     steady_direction,
     step_of_quantisation,
     strongest_orders,
@@ -160,3 +162,37 @@ def test_wide_kernels_by_fourier_transform_are_the_direct_ones():
         padded = np.concatenate([2 * block[0] - block[pad:0:-1], block, 2 * block[-1] - block[-2 : -pad - 2 : -1]])
         direct = ndimage.gaussian_filter1d(padded, width, axis=0, mode="nearest", radius=int(np.ceil(6.0 * width)))
         assert_allclose(smooth[start:end], direct[pad : pad + len(block)], atol=1e-11)
+
+
+def test_jitter_is_no_gap_and_lost_samples_are():
+    random = np.random.default_rng(11)
+    time = 1e-3 * np.delete(np.arange(4000.0), [1200, 1201, 2500])
+    lost = [1200, 2498]
+    assert [int(rows[0]) for rows in blocks(time)[1:]] == lost
+    jittered = time + 2e-4 * random.standard_normal(time.size)
+    assert np.sum(np.diff(jittered) > 1.5e-3) > 50
+    starts = np.array([int(rows[0]) for rows in blocks(jittered)[1:]])
+    assert all(np.min(np.abs(starts - each)) <= 2 for each in lost) and starts.size <= 8
+
+
+def test_even_clock_takes_jitter_out_to_the_ends_of_a_run():
+    random = np.random.default_rng(12)
+    time = np.arange(0.0, 4.0, 1e-3)
+    clock = even_clock(time + 2e-4 * random.standard_normal(time.size))
+    assert_allclose(np.diff(clock), 1e-3, rtol=2e-3)
+    assert_allclose(clock, time, atol=5e-5)
+    assert even_clock(time) is time
+
+
+@pytest.mark.parametrize("noise", [0.0, 2e-5])
+def test_true_stamps_are_told_from_a_late_logger(noise):
+    """Samples at 1 rad/s with a wave on it, read at their stamps or evenly."""
+    random = np.random.default_rng(13)
+    even = np.arange(0.0, 4.0, 1e-3)
+    stamps = even + 2e-4 * random.standard_normal(even.size)
+    angle, rate = (lambda t: t + 0.1 * np.sin(5.0 * t)), 1.0 + 0.5 * np.cos(5.0 * even)
+    scatter = noise * random.standard_normal(even.size)
+    clock = even_clock(stamps)
+    assert stamps_are_true(angle(stamps) + scatter, rate, stamps, clock)
+    assert not stamps_are_true(angle(even) + scatter, rate, stamps, clock)
+    assert not stamps_are_true(angle(even) + scatter, rate, even, even_clock(even))

@@ -31,6 +31,7 @@ from exactarm.signals import (
     even_clock,
     gaussian_filter,
     gaussian_sigma,
+    stamps_are_true,
     steady_direction,
     step_of_quantisation,
     typical_step,
@@ -118,8 +119,11 @@ def gear_record(robot: Robot, data: Dataset) -> GearRecord:
     keep = np.ones(len(data), bool)
     clock = data.time.copy()
     for rows, main in view.moving_runs:
-        clock[rows] = time = even_clock(data.time[rows])
+        stamps = data.time[rows]
+        clock[rows] = time = even_clock(stamps)
         at = np.ix_(rows, moving)
+        if time is not stamps:
+            theta[at] = _at_even_times(theta[at], stamps, time, int(np.searchsorted(moving, main)))
         angle = theta[at] if cutoff is None else gaussian_filter(theta[at], time, cutoff)
         theta[at] = angle
         theta_dot[at] = rate = derivative(angle, time)
@@ -138,6 +142,14 @@ def gear_record(robot: Robot, data: Dataset) -> GearRecord:
                     keep[rows] &= ~_rounded(output, time, cutoff, max(_ROUNDED_SHARE * noise, blur))
     return GearRecord(theta, theta_dot, direction, keep, runs, clock, cutoff, encoder_axes, view.moving,
                       tuple(axis for _, axis in view.moving_runs))
+
+
+def _at_even_times(theta: np.ndarray, stamps: np.ndarray, time: np.ndarray, main: int) -> np.ndarray:
+    """Motor angles (R, n) at the even `time`, where those of the column `main` show that they were read at their stamps."""
+    rate = derivative(gaussian_filter(theta, time, _DIRECTION_CUTOFF_HZ), time)
+    if not stamps_are_true(theta[:, main], rate[:, main], stamps, time):
+        return theta
+    return theta - rate * (stamps - time)[:, None]
 
 
 def _encoder_axes(data: Dataset) -> tuple[int, ...]:

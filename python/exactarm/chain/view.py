@@ -18,6 +18,7 @@ from exactarm.dataset import Dataset
 from exactarm.effects.base import Effect, Station
 from exactarm.effects.drive import SIGN_WIDTH_RAD_S
 from exactarm.robot import Robot
+from exactarm.signals import order_of_sampling
 from exactarm.split import STANDS_STILL
 
 
@@ -105,12 +106,12 @@ class View:
 
     @cached_property
     def runs(self) -> tuple[np.ndarray, ...]:
-        """Row indices of every run, in the order of time."""
+        """Row indices of every run, in the order of sampling."""
         order = np.argsort(self.data.run, kind="stable")
         parts = np.split(order, np.flatnonzero(np.diff(self.data.run[order])) + 1)
         if self.data.time is None:
             return tuple(parts)
-        return tuple(rows[np.argsort(self.data.time[rows], kind="stable")] for rows in parts)
+        return tuple(rows[order_of_sampling(self.data.time[rows])] for rows in parts)
 
     @cached_property
     def moving(self) -> np.ndarray:
