@@ -1,6 +1,6 @@
 """How time and memory of a plan grow with the number of knots: the source's line at its own length and ten times slower.
 
-    python bench/planning_growth.py out.json [--seconds 25]
+    python bench/planning_growth.py [growth.json] [--seconds 25]
 
 Medians of the stage-wise solver's wall clock and processor time; the largest memory of a process that plans once, in bytes
 (each in a process of its own).
@@ -42,8 +42,8 @@ def measure(duration):
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("out")
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("out", nargs="?", default="planning_growth.json")
     parser.add_argument("--seconds", type=float, default=25.0)
     parser.add_argument("--measure", type=float, help=argparse.SUPPRESS)
     arguments = parser.parse_args()
@@ -56,6 +56,10 @@ def main() -> None:
         short, long = rows
         result = {"rows": rows, "ratio": long["seconds"] / short["seconds"],
                   "processor_ratio": long["processor_seconds"] / short["processor_seconds"]}
+        for row in rows:
+            print(f"{row['knots']:6d} knots  {row['iterations']} iterations  {row['seconds']:.3f} s  {row['processor_seconds']:.3f} s of the "
+                  f"processor  {row['peak_memory_bytes'] / 2**20:.0f} MiB  {1e9 * row['position_rms_m']:.2f} nm  {row['status']}")
+        print(f"ratio {result['ratio']:.1f}, of processor time {result['processor_ratio']:.1f}")
     if arguments.out == "-":
         print(json.dumps(result))
         return
