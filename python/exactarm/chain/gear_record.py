@@ -8,20 +8,21 @@ it: they follow the filtered angle through the gear table. Where the filter roun
 a share of the gyroscope's noise, at the corners of a motion profile, samples are left out.
 Between encoders on both sides nothing is filtered, nor where the sensor has not measured yet (a plan, a simulation).
 
-The chain bends the springs by gravity alone (thesis 3.1.1). Where inertia would bend the declared spring of the
-moving axis faster than the gyroscope's noise, at the corners of a motion profile, the drive train swings and no
-quasi-static model holds: such samples are left out, as the thesis keeps to the stretch of constant velocity.
+Where the drive train swings, at the corners of a motion profile, no quasi-static model holds: such samples are left out
+(chain/swinging.py).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy import ndimage
 
 from exactarm import _core
+from exactarm.chain.gear import declared_output_angle
+from exactarm.chain.spring import declared_deflection
+from exactarm.chain.swinging import bending_rate, follows_quietly, swings, widened
 from exactarm.chain.view import View, motor_angles
 from exactarm.dataset import Dataset
 from exactarm.robot import Robot
@@ -43,8 +44,6 @@ _ENCODER_SHARE = 0.1  # of the gyroscope's noise that the encoder may add to the
 _LOWEST_CUTOFF_HZ, _HIGHEST_SHARE = 15.0, 0.35  # of the sampling rate
 _DIRECTION_CUTOFF_HZ = 15.0
 _STENCIL_GAIN = 1.18  # noise of the eighth-order central difference per step
-_SWING_STEP_S, _SWING_REACH_S = 0.005, 0.03
-_LEAST_SWING_RAD_S = 2e-4
 _NOISE_BANDWIDTH = 60.6  # integral of (2 pi f)^2 exp(-ln 2 f^2 / f_c^2) 2 df / f_c^3
 _ROUNDED_SHARE = 0.3  # of the gyroscope's noise that the filter may take from the motion's own rate
 _ROUNDED_REACH = 3.0  # deviations of the filter
@@ -106,8 +105,8 @@ class GearRecord:
         return [(self.time[rows], block_starts(self.time[rows])) for rows in self.runs]
 
 
-def gear_record(robot: Robot, data: Dataset) -> GearRecord:
-    """Prepares all runs of `data`."""
+def gear_record(robot: Robot, data: Dataset, *, accelerating: bool = False) -> GearRecord:
+    """Prepares all runs of `data`; `accelerating`: keeps what might swing on axes of which the data say that they do not."""
     theta = motor_angles(robot, data)
     view = View(robot, data, "gear_run")
     view.signals["theta"] = theta
@@ -116,7 +115,8 @@ def gear_record(robot: Robot, data: Dataset) -> GearRecord:
     noise = None if encoder_axes else _gyro_noise(view)
     cutoff, blur = (None, 0.0) if encoder_axes or not np.any(data.gyro) else _cutoff(view, robot, noise)
     theta_dot, direction = np.zeros((2, *theta.shape))
-    keep = np.ones(len(data), bool)
+    keep, swinging = np.ones(len(data), bool), np.zeros(len(data), bool)
+    bending = np.zeros(len(data))
     clock = data.time.copy()
     for rows, main in view.moving_runs:
         stamps = data.time[rows]
@@ -136,12 +136,35 @@ def gear_record(robot: Robot, data: Dataset) -> GearRecord:
             direction[rows, axis], reversal = steady_direction(slow[:, column], time)
             if axis == main and not encoder_axes:
                 acceleration = derivative(slow[:, column], time)
-                keep[rows] &= ~(reversal | _swings(robot, theta[rows], acceleration, time, axis, noise))
+                keep[rows] &= ~reversal
+                bending[rows] = bending_rate(robot, theta[rows], acceleration, time, axis)
+                swinging[rows] = swings(bending[rows], time, noise)
                 if cutoff is not None:
                     output = angle[:, column] / robot.ratios[axis]
                     keep[rows] &= ~_rounded(output, time, cutoff, max(_ROUNDED_SHARE * noise, blur))
-    return GearRecord(theta, theta_dot, direction, keep, runs, clock, cutoff, encoder_axes, view.moving,
-                      tuple(axis for _, axis in view.moving_runs))
+    record = GearRecord(theta, theta_dot, direction, keep, runs, clock, cutoff, encoder_axes, view.moving,
+                        tuple(axis for _, axis in view.moving_runs))
+    asked = accelerating and swinging.any() and np.any(data.gyro)
+    quiet = _quiet_axes(robot, data, record, bending, swinging) if asked else []
+    return replace(record, keep=keep & ~(swinging & ~np.isin(record.sensor_axis, quiet)))
+
+
+def _quiet_axes(robot: Robot, data: Dataset, record: GearRecord, bending: np.ndarray, swinging: np.ndarray) -> list[int]:
+    """Axes (from 0) that turn out not to swing where they might."""
+    view = record.view(robot, data)
+    phi = declared_output_angle(view)[0]
+    q = phi + robot.offsets
+    q += declared_deflection(robot, _core.gravity_torque(robot.core, q))[0]
+    quiet = []
+    for axis in sorted(set(record.furthest)):
+        numbers = [k for k, main in enumerate(record.furthest) if main == axis]
+        runs = [record.runs[k] for k in numbers]
+        predicted = np.zeros(len(data))
+        for k in numbers:
+            predicted[record.runs[k]] = record.run_rate(k, q[record.runs[k], axis])
+        if follows_quietly(data.gyro, predicted, bending, record.time, runs, swinging, record.keep):
+            quiet.append(axis)
+    return quiet
 
 
 def _at_even_times(theta: np.ndarray, stamps: np.ndarray, time: np.ndarray, main: int) -> np.ndarray:
@@ -184,28 +207,4 @@ def _cutoff(view: View, robot: Robot, gyro_noise: float) -> tuple[float | None, 
 def _rounded(angle: np.ndarray, time: np.ndarray, cutoff: float, limit: float) -> np.ndarray:
     """(R,) where filtering the filtered angle (R,) once more changes its rate by more than `limit` rad/s, and around."""
     taken = np.abs(derivative(angle - gaussian_filter(angle, time, cutoff), time)) > limit
-    return _widened(taken, time, _ROUNDED_REACH * gaussian_sigma(cutoff))
-
-
-def _swings(robot: Robot, theta: np.ndarray, acceleration: np.ndarray, time: np.ndarray, axis: int, noise: float):
-    """(R,) where the inertia torque (at rest otherwise) bends the axis' declared spring faster than `noise`."""
-    spring = robot.joints[axis].spring_linear
-    out = np.zeros(time.size, bool)
-    if robot.links is None or not spring or time.size < 16:
-        return out
-    few = np.unique(np.append(np.arange(0, time.size, max(1, int(_SWING_STEP_S / typical_step(time)))), time.size - 1))
-    ratios = robot.ratios
-    q = theta[few] / ratios + robot.offsets
-    q_ddot = np.zeros_like(q)
-    q_ddot[:, axis] = acceleration[few] / ratios[axis]
-    torque = _core.inverse_dynamics(robot.core, q, np.zeros_like(q), q_ddot) - _core.gravity_torque(robot.core, q)
-    bending = np.abs(np.gradient(torque[:, axis] / spring, time[few]))
-    return _widened(np.interp(time, time[few], bending) > max(noise, _LEAST_SWING_RAD_S), time, _SWING_REACH_S)
-
-
-def _widened(mask: np.ndarray, time: np.ndarray, reach_s: float) -> np.ndarray:
-    """(R,) all samples within `reach_s` of one in the mask."""
-    if not mask.any():
-        return mask
-    reach = max(1, int(np.ceil(reach_s / typical_step(time))))
-    return ndimage.maximum_filter1d(mask.astype(np.uint8), 2 * reach + 1, mode="constant") > 0
+    return widened(taken, time, _ROUNDED_REACH * gaussian_sigma(cutoff))

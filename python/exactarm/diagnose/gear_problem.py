@@ -56,9 +56,9 @@ class GearProblem(Problem):
     def __init__(self, robot: Robot, data: Dataset, held_out: Dataset, threads: int = 1, seed: int = 0):
         super().__init__(robot, data, held_out, threads, seed)
         self._noise = ColouredNoise(self)
-        self._records = {"identification": gear_record(robot, data)}
+        self._records = {"identification": gear_record(robot, data, accelerating=True)}
         if len(held_out):
-            self._records["validation"] = gear_record(robot, held_out)
+            self._records["validation"] = gear_record(robot, held_out, accelerating=True)
         self.thin, self.record = thinned_run(robot, data, self._records["identification"])
         self._step = typical_step(self.thin.time[self.record.runs[0]])
         if self.record.encoder_axes:
@@ -67,7 +67,7 @@ class GearProblem(Problem):
     def _record_of(self, data: Dataset) -> GearRecord:
         if data is self.data or data is self.held_out:
             return self._records["identification" if data is self.data else "validation"]
-        return gear_record(self.robot, data)
+        return gear_record(self.robot, data, accelerating=True)
 
     def declared(self) -> Layout:
         return declared_gear_layout(self.robot, self.thin, self.record)
