@@ -8,6 +8,7 @@ from gear_simulation import DEGREE, GearRuns, joined, simulate
 
 from exactarm.dataset import Dataset
 from exactarm.diagnose.diagnosis import EXPLAINED, NOTHING, diagnose
+from exactarm.robot import GearTable
 from exactarm.robot_file import load_robot
 
 RATE_HZ = 400.0
@@ -85,3 +86,11 @@ def test_runs_of_another_axis_do_not_hide_what_one_gear_does(racer):
     data = joined(*parts)
     result = diagnose(racer, replace(data, identification=data.run % 5 != 0))
     assert [(f.effect.name, f.effect.joint) for f in result.findings] == [("gear_harmonics", 2)]
+
+
+def test_gear_that_was_found_to_be_even_is_no_obstacle(racer):
+    """`exactarm gear` writes an empty table where no order stands out of the noise."""
+    even = GearTable(np.zeros(0), np.zeros(0), np.zeros(0))
+    robot = racer.with_joint(1, cw=even, ccw=even)
+    result = diagnose(robot, runs(robot))
+    assert result.verdict == NOTHING and not result.findings
