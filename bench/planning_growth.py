@@ -57,8 +57,9 @@ def main() -> None:
         result = {"rows": rows, "ratio": long["seconds"] / short["seconds"],
                   "processor_ratio": long["processor_seconds"] / short["processor_seconds"]}
         for row in rows:
-            print(f"{row['knots']:6d} knots  {row['iterations']} iterations  {row['seconds']:.3f} s  {row['processor_seconds']:.3f} s of the "
-                  f"processor  {row['peak_memory_bytes'] / 2**20:.0f} MiB  {1e9 * row['position_rms_m']:.2f} nm  {row['status']}")
+            print(f"{row['knots']:6d} knots  {row['iterations']} iterations  {row['seconds']:.3f} s  "
+                  f"{row['processor_seconds']:.3f} s of the processor  {row['peak_memory_bytes'] / 2**20:.0f} MiB  "
+                  f"{1e9 * row['position_rms_m']:.2f} nm  {row['status']}")
         print(f"ratio {result['ratio']:.1f}, of processor time {result['processor_ratio']:.1f}")
     if arguments.out == "-":
         print(json.dumps(result))

@@ -27,6 +27,7 @@ HALF_STENCIL = 4
 _LONG_SAMPLES = 10000
 _CERTAIN = 5.0  # standard deviations
 _EVEN, _CLOCK_CUTOFF_HZ = 1e-6, 1.0  # share of a step; slower changes of the sampling rate are believed
+_END_WIDTHS = 4.0  # deviations of the filter: the line at the ends of a noisy block
 _WIDE = 60  # samples of a kernel's reach from which a Fourier transform is quicker
 
 
@@ -110,10 +111,11 @@ def gaussian_sigma(cutoff_hz: float) -> float:
     return np.sqrt(np.log(2.0)) / (2.0 * np.pi * cutoff_hz)
 
 
-def gaussian_filter(values: np.ndarray, time: np.ndarray, cutoff_hz: float) -> np.ndarray:
+def gaussian_filter(values: np.ndarray, time: np.ndarray, cutoff_hz: float, noisy: bool = False) -> np.ndarray:
     """`values` (N, ...) of one run, filtered block by block without phase; straight lines pass unchanged.
 
-    Past its ends a block goes on as its own point reflection.
+    Past its ends a block goes on as its own point reflection, which keeps the end sample as it is. Where noise is most of
+    the signal (`noisy`) it goes on as a straight line through its first samples, and what lies beside it mirrored.
     """
     out = np.array(values, float)
     width = gaussian_sigma(cutoff_hz) / typical_step(time) if time.size > 1 else 0.0
@@ -125,11 +127,26 @@ def gaussian_filter(values: np.ndarray, time: np.ndarray, cutoff_hz: float) -> n
         if pad < 1:
             continue
         block = out[rows]
-        head = 2.0 * block[0] - block[pad:0:-1]
-        tail = 2.0 * block[-1] - block[-2 : -pad - 2 : -1]
+        if noisy:
+            head, tail = _past_the_front(block, pad, width), _past_the_front(block[::-1], pad, width)[::-1]
+        else:
+            head = 2.0 * block[0] - block[pad:0:-1]
+            tail = 2.0 * block[-1] - block[-2 : -pad - 2 : -1]
         padded = np.concatenate([head, block, tail])
         out[rows] = _smoothed(padded, width, reach, pad < reach)[pad : pad + rows.size]
     return out
+
+
+def _past_the_front(block: np.ndarray, pad: int, width: float) -> np.ndarray:
+    """(pad, ...) samples in front of a noisy block (N, ...)."""
+    count = min(block.shape[0], int(np.ceil(_END_WIDTHS * width)) + 2)
+    index = np.arange(count) - 0.5 * (count - 1)
+    part = block[:count].reshape(count, -1)
+    level, slope = part.mean(axis=0), index @ part / (index @ index)
+    line = lambda row: level + slope * (row[:, None] + index[0])
+    mirrored = np.arange(pad - 1, -1, -1)
+    beside = block[:pad].reshape(pad, -1)[mirrored] - line(mirrored)
+    return (line(np.arange(-pad, 0)) + beside).reshape(pad, *block.shape[1:])
 
 
 def _smoothed(padded: np.ndarray, width: float, reach: int, short: bool) -> np.ndarray:

@@ -196,3 +196,18 @@ def test_true_stamps_are_told_from_a_late_logger(noise):
     assert stamps_are_true(angle(stamps) + scatter, rate, stamps, clock)
     assert not stamps_are_true(angle(even) + scatter, rate, stamps, clock)
     assert not stamps_are_true(angle(even) + scatter, rate, even, even_clock(even))
+
+
+def test_ends_of_a_noisy_signal_are_filtered_too():
+    random = np.random.default_rng(14)
+    time = np.arange(0.0, 20.0, 4e-3)
+    line = 3.0 - 2.0 * time
+    assert_allclose(gaussian_filter(line, time, 0.5, noisy=True), line, atol=1e-12)
+    both = np.stack([line, 5.0 * line], axis=1)
+    assert_allclose(gaussian_filter(both, time, 0.5, noisy=True), both, atol=1e-11)
+    noise = random.standard_normal((time.size, 40))
+    filtered = gaussian_filter(noise, time, 0.5, noisy=True)
+    middle = np.sqrt(np.mean(filtered[2000:3000] ** 2))
+    for end in (filtered[:20], filtered[-20:]):
+        assert np.sqrt(np.mean(end**2)) < 3.0 * middle
+    assert np.sqrt(np.mean(gaussian_filter(noise, time, 0.5)[0] ** 2)) > 8.0 * middle  # why it is asked for

@@ -62,7 +62,7 @@ def _filter_stretches(out: np.ndarray, rows: np.ndarray, samples: GearSamples, c
     for start, end in zip(edges[::2], edges[1::2]):
         part = rows[start:end]
         if part.size > 2:
-            out[part] = gaussian_filter(out[part], samples.time[part], cutoff)
+            out[part] = gaussian_filter(out[part], samples.time[part], cutoff, noisy=True)
 
 
 def sensor_part(samples: GearSamples, disturbance: np.ndarray) -> np.ndarray:
