@@ -27,7 +27,7 @@ _NOISE_REACHED = 1.25  # RMS after, beside the noise floor
 _FAR_ABOVE_NOISE = 1.5  # RMS after, beside a measured noise floor: something is left, whatever it follows
 _SHARE_EXPLAINED = 0.5  # of the square sum above the noise; less, and the cause is not found
 _SHARE_LEFT = 0.10  # of the square sum that a signal still has to explain to count as structure
-_CARRIES_OVER, _WRONG_SHARE = 2.0, 0.1  # held-out error beside the expected one; share of rows that may be wrong by themselves
+_CARRIES_OVER, _WRONG_SHARE = 1.6, 0.1  # held-out error beside the expected one; share of rows that may be wrong by themselves
 _RIVALS_EACH, _RIVALS = 2, 5
 _MANY_PARAMETERS = 200  # above it, only the strongest rival is fitted in the other's place
 
