@@ -4,7 +4,7 @@ For whitened residual r, basis Q of the free parameters and a candidate's column
     C~ = C - Q Q'C,    gain = r'C~ (C~'C~)^{-1} C~'r,
 the fall of the weighted square sum if the candidate were fitted jointly with everything else. Non-linear
 parameters run over their search grids. Evidence (Schwarz 1978; the last two terms pay for what was tried):
-    log B = n/2 log(S / (S - gain)) - k/2 log n - log(grid points) - log(candidates).
+    log B = n/2 log(S / (S - gain)) - k/2 log n - log(grid points) - log(candidates) + prior log odds.
 A candidate of many regularised terms (Gaussian priors, standard deviations P) pays by its marginal likelihood
 instead: gain = r'C~ (C~'C~ + P^-2)^{-1} C~'r, and 1/2 log det(I + P C~'C~ P) in place of k/2 log n (MacKay 1992).
 """
@@ -130,6 +130,7 @@ def _score_block(basis, block, residual, square, count, tried, families, best) -
             if not _within_bounds(effect):
                 effect, gain = _bounded(point, normal, onto[where], usable)
             evidence = log_evidence(square, gain, count, int(usable.sum()), tried[point.label] * families)
+        evidence += point.log_odds
         candidate = Candidate(effect, gain, int(usable.sum()), tried[point.label], evidence, not usable.any())
         known = best.get(point.label)
         if known is None or evidence > known.evidence:

@@ -106,6 +106,7 @@ class Effect(ABC):
     per_joint: ClassVar[bool] = True
     declared: ClassVar[bool] = False  # part of the declared model: re-identified, never a finding
     repeatable: ClassVar[bool] = False  # several of them may act on one axis (harmonics of different orders)
+    log_odds: ClassVar[float] = 0.0  # before any data, beside another cause that would look the same
     family: ClassVar[str] = ""  # effects of one family on one axis are forms of one cause: cross-validation chooses
     sentence: ClassVar[str] = ""  # format string: {joint} and the parameters' names
     source: ClassVar[str] = ""
