@@ -12,6 +12,7 @@ from set_ups import at_random_place
 from exactarm import cli
 from exactarm.chain import Layout, predict_tracked_motion
 from exactarm.dataset import Dataset, write_dataset
+from exactarm.diagnose.coloured_noise import autoregressive_share
 from exactarm.diagnose.diagnosis import diagnose
 from exactarm.effects import effect_from_table
 from exactarm.identify.evaluate import evaluate_tracked_motion
@@ -73,6 +74,39 @@ def test_hidden_cause_is_named(name):
     found, size, (low, high) = first.effect.values[which], effect.values[which], first.intervals[which]
     assert abs(found - size) < max(0.05 * size, high - low)
     assert name in {e.name for e in result.robot.effects}
+
+
+def test_a_structure_that_no_effect_has_is_unexplained():
+    """A push that grows with two angles together, on the held-out run as on the others."""
+    data = tracked(None, 3)
+    twist = np.sin(2.0 * data.joints["q"][:, 0]) * np.sin(2.0 * data.joints["q"][:, 3])
+    result = diagnose(ur10(), replace(data, position=data.position + twist[:, None] * [1.5e-4, 1e-4, -2e-4]))
+    assert result.verdict == "unexplained"
+    assert result.after["validation"].rms > 1.5 * result.noise.value or result.dossier_after.structure
+
+
+def test_an_error_that_shows_on_held_out_rows_alone_is_unexplained():
+    """The fitted runs are clean; on the last one the tracker stretches. No fit can see it, the verdict does."""
+    data = tracked(None, 3)
+    stretched = np.where(data.identification, 0.0, 1.0)[:, None] * 2e-3 * (data.position - data.position.mean(axis=0))
+    clean, off = diagnose(ur10(), data), diagnose(ur10(), replace(data, position=data.position + stretched))
+    assert (clean.verdict, off.verdict) == ("no_undeclared_effect", "unexplained") and not off.findings
+    spread = off.problem.spread(off.selection.fits[-1])
+    assert 0.0 < spread < 0.2 * clean.after["validation"].rms ** 2
+    assert off.excess > 2.0 and "rows that were not fitted" in off.sentence
+
+
+@pytest.mark.parametrize("keep", [0.0, 0.6, 0.9])
+def test_memory_of_the_noise_shows_behind_many_fitted_columns(keep):
+    """Columns of slow waves take the slow part of the noise with them; the share of independent rows is still found."""
+    rng, rows = np.random.default_rng(2), 1200
+    noise = rng.normal(size=(rows, 3))
+    for k in range(1, rows):
+        noise[k] = keep * noise[k - 1] + np.sqrt(1.0 - keep**2) * noise[k]
+    slow = np.cos(np.pi * np.outer(np.arange(rows) + 0.5, np.arange(12)) / rows)
+    noise -= slow @ np.linalg.lstsq(slow, noise, rcond=None)[0]
+    share = autoregressive_share(noise, [np.arange(rows)], 0.01)
+    assert 0.8 < share * (1.0 + keep) / (1.0 - keep) < 1.6
 
 
 def test_arm_without_masses_is_diagnosed_too():

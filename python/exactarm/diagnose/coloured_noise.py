@@ -2,7 +2,10 @@
 
 Samples of a filtered or drifting signal count as fewer: 1 / (1 + 2 sum rho) each, rho the autocorrelation of the noise
 (Bartlett's taper). Noise is what the surest candidates of the library cannot explain: the residual itself still has
-the causes in it that are searched for, and they would pass for correlation. Where the noise drifts
+the causes in it that are searched for, and they would pass for correlation. Many fitted columns take the slow part of
+the noise with them, and the sum over long lags then says that there is none: where a record is short for its noise
+(`short`), an autoregression over the first few lags (Yule and Walker), which are hardly touched by that, has a say
+too, and the smaller share counts. Where the noise drifts
 (`drifts`), the drift is filtered out first (identify/drifting_noise.py), and the rest is counted.
 """
 
@@ -12,6 +15,7 @@ from collections.abc import Sequence
 from itertools import combinations
 
 import numpy as np
+from scipy import linalg
 
 from exactarm.diagnose.problem import Fitted, Problem, orthonormal
 from exactarm.diagnose.scan import Candidate, free_mask, log_evidence, scan
@@ -19,6 +23,7 @@ from exactarm.identify.correlated import autocorrelation
 from exactarm.identify.drifting_noise import DriftingNoise
 
 _LAG_S = 1.0
+_SHORT_S, _SHORT_LAGS = 0.15, 3
 _ANEW = 0.5  # estimated anew when the square sum of the residual has fallen to this share
 _STRONGEST, _PAIRED = 10, 5  # candidates
 
@@ -26,8 +31,8 @@ _STRONGEST, _PAIRED = 10, 5  # candidates
 class ColouredNoise:
     """Keeps the estimates of a problem, `share` and `drift`, until its residual has become another one."""
 
-    def __init__(self, problem: Problem):
-        self._problem = problem
+    def __init__(self, problem: Problem, short: bool = False):
+        self._problem, self._short = problem, short
         self._square, self.share, self.drift = np.inf, 1.0, None
 
     def is_known(self, residual: np.ndarray) -> bool:
@@ -41,18 +46,22 @@ class ColouredNoise:
     def adopt(self, fitted: Fitted, drift: DriftingNoise | None, runs: Sequence[np.ndarray], step: float) -> None:
         """Takes the drift, and the share behind its filter (of a fit with it), for the present ones."""
         self._square = float(np.sum(fitted.residual**2))
-        self.share, self.drift = _share_of(self._unexplained(fitted, runs, step), runs, step), drift
+        self.share, self.drift = self._share_of(self._unexplained(fitted, runs, step), runs, step), drift
 
     def independent_share(self, fitted: Fitted, runs: Sequence[np.ndarray], step: float) -> float:
         """Independent numbers per number of `fitted.whitened`; `runs`: its rows in the order of time."""
         if not self.is_known(fitted.residual):
             self._square = float(np.sum(fitted.residual**2))
-            self.share = _share_of(self._unexplained(fitted, runs, step), runs, step)
+            self.share = self._share_of(self._unexplained(fitted, runs, step), runs, step)
         return self.share
 
     def share_of(self, fitted: Fitted, runs: Sequence[np.ndarray], step: float) -> float:
         """Of a fit whose residual has passed no filter, as it stands."""
-        return _share_of(fitted.residual, runs, step)
+        return self._share_of(fitted.residual, runs, step)
+
+    def _share_of(self, noise: np.ndarray, runs: Sequence[np.ndarray], step: float) -> float:
+        share = _share_of(noise, runs, step)
+        return min(share, autoregressive_share(noise, runs, step)) if self._short else share
 
     def _unexplained(self, fitted: Fitted, runs: Sequence[np.ndarray], step: float) -> np.ndarray:
         """(N, m) whitened residual without what the declared parameters and the surest candidates explain.
@@ -71,7 +80,7 @@ class ColouredNoise:
         def tried(group: tuple[Candidate, ...]) -> tuple[float, np.ndarray, np.ndarray]:
             added = _added(basis, np.concatenate([columns[c.label] for c in group], axis=1))
             left = residual - added @ (added.T @ residual)
-            count = max(_share_of(left[:numbers].reshape(shape), runs, step) * (numbers - basis.shape[1]), 1.0)
+            count = max(self._share_of(left[:numbers].reshape(shape), runs, step) * (numbers - basis.shape[1]), 1.0)
             square, price = float(residual @ residual), np.prod([float(c.tried * len(candidates)) for c in group])
             return log_evidence(square, square - float(left @ left), count, sum(c.free for c in group), price), added, left
 
@@ -100,3 +109,14 @@ def _share_of(noise: np.ndarray, runs: Sequence[np.ndarray], step: float) -> flo
     taper = 1.0 - np.arange(1, lags + 1) / (lags + 1)
     sums = [autocorrelation(noise[:, a], runs, lags)[1:] @ taper for a in range(noise.shape[1])]
     return float(np.mean([1.0 / max(1.0 + 2.0 * total, 1.0) for total in sums]))
+
+
+def autoregressive_share(noise: np.ndarray, runs: Sequence[np.ndarray], step: float) -> float:
+    """Independent numbers per number of (N, m) noise: variance over long-run variance, s^2 / (1 - sum phi)^2."""
+    lags = int(np.clip(round(_SHORT_S / step), 1, _SHORT_LAGS))
+    shares = []
+    for a in range(noise.shape[1]):
+        rho = autocorrelation(noise[:, a], runs, lags)
+        phi = linalg.solve_toeplitz(rho[:-1], rho[1:])
+        shares.append(min((1.0 - phi.sum()) ** 2 / max(1.0 - phi @ rho[1:], np.finfo(float).tiny), 1.0))
+    return float(np.mean(shares))

@@ -26,8 +26,9 @@ EXPLAINED, NOTHING, UNEXPLAINED = "explained", "no_undeclared_effect", "unexplai
 _NOISE_REACHED = 1.25  # RMS after, beside the noise floor
 _FAR_ABOVE_NOISE = 1.5  # RMS after, beside a measured noise floor: something is left, whatever it follows
 _SHARE_EXPLAINED = 0.5  # of the square sum above the noise; less, and the cause is not found
-_SHARE_LEFT = 0.10  # of the square sum that a signal still has to explain to count as structure
 _CARRIES_OVER, _WRONG_SHARE = 1.6, 0.1  # held-out error beside the expected one; share of rows that may be wrong by themselves
+_SHARE_STRAY = 0.25  # of what the held-out error had above noise and spread of the fit; more, and the structure left counts
+_SPREADS = 4.0  # a chance of few parameters: times the expected spread
 _RIVALS_EACH, _RIVALS = 2, 5
 _MANY_PARAMETERS = 200  # above it, only the strongest rival is fitted in the other's place
 
@@ -108,8 +109,10 @@ def diagnose(
         for place, accepted in enumerate(selection.accepted)
     )
     alternatives = _alternatives(problem, declared, selection)
-    excess = held_out_excess(errors[-1], problem.error_of_unit_noise(last))
-    verdict = UNEXPLAINED if excess > _CARRIES_OVER else _verdict(problem, before, after, noise, left, bool(findings))
+    spread = problem.spread(last)
+    excess = held_out_excess(errors[-1], problem.error_of_unit_noise(last), _SPREADS * spread)
+    verdict = _verdict(problem, before, after, noise, left, bool(findings), spread)
+    verdict = UNEXPLAINED if excess > _CARRIES_OVER else verdict
     return Diagnosis(
         robot=_bound(problem.updated_robot(last), robot, data),
         kind=problem.kind,
@@ -221,25 +224,26 @@ def _alternatives(problem: Problem, declared: Layout, selection: Selection) -> t
     return tuple(sorted(found, key=lambda a: -a.probability))
 
 
-def held_out_excess(errors: dict[str, np.ndarray], unit: float) -> float:
+def held_out_excess(errors: dict[str, np.ndarray], unit: float, spread: float = 0.0) -> float:
     """How many times more the model errs on held-out rows than its fit lets expect; 1 where nothing is held out.
 
     RMS of the two sets (N,), each without its worst tenth (wrong rows are no lack of the model). A fit with few degrees of freedom
     errs less on its own rows, and more on others, than the noise `unit`: by about the same factor.
+    spread: mean square of the held-out errors that the uncertainty of the parameters may explain.
     """
     held, fitted = (np.sort(np.abs(values[np.isfinite(values)])) for values in (errors["validation"], errors["identification"]))
     if not held.size or not fitted.size:
         return 1.0
     most = lambda values: _rms(values[: max(1, int((1.0 - _WRONG_SHARE) * len(values)))])
-    return most(held) / max(most(fitted), 1e-300) / max(1.0, unit / max(_rms(fitted), 1e-300)) ** 2
+    return float(np.sqrt(max(most(held) ** 2 - spread, 0.0)) / max(most(fitted), 1e-300) / max(1.0, unit / max(_rms(fitted), 1e-300)) ** 2)
 
 
-def _verdict(problem, before, after, noise: NoiseFloor, left: Dossier, found: bool) -> str:
+def _verdict(problem, before, after, noise: NoiseFloor, left: Dossier, found: bool, spread: float) -> str:
     judged = "validation" if after["validation"].n else "identification"
     rms_before, rms_after = before[judged].rms, after[judged].rms
     above, remaining = rms_before**2 - noise.value**2, rms_after**2 - noise.value**2
     strongest = left.strongest
-    still = left.structure and strongest.share > _SHARE_LEFT
+    still = left.structure and strongest.share > problem.share_left
     if noise.measured:
         still = still or (rms_after > _NOISE_REACHED * noise.value and left.structure)
         still = still and remaining > (1.0 - _SHARE_EXPLAINED) * max(above, 1e-300)
@@ -249,6 +253,7 @@ def _verdict(problem, before, after, noise: NoiseFloor, left: Dossier, found: bo
         structure = strongest.share * rms_after**2
         taken = max(rms_before**2 - rms_after**2, 0.0)
         still = strongest.share > _SHARE_EXPLAINED or structure > (1.0 - _SHARE_EXPLAINED) * (taken + structure)
+        still = still or (spread > 0.0 and remaining - spread > _SHARE_STRAY * max(above - spread, 1e-300))
     if still:
         return UNEXPLAINED
     return EXPLAINED if found else NOTHING

@@ -153,6 +153,7 @@ class Problem(ABC):
     repeat_source = "repeated visits of the same pose"
     groups_independent = False  # whether the residuals of different groups of rows are
     least_share = 0.02  # of the cross-validated square sum that an effect must take away
+    share_left = 0.10  # of the square sum that a signal still has to explain to count as structure
 
     def __init__(self, robot: Robot, data: Dataset, held_out: Dataset, threads: int = 1, seed: int = 0):
         self.robot, self.data, self.held_out = robot, data, held_out
@@ -227,6 +228,15 @@ class Problem(ABC):
     def units(self, folds: np.ndarray) -> np.ndarray:
         """(N,) int from 0: rows whose held-out errors scatter independently of each other's; the folds, to be safe."""
         return folds
+
+    def stretches(self) -> np.ndarray | None:
+        """(N,) int: large parts of the data, each in a place of its own; what an effect learns on all but one of them
+        has to hold there. None = `groups` are enough."""
+        return None
+
+    def spread(self, fitted: Fitted) -> float:
+        """Mean square of the errors of the validation rows that the uncertainty of the parameters alone explains."""
+        return 0.0
 
     def axes(self, before: Fitted, after: Fitted) -> list | None:
         """RMS per axis of the validation rows, where the kind of data has one number per axis; else None."""

@@ -218,7 +218,21 @@ def _worth(problem: Problem, fitted: Fitted, effects: list[Effect], folds: np.nd
     certain = certain or (len(fall) >= _LEAST_FALLING and np.all(fall > 0.0))
     # A fall g of a square sum of white noise scatters by 2 sqrt(g): beyond 4 z^2 every single unit is sure of it.
     certain = certain or (len(fall) >= _LEAST_SHOWING and np.all(fall > 4.0 * _FOLD_CERTAINTY**2))
-    return bool(certain and fall.sum() > problem.least_share * without.sum())
+    if not certain or fall.sum() <= problem.least_share * without.sum():
+        return False
+    return _holds_elsewhere(problem, fitted, effects)
+
+
+def _holds_elsewhere(problem: Problem, fitted: Fitted, effects: list[Effect]) -> bool:
+    """What is learnt without one large stretch of the data must not make it worse: nearness in time proves nothing there."""
+    stretches = problem.stretches()
+    if stretches is None or any(_excludes(effect) for effect in effects):
+        return True
+    columns = np.concatenate([_linear_columns(fitted, effect) for effect in effects], axis=1)
+    prior = np.concatenate([prior_of(effect) for effect in effects])
+    folds = np.unique(stretches, return_inverse=True)[1]
+    without = held_out_squares(fitted, np.zeros((fitted.whitened.size, 0)), folds)
+    return bool(held_out_squares(fitted, columns, folds, prior).sum() < without.sum())
 
 
 def _showing(fitted: Fitted, columns: np.ndarray, units: np.ndarray) -> np.ndarray:
@@ -276,7 +290,8 @@ def _contest(problem, declared, chosen, rounds, fitted, first_ranking, progress)
         ranking = scan(without, field, count)
         own = next((c for c in ranking if c.label == chosen[place].label), None)
         winner = next((c for c in ranking if not same_family(c.effect, chosen[place])), ranking[0])
-        if own is not None and winner.label != own.label and winner.evidence > own.evidence + 1.0:
+        stronger = own is not None and winner.label != own.label and winner.evidence > own.evidence + 1.0
+        if stronger and _holds_elsewhere(problem, without, [winner.effect]):
             trial = refit(problem, declared, chosen[:place] + [winner.effect] + chosen[place + 1 :], fitted)
             price = np.log(count) * (free_mask(winner.effect).sum() - free_mask(chosen[place]).sum())
             lead = 0.5 * (trial.square(fitted) + price - fitted.square(fitted))

@@ -16,6 +16,7 @@ from exactarm.dataset import Dataset
 from exactarm.diagnose.coloured_noise import ColouredNoise
 from exactarm.diagnose.next_motions import separating_motion
 from exactarm.diagnose.problem import Fitted, Problem, rows_kept
+from exactarm.diagnose.smoothness import second_order
 from exactarm.diagnose.time_groups import run_groups
 from exactarm.effects.base import Effect, Station
 from exactarm.identify.calibrate import calibrated_robot, identifiable_layout, require_sessions
@@ -28,6 +29,7 @@ from exactarm.robot import Robot
 _SAME_PATH_RAD = 1e-3  # a path is played again: its motor angles, over their ratios, differ by less at every sample
 _LEAST_REPEATED = 100  # samples
 _LEAST_SIGMA = 1e-12
+_SPREAD_ROWS = 300
 
 
 class TrackedFitted(Fitted):
@@ -57,6 +59,7 @@ class TrackedProblem(Problem):
     unit = "m"
     kind = KIND
     repeat_source = "paths that were played again"
+    share_left = 0.02  # thousands of rows show a smaller one
 
     def __init__(self, robot: Robot, data: Dataset, held_out: Dataset, threads: int = 1, seed: int = 0):
         super().__init__(robot, data, held_out, threads, seed)
@@ -65,7 +68,7 @@ class TrackedProblem(Problem):
             require_sessions(data, held_out)
             self._records["validation"] = tracked_record(held_out, robot)
         self.record = thinned_record(self._records["identification"], robot)
-        self._noise = ColouredNoise(self)
+        self._noise = ColouredNoise(self, short=True)
 
     def _record_of(self, data: Dataset) -> MotionRecord:
         if data is self.data or data is self.held_out:
@@ -108,6 +111,18 @@ class TrackedProblem(Problem):
     def groups(self) -> np.ndarray:
         return run_groups(self.record.data.run)
 
+    def stretches(self) -> np.ndarray | None:
+        run = self.record.data.run
+        return run if np.unique(run).size > 1 else None  # a part of one run says little about the angles of the rest
+
+    def spread(self, fitted: Fitted) -> float:
+        if "validation" not in self._records:
+            return 0.0
+        record = self._records["validation"]
+        jacobian = predict_record(self.robot, fitted.layout, record, threads=self.threads).jacobian
+        jacobian = jacobian[:: max(1, len(jacobian) // _SPREAD_ROWS), :3]
+        return float(np.mean(np.einsum("nap,pq,naq->n", jacobian, fitted.fit.covariance, jacobian)))
+
     def correlation_factor(self, fitted: Fitted) -> float:
         return self._noise.share
 
@@ -124,6 +139,9 @@ class TrackedProblem(Problem):
         signals["time"] = data.time
         signals |= data.covariates
         return {name: values for name, values in signals.items() if np.ptp(values) > 0.0}
+
+    def surfaces(self, fitted: Fitted) -> dict[str, np.ndarray]:
+        return {"angles of two axes together": second_order(fitted.view.q[:, fitted.view.moving])}
 
     def directions(self, fitted: Fitted) -> dict[str, np.ndarray]:
         view = fitted.view

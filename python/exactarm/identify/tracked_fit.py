@@ -24,6 +24,7 @@ _ROWS = 2000  # that a fit works on, as long as they do not stand further apart 
 _LONGEST_STEP_S, _SHAKEN_STEP_S = 0.04, 0.01  # the second where declared gear errors shake declared springs
 _STATIC_ROWS = 400  # from which frames are found, as if the arm stood still in them
 _LEAST_ROWS = 30  # of a run
+_STILL_S = 0.15  # from the start of a run: its accelerations are not known well enough to tell how the springs swing
 _PRIOR_ROUNDS, _SETTLED = 4, 0.05
 
 
@@ -46,7 +47,11 @@ def tracked_record(data: Dataset, robot: Robot) -> MotionRecord:
             f"run {runs[counts.argmin()]} of a tracked motion has {counts.min()} samples; expected at least {_LEAST_ROWS}",
             file=data.sources[0].path if data.sources else None,
         )
-    return unthinned_record(robot, data)
+    record = unthinned_record(robot, data)
+    keep = record.keep.copy()
+    for rows in record.runs:
+        keep[rows[record.data.time[rows] - record.data.time[rows[0]] < _STILL_S]] = False
+    return replace(record, keep=keep)
 
 
 def thinned_record(record: MotionRecord, robot: Robot) -> MotionRecord:
