@@ -18,7 +18,7 @@ from exactarm.diagnose.cross_validation import folds_of, held_out_squares
 from exactarm.diagnose.forms import best_form, forms_of, same_family
 from exactarm.diagnose.problem import Fitted, Problem, rows_kept
 from exactarm.diagnose.row_scatter import robust_evidence
-from exactarm.diagnose.scan import Candidate, free_mask, scan
+from exactarm.diagnose.scan import Candidate, free_mask, prior_of, scan
 from exactarm.effects import library
 from exactarm.effects.base import Effect
 
