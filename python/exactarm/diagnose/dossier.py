@@ -65,7 +65,7 @@ def dossier(problem: Problem, fitted: Fitted) -> Dossier:
     for signal, bins in columns.items():
         if bins.shape[1] < 2:
             continue
-        entries = [_test(fitted, residual, bins, pattern, square, freedom, numbers) for pattern in directions.values()]
+        entries = [_test(fitted, residual, bins, pattern, square, freedom) for pattern in directions.values()]
         p, share, name = min((p, -share, name) for (p, share), name in zip(entries, directions))
         found.append(Follows(signal, name, -share, min(1.0, p * tests)))
     order = sorted(found, key=lambda f: (f.p_value, -f.share))
@@ -85,15 +85,17 @@ def _effective(problem: Problem, fitted: Fitted) -> float:
     return problem.correlation_factor(fitted) * float(np.count_nonzero(fitted.whitened[: fitted.data_numbers]))
 
 
-def _test(fitted, residual, bins, pattern, square, freedom, numbers) -> tuple[float, float]:
+def _test(fitted, residual, bins, pattern, square, freedom) -> tuple[float, float]:
     """p-value and share of the square sum of the residual that the bins along `pattern` (N, m) explain."""
-    columns = np.zeros((residual.size, bins.shape[1]))
-    columns[:numbers] = fitted.standard(pattern[:, :, None] * bins[:, None, :])
-    length = np.linalg.norm(columns, axis=0)
-    columns -= fitted.basis @ (fitted.basis.T @ columns)
-    gram, onto = columns.T @ columns, columns.T @ residual
+    columns = fitted.standard(pattern[:, :, None] * bins[:, None, :])
+    seen = np.flatnonzero(columns.any(axis=1))
+    columns = columns[seen]
+    # Cleared of the basis Q: C'C - (Q'C)'(Q'C), without the cleared columns themselves.
+    absorbed, square_of_each = fitted.basis[: fitted.data_numbers][seen].T @ columns, columns.T @ columns
+    gram = square_of_each - absorbed.T @ absorbed
+    onto = columns.T @ residual[: fitted.data_numbers][seen] - absorbed.T @ (fitted.basis.T @ residual)
     values, vectors = np.linalg.eigh(gram)
-    keep = values > 1e-6 * max(float(np.max(length**2, initial=0.0)), 1e-300)
+    keep = values > 1e-6 * max(float(np.max(np.diag(square_of_each), initial=0.0)), 1e-300)
     rank = int(keep.sum())
     if rank == 0 or freedom <= rank + 1:
         return 1.0, 0.0

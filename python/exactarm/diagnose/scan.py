@@ -110,14 +110,14 @@ def _excluding(fitted: Fitted, point: Effect, kept: np.ndarray, count: float, fa
 def _score_block(basis, block, residual, square, count, tried, families, best) -> None:
     stacked = np.concatenate([columns for _, columns in block], axis=1)
     before = np.einsum("ij,ij->j", stacked, stacked)
-    stacked -= basis @ (basis.T @ stacked)
-    onto = stacked.T @ residual
+    absorbed = basis.T @ stacked
+    onto = stacked.T @ residual  # the residual is clear of the basis
     at = 0
     for point, columns in block:
         k = columns.shape[1]
         where = slice(at, at + k)
         at += k
-        normal = stacked[:, where].T @ stacked[:, where]
+        normal = stacked[:, where].T @ stacked[:, where] - absorbed[:, where].T @ absorbed[:, where]
         usable = (np.diag(normal) > _ABSORBED * before[where]) & (np.sqrt(before[where]) * _plausible(point) > _INVISIBLE)
         prior = prior_of(point)
         if np.isfinite(prior).any():
