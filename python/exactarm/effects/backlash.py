@@ -67,7 +67,7 @@ class Backlash(Effect):
             small = max(_FRICTION_SHARE * load, _LEAST_FRICTION_NM)
             if view.kind == "poses" and load <= small:
                 continue  # at rest only friction would press the flanks, which is hysteresis by another name
-            if view.kind in ("poses", "tracked_motion") and load > _LEAST_FRICTION_NM:
+            if view.kind in ("poses", "tracked_motion", "gear_run") and load > _LEAST_FRICTION_NM:
                 shares = [share * load for share in _FRICTION_SHARES] + ([joint.coulomb] if joint.coulomb else [])
                 shares = tuple(sorted({min(max(value, _LEAST_FRICTION_NM), load) for value in shares if value < load}))
                 yield cls(index + 1, (0.0, shares[0]), shares)
