@@ -17,6 +17,7 @@ import numpy as np
 from blind.arm import Arm, gravity_torque, output_angle, posture, rotation_about, spring_deflection
 
 OVERSAMPLING = 4
+LOADED_PASSES = 4  # the load bends the arm, and the bent arm has another load
 
 
 @dataclass(frozen=True)
@@ -77,8 +78,10 @@ def sense(arm: Arm, runs: Runs, causes, tilt: np.ndarray) -> Reading:
     for cause in causes:
         theta = theta + cause.motor(state)
     phi = output_angle(arm, theta, runs.direction)
-    q = phi + arm.offset
-    torque = gravity_torque(arm, posture(arm, q)) if arm.mass is not None else 0.0 * q
+    q, torque = phi + arm.offset, np.zeros_like(phi)
+    for _ in range(LOADED_PASSES if arm.mass is not None else 0):
+        torque = gravity_torque(arm, posture(arm, q))
+        q = phi + arm.offset - spring_deflection(arm, torque)
     state = GearState(arm, runs, theta, phi, state.rate, torque)
     phi = phi + sum(cause.gear(state) for cause in causes)
     q = phi + arm.offset - spring_deflection(arm, torque) + sum(cause.spring(state) for cause in causes)

@@ -110,6 +110,15 @@ def test_hidden_effect_of_a_tracked_motion_is_named(tmp_path, seed, theme):
     assert record["after"] <= NOISE * case.truth["best"]
 
 
+@pytest.mark.parametrize("seed", [8104, 8110], ids=["soft springs", "tables that do not meet at a reversal"])
+def test_clean_runs_between_two_encoders_lack_nothing(tmp_path, seed):
+    case = gear_scenario.draw_case(tmp_path, seed, ROBOTS, "clean")
+    assert case.truth["encoders"]
+    record = diagnose_case(case.robot, case.data, case.truth)
+    assert record["named"] == [] and record["verdict"] == "no_undeclared_effect"
+    assert record["before"] <= 1.1 * case.truth["best"]
+
+
 def test_marks_count_what_they_say():
     case = {"arm": "a", "foreign": False, "noise": 1.0, "best": 1.0, "rows": 9, "has": [], "seconds": 1.0, "before": 3.0,
             "probability": [0.95], "hits": [True], "named": ["backlash_2"], "missed": []}

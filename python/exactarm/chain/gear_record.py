@@ -134,6 +134,8 @@ def gear_record(robot: Robot, data: Dataset, *, accelerating: bool = False) -> G
             if span[column] <= STANDS_STILL * span.max():
                 continue  # its rate is rounding and has no direction
             direction[rows, axis], reversal = steady_direction(slow[:, column], time)
+            if axis in encoder_axes and _differs_with_direction(robot.joints[axis]):
+                keep[rows] &= ~reversal
             if axis == main and not encoder_axes:
                 acceleration = derivative(slow[:, column], time)
                 keep[rows] &= ~reversal
@@ -147,6 +149,13 @@ def gear_record(robot: Robot, data: Dataset, *, accelerating: bool = False) -> G
     asked = accelerating and swinging.any() and np.any(data.gyro)
     quiet = _quiet_axes(robot, data, record, bending, swinging) if asked else []
     return replace(record, keep=keep & ~(swinging & ~np.isin(record.sensor_axis, quiet)))
+
+
+def _differs_with_direction(joint) -> bool:
+    """Whether the declared tables of the two directions do not meet: what lies between, at a reversal, no model defines."""
+    if joint.cw is None or joint.ccw is None:
+        return False
+    return not all(np.array_equal(getattr(joint.cw, name), getattr(joint.ccw, name)) for name in ("order", "a", "b"))
 
 
 def _quiet_axes(robot: Robot, data: Dataset, record: GearRecord, bending: np.ndarray, swinging: np.ndarray) -> list[int]:

@@ -150,8 +150,8 @@ class GearProblem(Problem):
         for rows in prediction.view.runs:
             # A run that was not fitted has an offset of its own, which belongs to the set-up.
             if data.run[rows[0]] not in known:
-                residual[rows] -= residual[rows].mean(axis=0)
-        return residual.ravel()
+                residual[rows] -= residual[rows[record.keep[rows]]].mean(axis=0)
+        return np.where(record.keep[:, None], residual, np.nan).ravel()
 
     def axes(self, before: Fitted, after: Fitted) -> list:
         data = self.held_out if len(self.held_out) else self.data
