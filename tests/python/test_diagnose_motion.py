@@ -1,5 +1,7 @@
 """Diagnosis of motions: a hidden cause in the drive torque is named with its axis; clean torque has none."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from motions import fourier_motion, motion_data
@@ -7,6 +9,7 @@ from motions import fourier_motion, motion_data
 from exactarm import _core
 from exactarm.commands.diagnose import _json
 from exactarm.diagnose.diagnosis import EXPLAINED, NOTHING, diagnose
+from exactarm.identify.dynamics import identify_dynamics, inertia_was_estimated
 from exactarm.robot_file import load_robot
 
 NOISE_NM = 0.5
@@ -55,3 +58,17 @@ def test_names_a_rotor(racer):
         assert [entry["joint"] for entry in summary["axes"]] == [1, 2, 3, 4, 5, 6]
         assert summary["axes"][2]["rms"] == pytest.approx(axis[part])
         assert sum(entry["n"] for entry in summary["axes"]) == summary["n"]
+
+
+def test_what_identify_lent_to_the_masses_is_given_back(racer):
+    """Friction of one way only: masses estimated without it take a part, and are estimated again."""
+
+    def pull(angle, rate, acceleration):
+        return np.where(np.arange(6) == 1, 8.0, 0.0) * np.tanh(rate / 0.02) * (rate > 0.0)
+
+    data = motion(racer, pull)
+    estimated = identify_dynamics(replace(racer, links=None), data).robot
+    assert inertia_was_estimated(estimated) and not inertia_was_estimated(racer)
+    result = diagnose(estimated, data)
+    assert (result.findings[0].effect.name, result.findings[0].effect.joint) == ("asymmetric_friction", 2)
+    assert result.after["validation"].rms < 1.2 * NOISE_NM

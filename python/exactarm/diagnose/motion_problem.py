@@ -1,7 +1,7 @@
 """Motions as a diagnosis problem: residual = measured minus predicted drive torque of every measured axis, Nm.
 
-Re-identified: Coulomb and viscous friction, and base inertial parameters where the robot file declares no masses; of
-these, what the motion excites. Both sides pass the same low-pass (chain/motion_record.py); judged on its rows.
+Re-identified: Coulomb and viscous friction, and base inertial parameters where the robot file declares no masses or has
+estimated ones; of these, what the motion excites. Both sides pass the same low-pass (chain/motion_record.py); judged on its rows.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from exactarm.diagnose.time_groups import run_groups
 from exactarm.effects.base import Effect, Station
 from exactarm.identify.base_parameters import base_parameters
 from exactarm.identify.declared import all_effects, carried_layout
-from exactarm.identify.dynamics import excited_layout, friction_layout, inertial_layout, require_enough, with_links
+from exactarm.identify.dynamics import excited_layout, friction_layout, inertia_was_estimated, inertial_layout, require_enough, with_links
 from exactarm.identify.friction_width import friction_widths
 from exactarm.identify.motion_fit import fit_motion
 from exactarm.robot import Robot
@@ -76,7 +76,7 @@ class MotionProblem(Problem):
     repeat_source = "white noise of the torque above the band of the motion"
 
     def __init__(self, robot: Robot, data: Dataset, held_out: Dataset, threads: int = 1, seed: int = 0):
-        inertial = robot.links is None and robot.has_geometry
+        inertial = robot.has_geometry and (robot.links is None or inertia_was_estimated(robot))
         super().__init__(with_links(robot) if inertial else robot, data, held_out, threads, seed)
         self.inertial = inertial
         self.record = motion_record(self.robot, data, None, _ROWS_SHARE)

@@ -125,6 +125,15 @@ def inertial_layout(robot: Robot, base: BaseParameters) -> Layout:
     return Layout.of((LinkInertia.of(robot, base.links), *rotors))
 
 
+def inertia_was_estimated(robot: Robot) -> bool:
+    """Whether the file has an interval on record for an inertial parameter: an estimate is no declaration, and held it would
+    keep what another cause had lent it."""
+    if robot.links is None:
+        return False
+    bounds = [robot.intervals.get(name, (0.0, 0.0)) for name in inertial_layout(robot, base_parameters(robot)).names]
+    return any(low < high for low, high in bounds)
+
+
 def excited_layout(
     robot: Robot, layout: Layout, record: MotionRecord, threads: int = 1
 ) -> tuple[Layout, tuple[DroppedParameter, ...]]:
