@@ -1,9 +1,9 @@
 """Gear runs at the sampling rate that their content needs.
 
-The gears of a run show up to twice the motor's rate of turn (or their highest declared order); beyond, a gyroscope
+The gears of a run show up to twice the motor's rate of turn (or their highest declared order); beyond, a sensor
 adds noise only. Reading and motor angle pass the same acausal low-pass (Butterworth, eighth order, forwards and
 backwards), flat below, and every k-th sample is taken: a search over hundreds of candidates then costs 1 / k.
-Encoders on both sides are left as they are.
+The angles of link encoders are treated as the gyroscope's reading is.
 """
 
 from __future__ import annotations
@@ -29,14 +29,16 @@ def thinned_run(robot: Robot, data: Dataset, record: GearRecord) -> tuple[Datase
     step = max(typical_step(data.time[rows]) for rows in record.runs)
     cutoff = _highest_frequency(robot, record)
     every = int(1.0 / (_ROWS_PER_PERIOD * cutoff * step))
-    if record.encoder_axes or every < 2 or min(rows.size for rows in record.runs) < 40 * every:
+    if every < 2 or min(rows.size for rows in record.runs) < 40 * every:
         return data, record
     sections = scipy.signal.butter(_ORDER, cutoff, fs=1.0 / step, output="sos")
     low_pass = lambda values: scipy.signal.sosfiltfilt(sections, values, axis=0)
     reach = int(np.ceil(_REACH_PERIODS / (cutoff * step)))
-    gyro, theta, keep = np.empty_like(data.gyro), record.theta.copy(), np.empty_like(record.keep)
+    axes = list(record.encoder_axes)
+    reading = data.joints["q"][:, axes] if axes else data.gyro
+    smooth, theta, keep = np.empty_like(reading), record.theta.copy(), np.empty_like(record.keep)
     for rows in record.runs:
-        gyro[rows], theta[rows] = low_pass(data.gyro[rows]), low_pass(record.theta[rows])
+        smooth[rows], theta[rows] = low_pass(reading[rows]), low_pass(record.theta[rows])
         undefined = np.convolve(~record.keep[rows], np.ones(2 * reach + 1), "same") > 0.5
         keep[rows] = ~undefined
     chosen = np.concatenate([rows[::every] for rows in record.runs])
@@ -48,7 +50,16 @@ def thinned_run(robot: Robot, data: Dataset, record: GearRecord) -> tuple[Datase
         theta, theta_dot, record.direction[chosen], keep[chosen], runs, time, record.cutoff_hz, record.encoder_axes,
         record.moving, record.furthest,
     )
-    return replace(data, gyro=gyro).select(chosen), thin
+    return _with_reading(data, axes, smooth).select(chosen), thin
+
+
+def _with_reading(data: Dataset, axes: list[int], reading: np.ndarray) -> Dataset:
+    """The data with another reading of the gyroscope, or of the link encoders of `axes`."""
+    if not axes:
+        return replace(data, gyro=reading)
+    q = data.joints["q"].copy()
+    q[:, axes] = reading
+    return replace(data, joints={**data.joints, "q": q})
 
 
 def _highest_frequency(robot: Robot, record: GearRecord) -> float:

@@ -1,0 +1,53 @@
+"""Thinned gear runs: fewer rows, the same gear in them; between two encoders as under a gyroscope."""
+
+import numpy as np
+import pytest
+
+from exactarm.chain import gear_record
+from exactarm.dataset import Dataset
+from exactarm.diagnose.thinned_run import thinned_run
+from exactarm.robot_file import load_robot
+
+RATE_HZ, SECONDS = 1000.0, 20.0
+WAVE_RAD, PER_MOTOR_TURN = 3e-5, 1.0
+NOISE_RAD = 1e-5
+
+
+@pytest.fixture(scope="module")
+def robot():
+    return load_robot("kr300")
+
+
+def between_encoders(robot) -> Dataset:
+    """Axis 1 turns to and fro with one error a motor revolution, of which its link encoder tells."""
+    time = np.arange(0.0, SECONDS, 1.0 / RATE_HZ)
+    phi = np.zeros((time.size, 6))
+    phi[:, 0] = 0.4 * np.sin(0.5 * time)
+    q = np.full_like(phi, np.nan)
+    noise = np.random.default_rng(3).normal(0.0, NOISE_RAD, time.size)
+    q[:, 0] = phi[:, 0] + WAVE_RAD * np.cos(PER_MOTOR_TURN * robot.ratios[0] * phi[:, 0]) + noise
+    joints = {"theta": phi * robot.ratios, "q": q}
+    return Dataset.of_arrays("gear_run", joints, time=time, run=np.ones(time.size, int))
+
+
+def test_link_encoders_keep_the_wave_and_lose_rows_and_noise(robot):
+    data = between_encoders(robot)
+    thin, record = thinned_run(robot, data, gear_record(robot, data))
+    assert record.encoder_axes == (0,)
+    assert len(data) / 5 < len(thin) <= len(data) / 3 + 1 and len(thin) == len(record.theta)
+    phi = record.theta[:, 0] / robot.ratios[0]
+    error = thin.joints["q"][:, 0] - phi
+    inside = slice(50, -50)
+    wave = np.cos(PER_MOTOR_TURN * robot.ratios[0] * phi)
+    columns = np.column_stack([wave, np.ones_like(wave)])[inside]
+    coefficients = np.linalg.lstsq(columns, error[inside], rcond=None)[0]
+    assert coefficients[0] == pytest.approx(WAVE_RAD, rel=0.03)
+    left = error[inside] - columns @ coefficients
+    assert np.std(left) < 0.6 * NOISE_RAD  # 96 of 500 Hz are left of it
+
+
+def test_slow_records_stay_as_they_are(robot):
+    data = between_encoders(robot).select(np.arange(0, int(SECONDS * RATE_HZ), 5))
+    record = gear_record(robot, data)
+    thin, same = thinned_run(robot, data, record)
+    assert thin is data and same is record
