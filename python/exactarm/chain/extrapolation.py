@@ -20,7 +20,7 @@ def extrapolations(robot: Robot, q: np.ndarray, what: str = "rows") -> tuple[str
     for effect in robot.effects:
         inside = effect.measured(q - robot.offsets)
         if inside is not None and np.mean(~inside) > _LEAST_SHARE:
-            low, high = np.rad2deg(effect.seen) + np.rad2deg(robot.offsets[effect.index])
+            low, high = np.rad2deg(effect.angles_measured) + np.rad2deg(robot.offsets[effect.index])
             told.append(
                 f"the curve of {effect.name} of axis {effect.joint} was measured from {low:.0f} to {high:.0f} deg; "
                 f"{np.sum(~inside):,} of {len(q):,} {what} lie beyond, where it keeps its end value"

@@ -194,6 +194,11 @@ class Effect(ABC):
         """Rows (N,) bool of output angles phi (N, n), rad, where the effect was estimated; None = it holds everywhere."""
         return None
 
+    @property
+    def angles_measured(self) -> tuple[float, float] | None:
+        """Output angles (rad) of its axis between which it was estimated; given by whoever gives `measured`."""
+        return None
+
     def renewed(self, view: "View") -> "Effect":
         """The effect with what it takes from the residual itself taken anew (a threshold); others stay as they are."""
         return self

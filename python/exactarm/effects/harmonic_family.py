@@ -63,6 +63,10 @@ class HarmonicFamily(Effect):
     def measured(self, phi: np.ndarray) -> np.ndarray | None:
         return None if self.seen is None else self._looked_up(phi[:, self.index])[1]
 
+    @property
+    def angles_measured(self) -> tuple[float, float] | None:
+        return self.seen
+
     def _looked_up(self, phi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The angle (N,) at which the error is looked up, and which rows (N,) lie where it was measured."""
         if self.seen is None:
