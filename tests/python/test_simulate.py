@@ -120,6 +120,23 @@ def test_identification_recovers_masses_and_friction():
         assert low - 0.5 * (high - low) < joint.coulomb < high + 0.5 * (high - low)
 
 
+def test_gear_runs_may_begin_and_end_in_motion():
+    """Cut at constant speed, at both ends: the same samples as of the whole run, none of a ramp."""
+    robot = geared(six_axis(springs=True))
+    virtual = VirtualRobot.of(robot)
+    whole, cut = (
+        measure_gear_runs(virtual, [1], [0.5], 1, EXACT, np.random.default_rng(9), in_motion=in_motion)
+        for in_motion in (False, True)
+    )
+    for run in (1, 2):
+        mine, all_rows = (data.select(data.run == run) for data in (cut, whole))
+        steps = np.abs(np.diff(mine.joints["theta"][:, 1])) / np.abs(robot.ratios[1])
+        assert np.all(np.abs(steps / 0.5e-3 - 1.0) < 1e-6)
+        first = np.searchsorted(all_rows.time, mine.time[0])
+        assert 0.1 < mine.time[0] and mine.time[-1] < all_rows.time[-1] - 0.1
+        np.testing.assert_array_equal(mine.gyro, all_rows.gyro[first : first + len(mine)])
+
+
 def test_true_model_leaves_nothing_but_noise():
     """What is simulated is what the chain predicts: poses, gear runs, motions and tracks, effects and all."""
     robot, random = geared(six_axis(springs=True)), np.random.default_rng(9)

@@ -70,6 +70,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     what.add_argument("--joint", metavar="I", type=int, action="append", help="axes of gear runs (default: all with a gear)")
     what.add_argument("--speed", metavar="DEG_S", type=float, action="append", help="speeds of gear runs (default: 40 and 30 %% of the largest)")
     what.add_argument("--repeats", metavar="K", type=int, default=2, help="to and fro at each speed (default %(default)s)")
+    what.add_argument("--in-motion", action="store_true", help="gear runs begin and end at constant speed, not at rest")
     what.add_argument("--runs", metavar="K", type=int, default=3, help="motions, without a file (default %(default)s)")
     what.add_argument("--seconds", metavar="S", type=float, default=10.0, help="length of a motion (default %(default)s)")
     what.add_argument("--rate", metavar="HZ", type=float, default=None, help="samples per second (default: the file's, else 1000, motion 500)")
@@ -192,7 +193,8 @@ def _gear(arguments, virtual: VirtualRobot, planned, random) -> _Played:
         top = float(limit(robot, "q_dot_max")[axis])
         speeds = [speed * DEGREE for speed in arguments.speed] if arguments.speed else [share * top for share in _SPEEDS]
         parts.append(measure_gear_runs(
-            virtual, [axis], speeds, arguments.repeats, _sensors(arguments), random, arguments.rate or 1000.0
+            virtual, [axis], speeds, arguments.repeats, _sensors(arguments), random, arguments.rate or 1000.0,
+            in_motion=arguments.in_motion,
         ))
     return _Played(_joined(parts), "gear_runs.parquet")
 

@@ -27,6 +27,7 @@ from exactarm.simulate.sensors import Sensors, read, temperature
 from exactarm.simulate.virtual_robot import VirtualRobot
 
 _POSE_S = 10.0  # between two static poses
+_STEADY = 1e-6  # of the full speed: far above the rounding of a sample's step, far below a sample of a ramp
 
 
 def measure_poses(
@@ -52,9 +53,12 @@ def measure_poses(
 
 def measure_gear_runs(
     robot: VirtualRobot, axes: Sequence[int], speeds: Sequence[float], repeats: int, sensors: Sensors,
-    random: np.random.Generator, rate_hz: float = 1000.0,
+    random: np.random.Generator, rate_hz: float = 1000.0, *, in_motion: bool = False,
 ) -> Dataset:
-    """Constant-speed runs of each axis (from 0) at each speed (rad/s), up and down, under a gyroscope."""
+    """Constant-speed runs of each axis (from 0) at each speed (rad/s), up and down, under a gyroscope.
+
+    in_motion: runs begin and end at constant speed, as people cut them; else at rest.
+    """
     time, q, run = [], [], []
     for axis in axes:
         for speed in speeds:
@@ -69,7 +73,19 @@ def measure_gear_runs(
         covariates=temperature(clock, sensors),
     )
     prediction = predict_gear_run(robot.true, robot.layout, data, tangents=False)
-    return read(replace(data, gyro=prediction.measured), sensors, random)
+    data = replace(data, gyro=prediction.measured)
+    return read(data.select(_at_full_speed(data)) if in_motion else data, sensors, random)
+
+
+def _at_full_speed(data: Dataset) -> np.ndarray:
+    """(N,) bool: samples at the constant speed of their run."""
+    full = np.zeros(len(data), bool)
+    for number in np.unique(data.run):
+        rows = np.flatnonzero(data.run == number)
+        way = np.abs(np.diff(data.joints["theta"][rows], axis=0)).max(axis=1)
+        steady = np.flatnonzero(way > (1.0 - _STEADY) * way.max())
+        full[rows[steady[0] : steady[-1] + 2]] = True
+    return full
 
 
 def measure_motion(
