@@ -26,22 +26,58 @@ BLAS_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 def main(argv: Sequence[str] | None = None, package: str = COMMANDS) -> int:
     """Runs one command of `package`; returns the exit code."""
     words = list(sys.argv[1:] if argv is None else argv)
-    for stream in (sys.stdout, sys.stderr):
-        stream.reconfigure(errors="replace")
+    _open_streams()
+    if argv is None and "--debug" not in words:
+        _quiet_libraries()
     progress = Progress(None if "--quiet" in words else _progress_stream())
     try:
         with _interruptible():
-            return _run(words, progress, package)
-    except BrokenPipeError:  # the reader of our output has left
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return FAILED
+            code = _run(words, progress, package)
+            sys.stdout.flush()
+            return code
     except (Exception, KeyboardInterrupt) as error:
-        code, line = _explain(error)
+        return _report_failure(error, progress, "--debug" in words)
+
+
+def _open_streams() -> None:
+    """Both streams as a command needs them: there, and never failing over a character."""
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:  # closed by whoever started us
+            setattr(sys, name, open(os.devnull, "w"))
+        getattr(sys, name).reconfigure(errors="backslashreplace")
+
+
+def _quiet_libraries() -> None:
+    """What libraries have to say to developers stays off the user's terminal, where an error is one line alone."""
+    import logging
+    import warnings
+
+    warnings.simplefilter("ignore")
+    logging.getLogger("matplotlib").setLevel(logging.ERROR)  # it warns of a cache folder that it cannot write
+
+
+def _report_failure(error: BaseException, progress: Progress, debug: bool) -> int:
+    """One line on stderr, as far as there is one; returns the exit code."""
+    code, line = _explain(error)
+    try:
         progress.close()
-        if "--debug" in words:
+        if debug:
             traceback.print_exception(error)
-        print("exactarm: error: " + " ".join(line.split()), file=sys.stderr)
-        return code
+        if not isinstance(error, BrokenPipeError):  # its reader has left, and knows
+            print("exactarm: error: " + visible(" ".join(line.split())), file=sys.stderr, flush=True)
+    except OSError:
+        code = FAILED
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            stream.flush()
+        except OSError:  # the interpreter would try again at its end, and say so
+            os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+    return code
+
+
+def visible(text: str) -> str:
+    """The text with control characters spelled out: a name in a file must not steer the terminal."""
+    return "".join(char if char.isprintable() or char in "\n\t" else char.encode("unicode_escape").decode() for char in text)
 
 
 def _progress_stream() -> TextIO:
@@ -59,6 +95,11 @@ def _explain(error: BaseException) -> tuple[int, str]:
     if isinstance(error, KeyboardInterrupt):
         return INTERRUPTED, "interrupted; nothing was written"
     name = type(error).__name__
+    if isinstance(error, MemoryError):
+        return FAILED, f"not enough memory ({error}); expected fewer rows at a time" if str(error) else "not enough memory"
+    if isinstance(error, OSError):  # the machine's limits: disk, files, pipe
+        place = f"{error.filename}: " if error.filename else ""
+        return FAILED, f"{place}{error.strerror or error}"
     return FAILED, f"unexpected {name}: {error} (a fault in exactarm; --debug prints the traceback)"
 
 
@@ -80,7 +121,7 @@ def _run(words: list[str], progress: Progress, package: str) -> int:
     arguments = parse(module, words[1:])
     published = execute(module, arguments, progress)
     if not arguments.quiet:
-        print(published.text, end="")
+        print(visible(published.text), end="")
     return published.result.exit_code
 
 

@@ -124,7 +124,7 @@ def check_joints(dataset: "Dataset", robot: Robot) -> None:
 
 def _check_geometry(robot: Robot) -> None:
     if not robot.has_geometry:
-        raise InputError(f"robot {robot.name} declares no geometry; expected one for data with x, y, z")
+        raise InputError(f"robot {robot.name} declares no geometry; expected one for data with x, y, z", file=robot.file)
 
 
 def _check_poses(dataset: "Dataset", robot: Robot) -> None:

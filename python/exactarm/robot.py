@@ -104,7 +104,7 @@ class Robot:
 
     `has_geometry` is False for a robot of which only the drives are known. `effects` are the causes
     beyond the tables, in the order they were added. `record` tells how the file came about
-    (data, date, intervals); `intervals` maps a parameter's name to its 95 % interval.
+    (data, date, intervals); `intervals` maps a parameter's name to its 95 % interval. `file`: as the user named it, for messages.
     """
 
     name: str
@@ -117,6 +117,7 @@ class Robot:
     effects: tuple["Effect", ...] = ()
     intervals: dict[str, tuple[float, float]] = field(default_factory=dict)
     record: dict[str, Any] = field(default_factory=dict)
+    file: str | None = field(default=None, compare=False)
 
     @property
     def axes(self) -> int:

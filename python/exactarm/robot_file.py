@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import difflib
 import math
-import tomllib
 from collections.abc import Collection, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,8 +20,9 @@ import numpy as np
 from exactarm.effects import Effect, effect_from_table, library
 from exactarm.errors import InputError
 from exactarm.robot import GearTable, Joint, Link, Placement, Robot
-from exactarm.robot_keys import FORMAT, GEAR_KEYS, GEAR_TABLES, JOINT_KEYS, NOT_NEGATIVE, OTHER_UNITS
+from exactarm.robot_keys import FORMAT, GEAR_KEYS, GEAR_TABLES, JOINT_KEYS, MOST_AXES, NOT_NEGATIVE, OTHER_UNITS
 from exactarm.robot_writer import write_robot
+from exactarm.toml_file import fits_shape, is_number, read_toml
 from exactarm.urdf import read_urdf
 
 __all__ = ["load_robot", "read_robot", "shipped_robots", "write_robot"]
@@ -41,30 +42,21 @@ def load_robot(name_or_path: str | Path) -> Robot:
     """The robot of that shipped name, or of that `.toml` or `.urdf` file."""
     text, path = str(name_or_path), Path(name_or_path)
     if text in shipped_robots():
-        return read_robot(SHIPPED / f"{text}.toml")
+        return replace(read_robot(SHIPPED / f"{text}.toml"), file=text)
     if text.partition("#")[0].lower().endswith(".urdf"):
-        return read_urdf(path)
+        return replace(read_urdf(path), file=text)
     if path.suffix.lower() == ".toml" or path.exists() or len(path.parts) > 1:
         return read_robot(path)
     close = difflib.get_close_matches(text.lower(), shipped_robots(), n=1, cutoff=0.5)
     hint = f"; did you mean {close[0]}?" if close else ""
     names = ", ".join(shipped_robots())
-    raise InputError(f"no robot named {text!r}; expected one of {names}, or a .toml or .urdf file{hint}")
+    raise InputError(f"no robot of that name; expected one of {names}, or a .toml or .urdf file{hint}", file=text or repr(text))
 
 
 def read_robot(path: str | Path) -> Robot:
     """The robot of a `.toml` file."""
-    try:
-        tables = tomllib.loads(Path(path).read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise InputError("no such file; expected a robot file (.toml or .urdf)", file=path) from None
-    except OSError as error:
-        raise InputError(f"cannot be read ({error.strerror}); expected a robot file", file=path) from None
-    except UnicodeDecodeError:
-        raise InputError("is no text; expected a robot file (.toml)", file=path) from None
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"is no valid TOML: {error}", file=path) from None
-    return _Reader(path).robot(tables)
+    tables = read_toml(path, "a robot file (.toml or .urdf)")
+    return replace(_Reader(path).robot(tables), file=str(path))
 
 
 class _Reader:
@@ -92,19 +84,13 @@ class _Reader:
         return table[key]
 
     def number(self, value: Any, key: str, expected: str = "a number", finite: bool = True) -> float:
-        good = isinstance(value, (int, float)) and not isinstance(value, bool) and not math.isnan(value)
+        good = is_number(value) and not math.isnan(value)
         if not good or (finite and math.isinf(value)):
             raise self.refuse(key, f"{_short(value)}; expected {expected}")
         return float(value)
 
     def array(self, value: Any, key: str, shape: tuple[int | None, ...], expected: str) -> np.ndarray:
-        def fits(item: Any, dimensions: tuple[int | None, ...]) -> bool:
-            if not dimensions:
-                return isinstance(item, (int, float)) and not isinstance(item, bool) and math.isfinite(item)
-            sized = isinstance(item, list) and dimensions[0] in (None, len(item))
-            return sized and all(fits(part, dimensions[1:]) for part in item)
-
-        if not fits(value, shape):
+        if not fits_shape(value, shape):
             raise self.refuse(key, f"{_short(value)}; expected {expected}")
         return np.array(value, dtype=float)
 
@@ -132,6 +118,8 @@ class _Reader:
         entries = self.take(tables, "joints", list, "", "one [[joints]] for each axis")
         if not entries or not all(isinstance(entry, dict) for entry in entries):
             raise self.refuse("joints", "expected one [[joints]] for each axis")
+        if len(entries) > MOST_AXES:
+            raise self.refuse("joints", f"{len(entries)} axes; expected at most {MOST_AXES}")
         joints = tuple(self.joint(entry, f"joints[{i}].") for i, entry in enumerate(entries, start=1))
         optional: dict[str, Any] = {}
         if "gravity_m_s2" in tables:
@@ -208,6 +196,8 @@ class _Reader:
 
     def links(self, tables: Mapping[str, Any], axes: int) -> tuple[Link, ...]:
         entries = self.take(tables, "links", list, "", "one [[links]] for each axis")
+        if not all(isinstance(entry, dict) for entry in entries):
+            raise self.refuse("links", "expected one [[links]] for each axis")
         if len(entries) != axes:
             raise self.refuse("links", f"{len(entries)} links; expected {axes}, one for each axis")
         return tuple(self.link(entry, f"links[{i}].") for i, entry in enumerate(entries, start=1))
@@ -231,7 +221,7 @@ class _Reader:
         if not isinstance(table, dict) or "effect" not in table:
             raise self.refuse(where + "effect", "is missing; expected the name of an effect")
         name = table["effect"]
-        if name not in library():
+        if not isinstance(name, str) or name not in library():
             close = difflib.get_close_matches(str(name), library(), n=1)
             hint = f"expected {close[0]}" if close else f"expected one of {', '.join(library())}"
             raise self.refuse(where + "effect", f"no effect named {_short(name)}; {hint}")

@@ -10,6 +10,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
+MOST_AXES = 64  # ten arms in a row; matrices of all pairs of axes stay small
 FORMAT = 1  # number of the file format; raised when an old reader would misunderstand a new file
 
 # Units that a hand-written file may use instead: ending -> (ending that is meant, factor).

@@ -13,6 +13,7 @@ import hashlib
 import io
 import os
 import re
+import reprlib
 from collections.abc import Collection, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -125,7 +126,12 @@ def _csv_header(path: str | Path, content: bytes) -> tuple[list[str], int]:
         raise InputError("first line is no text; expected a header row", file=path) from None
     if "\0" in line:
         raise InputError("first line is no text; expected a header row", file=path)
-    names = [name.strip() for name in next(csv.reader(io.StringIO(line)), [])]
+    if "\r" in line.rstrip("\r\n"):
+        raise InputError("lines end in a carriage return alone; expected a line feed", file=path)
+    try:
+        names = [name.strip() for name in next(csv.reader(io.StringIO(line)), [])]
+    except csv.Error as error:
+        raise InputError(f"first line is no header row: {error}", file=path) from None
     if len(names) == 1 and (";" in line or "\t" in line):
         raise InputError("no comma in the header; expected columns separated by commas", file=path)
     return names, end
@@ -165,14 +171,17 @@ def _refuse_ragged(path: str | Path, body: pa.Buffer, names: list[str]) -> None:
     except UnicodeDecodeError as error:
         row = bytes(body)[: error.start].count(b"\n") + 1
         raise InputError("is not UTF-8 text", file=path, row=row) from None
-    rows = (cells for cells in csv.reader(io.StringIO(content, newline="")) if cells)
-    for row, cells in enumerate(rows, start=1):
-        if len(cells) < len(names):
-            message = f"only {len(cells)} cells; expected {len(names)}"
-            raise InputError(message, file=path, row=row, column=names[len(cells)])
-        if len(cells) > len(names):
-            message = f"{len(cells)} cells; expected {len(names)}, one for each name in the header"
-            raise InputError(message, file=path, row=row)
+    rows, row = (cells for cells in csv.reader(io.StringIO(content, newline="")) if cells), 0
+    try:
+        for row, cells in enumerate(rows, start=1):
+            if len(cells) < len(names):
+                message = f"only {len(cells)} cells; expected {len(names)}"
+                raise InputError(message, file=path, row=row, column=names[len(cells)])
+            if len(cells) > len(names):
+                message = f"{len(cells)} cells; expected {len(names)}, one for each name in the header"
+                raise InputError(message, file=path, row=row)
+    except csv.Error as error:
+        raise InputError(f"is no row of cells: {error}", file=path, row=row + 1) from None
 
 
 def _is_number(cell: str) -> bool:
@@ -185,7 +194,7 @@ def _is_number(cell: str) -> bool:
 
 def _number(path: str | Path, name: str, row: int, cell: str) -> float:
     if not _is_number(cell):
-        found = repr(cell) if cell.strip() else "empty cell"
+        found = reprlib.repr(cell) if cell.strip() else "empty cell"
         raise InputError(f"{found}; expected a number", file=path, row=row, column=name)
     return float(cell)
 

@@ -21,6 +21,7 @@ import numpy as np
 from exactarm.errors import InputError
 from exactarm.mdh_frames import Axis, behind_axis, compose, mdh_chain, relative, rotation_z
 from exactarm.robot import GRAVITY_M_S2, Joint, Link, Placement, Robot
+from exactarm.robot_keys import MOST_AXES
 from exactarm.table import atomic_file
 from exactarm.urdf_tree import MOVING, UrdfJoint, UrdfTree, read_tree
 
@@ -37,6 +38,8 @@ def read_urdf(path: str | Path, base: str | None = None, tip: str | None = None)
     way = tree.chain(base or None, tip or None)
     places = _places(tree, way[0].parent)
     axes, moving = [], [joint for joint in way if joint.type in MOVING]
+    if len(moving) > MOST_AXES:
+        raise InputError(f"{len(moving)} joints move between base and tip; expected at most {MOST_AXES}", file=file)
     for joint in moving:
         place = places[joint.child]
         kind = "prismatic" if joint.type == "prismatic" else "revolute"
@@ -131,7 +134,7 @@ def write_urdf(path: str | Path, robot: Robot) -> None:
 def urdf_text(robot: Robot) -> str:
     """The content of the URDF file."""
     if not robot.has_geometry:
-        raise InputError(f"robot {robot.name} declares no geometry; expected one for a URDF")
+        raise InputError(f"robot {robot.name} declares no geometry; expected one for a URDF", file=robot.file)
     lines = ['<?xml version="1.0"?>', f"<!-- {_comment(robot)} -->", f"<robot name={quoteattr(robot.name)}>"]
     lines += ['  <link name="device"/>', '  <link name="base_link"/>']
     lines += _fixed("device_to_base", "device", "base_link", robot.base)

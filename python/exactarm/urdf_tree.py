@@ -7,6 +7,8 @@ between unknown links, more than one root, a loop, numbers that are none, a chai
 from __future__ import annotations
 
 import xml.etree.ElementTree as xml
+from collections import Counter
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -17,6 +19,7 @@ from exactarm.mdh_frames import rotation_x, rotation_y, rotation_z
 from exactarm.robot import Link, Placement
 
 MOVING = ("revolute", "continuous", "prismatic")
+MOST_NAMES = 20  # in one message
 USUAL_TIPS = ("tool0", "tool", "flange", "tcp")  # names by which robot descriptions call their end
 
 
@@ -47,7 +50,7 @@ class UrdfTree:
         """The joints from `base` to `tip`, by themselves the root and the end of the only chain that moves."""
         for given in (base, tip):
             if given is not None and given not in self.children:
-                raise InputError(f"no link {given!r}; expected one of {', '.join(self.children)}", file=self.path)
+                raise InputError(f"no link {given!r}; expected one of {_listed(self.children)}", file=self.path)
         start = self.root if base is None else base
         way = self._way_to(start, tip) if tip is not None else self._only_way(start)
         for joint in way:
@@ -69,27 +72,40 @@ class UrdfTree:
         return tuple(reversed(way))
 
     def _only_way(self, link: str) -> tuple[UrdfJoint, ...]:
-        way: list[UrdfJoint] = []
+        way, moving = [], self._moving()
         while True:
-            ways = [joint for joint in self.children[link] if self._moves(joint)]
+            ways = [joint for joint in self.children[link] if joint.name in moving]
             if len(ways) > 1:
                 tips = [tip for joint in ways for tip in self.ends(joint.child)]
                 tips = [link, *tips] if any(joint.type in MOVING for joint in way) else tips
                 name = Path(self.path).name
-                message = f"the chain branches at link {link}; expected a tip, as in {name}#TIP, of {', '.join(tips)}"
+                message = f"the chain branches at link {link}; expected a tip, as in {name}#TIP, of {_listed(tips)}"
                 raise InputError(message, file=self.path)
             if not ways:
                 return (*way, *self._way_to(link, self._fixed_end(link)))
             way.append(ways[0])
             link = ways[0].child
 
-    def _moves(self, joint: UrdfJoint) -> bool:
-        return joint.type != "fixed" or any(self._moves(child) for child in self.children[joint.child])
+    def _moving(self) -> set[str]:
+        """Names of the joints that move or on which one that moves hangs."""
+        moving: set[str] = set()
+        for joint in reversed(self._below(self.root)):
+            if joint.type != "fixed" or any(below.name in moving for below in self.children[joint.child]):
+                moving.add(joint.name)
+        return moving
 
     def ends(self, link: str) -> list[str]:
         """The links below `link` that carry nothing."""
-        below = [end for joint in self.children[link] for end in self.ends(joint.child)]
-        return below or [link]
+        return [joint.child for joint in self._below(link) if not self.children[joint.child]] or [link]
+
+    def _below(self, link: str) -> list[UrdfJoint]:
+        """All joints below `link`, depth first in the order of the file; without recursion, for a chain may be long."""
+        found, todo = [], list(reversed(self.children[link]))
+        while todo:
+            joint = todo.pop()
+            found.append(joint)
+            todo += reversed(self.children[joint.child])
+        return found
 
     def _fixed_end(self, link: str) -> str:
         """The end of what is fixed to the last link."""
@@ -99,7 +115,7 @@ class UrdfTree:
                 return usual
         if len(ends) > 1:
             name = Path(self.path).name
-            tips = ", ".join([link, *ends])
+            tips = _listed([link, *ends])
             message = f"link {link} carries several ends; expected a tip, as in {name}#TIP, of {tips}"
             raise InputError(message, file=self.path)
         return ends[0]
@@ -113,6 +129,8 @@ def read_tree(path: str | Path) -> UrdfTree:
         raise InputError("no such file; expected a robot file (.urdf)", file=path) from None
     except OSError as error:
         raise InputError(f"cannot be read ({error.strerror}); expected a robot file", file=path) from None
+    except (LookupError, ValueError):  # an encoding that Python does not know
+        raise InputError("is in an unknown encoding; expected a robot file (.urdf) in UTF-8", file=path) from None
     except xml.ParseError as error:
         raise InputError(f"is no valid XML: {error}", file=path) from None
     if robot.tag != "robot":
@@ -123,36 +141,48 @@ def read_tree(path: str | Path) -> UrdfTree:
     ratios = read.ratios(robot)
     joints = [read.joint(element, ratios) for element in robot.findall("joint")]
     _check_tree(str(path), links, joints)
-    children = {name: tuple(joint for joint in joints if joint.parent == name) for name in links}
-    root = next(name for name in links if name not in {joint.child for joint in joints})
+    carried: dict[str, list[UrdfJoint]] = {name: [] for name in links}
+    for joint in joints:
+        carried[joint.parent].append(joint)
+    children, ends = {name: tuple(below) for name, below in carried.items()}, {joint.child for joint in joints}
+    root = next(name for name in links if name not in ends)
     masses = {name: link for name, link in inertials.items() if link is not None}
     return UrdfTree(str(path), robot.get("name") or Path(path).stem, root, children, masses)
+
+
+def _listed(names: Iterable[str]) -> str:
+    """Some names for a message."""
+    names = list(names)
+    more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
+    return ", ".join(names[:MOST_NAMES]) + more
 
 
 def _check_tree(path: str, links: list[str], joints: list[UrdfJoint]) -> None:
     if not links:
         raise InputError("no <link>; expected at least two", file=path)
     for names, kind in ((links, "link"), ([joint.name for joint in joints], "joint")):
-        for name in names:
-            if names.count(name) > 1:
-                raise InputError(f"{kind} {name}: name given twice; expected once", file=path)
-    seen: set[str] = set()
+        if twice := [name for name, count in Counter(names).items() if count > 1]:
+            raise InputError(f"{kind} {twice[0]}: name given twice; expected once", file=path)
+    seen, known = set(), set(links)
     for joint in joints:
         for end in (joint.parent, joint.child):
-            if end not in links:
+            if end not in known:
                 raise InputError(f"joint {joint.name}: no link {end!r}; expected one of the file's links", file=path)
         if joint.child in seen:
             raise InputError(f"link {joint.child}: child of two joints; expected a tree", file=path)
         seen.add(joint.child)
     roots = [name for name in links if name not in seen]
     if len(roots) != 1:
-        found = f"{len(roots)} links without a parent ({', '.join(roots)})" if roots else "a loop of joints"
+        found = f"{len(roots)} links without a parent ({_listed(roots)})" if roots else "a loop of joints"
         raise InputError(f"{found}; expected a tree with one root", file=path)
+    children: dict[str, list[str]] = {name: [] for name in links}
+    for joint in joints:
+        children[joint.parent].append(joint.child)
     reached, todo = set(), [roots[0]]
     while todo:
         link = todo.pop()
         reached.add(link)
-        todo += [joint.child for joint in joints if joint.parent == link]
+        todo += children[link]
     if lost := [name for name in links if name not in reached]:
         raise InputError(f"link {lost[0]} hangs in a loop; expected a tree with one root", file=path)
 

@@ -109,7 +109,7 @@ def test_quiet_prints_nothing(package, tmp_path, capsys):
 @pytest.mark.parametrize("words, code, line", [
     (["--fail", "input"], 2, "poses.csv, row 7, column x_m: not a number, expected metres"),
     (["--fail", "computation"], 1, "the fit did not converge"),
-    (["--fail", "core"], 2, "gear 1"),
+    (["--fail", "core"], 2, "nobody: gear 1"),
     (["--fail", "fault"], 1, "unexpected KeyError: 'oops' (a fault in exactarm; --debug prints the traceback)"),
     (["--seed", "-3"], 2, "argument --seed: -3 is negative, expected 0 or more (see exactarm weigh --help)"),
     (["--threads", "two"], 2, "argument --threads: invalid whole number value: 'two' (see exactarm weigh --help)"),

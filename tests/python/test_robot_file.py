@@ -22,7 +22,7 @@ many = settings(max_examples=80, deadline=None, suppress_health_check=[HealthChe
 def same(left, right) -> bool:
     """Equal to the last bit, arrays and nested dataclasses included."""
     if dataclasses.is_dataclass(left):
-        names = [item.name for item in dataclasses.fields(left)]
+        names = [item.name for item in dataclasses.fields(left) if item.compare]
         return type(left) is type(right) and all(same(getattr(left, n), getattr(right, n)) for n in names)
     if isinstance(left, np.ndarray):
         return left.shape == right.shape and left.tobytes() == right.tobytes()

@@ -22,7 +22,7 @@ def add_files(parser: argparse.ArgumentParser, least: int = 1, text: str = "meas
 def add_common(parser: argparse.ArgumentParser) -> None:
     """What every command has; added by the command line itself."""
     group = parser.add_argument_group("common options")
-    group.add_argument("--out", metavar="DIR", type=Path, required=True, help="folder for all results (made if missing)")
+    group.add_argument("--out", metavar="DIR", type=_folder, required=True, help="folder for all results (made if missing)")
     group.add_argument("--seed", metavar="N", type=_whole_number, default=DEFAULT_SEED,
                        help="makes every random choice repeatable (default %(default)s)")
     group.add_argument("--threads", metavar="N", type=_positive, default=_available_cores(),
@@ -35,6 +35,13 @@ def add_common(parser: argparse.ArgumentParser) -> None:
 
 def _available_cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _folder(text: str) -> Path:
+    """An empty name would be the working folder, which nobody who wrote --out "$UNSET" meant."""
+    if not text.strip():
+        raise argparse.ArgumentTypeError("is empty, expected a folder")
+    return Path(text)
 
 
 def _whole_number(text: str) -> int:

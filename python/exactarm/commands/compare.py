@@ -79,7 +79,7 @@ def run(arguments: argparse.Namespace, robot: Robot) -> CommandResult:
     path = replace(load_path(arguments.compare), gear_direction=arguments.gear_direction)
     path = path if arguments.rate is None else replace(path, rate_hz=arguments.rate)
     if not is_elastic(robot):
-        raise InputError(f"robot {robot.name}: --compare expects a spring on every axis and link masses")
+        raise InputError(f"robot {robot.name}: --compare expects a spring on every axis and link masses", file=robot.file)
     random = np.random.default_rng(arguments.seed)
     deviation = DEVIATION if arguments.deviation is None else arguments.deviation
     known = one_sided(deviated(robot, deviation, random, frames=False) if deviation else robot, arguments.gear_direction)

@@ -1,16 +1,20 @@
 """The folder of results: every file whole or absent, `result.json` last.
 
 Files are written into DIR/.partial, then renamed into place. A `result.json` of an earlier run is removed
-before the work begins, so that a run that was killed leaves none.
+before the work begins, so that a run that was killed leaves none. A folder has one owner at a time: a second run
+is refused by a lock on the folder itself, which ends with the process that holds it, however that ends.
+`result.json` names the run (`run`) and the files that belong to it with their SHA-256 (`files`).
 """
 
 from __future__ import annotations
 
+import fcntl
 import hashlib
 import json
 import math
 import os
 import shutil
+import uuid
 from pathlib import Path
 from typing import Any, Iterable, Mapping, Sequence
 
@@ -29,19 +33,38 @@ class OutputFolder:
 
     def __init__(self, path: Path):
         self.path, self._partial = Path(path), Path(path) / PARTIAL
+        self.run, self._owned = uuid.uuid4().hex, -1
 
     def __enter__(self) -> "OutputFolder":
         try:
             self.path.mkdir(parents=True, exist_ok=True)
+            self._lock()
             (self.path / RESULT).unlink(missing_ok=True)
             shutil.rmtree(self._partial, ignore_errors=True)
             self._partial.mkdir()
         except OSError as error:
+            self._unlock()
             raise InputError(f"cannot write here ({error.strerror}), expected a folder", file=self.path) from error
         return self
 
     def __exit__(self, *_: object) -> None:
         shutil.rmtree(self._partial, ignore_errors=True)
+        self._unlock()
+
+    def _lock(self) -> None:
+        self._owned = os.open(self.path, os.O_RDONLY | os.O_DIRECTORY)
+        try:
+            fcntl.flock(self._owned, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            self._unlock()
+            raise InputError("another run is writing here; expected a folder of its own", file=self.path) from None
+        except OSError:  # a file system without locks: two runs at once then show in the hashes of `files`
+            pass
+
+    def _unlock(self) -> None:
+        if self._owned >= 0:
+            os.close(self._owned)
+            self._owned = -1
 
     def place(self, name: str) -> Path:
         """Where to write the file `name` before it is published."""
@@ -50,7 +73,7 @@ class OutputFolder:
         return path
 
     def write_text(self, name: str, text: str) -> None:
-        self.place(name).write_text(text, encoding="utf-8")
+        self.place(name).write_text(text, encoding="utf-8", errors="backslashreplace")
 
     def write_table(self, name: str, columns: Mapping[str, Sequence]) -> None:
         """Columns (N,) as .csv (round-trip digits, missing values empty) or .parquet."""
@@ -69,17 +92,25 @@ class OutputFolder:
             file.write(content)
 
     def write_result(self, result: Mapping[str, Any]) -> None:
-        self.write_text(RESULT, json.dumps(plain(result), indent=1, allow_nan=False, ensure_ascii=False) + "\n")
+        """`result` with the run's id and the files that belong to it; it is published last."""
+        own = {"run": self.run, "files": {str(name): _sha256(self._partial / name) for name in self._names()}}
+        self.write_text(RESULT, json.dumps(plain(dict(result) | own), indent=1, allow_nan=False, ensure_ascii=False) + "\n")
 
-    def publish(self) -> list[Path]:
-        """Renames all files into place, `result.json` last. Returns their paths."""
-        names = [path.relative_to(self._partial) for path in sorted(self._partial.rglob("*")) if path.is_file()]
-        names.sort(key=lambda name: name == Path(RESULT))
+    def publish(self, inputs: Iterable[Any] = ()) -> list[Path]:
+        """Renames all files into place, `result.json` last, over none of the files that the run has read. Returns their paths."""
+        read = {Path(path).resolve() for path in inputs}
+        for name in self._names():
+            if (self.path / name).resolve() in read:
+                raise InputError("would be overwritten by the result of the same name; expected another --out", file=self.path / name)
+        names = sorted(self._names(), key=lambda name: name == Path(RESULT))
         for name in names:
             target = self.path / name
             target.parent.mkdir(parents=True, exist_ok=True)
             os.replace(self._partial / name, target)
         return [self.path / name for name in names]
+
+    def _names(self) -> list[Path]:
+        return [path.relative_to(self._partial) for path in sorted(self._partial.rglob("*")) if path.is_file()]
 
 
 def _cells(values: Sequence) -> pa.Array:

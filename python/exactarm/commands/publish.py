@@ -34,7 +34,7 @@ def publish(command: str, arguments: argparse.Namespace, result: CommandResult, 
     name = getattr(arguments, "robot", None)
     read = [*([name] if name else []), *(getattr(arguments, "files", None) or []), *result.inputs]
     inputs = describe_inputs(read)
-    report = replace(result.report, details=_details(command, name, inputs, arguments.seed))
+    report = replace(result.report, details=_details(command, name, inputs, arguments.seed) | {"run": folder.run})
     for file, columns in result.tables.items():
         folder.write_table(file, columns)
     for file, text in result.texts.items():
@@ -54,7 +54,7 @@ def publish(command: str, arguments: argparse.Namespace, result: CommandResult, 
     }
     json = plain(common | dict(result.json))
     folder.write_result(json)
-    folder.publish()
+    folder.publish(read)
     text = render_text(report) + f"\n{folder.path}/report.html  ({seconds:.1f} s)\n"
     return Published(result, json, report, text)
 
@@ -76,6 +76,7 @@ def _write_robot(robot: Robot, command: str, inputs: list[dict[str, Any]], folde
         "command": command,
         "exactarm": exactarm.__version__,
         "date": datetime.now(timezone.utc).isoformat(timespec="seconds"),
+        "run": folder.run,
         "data": [{"file": entry["file"], "sha256": entry["sha256"]} for entry in inputs if entry["rows"] is not None],
     }
     earlier = {key: value for key, value in robot.record.items() if key in made or key == "previous"}

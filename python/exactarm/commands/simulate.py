@@ -122,15 +122,15 @@ def _require_comparison(arguments: argparse.Namespace, robot: Robot) -> None:
         raise InputError("--engine pinocchio knows neither hidden effects nor damping: expected no --effect and no --damping")
     _require_numbers(arguments)
     if not robot.has_geometry:
-        raise InputError(f"robot {robot.name} declares no geometry; expected one for a path")
+        raise InputError(f"robot {robot.name} declares no geometry; expected one for a path", file=robot.file)
 
 
 def _require(arguments: argparse.Namespace, robot: Robot, measure: str, planned: Dataset | None) -> None:
     _require_numbers(arguments)
     if measure in ("poses", "tracked") and not robot.has_geometry:
-        raise InputError(f"robot {robot.name} declares no geometry; expected one for measured positions")
+        raise InputError(f"robot {robot.name} declares no geometry; expected one for measured positions", file=robot.file)
     if measure == "motion" and robot.links is None:
-        raise InputError(f"robot {robot.name} declares no link masses; expected them for a motion")
+        raise InputError(f"robot {robot.name} declares no link masses; expected them for a motion", file=robot.file)
     if measure == "tracked" and (planned is None or planned.time is None):
         raise InputError("tracked motion: expected a trajectory.csv with time_s and theta_i_rad")
 
@@ -182,7 +182,7 @@ def _gear(arguments, virtual: VirtualRobot, planned, random) -> _Played:
     robot = virtual.nominal
     axes = [i for i, joint in enumerate(robot.joints) if joint.has_gear]
     if not axes:
-        raise InputError(f"robot {robot.name} declares no gear ratio; expected one for a gear run")
+        raise InputError(f"robot {robot.name} declares no gear ratio; expected one for a gear run", file=robot.file)
     if arguments.joint:
         wrong = [axis for axis in arguments.joint if axis - 1 not in axes]
         if wrong:

@@ -61,7 +61,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> CommandResult:
     robot = load_robot(arguments.robot)
     if not is_elastic(robot):
-        raise InputError(f"robot {robot.name}: a study expects a spring on every axis and link masses")
+        raise InputError(f"robot {robot.name}: a study expects a spring on every axis and link masses", file=robot.file)
     weights = _weights(arguments.nu)
     paths = [_path(name, arguments.rate) for name in arguments.paths]
     if len({path.name for path in paths}) < len(paths):

@@ -21,7 +21,7 @@ def compliance_layout(robot: Robot, data: Dataset, axes: Sequence[int] | None = 
     if axes is None:
         axes = _loaded_axes(robot, data)
     elif robot.links is None and axes:
-        raise InputError(f"robot {robot.name}: compliance needs declared link masses")
+        raise InputError(f"robot {robot.name}: compliance needs declared link masses", file=robot.file)
     return Layout.of(tuple(JointCompliance.none_of(robot, axis - 1) for axis in axes if axis not in carried))
 
 

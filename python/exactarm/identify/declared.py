@@ -23,7 +23,7 @@ from exactarm.robot import Robot
 
 def require_geometry(robot: Robot) -> None:
     if not robot.has_geometry:
-        raise InputError(f"robot {robot.name}: expected a declared geometry, found drives only")
+        raise InputError(f"robot {robot.name}: expected a declared geometry, found drives only", file=robot.file)
 
 
 def carried_layout(robot: Robot, data: Dataset, kind: str = "poses") -> Layout:

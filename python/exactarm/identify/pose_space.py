@@ -51,7 +51,7 @@ class PoseSpace:
         for number, joint in enumerate(robot.joints, 1):
             if joint.q_min is None or joint.q_max is None:
                 if joint.type == "prismatic":
-                    raise InputError(f"robot {robot.name}: axis {number} slides and needs q_min_m and q_max_m")
+                    raise InputError(f"robot {robot.name}: axis {number} slides and needs q_min_m and q_max_m", file=robot.file)
                 assumed.append(number)
             bounds.append((-np.pi if joint.q_min is None else joint.q_min, np.pi if joint.q_max is None else joint.q_max))
         lower, upper = np.array(bounds).T

@@ -5,7 +5,7 @@ A value that cannot be used is refused with one line that names the file, the ke
 
 from __future__ import annotations
 
-import tomllib
+import reprlib
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Callable
@@ -14,6 +14,7 @@ import numpy as np
 
 from exactarm.errors import InputError
 from exactarm.plan.reference import Curve, Line, Points, Reference, Spiral, sample_reference
+from exactarm.toml_file import fits_shape, is_number, read_toml
 
 SHIPPED = Path(__file__).parent.parent / "data" / "paths"
 MOST_SAMPLES = 2_000_000
@@ -60,13 +61,7 @@ def shipped_paths() -> tuple[str, ...]:
 def load_path(name_or_path: str | Path) -> PlannedPath:
     """The path of that shipped name, or of that `.toml` file."""
     file = SHIPPED / f"{name_or_path}.toml" if str(name_or_path) in shipped_paths() else Path(name_or_path)
-    try:
-        table = tomllib.loads(file.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        names = ", ".join(shipped_paths())
-        raise InputError(f"no such path; expected a .toml file or one of {names}", file=name_or_path) from None
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise InputError(f"is no valid path file: {error}", file=name_or_path) from None
+    table = read_toml(file, f"a path file (.toml) or one of {', '.join(shipped_paths())}")
     return _Reader(name_or_path, table).path(file.stem)
 
 
@@ -77,7 +72,7 @@ class _Reader:
         self.file, self.table = file, table
 
     def refuse(self, key: str, expected: str) -> InputError:
-        found = f"found {self.table[key]!r}" if key in self.table else "is missing"
+        found = f"found {reprlib.repr(self.table[key])}" if key in self.table else "is missing"
         return InputError(f"key {key}: {found}, expected {expected}", file=self.file)
 
     def path(self, name: str) -> PlannedPath:
@@ -87,7 +82,7 @@ class _Reader:
             "points": ({"points_m", "times_s"}, self._points),
         }
         kind = self.table.get("kind")
-        if kind not in kinds:
+        if not isinstance(kind, str) or kind not in kinds:
             raise self.refuse("kind", " or ".join(kinds))
         unknown = sorted(set(self.table) - COMMON - kinds[kind][0])
         if unknown:
@@ -108,21 +103,16 @@ class _Reader:
     def number(self, key: str, least: float | None = None, default: float | None = None) -> float:
         value = self.table.get(key, default)
         expected = "a number" if least is None else f"a number above {least:g}"
-        if isinstance(value, bool) or not isinstance(value, (int, float)) or not np.isfinite(value):
+        if not is_number(value) or not np.isfinite(value):
             raise self.refuse(key, expected)
         if least is not None and value <= least:
             raise self.refuse(key, expected)
         return float(value)
 
     def numbers(self, key: str, shape: tuple[int | None, ...], expected: str) -> np.ndarray:
-        try:
-            array = np.array(self.table[key], dtype=float)
-        except (KeyError, TypeError, ValueError):
-            raise self.refuse(key, expected) from None
-        fits = array.ndim == len(shape) and all(want in (None, have) for want, have in zip(shape, array.shape))
-        if not fits or not np.isfinite(array).all():
+        if not fits_shape(self.table.get(key), shape):
             raise self.refuse(key, expected)
-        return array
+        return np.array(self.table[key], dtype=float).reshape([-1 if size is None else size for size in shape])
 
     def _line(self) -> Line:
         three = "three coordinates in m"

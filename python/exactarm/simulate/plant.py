@@ -58,7 +58,7 @@ def is_elastic(robot: Robot) -> bool:
 def swing(robot: Robot, time: np.ndarray, output: np.ndarray, damping_s: float = 0.0) -> LinkMotion:
     """The links' motion at `time` (N,), the gears' outputs plus offsets being `output` (N, n) rad."""
     if not is_elastic(robot):
-        raise InputError(f"robot {robot.name}: expected a spring on every axis and link masses")
+        raise InputError(f"robot {robot.name}: expected a spring on every axis and link masses", file=robot.file)
     path = make_interp_spline(time, output, k=5)
     speed = path.derivative()
     springs = _Springs(robot, damping_s)

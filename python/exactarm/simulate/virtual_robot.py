@@ -109,7 +109,7 @@ def _link(link: Link, scale: float, random: np.random.Generator) -> Link:
 
 def parse_effect(text: str, axes: int) -> Effect:
     """An effect from words: `backlash joint=2 width_rad=4e-4`; numbers that are never estimated may be left out."""
-    name, *words = text.split()
+    name, *words = text.split() or [""]
     known = library()
     if name not in known or known[name].declared:
         names = ", ".join(key for key, cls in known.items() if not cls.declared)
