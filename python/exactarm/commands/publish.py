@@ -6,11 +6,13 @@ import argparse
 import time
 from dataclasses import dataclass, replace
 from datetime import datetime, timezone
-from typing import Any
+from pathlib import Path
+from typing import Any, Callable
 
 import exactarm
 from exactarm.commands.output import OutputFolder, describe_inputs, plain
 from exactarm.commands.result import CommandResult
+from exactarm.errors import ComputationError, InputError
 from exactarm.report.html import render_html
 from exactarm.report.plots.files import draw
 from exactarm.report.sections import Report
@@ -69,8 +71,8 @@ def _details(command: str, robot: str | None, inputs: list[dict[str, Any]], seed
 
 def _write_robot(robot: Robot, command: str, inputs: list[dict[str, Any]], folder: OutputFolder) -> None:
     """The robot file, with a record of which command made it, from which data and when."""
-    from exactarm.robot_file import write_robot
-    from exactarm.urdf import write_urdf
+    from exactarm.robot_file import read_robot, write_robot
+    from exactarm.urdf import read_urdf, write_urdf
 
     made = {
         "command": command,
@@ -83,5 +85,15 @@ def _write_robot(robot: Robot, command: str, inputs: list[dict[str, Any]], folde
     own = {key: value for key, value in robot.record.items() if key not in earlier}
     record = own | made | ({"previous": earlier} if earlier else {})
     write_robot(folder.place("robot.toml"), replace(robot, record=record))
+    _require_readable(read_robot, folder.place("robot.toml"))
     if robot.has_geometry:
         write_urdf(folder.place("robot.urdf"), robot)
+        _require_readable(read_urdf, folder.place("robot.urdf"))
+
+
+def _require_readable(read: Callable[[Path], Robot], path: Path) -> None:
+    """A run is done when our own reader takes what it wrote: a negative mass fits data, but no robot has one."""
+    try:
+        read(path)
+    except InputError as error:
+        raise ComputationError(f"the estimated robot is none, nothing was written: {error.message}") from None
