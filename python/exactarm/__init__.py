@@ -1,3 +1,79 @@
-"""exactarm: calibration, diagnosis and offline planning for serial industrial robots."""
+"""exactarm: calibration, diagnosis and offline planning for serial industrial robots.
+
+    import exactarm as ea
+
+    robot = ea.load_robot("ur10")                   # a shipped name, a .toml or a .urdf
+    result = ea.calibrate(robot, "poses.csv")       # and ea.diagnose, ea.identify, ea.gear, ea.plan, ea.design,
+    print(result)                                   # ea.simulate, ea.evaluate, ea.batch: as on the command line
+    better = result.robot
+    better.fk([0, -1.5, 1.5, 0, 1.5, 0])            # the pose at the angles that the controller shows
+
+Nothing is imported before it is used. A command that shares its name with a room of the package (`plan`, `diagnose`,
+`identify`, `simulate`, ...) is that package, and can be called.
+"""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from types import ModuleType
+from typing import Any
 
 __version__ = "0.1.0"
+
+COMMANDS = ("batch", "calibrate", "compensate", "design", "diagnose", "evaluate", "gear", "identify", "plan", "simulate")
+NAMES = {
+    "load_robot": "exactarm.robot_file", "write_robot": "exactarm.robot_file", "shipped_robots": "exactarm.robot_file",
+    "Robot": "exactarm.robot", "Joint": "exactarm.robot", "Link": "exactarm.robot", "Placement": "exactarm.robot",
+    "read": "exactarm.commands.call", "example": "exactarm.examples", "Dataset": "exactarm.dataset",
+    "write_dataset": "exactarm.dataset", "Result": "exactarm.commands.result",
+    "InputError": "exactarm.errors", "ComputationError": "exactarm.errors", "Progress": "exactarm.progress",
+}
+__all__ = [*NAMES, *COMMANDS]
+
+
+def _command(name: str) -> Any:
+    return getattr(importlib.import_module(f"exactarm.commands.{name}"), name)
+
+
+class _CallablePackage(ModuleType):
+    """A room of the package that is also the command of its name: `exactarm.plan(robot, path)`."""
+
+    def __call__(self, *values: Any, **options: Any) -> Any:
+        return _command(self.__name__.rpartition(".")[2])(*values, **options)
+
+    @property
+    def __signature__(self) -> Any:
+        import inspect
+
+        return inspect.signature(_command(self.__name__.rpartition(".")[2]))
+
+
+class _Package(ModuleType):
+    def __setattr__(self, name: str, value: Any) -> None:
+        if name in COMMANDS and type(value) is ModuleType:
+            value.__class__ = _CallablePackage
+        super().__setattr__(name, value)
+
+
+sys.modules[__name__].__class__ = _Package
+
+
+def __getattr__(name: str) -> Any:
+    if name in COMMANDS:
+        try:  # a room of that name is what `import exactarm.plan` gives too
+            return importlib.import_module(f"exactarm.{name}")
+        except ModuleNotFoundError as error:
+            if error.name != f"exactarm.{name}":
+                raise
+        try:
+            return _command(name)
+        except ModuleNotFoundError:
+            raise AttributeError(f"module 'exactarm' has no attribute {name!r}") from None
+    if name in NAMES:
+        return getattr(importlib.import_module(NAMES[name]), name)
+    raise AttributeError(f"module 'exactarm' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted({*__all__, "__version__"})

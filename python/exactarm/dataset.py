@@ -30,11 +30,11 @@ QUATERNION_NORM_TOLERANCE = 0.01  # three decimals per component pass, a wrong c
 
 @dataclass(frozen=True)
 class Source:
-    """One file that was read: as named by the user, SHA-256 of its bytes, data rows."""
+    """One file that was read: as named by the user, SHA-256 of its bytes, data rows (None: not a table)."""
 
     path: str
     sha256: str
-    rows: int
+    rows: int | None = None
 
 
 @dataclass(frozen=True)

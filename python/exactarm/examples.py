@@ -20,3 +20,9 @@ def data_path(name: str = "") -> Path:
         files = sorted(str(file.relative_to(EXAMPLES)) for file in EXAMPLES.rglob("*") if file.suffix in (".csv", ".parquet"))
         raise InputError(f"no shipped data named {name!r}; expected one of {', '.join(files)}")
     return path
+
+
+def example(name: str = "") -> Path:
+    """As `data_path`; a file may be named without its ending: "ur10/series_B"."""
+    found = sorted(EXAMPLES.glob(f"{name}.*")) if name and not (EXAMPLES / name).exists() else []
+    return found[0] if len(found) == 1 else data_path(name)

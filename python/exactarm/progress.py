@@ -45,7 +45,7 @@ class Progress:
 
     def close(self) -> None:
         """Clears the line of a terminal."""
-        if self._shown and self._terminal:
+        if self._shown and self._terminal and self._stream is not None:
             self._stream.write("\r\x1b[K")
             self._stream.flush()
         self._shown = False
@@ -56,12 +56,15 @@ class Progress:
             return
         self._said_at, self._shown = now, True
         line = self._line(note)
-        if self._terminal:
-            width = shutil.get_terminal_size().columns - 1
-            self._stream.write("\r\x1b[K" + line[:width])
-        else:
-            self._stream.write(line + "\n")
-        self._stream.flush()
+        try:
+            if self._terminal:
+                width = shutil.get_terminal_size().columns - 1
+                self._stream.write("\r\x1b[K" + line[:width])
+            else:
+                self._stream.write(line + "\n")
+            self._stream.flush()
+        except OSError:  # nobody can read it; the work goes on
+            self._stream = None
 
     def _line(self, note: str) -> str:
         count = ""

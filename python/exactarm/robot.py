@@ -15,20 +15,24 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from exactarm import _core
+from exactarm.value import Value
 
 if TYPE_CHECKING:
     from exactarm.effects.base import Effect
 
 GRAVITY_M_S2 = 9.81
+Point = Literal["flange", "target"]
+Frame = Literal["base", "device"]
 
 
-@dataclass(frozen=True)
-class GearTable:
+@dataclass(frozen=True, eq=False)
+class GearTable(Value):
     """Harmonics of u(phi) in one direction: order [cycles per output revolution], a, b (relative), each (m,)."""
 
     order: np.ndarray = field(default_factory=lambda: np.zeros(0))
@@ -41,8 +45,8 @@ class GearTable:
         return table
 
 
-@dataclass(frozen=True)
-class Joint:
+@dataclass(frozen=True, eq=False)
+class Joint(Value):
     """One axis: kind, geometry of its frame, gear, spring, drive, limits. None = not declared."""
 
     type: str = "revolute"
@@ -78,8 +82,8 @@ class Joint:
         return any(table is not None and table.order.size for table in (self.cw, self.ccw))
 
 
-@dataclass(frozen=True)
-class Link:
+@dataclass(frozen=True, eq=False)
+class Link(Value):
     """Mass properties of link i in DH frame i; inertia (3, 3) about the centre of mass."""
 
     mass: float
@@ -87,8 +91,8 @@ class Link:
     inertia: np.ndarray
 
 
-@dataclass(frozen=True)
-class Placement:
+@dataclass(frozen=True, eq=False)
+class Placement(Value):
     """Pose of one frame in another: rotation (3, 3), position (3,) in m."""
 
     rotation: np.ndarray = field(default_factory=lambda: np.eye(3))
@@ -97,9 +101,23 @@ class Placement:
     def core(self) -> _core.Pose:
         return _core.Pose(self.rotation, self.position)
 
+    @property
+    def matrix(self) -> np.ndarray:
+        """(4, 4), or (N, 4, 4) of a stack of poses: homogeneous matrix."""
+        rotation = np.asarray(self.rotation, float)
+        out = np.zeros((*rotation.shape[:-2], 4, 4))
+        out[..., :3, :3], out[..., :3, 3], out[..., 3, 3] = rotation, self.position, 1.0
+        return out
 
-@dataclass(frozen=True)
-class Robot:
+    @classmethod
+    def of_matrix(cls, matrix: np.ndarray) -> "Placement":
+        """The pose of a homogeneous matrix (4, 4)."""
+        matrix = np.asarray(matrix, float)
+        return cls(matrix[..., :3, :3], matrix[..., :3, 3])
+
+
+@dataclass(frozen=True, eq=False)
+class Robot(Value):
     """A robot: joints, links (None where no masses are declared), gravity, tool, effects, record.
 
     `has_geometry` is False for a robot of which only the drives are known. `effects` are the causes
@@ -155,6 +173,56 @@ class Robot:
     def core(self) -> _core.Robot:
         """The compiled core's robot, built once."""
         return _build_core(self)
+
+    # -- at the angles that the controller reports (chain/controller.py) ---------------------------------
+    def fk(self, q: ArrayLike, *, of: Point = "flange", seen_from: Frame = "base") -> Placement:
+        """Pose at the controller's angles q (n,) or (N, n), rad: of the flange or the target, in base or device frame.
+
+        Calibrated offsets, gears, springs and found effects are in it: the pose that the real arm takes.
+
+            >>> import exactarm as ea
+            >>> pose = ea.load_robot("ur10").fk([0.0, -1.5, 1.5, 0.0, 1.5, 0.0])
+            >>> pose.position.round(3).tolist()
+            [-0.708, -0.17, 0.622]
+        """
+        from exactarm.chain import controller
+
+        rows = np.atleast_2d(np.asarray(q, float))
+        position, rotation = controller.forward(self, rows, of, seen_from)
+        return Placement(rotation, position) if np.ndim(q) == 2 else Placement(rotation[0], position[0])
+
+    def ik(self, pose: Placement | ArrayLike, *, start: ArrayLike | None = None, of: Point = "flange",
+           seen_from: Frame = "base") -> np.ndarray:
+        """(n,) controller's angles that put the real arm at the pose (a Placement or a 4 x 4 matrix).
+
+        `start`: angles (n,) nearby, to choose a branch; default: the branch nearest to the middle of the limits.
+
+            >>> import exactarm as ea, numpy as np
+            >>> robot, q = ea.load_robot("ur10"), np.array([0.0, -1.5, 1.5, 0.0, 1.5, 0.0])
+            >>> bool(np.allclose(robot.ik(robot.fk(q), start=q + 0.1), q))
+            True
+        """
+        from exactarm.chain import controller
+
+        goal = pose if isinstance(pose, Placement) else Placement.of_matrix(np.asarray(pose))
+        near = None if start is None else np.asarray(start, float)
+        return controller.inverse(self, goal.position, goal.rotation, near, of, seen_from)
+
+    def jacobian(self, q: ArrayLike, *, of: Point = "flange", seen_from: Frame = "base") -> np.ndarray:
+        """(6, n) or (N, 6, n): change of position (m) and orientation (rad) with the controller's angles."""
+        from exactarm.chain import controller
+
+        found = controller.jacobian(self, np.atleast_2d(np.asarray(q, float)), of, seen_from)
+        return found if np.ndim(q) == 2 else found[0]
+
+    def inverse_dynamics(self, q: ArrayLike, q_dot: ArrayLike | None = None, q_ddot: ArrayLike | None = None) -> np.ndarray:
+        """(n,) or (N, n) joint torques in Nm without friction, at the controller's angles; gravity alone without rates."""
+        from exactarm.chain import controller
+
+        rows = np.atleast_2d(np.asarray(q, float))
+        rates = [np.zeros_like(rows) if each is None else np.atleast_2d(np.asarray(each, float)) for each in (q_dot, q_ddot)]
+        found = controller.inverse_dynamics(self, rows, *rates)
+        return found if np.ndim(q) == 2 else found[0]
 
 
 def _build_core(robot: Robot) -> _core.Robot:

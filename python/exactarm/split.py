@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from exactarm.dataset import Dataset
 
 SAME_POSE = 3e-5  # of an axis' range (about 1e-4 rad): an arm sent to one pose twice reports no more than this
+DEFAULT_SEED = 1  # of every random choice, in Python and on the command line alike
 STANDS_STILL = 0.02  # an axis moves when its range is more than this share of the largest
 
 

@@ -113,7 +113,7 @@ def test_quiet_prints_nothing(package, tmp_path, capsys):
     (["--fail", "fault"], 1, "unexpected KeyError: 'oops' (a fault in exactarm; --debug prints the traceback)"),
     (["--seed", "-3"], 2, "argument --seed: -3 is negative, expected 0 or more (see exactarm weigh --help)"),
     (["--threads", "two"], 2, "argument --threads: invalid whole number value: 'two' (see exactarm weigh --help)"),
-    (["--treads", "2"], 2, "unrecognized arguments: --treads 2 (see exactarm weigh --help)"),
+    (["--treads", "2"], 2, "unrecognized arguments: --treads 2; did you mean --threads? (see exactarm weigh --help)"),
 ])
 def test_an_error_is_one_line_and_leaves_no_result(package, tmp_path, capsys, words, code, line):
     out = tmp_path / "out"

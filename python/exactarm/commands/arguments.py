@@ -6,7 +6,7 @@ import argparse
 import os
 from pathlib import Path
 
-DEFAULT_SEED = 1
+from exactarm.split import DEFAULT_SEED
 
 
 def add_robot(parser: argparse.ArgumentParser) -> None:
@@ -14,9 +14,13 @@ def add_robot(parser: argparse.ArgumentParser) -> None:
 
 
 def add_files(parser: argparse.ArgumentParser, least: int = 1, text: str = "measured data (.csv, .parquet)") -> None:
-    """FILES: at least one, or any number with `least` = 0. They are recorded as the inputs of the run."""
+    """FILES: at least one, measured, of a kind that --kind may name; or any number with `least` = 0. They are recorded
+    as the inputs of the run."""
     optional = {} if least else {"default": []}
     parser.add_argument("files", metavar="FILE", nargs="+" if least else "*", type=Path, help=text, **optional)
+    if least:
+        parser.add_argument("--kind", choices=("poses", "gear_run", "motion", "tracked_motion"),
+                            help="kind of data (default: told by the columns)")
 
 
 def add_common(parser: argparse.ArgumentParser) -> None:
@@ -25,15 +29,14 @@ def add_common(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--out", metavar="DIR", type=_folder, required=True, help="folder for all results (made if missing)")
     group.add_argument("--seed", metavar="N", type=_whole_number, default=DEFAULT_SEED,
                        help="makes every random choice repeatable (default %(default)s)")
-    group.add_argument("--threads", metavar="N", type=_positive, default=_available_cores(),
+    group.add_argument("--threads", metavar="N", type=_positive, default=available_cores(),
                        help="most threads to use (default: all cores, here %(default)s)")
-    group.add_argument("--kind", choices=("poses", "gear_run", "motion", "tracked_motion"),
-                       help="kind of data (default: told by the columns)")
     group.add_argument("--quiet", action="store_true", help="print nothing but errors")
     group.add_argument("--debug", action="store_true", help="print the traceback of an error")
 
 
-def _available_cores() -> int:
+def available_cores() -> int:
+    """Cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 

@@ -3,21 +3,27 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
+from functools import partial
+from typing import Literal
 
 import numpy as np
 
 from exactarm.commands.arguments import add_files, add_robot
+from exactarm.commands.call import AnyData, AnyRobot, asked, data_of, robot_of, threads_of
 from exactarm.commands.error_sections import error_figures, error_table, highlights, parameter_table, unit_of
 from exactarm.commands.result import CommandResult, estimate
-from exactarm.dataset import Dataset, read_dataset
+from exactarm.dataset import Dataset
 from exactarm.errors import InputError
-from exactarm.identify.calibrate import Calibration, CalibrationOptions, calibrate
+from exactarm.identify.calibrate import Calibration, CalibrationOptions
+from exactarm.identify.calibrate import calibrate as identify_geometry
 from exactarm.identify.declared import geometry_layout
+from exactarm.progress import SILENT, Progress
 from exactarm.report import Estimate, Figure, Report, Table, Warnings
 from exactarm.report.numbers import quantity
 from exactarm.report.plots.parameters import parameter_forest
 from exactarm.robot import Robot
-from exactarm.robot_file import load_robot
+from exactarm.split import DEFAULT_SEED
 
 NAME = "calibrate"
 HELP = "identify the geometry (and joint compliance) from measured poses"
@@ -33,23 +39,49 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--robust", action="store_true", help="Huber's loss: gross errors weigh less")
 
 
-def run(arguments: argparse.Namespace) -> CommandResult:
-    robot = load_robot(arguments.robot)
-    data = require_poses(read_dataset(arguments.files, robot, arguments.kind))
+def calibrate(
+    robot: AnyRobot, data: AnyData, *, use: Literal["auto", "position", "pose"] = "auto",
+    compliance: Sequence[int] | None = None, robust: bool = False, seed: int = DEFAULT_SEED, threads: int | None = None,
+    kind: str | None = None, progress: Progress = SILENT,
+) -> CommandResult:
+    """Identifies geometry, joint offsets, gear ratios and joint springs from measured poses.
+
+    use: positions alone, or orientations too ("auto": what was measured). compliance: axes from 1 whose spring is
+    estimated (None: those under load). robust: Huber's loss. threads: None is all cores.
+
+        >>> import exactarm as ea
+        >>> result = ea.calibrate("ur10", ea.example("ur10/series_B"), compliance=())
+        >>> 0.3e-3 < result.after["validation"].mean < 0.5e-3 < result.before["validation"].mean
+        True
+    """
+    given = {"use": use, "compliance": compliance, "robust": robust}
+    declared = robot_of(robot)
+    rows = require_poses(data_of(data, declared, kind))
+    wrong = [axis for axis in compliance or () if not 1 <= axis <= declared.axes]
+    if wrong:
+        raise InputError(f"compliance: axis {wrong[0]} does not exist, expected 1 to {declared.axes}")
     options = CalibrationOptions(
-        orientation={"auto": None, "position": False, "pose": True}[arguments.use],
-        compliance=_axes(arguments.compliance, robot),
-        robust=arguments.robust,
-        seed=arguments.seed,
-        threads=arguments.threads,
+        orientation={"auto": None, "position": False, "pose": True}[use],
+        compliance=None if compliance is None else tuple(compliance),
+        robust=robust,
+        seed=seed,
+        threads=threads_of(threads),
     )
-    arguments.progress.stage("calibrating")
-    result = calibrate(robot, data, options)
+    progress.stage("calibrating")
+    result = identify_geometry(declared, rows, options)
     return CommandResult(
         json=_json(result),
-        report=_report(robot, data, result, data.split_rule()),
+        report=_report(declared, rows, result, rows.split_rule()),
         robot=result.robot,
-        tables={"residuals.csv": residual_table(data, result.identification, result.error_before, result.residual_after)},
+        tables={"residuals.csv": residual_table(rows, result.identification, result.error_before, result.residual_after)},
+        asked=asked("calibrate", robot, rows, seed, given, {"use": "auto", "compliance": None, "robust": False}),
+    )
+
+
+def run(arguments: argparse.Namespace) -> CommandResult:
+    return calibrate(
+        arguments.robot, arguments.files, use=arguments.use, compliance=_axes(arguments.compliance), robust=arguments.robust,
+        seed=arguments.seed, threads=arguments.threads, kind=arguments.kind, progress=arguments.progress,
     )
 
 
@@ -61,19 +93,15 @@ def require_poses(data: Dataset) -> Dataset:
     return data
 
 
-def _axes(text: str, robot: Robot) -> tuple[int, ...] | None:
+def _axes(text: str) -> tuple[int, ...] | None:
     if text == "auto":
         return None
     if text == "none":
         return ()
     try:
-        axes = tuple(int(part) for part in text.split(","))
+        return tuple(int(part) for part in text.split(","))
     except ValueError:
         raise InputError(f"--compliance {text}: expected axes as 2,3 or none or auto") from None
-    wrong = [axis for axis in axes if not 1 <= axis <= robot.axes]
-    if wrong:
-        raise InputError(f"--compliance: axis {wrong[0]} does not exist, expected 1 to {robot.axes}")
-    return axes
 
 
 def _json(result: Calibration) -> dict:
@@ -147,7 +175,7 @@ def _parameter_sections(robot: Robot, result: Calibration) -> tuple:
     table = parameter_table(names, start, x, intervals, units, result.fit.fit.at_bound[~frame])
     figure = Figure(
         "parameters", "What changed",
-        lambda: parameter_forest(names, x - start, intervals[:, 0] - start, intervals[:, 1] - start, units),
+        partial(parameter_forest, names, x - start, intervals[:, 0] - start, intervals[:, 1] - start, units),
         "Change of each parameter from its declared value, with its 95 % interval.",
         "parameter changes with intervals",
     )

@@ -16,6 +16,7 @@ from __future__ import annotations
 import argparse
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
+from functools import partial
 
 import numpy as np
 from scipy.interpolate import make_interp_spline
@@ -190,7 +191,7 @@ def _report(robot: Robot, path: PlannedPath, played: list[Played], silent: str) 
               "Between knots the motors follow the quintic spline through the motor angles at the knots; "
               f"{BETWEEN - 1} instants between two knots." + agreement, len(rows) - 1),
         Figure("compare", "Error along the path",
-               lambda: curves(played[0].time,
+               partial(curves, played[0].time,
                               {_METHODS[m]: 1e6 * np.maximum(p.error, _LEAST_SHOWN_M) for m, p in first.items()},
                               name="error of the flange [µm]", log_y=True),
                "Distance of the flange from the path, at and between the knots; below 0.1 nm nothing is shown.",

@@ -3,18 +3,27 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+from typing import Literal
 
 import numpy as np
 
 from exactarm.commands.arguments import add_robot
-from exactarm.commands.planning_arguments import add_planning, box_of, clearance_of, target_hint, with_tool
+from exactarm.commands.call import AnyRobot, asked, robot_of, threads_of
+from exactarm.commands.planning_arguments import add_planning, box_of, clearance_of, target_hint, tool_of
 from exactarm.commands.result import CommandResult
 from exactarm.errors import InputError
 from exactarm.identify.design import Design, DesignOptions, design_poses
+from exactarm.identify.pose_space import Box
+from exactarm.progress import SILENT, Progress
 from exactarm.report import Figure, Quantity, Report, Section, Table, Text, Warnings
 from exactarm.report.numbers import number
-from exactarm.robot import Robot
-from exactarm.robot_file import load_robot
+from exactarm.report.plots.design import observability_over_steps
+from exactarm.report.plots.workspace import poses_view
+from exactarm.robot import Placement, Robot
+from exactarm.split import DEFAULT_SEED
 
 NAME = "design"
 HELP = "optimal measurement poses, and others to validate with"
@@ -28,26 +37,46 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_planning(parser)
 
 
-def run(arguments: argparse.Namespace) -> CommandResult:
-    robot = with_tool(load_robot(arguments.robot), arguments.tool)
-    if arguments.count < 1 or arguments.validation < 0:
+def design(
+    robot: AnyRobot, *, count: int = 50, validation: int = 13, tool_m: Sequence[float] | None = None,
+    frames: str = "both", use: Literal["position", "pose"] = "position", box: Box | None = None,
+    clearance_m: float | None = None, seed: int = DEFAULT_SEED, threads: int | None = None, progress: Progress = SILENT,
+) -> CommandResult:
+    """Measurement poses that show the parameters best, and others to validate with.
+
+    tool_m: target on the flange. frames: which frames are unknown ("both", "base", "tool", "none"). box, clearance_m: where
+    flange and target may be.
+
+        >>> import exactarm as ea
+        >>> len(ea.design("ur10", count=20, validation=5).to_dataframe())
+        25
+    """
+    given = {"count": count, "validation": validation, "tool_m": tool_m, "frames": frames, "use": use}
+    arm = robot_of(robot)
+    if tool_m is not None:
+        arm = replace(arm, tool=Placement(arm.tool.rotation, np.asarray(tool_m, float)))
+    if count < 1 or validation < 0:
         raise InputError("--count: expected 1 or more, --validation: 0 or more")
     options = DesignOptions(
-        count=arguments.count,
-        validation=arguments.validation,
-        box=box_of(arguments.box),
-        clearance=clearance_of(arguments.clearance),
-        frames=arguments.frames,
-        orientation=arguments.use == "pose",
-        seed=arguments.seed,
-        threads=arguments.threads,
+        count=count, validation=validation, box=box or Box(), clearance=clearance_of(clearance_m), frames=frames,
+        orientation=use == "pose", seed=seed, threads=threads_of(threads),
     )
-    arguments.progress.stage("designing")
-    design = design_poses(robot, options)
+    progress.stage("designing")
+    found = design_poses(arm, options)
+    defaults = {"validation": 13, "tool_m": None, "frames": "both", "use": "position"}
     return CommandResult(
-        json=_json(design),
-        report=_report(robot, design),
-        tables={"poses.csv": _pose_columns(robot, design)},
+        json=_json(found),
+        report=_report(arm, found),
+        tables={"poses.csv": _pose_columns(arm, found)},
+        asked=asked("design", robot, None, seed, given, defaults),
+    )
+
+
+def run(arguments: argparse.Namespace) -> CommandResult:
+    return design(
+        arguments.robot, count=arguments.count, validation=arguments.validation, tool_m=tool_of(arguments.tool),
+        frames=arguments.frames, use=arguments.use, box=box_of(arguments.box), clearance_m=arguments.clearance,
+        seed=arguments.seed, threads=arguments.threads, progress=arguments.progress,
     )
 
 
@@ -113,24 +142,17 @@ def _warnings(design: Design) -> tuple[str, ...]:
 
 
 def _history_figure(design: Design) -> Figure:
-    def build():
-        from exactarm.report.plots.design import observability_over_steps
-
-        return observability_over_steps(design.history, references={"after polishing": design.observability.O1})
-
-    return Figure("observability", "Observability over the exchange", build,
+    references = {"after polishing": design.observability.O1}
+    return Figure("observability", "Observability over the exchange",
+                  partial(observability_over_steps, design.history, references=references),
                   "O1 of the best set after each step: one pose added, one removed.", "O1 rising over the steps")
 
 
 def _pose_figure(design: Design) -> Figure:
-    def build():
-        from exactarm.report.plots.workspace import poses_view
-
-        q = np.concatenate([design.q, design.q_validation])
-        return poses_view(design.space.target(q), np.arange(len(q)) >= len(design.q))
-
-    return Figure("poses", "Where the target stands", build, "The target in the robot's base frame.",
-                  "Designed and validation poses from above and from the side")
+    q = np.concatenate([design.q, design.q_validation])
+    return Figure("poses", "Where the target stands",
+                  partial(poses_view, design.space.target(q), np.arange(len(q)) >= len(design.q)),
+                  "The target in the robot's base frame.", "Designed and validation poses from above and from the side")
 
 
 def _method(design: Design) -> Text:

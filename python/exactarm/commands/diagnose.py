@@ -8,13 +8,15 @@ from dataclasses import replace
 import numpy as np
 
 from exactarm.commands.arguments import add_files, add_robot
+from exactarm.commands.call import AnyData, AnyRobot, asked, data_of, robot_of, threads_of
 from exactarm.commands.diagnose_report import report_of
 from exactarm.commands.result import CommandResult, estimate
-from exactarm.dataset import read_dataset
-from exactarm.diagnose.diagnosis import UNEXPLAINED, Diagnosis, diagnose, remains
+from exactarm.diagnose.diagnosis import UNEXPLAINED, Diagnosis, remains
+from exactarm.diagnose.diagnosis import diagnose as find_causes
 from exactarm.errors import InputError
 from exactarm.identify.statistics import summarise
-from exactarm.robot_file import load_robot
+from exactarm.progress import SILENT, Progress
+from exactarm.split import DEFAULT_SEED
 
 NAME = "diagnose"
 HELP = "find what the model lacks: residual, cause, new effect, error before and after"
@@ -25,35 +27,49 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_files(parser)
 
 
-def run(arguments: argparse.Namespace) -> CommandResult:
-    robot = load_robot(arguments.robot)
-    data = read_dataset(arguments.files, robot, arguments.kind)
+def diagnose(
+    robot: AnyRobot, data: AnyData, *, seed: int = DEFAULT_SEED, threads: int | None = None, kind: str | None = None,
+    progress: Progress = SILENT,
+) -> CommandResult:
+    """Finds what the model lacks: the effects behind the residual, their size, certainty, and error before and after.
+
+        >>> import exactarm as ea
+        >>> made = ea.simulate("ur10", count=40, counts=0, noise=1e-5)
+        >>> ea.diagnose("ur10", made.data, threads=1)["verdict"]
+        'no_undeclared_effect'
+    """
+    declared = known = robot_of(robot)
+    rows = data_of(data, declared, kind)
     results, skipped = [], []
-    for kind in (data.kind,) if arguments.kind else data.kinds:
-        arguments.progress.stage(f"diagnosing {kind.replace('_', ' ')}")
+    for each in (rows.kind,) if kind else rows.kinds:
+        progress.stage(f"diagnosing {each.replace('_', ' ')}")
         try:
-            result = diagnose(
-                robot, replace(data, kind=kind), seed=arguments.seed, threads=arguments.threads,
-                progress=arguments.progress.stage,
-            )
+            result = find_causes(known, replace(rows, kind=each), seed=seed, threads=threads_of(threads),
+                                 progress=progress.stage)
         except InputError as error:
             # The same file may hold more than this robot's tables can judge, as torques of an arm without geometry.
             if not results:
                 raise
-            skipped.append(f"the file also holds {kind.replace('_', ' ')} data, which was not diagnosed: {error}")
+            skipped.append(f"the file also holds {each.replace('_', ' ')} data, which was not diagnosed: {error}")
             continue
         # What the first kind of data has found is part of the model that the next kind judges.
-        robot = result.robot
+        known = result.robot
         results.append(result)
     first = results[0]
     also = {"also": [_json(other) for other in results[1:]]} if len(results) > 1 else {}
     also |= {"skipped": skipped} if skipped else {}
     return CommandResult(
         json=_json(first) | also,
-        report=report_of(load_robot(arguments.robot), results, data.split_rule(), skipped),
-        robot=robot,
+        report=report_of(declared, results, rows.split_rule(), skipped),
+        robot=known,
         tables={"residuals.csv": _residuals(first)},
+        asked=asked("diagnose", robot, rows, seed, {"kind": kind}, {"kind": None}),
     )
+
+
+def run(arguments: argparse.Namespace) -> CommandResult:
+    return diagnose(arguments.robot, arguments.files, seed=arguments.seed, threads=arguments.threads, kind=arguments.kind,
+                    progress=arguments.progress)
 
 
 def _json(result: Diagnosis) -> dict:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from exactarm.commands.error_sections import error_figures, error_table, highlights, unit_of
@@ -107,7 +109,7 @@ def _residual_figure(result: Diagnosis, without: Fitted, effect: Effect, signal:
     name = f"residual as {direction}" if turn else f"residual, {direction}"
     return Figure(
         f"residual_{number}", f"What betrayed {effect.title}",
-        lambda: residual_over_signal(values, before, after, unit=unit, name=name, signal_name=signal,
+        partial(residual_over_signal, values, before, after, unit=unit, name=name, signal_name=signal,
                                      signal_unit=_SIGNAL_UNITS.get(signal.split()[0], "")),
         f"Residual of the identification rows as {direction}, over the {signal}, with all other effects in the model; "
         "before: without this one, after: with it.",
@@ -152,7 +154,7 @@ def _rivals(result: Diagnosis) -> list:
     chosen = [True] * len(result.findings) + [False] * len(result.alternatives)
     bars = Figure(
         "candidates", "What each candidate would leave",
-        lambda: candidate_bars(labels, values, result.unit, before=result.before[judged].rms,
+        partial(candidate_bars, labels, values, result.unit, before=result.before[judged].rms,
                                noise_floor=result.noise.value, chosen=chosen),
         "Effects that were added, one after another, and the runners-up in the place of one of them.",
         "bars of the remaining error by candidate",

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Mapping
 
 import numpy as np
 
 from exactarm.identify.statistics import ErrorSummary
 from exactarm.report import Estimate, Figure, Highlight, Highlights, Quantity, Table
-from exactarm.report.plots.errors import error_histogram, error_per_pose
+from exactarm.report.plots.errors import error_histogram, error_histogram_panel, error_per_pose, error_per_pose_panel
 
 SETS = ("identification", "validation")
 
@@ -46,12 +47,14 @@ def error_figures(
     which = f"{'validation' if validation.any() else 'identification'} {row}s"
     return (
         Figure("error_per_row", f"{name.capitalize()} of every {row}",
-               lambda: error_per_pose(before, after, validation, unit, name=name, row=row),
+               partial(error_per_pose, before, after, validation, unit, name=name, row=row),
                f"Validation {row}s are marked: nothing was chosen or fitted with them.",
-               f"{name} before and after against the {row} number"),
+               f"{name} before and after against the {row} number",
+               partial(error_per_pose_panel, before, after, validation, unit, name=name, row=row)),
         Figure("error_histogram", f"Distribution of the {name}",
-               lambda: error_histogram(before[shown], after[shown], unit, name=name, of=which),
-               f"Number of {which} by their error, before and after.", f"histogram of the {name}"),
+               partial(error_histogram, before[shown], after[shown], unit, name=name, of=which),
+               f"Number of {which} by their error, before and after.", f"histogram of the {name}",
+               partial(error_histogram_panel, before[shown], after[shown], unit, name=name, of=which)),
     )
 
 

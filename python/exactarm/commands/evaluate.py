@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import argparse
+from functools import partial
 
 import numpy as np
 
 from exactarm.commands.arguments import add_files, add_robot
+from exactarm.commands.call import AnyData, AnyRobot, asked, data_of, robot_of, threads_of
 from exactarm.commands.result import CommandResult
-from exactarm.dataset import Dataset, read_dataset
+from exactarm.dataset import Dataset
 from exactarm.errors import InputError
 from exactarm.identify.evaluate import EVALUATORS, Evaluation
+from exactarm.progress import SILENT, Progress
 from exactarm.report import Figure, Highlight, Highlights, Quantity, Report, Table, Warnings
 from exactarm.report.numbers import quantity
-from exactarm.report.plots.errors import error_histogram, error_per_pose
+from exactarm.report.plots.errors import error_histogram, error_histogram_panel, error_per_pose, error_per_pose_panel
 from exactarm.robot import Robot
-from exactarm.robot_file import load_robot
+from exactarm.split import DEFAULT_SEED
 
 NAME = "evaluate"
 HELP = "the error of a robot file, as it is, on data it has not seen"
@@ -26,15 +29,25 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_files(parser)
 
 
-def run(arguments: argparse.Namespace) -> CommandResult:
-    robot = load_robot(arguments.robot)
-    data = read_dataset(arguments.files, robot, arguments.kind)
-    if data.kind not in EVALUATORS:
-        raise InputError(f"evaluate judges {', '.join(EVALUATORS)}; found {data.kind}", file=arguments.files[0])
-    arguments.progress.stage("evaluating")
-    result = EVALUATORS[data.kind](robot, data, arguments.seed, arguments.threads)
-    files = [source.path for source in data.sources]
-    columns = {"file": [files[i] for i in data.file_index], "row": data.row, "session": data.session}
+def evaluate(
+    robot: AnyRobot, data: AnyData, *, seed: int = DEFAULT_SEED, threads: int | None = None, kind: str | None = None,
+    progress: Progress = SILENT,
+) -> CommandResult:
+    """The error of a robot as it is: only what belongs to the set-up (frames, sensor alignment) is fitted.
+
+        >>> import exactarm as ea
+        >>> result = ea.evaluate("ur10", ea.example("ur10/series_B"))
+        >>> bool(result["error"]["mean"] > 0.5e-3)
+        True
+    """
+    declared = robot_of(robot)
+    rows = data_of(data, declared, kind)
+    if rows.kind not in EVALUATORS:
+        raise InputError(f"evaluate judges {', '.join(EVALUATORS)}; found {rows.kind}", file=rows.first_file)
+    progress.stage("evaluating")
+    result = EVALUATORS[rows.kind](declared, rows, seed, threads_of(threads))
+    files = [source.path for source in rows.sources] or [""]
+    columns = {"file": [files[i] for i in rows.file_index], "row": rows.row, "session": rows.session}
     columns[f"error_{result.unit.replace('/', '_')}"] = result.error
     columns |= {name: result.residual[:, k] for k, name in enumerate(result.columns)}
     return CommandResult(
@@ -44,9 +57,15 @@ def run(arguments: argparse.Namespace) -> CommandResult:
             "sessions": [{"session": session} | summary.to_json() for session, summary in result.sessions],
             "warnings": list(result.warnings),
         },
-        report=_report(robot, data, result),
+        report=_report(declared, rows, result),
         tables={"residuals.csv": columns},
+        asked=asked("evaluate", robot, rows, seed, {}),
     )
+
+
+def run(arguments: argparse.Namespace) -> CommandResult:
+    return evaluate(arguments.robot, arguments.files, seed=arguments.seed, threads=arguments.threads, kind=arguments.kind,
+                    progress=arguments.progress)
 
 
 def _report(robot: Robot, data: Dataset, result: Evaluation) -> Report:
@@ -68,10 +87,12 @@ def _report(robot: Robot, data: Dataset, result: Evaluation) -> Report:
         )),
         Table("By session", ("session", "rows", "mean", "RMS", "maximum", "std. dev."), rows),
         Figure("error_per_row", f"{name.capitalize()} of every row",
-               lambda: error_per_pose(result.error, result.error, none, unit, name=name),
-               "No row was used to fit the robot.", f"{name} against the row"),
+               partial(error_per_pose, result.error, result.error, none, unit, name=name),
+               "No row was used to fit the robot.", f"{name} against the row",
+               partial(error_per_pose_panel, result.error, result.error, none, unit, name=name)),
         Figure("error_histogram", f"Distribution of the {name}",
-               lambda: error_histogram(result.error, result.error, unit, name=name, of="rows"),
-               "Number of rows by their error.", f"histogram of the {name}"),
+               partial(error_histogram, result.error, result.error, unit, name=name, of="rows"),
+               "Number of rows by their error.", f"histogram of the {name}",
+               partial(error_histogram_panel, result.error, result.error, unit, name=name, of="rows")),
         Warnings(result.warnings),
     ))

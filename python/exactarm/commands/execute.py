@@ -3,31 +3,55 @@
 from __future__ import annotations
 
 import argparse
+import difflib
+import shlex
 import time
+from dataclasses import replace
 from typing import Any, NoReturn, Sequence
 
 from exactarm._core import InvalidArgument
 from exactarm.commands.arguments import add_common
 from exactarm.commands.output import OutputFolder
-from exactarm.commands.publish import Published, publish
+from exactarm.commands.publish import Published, publish, sources
+from exactarm.commands.result import Asked, CommandResult
 from exactarm.errors import InputError
 from exactarm.progress import Progress
 
 
 class _Parser(argparse.ArgumentParser):
-    """Reports a wrong argument as any other bad input: one line, exit 2."""
+    """Reports a wrong argument as any other bad input: one line, exit 2, with the option that was meant."""
 
     def error(self, message: str) -> NoReturn:
-        raise InputError(f"{message} (see {self.prog} --help)")
+        raise InputError(f"{message}{self._meant(message)} (see {self.prog} --help)")
+
+    def _meant(self, message: str) -> str:
+        head, _, words = message.partition("unrecognized arguments: ")
+        wrong = next((word.partition("=")[0] for word in words.split() if word.startswith("--")), "") if not head else ""
+        close = difflib.get_close_matches(wrong, self._option_string_actions, n=1) if wrong else []
+        return f"; did you mean {close[0]}?" if close else ""
+
+
+def parser_of(module: Any) -> argparse.ArgumentParser:
+    """The parser of a command."""
+    parser = _Parser(prog=f"exactarm {module.NAME}", description=module.HELP, allow_abbrev=False)
+    module.add_arguments(parser)
+    add_common(parser)
+    return parser
 
 
 def parse(module: Any, words: Sequence[str]) -> argparse.Namespace:
     """The arguments of a command from its words (without its name)."""
     _require_text(words)
-    parser = _Parser(prog=f"exactarm {module.NAME}", description=module.HELP, allow_abbrev=False)
-    module.add_arguments(parser)
-    add_common(parser)
-    return parser.parse_intermixed_args(list(words))
+    arguments = parser_of(module).parse_intermixed_args(list(words))
+    arguments.line = shlex.join(["exactarm", module.NAME, *_open(words, getattr(module, "HIDDEN_OPTIONS", ()))])
+    return arguments
+
+
+def _open(words: Sequence[str], hidden: Sequence[str]) -> list[str]:
+    """The words of a command line without the values of options that a result must not tell."""
+    after = ("", *words)
+    return ["..." if before in hidden else next((f"{name}=..." for name in hidden if word.startswith(f"{name}=")), word)
+            for before, word in zip(after, words)]
 
 
 def _require_text(words: Sequence[str]) -> None:
@@ -48,7 +72,7 @@ def _main_input(arguments: argparse.Namespace) -> Any:
     return next(iter(files), None) or getattr(arguments, "path", None) or getattr(arguments, "robot", None)
 
 
-def execute(module: Any, arguments: argparse.Namespace, progress: Progress) -> Published:
+def execute(module: Any, arguments: argparse.Namespace, progress: Progress, width: int | None = None) -> Published:
     """Does the work and writes all results; on any failure nothing is left half written."""
     arguments.progress = progress
     started = time.perf_counter()
@@ -59,6 +83,17 @@ def execute(module: Any, arguments: argparse.Namespace, progress: Progress) -> P
             raise error.within(_main_input(arguments)) from error
         except InvalidArgument as error:
             raise InputError(str(error)).within(_main_input(arguments)) from error
-        published = publish(module.NAME, arguments, result, folder, started)
+        result = replace(result, asked=_asked(module.NAME, arguments, result))
+        published = publish(result, folder, started, progress, width)
     progress.close()
     return published
+
+
+def _asked(command: str, arguments: argparse.Namespace, result: CommandResult) -> Asked:
+    """The words of the command line in place of the Python call."""
+    robot = getattr(arguments, "robot", None)
+    known = result.asked.files if result.asked else ()
+    read = [*([robot] if robot else []), *(getattr(arguments, "files", None) or [])]
+    named = {source.path: source for source in (*known, *sources(read, known))}
+    files = tuple(named.pop(path) for path in dict.fromkeys(map(str, read)) if path in named) + tuple(named.values())
+    return Asked(command, arguments.line, robot, files, arguments.seed)

@@ -7,13 +7,14 @@ import argparse
 import numpy as np
 
 from exactarm.commands.arguments import add_files, add_robot
+from exactarm.commands.call import AnyData, AnyRobot, asked, data_of, robot_of, threads_of
 from exactarm.commands.gear_report import gear_report
 from exactarm.commands.result import CommandResult, estimate
-from exactarm.dataset import read_dataset
 from exactarm.errors import InputError
 from exactarm.identify.gear import Gear, GearIdentification, identify_gears
 from exactarm.identify.gear_orders import METHODS
-from exactarm.robot_file import load_robot
+from exactarm.progress import SILENT, Progress
+from exactarm.split import DEFAULT_SEED
 
 NAME = "gear"
 HELP = "gear ratio and its harmonics per axis and direction, from gear runs"
@@ -28,16 +29,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                              "(default %(default)s; both are compared in the report)")
 
 
-def run(arguments: argparse.Namespace) -> CommandResult:
-    robot = load_robot(arguments.robot)
-    data = read_dataset(arguments.files, robot, arguments.kind)
-    if "gear_run" not in data.kinds:
-        raise InputError(f"expected gear runs (gyroscope, or encoders on both sides), found {data.kind}",
-                         file=data.sources[0].path if data.sources else None)
-    result = identify_gears(
-        robot, data, method=arguments.method, seed=arguments.seed, threads=arguments.threads,
-        progress=arguments.progress.stage,
-    )
+def gear(
+    robot: AnyRobot, data: AnyData, *, method: str = METHODS[0], seed: int = DEFAULT_SEED, threads: int | None = None,
+    kind: str | None = None, progress: Progress = SILENT,
+) -> CommandResult:
+    """Identifies the gear ratio and its harmonics per axis and direction, from gear runs.
+
+    method: orders as real numbers ("refined"), or whole numbers with their neighbours, as the source has them.
+    """
+    declared = robot_of(robot)
+    rows = data_of(data, declared, kind)
+    if "gear_run" not in rows.kinds:
+        raise InputError(f"expected gear runs (gyroscope, or encoders on both sides), found {rows.kind}",
+                         file=rows.first_file)
+    result = identify_gears(declared, rows, method=method, seed=seed, threads=threads_of(threads), progress=progress.stage)
     return CommandResult(
         json={
             "gears": [gear_json(gear) for gear in result.gears],
@@ -53,10 +58,16 @@ def run(arguments: argparse.Namespace) -> CommandResult:
             ],
             "warnings": list(result.warnings),
         },
-        report=gear_report(robot, result, data.split_rule()),
+        report=gear_report(declared, result, rows.split_rule()),
         robot=result.robot,
-        tables={"residuals.csv": _residuals(data, result)},
+        tables={"residuals.csv": _residuals(rows, result)},
+        asked=asked("gear", robot, rows, seed, {"method": method}, {"method": METHODS[0]}),
     )
+
+
+def run(arguments: argparse.Namespace) -> CommandResult:
+    return gear(arguments.robot, arguments.files, method=arguments.method, seed=arguments.seed, threads=arguments.threads,
+                kind=arguments.kind, progress=arguments.progress)
 
 
 def gear_json(gear: Gear) -> dict:

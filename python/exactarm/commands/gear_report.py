@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from exactarm.identify.gear import Gear, GearIdentification
@@ -148,10 +150,10 @@ def _gear_sections(gear: Gear, error: str) -> tuple:
     before, after = gear.error_before[shown], gear.error_after[shown]
     stem = f"gear_{gear.joint}_{gear.side}"
     figures = (
-        Figure(f"{stem}_spectrum", f"Spectrum of the {error}, {title}", lambda: _spectrum(gear),
+        Figure(f"{stem}_spectrum", f"Spectrum of the {error}, {title}", partial(_spectrum, gear),
                "Relative amplitude of the ratio over the order, before and after.", f"spectrum of gear {gear.joint}"),
         Figure(f"{stem}_error", f"{error.capitalize()} over the angle, {title}",
-               lambda: residual_over_signal(angle, before, after, unit=unit, name=error, signal_name="angle of the output",
+               partial(residual_over_signal, angle, before, after, unit=unit, name=error, signal_name="angle of the output",
                                             signal_unit="rad"),
                "Before (constant ratio) and after (with the harmonics).", f"{error} of gear {gear.joint} over the angle"),
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from functools import partial
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -25,6 +26,7 @@ from exactarm.identify.planned import PlannedModel, controller_angles, pose_bloc
 from exactarm.identify.pose_space import PoseSpace
 from exactarm.report import Figure, Quantity, Report, Section, Table, Text, Warnings
 from exactarm.report.numbers import number
+from exactarm.report.plots.parameters import singular_values
 from exactarm.robot import Robot
 from exactarm.robot_file import load_robot
 
@@ -183,15 +185,10 @@ def _index_table(result: Identifiability) -> Table:
 
 
 def _figure(result: Identifiability) -> Figure:
-    def build():
-        from exactarm.report.plots.parameters import singular_values
-
-        return singular_values(result.singular_values, int(np.sum(result.singular_values > 1e-9)))
-
     return Figure(
         "singular_values",
         "Singular values",
-        build,
+        partial(singular_values, result.singular_values, int(np.sum(result.singular_values > 1e-9))),
         "All columns of the stacked identification Jacobian, each scaled to unit length. Those that vanish count the "
         "combinations of parameters that move nothing.",
         "Singular values in falling order on a logarithmic scale",

@@ -3,22 +3,25 @@
 from __future__ import annotations
 
 import argparse
+from functools import partial
 
 import numpy as np
 
 from exactarm.commands.arguments import add_files, add_robot
+from exactarm.commands.call import AnyData, AnyRobot, asked, data_of, robot_of, threads_of
 from exactarm.commands.error_sections import SETS, error_table, highlights, parameter_table, unit_of
 from exactarm.commands.result import CommandResult, estimate
-from exactarm.dataset import Dataset, read_dataset
+from exactarm.dataset import Dataset
 from exactarm.errors import InputError
 from exactarm.identify.dynamics import DynamicsIdentification, DynamicsOptions, identify_dynamics, with_links
 from exactarm.identify.dynamics import friction_layout, inertial_layout
 from exactarm.identify.statistics import summarise
+from exactarm.progress import SILENT, Progress
 from exactarm.report import Figure, Quantity, Report, Table, Warnings
 from exactarm.report.numbers import quantity
 from exactarm.report.plots.curves import curves_per_axis
 from exactarm.robot import Robot
-from exactarm.robot_file import load_robot
+from exactarm.split import DEFAULT_SEED
 
 NAME = "identify"
 HELP = "identify masses, rotors and friction from motion data"
@@ -35,23 +38,38 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="keep masses and rotors as declared, estimate Coulomb and viscous friction")
 
 
-def run(arguments: argparse.Namespace) -> CommandResult:
-    robot = load_robot(arguments.robot)
-    data = require_motion(read_dataset(arguments.files, robot, arguments.kind))
+def identify(
+    robot: AnyRobot, data: AnyData, *, bandwidth_hz: float | None = None, share: float = 0.7, friction_only: bool = False,
+    seed: int = DEFAULT_SEED, threads: int | None = None, kind: str | None = None, progress: Progress = SILENT,
+) -> CommandResult:
+    """Identifies inertial parameters, rotors and friction from motions with torques or currents.
+
+    bandwidth_hz: low-pass on measurement and prediction (None: 20 Hz, none for slow logs). share: part of the rows that
+    is fitted, where the data do not say. friction_only: masses and rotors stay as declared.
+    """
+    given = {"bandwidth_hz": bandwidth_hz, "share": share, "friction_only": friction_only}
+    declared = robot_of(robot)
+    rows = require_motion(data_of(data, declared, kind))
     options = DynamicsOptions(
-        bandwidth_hz=_bandwidth(arguments.bandwidth),
-        share=_share(arguments.share),
-        inertial=not arguments.friction_only,
-        seed=arguments.seed,
-        threads=arguments.threads,
+        bandwidth_hz=_bandwidth(bandwidth_hz), share=_share(share), inertial=not friction_only, seed=seed,
+        threads=threads_of(threads),
     )
-    arguments.progress.stage("identifying")
-    result = identify_dynamics(robot, data, options)
+    progress.stage("identifying")
+    result = identify_dynamics(declared, rows, options)
     return CommandResult(
         json=_json(result),
-        report=_report(robot, result, data.split_rule(options.share)),
+        report=_report(declared, result, rows.split_rule(options.share)),
         robot=result.robot,
         tables={"residuals.csv": residual_table(result)},
+        asked=asked("identify", robot, rows, seed, given, {"bandwidth_hz": None, "share": 0.7, "friction_only": False}),
+    )
+
+
+def run(arguments: argparse.Namespace) -> CommandResult:
+    return identify(
+        arguments.robot, arguments.files, bandwidth_hz=arguments.bandwidth, share=arguments.share,
+        friction_only=arguments.friction_only, seed=arguments.seed, threads=arguments.threads, kind=arguments.kind,
+        progress=arguments.progress,
     )
 
 
@@ -164,7 +182,7 @@ def _figure(result: DynamicsIdentification, judge: str) -> Figure:
     traces = {"measured": measured, "model": measured - left, "residual": left}
     return Figure(
         "torque", f"Torque of every axis ({judge})",
-        lambda: curves_per_axis(record.data.time[rows], traces, unit="Nm", name="torque"),
+        partial(curves_per_axis, record.data.time[rows], traces, unit="Nm", name="torque"),
         "Measured, as the identified model has it, and the difference.", "torque of every axis over time",
     )
 

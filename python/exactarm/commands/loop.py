@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -174,7 +175,7 @@ def _report(robot: Robot, path: PlannedPath, rounds: list[_Round], diagnosis: Di
         Table("Error of the target along the path", ("planned with the robot", "mean", "RMS", "maximum"), rows,
               "Executed on the true robot with its hidden cause; springs swing."),
         Figure("tracking", "Error along the path",
-               lambda: curves(time, {r.name: r.error for r in rounds}, unit="m", name="error of the target", log_y=True),
+               partial(curves, time, {r.name: r.error for r in rounds}, unit="m", name="error of the target", log_y=True),
                "Distance of the target from where it should be, round by round.", "tracking error over time"),
         Text("What the diagnosis said", (diagnosis.sentence,)),
         Table("What was hidden, and what was found", ("", "effect", "in words"), (

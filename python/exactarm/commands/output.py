@@ -9,9 +9,7 @@ is refused by a lock on the folder itself, which ends with the process that hold
 from __future__ import annotations
 
 import fcntl
-import hashlib
 import json
-import math
 import os
 import shutil
 import uuid
@@ -22,6 +20,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.csv
 
+from exactarm.commands.plain import plain, sha256
 from exactarm.errors import InputError
 
 RESULT = "result.json"
@@ -93,7 +92,7 @@ class OutputFolder:
 
     def write_result(self, result: Mapping[str, Any]) -> None:
         """`result` with the run's id and the files that belong to it; it is published last."""
-        own = {"run": self.run, "files": {str(name): _sha256(self._partial / name) for name in self._names()}}
+        own = {"run": self.run, "files": {str(name): sha256(self._partial / name) for name in self._names()}}
         self.write_text(RESULT, json.dumps(plain(dict(result) | own), indent=1, allow_nan=False, ensure_ascii=False) + "\n")
 
     def publish(self, inputs: Iterable[Any] = ()) -> list[Path]:
@@ -123,46 +122,3 @@ def _csv(table: pa.Table, quoting: str) -> pa.Buffer:
     stream = pa.BufferOutputStream()
     pa.csv.write_csv(table, stream, pa.csv.WriteOptions(include_header=False, quoting_style=quoting))
     return stream.getvalue()
-
-
-def plain(value: Any) -> Any:
-    """The same in JSON's own types; NaN and infinities become null."""
-    if isinstance(value, Mapping):
-        return {str(key): plain(item) for key, item in value.items()}
-    if isinstance(value, np.ndarray):
-        return plain(value.tolist())
-    if isinstance(value, (list, tuple, set, frozenset)):
-        return [plain(item) for item in value]
-    if isinstance(value, (bool, np.bool_)):
-        return bool(value)
-    if isinstance(value, (int, np.integer)):
-        return int(value)
-    if isinstance(value, (float, np.floating)):
-        return float(value) if math.isfinite(value) else None
-    if value is None or isinstance(value, str):
-        return value
-    if hasattr(value, "to_json"):
-        return plain(value.to_json())
-    return str(value)
-
-
-def describe_inputs(paths: Iterable[Any]) -> list[dict[str, Any]]:
-    """File, SHA-256 and, for tables, the number of data rows, of every path that is a file."""
-    files = dict.fromkeys(Path(path) for path in paths)
-    return [{"file": str(path), "sha256": _sha256(path), "rows": _rows(path)} for path in files if path.is_file()]
-
-
-def _sha256(path: Path) -> str:
-    with path.open("rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()
-
-
-def _rows(path: Path) -> int | None:
-    if path.suffix == ".parquet":
-        from pyarrow import parquet
-
-        return parquet.read_metadata(path).num_rows
-    if path.suffix == ".csv":
-        with path.open("rb") as stream:
-            return max(sum(1 for line in stream if line.strip()) - 1, 0)
-    return None

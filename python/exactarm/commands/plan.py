@@ -3,24 +3,29 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Literal
+from functools import partial
 
 import numpy as np
 
 from exactarm.chain.direction import TRANSITION_S, reversals
 from exactarm.commands.arguments import add_robot
+from exactarm.commands.call import AnyRobot, asked, robot_of, threads_of
 from exactarm.commands.result import CommandResult
 from exactarm.errors import InputError
 from exactarm.identify.declared import require_geometry
 from exactarm.plan.optimal import ENERGY_SHARE, Plan, PlanOptions, plan_path
 from exactarm.plan.path_file import CHOICES, MOST_SAMPLES, PlannedPath, load_path, shipped_paths
 from exactarm.plan.trajectory import trajectory_table
+from exactarm.progress import SILENT, Progress
 from exactarm.report import Figure, Highlight, Highlights, Quantity, Report, Section, Table, Text, Warnings
 from exactarm.report.numbers import quantity
 from exactarm.report.plots.curves import curves, curves_per_axis
 from exactarm.robot import Robot
-from exactarm.robot_file import load_robot
+from exactarm.split import DEFAULT_SEED
 
 NAME = "plan"
 HELP = "motor trajectory that puts the flange on a path (line, spiral, or a path file)"
@@ -38,29 +43,59 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--format", choices=("csv", "parquet"), default="csv", help="of the trajectory (default csv)")
 
 
-def run(arguments: argparse.Namespace) -> CommandResult:
-    robot, path = load_robot(arguments.robot), _path(arguments)
-    require_geometry(robot)
-    arguments.progress.stage("planning")
-    plan = plan_path(robot, path, PlanOptions(threads=arguments.threads, start=_start(arguments.start)))
-    file = [] if arguments.path in shipped_paths() else [Path(arguments.path)]
+def plan(
+    robot: AnyRobot, path: str | Path | PlannedPath, *, rate_hz: float | None = None, duration_s: float | None = None,
+    nu: float | None = None, gear_direction: str | None = None, input: str | None = None, solver: str | None = None,
+    linear_solver: str | None = None, start_rad: Sequence[float] | None = None, format: Literal["csv", "parquet"] = "csv",
+    seed: int = DEFAULT_SEED, threads: int | None = None, progress: Progress = SILENT,
+) -> CommandResult:
+    """Plans the motor motion that keeps the flange on a path: `line`, `spiral`, a path file or a PlannedPath.
+
+    None: as the path says. start_rad: joint angles near the first pose, to choose a branch.
+
+        >>> import exactarm as ea
+        >>> result = ea.plan("racer-7-1.4", "line", rate_hz=200)
+        >>> result["tracking"]["position_rms_m"] < 1e-6
+        True
+    """
+    choices = {"gear_direction": gear_direction, "input": input, "solver": solver, "linear_solver": linear_solver}
+    changed = {"rate_hz": rate_hz, "duration_s": duration_s, "nu": nu} | choices
+    declared, follow = robot_of(robot), _path(path, rate_hz, duration_s, nu, choices)
+    require_geometry(declared)
+    progress.stage("planning")
+    start = None if start_rad is None else np.asarray(start_rad, float)
+    result = plan_path(declared, follow, PlanOptions(threads=threads_of(threads), start=start))
+    file = [] if isinstance(path, PlannedPath) or str(path) in shipped_paths() else [Path(path)]
+    name = follow.name if isinstance(path, PlannedPath) else str(path)
     return CommandResult(
-        json=_json(plan),
-        report=_report(robot, plan),
-        tables={f"trajectory.{arguments.format}": trajectory_table(plan)},
+        json=_json(result),
+        report=_report(declared, result),
+        tables={f"trajectory.{format}": trajectory_table(result)},
         inputs=tuple(file),
+        asked=asked("plan", robot, None, seed, {"path": name} | {k: v for k, v in changed.items() if v is not None}),
     )
 
 
-def _path(arguments: argparse.Namespace) -> PlannedPath:
-    path = load_path(arguments.path)
-    numbers = {"rate_hz": arguments.rate, "duration": arguments.duration, "nu": arguments.nu}
-    for name, value in numbers.items():
+def run(arguments: argparse.Namespace) -> CommandResult:
+    return plan(
+        arguments.robot, arguments.path, rate_hz=arguments.rate, duration_s=arguments.duration, nu=arguments.nu,
+        **{key: getattr(arguments, key) for key in CHOICES}, start_rad=_start(arguments.start), format=arguments.format,
+        seed=arguments.seed, threads=arguments.threads, progress=arguments.progress,
+    )
+
+
+def _path(given: str | Path | PlannedPath, rate_hz: float | None, duration_s: float | None, nu: float | None,
+          choices: Mapping[str, str | None]) -> PlannedPath:
+    path = given if isinstance(given, PlannedPath) else load_path(given)
+    for name, value in {"rate": rate_hz, "duration": duration_s, "nu": nu}.items():
         if value is not None and not (np.isfinite(value) and value > 0.0):
-            raise InputError(f"--{name.split('_')[0]}: expected a number above 0, found {value}")
-    if arguments.duration is not None:
-        path = path.lasting(arguments.duration)
-    chosen = {"rate_hz": arguments.rate, "nu": arguments.nu} | {key: getattr(arguments, key) for key in CHOICES}
+            raise InputError(f"--{name}: expected a number above 0, found {value}")
+    for name, value in choices.items():
+        if value is not None and value not in CHOICES[name]:
+            raise InputError(f"{name} {value!r}: expected one of {', '.join(CHOICES[name])}")
+    if duration_s is not None:
+        path = path.lasting(duration_s)
+    chosen = {"rate_hz": rate_hz, "nu": nu} | choices
     path = replace(path, **{key: value for key, value in chosen.items() if value is not None})
     samples = path.duration * path.rate_hz + 1.0
     if not 12.0 <= samples <= MOST_SAMPLES:
@@ -138,14 +173,14 @@ def _figures(robot: Robot, plan: Plan) -> tuple[Figure, ...]:
     frequency = np.fft.rfftfreq(len(plan.time), plan.reference.step)
     return (
         Figure("flange_error", "Error of the flange",
-               lambda: curves(plan.time, {"error": plan.position_error}, unit="m", name="position error"),
+               partial(curves, plan.time, {"error": plan.position_error}, unit="m", name="position error"),
                "Distance of the flange from the path at the samples, on the planner's model.", "flange error over time"),
         Figure("motor_rate", "Motor rates, output side",
-               lambda: curves_per_axis(plan.time, {"motor": plan.theta_dot / robot.ratios, "link": plan.q_dot},
+               partial(curves_per_axis, plan.time, {"motor": plan.theta_dot / robot.ratios, "link": plan.q_dot},
                                        unit="rad/s", name="rate"),
                "What the motors do so that the links move smoothly.", "motor and link rates over time"),
         Figure("spectrum", "Spectrum of the motor accelerations",
-               lambda: curves_per_axis(frequency[1:], {"acceleration": spectrum[1:]}, unit="rad/s²", name="amplitude",
+               partial(curves_per_axis, frequency[1:], {"acceleration": spectrum[1:]}, unit="rad/s²", name="amplitude",
                                        x_name="frequency", x_unit="Hz", log_x=True, log_y=True),
                "Single-sided amplitude of the input, output side.", "spectrum of the input per axis"),
     )

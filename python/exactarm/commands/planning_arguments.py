@@ -36,11 +36,15 @@ def add_noise(parser: argparse.ArgumentParser) -> None:
                         help="standard deviation of a measured coordinate in m (default %(default)s)")
 
 
+def tool_of(text: str | None) -> np.ndarray | None:
+    """(3,) m, where --tool says."""
+    return None if text is None else _numbers("--tool", text, 3)
+
+
 def with_tool(robot: Robot, text: str | None) -> Robot:
     """The robot with the target where --tool says."""
-    if text is None:
-        return robot
-    return replace(robot, tool=Placement(robot.tool.rotation, _numbers("--tool", text, 3)))
+    tool = tool_of(text)
+    return robot if tool is None else replace(robot, tool=Placement(robot.tool.rotation, tool))
 
 
 def box_of(text: str | None) -> Box:

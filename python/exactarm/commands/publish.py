@@ -2,22 +2,29 @@
 
 from __future__ import annotations
 
-import argparse
+import platform
 import time
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from datetime import datetime, timezone
+from importlib import metadata
 from pathlib import Path
-from typing import Any, Callable
+from typing import Any
 
 import exactarm
-from exactarm.commands.output import OutputFolder, describe_inputs, plain
-from exactarm.commands.result import CommandResult
-from exactarm.errors import ComputationError, InputError
+from exactarm.commands.output import OutputFolder
+from exactarm.commands.plain import plain, rows_of, sha256
+from exactarm.commands.result import Asked, CommandResult
+from exactarm.dataset import Source
+from exactarm.progress import SILENT, Progress
 from exactarm.report.html import render_html
 from exactarm.report.plots.files import draw
 from exactarm.report.sections import Report
 from exactarm.report.terminal import render_text
 from exactarm.robot import Robot
+
+_SHORT_HASH = 12  # characters of a SHA-256 that are shown; result.json has all
+_NUMERICS = ("numpy", "scipy")
 
 
 @dataclass(frozen=True)
@@ -30,70 +37,80 @@ class Published:
     text: str
 
 
-def publish(command: str, arguments: argparse.Namespace, result: CommandResult, folder: OutputFolder,
-            started: float) -> Published:
+def save(result: CommandResult, folder: str | Path, progress: Progress = SILENT) -> Path:
+    """Writes a result that Python holds; returns the path of its report."""
+    started = time.perf_counter()
+    with OutputFolder(Path(folder)) as place:
+        publish(result, place, started, progress)
+    return Path(folder) / "report.html"
+
+
+def publish(result: CommandResult, folder: OutputFolder, started: float, progress: Progress = SILENT,
+            width: int | None = None) -> Published:
     """Writes everything, `result.json` last."""
-    name = getattr(arguments, "robot", None)
-    read = [*([name] if name else []), *(getattr(arguments, "files", None) or []), *result.inputs]
-    inputs = describe_inputs(read)
-    report = replace(result.report, details=_details(command, name, inputs, arguments.seed) | {"run": folder.run})
+    asked = result.asked or Asked("computed", "")
+    asked = replace(asked, files=asked.files + sources(result.inputs, asked.files))
+    made = datetime.now(timezone.utc).isoformat(timespec="seconds")
+    report = replace(result.report, details=_details(asked, made) | {"run": folder.run})
     for file, columns in result.tables.items():
         folder.write_table(file, columns)
     for file, text in result.texts.items():
         folder.write_text(file, text)
     if result.robot is not None:
-        _write_robot(result.robot, command, inputs, folder)
-    drawings = draw(report.figures, folder.place, arguments.progress)
+        _write_robot(result.robot, asked, made, folder)
+    drawings = draw(report.figures, folder.place, progress)
     folder.write_text("report.html", render_html(report, drawings))
     seconds = time.perf_counter() - started
     common = {
         "exactarm": exactarm.__version__,
-        "command": command,
-        "robot": name,
-        "inputs": inputs,
-        "seed": arguments.seed,
+        "command": asked.command,
+        "robot": asked.robot,
+        "inputs": [{"file": source.path, "sha256": source.sha256, "rows": source.rows} for source in asked.files],
+        "seed": asked.seed,
         "seconds": round(seconds, 3),
+        "asked": asked.line,
     }
     json = plain(common | dict(result.json))
     folder.write_result(json)
-    folder.publish(read)
-    text = render_text(report) + f"\n{folder.path}/report.html  ({seconds:.1f} s)\n"
+    folder.publish([source.path for source in asked.files])
+    text = render_text(report, width) + f"\n{folder.path}/report.html  ({seconds:.1f} s)\n"
     return Published(result, json, report, text)
 
 
-def _details(command: str, robot: str | None, inputs: list[dict[str, Any]], seed: int) -> dict[str, str]:
-    details = {"command": f"exactarm {command} (version {exactarm.__version__})"}
-    if robot:
-        details["robot"] = robot
-    rows = [f"{entry['file']}" + (f" ({entry['rows']} rows)" if entry["rows"] is not None else "") for entry in inputs]
-    return details | ({"files": ", ".join(rows)} if rows else {}) | {"seed": str(seed)}
+def sources(paths: Iterable[Any], known: tuple[Source, ...] = ()) -> tuple[Source, ...]:
+    """Path, SHA-256 and number of data rows of every path that is a file, once each."""
+    seen = {source.path for source in known}
+    files = [Path(path) for path in dict.fromkeys(str(path) for path in paths) if str(path) not in seen]
+    return tuple(Source(str(path), sha256(path), rows_of(path)) for path in files if path.is_file())
 
 
-def _write_robot(robot: Robot, command: str, inputs: list[dict[str, Any]], folder: OutputFolder) -> None:
+def _details(asked: Asked, made: str) -> dict[str, str]:
+    """The last lines of a page: enough to do it again and to see that it is the same."""
+    told = {"asked": f"`{asked.line}`"} if asked.line else {}
+    told |= {"robot": asked.robot} if asked.robot else {}
+    rows = lambda source: f", {source.rows} rows" if source.rows is not None else ""
+    files = [f"{source.path}{rows(source)}, SHA-256 {source.sha256[:_SHORT_HASH]}" for source in asked.files]
+    told |= {"files": "; ".join(files)} if files else {}
+    others = ", ".join(f"{name} {metadata.version(name)}" for name in _NUMERICS)
+    versions = f"exactarm {exactarm.__version__}, Python {platform.python_version()}, {others}"
+    return told | {"seed": str(asked.seed), "versions": versions, "date": made}
+
+
+def _write_robot(robot: Robot, asked: Asked, made: str, folder: OutputFolder) -> None:
     """The robot file, with a record of which command made it, from which data and when."""
-    from exactarm.robot_file import read_robot, write_robot
-    from exactarm.urdf import read_urdf, write_urdf
+    from exactarm.robot_file import write_robot
+    from exactarm.urdf import write_urdf
 
-    made = {
-        "command": command,
+    told = {
+        "command": asked.command,
         "exactarm": exactarm.__version__,
-        "date": datetime.now(timezone.utc).isoformat(timespec="seconds"),
+        "date": made,
         "run": folder.run,
-        "data": [{"file": entry["file"], "sha256": entry["sha256"]} for entry in inputs if entry["rows"] is not None],
+        "data": [{"file": source.path, "sha256": source.sha256} for source in asked.files if source.rows is not None],
     }
-    earlier = {key: value for key, value in robot.record.items() if key in made or key == "previous"}
+    earlier = {key: value for key, value in robot.record.items() if key in told or key == "previous"}
     own = {key: value for key, value in robot.record.items() if key not in earlier}
-    record = own | made | ({"previous": earlier} if earlier else {})
+    record = own | told | ({"previous": earlier} if earlier else {})
     write_robot(folder.place("robot.toml"), replace(robot, record=record))
-    _require_readable(read_robot, folder.place("robot.toml"))
     if robot.has_geometry:
         write_urdf(folder.place("robot.urdf"), robot)
-        _require_readable(read_urdf, folder.place("robot.urdf"))
-
-
-def _require_readable(read: Callable[[Path], Robot], path: Path) -> None:
-    """A run is done when our own reader takes what it wrote: a negative mass fits data, but no robot has one."""
-    try:
-        read(path)
-    except InputError as error:
-        raise ComputationError(f"the estimated robot is none, nothing was written: {error.message}") from None

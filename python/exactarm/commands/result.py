@@ -1,17 +1,53 @@
-"""What a command hands back, and the form of an estimated number in result.json."""
+"""What a command hands back, on the command line and in Python alike: a value that speaks.
+
+    result = exactarm.calibrate("ur10", "poses.csv")
+    print(result)              the verdict in ten lines
+    result.summary()           the whole text, as on a terminal
+    result["after"]["validation"]["mean"]    any key of result.json
+    result.to_dataframe()      residuals, poses or trajectory as a pandas table
+    result.plot(axes)          matplotlib axes in, axes out
+    result.save("folder")      report.html, result.json, robot.toml, tables, plots
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Any, Mapping, Sequence
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from exactarm.report.sections import Report
+import numpy as np
+
+from exactarm.commands.plain import plain
+from exactarm.dataset import Source
+from exactarm.errors import InputError
+from exactarm.identify.statistics import ErrorSummary
+from exactarm.report.sections import Figure, Report
 from exactarm.robot import Robot
+
+if TYPE_CHECKING:
+    import pandas
+    from matplotlib.axes import Axes
+
+PRINTED_LINES = 10
+PRINTED_WIDTH = 100
 
 
 @dataclass(frozen=True)
+class Asked:
+    """What was asked: the command, the line that asks for it again, robot, files read, seed."""
+
+    command: str
+    line: str
+    robot: str | None = None
+    files: tuple[Source, ...] = ()
+    seed: int = 0
+
+
+@dataclass(frozen=True, eq=False)
 class CommandResult:
-    """All results of one command; the frame writes them.
+    """All results of one command.
 
     json        the command's own keys of result.json (SI units; arrays, NaN, objects with to_json() may be in it)
     report      goes to the terminal, to report.html and, its figures, to plots/
@@ -19,17 +55,152 @@ class CommandResult:
     tables      file name -> columns (name with unit -> (N,) values); .csv or .parquet by the name
     texts       file name -> text written as it is (a .urdf, a .toml)
     inputs      further files that were read, beside the robot file and FILES
+    asked       what was asked, for the report's last lines
+    data        measured rows that a simulation made, ready for the next command; else None
     """
 
     json: Mapping[str, Any]
     report: Report
     robot: Robot | None = None
-    tables: Mapping[str, Mapping[str, Sequence]] = field(default_factory=dict)
+    tables: Mapping[str, Mapping[str, Sequence[Any]]] = field(default_factory=dict)
     texts: Mapping[str, str] = field(default_factory=dict)
     inputs: tuple[Any, ...] = ()
     exit_code: int = 0
+    asked: Asked | None = None
+    data: Any = None
+
+    # -- what it says -------------------------------------------------------------------------------
+    @property
+    def verdict(self) -> str:
+        """The verdict in a sentence."""
+        return self.report.verdict
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        return self.report.warnings
+
+    def __getitem__(self, key: str) -> Any:
+        """A key of result.json."""
+        return plain(self.json[key])
+
+    def __contains__(self, key: str) -> bool:
+        return key in self.json
+
+    def keys(self) -> tuple[str, ...]:
+        """The keys of result.json that this command writes."""
+        return tuple(self.json)
+
+    @property
+    def before(self) -> dict[str, ErrorSummary]:
+        """Errors of the declared model on "identification" and "validation" rows, SI units."""
+        return self._errors("before")
+
+    @property
+    def after(self) -> dict[str, ErrorSummary]:
+        """Errors of the new model on "identification" and "validation" rows, SI units."""
+        return self._errors("after")
+
+    def _errors(self, when: str) -> dict[str, ErrorSummary]:
+        sets = self.json.get(when)
+        if not isinstance(sets, Mapping):
+            raise AttributeError(f"a {self.command} result has no errors {when}; its keys are {', '.join(self.json)}")
+        names = ErrorSummary.__dataclass_fields__
+        nan = float("nan")
+        return {
+            name: ErrorSummary(**{key: nan if s[key] is None else s[key] for key in names})
+            for name, s in plain(sets).items()
+        }
+
+    @property
+    def command(self) -> str:
+        return self.asked.command if self.asked else "computed"
+
+    def __str__(self) -> str:
+        from exactarm.report.terminal import render_verdict
+
+        return render_verdict(self.report, PRINTED_LINES, PRINTED_WIDTH)
+
+    def __repr__(self) -> str:
+        return f"<{self.report.title}: {self.report.verdict}>"
+
+    def _repr_html_(self) -> str:
+        from exactarm.report.html import render_verdict_html
+
+        return render_verdict_html(self.report)
+
+    def summary(self) -> str:
+        """The whole report as text, without its figures."""
+        from exactarm.report.terminal import render_text
+
+        return render_text(self.report)
+
+    # -- tables and figures ---------------------------------------------------------------------------
+    def to_dataframe(self, name: str | None = None) -> pandas.DataFrame:
+        """A table by its file name ("residuals.csv"); the first one without a name."""
+        import pandas
+
+        if not self.tables:
+            raise InputError(f"a {self.command} result holds no table")
+        if name is not None and name not in self.tables:
+            raise InputError(f"no table {name!r}; expected one of {', '.join(self.tables)}")
+        return pandas.DataFrame(dict(self.tables[name or next(iter(self.tables))]))
+
+    @property
+    def figures(self) -> tuple[str, ...]:
+        """Names of the figures that `plot` draws."""
+        return tuple(figure.name for figure in self.report.figures)
+
+    def plot(self, ax: Axes | None = None, what: str | None = None) -> Axes | list[Axes]:
+        """Draws the figure `what` (default: the first); returns its axes.
+
+        ax: where to draw; only figures of one panel take it. Without it a figure of pyplot is made.
+        """
+        from exactarm.report.plots.interactive import draw_figure
+
+        return draw_figure(self._figure(ax, what), ax)
+
+    def _figure(self, ax: Axes | None, what: str | None) -> Figure:
+        drawn = {figure.name: figure for figure in self.report.figures}
+        usable = [name for name, figure in drawn.items() if ax is None or figure.panel is not None]
+        if what is None and usable:
+            return drawn[usable[0]]
+        if what not in usable:
+            raise InputError(f"no figure {what!r}{' of one panel' if ax is not None else ''}; expected one of {', '.join(usable)}")
+        return drawn[what]
+
+    def save(self, folder: str | Path) -> Path:
+        """Writes everything into `folder` as the command line does; returns the path of the report."""
+        from exactarm.commands.publish import save
+
+        return save(self, folder)
+
+    # -- as a value -------------------------------------------------------------------------------------
+    def asked_as(self, asked: Asked) -> CommandResult:
+        return replace(self, asked=asked)
+
+    def __eq__(self, other: object) -> bool:
+        """Equal results: the same numbers, tables and robot, whenever and however they were computed."""
+        if not isinstance(other, CommandResult):
+            return NotImplemented
+        return (self._numbers() == other._numbers() and self.robot == other.robot
+                and self.tables.keys() == other.tables.keys()
+                and all(_same_table(self.tables[name], other.tables[name]) for name in self.tables))
+
+    def __hash__(self) -> int:
+        return hash((self._numbers(), self.robot))
+
+    def _numbers(self) -> str:
+        return json.dumps(plain(self.json), sort_keys=True)
+
+
+def _same_table(one: Mapping[str, Sequence[Any]], other: Mapping[str, Sequence[Any]]) -> bool:
+    if list(one) != list(other):
+        return False
+    pairs = ((np.asarray(one[name]), np.asarray(other[name])) for name in one)
+    return all(np.array_equal(a, b, equal_nan=a.dtype.kind == "f" == b.dtype.kind) for a, b in pairs)
 
 
 def estimate(value: float, low: float, high: float) -> dict[str, Any]:
     """An estimated number with its 95 % interval."""
     return {"value": value, "ci95": [low, high]}
+Result = CommandResult  # its name in the package

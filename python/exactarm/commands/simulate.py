@@ -9,21 +9,27 @@
 from __future__ import annotations
 
 import argparse
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
 from exactarm.commands import compare
 from exactarm.commands.arguments import add_files, add_robot
+from exactarm.commands.call import AnyRobot, asked, robot_of, threads_of
+from exactarm.commands.publish import sources
 from exactarm.commands.result import CommandResult
 from exactarm.dataset import Dataset, dataset_columns, read_planned_poses
 from exactarm.errors import InputError
 from exactarm.identify.statistics import summarise
+from exactarm.progress import SILENT, Progress
 from exactarm.report import Highlight, Highlights, Quantity, Report, Text
 from exactarm.report.numbers import quantity
 from exactarm.robot import Robot
-from exactarm.robot_file import load_robot
+from exactarm.split import DEFAULT_SEED
 from exactarm.robot_writer import robot_text
 from exactarm.simulate import (
     Sensors, VirtualRobot, deviated, measure_gear_runs, measure_motion, measure_poses, measure_tracked_motion,
@@ -37,6 +43,7 @@ from exactarm.simulate.virtual_robot import one_sided, placed, unplaced
 NAME = "simulate"
 HELP = "play a trajectory or measure poses, gears and motions on a virtual robot"
 
+HIDDEN_OPTIONS = ("--effect",)  # the truth stands in truth.toml alone
 MEASURES = ("poses", "gear", "motion", "tracked")
 _SPEEDS = (0.4, 0.3)  # of the largest rate, as in the thesis (3.1.2)
 DEGREE = np.pi / 180.0
@@ -91,8 +98,37 @@ class _Played:
     tracking: np.ndarray | None = None
 
 
+def simulate(
+    robot: AnyRobot, file: str | Path | None = None, *, measure: str | None = None, effects: Sequence[str] = (),
+    seed: int = DEFAULT_SEED, threads: int | None = None, progress: Progress = SILENT, **options: Any,
+) -> CommandResult:
+    """Plays a trajectory or measures poses, gears and motions on a virtual robot; `result.data` are the measured rows.
+
+    file: trajectory.csv to play or poses.csv to measure. effects: hidden causes in words. options: those of
+    `exactarm simulate --help` with their names (deviation=1, count=80, noise=2e-5, counts=0, ...).
+
+        >>> import exactarm as ea
+        >>> made = ea.simulate("ur10", count=30, effects=["base_compliance rad_per_Nm=1e-6"])
+        >>> len(made.data), made.data.kind
+        (30, 'poses')
+    """
+    parser = argparse.ArgumentParser(add_help=False)
+    add_arguments(parser)
+    known = vars(parser.parse_args([str(robot), *([str(file)] if file is not None else [])]))
+    unknown = [name for name in options if name not in known or name in ("robot", "files", "effect", "compare")]
+    if unknown:
+        raise InputError(f"simulate has no option {unknown[0]!r}; expected some of {', '.join(sorted(known))}")
+    arguments = argparse.Namespace(**(known | options), seed=seed, threads=threads_of(threads), progress=progress)
+    arguments.robot, arguments.measure, arguments.effect = robot_of(robot), measure, list(effects)
+    made = run(arguments)
+    read = sources([file] if file is not None else [])
+    told = {"measure": measure, "effects": ["..."] if effects else []} | options
+    called = asked("simulate", robot, None, seed, told, {"measure": None, "effects": []})
+    return made.asked_as(replace(called, files=called.files + read))
+
+
 def run(arguments: argparse.Namespace) -> CommandResult:
-    robot = load_robot(arguments.robot)
+    robot = robot_of(arguments.robot)
     if arguments.compare is not None:
         _require_comparison(arguments, robot)
         return compare.run(arguments, robot)
@@ -110,6 +146,7 @@ def run(arguments: argparse.Namespace) -> CommandResult:
         report=_report(robot, played, measure),
         tables={played.name: dataset_columns(played.data, robot)},
         texts={"truth.toml": robot_text(truth)},
+        data=played.data,
     )
 
 

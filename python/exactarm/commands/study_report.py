@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from functools import partial
+
 import numpy as np
 
 from exactarm import _core
@@ -37,7 +39,7 @@ def study_report(robot: Robot, studies: dict[str, Study]) -> Report:
                          for path, case in best.items())),
         *[_table(path, kinds) for path, kinds in studies.items()],
         _ringing_table(studies),
-        Figure("tradeoff", "Accuracy against bandwidth", lambda: _trade_off(studies),
+        Figure("tradeoff", "Accuracy against bandwidth", partial(_trade_off, studies),
                "Error of the flange between the knots on the virtual robot over the largest bandwidth of an axis; each point is a "
                "weight, the smallest at the bottom.", "error over bandwidth, both logarithmic, for both inputs"),
     ]
@@ -118,37 +120,38 @@ def _figures(robot: Robot, path: str, kinds: Study) -> list[Figure]:
     planned, wanted = (np.linalg.norm(np.gradient(p, time, axis=0), axis=1) for p in (best.position, best.reference.position))
     build = [
         ("weight", "error and bandwidth over the weight", "Error of the flange on the virtual robot, at and between the knots, and bandwidth of each axis.",
-         lambda: over_weight(
+         partial(
+             over_weight,
              np.array([case.nu for case in cases]),
              {label: np.array([getattr(summarise(getattr(case.played, where)), field) for case in cases])
               for label, where, field in (("RMS at knots", "knots", "rms"), ("between", "between", "rms"),
                                           ("largest", "between", "max"))},
              np.array([[np.nan if b is None else b for b in case.bandwidth] for case in cases]))),
         ("spectrum", "spectrum of the motor acceleration", "Output side; the highest amplitude of each narrow band.",
-         lambda: spectra_per_axis(_spectrum(robot, shown[0])[0], each(lambda case: _spectrum(robot, case)[1]))),
+         partial(spectra_per_axis, _spectrum(robot, shown[0])[0], each(lambda case: _spectrum(robot, case)[1]))),
         ("error", "error of the flange over time", "Distance of the flange from the path at the samples, on the planner's model.",
-         lambda: histories(time, [("position error", "m", each(lambda case: np.maximum(case.plan.position_error, _LEAST_SHOWN_M)))],
+         partial(histories, time, [("position error", "m", each(lambda case: np.maximum(case.plan.position_error, _LEAST_SHOWN_M)))],
                            log_y=True)),
         ("axis", f"what the weight does to axis {axis + 1}", "Motor acceleration, motor rate and link rate, output side.",
-         lambda: histories(time, [
+         partial(histories, time, [
              ("motor acceleration", "rad/s²", each(lambda case: (case.plan.theta_ddot / robot.ratios)[:, axis])),
              ("motor rate", "rad/s", each(lambda case: (case.plan.theta_dot / robot.ratios)[:, axis])),
              ("link rate", "rad/s", each(lambda case: case.plan.q_dot[:, axis]))])),
         ("speed", "speed along the path", f"{smallest}, differences of the planned positions.",
-         lambda: histories(time, [("speed", "m/s", {"desired": wanted, "calculated": planned})])),
+         partial(histories, time, [("speed", "m/s", {"desired": wanted, "calculated": planned})])),
         ("errors", f"errors with {smallest}", "Joint angles, orientation of the flange and its position, on the planner's model.",
-         lambda: histories(time, [
+         partial(histories, time, [
              ("joint error", "rad", per_axis(joints)),
              ("orientation error", "rad", {name: orientation[:, k] for k, name in enumerate(("about x", "about y", "about z"))}),
              ("position error", "m", {name: (best.position - best.reference.position)[:, k] for k, name in enumerate("xyz")})])),
         ("motion", f"motion with {smallest}", "Motor acceleration, motor rate and link rate, output side.",
-         lambda: histories(time, [("motor acceleration", "rad/s²", per_axis(best.theta_ddot / robot.ratios)),
+         partial(histories, time, [("motor acceleration", "rad/s²", per_axis(best.theta_ddot / robot.ratios)),
                                   ("motor rate", "rad/s", per_axis(best.theta_dot / robot.ratios)),
                                   ("link rate", "rad/s", per_axis(best.q_dot))])),
         ("space", "path in space", f"{smallest}; the axes of the flange at some instants.",
-         lambda: path_in_space(best.reference.position, best.position, best.reference.rotation)),
+         partial(path_in_space, best.reference.position, best.position, best.reference.rotation)),
         ("jerk", "spectrum with either input", f"Motor acceleration, output side, both with the weight of {smallest}.",
-         lambda: spectra_per_axis(_spectrum(robot, cases[0])[0],
+         partial(spectra_per_axis, _spectrum(robot, cases[0])[0],
                                   {f"{_INPUTS[kind]} as the input": _spectrum(robot, kinds[kind][0])[1] for kind in _INPUTS})),
     ]
     return [Figure(f"{name}_{path}", f"{path.capitalize()}: {heading}", draw, caption, heading)

@@ -21,6 +21,7 @@ from exactarm.diagnose.selection import Accepted, Progress, Selection, refit, se
 from exactarm.effects.base import Effect
 from exactarm.identify.statistics import ErrorSummary, summarise
 from exactarm.robot import Robot
+from exactarm.split import DEFAULT_SEED
 
 EXPLAINED, NOTHING, UNEXPLAINED = "explained", "no_undeclared_effect", "unexplained"
 _NOISE_REACHED = 1.25  # RMS after, beside the noise floor
@@ -88,7 +89,7 @@ class Diagnosis:
 
 
 def diagnose(
-    robot: Robot, data: Dataset, *, seed: int = 0, threads: int = 1, progress: Progress = lambda text: None
+    robot: Robot, data: Dataset, *, seed: int = DEFAULT_SEED, threads: int = 1, progress: Progress = lambda text: None
 ) -> Diagnosis:
     """Finds what the model of `robot` lacks on `data` (of one kind); validation rows choose nothing."""
     identification = data.split(seed)

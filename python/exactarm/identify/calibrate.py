@@ -22,6 +22,7 @@ from exactarm.identify.pose_fit import PoseFit, fit_poses
 from exactarm.identify.statistics import ErrorSummary, summarise
 from exactarm.regression import Fit
 from exactarm.robot import Placement, Robot
+from exactarm.split import DEFAULT_SEED
 
 
 @dataclass(frozen=True)
@@ -31,7 +32,7 @@ class CalibrationOptions:
     orientation: bool | None = None
     compliance: tuple[int, ...] | None = None
     robust: bool = False
-    seed: int = 0
+    seed: int = DEFAULT_SEED
     threads: int = 1
 
 

@@ -19,6 +19,7 @@ from exactarm.effects.joint_offset import JointOffset
 from exactarm.errors import InputError
 from exactarm.identify.frames import find_frames
 from exactarm.robot import Robot
+from exactarm.split import DEFAULT_SEED
 
 
 def require_geometry(robot: Robot) -> None:
@@ -61,7 +62,7 @@ def _was_estimated(robot: Robot, effect: Effect, parameter: Parameter) -> bool:
     return low < high
 
 
-def frames_layout(robot: Robot, data: Dataset, *, orientation: bool, seed: int = 0) -> tuple[Layout, list]:
+def frames_layout(robot: Robot, data: Dataset, *, orientation: bool, seed: int = DEFAULT_SEED) -> tuple[Layout, list]:
     """Base and tool frames of every session, found from nowhere; and what was found, session by session."""
     found = []
     for session in sorted(set(data.session.tolist())):

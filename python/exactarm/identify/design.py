@@ -24,6 +24,7 @@ from exactarm.identify.planned import PlannedModel, row_weights
 from exactarm.identify.polish import PolishOptions, polish
 from exactarm.identify.pose_space import Box, PoseSpace
 from exactarm.robot import Robot
+from exactarm.split import DEFAULT_SEED
 
 POOL = 4000
 REFERENCE = 1000  # poses that decide what is identifiable, thesis 3.2.1
@@ -42,7 +43,7 @@ class DesignOptions:
     clearance: float | None = None
     frames: str = "both"
     orientation: bool = False
-    seed: int = 0
+    seed: int = DEFAULT_SEED
     threads: int = 1
     exchange: ExchangeOptions = field(default_factory=lambda: ExchangeOptions(candidates=100))
     polish: PolishOptions = field(default_factory=PolishOptions)

@@ -26,6 +26,7 @@ from exactarm.identify.declared import carried_layout
 from exactarm.identify.friction_width import friction_widths
 from exactarm.identify.motion_fit import MotionFit, fit_motion
 from exactarm.robot import Link, Robot
+from exactarm.split import DEFAULT_SEED
 
 _WORST_CONDITION = 1e3  # of scaled columns: a parameter behind it would carry noise, not mass
 _BOOKKEEPING_MASS_KG = 5.0  # of links without a declared mass: no motion tells how a group is shared out
@@ -38,7 +39,7 @@ class DynamicsOptions:
     bandwidth_hz: float | None = None
     share: float = 0.7
     inertial: bool = True
-    seed: int = 0
+    seed: int = DEFAULT_SEED
     threads: int = 1
 
 
@@ -192,8 +193,10 @@ def _warnings(fit: MotionFit, data: Dataset):
             f"the samples are worth {fit.uncertainty.effective.sum():.0f} independent numbers for "
             f"{fit.layout.size} parameters: measure longer"
         )
-    for name, bound in zip(fit.layout.names, fit.fit.at_bound):
-        if bound:
-            yield f"{name} lies at its bound, 0: the data ask for a negative one, so something else in them acts as it does"
+    for effect in fit.layout.effects:
+        for parameter, value in zip(effect.parameters(), effect.values):
+            name = effect.parameter_label(parameter)
+            if name in fit.layout.names and parameter.name.startswith(("coulomb", "viscous", "inertia")) and value < 0.0:
+                yield f"{name} came out negative: something else in the data acts as it does"
     if "current" in data.joints and not {"tau", "tau_motor"} & set(data.joints):
         yield "no torque constant is declared: the currents were taken at 1 Nm/A, and all results scale with it"

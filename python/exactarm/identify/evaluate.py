@@ -21,6 +21,7 @@ from exactarm.identify.pose_fit import fit_poses
 from exactarm.identify.statistics import ErrorSummary, summarise
 from exactarm.identify.tracked_fit import fit_tracked, predict_record, thinned_record, tracked_frames, tracked_record
 from exactarm.robot import Robot
+from exactarm.split import DEFAULT_SEED
 
 
 @dataclass(frozen=True)
@@ -39,7 +40,7 @@ class Evaluation:
     warnings: tuple[str, ...] = ()
 
 
-def evaluate_poses(robot: Robot, data: Dataset, seed: int = 0, threads: int = 1) -> Evaluation:
+def evaluate_poses(robot: Robot, data: Dataset, seed: int = DEFAULT_SEED, threads: int = 1) -> Evaluation:
     """Frames of each session fitted on all of its rows, by position alone; everything else as the file says."""
     require_geometry(robot)
     frames, found = frames_layout(robot, data, orientation=False, seed=seed)
@@ -48,7 +49,7 @@ def evaluate_poses(robot: Robot, data: Dataset, seed: int = 0, threads: int = 1)
     return _of_positions(robot, data, fit.residual(data, threads))
 
 
-def evaluate_tracked_motion(robot: Robot, data: Dataset, seed: int = 0, threads: int = 1) -> Evaluation:
+def evaluate_tracked_motion(robot: Robot, data: Dataset, seed: int = DEFAULT_SEED, threads: int = 1) -> Evaluation:
     """The path of every sample, with the frames of each session fitted."""
     record = tracked_record(data, robot)
     layout = tracked_frames(robot, data, seed).joined(carried_layout(robot, data, "tracked_motion"))
@@ -63,7 +64,7 @@ def _of_positions(robot: Robot, data: Dataset, residual: np.ndarray) -> Evaluati
     return Evaluation("m", error, residual, ("dx_m", "dy_m", "dz_m"), summarise(error), sessions, beyond)
 
 
-def evaluate_gear_runs(robot: Robot, data: Dataset, seed: int = 0, threads: int = 1) -> Evaluation:
+def evaluate_gear_runs(robot: Robot, data: Dataset, seed: int = DEFAULT_SEED, threads: int = 1) -> Evaluation:
     """The unfiltered rate along the moving axis (or the angle between two encoders), on the rows that count."""
     found = gear_run_error(robot, data, threads)
     judged = lambda rows: summarise(found.error[rows & found.keep])

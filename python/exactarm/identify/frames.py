@@ -19,6 +19,7 @@ from exactarm.dataset import Dataset
 from exactarm.errors import InputError
 from exactarm.robot import Placement, Robot
 from exactarm.rotation import nearest
+from exactarm.split import DEFAULT_SEED
 
 _STARTS = 12
 _TOOL_REACH_M = 0.5  # spread of the random starts of the tool point
@@ -40,7 +41,7 @@ class FoundFrames:
     other_tool: np.ndarray | None = None
 
 
-def find_frames(robot: Robot, data: Dataset, layout: Layout | None = None, seed: int = 0) -> FoundFrames:
+def find_frames(robot: Robot, data: Dataset, layout: Layout | None = None, seed: int = DEFAULT_SEED) -> FoundFrames:
     """Frames of one session by the robot as declared (with the effects of `layout`, none free).
 
     Raises InputError with fewer than 4 different poses or when all targets lie on one line.

@@ -27,6 +27,7 @@ from exactarm.identify.gear_orders import METHODS
 from exactarm.identify.gear_samples import GearSamples, gear_samples
 from exactarm.identify.statistics import ErrorSummary, summarise
 from exactarm.robot import GearTable, Robot
+from exactarm.split import DEFAULT_SEED
 
 _MUCH_OUTSIDE, _FAR_ABOVE = 0.2, 2.0  # share of validation rows; times the noise
 _SAME_SPEED = 0.1  # runs whose speeds differ by less than this share count as one speed
@@ -97,7 +98,7 @@ class GearIdentification:
 
 
 def identify_gears(
-    robot: Robot, data: Dataset, *, method: str = "refined", seed: int = 0, threads: int = 1, progress=lambda text: None
+    robot: Robot, data: Dataset, *, method: str = "refined", seed: int = DEFAULT_SEED, threads: int = 1, progress=lambda text: None
 ) -> GearIdentification:
     """Identifies every gear that moves in the data. Raises InputError where nothing can be identified."""
     if method not in METHODS:

@@ -17,6 +17,7 @@ from exactarm.dataset import Dataset
 from exactarm.errors import InputError
 from exactarm.identify.frames import FoundFrames, find_frames
 from exactarm.robot import Robot
+from exactarm.split import DEFAULT_SEED
 
 WORST_SHARE = 0.03  # of the reach, RMS with the frames fitted
 _DEGREE = np.pi / 180.0
@@ -31,7 +32,7 @@ def reach(robot: Robot) -> float:
     return float(sum(np.hypot(joint.a, joint.d) for joint in robot.joints) + sum(strokes))
 
 
-def require_match(robot: Robot, data: Dataset, found: list[tuple[int, FoundFrames]], carried: Layout, seed: int = 0) -> None:
+def require_match(robot: Robot, data: Dataset, found: list[tuple[int, FoundFrames]], carried: Layout, seed: int = DEFAULT_SEED) -> None:
     """Raises InputError where the robot cannot have moved the target as measured; `found`: frames by session."""
     for session, frames in found:
         if frames.rms <= WORST_SHARE * reach(robot):

@@ -18,6 +18,7 @@ from exactarm.identify.declared import carried_layout, frames_layout, require_ge
 from exactarm.identify.match import require_match
 from exactarm.regression import Evaluation, Fit, least_squares
 from exactarm.robot import Robot
+from exactarm.split import DEFAULT_SEED
 
 KIND = "tracked_motion"
 _ROWS = 2000  # that a fit works on, as long as they do not stand further apart than
@@ -72,7 +73,7 @@ def thinned_record(record: MotionRecord, robot: Robot) -> MotionRecord:
     )
 
 
-def tracked_frames(robot: Robot, data: Dataset, seed: int = 0) -> Layout:
+def tracked_frames(robot: Robot, data: Dataset, seed: int = DEFAULT_SEED) -> Layout:
     """Base and tool frames of every session as static poses would give them: near enough to start from."""
     frames, found = frames_layout(robot, static_rows(data), orientation=False, seed=seed)
     require_match(robot, data, found, carried_layout(robot, data), seed)

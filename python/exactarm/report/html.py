@@ -1,8 +1,4 @@
-"""A report as one HTML file: styles and plots inside it, nothing fetched, readable light, dark and printed.
-
-Names from outside (files, columns, robots) are text here and nothing else: the template escapes them, figures have plain
-names (sections.py), and the page's content security policy lets no script run and nothing be fetched.
-"""
+"""A report as one HTML file: styles and plots inside it, nothing fetched, readable light, dark and printed."""
 
 from __future__ import annotations
 
@@ -40,6 +36,27 @@ def render_html(report: Report, drawings: Sequence[Drawing] = ()) -> str:
         elif isinstance(section, Text):
             blocks.append(("text", section))
     return template.render(report=report, blocks=blocks)
+
+
+def render_verdict_html(report: Report) -> str:
+    """Title, verdict, the numbers that matter most and the first table, as a piece of a page (for notebooks)."""
+    parts = [Markup("<p><strong>{}</strong><br>{}</p>").format(report.title, report.verdict)]
+    for section in report.sections:
+        if isinstance(section, Highlights):
+            for item in section.items:
+                value, before = highlight_texts(item)
+                text = f"{before} → {value}" if before else value
+                parts.append(Markup("<div>{}: <strong>{}</strong></div>").format(item.label, text))
+    table = next((section for section in report.sections if isinstance(section, Table) and section.rows), None)
+    if table is not None:
+        header, columns, _ = columns_of(table)
+        head = Markup("").join(Markup("<th>{}</th>").format(name) for name in header)
+        rows = (Markup("").join(Markup("<td>{}</td>").format(cell) for cell in row) for row in zip(*columns))
+        body = Markup("").join(Markup("<tr>{}</tr>").format(row) for row in rows)
+        parts.append(Markup("<table><caption>{}</caption><thead><tr>{}</tr></thead><tbody>{}</tbody></table>").format(
+            table.heading, head, body))
+    parts += [Markup("<p>warning: {}</p>").format(item) for item in report.warnings]
+    return str(Markup("").join(parts))
 
 
 def _table(table: Table) -> dict:

@@ -12,8 +12,22 @@ MOST_ROWS = 40
 LEAST_TEXT_WIDTH = 30
 
 
-def render_text(report: Report, width: int = WIDTH) -> str:
+def render_verdict(report: Report, most: int, width: int = WIDTH) -> str:
+    """Title, verdict, the numbers that matter most and the warnings, in at most `most` lines."""
+    lines = [report.title, *textwrap.wrap(report.verdict, width)]
+    for section in report.sections:
+        if isinstance(section, Highlights):
+            lines += _highlights(section)
+    warnings = [textwrap.shorten(f"warning: {item}", width, placeholder=" ...") for item in report.warnings]
+    room = max(most - len(lines), 0)
+    if len(warnings) > room:
+        warnings = [*warnings[: max(room - 1, 0)], f"{len(warnings) - max(room - 1, 0)} more warnings in summary()"]
+    return "\n".join([*lines, *warnings][:most])
+
+
+def render_text(report: Report, width: int | None = None) -> str:
     """The whole report but its figures."""
+    width = WIDTH if width is None else width
     blocks = [report.title + "\n" + "=" * len(report.title), _wrap(report.verdict, width)]
     for section in report.sections:
         if isinstance(section, Highlights):

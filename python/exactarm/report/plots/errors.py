@@ -2,21 +2,29 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from exactarm.report.plots.style import (
-    AFTER, BEFORE, FLOOR, RASTER_ABOVE, VALIDATION, from_zero, label_with, legend_above, marker_size, new_figure, scaled,
+    AFTER, BEFORE, FLOOR, RASTER_ABOVE, VALIDATION, from_zero, label_with, legend_above, marker_size, on_one_panel, scaled,
 )
 
 
 def error_per_pose(before: np.ndarray, after: np.ndarray, validation: np.ndarray, unit: str = "m", *,
                    noise_floor: float | None = None, name: str = "position error", row: str = "pose") -> Figure:
     """Magnitudes before, after (N,) against the row; `validation` (N,) bool marks what was never fitted."""
+    return on_one_panel(partial(error_per_pose_panel, before, after, validation, unit, noise_floor=noise_floor, name=name,
+                                row=row), 3.6)
+
+
+def error_per_pose_panel(before: np.ndarray, after: np.ndarray, validation: np.ndarray, unit: str, axes: Axes, *,
+                         noise_floor: float | None = None, name: str = "position error", row: str = "pose") -> None:
+    """The same on given axes."""
     size, shown = scaled(before, unit, after)
     rows = np.arange(1, len(before) + 1)
-    figure = new_figure(3.6)
-    axes = figure.subplots()
     fitted, dots = ~np.asarray(validation, bool), marker_size(len(rows))
     how = {"markersize": dots, "rasterized": len(rows) > RASTER_ABOVE, "linestyle": "none"}
     axes.plot(rows, before / size, marker="o", color=BEFORE, label="before", alpha=0.75, **how)
@@ -27,15 +35,19 @@ def error_per_pose(before: np.ndarray, after: np.ndarray, validation: np.ndarray
     axes.set(xlabel=row, ylabel=label_with(name, shown), xlim=(0, len(rows) + 1))
     from_zero(axes, before / size, after / size)
     legend_above(axes, marker_scale=4.5 / dots)
-    return figure
 
 
 def error_histogram(before: np.ndarray, after: np.ndarray, unit: str = "m", *, noise_floor: float | None = None,
                     name: str = "position error", of: str = "validation poses") -> Figure:
     """How many rows have which error, before and after, in the same bins."""
+    return on_one_panel(partial(error_histogram_panel, before, after, unit, noise_floor=noise_floor, name=name, of=of), 3.0)
+
+
+def error_histogram_panel(before: np.ndarray, after: np.ndarray, unit: str, axes: Axes, *,
+                          noise_floor: float | None = None, name: str = "position error",
+                          of: str = "validation poses") -> None:
+    """The same on given axes."""
     size, shown = scaled(before, unit, after)
-    figure = new_figure(3.0)
-    axes = figure.subplots()
     largest = float(max(np.max(before, initial=0.0), np.max(after, initial=0.0))) / size or 1.0
     bins = np.linspace(0.0, largest, int(np.clip(2.0 * np.sqrt(len(before)), 12, 60)) + 1)
     for values, colour, label in ((before, BEFORE, "before"), (after, AFTER, "after")):
@@ -47,4 +59,3 @@ def error_histogram(before: np.ndarray, after: np.ndarray, unit: str = "m", *, n
     axes.set(xlabel=label_with(name, shown), ylabel=f"number of {of}", xlim=(0.0, largest))
     axes.yaxis.get_major_locator().set_params(integer=True)
     legend_above(axes)
-    return figure

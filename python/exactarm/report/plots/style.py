@@ -6,8 +6,9 @@ Grey is before, blue is after, orange is what was never fitted (validation), gre
 from __future__ import annotations
 
 from contextlib import contextmanager
+from contextvars import ContextVar
 from pathlib import Path
-from typing import Iterator, Sequence
+from typing import Callable, Iterator, Sequence
 
 import matplotlib
 import numpy as np
@@ -56,7 +57,6 @@ SETTINGS = {
     "legend.handletextpad": 0.5,
     "legend.columnspacing": 1.4,
     "lines.linewidth": 1.4,
-    "text.parse_math": False,  # a column may be called cost_$: its name is no formula
     "svg.hashsalt": "exactarm",
     "svg.fonttype": "path",
 }
@@ -68,8 +68,28 @@ def house_style() -> Iterator[None]:
         yield
 
 
+_MAKER: ContextVar[Callable[..., Figure]] = ContextVar("maker of figures", default=Figure)
+
+
+@contextmanager
+def drawn_by(maker: Callable[..., Figure]) -> Iterator[None]:
+    """Figures are made by `maker` (pyplot's, to be shown) in place of one that belongs to no window."""
+    token = _MAKER.set(maker)
+    try:
+        yield
+    finally:
+        _MAKER.reset(token)
+
+
 def new_figure(height: float = HEIGHT_IN, width: float = WIDTH_IN) -> Figure:
-    return Figure(figsize=(width, height))
+    return _MAKER.get()(figsize=(width, height))
+
+
+def on_one_panel(panel: Callable[[Axes], None], height: float = HEIGHT_IN) -> Figure:
+    """A figure of one panel."""
+    figure = new_figure(height)
+    panel(figure.subplots())
+    return figure
 
 
 def write_picture(picture: Figure, vector: Path, raster: Path) -> None:

@@ -1,0 +1,67 @@
+"""What the functions of the package take: a robot or its name, data or their files; and how a call is written down.
+
+Every command is one function here and on the command line: `exactarm.calibrate(robot, data, robust=True)` is
+`exactarm calibrate ROBOT DATA --robust`, with the same options, the same default seed and the same result.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Union
+
+from exactarm.commands.arguments import available_cores
+from exactarm.commands.plain import sha256
+from exactarm.commands.result import Asked
+from exactarm.dataset import Dataset, Source, read_dataset
+from exactarm.robot import Robot
+from exactarm.robot_file import load_robot
+
+AnyRobot = Union[Robot, str, Path]
+AnyData = Union[Dataset, str, Path, Sequence[Union[str, Path]]]
+
+
+def robot_of(robot: AnyRobot) -> Robot:
+    """A robot as it is, or the one of that name or file."""
+    return robot if isinstance(robot, Robot) else load_robot(robot)
+
+
+def data_of(data: AnyData, robot: Robot, kind: str | None = None) -> Dataset:
+    """Data as they are, or those of the files."""
+    return data if isinstance(data, Dataset) else read_dataset(data, robot, kind)
+
+
+def threads_of(threads: int | None) -> int:
+    """None: all cores."""
+    return available_cores() if threads is None else threads
+
+
+def asked(command: str, robot: AnyRobot, data: AnyData | None, seed: int, options: Mapping[str, Any],
+          defaults: Mapping[str, Any] | None = None) -> Asked:
+    """The call as it would be written, and what it read. Options that are as their default are left out."""
+    name = str(robot) if not isinstance(robot, Robot) else robot.name
+    files = data.sources if isinstance(data, Dataset) else ()
+    read = tuple(files)
+    if not isinstance(robot, Robot) and Path(robot).is_file():
+        read = (Source(str(robot), sha256(robot)), *read)
+    words = [_word(source.path) for source in files] or ([] if data is None else ["data"])
+    given = [] if data is None else [words[0] if len(words) == 1 else f"[{', '.join(words)}]"]
+    changed = {key: value for key, value in options.items() if repr(value) != repr((defaults or {}).get(key))}
+    keys = [f"{key}={value!r}" for key, value in (*changed.items(), ("seed", seed))]
+    call = ", ".join([_word(robot) if not isinstance(robot, Robot) else "robot", *given, *keys])
+    return Asked(command, f"exactarm.{command}({call})", name, read, seed)
+
+
+def _word(path: Any) -> str:
+    return repr(str(path))
+
+
+def read(files: str | Path | Sequence[str | Path], robot: AnyRobot, *, kind: str | None = None) -> Dataset:
+    """Measured data of one or more CSV or Parquet files, in SI units.
+
+        >>> import exactarm as ea
+        >>> data = ea.read(ea.example("ur10/series_B"), "ur10")
+        >>> data.kind, data.position.shape
+        ('poses', (1495, 3))
+    """
+    return read_dataset(files, robot_of(robot), kind)

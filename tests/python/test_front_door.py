@@ -1,0 +1,157 @@
+"""What a user of the package calls: one import, results that speak, robots and results as values."""
+
+import doctest
+import importlib
+import inspect
+import pickle
+import resource
+import subprocess
+import sys
+
+import matplotlib
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+import exactarm as ea
+from exactarm.chain import Layout, predict_poses
+from exactarm.commands.arguments import DEFAULT_SEED
+from exactarm.commands.execute import parser_of
+from exactarm.commands.listing import find_commands, import_command
+from exactarm.effects import effect_from_table
+
+matplotlib.use("agg")
+SERIES = ea.example("ur10/series_B")
+
+
+@pytest.fixture(scope="module")
+def result():
+    return ea.calibrate("ur10", SERIES, threads=1)
+
+
+def test_every_public_name_is_there_and_documented():
+    for name in ea.NAMES:
+        assert getattr(ea, name).__doc__, name
+    present = set(find_commands())
+    for name in set(ea.COMMANDS) & present:
+        function = getattr(importlib.import_module(f"exactarm.commands.{name}"), name)
+        assert inspect.getdoc(function), name
+        assert callable(getattr(ea, name)) and str(inspect.signature(getattr(ea, name))) == str(inspect.signature(function))
+
+
+def test_a_room_of_the_package_stays_a_module_and_is_the_command_of_its_name():
+    module = importlib.import_module("exactarm.plan.optimal")
+    assert inspect.ismodule(ea.plan) and ea.plan.optimal is module
+    assert ea.plan("racer-7-1.4", "line", rate_hz=100)["solver"]["status"] == "solved"
+
+
+def test_an_unknown_name_is_an_attribute_error():
+    with pytest.raises(AttributeError, match="calibrte"):
+        ea.calibrte
+
+
+def test_help_imports_no_numerics_and_is_quick():
+    program = "import sys; from exactarm.cli import main; main(['--help']); print('numpy' in sys.modules)"
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    assert run.stdout.endswith("False\n") and "calibrate" in run.stdout
+    assert after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime < 0.2  # processor time, s
+
+
+@pytest.mark.parametrize("name", [name for name in ea.COMMANDS if name in find_commands()])
+def test_python_and_command_line_have_one_default_seed(name):
+    module = import_command(name)
+    assert inspect.signature(getattr(module, name)).parameters["seed"].default == DEFAULT_SEED
+    assert parser_of(module).get_default("seed") == DEFAULT_SEED
+
+
+def test_a_result_says_its_verdict_in_ten_lines(result):
+    lines = str(result).splitlines()
+    assert 4 <= len(lines) <= 10 and lines[1].startswith("The mean position error on poses that were never fitted falls")
+    assert result.verdict in result.summary().replace("\n", " ") and "<table>" in result._repr_html_()
+
+
+def test_a_result_answers_by_key_by_name_and_as_a_table(result):
+    assert result["after"]["validation"]["mean"] == result.after["validation"].mean
+    assert result.after["validation"].mean < result.before["validation"].mean
+    table = result.to_dataframe()
+    validation = table[table["set"] == "validation"]
+    assert validation["error_after_m"].mean() == pytest.approx(result.after["validation"].mean)
+    with pytest.raises(ea.InputError, match="residuals.csv"):
+        result.to_dataframe("residual.csv")
+
+
+def test_plots_take_axes_and_give_axes(result):
+    axes = Figure().subplots()
+    assert result.plot(axes, "error_histogram") is axes and axes.has_data()
+    assert len(result.plot(what="parameters")) > 1
+    with pytest.raises(ea.InputError, match="of one panel"):
+        result.plot(axes, "parameters")
+
+
+def test_a_result_is_saved_as_the_command_line_saves_it(result, tmp_path):
+    page = result.save(tmp_path / "out")
+    assert page.read_text().count("SHA-256") == 1 and "exactarm.calibrate(" in page.read_text()
+    assert ea.load_robot(tmp_path / "out" / "robot.toml").joints == result.robot.joints
+
+
+def test_results_are_values(result):
+    again = ea.calibrate("ur10", ea.read(SERIES, "ur10"), threads=1)
+    assert again == result and hash(again) == hash(result)
+    assert pickle.loads(pickle.dumps(result)) == result
+    assert ea.calibrate("ur10", SERIES, seed=2, threads=1) != result
+
+
+def test_robots_are_values():
+    one, other = ea.load_robot("racer-7-1.4"), ea.load_robot("racer-7-1.4")
+    assert one.core is not None  # what is computed and kept takes no part
+    assert one == other and hash(one) == hash(other) and pickle.loads(pickle.dumps(one)) == one
+    assert one != one.with_joint(0, d=0.1) and one.joints[0] != one.joints[1]
+    assert len({one, other, one.with_joint(0, d=0.1)}) == 2
+
+
+def test_the_pose_at_the_controllers_angles_is_that_of_the_calibrated_chain(result):
+    """To 1e-12 m; the core's kinematics at the same angles leave out the offsets that a calibration found."""
+    robot, data = result.robot, ea.read(SERIES, "ur10")
+    found = robot.fk(data.joints["q"][:50], of="target", seen_from="device")
+    chain = predict_poses(robot, Layout.of(robot.effects, estimate=False), data.select(np.arange(50)), tangents=False)
+    np.testing.assert_allclose(found.position, chain.position, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(found.rotation, chain.rotation, rtol=0, atol=1e-12)
+
+
+def test_inverse_kinematics_of_a_calibrated_robot_returns_the_controllers_angles(result):
+    random = np.random.default_rng(5)
+    for q in random.uniform(-1.2, 1.2, (5, 6)):
+        pose = result.robot.fk(q, of="target")
+        np.testing.assert_allclose(result.robot.fk(result.robot.ik(pose, of="target"), of="target").matrix, pose.matrix, atol=2e-10)
+        np.testing.assert_allclose(result.robot.ik(pose.matrix, start=q + 0.05, of="target"), q, atol=1e-7)
+
+
+def test_the_jacobian_is_that_of_the_whole_chain():
+    robot = ea.load_robot("racer-7-1.4")
+    robot = ea.Robot(robot.name, robot.joints, robot.links, effects=(
+        effect_from_table({"effect": "joint_compliance", "joint": 2, "linear_rad_per_Nm": 1e-5, "cubic_rad_per_Nm3": 0.0}),))
+    q, step = np.array([0.1, 1.2, 0.3, 0.4, 0.5, 0.6]), 1e-4
+    slope = robot.jacobian(q)
+    for axis, unit in enumerate(np.eye(6)):
+        change = (robot.fk(q + step * unit).position - robot.fk(q - step * unit).position) / (2.0 * step)
+        np.testing.assert_allclose(slope[:3, axis], change, atol=1e-7)
+    assert slope.shape == (6, 6) and robot.jacobian(np.stack([q, q])).shape == (2, 6, 6)
+
+
+def test_gravity_torque_follows_the_true_joint_angles():
+    robot = ea.load_robot("racer-7-1.4")
+    q, turned = np.array([0.1, 1.2, 0.3, 0.4, 0.5, 0.6]), robot.with_joint(1, q_offset=robot.joints[1].q_offset + 0.01,
+                                                                          controller_offset=robot.joints[1].q_offset)
+    rigid = [arm.with_joint(1, spring_linear=None) for arm in (robot, turned)]
+    np.testing.assert_allclose(rigid[1].inverse_dynamics(q), rigid[0].inverse_dynamics(q + 0.01 * np.eye(6)[1]), atol=1e-2)
+    assert abs(rigid[1].inverse_dynamics(q)[1] - rigid[0].inverse_dynamics(q)[1]) > 0.1
+
+
+@pytest.mark.parametrize("module", [
+    "exactarm.robot", "exactarm.commands.call", *(f"exactarm.commands.{name}" for name in ea.COMMANDS if name in find_commands()),
+])
+def test_the_examples_in_the_docstrings_run(module):
+    outcome = doctest.testmod(importlib.import_module(module), optionflags=doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE)
+    assert outcome.failed == 0
