@@ -25,6 +25,7 @@ class GearCause:
     detail: dict = field(default_factory=dict)
 
     foreign = False
+    measures = ""  # the parameter of docs/effects.md that `size` is
 
     @classmethod
     def draw(cls, random, state: GearState):
@@ -54,8 +55,13 @@ class GearCause:
     def device(self, reading, state):
         return 0.0
 
+    def parameters(self) -> dict[str, float]:
+        """Numbers of docs/effects.md that this cause has exactly; none where it is another form of it."""
+        return {self.measures: self.size} if self.measures else {}
+
     def truth(self) -> dict:
-        return {"effect": self.name, "joint": self.joint, "size": self.size, "foreign": self.foreign} | self.detail
+        own = {"effect": self.name, "joint": self.joint, "size": self.size, "foreign": self.foreign}
+        return own | {"parameters": self.parameters()} | self.detail
 
 
 @dataclass(frozen=True)
@@ -125,6 +131,7 @@ class LoadDependence(GearCause):
     """The gear winds up with the torque that it carries."""
 
     name: str = "load_dependence"
+    measures = "linear_rad_per_Nm"
 
     @classmethod
     def draw(cls, random, state):
@@ -150,10 +157,17 @@ class GearEccentricity(GearCause):
         x = self.of(state, "phi")
         return self.on_axis(state, np.sin(x + self.phase) + self.oval * np.cos(2.0 * x + self.phase))
 
+    def parameters(self):
+        first = self.size * np.exp(1j * self.phase)
+        return {"first_cos_rad": first.imag, "first_sin_rad": first.real} | (
+            {"second_cos_rad": self.oval * first.real, "second_sin_rad": -self.oval * first.imag} if self.oval else {}
+        )
+
 
 @dataclass(frozen=True)
 class GearRatio(GearCause):
     name: str = "gear_ratio"
+    measures = "scale"
     size: float = 1e-3
 
     def gear(self, state):
@@ -163,6 +177,7 @@ class GearRatio(GearCause):
 @dataclass(frozen=True)
 class JointCoupling(GearCause):
     name: str = "joint_coupling"
+    measures = "coupling_rad_per_rad"
     motor_axis: int = 1
 
     @classmethod
@@ -184,6 +199,7 @@ class Backlash(GearCause):
     """Loaded flank: the sign of gravity's torque plus friction against the motion, through a narrow transition."""
 
     name: str = "backlash"
+    measures = "width_rad"
     friction: float = 1.0
 
     @classmethod
@@ -222,10 +238,14 @@ class Hysteresis(GearCause):
                 out[row] = z / self.reach
         return self.on_axis(state, -out)
 
+    def parameters(self):
+        return {"size_rad": self.size, "reach_rad": self.reach}
+
 
 @dataclass(frozen=True)
 class TimeDelay(GearCause):
     name: str = "time_delay"
+    measures = "delay_s"
     size: float = 1e-3
 
     @classmethod
@@ -257,6 +277,7 @@ class GyroCause(GearCause):
 @dataclass(frozen=True)
 class GyroScale(GyroCause):
     name: str = "gyro_scale"
+    measures = "scale"
     size: float = 1e-3
 
     def device(self, reading, state):

@@ -22,7 +22,10 @@ LOADED_PASSES = 4  # the load bends the arm, and the bent arm has another load
 
 @dataclass(frozen=True)
 class Runs:
-    """Commands on the fine grid: time (N,), theta (N, n), direction (N, n) of each run, run (N,), moved axis (N,) from 0."""
+    """Commands on the fine grid: time (N,), theta (N, n), direction (N, n) of each run, run (N,), moved axis (N,) from 0.
+
+    logged (N,): which of it was recorded, where a run is cut; None: all of it.
+    """
 
     time: np.ndarray
     theta: np.ndarray
@@ -31,6 +34,7 @@ class Runs:
     moved: np.ndarray
     temperature: np.ndarray
     encoder_axes: tuple[int, ...] = ()
+    logged: np.ndarray | None = None
 
     @property
     def step(self) -> float:
@@ -98,7 +102,8 @@ def sense(arm: Arm, runs: Runs, causes, tilt: np.ndarray) -> Reading:
 
 def _picked(runs: Runs) -> np.ndarray:
     rows = [np.flatnonzero(runs.run == number)[::OVERSAMPLING] for number in np.unique(runs.run)]
-    return np.concatenate(rows)
+    picked = np.concatenate(rows)
+    return picked if runs.logged is None else picked[runs.logged[picked]]
 
 
 def _only(runs: Runs, picked: np.ndarray) -> Runs:

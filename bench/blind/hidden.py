@@ -58,6 +58,7 @@ class Hidden:
     detail: dict = field(default_factory=dict)
 
     foreign = False
+    measures = ""  # the parameter of docs/effects.md that `size` is
 
     @property
     def index(self) -> int:
@@ -93,8 +94,13 @@ class Hidden:
     def spoiled(self, rows: Rows) -> np.ndarray | None:
         return None
 
+    def parameters(self) -> dict[str, float]:
+        """Numbers of docs/effects.md that this cause has exactly; none where it is another form of it."""
+        return {self.measures: self.size} if self.measures else {}
+
     def truth(self) -> dict:
-        return {"effect": self.name, "joint": self.joint, "size": self.size, "foreign": self.foreign} | self.detail
+        own = {"effect": self.name, "joint": self.joint, "size": self.size, "foreign": self.foreign}
+        return own | {"parameters": self.parameters()} | self.detail
 
 
 @dataclass(frozen=True)

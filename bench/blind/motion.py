@@ -2,7 +2,8 @@
 
     q(t) -> link torque (recursive Newton-Euler) -> phi = q - offset + deflection -> theta = ratio phi
     tau  =  T' link torque + rotor ratio d2 theta/dt2 + friction(d theta/dt) + causes        output side, convention of docs/method.md
-    T: turn of every output by every motor over the nominal ratio (virtual work); hidden gears change it
+    T: turn of every output by every motor over the nominal ratio (virtual work); hidden gears change it, and declared
+    tables where a `direction` says which of them holds: theta / ratio = phi + error(phi), link torque / (1 + d error / d phi)
 
 Newton-Euler as in Luh, Walker and Paul 1980: velocities and accelerations outwards, with the base accelerated by -g,
 forces and moments inwards, all in the base frame.
@@ -10,7 +11,7 @@ forces and moments inwards, all in the base frame.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -21,7 +22,10 @@ SMOOTH_RAD_S = 5e-3  # friction turns over in this rate
 
 @dataclass(frozen=True)
 class Drive:
-    """Fine grid of one record: time (N,), run (N,), joint angles with rates and accelerations (N, n), temperature (N,)."""
+    """Fine grid of one record: time (N,), run (N,), joint angles with rates and accelerations (N, n), temperature (N,).
+
+    direction (N, n), -1 to 1: which of its tables each gear follows; None: the gears have none.
+    """
 
     time: np.ndarray
     run: np.ndarray
@@ -29,6 +33,11 @@ class Drive:
     rate: np.ndarray
     acceleration: np.ndarray
     temperature: np.ndarray
+    direction: np.ndarray | None = None
+
+    def part(self, rows: np.ndarray) -> "Drive":
+        """The samples of an index array."""
+        return Drive(*(None if (value := getattr(self, item.name)) is None else value[rows] for item in fields(self)))
 
 
 def inverse_dynamics(arm: Arm, q: np.ndarray, rate: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
@@ -76,9 +85,11 @@ def play(arm: Arm, drive: Drive, causes) -> Played:
     ratio = arm.motor_per_output
     phi = drive.q - arm.offset
     # What the motor's angle over its ratio has ahead of the output; its rates by differences, run by run.
-    ahead = spring_deflection(arm, link) - sum(cause.gear(arm, drive, phi) for cause in causes)
+    bent = spring_deflection(arm, link)
+    error, gain = _table_error(arm, phi + bent, drive.direction)
+    ahead = bent + error - sum(cause.gear(arm, drive, phi) for cause in causes)
     rate, acceleration = drive.rate + slope(ahead, drive), drive.acceleration + slope(slope(ahead, drive), drive)
-    carried = link + sum(cause.carried(arm, drive, phi, link) for cause in causes)
+    carried = link / (1.0 + gain) + sum(cause.carried(arm, drive, phi, link) for cause in causes)
     rotor = ratio**2 * arm.rotor * acceleration
     friction = arm.coulomb * np.tanh(rate / SMOOTH_RAD_S) + arm.viscous * rate
     state = Played((phi + ahead) * ratio, carried + rotor + friction, link)
@@ -86,6 +97,20 @@ def play(arm: Arm, drive: Drive, causes) -> Played:
     for cause in causes:
         tau = cause.record(tau, drive)
     return replace(state, tau=tau)
+
+
+def _table_error(arm: Arm, phi: np.ndarray, direction: np.ndarray | None) -> tuple[np.ndarray | float, np.ndarray | float]:
+    """(N, n) error of the declared gears at the output angle phi, and its slope; of both tables by their share."""
+    if direction is None:
+        return 0.0, 0.0
+    error, gain = np.zeros_like(phi), np.zeros_like(phi)
+    for i, tables in enumerate(arm.tables):
+        for side, name, other in ((-1.0, "cw", "ccw"), (1.0, "ccw", "cw")) if tables else ():
+            table, share = tables.get(name, tables.get(other)), 0.5 * (1.0 + side * direction[:, i])
+            angle = phi[:, i : i + 1] * table.order
+            error[:, i] += share * table.error(phi[:, i])
+            gain[:, i] += share * (np.cos(angle) @ table.a - np.sin(angle) @ table.b)
+    return error, gain
 
 
 def slope(values: np.ndarray, drive: Drive) -> np.ndarray:

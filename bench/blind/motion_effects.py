@@ -26,6 +26,7 @@ class MotionCause:
     largest: float = np.inf  # size that would still be plausible
 
     foreign = False
+    measures = ""  # the parameter of docs/effects.md that `size` is
 
     @classmethod
     def draw(cls, random, arm, drive, played):
@@ -57,8 +58,13 @@ class MotionCause:
     def record(self, tau, drive):
         return tau
 
+    def parameters(self) -> dict[str, float]:
+        """Numbers of docs/effects.md that this cause has exactly; none where it is another form of it."""
+        return {self.measures: self.size} if self.measures else {}
+
     def truth(self) -> dict:
-        return {"effect": self.name, "joint": self.joint, "size": self.size, "foreign": self.foreign} | self.detail
+        own = {"effect": self.name, "joint": self.joint, "size": self.size, "foreign": self.foreign}
+        return own | {"parameters": self.parameters()} | self.detail
 
 
 @dataclass(frozen=True)
@@ -74,6 +80,9 @@ class Stribeck(MotionCause):
         v = self.of(drive.rate)
         return self.on_axis(drive, np.tanh(v / SMOOTH_RAD_S) * np.exp(-((v / self.fades) ** 2)))
 
+    def parameters(self):
+        return {"breakaway_Nm": self.size, "velocity_rad_s": self.fades}
+
 
 @dataclass(frozen=True)
 class Asymmetric(MotionCause):
@@ -85,10 +94,14 @@ class Asymmetric(MotionCause):
         v = self.of(drive.rate)
         return self.on_axis(drive, np.tanh(v / SMOOTH_RAD_S) ** 2 + 0.3 * np.abs(v))
 
+    def parameters(self):
+        return {"coulomb_Nm": self.size, "viscous_Nm_s": 0.3 * self.size}
+
 
 @dataclass(frozen=True)
 class LoadFriction(MotionCause):
     name: str = "load_friction"
+    measures = "coefficient"
 
     @classmethod
     def draw(cls, random, arm, drive, played):
@@ -119,6 +132,7 @@ class TorqueRipple(MotionCause):
 @dataclass(frozen=True)
 class TorqueConstant(MotionCause):
     name: str = "torque_constant"
+    measures = "scale"
 
     def record(self, tau, drive):
         out = tau.copy()
@@ -150,10 +164,14 @@ class GravityCompensator(MotionCause):
     def torque(self, arm, drive, played):
         return self.on_axis(drive, -np.sin(self.of(drive.q) - self.centre))
 
+    def parameters(self):
+        return {"cosine_Nm": -self.size * np.sin(self.centre), "sine_Nm": self.size * np.cos(self.centre)}
+
 
 @dataclass(frozen=True)
 class Payload(MotionCause):
     name: str = "payload"
+    measures = "mass_kg"
     centre: tuple[float, float, float] = (0.0, 0.0, 0.05)
 
     @classmethod
@@ -175,6 +193,7 @@ class GearRatio(MotionCause):
     """The output turns 1 + size times as far as declared, and carries so much more at the motor."""
 
     name: str = "gear_ratio"
+    measures = "scale"
     size: float = 1e-3
     largest: float = 0.05
 
@@ -190,6 +209,7 @@ class JointCoupling(MotionCause):
     """The motor of another axis turns this one; so it is loaded by it."""
 
     name: str = "joint_coupling"
+    measures = "coupling_rad_per_rad"
     motor_axis: int = 1
     size: float = 1e-2
     largest: float = 1.0
@@ -253,6 +273,7 @@ class MotorLinkCoupling(MotionCause):
     """Spinning rotors on moving links: the rate of their momentum loads the links, the links' turn loads the rotors."""
 
     name: str = "motor_link_coupling"
+    measures = "share"
     largest: float = 1.5
 
     @classmethod
@@ -294,6 +315,7 @@ class ThermalDrift(MotionCause):
 @dataclass(frozen=True)
 class TimeDelay(MotionCause):
     name: str = "time_delay"
+    measures = "delay_s"
     size: float = 1e-3
 
     @classmethod

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from blind.arm import weight_moment
+from blind.device_effects import Outliers, TrackerDrift, TrackerScale, TrackerStep
 from blind.hidden import Hidden, Setting
 
 
@@ -24,6 +25,7 @@ class Backlash(Hidden):
     """The link hangs on the flank that the load presses; Coulomb friction holds the other one at small loads."""
 
     name: str = "backlash"
+    measures = "width_rad"
     friction: float = 0.0
 
     @classmethod
@@ -62,12 +64,16 @@ class JointCompliance(Hidden):
         load = torque[:, self.index]
         return self.at_joint(-load / (1.0 + self.hardening * (load / self.reference) ** 2), arm.axes)
 
+    def parameters(self):
+        return {} if self.hardening else {"linear_rad_per_Nm": self.size}
+
 
 @dataclass(frozen=True)
 class LinkCompliance(Hidden):
     """A bearing that tilts, or a link that bends, across its axis under the weight beyond it."""
 
     name: str = "link_compliance"
+    measures = "rad_per_Nm"
 
     @classmethod
     def draw(cls, random, setting: Setting):
@@ -87,6 +93,7 @@ class BaseCompliance(Hidden):
     """A foundation that tilts about both horizontal axes under the overturning moment."""
 
     name: str = "base_compliance"
+    measures = "rad_per_Nm"
 
     @classmethod
     def draw(cls, random, setting: Setting):
@@ -114,6 +121,12 @@ class GearEccentricity(Hidden):
     def gear(self, arm, phi, rows):
         x = phi[:, self.index]
         return self.at_joint(np.sin(x + self.phase[0]) + self.oval * np.sin(2.0 * x + self.phase[1]), arm.axes)
+
+    def parameters(self):
+        first, second = self.size * np.exp(1j * self.phase[0]), self.size * self.oval * np.exp(1j * self.phase[1])
+        return {"first_cos_rad": first.imag, "first_sin_rad": first.real} | (
+            {"second_cos_rad": second.imag, "second_sin_rad": second.real} if self.oval else {}
+        )
 
 
 @dataclass(frozen=True)
@@ -172,6 +185,7 @@ class GearRatio(Hidden):
     """A ratio other than declared, on an axis whose ratio the declared model does not re-identify."""
 
     name: str = "gear_ratio"
+    measures = "scale"
 
     @classmethod
     def draw(cls, random, setting: Setting):
@@ -189,6 +203,7 @@ class JointCoupling(Hidden):
     """The motor of another axis turns this one along, mostly in the wrist."""
 
     name: str = "joint_coupling"
+    measures = "coupling_rad_per_rad"
     motor: int = 1
 
     @classmethod
@@ -210,6 +225,7 @@ class Hysteresis(Hidden):
     """A drive that stops short of where its friction lets go, in the direction from which it came."""
 
     name: str = "hysteresis"
+    measures = "size_rad"
 
     @classmethod
     def draw(cls, random, setting: Setting):
@@ -226,6 +242,7 @@ class Payload(Hidden):
     """A body at the flange that is not in the file; it shows where springs are declared. size: its mass."""
 
     name: str = "payload"
+    measures = "mass_kg"
     centre: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     @classmethod
@@ -293,94 +310,6 @@ class ThermalZero(Hidden):
 
     def spring(self, arm, q, torque, rows):
         return self.at_joint(rows.temperature - 20.0, arm.axes)
-
-
-@dataclass(frozen=True)
-class TrackerScale(Hidden):
-    """The device reads one or two of its axes too long."""
-
-    name: str = "tracker_scale"
-    axes: tuple[float, float, float] = (0.0, 0.0, 1.0)
-
-    @classmethod
-    def draw(cls, random, setting: Setting):
-        axes = np.zeros(3)
-        axes[random.permutation(3)[: 1 + int(random.random() < 0.4)]] = random.uniform(0.5, 1.0, 1)
-        if np.count_nonzero(axes) == 2:
-            axes *= random.choice((-1.0, 1.0), 3)
-        return cls(size=2e-4, axes=tuple(axes), detail={"axes": list(axes)})
-
-    def device(self, measured, rows):
-        return self.size * measured * np.array(self.axes)
-
-
-@dataclass(frozen=True)
-class TrackerDrift(Hidden):
-    """The device moves off while it measures, more or less evenly."""
-
-    name: str = "tracker_drift"
-    way: tuple[float, float, float] = (0.0, 0.0, 1.0)
-    bend: float = 0.0
-
-    @classmethod
-    def draw(cls, random, setting: Setting):
-        way = random.normal(size=3)
-        return cls(size=2e-4, way=tuple(way / np.linalg.norm(way)), bend=random.uniform(-0.2, 0.2))
-
-    def device(self, measured, rows):
-        elapsed = rows.time if "time" in rows.has else rows.order
-        out = np.zeros(len(rows))
-        for session in np.unique(rows.session):
-            own = rows.session == session
-            x = elapsed[own] - elapsed[own].min()
-            x = x / max(np.ptp(elapsed), 1e-9)
-            out[own] = x + self.bend * x * (1.0 - x)
-        return self.size * out[:, None] * np.array(self.way)
-
-
-@dataclass(frozen=True)
-class TrackerStep(Hidden):
-    """Someone bumps the tripod once: from then on the device stands elsewhere, and mostly turned a little too."""
-
-    name: str = "tracker_step"
-    share: float = 0.5
-    way: tuple[float, float, float] = (0.0, 0.0, 1.0)
-    turn: tuple[float, float, float] = (0.0, 0.0, 0.0)
-
-    @classmethod
-    def draw(cls, random, setting: Setting):
-        way, turned = random.normal(size=3), random.normal(size=3) * random.choice((0.0, 0.3, 1.0))
-        return cls(size=3e-4, share=random.uniform(0.2, 0.8), way=tuple(way / np.linalg.norm(way)), turn=tuple(turned))
-
-    def device(self, measured, rows):
-        session = rows.session[np.argsort(rows.order)[int(self.share * len(rows))]]
-        own = rows.session == session
-        later = own & (rows.order > np.quantile(rows.order[own], self.share))
-        return self.size * later[:, None] * (np.array(self.way) + np.cross(np.array(self.turn), measured))
-
-
-@dataclass(frozen=True)
-class Outliers(Hidden):
-    """Some readings that are plainly wrong: a few hundredths of all rows, 5 to 25 or 200 times the noise (`size`)."""
-
-    name: str = "outliers"
-    errors: tuple = ()
-
-    @classmethod
-    def draw(cls, random, setting: Setting):
-        rows = len(setting.rows)
-        wrong = random.random(rows) < random.uniform(0.015, 0.05)
-        wrong[random.integers(rows, size=2)] = True
-        errors = random.normal(size=(rows, 3)) * wrong[:, None]
-        far = random.choice((25.0, 25.0, 200.0))
-        errors *= np.exp(random.uniform(np.log(5.0), np.log(far), (rows, 1))) / np.maximum(np.linalg.norm(errors, axis=1, keepdims=True), 1e-12)
-        return cls(size=1.0, errors=tuple(map(tuple, errors)), detail={"rows": int(wrong.sum())})
-
-    def device(self, measured, rows):
-        return self.size * np.array(self.errors)
-
-    def spoiled(self, rows):
-        return np.any(np.array(self.errors) != 0.0, axis=1)
 
 
 POSE_EFFECTS = (

@@ -15,15 +15,19 @@ import numpy as np
 import pandas as pd
 
 from blind.arm import Arm, gravity_torque, output_angle, posture, read_arm, turn
+from blind.conditions import TODAY, Conditions, declare, draw_conditions, still_axes
 from blind.foreign_effects import FOREIGN_EFFECTS
 from blind.hidden import Hidden, Rows, Setting
+from blind.noise import component_noise, draw_noise
 from blind.pose_effects import POSE_EFFECTS
+from blind.pose_sets import in_a_cube, over_the_range
 from blind.poses import Setup, Truth, fit_left, measure, spoiled
 from blind.random_arms import write_random_arm
 
 SHIPPED = ("ur10", "racer-7-1.4", "tx40")
 LARGEST_SHIFT_M = 0.015  # that a cause of plausible size makes at the target
 TRIES = 60
+CUBE_POSES, FEW_POSES = 200, 60
 
 
 @dataclass(frozen=True)
@@ -35,19 +39,25 @@ class Case:
     truth: dict
 
 
-def draw_case(folder: Path, seed: int, robots: Path, theme: str | None = None) -> Case:
-    """Writes robot.toml, poses.csv and truth.json into `folder`. theme: "clean", "foreign", "pair", a name, or drawn."""
-    random = np.random.default_rng(seed)
+def draw_case(folder: Path, seed: int, robots: Path, theme: str | None = None, conditions: str = TODAY) -> Case:
+    """Writes robot.toml, poses.csv and truth.json into `folder`.
+
+    theme: "clean", "foreign", "pair", a name, or drawn; conditions: one of `conditions.NAMES`.
+    """
+    random, drawn = np.random.default_rng(seed), draw_conditions(conditions, "poses", seed)
     folder.mkdir(parents=True, exist_ok=True)
-    theme = theme or random.choice(("single", "clean", "foreign", "pair"), p=(0.68, 0.12, 0.1, 0.1))
+    theme = theme or drawn.theme(random, ("single", "clean", "foreign", "pair"), (0.68, 0.12, 0.1, 0.1))
     wanted = None if theme in ("single", "clean", "foreign", "pair") else theme
     for _ in range(TRIES):
         robot = pose_robot_file(folder, random, robots, seed)
-        truth, rows = _true_world(read_arm(robot), random)
+        arm = declare(robot, read_arm(robot), drawn)
+        if arm is None:
+            continue
+        truth, rows = _true_world(arm, random, drawn)
         causes = _draw_causes(theme, wanted, random, truth, rows)
         if causes is None:
             continue
-        case = _write(folder, robot, truth, rows, causes, random, seed)
+        case = _write(folder, robot, truth, rows, causes, random, seed, drawn)
         if case is not None:
             return case
     raise RuntimeError(f"seed {seed}: no case of {theme} after {TRIES} draws")
@@ -63,19 +73,20 @@ def pose_robot_file(folder: Path, random, robots: Path, seed: int) -> Path:
     return path
 
 
-def _true_world(declared: Arm, random) -> tuple[Truth, Rows]:
+def _true_world(declared: Arm, random, drawn: Conditions) -> tuple[Truth, Rows]:
     """The true arm beside its drawing, the set-ups and the commands."""
-    rows = _rows(declared, random)
-    return draw_set_up(declared, random, len(np.unique(rows.session))), rows
+    rows = _rows(declared, random, drawn)
+    return draw_set_up(declared, random, len(np.unique(rows.session)), drawn), rows
 
 
-def draw_set_up(declared: Arm, random, sessions: int) -> Truth:
+def draw_set_up(declared: Arm, random, sessions: int, drawn: Conditions = Conditions()) -> Truth:
     """The true arm beside its drawing, and where it stands in each session."""
     n = declared.axes
     shape = lambda sigma: random.normal(0.0, sigma, n)
+    off, turned, zero = drawn.geometry_m, 5e-4 * drawn.angles, 1e-3 * drawn.angles
     arm = declared.with_values(
-        a=declared.a + shape(3e-4), d=declared.d + shape(3e-4) * ~declared.hayati, alpha=declared.alpha + shape(5e-4),
-        beta=declared.beta + shape(5e-4) * declared.hayati, offset=declared.offset + shape(1e-3),
+        a=declared.a + shape(off), d=declared.d + shape(off) * ~declared.hayati, alpha=declared.alpha + shape(turned),
+        beta=declared.beta + shape(turned) * declared.hayati, offset=declared.offset + shape(zero),
     )
     tables = arm.tables or ({},) * n
     plain = np.array([not table for table in tables])
@@ -90,13 +101,17 @@ def draw_set_up(declared: Arm, random, sessions: int) -> Truth:
     return Truth(arm, Setup(base, tool), (), declared)
 
 
-def _rows(arm: Arm, random) -> Rows:
+def _rows(arm: Arm, random, drawn: Conditions) -> Rows:
     """Commands within the limits and above the floor, in one to three sessions, with or without repeated visits."""
     sessions = random.choice((1, 1, 1, 1, 2, 2, 3))
     total = int(random.integers(max(80, 60 * sessions), 301))
     repeats = int(random.choice((1, 1, 2, 3)))
+    if drawn.pose_set:
+        sessions, repeats, total = 1, 1, CUBE_POSES if drawn.pose_set == "cube" else FEW_POSES
     distinct = max(total // repeats, 50)
-    phi = _postures(arm, distinct, random)
+    phi = (in_a_cube if drawn.pose_set == "cube" else over_the_range)(arm, distinct, random)
+    still = still_axes(arm.axes, random) if drawn.still else np.zeros(arm.axes, bool)
+    phi[:, still] = phi[0, still]
     visit = np.concatenate([random.permutation(distinct) for _ in range(repeats)])
     session = 1 + np.arange(len(visit)) * sessions // len(visit)
     command = phi[visit] * arm.motor_per_output
@@ -104,6 +119,7 @@ def _rows(arm: Arm, random) -> Rows:
     direction = np.sign(step) if random.random() < 0.5 else random.choice((-1.0, 1.0), step.shape)
     if random.random() < 0.3:
         direction *= random.random(step.shape) > 0.1
+    direction = direction * ~still
     time = np.cumsum(random.uniform(15.0, 60.0, len(visit)))
     warm = random.uniform(2.0, 12.0) * (1.0 - np.exp(-time / random.uniform(1800.0, 7200.0)))
     swing = random.uniform(0.0, 3.0) * np.sin(time / random.uniform(600.0, 4000.0) + random.uniform(0, 6.28))
@@ -113,20 +129,6 @@ def _rows(arm: Arm, random) -> Rows:
     held = random.permutation(distinct) < int(round(0.3 * distinct))
     direction = direction if "approach" in has else np.zeros_like(direction)
     return Rows(command, direction, session, np.arange(len(visit), dtype=float), time, 20.0 + warm + swing, visit + 1, ~held[visit], frozenset(has))
-
-
-def _postures(arm: Arm, count: int, random) -> np.ndarray:
-    """(count, n) gear output angles; half of the time over the whole range, else in a part of it."""
-    middle, half = 0.5 * (arm.lower + arm.upper), 0.5 * np.minimum(arm.upper - arm.lower, 2.0 * np.pi)
-    share = random.choice((0.95, 0.95, 0.6))
-    found = np.zeros((0, arm.axes))
-    lowest = random.choice((-np.inf, -0.2, 0.1))
-    for _ in range(200):
-        q = middle + share * half * random.uniform(-1.0, 1.0, (4 * count, arm.axes))
-        found = np.concatenate([found, q[posture(arm, q).flange[:, 2] > lowest]])
-        if len(found) >= count:
-            break
-    return found[:count] - arm.offset
 
 
 def _setting(truth: Truth, rows: Rows) -> Setting:
@@ -148,10 +150,10 @@ def _draw_causes(theme, wanted, random, truth, rows) -> tuple[Hidden, ...] | Non
     return None if any(cause is None for cause in causes) else causes
 
 
-def _write(folder, robot, truth, rows, causes, random, seed) -> Case | None:
+def _write(folder, robot, truth, rows, causes, random, seed, drawn: Conditions) -> Case | None:
     sigma = random.uniform(3e-5, 1.5e-4) / np.sqrt(3.0)
     sigma_turn = sigma / random.uniform(0.15, 0.5) if "orientation" in rows.has else None
-    noise = _noise(truth, rows, sigma, random)
+    noise = _noise(truth, rows, sigma, random, drawn)
     turned = random.normal(0.0, sigma_turn, (len(rows), 3)) if sigma_turn else np.zeros((len(rows), 3))
     raised = float(np.exp(random.uniform(np.log(1.05), np.log(5.0))))
     clean, _ = measure(truth, rows)
@@ -174,6 +176,7 @@ def _write(folder, robot, truth, rows, causes, random, seed) -> Case | None:
         "noise": float(np.sqrt(3.0) * sigma), "best": best.validation, "declared": declared.validation,
         "raised": declared.validation / best.validation, "arm": truth.declared.name, "rows": len(rows),
         "sessions": len(truth.setup.base), "has": sorted(rows.has), "largest_shift": float(shift.max()),
+        "conditions": drawn.truth(),
     }
     data = folder / "poses.csv"
     _table(truth.declared, rows, position, rotation, random).to_csv(data, index=False, float_format="%.10g")
@@ -181,10 +184,10 @@ def _write(folder, robot, truth, rows, causes, random, seed) -> Case | None:
     return Case(robot, data, record)
 
 
-def _noise(truth: Truth, rows: Rows, sigma: float, random) -> np.ndarray:
+def _noise(truth: Truth, rows: Rows, sigma: float, random, drawn: Conditions) -> np.ndarray:
     """(N, 3) of RMS sigma per component: even; or with an axis of its own; or growing with the distance; or partly the
     repeatability of the joints, which does not come back at the next visit."""
-    noise = random.normal(size=(len(rows), 3))
+    noise = draw_noise(drawn, (len(rows), 3), random, joined=True)
     kind = random.choice(("even", "axes", "distance", "joints"), p=(0.55, 0.15, 0.15, 0.15))
     if kind == "axes":
         noise *= random.uniform(0.5, 1.5, 3)
@@ -195,6 +198,7 @@ def _noise(truth: Truth, rows: Rows, sigma: float, random) -> np.ndarray:
         slack = random.normal(0.0, 1e-5, rows.command.shape) * truth.arm.motor_per_output
         moved = measure(truth, replace(rows, command=rows.command + slack))[0] - measure(truth, rows)[0]
         noise += moved / np.sqrt(np.mean(moved**2))
+    noise = noise * component_noise(drawn, 3, random)
     return sigma * noise / np.sqrt(np.mean(noise**2))
 
 

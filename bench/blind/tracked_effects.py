@@ -15,6 +15,7 @@ class TimeDelay(Hidden):
     """The tracker stamps its readings `size` seconds too late: it shows where the arm was before."""
 
     name: str = "time_delay"
+    measures = "delay_s"
 
     @classmethod
     def draw(cls, random, setting: Setting):

@@ -18,8 +18,11 @@ import numpy as np
 import pandas as pd
 
 from blind.arm import posture, read_arm
+from blind.conditions import TODAY, Conditions, declare, draw_conditions, held_still, still_axes, without_springs
 from blind.hidden import Hidden, Rows, Setting
 from blind.motion import excitation
+from blind.noise import component_noise, draw_noise, with_memory
+from blind.passage import passed
 from blind.pose_scenario import LARGEST_SHIFT_M, Case, draw_set_up, pose_robot_file
 from blind.poses import Fit, Truth, fit_left, load, measure
 from blind.tracked_effects import SHAKING, TRACKED_EFFECTS, TRACKED_FOREIGN
@@ -28,41 +31,54 @@ TRIES = 60
 SIZING_ROWS = 300
 
 
-def draw_case(folder: Path, seed: int, robots: Path, theme: str | None = None) -> Case:
-    """Writes robot.toml, tracked.csv and truth.json. theme as in `pose_scenario.draw_case`."""
-    random = np.random.default_rng(seed)
+def draw_case(folder: Path, seed: int, robots: Path, theme: str | None = None, conditions: str = TODAY) -> Case:
+    """Writes robot.toml, tracked.csv and truth.json. theme and conditions as in `pose_scenario.draw_case`."""
+    random, drawn = np.random.default_rng(seed), draw_conditions(conditions, "tracked_motion", seed)
     folder.mkdir(parents=True, exist_ok=True)
-    theme = theme or random.choice(("single", "clean", "foreign", "pair"), p=(0.68, 0.12, 0.1, 0.1))
+    theme = theme or drawn.theme(random, ("single", "clean", "foreign", "pair"), (0.68, 0.12, 0.1, 0.1))
     for _ in range(TRIES):
-        robot = _robot_file(folder, random, robots, seed)
-        declared = read_arm(robot)
-        rows = _rows(declared, random)
-        truth = draw_set_up(declared, random, 1)
+        robot = _robot_file(folder, random, robots, seed, drawn)
+        declared = declare(robot, read_arm(robot), drawn)
+        if declared is None or (drawn.passage_s and not any(declared.tables)):
+            continue
+        rows = _rows(declared, random, drawn)
+        truth = draw_set_up(declared, random, 1, drawn)
         causes = _draw_causes(theme, random, truth, rows)
-        case = None if causes is None else _write(folder, robot, truth, rows, causes, random, seed)
+        case = None if causes is None else _write(folder, robot, truth, rows, causes, random, seed, drawn)
         if case is not None:
             return case
     raise RuntimeError(f"seed {seed}: no case of {theme} after {TRIES} draws")
 
 
-def _robot_file(folder: Path, random, robots: Path, seed: int) -> Path:
-    """A shipped or a drawn arm without gear tables: at a reversal they leave the motion undefined."""
+def _robot_file(folder: Path, random, robots: Path, seed: int, drawn: Conditions) -> Path:
+    """A shipped or a drawn arm without gear tables: at a reversal they leave the motion undefined.
+
+    With them, and then without springs that they would shake, where the conditions define the passage at a reversal.
+    """
     path = pose_robot_file(folder, random, robots, seed)
+    if drawn.passage_s:
+        path.write_text(without_springs(path.read_text()))
+        return path
     path.write_text(re.sub(r"\[joints\.gear_c?cw\][^\n]*\n(?:[a-z_]+ = [^\n]*\n)+", "", path.read_text()))
     return path
 
 
-def _rows(arm, random) -> Rows:
+def _rows(arm, random, drawn: Conditions) -> Rows:
     middle = 0.5 * (arm.lower + arm.upper) + random.uniform(-0.2, 0.2, arm.axes)
     rate, runs = float(random.choice((100.0, 200.0, 333.0))), int(random.integers(1, 5))
     seconds = float(random.uniform(8.0, 14.0))
     drive = excitation(arm, middle, seconds, 1.0 / rate, runs, random)
+    if drawn.still:
+        drive = held_still(drive, middle, still_axes(arm.axes, random))
+    direction = np.sign(drive.rate) * np.sign(arm.motor_per_output)
+    if drawn.passage_s:
+        direction = passed(direction, drive.run, 1.0 / rate, drawn.passage_s)
     clock = drive.time + (drive.run - 1) * (seconds + 5.0)
     held = drive.run == runs if runs > 1 else drive.time > 0.7 * seconds
     has = {name for name, chance in (("time", 1.0), ("temperature", 0.4)) if random.random() < chance}
     command = (drive.q - arm.offset) * arm.motor_per_output
     return Rows(
-        command, np.sign(drive.rate) * np.sign(arm.motor_per_output), np.ones(len(clock), int), np.arange(len(clock), dtype=float),
+        command, direction, np.ones(len(clock), int), np.arange(len(clock), dtype=float),
         clock, drive.temperature - 5.0, drive.run, ~held, frozenset(has), drive.rate, drive.acceleration,
     )
 
@@ -83,7 +99,7 @@ def _draw_causes(theme: str, random, truth: Truth, rows: Rows) -> tuple[Hidden, 
     return None if any(cause is None for cause in causes) else causes
 
 
-def _write(folder, robot, truth, rows, causes, random, seed) -> Case | None:
+def _write(folder, robot, truth, rows, causes, random, seed, drawn: Conditions) -> Case | None:
     sigma = float(random.uniform(2e-5, 1e-4))
     raised = float(np.exp(random.uniform(np.log(1.05), np.log(5.0))))
     chosen, block = _blocks(rows)
@@ -97,7 +113,7 @@ def _write(folder, robot, truth, rows, causes, random, seed) -> Case | None:
     exact = measure(truth, some)
     if causes and np.linalg.norm(exact[0] - clean[0], axis=1).max() > LARGEST_SHIFT_M:
         return None
-    noise = _noise(rows, random) * sigma
+    noise = _noise(rows, random, drawn) * sigma
     best = _left(truth, some, exact, noise, block, rows.identification, sigma)
     declared = _left(replace(truth, hidden=()), some, exact, noise, block, rows.identification, sigma) if causes else best
     record = {
@@ -105,6 +121,7 @@ def _write(folder, robot, truth, rows, causes, random, seed) -> Case | None:
         "noise": float(np.sqrt(np.mean(np.sum(noise**2, axis=1)))), "best": best.validation, "declared": declared.validation,
         "raised": min(declared.validation / best.validation, declared.identification / best.identification),
         "arm": truth.declared.name, "rows": len(rows), "has": sorted(rows.has) + [f"{rows.visit.max()} runs"],
+        "conditions": drawn.truth(),
     }
     data = folder / "tracked.csv"
     _table(truth.declared, rows, measure(truth, rows)[0] + noise).to_csv(data, index=False, float_format="%.10g")
@@ -148,14 +165,13 @@ def _left(model: Truth, some: Rows, exact, noise, block, identification, sigma) 
                level(fit.validation, ~some.identification, ~identification))
 
 
-def _noise(rows: Rows, random) -> np.ndarray:
+def _noise(rows: Rows, random, drawn: Conditions) -> np.ndarray:
     """(N, 3) of unit variance: white, or in half of the cases of a memory of some milliseconds to tenths of a second."""
-    noise = random.normal(size=(len(rows), 3))
+    per_second = 1.0 / np.median(np.diff(rows.time))
+    noise = draw_noise(drawn, (len(rows), 3), random, rows.visit, per_second)
     if random.random() < 0.5:
-        keep = np.exp(-np.median(np.diff(rows.time)) / np.exp(random.uniform(np.log(3e-3), np.log(0.1))))
-        for k in range(1, len(noise)):
-            noise[k] = keep * noise[k - 1] + np.sqrt(1.0 - keep**2) * noise[k]
-    return noise
+        noise = with_memory(noise, np.exp(random.uniform(np.log(3e-3), np.log(0.1))) * per_second)
+    return noise * component_noise(drawn, 3, random)
 
 
 def _table(arm, rows: Rows, position) -> pd.DataFrame:

@@ -18,8 +18,9 @@ sys.path.insert(0, str(TOP / "bench"))
 from blind import gear_scenario, motion_scenario, tracked_scenario  # noqa: E402
 from blind.arm import gravity_torque, output_angle, posture, read_arm  # noqa: E402
 from blind.motion import inverse_dynamics  # noqa: E402
+from blind.marks import summary  # noqa: E402
 from blind.pose_scenario import draw_case  # noqa: E402
-from blind.scorer import diagnose_case, summary  # noqa: E402
+from blind.scorer import diagnose_case  # noqa: E402
 
 from exactarm import _core  # noqa: E402
 from exactarm.dataset import read_dataset  # noqa: E402
@@ -71,7 +72,7 @@ def test_only_the_scorer_knows_the_package():
     for path in (TOP / "bench" / "blind").glob("*.py"):
         names = {node.module or "" for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.ImportFrom)}
         known = {name for name in names if name.startswith("exactarm")}
-        allowed = {"exactarm.dataset", "exactarm.diagnose.diagnosis", "exactarm.robot_file"} if path.stem == "scorer" else set()
+        allowed = {"exactarm.cli", "exactarm.effects"} if path.stem == "scorer" else set()
         assert known <= allowed, path.name
 
 
@@ -117,17 +118,3 @@ def test_clean_runs_between_two_encoders_lack_nothing(tmp_path, seed):
     record = diagnose_case(case.robot, case.data, case.truth)
     assert record["named"] == [] and record["verdict"] == "no_undeclared_effect"
     assert record["before"] <= 1.1 * case.truth["best"]
-
-
-def test_marks_count_what_they_say():
-    case = {"arm": "a", "foreign": False, "noise": 1.0, "best": 1.0, "rows": 9, "has": [], "seconds": 1.0, "before": 3.0,
-            "probability": [0.95], "hits": [True], "named": ["backlash_2"], "missed": []}
-    right = case | {"seed": 1, "hidden": ["backlash_2"], "raised": 2.0, "score": "right", "after": 1.0, "against_best": 1.0}
-    wrong = right | {"seed": 2, "score": "wrong", "hits": [False], "after": 4.0, "against_best": 4.0, "missed": ["backlash_2"]}
-    clean = case | {"seed": 3, "hidden": [], "raised": 1.0, "score": "wrong", "hits": [False], "after": 3.0, "against_best": 1.0}
-    marks = summary([right, wrong, clean])
-    assert marks["first_right_when_clear"] == 0.5
-    assert marks["by_effect"] == {"backlash": "1/2"}
-    assert marks["clean_with_effects"] == 1.0
-    assert marks["validation_grew"] == [2]
-    assert marks["probabilities"] == {"0.9-0.99": "1/3"}
