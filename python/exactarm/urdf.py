@@ -135,7 +135,7 @@ def urdf_text(robot: Robot) -> str:
     """The content of the URDF file."""
     if not robot.has_geometry:
         raise InputError(f"robot {robot.name} declares no geometry; expected one for a URDF", file=robot.file)
-    lines = ['<?xml version="1.0"?>', f"<!-- {_comment(robot)} -->", f"<robot name={quoteattr(robot.name)}>"]
+    lines = ['<?xml version="1.0"?>', f"<!-- {_comment(robot)} -->", f"<robot name={quoteattr(_xml_text(robot.name))}>"]
     lines += ['  <link name="device"/>', '  <link name="base_link"/>']
     lines += _fixed("device_to_base", "device", "base_link", robot.base)
     before, parent = Placement(), "base_link"
@@ -149,6 +149,11 @@ def urdf_text(robot: Robot) -> str:
     for number, joint in enumerate(robot.joints, start=1):
         lines += _transmission(number, joint)
     return "\n".join([*lines, "</robot>"]) + "\n"
+
+
+def _xml_text(text: str) -> str:
+    """Without the characters that XML cannot hold, however they are written."""
+    return "".join(char if char in "\t\n\r" or " " <= char < "\ufffe" or char > "\uffff" else "?" for char in text)
 
 
 def reported_shift(robot: Robot, index: int) -> float:

@@ -317,3 +317,31 @@ def test_progress_is_rare_plain_lines_in_a_pipe():
         progress.step()
     progress.close()
     assert screen.text == "fitting 5/20\nfitting 11/20\nfitting 17/20\n"
+
+
+NASTY = 'a"><img src=x onerror=alert(1)>../$\\frac{'
+
+
+def test_a_name_from_outside_is_text_and_nothing_else(tmp_path):
+    def place(name):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        return tmp_path / name
+
+    def drawn():
+        return curves.curves(np.arange(3.0), {NASTY: np.arange(3.0)}, unit=NASTY, name=NASTY)
+
+    figure = Figure(f"error_{NASTY}", NASTY, drawn, NASTY, NASTY)
+    report = Report(NASTY, NASTY, (Table(NASTY, (NASTY,), ((NASTY,),), NASTY), Text(NASTY, (f"`{NASTY}`",)), figure, figure,
+                                   Warnings((NASTY,))), details={NASTY: NASTY})
+    page = render_html(report, draw(report.figures, place))
+    assert "<img src=x" not in page.replace("<!-- ", "").replace(" -->", "")
+    assert {path.parent for path in tmp_path.rglob("*.svg")} == {tmp_path / "plots"}
+    assert len(list(tmp_path.rglob("*.svg"))) == 2, "figures of one name do not overwrite each other"
+    names = re.findall(r'\bid="([^"]*)"', page)
+    assert names and all(re.fullmatch(r"[\w.-]+", name) for name in names)
+
+
+def test_the_page_lets_nothing_run_and_nothing_be_fetched(page):
+    policy = re.search(r'http-equiv="Content-Security-Policy" content="([^"]*)"', page)[1]
+    assert "default-src 'none'" in policy and "script-src" not in policy
+    assert page.index("Content-Security-Policy") < page.index("<style>")

@@ -9,13 +9,14 @@ from dataclasses import dataclass, replace
 from datetime import datetime, timezone
 from importlib import metadata
 from pathlib import Path
-from typing import Any
+from typing import Any, Callable
 
 import exactarm
 from exactarm.commands.output import OutputFolder
 from exactarm.commands.plain import plain, rows_of, sha256
 from exactarm.commands.result import Asked, CommandResult
 from exactarm.dataset import Source
+from exactarm.errors import ComputationError, InputError
 from exactarm.progress import SILENT, Progress
 from exactarm.report.html import render_html
 from exactarm.report.plots.files import draw
@@ -98,8 +99,8 @@ def _details(asked: Asked, made: str) -> dict[str, str]:
 
 def _write_robot(robot: Robot, asked: Asked, made: str, folder: OutputFolder) -> None:
     """The robot file, with a record of which command made it, from which data and when."""
-    from exactarm.robot_file import write_robot
-    from exactarm.urdf import write_urdf
+    from exactarm.robot_file import read_robot, write_robot
+    from exactarm.urdf import read_urdf, write_urdf
 
     told = {
         "command": asked.command,
@@ -112,5 +113,15 @@ def _write_robot(robot: Robot, asked: Asked, made: str, folder: OutputFolder) ->
     own = {key: value for key, value in robot.record.items() if key not in earlier}
     record = own | told | ({"previous": earlier} if earlier else {})
     write_robot(folder.place("robot.toml"), replace(robot, record=record))
+    _require_readable(read_robot, folder.place("robot.toml"))
     if robot.has_geometry:
         write_urdf(folder.place("robot.urdf"), robot)
+        _require_readable(read_urdf, folder.place("robot.urdf"))
+
+
+def _require_readable(read: Callable[[Path], Robot], path: Path) -> None:
+    """A run is done when our own reader takes what it wrote: a negative mass fits data, but no robot has one."""
+    try:
+        read(path)
+    except InputError as error:
+        raise ComputationError(f"the estimated robot is none, nothing was written: {error.message}") from None

@@ -1,6 +1,7 @@
 """Declared friction: Coulomb and viscous friction of an axis as its tables have them, re-identified.
 
-torque = coulomb_Nm sign(rate) + viscous_Nm_s rate, output side, on the motor's side of the spring.
+torque = coulomb_Nm sign(rate) + viscous_Nm_s rate, output side, on the motor's side of the spring; both are 0 or above,
+for friction drives nothing.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ class DeclaredFriction(DriveEffect):
         return DeclaredFriction(index + 1, (joint.coulomb or 0.0, joint.viscous or 0.0))
 
     def parameters(self) -> tuple[Parameter, ...]:
-        return (Parameter("coulomb_Nm", 10.0), Parameter("viscous_Nm_s", 10.0))
+        return (Parameter("coulomb_Nm", 10.0, lower=0.0), Parameter("viscous_Nm_s", 10.0, lower=0.0))
 
     def parameter_label(self, parameter: Parameter) -> str:
         symbol, unit = parameter.name.split("_", 1)

@@ -27,7 +27,7 @@ class DeclaredRotor(DriveEffect):
         return DeclaredRotor(index + 1, (robot.joints[index].rotor_inertia or 0.0,))
 
     def parameters(self) -> tuple[Parameter, ...]:
-        return (Parameter("inertia_kg_m2", 1e-3),)
+        return (Parameter("inertia_kg_m2", 1e-3, lower=0.0),)
 
     def parameter_label(self, parameter: Parameter) -> str:
         return f"rotor_inertia_{self.joint}_kg_m2"

@@ -193,10 +193,8 @@ def _warnings(fit: MotionFit, data: Dataset):
             f"the samples are worth {fit.uncertainty.effective.sum():.0f} independent numbers for "
             f"{fit.layout.size} parameters: measure longer"
         )
-    for effect in fit.layout.effects:
-        for parameter, value in zip(effect.parameters(), effect.values):
-            name = effect.parameter_label(parameter)
-            if name in fit.layout.names and parameter.name.startswith(("coulomb", "viscous", "inertia")) and value < 0.0:
-                yield f"{name} came out negative: something else in the data acts as it does"
+    for name, bound in zip(fit.layout.names, fit.fit.at_bound):
+        if bound:
+            yield f"{name} lies at its bound, 0: the data ask for a negative one, so something else in them acts as it does"
     if "current" in data.joints and not {"tau", "tau_motor"} & set(data.joints):
         yield "no torque constant is declared: the currents were taken at 1 Nm/A, and all results scale with it"

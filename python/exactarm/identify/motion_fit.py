@@ -18,6 +18,8 @@ from exactarm.robot import Robot
 _ROUNDS = 6
 _SETTLED = 0.01
 _LEAST_SHARE = 1e-6  # of an axis' torque: exact data leave no noise to weigh by
+_LEAST_OF_ALL = 1e-9  # of the largest axis' torque, for an axis that reports none at all
+_LEAST_NM = 1e-12  # where no axis does
 
 
 @dataclass(frozen=True)
@@ -65,7 +67,7 @@ def fit_motion(
         return Evaluation(residual.ravel(), jacobian)
 
     torque = np.sqrt(np.mean(record.torque[np.ix_(rows, axes)] ** 2, axis=0))
-    floor = np.maximum(_LEAST_SHARE * torque, np.finfo(float).tiny)
+    floor = np.maximum(_LEAST_SHARE * torque, max(_LEAST_OF_ALL * torque.max(), _LEAST_NM))
     sigma, x = np.maximum(torque, floor), layout.values
     for _ in range(_ROUNDS):
         each = (row_weight[rows, None] / sigma).ravel()

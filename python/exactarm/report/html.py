@@ -1,4 +1,8 @@
-"""A report as one HTML file: styles and plots inside it, nothing fetched, readable light, dark and printed."""
+"""A report as one HTML file: styles and plots inside it, nothing fetched, readable light, dark and printed.
+
+Names from outside (files, columns, robots) are text here and nothing else: the template escapes them, figures have plain
+names (sections.py), and the page's content security policy lets no script run and nothing be fetched.
+"""
 
 from __future__ import annotations
 

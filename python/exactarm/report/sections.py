@@ -7,8 +7,11 @@ Units of numbers are SI ("m", "rad", "Nm", "rad/s", ...); the renderers choose m
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import re
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Callable, Literal, Union
+
+LONGEST_NAME = 80  # of a figure's file, in characters: file systems end at 255 bytes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -65,6 +68,8 @@ class Table:
 class Figure:
     """A plot: `name` is its file stem, `build` draws it, `alt` says in words what it shows.
 
+    The name also becomes part of ids and of a path, so of what it was made from (a path file's name, a column's)
+    only letters, digits, `_` and `-` are kept.
     panel: draws it on given axes, for a plot of one panel. Both are partial functions of arrays, so that a report can be
     pickled.
     """
@@ -75,6 +80,9 @@ class Figure:
     caption: str
     alt: str
     panel: Callable[["Axes"], None] | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "name", re.sub(r"[^\w-]", "_", self.name)[:LONGEST_NAME] or "figure")
 
 
 @dataclass(frozen=True)
@@ -129,3 +137,15 @@ class Report:
     @property
     def figures(self) -> tuple[Figure, ...]:
         return tuple(section for section in self.sections if isinstance(section, Figure))
+
+    def __post_init__(self) -> None:
+        seen: dict[str, int] = {}
+        object.__setattr__(self, "sections", tuple(_renamed(section, seen) for section in self.sections))
+
+
+def _renamed(section: Section, seen: dict[str, int]) -> Section:
+    """A figure whose name is taken gets a number."""
+    if not isinstance(section, Figure):
+        return section
+    seen[section.name] = seen.get(section.name, 0) + 1
+    return section if seen[section.name] == 1 else replace(section, name=f"{section.name}_{seen[section.name]}")

@@ -57,6 +57,7 @@ SETTINGS = {
     "legend.handletextpad": 0.5,
     "legend.columnspacing": 1.4,
     "lines.linewidth": 1.4,
+    "text.parse_math": False,  # a column may be called cost_$: its name is no formula
     "svg.hashsalt": "exactarm",
     "svg.fonttype": "path",
 }
