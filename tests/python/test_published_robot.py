@@ -1,19 +1,15 @@
 """What a run writes is read back by our own readers before the run calls itself done."""
 
-import argparse
-import time
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from exactarm.commands.output import OutputFolder
-from exactarm.commands.publish import publish
-from exactarm.commands.result import CommandResult
+from exactarm.commands.publish import save
+from exactarm.commands.result import Asked, CommandResult
 from exactarm.effects import library
 from exactarm.errors import ComputationError
 from exactarm.identify.dynamics import DynamicsOptions, identify_dynamics
-from exactarm.progress import SILENT
 from exactarm.report import Report
 from exactarm.robot_file import load_robot, read_robot
 from exactarm.simulate import Sensors, VirtualRobot, measure_motion
@@ -22,9 +18,7 @@ from exactarm.urdf import read_urdf
 
 
 def published(robot, out):
-    arguments = argparse.Namespace(robot="racer-7-1.4", files=[], seed=1, progress=SILENT)
-    with OutputFolder(out) as folder:
-        publish("identify", arguments, CommandResult({}, Report("T", "V."), robot), folder, time.perf_counter())
+    save(CommandResult({}, Report("T", "V."), robot, asked=Asked("identify", "", "racer-7-1.4")), out)
 
 
 @pytest.mark.parametrize("spoilt", [
