@@ -4,6 +4,9 @@ The gears of a run show up to twice the motor's rate of turn (or their highest d
 adds noise only. Reading and motor angle pass the same acausal low-pass (Butterworth, eighth order, forwards and
 backwards), flat below, and every k-th sample is taken: a search over hundreds of candidates then costs 1 / k.
 The angles of link encoders are treated as the gyroscope's reading is.
+
+Past its ends a run goes on as its own point reflection until the low-pass has died out, so that one which is cut in motion
+goes on moving. The reflection turns about a noisy sample: what it reaches is left out.
 """
 
 from __future__ import annotations
@@ -21,7 +24,8 @@ from exactarm.signals import derivative, typical_step
 _MOTOR_ORDERS, _LEAST_HZ = 2.5, 80.0
 _ROWS_PER_PERIOD = 2.6  # of the low-pass; 2 would be its Nyquist rate
 _ORDER = 8
-_REACH_PERIODS = 1.0  # the low-pass carries what is not defined so far into its neighbours
+_REACH_PERIODS = 1.0  # the low-pass carries what is not defined so far into its neighbours, over the ends of a run too
+_FADED_PERIODS = 12.0  # its slowest pole falls by exp(-2 pi sin(pi / 16)) = 0.29 a period: to 4e-7 of a ramp's slope in these
 
 
 def thinned_run(robot: Robot, data: Dataset, record: GearRecord) -> tuple[Dataset, GearRecord]:
@@ -32,15 +36,16 @@ def thinned_run(robot: Robot, data: Dataset, record: GearRecord) -> tuple[Datase
     if every < 2 or min(rows.size for rows in record.runs) < 40 * every:
         return data, record
     sections = scipy.signal.butter(_ORDER, cutoff, fs=1.0 / step, output="sos")
-    low_pass = lambda values: scipy.signal.sosfiltfilt(sections, values, axis=0)
+    pad = int(np.ceil(_FADED_PERIODS / (cutoff * step)))
+    low_pass = lambda values: scipy.signal.sosfiltfilt(sections, values, axis=0, padlen=min(pad, len(values) - 1))
     reach = int(np.ceil(_REACH_PERIODS / (cutoff * step)))
     axes = list(record.encoder_axes)
     reading = data.joints["q"][:, axes] if axes else data.gyro
     smooth, theta, keep = np.empty_like(reading), record.theta.copy(), np.empty_like(record.keep)
     for rows in record.runs:
         smooth[rows], theta[rows] = low_pass(reading[rows]), low_pass(record.theta[rows])
-        undefined = np.convolve(~record.keep[rows], np.ones(2 * reach + 1), "same") > 0.5
-        keep[rows] = ~undefined
+        undefined = np.pad(~record.keep[rows], reach, constant_values=True)
+        keep[rows] = np.convolve(undefined, np.ones(2 * reach + 1), "valid") < 0.5
     chosen = np.concatenate([rows[::every] for rows in record.runs])
     count = np.cumsum([0] + [rows[::every].size for rows in record.runs])
     runs = tuple(np.arange(a, b) for a, b in zip(count[:-1], count[1:]))
