@@ -46,6 +46,13 @@ def _between(joint: Joint, direction: np.ndarray, theta: np.ndarray) -> tuple[np
     return phi, 1.0 / ratio
 
 
+def differs_with_direction(joint: Joint) -> bool:
+    """Whether the declared tables of the two directions do not meet: what lies between, at a reversal, no model defines."""
+    if joint.cw is None or joint.ccw is None:
+        return False
+    return not all(np.array_equal(getattr(joint.cw, name), getattr(joint.ccw, name)) for name in ("order", "a", "b"))
+
+
 def direction_tables(joint: Joint) -> tuple[tuple[int, _core.GearTable], ...]:
     """(-1: cw, 0: mean, +1: ccw) with the core's tables."""
     cw, ccw = joint.cw or joint.ccw, joint.ccw or joint.cw

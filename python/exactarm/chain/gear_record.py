@@ -20,7 +20,7 @@ from functools import cached_property
 import numpy as np
 
 from exactarm import _core
-from exactarm.chain.gear import declared_output_angle
+from exactarm.chain.gear import declared_output_angle, differs_with_direction
 from exactarm.chain.spring import declared_deflection
 from exactarm.chain.swinging import bending_rate, follows_quietly, swings, widened
 from exactarm.chain.view import View, motor_angles
@@ -134,7 +134,7 @@ def gear_record(robot: Robot, data: Dataset, *, accelerating: bool = False) -> G
             if span[column] <= STANDS_STILL * span.max():
                 continue  # its rate is rounding and has no direction
             direction[rows, axis], reversal = steady_direction(slow[:, column], time)
-            if axis in encoder_axes and _differs_with_direction(robot.joints[axis]):
+            if axis in encoder_axes and differs_with_direction(robot.joints[axis]):
                 keep[rows] &= ~reversal
             if axis == main and not encoder_axes:
                 acceleration = derivative(slow[:, column], time)
@@ -149,13 +149,6 @@ def gear_record(robot: Robot, data: Dataset, *, accelerating: bool = False) -> G
     asked = accelerating and swinging.any() and np.any(data.gyro)
     quiet = _quiet_axes(robot, data, record, bending, swinging) if asked else []
     return replace(record, keep=keep & ~(swinging & ~np.isin(record.sensor_axis, quiet)))
-
-
-def _differs_with_direction(joint) -> bool:
-    """Whether the declared tables of the two directions do not meet: what lies between, at a reversal, no model defines."""
-    if joint.cw is None or joint.ccw is None:
-        return False
-    return not all(np.array_equal(getattr(joint.cw, name), getattr(joint.ccw, name)) for name in ("order", "a", "b"))
 
 
 def _quiet_axes(robot: Robot, data: Dataset, record: GearRecord, bending: np.ndarray, swinging: np.ndarray) -> list[int]:

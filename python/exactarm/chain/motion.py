@@ -155,7 +155,7 @@ def _joints(view: View, layout: Layout, tangents: bool) -> None:
 
 def _bend(view: View, layout: Layout, record: MotionRecord, tangents: bool) -> None:
     """The declared springs give way under the torque, which is relieved by it; tangents about the bent motion."""
-    unbent = SpringResponse(view.robot, *_slopes(view), record.runs, record.step, record.keep)
+    unbent = SpringResponse(view.robot, *_slopes(view), record.runs, record.step, record.inside)
     if view.bent is None:
         view.bent = (*unbent.give_way(view.torque), unbent.tangent)
     stretch, torque, unbent.tangent = view.bent
@@ -164,7 +164,7 @@ def _bend(view: View, layout: Layout, record: MotionRecord, tangents: bool) -> N
         slopes = _slopes(view)
         view.tangents["torque"] = _torque_tangent(view, slopes)
         pass_tangents(view, layout, Station.LOAD, "torque")
-        response = SpringResponse(view.robot, *slopes, record.runs, record.step, record.keep)
+        response = SpringResponse(view.robot, *slopes, record.runs, record.step, record.inside)
         response.tangent = unbent.tangent
         _bent(view.tangents, response, *response.give_way_tangent(view.tangents["torque"]))
 

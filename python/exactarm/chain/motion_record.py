@@ -40,7 +40,8 @@ _EDGE_PERIODS = 3.0  # of the bandwidth, left out at both ends of a run
 
 @dataclass(frozen=True)
 class MotionRecord:
-    """theta, theta_dot, theta_ddot, torque (N, n); keep (N,) bool: rows away from the ends of their run.
+    """theta, theta_dot, theta_ddot, torque (N, n); inside (N,) bool: rows away from the ends of their run; at_reversal (N,)
+    bool: rows that hang on what no model defines (chain/passage.py); keep: inside and not at_reversal.
 
     direction (N, n): of the motor's motion, -1 to 1 (chain/direction.py).
     data: the thinned rows; runs: row indices in the order of time; bandwidth_hz: None where nothing was filtered;
@@ -54,12 +55,17 @@ class MotionRecord:
     theta_ddot: np.ndarray
     torque: np.ndarray
     direction: np.ndarray
-    keep: np.ndarray
+    inside: np.ndarray
     runs: tuple[np.ndarray, ...]
     bandwidth_hz: float | None
     step: float
     logged_step: float
     sign_width: np.ndarray
+    at_reversal: np.ndarray
+
+    @property
+    def keep(self) -> np.ndarray:
+        return self.inside & ~self.at_reversal
 
     @property
     def measured_axes(self) -> np.ndarray:
@@ -143,12 +149,13 @@ def motion_record(robot: Robot, data: Dataset, bandwidth_hz: float | None = None
         theta_ddot=stack(3),
         torque=stack(4),
         direction=np.concatenate(sides),
-        keep=stack(5),
+        inside=stack(5),
         runs=tuple(np.arange(a, b) for a, b in zip(counts[:-1], counts[1:])),
         bandwidth_hz=bandwidth if filtered else None,
         step=float(np.median([np.median(np.diff(data.time[part[0]])) for part in parts])),
         logged_step=float(np.median(steps)),
         sign_width=np.full(robot.axes, SIGN_WIDTH_RAD_S),
+        at_reversal=np.zeros(len(kept), bool),
     )
 
 
@@ -191,8 +198,8 @@ def unthinned_record(
         direction[rows] = direction_of_motion(data.time[rows], turned[rows])
     band = bandwidth_hz if bandwidth_hz < _LARGEST / step else None
     torque = np.full_like(theta, np.nan)
-    keep, width = np.ones(len(data), bool), np.full(robot.axes, SIGN_WIDTH_RAD_S)
-    return MotionRecord(data, theta, rate, acceleration, torque, direction, keep, tuple(runs), band, step, step, width)
+    inside, width = np.ones(len(data), bool), np.full(robot.axes, SIGN_WIDTH_RAD_S)
+    return MotionRecord(data, theta, rate, acceleration, torque, direction, inside, tuple(runs), band, step, step, width, ~inside)
 
 
 def measured_torque(robot: Robot, data: Dataset) -> np.ndarray:

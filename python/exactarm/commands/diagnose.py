@@ -102,6 +102,7 @@ def _json(result: Diagnosis) -> dict:
         "verdict": result.verdict,
         "sentence": result.sentence,
         "next_experiment": result.next_experiment or "",
+        "left_out": list(result.left_out),
     } | axes
 
 

@@ -56,8 +56,9 @@ def _sections(result: Diagnosis, rule: str) -> list:
     sections.append(_dossier_table("What the residual follows, before", result.dossier_before))
     sections.append(_dossier_table("What the residual still follows, after", result.dossier_after))
     sections += _error_figures(result, name, row)
-    if result.excluded:
-        sections.append(Warnings((f"{result.excluded} identification rows were left out as outliers",)))
+    outliers = (f"{result.excluded} identification rows were left out as outliers",) if result.excluded else ()
+    if outliers or result.left_out:
+        sections.append(Warnings((*outliers, *result.left_out)))
     return sections
 
 

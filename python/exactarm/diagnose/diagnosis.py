@@ -86,6 +86,7 @@ class Diagnosis:
     excluded: int
     excess: float
     axes: list | None
+    left_out: tuple[str, ...]
 
 
 def diagnose(
@@ -135,6 +136,7 @@ def diagnose(
         problem=problem,
         excluded=int(np.sum((last.weight == 0.0) & (first.weight > 0.0))),  # by effects of the record
         axes=problem.axes(first, last),
+        left_out=problem.left_out(),
     )
 
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from exactarm.chain import Layout, MotionRecord, motion_record, predict_motion
+from exactarm.chain import Layout, MotionRecord, motion_clear_of_reversals, motion_record, predict_motion, reversals_left_out
 from exactarm.chain.motion_record import measured_torque, runs_of
 from exactarm.dataset import Dataset
 from exactarm.diagnose.coloured_noise import ColouredNoise
@@ -79,14 +79,18 @@ class MotionProblem(Problem):
         inertial = robot.has_geometry and (robot.links is None or inertia_was_estimated(robot))
         super().__init__(with_links(robot) if inertial else robot, data, held_out, threads, seed)
         self.inertial = inertial
-        self.record = motion_record(self.robot, data, None, _ROWS_SHARE)
-        self._held = motion_record(self.robot, held_out, self.record.bandwidth_hz, _ROWS_SHARE) if len(held_out) else None
+        self.record = self._new_record(data)
+        self._held = self._new_record(held_out, self.record.bandwidth_hz) if len(held_out) else None
         self._noise = ColouredNoise(self)
 
     def _record_of(self, data: Dataset) -> MotionRecord:
         if data is self.data or data is self.held_out:
             return self.record if data is self.data else self._held
-        return motion_record(self.robot, data, self.record.bandwidth_hz, _ROWS_SHARE)
+        return self._new_record(data, self.record.bandwidth_hz)
+
+    def _new_record(self, data: Dataset, bandwidth_hz: float | None = None) -> MotionRecord:
+        record = motion_record(self.robot, data, bandwidth_hz, _ROWS_SHARE)
+        return motion_clear_of_reversals(self.robot, record, data, self.threads)
 
     def declared(self) -> Layout:
         layout = friction_layout(self.robot, self.record)
@@ -142,6 +146,9 @@ class MotionProblem(Problem):
         rms = [np.sqrt(np.mean(self._residual(fitted, data) ** 2, axis=0)) for fitted in (before, after)]
         return [{"joint": int(axis) + 1, "before": float(rms[0][k]), "after": float(rms[1][k])}
                 for k, axis in enumerate(self.record.measured_axes)]
+
+    def left_out(self) -> tuple[str, ...]:
+        return reversals_left_out([self.record] + ([self._held] if self._held is not None else []))
 
     def groups(self) -> np.ndarray:
         return run_groups(self.record.data.run)

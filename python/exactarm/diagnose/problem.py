@@ -210,6 +210,10 @@ class Problem(ABC):
     def separating_experiment(self, fitted: Fitted, one: Effect, other: Effect) -> str:
         """In words, with numbers: the poses, speeds or loads that part two effects best."""
 
+    def left_out(self) -> tuple[str, ...]:
+        """In words: rows, runs or axes of the data that count for nothing, and why."""
+        return ()
+
     def search_rows(self) -> np.ndarray | None:
         """(N,) bool: the identification rows that are enough to search with, where there are many; None = all.
 

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from exactarm.chain import Layout, MotionRecord
+from exactarm.chain import Layout, MotionRecord, reversals_left_out
 from exactarm.dataset import Dataset
 from exactarm.diagnose.coloured_noise import ColouredNoise
 from exactarm.diagnose.next_motions import separating_motion
@@ -90,13 +90,13 @@ class TrackedProblem(Problem):
         share = self._noise.share
         start = None if sigma is None else float(sigma[0] * np.sqrt(share))
         found = fit_tracked(self.robot, layout, self.record, share=share, sigma=start, threads=self.threads)
-        prediction = found.prediction
-        residual, view = prediction.residual(), prediction.view
+        prediction, clear = found.prediction, ~self.record.at_reversal
+        residual, view = np.where(clear[:, None], prediction.residual(), 0.0), prediction.view
         view.signals["residual"] = residual
         jacobian = np.zeros((*residual.shape, 0)) if prediction.jacobian is None else prediction.jacobian[:, :3]
         fitted = TrackedFitted(
             robot=self.robot, layout=found.layout, fit=found.fit, residual=residual, jacobian=jacobian,
-            sigma=np.full(3, max(found.sigma, _LEAST_SIGMA)), weight=np.ones(len(residual)), view=view,
+            sigma=np.full(3, max(found.sigma, _LEAST_SIGMA)), weight=clear.astype(float), view=view,
         )
         share = self._noise.independent_share(fitted, self.record.runs, self.record.step)
         widened = replace(found.fit, covariance=found.fit.covariance / share)
@@ -106,7 +106,10 @@ class TrackedProblem(Problem):
         record = self._record_of(data)
         prediction = predict_record(self.robot, fitted.layout, record, tangents=False, threads=self.threads)
         error = np.linalg.norm(prediction.residual(), axis=1)
-        return np.where(rows_kept(fitted.layout, prediction.view), error, np.nan)
+        return np.where(rows_kept(fitted.layout, prediction.view) & ~record.at_reversal, error, np.nan)
+
+    def left_out(self) -> tuple[str, ...]:
+        return reversals_left_out(self._records.values())
 
     def groups(self) -> np.ndarray:
         return run_groups(self.record.data.run)
@@ -150,7 +153,7 @@ class TrackedProblem(Problem):
         return turn | {f"the device's {name} axis": np.tile(np.eye(3)[k], (view.rows, 1)) for k, name in enumerate("xyz")}
 
     def error_of_unit_noise(self, fitted: Fitted) -> float:
-        return float(np.sqrt(np.mean(np.sum(fitted.residual**2, axis=1))))
+        return float(np.sqrt(np.mean(np.sum(fitted.residual[~self.record.at_reversal] ** 2, axis=1))))
 
     def repeat_noise(self, fitted: Fitted) -> float | None:
         """Scatter between runs of one session that played the same path; None where no path was played again."""
@@ -161,12 +164,12 @@ class TrackedProblem(Problem):
             first = runs.pop()
             same = [first] + [rows for rows in runs if _same_path(motion, session, first, rows)]
             runs = [rows for rows in runs if not any(rows is other for other in same)]
-            residual = np.stack([fitted.residual[rows] for rows in same])
+            residual = np.stack([fitted.residual[rows] for rows in same])[:, ~self.record.at_reversal[first]]
             squares += float(np.sum((residual - residual.mean(axis=0)) ** 2))
             numbers += (len(same) - 1) * residual[0].size
         if numbers < 3 * _LEAST_REPEATED:
             return None
-        return float(np.sqrt(squares / numbers / np.mean(fitted.residual**2)))
+        return float(np.sqrt(squares / numbers / np.mean(fitted.residual[~self.record.at_reversal] ** 2)))
 
     def updated_robot(self, fitted: Fitted) -> Robot:
         return calibrated_robot(self.robot, self.data, fitted.layout, fitted.fit, KIND)

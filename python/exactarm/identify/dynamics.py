@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import linalg
 
-from exactarm.chain import Layout, MotionRecord, motion_record, predict_motion
+from exactarm.chain import Layout, MotionRecord, motion_clear_of_reversals, motion_record, predict_motion, reversals_left_out
 from exactarm.dataset import Dataset
 from exactarm.effects.declared_friction import DeclaredFriction
 from exactarm.effects.declared_rotor import DeclaredRotor
@@ -69,9 +69,13 @@ class DynamicsIdentification:
 def identify_dynamics(robot: Robot, data: Dataset, options: DynamicsOptions = DynamicsOptions()) -> DynamicsIdentification:
     """Identifies on one part of `data`, judges on the other. Raises InputError where the data cannot support it."""
     identification = data.split(options.seed, options.share)
-    records = {"identification": motion_record(robot, data.select(identification), options.bandwidth_hz)}
-    if np.any(~identification):
-        records["validation"] = motion_record(robot, data.select(~identification), options.bandwidth_hz)
+    start = with_links(robot) if options.inertial else robot
+    records = {}
+    for name, rows in (("identification", identification), ("validation", ~identification)):
+        if np.any(rows):
+            part = data.select(rows)
+            record = motion_record(robot, part, options.bandwidth_hz)
+            records[name] = motion_clear_of_reversals(start, record, part, options.threads)
     train = records["identification"]
     axes = train.measured_axes
     carried = carried_layout(robot, data, "motion")
@@ -80,7 +84,6 @@ def identify_dynamics(robot: Robot, data: Dataset, options: DynamicsOptions = Dy
         for name, record in records.items()
     }
     base = base_parameters(robot)
-    start = with_links(robot) if options.inertial else robot
     layout = friction_layout(start, train)
     if options.inertial:
         layout = layout.joined(inertial_layout(start, base))
@@ -100,7 +103,7 @@ def identify_dynamics(robot: Robot, data: Dataset, options: DynamicsOptions = Dy
         before=before,
         after=after,
         identification=identification,
-        warnings=tuple(_warnings(fit, data)),
+        warnings=(*_warnings(fit, data), *reversals_left_out(records.values())),
     )
 
 

@@ -11,6 +11,7 @@ from typing import Callable
 
 import numpy as np
 
+from exactarm.chain import MotionRecord, reversals_left_out
 from exactarm.chain.extrapolation import extrapolations
 from exactarm.dataset import Dataset
 from exactarm.identify.declared import carried_layout, frames_layout, require_geometry
@@ -54,14 +55,16 @@ def evaluate_tracked_motion(robot: Robot, data: Dataset, seed: int = DEFAULT_SEE
     record = tracked_record(data, robot)
     layout = tracked_frames(robot, data, seed).joined(carried_layout(robot, data, "tracked_motion"))
     fit = fit_tracked(robot, layout, thinned_record(record, robot), threads=threads)
-    return _of_positions(robot, data, predict_record(robot, fit.layout, record, tangents=False, threads=threads).residual())
+    residual = predict_record(robot, fit.layout, record, tangents=False, threads=threads).residual()
+    return _of_positions(robot, data, residual, record)
 
 
-def _of_positions(robot: Robot, data: Dataset, residual: np.ndarray) -> Evaluation:
-    error = np.linalg.norm(residual, axis=1)
-    sessions = tuple((int(s), summarise(error[data.session == s])) for s in np.unique(data.session))
-    beyond = extrapolations(robot, controller_angles(robot, data))
-    return Evaluation("m", error, residual, ("dx_m", "dy_m", "dz_m"), summarise(error), sessions, beyond)
+def _of_positions(robot: Robot, data: Dataset, residual: np.ndarray, record: MotionRecord | None = None) -> Evaluation:
+    """record: of a motion, whose rows at reversals are not judged."""
+    error, judged = np.linalg.norm(residual, axis=1), np.ones(len(data), bool) if record is None else ~record.at_reversal
+    sessions = tuple((int(s), summarise(error[judged & (data.session == s)])) for s in np.unique(data.session))
+    warnings = (*extrapolations(robot, controller_angles(robot, data)), *(() if record is None else reversals_left_out([record])))
+    return Evaluation("m", error, residual, ("dx_m", "dy_m", "dz_m"), summarise(error[judged]), sessions, warnings)
 
 
 def evaluate_gear_runs(robot: Robot, data: Dataset, seed: int = DEFAULT_SEED, threads: int = 1) -> Evaluation:

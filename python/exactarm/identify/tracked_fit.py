@@ -10,7 +10,7 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from exactarm.chain import Layout, MotionRecord, PosePrediction, predict_tracked_motion
+from exactarm.chain import Layout, MotionRecord, PosePrediction, predict_tracked_motion, track_clear_of_reversals
 from exactarm.chain.motion_record import unthinned_record
 from exactarm.dataset import Dataset
 from exactarm.errors import InputError
@@ -49,10 +49,10 @@ def tracked_record(data: Dataset, robot: Robot) -> MotionRecord:
             file=data.sources[0].path if data.sources else None,
         )
     record = unthinned_record(robot, data)
-    keep = record.keep.copy()
+    inside = record.inside.copy()
     for rows in record.runs:
-        keep[rows[record.data.time[rows] - record.data.time[rows[0]] < _STILL_S]] = False
-    return replace(record, keep=keep)
+        inside[rows[record.data.time[rows] - record.data.time[rows[0]] < _STILL_S]] = False
+    return track_clear_of_reversals(robot, replace(record, inside=inside))
 
 
 def thinned_record(record: MotionRecord, robot: Robot) -> MotionRecord:
@@ -95,10 +95,12 @@ def fit_tracked(
     robot: Robot, layout: Layout, record: MotionRecord, *, share: float = 1.0, sigma: float | None = None,
     threads: int = 1,
 ) -> TrackedFit:
-    """Estimates the free parameters of `layout`. share: independent numbers per number (correlated noise counts less)."""
+    """Estimates the free parameters of `layout`. share: independent numbers per number (correlated noise counts less).
+    Rows at reversals that no model defines count for nothing."""
     lower = np.array([p.lower for p in layout.parameters])
     upper = np.array([p.upper for p in layout.parameters])
-    numbers, pull = 3 * len(record.data), layout.prior_rows()
+    rows, pull = np.flatnonzero(~record.at_reversal), layout.prior_rows()
+    numbers = 3 * rows.size
 
     def evaluate(x: np.ndarray, with_jacobian: bool) -> Evaluation:
         prediction = predict_record(robot, layout.at(x), record, tangents=with_jacobian, threads=threads)
@@ -106,9 +108,9 @@ def fit_tracked(
         if with_jacobian:
             jacobian = np.zeros((numbers, layout.size))
             if layout.size:
-                jacobian = prediction.jacobian[:, :3].reshape(numbers, -1)
+                jacobian = prediction.jacobian[rows, :3].reshape(numbers, -1)
             jacobian = np.concatenate([jacobian, pull])
-        return Evaluation(np.concatenate([prediction.residual().ravel(), -pull @ x]), jacobian)
+        return Evaluation(np.concatenate([prediction.residual()[rows].ravel(), -pull @ x]), jacobian)
 
     sigma, x = 1e-4 if sigma is None else sigma, layout.values
     for _ in range(_PRIOR_ROUNDS if len(pull) else 1):

@@ -1,0 +1,92 @@
+"""Rows of a motion that hang on how a gear passes from the table of one direction to that of the other at a reversal.
+
+No model defines the passage; the chain assumes one of TRANSITION_S (chain/direction.py). The prediction is made again as if
+it took less and more time, d the directions of each:
+
+    row left out where max_j |predicted_j(d) - predicted_j(d of TRANSITION_S)| > SHARE sigma_j
+
+sigma (m,): white noise of the measurement as it is compared with the prediction. What a passage shakes behind it (springs,
+the low-pass) is in the predictions, so no reach has to be guessed. Gears whose two tables agree leave every row in.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Callable, Iterable
+
+import numpy as np
+
+from exactarm.chain.direction import direction_of_motion
+from exactarm.chain.gear import differs_with_direction
+from exactarm.chain.layout import Layout
+from exactarm.chain.motion import predict_motion
+from exactarm.chain.motion_record import MotionRecord, measured_torque, runs_of
+from exactarm.chain.tracked_motion import predict_tracked_motion
+from exactarm.dataset import Dataset
+from exactarm.robot import Robot
+from exactarm.signals import typical_step, white_noise
+
+DURATIONS_S = (0.02, 0.1)  # what friction leaves of wind-up, 1e-4 to 1e-3 rad, is passed in so long at 2 rad/s^2 and twice that
+SHARE = 0.3  # of the noise that an error may have unseen: a tenth of its variance
+_LEAST_TORQUE_SHARE = 1e-3  # of an axis' torque, where a log is free of noise: no model of friction is better
+_LEAST_NOISE_M = 5e-6  # of a position: what laser trackers resolve
+
+
+def motion_clear_of_reversals(robot: Robot, record: MotionRecord, data: Dataset, threads: int = 1) -> MotionRecord:
+    """The record without such rows; data: the log that it was made from."""
+    if not _reverses(robot, record):
+        return record
+    axes, torque = record.measured_axes, measured_torque(robot, data)
+    runs = runs_of(data)
+    white = np.array([_white(torque[:, axis], runs) for axis in axes])
+    white *= np.sqrt(record.white_share(min(typical_step(data.time[rows]) for rows in runs)))
+    noise = np.maximum(white, _LEAST_TORQUE_SHARE * np.sqrt(np.mean(record.torque[:, axes] ** 2, axis=0)))
+    empty = Layout((), ())
+    predict = lambda record: predict_motion(robot, empty, record, tangents=False, threads=threads).torque[:, axes]
+    return replace(record, at_reversal=_unclear(robot, record, predict, noise))
+
+
+def track_clear_of_reversals(robot: Robot, record: MotionRecord, threads: int = 1) -> MotionRecord:
+    """The same of a record of all rows under a tracker."""
+    if not _reverses(robot, record):
+        return record
+    data, empty = record.data, Layout((), ())
+    noise = np.array([max(_white(column, record.runs), _LEAST_NOISE_M) for column in data.position.T])
+    predict = lambda record: predict_tracked_motion(
+        robot, empty, data, record=record, tangents=False, threads=threads
+    ).position
+    return replace(record, at_reversal=_unclear(robot, record, predict, noise))
+
+
+def reversals_left_out(records: Iterable[MotionRecord]) -> tuple[str, ...]:
+    """In words, how many rows these records leave out; empty where none."""
+    out, rows = (sum(int(np.sum(part)) for part in parts) for parts in zip(*((r.at_reversal & r.inside, r.inside) for r in records)))
+    if not out:
+        return ()
+    return (f"{out} of {rows} rows at reversals were left out: how a gear passes there from one direction's table to the "
+            "other's is not known",)
+
+
+def _reverses(robot: Robot, record: MotionRecord) -> bool:
+    differing = [differs_with_direction(joint) for joint in robot.joints]
+    return bool(np.any(np.mod(record.direction[:, differing], 1.0)))
+
+
+def _unclear(
+    robot: Robot, record: MotionRecord, predict: Callable[[MotionRecord], np.ndarray], noise: np.ndarray
+) -> np.ndarray:
+    """(N,) bool; noise (m,)."""
+    assumed, unclear = predict(record), np.zeros(len(record.data), bool)
+    angle = record.theta / np.abs(robot.ratios)
+    for duration in DURATIONS_S:
+        direction = np.empty_like(record.direction)
+        for rows in record.runs:
+            direction[rows] = direction_of_motion(record.data.time[rows], angle[rows], duration)
+        other = predict(replace(record, direction=direction))
+        unclear |= np.any(np.abs(other - assumed) > SHARE * noise, axis=1)
+    return unclear
+
+
+def _white(values: np.ndarray, runs) -> float:
+    """Of a signal (N,), over all runs."""
+    return float(np.sqrt(np.mean([white_noise(values[rows]) ** 2 for rows in runs])))

@@ -1,0 +1,76 @@
+"""How a gear passes from one direction's table to the other's is not known: rows that hang on it count for nothing."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from exactarm.chain import Layout, motion_clear_of_reversals, motion_record, predict_motion, reversals_left_out
+from exactarm.chain import direction
+from exactarm.diagnose.motion_problem import MotionProblem
+from exactarm.diagnose.tracked_problem import TrackedProblem
+from exactarm.identify.evaluate import evaluate_tracked_motion
+from exactarm.identify.tracked_fit import tracked_record
+from exactarm.robot_file import load_robot
+from exactarm.simulate import Sensors, VirtualRobot, measure_motion, measure_tracked_motion
+from exactarm.simulate.profiles import excitation
+
+QUICK_S = 0.02
+
+
+@pytest.fixture(scope="module")
+def rigid():
+    """A robot whose gears differ with direction, on joints that do not give way: nothing hides a quick passage."""
+    robot = load_robot("racer-7-1.4")
+    return replace(robot, joints=tuple(replace(joint, spring_linear=0.0, spring_cubic=0.0) for joint in robot.joints))
+
+
+def measured(robot, how, monkeypatch, **more):
+    """A motion of an arm whose gears pass in QUICK_S."""
+    virtual, random = VirtualRobot.of(robot), np.random.default_rng(5)
+    time, q = excitation(robot, 10.0, 500.0, random)
+    with monkeypatch.context() as patch:
+        patch.setattr(direction, "TRANSITION_S", QUICK_S)
+        return how(virtual, time, virtual.motor_angles(q), Sensors(), random, **more)
+
+
+def test_rows_that_hang_on_the_passage_of_a_motion_are_left_out(rigid, monkeypatch):
+    data = measured(rigid, measure_motion, monkeypatch)
+    record = motion_record(rigid, data)
+    clear = motion_clear_of_reversals(rigid, record, data)
+    residual = predict_motion(rigid, Layout((), ()), record, tangents=False).residual()
+    noise = 0.01 * np.sqrt(np.mean(data.joints["tau"] ** 2, axis=0)) * np.sqrt(record.white_share(record.logged_step))
+    away, about = (np.sqrt(np.mean(residual[rows] ** 2, axis=0)) / noise for rows in (clear.keep, clear.at_reversal & record.keep))
+    assert 0.6 < clear.keep.sum() / record.keep.sum() < 0.9
+    assert np.all(away < 1.1) and about[2] > 1.5
+    (words,) = reversals_left_out([clear])
+    assert words.startswith(f"{record.keep.sum() - clear.keep.sum()} of {record.keep.sum()} rows at reversals")
+
+
+def test_gears_of_one_table_leave_every_row_in(rigid, monkeypatch):
+    even = replace(rigid, joints=tuple(replace(joint, ccw=joint.cw) for joint in rigid.joints))
+    data = measured(even, measure_motion, monkeypatch)
+    record = motion_record(even, data)
+    assert motion_clear_of_reversals(even, record, data) is record and not reversals_left_out([record])
+
+
+def test_diagnosis_of_motions_fits_and_judges_without_them(rigid, monkeypatch):
+    data = measured(rigid, measure_motion, monkeypatch)
+    problem = MotionProblem(rigid, data, data.select(np.zeros(0, int)))
+    fitted = problem.fit(problem.declared())
+    assert np.array_equal(fitted.weight > 0, problem.record.keep) and problem.record.at_reversal.any()
+    assert problem.errors(fitted, data).size == 6 * problem.record.keep.sum()
+    assert "at reversals were left out" in problem.left_out()[0]
+
+
+def test_tracked_motions_are_fitted_and_judged_without_them(rigid, monkeypatch):
+    data = measured(rigid, measure_tracked_motion, monkeypatch)
+    record = tracked_record(data, rigid)
+    assert 0.005 < record.at_reversal.mean() < 0.4
+    problem = TrackedProblem(rigid, data, data.select(np.zeros(0, int)))
+    fitted = problem.fit(problem.declared())
+    assert np.array_equal(fitted.weight > 0, ~problem.record.at_reversal)
+    assert np.array_equal(np.isnan(problem.errors(fitted, data)), record.at_reversal)
+    assert "at reversals were left out" in problem.left_out()[0]
+    found = evaluate_tracked_motion(rigid, data)
+    assert found.overall.n == (~record.at_reversal).sum() and "at reversals were left out" in found.warnings[0]
