@@ -19,7 +19,7 @@ from exactarm.diagnose.next_runs import separating_run
 from exactarm.diagnose.problem import Fitted, Problem, orthonormal
 from exactarm.diagnose.scan import free_mask
 from exactarm.diagnose.thinned_run import thinned_run
-from exactarm.diagnose.time_groups import time_groups
+from exactarm.diagnose.time_groups import stretches_of_response, time_groups
 from exactarm.effects.base import Effect, Station
 from exactarm.effects.encoder_offset import EncoderOffset
 from exactarm.identify.declared import all_effects
@@ -210,6 +210,9 @@ class GearProblem(Problem):
         if not self.record.encoder_axes:
             return folds
         return np.arange(len(folds)) // int(np.ceil(1.0 / self._noise.share))
+
+    def groups_for(self, response: np.ndarray) -> np.ndarray:
+        return stretches_of_response(self.groups(), response, 1.0 / self._noise.share)
 
     def correlation_factor(self, fitted: Fitted) -> float:
         return self._noise.share

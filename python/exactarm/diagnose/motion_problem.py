@@ -17,7 +17,7 @@ from exactarm.diagnose.coloured_noise import ColouredNoise
 from exactarm.diagnose.next_motions import separating_motion
 from exactarm.diagnose.problem import Fitted, Problem
 from exactarm.diagnose.scan import free_mask
-from exactarm.diagnose.time_groups import run_groups
+from exactarm.diagnose.time_groups import run_groups, stretches_of_response
 from exactarm.effects.base import Effect, Station
 from exactarm.identify.base_parameters import base_parameters
 from exactarm.identify.declared import all_effects, carried_layout
@@ -152,6 +152,9 @@ class MotionProblem(Problem):
 
     def groups(self) -> np.ndarray:
         return run_groups(self.record.data.run)
+
+    def groups_for(self, response: np.ndarray) -> np.ndarray:
+        return stretches_of_response(self.groups(), response, 1.0 / self._noise.share)
 
     def correlation_factor(self, fitted: Fitted) -> float:
         return self._noise.share

@@ -178,6 +178,10 @@ class Problem(ABC):
     def groups(self) -> np.ndarray:
         """(N,) int: identification rows that must not be parted in a cross-validation."""
 
+    def groups_for(self, response: np.ndarray) -> np.ndarray:
+        """The groups by which an effect is judged whose response has the square (N,) in each row."""
+        return self.groups()
+
     @abstractmethod
     def signals(self, fitted: Fitted) -> dict[str, np.ndarray]:
         """Named signals (N,) that a residual might follow: angles, torques, directions, time, covariates."""

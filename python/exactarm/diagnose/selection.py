@@ -16,7 +16,7 @@ import numpy as np
 from exactarm.chain import Layout
 from exactarm.diagnose.cross_validation import folds_of, held_out_squares
 from exactarm.diagnose.forms import best_form, forms_of, same_family
-from exactarm.diagnose.problem import Fitted, Problem, rows_kept
+from exactarm.diagnose.problem import Fitted, Problem, orthonormal, rows_kept
 from exactarm.diagnose.row_scatter import robust_evidence
 from exactarm.diagnose.scan import Candidate, free_mask, prior_of, scan
 from exactarm.effects import library
@@ -211,6 +211,10 @@ def _worth(problem: Problem, fitted: Fitted, effects: list[Effect], folds: np.nd
     free = [np.array([not p.fixed for p in effect.parameters()], bool) for effect in effects]  # searched orders too
     columns = np.concatenate([fitted.columns(effect)[:, mask] for effect, mask in zip(effects, free)], axis=1)
     prior = np.concatenate([np.array([p.prior for p in effect.parameters()])[mask] for effect, mask in zip(effects, free)])
+    groups = problem.groups_for(_response(fitted, columns))
+    if not np.array_equal(groups, problem.groups()):
+        folds = folds_of(groups, problem.seed)
+        without = held_out_squares(fitted, np.zeros((fitted.whitened.size, 0)), folds, units=problem.units(folds))
     units = problem.units(folds)
     fall = (without - held_out_squares(fitted, columns, folds, prior, units))[_showing(fitted, columns, units)]
     certain = fall.mean() > _FOLD_CERTAINTY * fall.std(ddof=1) / np.sqrt(len(fall))
@@ -221,6 +225,12 @@ def _worth(problem: Problem, fitted: Fitted, effects: list[Effect], folds: np.nd
     if not certain or fall.sum() <= problem.least_share * without.sum():
         return False
     return _holds_elsewhere(problem, fitted, effects)
+
+
+def _response(fitted: Fitted, columns: np.ndarray) -> np.ndarray:
+    """(N,) how much of what the columns add to the free parameters each row shows: the squares sum to the number of columns."""
+    left = orthonormal(columns - fitted.basis @ (fitted.basis.T @ columns))[: fitted.data_numbers]
+    return np.sum(left.reshape(len(fitted.residual), -1) ** 2, axis=1)
 
 
 def _holds_elsewhere(problem: Problem, fitted: Fitted, effects: list[Effect]) -> bool:

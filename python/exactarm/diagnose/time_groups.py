@@ -1,6 +1,9 @@
 """Pieces of runs that a cross-validation leaves out whole: numbers 0 ... pieces - 1 in every run, in the order of time.
 
 So each part takes stretches of every run, at the slow and at the fast end of it.
+
+What shows in one group only (the memory of a drive, in the one run that reverses) is learnt nowhere else: for such an effect
+that group is cut into stretches, each with as much of the effect's response as the next.
 """
 
 from __future__ import annotations
@@ -9,6 +12,8 @@ import numpy as np
 
 _PIECES = 20
 _RUNS_ENOUGH = 5
+_SEEN_ONCE = 0.9  # of the response in one group: what the others tell of it is ten times less sure than the effect is there
+_LEAST_STRETCHES, _ROWS_OF_NOISE = 4, 2.0  # a stretch lasts as long as noise remembers, twice
 
 
 def run_groups(run: np.ndarray) -> np.ndarray:
@@ -23,3 +28,24 @@ def time_groups(run: np.ndarray, pieces: int = _PIECES) -> np.ndarray:
         rows = np.flatnonzero(run == number)
         groups[rows] = np.arange(rows.size) * pieces // rows.size
     return groups
+
+
+def stretches_of_response(groups: np.ndarray, response: np.ndarray, memory_rows: float) -> np.ndarray:
+    """`groups` (N,), those of an effect that shows in one of them alone cut into stretches of equal response.
+
+    response (N,): square of what the effect does in each row; memory_rows: so many rows are worth one independent one.
+    """
+    names, inverse = np.unique(groups, return_inverse=True)
+    shares = np.bincount(inverse, weights=response)
+    total = shares.sum()
+    if total <= 0.0 or shares.max() < _SEEN_ONCE * total:
+        return groups
+    rows = np.flatnonzero(inverse == shares.argmax())
+    part = response[rows]
+    count = int(min(part.sum() ** 2 / np.sum(part**2) / (_ROWS_OF_NOISE * memory_rows), _PIECES))
+    if count < _LEAST_STRETCHES:
+        return groups
+    middle = np.cumsum(part) - 0.5 * part
+    cut = groups.copy()
+    cut[rows] = names.max() + 1 + np.minimum((middle / part.sum() * count).astype(int), count - 1)
+    return cut

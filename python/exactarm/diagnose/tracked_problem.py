@@ -17,7 +17,7 @@ from exactarm.diagnose.coloured_noise import ColouredNoise
 from exactarm.diagnose.next_motions import separating_motion
 from exactarm.diagnose.problem import Fitted, Problem, rows_kept
 from exactarm.diagnose.smoothness import second_order
-from exactarm.diagnose.time_groups import run_groups
+from exactarm.diagnose.time_groups import run_groups, stretches_of_response
 from exactarm.effects.base import Effect, Station
 from exactarm.identify.calibrate import calibrated_robot, identifiable_layout, require_sessions
 from exactarm.identify.declared import carried_layout, geometry_layout
@@ -125,6 +125,9 @@ class TrackedProblem(Problem):
         jacobian = predict_record(self.robot, fitted.layout, record, threads=self.threads).jacobian
         jacobian = jacobian[:: max(1, len(jacobian) // _SPREAD_ROWS), :3]
         return float(np.mean(np.einsum("nap,pq,naq->n", jacobian, fitted.fit.covariance, jacobian)))
+
+    def groups_for(self, response: np.ndarray) -> np.ndarray:
+        return stretches_of_response(self.groups(), response, 1.0 / self._noise.share)
 
     def correlation_factor(self, fitted: Fitted) -> float:
         return self._noise.share
