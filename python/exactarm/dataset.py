@@ -125,12 +125,17 @@ def read_dataset(paths: str | Path | Sequence[str | Path], robot: Robot, kind: s
 
 def read_planned_poses(paths: str | Path | Sequence[str | Path], robot: Robot) -> Dataset:
     """Poses that need not have been measured: a design, a list of commands. As `read_dataset`, without x, y, z."""
+    dataset = read_targets(paths, robot)
+    check_joints(dataset, robot)
+    return dataset
+
+
+def read_targets(paths: str | Path | Sequence[str | Path], robot: Robot) -> Dataset:
+    """Poses that are to be reached: joint angles, or x, y, z, or both."""
     paths = [paths] if isinstance(paths, (str, Path)) else list(paths)
     files = [_read_file(str(path), robot) for path in paths]
     _check_files(files)
-    dataset = replace(_join(files, robot), kind="poses", kinds=("poses",))
-    check_joints(dataset, robot)
-    return dataset
+    return replace(_join(files, robot), kind="poses", kinds=("poses",))
 
 
 def write_dataset(path: str | Path, dataset: Dataset, robot: Robot) -> None:

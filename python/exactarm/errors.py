@@ -1,7 +1,7 @@
 """The two ways a command can fail: bad input (exit 2) and a failed computation (exit 1).
 
 Both carry one line that a person can act on. An `InputError` names the file, the row (1 = first
-data row), the column and what was expected, as far as they are known.
+data row) or line, the column and what was expected, as far as they are known.
 """
 
 LONGEST_MESSAGE = 900  # characters: a list of all effects' names fits, a cell of a megabyte does not
@@ -10,11 +10,13 @@ LONGEST_MESSAGE = 900  # characters: a list of all effects' names fits, a cell o
 class InputError(ValueError):
     """What the user gave cannot be used."""
 
-    def __init__(self, message: str, *, file: object = None, row: int | None = None, column: str | None = None):
+    def __init__(self, message: str, *, file: object = None, row: int | None = None, column: str | None = None,
+                 line: int | None = None):
         message = message if len(message) <= LONGEST_MESSAGE else message[:LONGEST_MESSAGE - 3] + "..."
         self.message, self.file, self.row, self.column = message, file, row, column
         place = [str(file)] if file is not None else []
         place += [f"row {row}"] if row is not None else []
+        place += [f"line {line}"] if line is not None else []
         place += [f"column {column}"] if column is not None else []
         super().__init__(": ".join([", ".join(place), message]) if place else message)
 

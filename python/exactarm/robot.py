@@ -7,7 +7,8 @@ Denavit-Hartenberg with Hayati's beta; thesis (2.2), (2.3)). A frame whose `beta
 Hayati: `beta` is a parameter of it and `d` is not.
 
 A controller reports q = theta / controller_ratio + controller_offset: its own constants, which a
-calibration does not change. `ratio` and `q_offset` are the best knowledge of the real ones.
+calibration does not change, as it does not change the frames in `controller`. `ratio`, `q_offset` and the joints' frames
+are the best knowledge of the real ones.
 Units: m, rad, kg, Nm, s. Gear coefficients are relative to the ratio (E5).
 """
 
@@ -117,6 +118,29 @@ class Placement(Value):
 
 
 @dataclass(frozen=True, eq=False)
+class Controller(Value):
+    """What the controller itself works with, and a calibration does not change.
+
+    frames            joints of which only sign, zero, d, a, alpha and beta count; empty: not on record
+    base, flange      DH frame 0 in the controller's base frame; the controller's flange in DH frame n
+    chain             "nominal": the maker's drawing, "calibrated": frames that the controller was given for this very arm
+    absolute_accuracy the controller corrects targets by itself
+    coupling          (i, j, factor): q_i = reported_i + factor * reported_j, axes from 1; None: not said
+    pulses_per_rad    of each axis, for programs in pulses
+    joint_names       in the order of the axes, for programs that name them
+    """
+
+    frames: tuple[Joint, ...] = ()
+    base: Placement = field(default_factory=Placement)
+    flange: Placement = field(default_factory=Placement)
+    chain: str = "nominal"
+    absolute_accuracy: bool = False
+    coupling: tuple[tuple[int, int, float], ...] | None = None
+    pulses_per_rad: tuple[float, ...] = ()
+    joint_names: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
 class Robot(Value):
     """A robot: joints, links (None where no masses are declared), gravity, tool, effects, record.
 
@@ -135,6 +159,7 @@ class Robot(Value):
     effects: tuple["Effect", ...] = ()
     intervals: dict[str, tuple[float, float]] = field(default_factory=dict)
     record: dict[str, Any] = field(default_factory=dict)
+    controller: Controller = field(default_factory=Controller)
     file: str | None = field(default=None, compare=False)
 
     @property
@@ -146,6 +171,13 @@ class Robot(Value):
         joints = list(self.joints)
         joints[index] = replace(joints[index], **changes)
         return replace(self, joints=tuple(joints))
+
+    @property
+    def with_controller_frames(self) -> "Robot":
+        """The same with its frames on record as the controller's, unless others are: to be kept before they change."""
+        if self.controller.frames or not self.has_geometry:
+            return self
+        return replace(self, controller=replace(self.controller, frames=tuple(map(frame_of, self.joints))))
 
     @cached_property
     def ratios(self) -> np.ndarray:
@@ -223,6 +255,11 @@ class Robot(Value):
         rates = [np.zeros_like(rows) if each is None else np.atleast_2d(np.asarray(each, float)) for each in (q_dot, q_ddot)]
         found = controller.inverse_dynamics(self, rows, *rates)
         return found if np.ndim(q) == 2 else found[0]
+
+
+def frame_of(joint: Joint) -> Joint:
+    """The geometry of a joint and nothing else."""
+    return Joint(joint.type, joint.sign, joint.zero, joint.d, joint.a, joint.alpha, joint.beta)
 
 
 def _build_core(robot: Robot) -> _core.Robot:

@@ -19,8 +19,9 @@ import numpy as np
 
 from exactarm.effects import Effect, effect_from_table, library
 from exactarm.errors import InputError
-from exactarm.robot import GearTable, Joint, Link, Placement, Robot
-from exactarm.robot_keys import FORMAT, GEAR_KEYS, GEAR_TABLES, JOINT_KEYS, MOST_AXES, NOT_NEGATIVE, OTHER_UNITS
+from exactarm.robot import Controller, GearTable, Joint, Link, Placement, Robot
+from exactarm.robot_keys import CONTROLLER_KEYS, FORMAT, FRAME_FIELDS, GEAR_KEYS, GEAR_TABLES, JOINT_KEYS, MOST_AXES
+from exactarm.robot_keys import NOT_NEGATIVE, OTHER_UNITS
 from exactarm.robot_writer import write_robot
 from exactarm.toml_file import fits_shape, is_number, read_toml
 from exactarm.urdf import read_urdf
@@ -30,7 +31,7 @@ __all__ = ["load_robot", "read_robot", "shipped_robots", "write_robot"]
 SHIPPED = Path(__file__).parent / "data" / "robots"
 ROTATION_TOLERANCE = 1e-6  # a matrix typed by hand has at least seven digits
 
-TOP_KEYS = ("format", "name", "gravity_m_s2", "has_geometry", "record", "base", "tool", "joints", "links", "effects", "intervals")
+TOP_KEYS = ("format", "name", "gravity_m_s2", "has_geometry", "record", "base", "tool", "joints", "controller", "links", "effects", "intervals")
 
 
 def shipped_robots() -> tuple[str, ...]:
@@ -129,6 +130,8 @@ class _Reader:
         for key in ("base", "tool"):
             if key in tables:
                 optional[key] = self.placement(self.take(tables, key, dict, "", f"a table [{key}]"), f"{key}.")
+        if "controller" in tables:
+            optional["controller"] = self.controller(self.take(tables, "controller", dict, "", "a table [controller]"), joints)
         if "links" in tables:
             optional["links"] = self.links(tables, len(joints))
         effects = self.take(tables, "effects", list, "", "[[effects]]") if "effects" in tables else []
@@ -193,6 +196,51 @@ class _Reader:
                 raise self.refuse(where + "rotation", "is no rotation; expected orthonormal rows, right-handed")
             fields["rotation"] = rotation
         return Placement(**fields)
+
+    def controller(self, table: Mapping[str, Any], joints: tuple[Joint, ...]) -> Controller:
+        where, fields = "controller.", {}
+        self.known(table, CONTROLLER_KEYS, where)
+        if (chain := table.get("chain", "nominal")) not in ("nominal", "calibrated"):
+            raise self.refuse(where + "chain", f'{_short(chain)}; expected "nominal" or "calibrated"')
+        if "absolute_accuracy" in table:
+            fields["absolute_accuracy"] = self.take(table, "absolute_accuracy", bool, where, "true or false")
+        for key in ("base", "flange"):
+            if key in table:
+                fields[key] = self.placement(self.take(table, key, dict, where, f"a table [controller.{key}]"), f"{where}{key}.")
+        if table.get("frames"):
+            fields["frames"] = tuple(
+                self.frame(entry, f"{where}frames[{i}].", joint.type)
+                for i, (entry, joint) in enumerate(zip(self.for_each_axis(table, "frames", joints), joints), start=1)
+            )
+        if "coupling" in table:
+            rows = self.array(table["coupling"], where + "coupling", (None, 3), "rows [axis, other axis, factor]") \
+                if table["coupling"] else ()
+            if any(axis not in range(1, len(joints) + 1) for row in rows for axis in row[:2]):
+                raise self.refuse(where + "coupling", f"expected axes from 1 to {len(joints)}")
+            fields["coupling"] = tuple((int(i), int(j), float(factor)) for i, j, factor in rows)
+        if "pulses_per_rad" in table:
+            pulses = self.for_each_axis(table, "pulses_per_rad", joints)
+            fields["pulses_per_rad"] = tuple(self.array(pulses, where + "pulses_per_rad", (None,), "a number for each axis"))
+        if "joint_names" in table:
+            names = self.for_each_axis(table, "joint_names", joints)
+            if len({name for name in names if isinstance(name, str)}) != len(joints):
+                raise self.refuse(where + "joint_names", "expected a name of its own for each axis")
+            fields["joint_names"] = tuple(names)
+        return Controller(chain=chain, **fields)
+
+    def for_each_axis(self, table: Mapping[str, Any], key: str, joints: tuple[Joint, ...]) -> list:
+        entries = self.take(table, key, list, "controller.", "a list")
+        if len(entries) != len(joints):
+            raise self.refuse(f"controller.{key}", f"{len(entries)} entries; expected {len(joints)}, one for each axis")
+        return entries
+
+    def frame(self, table: Any, where: str, kind: str) -> Joint:
+        if not isinstance(table, dict):
+            raise self.refuse(where.rstrip("."), "expected a table of sign, zero, d, a, alpha, beta")
+        keys = {key.name(kind): key for key in JOINT_KEYS if key.field in FRAME_FIELDS}
+        values = self.with_units(table, keys, where)
+        self.known(values, tuple(keys), where)
+        return self.joint(values | {"type": kind}, where)
 
     def links(self, tables: Mapping[str, Any], axes: int) -> tuple[Link, ...]:
         entries = self.take(tables, "links", list, "", "one [[links]] for each axis")

@@ -71,3 +71,5 @@ JOINT_KEYS = (
 )
 GEAR_TABLES = {"cw": "the motor angle falls", "ccw": "the motor angle rises"}
 GEAR_KEYS = {"order": "order_per_output_rev", "a": "a", "b": "b"}
+FRAME_FIELDS = ("sign", "zero", "d", "a", "alpha", "beta")  # of Joint: its geometry
+CONTROLLER_KEYS = ("chain", "absolute_accuracy", "coupling", "pulses_per_rad", "joint_names", "base", "flange", "frames")

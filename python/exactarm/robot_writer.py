@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from exactarm.robot import GearTable, Joint, Link, Placement, Robot
-from exactarm.robot_keys import FORMAT, GEAR_KEYS, GEAR_TABLES, JOINT_KEYS
+from exactarm.robot import Controller, GearTable, Joint, Link, Placement, Robot
+from exactarm.robot_keys import FORMAT, FRAME_FIELDS, GEAR_KEYS, GEAR_TABLES, JOINT_KEYS
 from exactarm.table import atomic_file
 
 HEAD = """\
@@ -30,13 +30,9 @@ def robot_text(robot: Robot) -> str:
     """The content of the robot file."""
     blocks = [HEAD, _top(robot)]
     blocks += _table("record", robot.record, "How this file came about.")
-    identity = Placement()
-    for name, placement, comment in (
-        ("base", robot.base, "Robot base in the frame of the measuring device."),
-        ("tool", robot.tool, "Measured target in the flange frame."),
-    ):
-        if not (_equal(placement.rotation, identity.rotation) and _equal(placement.position, identity.position)):
-            blocks.append(_placement(name, placement, comment))
+    blocks += _placement("base", robot.base, "Robot base in the frame of the measuring device.")
+    blocks += _placement("tool", robot.tool, "Measured target in the flange frame.")
+    blocks += _controller(robot.controller)
     blocks += [_joint(number, joint, robot.has_geometry) for number, joint in enumerate(robot.joints, start=1)]
     blocks += [_link(number, link) for number, link in enumerate(robot.links or (), start=1)]
     blocks += [_lines("[[effects]]", effect.to_table(), f"# {effect.label}") for effect in robot.effects]
@@ -56,9 +52,32 @@ def _top(robot: Robot) -> str:
     return "\n".join(_line(key, value, comments.get(key, "")) for key, value in values.items())
 
 
-def _placement(name: str, placement: Placement, comment: str) -> str:
+def _placement(name: str, placement: Placement, comment: str) -> list[str]:
+    identity = Placement()
+    if _equal(placement.rotation, identity.rotation) and _equal(placement.position, identity.position):
+        return []
     rows = [f"# {comment}", f"[{name}]", _line("position_m", placement.position)]
-    return "\n".join([*rows, "rotation = " + _matrix(placement.rotation)])
+    return ["\n".join([*rows, "rotation = " + _matrix(placement.rotation)])]
+
+
+def _controller(controller: Controller) -> list[str]:
+    """What the controller works with; nothing where nothing is on record."""
+    plain = Controller()
+    values = {
+        name: value for name in ("chain", "absolute_accuracy", "coupling", "pulses_per_rad", "joint_names")
+        if (value := getattr(controller, name)) != getattr(plain, name)
+    }
+    blocks = _table("controller", values, "What the controller works with, whatever a calibration has found.")
+    blocks += _placement("controller.base", controller.base, "DH frame 0 in the controller's base frame.")
+    blocks += _placement("controller.flange", controller.flange, "The controller's flange in the last DH frame.")
+    for number, frame in enumerate(controller.frames, start=1):
+        values = {
+            key.name(frame.type): value for key in JOINT_KEYS
+            if key.field in FRAME_FIELDS and (value := getattr(frame, key.field)) is not None
+            and not (key.field == "d" and frame.beta is not None)
+        }
+        blocks.append(_lines("[[controller.frames]]", values, f"# Frame {number} as the controller has it"))
+    return blocks
 
 
 def _joint(number: int, joint: Joint, has_geometry: bool) -> str:

@@ -20,7 +20,7 @@ import numpy as np
 
 from exactarm.errors import InputError
 from exactarm.mdh_frames import Axis, behind_axis, compose, mdh_chain, relative, rotation_z
-from exactarm.robot import GRAVITY_M_S2, Joint, Link, Placement, Robot
+from exactarm.robot import GRAVITY_M_S2, Controller, Joint, Link, Placement, Robot, frame_of
 from exactarm.robot_keys import MOST_AXES
 from exactarm.table import atomic_file
 from exactarm.urdf_tree import MOVING, UrdfJoint, UrdfTree, read_tree
@@ -50,7 +50,9 @@ def read_urdf(path: str | Path, base: str | None = None, tip: str | None = None)
     gravity = chain.base.rotation.T @ root.rotation.T @ np.array([0.0, 0.0, -GRAVITY_M_S2])
     gravity = np.where(np.abs(gravity) < 1e-12, 0.0, gravity)
     links = _links(tree, way, moving, places, chain.frames)
-    return Robot(tree.name, joints, links, gravity, chain.base, chain.tool)
+    names = tuple(joint.name for joint in moving)
+    controller = Controller(tuple(map(frame_of, joints)), chain.base, chain.tool, joint_names=names)
+    return Robot(tree.name, joints, links, gravity, chain.base, chain.tool, controller=controller)
 
 
 def _places(tree: UrdfTree, start: str) -> dict[str, Placement]:

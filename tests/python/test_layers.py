@@ -21,9 +21,10 @@ MAY_IMPORT = {
     "identify": MODEL | {"identify"},
     "plan": MODEL | {"plan"},
     "simulate": MODEL | {"simulate"},
+    "compensate": MODEL | {"compensate"},
     "diagnose": MODEL | {"identify", "diagnose"},
     "report": REPORT,
-    "commands": MODEL | {"identify", "plan", "simulate", "diagnose", "report", "commands"},
+    "commands": MODEL | {"identify", "plan", "compensate", "simulate", "diagnose", "report", "commands"},
     "cli": {"leaf", "commands"},
     "__main__": {"cli"},
 }

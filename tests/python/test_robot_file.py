@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from exactarm.effects import effect_from_table
 from exactarm.errors import InputError
-from exactarm.robot import GearTable, Joint, Link, Placement, Robot
+from exactarm.robot import Controller, GearTable, Joint, Link, Placement, Robot, frame_of
 from exactarm.robot_file import load_robot, read_robot, shipped_robots, write_robot
 from exactarm.robot_keys import JOINT_KEYS
 
@@ -86,6 +86,25 @@ def robots(draw) -> Robot:
         (),
         draw(st.dictionaries(text, st.tuples(numbers, numbers).map(sorted).map(tuple), max_size=3)),
         draw(record),
+        draw(controllers(axes, place)),
+    )
+
+
+@st.composite
+def controllers(draw, axes, place) -> Controller:
+    count = len(axes)
+    frames = [dataclasses.replace(draw(joints()), type=axis.type) for axis in axes]
+    names = st.lists(st.text(st.characters(codec="utf-8"), max_size=5), min_size=count, max_size=count, unique=True)
+    coupling = st.lists(st.tuples(st.integers(1, count), st.integers(1, count), numbers), max_size=2).map(tuple)
+    return Controller(
+        tuple(map(frame_of, frames)) if draw(st.booleans()) else (),
+        place(2),
+        place(3),
+        draw(st.sampled_from(["nominal", "calibrated"])),
+        draw(st.booleans()),
+        draw(st.none() | coupling),
+        tuple(draw(st.just(()) | st.lists(positive, min_size=count, max_size=count).map(tuple))),
+        tuple(draw(st.just(()) | names.map(tuple))),
     )
 
 

@@ -82,7 +82,7 @@ class View:
         approach = self.data.joints.get("approach")
         if approach is None:
             return np.zeros((self.rows, self.axes))
-        return np.sign(np.nan_to_num(approach))
+        return np.clip(np.nan_to_num(approach), -1.0, 1.0)
 
     @property
     def sign_width(self) -> np.ndarray:

@@ -57,6 +57,8 @@ def publish(result: CommandResult, folder: OutputFolder, started: float, progres
         folder.write_table(file, columns)
     for file, text in result.texts.items():
         folder.write_text(file, text)
+    for file, content in result.contents.items():
+        folder.place(file).write_bytes(content)
     if result.robot is not None:
         _write_robot(result.robot, asked, made, folder)
     drawings = draw(report.figures, folder.place, progress)

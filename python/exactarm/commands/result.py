@@ -54,6 +54,7 @@ class CommandResult:
     robot       written as robot.toml
     tables      file name -> columns (name with unit -> (N,) values); .csv or .parquet by the name
     texts       file name -> text written as it is (a .urdf, a .toml)
+    contents    file name -> bytes written as they are (a robot program)
     inputs      further files that were read, beside the robot file and FILES
     asked       what was asked, for the report's last lines
     data        measured rows that a simulation made, ready for the next command; else None
@@ -64,6 +65,7 @@ class CommandResult:
     robot: Robot | None = None
     tables: Mapping[str, Mapping[str, Sequence[Any]]] = field(default_factory=dict)
     texts: Mapping[str, str] = field(default_factory=dict)
+    contents: Mapping[str, bytes] = field(default_factory=dict)
     inputs: tuple[Any, ...] = ()
     exit_code: int = 0
     asked: Asked | None = None

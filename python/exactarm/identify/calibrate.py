@@ -171,7 +171,7 @@ def require_enough(layout: Layout, data: Dataset, orientation: bool) -> None:
 
 def calibrated_robot(robot: Robot, data: Dataset, layout: Layout, fit: Fit, kind: str = "poses") -> Robot:
     """The robot with the estimates in its tables, found effects beside them, and the intervals on record."""
-    result = robot
+    result = robot.with_controller_frames
     for effect in layout.effects:
         if effect.declared:
             result = effect.bake(result)

@@ -1,0 +1,203 @@
+"""`exactarm compensate`: robot programs with numbers that make the calibrated arm go where they say."""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from exactarm.commands.arguments import add_files, add_robot
+from exactarm.commands.compensate_report import compensation_table, report_of, summary_of
+from exactarm.commands.result import CommandResult
+from exactarm.compensate.correction import correct
+from exactarm.compensate.formats import Job, jobs
+from exactarm.compensate.frames import cell_frames, with_nominal
+from exactarm.compensate.law import CompensationModel
+from exactarm.compensate.setting import Setting, chosen_points, read_frames, read_numbers
+from exactarm.errors import InputError
+from exactarm.robot import Placement, Robot
+from exactarm.robot_file import load_robot
+
+NAME = "compensate"
+HELP = "correct robot programs by the identified model: the same files, with other numbers"
+RESULTS = ("compensation.csv",)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    add_robot(parser)
+    add_files(
+        parser,
+        text="programs (.src with .dat, .mod, .ls, .script, .jbi, .yaml) or tables of targets (.csv, .parquet)",
+    )
+    parser.add_argument(
+        "--frames",
+        metavar="nominal|identified|POINTS.csv",
+        default="nominal",
+        help="what stands for the controller's base and flange; reference points in the cell are best (default %(default)s)",
+    )
+    parser.add_argument(
+        "--points",
+        metavar="calculated|taught|NAMES",
+        help="which points were calculated and not taught: all, none, or names with commas between (XP1,XP2*)",
+    )
+    parser.add_argument(
+        "--tool",
+        metavar="[NAME=]NUMBERS",
+        action="append",
+        default=[],
+        help="a tool that the program does not hold, as its controller shows it; may be given several times",
+    )
+    parser.add_argument(
+        "--base",
+        metavar="[NAME=]NUMBERS",
+        action="append",
+        default=[],
+        help="a base, user frame or work object, as its controller shows it; may be given several times",
+    )
+    parser.add_argument(
+        "--payload",
+        metavar="KG,X,Y,Z",
+        help="the load at the flange: kg, and its centre in m in the flange frame",
+    )
+    parser.add_argument(
+        "--start", metavar="J1,J2,...", help="joint angles before the first motion, deg (m of a sliding axis)"
+    )
+    parser.add_argument(
+        "--nominal",
+        metavar="ROBOT",
+        help="robot file with the frames of the controller, where ROBOT does not hold them",
+    )
+    parser.add_argument(
+        "--frame",
+        choices=("base", "device"),
+        default="base",
+        help="frame of the poses in tables (default %(default)s)",
+    )
+    parser.add_argument(
+        "--session", metavar="N", type=int, help="with --frame device: the set-up whose device frame is meant"
+    )
+    parser.add_argument(
+        "--keep-refused",
+        action="store_true",
+        help="leave targets that cannot be corrected as they are, instead of stopping",
+    )
+
+
+def run(arguments: argparse.Namespace) -> CommandResult:
+    robot = load_robot(arguments.robot)
+    if arguments.nominal:
+        robot = with_nominal(robot, load_robot(arguments.nominal))
+    _check(robot, arguments)
+    work = jobs(arguments.files)
+    setting = _setting(robot, arguments)
+    frames = cell_frames(robot, arguments.frames, _tip(work[0], setting), arguments.threads)
+    model = CompensationModel.of(robot, frames.base, frames.flange)
+    if setting.load is not None:
+        model = model.with_load(setting.load[0], np.array(setting.load[1]))
+    corrections = []
+    for job in work:
+        arguments.progress.stage(f"correcting {job.paths[0].name}")
+        program = job.read(setting)
+        if setting.load is not None:
+            program = replace(
+                program, targets=tuple(replace(target, load=None) for target in program.targets)
+            )
+        chosen = chosen_points(program, arguments.points)
+        reread = lambda contents, job=job: job.reread(contents, setting)
+        corrections.append(correct(program, model, chosen, setting.start, arguments.threads, reread))
+    _stop_at_refused(corrections, arguments)
+    used = (
+        not arguments.points
+        or arguments.points in ("calculated", "taught")
+        or any(c.program.targets and chosen_points(c.program, arguments.points).any() for c in corrections)
+    )
+    if not used:
+        raise InputError(f"--points {arguments.points}: no point of these programs has such a name")
+    return CommandResult(
+        json=summary_of(corrections, frames, model),
+        report=report_of(robot, corrections, frames, model),
+        tables={"compensation.csv": compensation_table(corrections)},
+        contents={
+            source.path.name: content
+            for c in corrections
+            for source, content in zip(c.program.files, c.contents)
+        },
+        inputs=tuple(
+            path
+            for path in (
+                arguments.nominal,
+                None if arguments.frames in ("nominal", "identified") else arguments.frames,
+            )
+            if path
+        ),
+    )
+
+
+def _check(robot: Robot, arguments: argparse.Namespace) -> None:
+    if not robot.has_geometry:
+        raise InputError(f"robot {robot.name}: expected a declared geometry, found drives only")
+    if robot.controller.absolute_accuracy:
+        raise InputError(
+            f"robot {robot.name}: its controller corrects targets itself ([controller] absolute_accuracy); "
+            "a program must not be corrected twice"
+        )
+    out = Path(arguments.out).resolve()
+    for path in arguments.files:
+        if path.resolve().parent == out:
+            raise InputError(
+                "lies in the folder of results and would be overwritten; expected another --out", file=path
+            )
+        if path.name in RESULTS:
+            raise InputError("has the name of a result; expected another name", file=path)
+    if arguments.frame == "device":
+        if arguments.frames != "nominal":
+            raise InputError(
+                "--frame device: poses in the device's frame need no other base; expected --frames nominal"
+            )
+        sessions = sorted(
+            {int(name[8:].split(".")[0]) for name in robot.intervals if name.startswith("session_")}
+        )
+        if arguments.session is not None and sessions and arguments.session != sessions[0]:
+            raise InputError(
+                f"--session {arguments.session}: the robot file holds the device frame of session {sessions[0]}; "
+                "expected that one, or a file calibrated with the other alone"
+            )
+
+
+def _setting(robot: Robot, arguments: argparse.Namespace) -> Setting:
+    load = None
+    if arguments.payload:
+        mass, *centre = read_numbers("--payload", arguments.payload, (4,))
+        if mass < 0.0:
+            raise InputError(f"--payload {arguments.payload}: expected a mass of 0 or more")
+        load = (mass, tuple(centre))
+    start = None
+    if arguments.start:
+        start = np.array(read_numbers("--start", arguments.start, (robot.axes,)))
+        start = np.where([joint.type == "revolute" for joint in robot.joints], np.radians(start), start)
+    return Setting(
+        robot,
+        read_frames("--tool", arguments.tool),
+        read_frames("--base", arguments.base),
+        start,
+        load,
+        arguments.frame == "device",
+    )
+
+
+def _tip(job: Job, setting: Setting) -> Placement:
+    """The tool that touched the reference points: the only one that --tool gives; the flange without one."""
+    numbers = list(setting.tools.values())
+    return job.dialect.placement(numbers[0]) if len(numbers) == 1 else Placement()
+
+
+def _stop_at_refused(corrections: list, arguments: argparse.Namespace) -> None:
+    refused = [error for correction in corrections for error in correction.refused]
+    if refused and not arguments.keep_refused:
+        more = f" (and {len(refused) - 1} more)" if len(refused) > 1 else ""
+        raise InputError(
+            f"{refused[0]}{more}; nothing was written: name the points to correct with --points, or leave these as they "
+            "are with --keep-refused"
+        )

@@ -1,0 +1,127 @@
+"""The controller's own chain: what it takes for the pose of joint angles, and which joint angles it takes for a pose.
+
+Frames from `[controller]` of the robot file, in the controller's base frame, to its flange. Joint angles are those that the
+controller reports: offsets and gears do not enter.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import product
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from exactarm import _core
+from exactarm.errors import InputError
+from exactarm.robot import Robot
+
+if TYPE_CHECKING:
+    from exactarm.compensate.law import Poses
+
+STEPS = 8  # from an error of 1e-3 rad, the Jacobian of the start for all
+SAME_BRANCH_RAD = 1.0  # two branches of an arm differ by more in one axis, unless it is close to singular
+_TURN = 2.0 * np.pi
+
+
+@dataclass(frozen=True)
+class ControllerChain:
+    """The core robot of the controller's frames."""
+
+    core: _core.Robot
+
+    @staticmethod
+    def of(robot: Robot) -> "ControllerChain":
+        """Raises InputError where the robot file has no frames of the controller."""
+        frames = robot.controller.frames
+        if not frames:
+            raise InputError(
+                f"robot {robot.name}: the frames that its controller works with are not on record; give the robot file from "
+                "before the calibration: --nominal ROBOT (new robot files of calibrate and diagnose hold them)"
+            )
+        joints = tuple(
+            replace(frame, q_min=joint.q_min, q_max=joint.q_max) for frame, joint in zip(frames, robot.joints)
+        )
+        own = replace(
+            robot,
+            joints=joints,
+            links=None,
+            effects=(),
+            base=robot.controller.base,
+            tool=robot.controller.flange,
+        )
+        return ControllerChain(own.core)
+
+    @property
+    def limits(self) -> np.ndarray:
+        """(2, n) least and largest angle of each axis, infinite where none is declared."""
+        return np.array([[limit.q_min, limit.q_max] for limit in self.core.limits]).T
+
+    def poses(self, q: np.ndarray) -> "Poses":
+        """Of the flange, for joint angles (N, n)."""
+        from exactarm.compensate.law import Poses
+
+        return Poses(*_core.forward_kinematics(self.core, q))
+
+    def joints(self, targets: "Poses", near: np.ndarray) -> np.ndarray:
+        """Joint angles (N, n) of poses close to those of `near` (N, n)."""
+        from exactarm.compensate.law import pose_error, pseudo_inverse
+
+        q = np.array(near, dtype=float)
+        inverse = pseudo_inverse(_core.geometric_jacobian(self.core, q))
+        for _ in range(STEPS):
+            q = q + (inverse @ pose_error(targets, self.poses(q))[:, :, None])[:, :, 0]
+        return q
+
+    def newton(self, position: np.ndarray, rotation: np.ndarray, start: np.ndarray) -> np.ndarray | None:
+        """Joint angles of one pose from a start that may be far; None where Newton's method does not come there."""
+        options = _core.InverseKinematicsOptions()
+        options.check_limits, options.largest_jump = False, np.inf
+        q, report = _core.inverse_kinematics_path(
+            self.core, position[None], rotation.reshape(1, 9), start, options
+        )
+        return q[0] if report.status == _core.InverseKinematicsStatus.solved else None
+
+    def branches(self, position: np.ndarray, rotation: np.ndarray) -> np.ndarray:
+        """(K, n) all joint angles of one pose within the limits, whole turns included."""
+        options = _core.InverseKinematicsOptions()
+        options.check_limits = False
+        found = _core.inverse_kinematics_branches(self.core, _core.Pose(rotation, position), options)
+        low, high = self.limits
+        turned = []
+        for q in found:
+            choices = [
+                [angle + k * _TURN for k in (-2, -1, 0, 1, 2) if a - 1e-9 <= angle + k * _TURN <= b + 1e-9]
+                if np.isfinite(b - a)
+                else [angle]
+                for angle, a, b in zip(q, low, high)
+            ]
+            turned += [np.array(choice) for choice in product(*choices)]
+        return np.array(turned).reshape(-1, len(low))
+
+    def nearest_path(self, targets: "Poses", start: np.ndarray | None) -> np.ndarray:
+        """Joint angles (N, n) of poses, each on the branch nearest to the one before; NaN where there are none.
+
+        Without a start the first is the branch nearest to the middle of the joint limits.
+        """
+        rows = np.full((len(targets), self.core.axes), np.nan)
+        for i, (position, rotation) in enumerate(zip(targets.position, targets.rotation)):
+            found = self.nearest(position, rotation, start)
+            if found is not None:
+                rows[i] = start = found
+        return rows
+
+    def nearest(
+        self, position: np.ndarray, rotation: np.ndarray, start: np.ndarray | None
+    ) -> np.ndarray | None:
+        """Joint angles of one pose nearest to `start`; nearest to the middle of the limits without one."""
+        if start is not None:
+            near = self.newton(position, rotation, start)
+            if near is not None and np.max(np.abs(near - start)) < SAME_BRANCH_RAD:
+                return near
+        found = self.branches(position, rotation)
+        if not len(found):
+            return None
+        low, high = self.limits
+        middle = np.where(np.isfinite(high - low), 0.5 * (low + high), 0.0)
+        return found[np.argmin(np.linalg.norm(found - (middle if start is None else start), axis=1))]

@@ -1,0 +1,305 @@
+"""A program in, the same program with corrected numbers out, and what moved by how much.
+
+1. every target as joint angles of the controller's own chain, in the order of the motions (branch by its configuration word,
+   else nearest to the one before); 2. from which side each axis comes; 3. the command, by the law, with the load of its tool;
+4. the refusals; 5. the new numbers; 6. the new file is read again, and what the arm does with it is compared with the targets.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from exactarm.compensate.approach import approaches
+from exactarm.compensate.law import NEAR_SINGULAR, CompensationModel, Poses, pose_error
+from exactarm.compensate.program import Edit, Program, Target
+from exactarm.errors import InputError
+from exactarm.mdh_frames import compose, relative
+from exactarm.robot import Placement
+
+LARGEST_TURN_RAD = (
+    0.2  # a correction that turns an axis further changes the branch, or the model is not this arm's
+)
+NOT_REACHED = 1e-8  # m and rad left over by the law
+SETTLED = 3  # passes in which a correction may change the direction from which an axis comes
+UNUSED = "not used by a motion of these files"
+
+
+@dataclass(frozen=True)
+class Correction:
+    """One program, its new contents and, for its T targets: joint angles before and after (NaN where not corrected),
+    change of the commanded pose (m, rad; of the tool's tip in its base, of the flange for joint targets), why not.
+    positions, shifts: (T, 3) m, of the flange in the controller's base frame, and how its command moves.
+
+    reached: (T,) m, distance of the real tip (flange) from the target with the numbers as they are written; NaN as above.
+    """
+
+    program: Program
+    contents: list[bytes]
+    q_before: np.ndarray
+    q_after: np.ndarray
+    moved: np.ndarray
+    positions: np.ndarray
+    shifts: np.ndarray
+    why: tuple[str, ...]
+    refused: tuple[InputError, ...]
+    reached: np.ndarray
+    warnings: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class _Resolved:
+    """Targets as the controller takes them: flange poses, joint angles q (T, n) NaN where none, refusals by target."""
+
+    poses: Poses
+    q: np.ndarray
+    refusals: dict[int, str]
+
+
+def correct(
+    program: Program,
+    model: CompensationModel,
+    chosen: np.ndarray,
+    start: np.ndarray | None,
+    threads: int,
+    reread: Callable[[list[bytes]], Program],
+) -> Correction:
+    """chosen (T,) bool: the targets to correct; start (n,): joint angles before the first motion, where known."""
+    resolved = _resolve(program, model, start)
+    used = np.zeros(len(program.targets), bool)
+    used[[i for motion in program.motions for i in (motion.target, motion.via) if i is not None]] = True
+    why = ["" if u else UNUSED for u in used]
+    rows = np.flatnonzero(used & chosen & ~np.isnan(resolved.q).any(axis=1))
+    q_after = np.full_like(resolved.q, np.nan)
+    sides, warnings = _sides(program, model, resolved.q)
+    for _ in range(SETTLED):
+        found, left_over, amplification = _commands(program, model, resolved, rows, sides, threads)
+        again, warnings = _sides(program, model, _filled(resolved.q, rows, found))
+        if np.array_equal(again[rows], sides[rows]):
+            break
+        sides = again
+    refusals = dict(resolved.refusals)
+    refusals |= _refusals(model, resolved.q, rows, found, left_over, amplification)
+    rows_good = np.array([r not in refusals for r in rows], bool)
+    q_after[rows[rows_good]] = found[rows_good]
+    edits, moved = _edits(program, model, q_after)
+    contents = program.rewritten(edits)
+    if program.finish is not None:
+        contents = program.finish(contents, q_after)
+    refused = []
+    for i, target in enumerate(program.targets):
+        if not chosen[i]:
+            why[i] = "not corrected: not among the calculated points"
+        elif used[i] and i in refusals:
+            why[i] = refusals[i]
+            place = program.files[target.file]
+            refused.append(InputError(f"{target.name}: {refusals[i]}", file=place.path, line=target.line))
+    reached = _reached(reread(contents), program, model, resolved, sides, q_after, threads)
+    shifts = model.controller.poses(np.nan_to_num(q_after)).position - resolved.poses.position
+    shifts[np.isnan(q_after).any(axis=1)] = np.nan
+    return Correction(
+        program,
+        contents,
+        resolved.q,
+        q_after,
+        moved,
+        resolved.poses.position,
+        shifts,
+        tuple(why),
+        tuple(refused),
+        reached,
+        tuple(warnings),
+    )
+
+
+def _filled(q: np.ndarray, rows: np.ndarray, found: np.ndarray) -> np.ndarray:
+    filled = q.copy()
+    filled[rows] = found
+    return filled
+
+
+# -- targets as the controller takes them ------------------------------------------------------------
+def _resolve(program: Program, model: CompensationModel, start: np.ndarray | None) -> _Resolved:
+    count, n = len(program.targets), model.actual.axes
+    position, rotation = np.full((count, 3), np.nan), np.tile(np.eye(3), (count, 1, 1))
+    q, refusals = np.full((count, n), np.nan), {}
+    joints = [i for i, target in enumerate(program.targets) if target.joints is not None]
+    if joints:
+        q[joints] = [program.targets[i].joints for i in joints]
+        poses = model.controller.poses(q[joints])
+        position[joints], rotation[joints] = poses.position, poses.rotation
+    before, word = start, ""
+    order = [i for motion in program.motions for i in (motion.via, motion.target) if i is not None]
+    for i in order:
+        target = program.targets[i]
+        if target.refusal:
+            refusals[i] = target.refusal
+        elif target.joints is not None:
+            before, word = target.joints, ""
+        elif np.isnan(position[i, 0]):
+            flange = compose(compose(target.base, target.pose), relative(target.tool, Placement()))
+            position[i], rotation[i] = flange.position, flange.rotation
+            found = _branch(model, target, flange, before if target.near is None else target.near, word)
+            if isinstance(found, str):
+                refusals[i] = found
+            else:
+                q[i] = before = found
+                word = target.configuration
+        else:
+            before = before if np.isnan(q[i, 0]) else q[i]
+    return _Resolved(Poses(np.nan_to_num(position), rotation), q, refusals)
+
+
+def _branch(
+    model: CompensationModel, target: Target, flange: Placement, before: np.ndarray | None, word: str
+) -> np.ndarray | str:
+    """Joint angles of a pose, or why there are none."""
+    chain = model.controller
+    if target.configuration and word and word != target.configuration:
+        return (
+            f"its configuration {target.configuration!r} differs from {word!r} of the pose before, and what the words mean "
+            "for this arm is not certain: split the program there, and give --start for each part"
+        )
+    if target.configuration and before is None:
+        return "the branch of the arm is not certain: give the joint angles of the first pose with --start J1,J2,... (deg)"
+    if target.matches is None or before is not None:
+        near = chain.nearest(flange.position, flange.rotation, before)
+        if near is not None and (target.matches is None or target.matches(near)):
+            return near
+        if near is None:
+            return "the pose is out of reach of the controller's own chain"
+    branches = chain.branches(flange.position, flange.rotation)
+    if not len(branches):
+        return "the pose is out of reach of the controller's own chain, or of the joint limits"
+    matching = np.array([q for q in branches if target.matches(q)])
+    if not len(matching):
+        return "no branch of the arm has the configuration that the program names: is it this robot, this tool and this base?"
+    if before is not None:
+        return matching[np.argmin(np.linalg.norm(matching - before, axis=1))]
+    if np.ptp(matching, axis=0).max() > 1e-6:
+        return f"{len(matching)} branches of the arm have the configuration that the program names: give --start J1,J2,... (deg)"
+    return matching[0]
+
+
+def _sides(program: Program, model: CompensationModel, q: np.ndarray) -> tuple[np.ndarray, list[str]]:
+    """(T, n) from which side each axis comes; 0 where motions to one target come from different sides."""
+    by_motion = approaches(model, program.motions, q)
+    sides, seen, warnings = np.zeros_like(q), {}, list(program.warnings)
+    for motion, side in zip(program.motions, by_motion):
+        for index in (motion.via, motion.target):
+            if index is None:
+                continue
+            if index in seen and not np.array_equal(sides[index], side):
+                side = np.where(sides[index] == side, side, 0.0)
+                if index not in warnings and seen[index] == 1:
+                    target = program.targets[index]
+                    warnings.append(
+                        f"{target.name} (line {target.line}) is approached from different sides: "
+                        "the mean of both gear tables is taken there"
+                    )
+                seen[index] = 2
+            seen.setdefault(index, 1)
+            sides[index] = side
+    return sides, warnings
+
+
+# -- commands ----------------------------------------------------------------------------------------
+def _commands(program, model, resolved, rows, sides, threads):
+    """Commands of the rows, those with one load together."""
+    found, left_over, amplification = resolved.q[rows].copy(), np.zeros(len(rows)), np.zeros(len(rows))
+    for load, members in _by_load(program, rows).items():
+        loaded = model if load is None else model.with_load(load[0], np.array(load[1]))
+        these = rows[members]
+        commands = loaded.commands(resolved.poses.rows(these), resolved.q[these], sides[these], threads)
+        found[members], left_over[members], amplification[members] = (
+            commands.q,
+            commands.left_over,
+            commands.amplification,
+        )
+    return found, left_over, amplification
+
+
+def _by_load(program: Program, rows: Sequence[int]) -> dict:
+    groups: dict = {}
+    for k, row in enumerate(rows):
+        groups.setdefault(program.targets[row].load, []).append(k)
+    return groups
+
+
+def _refusals(model, q, rows, found, left_over, amplification) -> dict[int, str]:
+    low, high = model.controller.limits
+    refusals = {}
+    for k, row in enumerate(rows):
+        turn = np.abs(found[k] - q[row])
+        beyond = np.flatnonzero((found[k] < low) | (found[k] > high))
+        if not amplification[k] < NEAR_SINGULAR:
+            refusals[row] = (
+                "close to a singular pose of the arm: an error of 1 mrad turns an axis by more than 0.1 rad"
+            )
+        elif beyond.size:
+            i = int(beyond[0])
+            limit = low[i] if found[k, i] < low[i] else high[i]
+            refusals[row] = (
+                f"axis {i + 1} would leave its limit of {np.degrees(limit):.2f} deg "
+                f"(command {np.degrees(found[k, i]):.3f} deg)"
+            )
+        elif turn.max() > LARGEST_TURN_RAD:
+            refusals[row] = (
+                f"another branch: axis {int(turn.argmax()) + 1} would turn by {np.degrees(turn.max()):.1f} deg"
+            )
+        elif left_over[k] > NOT_REACHED:
+            refusals[row] = f"no command reaches it: {1e3 * left_over[k]:.3g} mm or mrad are left over"
+    return refusals
+
+
+def _edits(program: Program, model: CompensationModel, q_after: np.ndarray) -> tuple[list[Edit], np.ndarray]:
+    """The edits of all corrected targets, and (T, 6) how the commanded poses move."""
+    edits, moved = [], np.full((len(q_after), 6), np.nan)
+    rows = np.flatnonzero(~np.isnan(q_after).any(axis=1))
+    poses = model.controller.poses(q_after[rows])
+    joints = [k for k, i in enumerate(rows) if program.targets[i].joints is not None]
+    if joints:
+        old = model.controller.poses(np.array([program.targets[rows[k]].joints for k in joints]))
+        moved[rows[joints]] = pose_error(poses.rows(joints), old)
+    for k, i in enumerate(rows):
+        target, tip = program.targets[i], None
+        if target.pose is not None:
+            flange = Placement(poses.rotation[k], poses.position[k])
+            tip = compose(relative(target.base, flange), target.tool)
+            there = Poses(tip.position[None], tip.rotation[None])
+            moved[i] = pose_error(there, Poses(target.pose.position[None], target.pose.rotation[None]))[0]
+        edits += target.encode(q_after[i], tip)
+    return edits, moved
+
+
+def _reached(written, program, model, resolved, sides, q_after, threads) -> np.ndarray:
+    """Where the arm goes with the numbers of the new file: they are read as anyone would read them."""
+    distance = np.full(len(q_after), np.nan)
+    rows = np.flatnonzero(~np.isnan(q_after).any(axis=1))
+    if not rows.size:
+        return distance
+    q, poses = q_after[rows].copy(), []
+    for k, row in enumerate(rows):
+        target = written.targets[row]
+        if target.joints is not None:
+            q[k] = target.joints
+        else:
+            poses.append((k, compose(compose(target.base, target.pose), relative(target.tool, Placement()))))
+    if poses:
+        index = [k for k, _ in poses]
+        flange = Poses(np.array([p.position for _, p in poses]), np.array([p.rotation for _, p in poses]))
+        q[index] = model.controller.joints(flange, q[index])
+    for load, members in _by_load(program, rows).items():
+        loaded = model if load is None else model.with_load(load[0], np.array(load[1]))
+        there = loaded.reached(q[members], sides[rows[members]], threads)
+        wanted = resolved.poses.rows(rows[members])
+        for k, member in enumerate(members):
+            target = program.targets[rows[member]]
+            arm = target.tool.position if target.pose is not None else np.zeros(3)
+            missed = (
+                there.position[k] + there.rotation[k] @ arm - wanted.position[k] - wanted.rotation[k] @ arm
+            )
+            distance[rows[member]] = np.linalg.norm(missed)
+    return distance

@@ -1,0 +1,63 @@
+"""Which dialect a file is of, by the ending of its name; KRL pairs are put together."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import ModuleType
+
+from exactarm.compensate import krl, target_table, urscript
+from exactarm.compensate.program import Program, SourceText
+from exactarm.compensate.setting import Setting
+from exactarm.errors import InputError
+
+DIALECTS: tuple[ModuleType, ...] = (krl, urscript, target_table)
+
+
+@dataclass(frozen=True)
+class Job:
+    """The files of one program, and the module that reads its dialect."""
+
+    dialect: ModuleType
+    paths: tuple[Path, ...]
+
+    def read(self, setting: Setting) -> Program:
+        load = getattr(self.dialect, "load", SourceText.read)  # tables may be binary
+        return self.dialect.read(tuple(load(path) for path in self.paths), setting)
+
+    def reread(self, contents: Sequence[bytes], setting: Setting) -> Program:
+        """The program of other contents, as anyone would read it."""
+        sources = tuple(SourceText(path, content) for path, content in zip(self.paths, contents))
+        return getattr(self.dialect, "read_commands", self.dialect.read)(sources, setting)
+
+
+def jobs(paths: Sequence[Path]) -> list[Job]:
+    """One for each program. Raises InputError for an unknown ending, a name given twice."""
+    seen: dict[str, Path] = {}
+    groups: dict[tuple[str, str], list[Path]] = {}
+    for path in paths:
+        if path.name in seen:
+            raise InputError(
+                f"the same name as {seen[path.name]}; results have the names of the programs: expected each once",
+                file=path,
+            )
+        seen[path.name] = path
+        dialect = dialect_of(path)
+        pair = len(dialect.SUFFIXES) > 1 and dialect is krl
+        groups.setdefault(
+            (dialect.NAME, str(path.with_suffix("")).lower() if pair else str(path)), []
+        ).append(path)
+    by_name = {dialect.NAME: dialect for dialect in DIALECTS}
+    return [
+        Job(by_name[name], tuple(sorted(group, key=lambda path: path.suffix.lower() != ".src")))
+        for (name, _), group in groups.items()
+    ]
+
+
+def dialect_of(path: Path) -> ModuleType:
+    for dialect in DIALECTS:
+        if path.suffix.lower() in dialect.SUFFIXES:
+            return dialect
+    known = ", ".join(f"{suffix} ({dialect.NAME})" for dialect in DIALECTS for suffix in dialect.SUFFIXES)
+    raise InputError(f"ending {path.suffix!r} is not known; expected one of {known}", file=path)

@@ -1,0 +1,414 @@
+"""KUKA KRL: `.src` with its `.dat`. PTP, LIN, CIRC and their S forms, to points in the data list or literals.
+
+    E6POS, POS, FRAME {X, Y, Z mm, A, B, C deg, S, T, E1..}   R = Rz(A) Ry(B) Rx(C)      E6AXIS, AXIS {A1..An deg}
+Tool and base: FDAT of the inline form (TOOL_NO, BASE_NO), else $TOOL and $BASE; their numbers from TOOL_DATA, BASE_DATA
+or literals in these files, or --tool, --base; number 0 and $NULLFRAME are none. Base frames are taken in $ROBROOT.
+T holds the sign of each axis in a bit: it chooses the branch and is written anew. S stays: its third bit is the sign of A5.
+LIN and CIRC take the branch nearest to the point before, as the controller does.
+Refused: $ABS_ACCUR, relative motions, geometric operators, computed points, tools at rest (#TCP), external axes.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+import numpy as np
+
+from exactarm.compensate.angles import from_zyx, to_zyx
+from exactarm.compensate.program import Edit, Motion, Number, Program, SourceText, Target, in_range
+from exactarm.compensate.setting import Setting
+from exactarm.errors import InputError
+from exactarm.robot import Placement
+
+NAME, SUFFIXES = "KRL", (".src", ".dat")
+MM_DECIMALS, DEG_DECIMALS = 5, 7  # 1e-8 m and 2e-9 rad: below a micrometre at any reach
+ZERO_DEG = 1e-3  # an angle that small may carry either sign
+CARTESIAN = ("X", "Y", "Z", "A", "B", "C")
+ELSEWHERE = (
+    "XHOME",
+    "HOME",
+    "$H_POS",
+    "$AXIS_ACT",
+    "$AXIS_RET",
+    "$AXIS_FOR",
+    "$POS_ACT",
+)  # of the controller itself
+
+_AGGREGATE = re.compile(r"\{([^{}]*)\}")
+_ASSIGNED = re.compile(
+    r"(?im)^[ \t]*((?:(?:global|decl|const)[ \t]+)*(?:[a-z]\w*[ \t]+)?)(\$?[a-z_]\w*)[ \t]*(\[[^\]\r\n]*\])?(\.\w+)?[ \t]*=(?!=)[ \t]*"
+)
+_MOTION = re.compile(r"(?im)^[ \t]*(S?PTP|S?LIN|S?CIRC|SPL)(_REL)?\b[ \t]*([^\r\n]*)")
+_BAS = re.compile(r"(?im)^[ \t]*BAS[ \t]*\([ \t]*#(TOOL|BASE|FRAMES)[ \t]*(?:,[ \t]*([^)\r\n]*))?\)")
+_NAME = re.compile(r"(?i)\$?[a-z_]\w*$")
+KINDS = {
+    "PTP": "joint",
+    "SPTP": "joint",
+    "LIN": "linear",
+    "SLIN": "linear",
+    "SPL": "joint",
+    "CIRC": "circular",
+    "SCIRC": "circular",
+}
+
+
+@dataclass(frozen=True)
+class _Aggregate:
+    """`{X 1, Y 2}` of file `file`: field -> its text and place, and numbers of those that are numbers."""
+
+    file: int
+    start: int
+    fields: dict[str, tuple[str, int]]
+
+
+@dataclass(frozen=True)
+class _Frames:
+    """What $TOOL and $BASE are at some line: placements, or why they are not known."""
+
+    tool: Placement | str
+    base: Placement | str
+
+
+def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
+    reader = _Reader(sources, setting)
+    for index, source in enumerate(sources):
+        if source.path.suffix.lower() == ".src":
+            reader.motions_of(index)
+    return Program(
+        NAME, sources, tuple(reader.targets), tuple(reader.motions), tuple(dict.fromkeys(reader.warnings))
+    )
+
+
+class _Reader:
+    def __init__(self, sources: tuple[SourceText, ...], setting: Setting):
+        self.sources, self.setting = sources, setting
+        self.texts = [source.without(r";[^\r\n]*", r'"[^"\r\n]*"') for source in sources]
+        self.targets: list[Target] = []
+        self.motions: list[Motion] = []
+        self.warnings: list[str] = []
+        self.used: dict[tuple, int] = {}
+        self.values: dict[
+            str, list[tuple[int, int, _Aggregate | None]]
+        ] = {}  # NAME or NAME[i] -> (file, place, aggregate)
+        self.parts: dict[str, tuple[int, int]] = {}  # NAME of which a component is set -> (file, place)
+        if not any(source.path.suffix.lower() == ".src" for source in sources):
+            raise InputError(
+                "a data list without its .src: the motions are there; give both", file=sources[0].path
+            )
+        for index in range(len(sources)):
+            self.declarations_of(index)
+
+    # -- values --------------------------------------------------------------------------------------
+    def declarations_of(self, index: int) -> None:
+        source, text = self.sources[index], self.texts[index]
+        if match := re.search(r"(?i)\$ABS_ACCUR(?![ \t]*=[ \t]*FALSE)", text):
+            raise source.refuse(
+                match.start(),
+                "$ABS_ACCUR: the controller corrects this program by itself; it must not be corrected twice",
+            )
+        for match in _ASSIGNED.finditer(text):
+            _, name, subscript, component = match.groups()
+            key = name.upper() + re.sub(r"\s", "", subscript or "")
+            if component:
+                self.parts.setdefault(key, (index, match.start(2)))
+                continue
+            aggregate = _AGGREGATE.match(text, match.end())
+            try:
+                found = None if aggregate is None else self.aggregate(index, aggregate)
+            except InputError:  # other records than points; a point among them is refused where it is used
+                found = None
+            self.values.setdefault(key, []).append((index, match.start(2), found))
+
+    def aggregate(self, index: int, match: re.Match) -> _Aggregate:
+        """Fields of `{TYPE: NAME VALUE, ...}`."""
+        inner, at = match[1], match.start(1)
+        head = re.match(r"\s*\w+\s*:", inner)
+        if head:
+            inner, at = inner[head.end() :], at + head.end()
+        fields: dict[str, tuple[str, int]] = {}
+        for part in inner.split(","):
+            word = re.match(r"\s*([A-Za-z_]\w*)(\[\])?\s*", part)
+            if word is None:
+                raise self.sources[index].refuse(
+                    at, f"found {part.strip()[:30]!r}; expected a field and its value"
+                )
+            key = word[1].upper()
+            if key in fields:
+                raise self.sources[index].refuse(at, f"{key} is given twice")
+            fields[key] = (part[word.end() :], at + word.end())
+            at += len(part) + 1
+        return _Aggregate(index, match.start(), fields)
+
+    def number(self, aggregate: _Aggregate, key: str) -> Number:
+        text, place = aggregate.fields[key]
+        return Number.read(self.sources[aggregate.file], text, place)
+
+    def point(self, index: int, text: str, place: int) -> tuple[str, _Aggregate] | None:
+        """Name and fields of a point that stands in a motion; None for one of the controller's own."""
+        source, word = self.sources[index], text.strip()
+        place += len(text) - len(text.lstrip())
+        if word.startswith("{"):
+            match = _AGGREGATE.fullmatch(word)
+            if match is None:
+                raise source.refuse(place, f"found {word[:40]!r}; expected one {{...}}")
+            return f"line {source.line(place)}", self.aggregate(
+                index, _AGGREGATE.match(self.texts[index], place)
+            )
+        if not _NAME.match(word):
+            raise source.refuse(place, f"the point {word[:40]!r} is computed; expected a name or numbers")
+        name, known = word.upper(), self.values.get(word.upper(), [])
+        if not known and name in ELSEWHERE:
+            self.warnings.append(f"{word} stands in the controller and stays as it is")
+            return None
+        if not known:
+            raise source.refuse(
+                place,
+                f"point {word} is not in {' or '.join(s.path.name for s in self.sources)}; expected it in the data list",
+            )
+        if len(known) > 1:
+            lines = ", ".join(
+                f"{self.sources[f].path.name} line {self.sources[f].line(p)}" for f, p, _ in known
+            )
+            raise source.refuse(place, f"point {word} is given {len(known)} times ({lines}); expected once")
+        if name in self.parts:
+            file, where = self.parts[name]
+            raise self.sources[file].refuse(
+                where, f"a component of point {word} is set by the program; expected numbers alone"
+            )
+        file, where, found = known[0]
+        if found is None:
+            raise self.sources[file].refuse(where, f"point {word} is computed; expected numbers")
+        return word, found
+
+    # -- motions -------------------------------------------------------------------------------------
+    def motions_of(self, index: int) -> None:
+        source, text = self.sources[index], self.texts[index]
+        events = [*_MOTION.finditer(text), *_BAS.finditer(text), *_ASSIGNED.finditer(text)]
+        state: dict[str, str | _Aggregate | None] = {"$TOOL": None, "$BASE": None, "$IPO_MODE": "#BASE"}
+        inline: str | None = None
+        for match in sorted(events, key=lambda match: match.start()):
+            if match.re is _BAS:
+                if match[1].upper() == "FRAMES":
+                    continue
+                state["$" + match[1].upper()] = (
+                    f"{'TOOL' if match[1].upper() == 'TOOL' else 'BASE'}_DATA[{(match[2] or '').strip()}]"
+                )
+            elif match.re is _ASSIGNED:
+                name = match[2].upper()
+                rest = re.split(r"[\r\n]", text[match.end() :], maxsplit=1)[0].strip()
+                if name == "FDAT_ACT":
+                    inline = rest.upper()
+                elif name in state:
+                    aggregate = _AGGREGATE.match(text, match.end())
+                    state[name] = (
+                        self.aggregate(index, aggregate) if aggregate else re.sub(r"\s", "", rest.upper())
+                    )
+            else:
+                self.motion(index, match, state, inline)
+                inline = None
+
+    def motion(self, index: int, match: re.Match, state: dict, inline: str | None) -> None:
+        source, kind = self.sources[index], match[1].upper()
+        line = source.line(match.start())
+        if match[2]:
+            raise source.refuse(
+                match.start(), f"{kind}_REL moves from where the arm is; expected absolute targets"
+            )
+        words = _arguments(match[3], match.start(3))
+        if not words or not words[0][0].strip():
+            raise source.refuse(match.start(), f"{kind} without a point")
+        if kind.endswith("CIRC"):
+            if len(words) < 2 or any(re.match(r"(?i)\s*CA\b", word) for word, _ in words[2:]):
+                raise source.refuse(
+                    match.start(), f"{kind} with an angle, or without two points; expected two points"
+                )
+            words = words[:2]
+        else:
+            words = words[:1]
+        places = []
+        for word, place in words:
+            found = self.point(index, word, place)
+            places.append(
+                None if found is None else self.target(index, found[0], found[1], state, inline, kind)
+            )
+        via = places[0] if len(places) == 2 else None
+        self.motions.append(Motion(KINDS[kind], places[-1], line, via))
+
+    def target(
+        self, index: int, name: str, point: _Aggregate, state: dict, inline: str | None, kind: str
+    ) -> int:
+        key = (point.file, point.start)
+        is_axis = "A1" in point.fields
+        frames = None if is_axis else self.frames(index, name, state, inline)
+        if key in self.used:
+            other = self.targets[self.used[key]]
+            if frames is not None and not _same(frames, other):
+                raise self.sources[point.file].refuse(
+                    point.start,
+                    f"point {name} is used with different tools or bases: no one number is right for all",
+                )
+            return self.used[key]
+        made = self.axes(name, point) if is_axis else self.pose(name, point, frames, kind)
+        self.targets.append(made)
+        self.used[key] = len(self.targets) - 1
+        return self.used[key]
+
+    def axes(self, name: str, point: _Aggregate) -> Target:
+        source, n = self.sources[point.file], self.setting.robot.axes
+        wanted = [f"A{i}" for i in range(1, n + 1)]
+        self.complete(point, wanted)
+        numbers = [self.number(point, key) for key in wanted]
+        in_range(source, numbers)
+
+        def encode(q, _):
+            return [
+                number.edit(source, point.file, value, DEG_DECIMALS)
+                for number, value in zip(numbers, np.degrees(self.setting.reported(q)))
+            ]
+
+        q = self.setting.joints(np.radians([number.value for number in numbers]))
+        return Target(name, point.file, source.line(point.start), encode, joints=q)
+
+    def pose(self, name: str, point: _Aggregate, frames: _Frames, kind: str) -> Target:
+        source, n = self.sources[point.file], self.setting.robot.axes
+        self.complete(point, CARTESIAN)
+        for key in (f"E{i}" for i in range(1, 7)):
+            if key in point.fields and 0.0 < abs(self.number(point, key).value) < 9e9:
+                raise source.refuse(
+                    point.fields[key][1], f"external axis {key} is in use; expected an arm that stands still"
+                )
+        numbers = [self.number(point, key) for key in CARTESIAN]
+        in_range(source, numbers)
+        status, turn = (self.number(point, key) if key in point.fields else None for key in ("S", "T"))
+        old = np.radians([number.value for number in numbers[3:]])
+
+        def encode(q, tip):
+            values = [*(1e3 * tip.position), *np.degrees(to_zyx(tip.rotation, old))]
+            edits = [
+                number.edit(source, point.file, value, MM_DECIMALS if i < 3 else DEG_DECIMALS)
+                for i, (number, value) in enumerate(zip(numbers, values))
+            ]
+            if turn is not None and not _signs_fit(int(turn.value), self.setting.reported(q)):
+                bits = int(turn.value) & ~(2**n - 1) | _sign_bits(self.setting.reported(q))
+                edits.append(Edit(point.file, turn.start, turn.end, str(bits).encode()))
+            return edits
+
+        matches = None
+        if turn is not None and kind in ("PTP", "SPTP"):
+            wrist = None if status is None or n != 6 else bool(int(status.value) & 4)
+
+            def matches(q):
+                reported = self.setting.reported(q)
+                wrist_fits = (
+                    wrist is None
+                    or abs(np.sin(reported[4])) < np.radians(ZERO_DEG)
+                    or wrist == (np.sin(reported[4]) < 0.0)
+                )
+                return _signs_fit(int(turn.value), reported) and wrist_fits
+
+        unknown = " and ".join(part for part in (frames.tool, frames.base) if isinstance(part, str))
+        known = lambda part: part if isinstance(part, Placement) else Placement()
+        return Target(
+            name,
+            point.file,
+            source.line(point.start),
+            encode,
+            pose=placement([n.value for n in numbers]),
+            tool=known(frames.tool),
+            base=known(frames.base),
+            matches=matches,
+            refusal=unknown,
+        )
+
+    def complete(self, point: _Aggregate, wanted) -> None:
+        missing = [key for key in wanted if key not in point.fields]
+        if missing:
+            raise self.sources[point.file].refuse(
+                point.start,
+                f"{missing[0]} is missing: it would stay as it is when the arm comes there; expected all of {', '.join(wanted)}",
+            )
+
+    # -- tool and base -------------------------------------------------------------------------------
+    def frames(self, index: int, name: str, state: dict, inline: str | None) -> _Frames:
+        """Those of a motion: of its inline form, else of $TOOL and $BASE."""
+        if inline is None and name[:1].upper() == "X" and "F" + name[1:].upper() in self.values:
+            inline = "F" + name[1:].upper()
+        if inline is not None:
+            known = self.values.get(inline, [])
+            if len(known) != 1 or known[0][2] is None:
+                return _Frames(f"unknown tool: {inline} is not given once in the data list", Placement())
+            fields = known[0][2].fields
+            if "IPO_FRAME" in fields and fields["IPO_FRAME"][0].strip().upper() != "#BASE":
+                return _Frames("the tool stands still and the arm holds the part (#TCP)", Placement())
+            tool, base = (
+                str(int(self.number(known[0][2], key).value)) if key in fields else ""
+                for key in ("TOOL_NO", "BASE_NO")
+            )
+            return _Frames(self.frame("TOOL", f"TOOL_DATA[{tool}]"), self.frame("BASE", f"BASE_DATA[{base}]"))
+        if str(state["$IPO_MODE"]).upper() != "#BASE":
+            return _Frames("the tool stands still and the arm holds the part (#TCP)", Placement())
+        return _Frames(self.frame("TOOL", state["$TOOL"]), self.frame("BASE", state["$BASE"]))
+
+    def frame(self, which: str, value: str | _Aggregate | None) -> Placement | str:
+        """The placement of a frame: literal, by number or by name; else why it is not known."""
+        given = self.setting.tool if which == "TOOL" else self.setting.base
+        if isinstance(value, _Aggregate):
+            self.complete(value, CARTESIAN)
+            return placement([self.number(value, key).value for key in CARTESIAN])
+        number = (re.fullmatch(rf"{which}_DATA\[(\d+)\]", value or "") or [None, None])[1]
+        if value in ("$NULLFRAME", "$WORLD") or number == "0":
+            return Placement()
+        numbers = given(number or (value or ""))
+        if numbers is not None and len(numbers) == 6:
+            return placement(numbers)
+        known = self.values.get((value or "").upper(), [])
+        if len(known) == 1 and known[0][2] is not None:
+            return self.frame(which, known[0][2])
+        word = which.lower()
+        told = f"{word} {number or value}" if value else f"{word} (nothing sets ${which})"
+        return f"unknown {told}: give --{word} {number or ''}{'=' if number else ''}X,Y,Z,A,B,C (mm, deg) as the controller shows it"
+
+
+def _same(frames: _Frames, target: Target) -> bool:
+    pairs = ((frames.tool, target.tool), (frames.base, target.base))
+    return all(
+        isinstance(a, str)
+        or (np.array_equal(a.position, b.position) and np.array_equal(a.rotation, b.rotation))
+        for a, b in pairs
+    )
+
+
+def placement(numbers) -> Placement:
+    """Of a frame as the controller shows it."""
+    return Placement(from_zyx(*np.radians(numbers[3:6])), 1e-3 * np.array(numbers[:3], float))
+
+
+def _arguments(text: str, place: int) -> list[tuple[str, int]]:
+    """The arguments of a motion, split at commas outside braces; blending words behind the last are cut off."""
+    parts, depth, start = [], 0, 0
+    for i, letter in enumerate(text + ","):
+        depth += (letter in "{(") - (letter in "})")
+        if letter == "," and depth == 0:
+            parts.append((text[start:i], place + start))
+            start = i + 1
+    cut = lambda part: re.sub(
+        r"(?i)(?<=[\w}])[ \t]+(C_\w+|WITH\b.*)\s*$", "", re.sub(r"(?i)[ \t]+WITH\b.*$", "", part)
+    )
+    trimmed = []
+    for part, at in parts:
+        before = None
+        while before != part:
+            before, part = part, cut(part)
+        trimmed.append((part, at))
+    return trimmed
+
+
+def _sign_bits(q: np.ndarray) -> int:
+    return sum(1 << i for i, angle in enumerate(q) if angle < 0.0)
+
+
+def _signs_fit(turn: int, q: np.ndarray) -> bool:
+    return all(
+        abs(np.degrees(angle)) < ZERO_DEG or bool(turn >> i & 1) == (angle < 0.0) for i, angle in enumerate(q)
+    )

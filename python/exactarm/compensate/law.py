@@ -1,0 +1,179 @@
+"""The command that reaches a target on the identified model, and its inverse.
+
+    q <- q + J^+ e(q),   e = (p* - p(q), log(R* R(q)')),   p, R = T_actual(q, approach)
+
+The first steps keep the Jacobian of the start: the deviations are about 1e-3 of the arm, so each gains three digits.
+T_actual is the chain at rest (chain/poses.py) with every compensable effect of the robot file: geometry, gear tables of the
+direction from which each axis comes, springs under the load of the tool.
+Targets of N rows, n axes; m, rad; poses are those of the controller's flange in the controller's base frame. A joint target
+stands for the pose that the controller's own chain has there.
+Olabi et al., Robotics and CIM 26 (2010), mirror the targets of a program in this way, one step of it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from exactarm import _core
+from exactarm.chain import Layout, predict_poses
+from exactarm.compensate.controller import ControllerChain
+from exactarm.dataset import Dataset
+from exactarm.effects.payload import Payload
+from exactarm.mdh_frames import compose
+from exactarm.robot import Placement, Robot
+from exactarm.rotation import log as rotation_log
+
+STEPS = (
+    8  # three gain nine digits of a millimetre; more close to a singular pose, or where a flank changes side
+)
+SAME_JACOBIAN = 3  # steps with the Jacobian of the start
+REACHED = 1e-10  # m and rad: a hundredth of the last digit that any program carries
+# Frobenius norm of J^-1 (rad per m or rad): 1 mrad, the orientation error of an arm as delivered, turns an axis by 0.1 rad.
+NEAR_SINGULAR = 100.0
+
+
+@dataclass(frozen=True)
+class Poses:
+    """Poses of the flange in the controller's base frame: position (N, 3) m, rotation (N, 3, 3)."""
+
+    position: np.ndarray
+    rotation: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.position)
+
+    def rows(self, index: np.ndarray) -> "Poses":
+        return Poses(self.position[index], self.rotation[index])
+
+
+@dataclass(frozen=True)
+class Commands:
+    """Joint angles q (N, n) to command, the error left (N,) m and rad, the norm (N,) of J^-1."""
+
+    q: np.ndarray
+    left_over: np.ndarray
+    amplification: np.ndarray
+
+
+@dataclass(frozen=True)
+class CompensationModel:
+    """actual: the identified robot, placed so that its target is the controller's flange in the controller's base frame;
+    controller: its own chain; layout: the effects that enter; left_out: what no program can compensate."""
+
+    actual: Robot
+    controller: ControllerChain
+    layout: Layout
+    left_out: tuple[str, ...]
+
+    @staticmethod
+    def of(
+        robot: Robot, base: Placement = Placement(), flange: Placement = Placement()
+    ) -> "CompensationModel":
+        """base: the model's base in the controller's; flange: the controller's in the model's (compensate/frames.py)."""
+        chain = ControllerChain.of(robot)
+        standing = [effect for effect in robot.effects if not effect.record]
+        used = tuple(effect for effect in standing if effect.compensable)
+        left_out = tuple(effect.label for effect in standing if not effect.compensable)
+        place, end = compose(base, robot.controller.base), compose(robot.controller.flange, flange)
+        actual = replace(robot, base=place, tool=end, effects=used)
+        return CompensationModel(actual, chain, Layout.of(used, estimate=False), left_out)
+
+    def with_load(self, mass: float, centre: np.ndarray) -> "CompensationModel":
+        """The same with another load at the flange: kg, and its centre (3,) m in the controller's flange frame."""
+        flange = self.actual.controller.flange
+        moment = mass * (flange.rotation @ centre + flange.position)
+        others = tuple(effect for effect in self.layout.effects if not isinstance(effect, Payload))
+        effects = (*others, Payload(None, (mass, *map(float, moment))))
+        return replace(
+            self, actual=replace(self.actual, effects=effects), layout=Layout.of(effects, estimate=False)
+        )
+
+    def reached(self, q: np.ndarray, approach: np.ndarray | None = None, threads: int = 1) -> Poses:
+        """Where the flange really goes: q (N, n) as commanded, approach (N, n) from -1 to 1 in the motors' sense."""
+        joints = {"q": q} if approach is None else {"q": q, "approach": approach}
+        data = Dataset.of_arrays("poses", joints)
+        prediction = predict_poses(self.actual, self.layout, data, tangents=False, threads=threads)
+        return Poses(prediction.position, prediction.rotation)
+
+    def commands(
+        self, targets: Poses, near: np.ndarray, approach: np.ndarray | None = None, threads: int = 1
+    ) -> Commands:
+        """The joint angles that reach the targets, started from `near` (N, n): those by the controller's chain."""
+        q = np.array(near, dtype=float)
+        inverse = pseudo_inverse(_core.geometric_jacobian(self.actual.core, q, threads))
+        amplification = np.linalg.norm(inverse, axis=(1, 2))
+        side = np.zeros_like(q) if approach is None else approach
+        error = pose_error(targets, self.reached(q, side, threads))
+        left_over = np.linalg.norm(error, axis=1)
+        for step in range(STEPS):
+            rows = np.flatnonzero((left_over > REACHED) & np.isfinite(amplification))
+            if not rows.size:
+                break
+            if step >= SAME_JACOBIAN:
+                inverse[rows] = pseudo_inverse(_core.geometric_jacobian(self.actual.core, q[rows], threads))
+            trial = q[rows] + (inverse[rows] @ error[rows, :, None])[:, :, 0]
+            left = pose_error(targets.rows(rows), self.reached(trial, side[rows], threads))
+            better = np.linalg.norm(left, axis=1) < left_over[rows]
+            rows = rows[better]
+            q[rows], error[rows] = trial[better], left[better]
+            left_over[rows] = np.linalg.norm(left[better], axis=1)
+        return Commands(q, left_over, amplification)
+
+
+def pose_error(targets: Poses, reached: Poses) -> np.ndarray:
+    """(N, 6): what is missing to the targets, m and rad (rotation vector in the base frame)."""
+    turn = rotation_log(targets.rotation @ np.swapaxes(reached.rotation, -1, -2))
+    return np.concatenate([targets.position - reached.position, turn], axis=1)
+
+
+def pseudo_inverse(jacobian: np.ndarray) -> np.ndarray:
+    """(N, n, 6) of Jacobians (N, 6, n): the least step for more axes than six, least squares for fewer.
+
+    A singular one becomes infinite, never an exception.
+    """
+    n, turned = jacobian.shape[2], np.swapaxes(jacobian, -1, -2)
+    try:
+        if n == 6:
+            return np.linalg.inv(jacobian)
+        return (
+            turned @ np.linalg.inv(jacobian @ turned) if n > 6 else np.linalg.inv(turned @ jacobian) @ turned
+        )
+    except np.linalg.LinAlgError:  # one of them is singular to the last bit
+        if len(jacobian) == 1:
+            return np.full((1, n, 6), np.inf)
+        return np.concatenate([pseudo_inverse(row[None]) for row in jacobian])
+
+
+def command_of(
+    robot: Robot,
+    targets: "np.ndarray | Poses",
+    near: np.ndarray | None = None,
+    approach: np.ndarray | None = None,
+    threads: int = 1,
+) -> np.ndarray:
+    """Joint angles (N, n) to command so that the real arm reaches the targets.
+
+    targets: joint angles (N, n) as a planner means them (the pose of the controller's own chain), or Poses with `near`
+    (N, n) beside them, angles on the branch that is wanted. approach (N, n): as each axis comes to its target.
+    """
+    model = CompensationModel.of(robot)
+    if isinstance(targets, Poses):
+        if near is None:
+            near = model.controller.nearest_path(targets, None)
+        return model.commands(targets, near, approach, threads).q
+    targets = np.asarray(targets, float)
+    return model.commands(model.controller.poses(targets), targets, approach, threads).q
+
+
+def actual_of(
+    robot: Robot, joints: np.ndarray, approach: np.ndarray | None = None, threads: int = 1
+) -> np.ndarray:
+    """The inverse of `command_of`: joint angles (N, n) at which a planner should see an arm whose encoders say `joints`.
+
+    The controller's own chain has there the pose in which the real arm stands.
+    """
+    model = CompensationModel.of(robot)
+    joints = np.asarray(joints, float)
+    return model.controller.joints(model.reached(joints, approach, threads), joints)

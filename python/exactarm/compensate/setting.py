@@ -1,0 +1,92 @@
+"""What a program does not say of its cell: tools, bases, the load, joint angles at its start; and which points are calculated."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from fnmatch import fnmatchcase
+
+import numpy as np
+
+from exactarm.compensate.program import Program
+from exactarm.errors import InputError
+from exactarm.robot import Robot
+
+
+@dataclass(frozen=True)
+class Setting:
+    """robot: the identified one. tools, bases: name or number -> the numbers as its controller shows them; "" stands for any
+    that is not named. start: joint angles (n,) rad before the first motion. load: kg and centre (3,) m of the tool.
+    device: tables of poses are in the measuring device's frame, of the target that it measures."""
+
+    robot: Robot
+    tools: dict[str, tuple[float, ...]] = field(default_factory=dict)
+    bases: dict[str, tuple[float, ...]] = field(default_factory=dict)
+    start: np.ndarray | None = None
+    load: tuple[float, tuple[float, float, float]] | None = None
+    device: bool = False
+
+    def tool(self, name: str) -> tuple[float, ...] | None:
+        return _named(self.tools, name)
+
+    def base(self, name: str) -> tuple[float, ...] | None:
+        return _named(self.bases, name)
+
+    def joints(self, reported: np.ndarray) -> np.ndarray:
+        """q (n,) of what a controller reports whose axes are coupled."""
+        q = np.array(reported, float)
+        for i, j, factor in self.robot.controller.coupling or ():
+            q[i - 1] += factor * reported[j - 1]
+        return q
+
+    def reported(self, q: np.ndarray) -> np.ndarray:
+        """The inverse of `joints`: couplings are to axes that are not coupled themselves."""
+        reported = np.array(q, float)
+        for i, j, factor in self.robot.controller.coupling or ():
+            reported[i - 1] -= factor * q[j - 1]
+        return reported
+
+
+def _named(frames: dict[str, tuple[float, ...]], name: str) -> tuple[float, ...] | None:
+    folded = {key.lower(): numbers for key, numbers in frames.items()}
+    return folded.get(name.lower(), folded.get(""))
+
+
+def read_frames(option: str, words: Sequence[str]) -> dict[str, tuple[float, ...]]:
+    """NAME=NUMBERS or NUMBERS alone, six of them or seven, as a controller shows a frame."""
+    frames = {}
+    for word in words:
+        name, _, numbers = word.rpartition("=")
+        frames[name.strip()] = read_numbers(option, numbers, (6, 7))
+    return frames
+
+
+def read_numbers(option: str, text: str, counts: tuple[int, ...]) -> tuple[float, ...]:
+    """Numbers with commas between them."""
+    try:
+        numbers = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        numbers = ()
+    if len(numbers) not in counts or not np.all(np.isfinite(numbers)):
+        expected = " or ".join(map(str, counts))
+        raise InputError(f"{option} {text}: expected {expected} numbers with commas between them")
+    return numbers
+
+
+def chosen_points(program: Program, points: str | None) -> np.ndarray:
+    """(T,) bool: which targets are calculated. Refused where nobody has said so."""
+    names = [target.name for target in program.targets]
+    if points == "calculated" or (points is None and program.calculated):
+        return np.ones(len(names), bool)
+    if points == "taught":
+        return np.zeros(len(names), bool)
+    if points is None:
+        raise InputError(
+            f"a {program.dialect} program does not say which points were calculated: those taught on the robot are right already, and "
+            "correcting them makes them wrong; say --points calculated, --points taught, or the names of the calculated ones: "
+            f"--points {','.join(dict.fromkeys(names[:2])) or 'P1,P2'}",
+            file=program.files[0].path,
+        )
+    patterns = [pattern.strip().lower() for pattern in points.split(",")]
+    matches = lambda name: any(fnmatchcase(name.lower(), pattern) for pattern in patterns)
+    return np.array([matches(name) for name in names], bool)

@@ -1,0 +1,197 @@
+"""Tables of targets, CSV or Parquet: `q_i` as a planner means them, or `x, y, z` with `qw, qx, qy, qz` of the flange.
+
+Poses are in the robot's base, of the flange or the --tool; with --frame device in the measuring device's frame, of the target
+that it measures ([base], [tool] of the robot file). `q_i` beside a pose say which branch is wanted; a pose without
+orientation keeps that of its `q_i`. `approach_i` (-1, 0, 1): from which side each axis comes; without it the targets follow each
+other as joint motions, with `time_s` as a time series. Out: the table with `q_i_rad`, the command that reaches the target, in
+place of `q_i` or behind the rest.
+"""
+
+from __future__ import annotations
+
+import io
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet
+
+from exactarm.compensate.angles import from_vector
+from exactarm.compensate.controller import ControllerChain
+from exactarm.compensate.program import Motion, Program, SourceText, Target
+from exactarm.compensate.setting import Setting
+from exactarm.dataset import Dataset, read_targets
+from exactarm.errors import InputError
+from exactarm.mdh_frames import relative
+from exactarm.robot import Placement, Robot
+
+NAME, SUFFIXES = "table", (".csv", ".parquet", ".pq")
+
+
+def load(path: str | Path) -> SourceText:
+    """The bytes of a table; a file that is none is refused by `read`."""
+    try:
+        return SourceText(Path(path), Path(path).read_bytes())
+    except OSError as error:
+        raise InputError(
+            f"cannot be read ({error.strerror}); expected a CSV or Parquet file", file=path
+        ) from None
+
+
+def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
+    (source,) = sources
+    data = read_targets(source.path, setting.robot)
+    if data.position is None and "q" not in data.joints:
+        raise InputError("no targets: expected columns q_i, or x, y, z with qw, qx, qy, qz", file=source.path)
+    q = _joint_angles(data, source)
+    poses = None if data.position is None else _poses(data, q, setting, source)
+    tool, base = _frames(setting)
+    targets, motions = [], []
+    approach, timed = (
+        data.joints.get("approach"),
+        data.time is not None and bool(np.all(np.diff(data.time) > 0.0)),
+    )
+    for i, row in enumerate(data.row):
+        place = {"name": f"row {row}", "file": 0, "line": int(row) + 1, "encode": lambda *_: []}
+        if poses is None:
+            targets.append(Target(**place, joints=q[i]))
+        else:
+            targets.append(
+                Target(**place, pose=poses[i], tool=tool, base=base, near=None if q is None else q[i])
+            )
+        side = None if approach is None else tuple(np.nan_to_num(approach[i]))
+        motions.append(
+            Motion(
+                "joint",
+                i,
+                int(row) + 1,
+                time=float(data.time[i]) if timed and side is None else None,
+                approach=side,
+            )
+        )
+    finish = partial(_finish, source, setting.robot)
+    return Program(NAME, sources, tuple(targets), tuple(motions), calculated=True, finish=finish)
+
+
+def read_commands(sources: tuple[SourceText, ...], setting: Setting) -> Program:
+    """The commands of a table that was written: its columns q_i_rad as joint targets."""
+    (source,) = sources
+    table = _parquet(source) if _is_parquet(source) else pa.csv.read_csv(io.BytesIO(source.content))
+    q = np.column_stack([table.column(_name(setting.robot, i)).to_numpy() for i in range(setting.robot.axes)])
+    targets = tuple(
+        Target(f"row {i}", 0, i + 1, lambda *_: [], joints=row) for i, row in enumerate(q, start=1)
+    )
+    return Program(NAME, sources, targets, ())
+
+
+def _joint_angles(data: Dataset, source: SourceText) -> np.ndarray | None:
+    q = data.joints.get("q")
+    if q is not None and np.isnan(q).any():
+        axis = int(np.argmax(np.isnan(q).any(axis=0))) + 1
+        raise InputError(
+            f"column missing; expected an angle for each of {q.shape[1]} axes",
+            file=source.path,
+            column=f"q_{axis}_rad",
+        )
+    return q
+
+
+def _poses(data: Dataset, q: np.ndarray | None, setting: Setting, source: SourceText) -> list[Placement]:
+    rotations = data.rotation
+    if rotations is None:
+        if q is None:
+            raise InputError(
+                "column missing; expected the orientation beside x, y, z, or q_i whose orientation is kept",
+                file=source.path,
+                column="qw",
+            )
+        tool, base = _frames(setting)
+        rotations = base.rotation.T @ ControllerChain.of(setting.robot).poses(q).rotation @ tool.rotation
+    return [Placement(rotation, position) for rotation, position in zip(rotations, data.position)]
+
+
+def _frames(setting: Setting) -> tuple[Placement, Placement]:
+    """Tool in the flange and base in the controller's base frame."""
+    controller, given = setting.robot.controller, setting.tool("")
+    tool = Placement() if given is None else placement(given)
+    if not setting.device:
+        return tool, Placement()
+    robot = setting.robot
+    return relative(controller.flange, robot.tool) if given is None else tool, relative(
+        relative(controller.base, robot.base), Placement()
+    )
+
+
+def placement(numbers) -> Placement:
+    """Of a tool: x, y, z in m and a rotation vector in rad."""
+    return Placement(from_vector(np.array(numbers[3:6])), np.array(numbers[:3]))
+
+
+# -- out ---------------------------------------------------------------------------------------------
+def _finish(source: SourceText, robot: Robot, contents: list[bytes], commands: np.ndarray) -> list[bytes]:
+    write = _write_parquet if _is_parquet(source) else _write_csv
+    return [write(source, robot, commands)]
+
+
+def _is_parquet(source: SourceText) -> bool:
+    return source.path.suffix.lower() in (".parquet", ".pq")
+
+
+def _name(robot: Robot, index: int) -> str:
+    return f"q_{index + 1}_{'m' if robot.joints[index].type == 'prismatic' else 'rad'}"
+
+
+def _owner(name: str, axes: int) -> int | None:
+    """The axis (from 0) whose angle a column holds."""
+    parts = name.strip().split("_")
+    return (
+        int(parts[1]) - 1
+        if len(parts) == 3 and parts[0] == "q" and parts[1].isdigit() and int(parts[1]) <= axes
+        else None
+    )
+
+
+def _write_csv(source: SourceText, robot: Robot, commands: np.ndarray) -> bytes:
+    if b'"' in source.content:
+        raise InputError("a cell in quotes; expected numbers without them", file=source.path)
+    lines = source.content.splitlines(keepends=True)
+    out, row, owners = [], -1, None
+    for line in lines:
+        body = line.rstrip(b"\r\n")
+        if owners is not None and not body.strip():
+            out.append(line)
+            continue
+        cells = body.split(b",")
+        if owners is None:
+            bom = b"\xef\xbb\xbf" if body.startswith(b"\xef\xbb\xbf") else b""
+            owners = [_owner(cell.removeprefix(bom).decode(), robot.axes) for cell in cells]
+            new = [_name(robot, i).encode() for i in range(robot.axes)]
+            new[0] = (bom if owners[0] == 0 else b"") + new[0]
+        else:
+            row += 1
+            new = [b"" if np.isnan(value) else repr(float(value)).encode() for value in commands[row]]
+        if any(owner is not None for owner in owners):
+            cells = [cell if owner is None else new[owner] for cell, owner in zip(cells, owners)]
+        else:
+            cells = [*cells, *new]
+        out.append(b",".join(cells) + line[len(body) :])
+    return b"".join(out)
+
+
+def _parquet(source: SourceText) -> pa.Table:
+    return pa.parquet.read_table(pa.BufferReader(source.content))
+
+
+def _write_parquet(source: SourceText, robot: Robot, commands: np.ndarray) -> bytes:
+    table = _parquet(source)
+    for index, name in enumerate(table.column_names):
+        owner = _owner(name, robot.axes)
+        if owner is not None:
+            table = table.set_column(index, _name(robot, owner), pa.array(commands[:, owner]))
+    for owner in range(robot.axes):
+        if _name(robot, owner) not in table.column_names:
+            table = table.append_column(_name(robot, owner), pa.array(commands[:, owner]))
+    sink = pa.BufferOutputStream()
+    pa.parquet.write_table(table, sink)
+    return sink.getvalue().to_pybytes()

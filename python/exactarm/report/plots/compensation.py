@@ -1,0 +1,83 @@
+"""What a compensation moved by how much: arrows in the work space, and the size of each target's correction."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from exactarm.report.plots.style import (
+    AFTER,
+    INK,
+    SOFT,
+    VALIDATION,
+    from_zero,
+    label_with,
+    marker_size,
+    new_figure,
+    scaled,
+)
+from exactarm.report.plots.workspace import AXIS_NAMES, VIEWS
+
+LONGEST_ARROW = 0.12  # of the width of the plot
+ROUND = np.array([1.0, 2.0, 5.0, 10.0])
+
+
+def shift_view(points: np.ndarray, shifts: np.ndarray) -> Figure:
+    """Points (N, 3) m of the flange in the base frame; shifts (N, 3) m of their commands, drawn much longer."""
+    figure = new_figure(4.2)
+    panels = figure.subplots(1, 2)
+    span = max(float(np.ptp(points, axis=0).max()), 0.2)
+    longest = float(np.linalg.norm(shifts, axis=1).max()) or 1.0
+    factor = LONGEST_ARROW * span / longest
+    decade = 10.0 ** np.floor(np.log10(factor))
+    factor = decade * ROUND[ROUND <= factor / decade].max()
+    for axes, (title, i, j) in zip(panels, VIEWS):
+        axes.plot(
+            points[:, i], points[:, j], "o", color=SOFT, markersize=marker_size(len(points)), label="target"
+        )
+        axes.quiver(
+            points[:, i],
+            points[:, j],
+            factor * shifts[:, i],
+            factor * shifts[:, j],
+            color=AFTER,
+            angles="xy",
+            scale_units="xy",
+            scale=1.0,
+            width=0.004,
+            label=f"correction, {factor:.0f} times as long",
+            zorder=3,
+        )
+        ends = points + factor * shifts
+        axes.plot(ends[:, i], ends[:, j], linestyle="none")  # so that no arrow is cut off
+        axes.plot(0.0, 0.0, "+", color=INK, markersize=11, markeredgewidth=1.6, label="robot base")
+        axes.set(title=title, xlabel=AXIS_NAMES[i], ylabel=AXIS_NAMES[j])
+        axes.set_aspect("equal", adjustable="datalim")
+        axes.margins(0.15)
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper right", ncols=len(labels))
+    return figure
+
+
+def shift_per_target(sizes: np.ndarray) -> Figure:
+    """Size (N,) m of the correction of each target in the order of the programs; NaN: not corrected."""
+    figure = new_figure(2.8)
+    axes = figure.subplots()
+    size, unit = scaled(np.nan_to_num(sizes), "m")
+    number = np.arange(1, len(sizes) + 1)
+    axes.plot(number, sizes / size, "o", color=AFTER, markersize=marker_size(len(sizes)))
+    left = np.isnan(sizes)
+    if left.any():
+        axes.plot(
+            number[left],
+            np.zeros(left.sum()),
+            "x",
+            color=VALIDATION,
+            markersize=5,
+            label="not corrected",
+            clip_on=False,
+        )
+        axes.legend(loc="upper right")
+    axes.set(xlabel="target", ylabel=label_with("correction", unit))
+    from_zero(axes, sizes / size)
+    return figure

@@ -1,0 +1,171 @@
+"""`exactarm compensate`: dialects through a virtual cell, what is refused, what is written."""
+
+import csv
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import compensation_cell as cells
+from compensation_cell import BASE, TOOL, Cell, identified, nearby, reachable
+
+from exactarm.cli import main
+from exactarm.robot import Placement
+from exactarm.robot_file import write_robot
+
+MICROMETRE = 1e-6
+FRAMES = ["--tool", "1=" + ",".join(map(str, TOOL)), "--base", "2=" + ",".join(map(str, BASE))]
+
+
+def compensate(folder, robot, files, *options):
+    """Exit code, new contents and result.json of a run."""
+    write_robot(folder / "robot.toml", robot)
+    for name, content in files.items():
+        (folder / name).write_bytes(content)
+    paths = [str(folder / name) for name in files]
+    code = main(["compensate", str(folder / "robot.toml"), *paths, "--out", str(folder / "out"), "--quiet", *options])
+    if code:
+        return code, {}, {}
+    written = {name: (folder / "out" / name).read_bytes() for name in files}
+    return code, written, json.loads((folder / "out/result.json").read_text())
+
+
+def missed(cell, wanted, commanded, near, approach, load=None):
+    """Largest distance of the true tip from the targets, m."""
+    q = cell.joints(commanded, near)
+    return np.linalg.norm(cell.true_tip(q, approach, load) - [tip.position for tip in wanted], axis=1).max()
+
+
+def changed_bytes_are_numbers(old: bytes, new: bytes) -> bool:
+    """The same text once all numbers are taken out."""
+    import re
+
+    number = rb"[-+]?\d+\.?\d*(?:[eE][-+]?\d+)?"
+    return re.sub(number, b"#", old) == re.sub(number, b"#", new)
+
+
+def test_krl_points_are_met_within_a_micrometre(tmp_path):
+    cell = Cell(identified())
+    q = reachable(cell.robot, 8)
+    files = cells.krl(cell, q)
+    code, written, result = compensate(tmp_path, cell.robot, files, "--points", "calculated", *FRAMES)
+    assert code == 0 and result["correction"]["n"] == 9
+    assert result["as_written_max_m"] < MICROMETRE
+    assert missed(cell, cells.read_krl(files), cells.read_krl(written), q, cell.approach(q)) < MICROMETRE
+    assert missed(cell, cells.read_krl(files), cells.read_krl(files), q, cell.approach(q)) > 1e-3
+    for name in files:
+        assert changed_bytes_are_numbers(files[name], written[name]) and files[name] != written[name]
+
+
+def test_urscript_poses_are_met_under_the_load_of_the_program(tmp_path):
+    cell = Cell(identified(chain="calibrated"), base=Placement())
+    q = nearby(cell.robot, 8)
+    files = cells.urscript(cell, q)
+    code, written, _ = compensate(tmp_path, cell.robot, files, "--points", "calculated")
+    assert code == 0
+    wanted, commanded = cells.read_urscript(files), cells.read_urscript(written)
+    # linear motions come from the side of their last direction, so only joint motions are compared here
+    joint = np.arange(1, 8)[[i % 2 == 1 for i in range(1, 8)]] - 1
+    pick = lambda tips: [tips[k] for k in joint]
+    assert missed(cell, pick(wanted), pick(commanded), q[1:][joint], cell.approach(q)[1:][joint], cells.LOAD) < MICROMETRE
+    assert changed_bytes_are_numbers(files["prog.script"], written["prog.script"])
+
+
+def test_urscript_poses_need_the_controllers_own_calibration(tmp_path, capsys):
+    cell = Cell(identified(), base=Placement())
+    code, *_ = compensate(tmp_path, cell.robot, cells.urscript(cell, reachable(cell.robot, 3)), "--points", "calculated")
+    assert code == 2 and 'chain = "calibrated"' in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("suffix", ["csv", "parquet"])
+def test_tables_of_poses_get_the_joint_angles_that_reach_them(tmp_path, suffix):
+    import pandas
+    from scipy.spatial.transform import Rotation
+
+    cell = Cell(identified(), Placement(), Placement())
+    q = reachable(cell.robot, 30)
+    tips = cell.tip(q)
+    columns = {f"{axis}_mm": [1e3 * tip.position[i] for tip in tips] for i, axis in enumerate("xyz")}
+    wxyz = np.roll([Rotation.from_matrix(tip.rotation).as_quat() for tip in tips], 1, axis=1)
+    table = pandas.DataFrame(columns | {f"q{axis}": wxyz[:, i] for i, axis in enumerate("wxyz")}
+                             | {f"q_{i + 1}_rad": q[:, i] for i in range(6)}
+                             | {f"approach_{i + 1}": np.ones(30, int) for i in range(6)})
+    path = tmp_path / f"targets.{suffix}"
+    table.to_csv(path, index=False) if suffix == "csv" else table.to_parquet(path)
+    code, _, result = compensate(tmp_path, cell.robot, {path.name: path.read_bytes()})
+    new = pandas.read_csv(tmp_path / "out" / path.name) if suffix == "csv" else pandas.read_parquet(tmp_path / "out" / path.name)
+    commands = new[[f"q_{i + 1}_rad" for i in range(6)]].to_numpy()
+    wanted = np.array([tip.position for tip in tips])
+    assert code == 0 and result["correction"]["n"] == 30
+    assert np.linalg.norm(cell.true_tip(commands, np.ones_like(q)) - wanted, axis=1).max() < 1e-8
+    assert new["x_mm"].equals(table["x_mm"]) or np.allclose(new["x_mm"], table["x_mm"], rtol=1e-15)
+
+
+def test_tables_of_joint_angles_are_corrected_in_place(tmp_path):
+    cell = Cell(identified(), Placement(), Placement())
+    q = reachable(cell.robot, 5)
+    lines = ["note,q_1_deg,q_2_rad,q_3_rad,q_4_rad,q_5_rad,q_6_rad"]
+    lines += [f"{i}," + ",".join([repr(float(np.degrees(row[0]))), *map(repr, row[1:].tolist())]) for i, row in enumerate(q)]
+    code, written, _ = compensate(tmp_path, cell.robot, {"t.csv": ("\r\n".join(lines) + "\r\n").encode()})
+    rows = list(csv.DictReader(written["t.csv"].decode().splitlines()))
+    commands = np.array([[float(row[f"q_{i}_rad"]) for i in range(1, 7)] for row in rows])
+    wanted = np.array([tip.position for tip in cell.tip(q)])
+    assert code == 0 and written["t.csv"].count(b"\r\n") == 6 and [row["note"] for row in rows] == list("01234")
+    assert np.linalg.norm(cell.true_tip(commands, cell.approach(commands)) - wanted, axis=1).max() < 1e-8
+
+
+def test_a_point_of_a_program_that_may_be_taught_is_not_touched_without_a_word(tmp_path, capsys):
+    cell = Cell(identified())
+    files = cells.krl(cell, reachable(cell.robot, 3))
+    code, *_ = compensate(tmp_path, cell.robot, files, *FRAMES)
+    assert code == 2 and "--points" in capsys.readouterr().err
+    _, written, _ = compensate(tmp_path, cell.robot, files, *FRAMES, "--points", "taught")
+    assert written == files
+    _, written, result = compensate(tmp_path, cell.robot, files, *FRAMES, "--points", "XP2")
+    assert result["correction"]["n"] == 1 and written["prog.src"] == files["prog.src"]
+
+
+def refused(tmp_path, capsys, files, *options, robot=None):
+    cell = Cell(robot or identified())
+    code, *_ = compensate(tmp_path, cell.robot, files, "--points", "calculated", *options)
+    assert code == 2 and not (tmp_path / "out/result.json").exists()
+    return capsys.readouterr().err
+
+
+def changed(files, name, old, new, count=1):
+    assert old in files[name]
+    return files | {name: files[name].replace(old, new, count)}
+
+
+def test_what_cannot_be_corrected_is_refused_by_file_line_and_reason(tmp_path, capsys):
+    cell = Cell(identified())
+    files = cells.krl(cell, reachable(cell.robot, 3))
+    say = lambda name, old, new: refused(tmp_path, capsys, changed(files, name, old, new), *FRAMES)
+    assert "prog.dat, line 4: XP1: unknown tool 7" in say("prog.dat", b"TOOL_NO 1", b"TOOL_NO 7")
+    assert "prog.src, line 1: $ABS_ACCUR" in say("prog.src", b"DEF prog()", b"$ABS_ACCUR=TRUE")
+    assert "prog.src, line 4: LIN_REL" in say("prog.src", b"PTP XP2", b"LIN_REL {X 10}")
+    assert "prog.src, line 4" in say("prog.src", b"XP2", b"XP9")
+    assert "is given 2 times" in say("prog.dat", b"E6POS XP3", b"E6POS XP2")
+    assert "line 4" in say("prog.dat", b"={X ", b"={X 9999")
+    assert "Y is missing" in say("prog.dat", b",Y ", b",E2 ")
+    assert "#TCP" in say("prog.dat", b"IPO_FRAME #BASE", b"IPO_FRAME #TCP")
+    assert "external axis" in say("prog.dat", b"E1 0.0", b"E1 5.0")
+
+
+def test_an_arm_whose_controller_corrects_already_is_refused(tmp_path, capsys):
+    robot = identified(absolute_accuracy=True)
+    assert "twice" in refused(tmp_path, capsys, cells.krl(Cell(robot), reachable(robot, 2)), *FRAMES, robot=robot)
+
+
+def test_limits_and_singular_poses_are_refused_or_kept(tmp_path, capsys):
+    robot = identified()
+    q = reachable(robot, 3)
+    q[1, 4] = 0.0
+    cell, line = Cell(robot, Placement(), Placement()), lambda row: ",".join(map(repr, row.tolist()))
+    files = {"t.csv": ("q_1_rad,q_2_rad,q_3_rad,q_4_rad,q_5_rad,q_6_rad\n" + "\n".join(map(line, q)) + "\n").encode()}
+    error = refused(tmp_path, capsys, files)
+    assert "t.csv, line 3: row 2: close to a singular pose" in error
+    code, _, result = compensate(tmp_path, robot, files, "--keep-refused")
+    assert code == 0 and result["correction"]["n"] == 2 and len(result["refused"]) == 1
+    tight = replace(robot, joints=(replace(robot.joints[0], q_max=float(q[0, 0]) - 1e-3), *robot.joints[1:]))
+    assert "axis 1 would leave its limit" in refused(tmp_path, capsys, files, robot=tight)

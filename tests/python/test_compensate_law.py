@@ -1,0 +1,79 @@
+"""The law of compensation: the command reaches its target, and `actual_of` is its inverse."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from compensation_cell import Cell, identified, reachable
+
+from exactarm.compensate.law import CompensationModel, Poses, actual_of, command_of, pose_error
+from exactarm.errors import InputError
+from exactarm.robot import Controller
+
+
+def test_the_real_arm_stands_where_the_planner_meant_it():
+    robot = identified()
+    q = reachable(robot, 50)
+    cell, model = Cell(robot), CompensationModel.of(robot)
+    commands = command_of(robot, q)
+    error = pose_error(model.controller.poses(q), model.reached(commands))
+    assert np.abs(error).max() < 1e-9
+    # the uncorrected arm is off by what the deviations of an arm as delivered do
+    missed = np.linalg.norm(cell.true_tip(q, 0 * q) - [tip.position for tip in cell.tip(q)], axis=1)
+    assert 5e-4 < missed.mean() < 5e-3
+
+
+def test_approaching_from_the_other_side_asks_for_another_command():
+    robot = identified()
+    q = reachable(robot, 20)
+    up, down = command_of(robot, q, approach=np.ones_like(q)), command_of(robot, q, approach=-np.ones_like(q))
+    assert 1e-5 < np.abs(up - down).max() < 1e-2
+
+
+def test_joint_states_come_back_to_what_was_planned():
+    robot = identified()
+    q = reachable(robot, 50)
+    approach = np.random.default_rng(3).choice([-1.0, 0.0, 1.0], q.shape)
+    assert np.abs(actual_of(robot, command_of(robot, q, approach=approach), approach) - q).max() < 1e-9
+
+
+def test_poses_are_reached_on_the_branch_that_is_near():
+    robot = identified()
+    q = reachable(robot, 20)
+    model = CompensationModel.of(robot)
+    targets = model.controller.poses(q)
+    commands = command_of(robot, Poses(targets.position, targets.rotation), near=q)
+    assert np.abs(commands - q).max() < 0.05
+    assert np.abs(pose_error(targets, model.reached(commands))).max() < 1e-9
+
+
+def test_a_load_at_the_flange_is_held_up():
+    robot = identified()
+    q = reachable(robot, 20)
+    model = CompensationModel.of(robot)
+    loaded = model.with_load(8.0, np.array([0.0, 0.0, 0.1]))
+    targets = model.controller.poses(q)
+    commands = loaded.commands(targets, q)
+    assert np.abs(pose_error(targets, loaded.reached(commands.q))).max() < 1e-9
+    assert np.abs(model.commands(targets, q).q - commands.q).max() > 1e-5
+
+
+def test_a_redundant_direction_is_left_alone_and_a_singular_pose_is_called_so():
+    robot = identified(effects=False)
+    q = reachable(robot, 1)
+    q[:, 4] = 0.0  # the axes 4 and 6 are in line
+    commands = CompensationModel.of(robot).commands(CompensationModel.of(robot).controller.poses(q), q)
+    assert commands.amplification[0] > 100.0
+
+
+def test_effects_that_no_program_can_compensate_are_named():
+    from exactarm.effects.thermal_drift import ThermalDrift
+
+    effect = ThermalDrift.from_table({"growth_1_per_degC": 1e-5, "form": "growth", "driver": "temperature_degC"})
+    robot = replace(identified(effects=False), effects=(effect,))
+    assert CompensationModel.of(robot).left_out == (effect.label,)
+
+
+def test_a_robot_file_without_the_controllers_frames_is_refused():
+    with pytest.raises(InputError, match="--nominal"):
+        command_of(replace(identified(), controller=Controller()), np.zeros((1, 6)))
