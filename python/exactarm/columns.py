@@ -40,6 +40,7 @@ POSITION = ("x", "y", "z")
 QUATERNION = ("qw", "qx", "qy", "qz")
 ROTATION_VECTOR = ("rx", "ry", "rz")
 GYRO = ("gyro_x", "gyro_y", "gyro_z")
+CONTACTS = ("socket", "plane", "sphere", "bar", "pair")  # which contact a row belongs to; under these names alone
 SCALAR_UNITS = (
     dict.fromkeys(POSITION, LENGTH)
     | dict.fromkeys(QUATERNION, NO_UNIT)
@@ -54,6 +55,16 @@ _ALL_UNITS = {unit for units in (*JOINT_UNITS.values(), *PRISMATIC_UNITS.values(
 _INDEXED = re.compile(rf"({_JOINT_NAMES})_(\d+)(?:_(.*))?")
 _NO_INDEX = re.compile(rf"({_JOINT_NAMES})(?:_({'|'.join(_ALL_UNITS)}))?")
 _SCALAR = re.compile(rf"({'|'.join(SCALAR_UNITS)})(?:_(.*))?")
+_LENGTH = re.compile(rf"length_({'|'.join(LENGTH)})")
+
+
+def may_be_empty(names: list[str]) -> set[str]:
+    """Columns whose cells may be empty: a row without a contact, and in a file with contacts a row without a tracker."""
+    if not set(CONTACTS) & set(names):
+        return set()
+    vectors = (*POSITION, *QUATERNION, *ROTATION_VECTOR)
+    return {name for name in names if name in CONTACTS or _LENGTH.fullmatch(name)
+            or ((match := _SCALAR.fullmatch(name)) and match[1] in vectors)}
 
 
 @dataclass(frozen=True)
@@ -84,6 +95,10 @@ def parse_column(name: str, file: str, prismatic: frozenset[int] = frozenset()) 
     if match := _NO_INDEX.fullmatch(name):
         example = f"{match[1]}_1" + (f"_{match[2]}" if match[2] else "")
         raise InputError(f"no axis number; expected a name like {example}", file=file, column=name)
+    if name in CONTACTS:
+        return Column(name, None, name)
+    if match := _LENGTH.fullmatch(name):
+        return Column("length", None, name, LENGTH[match[1]])
     if match := _SCALAR.fullmatch(name):
         quantity, unit = match[1], match[2] or ""
         return Column(quantity, None, name, _factor(quantity, unit, SCALAR_UNITS[quantity], file, name))

@@ -1,5 +1,6 @@
 """What kind of data a file holds, from its columns.
 
+    socket, plane, sphere, bar or pair       closures (with or without x, y, z)
     x, y, z without a time series            poses
     x, y, z in a time series                 tracked_motion
     gyro, or theta_i beside q_i              gear_run
@@ -22,7 +23,8 @@ from exactarm.robot import Robot
 if TYPE_CHECKING:
     from exactarm.dataset import Dataset
 
-KINDS = ("poses", "gear_run", "motion", "tracked_motion")
+KINDS = ("poses", "gear_run", "motion", "tracked_motion", "closures")
+STATIC = ("poses", "closures")  # rows are poses at rest
 TORQUES = ("tau", "tau_motor", "current")
 NEARLY_EQUAL = 0.5  # a step may differ from the median by this share ...
 NEARLY_ALL = 0.9  # ... in this share of all steps, at least: logs lose samples
@@ -36,12 +38,14 @@ def data_kinds(dataset: "Dataset", robot: Robot, kind: str | None = None) -> dic
     kinds = (kind,) if kind is not None else _from_columns(dataset, robot)
     for each in kinds:
         _CHECKS[each](dataset, robot)
-        if each != "poses":
+        if each not in STATIC:
             _check_time(dataset)
     return {"kind": kinds[0], "kinds": kinds}
 
 
 def _from_columns(dataset: "Dataset", robot: Robot) -> tuple[str, ...]:
+    if dataset.contacts:
+        return ("closures",)
     gear = dataset.gyro is not None or _has_both_encoders(dataset)
     torque = any(name in dataset.joints for name in TORQUES)
     static = dataset.visit is not None or "approach" in dataset.joints
@@ -54,7 +58,7 @@ def _from_columns(dataset: "Dataset", robot: Robot) -> tuple[str, ...]:
     kinds = tuple(name for name, holds in (("gear_run", gear), ("motion", torque)) if holds)
     if not kinds:
         raise InputError(
-            "no measured quantity; expected x, y, z (poses), gyro_x, gyro_y, gyro_z or theta_i beside q_i "
+            "no measured quantity; expected x, y, z (poses), socket, plane, sphere, bar or pair (closures), gyro_x, gyro_y, gyro_z or theta_i beside q_i "
             "(gear run), or tau_i, tau_motor_i or current_i (motion)",
             file=_file(dataset),
         )
@@ -134,6 +138,24 @@ def _check_poses(dataset: "Dataset", robot: Robot) -> None:
     check_joints(dataset, robot)
 
 
+def _check_closures(dataset: "Dataset", robot: Robot) -> None:
+    if not dataset.contacts:
+        message = "column missing; expected socket, plane, sphere, bar or pair for closures"
+        raise InputError(message, file=_file(dataset), column="socket")
+    _check_geometry(robot)
+    check_joints(dataset, robot)
+    touched = np.any([numbers >= 0 for numbers in dataset.contacts.values()], axis=0)
+    tracked = np.zeros(len(dataset), bool)
+    if dataset.position is not None:
+        tracked = ~np.isnan(dataset.position).any(axis=1)
+    if not (touched | tracked).all():
+        at = int(np.argmin(touched | tracked))
+        raise InputError(
+            "neither a contact nor x, y, z; expected one of them in every row",
+            file=_file(dataset, dataset.file_index[at]), row=int(dataset.row[at]), column=next(iter(dataset.contacts)),
+        )
+
+
 def _check_gear_run(dataset: "Dataset", robot: Robot) -> None:
     theta = dataset.joints.get("theta")
     if theta is None:
@@ -156,6 +178,7 @@ def _check_motion(dataset: "Dataset", robot: Robot) -> None:
 
 _CHECKS = {
     "poses": _check_poses,
+    "closures": _check_closures,
     "gear_run": _check_gear_run,
     "motion": _check_motion,
     "tracked_motion": _check_poses,

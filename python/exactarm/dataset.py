@@ -17,13 +17,15 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from exactarm.columns import GYRO, POSITION, QUATERNION, ROTATION_VECTOR, Column, parse_column
-from exactarm.data_kind import check_joints, data_kinds
+from exactarm.columns import CONTACTS, GYRO, POSITION, QUATERNION, ROTATION_VECTOR, Column, may_be_empty, parse_column
+from exactarm.data_kind import STATIC, check_joints, data_kinds
 from exactarm.errors import InputError
+from exactarm.fixture import Fixture
 from exactarm.robot import Robot
 from exactarm.split import pose_split, run_split, split_rule
 from exactarm.table import Table, read_table, write_table
 
+NO_CONTACT = -1
 LARGEST_MARK = 2**53  # whole numbers beyond are not exact in a table of doubles
 QUATERNION_NORM_TOLERANCE = 0.01  # three decimals per component pass, a wrong column does not
 
@@ -41,11 +43,15 @@ class Source:
 class Dataset:
     """Measurements in SI units.
 
-    kind, kinds     "poses", "gear_run", "motion", "tracked_motion": the first to analyse, and all in order
+    kind, kinds     the kind of data (exactarm.data_kind): the first to analyse, and all in order
     joints          "theta", "q", "theta_dot", "q_dot", "tau", "tau_motor", "current", "approach": (N, n),
                     NaN in axes the files do not have; no key where no axis has the quantity
-    position (N, 3), rotation (N, 3, 3), gyro (N, 3), time (N,), visit (N,) int, identification (N,) bool: or None
+    position (N, 3), rotation (N, 3, 3), gyro (N, 3), time (N,), visit (N,) int, identification (N,) bool: or None;
+                    beside contacts NaN in rows without a tracker
     session, run    (N,) int
+    contacts        "socket", "plane", "sphere", "bar", "pair": (N,) int, NO_CONTACT where the row has none
+    length (N,)     read off a bar or wire, m, NaN where none was; None without
+    fixture         what is known of the contacts
     covariates      name as in the header -> (N,)
     file_index, row (N,) where each row came from: index into `sources`, row from 1
     """
@@ -64,6 +70,9 @@ class Dataset:
     gyro: np.ndarray | None = None
     visit: np.ndarray | None = None
     identification: np.ndarray | None = None
+    contacts: dict[str, np.ndarray] = field(default_factory=dict)
+    length: np.ndarray | None = None
+    fixture: Fixture = Fixture()
     covariates: dict[str, np.ndarray] = field(default_factory=dict)
     sources: tuple[Source, ...] = ()
 
@@ -104,7 +113,7 @@ class Dataset:
         """(N,) bool: the rows to identify with; `split_rule` says in words how they were chosen."""
         if self.identification is not None:
             return self.identification
-        split = pose_split if self.kind == "poses" else run_split
+        split = pose_split if self.kind in STATIC else run_split
         return split(self, np.random.default_rng(seed), fraction)
 
     def split_rule(self, fraction: float = 0.7) -> str:
@@ -112,14 +121,16 @@ class Dataset:
         return split_rule(self, fraction)
 
 
-def read_dataset(paths: str | Path | Sequence[str | Path], robot: Robot, kind: str | None = None) -> Dataset:
+def read_dataset(
+    paths: str | Path | Sequence[str | Path], robot: Robot, kind: str | None = None, fixture: Fixture = Fixture()
+) -> Dataset:
     """One data set from files measured on `robot`. `kind` overrides what the columns say. Raises InputError."""
     paths = [paths] if isinstance(paths, (str, Path)) else list(paths)
     if not paths:
         raise InputError("no data file given; expected at least one CSV or Parquet file")
     files = [_read_file(str(path), robot) for path in paths]
     _check_files(files)
-    dataset = _join(files, robot)
+    dataset = replace(_join(files, robot), fixture=fixture)
     return replace(dataset, **data_kinds(dataset, robot, kind))
 
 
@@ -168,6 +179,9 @@ def dataset_columns(dataset: Dataset, robot: Robot) -> dict[str, np.ndarray]:
         columns |= {name: quaternion[:, i] for i, name in enumerate(QUATERNION)}
     if dataset.gyro is not None:
         columns |= {f"{name}_rad_s": dataset.gyro[:, i] for i, name in enumerate(GYRO)}
+    columns |= dataset.contacts
+    if dataset.length is not None:
+        columns["length_m"] = dataset.length
     return columns | dataset.covariates
 
 
@@ -198,7 +212,7 @@ class _File:
 
 def _read_file(path: str, robot: Robot) -> _File:
     prismatic = frozenset(i for i, joint in enumerate(robot.joints, start=1) if joint.type == "prismatic")
-    table = read_table(path, text=("set",))
+    table = read_table(path, ("set",), may_be_empty)
     columns: dict[tuple[str, int | None] | str, Column] = {}
     values: dict[tuple[str, int | None] | str, np.ndarray] = {}
     for name, numbers in table.columns.items():
@@ -223,6 +237,9 @@ def _check_values(path: str, column: Column, numbers: np.ndarray) -> None:
         expected = "identification or validation"
     elif column.quantity == "approach":
         good, expected = np.isin(numbers, (-1.0, 0.0, 1.0)), "-1, 0 or 1"
+    elif column.quantity in CONTACTS:
+        good = np.isnan(numbers) | ((numbers == np.round(numbers)) & (numbers >= NO_CONTACT) & (numbers < LARGEST_MARK))
+        expected = "a whole number from 0, or -1 (or nothing) where the row has no contact"
     elif column.quantity in ("session", "visit", "run"):
         good, expected = (numbers == np.round(numbers)) & (np.abs(numbers) < LARGEST_MARK), "a whole number"
     else:
@@ -248,6 +265,9 @@ def _check_vectors(path: str, columns: Mapping) -> None:
 def _check_files(files: Sequence[_File]) -> None:
     """No file twice; and a quantity that only some files have could be neither used nor dropped without a word."""
     numbering = {("session", None), ("run", None), ("visit", None)}
+    if any((name, None) in file.columns for file in files for name in CONTACTS):
+        # files of contacts beside each other, or beside a tracker's: what a file has not, its rows have not
+        numbering |= {(name, None) for name in (*CONTACTS, "length", *POSITION, *QUATERNION, *ROTATION_VECTOR)}
     seen: dict[str, str] = {}
     for file in files:
         if other := seen.get(file.table.sha256):
@@ -263,9 +283,10 @@ def _check_files(files: Sequence[_File]) -> None:
 
 def _join(files: Sequence[_File], robot: Robot) -> Dataset:
     one = len(files) == 1
-    stack = lambda key: files[0].values[key] if one else np.concatenate([file.values[key] for file in files])
     rows = [file.table.rows for file in files]
-    first = files[0].columns
+    held = lambda file, key: file.values[key] if key in file.values else np.full(file.table.rows, np.nan)
+    stack = lambda key: files[0].values[key] if one else np.concatenate([held(file, key) for file in files])
+    first = {key: column for file in files[::-1] for key, column in file.columns.items()}
     joints: dict[str, np.ndarray] = {}
     for quantity, axis in (key for key in first if isinstance(key, tuple) and key[1] is not None):
         if quantity not in joints:
@@ -288,6 +309,10 @@ def _join(files: Sequence[_File], robot: Robot) -> Dataset:
         gyro=vector(GYRO),
         visit=visit,
         identification=stack(("set", None)) == "identification" if ("set", None) in first else None,
+        contacts={
+            name: np.nan_to_num(stack((name, None)), nan=NO_CONTACT).astype(int) for name in CONTACTS if (name, None) in first
+        },
+        length=stack(("length", None)) if ("length", None) in first else None,
         covariates={key: stack(key) for key in first if isinstance(key, str)},
         sources=tuple(Source(file.path, file.table.sha256, file.table.rows) for file in files),
     )
@@ -295,9 +320,10 @@ def _join(files: Sequence[_File], robot: Robot) -> Dataset:
 
 def _rotation(files: Sequence[_File], vector) -> np.ndarray | None:
     if (vectors := vector(ROTATION_VECTOR)) is not None:
-        return Rotation.from_rotvec(vectors).as_matrix()
+        return Rotation.from_rotvec(np.nan_to_num(vectors)).as_matrix()
     if (quaternions := vector(QUATERNION)) is None:
         return None
+    quaternions = np.where(np.isnan(quaternions), [1.0, 0.0, 0.0, 0.0], quaternions)
     norms = np.linalg.norm(quaternions, axis=1)
     bad = np.flatnonzero(np.abs(norms - 1.0) > QUATERNION_NORM_TOLERANCE)
     if bad.size:

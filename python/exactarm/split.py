@@ -14,6 +14,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from exactarm.data_kind import STATIC
+
 if TYPE_CHECKING:
     from exactarm.dataset import Dataset
 
@@ -34,6 +36,11 @@ def pose_groups(dataset: "Dataset") -> np.ndarray:
         _, visits = np.unique(dataset.visit, return_inverse=True)
         pairs.append(np.stack([groups.ravel(), count + visits.ravel()], axis=1))
         count += visits.max() + 1
+    if "pair" in dataset.contacts:  # the same pose of the target: the rows of a pair judge each other
+        rows = np.flatnonzero(dataset.contacts["pair"] >= 0)
+        _, numbers = np.unique(np.stack([dataset.session[rows], dataset.contacts["pair"][rows]], 1), axis=0, return_inverse=True)
+        pairs.append(np.stack([groups.ravel()[rows], count + numbers.ravel()], axis=1))
+        count += numbers.max(initial=-1) + 1
     links = np.concatenate(pairs)
     graph = coo_array((np.ones(len(links), dtype=bool), (links[:, 0], links[:, 1])), shape=(count, count))
     _, labels = connected_components(graph, directed=False)
@@ -68,7 +75,7 @@ def split_rule(dataset: "Dataset", fraction: float) -> str:
     percent = f"{100 * fraction:.0f} %"
     if dataset.identification is not None:
         return "Identification and validation rows are those that the column `set` names."
-    if dataset.kind == "poses":
+    if dataset.kind in STATIC:
         return f"{percent} of the poses of each session, chosen at random, identify; the others validate."
     counts = [len(runs) for runs in _alike(dataset)]
     cut = f"the first {percent} of the run identify, the rest, later in time, validate"

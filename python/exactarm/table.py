@@ -14,7 +14,7 @@ import io
 import os
 import re
 import reprlib
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -39,13 +39,23 @@ class Table:
     rows: int
 
 
-def read_table(path: str | Path, text: Collection[str] = ()) -> Table:
-    """All columns of a CSV or Parquet file; those named in `text` as strings (N,) object."""
+def read_table(
+    path: str | Path,
+    text: Collection[str] = (),
+    may_be_empty: Callable[[list[str]], Collection[str]] = lambda names: (),
+) -> Table:
+    """All columns of a CSV or Parquet file; those named in `text` as strings (N,) object.
+
+    may_be_empty(names of all columns): those in which an empty cell is no fault but NaN.
+    """
     content = _read_bytes(path)
-    arrow = _parquet(path, content, text) if _is_parquet(path) else _csv(path, content, text)
+    arrow = _parquet(path, content, text) if _is_parquet(path) else _csv(path, content, text, may_be_empty)
     if arrow.num_rows == 0:
         raise InputError("no data rows below the header; expected at least one", file=path)
-    columns = {name: _numpy(path, name, arrow.column(i), name in text) for i, name in enumerate(arrow.column_names)}
+    gaps = may_be_empty(arrow.column_names)
+    columns = {
+        name: _numpy(path, name, arrow.column(i), name in text, name in gaps) for i, name in enumerate(arrow.column_names)
+    }
     return Table(columns, hashlib.sha256(content).hexdigest(), arrow.num_rows)
 
 
@@ -93,7 +103,7 @@ def _read_bytes(path: str | Path) -> bytes:
 
 
 # -- CSV ---------------------------------------------------------------------------------------------
-def _csv(path: str | Path, content: bytes, text: Collection[str]) -> pa.Table:
+def _csv(path: str | Path, content: bytes, text: Collection[str], may_be_empty: Callable) -> pa.Table:
     names, start = _csv_header(path, content)
     _check_names(path, names)
     body = pa.py_buffer(content)[start:]
@@ -103,7 +113,7 @@ def _csv(path: str | Path, content: bytes, text: Collection[str]) -> pa.Table:
     try:
         return _parse_csv(body, names, types)
     except pa.ArrowInvalid as error:
-        return _csv_cell_by_cell(path, body, names, text, error)
+        return _csv_cell_by_cell(path, body, names, text, may_be_empty(names), error)
 
 
 def _parse_csv(body: pa.Buffer, names: list[str], types: Mapping[str, pa.DataType]) -> pa.Table:
@@ -148,7 +158,7 @@ def _check_names(path: str | Path, names: list[str]) -> None:
 
 
 def _csv_cell_by_cell(
-    path: str | Path, body: pa.Buffer, names: list[str], text: Collection[str], error: pa.ArrowInvalid
+    path: str | Path, body: pa.Buffer, names: list[str], text: Collection[str], gaps: Collection[str], error: pa.ArrowInvalid
 ) -> pa.Table:
     """The slow way, taken when the fast one failed: finds the row and the cell that are to blame."""
     try:
@@ -160,7 +170,10 @@ def _csv_cell_by_cell(
     for name in names:
         cells = strings.column(name)
         if name not in text:
-            cells = [_number(path, name, row, cell) for row, cell in enumerate(cells.to_pylist(), start=1)]
+            cells = [
+                np.nan if name in gaps and not cell.strip() else _number(path, name, row, cell)
+                for row, cell in enumerate(cells.to_pylist(), start=1)
+            ]
         columns[name] = cells
     return pa.table(columns)
 
@@ -227,15 +240,16 @@ def _is_numeric(kind: pa.DataType) -> bool:
 
 
 # -- both --------------------------------------------------------------------------------------------
-def _numpy(path: str | Path, name: str, column: pa.ChunkedArray, is_text: bool) -> np.ndarray:
+def _numpy(path: str | Path, name: str, column: pa.ChunkedArray, is_text: bool, has_gaps: bool) -> np.ndarray:
     if is_text:
         return column.fill_null("").to_numpy()
     numbers = np.asarray(column.to_numpy(), dtype=float)
-    finite = np.isfinite(numbers)
+    finite = np.isfinite(numbers) | (has_gaps & np.isnan(numbers))
     if not finite.all():
         row = int(np.argmin(finite))
         raise InputError(f"{numbers[row]}; expected a finite number", file=path, row=row + 1, column=name)
-    if len(numbers) and np.max(np.abs(numbers)) > LARGEST_NUMBER:
-        row = int(np.argmax(np.abs(numbers)))
+    sizes = np.nan_to_num(np.abs(numbers))
+    if sizes.max(initial=0.0) > LARGEST_NUMBER:
+        row = int(np.argmax(sizes))
         raise InputError(f"{numbers[row]}; expected a number of at most {LARGEST_NUMBER:g} in size", file=path, row=row + 1, column=name)
     return numbers

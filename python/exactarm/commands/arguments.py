@@ -6,6 +6,7 @@ import argparse
 import os
 from pathlib import Path
 
+from exactarm.data_kind import KINDS
 from exactarm.split import DEFAULT_SEED
 
 
@@ -19,8 +20,13 @@ def add_files(parser: argparse.ArgumentParser, least: int = 1, text: str = "meas
     optional = {} if least else {"default": []}
     parser.add_argument("files", metavar="FILE", nargs="+" if least else "*", type=Path, help=text, **optional)
     if least:
-        parser.add_argument("--kind", choices=("poses", "gear_run", "motion", "tracked_motion"),
+        parser.add_argument("--kind", choices=KINDS,
                             help="kind of data (default: told by the columns)")
+
+
+def add_fixture(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--fixture", metavar="FILE", type=Path,
+                        help="known distances and radii of what was touched (.toml), for closures")
 
 
 def add_common(parser: argparse.ArgumentParser) -> None:

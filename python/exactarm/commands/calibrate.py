@@ -3,23 +3,25 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from functools import partial
 from typing import Literal
 
 import numpy as np
 
-from exactarm.commands.arguments import add_files, add_robot
-from exactarm.commands.call import AnyData, AnyRobot, asked, data_of, robot_of, threads_of
+from exactarm.commands.arguments import add_files, add_fixture, add_robot
+from exactarm.commands.call import AnyData, AnyFixture, AnyRobot, asked, data_of, robot_of, threads_of
 from exactarm.commands.error_sections import error_figures, error_table, highlights, parameter_table, unit_of
 from exactarm.commands.result import CommandResult, estimate
 from exactarm.dataset import Dataset
 from exactarm.errors import InputError
 from exactarm.identify.calibrate import Calibration, CalibrationOptions
 from exactarm.identify.calibrate import calibrate as identify_geometry
+from exactarm.identify.closures import calibrate_closures
 from exactarm.identify.declared import geometry_layout
+from exactarm.identify.parameter_name import Group, parse_parameter
 from exactarm.progress import SILENT, Progress
-from exactarm.report import Estimate, Figure, Report, Table, Warnings
+from exactarm.report import Estimate, Figure, Quantity, Report, Table, Warnings
 from exactarm.report.numbers import quantity
 from exactarm.report.plots.parameters import parameter_forest
 from exactarm.robot import Robot
@@ -32,6 +34,7 @@ HELP = "identify the geometry (and joint compliance) from measured poses"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_robot(parser)
     add_files(parser)
+    add_fixture(parser)
     parser.add_argument("--use", choices=("auto", "position", "pose"), default="auto",
                         help="what is fitted: positions alone, or orientations too (default: what was measured)")
     parser.add_argument("--compliance", metavar="AXES", default="auto",
@@ -42,9 +45,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def calibrate(
     robot: AnyRobot, data: AnyData, *, use: Literal["auto", "position", "pose"] = "auto",
     compliance: Sequence[int] | None = None, robust: bool = False, seed: int = DEFAULT_SEED, threads: int | None = None,
-    kind: str | None = None, progress: Progress = SILENT,
+    kind: str | None = None, fixture: AnyFixture = None, progress: Progress = SILENT,
 ) -> CommandResult:
-    """Identifies geometry, joint offsets, gear ratios and joint springs from measured poses.
+    """Identifies geometry, joint offsets, gear ratios and joint springs from measured poses or closures.
 
     use: positions alone, or orientations too ("auto": what was measured). compliance: axes from 1 whose spring is
     estimated (None: those under load). robust: Huber's loss. threads: None is all cores.
@@ -56,7 +59,7 @@ def calibrate(
     """
     given = {"use": use, "compliance": compliance, "robust": robust}
     declared = robot_of(robot)
-    rows = require_poses(data_of(data, declared, kind))
+    rows = require_poses(data_of(data, declared, kind, fixture), CALIBRATORS)
     wrong = [axis for axis in compliance or () if not 1 <= axis <= declared.axes]
     if wrong:
         raise InputError(f"compliance: axis {wrong[0]} does not exist, expected 1 to {declared.axes}")
@@ -68,12 +71,12 @@ def calibrate(
         threads=threads_of(threads),
     )
     progress.stage("calibrating")
-    result = identify_geometry(declared, rows, options)
+    result = CALIBRATORS[rows.kind](declared, rows, options)
     return CommandResult(
         json=_json(result),
         report=_report(declared, rows, result, rows.split_rule()),
         robot=result.robot,
-        tables={"residuals.csv": residual_table(rows, result.identification, result.error_before, result.residual_after)},
+        tables={"residuals.csv": residual_table(result.data, result.identification, result.error_before, result.residual_after)},
         asked=asked("calibrate", robot, rows, seed, given, {"use": "auto", "compliance": None, "robust": False}),
     )
 
@@ -81,12 +84,15 @@ def calibrate(
 def run(arguments: argparse.Namespace) -> CommandResult:
     return calibrate(
         arguments.robot, arguments.files, use=arguments.use, compliance=_axes(arguments.compliance), robust=arguments.robust,
-        seed=arguments.seed, threads=arguments.threads, kind=arguments.kind, progress=arguments.progress,
+        seed=arguments.seed, threads=arguments.threads, kind=arguments.kind, fixture=arguments.fixture, progress=arguments.progress,
     )
 
 
-def require_poses(data: Dataset) -> Dataset:
-    if data.kind != "poses":
+CALIBRATORS = {"poses": identify_geometry, "closures": calibrate_closures}
+
+
+def require_poses(data: Dataset, kinds: Collection[str] = ("poses",)) -> Dataset:
+    if data.kind not in kinds:
         how = "; --kind poses takes its rows as poses at rest" if data.position is not None else ""
         raise InputError(f"expected poses (x, y, z at rest), found a {data.kind.replace('_', ' ')}{how}",
                          file=data.sources[0].path if data.sources else None)
@@ -106,8 +112,8 @@ def _axes(text: str) -> tuple[int, ...] | None:
 
 def _json(result: Calibration) -> dict:
     return {
-        "before": {name: summary.to_json() for name, summary in result.before.items()},
-        "after": {name: summary.to_json() for name, summary in result.after.items()},
+        "before": _summaries(result.before, result.distances_before),
+        "after": _summaries(result.after, result.distances_after),
         "parameters": {
             name: estimate(float(value), float(low), float(high))
             for name, value, (low, high) in zip(result.names, result.fit.fit.x, result.intervals)
@@ -121,6 +127,12 @@ def _json(result: Calibration) -> dict:
         "converged": result.fit.fit.converged,
         "warnings": list(result.warnings),
     }
+
+
+def _summaries(summaries: dict, distances: dict[str, float | None]) -> dict:
+    """Each set's summary, of closures with the mean error of the known distances beside it."""
+    beside = lambda name: {"distance_error_m": distances[name]} if distances.get(name) is not None else {}
+    return {name: summary.to_json() | beside(name) for name, summary in summaries.items()}
 
 
 def residual_table(data: Dataset, identification: np.ndarray, before: np.ndarray, after: np.ndarray) -> dict:
@@ -147,11 +159,17 @@ def _report(robot: Robot, data: Dataset, result: Calibration, rule: str) -> Repo
         f"The mean position error on {who} falls from {quantity(before.mean, 'm')} to {quantity(after.mean, 'm')} "
         f"(largest: {quantity(before.max, 'm')} to {quantity(after.max, 'm')})."
     )
+    what, known = "position error", ()
     note = "Before: nominal parameters with only base and tool frames fitted. " + rule
+    if data.kind == "closures":
+        what, known = "distance to the contact", _distance_tables(result)
+        verdict = verdict.replace("position error", what)
+        note = "Before: nominal parameters with only contacts and tool fitted. " + rule
     sections = (
         highlights(result.before, result.after, "m"),
-        error_table(result.before, result.after, "m", "Position error", note),
-        *error_figures(result.error_before, result.error_after, result.identification, "m", "position error", "pose"),
+        error_table(result.before, result.after, "m", what.capitalize(), note),
+        *known,
+        *error_figures(result.error_before, result.error_after, result.identification, "m", what, "pose"),
         *_parameter_sections(robot, result),
         dropped_table(result.identifiability.dropped),
         Warnings(result.warnings),
@@ -159,11 +177,21 @@ def _report(robot: Robot, data: Dataset, result: Calibration, rule: str) -> Repo
     return Report(f"Calibration of {robot.name}", verdict, sections, "good" if after.mean < before.mean else "caution")
 
 
+def _distance_tables(result: Calibration) -> tuple:
+    """The known distances before and after; on the validation rows, with the contacts fitted to these rows alone."""
+    rows = tuple(
+        (name, Quantity(result.distances_before[name], "m"), Quantity(value, "m"))
+        for name, value in result.distances_after.items() if value is not None
+    )
+    note = "Mean absolute error. The scatter about contacts cannot show a wrong scale; a known distance does."
+    return (Table("Known distances", ("rows", "before", "after"), rows, note),) if rows else ()
+
+
 def _parameter_sections(robot: Robot, result: Calibration) -> tuple:
     """Robot parameters as plot and table, then the frames of the sessions."""
     declared = geometry_layout(robot)
     start_of = dict(zip(declared.names, declared.values))
-    frame = np.array([name.startswith("session_") for name in result.names])
+    frame = np.array([parse_parameter(name).group is Group.FRAME for name in result.names])
 
     def pick(mask: np.ndarray) -> tuple:
         names = [name for name, keep in zip(result.names, mask) if keep]

@@ -7,6 +7,7 @@ Every command is one function here and on the command line: `exactarm.calibrate(
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Union
 
@@ -14,11 +15,13 @@ from exactarm.commands.arguments import available_cores
 from exactarm.commands.plain import sha256
 from exactarm.commands.result import Asked
 from exactarm.dataset import Dataset, Source, read_dataset
+from exactarm.fixture import Fixture, load_fixture
 from exactarm.robot import Robot
 from exactarm.robot_file import load_robot
 
 AnyRobot = Union[Robot, str, Path]
 AnyData = Union[Dataset, str, Path, Sequence[Union[str, Path]]]
+AnyFixture = Union[Fixture, str, Path, None]
 
 
 def robot_of(robot: AnyRobot) -> Robot:
@@ -26,9 +29,12 @@ def robot_of(robot: AnyRobot) -> Robot:
     return robot if isinstance(robot, Robot) else load_robot(robot)
 
 
-def data_of(data: AnyData, robot: Robot, kind: str | None = None) -> Dataset:
-    """Data as they are, or those of the files."""
-    return data if isinstance(data, Dataset) else read_dataset(data, robot, kind)
+def data_of(data: AnyData, robot: Robot, kind: str | None = None, fixture: AnyFixture = None) -> Dataset:
+    """Data as they are, or those of the files; with what is known of their fixture."""
+    known = load_fixture(fixture) if isinstance(fixture, (str, Path)) else fixture
+    if isinstance(data, Dataset):
+        return data if known is None else replace(data, fixture=known)
+    return read_dataset(data, robot, kind, known or Fixture())
 
 
 def threads_of(threads: int | None) -> int:
@@ -56,12 +62,14 @@ def _word(path: Any) -> str:
     return repr(str(path))
 
 
-def read(files: str | Path | Sequence[str | Path], robot: AnyRobot, *, kind: str | None = None) -> Dataset:
-    """Measured data of one or more CSV or Parquet files, in SI units.
+def read(
+    files: str | Path | Sequence[str | Path], robot: AnyRobot, *, kind: str | None = None, fixture: AnyFixture = None
+) -> Dataset:
+    """Measured data of one or more CSV or Parquet files, in SI units. fixture: what is known of touched contacts.
 
         >>> import exactarm as ea
         >>> data = ea.read(ea.example("ur10/series_B"), "ur10")
         >>> data.kind, data.position.shape
         ('poses', (1495, 3))
     """
-    return read_dataset(files, robot_of(robot), kind)
+    return data_of(files, robot_of(robot), kind, fixture)

@@ -7,8 +7,8 @@ from functools import partial
 
 import numpy as np
 
-from exactarm.commands.arguments import add_files, add_robot
-from exactarm.commands.call import AnyData, AnyRobot, asked, data_of, robot_of, threads_of
+from exactarm.commands.arguments import add_files, add_fixture, add_robot
+from exactarm.commands.call import AnyData, AnyFixture, AnyRobot, asked, data_of, robot_of, threads_of
 from exactarm.commands.result import CommandResult
 from exactarm.dataset import Dataset
 from exactarm.errors import InputError
@@ -27,13 +27,14 @@ HELP = "the error of a robot file, as it is, on data it has not seen"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_robot(parser)
     add_files(parser)
+    add_fixture(parser)
 
 
 def evaluate(
     robot: AnyRobot, data: AnyData, *, seed: int = DEFAULT_SEED, threads: int | None = None, kind: str | None = None,
-    progress: Progress = SILENT,
+    fixture: AnyFixture = None, progress: Progress = SILENT,
 ) -> CommandResult:
-    """The error of a robot as it is: only what belongs to the set-up (frames, sensor alignment) is fitted.
+    """The error of a robot as it is: only what belongs to the set-up (frames, contacts, sensor alignment) is fitted.
 
         >>> import exactarm as ea
         >>> result = ea.evaluate("ur10", ea.example("ur10/series_B"))
@@ -41,11 +42,12 @@ def evaluate(
         True
     """
     declared = robot_of(robot)
-    rows = data_of(data, declared, kind)
+    rows = data_of(data, declared, kind, fixture)
     if rows.kind not in EVALUATORS:
         raise InputError(f"evaluate judges {', '.join(EVALUATORS)}; found {rows.kind}", file=rows.first_file)
     progress.stage("evaluating")
     result = EVALUATORS[rows.kind](declared, rows, seed, threads_of(threads))
+    rows = rows if result.data is None else result.data
     files = [source.path for source in rows.sources] or [""]
     columns = {"file": [files[i] for i in rows.file_index], "row": rows.row, "session": rows.session}
     columns[f"error_{result.unit.replace('/', '_')}"] = result.error
@@ -54,6 +56,7 @@ def evaluate(
         json={
             "error": result.overall.to_json(),
             "unit": result.unit,
+            **distance_json(result.distances),
             "sessions": [{"session": session} | summary.to_json() for session, summary in result.sessions],
             "warnings": list(result.warnings),
         },
@@ -65,7 +68,14 @@ def evaluate(
 
 def run(arguments: argparse.Namespace) -> CommandResult:
     return evaluate(arguments.robot, arguments.files, seed=arguments.seed, threads=arguments.threads, kind=arguments.kind,
-                    progress=arguments.progress)
+                    fixture=arguments.fixture, progress=arguments.progress)
+
+
+def distance_json(distances: dict[str, float] | None) -> dict:
+    """`distance_error_m` and each known distance, where the data have any."""
+    if not distances:
+        return {}
+    return {"distance_error_m": float(np.mean(list(distances.values()))), "distances_m": distances}
 
 
 def _report(robot: Robot, data: Dataset, result: Evaluation) -> Report:
@@ -74,7 +84,12 @@ def _report(robot: Robot, data: Dataset, result: Evaluation) -> Report:
         f"{robot.name} as its file describes it is off by {quantity(s.mean, unit)} on average, "
         f"by {quantity(s.max, unit)} at most ({s.n} rows; only the set-up was fitted)."
     )
-    name = "position error" if data.kind == "poses" else "error"
+    known = ()
+    if result.distances:
+        mean = float(np.mean(list(result.distances.values())))
+        verdict += f" Known distances are missed by {quantity(mean, unit)} on average."
+        known = (Table("Known distances", ("distance", "error"), tuple((k, Quantity(v, unit)) for k, v in result.distances.items())),)
+    name = {"poses": "position error", "closures": "distance to the contact"}.get(data.kind, "error")
     rows = tuple(
         (str(session), e.n, *(Quantity(v, unit) for v in (e.mean, e.rms, e.max, e.std)))
         for session, e in result.sessions
@@ -86,6 +101,7 @@ def _report(robot: Robot, data: Dataset, result: Evaluation) -> Report:
             Highlight("maximum", Quantity(s.max, unit)),
         )),
         Table("By session", ("session", "rows", "mean", "RMS", "maximum", "std. dev."), rows),
+        *known,
         Figure("error_per_row", f"{name.capitalize()} of every row",
                partial(error_per_pose, result.error, result.error, none, unit, name=name),
                "No row was used to fit the robot.", f"{name} against the row",

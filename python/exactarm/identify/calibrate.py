@@ -8,11 +8,13 @@ before and after on rows that were fitted and on rows that were not.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from exactarm.chain import Layout, predict_poses
 from exactarm.dataset import Dataset
+from exactarm.effects.frames import Frames
 from exactarm.errors import InputError
 from exactarm.identify.compliance import compliance_layout
 from exactarm.identify.declared import all_effects, carried_layout, frames_layout, geometry_layout, require_geometry
@@ -23,6 +25,9 @@ from exactarm.identify.statistics import ErrorSummary, summarise
 from exactarm.regression import Fit
 from exactarm.robot import Placement, Robot
 from exactarm.split import DEFAULT_SEED
+
+if TYPE_CHECKING:
+    from exactarm.identify.closure_fit import ClosureFit
 
 
 @dataclass(frozen=True)
@@ -38,10 +43,14 @@ class CalibrationOptions:
 
 @dataclass(frozen=True)
 class Calibration:
-    """Result of a calibration; errors in m, per row of the data that was given."""
+    """Result of a calibration; errors in m, per row of `data`.
+
+    distances_before, distances_after: of closures, set -> mean absolute error of the known distances, m, or None.
+    """
 
     robot: Robot
-    fit: PoseFit
+    fit: PoseFit | ClosureFit
+    data: Dataset
     identification: np.ndarray
     error_before: np.ndarray
     error_after: np.ndarray
@@ -51,6 +60,8 @@ class Calibration:
     identifiability: Identifiability
     orientation: bool
     warnings: tuple[str, ...] = field(default=())
+    distances_before: dict[str, float | None] = field(default_factory=dict)
+    distances_after: dict[str, float | None] = field(default_factory=dict)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -87,6 +98,7 @@ def calibrate(robot: Robot, data: Dataset, options: CalibrationOptions = Calibra
     return Calibration(
         robot=calibrated_robot(robot, train, fit.layout, fit.fit),
         fit=fit,
+        data=data,
         identification=identification,
         error_before=error_before,
         error_after=error_after,
@@ -175,7 +187,7 @@ def calibrated_robot(robot: Robot, data: Dataset, layout: Layout, fit: Fit, kind
     for effect in layout.effects:
         if effect.declared:
             result = effect.bake(result)
-    sessions = [effect for effect in layout.effects if hasattr(effect, "session")]
+    sessions = [effect for effect in layout.effects if isinstance(effect, Frames)]
     base, tool = robot.base, robot.tool
     if sessions:
         base, tool = sessions[0].place(sessions[0].session, Placement(), Placement())

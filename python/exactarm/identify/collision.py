@@ -68,6 +68,8 @@ def listed(names: Sequence[str]) -> str:
 def _short(p: ParameterName, names: Sequence[str]) -> str:
     if p.group is not Group.FRAME:
         return p.text
+    if p.symbol == "contact":
+        return "the contacts"
     sessions = {q.session for q in map(parse_parameter, names) if q.group is Group.FRAME}
     return f"the {p.symbol} frame" + ("s of all sessions" if len(sessions) > 1 else "")
 
@@ -85,7 +87,7 @@ def _reason(p: ParameterName, partners: list[ParameterName], arm: Arm | None) ->
     if frames and not others:
         return _absorbed(p, frames)
     if frames:
-        return "together they are a motion of the " + " and ".join(sorted(frames)) + " frame"
+        return f"together they are a motion of {_frames(frames)}"
     return ""
 
 
@@ -107,12 +109,21 @@ def _always_absorbed(p: ParameterName, frames: set[str], robot: Robot) -> bool:
 
 
 def _absorbed(p: ParameterName, frames: set[str]) -> str:
+    if "contact" in frames:
+        return f"{_frames(frames)} absorb it"
     which = " and ".join(sorted(frames))
     verb = "absorb" if len(frames) > 1 else "absorbs"
     if frames == {"base"} and p.axis == 1:
         kind = "a shift along" if p.symbol == "d" else "a turn about"
         return f"{kind} axis 1 is a change of the base frame, which {verb} it"
     return f"the {which} frame{'s' if len(frames) > 1 else ''} {verb} it"
+
+
+def _frames(symbols: set[str]) -> str:
+    """The frames and contacts of a collision, as a person lists them."""
+    frames = sorted(symbols - {"contact"})
+    named = ["the " + " and ".join(frames) + " frame"] if frames else []
+    return " and ".join(named + (["the contacts"] if "contact" in symbols else []))
 
 
 def _prismatic(p: ParameterName, others: list[ParameterName], robot: Robot) -> str:

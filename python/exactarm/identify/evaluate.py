@@ -1,6 +1,6 @@
 """The error of a robot file, as it is, on data it has not seen: only what belongs to the set-up is fitted.
 
-Poses and tracked motions: base and tool frames of every session. Gear runs: alignment and bias of the gyroscope. One
+Poses and tracked motions: base and tool frames of every session. Closures: contacts and tool. Gear runs: alignment and bias of the gyroscope. One
 function a kind of data, found by its name in `EVALUATORS`.
 """
 
@@ -14,6 +14,7 @@ import numpy as np
 from exactarm.chain import MotionRecord, reversals_left_out
 from exactarm.chain.extrapolation import extrapolations
 from exactarm.dataset import Dataset
+from exactarm.identify.closures import carried_effects, nominal_closures, set_distance_errors
 from exactarm.identify.declared import carried_layout, frames_layout, require_geometry
 from exactarm.identify.gear_evaluate import gear_run_error
 from exactarm.identify.match import require_match
@@ -21,15 +22,19 @@ from exactarm.identify.planned import controller_angles
 from exactarm.identify.pose_fit import fit_poses
 from exactarm.identify.statistics import ErrorSummary, summarise
 from exactarm.identify.tracked_fit import fit_tracked, predict_record, thinned_record, tracked_frames, tracked_record
+from exactarm.measurement.closures import touches
 from exactarm.robot import Robot
 from exactarm.split import DEFAULT_SEED
+
+RESIDUAL_COLUMNS = ("dx_m", "dy_m", "dz_m", "drx_rad", "dry_rad", "drz_rad")
 
 
 @dataclass(frozen=True)
 class Evaluation:
     """error (N,) of every row in `unit`; residual (N, m) with its column names; summaries overall and by session.
 
-    warnings: effects that are used where they were never measured.
+    warnings: effects that are used where they were never measured. data: the rows, where they are not those of the file
+    (closures); distances: of closures, known distance -> |error| in m.
     """
 
     unit: str
@@ -39,6 +44,8 @@ class Evaluation:
     overall: ErrorSummary
     sessions: tuple[tuple[int, ErrorSummary], ...]
     warnings: tuple[str, ...] = ()
+    data: Dataset | None = None
+    distances: dict[str, float] | None = None
 
 
 def evaluate_poses(robot: Robot, data: Dataset, seed: int = DEFAULT_SEED, threads: int = 1) -> Evaluation:
@@ -76,6 +83,22 @@ def evaluate_gear_runs(robot: Robot, data: Dataset, seed: int = DEFAULT_SEED, th
     return Evaluation(found.unit, found.error, found.residual, found.columns, overall, sessions)
 
 
+def evaluate_closures(robot: Robot, data: Dataset, seed: int = 0, threads: int = 1) -> Evaluation:
+    """The distance of every touch from its contact; contacts and tool are fitted, without the known lengths."""
+    rows = touches(data)
+    fit = nominal_closures(robot, rows, carried_effects(robot, rows), seed, threads)
+    error, residual = fit.prediction.error(), fit.prediction.residual
+    sessions = tuple((int(s), summarise(error[rows.session == s])) for s in np.unique(rows.session))
+    warnings = extrapolations(robot, controller_angles(robot, rows))
+    if not fit.fit.converged:
+        warnings = (*warnings, "the fit of contacts and tool did not converge")
+    return Evaluation(
+        "m", error, residual, RESIDUAL_COLUMNS[: residual.shape[1]], summarise(error), sessions, warnings, rows,
+        set_distance_errors(robot, fit.layout, rows, threads),
+    )
+
+
 EVALUATORS: dict[str, Callable[..., Evaluation]] = {
     "poses": evaluate_poses, "gear_run": evaluate_gear_runs, "tracked_motion": evaluate_tracked_motion,
+    "closures": evaluate_closures,
 }

@@ -12,7 +12,7 @@ from enum import IntEnum
 _GEOMETRY = re.compile(r"(d|a|alpha|beta)_(\d+)_(?:m|rad)$")
 _OFFSET = re.compile(r"q_offset_(\d+)_(?:m|rad)$")
 _RATIO = re.compile(r"ratio_(\d+)$")
-_FRAME = re.compile(r"session_(\d+)\.(base|tool)_(\w+)$")
+_FRAME = re.compile(r"(?:session_(\d+)\.)?(base|tool|socket|plane|sphere|bar)_(\w+)$")
 _EFFECT = re.compile(r"\w*?_(\d+)\.\w+$")
 
 
@@ -28,7 +28,7 @@ class Group(IntEnum):
 
 @dataclass(frozen=True)
 class ParameterName:
-    """`axis` counts from 1, None for a parameter of no single axis; `symbol`: d, a, ..., base, tool."""
+    """`axis` counts from 1, None for a parameter of no single axis; `symbol`: d, a, ..., base, tool, contact."""
 
     text: str
     group: Group
@@ -46,6 +46,7 @@ def parse_parameter(name: str) -> ParameterName:
     if match := _RATIO.match(name):
         return ParameterName(name, Group.RATIO, "ratio", int(match[1]))
     if match := _FRAME.match(name):
-        return ParameterName(name, Group.FRAME, match[2], None, int(match[1]))
+        symbol = match[2] if match[2] in ("base", "tool") else "contact"
+        return ParameterName(name, Group.FRAME, symbol, None, int(match[1] or 0))
     axis = _EFFECT.match(name)
     return ParameterName(name, Group.EFFECT, name, int(axis[1]) if axis else None)

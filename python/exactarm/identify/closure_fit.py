@@ -1,0 +1,256 @@
+"""Fits a layout to closures: heavy-tailed noise, one standard deviation for each sort of contact, known lengths as data.
+
+    minimise  sum_rows rho(|r_i / sigma_class|^2) + sum_known ((L - f) / sigma_L)^2 + sum_geometry ((x - x0) / tau)^2
+
+rho: Student's t with TAIL_FREEDOM degrees of freedom (Lange, Little, Taylor 1989), by iteratively reweighted least
+squares: a ball that has slipped counts for little. sigma of each class from its share of the redundancy (Förstner
+1979). tau: plausible size of a deviation from the drawing, `Parameter.plausible`: directions that the contacts do not show
+stay at the drawing. Covariance of the M-estimator (Huber 1981, 6.5) beside the prior: (s^2/v J'J + P'P)^{-1} with
+v = sum psi^2 / freedom, s = mean psi'.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from scipy import linalg
+
+from exactarm.chain import Layout
+from exactarm.dataset import Dataset
+from exactarm.fixture import Fixture
+from exactarm.measurement.closures import ClosurePrediction, device_of, predict_closures
+from exactarm.measurement.known_lengths import known_lengths
+from exactarm.regression import Evaluation, Fit, least_squares
+from exactarm.robot import Robot
+
+TAIL_FREEDOM = 4.0  # a slip of 10 sigma counts 7 %; normal noise is used to 95 %
+_FIRST_SIGMA = (1e-3, 2e-3)  # m, rad
+_LEAST_SIGMA = 1e-9
+_ROUNDS, _SETTLED = 60, 2e-4
+_INNER_STEPS = 12
+_DECREMENT = 1e-2  # of the weighted square sum: a further step would gain less, a tenth of a standard deviation
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Standard deviations by class (device, "position" or "orientation"), m and rad."""
+
+    by_class: dict[tuple[str, str], float]
+
+    def of(self, data: Dataset, used: np.ndarray) -> np.ndarray:
+        """(N, m) standard deviation of every number."""
+        device = device_of(data)
+        out = np.ones(used.shape)
+        for k, part in enumerate(_parts(used)):
+            for name in np.unique(device):
+                sigma = self.by_class.get((name, part))
+                if sigma is not None:
+                    out[device == name, 3 * k : 3 * k + 3] = sigma
+        return out
+
+
+@dataclass(frozen=True)
+class ClosureFit:
+    """The layout at its estimate; `weight` (N,): square roots of the rows' robust weights; `pull` (r, P), `tail` (r,):
+    known lengths and priors as whitened rows and residuals."""
+
+    robot: Robot
+    layout: Layout
+    fit: Fit
+    noise: Noise
+    prediction: ClosurePrediction
+    sigma: np.ndarray
+    weight: np.ndarray
+    pull: np.ndarray
+    tail: np.ndarray
+
+    @property
+    def sigma_position(self) -> float:
+        """m: RMS over the rows that give a place."""
+        used = self.prediction.used[:, :3]
+        return float(np.sqrt(np.mean(self.sigma[:, :3][used] ** 2)))
+
+    @property
+    def sigma_orientation(self) -> float | None:
+        """rad: the same over the rows that give an orientation; None where there are none."""
+        used = self.prediction.used[:, 3:]
+        return float(np.sqrt(np.mean(self.sigma[:, 3:][used] ** 2))) if used.any() else None
+
+    @property
+    def log_likelihood(self) -> float:
+        """Of the rows, up to a constant: what different models of one data set are compared by."""
+        square, count = _squares(self.prediction.residual / self.sigma, self.prediction.used)
+        tails = 0.5 * (TAIL_FREEDOM + count) * np.log1p(square / TAIL_FREEDOM)
+        return -float(tails.sum() + np.log(self.sigma[self.prediction.used]).sum())
+
+
+@dataclass(frozen=True)
+class Pulls:
+    """What is known beside the rows: lengths of the fixture, and `drawing`: name of a parameter -> (value, standard
+    deviation of its deviation)."""
+
+    fixture: Fixture = Fixture()
+    drawing: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+    @staticmethod
+    def of(layout: Layout, fixture: Fixture) -> "Pulls":
+        """Around the values of `layout`, with the plausible sizes of its parameters."""
+        drawn = zip(layout.names, layout.values, layout.parameters)
+        return Pulls(fixture, {name: (float(value), p.plausible) for name, value, p in drawn})
+
+    def rows(self, layout: Layout) -> tuple[np.ndarray, np.ndarray]:
+        """Whitened rows (r, P) and residuals (r,) at the layout's values."""
+        held = [(j, *self.drawing[name]) for j, name in enumerate(layout.names) if name in self.drawing]
+        rows = np.zeros((len(held), layout.size))
+        values = layout.values
+        for place, (j, _, spread) in enumerate(held):
+            rows[place, j] = 1.0 / spread
+        rest = [(value - values[j]) / spread for j, value, spread in held]
+        own = layout.prior_rows()
+        known = known_lengths(layout, self.fixture)
+        lengths = np.array([k.row / k.sigma for k in known]).reshape(-1, layout.size)
+        return (
+            np.concatenate([rows, own, lengths]),
+            np.concatenate([rest, -own @ values, [k.residual / k.sigma for k in known]]),
+        )
+
+
+def fit_closures(
+    robot: Robot,
+    layout: Layout,
+    data: Dataset,
+    pulls: Pulls,
+    *,
+    keep: np.ndarray | None = None,
+    noise: Noise | None = None,
+    threads: int = 1,
+    tolerance: float = 1e-9,
+) -> ClosureFit:
+    """Estimates the free parameters of `layout` from all rows of `data` (one device a row). keep (N,): rows to use."""
+    keep = np.ones(len(data)) if keep is None else np.asarray(keep, float)
+    lower = np.array([p.lower for p in layout.parameters])
+    upper = np.array([p.upper for p in layout.parameters])
+    prediction = predict_closures(robot, layout, data, threads=threads)
+    noise = noise or _first_noise(data, prediction)
+    sigma, weight, settled, fit = noise.of(data, prediction.used), keep, False, None
+    for _ in range(_ROUNDS):
+        weight = keep * _tail_weights(prediction.residual / sigma, prediction.used)
+        fit = _inner(robot, layout, data, pulls, prediction, weight[:, None] / sigma, (lower, upper), threads, tolerance)
+        layout = layout.at(fit.x)
+        prediction = predict_closures(robot, layout, data, threads=threads)
+        pull, tail = pulls.rows(layout)
+        new = _estimated_noise(data, prediction, sigma, keep, pull)
+        change = max(abs(value / noise.by_class.get(key, np.inf) - 1.0) for key, value in new.by_class.items())
+        if settled := change < _SETTLED and fit.converged:
+            break
+        noise, sigma = new, new.of(data, prediction.used)
+    weight = keep * _tail_weights(prediction.residual / sigma, prediction.used)
+    pull, tail = pulls.rows(layout)
+    fit = _finished(fit, layout, prediction, sigma, keep, weight, pull, tail, settled)
+    return ClosureFit(robot, layout, fit, noise, prediction, sigma, weight, pull, tail)
+
+
+def _inner(robot, layout, data, pulls, prediction, scale, bounds, threads, tolerance) -> Fit:
+    """Weighted least squares at fixed weights and variances."""
+    numbers = prediction.residual.size
+
+    def evaluate(x: np.ndarray, with_jacobian: bool) -> Evaluation:
+        at = layout.at(x)
+        now = predict_closures(robot, at, data, tangents=with_jacobian, threads=threads)
+        pull, tail = pulls.rows(at)
+        residual = np.concatenate([now.residual.ravel(), tail])
+        if not with_jacobian:
+            return Evaluation(residual, None)
+        jacobian = np.zeros((numbers, layout.size)) if now.jacobian is None else now.jacobian.reshape(numbers, -1)
+        return Evaluation(residual, np.concatenate([jacobian, pull]))
+
+    rows = len(pulls.rows(layout)[1])
+    weights = np.concatenate([(scale * prediction.used).ravel(), np.ones(rows)])
+    return least_squares(
+        evaluate, layout.values, weights=weights, bounds=bounds, tolerance=tolerance, most_iterations=_INNER_STEPS
+    )
+
+
+def _squares(white: np.ndarray, used: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(N,) square sum of each row's numbers, and how many there are."""
+    return np.sum(np.where(used, white, 0.0) ** 2, axis=1), used.sum(axis=1)
+
+
+def _tail_weights(white: np.ndarray, used: np.ndarray) -> np.ndarray:
+    """(N,) square roots of the weights of Student's t."""
+    square, count = _squares(white, used)
+    return np.sqrt((TAIL_FREEDOM + count) / (TAIL_FREEDOM + square))
+
+
+def _parts(used: np.ndarray) -> tuple[str, ...]:
+    return ("position", "orientation")[: used.shape[1] // 3]
+
+
+def _first_noise(data: Dataset, prediction: ClosurePrediction) -> Noise:
+    device, used = device_of(data), prediction.used
+    return Noise({
+        (name, part): _FIRST_SIGMA[k] for k, part in enumerate(_parts(used)) for name in np.unique(device)
+        if used[device == name, 3 * k : 3 * k + 3].any()
+    })
+
+
+def _estimated_noise(data, prediction: ClosurePrediction, sigma, keep, pull) -> Noise:
+    """Scale of each class: weighted square sum over its redundancy (numbers less leverage)."""
+    used, device = prediction.used & (keep > 0)[:, None], device_of(data)
+    white = prediction.residual / sigma
+    weight = _tail_weights(white, prediction.used)
+    leverage = _leverage(prediction, weight[:, None] * used / sigma, pull)
+    pairs = prediction.pairs
+    alone = np.where(pairs >= 0, 1.0 - 1.0 / np.maximum(np.bincount(pairs[pairs >= 0], minlength=1)[pairs], 1), 1.0)
+    found = {}
+    for k, part in enumerate(_parts(used)):
+        for name in np.unique(device):
+            block = np.zeros_like(used)
+            block[device == name, 3 * k : 3 * k + 3] = True
+            block &= used
+            if block.any():
+                square = np.sum(((weight[:, None] * prediction.residual)[block]) ** 2)
+                redundancy = max(float((alone[:, None] * block).sum() - leverage[block].sum()), 1.0)
+                found[name, part] = max(float(np.sqrt(square / redundancy)), _LEAST_SIGMA)
+    return Noise(found)
+
+
+def _leverage(prediction: ClosurePrediction, scale: np.ndarray, pull: np.ndarray) -> np.ndarray:
+    """(N, m) how much of each number its own measurement decides."""
+    if prediction.jacobian is None:
+        return np.zeros(prediction.residual.shape)
+    rows = (scale[:, :, None] * prediction.jacobian).reshape(scale.size, -1)
+    solved = _pseudo_inverse(rows.T @ rows + pull.T @ pull)
+    return np.einsum("ij,jk,ik->i", rows, solved, rows).reshape(scale.shape)
+
+
+def _pseudo_inverse(matrix: np.ndarray) -> np.ndarray:
+    scale = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    return linalg.pinvh(matrix / np.outer(scale, scale), rtol=1e-12) / np.outer(scale, scale)
+
+
+def _finished(fit, layout, prediction, sigma, keep, weight, pull, tail, settled) -> Fit:
+    """The fit with the covariance of the M-estimator and a word on convergence that does not rest on the search's own."""
+    used = prediction.used & (keep > 0)[:, None]
+    square, count = _squares(prediction.residual / sigma, used)
+    psi = (keep * weight**2)[:, None] * prediction.residual / sigma * used
+    numbers = int(used.sum()) - prediction.projected
+    scale = used / sigma
+    jacobian = np.zeros((scale.size, 0)) if prediction.jacobian is None else prediction.jacobian.reshape(scale.size, -1)
+    rows = scale.ravel()[:, None] * jacobian
+    redundancy = numbers - float(_leverage(prediction, weight[:, None] * scale, pull).sum())
+    freedom = max(int(round(redundancy)), 1)
+    tails = TAIL_FREEDOM + square
+    slope = np.sum(((TAIL_FREEDOM + count) * (count / tails - 2.0 * square / tails**2))[keep > 0]) / max(int(used.sum()), 1)
+    spread = float(np.sum(psi**2)) / freedom
+    information = slope**2 / max(spread, 1e-300) * rows.T @ rows
+    covariance = _pseudo_inverse(information + pull.T @ pull)
+    gradient = jacobian.T @ (scale * psi).ravel() + pull.T @ tail
+    free = ~fit.at_bound
+    hessian = (slope * rows.T @ rows + pull.T @ pull)[np.ix_(free, free)]
+    decrement = float(gradient[free] @ _pseudo_inverse(hessian) @ gradient[free]) if free.any() else 0.0
+    covariance[fit.at_bound] = 0.0
+    covariance[:, fit.at_bound] = 0.0
+    return replace(fit, covariance=covariance, freedom=freedom, sigma=1.0, converged=bool(settled and decrement < _DECREMENT))

@@ -1,0 +1,295 @@
+"""Calibration and judgement from closures: contacts, tool and geometry together, the contacts integrated out of the intervals.
+
+1. tool and contacts by the robot as declared, 2. which parameters the closures can tell, 3. all of them with known
+lengths and the drawing as data (exactarm.identify.closure_fit), 4. the error of rows that were not fitted.
+One tool serves all sessions unless the rows say otherwise by more than it costs (Schwarz 1978).
+Without a known length nothing tells a robot and its surroundings from a model of both at another scale: one length is held.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from exactarm.chain import Layout
+from exactarm.dataset import Dataset
+from exactarm.effects.base import Station
+from exactarm.errors import InputError
+from exactarm.fixture import Fixture
+from exactarm.identify.calibrate import Calibration, CalibrationOptions, calibrated_robot
+from exactarm.identify.closure_fit import ClosureFit, Pulls, fit_closures
+from exactarm.identify.compliance import compliance_layout
+from exactarm.identify.declared import carried_layout, frames_layout, geometry_layout, require_geometry
+from exactarm.identify.identifiability import Dropped, Identifiability, select_identifiable, still_axes
+from exactarm.identify.parameter_name import parse_parameter
+from exactarm.identify.match import WORST_SHARE, reach
+from exactarm.identify.statistics import summarise
+from exactarm.measurement.closures import PAIR, TRACKER, contact_keys, device_of, predict_closures, touches
+from exactarm.measurement.contacts import CONTACT_CLASSES, Contact
+from exactarm.measurement.known_lengths import distance_errors, known_lengths
+from exactarm.measurement.target import Target
+from exactarm.robot import Robot
+
+_STARTS = 12
+_TOOL_REACH_M = 0.3  # spread of the random starts of the tool point
+_LEAST_TOUCHES = {"socket": 1, "plane": 3, "sphere": 4, "bar": 4}  # below, a contact is wherever it was touched
+_AS_ONE = ("d", "q_offset")  # of axis 1: they move the arm along and about it
+AS_ONE = "the robot and everything that it touches may move as one: the contacts absorb it"
+SCALE = "all lengths times a common factor fit as well: give one distance, radius or bar length of the fixture"
+
+
+@dataclass(frozen=True)
+class DeclaredClosures:
+    """The declared model of closures: its layout (frames, contacts and tool first), what is known beside the rows, what
+    was dropped, the fit of contacts and tool alone, and the fit of everything."""
+
+    layout: Layout
+    pulls: Pulls
+    identifiability: Identifiability
+    nominal: ClosureFit
+    fit: ClosureFit
+
+
+def calibrate_closures(robot: Robot, data: Dataset, options: CalibrationOptions = CalibrationOptions()) -> Calibration:
+    """Calibrates on the identification rows and judges on the others. Raises InputError where the data cannot support it."""
+    identification = data.split(options.seed)
+    train = touches(data.select(identification))
+    rows = touches(replace(data, identification=identification))
+    declared = declare_closures(robot, train, options.compliance, options.seed, options.threads, sessions_of(rows))
+    fit = declared.fit
+    before, after = (
+        closure_errors(robot, each.layout, rows, options.threads) for each in (declared.nominal, fit)
+    )
+    parts = {"identification": rows.identification, "validation": ~rows.identification}
+    judge = lambda layout: {
+        name: mean_distance_error(robot, layout, rows.select(mask), options.threads) for name, mask in parts.items()
+    }
+    return Calibration(
+        robot=updated_robot(robot, train, fit),
+        fit=fit,
+        data=rows,
+        identification=rows.identification,
+        error_before=before.error(),
+        error_after=after.error(),
+        residual_after=after.residual,
+        before={name: summarise(before.error()[mask]) for name, mask in parts.items()},
+        after={name: summarise(after.error()[mask]) for name, mask in parts.items()},
+        identifiability=declared.identifiability,
+        orientation=fit.prediction.used.shape[1] == 6,
+        distances_before=judge(declared.nominal.layout),
+        distances_after=judge(fit.layout),
+        warnings=tuple(_warnings(declared, train)),
+    )
+
+
+def declare_closures(
+    robot: Robot, data: Dataset, compliance: tuple[int, ...] | None = (), seed: int = 0, threads: int = 1,
+    sessions: tuple[int, ...] = (), carried: Layout | None = None,
+) -> DeclaredClosures:
+    """The declared model fitted to all rows of `data` (one device a row); `sessions`: those that share the tool too."""
+    require_geometry(robot)
+    carried = carried_effects(robot, data) if carried is None else carried
+    nominal = nominal_closures(robot, data, carried, seed, threads, sessions or sessions_of(data))
+    geometry = geometry_layout(robot)
+    start = nominal.layout.at(nominal.layout.values)
+    setup = Layout(start.effects[: len(start.effects) - len(carried.effects)], start.free[: len(start.free) - len(carried.free)])
+
+    def fitted(setup: Layout) -> tuple[Layout, Pulls, Identifiability, ClosureFit]:
+        beside = geometry.joined(compliance_layout(robot, data, compliance)).joined(carried)
+        layout, found = identifiable_closures(robot, setup, beside, data, threads)
+        pulls = Pulls.of(geometry, data.fixture)
+        return layout, pulls, found, fit_closures(robot, layout, data, pulls, threads=threads)
+
+    one = fitted(setup)
+    apart = _with_tools_apart(setup)
+    if apart is not None:
+        other = fitted(apart)
+        price = 0.5 * (other[0].size - one[0].size) * np.log(other[3].prediction.used.sum())
+        if other[3].log_likelihood - one[3].log_likelihood > price:
+            one = other
+    layout, pulls, found, fit = one
+    return DeclaredClosures(layout, pulls, found, nominal, fit)
+
+
+def nominal_closures(
+    robot: Robot, data: Dataset, carried: Layout, seed: int = 0, threads: int = 1, sessions: tuple[int, ...] = ()
+) -> ClosureFit:
+    """Contacts, tool and frames alone, by the robot as declared; known lengths are not used. Raises InputError where they do not fit."""
+    device = device_of(data)
+    tracked = device == TRACKER
+    frames = Layout.of(())
+    if tracked.any():
+        frames, _ = frames_layout(robot, data.select(tracked), orientation=data.rotation is not None, seed=seed)
+    framed = {effect.session for effect in frames.effects}
+    shared = tuple(s for s in (sessions or sessions_of(data)) if s not in framed)
+    touched = np.isin(data.session, shared) & (device != PAIR)
+    starts = [robot.tool.position]
+    if touched.any():
+        starts += list(np.random.default_rng(seed).normal(0.0, _TOOL_REACH_M, (_STARTS, 3)))
+    best = None
+    for place, tool in enumerate(starts):
+        target = Layout.of((Target(None, tuple(float(v) for v in tool), shared),), estimate=bool(touched.any())) if shared else Layout.of(())
+        layout = with_contacts(robot, frames.joined(target).joined(carried), data, threads)
+        fit = fit_closures(robot, layout, data, Pulls(), threads=threads)
+        error = float(np.median(fit.prediction.error()))
+        if best is None or error < best[0]:
+            best = (error, fit)
+        if best[0] <= WORST_SHARE * reach(robot):
+            break
+    if best[0] > WORST_SHARE * reach(robot):
+        raise InputError(
+            f"robot and data do not match: with the best tool and contacts {robot.name} misses the contacts by {best[0]:.3g} m "
+            f"(median), expected less than {WORST_SHARE * reach(robot):.2g} m: is it another robot, are axes exchanged or "
+            "are angles in another unit?", file=data.first_file,
+        )
+    return best[1]
+
+
+def with_contacts(robot: Robot, layout: Layout, data: Dataset, threads: int = 1) -> Layout:
+    """The layout with every contact of `data` that it lacks, where the target is; contacts come behind frames and before the rest.
+
+    A contact with too few touches is left out, and with it its rows. Only the contacts are refined, nothing else moves.
+    """
+    known = {(e.contact, e.session, e.number) for e in layout.effects if isinstance(e, Contact)}
+    prediction = predict_closures(robot, layout.held, data, tangents=False, threads=threads)
+    points = prediction.view.signals["target"] + prediction.view.signals["displacement"][:, :3]
+    found = []
+    for name, session, number in contact_keys(data):
+        if (name, session, number) in known:
+            continue
+        contact = CONTACT_CLASSES[name](None, (), session, number)
+        rows = contact.rows(data)
+        length = None if data.length is None or name != "bar" else data.length[rows]
+        if length is not None and np.isnan(length).any():
+            length = None
+        if name == "bar":
+            contact = replace(contact, absolute=length is not None and number not in data.fixture.free_bars)
+        if rows.sum() >= _LEAST_TOUCHES[name]:
+            found.append(contact.start(points[rows], length))
+    return Layout.of(tuple(found)).joined(layout)
+
+
+def closure_errors(robot: Robot, layout: Layout, data: Dataset, threads: int = 1):
+    """Prediction of any rows; contacts that the layout does not have are fitted to the rows themselves, nothing else is."""
+    complete = with_contacts(robot, layout.held, data, threads)
+    if complete.size:
+        complete = fit_closures(robot, complete, data, Pulls(), threads=threads).layout
+    return predict_closures(robot, complete, data, tangents=False, threads=threads)
+
+
+def mean_distance_error(robot: Robot, layout: Layout, data: Dataset, threads: int = 1) -> float | None:
+    """Mean absolute error of the known distances, m, with the contacts fitted anew to these rows alone; None without any."""
+    errors = list(set_distance_errors(robot, layout, data, threads).values())
+    return float(np.mean(errors)) if errors else None
+
+
+def set_distance_errors(robot: Robot, layout: Layout, data: Dataset, threads: int = 1) -> dict[str, float]:
+    """Name of a known distance -> |error| in m; see `mean_distance_error`."""
+    if not data.fixture.distances or not len(data):
+        return {}
+    pairs = [(e, m) for e, m in zip(layout.effects, layout.free) if not isinstance(e, Contact)]
+    bare = Layout(tuple(e for e, _ in pairs), tuple(m for _, m in pairs)).held
+    complete = with_contacts(robot, bare, data, threads)
+    if not complete.size:
+        return {}
+    return distance_errors(fit_closures(robot, complete, data, Pulls(), threads=threads).layout, data.fixture)
+
+
+def identifiable_closures(
+    robot: Robot, setup: Layout, beside: Layout, data: Dataset, threads: int = 1
+) -> tuple[Layout, Identifiability]:
+    """`setup` (frames, contacts, tool) and what of `beside` these closures can tell; the scale is held where nothing gives it."""
+    whole = tuple(name for name in beside.names if (p := parse_parameter(name)).axis == 1 and p.symbol in _AS_ONE)
+    layout = setup.joined(beside.without(set(whole)))
+    prediction = predict_closures(robot, layout, data, threads=threads)
+    rows = prediction.jacobian[prediction.used]
+    known = known_lengths(layout, data.fixture)
+    rows = np.concatenate([rows, np.array([k.row for k in known]).reshape(-1, layout.size)])
+    found = select_identifiable(
+        rows, layout.names, keep_first=setup.size, poses=len(data), plausible=[p.plausible for p in layout.parameters],
+        robot=robot, still=still_axes(prediction.view.q),
+    )
+    found = replace(found, dropped=(*(Dropped(name, f"{name}: {AS_ONE}", (), True) for name in whole), *found.dropped))
+    held = set(found.dropped_names)
+    if not scale_is_known(layout, data):
+        longest = _longest(layout, held, setup.size)
+        others = tuple(n for n in layout.names if n.endswith("_m") and n not in held and n != longest)
+        found = replace(
+            found, kept=found.kept & np.array([name != longest for name in found.names]),
+            dropped=(*found.dropped, Dropped(longest, f"{longest} holds the scale: {SCALE}", others, True)),
+        )
+        held.add(longest)
+    return layout.without(held), found
+
+
+def scale_is_known(layout: Layout, data: Dataset) -> bool:
+    """Whether a known length, an absolute bar or a tracker tells the size of things."""
+    tracked = data.position is not None and bool(np.isfinite(data.position).any())
+    read = data.length is not None and bool(np.isfinite(data.length).any())
+    return tracked or read or bool(known_lengths(layout, data.fixture))
+
+
+def _longest(layout: Layout, held: set[str], first: int) -> str:
+    """The longest length of the robot that is still free."""
+    lengths = [
+        (abs(value), name) for name, value in zip(layout.names[first:], layout.values[first:])
+        if name.endswith("_m") and name not in held
+    ]
+    return max(lengths)[1]
+
+
+def carried_effects(robot: Robot, data: Dataset) -> Layout:
+    """The robot file's own effects that act before the device, none of them free."""
+    layout = carried_layout(robot, data)
+    keep = [i for i, effect in enumerate(layout.effects) if effect.station != Station.DEVICE]
+    return Layout(tuple(layout.effects[i] for i in keep), tuple(layout.free[i] for i in keep))
+
+
+def updated_robot(robot: Robot, data: Dataset, fit: ClosureFit) -> Robot:
+    """The robot with the estimates in its tables and the tool of the first session; the base stays as declared."""
+    result = calibrated_robot(robot, data, fit.layout, fit.fit)
+    tool = robot.tool
+    for effect in fit.layout.effects:
+        if isinstance(effect, Target):
+            tool = effect.place(effect.sessions[0], robot.base, robot.tool)[1]
+            break
+    return replace(result, base=robot.base, tool=tool)
+
+
+def sessions_of(data: Dataset) -> tuple[int, ...]:
+    return tuple(int(session) for session in np.unique(data.session))
+
+
+def without_known_lengths(data: Dataset) -> Dataset:
+    return replace(data, fixture=Fixture(free_bars=data.fixture.free_bars))
+
+
+def _with_tools_apart(setup: Layout) -> Layout | None:
+    """The same with a tool for each session; None where there is only one."""
+    at = next((i for i, e in enumerate(setup.effects) if isinstance(e, Target) and setup.free[i].any()), None)
+    if at is None or len(setup.effects[at].sessions) == 1:
+        return None
+    tool = setup.effects[at]
+    each = Layout.of(tuple(replace(tool, sessions=(session,)) for session in tool.sessions))
+    before, after = (Layout(setup.effects[part], setup.free[part]) for part in (slice(0, at), slice(at + 1, None)))
+    return before.joined(each).joined(after)
+
+
+def _warnings(declared: DeclaredClosures, data: Dataset):
+    fit = declared.fit
+    if not fit.fit.converged:
+        yield "the fit did not converge: check the data for gross errors, or for contacts with the wrong number"
+    if not scale_is_known(fit.layout, data):
+        yield SCALE
+    slipped = int(np.sum(fit.weight < _SLIPPED))
+    if slipped:
+        yield f"{slipped} of {len(data)} rows lie far beside their contact and count for little: slipped, or wrongly numbered"
+    tools = sum(isinstance(effect, Target) for effect in fit.layout.effects)
+    if tools > 1:
+        yield f"the {tools} sessions have a tool each: one for all of them fits far worse"
+    if fit.fit.freedom < 2 * fit.layout.size:
+        yield f"only {fit.fit.freedom} degrees of freedom for {fit.layout.size} parameters: touch more poses"
+
+
+_SLIPPED = 0.35  # square root of a weight: beyond some 7 standard deviations

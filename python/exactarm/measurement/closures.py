@@ -1,0 +1,180 @@
+"""Closures: poses at rest whose target touches something known; calibration without a tracker.
+
+    q or theta --chain--> x (target in the base frame) --contact--> numbers that a perfect model makes vanish
+
+Entry of the chain: motor angles, as for poses; device: the contact of the row (exactarm.measurement.contacts), the tracker
+where the row has x, y, z, or the other rows of its `pair` (same pose of the target: x - mean x, log(R mean R')).
+The mean of a pair is projected out, so it is no parameter. Row = one touch; a row of the file with two contacts is two rows.
+Residual (N, 3), or (N, 6) where a row gives an orientation too (rotation vector in the base frame): measured minus predicted.
+Source: Bennett and Hollerbach, IEEE Trans. Robot. Autom. 7(5), 1991; Zhuang, Motaghedi, Roth, ICRA 1999 (planes).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from exactarm.chain import Layout, View, predict_poses
+from exactarm.dataset import NO_CONTACT, Dataset
+from exactarm.effects.base import Effect, Station
+from exactarm.measurement.contacts import CONTACT_CLASSES, Contact
+from exactarm.robot import Robot
+from exactarm.rotation import log, nearest
+
+TRACKER = "tracker"
+PAIR = "pair"
+
+
+def touches(data: Dataset) -> Dataset:
+    """One row for each contact of each row, and one for x, y, z: a row has exactly one of them, `device_of` says which."""
+    parts = []
+    for name, numbers in data.contacts.items():
+        at = np.flatnonzero(numbers >= 0)
+        alone = {other: np.where(other == name, values[at], NO_CONTACT) for other, values in data.contacts.items()}
+        bare = replace(data.select(at), contacts=alone)
+        parts.append((at, replace(bare, position=None if data.position is None else np.full((len(at), 3), np.nan))))
+    if data.position is not None:
+        at = np.flatnonzero(~np.isnan(data.position).any(axis=1))
+        none = {name: np.full(len(at), NO_CONTACT) for name in data.contacts}
+        parts.append((at, replace(data.select(at), contacts=none)))
+    order = np.argsort(np.concatenate([at for at, _ in parts]), kind="stable")
+    return _stacked([part for _, part in parts]).select(order)
+
+
+def _stacked(parts: list[Dataset]) -> Dataset:
+    """Data sets with the same columns, one below the other."""
+    stack = lambda values: np.concatenate(values) if isinstance(values[0], np.ndarray) else values[0]
+    changes = {}
+    for name in vars(parts[0]):
+        values = [getattr(part, name) for part in parts]
+        if isinstance(values[0], dict):
+            changes[name] = {key: stack([value[key] for value in values]) for key in values[0]}
+        elif isinstance(values[0], np.ndarray):
+            changes[name] = stack(values)
+    return replace(parts[0], **changes)
+
+
+def device_of(data: Dataset) -> np.ndarray:
+    """(N,) name of what ends the chain in each row of `touches`: a contact, `pair` or `tracker`."""
+    device = np.full(len(data), TRACKER, dtype=object)
+    for name, numbers in data.contacts.items():
+        device[numbers >= 0] = name
+    return device
+
+
+def contact_keys(data: Dataset) -> list[tuple[str, int, int]]:
+    """(contact, session, number) of every contact touched, pairs excepted."""
+    found = set()
+    for name in CONTACT_CLASSES:
+        if name in data.contacts:
+            at = data.contacts[name] >= 0
+            found |= {(name, int(s), int(k)) for s, k in zip(data.session[at], data.contacts[name][at])}
+    return sorted(found, key=lambda key: (key[1], key[0], key[2]))
+
+
+def pair_numbers(data: Dataset) -> np.ndarray:
+    """(N,) from 0, one number a pair and session; NO_CONTACT elsewhere."""
+    out = np.full(len(data), NO_CONTACT)
+    if PAIR in data.contacts:
+        at = np.flatnonzero(data.contacts[PAIR] >= 0)
+        keys = np.stack([data.session[at], data.contacts[PAIR][at]], axis=1)
+        out[at] = np.unique(keys, axis=0, return_inverse=True)[1].ravel()
+    return out
+
+
+@dataclass(frozen=True)
+class ClosurePrediction:
+    """residual (N, m) measured minus predicted, 0 where a row has no such number; used (N, m) bool; jacobian (N, m, P)
+    of the prediction or None; by_target (N, m, 6): the prediction by a displacement of the target (m, rad)."""
+
+    residual: np.ndarray
+    used: np.ndarray
+    jacobian: np.ndarray | None
+    by_target: np.ndarray
+    view: View
+    pairs: np.ndarray
+
+    def error(self) -> np.ndarray:
+        """(N,) m: the distance to the contact, of a pair from the mean, of a tracker's row from the prediction."""
+        return np.linalg.norm(self.residual[:, :3], axis=1)
+
+    def through(self, displacement: np.ndarray) -> np.ndarray:
+        """(N, m, k): what displacements of the targets (N, 6, k) do to the numbers."""
+        return cleared_of_pairs(self.by_target @ displacement, self.pairs)
+
+    def response(self, effect: Effect) -> np.ndarray:
+        """(N, m, k): what the parameters of an effect that is not in the layout do to the numbers, to first order."""
+        return self.through(self.view.response(effect))
+
+    @cached_property
+    def projected(self) -> int:
+        """How many of the used numbers the means of the pairs have taken."""
+        first = np.unique(self.pairs, return_index=True)[1]
+        return int(self.used[first[self.pairs[first] >= 0]].sum())
+
+
+def predict_closures(
+    robot: Robot, layout: Layout, data: Dataset, *, tangents: bool = True, threads: int = 1
+) -> ClosurePrediction:
+    """Prediction of every row of `data` (one device a row, see `touches`) with effects and contacts of `layout`."""
+    chain = predict_poses(robot, layout, data, tangents=tangents, threads=threads)
+    view, device, pairs = chain.view, device_of(data), pair_numbers(data)
+    oriented = (device == PAIR) | ((device == TRACKER) & (data.rotation is not None))
+    m = 6 if oriented.any() else 3
+    rows = len(data)
+    residual, used = np.zeros((rows, m)), np.zeros((rows, m), bool)
+    residual[:, :3] = -chain.position
+    if data.position is not None:
+        at = device == TRACKER
+        residual[at, :3] += data.position[at]
+    by_target = np.tile(np.eye(6)[:m], (rows, 1, 1))
+    points = view.signals["target"] + view.signals["displacement"][:, :3]
+    for effect in layout.effects:
+        if isinstance(effect, Contact):
+            at = np.flatnonzero(effect.rows(data))
+            used[at, : effect.numbers] = True
+            by_target[at] = 0.0
+            by_target[at, : effect.numbers, :3] = effect.touch(points[at])[1]
+    used[(device == PAIR) | (device == TRACKER), :3] = True
+    if data.length is not None:
+        at = (device == "bar") & ~np.isnan(data.length)
+        residual[at, 0] += data.length[at]
+    if m == 6:
+        residual[:, 3:], used[:, 3:] = _turns(chain.rotation, data, pairs, device), oriented[:, None]
+        by_target[~oriented, 3:] = 0.0
+    residual = cleared_of_pairs(residual, pairs)
+    jacobian = None
+    if chain.jacobian is not None:
+        jacobian = cleared_of_pairs(np.where(used[:, :, None], chain.jacobian[:, :m], 0.0), pairs)
+    return ClosurePrediction(np.where(used, residual, 0.0), used, jacobian, by_target, view, pairs)
+
+
+def cleared_of_pairs(values: np.ndarray, pairs: np.ndarray) -> np.ndarray:
+    """(N, ...) with the mean of each pair taken off its rows."""
+    at = np.flatnonzero(pairs >= 0)
+    if not at.size:
+        return values
+    count = np.bincount(pairs[at])
+    sums = np.zeros((len(count), *values.shape[1:]))
+    np.add.at(sums, pairs[at], values[at])
+    values = values.copy()
+    values[at] -= (sums / count.reshape(-1, *[1] * (values.ndim - 1)))[pairs[at]]
+    return values
+
+
+def _turns(rotation: np.ndarray, data: Dataset, pairs: np.ndarray, device: np.ndarray) -> np.ndarray:
+    """(N, 3) rad: rotation vectors from the predicted to the measured orientation, or to the mean of the pair."""
+    meant = rotation.copy()
+    for pair in np.unique(pairs[pairs >= 0]):
+        meant[pairs == pair] = nearest(rotation[pairs == pair].mean(axis=0))
+    if data.rotation is not None:
+        meant[device == TRACKER] = data.rotation[device == TRACKER]
+    return log(meant @ np.swapaxes(rotation, -1, -2))
+
+
+def turn_of_axis(prediction: ClosurePrediction, index: int) -> np.ndarray:
+    """(N, m): what a unit turn of axis `index` (from 0) does to the numbers."""
+    unit = np.ones((len(prediction.residual), 1, 1))
+    return prediction.through(prediction.view.transfers[Station.GEAR]((index,), unit))[:, :, 0]

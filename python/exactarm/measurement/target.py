@@ -1,0 +1,52 @@
+"""Target: where on the flange the touching ball, tip or sensor sits, one point for all sessions that share it.
+
+    x = p_base + R_base (p_flange + R_flange p_tool)
+
+The base frame is no unknown: contacts are wherever the robot touches them. Its rotation is that of the robot file.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import ClassVar, Iterable
+
+import numpy as np
+
+from exactarm.effects.base import Change, Effect, Parameter, Station
+
+
+@dataclass(frozen=True)
+class Target(Effect):
+    """The tool point (3,) m in the flange frame, at each of `sessions`."""
+
+    sessions: tuple[int, ...] = (1,)
+
+    station: ClassVar[Station] = Station.GEOMETRY
+    kinds: ClassVar[tuple[str, ...]] = ("poses", "closures")
+    declared: ClassVar[bool] = True
+    per_joint: ClassVar[bool] = False
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        return tuple(Parameter(f"{axis}_m", 10.0) for axis in "xyz")
+
+    def parameter_label(self, parameter: Parameter) -> str:
+        return f"tool_{parameter.name}" if self.number is None else f"session_{self.number}.tool_{parameter.name}"
+
+    @property
+    def number(self) -> int | None:
+        """The session, where it is the tool of one alone."""
+        return self.sessions[0] if len(self.sessions) == 1 else None
+
+    def place(self, session, base, tool):
+        return base, replace(tool, position=np.asarray(self.values)) if session in self.sessions else tool
+
+    def change(self, view) -> Change:
+        derivative = np.zeros((view.rows, 6, 3))
+        if "identification" in view.signals:
+            rows = np.flatnonzero(np.isin(view.data.session, self.sessions))
+            derivative[rows] = view.signals["identification"].reshape(view.rows, 6, -1)[rows, :, -6:-3]
+        return Change(tuple(range(6)), np.zeros((view.rows, 6)), derivative)
+
+    @classmethod
+    def candidates(cls, robot, view) -> Iterable[Effect]:
+        return ()
