@@ -1,6 +1,7 @@
 """The data that come with the package, in a clone and in an installed wheel alike.
 
     ur10    poses under a laser tracker, two series      kr300  encoders on both sides of the gears, two runs
+    ball_in_socket  five arms calibrated without a tracker
     tx40    motor angles and torques of one motion       racer  declared parameters, the thesis' poses and results
 """
 

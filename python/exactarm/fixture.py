@@ -14,12 +14,12 @@ Without `session` an entry holds at every session. Lengths in m inside.
 from __future__ import annotations
 
 import math
-import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 from exactarm.errors import InputError
+from exactarm.toml_file import is_number, read_toml
 
 SIGMA_M = 1e-5  # a workshop measures a fixture to a hundredth of a millimetre
 WITH_DISTANCE = ("socket", "plane", "sphere", "bar")
@@ -66,19 +66,16 @@ class Fixture:
 
 def load_fixture(path: str | Path) -> Fixture:
     """Reads a fixture file. Raises InputError naming the entry that is wrong."""
-    try:
-        tables = tomllib.loads(Path(path).read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise InputError("no such file; expected a fixture file (.toml)", file=path) from None
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise InputError(f"cannot be read: {error}", file=path) from None
+    tables = read_toml(path, "a fixture file (.toml)")
     unknown = sorted(set(tables) - set(_ENTRIES))
     if unknown:
         raise InputError(f"unknown table [[{unknown[0]}]]; expected [[{']], [['.join(_ENTRIES)}]]", file=path)
-    found = {
-        name: [read(_Entry(str(path), f"[[{name}]] entry {place}", entry)) for place, entry in enumerate(tables.get(name, []), 1)]
-        for name, read in _ENTRIES.items()
-    }
+    found = {}
+    for name, read in _ENTRIES.items():
+        entries = tables.get(name, [])
+        if not (isinstance(entries, list) and all(isinstance(entry, dict) for entry in entries)):
+            raise InputError(f"{name} is no list of tables; expected [[{name}]]", file=path)
+        found[name] = [read(_Entry(str(path), f"[[{name}]] entry {place}", entry)) for place, entry in enumerate(entries, 1)]
     return Fixture(tuple(found["distances"]), tuple(found["radii"]), frozenset(found["bars"]))
 
 
@@ -137,7 +134,7 @@ def _is_number(value: object) -> bool:
 
 
 def _is_length(value: object) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value) and value > 0
+    return is_number(value) and math.isfinite(value) and value > 0
 
 
 _ENTRIES = {"distances": _distance, "radii": _radius, "bars": _free_bar}

@@ -22,15 +22,23 @@ def column(field: str, robot=RACER) -> list:
 
 
 def test_these_robots_are_shipped():
-    assert shipped_robots() == ("kr300", "racer-7-1.4", "tx40", "ur10")
+    assert shipped_robots() == ("gen3lite", "kr300", "panda", "racer-7-1.4", "tx40", "ur10")
 
 
 @pytest.mark.parametrize("name", shipped_robots())
 def test_shipped_files_are_as_the_writer_writes_them(tmp_path, name):
     write_robot(tmp_path / "again.toml", load_robot(name))
-    assert load_robot(tmp_path / "again.toml").core.axes == 6
+    assert load_robot(tmp_path / "again.toml").core.axes == (7 if name == "panda" else 6)
     shipped = data_path().parent / "robots" / f"{name}.toml"
     assert (tmp_path / "again.toml").read_text() == shipped.read_text()
+
+
+@pytest.mark.parametrize("name", ("panda", "gen3lite"))
+def test_arms_from_their_makers_descriptions_stand_as_those_say(name):
+    described, shipped = load_robot(data_path(f"ball_in_socket/{name}.urdf")), load_robot(name)
+    q = np.random.default_rng(1).uniform(-2.0, 2.0, (20, shipped.axes))
+    for one, other in zip(_core.forward_kinematics(described.core, q), _core.forward_kinematics(shipped.core, q)):
+        np.testing.assert_array_equal(one, other)
 
 
 # -- Racer -------------------------------------------------------------------------------------------
