@@ -2,11 +2,14 @@
 
     minimise  sum_r rho(|w_r (y_r - f_r(x))|^2)   over lower <= x <= upper
 
-Levenberg-Marquardt on scaled columns (Moré 1978) with the active bounds held; a robust loss is handled by
-iteratively reweighted residuals (Huber 1964). Covariance: s^2 (J' W J)^{-1} with s^2 from N - P degrees of
-freedom (frames and all other free parameters counted), intervals by Student's t. Under the robust loss s^2 is taken
-from the clipped residuals psi over their mean slope, sum psi^2 / mean(psi')^2, and J keeps its plain weights (Huber
-1973), so that gross errors widen nothing.
+Trust region on scaled columns (Moré 1978), inside the bounds (trust_region.py); where the radius binds, the step is
+bent along the valley by geodesic acceleration (Transtrum and Sethna 2012). A robust loss is handled by iteratively
+reweighted residuals (Huber 1964). The search ends where the linear model promises no fall (the relative offset of
+Bates and Watts 1981), not where one step happened to be short: in a curved valley every step is short.
+
+Covariance: s^2 (J' W J)^{-1} with s^2 from N - P degrees of freedom (frames and all other free parameters counted),
+intervals by Student's t. Under the robust loss s^2 is taken from the clipped residuals psi over their mean slope,
+sum psi^2 / mean(psi')^2, and J keeps its plain weights (Huber 1973), so that gross errors widen nothing.
 """
 
 from __future__ import annotations
@@ -17,7 +20,19 @@ from typing import Callable, NamedTuple
 import numpy as np
 from scipy import linalg, special
 
+from exactarm.trust_region import Model, Step, bounded_step
+
 HUBER = 1.345  # 95 % efficiency at the normal distribution
+CONVERGED = "converged"
+_GOOD, _POOR, _LEAST_RATIO = 0.9, 0.25, 1e-4  # actual fall beside the promised one: grow, shrink, refuse
+_FIRST = 10.0  # first radius beside the size of parameters and data
+_GROWTH = 2.5  # of the radius after a good step, beside its length
+_MOST_BENT = 0.75  # acceleration beside the step (Transtrum and Sethna 2012)
+_PROBE = 0.1  # share of the step at which the second derivative is probed
+_ROUNDING = 1e-15  # of the size of the predicted values: a step of no effect
+# A fall that the model promises and no step gives is put down to rounding, or to derivatives that are good to five
+# digits, where it is worth a thousandth of a standard deviation, or 1e-12 of the size of the predicted values.
+_UNSEEN, _HIDDEN = 1e-3, 1e-12
 
 
 class Evaluation(NamedTuple):
@@ -31,21 +46,27 @@ class Evaluation(NamedTuple):
 class Fit:
     """x (P,), covariance (P, P), sigma (weighted residual standard deviation), freedom, state of the search.
 
-    at_bound (P,) bool; weights (R,) of the robust loss, square roots (1 without); slope: mean slope of the clipped
-    residual; cost = half the weighted square sum.
+    reason: why the search ended; offset: share of the square sum that a linear step from x would still take off,
+    computed anew from the last residual and Jacobian. at_bound (P,) bool; weights (R,) of the robust loss, square
+    roots (1 without); slope: mean slope of the clipped residual; cost = half the weighted square sum.
     """
 
     x: np.ndarray
     covariance: np.ndarray
     sigma: float
     freedom: int
-    converged: bool
+    reason: str
     iterations: int
     cost: float
     at_bound: np.ndarray
     weights: np.ndarray
     residual: np.ndarray
-    slope: float = 1.0
+    slope: float
+    offset: float
+
+    @property
+    def converged(self) -> bool:
+        return self.reason == CONVERGED
 
     @property
     def clipped(self) -> np.ndarray:
@@ -72,52 +93,100 @@ def least_squares(
     group: int = 1,
     data_rows: int | None = None,
     tolerance: float = 1e-10,
-    most_iterations: int = 60,
+    most_iterations: int = 200,
 ) -> Fit:
     """Minimises the weighted residual; `evaluate(x, with_jacobian)`.
 
     weights (R,): square roots of the inverse variances; `group`: consecutive residuals that share one robust
     weight (3 for a position); `data_rows`: the first so many residuals are data, the rest pseudo-observations of a
-    prior, which no robust loss touches. Converged when no scaled step is larger than `tolerance` of its parameter's
-    own uncertainty-free scale, or the cost cannot fall any further.
+    prior, which no robust loss touches. `tolerance`: converged where the linear model, inside the bounds and without
+    any radius, promises a fall of the square sum by less than this share of it.
     """
     x = np.array(start, float)
     lower, upper = bounds if bounds is not None else (np.full(x.size, -np.inf), np.full(x.size, np.inf))
     x = np.clip(x, lower, upper)
     now = evaluate(x, True)
     w = np.ones_like(now.residual) if weights is None else weights
-    damping, converged, iteration = 0.0, False, 0
     data = len(w) if data_rows is None else data_rows
     soft = _robust_weights(w * now.residual, group, data) if robust else np.ones_like(w)
+    radius, scale, reason = np.inf, np.zeros(x.size), f"stopped at the limit of {most_iterations} iterations"
     for iteration in range(1, most_iterations + 1):
         weight = w * soft
-        step, gain, held = _step(now, weight, x, lower, upper, damping)
-        trial_x = np.clip(x + step, lower, upper)
-        trial = evaluate(trial_x, False)
-        cost, trial_cost = _cost(now.residual, weight), _cost(trial.residual, weight)
-        if not np.isfinite(trial_cost) or trial_cost > cost * (1.0 + 1e-14):
-            if gain <= tolerance * cost:
-                converged = True
+        norms = np.linalg.norm(weight[:, None] * now.jacobian, axis=0)
+        size, square = _length(norms * x), _length(weight * now.residual) ** 2
+        enough = max(tolerance * square, (_ROUNDING * size) ** 2)
+        # Never shorter than before (Moré 1978): a column that fades is not let loose. At the end it counts as it is.
+        for scale in (np.maximum(scale, norms), norms):
+            unit = np.where(scale > 0.0, scale, 1.0)
+            model = Model(weight[:, None] * now.jacobian / unit, -weight * now.residual)
+            low, high = (lower - x) * unit, (upper - x) * unit
+            whole = bounded_step(model, low, high, np.inf)
+            fall = 2.0 * model.fall(whole.step)
+            if fall > enough:
                 break
-            damping = max(10.0 * damping, 1e-6)
-            if damping > 1e12:
-                break
-            continue
-        small = cost - trial_cost <= tolerance * max(cost, np.finfo(float).tiny)
-        x, damping = trial_x, 0.0 if damping <= 1e-6 else 0.1 * damping
-        now = evaluate(x, True)
-        changed = 0.0
-        if robust:
-            before, soft = soft, _robust_weights(w * now.residual, group, data)
-            changed = float(np.max(np.abs(soft - before), initial=0.0))
-        if small and changed < 1e-3:
-            converged = True
+        else:
+            reason = CONVERGED
             break
-    return _finish(now, w, soft, _mean_slope(soft[:data], group), x, lower, upper, converged, iteration)
+        radius = _FIRST * max(size, np.sqrt(square)) if radius == np.inf else radius
+        trial, radius = _descend(evaluate, model, whole, x, now, weight, unit, (lower, upper), radius)
+        if trial is None and np.any(scale > norms):
+            scale, radius = norms, np.inf  # the past holds columns too short: once more without it
+            continue
+        if trial is None:
+            hidden = max(_UNSEEN**2 * square / len(w), (_HIDDEN * size) ** 2)
+            reason = CONVERGED if fall <= hidden else "no step lowers the square sum"
+            break
+        x, now = trial, evaluate(trial, True)
+        if robust:
+            soft = _robust_weights(w * now.residual, group, data)
+    return _finish(now, w, soft, _mean_slope(soft[:data], group), x, lower, upper, reason, iteration)
 
 
-def _cost(residual: np.ndarray, weight: np.ndarray) -> float:
-    return 0.5 * float(np.sum((weight * residual) ** 2))
+def _descend(evaluate, model: Model, whole: Step, x, now: Evaluation, weight, unit, bounds, radius: float):
+    """(next x, next radius): the first step, of shrinking radius, that lowers the square sum; None where none does.
+
+    Inside a curved valley the step follows the geodesic to second order (Transtrum and Sethna 2012): the second
+    derivative along the step is taken from one more residual, and a step that bends more than it goes is too long.
+    """
+    square, smallest = _length(model.residual) ** 2, _ROUNDING * _length(unit * x)
+    low, high = (bounds[0] - x) * unit, (bounds[1] - x) * unit
+    while True:
+        step = whole if _length(whole.step) <= radius else bounded_step(model, low, high, radius)
+        length = _length(step.step)
+        if length <= smallest or length == 0.0:
+            return None, radius
+        bend = _bend(evaluate, model, step, x, now, weight, unit) if step.shift > 0.0 else np.zeros_like(x)
+        trial = np.clip(x + (step.step + 0.5 * bend) / unit, *bounds)
+        ratio = -1.0
+        if 2.0 * _length(bend) <= _MOST_BENT * length:
+            with np.errstate(over="ignore", invalid="ignore"):
+                ratio = square - _length(weight * evaluate(trial, False).residual) ** 2
+            ratio /= 2.0 * model.fall(step.step)
+        if not ratio > _POOR:  # not a number where the model has no value there
+            radius = 0.25 * length if not ratio > 0.0 else 0.5 * length
+        elif ratio > _GOOD:
+            radius = max(radius, _GROWTH * length)
+        if ratio > _LEAST_RATIO:
+            return trial, radius
+
+
+def _bend(evaluate, model: Model, step: Step, x, now: Evaluation, weight, unit) -> np.ndarray:
+    """(P,) the geodesic acceleration of the step, in scaled variables; infinite where the model has no value."""
+    ahead = evaluate(x + _PROBE * step.step / unit, False).residual
+    with np.errstate(over="ignore", invalid="ignore"):
+        second = 2.0 / _PROBE * (weight * (now.residual - ahead) / _PROBE - model.jacobian @ step.step)
+    if not np.all(np.isfinite(second)):
+        return np.full(len(x), np.inf)
+    values, vectors = model.spectrum(step.free)
+    bend = np.zeros(len(x))
+    onto = vectors.T @ (model.jacobian[:, step.free].T @ second)
+    bend[step.free] = -vectors @ (onto / (values + step.shift))
+    return bend
+
+
+def _length(values: np.ndarray) -> float:
+    with np.errstate(over="ignore", invalid="ignore"):
+        return float(np.linalg.norm(values))
 
 
 def _robust_weights(all_weighted: np.ndarray, group: int, data: int) -> np.ndarray:
@@ -136,37 +205,12 @@ def _mean_slope(soft: np.ndarray, group: int) -> float:
     return float(np.mean(np.where(soft == 1.0, 1.0, (group - 1.0) / group * soft**2)))
 
 
-def _step(now: Evaluation, weight, x, lower, upper, damping):
-    """Damped Gauss-Newton step on scaled columns; parameters that push against their bound are held."""
-    jacobian, residual = weight[:, None] * now.jacobian, weight * now.residual
-    gradient = jacobian.T @ residual
-    held = ((x <= lower) & (gradient < 0)) | ((x >= upper) & (gradient > 0))
-    free = ~held
-    gram, scale = _scaled_gram(jacobian[:, free] if held.any() else jacobian)
-    step = np.zeros_like(x)
-    step[free] = _solve(gram, gradient[free] / scale, damping) / scale
-    return step, 0.5 * float(step @ gradient), held
-
-
 def _scaled_gram(jacobian: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """J'J with unit diagonal, and the lengths of the columns of J (1 for an empty one)."""
     gram = jacobian.T @ jacobian
     scale = np.sqrt(np.diag(gram))
     scale[scale == 0.0] = 1.0
     return gram / np.outer(scale, scale), scale
-
-
-def _solve(normal: np.ndarray, right: np.ndarray, damping: float) -> np.ndarray:
-    """Solves the scaled normal equations; directions below rounding get no step."""
-    if right.size == 0:
-        return right
-    factor = _cholesky(normal + damping * np.eye(len(right)))
-    if factor is not None:
-        return linalg.cho_solve((factor, True), right, check_finite=False)
-    values, vectors = linalg.eigh(normal)
-    keep = values > 1e-13 * values[-1]
-    projected = vectors.T @ right
-    return vectors @ np.where(keep, projected / (np.where(keep, values, 1.0) + damping), 0.0)
 
 
 def _cholesky(gram: np.ndarray) -> np.ndarray | None:
@@ -185,7 +229,7 @@ def _inverse(gram: np.ndarray) -> np.ndarray:
     return linalg.cho_solve((factor, True), np.eye(len(gram)), check_finite=False)
 
 
-def _finish(now, weight, soft, slope, x, lower, upper, converged, iterations) -> Fit:
+def _finish(now, weight, soft, slope, x, lower, upper, reason, iterations) -> Fit:
     jacobian = weight[:, None] * now.jacobian
     at_bound = (x <= lower) | (x >= upper)
     free = ~at_bound
@@ -198,6 +242,15 @@ def _finish(now, weight, soft, slope, x, lower, upper, converged, iterations) ->
     inverse = _inverse(gram)
     covariance[np.ix_(free, free)] = variance * inverse / np.outer(scale, scale)
     return Fit(
-        x, covariance, float(np.sqrt(variance)), freedom, converged, iterations, 0.5 * square, at_bound, soft, now.residual,
-        slope,
+        x=x, covariance=covariance, sigma=float(np.sqrt(variance)), freedom=freedom, reason=reason,
+        iterations=iterations, cost=0.5 * square, at_bound=at_bound, weights=soft, residual=now.residual, slope=slope,
+        offset=_offset(soft[:, None] * jacobian, weight * soft * now.residual, free),
     )
+
+
+def _offset(jacobian: np.ndarray, residual: np.ndarray, free: np.ndarray) -> float:
+    """Share of the square sum that lies in the span of the free columns."""
+    square = float(residual @ residual)
+    gram, scale = _scaled_gram(jacobian[:, free])
+    onto = jacobian[:, free].T @ residual / scale
+    return float(onto @ _inverse(gram) @ onto) / square if square > 0.0 else 0.0

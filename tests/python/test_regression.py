@@ -2,8 +2,15 @@
 
 import numpy as np
 import pytest
+from scipy import optimize
 
+from exactarm.chain import predict_poses
+from exactarm.dataset import read_dataset
+from exactarm.examples import data_path
+from exactarm.identify.calibrate import identifiable_layout
+from exactarm.identify.declared import frames_layout, geometry_layout
 from exactarm.regression import HUBER, Evaluation, least_squares
+from exactarm.robot_file import load_robot
 
 
 def linear(columns, measured):
@@ -55,6 +62,69 @@ def test_curved_problem_converges_from_afar():
     fit = least_squares(exponential(time, 3.0 * np.exp(-1.7 * time)), np.array([1.0, 0.1]))
     assert fit.converged
     np.testing.assert_allclose(fit.x, [3.0, 1.7], rtol=1e-8)
+
+
+@pytest.mark.parametrize(("series", "half_m", "most"), [("C", 0.15, 25), ("B", 0.4, 40)])
+def test_real_poses_of_a_narrow_cube_converge_in_tens_of_iterations(series, half_m, most):
+    """Lengths and frames trade against each other there along a curved valley: plain Gauss-Newton with damping took 245
+    iterations for the first and 1,776 for the second; scipy's `lm` takes 103 and 144 evaluations for the same square sum."""
+    robot = load_robot("ur10")
+    data = read_dataset([data_path(f"ur10/series_{series}.csv")], robot)
+    data = data.select(data.session == data.session[0])
+    near = [np.all(np.abs(data.position - point) < half_m, axis=1) for point in data.position]
+    data = data.select(near[int(np.argmax([mask.sum() for mask in near]))])
+    layout = frames_layout(robot, data, orientation=False)[0].joined(geometry_layout(robot))
+    layout = identifiable_layout(robot, layout, data, False)[0]
+
+    def evaluate(x, with_jacobian):
+        prediction = predict_poses(robot, layout.at(x), data, tangents=with_jacobian)
+        residual = prediction.residual().ravel()
+        return Evaluation(residual, prediction.jacobian[:, :3].reshape(residual.size, -1) if with_jacobian else None)
+
+    fit = least_squares(evaluate, layout.values)
+    assert fit.converged and fit.iterations <= most and fit.offset < 1e-9
+    peer = optimize.least_squares(
+        lambda x: evaluate(x, False).residual, fit.x, lambda x: -evaluate(x, True).jacobian, x_scale="jac", method="lm"
+    )
+    assert fit.cost <= peer.cost * (1.0 + 1e-8)
+
+
+def test_bounded_fits_are_as_good_as_those_of_scipy():
+    """Twenty curved problems with a bound on each parameter, some of which bind."""
+    rng, bound = np.random.default_rng(11), 0
+    time = np.linspace(0.0, 4.0, 40)
+    for _ in range(20):
+        truth, start = rng.uniform(0.5, 3.0, 2), rng.uniform(0.5, 3.0, 2)
+        evaluate = exponential(time, truth[0] * np.exp(-truth[1] * time) + 0.01 * rng.normal(size=40))
+        lower, upper = np.array([0.0, 0.0]), rng.uniform(1.0, 3.0, 2)
+        start = np.minimum(start, upper)
+        fit = least_squares(evaluate, start, bounds=(lower, upper))
+        peer = optimize.least_squares(
+            lambda x: evaluate(x, False).residual, 0.99 * start, lambda x: -evaluate(x, True).jacobian,
+            bounds=(lower, upper), xtol=1e-12, ftol=1e-12, gtol=1e-12,
+        )
+        assert fit.converged and fit.cost <= peer.cost * (1.0 + 1e-6)
+        assert np.all((lower <= fit.x) & (fit.x <= upper))
+        bound += int(fit.at_bound.any())
+    assert bound >= 5
+
+
+def test_wrong_derivatives_are_not_called_converged():
+    time = np.linspace(0.0, 4.0, 40)
+    right = exponential(time, 3.0 * np.exp(-1.7 * time) + 0.01 * np.sin(9.0 * time))
+
+    def wrong(x, with_jacobian):
+        residual, jacobian = right(x, with_jacobian)
+        return Evaluation(residual, None if jacobian is None else -jacobian)
+
+    fit = least_squares(wrong, np.array([1.0, 0.5]))
+    assert not fit.converged and fit.reason == "no step lowers the square sum"
+
+
+def test_the_limit_of_iterations_is_said():
+    time = np.linspace(0.0, 4.0, 40)
+    fit = least_squares(exponential(time, 3.0 * np.exp(-1.7 * time)), np.array([1.0, 0.1]), most_iterations=2)
+    assert not fit.converged and fit.reason == "stopped at the limit of 2 iterations" and fit.offset > 1e-3
 
 
 def test_bound_is_held_and_the_others_are_refitted():

@@ -198,7 +198,7 @@ def calibrated_robot(robot: Robot, data: Dataset, layout: Layout, fit: Fit, kind
 
 def _warnings(fit: PoseFit, data: Dataset, found: list):
     if not fit.fit.converged:
-        yield f"the fit did not converge in {fit.fit.iterations} iterations: check the data for gross errors"
+        yield f"the fit did not converge ({fit.fit.reason}): check the data for gross errors"
     for name, bound in zip(fit.layout.names, fit.fit.at_bound):
         if bound:
             yield f"{name} lies at its bound: the data asks for a value that no drive or structure can have"

@@ -190,7 +190,7 @@ def _structurally(base: BaseParameters):
 
 def _warnings(fit: MotionFit, data: Dataset):
     if not fit.fit.converged:
-        yield f"the fit did not converge in {fit.fit.iterations} iterations: check the data for gross errors"
+        yield f"the fit did not converge ({fit.fit.reason}): check the data for gross errors"
     if fit.uncertainty.freedom < 2 * fit.layout.size:
         yield (
             f"the samples are worth {fit.uncertainty.effective.sum():.0f} independent numbers for "

@@ -1,0 +1,123 @@
+"""One step of a trust-region method for least squares, inside bounds.
+
+    minimise  g'p + p'B p / 2   over  |p| <= radius,  low <= p <= high,      B = J'J
+
+in scaled variables, where the columns of J have length one or less. The radius is met by the shift mu of
+(B + mu I) p = -g (Moré and Sorensen 1983), from the eigenvalues of B; where those are too small to be seen in J'J,
+from the singular values of J itself. A bound that the step would cross is met, and the others are solved again.
+Units: none. Directions whose singular value lies below rounding get no step.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import linalg
+
+_SQUARED = 1e-10  # eigenvalue beside the largest, below which J'J leaves less than six digits of it
+_ROUNDING = 1e-14  # singular value beside the largest, below which it is rounding
+_SHIFT_ROUNDS = 60
+_RADIUS_MET = 0.05  # relative
+
+
+class Model:
+    """The quadratic model at a point: scaled jacobian (R, P), residual (R,) as predicted minus measured."""
+
+    def __init__(self, jacobian: np.ndarray, residual: np.ndarray):
+        self.jacobian, self.residual = jacobian, residual
+        self.gram, self.gradient = jacobian.T @ jacobian, jacobian.T @ residual
+        self._spectra: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
+
+    def fall(self, step: np.ndarray) -> float:
+        """How far the half square sum falls along `step`."""
+        ahead = self.jacobian @ step  # not by J'J: a long step along a weak direction would drown in rounding
+        return -float(ahead @ (self.residual + 0.5 * ahead))
+
+    def spectrum(self, free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Eigenvalues (f,) and vectors (f, f) of B on the free variables, rounding as zero."""
+        key = free.tobytes()
+        if key not in self._spectra:
+            self._spectra[key] = self._spectrum(free)
+        return self._spectra[key]
+
+    def _spectrum(self, free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        values, vectors = linalg.eigh(self.gram[np.ix_(free, free)], check_finite=False)
+        if values.size and values[0] < _SQUARED * values[-1]:
+            upper = linalg.qr(self.jacobian[:, free], mode="r", check_finite=False)[0][: values.size]
+            singular, rows = linalg.svd(upper, full_matrices=False, check_finite=False)[1:]
+            rows = rows if len(rows) == values.size else linalg.svd(upper)[2]
+            values, vectors = np.zeros(values.size), rows.T
+            values[: singular.size] = np.where(singular > _ROUNDING * singular[0], singular, 0.0) ** 2
+        return values, vectors
+
+
+@dataclass(frozen=True)
+class Step:
+    """step (P,); shift: mu, 0 where the radius does not bind; free (P,) bool: not held by a bound."""
+
+    step: np.ndarray
+    shift: float
+    free: np.ndarray
+
+
+def bounded_step(model: Model, low: np.ndarray, high: np.ndarray, radius: float) -> Step:
+    """The best step inside radius and bounds (low <= 0 <= high), one bound after the other.
+
+    A variable on its bound that the gradient pushes outwards is held; one that would cross its bound is set on it.
+    """
+    gradient = model.gradient
+    free = ~(((low >= 0.0) & (gradient > 0.0)) | ((high <= 0.0) & (gradient < 0.0)))
+    step, shift = np.zeros(len(gradient)), 0.0
+    while free.any():
+        right = gradient[free] + model.gram[np.ix_(free, ~free)] @ step[~free]
+        left = np.sqrt(max(radius**2 - float(step[~free] @ step[~free]), 0.0))
+        step[free], shift = _inside(*model.spectrum(free), right, left)
+        out = free & ((step < low) | (step > high))
+        if not out.any():
+            break
+        step[out] = np.clip(step[out], low[out], high[out])
+        free = free & ~out
+    if model.fall(step) <= 0.0 and not free.all():
+        step, shift, free = _one_by_one(model, low, high, radius)
+    return Step(step, shift, free)
+
+
+def _one_by_one(model: Model, low: np.ndarray, high: np.ndarray, radius: float):
+    """Holds what stands on a bound that the step would cross, and goes to the first bound met: always a fall."""
+    gradient = model.gradient
+    free = ~(((low >= 0.0) & (gradient > 0.0)) | ((high <= 0.0) & (gradient < 0.0)))
+    while free.any():
+        step = np.zeros(len(gradient))
+        step[free], shift = _inside(*model.spectrum(free), gradient[free], radius)
+        stuck = free & (((low >= 0.0) & (step < 0.0)) | ((high <= 0.0) & (step > 0.0)))
+        if not stuck.any():
+            with np.errstate(divide="ignore", invalid="ignore"):
+                reach = np.where(step > 0.0, high / step, np.where(step < 0.0, low / step, np.inf))
+            return min(1.0, float(reach.min())) * step, shift, free
+        free = free & ~stuck
+    return np.zeros(len(gradient)), 0.0, free
+
+
+def _inside(values, vectors, gradient, radius: float) -> tuple[np.ndarray, float]:
+    """(step, shift): the minimum of the quadratic form with these eigenvalues and vectors inside the radius."""
+    onto = vectors.T @ gradient
+    seen = values > _ROUNDING**2 * values.max(initial=0.0)
+    step = np.zeros(len(values))
+    step[seen] = -onto[seen] / values[seen]
+    if np.linalg.norm(step) <= radius:
+        return vectors @ step, 0.0
+    if radius <= 0.0:
+        return np.zeros(len(values)), 0.0
+    least, most = 0.0, float(np.linalg.norm(onto[seen])) / radius
+    shift = 1e-3 * most
+    for _ in range(_SHIFT_ROUNDS):
+        step[seen] = -onto[seen] / (values[seen] + shift)
+        length = float(np.linalg.norm(step))
+        if abs(length / radius - 1.0) < _RADIUS_MET:
+            break
+        least, most = (shift, most) if length > radius else (least, shift)
+        slope = float(np.sum(onto[seen] ** 2 / (values[seen] + shift) ** 3)) / length
+        newton = shift + (length - radius) / radius * length / slope
+        shift = newton if least < newton < most else max(np.sqrt(least * most), 1e-3 * most)
+    return vectors @ step, shift
