@@ -253,4 +253,7 @@ def _finished(fit, layout, prediction, sigma, keep, weight, pull, tail, settled)
     decrement = float(gradient[free] @ _pseudo_inverse(hessian) @ gradient[free]) if free.any() else 0.0
     covariance[fit.at_bound] = 0.0
     covariance[:, fit.at_bound] = 0.0
-    return replace(fit, covariance=covariance, freedom=freedom, sigma=1.0, converged=bool(settled and decrement < _DECREMENT))
+    reason = fit.reason if settled or not fit.converged else "noise and fit did not settle on each other"
+    if fit.converged and settled and decrement >= _DECREMENT:
+        reason = f"a step would still lower the objective by {decrement:.1e}"
+    return replace(fit, covariance=covariance, freedom=freedom, sigma=1.0, reason=reason)

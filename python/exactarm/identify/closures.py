@@ -279,7 +279,7 @@ def _with_tools_apart(setup: Layout) -> Layout | None:
 def _warnings(declared: DeclaredClosures, data: Dataset):
     fit = declared.fit
     if not fit.fit.converged:
-        yield "the fit did not converge: check the data for gross errors, or for contacts with the wrong number"
+        yield f"the fit did not converge ({fit.fit.reason}): check the data for gross errors, or for contacts with the wrong number"
     if not scale_is_known(fit.layout, data):
         yield SCALE
     slipped = int(np.sum(fit.weight < _SLIPPED))

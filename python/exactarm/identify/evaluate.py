@@ -91,7 +91,7 @@ def evaluate_closures(robot: Robot, data: Dataset, seed: int = 0, threads: int =
     sessions = tuple((int(s), summarise(error[rows.session == s])) for s in np.unique(rows.session))
     warnings = extrapolations(robot, controller_angles(robot, rows))
     if not fit.fit.converged:
-        warnings = (*warnings, "the fit of contacts and tool did not converge")
+        warnings = (*warnings, f"the fit of contacts and tool did not converge ({fit.fit.reason})")
     return Evaluation(
         "m", error, residual, RESIDUAL_COLUMNS[: residual.shape[1]], summarise(error), sessions, warnings, rows,
         set_distance_errors(robot, fit.layout, rows, threads),
