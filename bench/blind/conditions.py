@@ -1,4 +1,4 @@
-"""Conditions of a case beside its hidden cause: noise, cut runs, passages at reversals, still axes, pose sets, the file.
+"""Conditions of a case beside its hidden cause: noise, cut runs, reversals, still axes, pose sets, the file.
 
 `today` is what every case had before there were conditions, and leaves each of its random draws as it was.
 `wide` draws every condition of the kind of data at random; the name of one condition sets that one alone.
@@ -33,11 +33,26 @@ OF_KIND = {
     "motion": (*_NOISE, "still", "passage", "massless"),
     "tracked_motion": (*_NOISE, "still", "passage", "massless", "geometry"),
 }
-_CHANCE = {"student": 0.25, "unequal": 0.25, "coloured": 0.2, "still": 0.2, "cube": 0.15, "few": 0.15, "massless": 0.2,
-           "geometry": 0.25, "cut": 0.5, "passage": 0.4}
+_CHANCE = {
+    "student": 0.25,
+    "unequal": 0.25,
+    "coloured": 0.2,
+    "still": 0.2,
+    "cube": 0.15,
+    "few": 0.15,
+    "massless": 0.2,
+    "geometry": 0.25,
+    "cut": 0.5,
+    "passage": 0.4,
+}
 NAMES = (TODAY, WIDE, *_CHANCE)
 THEMES = ("single", "pair", "clean", "foreign")
-WIDE_SHARES = (0.55, 0.1, 0.25, 0.1)  # of the themes: more clean cases than today, for the rate of false alarms
+WIDE_SHARES = (
+    0.55,
+    0.1,
+    0.25,
+    0.1,
+)  # of the themes: more clean cases than today, for the rate of false alarms
 
 PASSAGE_S, FREEDOM, SPREAD = (5e-3, 0.2), (3.0, 10.0), (2.0, 8.0)
 MEMORY_ROWS, MEMORY_S = (2.0, 6.0), (2e-3, 3e-2)  # of coloured noise: poses; time series
@@ -46,7 +61,7 @@ GEOMETRY_M, OFF_GEOMETRY_M, OFF_ANGLES = 3e-4, 5e-3, 4.0
 
 @dataclass(frozen=True)
 class Conditions:
-    """freedom: degrees of freedom of the noise; spread: ratio of the noise of components; memory: rows (poses) or s.
+    """freedom: degrees of freedom of the noise; spread: ratio of components; memory: rows (poses) or s.
 
     cut: whether runs begin and end in motion; passage_s: 0 where a gear's table changes at once.
     """
@@ -70,10 +85,14 @@ class Conditions:
     def truth(self) -> dict:
         """Name of each condition that holds, with its number where it has one."""
         said = {
-            "student": (np.isfinite(self.freedom), self.freedom), "unequal": (self.spread > 1.0, self.spread),
-            "coloured": (self.memory > 0.0, self.memory), "cut": (any(self.cut), list(self.cut)),
-            "passage": (self.passage_s > 0.0, self.passage_s), "still": (self.still, True),
-            "massless": (not self.masses, True), "geometry": (self.geometry_m > GEOMETRY_M, self.geometry_m),
+            "student": (np.isfinite(self.freedom), self.freedom),
+            "unequal": (self.spread > 1.0, self.spread),
+            "coloured": (self.memory > 0.0, self.memory),
+            "cut": (any(self.cut), list(self.cut)),
+            "passage": (self.passage_s > 0.0, self.passage_s),
+            "still": (self.still, True),
+            "massless": (not self.masses, True),
+            "geometry": (self.geometry_m > GEOMETRY_M, self.geometry_m),
             self.pose_set: (bool(self.pose_set), True),
         }
         return {name: value for name, (holds, value) in said.items() if holds}
@@ -88,7 +107,9 @@ def draw_conditions(which: str, kind: str, seed: int) -> Conditions:
     random = np.random.default_rng([seed, _STREAM])
     own = OF_KIND[kind]
     if which not in (TODAY, WIDE, *own):
-        raise ValueError(f"{kind} has no condition {which!r}, expected one of: {', '.join((TODAY, WIDE, *own))}")
+        raise ValueError(
+            f"{kind} has no condition {which!r}, expected one of: {', '.join((TODAY, WIDE, *own))}"
+        )
     drawn = {name for name in own if random.random() < _CHANCE[name]} if which == WIDE else {which} & set(own)
     log_uniform = lambda low, high: float(np.exp(random.uniform(np.log(low), np.log(high))))
     freedom, spread, passage = random.uniform(*FREEDOM), random.uniform(*SPREAD), log_uniform(*PASSAGE_S)
@@ -117,7 +138,9 @@ def declare(path: Path, arm: Arm, conditions: Conditions) -> Arm | None:
         return arm
     if arm.mass is None:
         return None
-    path.write_text(without_springs(re.sub(r"\[\[links\]\][^\n]*\n(?:[^\[\n][^\n]*\n?|\n)*", "", path.read_text())))
+    path.write_text(
+        without_springs(re.sub(r"\[\[links\]\][^\n]*\n(?:[^\[\n][^\n]*\n?|\n)*", "", path.read_text()))
+    )
     return arm.with_values(linear=np.zeros(arm.axes), cubic=np.zeros(arm.axes))
 
 
@@ -136,6 +159,8 @@ def still_axes(axes: int, random) -> np.ndarray:
 def held_still(drive, middle: np.ndarray, still: np.ndarray):
     """A motion (`blind.motion.Drive`) whose axes `still` stay at `middle`."""
     return replace(
-        drive, q=np.where(still, middle, drive.q), rate=np.where(still, 0.0, drive.rate),
+        drive,
+        q=np.where(still, middle, drive.q),
+        rate=np.where(still, 0.0, drive.rate),
         acceleration=np.where(still, 0.0, drive.acceleration),
     )

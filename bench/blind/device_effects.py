@@ -1,4 +1,4 @@
-"""The causes of docs/effects.md that sit in the measuring device of static poses, with physics of their own."""
+"""The causes of docs/effects.md in the measuring device of static poses, with physics of their own."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class TrackerDrift(Hidden):
 
 @dataclass(frozen=True)
 class TrackerStep(Hidden):
-    """Someone bumps the tripod once: from then on the device stands elsewhere, and mostly turned a little too."""
+    """Someone bumps the tripod once: from then on the device stands elsewhere, mostly turned a little too."""
 
     name: str = "tracker_step"
     share: float = 0.5
@@ -69,7 +69,12 @@ class TrackerStep(Hidden):
     @classmethod
     def draw(cls, random, setting: Setting):
         way, turned = random.normal(size=3), random.normal(size=3) * random.choice((0.0, 0.3, 1.0))
-        return cls(size=3e-4, share=random.uniform(0.2, 0.8), way=tuple(way / np.linalg.norm(way)), turn=tuple(turned))
+        return cls(
+            size=3e-4,
+            share=random.uniform(0.2, 0.8),
+            way=tuple(way / np.linalg.norm(way)),
+            turn=tuple(turned),
+        )
 
     def device(self, measured, rows):
         session = rows.session[np.argsort(rows.order)[int(self.share * len(rows))]]
@@ -78,13 +83,17 @@ class TrackerStep(Hidden):
         return self.size * later[:, None] * (np.array(self.way) + np.cross(np.array(self.turn), measured))
 
     def parameters(self):
-        turned = {f"turn_{axis}_rad": self.size * own for axis, own in zip("xyz", self.turn)} if any(self.turn) else {}
+        turned = (
+            {f"turn_{axis}_rad": self.size * own for axis, own in zip("xyz", self.turn)}
+            if any(self.turn)
+            else {}
+        )
         return {f"{axis}_m": self.size * own for axis, own in zip("xyz", self.way)} | turned
 
 
 @dataclass(frozen=True)
 class Outliers(Hidden):
-    """Some readings that are plainly wrong: a few hundredths of all rows, 5 to 25 or 200 times the noise (`size`)."""
+    """Readings that are plainly wrong: hundredths of all rows, 5 to 25 or 200 times the noise (`size`)."""
 
     name: str = "outliers"
     errors: tuple = ()
@@ -96,7 +105,9 @@ class Outliers(Hidden):
         wrong[random.integers(rows, size=2)] = True
         errors = random.normal(size=(rows, 3)) * wrong[:, None]
         far = random.choice((25.0, 25.0, 200.0))
-        errors *= np.exp(random.uniform(np.log(5.0), np.log(far), (rows, 1))) / np.maximum(np.linalg.norm(errors, axis=1, keepdims=True), 1e-12)
+        errors *= np.exp(random.uniform(np.log(5.0), np.log(far), (rows, 1))) / np.maximum(
+            np.linalg.norm(errors, axis=1, keepdims=True), 1e-12
+        )
         return cls(size=1.0, errors=tuple(map(tuple, errors)), detail={"rows": int(wrong.sum())})
 
     def device(self, measured, rows):

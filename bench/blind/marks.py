@@ -1,8 +1,8 @@
 """The marks over many scored cases: how often right, how honest the probabilities, how wide the intervals.
 
-Expected calibration error: sum over bins of n_bin / n |share right - mean stated probability| (Naeini, Cooper and
-Hauskrecht 2015), over every effect that was named on cases without a foreign cause. Intervals of shares are exact
-binomial ones (Clopper and Pearson 1934) of 95 %.
+Expected calibration error: sum over bins of n_bin / n |share right - mean stated probability| (Naeini,
+Cooper and Hauskrecht 2015), over every effect that was named on cases without a foreign cause. Intervals of
+shares are exact binomial ones (Clopper and Pearson 1934) of 95 %.
 """
 
 from __future__ import annotations
@@ -30,38 +30,59 @@ def summary(records: list[dict]) -> dict:
     for r in clear:
         by_effect[_name_of(r["hidden"][0])].append(r["score"])
     against = [r["against_best"] for r in known if r["raised"] >= CLEAR]
-    return {
-        "cases": len(records), "failed": len(records) - len(run),
-        "first_right_when_clear": _share([r["score"] == "right" for r in clear]), "clear_cases": len(clear),
-        "first_right_or_in_class_when_clear": _share([r["score"] in ("right", "in class") for r in clear]),
-        "by_effect": {name: f"{scores.count('right')}/{len(scores)}" for name, scores in sorted(by_effect.items())},
-        "first_right_when_faint": _share([r["score"] == "right" for r in alone if r["raised"] < CLEAR]),
-        "faint_cases": len(alone) - len(clear),
-        "smallest_found": {f"{low}-{high}": _share([r["score"] == "right" for r in alone if low <= r["raised"] < high])
-                           for low, high in zip(SIZES[:-1], SIZES[1:])},
-        "pairs_both_named": _share([not r.get("missed", [1]) for r in pairs]), "pairs": len(pairs),
-        "pairs_first_right": _share([r["score"] == "right" for r in pairs]),
-        "clean_with_effects": _share([bool(r.get("named", ["failed"])) for r in clean]), "clean": len(clean),
-        "false_alarms": _counted([bool(r.get("named", ["failed"])) for r in clean]),
-        "clean_unexplained": _counted([r.get("verdict") == "unexplained" for r in clean]),
-        "foreign_unexplained": _share([r["score"] == "right" for r in foreign]), "foreign": len(foreign),
-        "after_over_best_median": float(np.median(against)) if against else None,
-        "after_over_best_90": float(np.quantile(against, 0.9)) if against else None,
-        "extra_effects": _share([max(len(r["named"]) - len(r["hidden"]), 0) for r in known]),
-        "validation_grew": [r["seed"] for r in run if r["after"] > r["before"] * (1.0 + 1e-9)],
-    } | calibration(run) | {
-        "intervals_hold": _counted([held for r in run for held in r.get("intervals", {}).values()]),
-        "credible_sets_hold": _counted([held for r in run if not r["foreign"] for held in r.get("sets", [])]),
-        "by_condition": _by_condition(records),
-        "seconds_median": float(np.median([r["seconds"] for r in records])) if records else None,
-        "seconds_max": float(np.max([r["seconds"] for r in records])) if records else None,
-        "cpu_seconds_median": float(np.median([r["cpu_seconds"] for r in records if "cpu_seconds" in r] or [0.0])),
-        "cpu_seconds_max": float(np.max([r["cpu_seconds"] for r in records if "cpu_seconds" in r] or [0.0])),
-    }
+    return (
+        {
+            "cases": len(records),
+            "failed": len(records) - len(run),
+            "first_right_when_clear": _share([r["score"] == "right" for r in clear]),
+            "clear_cases": len(clear),
+            "first_right_or_in_class_when_clear": _share(
+                [r["score"] in ("right", "in class") for r in clear]
+            ),
+            "by_effect": {
+                name: f"{scores.count('right')}/{len(scores)}" for name, scores in sorted(by_effect.items())
+            },
+            "first_right_when_faint": _share([r["score"] == "right" for r in alone if r["raised"] < CLEAR]),
+            "faint_cases": len(alone) - len(clear),
+            "smallest_found": {
+                f"{low}-{high}": _share([r["score"] == "right" for r in alone if low <= r["raised"] < high])
+                for low, high in zip(SIZES[:-1], SIZES[1:])
+            },
+            "pairs_both_named": _share([not r.get("missed", [1]) for r in pairs]),
+            "pairs": len(pairs),
+            "pairs_first_right": _share([r["score"] == "right" for r in pairs]),
+            "clean_with_effects": _share([bool(r.get("named", ["failed"])) for r in clean]),
+            "clean": len(clean),
+            "false_alarms": _counted([bool(r.get("named", ["failed"])) for r in clean]),
+            "clean_unexplained": _counted([r.get("verdict") == "unexplained" for r in clean]),
+            "foreign_unexplained": _share([r["score"] == "right" for r in foreign]),
+            "foreign": len(foreign),
+            "after_over_best_median": float(np.median(against)) if against else None,
+            "after_over_best_90": float(np.quantile(against, 0.9)) if against else None,
+            "extra_effects": _share([max(len(r["named"]) - len(r["hidden"]), 0) for r in known]),
+            "validation_grew": [r["seed"] for r in run if r["after"] > r["before"] * (1.0 + 1e-9)],
+        }
+        | calibration(run)
+        | {
+            "intervals_hold": _counted([held for r in run for held in r.get("intervals", {}).values()]),
+            "credible_sets_hold": _counted(
+                [held for r in run if not r["foreign"] for held in r.get("sets", [])]
+            ),
+            "by_condition": _by_condition(records),
+            "seconds_median": float(np.median([r["seconds"] for r in records])) if records else None,
+            "seconds_max": float(np.max([r["seconds"] for r in records])) if records else None,
+            "cpu_seconds_median": float(
+                np.median([r["cpu_seconds"] for r in records if "cpu_seconds" in r] or [0.0])
+            ),
+            "cpu_seconds_max": float(
+                np.max([r["cpu_seconds"] for r in records if "cpu_seconds" in r] or [0.0])
+            ),
+        }
+    )
 
 
 def calibration(run: list[dict]) -> dict:
-    """Whether stated probabilities keep what they promise: bins with their share right, and the expected error."""
+    """Whether stated probabilities keep what they promise: shares right in bins, the expected error."""
     said = [(p, bool(hit)) for r in run if not r["foreign"] for p, hit in zip(r["probability"], r["hits"])]
     stated, hit = np.array([p for p, _ in said]), np.array([h for _, h in said], float)
     bins, expected = {}, 0.0
@@ -69,25 +90,41 @@ def calibration(run: list[dict]) -> dict:
         own = (stated >= low) & ((stated < high) | (high == BINS[-1]))
         if np.any(own):
             right, mean = float(hit[own].mean()), float(stated[own].mean())
-            bins[f"{low:g}-{high:g}"] = {"right": f"{int(hit[own].sum())}/{own.sum()}", "stated": mean, "share": right}
+            bins[f"{low:g}-{high:g}"] = {
+                "right": f"{int(hit[own].sum())}/{own.sum()}",
+                "stated": mean,
+                "share": right,
+            }
             expected += own.sum() / len(said) * abs(right - mean)
     above = lambda least: _counted(list(hit[stated >= least] > 0.0))
-    return {"right_of_0.95": above(0.95), "right_of_0.99": above(0.99), "statements": len(said),
-            "expected_calibration_error": float(expected) if said else None, "reliability": bins}
+    return {
+        "right_of_0.95": above(0.95),
+        "right_of_0.99": above(0.99),
+        "statements": len(said),
+        "expected_calibration_error": float(expected) if said else None,
+        "reliability": bins,
+    }
 
 
 def _by_condition(records: list[dict]) -> dict:
-    """Clear single causes first right, clean cases with an effect, and the error after, by each condition that held."""
+    """Clear single causes first right, clean cases with an effect, the error after, by condition."""
     table = {}
     names = sorted({name for r in records for name in r.get("conditions", {})})
     for name in names:
         own = [r for r in records if name in r.get("conditions", {})]
-        clear = [r["score"] == "right" for r in own if len(r["hidden"]) == 1 and not r["foreign"] and r["raised"] >= CLEAR]
+        clear = [
+            r["score"] == "right"
+            for r in own
+            if len(r["hidden"]) == 1 and not r["foreign"] and r["raised"] >= CLEAR
+        ]
         false = [bool(r.get("named", ["failed"])) for r in own if not r["hidden"]]
         against = [r["against_best"] for r in own if "against_best" in r and r["hidden"] and not r["foreign"]]
-        table[name] = {"cases": len(own), "clear_first_right": f"{sum(clear)}/{len(clear)}",
-                       "clean_with_effects": f"{sum(false)}/{len(false)}",
-                       "after_over_best_median": float(np.median(against)) if against else None}
+        table[name] = {
+            "cases": len(own),
+            "clear_first_right": f"{sum(clear)}/{len(clear)}",
+            "clean_with_effects": f"{sum(false)}/{len(false)}",
+            "after_over_best_median": float(np.median(against)) if against else None,
+        }
     return table
 
 
@@ -125,7 +162,8 @@ def _text(value) -> str:
     if isinstance(value, dict) and "ci95" in value:
         if value["ci95"] is None:
             return value["of"]
-        return f"{value['of']} ({100 * value['share']:.1f} %, {100 * value['ci95'][0]:.1f} to {100 * value['ci95'][1]:.1f} %)"
+        low, high = (100 * end for end in value["ci95"])
+        return f"{value['of']} ({100 * value['share']:.1f} %, {low:.1f} to {high:.1f} %)"
     if isinstance(value, dict):
         return ", ".join(f"{key} {_text(inner)}" for key, inner in value.items())
     return f"{value:.3f}" if isinstance(value, float) else "-" if value is None else str(value)

@@ -1,7 +1,7 @@
 """How a gear passes from the table of one direction to that of the other about a reversal.
 
-The share of each table follows the direction behind two moving means, each over half of the passage: it leaves the old
-table at the moment of the reversal, and has reached the new one when the passage is over.
+The share of each table follows the direction behind two moving means, each over half of the passage: it
+leaves the old table at the moment of the reversal, and has reached the new one when the passage is over.
 """
 
 from __future__ import annotations
@@ -10,10 +10,10 @@ import numpy as np
 
 
 def passed(direction: np.ndarray, run: np.ndarray, step: float, passage_s: float) -> np.ndarray:
-    """(N, n) directions -1 to 1 that take `passage_s` after each reversal, as a parabola and its mirror image do.
+    """(N, n) directions -1 to 1 that take `passage_s` after each reversal, a parabola and its mirror image.
 
-    direction: -1, 0, +1; an axis at rest keeps the direction in which it came to rest (before its first motion: that
-    in which it will move).
+    direction: -1, 0, +1; an axis at rest keeps the direction in which it came to rest (before its first
+    motion: that in which it will move).
     """
     half = max(1, round(0.5 * passage_s / step))
     out = np.empty(direction.shape)

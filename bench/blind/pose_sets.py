@@ -1,4 +1,4 @@
-"""Gear output angles of a set of static poses: over the range of the axes, or with the flange in a small cube."""
+"""Gear output angles of static poses: over the range of the axes, or with the flange in a small cube."""
 
 from __future__ import annotations
 
@@ -7,7 +7,10 @@ import numpy as np
 from blind.arm import Arm, posture
 
 CUBE_M = (0.15, 0.4)  # edge, for an arm of a reach of one metre
-CUBE_TURN_RAD, CUBE_WRIST_RAD = 0.35, (0.3, 1.2)  # how far the first axes and those of the wrist leave the middle
+CUBE_TURN_RAD, CUBE_WRIST_RAD = (
+    0.35,
+    (0.3, 1.2),
+)  # how far the first axes and those of the wrist leave the middle
 WRIST = 3  # axes
 
 
@@ -26,7 +29,7 @@ def over_the_range(arm: Arm, count: int, random) -> np.ndarray:
 
 
 def in_a_cube(arm: Arm, count: int, random) -> np.ndarray:
-    """(count, n) angles whose flange stays in a small cube about one drawn posture, the wrist turned within a cone."""
+    """(count, n) angles whose flange stays in a small cube about a drawn posture, the wrist within a cone."""
     middle, half = 0.5 * (arm.lower + arm.upper), 0.5 * np.minimum(arm.upper - arm.lower, 2.0 * np.pi)
     q0 = middle + 0.5 * half * random.uniform(-1.0, 1.0, arm.axes)
     reach = np.abs(arm.a).sum() + np.abs(arm.d).sum()

@@ -2,13 +2,14 @@
 
 A verdict counts as
     right       the first finding is a hidden effect, with its axis (and motor)
-    in class    the first finding is a neighbour that such data can hardly tell from it (`NEIGHBOURS`), or the hidden
-                effect is among the alternatives, marked as one that the data cannot tell apart
+    in class    the first finding is a neighbour that such data can hardly tell from it (`NEIGHBOURS`), or the
+                hidden effect is among the alternatives, marked as one that the data cannot tell apart
     wrong       anything else
-and apart from that: the error after beside the best possible, false effects on clean data, honesty on foreign causes,
-whether probabilities and intervals keep what they promise, and whether the validation error ever grew.
+and apart from that: the error after beside the best possible, false effects on clean data, honesty on
+foreign causes, whether probabilities and intervals keep what they promise, and whether the validation error
+ever grew.
 
-The program under test runs in this process, by its command line alone: its place on `sys.path` says which one it is.
+The program under test runs in this process, by its command line: its place on `sys.path` says which it is.
 """
 
 from __future__ import annotations
@@ -22,10 +23,16 @@ from pathlib import Path
 
 # Pairs that static poses or slow signals hardly tell apart, whatever the axis.
 NEIGHBOURS = (
-    {"base_compliance", "link_compliance"}, {"payload", "joint_compliance"}, {"thermal_drift", "tracker_drift"},
-    {"thermal_drift", "tracker_scale"}, {"gear_eccentricity", "gear_harmonics"}, {"hysteresis", "backlash"},
-    {"hysteresis", "direction_dependence"}, {"joint_compliance", "gear_eccentricity"},
-    {"joint_compliance", "link_compliance"}, {"tracker_step", "tracker_drift"},
+    {"base_compliance", "link_compliance"},
+    {"payload", "joint_compliance"},
+    {"thermal_drift", "tracker_drift"},
+    {"thermal_drift", "tracker_scale"},
+    {"gear_eccentricity", "gear_harmonics"},
+    {"hysteresis", "backlash"},
+    {"hysteresis", "direction_dependence"},
+    {"joint_compliance", "gear_eccentricity"},
+    {"joint_compliance", "link_compliance"},
+    {"tracker_step", "tracker_drift"},
 )
 UNKNOWN = "unknown"  # the entry of a result that says: something else
 
@@ -33,9 +40,11 @@ UNKNOWN = "unknown"  # the entry of a result that says: something else
 def diagnose_case(robot_file, data_file, truth: dict, seed: int = 0, without: tuple[str, ...] = ()) -> dict:
     """Runs the diagnosis of one case and returns its score as a flat record.
 
-    without: effects that the library of the program does not have; hidden ones of these names are foreign to it.
+    without: effects that the library of the program is not to have; hidden ones of them are foreign to it.
     """
-    truth = truth | {"effects": [e | {"foreign": e["foreign"] or e["effect"] in without} for e in truth["effects"]]}
+    truth = truth | {
+        "effects": [e | {"foreign": e["foreign"] or e["effect"] in without} for e in truth["effects"]]
+    }
     start, worked = time.perf_counter(), time.process_time()
     found, failed = _run(robot_file, data_file, seed, without)
     spent = {"seconds": time.perf_counter() - start, "cpu_seconds": time.process_time() - worked}
@@ -50,7 +59,17 @@ def _run(robot_file, data_file, seed: int, without: tuple[str, ...]) -> tuple[di
     said, streams = io.BytesIO(), [io.TextIOWrapper(io.BytesIO(), write_through=True) for _ in range(2)]
     streams[1] = io.TextIOWrapper(said, write_through=True)
     with tempfile.TemporaryDirectory() as folder, redirect_stdout(streams[0]), redirect_stderr(streams[1]):
-        words = ["diagnose", str(robot_file), str(data_file), "--out", folder, "--seed", str(seed), "--quiet", "--debug"]
+        words = [
+            "diagnose",
+            str(robot_file),
+            str(data_file),
+            "--out",
+            folder,
+            "--seed",
+            str(seed),
+            "--quiet",
+            "--debug",
+        ]
         code = main(words)
         result = Path(folder) / "result.json"
         if code == 0 and result.exists():
@@ -72,9 +91,16 @@ def shrink_library(without: tuple[str, ...]) -> None:
 
 def _case_of(truth: dict) -> dict:
     return {
-        "seed": truth["seed"], "arm": truth["arm"], "hidden": [label(effect) for effect in truth["effects"]],
-        "kind": truth["kind"], "foreign": any(effect["foreign"] for effect in truth["effects"]), "raised": truth["raised"],
-        "noise": truth["noise"], "best": truth["best"], "rows": truth["rows"], "has": truth["has"],
+        "seed": truth["seed"],
+        "arm": truth["arm"],
+        "hidden": [label(effect) for effect in truth["effects"]],
+        "kind": truth["kind"],
+        "foreign": any(effect["foreign"] for effect in truth["effects"]),
+        "raised": truth["raised"],
+        "noise": truth["noise"],
+        "best": truth["best"],
+        "rows": truth["rows"],
+        "has": truth["has"],
         "conditions": truth.get("conditions", {}),
     }
 
@@ -94,16 +120,26 @@ def score(found: dict, truth: dict) -> dict:
     doubtful = {label(other) for other in found["alternatives"] if other["cannot_be_told_apart"]}
     doubtful = {name for name in hidden if any(name == d or name.startswith(d + "_by_") for d in doubtful)}
     return {
-        "verdict": found["verdict"], "named": named, "score": _verdict_score(found, truth, hidden, effects, doubtful),
+        "verdict": found["verdict"],
+        "named": named,
+        "score": _verdict_score(found, truth, hidden, effects, doubtful),
         "probability": [float(effect["probability"]) for effect in effects],
-        "hits": [name in hidden for name in named], "missed": [name for name in hidden if name not in named],
-        "before": _judged(found["before"]), "after": _judged(found["after"]), "noise_found": found["noise_floor"],
-        "against_best": _judged(found["after"]) / truth["best"], "doubtful": sorted(doubtful),
-        "sentence": found["sentence"], "intervals": _intervals(effects, named, truth),
+        "hits": [name in hidden for name in named],
+        "missed": [name for name in hidden if name not in named],
+        "before": _judged(found["before"]),
+        "after": _judged(found["after"]),
+        "noise_found": found["noise_floor"],
+        "against_best": _judged(found["after"]) / truth["best"],
+        "doubtful": sorted(doubtful),
+        "sentence": found["sentence"],
+        "intervals": _intervals(effects, named, truth),
         "sets": [_in_set(effect["set"], truth["effects"]) for effect in effects if effect.get("set")],
         "else_joint": [effect["joint"] for effect in found["effects"] if effect["effect"] == UNKNOWN],
-    } | {key: found[key] for key in ("probability_nothing", "probability_something_else", "false_alarm_rate", "converged")
-         if key in found}
+    } | {
+        key: found[key]
+        for key in ("probability_nothing", "probability_something_else", "false_alarm_rate", "converged")
+        if key in found
+    }
 
 
 def _judged(summaries: dict) -> float:
@@ -115,7 +151,8 @@ def _intervals(effects: list[dict], named: list[str], truth: dict) -> dict[str, 
     true = {label(effect): effect.get("parameters", {}) for effect in truth["effects"]}
     return {
         f"{name}.{parameter}": bool(entry["ci95"][0] <= true[name][parameter] <= entry["ci95"][1])
-        for name, effect in zip(named, effects) if name in true
+        for name, effect in zip(named, effects)
+        if name in true
         for parameter, entry in effect["parameters"].items()
         if parameter in true[name] and isinstance(entry, dict) and None not in entry["ci95"]
     }
@@ -127,7 +164,9 @@ def _in_set(members: list[dict], hidden: list[dict]) -> bool:
     return any((member["effect"], member["joint"]) in true for member in members)
 
 
-def _verdict_score(found: dict, truth: dict, hidden: list[str], effects: list[dict], doubtful: set[str]) -> str:
+def _verdict_score(
+    found: dict, truth: dict, hidden: list[str], effects: list[dict], doubtful: set[str]
+) -> str:
     if any(effect["foreign"] for effect in truth["effects"]):
         return "right" if found["verdict"] == "unexplained" else "wrong"
     if not hidden:
@@ -137,6 +176,11 @@ def _verdict_score(found: dict, truth: dict, hidden: list[str], effects: list[di
     first = effects[0]
     if label(first) in hidden:
         return "right"
-    alike = any({first["effect"], effect["effect"]} in NEIGHBOURS and first["joint"] in (None, effect["joint"]) or
-                {first["effect"], effect["effect"]} in NEIGHBOURS and effect["joint"] is None for effect in truth["effects"])
+    alike = any(
+        {first["effect"], effect["effect"]} in NEIGHBOURS
+        and first["joint"] in (None, effect["joint"])
+        or {first["effect"], effect["effect"]} in NEIGHBOURS
+        and effect["joint"] is None
+        for effect in truth["effects"]
+    )
     return "in class" if alike or doubtful else "wrong"

@@ -24,7 +24,12 @@ from exactarm.dataset import read_dataset  # noqa: E402
 from exactarm.robot_file import load_robot  # noqa: E402
 
 ROBOTS = TOP / "python" / "exactarm" / "data" / "robots"
-SCENARIOS = {"poses": pose_scenario, "gear_run": gear_scenario, "motion": motion_scenario, "tracked_motion": tracked_scenario}
+SCENARIOS = {
+    "poses": pose_scenario,
+    "gear_run": gear_scenario,
+    "motion": motion_scenario,
+    "tracked_motion": tracked_scenario,
+}
 EACH = [(kind, name) for kind, names in OF_KIND.items() for name in names]
 
 
@@ -63,7 +68,9 @@ def test_condition_of_another_kind_is_refused():
         draw_conditions("cut", "poses", 1)
 
 
-@pytest.mark.parametrize("conditions", [Conditions(freedom=5.0), Conditions(memory=4.0), Conditions(freedom=6.0, memory=3.0)])
+@pytest.mark.parametrize(
+    "conditions", [Conditions(freedom=5.0), Conditions(memory=4.0), Conditions(freedom=6.0, memory=3.0)]
+)
 def test_noise_has_unit_variance(conditions):
     noise = draw_noise(conditions, (200_000, 3), np.random.default_rng(1))
     np.testing.assert_allclose(noise.std(axis=0), 1.0, rtol=0.03)
@@ -114,7 +121,9 @@ def test_gear_runs_with_a_passage_turn_back_within_a_run():
     step = np.diff(runs.theta[own, axis])
     assert step.max() > 0.0 > step.min()
     between = np.abs(runs.direction[own, axis]) < 1.0
-    assert np.count_nonzero(between) * runs.step == pytest.approx(0.1, abs=3.0 * runs.step)  # both ends belong to a table
+    assert np.count_nonzero(between) * runs.step == pytest.approx(
+        0.1, abs=3.0 * runs.step
+    )  # both ends belong to a table
 
 
 def test_motion_with_gear_tables_is_turned_back_by_the_gears():
@@ -123,7 +132,10 @@ def test_motion_with_gear_tables_is_turned_back_by_the_gears():
     middle = 0.5 * (arm.lower + arm.upper)
     drive = excitation(arm, middle, 4.0, 2e-3, 1, random)
     direction = passed(np.sign(drive.rate) * np.sign(arm.motor_per_output), drive.run, 2e-3, 0.05)
-    drive = type(drive)(*(getattr(drive, name) for name in ("time", "run", "q", "rate", "acceleration", "temperature")), direction)
+    drive = type(drive)(
+        *(getattr(drive, name) for name in ("time", "run", "q", "rate", "acceleration", "temperature")),
+        direction,
+    )
     still = arm.with_values(rotor=np.zeros(arm.axes), coulomb=np.zeros(arm.axes), viscous=np.zeros(arm.axes))
     played = play(still, drive, ())
     delivered = drive.q - arm.offset + spring_deflection(arm, played.link)
@@ -134,20 +146,26 @@ def test_motion_with_gear_tables_is_turned_back_by_the_gears():
     moved = played.theta.copy()
     moved[:, axis] += step * arm.ratio[axis]
     turn = (output_angle(arm, moved, direction) - output_angle(arm, played.theta, direction))[:, axis] / step
-    np.testing.assert_allclose(played.tau[one, axis], (played.link[:, axis] * turn)[one], rtol=1e-6, atol=1e-6)
+    np.testing.assert_allclose(
+        played.tau[one, axis], (played.link[:, axis] * turn)[one], rtol=1e-6, atol=1e-6
+    )
 
 
 @pytest.mark.parametrize("kind", ["poses", "motion", "tracked_motion"])
 def test_some_axes_stand_still(tmp_path, kind):
     case = SCENARIOS[kind].draw_case(tmp_path, 31, ROBOTS, "clean", "still")
     data = pd.read_csv(case.data)
-    moved = [np.ptp(data[name]) > 1e-6 for name in data if name.startswith(("theta_", "q_")) and name[-1] in "dg"]
+    moved = [
+        np.ptp(data[name]) > 1e-6 for name in data if name.startswith(("theta_", "q_")) and name[-1] in "dg"
+    ]
     assert 0 < np.count_nonzero(moved) < len(moved)
 
 
 @pytest.mark.parametrize("kind", ["poses", "motion"])
 def test_arm_without_masses_in_its_file_weighs_all_the_same(tmp_path, kind):
-    case = SCENARIOS[kind].draw_case(tmp_path, 33, ROBOTS, {"poses": "joint_compliance", "motion": "gravity_compensator"}[kind], "massless")
+    case = SCENARIOS[kind].draw_case(
+        tmp_path, 33, ROBOTS, {"poses": "joint_compliance", "motion": "gravity_compensator"}[kind], "massless"
+    )
     arm = read_arm(case.robot)
     assert arm.mass is None and not np.any(arm.linear)
     assert case.truth["raised"] > 1.02  # what the load does shows
@@ -163,5 +181,7 @@ def test_few_poses_are_sixty_and_geometry_is_off_by_millimetres(tmp_path):
     few = pose_scenario.draw_case(tmp_path / "few", 35, ROBOTS, "clean", "few")
     assert few.truth["rows"] == len(pd.read_csv(few.data)) == 60
     arm = read_arm(ROBOTS / "ur10.toml")
-    true = pose_scenario.draw_set_up(arm, np.random.default_rng(1), 1, draw_conditions("geometry", "poses", 1)).arm
+    true = pose_scenario.draw_set_up(
+        arm, np.random.default_rng(1), 1, draw_conditions("geometry", "poses", 1)
+    ).arm
     assert 2e-3 < np.std(true.a - arm.a) < 1e-2

@@ -15,21 +15,72 @@ sys.path.insert(0, str(TOP / "bench"))
 from blind.marks import printed, summary  # noqa: E402
 from blind.scorer import score, shrink_library  # noqa: E402
 
-CASE = {"arm": "a", "foreign": False, "noise": 1.0, "best": 1.0, "rows": 9, "has": [], "seconds": 1.0, "before": 3.0,
-        "probability": [0.95], "hits": [True], "named": ["backlash_2"], "missed": []}
-RIGHT = CASE | {"seed": 1, "hidden": ["backlash_2"], "raised": 2.0, "score": "right", "after": 1.0, "against_best": 1.0}
-WRONG = RIGHT | {"seed": 2, "score": "wrong", "hits": [False], "after": 4.0, "against_best": 4.0, "missed": ["backlash_2"]}
-CLEAN = CASE | {"seed": 3, "hidden": [], "raised": 1.0, "score": "wrong", "hits": [False], "after": 3.0, "against_best": 1.0}
+CASE = {
+    "arm": "a",
+    "foreign": False,
+    "noise": 1.0,
+    "best": 1.0,
+    "rows": 9,
+    "has": [],
+    "seconds": 1.0,
+    "before": 3.0,
+    "probability": [0.95],
+    "hits": [True],
+    "named": ["backlash_2"],
+    "missed": [],
+}
+RIGHT = CASE | {
+    "seed": 1,
+    "hidden": ["backlash_2"],
+    "raised": 2.0,
+    "score": "right",
+    "after": 1.0,
+    "against_best": 1.0,
+}
+WRONG = RIGHT | {
+    "seed": 2,
+    "score": "wrong",
+    "hits": [False],
+    "after": 4.0,
+    "against_best": 4.0,
+    "missed": ["backlash_2"],
+}
+CLEAN = CASE | {
+    "seed": 3,
+    "hidden": [],
+    "raised": 1.0,
+    "score": "wrong",
+    "hits": [False],
+    "after": 3.0,
+    "against_best": 1.0,
+}
 
-BACKLASH = {"effect": "backlash", "joint": 2, "probability": 0.97,
-            "parameters": {"width_rad": {"value": 4e-4, "ci95": [3e-4, 5e-4]}, "friction_Nm": 10.0}}
+BACKLASH = {
+    "effect": "backlash",
+    "joint": 2,
+    "probability": 0.97,
+    "parameters": {"width_rad": {"value": 4e-4, "ci95": [3e-4, 5e-4]}, "friction_Nm": 10.0},
+}
 SUMMARY = {"identification": {"n": 7, "rms": 2.0}, "validation": {"n": 3, "rms": 1.5}}
-RESULT = {"effects": [BACKLASH], "alternatives": [], "verdict": "explained", "before": SUMMARY, "after": SUMMARY,
-          "noise_floor": 1.0, "sentence": ""}
+RESULT = {
+    "effects": [BACKLASH],
+    "alternatives": [],
+    "verdict": "explained",
+    "before": SUMMARY,
+    "after": SUMMARY,
+    "noise_floor": 1.0,
+    "sentence": "",
+}
 
 
 def hidden(effect="backlash", joint=2, **more) -> dict:
-    return {"effect": effect, "joint": joint, "size": 4e-4, "foreign": False, "parameters": {"width_rad": 4e-4}} | more
+    return {
+        "effect": effect,
+        "joint": joint,
+        "size": 4e-4,
+        "foreign": False,
+        "parameters": {"width_rad": 4e-4},
+    } | more
 
 
 def test_marks_count_what_they_say():
@@ -41,7 +92,9 @@ def test_marks_count_what_they_say():
     assert marks["validation_grew"] == [2]
     assert marks["right_of_0.95"]["of"] == "1/3"
     assert marks["right_of_0.99"]["of"] == "0/0"
-    assert marks["reliability"]["0.95-0.98"] == pytest.approx({"right": "1/3", "stated": 0.95, "share": 1 / 3})
+    assert marks["reliability"]["0.95-0.98"] == pytest.approx(
+        {"right": "1/3", "stated": 0.95, "share": 1 / 3}
+    )
     assert marks["expected_calibration_error"] == pytest.approx(0.95 - 1 / 3)
 
 
@@ -60,10 +113,20 @@ def test_share_comes_with_the_exact_binomial_interval():
 
 
 def test_marks_are_told_by_condition_and_print():
-    records = [RIGHT | {"conditions": {"student": 4.0}}, WRONG | {"conditions": {}}, CLEAN | {"conditions": {"student": 9.0}}]
+    records = [
+        RIGHT | {"conditions": {"student": 4.0}},
+        WRONG | {"conditions": {}},
+        CLEAN | {"conditions": {"student": 9.0}},
+    ]
     marks = summary(records)
-    assert marks["by_condition"] == {"student": {"cases": 2, "clear_first_right": "1/1", "clean_with_effects": "1/1",
-                                                 "after_over_best_median": 1.0}}
+    assert marks["by_condition"] == {
+        "student": {
+            "cases": 2,
+            "clear_first_right": "1/1",
+            "clean_with_effects": "1/1",
+            "after_over_best_median": 1.0,
+        }
+    }
     assert "clear_first_right 1/1" in printed(json.loads(json.dumps(marks)))
 
 
@@ -86,7 +149,10 @@ def test_something_else_is_no_named_effect():
 
 
 def test_credible_set_holds_a_hidden_cause_by_name_and_axis():
-    members = [{"effect": "hysteresis", "joint": 2, "probability": 0.6}, {"effect": "backlash", "joint": 2, "probability": 0.4}]
+    members = [
+        {"effect": "hysteresis", "joint": 2, "probability": 0.6},
+        {"effect": "backlash", "joint": 2, "probability": 0.4},
+    ]
     found = RESULT | {"effects": [BACKLASH | {"effect": "hysteresis", "set": members}]}
     of = lambda joint: score(found, {"effects": [hidden(joint=joint)], "best": 1.0})["sets"]
     assert of(2) == [True] and of(4) == [False]
@@ -101,8 +167,11 @@ def test_coupling_is_known_by_its_motor():
 
 
 def test_an_effect_can_be_taken_out_of_the_library():
-    words = ("import sys; sys.path[:0] = sys.argv[1:3]; from blind.scorer import shrink_library; from exactarm.effects "
-             "import library; shrink_library(('backlash',)); assert 'backlash' not in library() and 'payload' in library()")
+    words = (
+        "import sys; sys.path[:0] = sys.argv[1:3]; from blind.scorer import shrink_library; "
+        "from exactarm.effects import library; shrink_library(('backlash',)); "
+        "assert 'backlash' not in library() and 'payload' in library()"
+    )
     subprocess.run([sys.executable, "-c", words, str(TOP / "bench"), str(TOP / "python")], check=True)
 
 
