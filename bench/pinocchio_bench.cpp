@@ -23,17 +23,17 @@ using exactarm::Robot;
 // Revolute axes about +z: the fastest joint type of the library that fits (all axes of the robot have sign +1).
 pinocchio::Model pinocchio_model(const Robot& robot) {
   pinocchio::Model model;
-  model.gravity.linear() = robot.gravity;
+  model.gravity.linear() = robot.gravity();
   pinocchio::JointIndex parent = 0;
   pinocchio::SE3 link_in_parent = pinocchio::SE3::Identity();
   for (long i = 0; i < robot.axes(); ++i) {
-    const Frame& frame = robot.frames[i];
+    const Frame& frame = robot.joint(i).frame;
     exactarm::require_size("sign of every axis", static_cast<long>(frame.sign), 1);
     const pinocchio::SE3 zero(exactarm::rotation_z(frame.zero), Eigen::Vector3d::Zero());
     parent = model.addJoint(parent, pinocchio::JointModelRZ(), link_in_parent * zero, "joint_" + std::to_string(i + 1));
     const pinocchio::SE3 link(exactarm::rotation_x(frame.alpha) * exactarm::rotation_y(frame.beta),
                               Eigen::Vector3d(frame.a, 0.0, frame.d));
-    const auto& mass = robot.links[i];
+    const auto& mass = robot.link(i);
     model.appendBodyToJoint(parent, pinocchio::Inertia(mass.mass, mass.centre_of_mass, mass.inertia), link);
     link_in_parent = link;
   }

@@ -37,21 +37,21 @@ void bind_elastic_joint_dynamics(py::module_& module) {
       .def(py::init<const ElasticJointModel&>(), py::arg("model"), py::keep_alive<1, 2>())
       .def("forward",
            [](ElasticJointDynamics& self, ConstVectorRef x, ConstVectorRef torques) {
-             Vector a(x.size() / 2);
+             Vector a(2 * self.size());
              self.forward(x, torques, a);
              return a;
            },
            py::arg("x"), py::arg("torques"))
       .def("inverse",
            [](ElasticJointDynamics& self, ConstVectorRef x, ConstVectorRef a) {
-             Vector torques(x.size() / 2);
+             Vector torques(2 * self.size());
              self.inverse(x, a, torques);
              return torques;
            },
            py::arg("x"), py::arg("a"))
       .def("rate_jacobian",
            [](ElasticJointDynamics& self, ConstVectorRef x, ConstVectorRef a) {
-             Matrix jacobian(x.size(), x.size());
+             Matrix jacobian(4 * self.size(), 4 * self.size());
              self.rate_jacobian(x, a, jacobian);
              return jacobian;
            },
@@ -64,7 +64,7 @@ void bind_elastic_joint_dynamics(py::module_& module) {
            py::arg("x"), "Kinetic, gravity and spring energy in J.")
       .def("matrices",
            [](ElasticJointDynamics& self, ConstVectorRef x) {
-             ElasticJointMatrices out(x.size() / 4);
+             ElasticJointMatrices out(self.size());
              self.matrices(x, out);
              return py::make_tuple(out.D, out.C, out.g);
            },

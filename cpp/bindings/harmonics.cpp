@@ -8,12 +8,6 @@ namespace {
 
 using Row = py::array_t<double, py::array::c_style | py::array::forcecast>;
 
-GearTable table_of(const Vector& order, const Vector& a, const Vector& b) {
-  require_size("a", a.size(), order.size());
-  require_size("b", b.size(), order.size());
-  return {order, a, b};
-}
-
 }  // namespace
 
 void bind_harmonics(py::module_& module) {
@@ -21,7 +15,7 @@ void bind_harmonics(py::module_& module) {
       "delivered_angle",
       [](const Row& phi, const Vector& order, const Vector& a, const Vector& b, const Row& factor, double tolerance,
          int threads) {
-        const GearTable table = table_of(order, a, b);
+        const GearTable table(order, a, b);
         if (factor.size()) require_size("factor", factor.size(), phi.size());
         auto x = new_array(phi.size()), slope = new_array(phi.size());
         const double *in = phi.data(), *scale = factor.size() ? factor.data() : nullptr;
@@ -38,7 +32,7 @@ void bind_harmonics(py::module_& module) {
   module.def(
       "transmission",
       [](const Row& x, const Vector& order, const Vector& a, const Vector& b, int threads) {
-        const GearTable table = table_of(order, a, b);
+        const GearTable table(order, a, b);
         auto error = new_array(x.size()), slope = new_array(x.size());
         const double* in = x.data();
         double *e = error.mutable_data(), *s = slope.mutable_data();

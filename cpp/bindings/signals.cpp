@@ -15,7 +15,8 @@ void bind_signals(py::module_& module) {
   module.def(
       "derivative",
       [](const Samples& values, const Samples& time, const std::vector<long>& starts) {
-        const long rows = values.ndim() ? values.shape(0) : 0, columns = rows ? values.size() / rows : 0;
+        if (values.ndim() == 0) throw InvalidArgument("values: expected samples (N, ...), found one number");
+        const long rows = values.shape(0), columns = rows ? values.size() / rows : 0;
         require_size("time", time.size(), rows);
         py::array_t<double> out(std::vector<py::ssize_t>(values.shape(), values.shape() + values.ndim()));
         const double *in = values.data(), *at = time.data();

@@ -4,6 +4,19 @@
 #include "exactarm/ocp/robot_dynamics.hpp"
 
 namespace exactarm::bindings {
+namespace {
+
+// An array that can be replaced is handed out as a copy: a view of it would outlive the memory that it looks at.
+template <class Owner, class Array>
+auto copy_of(Array Owner::*member) {
+  return [member](const Owner& owner) { return Array(owner.*member); };
+}
+template <class Owner, class Array>
+auto setter_of(Array Owner::*member) {
+  return [member](Owner& owner, const Array& value) { owner.*member = value; };
+}
+
+}  // namespace
 
 void bind_solution(py::module_& module) {
   using namespace ocp;
@@ -12,26 +25,26 @@ void bind_solution(py::module_& module) {
   py::enum_<Method>(module, "PlanMethod").value("stagewise", Method::stagewise).value("ipopt", Method::ipopt);
 
   py::class_<Bounds>(module, "PlanBounds")
-      .def_readwrite("q_min", &Bounds::q_min)
-      .def_readwrite("q_max", &Bounds::q_max)
-      .def_readwrite("q_dot", &Bounds::q_dot)
-      .def_readwrite("theta_min", &Bounds::theta_min)
-      .def_readwrite("theta_max", &Bounds::theta_max)
-      .def_readwrite("theta_dot", &Bounds::theta_dot)
-      .def_readwrite("theta_ddot", &Bounds::theta_ddot)
-      .def_readwrite("theta_dddot", &Bounds::theta_dddot);
+      .def_property("q_min", copy_of(&Bounds::q_min), setter_of(&Bounds::q_min))
+      .def_property("q_max", copy_of(&Bounds::q_max), setter_of(&Bounds::q_max))
+      .def_property("q_dot", copy_of(&Bounds::q_dot), setter_of(&Bounds::q_dot))
+      .def_property("theta_min", copy_of(&Bounds::theta_min), setter_of(&Bounds::theta_min))
+      .def_property("theta_max", copy_of(&Bounds::theta_max), setter_of(&Bounds::theta_max))
+      .def_property("theta_dot", copy_of(&Bounds::theta_dot), setter_of(&Bounds::theta_dot))
+      .def_property("theta_ddot", copy_of(&Bounds::theta_ddot), setter_of(&Bounds::theta_ddot))
+      .def_property("theta_dddot", copy_of(&Bounds::theta_dddot), setter_of(&Bounds::theta_dddot));
 
   py::class_<Problem>(module, "PlanProblem")
       .def(py::init(&problem_of), py::arg("robot"))
       .def_readwrite("step", &Problem::step)
       .def_readwrite("weight", &Problem::weight)
       .def_readwrite("input", &Problem::input)
-      .def_readwrite("q_desired", &Problem::q_desired)
-      .def_readwrite("direction", &Problem::direction)
-      .def_readwrite("phi_shift", &Problem::phi_shift)
+      .def_property("q_desired", copy_of(&Problem::q_desired), setter_of(&Problem::q_desired))
+      .def_property("direction", copy_of(&Problem::direction), setter_of(&Problem::direction))
+      .def_property("phi_shift", copy_of(&Problem::phi_shift), setter_of(&Problem::phi_shift))
       .def_readwrite("gears", &Problem::gears)
       .def_readwrite("springs", &Problem::springs)
-      .def_readwrite("q_offset", &Problem::q_offset)
+      .def_property("q_offset", copy_of(&Problem::q_offset), setter_of(&Problem::q_offset))
       .def_readwrite("bounds", &Problem::bounds);
 
   py::class_<SolveOptions>(module, "PlanOptions")

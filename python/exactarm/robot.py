@@ -41,9 +41,7 @@ class GearTable(Value):
     b: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
     def core(self) -> _core.GearTable:
-        table = _core.GearTable()
-        table.order, table.a, table.b = self.order, self.a, self.b
-        return table
+        return _core.GearTable(self.order, self.a, self.b)
 
 
 @dataclass(frozen=True, eq=False)
@@ -263,43 +261,25 @@ def frame_of(joint: Joint) -> Joint:
 
 
 def _build_core(robot: Robot) -> _core.Robot:
-    core = _core.Robot()
-    frames, gears, springs, drives = [], [], [], []
-    for joint, ratio in zip(robot.joints, robot.ratios):
-        frame = _core.Frame()
-        frame.type = getattr(_core.JointType, joint.type)
-        frame.sign, frame.zero = joint.sign, joint.zero
-        frame.d, frame.a, frame.alpha, frame.beta = joint.d, joint.a, joint.alpha, joint.beta or 0.0
-        frames.append(frame)
-        gear = _core.Gear()
-        gear.ratio = ratio
-        gear.cw, gear.ccw = ((table or GearTable()).core() for table in (joint.cw, joint.ccw))
-        gears.append(gear)
-        spring = _core.Spring()
-        spring.linear, spring.cubic = joint.spring_linear or 0.0, joint.spring_cubic
-        springs.append(spring)
-        drive, friction = _core.Drive(), _core.Friction()
-        friction.coulomb, friction.viscous = joint.coulomb or 0.0, joint.viscous or 0.0
-        drive.rotor_inertia, drive.motor = joint.rotor_inertia or 0.0, friction
-        drives.append(drive)
-    core.frames, core.gears, core.springs, core.drives = frames, gears, springs, drives
-    core.q_offset = list(robot.offsets)
-    core.links = [_core_link(link) for link in robot.links or ()]
-    core.limits = [_core_limits(joint) for joint in robot.joints]
-    core.base, core.tool, core.gravity = robot.base.core(), robot.tool.core(), robot.gravity
-    return core
+    links = [None] * robot.axes if robot.links is None else robot.links
+    joints = [_core_joint(joint, ratio, link) for joint, ratio, link in zip(robot.joints, robot.ratios, links, strict=True)]
+    return _core.Robot(joints, robot.base.core(), robot.tool.core(), robot.gravity)
 
 
-def _core_link(link: Link) -> _core.LinkInertia:
-    core = _core.LinkInertia()
-    core.mass, core.centre_of_mass, core.inertia = link.mass, link.centre_of_mass, link.inertia
-    return core
+def _core_joint(joint: Joint, ratio: float, link: Link | None) -> _core.Joint:
+    kind = getattr(_core.JointType, joint.type)
+    motor = _core.Friction(coulomb=joint.coulomb or 0.0, viscous=joint.viscous or 0.0)
+    return _core.Joint(
+        frame=_core.Frame(kind, joint.sign, joint.zero, joint.d, joint.a, joint.alpha, joint.beta or 0.0),
+        q_offset=joint.q_offset,
+        gear=_core.Gear(ratio, *((table or GearTable()).core() for table in (joint.cw, joint.ccw))),
+        spring=_core.Spring(joint.spring_linear or 0.0, joint.spring_cubic),
+        drive=_core.Drive(joint.rotor_inertia or 0.0, motor=motor),
+        limits=_core_limits(joint),
+        link=None if link is None else _core.LinkInertia(link.mass, link.centre_of_mass, link.inertia),
+    )
 
 
 def _core_limits(joint: Joint) -> _core.Limits:
-    limits = _core.Limits()
-    bound = lambda value, default: default if value is None else value
-    limits.q_min, limits.q_max = bound(joint.q_min, -np.inf), bound(joint.q_max, np.inf)
-    limits.q_dot_max, limits.q_ddot_max = bound(joint.q_dot_max, np.inf), bound(joint.q_ddot_max, np.inf)
-    limits.torque_max = bound(joint.torque_max, np.inf)
-    return limits
+    declared = {name: getattr(joint, name) for name in ("q_min", "q_max", "q_dot_max", "q_ddot_max", "torque_max")}
+    return _core.Limits(**{name: value for name, value in declared.items() if value is not None})

@@ -20,9 +20,8 @@ struct Sample {
 
 // n from 1 to 10 (more than eight axes take two blocks of lanes); samples 0 and 1 at zero and at 1e-8.
 Sample random_sample(Random& random, int number) {
-  Sample s;
-  s.n = 1 + number % 10;
-  s.robot = testing::random_robot(random, s.n, number % 2 == 1);
+  const int n = 1 + number % 10;
+  Sample s{testing::random_robot(random, n, number % 2 == 1), n, {}, {}, {}, {}};
   s.q = random.vector(s.n, 3.0);
   s.q_dot = random.vector(s.n, 2.0);
   s.q_ddot = random.vector(s.n, 5.0);

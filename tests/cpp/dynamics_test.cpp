@@ -20,7 +20,7 @@ double kinetic_energy_of_poses(const Robot& robot, const Vector& q, const Vector
   frame_poses(robot, q, here);
   double energy = 0.0;
   for (long i = 0; i < robot.axes(); ++i) {
-    const LinkInertia& link = robot.links[i];
+    const LinkInertia& link = robot.link(i);
     const Vector3 velocity = ((after[i + 1].rotation * link.centre_of_mass + after[i + 1].position) -
                               (before[i + 1].rotation * link.centre_of_mass + before[i + 1].position)) / (2.0 * step);
     const Vector3 rate = rotation_log(after[i + 1].rotation * before[i + 1].rotation.transpose()) / (2.0 * step);
@@ -35,9 +35,9 @@ double potential_of_poses(const Robot& robot, const Vector& q) {
   frame_poses(robot, q, poses);
   double energy = 0.0;
   for (long i = 0; i < robot.axes(); ++i) {
-    const Vector3 c = poses[i + 1].rotation * robot.links[i].centre_of_mass + poses[i + 1].position;
+    const Vector3 c = poses[i + 1].rotation * robot.link(i).centre_of_mass + poses[i + 1].position;
     // The poses are in the device's frame, gravity in the robot's base frame.
-    energy -= robot.links[i].mass * (robot.base.rotation * robot.gravity).dot(c);
+    energy -= robot.link(i).mass * (robot.base().rotation * robot.gravity()).dot(c);
   }
   return energy;
 }
@@ -129,9 +129,9 @@ TEST(Dynamics, OneSampleAndBatchesOfAnyLengthAgree) {
 
 TEST(Dynamics, RefusesARobotWithoutMassesAndAWrongNumberOfAxes) {
   Random random(26);
-  Robot robot = testing::random_robot(random, 6);
+  RobotDescription robot = testing::random_robot(random, 6);
   EXPECT_THROW(inverse_dynamics(robot, Vector::Zero(6), Vector::Zero(5), Vector::Zero(6)), InvalidArgument);
-  robot.links.clear();
+  for (Joint& joint : robot.joints) joint.link.reset();
   EXPECT_THROW(gravity_torque(robot, Vector::Zero(6)), InvalidArgument);
 }
 

@@ -14,23 +14,19 @@ using testing::Random;
 
 // Soft springs, heavy rotors, uneven gears: the couplings are large and the time scales close together. The link
 // inertias of a random robot are large enough to contain the rotors.
-Robot elastic_robot(Random& random, int n, bool with_prismatic) {
-  Robot robot = testing::random_robot(random, n, with_prismatic);
+RobotDescription elastic_robot(Random& random, int n, bool with_prismatic) {
+  RobotDescription robot = testing::random_robot(random, n, with_prismatic);
   for (int i = 0; i < n; ++i) {
-    robot.gears[i].ratio = random.uniform(2, 5);
-    GearTable table;
-    table.order = Vector::Constant(2, 1.0);
-    table.order[1] = 3.0;
-    table.a = random.vector(2, 0.05);
-    table.b = random.vector(2, 0.05);
-    robot.gears[i].cw = table;
-    table.a = random.vector(2, 0.05);
-    robot.gears[i].ccw = table;
-    robot.springs[i] = {random.uniform(200, 500), random.uniform(0, 1000)};
-    robot.drives[i].rotor_inertia = random.uniform(0.05, 0.2);
-    robot.drives[i].joint = {random.uniform(1, 4), random.uniform(0.1, 2), 0.5, 0.3};
-    robot.drives[i].motor = {random.uniform(1, 4), random.uniform(0.1, 2), 0.0, 1.0};
-    robot.links[i].inertia += 0.5 * Matrix3::Identity();
+    Joint& joint = robot.joints[i];
+    joint.gear.ratio = random.uniform(2, 5);
+    const Vector order = (Vector(2) << 1.0, 3.0).finished(), a = random.vector(2, 0.05), b = random.vector(2, 0.05);
+    joint.gear.cw = GearTable(order, a, b);
+    joint.gear.ccw = GearTable(order, random.vector(2, 0.05), b);
+    joint.spring = {random.uniform(200, 500), random.uniform(0, 1000)};
+    joint.drive.rotor_inertia = random.uniform(0.05, 0.2);
+    joint.drive.joint = {random.uniform(1, 4), random.uniform(0.1, 2), 0.5, 0.3};
+    joint.drive.motor = {random.uniform(1, 4), random.uniform(0.1, 2), 0.0, 1.0};
+    joint.link->inertia += 0.5 * Matrix3::Identity();
   }
   return robot;
 }
@@ -44,13 +40,13 @@ Vector random_state(Random& random, const ElasticJointModel& model) {
   return x;
 }
 
-Robot without_friction(Robot robot) {
-  for (Drive& drive : robot.drives) drive.joint = drive.motor = Friction{};
+RobotDescription without_friction(RobotDescription robot) {
+  for (Joint& joint : robot.joints) joint.drive.joint = joint.drive.motor = Friction{};
   return robot;
 }
 
 struct Case {
-  Robot robot;
+  RobotDescription robot;
   ElasticJointOptions options;
 };
 
@@ -58,7 +54,7 @@ Case random_case(Random& random, int sample) {
   Case c{elastic_robot(random, 1 + sample % 7, sample % 3 == 2), {}};
   c.options.rotor_coupling = sample % 2 == 1;
   c.options.friction_width = 0.1;
-  for (long i = 0; i < c.robot.axes(); ++i) c.options.gear_direction.push_back(static_cast<int>(i % 3) - 1);
+  for (std::size_t i = 0; i < c.robot.joints.size(); ++i) c.options.gear_direction.push_back(static_cast<int>(i % 3) - 1);
   return c;
 }
 
@@ -192,10 +188,11 @@ TEST(ElasticJointDynamics, RestsWhereTheSpringsCarryGravity) {
   Vector x = Vector::Zero(24), torques = Vector::Zero(12), a(12);
   x.head(6) = q;
   for (int i = 0; i < 6; ++i) {
+    const Spring& spring = robot.joint(i).spring;
     double low = -3.0, high = 3.0;  // kappa(e) = g, found without the inverse that is under test elsewhere
     for (int k = 0; k < 100; ++k) {
       const double e = 0.5 * (low + high);
-      (robot.springs[i].linear * e + robot.springs[i].cubic * e * e * e < g[i] ? low : high) = e;
+      (spring.linear * e + spring.cubic * e * e * e < g[i] ? low : high) = e;
     }
     const double phi = q[i] - model.offsets[i] + low;
     x[12 + i] = gear_motor_angle(model.ratios[i], model.tables[i], phi);
@@ -225,11 +222,11 @@ TEST(ElasticJointDynamics, AllocatesNothing) {
 
 TEST(ElasticJointDynamics, RefusesAxesWithoutSpringOrRotor) {
   Random random(87);
-  Robot robot = elastic_robot(random, 3, false);
-  robot.springs[1] = Spring{};
+  RobotDescription robot = elastic_robot(random, 3, false);
+  robot.joints[1].spring = Spring{};
   EXPECT_THROW(ElasticJointModel{robot}, InvalidArgument);
   robot = elastic_robot(random, 3, false);
-  robot.drives[2].rotor_inertia = 0.0;
+  robot.joints[2].drive.rotor_inertia = 0.0;
   EXPECT_THROW(ElasticJointModel{robot}, InvalidArgument);
 }
 

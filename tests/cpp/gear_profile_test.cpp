@@ -19,22 +19,25 @@ struct Case {
 };
 
 Case random_case(Random& random, int orders, long cells) {
-  Case out{random.vector(cells, 2.0), random.vector(cells, 0.01), Vector::Ones(cells) + random.vector(cells, 0.9),
-           {Vector(orders), random.vector(orders, 0.02), random.vector(orders, 0.02)}, random.uniform(-0.01, 0.01)};
-  for (int j = 0; j < orders; ++j) out.table.order[j] = random.uniform(2.0, 90.0);
-  return out;
+  const Vector angle = random.vector(cells, 2.0), value = random.vector(cells, 0.01),
+               weight = Vector::Ones(cells) + random.vector(cells, 0.9);
+  const Vector a = random.vector(orders, 0.02), b = random.vector(orders, 0.02);
+  const double level = random.uniform(-0.01, 0.01);
+  Vector order(orders);
+  for (int j = 0; j < orders; ++j) order[j] = random.uniform(2.0, 90.0);
+  return {angle, value, weight, {order, a, b}, level};
 }
 
 // Parameters in the order of the normal equations.
 Vector parameters(const Case& c) {
-  const long m = c.table.order.size();
+  const long m = c.table.size();
   Vector x(3 * m + 1);
-  x << c.table.a, c.table.b, c.level, c.table.order;
+  x << c.table.a(), c.table.b(), c.level, c.table.order();
   return x;
 }
 
 Vector residual(const Case& c, bool rated, const Vector& x) {
-  const long m = c.table.order.size();
+  const long m = c.table.size();
   const GearTable table{x.tail(m), x.head(m), x.segment(m, m)};
   return profile_normal({c.angle, c.value, c.weight, rated}, table, x[2 * m], true).residual;
 }
@@ -53,7 +56,7 @@ TEST(GearProfile, NormalEquationsMatchCentralDifference) {
       const Vector gradient = J.transpose() * c.weight.cwiseProduct(found.residual);
       EXPECT_LE((found.normal - normal).cwiseAbs().maxCoeff(), 1e-7 * std::max(1.0, normal.cwiseAbs().maxCoeff()));
       EXPECT_LE((found.gradient - gradient).cwiseAbs().maxCoeff(), 1e-7 * std::max(1.0, gradient.cwiseAbs().maxCoeff()));
-      const long few = 2 * c.table.order.size() + 1;
+      const long few = 2 * c.table.size() + 1;
       const ProfileNormal without = profile_normal({c.angle, c.value, c.weight, rated}, c.table, c.level, false);
       EXPECT_TRUE(without.normal.isApprox(found.normal.topLeftCorner(few, few)));
       EXPECT_TRUE(without.gradient.isApprox(found.gradient.head(few)));
@@ -77,8 +80,7 @@ TEST(GearProfile, SizesThatDifferAreRefused) {
   const Case c = random_case(random, 3, 10);
   const Vector few = c.value.head(9);
   EXPECT_THROW(profile_normal({c.angle, few, c.weight, true}, c.table, 0.0, false), InvalidArgument);
-  EXPECT_THROW(profile_normal({c.angle, c.value, c.weight, true}, {c.table.order, few, c.table.b}, 0.0, false),
-               InvalidArgument);
+  EXPECT_THROW(GearTable(c.table.order(), few, c.table.b()), InvalidArgument);
 }
 
 }  // namespace

@@ -12,16 +12,12 @@ using testing::Random;
 
 // Harmonics whose amplitudes add up to `sum` of the ratio.
 GearTable random_table(Random& random, int orders, double sum) {
-  GearTable table;
-  table.order.resize(orders);
-  for (int j = 0; j < orders; ++j) table.order[j] = random.uniform(1.0, 300.0);
-  table.a = random.vector(orders, 1.0);
-  table.b = random.vector(orders, 1.0);
+  Vector order(orders);
+  for (int j = 0; j < orders; ++j) order[j] = random.uniform(1.0, 300.0);
+  Vector a = random.vector(orders, 1.0), b = random.vector(orders, 1.0);
   double total = 0.0;
-  for (int j = 0; j < orders; ++j) total += std::hypot(table.a[j], table.b[j]);
-  table.a *= sum / total;
-  table.b *= sum / total;
-  return table;
+  for (int j = 0; j < orders; ++j) total += std::hypot(a[j], b[j]);
+  return {order, sum / total * a, sum / total * b};
 }
 
 TEST(Gear, DerivativesMatchCentralDifference) {
@@ -63,10 +59,7 @@ TEST(Gear, InverseReturnsTheOutputAngleUpToAlmostStandingHarmonics) {
 }
 
 TEST(Gear, NonMonotoneTableIsRefusedByName) {
-  GearTable table;
-  table.order = Vector::Constant(1, 3.0);
-  table.a = Vector::Constant(1, 1.2);
-  table.b = Vector::Zero(1);
+  const GearTable table{Vector::Constant(1, 3.0), Vector::Constant(1, 1.2), Vector::Zero(1)};
   double where = 0.0;
   EXPECT_FALSE(gear_is_monotone(table, &where));
   EXPECT_LT(gear_ratio(1.0, table, where, 0), 1e-5);
@@ -79,10 +72,7 @@ TEST(Gear, NonMonotoneTableIsRefusedByName) {
 }
 
 TEST(Gear, LargeHarmonicsThatCancelAreMonotone) {
-  GearTable table;
-  table.order = Vector::Constant(2, 5.0);
-  table.a = (Vector(2) << 1.5, -0.8).finished();
-  table.b = Vector::Zero(2);
+  const GearTable table{Vector::Constant(2, 5.0), (Vector(2) << 1.5, -0.8).finished(), Vector::Zero(2)};
   EXPECT_TRUE(gear_is_monotone(table));
 }
 
@@ -104,8 +94,8 @@ TEST(Gear, TableAtRestIsTheMeanOfBothDirections) {
     const double mean = 0.5 * (gear_motor_angle(70, gear.cw, phi) + gear_motor_angle(70, gear.ccw, phi));
     EXPECT_NEAR(gear_motor_angle(70, rest, phi), mean, 1e-12);
   }
-  EXPECT_EQ(gear_table(gear, -1).order.size(), 4);
-  EXPECT_EQ(gear_table(gear, 1).order.size(), 7);
+  EXPECT_EQ(gear_table(gear, -1).size(), 4);
+  EXPECT_EQ(gear_table(gear, 1).size(), 7);
 }
 
 TEST(Gear, RefusesAWrongDerivativeOrder) { EXPECT_THROW(gear_ratio(50, GearTable{}, 0, 4), InvalidArgument); }

@@ -11,9 +11,10 @@ namespace {
 using testing::Random;
 
 GearTable random_table(Random& random, int orders, double size) {
-  GearTable table{Vector(orders), random.vector(orders, size), random.vector(orders, size)};
-  for (int j = 0; j < orders; ++j) table.order[j] = random.uniform(1.0, 400.0);
-  return table;
+  const Vector a = random.vector(orders, size), b = random.vector(orders, size);
+  Vector order(orders);
+  for (int j = 0; j < orders; ++j) order[j] = random.uniform(1.0, 400.0);
+  return {order, a, b};
 }
 
 // 1 to 20 angles, so that lanes are filled in part, too.

@@ -20,8 +20,9 @@ const InverseKinematicsOptions kOptions;
 
 // The racer with every geometric parameter a little off, as identification leaves it.
 Robot identified_racer(Random& random) {
-  Robot robot = testing::racer();
-  for (Frame& frame : robot.frames) {
+  RobotDescription robot = testing::racer();
+  for (Joint& joint : robot.joints) {
+    Frame& frame = joint.frame;
     frame.d += random.uniform(-1e-3, 1e-3);
     frame.a += random.uniform(-1e-3, 1e-3);
     frame.alpha += random.uniform(-2e-3, 2e-3);
@@ -33,7 +34,7 @@ Robot identified_racer(Random& random) {
 
 Vector random_joints(const Robot& robot, Random& random) {
   Vector q(robot.axes());
-  for (long i = 0; i < q.size(); ++i) q[i] = random.uniform(robot.limits[i].q_min, robot.limits[i].q_max);
+  for (long i = 0; i < q.size(); ++i) q[i] = random.uniform(robot.joint(i).limits.q_min, robot.joint(i).limits.q_max);
   return q;
 }
 
@@ -83,15 +84,16 @@ TEST(InverseKinematics, BranchesOfAnIdentifiedArmHoldThePoseThatMadeThem) {
 TEST(InverseKinematics, AnalyticStartsAreExactOnTheNominalArmWithAnySignAndZero) {
   Random random(31);
   for (int sample = 0; sample < testing::samples(); ++sample) {
-    Robot robot = testing::racer();
-    for (Frame& frame : robot.frames) {
+    RobotDescription robot = testing::racer();
+    for (Joint& joint : robot.joints) {
+      Frame& frame = joint.frame;
       frame.sign = random.uniform(-1, 1) < 0 ? -1.0 : 1.0;
       frame.zero = random.uniform(-3, 3);
     }
-    robot.frames[1].d = 0.1;
-    robot.frames[0].alpha *= random.uniform(-1, 1) < 0 ? -1.0 : 1.0;
-    robot.frames[3].alpha *= random.uniform(-1, 1) < 0 ? -1.0 : 1.0;
-    robot.frames[1].alpha = random.uniform(-1, 1) < 0 ? M_PI : 0.0;
+    robot.joints[1].frame.d = 0.1;
+    robot.joints[0].frame.alpha *= random.uniform(-1, 1) < 0 ? -1.0 : 1.0;
+    robot.joints[3].frame.alpha *= random.uniform(-1, 1) < 0 ? -1.0 : 1.0;
+    robot.joints[1].frame.alpha = random.uniform(-1, 1) < 0 ? M_PI : 0.0;
     robot.base = random.pose();
     robot.tool = random.pose();
     const Pose target = forward_kinematics(robot, random_joints(robot, random));
@@ -150,8 +152,8 @@ TEST(InverseKinematics, UnreachablePoseIsReportedWithItsIndex) {
 }
 
 TEST(InverseKinematics, JointLimitIsReportedWithJointAndAmount) {
-  Robot robot = testing::racer();
-  robot.limits[0].q_max = 0.2;
+  RobotDescription robot = testing::racer();
+  robot.joints[0].limits.q_max = 0.2;
   RowMatrix positions, rotations, q;
   line({0.834, 0, 1}, {0.834, 0.5, 1}, 501, positions, rotations);
   const auto report = inverse_kinematics_path(robot, positions, rotations, kStart, q, kOptions);

@@ -12,20 +12,20 @@ using testing::Random;
 
 // All parameters of the identification Jacobian as one vector of increments, in its column order.
 Robot moved(const Robot& robot, const Vector& step) {
-  Robot out = robot;
+  RobotDescription out{robot.joints(), robot.base(), robot.tool(), robot.gravity()};
   const long n = robot.axes();
   for (long i = 0; i < n; ++i) {
     const long first = kFrameParameters * i;
-    out.frames[i].d += step[first + kD];
-    out.frames[i].a += step[first + kA];
-    out.frames[i].alpha += step[first + kAlpha];
-    out.frames[i].beta += step[first + kBeta];
+    out.joints[i].frame.d += step[first + kD];
+    out.joints[i].frame.a += step[first + kA];
+    out.joints[i].frame.alpha += step[first + kAlpha];
+    out.joints[i].frame.beta += step[first + kBeta];
   }
   const long base = kFrameParameters * n;
   out.base.position += step.segment<3>(base);
-  out.base.rotation = rotation_exp(step.segment<3>(base + 3)) * robot.base.rotation;
+  out.base.rotation = rotation_exp(step.segment<3>(base + 3)) * robot.base().rotation;
   out.tool.position += step.segment<3>(base + 6);
-  out.tool.rotation = rotation_exp(step.segment<3>(base + 9)) * robot.tool.rotation;
+  out.tool.rotation = rotation_exp(step.segment<3>(base + 9)) * robot.tool().rotation;
   return out;
 }
 
@@ -91,7 +91,7 @@ TEST(Kinematics, FramePosesEndAtTheFlange) {
   const Vector q = random.vector(6, 3.0);
   std::vector<Pose> poses;
   frame_poses(robot, q, poses);
-  EXPECT_TRUE((poses.back() * robot.tool).position.isApprox(forward_kinematics(robot, q).position, 1e-14));
+  EXPECT_TRUE((poses.back() * robot.tool()).position.isApprox(forward_kinematics(robot, q).position, 1e-14));
 }
 
 TEST(Kinematics, RefusesAWrongNumberOfAxes) {

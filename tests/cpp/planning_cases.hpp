@@ -42,13 +42,11 @@ inline RowMatrix random_reference(Random& random, long knots, const Vector& from
 
 inline ocp::Problem mass_problem(const RowMatrix& q_desired, double step, double weight) {
   const long n = q_desired.cols();
-  Robot robot;
-  robot.q_offset.assign(n, 0.0);
-  robot.frames.resize(n);
-  Gear gear;
-  gear.ratio = 50.0;
-  robot.gears.assign(n, gear);
-  robot.springs.assign(n, Spring{2e4, 0.0});
+  Joint joint;
+  joint.gear.ratio = 50.0;
+  joint.spring = {2e4, 0.0};
+  RobotDescription robot;
+  robot.joints.assign(n, joint);
   ocp::Problem problem = ocp::problem_of(robot);
   problem.q_desired = q_desired;
   problem.step = step;

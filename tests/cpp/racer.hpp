@@ -5,7 +5,7 @@
 
 namespace exactarm::testing {
 
-inline Robot racer() {
+inline RobotDescription racer() {
   constexpr double degree = M_PI / 180.0;
   const double geometry[6][4] = {{0.43, 0.15, 90, 0}, {0, 0.59, 0, 0},     {0, 0.13, 90, 0},
                                  {0.684, 0, -90, 0},  {0, 0, 90, 0},       {0.1, 0, 0, 0}};
@@ -23,40 +23,35 @@ inline Robot racer() {
       {12.029, -0.001, 0.394, 0.003, 0.795, -0.002, 0, 0.028, 0.022, 0.784},
       {3.229, 0.005, -0.002, 0.003, 0.007, 0, 0, 0.006, 0, 0.004},
       {0.267, 0, 0.001, -0.008, 0.0002, 0, 0, 0.0002, 0, 0.0003}};
-  Robot robot;
+  RobotDescription robot;
   for (int i = 0; i < 6; ++i) {
-    Frame frame;
+    Joint joint;
+    Frame& frame = joint.frame;
     frame.d = geometry[i][0];
     frame.a = geometry[i][1];
     frame.alpha = geometry[i][2] * degree;
-    robot.frames.push_back(frame);
-    robot.q_offset.push_back(offset[i] * degree);
-    robot.limits.push_back({limits[i][0] * degree, limits[i][1] * degree, limits[i][2] * degree,
-                            limits[i][3] * degree, limits[i][4]});
-    robot.springs.push_back({drive[i][0], drive[i][1]});
-    Drive motor;
-    motor.rotor_inertia = drive[i][2];
-    robot.drives.push_back(motor);
-    Gear gear;
-    gear.ratio = drive[i][3];
-    robot.gears.push_back(gear);
+    joint.q_offset = offset[i] * degree;
+    joint.limits = {limits[i][0] * degree, limits[i][1] * degree, limits[i][2] * degree,
+                            limits[i][3] * degree, limits[i][4]};
+    joint.spring = {drive[i][0], drive[i][1]};
+    joint.drive.rotor_inertia = drive[i][2];
+    joint.gear.ratio = drive[i][3];
     LinkInertia link;
     const double* p = inertial[i];
     link.mass = p[0];
     link.centre_of_mass = Vector3(p[1], p[2], p[3]);
     link.inertia << p[4], p[5], p[6], p[5], p[7], p[8], p[6], p[8], p[9];
-    robot.links.push_back(link);
+    joint.link = link;
+    robot.joints.push_back(joint);
   }
   // A few of the harmonics of gears 1 to 3, clockwise (Tables A.6-A.8, E5), in both directions alike.
   const double order[3][3] = {{85, 101, 202}, {83, 167, 333}, {69, 140, 279}};
   const double a[3][3] = {{-8.0e-4, 1.15e-3, -8.4e-4}, {8.2e-4, 1.8e-3, 6.8e-4}, {-3.7e-3, 5.3e-3, -1.5e-3}};
   const double b[3][3] = {{3.3e-3, 1.8e-3, 8.7e-4}, {-5.1e-4, 1.8e-5, 4.4e-5}, {-2.5e-3, 1.2e-2, -1.0e-3}};
   for (int i = 0; i < 3; ++i) {
-    GearTable table;
-    table.order = Eigen::Map<const Vector3>(order[i]);
-    table.a = Eigen::Map<const Vector3>(a[i]);
-    table.b = Eigen::Map<const Vector3>(b[i]);
-    robot.gears[i].cw = robot.gears[i].ccw = table;
+    const auto vector = [](const double (&values)[3]) { return Vector(Eigen::Map<const Vector3>(values)); };
+    Gear& gear = robot.joints[i].gear;
+    gear.cw = gear.ccw = GearTable(vector(order[i]), vector(a[i]), vector(b[i]));
   }
   return robot;
 }

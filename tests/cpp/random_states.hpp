@@ -34,10 +34,11 @@ class Random {
 };
 
 // A chain with arbitrary geometry, masses, gears, springs; axis 2 prismatic when asked for.
-inline Robot random_robot(Random& random, int axes, bool with_prismatic = false) {
-  Robot robot;
+inline RobotDescription random_robot(Random& random, int axes, bool with_prismatic = false) {
+  RobotDescription robot;
   for (int i = 0; i < axes; ++i) {
-    Frame frame;
+    Joint joint;
+    Frame& frame = joint.frame;
     frame.type = with_prismatic && i == 1 ? JointType::prismatic : JointType::revolute;
     frame.sign = random.uniform(-1, 1) < 0 ? -1.0 : 1.0;
     frame.zero = random.uniform(-3, 3);
@@ -45,24 +46,21 @@ inline Robot random_robot(Random& random, int axes, bool with_prismatic = false)
     frame.a = random.uniform(-0.7, 0.7);
     frame.alpha = random.uniform(-2, 2);
     frame.beta = random.uniform(-0.3, 0.3);
-    robot.frames.push_back(frame);
     LinkInertia link;
     link.mass = random.uniform(0.5, 40);
     link.centre_of_mass = random.vector(3, 0.3);
     const Matrix3 root = Matrix3::Random();
     link.inertia = root * root.transpose() * 0.1 + 0.05 * Matrix3::Identity();
-    robot.links.push_back(link);
-    Gear gear;
-    gear.ratio = random.uniform(40, 120);
-    robot.gears.push_back(gear);
-    robot.springs.push_back({random.uniform(1e4, 3e5), random.uniform(0, 1e9)});
-    Drive drive;
+    joint.link = link;
+    joint.gear.ratio = random.uniform(40, 120);
+    joint.spring = {random.uniform(1e4, 3e5), random.uniform(0, 1e9)};
+    Drive& drive = joint.drive;
     drive.rotor_inertia = random.uniform(5e-5, 2e-3);
     drive.joint.coulomb = random.uniform(1, 40);
     drive.joint.viscous = random.uniform(1, 20);
-    robot.drives.push_back(drive);
-    robot.limits.push_back({-3, 3, 4, 10, 500});
-    robot.q_offset.push_back(random.uniform(-1, 1));
+    joint.limits = {-3, 3, 4, 10, 500};
+    joint.q_offset = random.uniform(-1, 1);
+    robot.joints.push_back(joint);
   }
   robot.base = random.pose();
   robot.tool = random.pose();

@@ -26,7 +26,8 @@ TEST(Regressor, TimesTheParametersIsTheInverseDynamics) {
 TEST(Regressor, InertialParametersAndLinkInertiaAreInverse) {
   Random random(31);
   const Robot robot = testing::random_robot(random, 6);
-  for (const LinkInertia& link : robot.links) {
+  for (long i = 0; i < robot.axes(); ++i) {
+    const LinkInertia& link = robot.link(i);
     const LinkInertia back = link_inertia(inertial_parameters(link));
     EXPECT_DOUBLE_EQ(back.mass, link.mass);
     EXPECT_TRUE(back.centre_of_mass.isApprox(link.centre_of_mass, 1e-13));

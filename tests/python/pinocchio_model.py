@@ -21,7 +21,8 @@ def pinocchio_model(robot: _core.Robot) -> pin.Model:
     model = pin.Model()
     model.gravity = pin.Motion(np.asarray(robot.gravity, float), np.zeros(3))
     parent, link_in_parent = 0, pin.SE3.Identity()
-    for i, frame in enumerate(robot.frames):
+    for i, axis_and_link in enumerate(robot.joints):
+        frame, link = axis_and_link.frame, axis_and_link.link
         axis = np.array([0.0, 0.0, frame.sign])
         revolute = frame.type == _core.JointType.revolute
         joint_model = (pin.JointModelRevoluteUnaligned if revolute else pin.JointModelPrismaticUnaligned)(axis)
@@ -30,8 +31,7 @@ def pinocchio_model(robot: _core.Robot) -> pin.Model:
         link_in_joint = pin.SE3(
             rotation("x", frame.alpha) @ rotation("y", frame.beta), np.array([frame.a, 0.0, frame.d])
         )
-        if robot.links:
-            link = robot.links[i]
+        if link is not None:
             inertia = pin.Inertia(link.mass, np.asarray(link.centre_of_mass), np.asarray(link.inertia))
             model.appendBodyToJoint(joint, inertia, link_in_joint)
         model.addFrame(pin.Frame(f"link_{i + 1}", joint, 0, link_in_joint, pin.FrameType.OP_FRAME))

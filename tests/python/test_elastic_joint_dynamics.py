@@ -17,24 +17,34 @@ AXES = 6
 def elastic_robot(seed: int, dry: bool) -> _core.Robot:
     rng = np.random.default_rng(seed)
     robot = random_core_robot(rng, AXES)
-    gears, springs, drives = [], [], []
-    for _ in range(AXES):
-        gear, spring, drive, friction = _core.Gear(), _core.Spring(), _core.Drive(), _core.Friction()
-        gear.ratio = rng.uniform(50, 100)
-        spring.linear, spring.cubic = rng.uniform(2e4, 3e5), rng.uniform(0, 1e9)
-        drive.rotor_inertia = rng.uniform(5e-4, 1e-3)
-        friction.coulomb, friction.viscous = (0.0, 0.0) if dry else (rng.uniform(5, 20), rng.uniform(1, 5))
-        drive.joint = friction
-        gears.append(gear), springs.append(spring), drives.append(drive)
-    robot.gears, robot.springs, robot.drives = gears, springs, drives
-    robot.q_offset = list(rng.uniform(-1, 1, AXES))
-    return robot
+    joints = []
+    for joint in robot.joints:
+        gear = _core.Gear(rng.uniform(50, 100))
+        spring = _core.Spring(rng.uniform(2e4, 3e5), rng.uniform(0, 1e9))
+        rotor = rng.uniform(5e-4, 1e-3)
+        friction = _core.Friction() if dry else _core.Friction(rng.uniform(5, 20), rng.uniform(1, 5))
+        joints.append(changed(joint, gear=gear, spring=spring, drive=_core.Drive(rotor, joint=friction)))
+    joints = [changed(joint, q_offset=offset) for joint, offset in zip(joints, rng.uniform(-1, 1, AXES))]
+    return with_joints(robot, joints)
+
+
+def changed(joint: _core.Joint, **values) -> _core.Joint:
+    names = ("frame", "q_offset", "gear", "spring", "drive", "limits", "link")
+    return _core.Joint(**{name: values.get(name, getattr(joint, name)) for name in names})
+
+
+def with_joints(robot: _core.Robot, joints: list[_core.Joint]) -> _core.Robot:
+    return _core.Robot(joints, robot.base, robot.tool, robot.gravity)
+
+
+def offsets(robot: _core.Robot) -> np.ndarray:
+    return np.array([joint.q_offset for joint in robot.joints])
 
 
 def random_state(robot: _core.Robot, rng: np.random.Generator) -> np.ndarray:
     q, q_dot = rng.uniform(-2, 2, AXES), rng.uniform(-1, 1, AXES)
-    ratios = np.array([gear.ratio for gear in robot.gears])
-    theta = ratios * (q - np.array(robot.q_offset) + rng.uniform(-2e-3, 2e-3, AXES))
+    ratios = np.array([joint.gear.ratio for joint in robot.joints])
+    theta = ratios * (q - offsets(robot) + rng.uniform(-2e-3, 2e-3, AXES))
     return np.concatenate([q, q_dot, theta, ratios * q_dot])
 
 
@@ -48,14 +58,14 @@ def test_simplified_model_is_pinocchio_driven_by_the_springs():
     for _ in range(10):
         x, external, motor = random_state(robot, rng), rng.uniform(-50, 50, AXES), rng.uniform(-2, 2, AXES)
         q, q_dot, theta, _ = np.split(x, 4)
-        ratios = np.array([gear.ratio for gear in robot.gears])
-        deflection = theta / ratios + np.array(robot.q_offset) - q
-        linear, cubic = np.array([(spring.linear, spring.cubic) for spring in robot.springs]).T
+        ratios = np.array([joint.gear.ratio for joint in robot.joints])
+        deflection = theta / ratios + offsets(robot) - q
+        linear, cubic = np.array([(joint.spring.linear, joint.spring.cubic) for joint in robot.joints]).T
         torque = linear * deflection + cubic * deflection**3
-        dry = np.array([drive.joint.coulomb for drive in robot.drives]) * np.tanh(q_dot / width)
-        friction = dry + np.array([drive.joint.viscous for drive in robot.drives]) * q_dot
+        dry = np.array([joint.drive.joint.coulomb for joint in robot.joints]) * np.tanh(q_dot / width)
+        friction = dry + np.array([joint.drive.joint.viscous for joint in robot.joints]) * q_dot
         links = pin.aba(model, data, q, q_dot, torque + external - friction)
-        motors = (motor - torque / ratios) / np.array([drive.rotor_inertia for drive in robot.drives])
+        motors = (motor - torque / ratios) / np.array([joint.drive.rotor_inertia for joint in robot.joints])
         found = dynamics.forward(x, np.concatenate([external, motor]))
         np.testing.assert_allclose(found[:AXES], links, rtol=0, atol=1e-9 * np.max(np.abs(links)))
         np.testing.assert_allclose(found[AXES:], motors, rtol=0, atol=1e-9 * np.max(np.abs(motors)))
@@ -107,8 +117,8 @@ def test_wrong_sizes_and_rigid_axes_are_refused():
     dynamics = _core.ElasticJointDynamics(_core.ElasticJointModel(robot))
     with pytest.raises(_core.InvalidArgument, match="x: size 20, expected 24"):
         dynamics.forward(np.zeros(20), np.zeros(12))
-    springs = list(robot.springs)
-    springs[2] = _core.Spring()
-    robot.springs = springs
+    joints = robot.joints
+    joints[2] = changed(joints[2], spring=_core.Spring())
+    robot = with_joints(robot, joints)
     with pytest.raises(_core.InvalidArgument, match="spring of joint 3"):
         _core.ElasticJointModel(robot)

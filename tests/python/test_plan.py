@@ -44,7 +44,7 @@ def test_motor_angles_return_the_link_angles_through_the_chain():
     for end in (0, -1):
         torque = _core.gravity_torque(ROBOT.core, plan.q[[end]], 1)[0]
         for i, joint in enumerate(ROBOT.joints):
-            table = ROBOT.core.gears[i].cw
+            table = ROBOT.core.joints[i].gear.cw
             phi = _core.gear_output_angle(joint.ratio, table, plan.theta[[end], i])[0]
             stretch = phi + joint.q_offset - plan.q[end, i]
             assert joint.spring_linear * stretch + joint.spring_cubic * stretch**3 == pytest.approx(torque[i], abs=1e-6)
@@ -151,7 +151,7 @@ def test_rigid_joints_among_elastic_ones_follow_their_gears(rigid, kind, nu):
     assert plan.solver.status == "solved" and plan.tracking.position_max < 1e-6
     soft = plan_path(ROBOT, replace(LINE, input=kind, nu=nu, gear_direction="cw"), THREADS)
     for i, joint in enumerate(ROBOT.joints):
-        phi = _core.gear_output_angle(joint.ratio, ROBOT.core.gears[i].cw, plan.theta[:, i])
+        phi = _core.gear_output_angle(joint.ratio, ROBOT.core.joints[i].gear.cw, plan.theta[:, i])
         if i in rigid:
             np.testing.assert_allclose(phi + joint.q_offset, plan.q[:, i], atol=1e-9)
         else:

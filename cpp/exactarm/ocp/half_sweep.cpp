@@ -150,7 +150,7 @@ void HalfSweep<Axes, MotorOrder>::add_motor_hessian(const StageDerivatives& d, c
   const auto add = [&](int first, int second, double factor, const double* values) {
     for (int i = 0; i < m; ++i) quadratic_.data()[(second * m + i) * w + first * m + i] += factor * values[i];
   };
-  double values[32];
+  double* const values = blocks_[7].data();  // one number an axis
   for (int b = kLinkOrder; b < kStateBlocks; ++b) {
     for (int i = 0; i < m; ++i)
       values[i] = diagonal[Layout::state_block(b) * m + i] + (b == kLinkOrder ? d.theta_theta[k * m + i] : 0.0);

@@ -120,7 +120,7 @@ void HalfSweep<Axes, MotorOrder>::forward(const KktVector& right, KktVector* sol
       std::copy_n(qdd, m, z + kQDdot * m);
       std::copy_n(input, m, z + layout_.input() * m);
       // lambda from the stationarity of qdd, pi from the cost to go in front of the knot.
-      double force[16];
+      double* const force = out + s;
       for (int i = 0; i < m; ++i) {
         double sum = here.qdd_gradient[i];
         for (int j = 0; j < m; ++j) sum += here.qdd_by_qdd[j * m + i] * qdd[j];

@@ -21,19 +21,21 @@ void require_shape(const std::string& name, const RowMatrix& matrix, const Probl
 Problem problem_of(const Robot& robot) {
   const long n = robot.axes();
   Problem problem;
-  problem.gears = robot.gears;
-  problem.springs = robot.springs;
-  problem.q_offset = Eigen::Map<const Vector>(robot.q_offset.data(), robot.q_offset.size());
+  problem.q_offset.resize(n);
   Bounds& b = problem.bounds;
   for (Vector* v : {&b.q_min, &b.theta_min}) *v = Vector::Constant(n, -kInfinity);
   for (Vector* v : {&b.q_max, &b.q_dot, &b.theta_max, &b.theta_dot, &b.theta_ddot, &b.theta_dddot})
     *v = Vector::Constant(n, kInfinity);
-  for (long i = 0; i < static_cast<long>(robot.limits.size()); ++i) {
-    const Limits& limits = robot.limits[i];
+  for (long i = 0; i < n; ++i) {
+    const Joint& joint = robot.joint(i);
+    const Limits& limits = joint.limits;
+    problem.gears.push_back(joint.gear);
+    problem.springs.push_back(joint.spring);
+    problem.q_offset[i] = joint.q_offset;
     b.q_min[i] = limits.q_min;
     b.q_max[i] = limits.q_max;
-    b.theta_min[i] = limits.q_min - robot.q_offset[i];
-    b.theta_max[i] = limits.q_max - robot.q_offset[i];
+    b.theta_min[i] = limits.q_min - joint.q_offset;
+    b.theta_max[i] = limits.q_max - joint.q_offset;
     b.q_dot[i] = b.theta_dot[i] = limits.q_dot_max;
     b.theta_ddot[i] = limits.q_ddot_max;
   }

@@ -38,7 +38,7 @@ double StageModel::motor_angle(long k, int i, double phi) const {
 
 StageModel::OutputAngle StageModel::output_angle(long k, int i, double theta) const {
   const Gear& gear = problem_.gears[i];
-  if (gear.cw.order.size() == 0 && gear.ccw.order.size() == 0) return {theta, 1.0, 0.0};
+  if (gear.cw.size() == 0 && gear.ccw.size() == 0) return {theta, 1.0, 0.0};
   const double phi = gear_output_angle(gear, direction(k, i), theta);
   GearDerivatives xi;
   gear_derivatives(gear, direction(k, i), phi, 2, xi);

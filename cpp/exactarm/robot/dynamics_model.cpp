@@ -10,6 +10,10 @@ Matrix3 steiner(double mass, const Vector3& c) {
   return mass * (c.squaredNorm() * Matrix3::Identity() - c * c.transpose());
 }
 
+void require_masses(const Robot& robot) {
+  require_size("links (masses are needed for dynamics)", robot.has_masses() ? robot.axes() : 0, robot.axes());
+}
+
 DynamicsAxis describe(const Frame& frame, const LinkInertia& link) {
   DynamicsAxis axis;
   axis.revolute = frame.type == JointType::revolute;
@@ -35,9 +39,9 @@ DynamicsAxis describe(const Frame& frame, const LinkInertia& link) {
 
 }  // namespace
 
-DynamicsModel::DynamicsModel(const Robot& robot) : gravity(robot.gravity) {
-  require_size("links (masses are needed for dynamics)", static_cast<long>(robot.links.size()), robot.axes());
-  for (long i = 0; i < robot.axes(); ++i) axes.push_back(describe(robot.frames[i], robot.links[i]));
+DynamicsModel::DynamicsModel(const Robot& robot) : gravity(robot.gravity()) {
+  require_masses(robot);
+  for (long i = 0; i < robot.axes(); ++i) axes.push_back(describe(robot.joint(i).frame, robot.link(i)));
 }
 
 InertialParameters inertial_parameters(const LinkInertia& link) {
@@ -62,10 +66,10 @@ LinkInertia link_inertia(const InertialParameters& parameters) {
 }
 
 Vector inertial_parameters(const Robot& robot) {
-  require_size("links", static_cast<long>(robot.links.size()), robot.axes());
+  require_masses(robot);
   Vector parameters(kInertialParameters * robot.axes());
   for (long i = 0; i < robot.axes(); ++i)
-    parameters.segment<kInertialParameters>(kInertialParameters * i) = inertial_parameters(robot.links[i]);
+    parameters.segment<kInertialParameters>(kInertialParameters * i) = inertial_parameters(robot.link(i));
   return parameters;
 }
 

@@ -16,22 +16,22 @@ std::vector<double> rotor_inertias(const std::vector<Drive>& drives) {
 }  // namespace
 
 ElasticJointModel::ElasticJointModel(const Robot& robot, const ElasticJointOptions& chosen)
-    : rigid(robot), options(chosen), springs(robot.springs), drives(robot.drives), offsets(robot.q_offset) {
+    : rigid(robot), options(chosen) {
   const long n = robot.axes();
-  require_size("springs", static_cast<long>(springs.size()), n);
-  require_size("drives", static_cast<long>(drives.size()), n);
-  require_size("gears", static_cast<long>(robot.gears.size()), n);
-  require_size("q_offset", static_cast<long>(offsets.size()), n);
   if (options.gear_direction.empty()) options.gear_direction.assign(n, 0);
   require_size("gear_direction", static_cast<long>(options.gear_direction.size()), n);
   for (long i = 0; i < n; ++i) {
-    const std::string joint = "joint " + std::to_string(i + 1);
-    require_positive("spring of " + joint + ", linear", springs[i].linear);
-    require_spring("spring of " + joint, springs[i]);
-    require_positive("rotor inertia of " + joint, drives[i].rotor_inertia);
-    ratios.push_back(robot.gears[i].ratio);
-    tables.push_back(gear_table(robot.gears[i], options.gear_direction[i]));
-    require_gear("gear of " + joint, ratios.back(), tables.back());
+    const Joint& joint = robot.joint(i);
+    const std::string name = "joint " + std::to_string(i + 1);
+    require_positive("spring of " + name + ", linear", joint.spring.linear);
+    require_spring("spring of " + name, joint.spring);
+    require_positive("rotor inertia of " + name, joint.drive.rotor_inertia);
+    springs.push_back(joint.spring);
+    drives.push_back(joint.drive);
+    offsets.push_back(joint.q_offset);
+    ratios.push_back(joint.gear.ratio);
+    tables.push_back(gear_table(joint.gear, options.gear_direction[i]));
+    require_gear("gear of " + name, ratios.back(), tables.back());
   }
 }
 
@@ -49,7 +49,7 @@ double ElasticJointDynamics::output_angle(int i, double theta) const {
   return gear_output_angle(model_->ratios[i], model_->tables[i], theta);
 }
 
-ElasticJointDynamics::Joint ElasticJointDynamics::joint(int i, double q, double theta) const {
+ElasticJointDynamics::JointState ElasticJointDynamics::joint(int i, double q, double theta) const {
   const double phi = output_angle(i, theta), e = phi + model_->offsets[i] - q;
   const Spring& spring = model_->springs[i];
   return {spring_torque(spring, e), spring_stiffness(spring, e),
@@ -63,7 +63,7 @@ void ElasticJointDynamics::add_drives(ConstVectorRef x, ConstVectorRef a, Vector
   const double width = model_->options.friction_width;
   for (int i = 0; i < n_; ++i) {
     const Drive& drive = model_->drives[i];
-    const Joint spring = joint(i, q[i], theta[i]);
+    const JointState spring = joint(i, q[i], theta[i]);
     torques[i] += friction(drive.joint, q_dot[i], width).torque - spring.torque;
     const double ratio = model_->ratios[i];
     torques[n_ + i] = drive.rotor_inertia * a[n_ + i] + friction(drive.motor, theta_dot[i] / ratio, width).torque / ratio +
@@ -102,7 +102,7 @@ void ElasticJointDynamics::inverse(ConstVectorRef x, ConstVectorRef a, VectorRef
   by_acceleration.topLeftCorner(n, n) = slopes_.mass_matrix;
   for (int i = 0; i < n; ++i) {
     const Drive& drive = model_->drives[i];
-    const Joint spring = joint(i, x[i], x[2 * n + i]);
+    const JointState spring = joint(i, x[i], x[2 * n + i]);
     const double ratio = model_->ratios[i], per_turn = spring.stiffness / spring.ratio;
     by_state(i, i) += spring.stiffness;
     by_state(i, n + i) += friction(drive.joint, x[n + i], width).slope;
@@ -150,6 +150,7 @@ void ElasticJointDynamics::forward(ConstVectorRef x, ConstVectorRef torques, Vec
 }
 
 void ElasticJointDynamics::rate_jacobian(ConstVectorRef x, ConstVectorRef a, MatrixRef jacobian) {
+  check(x, a);
   at_rest_.setZero(2 * n_);
   inverse(x, a, at_rest_, by_state_, by_acceleration_);
   factor_.compute(by_acceleration_);
@@ -187,7 +188,7 @@ void ElasticJointDynamics::matrices(ConstVectorRef x, ElasticJointMatrices& out)
   out.C.topLeftCorner(n_, n_) = 0.5 * slopes_.dtau_dq_dot;
   gravity_torque(model_->rigid, rigid_, q, out.g.head(n_));
   for (int i = 0; i < n_; ++i) {
-    const Joint spring = joint(i, q[i], theta[i]);
+    const JointState spring = joint(i, q[i], theta[i]);
     out.g[i] -= spring.torque;
     out.g[n_ + i] = spring.torque / spring.ratio;
   }

@@ -57,6 +57,7 @@ struct ElasticJointMatrices {
 class ElasticJointDynamics {
  public:
   explicit ElasticJointDynamics(const ElasticJointModel& model);
+  long size() const { return n_; }
 
   // tau_ext (n) and tau_d (n, at the shaft) that state and acceleration need, stacked.
   void inverse(ConstVectorRef x, ConstVectorRef a, VectorRef torques);
@@ -72,11 +73,11 @@ class ElasticJointDynamics {
   void matrices(ConstVectorRef x, ElasticJointMatrices& out);
 
  private:
-  struct Joint {  // gear and spring of one axis at one state
+  struct JointState {  // gear and spring of one axis at one state
     double torque, stiffness, ratio, ratio_slope;
   };
   void check(ConstVectorRef x, ConstVectorRef second) const;
-  Joint joint(int i, double q, double theta) const;
+  JointState joint(int i, double q, double theta) const;
   double output_angle(int i, double theta) const;
   void add_drives(ConstVectorRef x, ConstVectorRef a, VectorRef torques);
   void mass(ConstVectorRef q, MatrixRef D);

@@ -29,6 +29,7 @@ double gear_output_angle(double ratio, const GearTable& table, double theta);
 double gear_output_angle(double ratio, const GearTable& table, double theta, double guess);
 
 // Whether u / ratio > 0 on two output revolutions to either side; when not, `where` is a place that fails.
+// Throws InvalidArgument where that would take longer than some 0.1 s to tell.
 bool gear_is_monotone(const GearTable& table, double* where = nullptr);
 
 // Throws InvalidArgument naming the gear (such as "gear of joint 3, cw").

@@ -30,11 +30,9 @@ Block block(const AngleCells& cells, long from) {
 }  // namespace
 
 ProfileNormal profile_normal(const AngleCells& cells, const GearTable& table, double level, bool with_orders) {
-  const long count = cells.angle.size(), m = table.order.size(), size = (with_orders ? 3 : 2) * m + 1;
+  const long count = cells.angle.size(), m = table.size(), size = (with_orders ? 3 : 2) * m + 1;
   require_size("value of the profile", cells.value.size(), count);
   require_size("weight of the profile", cells.weight.size(), count);
-  require_size("a of the table", table.a.size(), m);
-  require_size("b of the table", table.b.size(), m);
   ProfileNormal out{Matrix::Zero(size, size), Vector::Zero(size), Vector(count)};
   Matrix columns(kChunk, size);
   Vector weighted(kChunk);
@@ -62,7 +60,7 @@ ProfileNormal profile_normal(const AngleCells& cells, const GearTable& table, do
         store(outer * (direct * by_slope + bent * by_error), columns.col(column).data() + at);
       };
       for (long j = 0; j < m; ++j) {
-        const Lanes w(table.order[j]), period(1.0 / table.order[j]), a(table.a[j]), b(table.b[j]);
+        const Lanes w(table.order()[j]), period(1.0 / table.order()[j]), a(table.a()[j]), b(table.b()[j]);
         const Lanes turned = cosine[j] - Lanes(1.0);
         put_column(j, cosine[j], sine[j] * period);
         put_column(m + j, -sine[j], turned * period);

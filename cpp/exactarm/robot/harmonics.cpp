@@ -30,7 +30,7 @@ void store(const Lanes& lanes, long from, long count, double* out) {
 void delivered_angles(const GearTable& table, const double* phi, const double* factor, long count, double tolerance,
                       int threads, double* x, double* slope) {
   parallel_rows(count, threads, kLeastRowsAThread, [&](long begin, long end) {
-    std::vector<Lanes> sine(table.order.size()), cosine(table.order.size());
+    std::vector<Lanes> sine(table.size()), cosine(table.size());
     for (long i = begin; i < end; i += Lanes::kCount) {
       const Lanes target = loaded(phi, i, end);
       Lanes angle = target;
@@ -44,7 +44,7 @@ void delivered_angles(const GearTable& table, const double* phi, const double* f
 
 void gear_outputs(double ratio, const GearTable& table, const double* theta, long count, double* phi, double* u) {
   constexpr double kNear = 1e-7, kSettled = 1e-10;  // rad; the last step squares what is left
-  std::vector<Lanes> sine(table.order.size()), cosine(table.order.size());
+  std::vector<Lanes> sine(table.size()), cosine(table.size());
   for (long i = 0; i < count; i += Lanes::kCount) {
     const Lanes target = loaded(theta, i, count) / Lanes(ratio);
     Lanes x = target;
@@ -63,7 +63,7 @@ void gear_outputs(double ratio, const GearTable& table, const double* theta, lon
 
 void transmission(const GearTable& table, const double* x, long count, int threads, double* error, double* slope) {
   parallel_rows(count, threads, kLeastRowsAThread, [&](long begin, long end) {
-    std::vector<Lanes> sine(table.order.size()), cosine(table.order.size());
+    std::vector<Lanes> sine(table.size()), cosine(table.size());
     for (long i = begin; i < end; i += Lanes::kCount) {
       const HarmonicSums sums = harmonic_sums(table, loaded(x, i, end), sine.data(), cosine.data());
       store(sums.error, i, end, error);

@@ -26,8 +26,8 @@ struct HarmonicSums {
 // Sums over all orders at eight angles; sin(w_j x) and cos(w_j x) are left in sine and cosine (one entry an order).
 EXACTARM_INLINE HarmonicSums harmonic_sums(const GearTable& table, const Lanes& x, Lanes* sine, Lanes* cosine) {
   HarmonicSums sums{Lanes(0.0), Lanes(0.0), Lanes(0.0)};
-  for (long j = 0; j < table.order.size(); ++j) {
-    const double w = table.order[j], a = table.a[j], b = table.b[j];
+  for (long j = 0; j < table.size(); ++j) {
+    const double w = table.order()[j], a = table.a()[j], b = table.b()[j];
     sincos(x * Lanes(w), sine[j], cosine[j]);
     const Lanes rising = sine[j] * Lanes(a) + cosine[j] * Lanes(b);
     sums.error += (rising - Lanes(b)) * Lanes(1.0 / w);

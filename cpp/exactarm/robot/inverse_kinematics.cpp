@@ -104,9 +104,10 @@ class Solver {
 
 // First joint beyond its limit, or -1.
 int beyond_limit(const Robot& robot, const VectorRef& q, double& limit) {
-  for (size_t i = 0; i < robot.limits.size(); ++i) {
-    limit = q[i] < robot.limits[i].q_min ? robot.limits[i].q_min : robot.limits[i].q_max;
-    if (q[i] < robot.limits[i].q_min || q[i] > robot.limits[i].q_max) return static_cast<int>(i);
+  for (long i = 0; i < robot.axes(); ++i) {
+    const Limits& limits = robot.joint(i).limits;
+    limit = q[i] < limits.q_min ? limits.q_min : limits.q_max;
+    if (q[i] < limits.q_min || q[i] > limits.q_max) return static_cast<int>(i);
   }
   return -1;
 }
@@ -129,9 +130,9 @@ double middle_of(const Limits& limits) {
 
 // Whole turns that bring a revolute joint inside its limits.
 void turn_inside(const Robot& robot, VectorRef q) {
-  for (size_t i = 0; i < robot.limits.size(); ++i) {
-    if (robot.frames[i].type != JointType::revolute) continue;
-    const double middle = middle_of(robot.limits[i]);
+  for (long i = 0; i < robot.axes(); ++i) {
+    if (robot.joint(i).frame.type != JointType::revolute) continue;
+    const double middle = middle_of(robot.joint(i).limits);
     q[i] -= 2.0 * M_PI * std::round((q[i] - middle) / (2.0 * M_PI));
   }
 }
@@ -142,10 +143,10 @@ std::vector<Vector> random_starts(const Robot& robot) {
   for (int sample = 0; sample < kRandomStarts; ++sample) {
     Vector q(robot.axes());
     for (long i = 0; i < q.size(); ++i) {
-      const bool limited = i < static_cast<long>(robot.limits.size()) &&
-                           std::isfinite(robot.limits[i].q_max - robot.limits[i].q_min);
-      q[i] = std::uniform_real_distribution<double>(limited ? robot.limits[i].q_min : -M_PI,
-                                                    limited ? robot.limits[i].q_max : M_PI)(engine);
+      const Limits& limits = robot.joint(i).limits;
+      const bool limited = std::isfinite(limits.q_max - limits.q_min);
+      q[i] = std::uniform_real_distribution<double>(limited ? limits.q_min : -M_PI,
+                                                    limited ? limits.q_max : M_PI)(engine);
     }
     starts.push_back(q);
   }
@@ -154,11 +155,11 @@ std::vector<Vector> random_starts(const Robot& robot) {
 
 double distance_from_middle(const Robot& robot, const Vector& q) {
   double sum = 0.0;
-  for (size_t i = 0; i < robot.limits.size(); ++i) {
-    const double range = robot.limits[i].q_max - robot.limits[i].q_min;
-    sum += std::pow((q[i] - middle_of(robot.limits[i])) / (std::isfinite(range) ? std::max(range, 1e-12) : 2.0 * M_PI), 2);
+  for (long i = 0; i < robot.axes(); ++i) {
+    const double range = robot.joint(i).limits.q_max - robot.joint(i).limits.q_min;
+    sum += std::pow((q[i] - middle_of(robot.joint(i).limits)) / (std::isfinite(range) ? std::max(range, 1e-12) : 2.0 * M_PI), 2);
   }
-  return robot.limits.empty() ? q.squaredNorm() : sum;
+  return sum;
 }
 
 }  // namespace
@@ -181,7 +182,7 @@ InverseKinematicsReport inverse_kinematics_path(const Robot& robot, ConstRowMatr
   require_size("columns of rotations", rotations.cols(), 9);
   require_size("rows of rotations", rotations.rows(), positions.rows());
   require_size("start", start.size(), robot.axes());
-  q.resize(positions.rows(), robot.axes());
+  q.setConstant(positions.rows(), robot.axes(), std::numeric_limits<double>::quiet_NaN());
   Solver solver(robot, options);
   InverseKinematicsReport report;
   Vector guess = start, solution(robot.axes());

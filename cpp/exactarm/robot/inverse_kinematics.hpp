@@ -37,7 +37,7 @@ struct InverseKinematicsReport {
 InverseKinematicsReport inverse_kinematics(const Robot& robot, const Pose& target, VectorRef q,
                                            const InverseKinematicsOptions& options);
 
-// positions: rows x 3; rotations: rows x 9, each row major; q: rows x n, filled up to the pose that failed.
+// positions: rows x 3; rotations: rows x 9, each row major; q: rows x n, NaN from the pose that failed on.
 InverseKinematicsReport inverse_kinematics_path(const Robot& robot, ConstRowMatrixRef positions,
                                                 ConstRowMatrixRef rotations, ConstVectorRef start, RowMatrix& q,
                                                 const InverseKinematicsOptions& options);

@@ -63,21 +63,23 @@ struct FrameAngles {
   double sine[kFrames], cosine[kFrames], sine_alpha[kFrames], cosine_alpha[kFrames];
   double sine_beta[kFrames], cosine_beta[kFrames];
 
-  void set_constants(const Frame* frames, long count) {
+  void set_constants(const Joint* joints, long count) {
     double alpha[kFrames], beta[kFrames];
     bool twisted = false;
     for (long i = 0; i < count; ++i) {
-      alpha[i] = frames[i].alpha;
-      beta[i] = frames[i].beta;
+      alpha[i] = joints[i].frame.alpha;
+      beta[i] = joints[i].frame.beta;
       twisted |= beta[i] != 0.0;
     }
     sincos(alpha, static_cast<int>(count), sine_alpha, cosine_alpha);
     if (twisted) sincos(beta, static_cast<int>(count), sine_beta, cosine_beta);
   }
-  void set_joints(const Frame* frames, const double* q, long count) {
+  void set_joints(const Joint* joints, const double* q, long count) {
     double angle[kFrames];
-    for (long i = 0; i < count; ++i)
-      angle[i] = frames[i].zero + (frames[i].type == JointType::revolute ? frames[i].sign * q[i] : 0.0);
+    for (long i = 0; i < count; ++i) {
+      const Frame& frame = joints[i].frame;
+      angle[i] = frame.zero + (frame.type == JointType::revolute ? frame.sign * q[i] : 0.0);
+    }
     sincos(angle, static_cast<int>(count), sine, cosine);
   }
 };
@@ -116,8 +118,8 @@ void each_axis(const Robot& robot, ConstVectorRef q, const Visit& visit) {
   const long n = robot.axes();
   for (long first = 0; first < n; first += FrameAngles::kFrames) {
     const long count = std::min(FrameAngles::kFrames, n - first);
-    angles.set_constants(&robot.frames[first], count);
-    angles.set_joints(&robot.frames[first], q.data() + first, count);
+    angles.set_constants(&robot.joint(first), count);
+    angles.set_joints(&robot.joint(first), q.data() + first, count);
     for (long i = 0; i < count; ++i) visit(first + i, angles, i);
   }
 }
@@ -149,7 +151,7 @@ void write_joint_column(double* block, long width, long column, const AxisGeomet
 void write_identification(double* block, const Robot& robot, const std::vector<AxisGeometry>& axes,
                           const Axes& flange, const Vec& target, const double* dq_dratio) {
   const long n = robot.axes(), width = identification_columns(n);
-  const Vec zero = Vec::zero(), from_base = target - Axes::vec(robot.base.position);
+  const Vec zero = Vec::zero(), from_base = target - Axes::vec(robot.base().position);
   for (long i = 0; i < n; ++i) {
     const AxisGeometry& axis = axes[i];
     const long first = kFrameParameters * i;
@@ -177,8 +179,10 @@ void write_identification(double* block, const Robot& robot, const std::vector<A
 Pose frame_transform(const Frame& frame, double q) {
   AxisGeometry axis;
   FrameAngles angles;
-  angles.set_constants(&frame, 1);
-  angles.set_joints(&frame, &q, 1);
+  Joint joint;
+  joint.frame = frame;
+  angles.set_constants(&joint, 1);
+  angles.set_joints(&joint, &q, 1);
   Pose pose;
   write(advance(frame, q, angles, 0, Axes(pose), axis), pose);
   return pose;
@@ -187,24 +191,24 @@ Pose frame_transform(const Frame& frame, double q) {
 void frame_poses(const Robot& robot, ConstVectorRef q, std::vector<Pose>& poses) {
   require_size("q", q.size(), robot.axes());
   poses.resize(robot.axes() + 1);
-  poses[0] = robot.base;
-  Axes frame(robot.base);
+  poses[0] = robot.base();
+  Axes frame(robot.base());
   AxisGeometry axis;
   each_axis(robot, q, [&](long i, const FrameAngles& angles, long place) {
-    frame = advance(robot.frames[i], q[i], angles, place, frame, axis);
+    frame = advance(robot.joint(i).frame, q[i], angles, place, frame, axis);
     write(frame, poses[i + 1]);
   });
 }
 
 Pose forward_kinematics(const Robot& robot, ConstVectorRef q) {
   require_size("q", q.size(), robot.axes());
-  Axes frame(robot.base);
+  Axes frame(robot.base());
   AxisGeometry axis;
   each_axis(robot, q, [&](long i, const FrameAngles& angles, long place) {
-    frame = advance(robot.frames[i], q[i], angles, place, frame, axis);
+    frame = advance(robot.joint(i).frame, q[i], angles, place, frame, axis);
   });
   Pose pose;
-  write(frame * robot.tool, pose);
+  write(frame * robot.tool(), pose);
   return pose;
 }
 
@@ -231,15 +235,15 @@ void kinematics_batch(const Robot& robot, ConstRowMatrixRef q, ConstRowMatrixRef
     std::vector<AxisGeometry> axes(n);
     std::vector<FrameAngles> angles((n + kFrames - 1) / kFrames);
     for (long first = 0; first < n; first += kFrames)
-      angles[first / kFrames].set_constants(&robot.frames[first], std::min(kFrames, n - first));
+      angles[first / kFrames].set_constants(&robot.joint(first), std::min(kFrames, n - first));
     for (long row = begin; row < end; ++row) {
       const double* coordinates = q.data() + row * q.outerStride();
       for (long first = 0; first < n; first += kFrames)
-        angles[first / kFrames].set_joints(&robot.frames[first], coordinates + first, std::min(kFrames, n - first));
-      Axes flange(robot.base);
+        angles[first / kFrames].set_joints(&robot.joint(first), coordinates + first, std::min(kFrames, n - first));
+      Axes flange(robot.base());
       for (long i = 0; i < n; ++i)
-        flange = advance(robot.frames[i], coordinates[i], angles[i / kFrames], i % kFrames, flange, axes[i]);
-      const Axes measured = flange * robot.tool;
+        flange = advance(robot.joint(i).frame, coordinates[i], angles[i / kFrames], i % kFrames, flange, axes[i]);
+      const Axes measured = flange * robot.tool();
       const Vec target = measured.origin;
       if (out.position || out.rotation) {
         Pose pose;

@@ -13,7 +13,11 @@ namespace exactarm {
 
 enum FrameParameter { kD, kA, kAlpha, kBeta, kQ, kRatio, kFrameParameters };
 
-inline long identification_columns(long axes) { return kFrameParameters * axes + 12; }
+inline long identification_columns(long axes) {
+  if (axes < 0 || axes > Robot::kMostAxes)
+    throw InvalidArgument("axes: expected 0 to " + std::to_string(Robot::kMostAxes) + ", found " + std::to_string(axes));
+  return kFrameParameters * axes + 12;
+}
 
 // Pose of frame i in frame i-1 at joint coordinate q.
 Pose frame_transform(const Frame& frame, double q);

@@ -33,19 +33,19 @@ Eigen::Matrix<double, 6, kInertialParameters> body_regressor(const Vector3& rate
   return body;
 }
 
-struct Joint {
+struct MovingAxis {
   Vector3 z, origin;  // axis with its sign, and a point on it, in the base frame
   bool revolute;
 };
 
 // block: n x 10 n of one sample, row major, zero on entry.
 void write_sample(const Robot& robot, ConstRowMatrixRef q, ConstRowMatrixRef q_dot, ConstRowMatrixRef q_ddot,
-                  long row, std::vector<Joint>& joints, double* block) {
+                  long row, std::vector<MovingAxis>& joints, double* block) {
   const long n = robot.axes(), width = kInertialParameters * n;
   Pose pose;
-  Vector3 rate = Vector3::Zero(), angular = Vector3::Zero(), linear = -robot.gravity;
+  Vector3 rate = Vector3::Zero(), angular = Vector3::Zero(), linear = -robot.gravity();
   for (long i = 0; i < n; ++i) {
-    const Frame& frame = robot.frames[i];
+    const Frame& frame = robot.joint(i).frame;
     const Pose next = pose * frame_transform(frame, q(row, i));
     const Vector3 z = frame.sign * pose.rotation.col(2), arm = next.position - pose.position;
     joints[i] = {z, pose.position, frame.type == JointType::revolute};
@@ -82,7 +82,7 @@ void dynamics_regressor_batch(const Robot& robot, ConstRowMatrixRef q, ConstRowM
   require_size("rows of q_dot", q_dot.rows(), q.rows());
   require_size("rows of q_ddot", q_ddot.rows(), q.rows());
   parallel_rows(q.rows(), threads, kLeastRowsAThread, [&](long begin, long end) {
-    std::vector<Joint> joints(n);
+    std::vector<MovingAxis> joints(n);
     for (long row = begin; row < end; ++row) {
       double* block = Y + size * row;
       std::fill_n(block, size, 0.0);

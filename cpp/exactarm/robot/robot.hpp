@@ -12,6 +12,8 @@
 // Units: m, rad, kg, Nm, s.
 #pragma once
 
+#include <limits>
+#include <optional>
 #include <vector>
 
 #include "exactarm/base/check.hpp"
@@ -36,8 +38,19 @@ struct LinkInertia {
 };
 
 // u(phi) = ratio (1 + sum_j a_j cos(w_j phi) - b_j sin(w_j phi)), E5; w in cycles per output revolution.
-struct GearTable {
-  Vector order, a, b;
+// As many coefficients as orders, checked where the table is made.
+class GearTable {
+ public:
+  GearTable() = default;
+  GearTable(Vector order, Vector a, Vector b);
+
+  long size() const { return order_.size(); }
+  const Vector& order() const { return order_; }
+  const Vector& a() const { return a_; }
+  const Vector& b() const { return b_; }
+
+ private:
+  Vector order_, a_, b_;
 };
 
 struct Gear {
@@ -64,22 +77,49 @@ struct Drive {
 };
 
 struct Limits {
-  double q_min, q_max, q_dot_max, q_ddot_max, torque_max;
+  static constexpr double kNone = std::numeric_limits<double>::infinity();
+  double q_min = -kNone, q_max = kNone, q_dot_max = kNone, q_ddot_max = kNone, torque_max = kNone;
 };
 
-struct Robot {
-  std::vector<Frame> frames;
-  std::vector<double> q_offset;
-  std::vector<LinkInertia> links;   // empty: no masses declared
-  std::vector<Gear> gears;
-  std::vector<Spring> springs;
-  std::vector<Drive> drives;
-  std::vector<Limits> limits;
+// One axis and the link that it moves.
+struct Joint {
+  Frame frame;
+  double q_offset = 0.0;
+  Gear gear;
+  Spring spring;
+  Drive drive;
+  Limits limits;
+  std::optional<LinkInertia> link;  // none: its mass is not known
+};
+
+// What a robot is made of, still to be checked.
+struct RobotDescription {
+  std::vector<Joint> joints;
   Pose base;                        // robot base in the measuring device's frame
   Pose tool;                        // measured target in the flange frame
   Vector3 gravity = Vector3(0, 0, -9.81);  // in the robot base frame, m/s^2
+};
 
-  long axes() const { return static_cast<long>(frames.size()); }
+// Checked once, when it is made, and never changed: one joint at least, every number finite (limits may be
+// infinite), each sign +1 or -1, no gear ratio of 0, no empty range, masses of all links or of none.
+class Robot {
+ public:
+  static constexpr long kMostAxes = 64;  // matrices of all pairs of axes stay below 1 MB a sample
+
+  Robot(RobotDescription description);  // NOLINT: every description is a robot or is refused
+
+  long axes() const { return static_cast<long>(description_.joints.size()); }
+  const std::vector<Joint>& joints() const { return description_.joints; }
+  const Joint& joint(long axis) const { return description_.joints[static_cast<std::size_t>(axis)]; }
+  bool has_masses() const { return description_.joints.front().link.has_value(); }
+  // Of a robot that has masses.
+  const LinkInertia& link(long axis) const { return *joint(axis).link; }
+  const Pose& base() const { return description_.base; }
+  const Pose& tool() const { return description_.tool; }
+  const Vector3& gravity() const { return description_.gravity; }
+
+ private:
+  RobotDescription description_;
 };
 
 }  // namespace exactarm

@@ -13,7 +13,7 @@ constexpr double kOffsetTolerance = 0.01;   // m between wrist axes
 
 bool rounded_twist(double alpha, int& quarter_turns) {
   const double quarters = std::round(alpha / (0.5 * M_PI));
-  quarter_turns = ((static_cast<int>(quarters) % 4) + 4) % 4;
+  quarter_turns = (static_cast<int>(std::fmod(quarters, 4.0)) + 4) % 4;
   return std::abs(alpha - quarters * 0.5 * M_PI) < kTwistTolerance;
 }
 
@@ -21,13 +21,13 @@ bool rounded_twist(double alpha, int& quarter_turns) {
 bool is_spherical_wrist_arm(const Robot& robot, int (&twist)[6]) {
   if (robot.axes() != 6) return false;
   for (int i = 0; i < 6; ++i) {
-    if (robot.frames[i].type != JointType::revolute) return false;
-    if (!rounded_twist(robot.frames[i].alpha, twist[i]) && i < 5) return false;
+    if (robot.joint(i).frame.type != JointType::revolute) return false;
+    if (!rounded_twist(robot.joint(i).frame.alpha, twist[i]) && i < 5) return false;
   }
   const auto across = [&](int i) { return twist[i] % 2 == 1; };
-  const auto& f = robot.frames;
-  return across(0) && !across(1) && across(3) && across(4) && std::abs(f[3].a) < kOffsetTolerance &&
-         std::abs(f[4].a) < kOffsetTolerance && std::abs(f[4].d) < kOffsetTolerance;
+  const Frame &f4 = robot.joint(3).frame, &f5 = robot.joint(4).frame;
+  return across(0) && !across(1) && across(3) && across(4) && std::abs(f4.a) < kOffsetTolerance &&
+         std::abs(f5.a) < kOffsetTolerance && std::abs(f5.d) < kOffsetTolerance;
 }
 
 double clamped(double value) { return std::min(std::max(value, -1.0), 1.0); }
@@ -38,15 +38,16 @@ std::vector<Vector> spherical_wrist_starts(const Robot& robot, const Pose& targe
   std::vector<Vector> starts;
   int twist[6];
   if (!is_spherical_wrist_arm(robot, twist)) return starts;
-  const auto& f = robot.frames;
+  Frame f[6];
+  for (int i = 0; i < 6; ++i) f[i] = robot.joint(i).frame;
   const auto angle = [&](int i) { return 0.5 * M_PI * twist[i]; };
   const auto rounded_sin = [&](int i) { return std::round(std::sin(angle(i))); };
   const auto rounded_cos = [&](int i) { return std::round(std::cos(angle(i))); };
 
   // Flange and wrist centre in the base frame; the last frame keeps its true twist.
-  const Matrix3 base_turn = robot.base.rotation.transpose();
-  const Matrix3 flange = base_turn * target.rotation * robot.tool.rotation.transpose();
-  const Vector3 origin = base_turn * (target.position - robot.base.position) - flange * robot.tool.position;
+  const Matrix3 base_turn = robot.base().rotation.transpose();
+  const Matrix3 flange = base_turn * target.rotation * robot.tool().rotation.transpose();
+  const Vector3 origin = base_turn * (target.position - robot.base().position) - flange * robot.tool().position;
   const Matrix3 before_six = flange * (rotation_x(f[5].alpha) * rotation_y(f[5].beta)).transpose();
   // Trans_x(a_6) comes after Rot_z(q_6), so it lies along x of `before_six`.
   const Vector3 wrist = origin - before_six.col(2) * f[5].d - before_six.col(0) * f[5].a;

@@ -111,10 +111,9 @@ def solver_springs(model: PlanningModel, q: np.ndarray, step: float) -> list[_co
     inertia = _core.mass_matrix(model.core, q[:: max(len(q) // 20, 1)], 1)
     springs = []
     for i, joint in enumerate(model.robot.joints):
-        spring = _core.Spring()
         stiff = RIGID_SHARE * max(float(inertia[:, i, i].max()), 1e-3) / step**2
-        spring.linear, spring.cubic = (joint.spring_linear, joint.spring_cubic) if joint.spring_linear else (stiff, 0.0)
-        springs.append(spring)
+        linear, cubic = (joint.spring_linear, joint.spring_cubic) if joint.spring_linear else (stiff, 0.0)
+        springs.append(_core.Spring(linear, cubic))
     return springs
 
 

@@ -173,7 +173,8 @@ def _flat_motion(model, q, known, step) -> tuple[np.ndarray, np.ndarray, np.ndar
     for i, (joint, spring) in enumerate(zip(robot.joints, solver_springs(model, q, step))):
         phi = q[:, i] - robot.offsets[i] - known.phi_shift[:, i] + _stretch(spring, torque[:, i])
         blend = known.direction[:, i]
-        cw, ccw = (_core.gear_motor_angle(robot.ratios[i], table, phi) for table in (robot.core.gears[i].cw, robot.core.gears[i].ccw))
+        gear = robot.core.joints[i].gear
+        cw, ccw = (_core.gear_motor_angle(gear.ratio, table, phi) for table in (gear.cw, gear.ccw))
         theta[:, i] = 0.5 * (1.0 - blend) * cw + 0.5 * (1.0 + blend) * ccw
     theta_dot = np.gradient(theta, step, axis=0)
     return theta, theta_dot, np.gradient(theta_dot, step, axis=0)
