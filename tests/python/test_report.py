@@ -11,7 +11,7 @@ from exactarm.progress import Progress
 from exactarm.report import Estimate, Figure, Highlight, Highlights, Link, Quantity, Report, Table, Text, Warnings
 from exactarm.report.html import render_html
 from exactarm.report.numbers import choose_scale, estimate, format_cells, number, quantity
-from exactarm.report.plots import curves, design, errors, parameters, residual, workspace
+from exactarm.report.plots import arm, curves, design, effects, errors, parameters, residual, workspace
 from exactarm.report.plots.files import draw
 from exactarm.report.plots.style import house_style
 from exactarm.report.terminal import render_text
@@ -228,6 +228,14 @@ COUNT = 60
 SIGNAL, NOISE = RANDOM.uniform(-3, 3, COUNT), RANDOM.normal(0, 1e-4, COUNT)
 MAGNITUDE, MASK = np.abs(RANDOM.normal(1e-3, 2e-4, COUNT)), RANDOM.random(COUNT) < 0.3
 NAMES, UNITS = ["d_1", "alpha_1", "a_2"], ["m", "rad", "m"]
+
+
+def panel(curve):
+    x = np.sort(SIGNAL)
+    return effects.EffectPanel("Gear harmonics of axis 1", "angle of axis 1", "rad", "rad", x, 1e-3 * np.sin(x),
+                               np.full(COUNT, 1e-4), 1e-3 * np.sin(x) + NOISE, NOISE, curve, True)
+
+
 PLOTS = {
     "error_per_pose": lambda: errors.error_per_pose(2 * MAGNITUDE, MAGNITUDE, MASK, noise_floor=1e-4),
     "error_per_pose, none held out": lambda: errors.error_per_pose(MAGNITUDE, MAGNITUDE, np.zeros(COUNT, bool)),
@@ -235,8 +243,8 @@ PLOTS = {
     "error_histogram of zeros": lambda: errors.error_histogram(np.zeros(3), np.zeros(3)),
     "forest": lambda: parameters.parameter_forest(NAMES, np.array([1e-3, 2e-3, 0.0]), np.array([0.0, 1e-3, -1e-3]),
                                                   np.array([2e-3, 3e-3, 1e-3]), UNITS),
-    "candidates": lambda: parameters.candidate_bars(["backlash_2", "payload"], np.array([1e-4, 3e-4]), "m",
-                                                    before=3.1e-4, noise_floor=9e-5, chosen=[True, False]),
+    "effect_panels": lambda: effects.effect_panels([panel(curve=True), panel(curve=False), panel(curve=True)]),
+    "contribution_bars": lambda: effects.contribution_bars(["backlash of axis 2", "payload"], np.array([1e-4, 3e-4]), 9e-5),
     "singular_values": lambda: parameters.singular_values(np.array([3.0, 1.0, 0.0]), 2),
     "residual": lambda: residual.residual_over_signal(SIGNAL, NOISE, NOISE / 2, unit="m", name="residual",
                                                       signal_name="angle", signal_unit="rad"),
@@ -267,6 +275,17 @@ def test_every_plot_names_its_axes_and_overlaps_no_text(name):
                      if label.get_text() and axes.get_xlim()[0] <= label.get_position()[0] <= axes.get_xlim()[1]]
             assert all(right.x0 >= left.x1 for left, right in zip(boxes, boxes[1:])), "tick labels overlap"
         assert drawing.axes[0].get_ylabel() or [label.get_text() for label in drawing.axes[0].get_yticklabels()]
+
+
+def test_the_arm_has_an_arrow_for_every_error_in_one_scale_before_and_after():
+    points, errors_ = RANDOM.random((COUNT, 3)), RANDOM.normal(0.0, 1e-3, (COUNT, 3))
+    with house_style():
+        drawing = arm.arm_with_errors(RANDOM.random((7, 3)), points, errors_, errors_ / 4.0)
+        drawing.draw_without_rendering()
+    before, after = (next(c for c in axes.collections if hasattr(c, "_segments3d")) for axes in drawing.axes[:2])
+    longest = [max(np.linalg.norm(s[1] - s[0]) for s in c._segments3d[:COUNT]) for c in (before, after)]
+    assert len(before._segments3d) == len(after._segments3d) == 3 * COUNT  # a shaft and two strokes of the head
+    assert longest[0] == pytest.approx(4.0 * longest[1]) and "times as long" in drawing.axes[2].get_xlabel()
 
 
 def test_an_envelope_keeps_the_extremes():

@@ -1,4 +1,4 @@
-"""The report of a diagnosis: verdict, before and after, what was found, what betrayed it, rivals, next experiment."""
+"""The report of a diagnosis: verdict, what to do next, the causes one line each, their curves, then the evidence."""
 
 from __future__ import annotations
 
@@ -6,19 +6,21 @@ from functools import partial
 
 import numpy as np
 
-from exactarm.commands.error_sections import error_figures, error_table, highlights, unit_of
-from exactarm.diagnose.diagnosis import NOTHING, UNEXPLAINED, Diagnosis
-from exactarm.diagnose.dossier import Dossier, indicator
-from exactarm.diagnose.problem import Fitted
-from exactarm.effects.base import Effect
-from exactarm.report import Estimate, Figure, Quantity, Report, Table, Text, Warnings
-from exactarm.report.plots.parameters import candidate_bars
-from exactarm.report.plots.residual import residual_over_signal
+from exactarm.commands.effect_sections import (
+    causes_in_words, curves_figure, effects_table, orders_table, parameters_table, percent, sizes_figure,
+)
+from exactarm.commands.error_sections import error_figures, error_table, highlights
+from exactarm.diagnose.contribution import Contribution, contributions
+from exactarm.diagnose.diagnosis import NOTHING, UNEXPLAINED, Diagnosis, Finding, remains
+from exactarm.diagnose.dossier import Dossier
+from exactarm.report import Figure, Quantity, Report, Table, Text, Warnings
+from exactarm.report.numbers import quantity
+from exactarm.report.plots.arm import arm_with_errors
 from exactarm.robot import Robot
 
-_MOST_SHOWN = 6  # parameters of one effect in the table; a curve has many more
-_FIGURES = 3
-_SIGNAL_UNITS = {"angle": "rad", "motor": "rad", "load": "Nm", "time": "s", "position": "m", "speed": "rad/s"}
+_LESS = 1.02  # of the error with the accepted causes: a rival below leaves no more than they do
+_NEVER = 1e-16  # p-values below are all the same to a reader
+_ROWS = {"poses": "poses", "gear_run": "samples", "motion": "samples", "tracked_motion": "samples"}
 
 
 def report_of(robot: Robot, results: list[Diagnosis], rule: str, skipped: list[str]) -> Report:
@@ -26,40 +28,82 @@ def report_of(robot: Robot, results: list[Diagnosis], rule: str, skipped: list[s
     first = results[0]
     sections: list = []
     for result in results:
+        found = found_effects(result)
         if len(results) > 1:
-            sections.append(Text(f"Data read as {result.kind.replace('_', ' ')}", (result.sentence,)))
-        sections += _sections(result, rule)
+            sections.append(Text(f"Data read as {result.kind.replace('_', ' ')}", (verdict_of(robot, result, found),)))
+        sections += _sections(robot, result, found, rule)
     if skipped:
         sections.append(Warnings(tuple(skipped)))
     tone = {NOTHING: "good", UNEXPLAINED: "caution"}.get(first.verdict, "good")
-    return Report(f"Diagnosis of {robot.name}", first.sentence, tuple(sections), tone)
+    return Report(f"Diagnosis of {robot.name}", verdict_of(robot, first, found_effects(first)), tuple(sections), tone)
 
 
-def _sections(result: Diagnosis, rule: str) -> list:
+def found_effects(result: Diagnosis) -> list[tuple[Finding, Contribution | None]]:
+    """Every finding with what it does by itself."""
+    by_label = {c.effect.label: c for c in result.contributions}
+    return [(finding, by_label.get(finding.effect.label)) for finding in result.findings]
+
+
+def verdict_of(robot: Robot, result: Diagnosis, found: list[tuple[Finding, Contribution | None]]) -> str:
+    """The verdict in a technician's words."""
+    judged = "validation" if result.after["validation"].n else "identification"
+    rows = _ROWS.get(result.kind, "rows")
+    if not found:
+        return result.sentence
+    before, after = result.before[judged].rms, result.after[judged].rms
+    whose = f"{rows} that were never fitted" if judged == "validation" else f"the fitted {rows} (none were held out)"
+    fall = f"falls from {quantity(before, result.unit)} to {quantity(after, result.unit)}" if after < 0.995 * before else (
+        f"stays at {quantity(after, result.unit)}")
+    text = f"The model lacked {causes_in_words(found, robot.axes)}. With this in it the RMS error on {whose} {fall}."
+    doubtful = [a for a in result.alternatives if a.collides]
+    if doubtful:
+        own = next((f.effect for f in result.findings if f.effect.label == doubtful[0].instead_of), None)
+        text += f" These data cannot tell {own.title} from {doubtful[0].effect.title}." if own is not None else ""
+    if result.verdict == UNEXPLAINED:
+        text += f" Something is left that no known cause explains: {remains(result.dossier_after, result.excess)}."
+    return text
+
+
+def _sections(robot: Robot, result: Diagnosis, found: list[tuple[Finding, Contribution | None]], rule: str) -> list:
     unit = result.unit
-    name = "position error" if result.kind == "poses" else "error"
+    name = "position error" if unit == "m" else "error"
     row = "pose" if result.kind == "poses" else "sample"
-    note = f"Before: the declared model with its own parameters re-identified. {rule}"
-    sections: list = [
-        highlights(result.before, result.after, unit),
-        error_table(result.before, result.after, unit, name.capitalize(), note),
-        *_axes_table(result),
-        Table("Noise floor", ("", "", "from"), (("no model can do better than", Quantity(result.noise.value, unit),
-                                                 result.noise.source),)),
-    ]
-    if result.findings:
-        sections += [_effects_table(result), *_betraying_figures(result)]
-    if result.alternatives:
-        sections += _rivals(result)
-    if result.next_experiment:
-        sections.append(Text("Next experiment", (result.next_experiment,)))
-    sections.append(_dossier_table("What the residual follows, before", result.dossier_before))
-    sections.append(_dossier_table("What the residual still follows, after", result.dossier_after))
+    note = f"Before: the declared model with its own parameters estimated again. {rule}"
+    sections: list = [highlights(result.before, result.after, unit), *_next(result, found)]
+    if found:
+        judged = "validation" if result.after["validation"].n else "identification"
+        geared = [joint.has_gear for joint in robot.joints]
+        sections += [effects_table(result, found), *curves_figure(found), orders_table(found, robot.ratios, geared),
+                     *sizes_figure(found, result.after[judged].rms), parameters_table(found)]
+    sections += [error_table(result.before, result.after, unit, name.capitalize(), note), *_axes_table(result), *_arm(result)]
     sections += _error_figures(result, name, row)
+    if result.alternatives:
+        sections.append(_rivals(result))
+    sections += [
+        Table("Noise floor", ("", "", "from"),
+              (("no model can do better than", Quantity(result.noise.value, unit), result.noise.source),)),
+        _dossier_table("What the error follows, before", result.dossier_before),
+        _dossier_table("What the error still follows, after", result.dossier_after),
+    ]
     outliers = (f"{result.excluded} identification rows were left out as outliers",) if result.excluded else ()
     if outliers or result.left_out:
         sections.append(Warnings((*outliers, *result.left_out)))
     return sections
+
+
+def _next(result: Diagnosis, found: list[tuple[Finding, Contribution | None]]) -> list[Text]:
+    """What the reader does with this page."""
+    lines = []
+    if any(finding.effect.compensable for finding, _ in found):
+        lines.append("Use `robot.toml` of this folder in place of your robot file: `exactarm plan` with it makes up for "
+                     + ", ".join(sorted({f.effect.in_plain_words for f, _ in found if f.effect.compensable})) + ".")
+    if found:
+        lines.append("Measure some twenty new poses and run `exactarm evaluate robot.toml NEW.csv`: the error there is the one to trust.")
+    if result.next_experiment:
+        lines.append(result.next_experiment)
+    if result.verdict == UNEXPLAINED and not result.next_experiment:
+        lines.append(f"To find what is left, measure more where it shows: {remains(result.dossier_after, result.excess)}.")
+    return [Text("What to do next", tuple(lines))] if lines else []
 
 
 def _axes_table(result: Diagnosis) -> list[Table]:
@@ -74,102 +118,40 @@ def _axes_table(result: Diagnosis) -> list[Table]:
     return [Table(f"RMS error by axis, {judged} rows", ("axis", "before", "after", "found on it"), rows)]
 
 
-def _effects_table(result: Diagnosis) -> Table:
-    rows = []
-    for finding in result.findings:
-        effect = finding.effect
-        shown = list(zip(effect.parameters(), effect.values, finding.intervals))[:_MOST_SHOWN]
-        for place, (parameter, value, (low, high)) in enumerate(shown):
-            more = len(effect.values) - len(shown)
-            head = (effect.title, _percent(finding.probability),
-                    Quantity(finding.rms_before, result.unit), Quantity(finding.rms_after, result.unit))
-            name = parameter.name + (f" (and {more} more)" if more and place == len(shown) - 1 else "")
-            cell = Estimate(float(value), float(low), float(high), unit_of(parameter.name))
-            rows.append((*(head if place == 0 else ("", "", None, None)), name, cell))
-    header = ("effect", "probability", "RMS before", "after", "parameter", "estimate (95 %)")
-    return Table("Effects found, in the order they were added", header, tuple(rows))
+def _arm(result: Diagnosis) -> list[Figure]:
+    space = result.in_space
+    if space is None:
+        return []
+    return [Figure("arm", "Where in space", partial(arm_with_errors, space.arm, space.position, space.before, space.after),
+                   f"{space.which.capitalize()} poses in the robot's base frame; the arm stands at one of them.",
+                   "the arm with an arrow for the error of every pose, before and after")]
 
 
-def _betraying_figures(result: Diagnosis) -> list[Figure]:
-    """Residual without and with each of the first effects found, over the signal that it follows best."""
-    figures, last = [], result.selection.fits[-1]
-    declared = len(last.layout.effects) - len(result.findings)
-    for index, finding in enumerate(result.findings[:_FIGURES]):
-        without = last.without(declared + index)
-        place = _betrayal(result, without, finding.effect)
-        if place is not None:
-            figures.append(_residual_figure(result, without, finding.effect, *place, len(figures) + 1))
-    return figures
-
-
-def _residual_figure(result: Diagnosis, without: Fitted, effect: Effect, signal: str, direction: str, number: int) -> Figure:
-    values = result.problem.signals(without)[signal]
-    before, after = (_along(result, fitted, direction) for fitted in (without, result.selection.fits[-1]))
-    turn = direction.startswith("a turn")
-    unit = "rad" if turn else result.unit
-    name = f"residual as {direction}" if turn else f"residual, {direction}"
-    return Figure(
-        f"residual_{number}", f"What betrayed {effect.title}",
-        partial(residual_over_signal, values, before, after, unit=unit, name=name, signal_name=signal,
-                                     signal_unit=_SIGNAL_UNITS.get(signal.split()[0], "")),
-        f"Residual of the identification rows as {direction}, over the {signal}, with all other effects in the model; "
-        "before: without this one, after: with it.",
-        f"{name} over {signal}, without and with the effect",
-    )
-
-
-def _along(result: Diagnosis, fitted, direction: str) -> np.ndarray:
-    """(N,) the residual as a movement along the direction: least squares in each row."""
-    pattern = result.problem.directions(result.selection.fits[0])[direction] / fitted.sigma
-    size = np.maximum(np.sum(pattern**2, axis=1), 1e-12 * np.max(np.sum(pattern**2, axis=1)))
-    return np.sum(pattern * fitted.residual / fitted.sigma, axis=1) / size
-
-
-def _betrayal(result: Diagnosis, without: Fitted, effect: Effect) -> tuple[str, str] | None:
-    """(signal, direction) in which the residual of the model without the effect shows it most clearly."""
-    directions, signals = result.problem.directions(without), result.problem.signals(without)
-    own = [name for name in directions if effect.joint is not None and name.endswith(f" {effect.joint}")]
-    best, best_share = None, 0.0
-    for direction in own or list(directions):
-        residual = _along(result, without, direction)
-        for signal, values in signals.items():
-            bins = indicator(values)
-            mean = bins @ ((bins.T @ residual) / np.maximum(bins.sum(axis=0), 1.0))
-            share = float(np.var(mean) / max(np.var(residual), 1e-300))
-            if share > best_share:
-                best, best_share = (signal, direction), share
-    return best
-
-
-def _rivals(result: Diagnosis) -> list:
+def _rivals(result: Diagnosis) -> Table:
     titles = {f.effect.label: f.effect.title for f in result.findings}
+    judged = "validation" if result.after["validation"].n else "identification"
+    reached = result.after[judged].rms
     rows = tuple(
-        (a.effect.title, titles[a.instead_of], Quantity(a.rms_after, result.unit),
-         _percent(a.probability), "cannot be told apart here" if a.collides else "explains less")
+        (a.effect.title, titles.get(a.instead_of, a.instead_of), Quantity(a.rms_after, result.unit), percent(a.probability),
+         _why(a, reached))
         for a in result.alternatives
     )
-    header = ("runner-up", "instead of", "validation RMS after", "probability", "why not")
-    judged = "validation" if result.after["validation"].n else "identification"
-    labels = [f.effect.title for f in result.findings] + [a.effect.title for a in result.alternatives]
-    values = np.array([f.rms_after for f in result.findings] + [a.rms_after for a in result.alternatives])
-    chosen = [True] * len(result.findings) + [False] * len(result.alternatives)
-    bars = Figure(
-        "candidates", "What each candidate would leave",
-        partial(candidate_bars, labels, values, result.unit, before=result.before[judged].rms,
-                               noise_floor=result.noise.value, chosen=chosen),
-        "Effects that were added, one after another, and the runners-up in the place of one of them.",
-        "bars of the remaining error by candidate",
-    )
-    return [Table("Runners-up, and why they lost", header, rows), bars]
+    header = ("runner-up", "instead of", f"{judged} RMS with it", "probability", "why it was not chosen")
+    note = f"With the causes found: {quantity(reached, result.unit)}. Held-out rows choose nothing: the fitted rows decide."
+    return Table("Runners-up", header, rows, note if judged == "validation" else "")
 
 
-def _percent(probability: float) -> str:
-    return "below 0.01 %" if probability < 1e-4 else f"{100 * probability:.2f} %" if probability < 0.9999 else "above 99.99 %"
+def _why(rival, reached: float) -> str:
+    if rival.collides:
+        return "cannot be told apart by these data"
+    if rival.rms_after > _LESS * reached:
+        return f"leaves {100.0 * (rival.rms_after / reached - 1.0):.0f} % more error"
+    return "less probable on the fitted rows, though no worse on the others"
 
 
 def _dossier_table(heading: str, dossier: Dossier) -> Table:
     rows = tuple(
-        (f.signal, f.direction, f"{100 * f.share:.1f} %", f"{f.p_value:.1e}", "yes" if f.significant else "no")
+        (f.signal, f.direction, f"{100 * f.share:.1f} %", f"{f.p_value:.1e}" if f.p_value > _NEVER else f"< {_NEVER:g}", "yes" if f.significant else "no")
         for f in dossier.follows[:8]
     )
     note = (f"Share of the square sum explained by bins of the signal; p-values corrected for all tests. "

@@ -13,7 +13,9 @@ import numpy as np
 from exactarm.chain import Layout
 from exactarm.dataset import Dataset
 from exactarm.diagnose.confusion import DOUBT, next_experiment
+from exactarm.diagnose.contribution import Contribution, contributions
 from exactarm.diagnose.dossier import Dossier, dossier
+from exactarm.diagnose.in_space import InSpace
 from exactarm.diagnose.noise import NoiseFloor, noise_floor
 from exactarm.diagnose.problem import Fitted, Problem
 from exactarm.diagnose.problems import problem_for
@@ -87,6 +89,8 @@ class Diagnosis:
     excess: float
     axes: list | None
     left_out: tuple[str, ...]
+    contributions: tuple[Contribution, ...] = ()
+    in_space: InSpace | None = None
 
 
 def diagnose(
@@ -137,6 +141,8 @@ def diagnose(
         excluded=int(np.sum((last.weight == 0.0) & (first.weight > 0.0))),  # by effects of the record
         axes=problem.axes(first, last),
         left_out=problem.left_out(),
+        contributions=contributions(problem, last, declared),
+        in_space=problem.in_space(first, last),
     )
 
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from exactarm.chain import Layout, predict_poses
 from exactarm.dataset import Dataset
+from exactarm.diagnose.in_space import InSpace, errors_in_space
 from exactarm.diagnose.noise import repeat_scatter
 from exactarm.diagnose.problem import Fitted, Problem, rows_kept
 from exactarm.diagnose.next_poses import separating_poses
@@ -66,6 +67,12 @@ class PoseProblem(Problem):
         prediction = predict_poses(self.robot, fitted.layout, data, tangents=False, threads=self.threads)
         error = np.linalg.norm(prediction.residual(), axis=1)
         return np.where(rows_kept(fitted.layout, prediction.view), error, np.nan)
+
+    def in_space(self, first: Fitted, last: Fitted) -> InSpace:
+        held = len(self.held_out) > 0
+        data, which = (self.held_out, "validation") if held else (self.data, "identification")
+        used = np.isfinite(self.errors(last, data))
+        return errors_in_space(self.robot, first.layout, last.layout, data, which, used, self.threads)
 
     def search_rows(self) -> np.ndarray | None:
         if len(self.data) <= _SEARCH_POSES:

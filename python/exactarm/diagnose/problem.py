@@ -16,6 +16,7 @@ from scipy import linalg
 
 from exactarm.chain import Layout, View
 from exactarm.dataset import Dataset
+from exactarm.diagnose.in_space import InSpace
 from exactarm.effects.base import Effect
 from exactarm.regression import Fit
 from exactarm.robot import Robot
@@ -158,6 +159,10 @@ class Problem(ABC):
     def __init__(self, robot: Robot, data: Dataset, held_out: Dataset, threads: int = 1, seed: int = 0):
         self.robot, self.data, self.held_out = robot, data, held_out
         self.threads, self.seed = threads, seed
+
+    def in_space(self, first: Fitted, last: Fitted) -> InSpace | None:
+        """Error vectors at the measured positions with both fits; None where no position at rest is measured."""
+        return None
 
     @abstractmethod
     def declared(self) -> Layout:

@@ -18,6 +18,7 @@ class AsymmetricFriction(DriveEffect):
     """Half the difference of the friction of the two directions of one axis."""
 
     name: ClassVar[str] = "asymmetric_friction"
+    plain: ClassVar[str] = "friction that depends on the direction"
     sentence: ClassVar[str] = (
         "friction of axis {joint} is larger in the positive direction than in the negative one by "
         "twice {coulomb_Nm:.3g} Nm and {viscous_Nm_s:.3g} Nm s"

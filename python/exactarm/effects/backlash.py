@@ -29,6 +29,7 @@ class Backlash(Effect):
     search: tuple[float, ...] = ()
 
     name: ClassVar[str] = "backlash"
+    plain: ClassVar[str] = "play in the gear"
     station: ClassVar[Station] = Station.SPRING
     kinds: ClassVar[tuple[str, ...]] = ("poses", "gear_run", "motion", "tracked_motion")
     compensable: ClassVar[bool] = True

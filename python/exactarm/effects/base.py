@@ -109,6 +109,7 @@ class Effect(ABC):
     log_odds: ClassVar[float] = 0.0  # before any data, beside another cause that would look the same
     family: ClassVar[str] = ""  # effects of one family on one axis are forms of one cause: cross-validation chooses
     sentence: ClassVar[str] = ""  # format string: {joint} and the parameters' names
+    plain: ClassVar[str] = ""  # a noun phrase that a technician uses, without the axis; empty: the name
     source: ClassVar[str] = ""
 
     # -- description ------------------------------------------------------------------------------
@@ -137,6 +138,15 @@ class Effect(ABC):
         """As a technician says it: `backlash of axis 2`."""
         words = self.name.replace("_", " ")
         return words if self.joint is None else f"{words} of axis {self.joint}"
+
+    @property
+    def in_plain_words(self) -> str:
+        """As a technician says it, without the axis: `play in the gear`."""
+        return self.plain or self.name.replace("_", " ")
+
+    def orders(self) -> tuple[tuple[float, float], ...]:
+        """(cycles per output revolution, amplitude in rad) of an angle error that repeats; empty for other effects."""
+        return ()
 
     def parameter_label(self, parameter: Parameter) -> str:
         """Unique name of one of its parameters within a robot: `backlash_2.width_rad`."""

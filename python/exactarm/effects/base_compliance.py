@@ -19,6 +19,7 @@ class BaseCompliance(Effect):
     """Tilt of the foundation, the same about both horizontal axes."""
 
     name: ClassVar[str] = "base_compliance"
+    plain: ClassVar[str] = "a base that gives way under load"
     station: ClassVar[Station] = Station.GEOMETRY
     kinds: ClassVar[tuple[str, ...]] = ("poses", "tracked_motion")
     compensable: ClassVar[bool] = True

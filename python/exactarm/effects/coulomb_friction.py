@@ -14,6 +14,7 @@ class CoulombFriction(DriveEffect):
     """Dry friction of one axis, beside what its tables declare."""
 
     name: ClassVar[str] = "coulomb_friction"
+    plain: ClassVar[str] = "dry friction that is not declared"
     sentence: ClassVar[str] = "axis {joint} has {torque_Nm:.3g} Nm of dry friction that is not declared"
     source: ClassVar[str] = "Armstrong-Helouvry, Dupont and Canudas de Wit 1994; thesis (2.22)"
 

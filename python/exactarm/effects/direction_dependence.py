@@ -19,6 +19,7 @@ class DirectionDependence(HarmonicFamily):
     """Half the difference of a_k, b_k between counter-clockwise and clockwise motion."""
 
     name: ClassVar[str] = "direction_dependence"
+    plain: ClassVar[str] = "gear errors that depend on the direction"
     kinds: ClassVar[tuple[str, ...]] = ("poses", "gear_run", "motion", "tracked_motion")
     compensable: ClassVar[bool] = True
     sentence: ClassVar[str] = "the harmonic {order_per_rev:.2f} of gear {joint} depends on the direction of motion"

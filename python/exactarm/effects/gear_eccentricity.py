@@ -25,12 +25,16 @@ class GearEccentricity(Effect):
     second: bool = True
 
     name: ClassVar[str] = "gear_eccentricity"
+    plain: ClassVar[str] = "run-out, once and twice a turn"
     station: ClassVar[Station] = Station.GEAR
     kinds: ClassVar[tuple[str, ...]] = ("poses", "gear_run", "motion", "tracked_motion")
     compensable: ClassVar[bool] = True
     family: ClassVar[str] = "gear curve"
     sentence: ClassVar[str] = "the output of gear {joint} runs out of true, once and twice per revolution"
     source: ClassVar[str] = "Mark, Performance-Based Gear Metrology (2013): run-out"
+
+    def orders(self) -> tuple[tuple[float, float], ...]:
+        return tuple((1.0 + k, float(np.hypot(*self.values[2 * k : 2 * k + 2]))) for k in range(len(self.values) // 2))
 
     def parameters(self) -> tuple[Parameter, ...]:
         names = ("first_cos_rad", "first_sin_rad", "second_cos_rad", "second_sin_rad")

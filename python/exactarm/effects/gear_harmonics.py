@@ -24,6 +24,7 @@ class GearHarmonics(HarmonicFamily):
     """a_k, b_k relative to the gear ratio."""
 
     name: ClassVar[str] = "gear_harmonics"
+    plain: ClassVar[str] = "angle errors that repeat every turn"
     kinds: ClassVar[tuple[str, ...]] = ("poses", "gear_run", "motion", "tracked_motion")
     compensable: ClassVar[bool] = True
     family: ClassVar[str] = "gear curve"

@@ -19,6 +19,7 @@ class GearRatio(Effect):
     """Relative scale of one axis' output angle."""
 
     name: ClassVar[str] = "gear_ratio"
+    plain: ClassVar[str] = "a wrong gear ratio"
     station: ClassVar[Station] = Station.GEAR
     kinds: ClassVar[tuple[str, ...]] = ("poses", "gear_run", "motion", "tracked_motion")
     compensable: ClassVar[bool] = True

@@ -81,6 +81,13 @@ class HarmonicFamily(Effect):
     def multiples(self) -> int:
         return (len(self.values) - 1) // 2
 
+    def orders(self) -> tuple[tuple[float, float], ...]:
+        if self.unit:  # an error that follows load, speed or direction has no amplitude of its own
+            return ()
+        orders = self.values[0] * np.arange(1, self.multiples + 1)
+        return tuple((float(order), float(np.hypot(a, b) / order))
+                     for order, a, b in zip(orders, self.values[1::2], self.values[2::2]))
+
     def parameters(self) -> tuple[Parameter, ...]:
         each = [f"{c}_{k + 1}{self.unit}" for k in range(self.multiples) for c in "ab"]
         lowest = _LEAST_ORDER if not self.search else _BELOW_SEARCH * min(self.search)

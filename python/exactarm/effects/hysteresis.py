@@ -27,6 +27,7 @@ class Hysteresis(Effect):
     search: tuple[float, ...] = ()
 
     name: ClassVar[str] = "hysteresis"
+    plain: ClassVar[str] = "an angle that stays behind, by the side from which it comes"
     station: ClassVar[Station] = Station.SPRING
     kinds: ClassVar[tuple[str, ...]] = ("poses", "gear_run", "motion", "tracked_motion")
     compensable: ClassVar[bool] = True

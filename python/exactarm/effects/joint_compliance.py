@@ -26,6 +26,7 @@ class JointCompliance(Effect):
     beside_spring: bool = True
 
     name: ClassVar[str] = "joint_compliance"
+    plain: ClassVar[str] = "a joint that gives way under load"
     station: ClassVar[Station] = Station.SPRING
     kinds: ClassVar[tuple[str, ...]] = ("poses", "motion", "tracked_motion")
     compensable: ClassVar[bool] = True

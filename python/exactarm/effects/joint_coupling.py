@@ -18,6 +18,7 @@ class JointCoupling(Effect):
     """`joint` is the axis that is turned; values: the axis whose motor turns it, and how far per radian of output."""
 
     name: ClassVar[str] = "joint_coupling"
+    plain: ClassVar[str] = "a motor that turns another axis too"
     station: ClassVar[Station] = Station.GEAR
     kinds: ClassVar[tuple[str, ...]] = ("poses", "gear_run", "motion", "tracked_motion")
     compensable: ClassVar[bool] = True

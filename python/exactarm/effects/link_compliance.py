@@ -21,6 +21,7 @@ class LinkCompliance(Effect):
     """Bending of bearing and link at one joint, the same in both directions across the axis."""
 
     name: ClassVar[str] = "link_compliance"
+    plain: ClassVar[str] = "a link or bearing that bends under load"
     station: ClassVar[Station] = Station.GEOMETRY
     kinds: ClassVar[tuple[str, ...]] = ("poses", "tracked_motion")
     compensable: ClassVar[bool] = True

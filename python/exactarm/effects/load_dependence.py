@@ -29,6 +29,7 @@ class LoadDependence(HarmonicFamily):
     of_declared: bool = False
 
     name: ClassVar[str] = "load_dependence"
+    plain: ClassVar[str] = "gear errors that grow with the load"
     kinds: ClassVar[tuple[str, ...]] = ("gear_run", "motion")
     compensable: ClassVar[bool] = True
     repeatable: ClassVar[bool] = False

@@ -19,6 +19,7 @@ class LoadFriction(DriveEffect):
     """Share of the transmitted torque that one gear loses to friction."""
 
     name: ClassVar[str] = "load_friction"
+    plain: ClassVar[str] = "friction that grows with the load"
     sentence: ClassVar[str] = "friction of axis {joint} grows by {coefficient:.3g} Nm for every Nm that the gear carries"
     source: ClassVar[str] = "Hamon, Gautier and Garrec 2010"
 

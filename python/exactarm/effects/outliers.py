@@ -29,6 +29,7 @@ class Outliers(Effect):
     """Threshold of the residual above which a row is left out."""
 
     name: ClassVar[str] = "outliers"
+    plain: ClassVar[str] = "single wrong measurements"
     station: ClassVar[Station] = Station.DEVICE
     kinds: ClassVar[tuple[str, ...]] = ("poses",)
     per_joint: ClassVar[bool] = False

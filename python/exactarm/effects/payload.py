@@ -27,6 +27,7 @@ class Payload(Effect):
     """Mass (kg) and first moment (kg m, flange frame) of what the flange carries beside the declared links."""
 
     name: ClassVar[str] = "payload"
+    plain: ClassVar[str] = "a payload that is not as declared"
     station: ClassVar[Station] = Station.LOAD
     kinds: ClassVar[tuple[str, ...]] = ("poses", "motion", "tracked_motion")
     compensable: ClassVar[bool] = True

@@ -19,6 +19,7 @@ class RotorInertia(DriveEffect):
     """Inertia of one motor that the tables lack."""
 
     name: ClassVar[str] = "rotor_inertia"
+    plain: ClassVar[str] = "a rotor inertia that is not declared"
     sentence: ClassVar[str] = "the motor of axis {joint} has {inertia_kg_m2:.3g} kg m2 more inertia than declared"
     source: ClassVar[str] = "thesis (2.22), E4"
 

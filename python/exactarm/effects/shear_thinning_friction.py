@@ -18,6 +18,7 @@ class ShearThinningFriction(DriveEffect):
     """The square-root part of the friction curve of one axis."""
 
     name: ClassVar[str] = "shear_thinning_friction"
+    plain: ClassVar[str] = "friction of a lubricant that thins with speed"
     sentence: ClassVar[str] = (
         "friction of axis {joint} bends over with the rate as grease does: "
         "{coefficient_Nm_sqrt_s:.3g} Nm times the square root of the rate in rad/s"

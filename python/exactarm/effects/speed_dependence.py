@@ -20,6 +20,7 @@ class SpeedDependence(HarmonicFamily):
     """One value: `relative_s_per_rad` of the gear's error; three or more: an order of its own."""
 
     name: ClassVar[str] = "speed_dependence"
+    plain: ClassVar[str] = "gear errors that change with the speed"
     kinds: ClassVar[tuple[str, ...]] = ("gear_run", "motion")
     compensable: ClassVar[bool] = True
     smooth: ClassVar[bool] = False

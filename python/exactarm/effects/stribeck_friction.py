@@ -19,6 +19,7 @@ class StribeckFriction(DriveEffect):
     """Breakaway torque of one axis above its Coulomb friction."""
 
     name: ClassVar[str] = "stribeck_friction"
+    plain: ClassVar[str] = "friction that falls at low speed"
     linear: ClassVar[bool] = False
     sentence: ClassVar[str] = (
         "axis {joint} has {breakaway_Nm:.3g} Nm more friction near standstill, gone above {velocity_rad_s:.3g} rad/s"

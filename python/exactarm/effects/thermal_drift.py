@@ -31,6 +31,7 @@ class ThermalDrift(Effect):
     driver: str = "time"
 
     name: ClassVar[str] = "thermal_drift"
+    plain: ClassVar[str] = "drift with temperature or time"
     station: ClassVar[Station] = Station.GEOMETRY
     kinds: ClassVar[tuple[str, ...]] = ("poses", "gear_run", "motion", "tracked_motion")
     per_joint: ClassVar[bool] = False

@@ -20,6 +20,7 @@ class TimeDelay(Effect):
     """One delay for the whole record."""
 
     name: ClassVar[str] = "time_delay"
+    plain: ClassVar[str] = "a delay between two signals"
     station: ClassVar[Station] = Station.MOTOR
     kinds: ClassVar[tuple[str, ...]] = ("gear_run", "motion", "tracked_motion")
     per_joint: ClassVar[bool] = False

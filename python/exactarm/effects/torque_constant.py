@@ -19,6 +19,7 @@ class TorqueConstant(DriveEffect):
     """Relative error of the reported torque of one axis."""
 
     name: ClassVar[str] = "torque_constant"
+    plain: ClassVar[str] = "a wrong torque constant"
     station: ClassVar[Station] = Station.DEVICE
     sentence: ClassVar[str] = "the torque that axis {joint} reports is the true one times 1 + {scale:.3g}"
     source: ClassVar[str] = "Gautier and Briot 2014 (drive gains)"

@@ -23,6 +23,7 @@ class TorqueRipple(DriveEffect):
     """One order of one axis."""
 
     name: ClassVar[str] = "torque_ripple"
+    plain: ClassVar[str] = "torque ripple of the motor"
     linear: ClassVar[bool] = False
     sentence: ClassVar[str] = (
         "the torque of axis {joint} ripples {order:.4g} times per motor revolution "

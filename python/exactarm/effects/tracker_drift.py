@@ -21,6 +21,7 @@ class TrackerDrift(Effect):
     driver: str = TIME
 
     name: ClassVar[str] = "tracker_drift"
+    plain: ClassVar[str] = "a tracker that drifts"
     station: ClassVar[Station] = Station.DEVICE
     kinds: ClassVar[tuple[str, ...]] = ("poses", "tracked_motion")
     per_joint: ClassVar[bool] = False

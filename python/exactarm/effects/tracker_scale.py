@@ -20,6 +20,7 @@ class TrackerScale(Effect):
     axes: str = "z"
 
     name: ClassVar[str] = "tracker_scale"
+    plain: ClassVar[str] = "a wrong scale of the tracker"
     station: ClassVar[Station] = Station.DEVICE
     kinds: ClassVar[tuple[str, ...]] = ("poses", "tracked_motion")
     per_joint: ClassVar[bool] = False

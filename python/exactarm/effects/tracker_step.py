@@ -29,6 +29,7 @@ class TrackerStep(Effect):
     search: tuple[float, ...] = ()
 
     name: ClassVar[str] = "tracker_step"
+    plain: ClassVar[str] = "a tracker that was pushed"
     station: ClassVar[Station] = Station.DEVICE
     kinds: ClassVar[tuple[str, ...]] = ("poses", "tracked_motion")
     per_joint: ClassVar[bool] = False

@@ -1,4 +1,4 @@
-"""Parameters with their intervals, candidates by what they reach, singular values."""
+"""Parameters with their intervals, singular values."""
 
 from __future__ import annotations
 
@@ -7,11 +7,9 @@ from typing import Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from exactarm.report.numbers import format_cells
 from exactarm.report.plots.style import (
-    AFTER, BEFORE, FLOOR, GREY, INK, VALIDATION, label_with, legend_above, new_figure, scaled,
+    AFTER, BEFORE, GREY, INK, VALIDATION, label_with, legend_above, new_figure, scaled,
 )
-from exactarm.report.sections import Quantity
 
 ROW_IN, PANEL_FRAME_IN = 0.23, 0.75
 LONG_LABEL = 22
@@ -45,31 +43,6 @@ def _forest_panel(axes, labels, values, low, high, unit) -> None:
     axes.set_yticks(rows, labels)
     axes.set(xlabel=label_with("change", shown), ylim=(-0.7, len(values) - 0.3))
     axes.grid(axis="y", visible=False)
-
-
-def candidate_bars(labels: Sequence[str], values: np.ndarray, unit: str, *, before: float | None = None,
-                   noise_floor: float | None = None, chosen: Sequence[bool] | None = None,
-                   name: str = "validation RMS with this effect") -> Figure:
-    """What each candidate would leave (k,), best first as given; a line where the error is without any."""
-    size, shown = scaled(values, unit, np.array([before or 0.0]))
-    chosen = np.zeros(len(values), bool) if chosen is None else np.asarray(chosen, bool)
-    figure = new_figure(0.95 + 1.25 * ROW_IN * len(values))
-    axes = figure.subplots()
-    rows = np.arange(len(values))[::-1]
-    axes.barh(rows, np.asarray(values) / size, height=0.66, color=np.where(chosen, AFTER, "#C7CBD1"))
-    texts = format_cells([Quantity(float(value) / size) for value in values])
-    for row, value, text in zip(rows, values, texts):
-        axes.annotate(text, (value / size, row), (5, 0), textcoords="offset points", va="center", fontsize=8.5,
-                      color=INK, bbox={"boxstyle": "square,pad=0.12", "facecolor": "white", "edgecolor": "none"})
-    for level, colour, label in ((before, VALIDATION, "without any of them"), (noise_floor, FLOOR, "noise")):
-        if level is not None:
-            axes.axvline(level / size, color=colour, linestyle="--", label=label)
-    axes.set_yticks(rows, labels)
-    axes.set(xlabel=label_with(name, shown), ylim=(-0.6, len(values) - 0.4))
-    axes.set_xlim(0.0, 1.12 * max([*values, before or 0.0]) / size)
-    axes.grid(axis="y", visible=False)
-    legend_above(axes)
-    return figure
 
 
 def singular_values(values: np.ndarray, rank: int) -> Figure:

@@ -1,0 +1,191 @@
+"""What each found effect does by itself: the numbers behind its line and its picture in a report.
+
+For every effect, with all others in the model, on the identification rows:
+
+    value (N,) +- half (N,)     what it adds at its station, over its own signal (the signal of its own axis, or of the
+                                measurement, that its value follows best), with the 95 % band of its parameters
+    without, with_ (N,)         the residual along the effect's own direction without and with it
+    tool (N,)                   size of what it does to the measured position and no other parameter makes up for, m
+
+An angle error that repeats is known up to a constant, which is the joint's zero: its value has mean zero here.
+
+`own signal`: value sorted by a signal differs little from neighbour to neighbour where it is a function of that signal:
+1 - mean square of the differences / (2 variance) (Rice 1984). Orders that turn many times per output revolution are looked
+at over the phase of their own element.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from exactarm.chain import Layout
+from exactarm.diagnose.problem import Fitted, Problem
+from exactarm.effects.base import Effect, Station
+
+FOLLOWS = 0.9  # share of a value's variance that one signal explains, from which it is drawn as a curve of that signal
+_HIGH_ORDER = 12.0  # cycles per output revolution: more waves than a plot over the whole turn can show
+_MOST_POINTS = 3000  # of a picture
+_TURN = 2.0 * np.pi
+_UNITS = {"angle": "rad", "motor": "rad", "phase": "rad", "load": "Nm", "time": "s", "position": "m", "speed": "rad/s",
+          "acceleration": "rad/s²"}
+_STATION_UNITS = {Station.MOTOR: "rad", Station.GEAR: "rad", Station.SPRING: "rad", Station.LOAD: "Nm", Station.DRIVE: "Nm"}
+_POSITION = 3  # components of a measured position
+
+
+@dataclass(frozen=True)
+class Contribution:
+    """See the module. `signal` and `direction` are names; `curve`: the value is a function of the signal; unit of value and
+    residual, SI. `tool` (N,) m or None where no position is measured."""
+
+    effect: Effect
+    signal: str
+    signal_unit: str
+    curve: bool
+    x: np.ndarray
+    value: np.ndarray
+    half: np.ndarray
+    unit: str
+    direction: str
+    without: np.ndarray
+    with_: np.ndarray
+    tool: np.ndarray | None
+    peak_to_peak: tuple[float, float]  # of the value, and its 95 % half width
+
+    @property
+    def at_tool(self) -> float | None:
+        """Median over the rows, m."""
+        return None if self.tool is None else float(np.median(self.tool))
+
+    @property
+    def rms(self) -> tuple[float, float]:
+        """RMS of the residual along the direction without and with the effect."""
+        return float(np.sqrt(np.mean(self.without**2))), float(np.sqrt(np.mean(self.with_**2)))
+
+
+def contributions(problem: Problem, fitted: Fitted, declared: Layout) -> tuple[Contribution, ...]:
+    """One for every effect of `fitted` beyond the declared model that moves the measurement, in their order."""
+    found = []
+    signals, directions = problem.signals(fitted), problem.directions(fitted)
+    for index in range(len(declared.effects), len(fitted.layout.effects)):
+        one = _contribution(fitted, index, signals, directions, problem.unit)
+        if one is not None:
+            found.append(one)
+    return tuple(found)
+
+
+def _contribution(fitted: Fitted, index: int, signals: dict, directions: dict, unit: str) -> Contribution | None:
+    effect, where = fitted.layout.effects[index], fitted.layout.slices[index]
+    columns = fitted.jacobian[:, :, where]
+    if not np.any(columns) or not np.any(effect.values):
+        return None
+    without = fitted.without(index)
+    direction, before, after = _own_direction(fitted, without, effect, directions)
+    if direction is None:
+        return None
+    moved = without.residual - fitted.residual
+    value, slopes, value_unit = _at_station(fitted, index, effect) or _at_measurement(
+        fitted, moved, columns, directions[direction], unit, direction)
+    if effect.orders():
+        value, slopes = value - value.mean(), slopes - slopes.mean(axis=0)
+    if value_unit == "rad" and direction.startswith("a turn"):
+        before = after + value  # as drawn: the residual with the effect, and the effect
+    covariance = fitted.fit.covariance[where, where]
+    high, low = int(np.argmax(value)), int(np.argmin(value))
+    difference = slopes[high] - slopes[low]
+    named = _own_signals(effect, signals, fitted)
+    signal = max(named, key=lambda name: _follows(named[name], value) + 1e-3 * name.startswith("angle"))
+    rows = _thinned(named[signal])
+    return Contribution(
+        effect, signal, _UNITS.get(signal.split()[0], ""), _follows(named[signal], value) > FOLLOWS,
+        named[signal][rows], value[rows], _half(fitted, slopes[rows], covariance), value_unit, direction, before[rows],
+        after[rows], _at_tool(without, moved) if unit == "m" else None,
+        (float(value[high] - value[low]), float(_half(fitted, difference[None], covariance)[0])),
+    )
+
+
+def _at_tool(without: Fitted, moved: np.ndarray) -> np.ndarray:
+    """(N,) m of the movement (N, m) that the free parameters of the model without the effect cannot make up for."""
+    white = without.whiten(moved[:, :, None])[:, 0]
+    left = (white - without.basis @ (without.basis.T @ white))[: without.data_numbers].reshape(moved.shape)
+    return np.linalg.norm((left * without.sigma)[:, :_POSITION], axis=1)
+
+
+def _own_direction(fitted: Fitted, without: Fitted, effect: Effect, directions: dict):
+    """Direction in which the effect lowers the residual most, with both residuals (N,); its own axis first."""
+    own = [name for name in directions if effect.joint is not None and name.endswith(f"axis {effect.joint}")]
+    best, fall = (None, None, None), 0.0
+    for name in own or directions:
+        before, after = (_along(fitted, state.residual, directions[name]) for state in (without, fitted))
+        lowered = float(np.mean(before**2) - np.mean(after**2)) / max(float(np.mean(after**2)), 1e-300)
+        if lowered > fall:
+            best, fall = (name, before, after), lowered
+    return best
+
+
+def _along(fitted: Fitted, residual: np.ndarray, direction: np.ndarray) -> np.ndarray:
+    """(N,) a residual (N, m) as a movement along the direction (N, m): least squares in each row."""
+    pattern = direction / fitted.sigma
+    square = np.sum(pattern**2, axis=1)
+    return np.sum(pattern * residual / fitted.sigma, axis=1) / np.maximum(square, 1e-12 * np.max(square))
+
+
+def _at_station(fitted: Fitted, index: int, effect: Effect) -> tuple[np.ndarray, np.ndarray, str] | None:
+    """Value (N,), its slopes (N, k) and unit, of an effect that acts on one column of its station; None for others."""
+    unit = _STATION_UNITS.get(effect.station)
+    if unit is None or effect.only_in_tables:
+        return None
+    change = effect.change(fitted.view)
+    if len(change.columns) != 1 or not np.any(change.value):
+        return None
+    scale = 1.0 / fitted.robot.ratios[change.columns[0]] if effect.station == Station.MOTOR else 1.0
+    free = change.by_parameters[:, 0, fitted.layout.free[index]]
+    return change.value[:, 0] * scale, free * scale, unit
+
+
+def _at_measurement(fitted: Fitted, moved: np.ndarray, columns: np.ndarray, direction: np.ndarray, unit: str,
+                    name: str) -> tuple[np.ndarray, np.ndarray, str]:
+    """The same as a movement of the measurement along the direction."""
+    value = _along(fitted, moved, direction)
+    slopes = np.stack([_along(fitted, columns[:, :, k], direction) for k in range(columns.shape[2])], axis=1)
+    return value, slopes, "rad" if name.startswith("a turn") else unit
+
+
+def _half(fitted: Fitted, slopes: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+    """(N,) 95 % half widths from slopes (N, k) and covariance (k, k)."""
+    return np.asarray(fitted.fit.half_width(np.sqrt(np.maximum(np.einsum("nk,kl,nl->n", slopes, covariance, slopes), 0.0))))
+
+
+def _own_signals(effect: Effect, signals: dict[str, np.ndarray], fitted: Fitted) -> dict[str, np.ndarray]:
+    """The signals of the effect's own axis, of no axis, and the phase of a fast element; all signals for no single axis."""
+    if effect.joint is None:
+        return signals
+    own = {name: values for name, values in signals.items() if "axis" not in name or f"axis {effect.joint}" in name}
+    orders = [effect.value_of(p.name) for p in effect.parameters() if p.name == "order_per_rev"]
+    if orders and orders[0] > _HIGH_ORDER:
+        ratio = abs(fitted.robot.ratios[effect.index])
+        turns = orders[0] / ratio
+        element = "the motor" if abs(turns - round(turns)) < 0.02 and round(turns) >= 1 else "its element"
+        phase = np.mod(orders[0] * fitted.view.phi[:, effect.index], _TURN)
+        own[f"phase of {element} ({orders[0]:.4g} per turn of axis {effect.joint})"] = phase
+    return own or signals
+
+
+def _follows(signal: np.ndarray, value: np.ndarray) -> float:
+    """Share of the value's variance that is a smooth function of the signal."""
+    variance = float(np.var(value))
+    if variance == 0.0 or np.ptp(signal) == 0.0:
+        return 0.0
+    distinct, group = np.unique(signal, return_inverse=True)
+    if len(distinct) <= 8:
+        mean = np.bincount(group, value) / np.bincount(group)
+        return float(np.var(mean[group])) / variance
+    ordered = value[np.argsort(signal, kind="stable")]
+    return 1.0 - float(np.mean(np.diff(ordered) ** 2)) / (2.0 * variance)
+
+
+def _thinned(signal: np.ndarray) -> np.ndarray:
+    """Row indices of at most so many rows, evenly over the sorted signal."""
+    order = np.argsort(signal, kind="stable")
+    return order[:: max(1, -(-len(order) // _MOST_POINTS))]
