@@ -6,7 +6,9 @@ Every command is one function here and on the command line: `exactarm.calibrate(
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import argparse
+import difflib
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Union
@@ -16,6 +18,7 @@ from exactarm.commands.plain import sha256
 from exactarm.commands.result import Asked
 from exactarm.dataset import Dataset, Source, read_dataset
 from exactarm.fixture import Fixture, load_fixture
+from exactarm.errors import InputError
 from exactarm.robot import Robot
 from exactarm.robot_file import load_robot
 
@@ -56,6 +59,20 @@ def asked(command: str, robot: AnyRobot, data: AnyData | None, seed: int, option
     keys = [f"{key}={value!r}" for key, value in (*changed.items(), ("seed", seed))]
     call = ", ".join([_word(robot) if not isinstance(robot, Robot) else "robot", *given, *keys])
     return Asked(command, f"exactarm.{command}({call})", name, read, seed)
+
+
+def arguments_of(add_arguments: Callable[[argparse.ArgumentParser], None], robot: AnyRobot, files: Sequence[Any],
+                 options: Mapping[str, Any], apart: Sequence[str] = ()) -> argparse.Namespace:
+    """The arguments of a command that has many options, with their defaults; `apart`: those that its function names."""
+    parser = argparse.ArgumentParser(add_help=False)
+    add_arguments(parser)
+    known = vars(parser.parse_args(["robot", *map(str, files)]))
+    free = [name for name in known if name not in ("robot", "files", *apart)]
+    for name in options:
+        if name not in free:
+            close = difflib.get_close_matches(name, free, n=1)
+            raise InputError(f"no option {name!r}; expected {close[0] if close else 'one of ' + ', '.join(sorted(free))}")
+    return argparse.Namespace(**(known | dict(options) | {"robot": robot}))
 
 
 def _word(path: Any) -> str:

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from exactarm.commands.arguments import add_files, add_robot
+from exactarm.commands.call import AnyRobot, arguments_of, asked, robot_of, threads_of
 from exactarm.commands.compensate_report import compensation_table, report_of, summary_of
+from exactarm.commands.publish import sources
 from exactarm.commands.result import CommandResult
 from exactarm.compensate.correction import correct
 from exactarm.compensate.formats import Job, jobs
@@ -17,8 +21,10 @@ from exactarm.compensate.frames import cell_frames, with_nominal
 from exactarm.compensate.law import CompensationModel
 from exactarm.compensate.setting import Setting, chosen_points, read_frames, read_numbers
 from exactarm.errors import InputError
+from exactarm.progress import SILENT, Progress
 from exactarm.robot import Placement, Robot
 from exactarm.robot_file import load_robot
+from exactarm.split import DEFAULT_SEED
 
 NAME = "compensate"
 HELP = "correct robot programs by the identified model: the same files, with other numbers"
@@ -85,8 +91,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def compensate(
+    robot: AnyRobot, files: str | Path | Sequence[str | Path], *, seed: int = DEFAULT_SEED, threads: int | None = None,
+    progress: Progress = SILENT, **options: Any,
+) -> CommandResult:
+    """Robot programs, or tables of targets, with numbers that make the calibrated arm go where they say.
+
+    `result.save(folder)` writes the programs under their names. options: those of `exactarm compensate --help` with their
+    names (frames="identified", points="calculated", keep_refused=True, ...).
+    """
+    paths = [Path(files)] if isinstance(files, (str, Path)) else [Path(file) for file in files]
+    arguments = arguments_of(add_arguments, robot_of(robot), paths, options)
+    vars(arguments).update(seed=seed, threads=threads_of(threads), progress=progress, out=None)
+    called = asked("compensate", robot, None, seed, {"files": [str(path) for path in paths]} | options)
+    return run(arguments).asked_as(replace(called, files=called.files + sources(paths)))
+
+
 def run(arguments: argparse.Namespace) -> CommandResult:
-    robot = load_robot(arguments.robot)
+    robot = robot_of(arguments.robot)
     if arguments.nominal:
         robot = with_nominal(robot, load_robot(arguments.nominal))
     _check(robot, arguments)
@@ -143,7 +165,7 @@ def _check(robot: Robot, arguments: argparse.Namespace) -> None:
             f"robot {robot.name}: its controller corrects targets itself ([controller] absolute_accuracy); "
             "a program must not be corrected twice"
         )
-    out = Path(arguments.out).resolve()
+    out = None if arguments.out is None else Path(arguments.out).resolve()
     for path in arguments.files:
         if path.resolve().parent == out:
             raise InputError(

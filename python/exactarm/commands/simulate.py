@@ -19,7 +19,7 @@ from scipy.interpolate import make_interp_spline
 
 from exactarm.commands import compare
 from exactarm.commands.arguments import add_files, add_robot
-from exactarm.commands.call import AnyRobot, asked, robot_of, threads_of
+from exactarm.commands.call import AnyRobot, arguments_of, asked, robot_of, threads_of
 from exactarm.commands.publish import sources
 from exactarm.commands.result import CommandResult
 from exactarm.dataset import Dataset, dataset_columns, read_planned_poses
@@ -112,14 +112,10 @@ def simulate(
         >>> len(made.data), made.data.kind
         (30, 'poses')
     """
-    parser = argparse.ArgumentParser(add_help=False)
-    add_arguments(parser)
-    known = vars(parser.parse_args([str(robot), *([str(file)] if file is not None else [])]))
-    unknown = [name for name in options if name not in known or name in ("robot", "files", "effect", "compare")]
-    if unknown:
-        raise InputError(f"simulate has no option {unknown[0]!r}; expected some of {', '.join(sorted(known))}")
-    arguments = argparse.Namespace(**(known | options), seed=seed, threads=threads_of(threads), progress=progress)
-    arguments.robot, arguments.measure, arguments.effect = robot_of(robot), measure, list(effects)
+    given = {"measure": measure, "effect": list(effects), "seed": seed, "threads": threads_of(threads), "progress": progress}
+    arguments = arguments_of(add_arguments, robot_of(robot), [] if file is None else [file], options,
+                             apart=("measure", "effect", "compare"))
+    vars(arguments).update(given)
     made = run(arguments)
     read = sources([file] if file is not None else [])
     told = {"measure": measure, "effects": ["..."] if effects else []} | options
