@@ -153,3 +153,95 @@ def read_urscript(files: dict[str, bytes]) -> list[Placement]:
     text = files["prog.script"].decode()
     poses = [numbers(match) for match in re.findall(r"move.\(p\[([^\]]*)\]", text)]
     return [Placement(Rotation.from_rotvec(pose[3:]).as_matrix(), np.array(pose[:3])) for pose in poses]
+
+
+def rapid(cell: Cell, q: np.ndarray) -> dict[str, bytes]:
+    quaternion = lambda placement: np.roll(Rotation.from_matrix(placement.rotation).as_quat(), 1)
+    row = lambda values, digits: "[" + ",".join(f"{value:.{digits}f}" for value in values) + "]"
+    frame = lambda placement: f"[{row(1e3 * placement.position, 6)},{row(quaternion(placement), 10)}]"
+    nowhere = "[9E+09,9E+09,9E+09,9E+09,9E+09,9E+09]"
+    lines = ["MODULE prog", "  ! MoveL [[1,2,3]] caf\u00e9"]
+    lines.append(f"  PERS tooldata torch:=[TRUE,{frame(cell.tool)},[{LOAD[0]},{row(1e3 * np.array(LOAD[1]), 3)},[1,0,0,0],0,0,0]];")
+    lines.append(f'  TASK PERS wobjdata table:=[FALSE,TRUE,"",{frame(cell.base)},[[0,0,0],[1,0,0,0]]];')
+    moves = [f"    MoveAbsJ [[{','.join(f'{angle:.7f}' for angle in np.degrees(q[0]))}],{nowhere}]\\NoEOffs,v200,fine,torch;"]
+    for i, (tip, angles) in enumerate(zip(cell.tip(q), q), start=1):
+        word = [int(np.floor(angle / (np.pi / 2))) for angle in angles[[0, 3, 5]]] + [int(angles[4] < 0)]
+        target = f"[{row(1e3 * tip.position, 5)},{row(quaternion(tip), 9)},[{','.join(map(str, word))}],{nowhere}]"
+        if i % 2:
+            lines.append(f"  CONST robtarget p{i}:={target};")
+            moves.append(f"    MoveJ p{i},v100\\V:=50,fine,torch\\WObj:=table; ! p{i}")
+        else:
+            moves.append(f"    MoveJ {target},v100,z10,torch\\WObj:=table;")
+    return {"prog.mod": "\n".join([*lines, "  PROC main()", *moves, "  ENDPROC", "ENDMODULE", ""]).encode()}
+
+
+def read_rapid(files: dict[str, bytes]) -> list[Placement]:
+    text = re.sub(r"!.*", "", files["prog.mod"].decode())
+    named = dict(re.findall(r"robtarget (\w+):=(\[\[.*?\]\]);", text))
+    targets = [named.get(word, word) for word in re.findall(r"MoveJ (\w+|\[\[.*?\],\[9E)", text)]
+    poses = [numbers(target)[:7] for target in targets]
+    turned = lambda wxyz: Rotation.from_quat(np.roll(wxyz, -1)).as_matrix()
+    return [Placement(turned(pose[3:]), 1e-3 * np.array(pose[:3])) for pose in poses]
+
+
+def fanuc(cell: Cell, q: np.ndarray) -> dict[str, bytes]:
+    """The first position in joint angles, J3 counted from the horizon; comments and a second group stay."""
+    moves, places = [], []
+    for i, (tip, angles) in enumerate(zip(cell.tip(q), q), start=1):
+        r, p, w = Rotation.from_matrix(tip.rotation).as_euler("ZYX", degrees=True)
+        x, y, z = 1e3 * tip.position
+        moves.append(f"{i:4d}:J P[{i}:at {i}] 100% CNT100    ;\n   {i}:  !P[9] {i} ;")
+        if i == 1:
+            shown = np.degrees(angles - np.array([0, 0, angles[1], 0, 0, 0]))
+            body = ",\n\t".join(f"J{k}= {angle:10.7f} deg" for k, angle in enumerate(shown, start=1))
+        else:
+            body = (f"CONFIG : 'N U T, 0, 0, 0',\n\tX = {x:12.6f}  mm,\tY = {y:12.6f}  mm,\tZ = {z:12.6f}  mm,\n"
+                    f"\tW = {w:12.7f} deg,\tP = {p:12.7f} deg,\tR = {r:12.7f} deg")
+        places.append(f'P[{i}:"at {i}"]{{\n   GP1:\n\tUF : 3, UT : 4,\t\t{body}\n   GP2:\n\tUF : 0, UT : 1,\n\tJ1= 0.000 deg\n}};')
+    return {"prog.ls": "\n".join(["/PROG  PROG", "/ATTR", "/MN", *moves, "/POS", *places, "/END", ""]).encode()}
+
+
+def read_fanuc(files: dict[str, bytes]) -> list[Placement]:
+    poses = []
+    for body in re.findall(r"CONFIG(.*?)GP2", files["prog.ls"].decode(), re.S):
+        x, y, z, w, p, r = numbers(re.sub(r"'[^']*'", "", body))
+        poses.append(zyx([x, y, z, r, p, w]))
+    return poses
+
+
+def inform(cell: Cell, q: np.ndarray) -> dict[str, bytes]:
+    """The first position in pulses, the others in the user frame."""
+    places = ["///TOOL 5", "///POSTYPE PULSE", "///PULSE"]
+    places.append("C00000=" + ",".join(str(round(angle * scale)) for angle, scale in zip(q[0], PULSES)))
+    places += ["///USER 2", "///POSTYPE USER", "///RECTAN", "///RCONF 0,0,0,0,0,0,0,0"]
+    for i, tip in enumerate(cell.tip(q)[1:], start=1):
+        c, b, a = Rotation.from_matrix(tip.rotation).as_euler("ZYX", degrees=True)
+        values = [*(1e3 * tip.position), a, b, c]
+        places.append(f"C{i:05d}=" + ",".join(f"{value:.7f}" for value in values))
+    moves = ["NOP", "'MOVJ C00009 VJ=1"] + [f"MOVJ C{i:05d} VJ=50.00" for i in range(len(q))]
+    lines = ["/JOB", "//NAME PROG", "//POS", "///NPOS 8,0,0,0,0,0", *places, "//INST", "///GROUP1 RB1", *moves, "END", ""]
+    return {"prog.jbi": "\r\n".join(lines).encode()}
+
+
+def read_inform(files: dict[str, bytes]) -> list[Placement]:
+    poses = []
+    for body in re.findall(r"C\d{5}=(.*)", files["prog.jbi"].decode())[1:]:
+        x, y, z, a, b, c = numbers(body)
+        poses.append(zyx([x, y, z, c, b, a]))
+    return poses
+
+
+def trajectory(q: np.ndarray, step_s: float = 0.1) -> dict[str, bytes]:
+    """Names in the order of the alphabet, as some drivers give them."""
+    order = [2, 1, 0, 3, 4, 5]
+    lines = ["# \u00e9", "joint_names: [" + ", ".join(f"axis_{i + 1}" for i in order) + "]", "points:"]
+    for k, row in enumerate(q):
+        nanoseconds = round(1e9 * step_s * k)
+        lines += ["- positions: [" + ", ".join(repr(float(row[i])) for i in order) + "]  # " + str(k),
+                  f"  time_from_start: {{sec: {nanoseconds // 10**9}, nanosec: {nanoseconds % 10**9}}}"]
+    return {"prog.yaml": ("\n".join(lines) + "\n").encode()}
+
+
+def read_trajectory(files: dict[str, bytes]) -> np.ndarray:
+    rows = [numbers(match) for match in re.findall(r"positions: \[([^\]]*)\]", files["prog.yaml"].decode())]
+    return np.array(rows)[:, [2, 1, 0, 3, 4, 5]]

@@ -71,6 +71,62 @@ def test_urscript_poses_are_met_under_the_load_of_the_program(tmp_path):
     assert changed_bytes_are_numbers(files["prog.script"], written["prog.script"])
 
 
+def test_rapid_targets_are_met_under_the_load_of_their_tool(tmp_path):
+    cell = Cell(identified())
+    q = reachable(cell.robot, 8)
+    files = cells.rapid(cell, q)
+    code, written, result = compensate(tmp_path, cell.robot, files, "--points", "calculated")
+    assert code == 0 and result["correction"]["n"] == 9 and result["as_written_max_m"] < MICROMETRE
+    approach = cell.approach(np.vstack([q[:1], q]))[1:]
+    assert missed(cell, cells.read_rapid(files), cells.read_rapid(written), q, approach, cells.LOAD) < MICROMETRE
+    assert changed_bytes_are_numbers(files["prog.mod"], written["prog.mod"])
+
+
+def test_fanuc_positions_are_met_with_j3_from_the_horizon(tmp_path, capsys):
+    cell = Cell(identified(coupling=((3, 2, 1.0),)))
+    q = nearby(cell.robot, 8)
+    files = cells.fanuc(cell, q)
+    options = ["--points", "calculated", "--tool", "4=" + wpr(TOOL), "--base", "3=" + wpr(BASE)]
+    code, written, result = compensate(tmp_path, cell.robot, files, *options)
+    assert code == 0 and result["correction"]["n"] == 8 and result["as_written_max_m"] < MICROMETRE
+    wanted, commanded = cells.read_fanuc(files), cells.read_fanuc(written)
+    assert missed(cell, wanted, commanded, q[1:], cell.approach(q)[1:]) < MICROMETRE
+    assert changed_bytes_are_numbers(files["prog.ls"], written["prog.ls"])
+    assert "P[3]: its configuration" in refused(
+        tmp_path, capsys, changed(files, "prog.ls", b"N U T", b"F U T"), *options[2:], robot=cell.robot)
+    assert "coupling" in refused(tmp_path, capsys, files, *options[2:], robot=identified())
+
+
+def wpr(frame):
+    x, y, z, a, b, c = frame
+    return ",".join(map(str, (x, y, z, c, b, a)))
+
+
+def test_inform_positions_are_met_in_pulses_and_in_a_user_frame(tmp_path, capsys):
+    cell = Cell(identified(pulses_per_rad=cells.PULSES))
+    q = nearby(cell.robot, 8)
+    files = cells.inform(cell, q)
+    options = ["--points", "calculated", "--tool", "5=" + wpr(TOOL), "--base", "2=" + wpr(BASE)]
+    code, written, result = compensate(tmp_path, cell.robot, files, *options)
+    assert code == 0 and result["correction"]["n"] == 8 and result["as_written_max_m"] < MICROMETRE
+    wanted, commanded = cells.read_inform(files), cells.read_inform(written)
+    assert missed(cell, wanted, commanded, q[1:], cell.approach(q)[1:]) < MICROMETRE
+    assert changed_bytes_are_numbers(files["prog.jbi"], written["prog.jbi"])
+    assert "pulses per rad" in refused(tmp_path, capsys, files, *options[2:], robot=identified())
+
+
+def test_joint_trajectories_are_met_at_their_own_order_of_joints(tmp_path, capsys):
+    cell = Cell(identified(), Placement(), Placement())
+    q = reachable(cell.robot, 1) + np.linspace(0.0, 0.3, 12)[:, None]
+    files = cells.trajectory(q)
+    code, written, result = compensate(tmp_path, cell.robot, files)
+    wanted, commands = np.array([tip.position for tip in cell.tip(q)]), cells.read_trajectory(written)
+    assert code == 0 and result["as_written_max_m"] < MICROMETRE
+    assert np.linalg.norm(cell.true_tip(commands, np.ones_like(q) * np.sign(cell.robot.ratios)) - wanted, axis=1).max() < MICROMETRE
+    assert changed_bytes_are_numbers(files["prog.yaml"], written["prog.yaml"])
+    assert "joint_names" in refused(tmp_path, capsys, changed(files, "prog.yaml", b"axis_3", b"elbow"))
+
+
 def test_urscript_poses_need_the_controllers_own_calibration(tmp_path, capsys):
     cell = Cell(identified(), base=Placement())
     code, *_ = compensate(tmp_path, cell.robot, cells.urscript(cell, reachable(cell.robot, 3)), "--points", "calculated")

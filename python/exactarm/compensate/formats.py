@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
 
-from exactarm.compensate import krl, target_table, urscript
+from exactarm.compensate import fanuc_tp, inform, joint_trajectory, krl, rapid, target_table, urscript
 from exactarm.compensate.program import Program, SourceText
 from exactarm.compensate.setting import Setting
 from exactarm.errors import InputError
 
-DIALECTS: tuple[ModuleType, ...] = (krl, urscript, target_table)
+DIALECTS: tuple[ModuleType, ...] = (krl, rapid, fanuc_tp, urscript, inform, joint_trajectory, target_table)
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,174 @@
+"""Fanuc TP as text, `.ls`: J, L and C motions to the positions of the section /POS.
+
+    P[i]{ GP1: UF : u, UT : t, CONFIG : 'N U T, 0, 0, 0', X = .. mm, ..., W = .. deg, P, R }     R = Rz(R) Ry(P) Rx(W)
+    P[i]{ GP1: UF : u, UT : t, J1= .. deg, ... }
+User frames and tools are not in the file: --base u=X,Y,Z,W,P,R, --tool t=...; number 0 is none. What CONFIG means for an arm is not
+certain: poses follow the branch of the target before (--start for the first), and CONFIG must stay the same. Whether J3 counts
+from the horizon is not certain either: the robot file has to say it ([controller] coupling = [[3, 2, 1.0]], or [] for no coupling).
+Numbers keep their decimals: whether a controller reads more is not known. Groups other than 1 stay as they are.
+Refused: position registers, offsets, incremental motions, remote tools.
+"""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+
+from exactarm.compensate.angles import from_zyx, to_zyx
+from exactarm.compensate.program import Motion, Number, Program, SourceText, Target, in_range
+from exactarm.compensate.setting import Setting
+from exactarm.errors import InputError
+from exactarm.robot import Placement
+
+NAME, SUFFIXES = "Fanuc TP", (".ls",)
+_MOTION = re.compile(r"(?m)^[ \t]*\d*[ \t]*:[ \t]*([JLCA])[ \t]+(P|PR)\[([^\]]*)\]([^;]*);?")
+_POSITION = re.compile(r"P\[\s*(\d+)\s*(?::[^\]]*)?\]\s*\{(.*?)\}\s*;", re.S)
+_GROUP = re.compile(r"GP(\d+)\s*:")
+_FORBIDDEN = re.compile(r"(?i)\b(Offset|Tool_Offset|INC|RTCP|VOFFSET|COORD)\b")
+_FIELD = re.compile(r"\b(X|Y|Z|W|P|R|J\d)\s*=\s*([^,\s]+)\s*(mm|deg)?")
+CARTESIAN = ("X", "Y", "Z", "W", "P", "R")
+
+
+def placement(numbers) -> Placement:
+    """Of a frame: X, Y, Z in mm, W, P, R in deg."""
+    w, p, r = np.radians(numbers[3:6])
+    return Placement(from_zyx(r, p, w), 1e-3 * np.array(numbers[:3], float))
+
+
+def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
+    (source,) = sources
+    text = source.without(r"(?m)^[ \t]*\d*[ \t]*:[ \t]*(?:!|--eg:)[^\r\n]*")
+    if setting.robot.controller.coupling is None:
+        raise InputError(
+            "Fanuc may count J3 from the horizon or from link 2, and the file does not say; put it into the robot file: "
+            "[controller] coupling = [[3, 2, 1.0]] (q_3 = J3 + J2), or coupling = [] where J3 is q_3",
+            file=source.path,
+        )
+    start = text.find("/MN")
+    if start < 0 or "/POS" not in text:
+        raise source.refuse(0, "no sections /MN and /POS; expected a TP program as text")
+    end = text.index("/POS")
+    positions: dict[int, list[re.Match]] = {}
+    for match in _POSITION.finditer(text, end):
+        positions.setdefault(int(match[1]), []).append(match)
+    targets: list[Target] = []
+    motions: list[Motion] = []
+    index: dict[int, int] = {}
+
+    def target(kind: str, word: str, place: int) -> int:
+        number = re.match(r"\s*(\d+)\s*(?::|$)", word)
+        if kind == "PR" or number is None:
+            raise source.refuse(
+                place,
+                f"the target {kind}[{word}] is in a register or computed; expected a position P[number]",
+            )
+        i = int(number[1])
+        found = positions.get(i, [])
+        if len(found) != 1:
+            raise source.refuse(
+                place, f"P[{i}] is {'not' if not found else f'{len(found)} times'} in /POS; expected it once"
+            )
+        if i not in index:
+            targets.append(_target(source, i, found[0], setting))
+            index[i] = len(targets) - 1
+        return index[i]
+
+    for match in _MOTION.finditer(text, start, end):
+        if word := _FORBIDDEN.search(match[4]):
+            raise source.refuse(
+                match.start(1),
+                f"{word[1]}: the motion does not end where P[{match[3].strip()}] says; expected it without",
+            )
+        first = target(match[2], match[3], match.start(1))
+        line = source.line(match.start(1))
+        if match[1] == "A":
+            raise source.refuse(
+                match.start(1),
+                "a circular motion of the form A takes several lines together; expected J, L or C",
+            )
+        if match[1] == "C":
+            second = re.compile(r"\s*:?\s*(P|PR)\[([^\]]*)\]([^;]*)").match(match[4])
+            if second is None:
+                raise source.refuse(match.start(1), "a circle without its end; expected a second position")
+            motions.append(Motion("circular", target(second[1], second[2], match.start(1)), line, first))
+        else:
+            motions.append(Motion("joint" if match[1] == "J" else "linear", first, line))
+    return Program(NAME, sources, tuple(targets), tuple(motions))
+
+
+def _target(source: SourceText, number: int, match: re.Match, setting: Setting) -> Target:
+    body, at = match[2], match.start(2)
+    groups = list(_GROUP.finditer(body))
+    first = [k for k, group in enumerate(groups) if group[1] == "1"]
+    if len(first) != 1:
+        raise source.refuse(match.start(), f"P[{number}] has {len(first)} groups GP1; expected one")
+    start = groups[first[0]].end()
+    end = groups[first[0] + 1].start() if first[0] + 1 < len(groups) else len(body)
+    part = body[start:end]
+    fields: dict[str, Number] = {}
+    quoted = re.sub(r"'[^']*'", lambda m: " " * len(m[0]), part)
+    for field in _FIELD.finditer(quoted):
+        if field[1] in fields:
+            raise source.refuse(at + start + field.start(), f"{field[1]} is given twice")
+        unit = "mm" if field[1] in "XYZ" else "deg"
+        if field[3] != unit:
+            raise source.refuse(
+                at + start + field.start(), f"{field[1]} in {field[3] or 'no unit'}; expected {unit}"
+            )
+        fields[field[1]] = Number.read(source, field[2], at + start + field.start(2))
+    name, line, n = f"P[{number}]", source.line(match.start()), setting.robot.axes
+    if "J1" in fields:
+        numbers = _all(source, match, fields, [f"J{i}" for i in range(1, n + 1)])
+
+        def encode(q, _):
+            return [
+                number.edit(source, 0, value, None)
+                for number, value in zip(numbers, np.degrees(setting.reported(q)))
+            ]
+
+        q = setting.joints(np.radians([field.value for field in numbers]))
+        return Target(name, 0, line, encode, joints=q)
+    numbers = _all(source, match, fields, CARTESIAN)
+    old = np.radians([field.value for field in numbers[3:]])
+
+    def encode_pose(_, tip):
+        r, p, w = to_zyx(tip.rotation, old[::-1])
+        return [
+            field.edit(source, 0, value, None)
+            for field, value in zip(numbers, [*(1e3 * tip.position), *np.degrees([w, p, r])])
+        ]
+
+    config = re.search(r"CONFIG\s*:\s*'([^']*)'", part)
+    if config is None:
+        raise source.refuse(match.start(), f"P[{number}] without CONFIG; expected CONFIG : '...'")
+    frames, why = {}, []
+    for key, option, given in (("UF", "base", setting.base), ("UT", "tool", setting.tool)):
+        found = re.search(rf"\b{key}\s*:\s*(\w+)", part)
+        which = found[1] if found else ""
+        frame = given(which)
+        if which != "0" and (frame is None or len(frame) != 6):
+            why.append(f"unknown {key} {which or '(none)'}: give --{option} {which}=X,Y,Z,W,P,R (mm, deg)")
+        frames[option] = Placement() if which == "0" or frame is None else placement(frame)
+    return Target(
+        name,
+        0,
+        line,
+        encode_pose,
+        pose=placement([field.value for field in numbers]),
+        tool=frames["tool"],
+        base=frames["base"],
+        configuration=" ".join(config[1].split()),
+        refusal=" and ".join(why),
+    )
+
+
+def _all(source: SourceText, match: re.Match, fields: dict[str, Number], wanted) -> list[Number]:
+    missing = [key for key in wanted if key not in fields]
+    if missing:
+        raise source.refuse(
+            match.start(), f"P[{match[1]}]: {missing[0]} is missing; expected all of {', '.join(wanted)}"
+        )
+    numbers = [fields[key] for key in wanted]
+    in_range(source, numbers)
+    return numbers

@@ -1,0 +1,171 @@
+"""ROS 2 `trajectory_msgs/JointTrajectory` as YAML: `joint_names`, and `points` with `positions` (rad) and `time_from_start`.
+
+The points follow each other in time: at a reversal one gear table passes into the other as chain/direction.py says. Which name is
+which axis: [controller] joint_names of the robot file (a URDF has them), names that end in the number of the axis, or those of
+Universal Robots. Positions are corrected; velocities, accelerations and efforts stay (they change by about a thousandth).
+Joint states that come back must be turned back too (`actual_of`), or planners find the start of the next motion off.
+"""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import yaml
+
+from exactarm.compensate.program import Motion, Number, Program, SourceText, Target, in_range
+from exactarm.compensate.setting import Setting
+from exactarm.errors import InputError
+from exactarm.robot import Robot
+
+NAME, SUFFIXES = "JointTrajectory", (".yaml", ".yml")
+DECIMALS = 12
+UR_NAMES = (
+    "shoulder_pan_joint",
+    "shoulder_lift_joint",
+    "elbow_joint",
+    "wrist_1_joint",
+    "wrist_2_joint",
+    "wrist_3_joint",
+)
+
+
+def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
+    (source,) = sources
+    document, place = _document(source)
+    trajectory = _trajectory(source, document)
+    names, points = trajectory.get("joint_names"), trajectory.get("points")
+    if (
+        not isinstance(names, yaml.SequenceNode)
+        or not isinstance(points, yaml.SequenceNode)
+        or not points.value
+    ):
+        raise source.refuse(0, "expected joint_names and points of a JointTrajectory")
+    order = axis_order(setting.robot, [node.value for node in names.value], source)
+    targets, motions = [], []
+    for i, point in enumerate(points.value):
+        fields = _fields(point)
+        line = point.start_mark.line + 1
+        positions = fields.get("positions")
+        if not isinstance(positions, yaml.SequenceNode) or len(positions.value) != len(order):
+            raise InputError(f"point {i + 1}: expected {len(order)} positions", file=source.path, line=line)
+        numbers = []
+        for node in positions.value:
+            start = place(node.start_mark.index)
+            if node.anchor if hasattr(node, "anchor") else False:
+                raise source.refuse(start, "an anchor; expected numbers")
+            numbers.append(Number.read(source, source.text[start : place(node.end_mark.index)], start))
+        in_range(source, numbers)
+        if targets and targets[-1][1][0].start >= numbers[0].start:
+            raise source.refuse(
+                numbers[0].start, "a point that stands for another one (an alias); expected numbers"
+            )
+        targets.append((i, numbers, line))
+        motions.append(Motion("joint", i, line, time=_time(source, fields, line)))
+    times = [motion.time for motion in motions]
+    if None in times and any(time is not None for time in times):
+        raise InputError(
+            "time_from_start is given for some points alone",
+            file=source.path,
+            line=targets[times.index(None)][2],
+        )
+    if None not in times and np.any(np.diff(times) <= 0.0):
+        late = int(np.argmax(np.diff(times) <= 0.0)) + 1
+        raise InputError(
+            f"point {late + 1}: time_from_start does not rise", file=source.path, line=targets[late][2]
+        )
+    made = tuple(_target(source, numbers, order, i, line) for i, numbers, line in targets)
+    other = {key for point in points.value for key in _fields(point)} & {
+        "velocities",
+        "accelerations",
+        "effort",
+    }
+    warnings = (
+        (f"{', '.join(sorted(other))} stay as they are: they change by about a thousandth",) if other else ()
+    )
+    return Program(NAME, sources, made, tuple(motions), warnings, calculated=True)
+
+
+def axis_order(robot: Robot, names: list[str], source: SourceText) -> list[int]:
+    """The axis (from 0) of each name; refused where that is not certain."""
+    known = robot.controller.joint_names
+    if sorted(names) == sorted(known):
+        return [known.index(name) for name in names]
+    plain = [name.removeprefix(_common_prefix(names)) for name in names]
+    if robot.axes == 6 and sorted(plain) == sorted(UR_NAMES):
+        return [UR_NAMES.index(name) for name in plain]
+    ends = [re.search(r"(\d+)$", name) for name in names]
+    axes = [int(end[1]) for end in ends if end]
+    if sorted(axes) == list(range(1, robot.axes + 1)):
+        return [axis - 1 for axis in axes]
+    raise InputError(
+        f"joint_names {', '.join(names)}: which axis each is, is not certain; expected {robot.axes} names as in the robot "
+        "file: [controller] joint_names = [...] in the order of the axes",
+        file=source.path,
+    )
+
+
+def _common_prefix(names: list[str]) -> str:
+    """Of a second arm: `left_` in `left_elbow_joint`."""
+    elbow = [name for name in names if name.endswith("elbow_joint")]
+    return elbow[0].removesuffix("elbow_joint") if len(elbow) == 1 else ""
+
+
+def _document(source: SourceText):
+    """The only document's node, and the place in the bytes of a place in its letters."""
+    try:
+        text = source.content.decode("utf-8")
+        nodes = list(yaml.compose_all(text, Loader=yaml.SafeLoader))
+    except UnicodeDecodeError as error:
+        raise source.refuse(error.start, "is not UTF-8") from None
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        raise InputError(
+            f"is no YAML: {getattr(error, 'problem', None) or error}",
+            file=source.path,
+            line=None if mark is None else mark.line + 1,
+        ) from None
+    if len(nodes) != 1 or not isinstance(nodes[0], yaml.MappingNode):
+        raise source.refuse(0, "expected one document with joint_names and points")
+    if len(text) == len(source.content):
+        return nodes[0], lambda index: index
+    bom = text.startswith("\ufeff")
+    sizes = np.concatenate([[0], np.cumsum([len(letter.encode()) for letter in text])])
+    return nodes[0], lambda index: int(sizes[index + bom])
+
+
+def _fields(node) -> dict:
+    return {key.value: value for key, value in node.value} if isinstance(node, yaml.MappingNode) else {}
+
+
+def _trajectory(source: SourceText, node) -> dict:
+    """The mapping with the points: the document itself, or one below it (a goal, a message)."""
+    todo, found = [node], []
+    while todo:
+        fields = _fields(todo.pop())
+        if "points" in fields and "joint_names" in fields:
+            found.append(fields)
+        todo += [value for value in fields.values() if isinstance(value, yaml.MappingNode)]
+    if len(found) != 1:
+        raise source.refuse(0, f"{len(found)} trajectories; expected one, with joint_names and points")
+    return found[0]
+
+
+def _time(source: SourceText, fields: dict, line: int) -> float | None:
+    parts = _fields(fields.get("time_from_start"))
+    if not parts:
+        return None
+    try:
+        values = {key: float(node.value) for key, node in parts.items()}
+    except (TypeError, ValueError):
+        raise InputError("time_from_start: expected sec and nanosec", file=source.path, line=line) from None
+    return values.get("sec", values.get("secs", 0.0)) + 1e-9 * values.get("nanosec", values.get("nsecs", 0.0))
+
+
+def _target(source: SourceText, numbers: list[Number], order: list[int], index: int, line: int) -> Target:
+    def encode(q, _):
+        return [number.edit(source, 0, q[axis], DECIMALS) for number, axis in zip(numbers, order)]
+
+    q = np.empty(len(order))
+    q[order] = [number.value for number in numbers]
+    return Target(f"point {index + 1}", 0, line, encode, joints=q)

@@ -1,0 +1,380 @@
+"""ABB RAPID: `.mod`, `.sys`. MoveL, MoveJ, MoveC, MoveAbsJ and their kin, to robtarget and jointtarget data or literals.
+
+    robtarget    [[x, y, z] mm, [q1, q2, q3, q4] w first, [cf1, cf4, cf6, cfx], [external axes]]
+    jointtarget  [[axes deg], [external axes]]
+Tool and work object are arguments of the motion; their numbers stand in these files (tooldata, wobjdata) or come by --tool, --base;
+tool0 and wobj0 are none. Mass and centre of tooldata are the load. cf1, cf4, cf6 are the quadrants of the axes 1, 4, 6: they
+choose the branch and are written anew; the last bit of cfx is the sign of axis 5 and stays, as all of cfx.
+Refused: Offs and RelTool, computed targets, moving or held work objects, tools at rest, external axes.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+import numpy as np
+
+from exactarm.compensate.angles import from_quaternion, to_quaternion
+from exactarm.compensate.program import Edit, Motion, Number, Program, SourceText, Target, in_range
+from exactarm.compensate.setting import Setting
+from exactarm.mdh_frames import compose
+from exactarm.robot import Placement
+
+NAME, SUFFIXES = "RAPID", (".mod", ".modx", ".sys", ".sysx")
+MM_DECIMALS, DEG_DECIMALS, QUATERNION_DECIMALS = 5, 7, 9
+NO_AXIS = 9e9
+NORM_TOLERANCE = 1e-2  # of a quaternion typed with three decimals
+EDGE_RAD = 1e-4  # an axis that close to the edge of a quadrant may be counted to either
+
+_DATA = re.compile(
+    r"(?i)\b(?:CONST|PERS|VAR|TASK\s+PERS)\s+(robtarget|jointtarget|tooldata|wobjdata)\s+(\w+)\s*(\{[^}]*\})?\s*:=\s*"
+)
+_MOVE = re.compile(r"(?i)\b(Move(?:L|J|C|AbsJ)|TriggL|TriggJ|TriggC|SearchL)(DO|Sync|AO|GO)?\b\s*(?![\w:=(])")
+_ASSIGNED = re.compile(r"(?im)(?:^|;)\s*(\w+)(?:\.[\w.{}]+)?\s*:=")
+KINDS = {
+    "movel": "linear",
+    "movej": "joint",
+    "movec": "circular",
+    "moveabsj": "joint",
+    "triggl": "linear",
+    "triggj": "joint",
+    "triggc": "circular",
+}
+
+
+@dataclass(frozen=True)
+class _Literal:
+    """A bracketed aggregate: nested lists of (text, place)."""
+
+    parts: list
+    start: int
+    end: int
+
+
+@dataclass(frozen=True)
+class _Datum:
+    kind: str
+    literal: _Literal | None  # None: computed, or an array
+    file: int
+    place: int
+
+
+def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
+    reader = _Reader(sources, setting)
+    for index in range(len(sources)):
+        reader.motions_of(index)
+    return Program(NAME, sources, tuple(reader.targets), tuple(reader.motions))
+
+
+def placement(numbers) -> Placement:
+    """Of a frame: x, y, z in mm and a quaternion, w first."""
+    return Placement(from_quaternion(np.array(numbers[3:7])), 1e-3 * np.array(numbers[:3], float))
+
+
+class _Reader:
+    def __init__(self, sources: tuple[SourceText, ...], setting: Setting):
+        self.sources, self.setting = sources, setting
+        self.texts = [source.without(r'"[^"\r\n]*"', r"![^\r\n]*") for source in sources]
+        self.targets: list[Target] = []
+        self.motions: list[Motion] = []
+        self.used: dict[tuple[int, int], int] = {}
+        self.data: dict[str, list[_Datum]] = {}
+        self.assigned: dict[str, tuple[int, int]] = {}
+        for index, text in enumerate(self.texts):
+            for match in _DATA.finditer(text):
+                literal = None if match[3] else self.literal(index, match.end())
+                self.data.setdefault(match[2].lower(), []).append(
+                    _Datum(match[1].lower(), literal, index, match.start(2))
+                )
+            for match in _ASSIGNED.finditer(text):
+                self.assigned.setdefault(match[1].lower(), (index, match.start(1)))
+
+    # -- data ----------------------------------------------------------------------------------------
+    def literal(self, index: int, place: int) -> _Literal | None:
+        """The aggregate that starts at `place`; None where none does."""
+        text = self.texts[index]
+        place += len(text[place:]) - len(text[place:].lstrip())
+        if text[place : place + 1] != "[":
+            return None
+        stack: list[list] = [[]]
+        start = place + 1
+        for i in range(place, len(text)):
+            letter = text[i]
+            if letter == "[":
+                stack.append([])
+                start = i + 1
+            elif letter in ",]":
+                behind_list = bool(stack[-1]) and isinstance(stack[-1][-1], list)
+                if text[start:i].strip() or (letter == "," and not behind_list):
+                    stack[-1].append((text[start:i], start))
+                start = i + 1
+                if letter == "]":
+                    done = stack.pop()
+                    stack[-1].append(done)
+                    if len(stack) == 1:
+                        return _Literal(done, place, i + 1)
+            elif letter == ";":
+                break
+        raise self.sources[index].refuse(place, "a bracket is not closed; expected ]")
+
+    def numbers(
+        self, index: int, literal: _Literal, where: int, count: int | None, what: str
+    ) -> list[Number]:
+        """Those of the list at `where` of an aggregate."""
+        source = self.sources[index]
+        parts = literal.parts[where] if where < len(literal.parts) else None
+        if not isinstance(parts, list) or not all(isinstance(part, tuple) for part in parts):
+            raise source.refuse(literal.start, f"{what} is missing; expected it as list {where + 1}")
+        if count is not None and len(parts) != count:
+            raise source.refuse(literal.start, f"{what}: {len(parts)} numbers; expected {count}")
+        return [Number.read(source, text, place) for text, place in parts]
+
+    def datum(self, index: int, name: str, place: int, kinds: tuple[str, ...]) -> _Datum:
+        """The one declaration of a name, with numbers."""
+        found = self.data.get(name.lower(), [])
+        if len(found) != 1:
+            times = "not in these files" if not found else f"given {len(found)} times"
+            raise self.sources[index].refuse(place, f"{name} is {times}; expected it once")
+        datum = found[0]
+        if datum.kind not in kinds:
+            raise self.sources[index].refuse(
+                place, f"{name} is a {datum.kind}; expected a {' or '.join(kinds)}"
+            )
+        if datum.literal is None:
+            raise self.sources[datum.file].refuse(
+                datum.place, f"{name} is computed, or an array; expected numbers"
+            )
+        if name.lower() in self.assigned:
+            file, where = self.assigned[name.lower()]
+            raise self.sources[file].refuse(where, f"{name} is set by the program; expected numbers alone")
+        return datum
+
+    # -- motions -------------------------------------------------------------------------------------
+    def motions_of(self, index: int) -> None:
+        source, text = self.sources[index], self.texts[index]
+        if match := re.search(r"(?i)\b(PDispOn|PDispSet|EOffsOn|EOffsSet)\b", text):
+            raise source.refuse(
+                match.start(), f"{match[1]} moves all targets that follow; expected targets as they are"
+            )
+        for match in _MOVE.finditer(text):
+            end = text.find(";", match.end())
+            if end < 0:
+                raise source.refuse(match.start(), f"{match[1]} without its end; expected ;")
+            if match[1].lower() == "searchl":
+                raise source.refuse(match.start(), "SearchL stops where a sensor says; expected a target")
+            kind = KINDS[match[1].lower()]
+            arguments = _arguments(text[match.end() : end], match.end())
+            switches = {name.lower(): value for name, value, _ in arguments if name}
+            plain = [(value, place) for name, value, place in arguments if not name]
+            count = 2 if kind == "circular" else 1
+            if len(plain) < count:
+                raise source.refuse(match.start(), f"{match[1]} without a target")
+            axes = match[1].lower() == "moveabsj"
+            wobj = switches.get("wobj", "wobj0")
+            tool = _tool_of(plain, switches)
+            places = [self.target(index, value, place, axes, tool, wobj) for value, place in plain[:count]]
+            self.motions.append(
+                Motion(kind, places[-1], source.line(match.start()), places[0] if count == 2 else None)
+            )
+
+    def target(self, index: int, value: str, place: int, axes: bool, tool: str, wobj: str) -> int:
+        source = self.sources[index]
+        place += len(value) - len(value.lstrip())
+        word = value.strip()
+        literal = self.literal(index, place) if word.startswith("[") else None
+        name, file = f"line {source.line(place)}", index
+        if literal is None:
+            if not re.fullmatch(r"\w+", word):
+                raise source.refuse(
+                    place, f"the target {word[:40]!r} is computed; expected a name or numbers"
+                )
+            datum = self.datum(index, word, place, ("jointtarget",) if axes else ("robtarget",))
+            name, literal, file = word, datum.literal, datum.file
+        key = (file, literal.start)
+        made = (
+            self.joints(name, file, literal, tool, index, place)
+            if axes
+            else self.pose(name, file, literal, tool, wobj, index, place)
+        )
+        if key in self.used:
+            before = self.targets[self.used[key]]
+            if not (
+                _equal(before.tool, made.tool) and _equal(before.base, made.base) and before.load == made.load
+            ):
+                raise source.refuse(
+                    place,
+                    f"{name} is used with different tools or work objects: no one number is right for all",
+                )
+            return self.used[key]
+        self.targets.append(made)
+        self.used[key] = len(self.targets) - 1
+        return self.used[key]
+
+    def joints(self, name: str, file: int, literal: _Literal, tool: str, index: int, place: int) -> Target:
+        source, n = self.sources[file], self.setting.robot.axes
+        numbers = self.numbers(file, literal, 0, None, "the joint angles")[:n]
+        if len(numbers) != n:
+            raise source.refuse(literal.start, f"{len(numbers)} joint angles; expected {n}")
+        in_range(source, numbers)
+
+        def encode(q, _):
+            degrees = np.degrees(self.setting.reported(q))
+            return [number.edit(source, file, value, DEG_DECIMALS) for number, value in zip(numbers, degrees)]
+
+        q = self.setting.joints(np.radians([number.value for number in numbers]))
+        load = self.tool(tool, index, place)[1]  # the arm bends under it, wherever the tip is
+        return Target(name, file, source.line(literal.start), encode, joints=q, load=load)
+
+    def pose(
+        self, name: str, file: int, literal: _Literal, tool: str, wobj: str, index: int, place: int
+    ) -> Target:
+        source = self.sources[file]
+        position = self.numbers(file, literal, 0, 3, "the position")
+        turn = self.numbers(file, literal, 1, 4, "the orientation")
+        word = self.numbers(file, literal, 2, 4, "the configuration")
+        outer = self.numbers(file, literal, 3, 6, "the external axes")
+        if any(number.value != NO_AXIS and number.value != 0.0 for number in outer):
+            raise source.refuse(literal.start, "an external axis is in use; expected 9E9 in all of them")
+        in_range(source, [*position, *turn])
+        wxyz = np.array([number.value for number in turn])
+        if abs(np.linalg.norm(wxyz) - 1.0) > NORM_TOLERANCE:
+            raise source.refuse(turn[0].start, f"quaternion of norm {np.linalg.norm(wxyz):.4g}; expected 1")
+        cf = [int(number.value) for number in word]
+
+        def encode(q, tip):
+            values = [*(1e3 * tip.position), *to_quaternion(tip.rotation, wxyz)]
+            decimals = [MM_DECIMALS] * 3 + [QUATERNION_DECIMALS] * 4
+            edits = [
+                n.edit(source, file, value, d) for n, value, d in zip([*position, *turn], values, decimals)
+            ]
+            quadrants = _quadrants(self.setting.reported(q))
+            edits += [
+                Edit(file, n.start, n.end, str(new).encode())
+                for n, new, old, angle in zip(word, quadrants, cf, self.setting.reported(q)[[0, 3, 5]])
+                if not _in_quadrant(angle, old)
+            ]
+            return edits
+
+        matches = None
+        if self.setting.robot.axes == 6:
+
+            def matches(q):
+                reported = self.setting.reported(q)
+                fits = all(_in_quadrant(angle, quadrant) for angle, quadrant in zip(reported[[0, 3, 5]], cf))
+                return fits and (
+                    abs(np.sin(reported[4])) < EDGE_RAD
+                    or bool(cf[3] & 1) == (np.sin(reported[4]) < 0.0)
+                    or cf[3] == 0
+                )
+
+        tip, load, why = self.tool(tool, index, place)
+        base, why_base = self.work_object(wobj, index, place)
+        return Target(
+            name,
+            file,
+            source.line(literal.start),
+            encode,
+            pose=placement([n.value for n in (*position, *turn)]),
+            tool=tip,
+            base=base,
+            load=load,
+            matches=matches,
+            refusal=why or why_base,
+        )
+
+    # -- tool and work object ------------------------------------------------------------------------
+    def tool(self, name: str, index: int, place: int):
+        """Placement, load and, where they are not known, why."""
+        if name.lower() == "tool0":
+            return Placement(), None, ""
+        given = self.setting.tool(name)
+        if given is not None:
+            return (
+                placement(given) if len(given) == 7 else Placement(),
+                None,
+                "" if len(given) == 7 else _expected("tool", name),
+            )
+        if name.lower() not in self.data:
+            return (
+                Placement(),
+                None,
+                f"unknown tool {name or '(none in the motion)'}: {_expected('tool', name)}",
+            )
+        datum = self.datum(index, name, place, ("tooldata",))
+        parts = datum.literal.parts
+        if len(parts) != 3 or not isinstance(parts[0], tuple) or parts[0][0].strip().upper() != "TRUE":
+            return Placement(), None, f"{name} is not held by the robot; expected tooldata with TRUE"
+        frame = self.frame(datum, parts[1])
+        mass = Number.read(self.sources[datum.file], *parts[2][0]).value
+        centre = [Number.read(self.sources[datum.file], *part).value for part in parts[2][1]]
+        load = (mass, tuple(1e-3 * value for value in centre)) if mass > 0.0 else None
+        return frame, load, ""
+
+    def work_object(self, name: str, index: int, place: int):
+        """Placement of user frame and object frame, and, where they are not known, why."""
+        if name.lower() == "wobj0":
+            return Placement(), ""
+        given = self.setting.base(name)
+        if given is not None:
+            return placement(given) if len(given) == 7 else Placement(), "" if len(given) == 7 else _expected(
+                "base", name
+            )
+        if name.lower() not in self.data:
+            return Placement(), f"unknown work object {name}: {_expected('base', name)}"
+        datum = self.datum(index, name, place, ("wobjdata",))
+        parts = datum.literal.parts
+        flags = [part[0].strip().upper() for part in parts[:2] if isinstance(part, tuple)]
+        if flags != ["FALSE", "TRUE"] or len(parts) != 5:
+            return Placement(), f"{name} is held or moved; expected wobjdata with FALSE, TRUE"
+        return compose(self.frame(datum, parts[3]), self.frame(datum, parts[4])), ""
+
+    def frame(self, datum: _Datum, parts) -> Placement:
+        literal = _Literal(parts if isinstance(parts, list) else [], datum.literal.start, datum.literal.end)
+        numbers = self.numbers(datum.file, literal, 0, 3, "the position") + self.numbers(
+            datum.file, literal, 1, 4, "the orientation"
+        )
+        return placement([number.value for number in numbers])
+
+
+def _expected(option: str, name: str) -> str:
+    return f"expected --{option} {name}=x,y,z,q1,q2,q3,q4 (mm), or its data in these files"
+
+
+def _arguments(text: str, place: int) -> list[tuple[str, str, int]]:
+    """(switch or "", value, place) of each argument, split at commas and backslashes outside brackets."""
+    found, depth, start, switch = [], 0, 0, False
+
+    def close(end: int) -> None:
+        part = text[start:end]
+        if switch:
+            name, _, value = part.partition(":=")
+            found.append((name.strip(), value.strip(), place + start))
+        elif part.strip():
+            found.append(("", part, place + start))
+
+    for i, letter in enumerate(text + ","):
+        depth += (letter in "[({") - (letter in "])}")
+        if depth == 0 and letter in ",\\":
+            close(i)
+            start, switch = i + 1, letter == "\\"
+    return found
+
+
+def _tool_of(plain: list[tuple[str, int]], switches: dict[str, str]) -> str:
+    """The last argument without a switch: target(s), speed, zone, tool."""
+    word = plain[-1][0].strip()
+    return word if re.fullmatch(r"\w+", word) else ""
+
+
+def _equal(a: Placement, b: Placement) -> bool:
+    return np.array_equal(a.position, b.position) and np.array_equal(a.rotation, b.rotation)
+
+
+def _quadrants(q: np.ndarray) -> list[int]:
+    """cf1, cf4, cf6."""
+    return [int(np.floor(angle / (0.5 * np.pi))) for angle in q[[0, 3, 5]]]
+
+
+def _in_quadrant(angle: float, quadrant: int) -> bool:
+    return (quadrant - 1e-12) * 0.5 * np.pi - EDGE_RAD <= angle <= (quadrant + 1) * 0.5 * np.pi + EDGE_RAD
