@@ -27,6 +27,7 @@ NAMES = {
     "Robot": "exactarm.robot", "Joint": "exactarm.robot", "Link": "exactarm.robot", "Placement": "exactarm.robot",
     "read": "exactarm.commands.call", "example": "exactarm.examples", "Dataset": "exactarm.dataset",
     "write_dataset": "exactarm.dataset", "Result": "exactarm.commands.result",
+    "command_of": "exactarm.compensate.law", "actual_of": "exactarm.compensate.law", "Poses": "exactarm.compensate.law",
     "InputError": "exactarm.errors", "ComputationError": "exactarm.errors", "Progress": "exactarm.progress",
 }
 __all__ = [*NAMES, *COMMANDS]

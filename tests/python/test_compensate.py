@@ -217,7 +217,7 @@ def test_limits_and_singular_poses_are_refused_or_kept(tmp_path, capsys):
     robot = identified()
     q = reachable(robot, 3)
     q[1, 4] = 0.0
-    cell, line = Cell(robot, Placement(), Placement()), lambda row: ",".join(map(repr, row.tolist()))
+    line = lambda row: ",".join(map(repr, row.tolist()))
     files = {"t.csv": ("q_1_rad,q_2_rad,q_3_rad,q_4_rad,q_5_rad,q_6_rad\n" + "\n".join(map(line, q)) + "\n").encode()}
     error = refused(tmp_path, capsys, files)
     assert "t.csv, line 3: row 2: close to a singular pose" in error

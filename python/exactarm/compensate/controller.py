@@ -26,9 +26,10 @@ _TURN = 2.0 * np.pi
 
 @dataclass(frozen=True)
 class ControllerChain:
-    """The core robot of the controller's frames."""
+    """The core robot of the controller's frames; limits (2, n): least and largest angle, infinite where none is declared."""
 
     core: _core.Robot
+    limits: np.ndarray
 
     @staticmethod
     def of(robot: Robot) -> "ControllerChain":
@@ -50,12 +51,9 @@ class ControllerChain:
             base=robot.controller.base,
             tool=robot.controller.flange,
         )
-        return ControllerChain(own.core)
-
-    @property
-    def limits(self) -> np.ndarray:
-        """(2, n) least and largest angle of each axis, infinite where none is declared."""
-        return np.array([[limit.q_min, limit.q_max] for limit in self.core.limits]).T
+        least = [-np.inf if joint.q_min is None else joint.q_min for joint in robot.joints]
+        largest = [np.inf if joint.q_max is None else joint.q_max for joint in robot.joints]
+        return ControllerChain(own.core, np.array([least, largest]))
 
     def poses(self, q: np.ndarray) -> "Poses":
         """Of the flange, for joint angles (N, n)."""

@@ -5,7 +5,7 @@
 User frames and tools are not in the file: --base u=X,Y,Z,W,P,R, --tool t=...; number 0 is none. What CONFIG means for an arm is not
 certain: poses follow the branch of the target before (--start for the first), and CONFIG must stay the same. Whether J3 counts
 from the horizon is not certain either: the robot file has to say it ([controller] coupling = [[3, 2, 1.0]], or [] for no coupling).
-Numbers keep their decimals: whether a controller reads more is not known. Groups other than 1 stay as they are.
+Numbers have the decimals of their position, three at least: whether a controller reads more is not known. Groups other than 1 stay as they are.
 Refused: position registers, offsets, incremental motions, remote tools.
 """
 
@@ -28,6 +28,7 @@ _GROUP = re.compile(r"GP(\d+)\s*:")
 _FORBIDDEN = re.compile(r"(?i)\b(Offset|Tool_Offset|INC|RTCP|VOFFSET|COORD)\b")
 _FIELD = re.compile(r"\b(X|Y|Z|W|P|R|J\d)\s*=\s*([^,\s]+)\s*(mm|deg)?")
 CARTESIAN = ("X", "Y", "Z", "W", "P", "R")
+LEAST_DECIMALS = 3  # as controllers write them
 
 
 def placement(numbers) -> Placement:
@@ -120,10 +121,11 @@ def _target(source: SourceText, number: int, match: re.Match, setting: Setting) 
     name, line, n = f"P[{number}]", source.line(match.start()), setting.robot.axes
     if "J1" in fields:
         numbers = _all(source, match, fields, [f"J{i}" for i in range(1, n + 1)])
+        fine = _decimals(source, numbers)
 
         def encode(q, _):
             return [
-                number.edit(source, 0, value, None)
+                number.edit(source, 0, value, fine)
                 for number, value in zip(numbers, np.degrees(setting.reported(q)))
             ]
 
@@ -131,12 +133,13 @@ def _target(source: SourceText, number: int, match: re.Match, setting: Setting) 
         return Target(name, 0, line, encode, joints=q)
     numbers = _all(source, match, fields, CARTESIAN)
     old = np.radians([field.value for field in numbers[3:]])
+    digits = [_decimals(source, numbers[:3])] * 3 + [_decimals(source, numbers[3:])] * 3
 
     def encode_pose(_, tip):
         r, p, w = to_zyx(tip.rotation, old[::-1])
         return [
-            field.edit(source, 0, value, None)
-            for field, value in zip(numbers, [*(1e3 * tip.position), *np.degrees([w, p, r])])
+            field.edit(source, 0, value, fine)
+            for field, value, fine in zip(numbers, [*(1e3 * tip.position), *np.degrees([w, p, r])], digits)
         ]
 
     config = re.search(r"CONFIG\s*:\s*'([^']*)'", part)
@@ -172,3 +175,7 @@ def _all(source: SourceText, match: re.Match, fields: dict[str, Number], wanted)
     numbers = [fields[key] for key in wanted]
     in_range(source, numbers)
     return numbers
+
+
+def _decimals(source: SourceText, numbers: list[Number]) -> int:
+    return max(LEAST_DECIMALS, *(number.decimals(source) for number in numbers))

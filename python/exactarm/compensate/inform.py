@@ -4,7 +4,7 @@
     ///POSTYPE BASE, ROBOT, USER      C00001=X, Y, Z mm, Rx, Ry, Rz deg, R = Rz Ry Rx, under ///RCONF
 Tools and user frames are not in the job: --tool n=X,Y,Z,Rx,Ry,Rz, --base n=...; the tool of ///TOOL 0 too, for it may be in use.
 BASE and ROBOT are taken as the robot's base. What RCONF means for an arm is not certain: poses follow the branch of the target before
-(--start for the first), and RCONF must stay the same. Numbers keep their decimals; pulses are whole.
+(--start for the first), and RCONF must stay the same. Numbers have the decimals of their position, two at least: whether a controller reads more is not known. Pulses are whole.
 Refused: position variables (P, BP), increments (IMOV), external axes (EC) and stations, other groups.
 """
 
@@ -22,6 +22,7 @@ from exactarm.robot import Placement
 
 NAME, SUFFIXES = "INFORM", (".jbi",)
 LARGEST_PULSES = 2**31
+LEAST_DECIMALS = 2  # of the angles, as controllers write them
 KINDS = {"MOVJ": "joint", "MOVL": "linear", "MOVC": "circular", "MOVS": "joint"}
 _LINE = re.compile(r"(?m)^([^\r\n]*)")
 _MOTION = re.compile(r"\s*(MOVJ|MOVL|MOVC|MOVS|IMOV)\b\s*(\S*)([^\r\n]*)")
@@ -157,11 +158,12 @@ class _Reader:
             raise source.refuse(place, f"{len(numbers)} numbers; expected X, Y, Z, Rx, Ry, Rz")
         in_range(source, numbers)
         old = np.radians([number.value for number in numbers[3:]])
+        digits = [max(LEAST_DECIMALS, *(number.decimals(source) for number in part)) for part in (numbers[:3], numbers[3:])]
 
         def encode(_, tip):
             z, y, x = to_zyx(tip.rotation, old[::-1])
             values = [*(1e3 * tip.position), *np.degrees([x, y, z])]
-            return [number.edit(source, 0, value, None) for number, value in zip(numbers, values)]
+            return [number.edit(source, 0, value, digits[i // 3]) for i, (number, value) in enumerate(zip(numbers, values))]
 
         why, tool, base = [], self.setting.tool(state["TOOL"].split(",")[0]), Placement()
         if tool is None or len(tool) != 6:

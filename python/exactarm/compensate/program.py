@@ -173,17 +173,19 @@ class Number:
             raise source.refuse(start, f"found {stripped[:40]}; expected a finite number")
         return Number(value, begin, begin + len(stripped))
 
-    def edit(self, source: SourceText, file: int, value: float, least_decimals: int | None) -> Edit:
-        """With as many decimals as it has, at least `least_decimals`; None: no more than it has."""
-        old = source.text[self.start : self.end]
-        mantissa, _, exponent = old.lower().partition("e")
-        decimals = len(mantissa.partition(".")[2]) - (int(exponent) if exponent else 0)
-        decimals = max(decimals, 0) if least_decimals is None else max(decimals, least_decimals)
+    def edit(self, source: SourceText, file: int, value: float, least_decimals: int) -> Edit:
+        """With as many decimals as it has, at least `least_decimals`."""
+        decimals = max(self.decimals(source), least_decimals)
         text = f"{value:.{decimals}f}"
         if float(text) == 0.0:
             text = text.removeprefix("-")
-        plus = "+" if old.startswith("+") and not text.startswith("-") else ""
+        plus = "+" if source.text[self.start] == "+" and not text.startswith("-") else ""
         return Edit(file, self.start, self.end, (plus + text).encode())
+
+    def decimals(self, source: SourceText) -> int:
+        """How many it has."""
+        mantissa, _, exponent = source.text[self.start : self.end].lower().partition("e")
+        return max(len(mantissa.partition(".")[2]) - (int(exponent) if exponent else 0), 0)
 
 
 def in_range(source: SourceText, numbers: Sequence[Number]) -> None:

@@ -61,15 +61,15 @@ def read_frames(option: str, words: Sequence[str]) -> dict[str, tuple[float, ...
     return frames
 
 
-def read_numbers(option: str, text: str, counts: tuple[int, ...]) -> tuple[float, ...]:
+def read_numbers(option: str, text: str, counts: tuple[int, ...] | None) -> tuple[float, ...]:
     """Numbers with commas between them."""
     try:
         numbers = tuple(float(part) for part in text.split(","))
     except ValueError:
         numbers = ()
-    if len(numbers) not in counts or not np.all(np.isfinite(numbers)):
-        expected = " or ".join(map(str, counts))
-        raise InputError(f"{option} {text}: expected {expected} numbers with commas between them")
+    if not numbers or (counts and len(numbers) not in counts) or not np.all(np.isfinite(numbers)):
+        expected = " or ".join(map(str, counts or ()))
+        raise InputError(f"{option} {text}: expected {expected} numbers with commas between them".replace("  ", " "))
     return numbers
 
 

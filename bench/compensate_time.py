@@ -1,0 +1,96 @@
+"""Times the law of compensation: targets a second and core, by what the robot file holds.
+
+    python bench/compensate_time.py [--count 20000] [--repeats 3] [--out FILE.json]
+
+Random joint targets of the virtual Racer with a random approach; one thread, seconds of the processor (median). Programs are read and
+written besides: `--program` times a table of as many targets from file to file.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import tempfile
+import time
+from dataclasses import replace
+from pathlib import Path
+from statistics import median
+
+import numpy as np
+
+from exactarm.compensate.correction import correct
+from exactarm.compensate.formats import jobs
+from exactarm.compensate.law import NEAR_SINGULAR, CompensationModel
+from exactarm.compensate.setting import Setting, chosen_points
+from exactarm.effects.backlash import Backlash
+from exactarm.effects.joint_compliance import JointCompliance
+from exactarm.robot import Robot
+from exactarm.robot_file import load_robot
+
+
+def arms() -> dict[str, Robot]:
+    """The Racer with deviations of a new arm in its frames: bare, with its gear tables and springs, with two effects more."""
+    nominal, random = load_robot("racer-7-1.4").with_controller_frames, np.random.default_rng(1)
+    joints = tuple(
+        replace(joint, a=joint.a + 5e-4 * random.normal(), alpha=joint.alpha + 1e-3 * random.normal(),
+                q_offset=joint.q_offset + 1e-3 * random.normal(), controller_offset=float(offset))
+        for joint, offset in zip(nominal.joints, nominal.controller_offsets)
+    )
+    full = replace(nominal, joints=joints)
+    bare = replace(full, links=None, joints=tuple(replace(j, cw=None, ccw=None, spring_linear=None) for j in joints))
+    effects = (JointCompliance(2, (4e-7, 0.0)), Backlash(3, (3e-4, 20.0)))
+    return {"geometry": bare, "gears and springs": full, "and two effects": replace(full, effects=effects)}
+
+
+def targets(robot: Robot, count: int) -> np.ndarray:
+    low, high = CompensationModel.of(robot).controller.limits
+    return low + (high - low) * np.random.default_rng(2).uniform(0.1, 0.9, (count, robot.axes))
+
+
+def law(robot: Robot, count: int, repeats: int) -> dict:
+    model, q = CompensationModel.of(robot), targets(robot, count)
+    approach = np.random.default_rng(3).choice([-1.0, 1.0], q.shape)
+    seconds = []
+    for _ in range(repeats):
+        start = time.process_time()
+        found = model.commands(model.controller.poses(q), q, approach)
+        seconds.append(time.process_time() - start)
+    good = found.amplification < NEAR_SINGULAR
+    return {"targets_per_s": count / median(seconds), "left_over_99": float(np.quantile(found.left_over[good], 0.99)),
+            "near_singular": float(1.0 - good.mean())}
+
+
+def program(robot: Robot, count: int) -> float:
+    """Targets a second of a CSV table from file to file, with the check of what was written."""
+    q = targets(robot, count)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "targets.csv"
+        header = ",".join(f"q_{i + 1}_rad" for i in range(robot.axes))
+        path.write_text(header + "\n" + "\n".join(",".join(map(repr, row.tolist())) for row in q) + "\n")
+        (job,), setting = jobs([path]), Setting(robot)
+        start = time.process_time()
+        read = job.read(setting)
+        correct(read, CompensationModel.of(robot), chosen_points(read, None), None, 1, lambda new: job.reread(new, setting))
+        return count / (time.process_time() - start)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--count", type=int, default=20_000)
+    parser.add_argument("--repeats", type=int, default=3)
+    parser.add_argument("--program", action="store_true")
+    parser.add_argument("--out", type=Path)
+    arguments = parser.parse_args()
+    rows = {name: law(robot, arguments.count, arguments.repeats) for name, robot in arms().items()}
+    for name, row in rows.items():
+        print(f"{name:18}  {row['targets_per_s']:8.0f} targets a second and core; error left (99 %) {row['left_over_99']:.1e} m, "
+              f"{100 * row['near_singular']:.1f} % close to singular")
+    if arguments.program:
+        rows["program"] = program(arms()["gears and springs"], arguments.count)
+        print(f"{'from file to file':18}  {rows['program']:8.0f} targets a second and core")
+    if arguments.out:
+        arguments.out.write_text(json.dumps(rows, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()
