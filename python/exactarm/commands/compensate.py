@@ -114,6 +114,8 @@ def run(arguments: argparse.Namespace) -> CommandResult:
     _check(robot, arguments)
     work = jobs(arguments.files)
     setting = _setting(robot, arguments)
+    for job in work:
+        _require_frames(job, setting)
     frames = cell_frames(robot, arguments.frames, _tip(work[0], setting), arguments.threads)
     model = CompensationModel.of(robot, frames.base, frames.flange)
     if setting.load is not None:
@@ -211,8 +213,18 @@ def _setting(robot: Robot, arguments: argparse.Namespace) -> Setting:
 
 def _tip(job: Job, setting: Setting) -> Placement:
     """The tool that touched the reference points: the only one that --tool gives; the flange without one."""
-    numbers = list(setting.tools.values())
-    return job.dialect.placement(numbers[0]) if len(numbers) == 1 else Placement()
+    numbers, placement = list(setting.tools.values()), getattr(job.dialect, "placement", None)
+    return placement(numbers[0]) if placement and len(numbers) == 1 else Placement()
+
+
+def _require_frames(job: Job, setting: Setting) -> None:
+    """As many numbers a frame as its controller shows."""
+    count = getattr(job.dialect, "FRAME_NUMBERS", 6)
+    for option, frames in (("--tool", setting.tools), ("--base", setting.bases)):
+        for name, numbers in frames.items():
+            if len(numbers) != count:
+                raise InputError(f"{option} {name}: {len(numbers)} numbers; a frame of {job.dialect.NAME} has {count}",
+                                 file=job.paths[0])
 
 
 def _stop_at_refused(corrections: list, arguments: argparse.Namespace) -> None:

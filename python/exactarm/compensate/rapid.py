@@ -24,6 +24,7 @@ from exactarm.robot import Placement
 NAME, SUFFIXES = "RAPID", (".mod", ".modx", ".sys", ".sysx")
 MM_DECIMALS, DEG_DECIMALS, QUATERNION_DECIMALS = 5, 7, 9
 NO_AXIS = 9e9
+FRAME_NUMBERS = 7
 NORM_TOLERANCE = 1e-2  # of a quaternion typed with three decimals
 EDGE_RAD = 1e-4  # an axis that close to the edge of a quadrant may be counted to either
 
