@@ -1,0 +1,26 @@
+"""First aid around the work of a command: what looks like a mistake of the user's is said with the result, or with the refusal."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from exactarm.dataset import Dataset
+from exactarm.errors import ComputationError, InputError
+from exactarm.identify.first_aid import first_aid
+from exactarm.robot import Robot
+
+
+@contextmanager
+def suspicions(robot: Robot, data: Dataset) -> Iterator[tuple[str, ...]]:
+    """The warnings of `first_aid`; the likeliest also stands in the line of what the block refuses."""
+    found = first_aid(robot, data)
+    try:
+        yield found
+    except (InputError, ComputationError) as error:
+        if not found or "do not match" in str(error):  # that refusal has looked by itself
+            raise
+        message = f"{getattr(error, 'message', error)}; {found[0]}"
+        if isinstance(error, ComputationError):
+            raise ComputationError(message) from error
+        raise InputError(message, file=error.file, row=error.row, column=error.column) from error

@@ -1,0 +1,46 @@
+"""First aid before every identification: which usual mistake of the user would explain the data better?
+
+    first_aid(robot, data) -> warnings, one line each, the likeliest mistake of every sort; empty where nothing is suspicious
+
+A wrong sign or unit is rarely refused by a fit: it is absorbed by parameters that then mean nothing. So the mistakes are
+tried on some rows first. It never corrects anything, and takes a fraction of a second.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from exactarm.dataset import Dataset
+from exactarm.errors import InputError
+from exactarm.identify.declared import carried_layout
+from exactarm.identify.gear_mistakes import gear_mistakes
+from exactarm.identify.motion_mistakes import motion_mistakes
+from exactarm.identify.pose_mistakes import pose_mistakes
+from exactarm.identify.signal_mistakes import signal_mistakes
+from exactarm.identify.suspicion import Suspicion
+from exactarm.identify.tracked_mistakes import tracked_mistakes
+from exactarm.robot import Robot
+
+
+def first_aid(robot: Robot, data: Dataset) -> tuple[str, ...]:
+    """One line for the likeliest mistake of every sort that the data give cause to suspect."""
+    found: list[Suspicion] = list(signal_mistakes(robot, data))
+    for kind in data.kinds:
+        for check in _CHECKS.get(kind, ()):
+            try:
+                found += check(robot, data)[:1]
+            except InputError:  # what the command itself refuses, it says itself
+                continue
+    return tuple(dict.fromkeys(suspicion.text for suspicion in found))
+
+
+def _poses(robot: Robot, data: Dataset) -> list[Suspicion]:
+    return pose_mistakes(robot, data, carried_layout(robot, data)) if robot.has_geometry else []
+
+
+_CHECKS: dict[str, tuple[Callable[[Robot, Dataset], list[Suspicion]], ...]] = {
+    "poses": (_poses,),
+    "tracked_motion": (_poses, tracked_mistakes),
+    "motion": (motion_mistakes,),
+    "gear_run": (gear_mistakes,),
+}

@@ -1,0 +1,123 @@
+"""Usual mistakes in gear runs: motor and link side, units, signs, axes, time, a clock that drifts.
+
+Between encoders: the slope of theta_i over q_i is the gear ratio. Under a gyroscope: the size of its reading is the rate of the
+moving motor over the ratio. What the slope is instead tells the mistake.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from exactarm.chain.view import motor_angles
+from exactarm.dataset import Dataset
+from exactarm.identify.clock_drift import lags
+from exactarm.identify.suspicion import Suspicion
+from exactarm.identify.tracked_mistakes import clock_suspicions
+from exactarm.robot import Robot
+from exactarm.split import STANDS_STILL
+
+RATIO_TOLERANCE = 0.03  # teeth are counted; a gear's error is below a thousandth
+NEARLY = 0.1  # for a slope that is meant to be some other number
+LEAST_CORRELATION = 0.5
+_DEGREE = np.pi / 180.0
+_LEAST_ROWS = 30
+
+
+def gear_mistakes(robot: Robot, data: Dataset) -> list[Suspicion]:
+    theta = data.joints.get("theta")
+    if theta is None:
+        return []
+    return _of_gyroscope(robot, data) if data.gyro is not None else _of_encoders(robot, data)
+
+
+def _of_encoders(robot: Robot, data: Dataset) -> list[Suspicion]:
+    theta, q = data.joints["theta"], data.joints.get("q", np.full_like(data.joints["theta"], np.nan))
+    found = []
+    both = np.flatnonzero(~np.isnan(theta[0]) & ~np.isnan(q[0]))
+    for i in both:
+        motor, link = _centred(theta[:, i], data.run), _centred(q[:, i], data.run)
+        size = float(np.linalg.norm(motor) * np.linalg.norm(link))
+        if size == 0.0:
+            continue
+        slope, correlation = float(motor @ link / (link @ link)), float(motor @ link) / size
+        share = slope / robot.ratios[i]
+        if abs(share - 1.0) < RATIO_TOLERANCE:
+            continue
+        if abs(correlation) < LEAST_CORRELATION:
+            words = _other_link(robot, theta[:, i], q, data.run, int(i), both)
+            if words:
+                found.append(Suspicion(words, sentence=True))
+            continue
+        found.append(Suspicion(f"axis {i + 1}: theta_{i + 1} goes {slope:.4g} times as far as q_{i + 1}, the file's gear ratio is "
+                               f"{robot.ratios[i]:.4g}: {_meant(share, slope * robot.ratios[i], int(i) + 1)}", sentence=True))
+    return found
+
+
+def _centred(values: np.ndarray, run: np.ndarray) -> np.ndarray:
+    """Less the mean of each run: encoders count from anywhere."""
+    _, number = np.unique(run, return_inverse=True)
+    mean = np.bincount(number, values) / np.bincount(number)
+    return values - mean[number]
+
+
+def _other_link(robot: Robot, motor: np.ndarray, q: np.ndarray, run: np.ndarray, axis: int, both: np.ndarray) -> str:
+    """Whether the motor turns another axis' link with that axis' or its own ratio."""
+    motor = _centred(motor, run)
+    if np.ptp(motor) / abs(robot.ratios[axis]) < 1e-4:
+        return ""  # it stands still, and so need no link
+    for j in both:
+        link = _centred(q[:, j], run)
+        if j != axis and abs(motor @ link) > (1.0 - NEARLY) * np.linalg.norm(motor) * np.linalg.norm(link) > 0.0:
+            return f"theta_{axis + 1} follows q_{j + 1}, not q_{axis + 1}: are two axes exchanged?"
+    return f"theta_{axis + 1} and q_{axis + 1} do not follow each other: are columns exchanged, or files of two motions mixed?"
+
+
+def _meant(share: float, product: float, axis: int) -> str:
+    near = lambda value, goal: abs(value / goal - 1.0) < NEARLY
+    if near(share, -1.0):
+        return "does one of the two have the opposite sign?"
+    if near(abs(product), 1.0):
+        return f"are the columns theta_{axis} and q_{axis} exchanged?"
+    for factor, words in ((1.0 / _DEGREE, "is theta in degrees, or q in radians labelled as degrees?"),
+                          (_DEGREE, "is q in degrees, or theta in radians labelled as degrees?")):
+        if near(abs(share), factor):
+            return words
+    return "is the ratio in the robot file that of this arm?"
+
+
+def _of_gyroscope(robot: Robot, data: Dataset) -> list[Suspicion]:
+    theta, found = motor_angles(robot, data), []
+    slopes: dict[int, list[float]] = {}
+    for run in np.unique(data.run):
+        rows = np.flatnonzero(data.run == run)
+        rows = rows[np.argsort(data.time[rows], kind="stable")]
+        span = np.ptp(theta[rows], axis=0) / np.abs(robot.ratios)
+        if rows.size < _LEAST_ROWS or span.max() == 0.0 or np.sum(span > STANDS_STILL * span.max()) != 1:
+            continue
+        axis, time = int(np.argmax(span)), data.time[rows]
+        rate = np.abs(np.gradient(_smooth(theta[rows, axis] / robot.ratios[axis]), time))
+        reading = _smooth(np.linalg.norm(data.gyro[rows], axis=1))
+        slopes.setdefault(axis, []).append(float(rate @ reading / max(rate @ rate, 1e-300)))
+        found += clock_suspicions(lags(time, rate, reading), f"run {run}", "the gyroscope")
+    mistakes = []
+    for axis, values in slopes.items():
+        slope = float(np.median(values))
+        if slope > 0.0 and not 1.0 / 1.5 < slope < 1.5:
+            mistakes.append(Suspicion(f"the gyroscope reads {slope:.3g} times the rate of motor {axis + 1} over its ratio: {_reading(slope)}", sentence=True))
+    return mistakes[:1] or found[:1]
+
+
+def _smooth(values: np.ndarray) -> np.ndarray:
+    width = max(1, min(25, len(values) // 20))
+    return np.convolve(np.pad(values, width // 2, mode="edge"), np.ones(width) / width, mode="same")[width // 2 : width // 2 + len(values)]
+
+
+def _reading(slope: float) -> str:
+    near = lambda goal: abs(slope / goal - 1.0) < NEARLY
+    if near(1.0 / _DEGREE):
+        return "is it in deg/s labelled as rad/s, or the motor angle in degrees labelled as radians the other way round?"
+    if near(_DEGREE):
+        return "is it in rad/s labelled as deg/s, or the motor angle in degrees labelled as radians?"
+    if near(1e3) or near(1e-3):
+        return "is the time in another unit (ms or s)?"
+    return "is the ratio in the robot file that of this arm, and does the sensor sit on the moving link?"

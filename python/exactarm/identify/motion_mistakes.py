@@ -1,0 +1,180 @@
+"""Usual mistakes in motions, each tried on a linear model of the drives: would the torques be explained without it?
+
+    tau = Y(q, q_dot, q_ddot) pi + J ratio^2 q_ddot + coulomb sign(q_dot) + viscous q_dot + constant
+
+Rigid, all of pi, J, friction and constant free (10 n + 4 n unknowns, a trace of ridge for those that the motion does not show),
+every axis weighted by its own torque. Share u_i: RMS of what is left of axis i over that of its torque.
+A mistake is named where, undone, it lowers u without raising any axis'. Friction that drives tells of a wrong sign without any
+comparison: what an axis loses in friction is positive. Declared masses, or the arm's size, tell of a wrong unit of torque.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+
+from exactarm import _core
+from exactarm.chain import motion_record
+from exactarm.dataset import Dataset
+from exactarm.identify.reach import reach
+from exactarm.identify.suspicion import FALL, Suspicion, in_order, listed
+from exactarm.robot import Robot
+
+MOST_ROWS = 300  # of the linear model: 1,800 numbers for the 84 unknowns of six axes
+MOST_LOGGED = 20000  # rows that are filtered for it
+_ROWS_SHARE = 0.3
+_DEGREE = np.pi / 180.0
+_SIGN_RAD_S = 0.02
+_RIDGE = 1e-7  # beside columns of length 1
+_NOT_WORSE = 1.05
+_ALL_AXES_FALL = 1.8  # product over the axes, for mistakes that all axes feel a little: gravity, units of angles
+_CERTAIN_FRICTION = 0.03  # share of an axis' torque that its friction takes
+_LEAST_OF_DECLARED, _MOST_OF_DECLARED = 1.0 / 3.0, 10.0  # masses are declared better than that; friction and payload come on top
+# 99 % of the largest torque over reach^3, Nm/m^3: six shipped and simulated arms lie between 20 and 400, and arms of one build go with the cube
+_LEAST_LOAD_NM_M3, _MOST_LOAD_NM_M3 = 0.5, 5000.0
+
+
+@dataclass(frozen=True)
+class _Samples:
+    """q, q_dot, q_ddot, torque (N, n) of the output sides on some rows; gravity (3,); offset (n,) of q, and how many times as
+    large as on the output side the columns of the file are: of angles and of torques (n,)."""
+
+    q: np.ndarray
+    rate: np.ndarray
+    acceleration: np.ndarray
+    torque: np.ndarray
+    gravity: np.ndarray
+    offset: np.ndarray
+    angle_scale: np.ndarray
+    torque_scale: np.ndarray
+
+    def with_angles(self, change: Callable[[np.ndarray], np.ndarray]) -> "_Samples":
+        """The columns of angles in the file changed, and with them their rates."""
+        new = lambda values: change(values * self.angle_scale) / self.angle_scale
+        return replace(self, q=new(self.q - self.offset) + self.offset, rate=new(self.rate), acceleration=new(self.acceleration))
+
+    def with_torques(self, change: Callable[[np.ndarray], np.ndarray]) -> "_Samples":
+        return replace(self, torque=change(self.torque / self.torque_scale) * self.torque_scale)
+
+
+@dataclass(frozen=True)
+class _Explained:
+    """shares (n,) u of every axis; friction (n,): share of an axis' torque that dry friction takes, negative where it drives."""
+
+    shares: np.ndarray
+    friction: np.ndarray
+
+
+def motion_mistakes(robot: Robot, data: Dataset) -> list[Suspicion]:
+    """The mistakes that explain these torques better, best first."""
+    if not robot.has_geometry or not _is_measured_whole(data):
+        return []
+    samples = _samples(robot, data)
+    now = _explained(robot, samples)
+    found = in_order([Suspicion(words, fall) for words, changed in _candidates(samples)
+                      if (fall := _fall(now, _explained(robot, changed)))])
+    if not found:
+        found = list(_driving_friction(now))
+    return found or list(_units(robot, samples))
+
+
+def _is_measured_whole(data: Dataset) -> bool:
+    """Whether every axis has a torque: a model of part of the arm's drives compares nothing."""
+    torque = [data.joints[name] for name in ("tau", "tau_motor", "current") if name in data.joints]
+    return bool(torque) and not np.isnan(np.stack([values[0] for values in torque])).all(axis=0).any()
+
+
+def _samples(robot: Robot, data: Dataset) -> _Samples:
+    numbers = np.unique(data.run)
+    each = max(MOST_LOGGED // len(numbers), 500)
+    rows = np.concatenate([np.flatnonzero(data.run == number)[:each] for number in numbers[: MOST_LOGGED // 500]])
+    record = motion_record(robot, data.select(np.sort(rows)), None, _ROWS_SHARE)
+    kept = np.flatnonzero(record.keep)
+    kept = kept[np.unique(np.linspace(0, kept.size - 1, min(kept.size, MOST_ROWS)).astype(int))]
+    output = lambda values: values[kept] / robot.ratios
+    ones = np.ones(robot.axes)
+    return _Samples(output(record.theta) + robot.offsets, output(record.theta_dot), output(record.theta_ddot), record.torque[kept],
+                    robot.gravity, robot.offsets, robot.ratios if "theta" in data.joints else ones,
+                    ones if "tau" in data.joints else robot.controller_ratios)
+
+
+def _explained(robot: Robot, samples: _Samples) -> _Explained:
+    rows, n = samples.q.shape
+    size = np.sqrt(np.mean(samples.torque**2, axis=0))
+    size = np.maximum(size, 1e-9 * max(size.max(), 1e-9))
+    columns = np.zeros((rows, n, 14 * n))
+    core = replace(robot, gravity=samples.gravity).core
+    columns[:, :, : 10 * n] = _core.dynamics_regressor(core, *map(np.ascontiguousarray, (samples.q, samples.rate, samples.acceleration)))
+    own = (robot.controller_ratios**2 * samples.acceleration, np.tanh(samples.rate / _SIGN_RAD_S), samples.rate, np.ones_like(samples.rate))
+    for k, values in enumerate(own):
+        columns[:, np.arange(n), (10 + k) * n + np.arange(n)] = values
+    matrix = (columns / size[:, None]).reshape(rows * n, -1)
+    goal = samples.torque / size
+    length = np.linalg.norm(matrix, axis=0)
+    length[length == 0.0] = 1.0
+    matrix /= length
+    x = np.linalg.solve(matrix.T @ matrix + _RIDGE * np.eye(14 * n), matrix.T @ goal.ravel())
+    left = goal - (matrix @ x).reshape(rows, n)
+    dry = (x / length)[11 * n : 12 * n] * np.sqrt(np.mean(own[1] ** 2, axis=0)) / size
+    return _Explained(np.sqrt(np.mean(left**2, axis=0)), dry)
+
+
+def _fall(now: _Explained, other: _Explained) -> float:
+    """How many times smaller the share of the axis that gains most would be; 0 where the other is no better explanation."""
+    falls = now.shares / np.maximum(other.shares, 1e-9)
+    most, product = float(falls.max()), float(np.prod(falls))
+    drives = np.sum(other.friction < -_CERTAIN_FRICTION) > np.sum(now.friction < -_CERTAIN_FRICTION)
+    if drives or falls.min() < 1.0 / _NOT_WORSE or (most < FALL and product < _ALL_AXES_FALL):
+        return 0.0
+    return most
+
+
+def _candidates(samples: _Samples) -> Iterator[tuple[str, _Samples]]:
+    n = samples.q.shape[1]
+    yield "degrees labelled as radians", samples.with_angles(lambda values: _DEGREE * values)
+    yield "radians labelled as degrees", samples.with_angles(lambda values: values / _DEGREE)
+    for i, j in combinations(range(n), 2):
+        order = list(range(n))
+        order[i], order[j] = j, i
+        yield f"the angles of {listed((i, j))} exchanged", samples.with_angles(lambda values, order=order: values[:, order])
+        yield f"the torques of {listed((i, j))} exchanged", samples.with_torques(lambda values, order=order: values[:, order])
+    up = samples.gravity
+    yield "gravity pointing the other way", replace(samples, gravity=-up)
+    for k, name in enumerate("xyz"):
+        for sign in (1.0, -1.0):
+            along = sign * np.linalg.norm(up) * np.eye(3)[k]
+            if np.linalg.norm(np.cross(along, up)) > 0.5 * np.linalg.norm(up) ** 2:
+                yield f"gravity along {'+' if sign > 0 else '-'}{name} of the base (the arm's mounting)", replace(samples, gravity=along)
+
+
+def _driving_friction(now: _Explained) -> Iterator[Suspicion]:
+    driving = np.flatnonzero(now.friction < -_CERTAIN_FRICTION)
+    braking = np.flatnonzero(now.friction > _CERTAIN_FRICTION)
+    if driving.size == 0:
+        return
+    if braking.size == 0 and driving.size > 1:
+        yield Suspicion("the friction of all axes would drive the arm: do the torques have the opposite sign?", sentence=True)
+        return
+    verb = "drives" if driving.size == 1 else "drive"
+    sign = "its torque or its angle" if driving.size == 1 else "their torques or their angles"
+    yield Suspicion(f"the friction of {listed(driving)} {verb} instead of braking: does {sign} have the opposite sign?", sentence=True)
+
+
+def _units(robot: Robot, samples: _Samples) -> Iterator[Suspicion]:
+    """Torques far from what declared masses, or an arm of this size, can ask for."""
+    torque = float(np.quantile(np.abs(samples.torque), 0.99, axis=0).max())
+    if robot.links is not None and sum(link.mass for link in robot.links) > 0.0:
+        arrays = map(np.ascontiguousarray, (samples.q, samples.rate, samples.acceleration))
+        declared = float(np.quantile(np.abs(_core.inverse_dynamics(robot.core, *arrays)), 0.99, axis=0).max())
+        share = torque / max(declared, 1e-12)
+        if not _LEAST_OF_DECLARED < share < _MOST_OF_DECLARED:
+            yield Suspicion(f"the torques are {share:.2g} times those of the declared masses: are they in another unit (mNm, N cm), at the motor's "
+                            "shaft, or is it the file of another arm?", sentence=True)
+        return
+    size = reach(robot)
+    if size > 0.0 and not _LEAST_LOAD_NM_M3 < torque / size**3 < _MOST_LOAD_NM_M3:
+        yield Suspicion(f"torques of {torque:.3g} Nm at an arm that reaches {size:.2g} m: are they in another unit (mNm, N cm), or at the motor's "
+                        "shaft?", sentence=True)

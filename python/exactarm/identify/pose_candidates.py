@@ -1,0 +1,159 @@
+"""Usual mistakes in pose data, each undone in one step: what would have been meant, and the data or robot that it means.
+
+Angles: units, signs, exchanged columns, zeros, coupled axes, motor or joint side. Device: units, a mirrored frame, rows beside
+the wrong angles, the convention of the quaternion. Robot: another size, another robot that is shipped.
+`pose_mistakes` judges them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from itertools import combinations
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from exactarm.dataset import Dataset
+from exactarm.identify.suspicion import listed
+from exactarm.robot import Placement, Robot
+from exactarm.robot_file import load_robot, shipped_robots
+
+MOST_AXES_FOR_SIGNS = 7  # all combinations of signs: 128; arms with more axes get single ones and pairs
+ANOTHER_SIZE = 0.03  # of the lengths: arms of one maker differ by more, and no arm is off by so much as a whole
+_DEGREE = np.pi / 180.0
+_ALL_COLUMNS = "xyz"
+
+Candidate = tuple[str, Robot, Dataset]
+
+
+def candidates(robot: Robot, data: Dataset, whole: Dataset, rows: np.ndarray, size: float) -> Iterator[Candidate]:
+    """(what would have been meant, robot, data) of every mistake; `data` are the rows `rows` of `whole`, `size`: how many times
+    as far apart as the robot says the points lie."""
+    for words, changed in (*_of_angles(robot, data), *_of_device(data), *_of_rows(data, whole, rows)):
+        yield words, robot, changed
+    if abs(size - 1.0) > ANOTHER_SIZE:
+        words = f"the file of an arm {1.0 / size:.3g} times as large as the measured one"
+        yield words, robot, replace(data, position=data.position / size)
+    for name in shipped_robots():
+        other = load_robot(name)
+        if other.has_geometry and other.axes == robot.axes and other.name != robot.name and _turns_alike(robot, other, data):
+            yield f"data of {name}", replace(other, base=Placement(), tool=Placement()), data
+
+
+def _turns_alike(robot: Robot, other: Robot, data: Dataset) -> bool:
+    """Whether `other` can turn the angles of the data into joint angles."""
+    return "theta" not in data.joints or all(joint.has_gear for joint in other.joints)
+
+
+def _of_angles(robot: Robot, data: Dataset) -> Iterator[tuple[str, Dataset]]:
+    n, with_joints = robot.axes, lambda change: _with_joints(data, change)
+    axes = range(n)
+    turning = [i for i in axes if robot.joints[i].type == "revolute"]
+    yield "degrees labelled as radians", with_joints(_factor(turning, _DEGREE))
+    yield "radians labelled as degrees", with_joints(_factor(turning, 1.0 / _DEGREE))
+    for i in turning:
+        yield f"degrees labelled as radians on axis {i + 1}", with_joints(_factor([i], _DEGREE))
+        yield f"radians labelled as degrees on axis {i + 1}", with_joints(_factor([i], 1.0 / _DEGREE))
+    most = n if n <= MOST_AXES_FOR_SIGNS else 2
+    for count in range(1, most + 1):
+        for chosen in combinations(axes, count):
+            yield f"the opposite sign of {listed(chosen)}", with_joints(_factor(list(chosen), -1.0))
+    for i, j in combinations(axes, 2):
+        order = list(axes)
+        order[i], order[j] = j, i
+        yield f"{listed((i, j))} exchanged", with_joints(_order(order))
+    yield "all axes in reverse order", with_joints(_order(list(axes)[::-1]))
+    for shift in (1, -1):
+        yield "all axes one column further on", with_joints(_order(list(np.roll(np.arange(n), shift))))
+    for i in turning:
+        for angle in (90.0, -90.0, 180.0):
+            yield f"another zero of axis {i + 1} (by {angle:+.0f} degrees)", with_joints(_turned(i, angle * _DEGREE, robot))
+    for i, j in [(i, i + 1) for i in range(n - 1)] + [(i + 1, i) for i in range(n - 1)]:
+        for sign in (1.0, -1.0):
+            words = f"axis {j + 1} counted {'from' if sign > 0 else 'with'} axis {i + 1}, as controllers of coupled arms do"
+            yield words, with_joints(_coupled(i, j, sign, robot))
+    if any(joint.has_gear for joint in robot.joints):
+        yield "motor angles labelled as q_i", _with_joints(data, _factor(list(axes), 1.0 / robot.ratios), ("q",))
+        yield "joint angles labelled as theta_i", _with_joints(data, _factor(list(axes), robot.ratios), ("theta",))
+
+
+def _with_joints(data: Dataset, change: Callable[[np.ndarray, str], np.ndarray], names: tuple[str, ...] = ("theta", "q")) -> Dataset:
+    joints = {name: change(data.joints[name].copy(), name) for name in names if name in data.joints}
+    return replace(data, joints=data.joints | joints)
+
+
+def _factor(axes: list[int], factor) -> Callable[[np.ndarray, str], np.ndarray]:
+    def change(angles: np.ndarray, name: str) -> np.ndarray:
+        angles[:, axes] *= factor
+        return angles
+
+    return change
+
+
+def _order(order: list[int]) -> Callable[[np.ndarray, str], np.ndarray]:
+    return lambda angles, name: angles[:, order]
+
+
+def _turned(axis: int, angle: float, robot: Robot) -> Callable[[np.ndarray, str], np.ndarray]:
+    def change(angles: np.ndarray, name: str) -> np.ndarray:
+        angles[:, axis] += angle * (robot.controller_ratios[axis] if name == "theta" else 1.0)
+        return angles
+
+    return change
+
+
+def _coupled(driver: int, axis: int, sign: float, robot: Robot) -> Callable[[np.ndarray, str], np.ndarray]:
+    def change(angles: np.ndarray, name: str) -> np.ndarray:
+        scale = robot.controller_ratios[axis] / robot.controller_ratios[driver] if name == "theta" else 1.0
+        angles[:, axis] -= sign * scale * angles[:, driver]
+        return angles
+
+    return change
+
+
+def _of_device(data: Dataset) -> Iterator[tuple[str, Dataset]]:
+    """Positions, orientations and rows of the measuring device."""
+    position = lambda factors: replace(data, position=data.position * factors)
+    yield "millimetres labelled as metres", position(1e-3)
+    yield "metres labelled as millimetres", position(1e3)
+    for k, name in enumerate(_ALL_COLUMNS):
+        for factor, words in ((1e-3, "millimetres labelled as metres"), (1e3, "metres labelled as millimetres")):
+            yield f"{words} in {name}", position(np.where(np.arange(3) == k, factor, 1.0))
+    mirrored = replace(data, position=data.position * [1.0, 1.0, -1.0], rotation=None)
+    yield "one of x, y, z with the opposite sign, or two of them exchanged", mirrored
+    if data.rotation is not None:
+        quaternion = _quaternions(data.rotation)
+        for words, order, signs in _CONVENTIONS:
+            meant = quaternion[:, order] * signs
+            yield words, replace(data, rotation=_rotations(meant))
+
+
+_CONVENTIONS = (
+    ("a conjugate quaternion (of the device in the target)", [0, 1, 2, 3], [1.0, -1.0, -1.0, -1.0]),
+    ("a quaternion in the order x, y, z, w", [3, 0, 1, 2], [1.0, 1.0, 1.0, 1.0]),
+    ("a conjugate quaternion in the order x, y, z, w", [3, 0, 1, 2], [1.0, -1.0, -1.0, -1.0]),
+    ("qx and qy exchanged", [0, 2, 1, 3], [1.0, 1.0, 1.0, 1.0]),
+    ("qy and qz exchanged", [0, 1, 3, 2], [1.0, 1.0, 1.0, 1.0]),
+    ("qx and qz exchanged", [0, 3, 2, 1], [1.0, 1.0, 1.0, 1.0]),
+    ("the opposite sign of qx", [0, 1, 2, 3], [1.0, -1.0, 1.0, 1.0]),
+    ("the opposite sign of qy", [0, 1, 2, 3], [1.0, 1.0, -1.0, 1.0]),
+    ("the opposite sign of qz", [0, 1, 2, 3], [1.0, 1.0, 1.0, -1.0]),
+)
+
+
+def _quaternions(rotations: np.ndarray) -> np.ndarray:
+    return Rotation.from_matrix(rotations).as_quat()[:, [3, 0, 1, 2]]
+
+
+def _rotations(quaternions: np.ndarray) -> np.ndarray:
+    return Rotation.from_quat(quaternions[:, [1, 2, 3, 0]]).as_matrix()
+
+
+def _of_rows(data: Dataset, whole: Dataset, rows: np.ndarray) -> Iterator[tuple[str, Dataset]]:
+    """The device's columns of the row before or after; the first or last row of a session keeps its own."""
+    for shift, words in ((1, "positions one row later than the angles"), (-1, "positions one row earlier than the angles")):
+        order = np.clip(rows + shift, 0, len(whole) - 1)
+        order = np.where(whole.session[order] == whole.session[rows], order, rows)
+        rotation = None if whole.rotation is None else whole.rotation[order]
+        yield words, replace(data, position=whole.position[order], rotation=rotation)

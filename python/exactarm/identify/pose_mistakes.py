@@ -1,0 +1,229 @@
+"""Usual mistakes in pose data, each tried: would the error be gone without it?
+
+A mistake is undone in the data (signs, columns, units, zeros, the device's axes, the quaternion's convention, rows, the tool, the
+robot file), and the frames are fitted anew. For a candidate this takes two linear least squares: from
+    R_base' (p_measured - p_base) = p_flange + R_flange p_tool
+with R_base' replaced by any matrix M (15 unknowns), then with the rotation nearest to M (6 unknowns). The second RMS is an upper
+bound of the best one, so that no mistake is named that the frames could not confirm. Orientations are compared with the same
+rotation and the best rotation of the tool.
+A candidate is named where it lowers the error of positions or orientations `FALL` times and the other not by less. It only
+tells: nothing is corrected.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+
+from exactarm.chain import Layout, predict_poses
+from exactarm.dataset import Dataset
+from exactarm.identify.frames import find_frames
+from exactarm.identify.pose_candidates import candidates
+from exactarm.identify.reach import reach
+from exactarm.identify.suspicion import FALL, Suspicion, in_order
+from exactarm.robot import Placement, Robot
+from exactarm.rotation import log as rotation_log
+from exactarm.rotation import nearest
+
+MOST_ROWS = 120  # of a session, evenly spread: a mistake shows in every row
+LEAST_ROWS = 10  # of a session: 30 numbers for the 15 unknowns of the linear fit
+_NOT_WORSE = 1.2  # positions and orientations are both to fit
+_LEAST_ORIENTATION_RAD = 0.01  # arms are turned by less than they should be; a wrong convention by more
+_SCALES = (0.5, 0.8, 0.9, 0.95, 1.05, 1.1, 1.25, 2.0)  # wrong ratios of gears, from which the best one is looked for
+_SUSPICIOUS_SHARE = 0.005  # of the reach: a whole axis that turns wrongly leaves more
+_SPLITS = 15  # of a session's rows, at even distances
+_MOST_GROSS = 0.05  # share of rows that may be wrong by themselves
+_GROSS = 10.0  # times the median error of a row
+_MOST_CHECKED = 20000  # rows, evenly spread, that are looked through for gross errors
+
+
+@dataclass(frozen=True)
+class Misfit:
+    """RMS of what the frames leave: position in m, orientation in rad (NaN where none is measured)."""
+
+    position: float
+    orientation: float = np.nan
+
+    def shares(self, other: "Misfit") -> tuple[float, float]:
+        """How many times smaller the other is, in position and in orientation (1 where there is nothing to compare)."""
+        position = self.position / max(other.position, 1e-12)
+        told = self.orientation > _LEAST_ORIENTATION_RAD and np.isfinite(other.orientation)
+        return position, self.orientation / max(other.orientation, 1e-9) if told else 1.0
+
+    def fall_to(self, other: "Misfit") -> float:
+        """How many times smaller the other is where it is smaller, 0 where it is no better explanation."""
+        shares = self.shares(other)
+        return max(shares) if min(shares) >= 1.0 / _NOT_WORSE else 0.0
+
+
+def pose_mistakes(robot: Robot, data: Dataset, carried: Layout, seed: int = 0) -> list[Suspicion]:
+    """The mistakes that explain these poses better, best first."""
+    rows = _spread_rows(data)
+    if rows is None:
+        return []
+    whole, data = data, data.select(rows)
+    bare = replace(robot, base=Placement(), tool=Placement())
+    now, size = _misfit(bare, carried, data)
+    now = replace(now, position=min(now.position, _searched(bare, carried, data, seed)))
+    found = []
+    for words, other, changed in candidates(bare, data, whole, rows, size):
+        fall = now.fall_to(_misfit(other, carried, changed)[0])
+        if fall >= FALL:
+            found.append(Suspicion(words, fall))
+    for further in (_scales_of_axes, _changes_midway):
+        found = found or list(further(bare, carried, data, now))
+    found = found or list(_gross_rows(bare, carried, whole))
+    if not found and now.orientation > _LEAST_ORIENTATION_RAD and now.position < 0.3 * _LEAST_ORIENTATION_RAD:
+        found.append(Suspicion(
+            f"the measured orientations do not follow the arm ({now.orientation:.2g} rad RMS beside {1e3 * now.position:.2g} mm): "
+            "are the quaternion's columns in another order, or its rows shuffled?", np.inf, sentence=True,
+        ))
+    return in_order(found)
+
+
+def _spread_rows(data: Dataset) -> np.ndarray | None:
+    """Rows of the sessions that can tell, in the order of the data."""
+    parts = []
+    for session in np.unique(data.session):
+        rows = np.flatnonzero(data.session == session)
+        if rows.size >= LEAST_ROWS:
+            parts.append(rows[np.unique(np.linspace(0, rows.size - 1, min(rows.size, MOST_ROWS)).round().astype(int))])
+    return np.sort(np.concatenate(parts)) if parts else None
+
+
+def _searched(bare: Robot, carried: Layout, data: Dataset, seed: int) -> float:
+    """RMS with the frames as a calibration would find them."""
+    square = 0.0
+    for session in np.unique(data.session):
+        part = data.select(data.session == session)
+        square += len(part) * find_frames(bare, part, carried, seed).rms ** 2
+    return float(np.sqrt(square / len(data)))
+
+
+# -- the misfit of one candidate ---------------------------------------------------------------------
+def _misfit(bare: Robot, carried: Layout, data: Dataset) -> tuple[Misfit, float]:
+    """The misfit, and how many times as far apart as the robot says the points lie."""
+    flange = predict_poses(bare, carried, data, tangents=False)
+    return _misfit_of(flange.position, flange.rotation, data, data.session)
+
+
+def _misfit_of(points: np.ndarray, rotations: np.ndarray, data: Dataset, group: np.ndarray) -> tuple[Misfit, float]:
+    """Of all groups of rows together, each with frames of its own."""
+    position, orientation, sizes = 0.0, 0.0 if data.rotation is not None else np.nan, []
+    for number in np.unique(group):
+        rows = np.flatnonzero(group == number)
+        base, left, size = _linear_frames(points[rows], rotations[rows], data.position[rows])
+        sizes.append(size)
+        position += float(np.sum(left**2))
+        if data.rotation is not None:
+            seen = np.swapaxes(rotations[rows], -1, -2) @ base.T @ data.rotation[rows]
+            orientation += float(np.sum(rotation_log(nearest(seen.mean(axis=0)).T @ seen) ** 2))
+    rms = [float(np.sqrt(square / len(points))) for square in (position, orientation)]
+    return Misfit(*rms), float(np.mean(sizes))
+
+
+def _linear_frames(points: np.ndarray, rotations: np.ndarray, measured: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+    """Rotation of the base frame, what is left of every row (N, 3), and the size of the device's points beside the arm's."""
+    centred = measured - measured.mean(axis=0)
+    scale = max(float(np.sqrt(np.mean(centred**2))), 1e-300)
+    columns = np.zeros((len(points), 3, 15))
+    for k in range(3):
+        columns[:, k, 3 * k : 3 * k + 3] = centred / scale
+        columns[:, k, 9 + k] = 1.0
+    columns[:, :, 12:] = -rotations
+    matrix = _solved(columns, points)[:9].reshape(3, 3) / scale
+    base = nearest(matrix).T
+    turned, goal = columns[:, :, 9:], points - centred @ base
+    size = float(np.clip(np.abs(np.linalg.det(matrix)) ** (1.0 / 3.0), 1e-9, 1e9))
+    return base, goal - turned @ _solved(turned, goal), 1.0 / size
+
+
+def _solved(columns: np.ndarray, goal: np.ndarray) -> np.ndarray:
+    rows = columns.reshape(-1, columns.shape[2])
+    return np.linalg.lstsq(rows, goal.ravel(), rcond=1e-9)[0]
+
+
+# -- mistakes that have a size, or a place in the record ---------------------------------------------
+def _scales_of_axes(bare: Robot, carried: Layout, data: Dataset, now: Misfit) -> Iterator[Suspicion]:
+    """One axis turns by another factor than its angles say: a wrong gear ratio."""
+    if now.position < _SUSPICIOUS_SHARE * reach(bare) and not now.orientation > _LEAST_ORIENTATION_RAD:
+        return
+
+    def fall(axis: int, factor: float) -> float:
+        joints = {name: data.joints[name].copy() for name in ("theta", "q") if name in data.joints}
+        for values in joints.values():
+            values[:, axis] *= factor
+        return now.fall_to(_misfit(bare, carried, replace(data, joints=data.joints | joints))[0])
+
+    axis, factor = max(((i, factor) for i in range(bare.axes) for factor in _SCALES), key=lambda pair: fall(*pair))
+    around = np.sort([1.0, *_SCALES])
+    place = int(np.searchsorted(around, factor))
+    ends = around[max(place - 1, 0)], around[min(place + 1, len(around) - 1)]
+    best = minimize_scalar(lambda value: -fall(axis, value), bounds=ends, method="bounded", options={"maxiter": 40, "xatol": 1e-5})
+    if fall(axis, float(best.x)) >= FALL:
+        words = f"axis {axis + 1} turning {best.x:.4g} times as far as the data say (its gear ratio?)"
+        yield Suspicion(words, fall(axis, float(best.x)))
+
+
+def _changes_midway(bare: Robot, carried: Layout, data: Dataset, now: Misfit) -> Iterator[Suspicion]:
+    """From some row on, another tool or another place of the device."""
+    flange = predict_poses(bare, carried, data, tangents=False)
+    for session in np.unique(data.session):
+        rows = np.flatnonzero(data.session == session)
+        if rows.size < 2 * LEAST_ROWS:
+            continue
+
+        def fall(place: int) -> float:
+            group = data.session * 2
+            group[rows[place:]] += 1
+            return now.fall_to(_misfit_of(flange.position, flange.rotation, data, group)[0])
+
+        last = rows.size - LEAST_ROWS
+        places = np.unique(np.linspace(LEAST_ROWS, last, _SPLITS).astype(int))
+        rough = max(places, key=fall)
+        near = (last - LEAST_ROWS) // _SPLITS + 1
+        best = max((fall(place), int(rows[place])) for place in range(max(rough - near, LEAST_ROWS), min(rough + near, last) + 1))
+        if best[0] >= FALL:
+            at = best[1]
+            name = f" of {data.sources[data.file_index[at]].path}" if data.sources else ""
+            yield Suspicion(f"another tool, target or device frame from about row {data.row[at]}{name} on (two sessions)", best[0])
+
+
+def _gross_rows(bare: Robot, carried: Layout, data: Dataset) -> Iterator[Suspicion]:
+    """A few rows that are far off by themselves, with the frames that fit the others."""
+    data = data.select(np.unique(np.linspace(0, len(data) - 1, min(len(data), _MOST_CHECKED)).round().astype(int)))
+    flange = predict_poses(bare, carried, data, tangents=False)
+    error = np.zeros(len(data))
+    for session in np.unique(data.session):
+        rows = np.flatnonzero(data.session == session)
+        if rows.size < LEAST_ROWS:
+            continue
+        good = np.ones(rows.size, bool)
+        for _ in range(10):
+            part = rows[good]
+            base, _, _ = _linear_frames(flange.position[part], flange.rotation[part], data.position[part])
+            left = _left(flange.position[rows], flange.rotation[rows], data.position[rows], base, good)
+            before, good = good, left <= _GROSS * max(float(np.median(left)), 1e-9)
+            if np.array_equal(before, good):
+                break
+        error[rows] = left
+    gross = np.flatnonzero(error > _GROSS * max(float(np.median(error)), 1e-9))
+    if not 0 < gross.size <= max(1, _MOST_GROSS * len(data)):
+        return
+    rms = lambda values: float(np.sqrt(np.mean(values**2)))
+    fall = rms(error) / max(rms(np.delete(error, gross)), 1e-12)
+    if fall >= FALL:
+        at = gross[np.argmax(error[gross])]
+        name = f" of {data.sources[data.file_index[at]].path}" if data.sources else ""
+        count = f"{gross.size} gross errors, the largest" if gross.size > 1 else "a gross error"
+        yield Suspicion(f"{count} of {error[at]:.3g} m in row {data.row[at]}{name}", fall)
+
+
+def _left(points, rotations, measured, base: np.ndarray, good: np.ndarray) -> np.ndarray:
+    """(N,) what frames that fit the good rows leave of all."""
+    columns = np.concatenate([np.broadcast_to(np.eye(3), rotations.shape), -rotations], axis=2)
+    goal = points - (measured - measured[good].mean(axis=0)) @ base
+    return np.linalg.norm(goal - columns @ _solved(columns[good], goal[good]), axis=1)

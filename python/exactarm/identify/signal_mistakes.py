@@ -1,0 +1,123 @@
+"""What columns by themselves say of usual mistakes: angles beyond the axes' limits, rates that no drive has, time in another
+unit, torques beyond the drives' own, a column that stands still, a cell far off all others.
+
+Thresholds leave room: an arm may go a little beyond its limits, but not half a range.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from exactarm.dataset import Dataset
+from exactarm.identify.planned import controller_angles
+from exactarm.identify.suspicion import Suspicion, listed
+from exactarm.robot import Robot
+from exactarm.signals import typical_step
+
+MOST_TURNS = 4.0 * np.pi  # rad: no axis of an arm turns further than twice about itself to either side
+MOST_RATE_RAD_S = 30.0  # the wrists of the fastest small arms: 15
+LEAST_RATE_RAD_S = 2e-4  # a motion slower than a degree in a minute shows no dynamics
+LONGEST_STEP_S = 0.5  # between samples of a motion; a log in milliseconds has steps of 1 to 40
+BEYOND = 0.25  # of an axis' range
+TORQUE_BEYOND = 3.0  # times the largest that is declared
+RATE_BEYOND = 3.0
+FAR_OFF = 1e3  # times the 99.9 % of a column's cells
+_DEGREE = np.pi / 180.0
+
+
+def signal_mistakes(robot: Robot, data: Dataset) -> Iterator[Suspicion]:
+    angles = controller_angles(robot, data)
+    yield from _cells(data)
+    yield from _ranges(robot, angles)
+    if data.time is not None and data.kind != "poses":
+        yield from _rates(robot, data, angles)
+    yield from _torques(robot, data)
+
+
+def _cells(data: Dataset) -> Iterator[Suspicion]:
+    columns = {f"{name}_{i + 1}": values[:, i] for name, values in data.joints.items() for i in range(values.shape[1])}
+    for name, vector in (("x, y, z", data.position), ("gyro", data.gyro)):
+        if vector is not None:
+            columns |= {f"{name} ({'xyz'[k]})": vector[:, k] for k in range(3)}
+    for name, values in columns.items():
+        size = np.abs(values)
+        if np.isnan(size).all():
+            continue
+        usual, at = float(np.quantile(size, 0.999, method="lower")), int(np.argmax(size))
+        if len(size) > 5 and size[at] > FAR_OFF * max(usual, 1e-9):
+            yield Suspicion(f"column {name}, {_place(data, at)}: {values[at]:.3g} is {size[at] / max(usual, 1e-9):.2g} times as large as "
+                            "nearly all other cells: is it a gross error?", sentence=True)
+
+
+def _place(data: Dataset, at: int) -> str:
+    name = f" of {data.sources[data.file_index[at]].path}" if data.sources else ""
+    return f"row {data.row[at]}{name}"
+
+
+def _ranges(robot: Robot, angles: np.ndarray) -> Iterator[Suspicion]:
+    beyond = []
+    for i, joint in enumerate(robot.joints):
+        if joint.type != "revolute" or np.isnan(angles[:, i]).all():
+            continue
+        low = -MOST_TURNS if joint.q_min is None else joint.q_min
+        high = MOST_TURNS if joint.q_max is None else joint.q_max
+        room = BEYOND * (high - low)
+        if np.nanmin(angles[:, i]) < low - room or np.nanmax(angles[:, i]) > high + room:
+            beyond.append((i, low - room, high + room))
+    if not beyond:
+        return
+    axes = listed(i for i, _, _ in beyond)
+    fits = all(low <= np.nanmin(values) and np.nanmax(values) <= high
+               for i, low, high in beyond for values in [_DEGREE * angles[:, i]])
+    largest = max(float(np.nanmax(np.abs(angles[:, i]))) for i, _, _ in beyond)
+    meant = ": are they degrees labelled as radians?" if fits else ": are they motor angles, in another unit, or of another robot?"
+    yield Suspicion(f"joint angles of {axes} go to {largest:.3g} rad, far beyond what the axis can turn{meant}", sentence=True)
+
+
+def _rates(robot: Robot, data: Dataset, angles: np.ndarray) -> Iterator[Suspicion]:
+    steps, fastest = [], np.zeros(robot.axes)
+    for run in np.unique(data.run):
+        rows = np.flatnonzero(data.run == run)
+        rows = rows[np.argsort(data.time[rows], kind="stable")]
+        if rows.size < 3:
+            continue
+        step = typical_step(data.time[rows])
+        steps.append(step)
+        apart = max(1, int(rows.size // 2000))  # over some samples: a rate of neighbours is mostly rounding
+        moved = np.abs(angles[rows][apart:] - angles[rows][:-apart]) / (apart * step)
+        if len(moved):
+            fastest = np.fmax(fastest, np.quantile(np.nan_to_num(moved), 0.99, axis=0))
+    if not steps:
+        return
+    step, revolute = float(np.median(steps)), np.array([joint.type == "revolute" for joint in robot.joints])
+    if step > LONGEST_STEP_S:
+        yield Suspicion(f"samples lie {step:.3g} s apart: is the time in milliseconds, labelled as seconds?", sentence=True)
+        return
+    limits = np.array([RATE_BEYOND * joint.q_dot_max if joint.q_dot_max else MOST_RATE_RAD_S for joint in robot.joints])
+    fast = np.flatnonzero(revolute & (fastest > limits))
+    if fast.size:
+        i = fast[np.argmax(fastest[fast] / limits[fast])]
+        meant = "angles in degrees labelled as radians, or a time in seconds labelled as milliseconds"
+        yield Suspicion(f"axis {i + 1} turns at {fastest[i]:.3g} rad/s, faster than it can ({limits[i]:.3g} rad/s): is it {meant}?", sentence=True)
+    elif np.any(revolute) and 0.0 < fastest[revolute].max() < LEAST_RATE_RAD_S:
+        yield Suspicion(f"the fastest axis turns at {fastest[revolute].max():.2g} rad/s: is the time or the angle in another unit?", sentence=True)
+
+
+def _torques(robot: Robot, data: Dataset) -> Iterator[Suspicion]:
+    for name, factor in (("tau", np.ones(robot.axes)), ("tau_motor", robot.controller_ratios)):
+        torque = data.joints.get(name)
+        if torque is None:
+            continue
+        for i, joint in enumerate(robot.joints):
+            size = np.abs(torque[:, i] * factor[i])
+            if np.isnan(size).all():
+                continue
+            usual = float(np.quantile(size, 0.99))
+            if joint.torque_max and usual > TORQUE_BEYOND * joint.torque_max:
+                yield Suspicion(f"{name}_{i + 1} reaches {usual:.3g} Nm, the drive {joint.torque_max:.3g} Nm: is it another unit, or the motor's side "
+                                "beside the gear's?", sentence=True)
+                return
+            if len(size) > 10 and np.ptp(torque[:, i]) == 0.0 and data.kind != "poses":
+                yield Suspicion(f"{name}_{i + 1} is {torque[0, i]:.3g} Nm in every row: is it a column that was never measured?", sentence=True)
