@@ -93,6 +93,11 @@ class Dataset:
         """The file that the first row came from, for messages; None where no file was read."""
         return self.sources[self.file_index[0]].path if self.sources and len(self) else None
 
+    def place_of(self, index: int) -> str:
+        """The row at `index`, as a message names it: its number in its file, and the file's name."""
+        name = f" of {Path(self.sources[self.file_index[index]].path).name}" if self.sources else ""
+        return f"row {self.row[index]}{name}"
+
     @property
     def fingerprint(self) -> tuple[str, ...]:
         """SHA-256 of the files that it was read from, in their order; empty where no file was read."""

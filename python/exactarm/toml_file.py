@@ -34,7 +34,9 @@ def read_toml(path: str | Path, expected: str) -> dict[str, Any]:
     except RecursionError:
         raise InputError(f"is nested too deeply; expected {expected}", file=path) from None
     except ValueError:  # Python refuses to read whole numbers of thousands of digits, and dates that are none
-        raise InputError(f"holds a number or date that cannot be read; expected {expected}", file=path) from None
+        raise InputError(
+            f"holds a number or date that cannot be read; expected {expected}", file=path
+        ) from None
     _check(tables, path, expected)
     return tables
 
@@ -64,4 +66,7 @@ def _check(tables: dict[str, Any], path: str | Path, expected: str) -> None:
         elif isinstance(value, list):
             todo += [(item, depth + 1) for item in value]
         elif isinstance(value, int) and abs(value) > LARGEST_WHOLE:
-            raise InputError(f"holds a whole number of {len(hex(abs(value))) - 2} hexadecimal digits; expected one of 64 bits", file=path)
+            raise InputError(
+                f"holds a whole number of {len(hex(abs(value))) - 2} hexadecimal digits; expected one of 64 bits",
+                file=path,
+            )

@@ -23,8 +23,13 @@ def shell(line: str, **environment) -> subprocess.CompletedProcess:
     """`exactarm` as EXACTARM in a shell."""
     program = f"{sys.executable} -m exactarm"
     paths = {"PYTHONPATH": str(Path(cli.__file__).parents[1])}
-    return subprocess.run(["bash", "-c", line.replace("EXACTARM", program)], capture_output=True, text=True, errors="replace",
-                          env=os.environ | paths | environment)
+    return subprocess.run(
+        ["bash", "-c", line.replace("EXACTARM", program)],
+        capture_output=True,
+        text=True,
+        errors="replace",
+        env=os.environ | paths | environment,
+    )
 
 
 def test_a_second_run_into_the_same_folder_is_refused(tmp_path):
@@ -41,10 +46,15 @@ def test_a_second_run_into_the_same_folder_is_refused(tmp_path):
 
 
 def test_the_lock_of_a_killed_run_is_gone(tmp_path):
-    holder = ("import sys, time; from pathlib import Path; from exactarm.commands.output import OutputFolder\n"
-              "with OutputFolder(Path(sys.argv[1])): print('in', flush=True); time.sleep(60)")
-    process = subprocess.Popen([sys.executable, "-c", holder, str(tmp_path)], stdout=subprocess.PIPE,
-                               env=os.environ | {"PYTHONPATH": str(Path(cli.__file__).parents[1])})
+    holder = (
+        "import sys, time; from pathlib import Path; from exactarm.commands.output import OutputFolder\n"
+        "with OutputFolder(Path(sys.argv[1])): print('in', flush=True); time.sleep(60)"
+    )
+    process = subprocess.Popen(
+        [sys.executable, "-c", holder, str(tmp_path)],
+        stdout=subprocess.PIPE,
+        env=os.environ | {"PYTHONPATH": str(Path(cli.__file__).parents[1])},
+    )
     assert process.stdout.readline() == b"in\n"
     with pytest.raises(InputError, match="another run"), OutputFolder(tmp_path):
         pass
@@ -111,10 +121,15 @@ def test_too_little_memory_is_one_line(package, tmp_path, capsys, monkeypatch): 
 
     monkeypatch.setattr(OutputFolder, "write_table", starve)
     assert run(package, "weigh", "nobody", "--out", tmp_path / "out", "--quiet") == 1
-    assert capsys.readouterr().err.startswith("exactarm: error: not enough memory (Unable to allocate 15.7 GiB)")
+    assert capsys.readouterr().err.startswith(
+        "exactarm: error: not enough memory (Unable to allocate 15.7 GiB)"
+    )
 
 
-@pytest.mark.parametrize("stream, code, lines", [(">&-", 0, 0), (">/dev/full", 1, 1), (">&- 2>&-", 0, 0), ("2>/dev/full >/dev/null", 0, 0)])
+@pytest.mark.parametrize(
+    "stream, code, lines",
+    [(">&-", 0, 0), (">/dev/full", 1, 1), (">&- 2>&-", 0, 0), ("2>/dev/full >/dev/null", 0, 0)],
+)
 def test_streams_that_are_closed_or_full_give_no_traceback(tmp_path, stream, code, lines):
     done = shell(f"EXACTARM evaluate ur10 {DATA} --out {tmp_path}/out {stream}")
     assert done.returncode == code and done.stderr.count("\n") == lines and "Traceback" not in done.stderr
@@ -127,7 +142,10 @@ def test_a_reader_that_leaves_is_no_fault(tmp_path):
 
 
 def test_a_path_that_is_no_text_is_refused_in_one_line(tmp_path):
-    done = shell(rf"cp {DATA} $'{tmp_path}/\xff.csv'; EXACTARM evaluate ur10 $'{tmp_path}/\xff.csv' --out {tmp_path}/out", LANG="C")
+    done = shell(
+        rf"cp {DATA} $'{tmp_path}/\xff.csv'; EXACTARM evaluate ur10 $'{tmp_path}/\xff.csv' --out {tmp_path}/out",
+        LANG="C",
+    )
     assert done.returncode == 2 and done.stderr.count("\n") == 1
     assert r"\udcff.csv: is no UTF-8 text" in done.stderr
 
@@ -135,7 +153,9 @@ def test_a_path_that_is_no_text_is_refused_in_one_line(tmp_path):
 def test_an_error_line_stands_alone_where_the_home_cannot_be_written(tmp_path):
     home = tmp_path / "home"
     home.write_text("no folder")
-    done = shell(f"EXACTARM evaluate ur10 {DATA} --out {tmp_path}/out --quiet", HOME=str(home), MPLCONFIGDIR=str(home))
+    done = shell(
+        f"EXACTARM evaluate ur10 {DATA} --out {tmp_path}/out --quiet", HOME=str(home), MPLCONFIGDIR=str(home)
+    )
     assert (done.returncode, done.stderr, done.stdout) == (0, "", "")
 
 

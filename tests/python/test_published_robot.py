@@ -21,12 +21,15 @@ def published(robot, out):
     save(CommandResult({}, Report("T", "V."), robot, asked=Asked("identify", "", "racer-7-1.4")), out)
 
 
-@pytest.mark.parametrize("spoilt", [
-    lambda robot: robot.with_joint(0, coulomb=-1.0),
-    lambda robot: robot.with_joint(2, rotor_inertia=-1e-4),
-    lambda robot: robot.with_joint(1, spring_linear=np.inf),
-    lambda robot: replace(robot, links=(replace(robot.links[0], mass=-0.5), *robot.links[1:])),
-])
+@pytest.mark.parametrize(
+    "spoilt",
+    [
+        lambda robot: robot.with_joint(0, coulomb=-1.0),
+        lambda robot: robot.with_joint(2, rotor_inertia=-1e-4),
+        lambda robot: robot.with_joint(1, spring_linear=np.inf),
+        lambda robot: replace(robot, links=(replace(robot.links[0], mass=-0.5), *robot.links[1:])),
+    ],
+)
 def test_a_robot_that_cannot_be_is_not_published(tmp_path, spoilt):
     with pytest.raises(ComputationError, match="the estimated robot is none, nothing was written: key "):
         published(spoilt(load_robot("racer-7-1.4")), tmp_path)
@@ -49,7 +52,9 @@ def test_a_negative_friction_ends_at_zero_and_is_said():
     robot = load_robot("racer-7-1.4")
     time_s, q = excitation(robot, 4.0, 200.0, np.random.default_rng(3))
     virtual = VirtualRobot.of(robot)
-    data = measure_motion(virtual, time_s, virtual.motor_angles(q), Sensors(), np.random.default_rng(4), quasi_static=True)
+    data = measure_motion(
+        virtual, time_s, virtual.motor_angles(q), Sensors(), np.random.default_rng(4), quasi_static=True
+    )
     rate = np.gradient(data.joints["theta"][:, 0], time_s)
     driven = {name: values.copy() for name, values in data.joints.items()}
     driven["tau"][:, 0] -= 2.0 * robot.joints[0].coulomb * np.sign(rate)

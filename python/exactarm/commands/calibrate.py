@@ -13,6 +13,7 @@ from exactarm.commands.arguments import add_files, add_fixture, add_robot
 from exactarm.commands.call import AnyData, AnyFixture, AnyRobot, asked, data_of, robot_of, threads_of
 from exactarm.commands.error_sections import error_figures, error_table, highlights, parameter_table, unit_of
 from exactarm.commands.result import CommandResult, estimate
+from exactarm.commands.suspicions import suspicions
 from exactarm.dataset import Dataset
 from exactarm.errors import InputError
 from exactarm.identify.calibrate import Calibration, CalibrationOptions
@@ -71,14 +72,15 @@ def calibrate(
         threads=threads_of(threads),
     )
     progress.stage("calibrating")
-    result = CALIBRATORS[rows.kind](declared, rows, options)
+    with suspicions(declared, rows) as found:
+        result = CALIBRATORS[rows.kind](declared, rows, options)
     return CommandResult(
         json=_json(result),
         report=_report(declared, rows, result, rows.split_rule()),
         robot=result.robot,
         tables={"residuals.csv": residual_table(result.data, result.identification, result.error_before, result.residual_after)},
         asked=asked("calibrate", robot, rows, seed, given, {"use": "auto", "compliance": None, "robust": False}),
-    )
+    ).warned(found)
 
 
 def run(arguments: argparse.Namespace) -> CommandResult:

@@ -11,6 +11,7 @@ from exactarm.commands.arguments import add_files, add_robot
 from exactarm.commands.call import AnyData, AnyRobot, asked, data_of, robot_of, threads_of
 from exactarm.commands.diagnose_report import report_of
 from exactarm.commands.result import CommandResult, estimate
+from exactarm.commands.suspicions import suspicions
 from exactarm.diagnose.diagnosis import UNEXPLAINED, Diagnosis, remains
 from exactarm.diagnose.diagnosis import diagnose as find_causes
 from exactarm.errors import InputError
@@ -40,12 +41,13 @@ def diagnose(
     """
     declared = known = robot_of(robot)
     rows = data_of(data, declared, kind)
-    results, skipped = [], []
+    results, skipped, warnings = [], [], []
     for each in (rows.kind,) if kind else rows.kinds:
         progress.stage(f"diagnosing {each.replace('_', ' ')}")
         try:
-            result = find_causes(known, replace(rows, kind=each), seed=seed, threads=threads_of(threads),
-                                 progress=progress.stage)
+            with suspicions(known, replace(rows, kind=each, kinds=(each,))) as found:
+                result = find_causes(known, replace(rows, kind=each), seed=seed, threads=threads_of(threads),
+                                     progress=progress.stage)
         except InputError as error:
             # The same file may hold more than this robot's tables can judge, as torques of an arm without geometry.
             if not results:
@@ -55,6 +57,7 @@ def diagnose(
         # What the first kind of data has found is part of the model that the next kind judges.
         known = result.robot
         results.append(result)
+        warnings += [line for line in found if line not in warnings]
     first = results[0]
     also = {"also": [_json(other) for other in results[1:]]} if len(results) > 1 else {}
     also |= {"skipped": skipped} if skipped else {}
@@ -64,7 +67,7 @@ def diagnose(
         robot=known,
         tables={"residuals.csv": _residuals(first)},
         asked=asked("diagnose", robot, rows, seed, {"kind": kind}, {"kind": None}),
-    )
+    ).warned(warnings)
 
 
 def run(arguments: argparse.Namespace) -> CommandResult:

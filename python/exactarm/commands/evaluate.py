@@ -10,6 +10,7 @@ import numpy as np
 from exactarm.commands.arguments import add_files, add_fixture, add_robot
 from exactarm.commands.call import AnyData, AnyFixture, AnyRobot, asked, data_of, robot_of, threads_of
 from exactarm.commands.result import CommandResult
+from exactarm.commands.suspicions import suspicions
 from exactarm.dataset import Dataset
 from exactarm.errors import InputError
 from exactarm.identify.evaluate import EVALUATORS, Evaluation
@@ -46,7 +47,8 @@ def evaluate(
     if rows.kind not in EVALUATORS:
         raise InputError(f"evaluate judges {', '.join(EVALUATORS)}; found {rows.kind}", file=rows.first_file)
     progress.stage("evaluating")
-    result = EVALUATORS[rows.kind](declared, rows, seed, threads_of(threads))
+    with suspicions(declared, rows) as found:
+        result = EVALUATORS[rows.kind](declared, rows, seed, threads_of(threads))
     rows = rows if result.data is None else result.data
     files = [source.path for source in rows.sources] or [""]
     columns = {"file": [files[i] for i in rows.file_index], "row": rows.row, "session": rows.session}
@@ -63,7 +65,7 @@ def evaluate(
         report=_report(declared, rows, result),
         tables={"residuals.csv": columns},
         asked=asked("evaluate", robot, rows, seed, {}),
-    )
+    ).warned(found)
 
 
 def run(arguments: argparse.Namespace) -> CommandResult:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from exactarm.commands.arguments import add_files, add_robot
 from exactarm.commands.call import AnyData, AnyRobot, asked, data_of, robot_of, threads_of
 from exactarm.commands.gear_report import gear_report
 from exactarm.commands.result import CommandResult, estimate
+from exactarm.commands.suspicions import suspicions
 from exactarm.errors import InputError
 from exactarm.identify.gear import Gear, GearIdentification, identify_gears
 from exactarm.identify.gear_orders import METHODS
@@ -42,7 +44,8 @@ def gear(
     if "gear_run" not in rows.kinds:
         raise InputError(f"expected gear runs (gyroscope, or encoders on both sides), found {rows.kind}",
                          file=rows.first_file)
-    result = identify_gears(declared, rows, method=method, seed=seed, threads=threads_of(threads), progress=progress.stage)
+    with suspicions(declared, replace(rows, kind="gear_run", kinds=("gear_run",))) as found:
+        result = identify_gears(declared, rows, method=method, seed=seed, threads=threads_of(threads), progress=progress.stage)
     return CommandResult(
         json={
             "gears": [gear_json(gear) for gear in result.gears],
@@ -62,7 +65,7 @@ def gear(
         robot=result.robot,
         tables={"residuals.csv": _residuals(rows, result)},
         asked=asked("gear", robot, rows, seed, {"method": method}, {"method": METHODS[0]}),
-    )
+    ).warned(found)
 
 
 def run(arguments: argparse.Namespace) -> CommandResult:

@@ -11,6 +11,7 @@ from exactarm.commands.arguments import add_files, add_robot
 from exactarm.commands.call import AnyData, AnyRobot, asked, data_of, robot_of, threads_of
 from exactarm.commands.error_sections import SETS, error_table, highlights, parameter_table, unit_of
 from exactarm.commands.result import CommandResult, estimate
+from exactarm.commands.suspicions import suspicions
 from exactarm.dataset import Dataset
 from exactarm.errors import InputError
 from exactarm.identify.dynamics import DynamicsIdentification, DynamicsOptions, identify_dynamics, with_links
@@ -55,14 +56,15 @@ def identify(
         threads=threads_of(threads),
     )
     progress.stage("identifying")
-    result = identify_dynamics(declared, rows, options)
+    with suspicions(declared, rows) as found:
+        result = identify_dynamics(declared, rows, options)
     return CommandResult(
         json=_json(result),
         report=_report(declared, result, rows.split_rule(options.share)),
         robot=result.robot,
         tables={"residuals.csv": residual_table(result)},
         asked=asked("identify", robot, rows, seed, given, {"bandwidth_hz": None, "share": 0.7, "friction_only": False}),
-    )
+    ).warned(found)
 
 
 def run(arguments: argparse.Namespace) -> CommandResult:

@@ -23,7 +23,7 @@ from exactarm.commands.plain import plain
 from exactarm.dataset import Source
 from exactarm.errors import InputError
 from exactarm.identify.statistics import ErrorSummary
-from exactarm.report.sections import Figure, Report
+from exactarm.report.sections import Figure, Report, Warnings
 from exactarm.robot import Robot
 
 if TYPE_CHECKING:
@@ -175,6 +175,16 @@ class CommandResult:
         from exactarm.commands.publish import save
 
         return save(self, folder)
+
+    def warned(self, found: Sequence[str]) -> CommandResult:
+        """The same with more warnings, before its own: in result.json, in the report, and in its colour."""
+        if not found:
+            return self
+        report, json = self.report, dict(self.json)
+        json["warnings"] = [*found, *json.get("warnings", ())]
+        tone = "caution" if report.tone == "good" else report.tone
+        report = replace(report, sections=(Warnings(tuple(found)), *report.sections), tone=tone)
+        return replace(self, report=report, json=json)
 
     # -- as a value -------------------------------------------------------------------------------------
     def asked_as(self, asked: Asked) -> CommandResult:

@@ -48,8 +48,13 @@ def _of_encoders(robot: Robot, data: Dataset) -> list[Suspicion]:
             if words:
                 found.append(Suspicion(words, sentence=True))
             continue
-        found.append(Suspicion(f"axis {i + 1}: theta_{i + 1} goes {slope:.4g} times as far as q_{i + 1}, the file's gear ratio is "
-                               f"{robot.ratios[i]:.4g}: {_meant(share, slope * robot.ratios[i], int(i) + 1)}", sentence=True))
+        found.append(
+            Suspicion(
+                f"axis {i + 1}: theta_{i + 1} goes {slope:.4g} times as far as q_{i + 1}, the file's gear ratio is "
+                f"{robot.ratios[i]:.4g}: {_meant(share, slope * robot.ratios[i], int(i) + 1)}",
+                sentence=True,
+            )
+        )
     return found
 
 
@@ -60,14 +65,19 @@ def _centred(values: np.ndarray, run: np.ndarray) -> np.ndarray:
     return values - mean[number]
 
 
-def _other_link(robot: Robot, motor: np.ndarray, q: np.ndarray, run: np.ndarray, axis: int, both: np.ndarray) -> str:
+def _other_link(
+    robot: Robot, motor: np.ndarray, q: np.ndarray, run: np.ndarray, axis: int, both: np.ndarray
+) -> str:
     """Whether the motor turns another axis' link with that axis' or its own ratio."""
     motor = _centred(motor, run)
     if np.ptp(motor) / abs(robot.ratios[axis]) < 1e-4:
         return ""  # it stands still, and so need no link
     for j in both:
         link = _centred(q[:, j], run)
-        if j != axis and abs(motor @ link) > (1.0 - NEARLY) * np.linalg.norm(motor) * np.linalg.norm(link) > 0.0:
+        if (
+            j != axis
+            and abs(motor @ link) > (1.0 - NEARLY) * np.linalg.norm(motor) * np.linalg.norm(link) > 0.0
+        ):
             return f"theta_{axis + 1} follows q_{j + 1}, not q_{axis + 1}: are two axes exchanged?"
     return f"theta_{axis + 1} and q_{axis + 1} do not follow each other: are columns exchanged, or files of two motions mixed?"
 
@@ -78,8 +88,10 @@ def _meant(share: float, product: float, axis: int) -> str:
         return "does one of the two have the opposite sign?"
     if near(abs(product), 1.0):
         return f"are the columns theta_{axis} and q_{axis} exchanged?"
-    for factor, words in ((1.0 / _DEGREE, "is theta in degrees, or q in radians labelled as degrees?"),
-                          (_DEGREE, "is q in degrees, or theta in radians labelled as degrees?")):
+    for factor, words in (
+        (1.0 / _DEGREE, "is theta in degrees, or q in radians labelled as degrees?"),
+        (_DEGREE, "is q in degrees, or theta in radians labelled as degrees?"),
+    ):
         if near(abs(share), factor):
             return words
     return "is the ratio in the robot file that of this arm?"
@@ -103,13 +115,20 @@ def _of_gyroscope(robot: Robot, data: Dataset) -> list[Suspicion]:
     for axis, values in slopes.items():
         slope = float(np.median(values))
         if slope > 0.0 and not 1.0 / 1.5 < slope < 1.5:
-            mistakes.append(Suspicion(f"the gyroscope reads {slope:.3g} times the rate of motor {axis + 1} over its ratio: {_reading(slope)}", sentence=True))
+            mistakes.append(
+                Suspicion(
+                    f"the gyroscope reads {slope:.3g} times the rate of motor {axis + 1} over its ratio: {_reading(slope)}",
+                    sentence=True,
+                )
+            )
     return mistakes[:1] or found[:1]
 
 
 def _smooth(values: np.ndarray) -> np.ndarray:
     width = max(1, min(25, len(values) // 20))
-    return np.convolve(np.pad(values, width // 2, mode="edge"), np.ones(width) / width, mode="same")[width // 2 : width // 2 + len(values)]
+    return np.convolve(np.pad(values, width // 2, mode="edge"), np.ones(width) / width, mode="same")[
+        width // 2 : width // 2 + len(values)
+    ]
 
 
 def _reading(slope: float) -> str:

@@ -30,9 +30,14 @@ _DEGREE = np.pi / 180.0
 _SIGN_RAD_S = 0.02
 _RIDGE = 1e-7  # beside columns of length 1
 _NOT_WORSE = 1.05
-_ALL_AXES_FALL = 1.8  # product over the axes, for mistakes that all axes feel a little: gravity, units of angles
+_ALL_AXES_FALL = (
+    1.8  # product over the axes, for mistakes that all axes feel a little: gravity, units of angles
+)
 _CERTAIN_FRICTION = 0.03  # share of an axis' torque that its friction takes
-_LEAST_OF_DECLARED, _MOST_OF_DECLARED = 1.0 / 3.0, 10.0  # masses are declared better than that; friction and payload come on top
+_LEAST_OF_DECLARED, _MOST_OF_DECLARED = (
+    1.0 / 3.0,
+    10.0,
+)  # masses are declared better than that; friction and payload come on top
 # 99 % of the largest torque over reach^3, Nm/m^3: six shipped and simulated arms lie between 20 and 400, and arms of one build go with the cube
 _LEAST_LOAD_NM_M3, _MOST_LOAD_NM_M3 = 0.5, 5000.0
 
@@ -54,7 +59,12 @@ class _Samples:
     def with_angles(self, change: Callable[[np.ndarray], np.ndarray]) -> "_Samples":
         """The columns of angles in the file changed, and with them their rates."""
         new = lambda values: change(values * self.angle_scale) / self.angle_scale
-        return replace(self, q=new(self.q - self.offset) + self.offset, rate=new(self.rate), acceleration=new(self.acceleration))
+        return replace(
+            self,
+            q=new(self.q - self.offset) + self.offset,
+            rate=new(self.rate),
+            acceleration=new(self.acceleration),
+        )
 
     def with_torques(self, change: Callable[[np.ndarray], np.ndarray]) -> "_Samples":
         return replace(self, torque=change(self.torque / self.torque_scale) * self.torque_scale)
@@ -74,8 +84,13 @@ def motion_mistakes(robot: Robot, data: Dataset) -> list[Suspicion]:
         return []
     samples = _samples(robot, data)
     now = _explained(robot, samples)
-    found = in_order([Suspicion(words, fall) for words, changed in _candidates(samples)
-                      if (fall := _fall(now, _explained(robot, changed)))])
+    found = in_order(
+        [
+            Suspicion(words, fall)
+            for words, changed in _candidates(samples)
+            if (fall := _fall(now, _explained(robot, changed)))
+        ]
+    )
     if not found:
         found = list(_driving_friction(now))
     return found or list(_units(robot, samples))
@@ -90,15 +105,24 @@ def _is_measured_whole(data: Dataset) -> bool:
 def _samples(robot: Robot, data: Dataset) -> _Samples:
     numbers = np.unique(data.run)
     each = max(MOST_LOGGED // len(numbers), 500)
-    rows = np.concatenate([np.flatnonzero(data.run == number)[:each] for number in numbers[: MOST_LOGGED // 500]])
+    rows = np.concatenate(
+        [np.flatnonzero(data.run == number)[:each] for number in numbers[: MOST_LOGGED // 500]]
+    )
     record = motion_record(robot, data.select(np.sort(rows)), None, _ROWS_SHARE)
     kept = np.flatnonzero(record.keep)
     kept = kept[np.unique(np.linspace(0, kept.size - 1, min(kept.size, MOST_ROWS)).astype(int))]
     output = lambda values: values[kept] / robot.ratios
     ones = np.ones(robot.axes)
-    return _Samples(output(record.theta) + robot.offsets, output(record.theta_dot), output(record.theta_ddot), record.torque[kept],
-                    robot.gravity, robot.offsets, robot.ratios if "theta" in data.joints else ones,
-                    ones if "tau" in data.joints else robot.controller_ratios)
+    return _Samples(
+        output(record.theta) + robot.offsets,
+        output(record.theta_dot),
+        output(record.theta_ddot),
+        record.torque[kept],
+        robot.gravity,
+        robot.offsets,
+        robot.ratios if "theta" in data.joints else ones,
+        ones if "tau" in data.joints else robot.controller_ratios,
+    )
 
 
 def _explained(robot: Robot, samples: _Samples) -> _Explained:
@@ -107,8 +131,15 @@ def _explained(robot: Robot, samples: _Samples) -> _Explained:
     size = np.maximum(size, 1e-9 * max(size.max(), 1e-9))
     columns = np.zeros((rows, n, 14 * n))
     core = replace(robot, gravity=samples.gravity).core
-    columns[:, :, : 10 * n] = _core.dynamics_regressor(core, *map(np.ascontiguousarray, (samples.q, samples.rate, samples.acceleration)))
-    own = (robot.controller_ratios**2 * samples.acceleration, np.tanh(samples.rate / _SIGN_RAD_S), samples.rate, np.ones_like(samples.rate))
+    columns[:, :, : 10 * n] = _core.dynamics_regressor(
+        core, *map(np.ascontiguousarray, (samples.q, samples.rate, samples.acceleration))
+    )
+    own = (
+        robot.controller_ratios**2 * samples.acceleration,
+        np.tanh(samples.rate / _SIGN_RAD_S),
+        samples.rate,
+        np.ones_like(samples.rate),
+    )
     for k, values in enumerate(own):
         columns[:, np.arange(n), (10 + k) * n + np.arange(n)] = values
     matrix = (columns / size[:, None]).reshape(rows * n, -1)
@@ -139,15 +170,24 @@ def _candidates(samples: _Samples) -> Iterator[tuple[str, _Samples]]:
     for i, j in combinations(range(n), 2):
         order = list(range(n))
         order[i], order[j] = j, i
-        yield f"the angles of {listed((i, j))} exchanged", samples.with_angles(lambda values, order=order: values[:, order])
-        yield f"the torques of {listed((i, j))} exchanged", samples.with_torques(lambda values, order=order: values[:, order])
+        yield (
+            f"the angles of {listed((i, j))} exchanged",
+            samples.with_angles(lambda values, order=order: values[:, order]),
+        )
+        yield (
+            f"the torques of {listed((i, j))} exchanged",
+            samples.with_torques(lambda values, order=order: values[:, order]),
+        )
     up = samples.gravity
     yield "gravity pointing the other way", replace(samples, gravity=-up)
     for k, name in enumerate("xyz"):
         for sign in (1.0, -1.0):
             along = sign * np.linalg.norm(up) * np.eye(3)[k]
             if np.linalg.norm(np.cross(along, up)) > 0.5 * np.linalg.norm(up) ** 2:
-                yield f"gravity along {'+' if sign > 0 else '-'}{name} of the base (the arm's mounting)", replace(samples, gravity=along)
+                yield (
+                    f"gravity along {'+' if sign > 0 else '-'}{name} of the base (the arm's mounting)",
+                    replace(samples, gravity=along),
+                )
 
 
 def _driving_friction(now: _Explained) -> Iterator[Suspicion]:
@@ -156,11 +196,17 @@ def _driving_friction(now: _Explained) -> Iterator[Suspicion]:
     if driving.size == 0:
         return
     if braking.size == 0 and driving.size > 1:
-        yield Suspicion("the friction of all axes would drive the arm: do the torques have the opposite sign?", sentence=True)
+        yield Suspicion(
+            "the friction of all axes would drive the arm: do the torques have the opposite sign?",
+            sentence=True,
+        )
         return
     verb = "drives" if driving.size == 1 else "drive"
     sign = "its torque or its angle" if driving.size == 1 else "their torques or their angles"
-    yield Suspicion(f"the friction of {listed(driving)} {verb} instead of braking: does {sign} have the opposite sign?", sentence=True)
+    yield Suspicion(
+        f"the friction of {listed(driving)} {verb} instead of braking: does {sign} have the opposite sign?",
+        sentence=True,
+    )
 
 
 def _units(robot: Robot, samples: _Samples) -> Iterator[Suspicion]:
@@ -171,10 +217,16 @@ def _units(robot: Robot, samples: _Samples) -> Iterator[Suspicion]:
         declared = float(np.quantile(np.abs(_core.inverse_dynamics(robot.core, *arrays)), 0.99, axis=0).max())
         share = torque / max(declared, 1e-12)
         if not _LEAST_OF_DECLARED < share < _MOST_OF_DECLARED:
-            yield Suspicion(f"the torques are {share:.2g} times those of the declared masses: are they in another unit (mNm, N cm), at the motor's "
-                            "shaft, or is it the file of another arm?", sentence=True)
+            yield Suspicion(
+                f"the torques are {share:.2g} times those of the declared masses: are they in another unit (mNm, N cm), at the motor's "
+                "shaft, or is it the file of another arm?",
+                sentence=True,
+            )
         return
     size = reach(robot)
     if size > 0.0 and not _LEAST_LOAD_NM_M3 < torque / size**3 < _MOST_LOAD_NM_M3:
-        yield Suspicion(f"torques of {torque:.3g} Nm at an arm that reaches {size:.2g} m: are they in another unit (mNm, N cm), or at the motor's "
-                        "shaft?", sentence=True)
+        yield Suspicion(
+            f"torques of {torque:.3g} Nm at an arm that reaches {size:.2g} m: are they in another unit (mNm, N cm), or at the motor's "
+            "shaft?",
+            sentence=True,
+        )

@@ -20,14 +20,18 @@ from exactarm.robot import Placement, Robot
 from exactarm.robot_file import load_robot, shipped_robots
 
 MOST_AXES_FOR_SIGNS = 7  # all combinations of signs: 128; arms with more axes get single ones and pairs
-ANOTHER_SIZE = 0.03  # of the lengths: arms of one maker differ by more, and no arm is off by so much as a whole
+ANOTHER_SIZE = (
+    0.03  # of the lengths: arms of one maker differ by more, and no arm is off by so much as a whole
+)
 _DEGREE = np.pi / 180.0
 _ALL_COLUMNS = "xyz"
 
 Candidate = tuple[str, Robot, Dataset]
 
 
-def candidates(robot: Robot, data: Dataset, whole: Dataset, rows: np.ndarray, size: float) -> Iterator[Candidate]:
+def candidates(
+    robot: Robot, data: Dataset, whole: Dataset, rows: np.ndarray, size: float
+) -> Iterator[Candidate]:
     """(what would have been meant, robot, data) of every mistake; `data` are the rows `rows` of `whole`, `size`: how many times
     as far apart as the robot says the points lie."""
     for words, changed in (*_of_angles(robot, data), *_of_device(data), *_of_rows(data, whole, rows)):
@@ -37,7 +41,12 @@ def candidates(robot: Robot, data: Dataset, whole: Dataset, rows: np.ndarray, si
         yield words, robot, replace(data, position=data.position / size)
     for name in shipped_robots():
         other = load_robot(name)
-        if other.has_geometry and other.axes == robot.axes and other.name != robot.name and _turns_alike(robot, other, data):
+        if (
+            other.has_geometry
+            and other.axes == robot.axes
+            and other.name != robot.name
+            and _turns_alike(robot, other, data)
+        ):
             yield f"data of {name}", replace(other, base=Placement(), tool=Placement()), data
 
 
@@ -68,17 +77,28 @@ def _of_angles(robot: Robot, data: Dataset) -> Iterator[tuple[str, Dataset]]:
         yield "all axes one column further on", with_joints(_order(list(np.roll(np.arange(n), shift))))
     for i in turning:
         for angle in (90.0, -90.0, 180.0):
-            yield f"another zero of axis {i + 1} (by {angle:+.0f} degrees)", with_joints(_turned(i, angle * _DEGREE, robot))
+            yield (
+                f"another zero of axis {i + 1} (by {angle:+.0f} degrees)",
+                with_joints(_turned(i, angle * _DEGREE, robot)),
+            )
     for i, j in [(i, i + 1) for i in range(n - 1)] + [(i + 1, i) for i in range(n - 1)]:
         for sign in (1.0, -1.0):
             words = f"axis {j + 1} counted {'from' if sign > 0 else 'with'} axis {i + 1}, as controllers of coupled arms do"
             yield words, with_joints(_coupled(i, j, sign, robot))
     if any(joint.has_gear for joint in robot.joints):
-        yield "motor angles labelled as q_i", _with_joints(data, _factor(list(axes), 1.0 / robot.ratios), ("q",))
-        yield "joint angles labelled as theta_i", _with_joints(data, _factor(list(axes), robot.ratios), ("theta",))
+        yield (
+            "motor angles labelled as q_i",
+            _with_joints(data, _factor(list(axes), 1.0 / robot.ratios), ("q",)),
+        )
+        yield (
+            "joint angles labelled as theta_i",
+            _with_joints(data, _factor(list(axes), robot.ratios), ("theta",)),
+        )
 
 
-def _with_joints(data: Dataset, change: Callable[[np.ndarray, str], np.ndarray], names: tuple[str, ...] = ("theta", "q")) -> Dataset:
+def _with_joints(
+    data: Dataset, change: Callable[[np.ndarray, str], np.ndarray], names: tuple[str, ...] = ("theta", "q")
+) -> Dataset:
     joints = {name: change(data.joints[name].copy(), name) for name in names if name in data.joints}
     return replace(data, joints=data.joints | joints)
 
@@ -118,7 +138,10 @@ def _of_device(data: Dataset) -> Iterator[tuple[str, Dataset]]:
     yield "millimetres labelled as metres", position(1e-3)
     yield "metres labelled as millimetres", position(1e3)
     for k, name in enumerate(_ALL_COLUMNS):
-        for factor, words in ((1e-3, "millimetres labelled as metres"), (1e3, "metres labelled as millimetres")):
+        for factor, words in (
+            (1e-3, "millimetres labelled as metres"),
+            (1e3, "metres labelled as millimetres"),
+        ):
             yield f"{words} in {name}", position(np.where(np.arange(3) == k, factor, 1.0))
     mirrored = replace(data, position=data.position * [1.0, 1.0, -1.0], rotation=None)
     yield "one of x, y, z with the opposite sign, or two of them exchanged", mirrored
@@ -152,7 +175,10 @@ def _rotations(quaternions: np.ndarray) -> np.ndarray:
 
 def _of_rows(data: Dataset, whole: Dataset, rows: np.ndarray) -> Iterator[tuple[str, Dataset]]:
     """The device's columns of the row before or after; the first or last row of a session keeps its own."""
-    for shift, words in ((1, "positions one row later than the angles"), (-1, "positions one row earlier than the angles")):
+    for shift, words in (
+        (1, "positions one row later than the angles"),
+        (-1, "positions one row earlier than the angles"),
+    ):
         order = np.clip(rows + shift, 0, len(whole) - 1)
         order = np.where(whole.session[order] == whole.session[rows], order, rows)
         rotation = None if whole.rotation is None else whole.rotation[order]

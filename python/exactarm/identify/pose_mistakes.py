@@ -32,7 +32,16 @@ MOST_ROWS = 120  # of a session, evenly spread: a mistake shows in every row
 LEAST_ROWS = 10  # of a session: 30 numbers for the 15 unknowns of the linear fit
 _NOT_WORSE = 1.2  # positions and orientations are both to fit
 _LEAST_ORIENTATION_RAD = 0.01  # arms are turned by less than they should be; a wrong convention by more
-_SCALES = (0.5, 0.8, 0.9, 0.95, 1.05, 1.1, 1.25, 2.0)  # wrong ratios of gears, from which the best one is looked for
+_SCALES = (
+    0.5,
+    0.8,
+    0.9,
+    0.95,
+    1.05,
+    1.1,
+    1.25,
+    2.0,
+)  # wrong ratios of gears, from which the best one is looked for
 _SUSPICIOUS_SHARE = 0.005  # of the reach: a whole axis that turns wrongly leaves more
 _SPLITS = 15  # of a session's rows, at even distances
 _MOST_GROSS = 0.05  # share of rows that may be wrong by themselves
@@ -77,10 +86,14 @@ def pose_mistakes(robot: Robot, data: Dataset, carried: Layout, seed: int = 0) -
         found = found or list(further(bare, carried, data, now))
     found = found or list(_gross_rows(bare, carried, whole))
     if not found and now.orientation > _LEAST_ORIENTATION_RAD and now.position < 0.3 * _LEAST_ORIENTATION_RAD:
-        found.append(Suspicion(
-            f"the measured orientations do not follow the arm ({now.orientation:.2g} rad RMS beside {1e3 * now.position:.2g} mm): "
-            "are the quaternion's columns in another order, or its rows shuffled?", np.inf, sentence=True,
-        ))
+        found.append(
+            Suspicion(
+                f"the measured orientations do not follow the arm ({now.orientation:.2g} rad RMS beside {1e3 * now.position:.2g} mm): "
+                "are the quaternion's columns in another order, or its rows shuffled?",
+                np.inf,
+                sentence=True,
+            )
+        )
     return in_order(found)
 
 
@@ -90,7 +103,9 @@ def _spread_rows(data: Dataset) -> np.ndarray | None:
     for session in np.unique(data.session):
         rows = np.flatnonzero(data.session == session)
         if rows.size >= LEAST_ROWS:
-            parts.append(rows[np.unique(np.linspace(0, rows.size - 1, min(rows.size, MOST_ROWS)).round().astype(int))])
+            parts.append(
+                rows[np.unique(np.linspace(0, rows.size - 1, min(rows.size, MOST_ROWS)).round().astype(int))]
+            )
     return np.sort(np.concatenate(parts)) if parts else None
 
 
@@ -110,7 +125,9 @@ def _misfit(bare: Robot, carried: Layout, data: Dataset) -> tuple[Misfit, float]
     return _misfit_of(flange.position, flange.rotation, data, data.session)
 
 
-def _misfit_of(points: np.ndarray, rotations: np.ndarray, data: Dataset, group: np.ndarray) -> tuple[Misfit, float]:
+def _misfit_of(
+    points: np.ndarray, rotations: np.ndarray, data: Dataset, group: np.ndarray
+) -> tuple[Misfit, float]:
     """Of all groups of rows together, each with frames of its own."""
     position, orientation, sizes = 0.0, 0.0 if data.rotation is not None else np.nan, []
     for number in np.unique(group):
@@ -125,7 +142,9 @@ def _misfit_of(points: np.ndarray, rotations: np.ndarray, data: Dataset, group: 
     return Misfit(*rms), float(np.mean(sizes))
 
 
-def _linear_frames(points: np.ndarray, rotations: np.ndarray, measured: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+def _linear_frames(
+    points: np.ndarray, rotations: np.ndarray, measured: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, float]:
     """Rotation of the base frame, what is left of every row (N, 3), and the size of the device's points beside the arm's."""
     centred = measured - measured.mean(axis=0)
     scale = max(float(np.sqrt(np.mean(centred**2))), 1e-300)
@@ -158,11 +177,18 @@ def _scales_of_axes(bare: Robot, carried: Layout, data: Dataset, now: Misfit) ->
             values[:, axis] *= factor
         return now.fall_to(_misfit(bare, carried, replace(data, joints=data.joints | joints))[0])
 
-    axis, factor = max(((i, factor) for i in range(bare.axes) for factor in _SCALES), key=lambda pair: fall(*pair))
+    axis, factor = max(
+        ((i, factor) for i in range(bare.axes) for factor in _SCALES), key=lambda pair: fall(*pair)
+    )
     around = np.sort([1.0, *_SCALES])
     place = int(np.searchsorted(around, factor))
     ends = around[max(place - 1, 0)], around[min(place + 1, len(around) - 1)]
-    best = minimize_scalar(lambda value: -fall(axis, value), bounds=ends, method="bounded", options={"maxiter": 40, "xatol": 1e-5})
+    best = minimize_scalar(
+        lambda value: -fall(axis, value),
+        bounds=ends,
+        method="bounded",
+        options={"maxiter": 40, "xatol": 1e-5},
+    )
     if fall(axis, float(best.x)) >= FALL:
         words = f"axis {axis + 1} turning {best.x:.4g} times as far as the data say (its gear ratio?)"
         yield Suspicion(words, fall(axis, float(best.x)))
@@ -185,16 +211,23 @@ def _changes_midway(bare: Robot, carried: Layout, data: Dataset, now: Misfit) ->
         places = np.unique(np.linspace(LEAST_ROWS, last, _SPLITS).astype(int))
         rough = max(places, key=fall)
         near = (last - LEAST_ROWS) // _SPLITS + 1
-        best = max((fall(place), int(rows[place])) for place in range(max(rough - near, LEAST_ROWS), min(rough + near, last) + 1))
+        best = max(
+            (fall(place), int(rows[place]))
+            for place in range(max(rough - near, LEAST_ROWS), min(rough + near, last) + 1)
+        )
         if best[0] >= FALL:
             at = best[1]
-            name = f" of {data.sources[data.file_index[at]].path}" if data.sources else ""
-            yield Suspicion(f"another tool, target or device frame from about row {data.row[at]}{name} on (two sessions)", best[0])
+            yield Suspicion(
+                f"another tool, target or device frame from about {data.place_of(at)} on (two sessions)",
+                best[0],
+            )
 
 
 def _gross_rows(bare: Robot, carried: Layout, data: Dataset) -> Iterator[Suspicion]:
     """A few rows that are far off by themselves, with the frames that fit the others."""
-    data = data.select(np.unique(np.linspace(0, len(data) - 1, min(len(data), _MOST_CHECKED)).round().astype(int)))
+    data = data.select(
+        np.unique(np.linspace(0, len(data) - 1, min(len(data), _MOST_CHECKED)).round().astype(int))
+    )
     flange = predict_poses(bare, carried, data, tangents=False)
     error = np.zeros(len(data))
     for session in np.unique(data.session):
@@ -217,9 +250,8 @@ def _gross_rows(bare: Robot, carried: Layout, data: Dataset) -> Iterator[Suspici
     fall = rms(error) / max(rms(np.delete(error, gross)), 1e-12)
     if fall >= FALL:
         at = gross[np.argmax(error[gross])]
-        name = f" of {data.sources[data.file_index[at]].path}" if data.sources else ""
         count = f"{gross.size} gross errors, the largest" if gross.size > 1 else "a gross error"
-        yield Suspicion(f"{count} of {error[at]:.3g} m in row {data.row[at]}{name}", fall)
+        yield Suspicion(f"{count} of {error[at]:.3g} m in {data.place_of(at)}", fall)
 
 
 def _left(points, rotations, measured, base: np.ndarray, good: np.ndarray) -> np.ndarray:

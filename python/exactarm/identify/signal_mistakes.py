@@ -18,8 +18,9 @@ from exactarm.signals import typical_step
 
 MOST_TURNS = 4.0 * np.pi  # rad: no axis of an arm turns further than twice about itself to either side
 MOST_RATE_RAD_S = 30.0  # the wrists of the fastest small arms: 15
-LEAST_RATE_RAD_S = 2e-4  # a motion slower than a degree in a minute shows no dynamics
-LONGEST_STEP_S = 0.5  # between samples of a motion; a log in milliseconds has steps of 1 to 40
+LEAST_RATE_RAD_S = 0.02  # of the fastest axis: a degree a second shows no dynamics ...
+LONG_STEP_S = 0.05  # ... and with such steps between samples, a time in milliseconds was meant
+LONGEST_STEP_S = 2.0  # between samples of any motion
 BEYOND = 0.25  # of an axis' range
 TORQUE_BEYOND = 3.0  # times the largest that is declared
 RATE_BEYOND = 3.0
@@ -37,7 +38,11 @@ def signal_mistakes(robot: Robot, data: Dataset) -> Iterator[Suspicion]:
 
 
 def _cells(data: Dataset) -> Iterator[Suspicion]:
-    columns = {f"{name}_{i + 1}": values[:, i] for name, values in data.joints.items() for i in range(values.shape[1])}
+    columns = {
+        f"{name}_{i + 1}": values[:, i]
+        for name, values in data.joints.items()
+        for i in range(values.shape[1])
+    }
     for name, vector in (("x, y, z", data.position), ("gyro", data.gyro)):
         if vector is not None:
             columns |= {f"{name} ({'xyz'[k]})": vector[:, k] for k in range(3)}
@@ -47,13 +52,11 @@ def _cells(data: Dataset) -> Iterator[Suspicion]:
             continue
         usual, at = float(np.quantile(size, 0.999, method="lower")), int(np.argmax(size))
         if len(size) > 5 and size[at] > FAR_OFF * max(usual, 1e-9):
-            yield Suspicion(f"column {name}, {_place(data, at)}: {values[at]:.3g} is {size[at] / max(usual, 1e-9):.2g} times as large as "
-                            "nearly all other cells: is it a gross error?", sentence=True)
-
-
-def _place(data: Dataset, at: int) -> str:
-    name = f" of {data.sources[data.file_index[at]].path}" if data.sources else ""
-    return f"row {data.row[at]}{name}"
+            yield Suspicion(
+                f"column {name}, {data.place_of(at)}: {values[at]:.3g} is {size[at] / max(usual, 1e-9):.2g} times as large as "
+                "nearly all other cells: is it a gross error?",
+                sentence=True,
+            )
 
 
 def _ranges(robot: Robot, angles: np.ndarray) -> Iterator[Suspicion]:
@@ -69,11 +72,21 @@ def _ranges(robot: Robot, angles: np.ndarray) -> Iterator[Suspicion]:
     if not beyond:
         return
     axes = listed(i for i, _, _ in beyond)
-    fits = all(low <= np.nanmin(values) and np.nanmax(values) <= high
-               for i, low, high in beyond for values in [_DEGREE * angles[:, i]])
+    fits = all(
+        low <= np.nanmin(values) and np.nanmax(values) <= high
+        for i, low, high in beyond
+        for values in [_DEGREE * angles[:, i]]
+    )
     largest = max(float(np.nanmax(np.abs(angles[:, i]))) for i, _, _ in beyond)
-    meant = ": are they degrees labelled as radians?" if fits else ": are they motor angles, in another unit, or of another robot?"
-    yield Suspicion(f"joint angles of {axes} go to {largest:.3g} rad, far beyond what the axis can turn{meant}", sentence=True)
+    meant = (
+        ": are they degrees labelled as radians?"
+        if fits
+        else ": are they motor angles, in another unit, or of another robot?"
+    )
+    yield Suspicion(
+        f"joint angles of {axes} go to {largest:.3g} rad, far beyond what the axis can turn{meant}",
+        sentence=True,
+    )
 
 
 def _rates(robot: Robot, data: Dataset, angles: np.ndarray) -> Iterator[Suspicion]:
@@ -92,17 +105,24 @@ def _rates(robot: Robot, data: Dataset, angles: np.ndarray) -> Iterator[Suspicio
     if not steps:
         return
     step, revolute = float(np.median(steps)), np.array([joint.type == "revolute" for joint in robot.joints])
-    if step > LONGEST_STEP_S:
-        yield Suspicion(f"samples lie {step:.3g} s apart: is the time in milliseconds, labelled as seconds?", sentence=True)
+    usual = fastest[revolute].max() if revolute.any() else np.inf
+    if step > LONGEST_STEP_S or (step > LONG_STEP_S and 0.0 < usual < LEAST_RATE_RAD_S):
+        yield Suspicion(
+            f"samples lie {step:.3g} s apart: is the time in milliseconds, labelled as seconds?",
+            sentence=True,
+        )
         return
-    limits = np.array([RATE_BEYOND * joint.q_dot_max if joint.q_dot_max else MOST_RATE_RAD_S for joint in robot.joints])
+    limits = np.array(
+        [RATE_BEYOND * joint.q_dot_max if joint.q_dot_max else MOST_RATE_RAD_S for joint in robot.joints]
+    )
     fast = np.flatnonzero(revolute & (fastest > limits))
     if fast.size:
         i = fast[np.argmax(fastest[fast] / limits[fast])]
         meant = "angles in degrees labelled as radians, or a time in seconds labelled as milliseconds"
-        yield Suspicion(f"axis {i + 1} turns at {fastest[i]:.3g} rad/s, faster than it can ({limits[i]:.3g} rad/s): is it {meant}?", sentence=True)
-    elif np.any(revolute) and 0.0 < fastest[revolute].max() < LEAST_RATE_RAD_S:
-        yield Suspicion(f"the fastest axis turns at {fastest[revolute].max():.2g} rad/s: is the time or the angle in another unit?", sentence=True)
+        yield Suspicion(
+            f"axis {i + 1} turns at {fastest[i]:.3g} rad/s, faster than it can ({limits[i]:.3g} rad/s): is it {meant}?",
+            sentence=True,
+        )
 
 
 def _torques(robot: Robot, data: Dataset) -> Iterator[Suspicion]:
@@ -116,8 +136,14 @@ def _torques(robot: Robot, data: Dataset) -> Iterator[Suspicion]:
                 continue
             usual = float(np.quantile(size, 0.99))
             if joint.torque_max and usual > TORQUE_BEYOND * joint.torque_max:
-                yield Suspicion(f"{name}_{i + 1} reaches {usual:.3g} Nm, the drive {joint.torque_max:.3g} Nm: is it another unit, or the motor's side "
-                                "beside the gear's?", sentence=True)
+                yield Suspicion(
+                    f"{name}_{i + 1} reaches {usual:.3g} Nm, the drive {joint.torque_max:.3g} Nm: is it another unit, or the motor's side "
+                    "beside the gear's?",
+                    sentence=True,
+                )
                 return
             if len(size) > 10 and np.ptp(torque[:, i]) == 0.0 and data.kind != "poses":
-                yield Suspicion(f"{name}_{i + 1} is {torque[0, i]:.3g} Nm in every row: is it a column that was never measured?", sentence=True)
+                yield Suspicion(
+                    f"{name}_{i + 1} is {torque[0, i]:.3g} Nm in every row: is it a column that was never measured?",
+                    sentence=True,
+                )

@@ -27,9 +27,13 @@ def tracked_mistakes(robot: Robot, data: Dataset) -> list[Suspicion]:
         if rows.size < 60:
             continue
         time = data.time[rows]
-        flange = _core.forward_kinematics(robot.core, np.ascontiguousarray(controller_angles(robot, data.select(rows))))[0]
+        flange = _core.forward_kinematics(
+            robot.core, np.ascontiguousarray(controller_angles(robot, data.select(rows)))
+        )[0]
         speed = lambda points: np.linalg.norm(np.gradient(points, time, axis=0), axis=1)
-        found += clock_suspicions(lags(time, speed(flange), speed(data.position[rows])), f"run {run}", "the tracker")
+        found += clock_suspicions(
+            lags(time, speed(flange), speed(data.position[rows])), f"run {run}", "the tracker"
+        )
     return found[:1]
 
 
@@ -39,8 +43,18 @@ def clock_suspicions(found, run: str, device: str) -> list[Suspicion]:
         return []
     if found.drifts:
         share = 1e2 * (found.last - found.first) / found.span
-        return [Suspicion(f"{run}: {device} lags by {1e3 * found.first:.3g} ms at the beginning and by {1e3 * found.last:.3g} ms in the end: does its "
-                          f"clock run {abs(share):.2g} % {'slower' if share > 0 else 'faster'}?", sentence=True)]
+        return [
+            Suspicion(
+                f"{run}: {device} lags by {1e3 * found.first:.3g} ms at the beginning and by {1e3 * found.last:.3g} ms in the end: does its "
+                f"clock run {abs(share):.2g} % {'slower' if share > 0 else 'faster'}?",
+                sentence=True,
+            )
+        ]
     if abs(found.first) > MUCH_LAG_S:
-        return [Suspicion(f"{run}: {device} lags by {found.first:.3g} s throughout: do its samples begin at another instant?", sentence=True)]
+        return [
+            Suspicion(
+                f"{run}: {device} lags by {found.first:.3g} s throughout: do its samples begin at another instant?",
+                sentence=True,
+            )
+        ]
     return []
