@@ -160,6 +160,14 @@ def _linear_frames(
     return base, goal - turned @ _solved(turned, goal), 1.0 / size
 
 
+def linear_tool(points: np.ndarray, rotations: np.ndarray, measured: np.ndarray) -> np.ndarray:
+    """(3,) the tool point that the linear fit of all frames finds, m."""
+    columns = np.concatenate([np.tile(np.eye(3), (len(points), 1, 1)), -rotations], axis=2)
+    centred = measured - measured.mean(axis=0)
+    turned = np.einsum("ni,kl->nkil", centred, np.eye(3)).transpose(0, 1, 3, 2).reshape(len(points), 3, 9)
+    return _solved(np.concatenate([turned, columns], axis=2), points)[12:]
+
+
 def _solved(columns: np.ndarray, goal: np.ndarray) -> np.ndarray:
     rows = columns.reshape(-1, columns.shape[2])
     return np.linalg.lstsq(rows, goal.ravel(), rcond=1e-9)[0]

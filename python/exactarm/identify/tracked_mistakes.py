@@ -1,9 +1,11 @@
 """Usual mistakes in tracked motions beyond those of poses: device and controller do not keep the same time.
 
-What is compared needs no frames: the speed of the target as measured, and that of the flange by the joint angles.
+What is compared needs no frames: the speed of the target as measured, and that of the target by the joint angles.
 """
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 
@@ -11,29 +13,31 @@ from exactarm import _core
 from exactarm.dataset import Dataset
 from exactarm.identify.clock_drift import lags
 from exactarm.identify.planned import controller_angles
+from exactarm.identify.pose_mistakes import linear_tool
 from exactarm.identify.suspicion import Suspicion
-from exactarm.robot import Robot
+from exactarm.robot import Placement, Robot
 
+TOOL_ROWS = 300  # from which the tool point is found
 MUCH_LAG_S = 0.3  # an effect of the library fits what is shorter
 
 
 def tracked_mistakes(robot: Robot, data: Dataset) -> list[Suspicion]:
     if not robot.has_geometry or data.time is None:
         return []
-    found = []
+    found, bare = [], replace(robot, base=Placement(), tool=Placement()).core
     for run in np.unique(data.run):
         rows = np.flatnonzero(data.run == run)
         rows = rows[np.argsort(data.time[rows], kind="stable")]
         if rows.size < 60:
             continue
-        time = data.time[rows]
-        flange = _core.forward_kinematics(
-            robot.core, np.ascontiguousarray(controller_angles(robot, data.select(rows)))
-        )[0]
-        speed = lambda points: np.linalg.norm(np.gradient(points, time, axis=0), axis=1)
-        found += clock_suspicions(
-            lags(time, speed(flange), speed(data.position[rows])), f"run {run}", "the tracker"
-        )
+        time, measured = data.time[rows], data.position[rows]
+        angles = np.ascontiguousarray(controller_angles(robot, data.select(rows)))
+        flange, rotation = _core.forward_kinematics(bare, angles)
+        rotation = rotation.reshape(-1, 3, 3)
+        some = np.unique(np.linspace(0, rows.size - 1, TOOL_ROWS).astype(int))
+        target = flange + rotation @ linear_tool(flange[some], rotation[some], measured[some])
+        speed = [np.linalg.norm(np.gradient(points, time, axis=0), axis=1) for points in (target, measured)]
+        found += clock_suspicions(lags(time, *speed), f"run {run}", "the tracker")
     return found[:1]
 
 
