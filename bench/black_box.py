@@ -1,24 +1,24 @@
-"""The UR10's shipped poses: black boxes on the residual of the calibrated geometry, beside the diagnosed model.
+"""The UR10's shipped poses: black boxes on what the calibrated geometry leaves, beside the diagnosed model.
 
     python bench/black_box.py [--series B C] [--splits random other blocked] [--out FILE.json] [--threads 1]
 
 Every method sees the same rows and is judged on the same others:
 
-    random     the rows that `exactarm` holds out by itself (30 %, whole poses)
-    other      fitted to one series, judged on the other one: same arm, another place of the tracker and another probe
+    random     three rows in ten are held out
+    other      fitted to one series, judged on the other: same arm, tracker and probe at other places
     blocked    axes 2 and 3 in four quadrants (split at their medians); one is held out, in turn
 
-calibrated is `exactarm calibrate`, diagnosed `exactarm diagnose`, both on the fitted rows. A black box learns the rest
-that the calibrated model leaves, in the robot's base frame, e = R_base' (measured - model), as a function of the six
-joint angles, and its prediction is added to the model:
+calibrated is `exactarm calibrate`, diagnosed `exactarm diagnose`, both on the fitted rows. A black box
+learns what the calibrated model leaves, in the robot's base frame, e = R_base' (measured - model), as a
+function of the six joint angles, and its prediction is added to the model:
 
     kriging    Gaussian process, Matern 5/2 with a length for each axis, and noise; marginal likelihood
     RBF        thin-plate spline, its smoothing chosen by five-fold cross-validation on the fitted rows
     trees      gradient boosting, 200 rounds at a rate of 0.1, leaves per tree chosen in the same way
 
-On another series the frames of base and tool are fitted to its own rows for every method, with what the method adds in
-place. Printed: the mean and the 95th percentile of the Euclidean error on held-out rows. Kinematics are those of
-bench/blind, apart from the package.
+On another series the frames of base and tool are fitted to its own rows for every method, with what the
+method adds in place. Printed: the mean and the 95th percentile of the Euclidean error on held-out rows.
+Kinematics are those of bench/blind, apart from the package.
 """
 
 from __future__ import annotations
@@ -76,7 +76,9 @@ def placed(arm: Arm, q: np.ndarray, frames: Frames, added: np.ndarray | float = 
 
 def fitted_frames(arm: Arm, q: np.ndarray, measured: np.ndarray, added: np.ndarray | float = 0.0) -> Frames:
     """Base and tool by least squares: a start from rotations tried about the vertical, then Gauss-Newton."""
-    best = min((_gauss_newton(arm, q, measured, added, start) for start in _starts()), key=lambda pair: pair[1])
+    best = min(
+        (_gauss_newton(arm, q, measured, added, start) for start in _starts()), key=lambda pair: pair[1]
+    )
     return best[0]
 
 
@@ -97,7 +99,9 @@ def _gauss_newton(arm, q, measured, added, turned, steps: int = 30) -> tuple[Fra
         cross = np.zeros((len(q), 3, 3))
         for k, unit in enumerate(np.eye(3)):
             cross[:, :, k] = np.cross(unit, target @ frame.T)
-        jacobian = np.concatenate([np.broadcast_to(np.eye(3), (len(q), 3, 3)), cross, frame @ rotation], axis=2)
+        jacobian = np.concatenate(
+            [np.broadcast_to(np.eye(3), (len(q), 3, 3)), cross, frame @ rotation], axis=2
+        )
         step = np.linalg.lstsq(jacobian.reshape(-1, 9), residual.ravel(), rcond=None)[0]
         base, frame, tool = base + step[:3], turn(step[3:6]) @ frame, tool + step[6:]
         if np.abs(step).max() < 1e-12:
@@ -117,10 +121,14 @@ def kriging(x: np.ndarray, y: np.ndarray, random):
     from sklearn.gaussian_process import GaussianProcessRegressor
     from sklearn.gaussian_process.kernels import ConstantKernel, Matern, WhiteKernel
 
-    kernel = ConstantKernel(1.0, (1e-2, 1e2)) * Matern(np.ones(6), (5e-2, 1e2), nu=2.5) + WhiteKernel(0.1, (1e-4, 2.0))
+    kernel = ConstantKernel(1.0, (1e-2, 1e2)) * Matern(np.ones(6), (5e-2, 1e2), nu=2.5) + WhiteKernel(
+        0.1, (1e-4, 2.0)
+    )
     some = random.permutation(len(x))[:LENGTH_ROWS]
     scale = y.std(axis=0)
-    start = GaussianProcessRegressor(kernel, n_restarts_optimizer=1, random_state=0).fit(x[some], y[some] / scale)
+    start = GaussianProcessRegressor(kernel, n_restarts_optimizer=1, random_state=0).fit(
+        x[some], y[some] / scale
+    )
     model = GaussianProcessRegressor(start.kernel_, optimizer=None).fit(x, y / scale)
     return lambda new: model.predict(new) * scale
 
@@ -139,7 +147,11 @@ def trees(x: np.ndarray, y: np.ndarray, random):
     def fit(x, y, leaves):
         models = [
             HistGradientBoostingRegressor(
-                learning_rate=LEARNING_RATE, max_iter=ROUNDS, max_leaf_nodes=leaves, early_stopping=False, random_state=0
+                learning_rate=LEARNING_RATE,
+                max_iter=ROUNDS,
+                max_leaf_nodes=leaves,
+                early_stopping=False,
+                random_state=0,
             ).fit(x, column)
             for column in y.T
         ]
@@ -152,7 +164,10 @@ def _chosen(fit, x, y, options, random):
     """The option of the least error on five folds of the fitted rows."""
     fold = random.permutation(len(x)) % 5
     error = [
-        sum(np.sum((fit(x[fold != k], y[fold != k], option)(x[fold == k]) - y[fold == k]) ** 2) for k in range(5))
+        sum(
+            np.sum((fit(x[fold != k], y[fold != k], option)(x[fold == k]) - y[fold == k]) ** 2)
+            for k in range(5)
+        )
         for option in options
     ]
     return options[int(np.argmin(error))]
@@ -162,12 +177,16 @@ BOXES = {"kriging": kriging, "RBF": thin_plate, "trees": trees}
 
 
 def boxes_of(arm: Arm, q: np.ndarray, measured: np.ndarray) -> tuple[Frames, dict]:
-    """The frames of the fitted rows, and what every black box predicts for joint angles, in the base frame."""
+    """The frames of the fitted rows, and what each black box adds at joint angles, in the base frame."""
     frames = fitted_frames(arm, q, measured)
     left = (measured - placed(arm, q, frames)) @ turn(frames.turned)
     centre, spread = q.mean(axis=0), np.maximum(q.std(axis=0), 1e-9)
-    learned = {name: learn((q - centre) / spread, left, np.random.default_rng(1)) for name, learn in BOXES.items()}
-    added = {name: (lambda new, model=model: model((new - centre) / spread)) for name, model in learned.items()}
+    learned = {
+        name: learn((q - centre) / spread, left, np.random.default_rng(1)) for name, learn in BOXES.items()
+    }
+    added = {
+        name: (lambda new, model=model: model((new - centre) / spread)) for name, model in learned.items()
+    }
     return frames, added
 
 
@@ -204,7 +223,11 @@ def across(table: pd.DataFrame, other: pd.DataFrame, folder: Path, threads: int)
         return np.linalg.norm(measured - placed(arm, q, fitted_frames(arm, q, measured, add), add), axis=1)
 
     errors = {name: distance(predict(q)) for name, predict in added.items()}
-    return {"calibrated": distance(0.0)} | errors | {"diagnosed": pd.read_csv(held / "residuals.csv")["error_m"].to_numpy()}
+    return (
+        {"calibrated": distance(0.0)}
+        | errors
+        | {"diagnosed": pd.read_csv(held / "residuals.csv")["error_m"].to_numpy()}
+    )
 
 
 def _positions(table: pd.DataFrame) -> np.ndarray:
@@ -230,16 +253,26 @@ def measured_rows(series: list[str], splits: list[str], threads: int):
             if "blocked" in splits:
                 block = quadrants(table)
                 parts = [within(table, block != k, folder / f"{name}_block_{k}", threads) for k in range(4)]
-                yield name, "blocked", {method: np.concatenate([part[method] for part in parts]) for method in METHODS}
+                yield (
+                    name,
+                    "blocked",
+                    {method: np.concatenate([part[method] for part in parts]) for method in METHODS},
+                )
             if "other" in splits:
                 other = "C" if name == "B" else "B"
-                yield name, f"other ({other})", across(table, tables[other], folder / f"{name}_other", threads)
+                yield (
+                    name,
+                    f"other ({other})",
+                    across(table, tables[other], folder / f"{name}_other", threads),
+                )
 
 
 def summary(error: np.ndarray) -> dict:
     error = error[np.isfinite(error)]
     return {
-        "rows": len(error), "mean_mm": 1e3 * float(error.mean()), "rms_mm": 1e3 * float(np.sqrt(np.mean(error**2))),
+        "rows": len(error),
+        "mean_mm": 1e3 * float(error.mean()),
+        "rms_mm": 1e3 * float(np.sqrt(np.mean(error**2))),
         "p95_mm": 1e3 * float(np.quantile(error, 0.95)),
     }
 
@@ -247,11 +280,14 @@ def summary(error: np.ndarray) -> dict:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--series", nargs="+", choices=("B", "C"), default=["B", "C"])
-    parser.add_argument("--splits", nargs="+", choices=("random", "other", "blocked"), default=["random", "other", "blocked"])
+    parser.add_argument(
+        "--splits", nargs="+", choices=("random", "other", "blocked"), default=["random", "other", "blocked"]
+    )
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--out", type=Path)
     arguments = parser.parse_args()
-    warnings.filterwarnings("ignore", category=UserWarning, module="sklearn")  # lengths at their bounds: axes without effect
+    # Lengths at their bounds belong to axes without effect.
+    warnings.filterwarnings("ignore", category=UserWarning, module="sklearn")
     print("| fitted to | judged on | rows | " + " | ".join(METHODS) + " |")
     print("| --- " * (3 + len(METHODS)) + "|", flush=True)
     results = []
