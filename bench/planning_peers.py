@@ -86,7 +86,7 @@ def source(robot, model, own, nu, limit, favoured):
     theta = np.empty_like(own.q_desired)
     for i, joint in enumerate(model.joints):
         phi = own.q_desired[:, i] - model.offsets[i] + spring_inverse(joint.spring_linear, joint.spring_cubic, still[:, i])[0]
-        theta[:, i] = _core.gear_motor_angle(robot.ratios[i], model.core.gears[i].cw, phi) / robot.ratios[i]
+        theta[:, i] = _core.gear_motor_angle(robot.ratios[i], model.core.joints[i].gear.cw, phi) / robot.ratios[i]
     program, start, low, high = problem(model, own.q_desired, theta, own.reference.step, nu)
     options = {"ipopt.print_level": 0, "ipopt.sb": "yes", "print_time": False, "ipopt.max_cpu_time": limit}
     if favoured:

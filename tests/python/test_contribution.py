@@ -52,8 +52,8 @@ def test_errors_in_space_are_those_of_the_held_out_rows(result):
 
 
 @pytest.mark.parametrize("joints, words", [
-    ([2], " of axis 2"), ([1, 2, 3, 4], " of axes 1 to 4"), ([6, 1, 3], " of axes 1, 3 and 6"), ([1, 2], " of axes 1 and 2"),
-    ([1, 2, 3, 4, 5, 6], " of all six axes"), ([None], ""),
+    ([2], " on axis 2"), ([1, 2, 3, 4], " on axes 1 to 4"), ([6, 1, 3], " on axes 1, 3 and 6"), ([1, 2], " on axes 1 and 2"),
+    ([1, 2, 3, 4, 5, 6], " on all six axes"), ([None], ""),
 ])
 def test_axes_are_told_as_a_person_would(joints, words):
     assert axes_in_words(joints, 6) == words

@@ -35,12 +35,12 @@ def axes_in_words(joints: Sequence[int | None], axes: int) -> str:
     if not numbers:
         return ""
     if len(numbers) == axes and axes > 1:
-        return f" of all {_NUMBERS[axes] if axes < len(_NUMBERS) else axes} axes"
+        return f" on all {_NUMBERS[axes] if axes < len(_NUMBERS) else axes} axes"
     if len(numbers) == 1:
-        return f" of axis {numbers[0]}"
+        return f" on axis {numbers[0]}"
     if len(numbers) > 2 and numbers == list(range(numbers[0], numbers[-1] + 1)):
-        return f" of axes {numbers[0]} to {numbers[-1]}"
-    return f" of axes {', '.join(map(str, numbers[:-1]))} and {numbers[-1]}"
+        return f" on axes {numbers[0]} to {numbers[-1]}"
+    return f" on axes {', '.join(map(str, numbers[:-1]))} and {numbers[-1]}"
 
 
 def causes_in_words(found: Sequence[tuple[Finding, Contribution | None]], axes: int) -> str:

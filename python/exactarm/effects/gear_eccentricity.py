@@ -25,7 +25,7 @@ class GearEccentricity(Effect):
     second: bool = True
 
     name: ClassVar[str] = "gear_eccentricity"
-    plain: ClassVar[str] = "run-out, once and twice a turn"
+    plain: ClassVar[str] = "run-out (once and twice a turn)"
     station: ClassVar[Station] = Station.GEAR
     kinds: ClassVar[tuple[str, ...]] = ("poses", "gear_run", "motion", "tracked_motion")
     compensable: ClassVar[bool] = True
