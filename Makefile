@@ -18,13 +18,14 @@ CPP_TESTS := $(shell find tests/cpp -type f 2>/dev/null)
 # Not deleted as intermediate files.
 .PRECIOUS: .setup/packages-%
 
-.PHONY: help demo test test-cpp test-python install bench clean
+.PHONY: help demo test test-cpp test-python install bench docs clean
 
 help:
 	@echo "make demo     set up everything, run exactarm on the shipped data, say where the report lies"
 	@echo "make test     set up everything, run the C++ and the Python tests"
 	@echo "make install  set up everything: $(BIN)/exactarm"
 	@echo "make bench    the C++ benchmarks"
+	@echo "make docs     the documentation as a site: docs/_site/index.html"
 	@echo "make clean    remove what was built (the environment stays)"
 
 demo: .setup/install
@@ -47,6 +48,10 @@ install: .setup/install
 bench: .setup/bench
 	@cmake -S . -B build/bench -DEXACTARM_BENCH=ON -DEXACTARM_PYTHON=OFF -DCMAKE_BUILD_TYPE=Release > build/bench.log
 	@cmake --build build/bench
+
+docs: .setup/install .setup/packages-docs
+	@$(BIN)/python -m sphinx -q -W --keep-going docs docs/_site
+	@echo "docs/_site/index.html"
 
 # System packages, each stamp for what its users need.
 .setup/system: setup/system.sh setup/packages.txt

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import threading
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Callable, Sequence
 
 from exactarm.progress import SILENT, Progress
 from exactarm.report.sections import Figure
+
+_ONE_AT_A_TIME = threading.Lock()  # matplotlib's settings belong to the process, not to a thread
 
 
 @dataclass(frozen=True)
@@ -26,7 +29,7 @@ def draw(figures: Sequence[Figure], place: Callable[[str], Path], progress: Prog
 
     drawings = []
     progress.stage("drawing", total=len(figures))
-    with house_style():
+    with _ONE_AT_A_TIME, house_style():
         for figure in figures:
             vector, raster = place(f"plots/{figure.name}.svg"), place(f"plots/{figure.name}.png")
             write_picture(figure.build(), vector, raster)

@@ -1,0 +1,21 @@
+"""The documentation site: Markdown pages by MyST, the Python reference from docstrings. `make docs` builds it."""
+
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "python"))
+
+import exactarm  # noqa: E402
+
+project, author = "exactarm", "the exactarm developers"
+version = release = exactarm.__version__
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.mathjax", "sphinx_copybutton"]
+myst_enable_extensions = ["dollarmath", "colon_fence"]
+myst_heading_anchors = 3
+html_theme, html_title = "furo", f"exactarm {release}"
+html_static_path: list[str] = []
+exclude_patterns = ["_site", "style.md", "notebooks"]
+autodoc_typehints, autodoc_member_order, add_module_names = "description", "bysource", False
+copybutton_prompt_text = "$ "
+# links to files of the repository, tables shown as csv
+suppress_warnings = ["myst.xref_missing", "misc.highlighting_failure"]

@@ -1,0 +1,244 @@
+"""`exactarm batch`: many robots from one table; what has not changed is not computed again, a failure stops no other.
+
+    exactarm batch manifest.csv --out fleet --workers 4
+
+A job is a row: name, command, robot, files (with ; between); further columns are options of its command. Its key is the
+SHA-256 of command, options, version, robot file and data; `FOLDER/NAME/.batch` keeps the key of a finished job.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import difflib
+import hashlib
+import json
+import re
+import time
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor, Future, ProcessPoolExecutor, as_completed
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Union
+
+import exactarm
+from exactarm.commands.execute import execute, parse
+from exactarm.commands.listing import find_commands, import_command
+from exactarm.commands.plain import sha256
+from exactarm.commands.publish import save, sources
+from exactarm.commands.result import Asked, CommandResult
+from exactarm.errors import ComputationError, InputError
+from exactarm.progress import SILENT, Progress
+from exactarm.report import Cell, Highlight, Highlights, Link, Quantity, Report, Table
+from exactarm.split import DEFAULT_SEED
+
+NAME = "batch"
+HELP = "many robots from one table: one summary, and only what is new is computed"
+KEY = ".batch"
+COLUMNS = ("name", "command", "robot", "files")
+_NOT_IN_BATCH = ("batch", "demo")
+AnyManifest = Union[str, Path, Sequence[Mapping[str, Any]]]
+
+
+@dataclass(frozen=True)
+class Job:
+    """One row: where its results go, and the words of its command line without `--out`."""
+
+    name: str
+    command: str
+    robot: str
+    words: tuple[str, ...]
+    key: str
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a job ended: `state` is done, kept or failed; errors are RMS on the rows that judge, in `unit`."""
+
+    name: str
+    command: str
+    robot: str
+    state: str
+    verdict: str = ""
+    unit: str = ""
+    before_rms: float | None = None
+    after_rms: float | None = None
+    seconds: float = 0.0
+    why: str = ""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("files", metavar="MANIFEST", nargs=1, type=Path, help="table of jobs: name, command, robot, files, options")
+    parser.add_argument("--workers", metavar="N", type=int, default=1, help="processes at once (default %(default)s)")
+    parser.add_argument("--again", action="store_true", help="compute all jobs, those whose inputs have not changed too")
+
+
+def batch(manifest: AnyManifest, folder: str | Path, *, executor: Executor | None = None, again: bool = False,
+          seed: int = DEFAULT_SEED, threads: int = 1, progress: Progress = SILENT) -> CommandResult:
+    """Runs all jobs of a manifest (a file, or rows as mappings), writes their results and the overview into `folder`.
+
+    executor: any of concurrent.futures (processes, Dask's `client.get_executor()`); None: one after the other. threads: of
+    each job. A job whose inputs have not changed is kept, unless `again`.
+    """
+    result = _fleet(manifest, Path(folder), executor, again, seed, threads, progress)
+    save(result, folder)
+    return result
+
+
+def run(arguments: argparse.Namespace) -> CommandResult:
+    if arguments.workers < 1:
+        raise InputError(f"--workers {arguments.workers}: expected 1 or more")
+    given = (arguments.files[0], arguments.out)
+    rest = (arguments.again, arguments.seed, max(1, arguments.threads // arguments.workers), arguments.progress)
+    if arguments.workers == 1:
+        return _fleet(*given, None, *rest)
+    with ProcessPoolExecutor(arguments.workers) as pool:
+        return _fleet(*given, pool, *rest)
+
+
+def _fleet(manifest: AnyManifest, folder: Path, executor: Executor | None, again: bool, seed: int, threads: int,
+           progress: Progress) -> CommandResult:
+    jobs = read_jobs(manifest, seed)
+    waiting = [job for job in jobs if again or not _kept(job, folder)]
+    outcomes = {job.name: _outcome(job, folder, "kept") for job in jobs if job not in waiting}
+    progress.stage("jobs", total=len(waiting))
+    if executor is None:
+        for job in waiting:
+            outcomes[job.name] = run_job(job, folder, threads)
+            progress.step(note=job.name)
+    else:
+        futures: dict[Future[Outcome], Job] = {executor.submit(run_job, job, folder, threads): job for job in waiting}
+        for future in as_completed(futures):
+            job, error = futures[future], future.exception()
+            outcomes[job.name] = future.result() if error is None else _failed(job, f"the worker ended: {error}")
+            progress.step(note=job.name)
+    ended = [outcomes[job.name] for job in jobs]
+    read = sources([manifest]) if isinstance(manifest, (str, Path)) else ()
+    failed = sum(outcome.state == "failed" for outcome in ended)
+    return CommandResult(
+        json={"jobs": [vars(outcome) for outcome in ended]} | {state: sum(o.state == state for o in ended) for state in ("done", "kept", "failed")},
+        report=_report(ended),
+        tables={"summary.parquet": {name: [getattr(o, name) for o in ended] for name in Outcome.__dataclass_fields__}},
+        exit_code=1 if failed else 0,
+        asked=Asked("batch", f"exactarm.batch({str(manifest)!r}, {str(folder)!r}, seed={seed})" if read else "exactarm.batch(...)", None, read, seed),
+    )
+
+
+def run_job(job: Job, folder: Path, threads: int = 1) -> Outcome:
+    """One job in this process; whatever happens is its outcome."""
+    started = time.perf_counter()
+    place = Path(folder) / job.name
+    try:
+        (place / KEY).unlink(missing_ok=True)
+        module = import_command(job.command)
+        published = execute(module, parse(module, [*job.words, "--out", str(place), "--threads", str(threads)]), SILENT)
+        if published.result.exit_code:
+            return _failed(job, published.report.verdict, time.perf_counter() - started)
+        (place / KEY).write_text(job.key)
+    except (InputError, ComputationError) as error:
+        return _failed(job, str(error), time.perf_counter() - started)
+    except Exception as error:  # a fault of one job is told, and the others still run
+        return _failed(job, f"unexpected {type(error).__name__}: {error}", time.perf_counter() - started)
+    return _outcome(job, Path(folder), "done")
+
+
+# -- the manifest ------------------------------------------------------------------------------------
+def read_jobs(manifest: AnyManifest, seed: int = DEFAULT_SEED) -> tuple[Job, ...]:
+    """The jobs of a manifest; raises InputError with row and column."""
+    rows, beside, file = _rows(manifest)
+    if not rows:
+        raise InputError("no job; expected one row for each", file=file)
+    missing = [name for name in ("command", "robot") if name not in rows[0]]
+    if missing:
+        raise InputError(f"column missing; expected {', '.join(COLUMNS)} and options", file=file, column=missing[0])
+    jobs: list[Job] = []
+    for number, row in enumerate(rows, start=1):
+        job = _job({key: str(value).strip() for key, value in row.items() if value not in (None, "")}, number, beside, file, seed)
+        if job.name in {other.name for other in jobs}:
+            raise InputError(f"{job.name!r} again; expected a name of its own", file=file, row=number, column="name")
+        jobs.append(job)
+    return tuple(jobs)
+
+
+def _rows(manifest: AnyManifest) -> tuple[list[Mapping[str, Any]], Path, Any]:
+    if not isinstance(manifest, (str, Path)):
+        return list(manifest), Path(), None
+    path = Path(manifest)
+    try:
+        if path.suffix == ".parquet":
+            from pyarrow import parquet
+
+            return parquet.read_table(path).to_pylist(), path.parent, path
+        with path.open(newline="", encoding="utf-8") as stream:
+            return list(csv.DictReader(stream)), path.parent, path
+    except (OSError, UnicodeDecodeError, csv.Error, ValueError) as error:
+        raise InputError(f"cannot be read ({getattr(error, 'strerror', None) or error}); expected a table of jobs", file=path) from None
+
+
+def _job(row: Mapping[str, str], number: int, beside: Path, file: Any, seed: int) -> Job:
+    known = [name for name in find_commands() if name not in _NOT_IN_BATCH]
+    command = row.get("command", "")
+    if command not in known:
+        close = difflib.get_close_matches(command, known, n=1)
+        hint = f"did you mean {close[0]}?" if close else f"expected one of {', '.join(known)}"
+        raise InputError(f"{command!r}: {hint}", file=file, row=number, column="command")
+    if "robot" not in row:
+        raise InputError("is empty; expected a robot file or a shipped robot", file=file, row=number, column="robot")
+    name = row.get("name", f"{number:03d}_{command}")
+    if not re.fullmatch(r"[\w-][\w.-]*", name):
+        raise InputError(f"{name!r}; expected letters, digits, _ . and -", file=file, row=number, column="name")
+    near = lambda word: str(beside / word) if (beside / word).exists() else word
+    robot, files = near(row["robot"]), [near(word.strip()) for word in row.get("files", "").split(";") if word.strip()]
+    words = [robot, *files, "--seed", row.get("seed", str(seed))]
+    for key, value in row.items():
+        if key in (*COLUMNS, "seed") or value.lower() in ("false", "no"):
+            continue
+        words += [f"--{key.replace('_', '-')}", *([] if value.lower() in ("true", "yes") else [value])]
+    hashes = [sha256(word) for word in words if Path(word).is_file()]
+    key = hashlib.sha256(json.dumps([exactarm.__version__, command, words, hashes]).encode()).hexdigest()
+    return Job(name, command, robot, tuple(words), key)
+
+
+# -- outcomes ----------------------------------------------------------------------------------------
+def _kept(job: Job, folder: Path) -> bool:
+    place = folder / job.name
+    return (place / "result.json").is_file() and (place / KEY).is_file() and (place / KEY).read_text() == job.key
+
+
+def _failed(job: Job, why: str, seconds: float = 0.0) -> Outcome:
+    return Outcome(job.name, job.command, job.robot, "failed", seconds=round(seconds, 3), why=why)
+
+
+def _outcome(job: Job, folder: Path, state: str) -> Outcome:
+    """What a finished job's result.json says."""
+    result = json.loads((folder / job.name / "result.json").read_text(encoding="utf-8"))
+    rms = [_rms(result.get(when)) for when in ("before", "after")]
+    if rms[1] is None:
+        rms[1] = (result.get("error") or {}).get("rms")
+    return Outcome(job.name, job.command, job.robot, state, result.get("verdict", ""), result.get("unit", "m"), *rms, result["seconds"])
+
+
+def _rms(sets: Any) -> float | None:
+    if not isinstance(sets, Mapping):
+        return None
+    judged = sets.get("validation") or {}
+    return judged.get("rms") if judged.get("n") else (sets.get("identification") or {}).get("rms")
+
+
+def _report(ended: Sequence[Outcome]) -> Report:
+    count = {state: sum(outcome.state == state for outcome in ended) for state in ("done", "kept", "failed")}
+    verdict = f"{len(ended)} jobs: {count['done']} computed, {count['kept']} kept because nothing had changed, {count['failed']} failed."
+    row = lambda o: (o.name, o.command, o.robot, o.state, o.verdict.replace("_", " "), Quantity(o.before_rms, o.unit),
+                     Quantity(o.after_rms, o.unit), Quantity(o.seconds, "s"), _page(o))
+    failures = tuple((o.name, o.why) for o in ended if o.state == "failed")
+    return Report("Fleet", verdict, (
+        Highlights((Highlight("computed", Quantity(count["done"])), Highlight("kept", Quantity(count["kept"])),
+                    Highlight("failed", Quantity(count["failed"])))),
+        Table("Failed, and why", ("job", "why"), failures),
+        Table("Jobs", ("name", "command", "robot", "state", "verdict", "RMS before", "after", "time", "page"),
+              tuple(row(outcome) for outcome in ended), "RMS on rows that were never fitted, where there are any."),
+    ), "caution" if count["failed"] else "good")
+
+
+def _page(outcome: Outcome) -> Cell:
+    return Link(f"{outcome.name}/report.html", "report") if outcome.state != "failed" else ""
