@@ -225,3 +225,35 @@ def test_limits_and_singular_poses_are_refused_or_kept(tmp_path, capsys):
     assert code == 0 and result["correction"]["n"] == 2 and len(result["refused"]) == 1
     tight = replace(robot, joints=(replace(robot.joints[0], q_max=float(q[0, 0]) - 1e-3), *robot.joints[1:]))
     assert "axis 1 would leave its limit" in refused(tmp_path, capsys, files, robot=tight)
+
+
+def straight_programs(cell, q):
+    """One long straight motion in the two dialects that take points in between."""
+    ur, abb = cells.urscript(cell, q), cells.rapid(cell, q)
+    ur["prog.script"] = ur["prog.script"].replace(b"movej(p[", b"movel(p[")
+    lines = [line.replace(b"MoveJ [[", b"MoveL [[") for line in abb["prog.mod"].split(b"\n")]
+    return ur, {"prog.mod": b"\n".join(lines)}
+
+
+@pytest.mark.parametrize("dialect", ["urscript", "rapid"])
+def test_points_in_between_keep_the_real_tip_on_its_line(tmp_path, dialect):
+    rippled = identified(effects=False, chain="calibrated")
+    robot = replace(rippled, joints=tuple(replace(joint, cw=None, ccw=None) for joint in rippled.joints))
+    cell = Cell(robot, base=Placement()) if dialect == "urscript" else Cell(robot)
+    start = nearby(robot, 1)
+    q = np.vstack([start, start + 0.3])
+    files = straight_programs(cell, q)[dialect == "rapid"]
+    *_, plain = compensate(tmp_path, robot, files, "--points", "calculated", "--tolerance-mm", "100")
+    code, written, result = compensate(tmp_path, robot, files, "--points", "calculated", "--tolerance-mm", "0.03")
+    (bend,) = result["programs"][0]["straight_motions"]
+    assert code == 0 and bend["off_line_m"] > 5e-5 and bend["points_in_between"] >= 1 and bend["off_line_after_m"] < 3e-5
+    assert plain["programs"][0]["straight_motions"][0]["off_line_m"] == bend["off_line_m"]
+    name = next(iter(files))
+    more = [line for line in written[name].splitlines() if b"r=0.001" in line or b",z1," in line]
+    assert len(written[name].splitlines()) - len(files[name].splitlines()) == len(more) == bend["points_in_between"]
+    # jumps of a flank and ripple of a gear within a few degrees are more than points in between can follow: told
+    *_, rough = compensate(tmp_path, rippled, files, "--points", "calculated", "--tolerance-mm", "0.03")
+    assert any("leave their line" in warning for warning in rough["warnings"])
+    # the new program is one that can be read, and its points in between are what a compensation of them would give
+    _, again, _ = compensate(tmp_path, robot, written, "--points", "taught")
+    assert again == written

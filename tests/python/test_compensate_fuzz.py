@@ -48,6 +48,8 @@ def setting_of(dialect: str) -> Setting:
 def mutated(content: bytes, random: np.random.Generator) -> bytes:
     """One to three small damages, as an editor, a line of a network or a careless hand makes them."""
     for _ in range(random.integers(1, 4)):
+        if not re.search(NUMBER, content):
+            return content
         place, lines = int(random.integers(len(content))), content.splitlines(keepends=True)
         line = int(random.integers(len(lines)))
         kind = random.integers(8)

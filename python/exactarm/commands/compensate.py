@@ -85,10 +85,26 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--session", metavar="N", type=int, help="with --frame device: the set-up whose device frame is meant"
     )
     parser.add_argument(
+        "--tolerance-mm",
+        metavar="MM",
+        type=_tolerance,
+        help="how far a straight motion may leave its line: points in between are put in, where the dialect allows it",
+    )
+    parser.add_argument(
         "--keep-refused",
         action="store_true",
         help="leave targets that cannot be corrected as they are, instead of stopping",
     )
+
+
+def _tolerance(text: str) -> float:
+    value = float(text)
+    if not 0.0 < value < np.inf:
+        raise argparse.ArgumentTypeError(f"{text}, expected a number above 0")
+    return value
+
+
+_tolerance.__name__ = "number of mm"
 
 
 def compensate(
@@ -130,7 +146,8 @@ def run(arguments: argparse.Namespace) -> CommandResult:
             )
         chosen = chosen_points(program, arguments.points)
         reread = lambda contents, job=job: job.reread(contents, setting)
-        corrections.append(correct(program, model, chosen, setting.start, arguments.threads, reread))
+        tolerance = None if arguments.tolerance_mm is None else 1e-3 * arguments.tolerance_mm
+        corrections.append(correct(program, model, chosen, setting.start, arguments.threads, reread, tolerance))
     _stop_at_refused(corrections, arguments)
     used = (
         not arguments.points

@@ -61,6 +61,16 @@ def _program(correction: Correction) -> dict:
         "corrected": int(corrected.sum()),
         "refused": len(correction.refused),
         "as_written_max_m": _largest([correction.reached]),
+        "straight_motions": [
+            {
+                "target": correction.program.targets[bend.target].name,
+                "line": bend.line,
+                "off_line_m": bend.before,
+                "points_in_between": bend.points,
+                "off_line_after_m": bend.after,
+            }
+            for bend in correction.bends
+        ],
     }
 
 
@@ -112,6 +122,7 @@ def report_of(
         Text("Base and flange", (frames.choice,)),
         _programs(corrections),
         *_figures(corrections),
+        _bends(corrections),
         _largest_rows(corrections),
         _left(corrections),
         Text("What was compensated", (_effects(robot, model),)),
@@ -192,6 +203,28 @@ def _largest_rows(corrections: Sequence[Correction], most: int = 12) -> Table:
         ("target", "file", "line", "moved", "largest turn of an axis"),
         cells,
         "All of them are in compensation.csv.",
+    )
+
+
+def _bends(corrections: Sequence[Correction], most: int = 12) -> Table:
+    rows = [(bend, c.program) for c in corrections for bend in c.bends]
+    rows.sort(key=lambda row: -row[0].before)
+    cells = tuple(
+        (
+            program.targets[bend.target].name,
+            program.files[0].path.name,
+            bend.line,
+            Quantity(bend.before, "m"),
+            bend.points,
+            Quantity(bend.after, "m"),
+        )
+        for bend, program in rows[:most]
+    )
+    return Table(
+        "Straight motions",
+        ("to", "file", "line", "off the line", "points in between", "off the line then"),
+        cells,
+        "Largest distance of the real tip from the straight line between corrected ends.",
     )
 
 

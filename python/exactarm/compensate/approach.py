@@ -19,8 +19,13 @@ from exactarm.compensate.program import Motion
 from exactarm.rotation import log as rotation_log
 
 
-def approaches(model: CompensationModel, motions: Sequence[Motion], q: np.ndarray) -> np.ndarray:
-    """(M, n) from -1 to 1 for each motion; q (T, n): joint angles of the targets, NaN where not known."""
+def approaches(
+    model: CompensationModel, motions: Sequence[Motion], q: np.ndarray, start: np.ndarray | None = None
+) -> np.ndarray:
+    """(M, n) from -1 to 1 for each motion; q (T, n): joint angles of the targets, NaN where not known.
+
+    start (n,): where the arm stands before the first motion, as far as it is known.
+    """
     sense, n = np.sign(model.actual.ratios), q.shape[1]
     if motions and all(motion.time is not None for motion in motions):
         path = q[[motion.target for motion in motions]]
@@ -32,6 +37,8 @@ def approaches(model: CompensationModel, motions: Sequence[Motion], q: np.ndarra
         before = motions[i - 1].target if i else None
         if motion.approach is not None:
             arrival[i] = np.asarray(motion.approach) * sense  # taken as it is, below
+        elif i == 0 and motion.target is not None and start is not None:
+            arrival[i] = np.nan_to_num(q[motion.target] - start)
         elif motion.target is not None and before is not None:
             arrival[i] = np.nan_to_num(q[motion.target] - q[before])
             if motion.kind != "joint":

@@ -15,6 +15,7 @@ import numpy as np
 from exactarm.compensate.approach import approaches
 from exactarm.compensate.law import NEAR_SINGULAR, CompensationModel, Poses, pose_error
 from exactarm.compensate.program import Edit, Program, Target
+from exactarm.compensate.straightness import Bend, bends
 from exactarm.errors import InputError
 from exactarm.mdh_frames import compose, relative
 from exactarm.robot import Placement
@@ -47,6 +48,7 @@ class Correction:
     refused: tuple[InputError, ...]
     reached: np.ndarray
     warnings: tuple[str, ...]
+    bends: tuple[Bend, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -65,29 +67,41 @@ def correct(
     start: np.ndarray | None,
     threads: int,
     reread: Callable[[list[bytes]], Program],
+    tolerance: float | None = None,
 ) -> Correction:
-    """chosen (T,) bool: the targets to correct; start (n,): joint angles before the first motion, where known."""
+    """chosen (T,) bool: the targets to correct; start (n,): joint angles before the first motion, where known.
+
+    tolerance: m, how far a straight motion may leave its line; None: not asked.
+    """
     resolved = _resolve(program, model, start)
     used = np.zeros(len(program.targets), bool)
     used[[i for motion in program.motions for i in (motion.target, motion.via) if i is not None]] = True
     why = ["" if u else UNUSED for u in used]
     rows = np.flatnonzero(used & chosen & ~np.isnan(resolved.q).any(axis=1))
     q_after = np.full_like(resolved.q, np.nan)
-    sides, warnings = _sides(program, model, resolved.q)
-    for _ in range(SETTLED):
+    sides, warnings = _sides(program, model, resolved.q, start)
+    for attempt in range(SETTLED):
         found, left_over, amplification = _commands(program, model, resolved, rows, sides, threads)
-        again, warnings = _sides(program, model, _filled(resolved.q, rows, found))
+        again, warnings = _sides(program, model, _filled(resolved.q, rows, found), start)
         if np.array_equal(again[rows], sides[rows]):
             break
-        sides = again
+        # an axis that hardly moves may come from one side before its correction and from the other behind it
+        sides = again if attempt < SETTLED - 2 else np.where(again == sides, sides, 0.0)
     refusals = dict(resolved.refusals)
     refusals |= _refusals(model, resolved.q, rows, found, left_over, amplification)
     rows_good = np.array([r not in refusals for r in rows], bool)
     q_after[rows[rows_good]] = found[rows_good]
     edits, moved = _edits(program, model, q_after)
+    found_bends = bends(program, model, resolved.poses, q_after, tolerance) if tolerance is not None else []
+    warnings += _told(program, found_bends, tolerance)
+    if not program.targets:
+        warnings.append(f"{program.files[0].path.name}: no target was found")
     contents = program.rewritten(edits)
     if program.finish is not None:
         contents = program.finish(contents, q_after)
+    written = reread(contents)
+    inserted = [bend.edit for bend in found_bends if bend.edit is not None]
+    contents = program.rewritten(edits + inserted) if inserted else contents
     refused = []
     for i, target in enumerate(program.targets):
         if not chosen[i]:
@@ -96,7 +110,7 @@ def correct(
             why[i] = refusals[i]
             place = program.files[target.file]
             refused.append(InputError(f"{target.name}: {refusals[i]}", file=place.path, line=target.line))
-    reached = _reached(reread(contents), program, model, resolved, sides, q_after, threads)
+    reached = _reached(written, program, model, resolved, sides, q_after, threads)
     shifts = model.controller.poses(np.nan_to_num(q_after)).position - resolved.poses.position
     shifts[np.isnan(q_after).any(axis=1)] = np.nan
     return Correction(
@@ -111,6 +125,22 @@ def correct(
         tuple(refused),
         reached,
         tuple(warnings),
+        tuple(found_bends),
+    )
+
+
+def _told(program: Program, found: list[Bend], tolerance: float | None) -> list[str]:
+    """A straight motion that no points in between keep on its line."""
+    left = [bend for bend in found if bend.after > tolerance]
+    names = [
+        f"{program.targets[bend.target].name} (line {bend.line}, {1e3 * bend.after:.3f} mm)"
+        for bend in left[:5]
+    ]
+    more = f" and {len(left) - 5} more" if len(left) > 5 else ""
+    return (
+        [f"straight motions that leave their line by more than the tolerance: {', '.join(names)}{more}"]
+        if left
+        else []
     )
 
 
@@ -183,9 +213,11 @@ def _branch(
     return matching[0]
 
 
-def _sides(program: Program, model: CompensationModel, q: np.ndarray) -> tuple[np.ndarray, list[str]]:
+def _sides(
+    program: Program, model: CompensationModel, q: np.ndarray, start: np.ndarray | None
+) -> tuple[np.ndarray, list[str]]:
     """(T, n) from which side each axis comes; 0 where motions to one target come from different sides."""
-    by_motion = approaches(model, program.motions, q)
+    by_motion = approaches(model, program.motions, q, start)
     sides, seen, warnings = np.zeros_like(q), {}, list(program.warnings)
     for motion, side in zip(program.motions, by_motion):
         for index in (motion.via, motion.target):

@@ -147,7 +147,9 @@ def with_nominal(robot: Robot, nominal: Robot) -> Robot:
             f"--nominal: robot {nominal.name} has {nominal.axes} axes, {robot.name} has {robot.axes}"
         )
     if not nominal.has_geometry:
-        raise InputError(f"--nominal: robot {nominal.name} declares no geometry; expected the frames of the controller")
+        raise InputError(
+            f"--nominal: robot {nominal.name} declares no geometry; expected the frames of the controller"
+        )
     theirs = nominal.with_controller_frames.controller
     merged = replace(robot.controller, frames=theirs.frames, base=theirs.base, flange=theirs.flange)
     return replace(robot, controller=merged)

@@ -158,12 +158,18 @@ class _Reader:
             raise source.refuse(place, f"{len(numbers)} numbers; expected X, Y, Z, Rx, Ry, Rz")
         in_range(source, numbers)
         old = np.radians([number.value for number in numbers[3:]])
-        digits = [max(LEAST_DECIMALS, *(number.decimals(source) for number in part)) for part in (numbers[:3], numbers[3:])]
+        digits = [
+            max(LEAST_DECIMALS, *(number.decimals(source) for number in part))
+            for part in (numbers[:3], numbers[3:])
+        ]
 
         def encode(_, tip):
             z, y, x = to_zyx(tip.rotation, old[::-1])
             values = [*(1e3 * tip.position), *np.degrees([x, y, z])]
-            return [number.edit(source, 0, value, digits[i // 3]) for i, (number, value) in enumerate(zip(numbers, values))]
+            return [
+                number.edit(source, 0, value, digits[i // 3])
+                for i, (number, value) in enumerate(zip(numbers, values))
+            ]
 
         why, tool, base = [], self.setting.tool(state["TOOL"].split(",")[0]), Placement()
         if tool is None or len(tool) != 6:

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from exactarm.compensate.angles import from_zyx, to_zyx
+from exactarm.compensate.configuration import ZERO_RAD, sign_bits, signs_fit
 from exactarm.compensate.program import Edit, Motion, Number, Program, SourceText, Target, in_range
 from exactarm.compensate.setting import Setting
 from exactarm.errors import InputError
@@ -23,7 +24,6 @@ from exactarm.robot import Placement
 
 NAME, SUFFIXES = "KRL", (".src", ".dat")
 MM_DECIMALS, DEG_DECIMALS = 5, 7  # 1e-8 m and 2e-9 rad: below a micrometre at any reach
-ZERO_DEG = 1e-3  # an angle that small may carry either sign
 CARTESIAN = ("X", "Y", "Z", "A", "B", "C")
 ELSEWHERE = (
     "XHOME",
@@ -243,7 +243,10 @@ class _Reader:
         frames = None if is_axis else self.frames(index, name, state, inline)
         if key in self.used:
             other = self.targets[self.used[key]]
-            if frames is not None and not _same(frames, other):
+            if frames is not None and not all(
+                isinstance(a, str) or a == b
+                for a, b in ((frames.tool, other.tool), (frames.base, other.base))
+            ):
                 raise self.sources[point.file].refuse(
                     point.start,
                     f"point {name} is used with different tools or bases: no one number is right for all",
@@ -289,8 +292,8 @@ class _Reader:
                 number.edit(source, point.file, value, MM_DECIMALS if i < 3 else DEG_DECIMALS)
                 for i, (number, value) in enumerate(zip(numbers, values))
             ]
-            if turn is not None and not _signs_fit(int(turn.value), self.setting.reported(q)):
-                bits = int(turn.value) & ~(2**n - 1) | _sign_bits(self.setting.reported(q))
+            if turn is not None and not signs_fit(int(turn.value), self.setting.reported(q)):
+                bits = int(turn.value) & ~(2**n - 1) | sign_bits(self.setting.reported(q))
                 edits.append(Edit(point.file, turn.start, turn.end, str(bits).encode()))
             return edits
 
@@ -302,10 +305,10 @@ class _Reader:
                 reported = self.setting.reported(q)
                 wrist_fits = (
                     wrist is None
-                    or abs(np.sin(reported[4])) < np.radians(ZERO_DEG)
+                    or abs(np.sin(reported[4])) < ZERO_RAD
                     or wrist == (np.sin(reported[4]) < 0.0)
                 )
-                return _signs_fit(int(turn.value), reported) and wrist_fits
+                return signs_fit(int(turn.value), reported) and wrist_fits
 
         unknown = " and ".join(part for part in (frames.tool, frames.base) if isinstance(part, str))
         known = lambda part: part if isinstance(part, Placement) else Placement()
@@ -370,15 +373,6 @@ class _Reader:
         return f"unknown {told}: give --{word} {number or ''}{'=' if number else ''}X,Y,Z,A,B,C (mm, deg) as the controller shows it"
 
 
-def _same(frames: _Frames, target: Target) -> bool:
-    pairs = ((frames.tool, target.tool), (frames.base, target.base))
-    return all(
-        isinstance(a, str)
-        or (np.array_equal(a.position, b.position) and np.array_equal(a.rotation, b.rotation))
-        for a, b in pairs
-    )
-
-
 def placement(numbers) -> Placement:
     """Of a frame as the controller shows it."""
     return Placement(from_zyx(*np.radians(numbers[3:6])), 1e-3 * np.array(numbers[:3], float))
@@ -402,13 +396,3 @@ def _arguments(text: str, place: int) -> list[tuple[str, int]]:
             before, part = part, cut(part)
         trimmed.append((part, at))
     return trimmed
-
-
-def _sign_bits(q: np.ndarray) -> int:
-    return sum(1 << i for i, angle in enumerate(q) if angle < 0.0)
-
-
-def _signs_fit(turn: int, q: np.ndarray) -> bool:
-    return all(
-        abs(np.degrees(angle)) < ZERO_DEG or bool(turn >> i & 1) == (angle < 0.0) for i, angle in enumerate(q)
-    )

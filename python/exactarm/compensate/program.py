@@ -69,6 +69,7 @@ class Motion:
     """One motion: "joint", "linear" or "circular" to a target (index), over another one where circular.
 
     target None: to a place that these files do not know. `time`: s, where the program is a time series.
+    insert: (joint angles and tip of each point in between) -> the edit that puts them before this motion; None: not safe.
     """
 
     kind: str
@@ -77,6 +78,7 @@ class Motion:
     via: int | None = None
     time: float | None = None
     approach: tuple[float, ...] | None = None
+    insert: Callable[[list[tuple[np.ndarray, Placement]]], Edit] | None = None
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from exactarm.compensate.angles import from_quaternion, to_quaternion
+from exactarm.compensate.configuration import EDGE_RAD, in_quadrant, quadrants
 from exactarm.compensate.program import Edit, Motion, Number, Program, SourceText, Target, in_range
 from exactarm.compensate.setting import Setting
 from exactarm.mdh_frames import compose
@@ -25,8 +26,8 @@ NAME, SUFFIXES = "RAPID", (".mod", ".modx", ".sys", ".sysx")
 MM_DECIMALS, DEG_DECIMALS, QUATERNION_DECIMALS = 5, 7, 9
 NO_AXIS = 9e9
 FRAME_NUMBERS = 7
+FLY_BY = "z1"  # the zone at points in between: the arm does not stop there
 NORM_TOLERANCE = 1e-2  # of a quaternion typed with three decimals
-EDGE_RAD = 1e-4  # an axis that close to the edge of a quadrant may be counted to either
 
 _DATA = re.compile(
     r"(?i)\b(?:CONST|PERS|VAR|TASK\s+PERS)\s+(robtarget|jointtarget|tooldata|wobjdata)\s+(\w+)\s*(\{[^}]*\})?\s*:=\s*"
@@ -175,9 +176,49 @@ class _Reader:
             wobj = switches.get("wobj", "wobj0")
             tool = _tool_of(plain, switches)
             places = [self.target(index, value, place, axes, tool, wobj) for value, place in plain[:count]]
-            self.motions.append(
-                Motion(kind, places[-1], source.line(match.start()), places[0] if count == 2 else None)
-            )
+            via = places[0] if count == 2 else None
+            insert = self.insertion(index, match, end, plain)
+            self.motions.append(Motion(kind, places[-1], source.line(match.start()), via, insert=insert))
+
+    def insertion(self, index: int, match: re.Match, end: int, plain: list[tuple[str, int]]):
+        """Points before a MoveL that has its line for itself; flown by in a zone of 1 mm."""
+        source, text = self.sources[index], self.texts[index]
+        start = max(text.rfind("\n", 0, match.start()), text.rfind("\r", 0, match.start())) + 1
+        newline = re.search(r"\r\n|\n|\r", source.text)
+        if (
+            match[0].strip().lower() != "movel"
+            or text[start : match.start()].strip()
+            or len(plain) != 4
+            or newline is None
+        ):
+            return None
+        (target, place), (zone, zone_place) = plain[0], plain[2]
+        name = zone.strip()
+        if not re.fullmatch(r"\w+", name) or "\n" in text[match.start() : end]:
+            return None
+        behind = zone_place + zone.index(name)
+        head, middle = source.text[start:place], source.text[place + len(target) : behind]
+        tail = source.text[behind + len(name) : end + 1]
+
+        def insert(points):
+            lines = []
+            for q, tip in points:
+                wxyz = to_quaternion(tip.rotation, np.array([1.0, 0.0, 0.0, 0.0]))
+                position = ",".join(f"{value:.{MM_DECIMALS}f}" for value in 1e3 * tip.position)
+                turn = ",".join(f"{value:.{QUATERNION_DECIMALS}f}" for value in wxyz)
+                reported = self.setting.reported(q)
+                word = [*quadrants(reported), self.wrist(index, target, place, reported)]
+                literal = f"[[{position}],[{turn}],[{','.join(map(str, word))}],[9E9,9E9,9E9,9E9,9E9,9E9]]"
+                lines.append(head + literal + middle + FLY_BY + tail + newline[0])
+            return Edit(index, start, start, "".join(lines).encode("latin-1"))
+
+        return insert
+
+    def wrist(self, index: int, target: str, place: int, reported: np.ndarray) -> int:
+        """cfx of a point on the way: that of its end, for no straight motion passes a singular pose."""
+        word = target.strip()
+        literal = self.literal(index, place) if word.startswith("[") else self.data[word.lower()][0].literal
+        return int(float(literal.parts[2][3][0]))
 
     def target(self, index: int, value: str, place: int, axes: bool, tool: str, wobj: str) -> int:
         source = self.sources[index]
@@ -200,9 +241,7 @@ class _Reader:
         )
         if key in self.used:
             before = self.targets[self.used[key]]
-            if not (
-                _equal(before.tool, made.tool) and _equal(before.base, made.base) and before.load == made.load
-            ):
+            if not (before.tool == made.tool and before.base == made.base and before.load == made.load):
                 raise source.refuse(
                     place,
                     f"{name} is used with different tools or work objects: no one number is right for all",
@@ -249,11 +288,11 @@ class _Reader:
             edits = [
                 n.edit(source, file, value, d) for n, value, d in zip([*position, *turn], values, decimals)
             ]
-            quadrants = _quadrants(self.setting.reported(q))
+            new_quadrants = quadrants(self.setting.reported(q))
             edits += [
                 Edit(file, n.start, n.end, str(new).encode())
-                for n, new, old, angle in zip(word, quadrants, cf, self.setting.reported(q)[[0, 3, 5]])
-                if not _in_quadrant(angle, old)
+                for n, new, old, angle in zip(word, new_quadrants, cf, self.setting.reported(q)[[0, 3, 5]])
+                if not in_quadrant(angle, old)
             ]
             return edits
 
@@ -262,7 +301,7 @@ class _Reader:
 
             def matches(q):
                 reported = self.setting.reported(q)
-                fits = all(_in_quadrant(angle, quadrant) for angle, quadrant in zip(reported[[0, 3, 5]], cf))
+                fits = all(in_quadrant(angle, quadrant) for angle, quadrant in zip(reported[[0, 3, 5]], cf))
                 return fits and (
                     abs(np.sin(reported[4])) < EDGE_RAD
                     or bool(cf[3] & 1) == (np.sin(reported[4]) < 0.0)
@@ -366,16 +405,3 @@ def _tool_of(plain: list[tuple[str, int]], switches: dict[str, str]) -> str:
     """The last argument without a switch: target(s), speed, zone, tool."""
     word = plain[-1][0].strip()
     return word if re.fullmatch(r"\w+", word) else ""
-
-
-def _equal(a: Placement, b: Placement) -> bool:
-    return np.array_equal(a.position, b.position) and np.array_equal(a.rotation, b.rotation)
-
-
-def _quadrants(q: np.ndarray) -> list[int]:
-    """cf1, cf4, cf6."""
-    return [int(np.floor(angle / (0.5 * np.pi))) for angle in q[[0, 3, 5]]]
-
-
-def _in_quadrant(angle: float, quadrant: int) -> bool:
-    return (quadrant - 1e-12) * 0.5 * np.pi - EDGE_RAD <= angle <= (quadrant + 1) * 0.5 * np.pi + EDGE_RAD

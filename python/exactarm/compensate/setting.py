@@ -69,7 +69,9 @@ def read_numbers(option: str, text: str, counts: tuple[int, ...] | None) -> tupl
         numbers = ()
     if not numbers or (counts and len(numbers) not in counts) or not np.all(np.isfinite(numbers)):
         expected = " or ".join(map(str, counts or ()))
-        raise InputError(f"{option} {text}: expected {expected} numbers with commas between them".replace("  ", " "))
+        raise InputError(
+            f"{option} {text}: expected {expected} numbers with commas between them".replace("  ", " ")
+        )
     return numbers
 
 

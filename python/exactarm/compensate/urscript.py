@@ -14,12 +14,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from exactarm.compensate.angles import from_vector, to_vector
-from exactarm.compensate.program import NUMBER, Motion, Number, Program, SourceText, Target, in_range
+from exactarm.compensate.program import NUMBER, Edit, Motion, Number, Program, SourceText, Target, in_range
 from exactarm.compensate.setting import Setting
 from exactarm.robot import Placement
 
 NAME, SUFFIXES = "URScript", (".script", ".urscript")
 DECIMALS = 9  # m and rad: a nanometre
+BLEND_M = 0.001  # at points in between, so that the arm does not stop there
 KINDS = {"movej": "joint", "servoj": "joint", "movel": "linear", "movep": "linear", "movec": "circular"}
 _MOVE = re.compile(r"\b(movej|movel|movep|movec|servoj)\s*\(")
 _SET = re.compile(r"\b(set_tcp|set_payload|set_payload_cog|set_target_payload)\s*\(")
@@ -115,8 +116,37 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
                 Motion("circular", target(_next_argument(text, match.end())), source.line(match.start()), via)
             )
         else:
-            motions.append(Motion(KINDS[match[1]], target(match.end()), source.line(match.start())))
+            insert = _insertion(source, text, match, literal(match.end()))
+            index_of = target(match.end())
+            motions.append(Motion(KINDS[match[1]], index_of, source.line(match.start()), insert=insert))
     return Program(NAME, sources, tuple(targets), tuple(motions))
+
+
+def _insertion(source: SourceText, text: str, match: re.Match, found: _Literal | None):
+    """Points before a `movel(p[...], name=value, ...)` that has its line for itself; passed with a small blend."""
+    if match[1] != "movel" or found is None or not found.is_pose:
+        return None
+    line = re.compile(
+        r"(?m)^([ \t]*)movel\([ \t]*p\[[^\]]*\]((?:[ \t]*,[ \t]*\w+[ \t]*=[^,()\r\n]*)*)\)[ \t]*$"
+    )
+    start = max(text.rfind("\n", 0, match.start()), text.rfind("\r", 0, match.start())) + 1
+    whole = line.match(text, start)
+    if whole is None:
+        return None
+    options = re.sub(r"[ \t]*,[ \t]*r[ \t]*=[^,]*", "", whole[2].rstrip()) + f", r={BLEND_M}"
+    end = re.search(r"\r\n|\n|\r", source.text)
+    values = np.array([number.value for number in found.numbers])
+
+    def insert(points):
+        lines = []
+        for _, tip in points:
+            pose = ", ".join(
+                f"{value:.{DECIMALS}f}" for value in [*tip.position, *to_vector(tip.rotation, values[3:])]
+            )
+            lines.append(f"{whole[1]}movel(p[{pose}]{options}){end[0]}")
+        return Edit(0, start, start, "".join(lines).encode("latin-1"))
+
+    return insert if end else None
 
 
 def _next_argument(text: str, place: int) -> int:
