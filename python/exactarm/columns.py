@@ -50,6 +50,11 @@ SCALAR_UNITS = (
     | dict.fromkeys(("session", "visit", "run", "set"), NO_UNIT)
 )
 
+# Beyond these no arm, drive or device measures anything, whatever its unit was meant to be (SI units).
+MOST = {
+    "theta": 1e8, "q": 1e5, "theta_dot": 1e8, "q_dot": 1e5, "tau": 1e8, "tau_motor": 1e8, "current": 1e7, "time": 1e13,
+} | dict.fromkeys(POSITION, 1e6) | dict.fromkeys(ROTATION_VECTOR, 1e3) | dict.fromkeys(GYRO, 1e5)
+
 _JOINT_NAMES = "|".join(sorted(JOINT_UNITS, key=len, reverse=True))
 _ALL_UNITS = {unit for units in (*JOINT_UNITS.values(), *PRISMATIC_UNITS.values()) for unit in units} - {""}
 _INDEXED = re.compile(rf"({_JOINT_NAMES})_(\d+)(?:_(.*))?")

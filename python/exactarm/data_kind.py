@@ -28,6 +28,7 @@ STATIC = ("poses", "closures")  # rows are poses at rest
 TORQUES = ("tau", "tau_motor", "current")
 NEARLY_EQUAL = 0.5  # a step may differ from the median by this share ...
 NEARLY_ALL = 0.9  # ... in this share of all steps, at least: logs lose samples
+LEAST_SAMPLES = 8  # of a run: fewer have no derivative that is more than rounding
 LONGEST_STEP_S = 1.0  # a robot's motion cannot be followed in longer steps
 
 
@@ -102,6 +103,10 @@ def _check_time(dataset: "Dataset") -> None:
     if dataset.time is None:
         raise InputError("column missing; expected the time of each sample", file=_file(dataset), column="time_s")
     for rows in _runs(dataset):
+        if rows.size < LEAST_SAMPLES:
+            place = {"file": _file(dataset, dataset.file_index[rows[0]]), "row": int(dataset.row[rows[0]])}
+            raise InputError(f"run {dataset.run[rows[0]]} has {rows.size} rows; expected at least {LEAST_SAMPLES} samples of a motion",
+                             column="run", **place)
         time = dataset.time[rows]
         fallen = np.flatnonzero(np.diff(time) <= 0.0)
         if fallen.size:

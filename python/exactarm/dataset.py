@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from exactarm.columns import CONTACTS, GYRO, POSITION, QUATERNION, ROTATION_VECTOR, Column, may_be_empty, parse_column
+from exactarm.columns import CONTACTS, GYRO, MOST, POSITION, QUATERNION, ROTATION_VECTOR, Column, may_be_empty, parse_column
 from exactarm.data_kind import STATIC, check_joints, data_kinds
 from exactarm.errors import InputError
 from exactarm.fixture import Fixture
@@ -231,6 +231,7 @@ def _read_file(path: str, robot: Robot) -> _File:
         _check_values(path, column, numbers)
         columns[column.key] = column
         values[column.key] = numbers if column.factor == 1.0 else numbers * column.factor
+        _check_size(path, column, values[column.key])
     _check_vectors(path, columns)
     return _File(path, table, columns, values)
 
@@ -252,6 +253,15 @@ def _check_values(path: str, column: Column, numbers: np.ndarray) -> None:
     if not good.all():
         row = int(np.argmin(good))
         raise InputError(f"{numbers[row]}; expected {expected}", file=path, row=row + 1, column=column.name)
+
+
+def _check_size(path: str, column: Column, values: np.ndarray) -> None:
+    """A cell that no device measures is no measurement; one alone would carry any fit with it."""
+    most = MOST.get(column.quantity, np.inf)
+    if column.quantity in MOST and np.max(np.abs(values), initial=0.0) > most:
+        row = int(np.argmax(np.abs(values)))
+        message = f"{values[row]:.6g} in SI units; expected at most {most:g} in size"
+        raise InputError(message, file=path, row=row + 1, column=column.name)
 
 
 def _check_vectors(path: str, columns: Mapping) -> None:

@@ -14,8 +14,11 @@ from exactarm.chain import Layout, predict_poses
 from exactarm.dataset import Dataset, read_dataset, write_dataset
 from exactarm.errors import InputError
 from exactarm.examples import data_path
+from exactarm.diagnose.diagnosis import diagnose
+from exactarm.identify.dynamics import identify_dynamics
 from exactarm.identify.evaluate import evaluate_poses
 from exactarm.identify.first_aid import first_aid
+from exactarm.identify.gear import identify_gears
 from exactarm.identify.frames import find_frames
 from exactarm.identify.suspicion import Suspicion, in_order, listed
 from exactarm.robot_file import load_robot
@@ -378,3 +381,32 @@ def test_of_mistakes_that_explain_as_much_the_first_is_named():
     assert [each.words for each in found] == ["simple", "odd", "weak"] and in_order([]) == []
     assert "90 times better" in found[0].text and "without a rest" in Suspicion("x", 1e9).text
     assert listed([0]) == "axis 1" and listed([0, 2, 5]) == "axes 1, 3 and 6"
+
+
+def test_an_axis_that_stands_still_is_said(kr300):
+    robot, data = kr300
+    still = column(column(data, "theta", scaled(0, 0.0)), "q", scaled(0, 0.0))
+    found = identify_gears(robot, still).warnings
+    assert found[0] == "axis 1 stands still beside the others in these runs: its gear is left as declared"
+
+
+def test_a_run_of_one_row_is_refused_by_its_number(kr300, tmp_path):
+    robot, data = kr300
+    write_dataset(tmp_path / "runs.csv", replace(data.select(np.arange(40)), run=np.arange(1, 41)), robot)
+    with pytest.raises(InputError, match="runs.csv, row 1, column run: run 1 has 1 rows; expected at least 8 samples"):
+        read_dataset(tmp_path / "runs.csv", robot, "gear_run")
+
+
+def test_torques_of_an_arm_without_geometry_prove_nothing(kr300):
+    robot, data = kr300
+    for work in (diagnose, identify_dynamics):
+        with pytest.raises(InputError, match="expected a declared geometry, found drives only"):
+            work(robot, replace(data, kind="motion"))
+
+
+@pytest.mark.parametrize("command", ["evaluate", "calibrate"])
+def test_a_cell_that_no_device_measures_is_refused(ur10, tmp_path, capsys, command):
+    robot, data = ur10
+    write_dataset(tmp_path / "poses.csv", position(data, one_cell(1e20)), robot)
+    assert cli.main([command, "ur10", str(tmp_path / "poses.csv"), "--out", str(tmp_path / "out"), "--quiet"]) == 2
+    assert "poses.csv, row 501, column y_m: 1e+20 in SI units; expected at most 1e+06" in capsys.readouterr().err

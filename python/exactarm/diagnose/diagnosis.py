@@ -31,6 +31,7 @@ _FAR_ABOVE_NOISE = 1.5  # RMS after, beside a measured noise floor: something is
 _SHARE_EXPLAINED = 0.5  # of the square sum above the noise; less, and the cause is not found
 _CARRIES_OVER, _WRONG_SHARE = 1.6, 0.1  # held-out error beside the expected one; share of rows that may be wrong by themselves
 _SHARE_STRAY = 0.25  # of what the held-out error had above noise and spread of the fit; more, and the structure left counts
+_MUCH_LEFT = 0.5  # of the RMS of a torque: drives are noisy, but a model that leaves half of it has not explained it
 _SPREADS = 4.0  # a chance of few parameters: times the expected spread
 _RIVALS_EACH, _RIVALS = 2, 5
 _MANY_PARAMETERS = 200  # above it, only the strongest rival is fitted in the other's place
@@ -119,6 +120,8 @@ def diagnose(
     excess = held_out_excess(errors[-1], problem.error_of_unit_noise(last), _SPREADS * spread)
     verdict = _verdict(problem, before, after, noise, left, bool(findings), spread)
     verdict = UNEXPLAINED if excess > _CARRIES_OVER else verdict
+    if verdict == NOTHING and not noise.measured and problem.share_of_measured(last) > _MUCH_LEFT:
+        verdict = UNEXPLAINED  # a floor that comes from the fit proves nothing by itself
     return Diagnosis(
         robot=_bound(problem.updated_robot(last), robot, data),
         kind=problem.kind,

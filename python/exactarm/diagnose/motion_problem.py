@@ -20,7 +20,7 @@ from exactarm.diagnose.scan import free_mask
 from exactarm.diagnose.time_groups import run_groups, stretches_of_response
 from exactarm.effects.base import Effect, Station
 from exactarm.identify.base_parameters import base_parameters
-from exactarm.identify.declared import all_effects, carried_layout
+from exactarm.identify.declared import all_effects, carried_layout, require_geometry
 from exactarm.identify.dynamics import excited_layout, friction_layout, inertia_was_estimated, inertial_layout, require_enough, with_links
 from exactarm.identify.friction_width import friction_widths
 from exactarm.identify.motion_fit import fit_motion
@@ -76,7 +76,8 @@ class MotionProblem(Problem):
     repeat_source = "white noise of the torque above the band of the motion"
 
     def __init__(self, robot: Robot, data: Dataset, held_out: Dataset, threads: int = 1, seed: int = 0):
-        inertial = robot.has_geometry and (robot.links is None or inertia_was_estimated(robot))
+        require_geometry(robot)  # without it neither gravity nor inertia: friction alone would be all that is known of the torques
+        inertial = robot.links is None or inertia_was_estimated(robot)
         super().__init__(with_links(robot) if inertial else robot, data, held_out, threads, seed)
         self.inertial = inertial
         self.record = self._new_record(data)
@@ -149,6 +150,10 @@ class MotionProblem(Problem):
 
     def left_out(self) -> tuple[str, ...]:
         return reversals_left_out([self.record] + ([self._held] if self._held is not None else []))
+
+    def share_of_measured(self, fitted: Fitted) -> float:
+        torque = self.record.torque[self.record.keep][:, self.record.measured_axes]
+        return self.error_of_unit_noise(fitted) / max(float(np.sqrt(np.mean(torque**2))), 1e-12)
 
     def groups(self) -> np.ndarray:
         return run_groups(self.record.data.run)

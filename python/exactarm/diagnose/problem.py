@@ -211,6 +211,10 @@ class Problem(ABC):
     def repeat_noise(self, fitted: Fitted) -> float | None:
         """Standard deviation of a residual component, in units of sigma, from repeated visits; None without."""
 
+    def share_of_measured(self, fitted: Fitted) -> float:
+        """RMS of what is left over that of what was measured, where that starts at nothing (torques); else 0."""
+        return 0.0
+
     @abstractmethod
     def updated_robot(self, fitted: Fitted) -> Robot:
         """The robot with the re-identified parameters and the found effects."""

@@ -22,7 +22,7 @@ from exactarm.effects.drive import SIGN_WIDTH_RAD_S
 from exactarm.effects.link_inertia import LinkInertia
 from exactarm.errors import InputError
 from exactarm.identify.base_parameters import BaseParameters, base_parameters
-from exactarm.identify.declared import carried_layout
+from exactarm.identify.declared import carried_layout, require_geometry
 from exactarm.identify.friction_width import friction_widths
 from exactarm.identify.motion_fit import MotionFit, fit_motion
 from exactarm.robot import Link, Robot
@@ -68,6 +68,7 @@ class DynamicsIdentification:
 
 def identify_dynamics(robot: Robot, data: Dataset, options: DynamicsOptions = DynamicsOptions()) -> DynamicsIdentification:
     """Identifies on one part of `data`, judges on the other. Raises InputError where the data cannot support it."""
+    require_geometry(robot)
     identification = data.split(options.seed, options.share)
     start = with_links(robot) if options.inertial else robot
     records = {}

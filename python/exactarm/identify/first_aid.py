@@ -16,7 +16,7 @@ from exactarm.identify.declared import carried_layout
 from exactarm.identify.gear_mistakes import gear_mistakes
 from exactarm.identify.motion_mistakes import motion_mistakes
 from exactarm.identify.pose_mistakes import pose_mistakes
-from exactarm.identify.signal_mistakes import signal_mistakes
+from exactarm.identify.signal_mistakes import cell_mistakes, limit_mistakes
 from exactarm.identify.suspicion import Suspicion
 from exactarm.identify.tracked_mistakes import tracked_mistakes
 from exactarm.robot import Robot
@@ -24,13 +24,15 @@ from exactarm.robot import Robot
 
 def first_aid(robot: Robot, data: Dataset) -> tuple[str, ...]:
     """One line for the likeliest mistake of every sort that the data give cause to suspect."""
-    found: list[Suspicion] = list(signal_mistakes(robot, data))
+    found: list[Suspicion] = []
     for kind in data.kinds:
         for check in _CHECKS.get(kind, ()):
             try:
                 found += check(robot, data)[:1]
             except InputError:  # what the command itself refuses, it says itself
                 continue
+    # What explains the data tells more than a limit that is passed.
+    found = [*cell_mistakes(data), *(found or limit_mistakes(robot, data))]
     return tuple(dict.fromkeys(suspicion.text for suspicion in found))
 
 

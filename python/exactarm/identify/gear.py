@@ -10,6 +10,7 @@ Both methods of finding orders are run and compared; the chosen one goes into th
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
@@ -105,7 +106,7 @@ def identify_gears(
         raise InputError(f"unknown method {method!r}, expected one of {', '.join(METHODS)}")
     identification = data.split(seed)
     record = gear_record(robot, data)
-    result, gears, held_out, alignments, warnings = robot, [], [], [], []
+    result, gears, held_out, alignments, warnings = robot, [], [], [], list(_left_out(data, record))
     for axis in measured_axes(record):
         samples, setup = gear_samples(robot, data, record, axis, identification, threads)
         progress(f"gear {axis + 1}")
@@ -127,10 +128,9 @@ def identify_gears(
         alignments += _alignments(data, samples, setup)
         warnings += _warnings(chosen)
         result = new
-    if not gears and warnings:
-        raise InputError(warnings[0])
     if not gears:
-        raise InputError("no axis moves far enough in one direction; expected gear runs over a range of its axis")
+        missing = "no axis moves far enough in one direction; expected gear runs over a range of its axis"
+        raise InputError(warnings[-1] if warnings else missing, file=data.first_file)
     warnings += _remaining(gears)
     intervals = dict(result.intervals)
     for gear in gears:
@@ -262,6 +262,15 @@ def _warnings(estimate: GearEstimate):
         )
     if not estimate.orders.size:
         yield f"axis {joint}: no order stands out of the noise"
+
+
+def _left_out(data: Dataset, record) -> Iterator[str]:
+    """Axes that the file has but the runs do not move: nothing is left out without a word."""
+    given = np.flatnonzero(~np.isnan(data.joints["theta"][0]))
+    still = [axis for axis in record.encoder_axes or given if axis not in measured_axes(record) and not record.moving[axis]]
+    if still:
+        names = ", ".join(str(axis + 1) for axis in still)
+        yield f"axis {names} stands still beside the others in these runs: its gear is left as declared"
 
 
 def _remaining(gears: list[Gear]):

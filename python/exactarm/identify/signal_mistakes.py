@@ -28,16 +28,17 @@ FAR_OFF = 1e3  # times the 99.9 % of a column's cells
 _DEGREE = np.pi / 180.0
 
 
-def signal_mistakes(robot: Robot, data: Dataset) -> Iterator[Suspicion]:
+def limit_mistakes(robot: Robot, data: Dataset) -> Iterator[Suspicion]:
+    """Columns that pass what the arm and its drives can do."""
     angles = controller_angles(robot, data)
-    yield from _cells(data)
     yield from _ranges(robot, angles)
     if data.time is not None and data.kind != "poses":
         yield from _rates(robot, data, angles)
     yield from _torques(robot, data)
 
 
-def _cells(data: Dataset) -> Iterator[Suspicion]:
+def cell_mistakes(data: Dataset) -> Iterator[Suspicion]:
+    """Single cells far off all others of their column."""
     columns = {
         f"{name}_{i + 1}": values[:, i]
         for name, values in data.joints.items()
