@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from exactarm.commands.arguments import add_files, add_robot
-from exactarm.commands.call import AnyData, AnyRobot, asked, data_of, robot_of, threads_of
+from exactarm.commands.arguments import add_files, add_fixture, add_robot
+from exactarm.commands.call import AnyData, AnyFixture, AnyRobot, asked, data_of, robot_of, threads_of
 from exactarm.commands.diagnose_report import report_of
 from exactarm.commands.result import CommandResult, estimate
 from exactarm.commands.suspicions import suspicions
@@ -26,11 +26,12 @@ HELP = "find what the model lacks: residual, cause, new effect, error before and
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_robot(parser)
     add_files(parser)
+    add_fixture(parser)
 
 
 def diagnose(
     robot: AnyRobot, data: AnyData, *, seed: int = DEFAULT_SEED, threads: int | None = None, kind: str | None = None,
-    progress: Progress = SILENT,
+    fixture: AnyFixture = None, progress: Progress = SILENT,
 ) -> CommandResult:
     """Finds what the model lacks: the effects behind the residual, their size, certainty, and error before and after.
 
@@ -40,7 +41,7 @@ def diagnose(
         'no_undeclared_effect'
     """
     declared = known = robot_of(robot)
-    rows = data_of(data, declared, kind)
+    rows = data_of(data, declared, kind, fixture)
     results, skipped, warnings = [], [], []
     for each in (rows.kind,) if kind else rows.kinds:
         progress.stage(f"diagnosing {each.replace('_', ' ')}")
@@ -72,17 +73,19 @@ def diagnose(
 
 def run(arguments: argparse.Namespace) -> CommandResult:
     return diagnose(arguments.robot, arguments.files, seed=arguments.seed, threads=arguments.threads, kind=arguments.kind,
-                    progress=arguments.progress)
+                    fixture=arguments.fixture, progress=arguments.progress)
 
 
 def _json(result: Diagnosis) -> dict:
     effects = [_effect(finding) for finding in result.findings]
     if result.verdict == UNEXPLAINED:
         effects.append(_unknown(result))
-    sets = lambda summaries, errors: {
-        name: summary.to_json() | _per_axis(result, errors[name]) for name, summary in summaries.items()
+    rows = {"identification": result.problem.data, "validation": result.problem.held_out}
+    sets = lambda summaries, errors, fitted: {
+        name: summary.to_json() | _per_axis(result, errors[name]) | result.problem.also_judged(fitted, rows[name])
+        for name, summary in summaries.items()
     }
-    after = sets(result.after, result.errors_after)
+    after = sets(result.after, result.errors_after, result.selection.fits[-1])
     if result.excluded:
         after["identification"]["excluded"] = result.excluded
         after["validation"]["excluded"] = result.before["validation"].n - result.after["validation"].n
@@ -92,7 +95,7 @@ def _json(result: Diagnosis) -> dict:
         "unit": result.unit,
         "noise_floor": result.noise.value,
         "noise_source": result.noise.source,
-        "before": sets(result.before, result.errors_before),
+        "before": sets(result.before, result.errors_before, result.selection.fits[0]),
         "after": after,
         "effects": effects,
         "alternatives": [

@@ -10,6 +10,7 @@ from exactarm.commands.effect_sections import (
     causes_in_words, curves_figure, effects_table, orders_table, parameters_table, percent, sizes_figure,
 )
 from exactarm.commands.error_sections import error_figures, error_table, highlights
+from exactarm.data_kind import STATIC
 from exactarm.diagnose.contribution import Contribution, contributions
 from exactarm.diagnose.diagnosis import NOTHING, UNEXPLAINED, Diagnosis, Finding, remains
 from exactarm.diagnose.dossier import Dossier
@@ -20,7 +21,7 @@ from exactarm.robot import Robot
 
 _LESS = 1.02  # of the error with the accepted causes: a rival below leaves no more than they do
 _NEVER = 1e-16  # p-values below are all the same to a reader
-_ROWS = {"poses": "poses", "gear_run": "samples", "motion": "samples", "tracked_motion": "samples"}
+_ROWS = {"poses": "poses", "closures": "touches", "gear_run": "samples", "motion": "samples", "tracked_motion": "samples"}
 
 
 def report_of(robot: Robot, results: list[Diagnosis], rule: str, skipped: list[str]) -> Report:
@@ -66,8 +67,8 @@ def verdict_of(robot: Robot, result: Diagnosis, found: list[tuple[Finding, Contr
 
 def _sections(robot: Robot, result: Diagnosis, found: list[tuple[Finding, Contribution | None]], rule: str) -> list:
     unit = result.unit
-    name = "position error" if unit == "m" else "error"
-    row = "pose" if result.kind == "poses" else "sample"
+    name = "distance to the contact" if result.kind == "closures" else "position error" if unit == "m" else "error"
+    row = "pose" if result.kind in STATIC else "sample"
     note = f"Before: the declared model with its own parameters estimated again. {rule}"
     sections: list = [highlights(result.before, result.after, unit), *_next(result, found)]
     if found:

@@ -24,7 +24,7 @@ _TOLERANCE = 1e-7  # relative fall of the square sum that ends a fit: a thousand
 
 _SEARCH_POSES = 600  # enough to find every large cause in good time; the smallest may need more poses
 
-_LEAST_REPEATS = 10
+LEAST_REPEATS = 10
 
 
 class PoseProblem(Problem):
@@ -118,7 +118,7 @@ class PoseProblem(Problem):
         """Pure error of rows measured at the same commanded pose in the same session, those left out excepted."""
         used = fitted.weight > 0
         groups = (self.groups() * (1 + self.data.session.max()) + self.data.session)[used]
-        if len(groups) - len(np.unique(groups)) < _LEAST_REPEATS:
+        if len(groups) - len(np.unique(groups)) < LEAST_REPEATS:
             return None
         return repeat_scatter(fitted.residual[used, :3] / fitted.sigma[:3], groups)
 

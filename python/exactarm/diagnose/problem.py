@@ -251,6 +251,18 @@ class Problem(ABC):
         has to hold there. None = `groups` are enough."""
         return None
 
+    def also_judged(self, fitted: Fitted, data: Dataset) -> dict[str, float]:
+        """Further numbers of any rows that stand beside the error, by their names with units."""
+        return {}
+
+    def elsewhere(self, fitted: Fitted) -> Fitted:
+        """The state by which a stretch that is left out is judged: without what is fitted anew there in any case."""
+        return fitted
+
+    def shows(self, effect: type[Effect]) -> bool:
+        """Whether this kind of data can show effects of a class."""
+        return self.kind in effect.kinds
+
     def spread(self, fitted: Fitted) -> float:
         """Mean square of the errors of the validation rows that the uncertainty of the parameters alone explains."""
         return 0.0

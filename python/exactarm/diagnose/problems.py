@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from exactarm.dataset import Dataset
+from exactarm.diagnose.closure_problem import ClosureProblem
 from exactarm.diagnose.gear_problem import GearProblem
 from exactarm.diagnose.motion_problem import MotionProblem
 from exactarm.diagnose.pose_problem import PoseProblem
@@ -11,7 +12,7 @@ from exactarm.diagnose.tracked_problem import TrackedProblem
 from exactarm.errors import InputError
 from exactarm.robot import Robot
 
-PROBLEMS: dict[str, type[Problem]] = {cls.kind: cls for cls in (PoseProblem, GearProblem, MotionProblem, TrackedProblem)}
+PROBLEMS: dict[str, type[Problem]] = {cls.kind: cls for cls in (PoseProblem, GearProblem, MotionProblem, TrackedProblem, ClosureProblem)}
 
 
 def problem_for(robot: Robot, data: Dataset, held_out: Dataset, threads: int, seed: int) -> Problem:

@@ -65,7 +65,7 @@ def candidates_for(problem: Problem, fitted: Fitted) -> list[Effect]:
     taken = {effect.label for effect in fitted.layout.effects}
     found: list[Effect] = []
     for cls in library().values():
-        if problem.kind in cls.kinds and not cls.declared:
+        if problem.shows(cls) and not cls.declared:
             found += [e for e in cls.candidates(problem.robot, fitted.view) if e.repeatable or e.label not in taken]
     return found
 
@@ -238,6 +238,7 @@ def _holds_elsewhere(problem: Problem, fitted: Fitted, effects: list[Effect]) ->
     stretches = problem.stretches()
     if stretches is None or any(_excludes(effect) for effect in effects):
         return True
+    fitted = problem.elsewhere(fitted)
     columns = np.concatenate([_linear_columns(fitted, effect) for effect in effects], axis=1)
     prior = np.concatenate([prior_of(effect) for effect in effects])
     folds = np.unique(stretches, return_inverse=True)[1]

@@ -34,6 +34,7 @@ from exactarm.robot import Robot
 _STARTS = 12
 _TOOL_REACH_M = 0.3  # spread of the random starts of the tool point
 _LEAST_TOUCHES = {"socket": 1, "plane": 3, "sphere": 4, "bar": 4}  # below, a contact is wherever it was touched
+SLIPPED = 0.35  # square root of a weight: beyond some 7 standard deviations
 _AS_ONE = ("d", "q_offset")  # of axis 1: they move the arm along and about it
 AS_ONE = "the robot and everything that it touches may move as one: the contacts absorb it"
 SCALE = "all lengths times a common factor fit as well: give one distance, radius or bar length of the fixture"
@@ -282,7 +283,7 @@ def _warnings(declared: DeclaredClosures, data: Dataset):
         yield f"the fit did not converge ({fit.fit.reason}): check the data for gross errors, or for contacts with the wrong number"
     if not scale_is_known(fit.layout, data):
         yield SCALE
-    slipped = int(np.sum(fit.weight < _SLIPPED))
+    slipped = int(np.sum(fit.weight < SLIPPED))
     if slipped:
         yield f"{slipped} of {len(data)} rows lie far beside their contact and count for little: slipped, or wrongly numbered"
     tools = sum(isinstance(effect, Target) for effect in fit.layout.effects)
@@ -291,5 +292,3 @@ def _warnings(declared: DeclaredClosures, data: Dataset):
     if fit.fit.freedom < 2 * fit.layout.size:
         yield f"only {fit.fit.freedom} degrees of freedom for {fit.layout.size} parameters: touch more poses"
 
-
-_SLIPPED = 0.35  # square root of a weight: beyond some 7 standard deviations

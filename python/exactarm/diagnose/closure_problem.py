@@ -1,0 +1,191 @@
+"""Closures as a diagnosis problem: residual = what a touch lacks to its contact; contacts and tool are always fitted anew.
+
+An effect has to hold where nothing was learnt: each place of the fixture is left out in turn and judged with contacts of its
+own, that is, on what is left of residual and columns once the contacts are projected out of them,
+    P = I - Qc Qc',    Qc: basis of the whitened columns of all contacts (and the rows of known lengths that tie them).
+A known length of the place left out stays among the rows that are learnt from: one number in a hundred or so.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from exactarm.chain import Layout
+from exactarm.dataset import Dataset
+from exactarm.diagnose.noise import repeat_scatter
+from exactarm.diagnose.pose_problem import LEAST_REPEATS, PoseProblem
+from exactarm.diagnose.problem import Fitted, Problem, orthonormal
+from exactarm.effects.base import Effect, Station
+from exactarm.identify.closure_fit import ClosureFit, Pulls, fit_closures
+from exactarm.identify.closures import (
+    SLIPPED, carried_effects, closure_errors, declare_closures, mean_distance_error, sessions_of, updated_robot,
+)
+from exactarm.identify.declared import geometry_layout, reestimated_layout, require_geometry
+from exactarm.measurement.closures import ClosurePrediction, contact_keys, touches, turn_of_axis
+from exactarm.measurement.contacts import Contact
+from exactarm.robot import Robot
+
+_TOLERANCE = 1e-7  # relative fall of the square sum that ends a fit: a thousandth of what evidence can notice
+
+
+@dataclass(frozen=True)
+class ClosureFitted(Fitted):
+    """weight (N,): square roots of the rows' robust weights; sigmas (N, m) of every number; pulls: known lengths and drawing."""
+
+    sigmas: np.ndarray
+    pulls: Pulls
+    prediction: ClosurePrediction
+
+    @staticmethod
+    def of(fit: ClosureFit, pulls: Pulls) -> "ClosureFitted":
+        prediction, used = fit.prediction, fit.prediction.used
+        mean = [float(np.sqrt(np.mean(fit.sigma[used[:, k], k] ** 2))) if used[:, k].any() else 1.0 for k in range(used.shape[1])]
+        jacobian = prediction.jacobian if prediction.jacobian is not None else np.zeros((*used.shape, 0))
+        return ClosureFitted(
+            fit.robot, fit.layout, fit.fit, prediction.residual, jacobian, np.array(mean), fit.weight, prediction.view,
+            fit.sigma, pulls, prediction,
+        )
+
+    @cached_property
+    def scale(self) -> np.ndarray:
+        return self.weight[:, None] * self.prediction.used / self.sigmas
+
+    @cached_property
+    def prior_rows(self) -> np.ndarray:
+        return self.pulls.rows(self.layout)[0]
+
+    @cached_property
+    def whitened(self) -> np.ndarray:
+        return np.concatenate([self.standard(self.residual[:, :, None]).ravel(), self.pulls.rows(self.layout)[1]])
+
+    def square(self, like: "Fitted") -> float:
+        return float(np.sum((self.residual * like.scale) ** 2))
+
+    def columns_of(self, effects: list[Effect]) -> list[np.ndarray]:
+        return [self.whiten(self.prediction.response(effect)) for effect in effects]
+
+    @cached_property
+    def of_contacts(self) -> np.ndarray:
+        """(P,) bool: the parameters of the contacts."""
+        mask = np.zeros(self.layout.size, bool)
+        for effect, where in zip(self.layout.effects, self.layout.slices):
+            mask[where] = isinstance(effect, Contact)
+        return mask
+
+
+@dataclass(frozen=True)
+class WithoutContacts(ClosureFitted):
+    """The same behind the projection that takes the contacts out."""
+
+    @cached_property
+    def contact_basis(self) -> np.ndarray:
+        columns = np.concatenate([self.standard(self.jacobian), self.prior_rows])
+        return orthonormal(columns[:, self.of_contacts])
+
+    def _cleared(self, columns: np.ndarray) -> np.ndarray:
+        return columns - self.contact_basis @ (self.contact_basis.T @ columns)
+
+    @cached_property
+    def whitened(self) -> np.ndarray:
+        return self._cleared(np.concatenate([self.standard(self.residual[:, :, None]).ravel(), self.pulls.rows(self.layout)[1]]))
+
+    @cached_property
+    def basis(self) -> np.ndarray:
+        columns = np.concatenate([self.standard(self.jacobian), self.prior_rows])
+        return orthonormal(self._cleared(columns[:, ~self.of_contacts]))
+
+    def whiten(self, response: np.ndarray) -> np.ndarray:
+        return self._cleared(super().whiten(response))
+
+
+class ClosureProblem(PoseProblem):
+    """Rows have one device each (`touches`)."""
+
+    unit = "m"
+    kind = "closures"
+    groups_independent = True
+
+    def __init__(self, robot: Robot, data: Dataset, held_out: Dataset, threads: int = 1, seed: int = 0):
+        Problem.__init__(self, robot, touches(data), touches(held_out) if len(held_out) else held_out, threads, seed)
+        require_geometry(robot)
+        self.pulls = Pulls.of(geometry_layout(robot), data.fixture)
+
+    def shows(self, effect: type[Effect]) -> bool:
+        """What acts before the device acts here too; slipped contacts are the noise's tail."""
+        return "poses" in effect.kinds and effect.station != Station.DEVICE and effect.keep is Effect.keep
+
+    def declared(self) -> Layout:
+        sessions = tuple(sorted({*sessions_of(self.data), *(sessions_of(self.held_out) if len(self.held_out) else ())}))
+        own = reestimated_layout(self.robot, self.data)
+        keep = [i for i, effect in enumerate(own.effects) if effect in carried_effects(self.robot, self.data).effects]
+        carried = Layout(tuple(own.effects[i] for i in keep), tuple(own.free[i] for i in keep))
+        return declare_closures(self.robot, self.data, (), self.seed, self.threads, sessions, carried).fit.layout
+
+    def fit(self, layout: Layout, weight: np.ndarray | None = None, sigma: np.ndarray | None = None) -> Fitted:
+        fit = fit_closures(
+            self.robot, layout, self.data, self.pulls, keep=weight, threads=self.threads, tolerance=_TOLERANCE
+        )
+        fit.prediction.view.signals["residual"] = fit.prediction.residual
+        return ClosureFitted.of(fit, self.pulls)
+
+    def errors(self, fitted: Fitted, data: Dataset) -> np.ndarray:
+        return closure_errors(self.robot, fitted.layout, data, self.threads).error()
+
+    def also_judged(self, fitted: Fitted, data: Dataset) -> dict[str, float]:
+        error = mean_distance_error(self.robot, fitted.layout, data, self.threads)
+        return {} if error is None else {"distance_error_m": error}
+
+    def directions(self, fitted: Fitted) -> dict[str, np.ndarray]:
+        prediction = fitted.prediction
+        turn = {f"a turn of axis {i + 1}": turn_of_axis(prediction, i) for i in range(self.robot.axes)}
+        axes = np.eye(fitted.residual.shape[1])
+        pushed = {f"the base's {name} axis": prediction.used * axes[k] for k, name in enumerate("xyz")}
+        return turn | pushed
+
+    def stretches(self) -> np.ndarray:
+        """Places: sessions, or where there is only one, its contacts."""
+        if len(sessions_of(self.data)) > 1:
+            return self.data.session
+        out = np.full(len(self.data), -1)
+        for place, (name, _, number) in enumerate(contact_keys(self.data)):
+            out[self.data.contacts[name] == number] = place
+        return out
+
+    def elsewhere(self, fitted: Fitted) -> Fitted:
+        values = {name: getattr(fitted, name) for name in fitted.__dataclass_fields__}
+        return WithoutContacts(**values)
+
+    def error_of_unit_noise(self, fitted: Fitted) -> float:
+        """RMS error of the rows that have not slipped, for the degrees of freedom that the fit has taken."""
+        error = fitted.prediction.error()[fitted.weight > SLIPPED]
+        used = int(fitted.prediction.used.sum())
+        return float(np.sqrt(np.mean(error**2) * used / max(fitted.fit.freedom, 1)))
+
+    def repeat_noise(self, fitted: Fitted) -> float | None:
+        used = (fitted.weight > SLIPPED) & fitted.prediction.used[:, :3].all(axis=1)
+        groups = (self.groups() * (1 + self.data.session.max()) + self.data.session)[used]
+        if len(groups) - len(np.unique(groups)) < LEAST_REPEATS:
+            return None
+        unit = self.error_of_unit_noise(fitted) / np.sqrt(3.0)
+        return repeat_scatter(fitted.residual[used, :3] / unit, groups)
+
+    def correlation_factor(self, fitted: Fitted) -> float:
+        """Pairs: the means that were projected out are no data."""
+        used = int(fitted.prediction.used.sum())
+        return (used - fitted.prediction.projected) / max(used, 1)
+
+    def updated_robot(self, fitted: Fitted) -> Robot:
+        return updated_robot(self.robot, self.data, fitted)
+
+    def separating_experiment(self, fitted: Fitted, one: Effect, other: Effect) -> str:
+        """In words: what the touches lack that would show the difference."""
+        axes = sorted({effect.joint for effect in (one, other) if effect.joint is not None})
+        turned = " and ".join(str(axis) for axis in axes)
+        seen = ", ".join(
+            f"axis {axis} {np.degrees(np.ptp(fitted.view.q[:, axis - 1])):.0f} degrees" for axis in axes
+        )
+        more = f"turn axis {turned} through more of the range (so far {seen})" if axes else "load the arm differently"
+        return f"Touch the same contacts from other sides, and set the fixture up at one more place: {more}."
