@@ -3,6 +3,7 @@
     exactarm simulate racer-7-1.4 trajectory.csv --out played
     exactarm simulate racer-7-1.4 --measure motion --effect "payload mass_kg=3 moment_x_kg_m=0.2 ..." --out log
     exactarm simulate racer-7-1.4 --compare line --out worth
+    exactarm simulate panda --measure closures --contact socket --places 3 --count 20 --deviation 1 --out touched
     exactarm simulate ur10 poses.csv --measure poses --deviation 1 --effect "joint_compliance joint=2 ..." --out poses
 """
 
@@ -10,7 +11,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +36,7 @@ from exactarm.simulate import (
     Sensors, VirtualRobot, deviated, measure_gear_runs, measure_motion, measure_poses, measure_tracked_motion,
     parse_effect,
 )
+from exactarm.simulate.closures import CONTACTS, fixture_text, measure_closures
 from exactarm.simulate.independent import independent_path
 from exactarm.simulate.measure import true_path
 from exactarm.simulate.profiles import excitation, limit
@@ -44,7 +46,8 @@ NAME = "simulate"
 HELP = "play a trajectory or measure poses, gears and motions on a virtual robot"
 
 HIDDEN_OPTIONS = ("--effect",)  # the truth stands in truth.toml alone
-MEASURES = ("poses", "gear", "motion", "tracked")
+MEASURES = ("poses", "gear", "motion", "tracked", "closures")
+_AT_REST = ("poses", "tracked", "closures")  # what shows where the target is
 _SPEEDS = (0.4, 0.3)  # of the largest rate, as in the thesis (3.1.2)
 DEGREE = np.pi / 180.0
 
@@ -73,6 +76,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     what = parser.add_argument_group("measurement")
     what.add_argument("--count", metavar="K", type=int, default=63, help="random poses, without a file (default %(default)s)")
     what.add_argument("--visits", metavar="K", type=int, default=1, help="how often each pose is visited (default %(default)s)")
+    what.add_argument("--contact", choices=CONTACTS, default="socket", help="what closures touch (default %(default)s)")
+    what.add_argument("--places", metavar="K", type=int, default=3,
+                      help="of the fixture; --count is the number of touches of each contact there (default %(default)s)")
     what.add_argument("--orientation", action="store_true", help="measure orientations too")
     what.add_argument("--joint", metavar="I", type=int, action="append", help="axes of gear runs (default: all with a gear)")
     what.add_argument("--speed", metavar="DEG_S", type=float, action="append", help="speeds of gear runs (default: 40 and 30 %% of the largest)")
@@ -96,6 +102,7 @@ class _Played:
     data: Dataset
     name: str
     tracking: np.ndarray | None = None
+    texts: dict[str, str] = field(default_factory=dict)
 
 
 def simulate(
@@ -141,7 +148,7 @@ def run(arguments: argparse.Namespace) -> CommandResult:
         json=_json(played, measure),
         report=_report(robot, played, measure),
         tables={played.name: dataset_columns(played.data, robot)},
-        texts={"truth.toml": robot_text(truth)},
+        texts={"truth.toml": robot_text(truth)} | played.texts,
         data=played.data,
     )
 
@@ -160,7 +167,7 @@ def _require_comparison(arguments: argparse.Namespace, robot: Robot) -> None:
 
 def _require(arguments: argparse.Namespace, robot: Robot, measure: str, planned: Dataset | None) -> None:
     _require_numbers(arguments)
-    if measure in ("poses", "tracked") and not robot.has_geometry:
+    if measure in _AT_REST and not robot.has_geometry:
         raise InputError(f"robot {robot.name} declares no geometry; expected one for measured positions", file=robot.file)
     if measure == "motion" and robot.links is None:
         raise InputError(f"robot {robot.name} declares no link masses; expected them for a motion", file=robot.file)
@@ -169,7 +176,7 @@ def _require(arguments: argparse.Namespace, robot: Robot, measure: str, planned:
 
 
 def _require_numbers(arguments: argparse.Namespace) -> None:
-    for name, least in (("count", 1), ("visits", 1), ("repeats", 1), ("runs", 1), ("counts", 0)):
+    for name, least in (("count", 1), ("places", 1), ("visits", 1), ("repeats", 1), ("runs", 1), ("counts", 0)):
         if getattr(arguments, name) < least:
             raise InputError(f"--{name} {getattr(arguments, name)}: expected {least} or more")
     for name in ("seconds", "rate"):
@@ -184,9 +191,9 @@ def _virtual(arguments: argparse.Namespace, robot: Robot, measure: str, random: 
     effects = [parse_effect(text, robot.axes) for text in arguments.effect]
     true = robot
     if arguments.deviation:
-        true = deviated(true, arguments.deviation, random, geometry=measure in ("poses", "tracked"), frames=False)
+        true = deviated(true, arguments.deviation, random, geometry=measure in _AT_REST, frames=False)
     true = one_sided(true, arguments.gear_direction)
-    if arguments.frames == "random" and measure in ("poses", "tracked"):
+    if arguments.frames == "random" and measure in _AT_REST:
         true = placed(true, random)
     return VirtualRobot.of(robot, effects, true)
 
@@ -209,6 +216,13 @@ def _poses(arguments, virtual: VirtualRobot, planned: Dataset | None, random) ->
         q = random.uniform(limit(robot, "q_min"), limit(robot, "q_max"), (arguments.count, robot.axes))
     data = measure_poses(virtual, q, _sensors(arguments), random, visits=arguments.visits, orientation=arguments.orientation)
     return _Played(data, "measured.csv")
+
+
+def _closures(arguments, virtual: VirtualRobot, planned, random) -> _Played:
+    data, fixture = measure_closures(
+        virtual, arguments.contact, arguments.places, arguments.count, _sensors(arguments), random
+    )
+    return _Played(data, "closures.csv", texts={"fixture.toml": fixture_text(fixture)})
 
 
 def _gear(arguments, virtual: VirtualRobot, planned, random) -> _Played:
@@ -307,7 +321,7 @@ def _planned_joints(planned: Dataset, robot: Robot) -> np.ndarray | None:
     return None if reached is None or np.isnan(reached).any() else reached
 
 
-_MEASURE = {"poses": _poses, "gear": _gear, "motion": _motion, "tracked": _tracked}
+_MEASURE = {"poses": _poses, "gear": _gear, "motion": _motion, "tracked": _tracked, "closures": _closures}
 
 
 def _json(played: _Played, measure: str) -> dict:

@@ -1,0 +1,213 @@
+"""Closures on a virtual robot: poses in which the true target touches a fixture, as a person or a probe would find them.
+
+    touch(x_true(q)) = noise        Gauss-Newton on q from random poses, the shortest step each (Moore-Penrose)
+
+A place (session) has the fixture somewhere in the robot's reach: two sockets or two spheres apart by a known distance, a
+block with three skew faces and one that is parallel to the first, two far ends of a telescopic bar, or pairs of poses.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from exactarm.chain import Layout
+from exactarm.dataset import NO_CONTACT, Dataset
+from exactarm.errors import ComputationError
+from exactarm.fixture import Distance, Fixture, Radius
+from exactarm.measurement.closures import PAIR, ClosurePrediction, predict_closures, turn_of_axis
+from exactarm.measurement.contacts import Bar, Contact, Plane, Socket, Sphere
+from exactarm.robot import Placement
+from exactarm.rotation import exp
+from exactarm.simulate.profiles import limit
+from exactarm.simulate.sensors import Sensors, read
+from exactarm.simulate.virtual_robot import VirtualRobot
+
+CONTACTS = ("socket", "plane", "sphere", "bar", PAIR)
+APART_M, RADIUS_M, BAR_M = 0.1, 0.0127, (0.25, 0.45)  # of the fixture; shortest and longest length of the telescopic bar
+SLIP_M = 5e-3  # standard deviation of a contact that has slipped
+_NEAR_M = 0.35  # a search starts this near
+_REACH = (0.3, 0.8)  # of the greatest distance from axis 1: where a fixture stands
+_STEPS, _LONGEST_RAD, _TOUCHES_M = 25, 0.3, 1e-9
+_POOL = 25  # random poses for each touch
+
+
+def measure_closures(
+    robot: VirtualRobot, contact: str, places: int, count: int, sensors: Sensors, random: np.random.Generator
+) -> tuple[Dataset, Fixture]:
+    """`count` touches of every contact at each of `places` (pairs: `count` pairs), and the fixture file's content."""
+    true = VirtualRobot(robot.nominal, replace(robot.true, base=Placement()))
+    parts = []
+    for session in range(1, places + 1):
+        for thing in _fixture(contact, session, _middle(true, random), random):
+            parts.append(_touched(true, thing, count, sensors, random))
+        if contact == PAIR:
+            parts += [_pair(true, session, number, sensors, random) for number in range(count)]
+    data = _joined(parts)
+    data = replace(data, joints=data.joints | {"approach": random.choice([-1.0, 1.0], data.joints["theta"].shape)})
+    distances = (Distance(contact, (0, 1), APART_M),) if contact in ("socket", "sphere") else ()
+    distances += (Distance(contact, (0, 3), APART_M),) if contact == "plane" else ()
+    radii = tuple(Radius(contact, number, RADIUS_M) for number in (0, 1)) if contact == "sphere" else ()
+    fixture = Fixture(distances, radii)
+    return read(replace(data, fixture=fixture), sensors, random), fixture
+
+
+def fixture_text(fixture: Fixture) -> str:
+    """The fixture file."""
+    lines = []
+    for entry in fixture.distances:
+        lines += ["[[distances]]", f'contact = "{entry.contact}"', f"between = {list(entry.between)}", f"length_mm = {1e3 * entry.length:g}"]
+    for entry in fixture.radii:
+        lines += ["[[radii]]", f'contact = "{entry.contact}"', f"number = {entry.number}", f"radius_mm = {1e3 * entry.length:g}"]
+    return "\n".join([*lines, ""])
+
+
+@dataclass(frozen=True)
+class _Search:
+    """Poses q (N, n) of the controller with the prediction there."""
+
+    q: np.ndarray
+    prediction: ClosurePrediction
+
+    @property
+    def by_joints(self) -> np.ndarray:
+        """(N, m, n): the numbers of the device by the joint angles."""
+        return np.stack([turn_of_axis(self.prediction, i) for i in range(self.q.shape[1])], axis=2)
+
+
+def _drawn(robot: VirtualRobot, count: int, random: np.random.Generator) -> np.ndarray:
+    lower, upper = limit(robot.nominal, "q_min"), limit(robot.nominal, "q_max")
+    return random.uniform(lower, upper, (count, robot.nominal.axes))
+
+
+def _rows(robot: VirtualRobot, q: np.ndarray, thing: Contact | None, **more) -> Dataset:
+    names = {name: np.full(len(q), NO_CONTACT) for name in CONTACTS}
+    session = 1
+    if thing is not None:
+        names[thing.contact] = np.full(len(q), thing.number)
+        session = thing.session
+    return Dataset.of_arrays(
+        "closures", {"theta": robot.motor_angles(q)}, contacts=names, session=np.full(len(q), session), **more
+    )
+
+
+def _predicted(robot: VirtualRobot, q: np.ndarray, thing: Contact | None, **more) -> _Search:
+    """The true robot's touch; the contact's own columns make the chain carry derivatives."""
+    held = thing if thing is not None else _anywhere()
+    layout = robot.layout.joined(Layout.of((held,)))
+    return _Search(q, predict_closures(robot.true, layout, _rows(robot, q, thing, **more)))
+
+
+def _anywhere() -> Contact:
+    """A contact that no row touches."""
+    return Socket(None, (0.0, 0.0, 0.0), NO_CONTACT, NO_CONTACT)
+
+
+def _points(robot: VirtualRobot, q: np.ndarray) -> np.ndarray:
+    return _predicted(robot, q, None, position=np.zeros((len(q), 3))).prediction.view.signals["target"]
+
+
+def _middle(robot: VirtualRobot, random: np.random.Generator) -> np.ndarray:
+    """(3,) a place for the fixture: in the middle of the reach, not beneath the floor."""
+    points = _points(robot, _drawn(robot, 400, random))
+    away = np.linalg.norm(points[:, :2], axis=1)
+    good = (away > _REACH[0] * away.max()) & (away < _REACH[1] * away.max()) & (points[:, 2] > 0.0)
+    return points[random.choice(np.flatnonzero(good))]
+
+
+def _fixture(contact: str, session: int, middle: np.ndarray, random: np.random.Generator) -> list[Contact]:
+    turned = np.linalg.qr(random.normal(size=(3, 3)))[0]
+    ends = (middle, middle + APART_M * turned[0])
+    of = lambda cls, place, values: cls(None, tuple(float(v) for v in values), session, place)
+    if contact == "socket":
+        return [of(Socket, k, end) for k, end in enumerate(ends)]
+    if contact == "sphere":
+        return [of(Sphere, k, [*end, RADIUS_M]) for k, end in enumerate(ends)]
+    if contact == "bar":
+        return [replace(of(Bar, k, [*end, 0.0]), absolute=True) for k, end in enumerate((middle, middle + 0.4 * turned[0]))]
+    if contact == "plane":
+        faces = [(middle, turned[k], turned[(k + 1) % 3], turned[(k + 2) % 3]) for k in (0, 1, 2)]
+        faces.append((middle - APART_M * turned[0], turned[0], turned[1], turned[2]))
+        rows = lambda face: tuple(tuple(float(x) for x in row) for row in face)
+        return [replace(of(Plane, k, (0.0, 0.0, 0.0)), reference=rows(face)) for k, face in enumerate(faces)]
+    return []
+
+
+def _touched(robot: VirtualRobot, thing: Contact, count: int, sensors: Sensors, random: np.random.Generator) -> Dataset:
+    """`count` rows in which the target touches `thing` up to noise and slips."""
+    lower, upper = limit(robot.nominal, "q_min"), limit(robot.nominal, "q_max")
+    found, lengths = np.zeros((0, robot.nominal.axes)), np.zeros(0)
+    centre = thing.point if isinstance(thing, Plane) else np.asarray(thing.values[:3])
+    for _ in range(_POOL):
+        q = _drawn(robot, _POOL * count, random)
+        q = q[np.linalg.norm(_points(robot, q) - centre, axis=1) < _NEAR_M + (BAR_M[0] if thing.contact == "bar" else 0.0)]
+        if not len(q):
+            continue
+        noise = random.normal(0.0, sensors.position_m, (len(q), 3))
+        noise += (random.random(len(q)) < sensors.wrong_rows)[:, None] * random.normal(0.0, SLIP_M, noise.shape)
+        length = random.uniform(*BAR_M, len(q)) if thing.contact == "bar" else np.zeros(len(q))
+        q, left = _solved(robot, q, thing, noise[:, : thing.numbers], length)
+        good = (left < _TOUCHES_M) & np.all((q > lower) & (q < upper), axis=1)
+        if isinstance(thing, Plane):  # a face of a block is no larger than some decimetres
+            good &= np.linalg.norm(_points(robot, q) - centre, axis=1) < _NEAR_M
+        found, lengths = np.concatenate([found, q[good]]), np.concatenate([lengths, length[good]])
+        if len(found) >= count:
+            more = {"length": lengths[:count]} if thing.contact == "bar" else {}
+            return _rows(robot, found[:count], thing, **more)
+    raise ComputationError(f"the fixture at ({', '.join(f'{x:.2f}' for x in centre)}) m is out of reach; another seed places it elsewhere")
+
+
+def _solved(robot, q, thing, noise, length) -> tuple[np.ndarray, np.ndarray]:
+    """Poses that touch, and how far each is off in the end."""
+    left = np.full(len(q), np.inf)
+    for _ in range(_STEPS):
+        search = _predicted(robot, q, thing, **({"length": length} if thing.contact == "bar" else {}))
+        c = thing.numbers
+        rest = search.prediction.residual[:, :c] + noise
+        left = np.linalg.norm(rest, axis=1)
+        if left.max() < _TOUCHES_M:
+            break
+        q = q + _short((np.linalg.pinv(search.by_joints[:, :c], rcond=1e-6) @ rest[:, :, None])[:, :, 0])
+    return q, left
+
+
+def _pair(robot: VirtualRobot, session: int, number: int, sensors: Sensors, random: np.random.Generator) -> Dataset:
+    """Two poses of the arm with the same pose of the target, up to noise."""
+    lower, upper = limit(robot.nominal, "q_min"), limit(robot.nominal, "q_max")
+    for _ in range(_POOL):
+        first = _drawn(robot, 1, random)
+        goal = _predicted(robot, first, None, position=np.zeros((1, 3)))
+        view = goal.prediction.view
+        position, rotation = view.signals["target"], view.signals["target_rotation"].reshape(1, 3, 3)
+        position = position + random.normal(0.0, sensors.position_m, (1, 3))
+        rotation = exp(random.normal(0.0, sensors.orientation_rad, (1, 3))) @ rotation
+        q = _drawn(robot, _POOL, random)
+        more = {"position": np.repeat(position, len(q), 0), "rotation": np.repeat(rotation, len(q), 0)}
+        for _ in range(2 * _STEPS):
+            search = _predicted(robot, q, None, **more)
+            rest = search.prediction.residual
+            q = q + _short((np.linalg.pinv(search.by_joints, rcond=1e-6) @ rest[:, :, None])[:, :, 0])
+        good = (np.linalg.norm(rest, axis=1) < _TOUCHES_M) & np.all((q > lower) & (q < upper), axis=1)
+        good &= np.max(np.abs(q - first), axis=1) > 0.3
+        if good.any():
+            both = np.concatenate([first, q[good][:1]])
+            rows = _rows(robot, both, None)
+            numbers = rows.contacts | {PAIR: np.full(2, number)}
+            return replace(rows, contacts=numbers, session=np.full(2, session))
+    raise ComputationError("no second pose of the arm reaches the same pose of the target within the joint limits")
+
+
+def _short(step: np.ndarray) -> np.ndarray:
+    size = np.max(np.abs(step), axis=1, keepdims=True)
+    return step * np.minimum(1.0, _LONGEST_RAD / np.maximum(size, 1e-300))
+
+
+def _joined(parts: list[Dataset]) -> Dataset:
+    stack = lambda pick: np.concatenate([pick(part) for part in parts])
+    used = [name for name in CONTACTS if np.any(stack(lambda part, name=name: part.contacts[name]) >= 0)]
+    length = None if parts[0].length is None else stack(lambda part: part.length)
+    return Dataset.of_arrays(
+        "closures", {"theta": stack(lambda part: part.joints["theta"])}, session=stack(lambda part: part.session),
+        contacts={name: stack(lambda part, name=name: part.contacts[name]) for name in used}, length=length,
+    )
