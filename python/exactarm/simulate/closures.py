@@ -28,9 +28,11 @@ CONTACTS = ("socket", "plane", "sphere", "bar", PAIR)
 APART_M, RADIUS_M, BAR_M = 0.1, 0.0127, (0.25, 0.45)  # of the fixture; shortest and longest length of the telescopic bar
 SLIP_M = 5e-3  # standard deviation of a contact that has slipped
 _NEAR_M = 0.35  # a search starts this near
-_REACH = (0.3, 0.8)  # of the greatest distance from axis 1: where a fixture stands
+_REACH = (0.25, 0.7)  # of the greatest distance from axis 1, and from the base: where a fixture stands
 _STEPS, _LONGEST_RAD, _TOUCHES_M = 25, 0.3, 1e-9
+_OTHERWISE_RAD = 0.3  # nearer poses of the arm are one
 _POOL = 25  # random poses for each touch
+_IN_VAIN = 3  # so many pools without a single touch: out of reach
 
 
 def measure_closures(
@@ -45,7 +47,6 @@ def measure_closures(
         if contact == PAIR:
             parts += [_pair(true, session, number, sensors, random) for number in range(count)]
     data = _joined(parts)
-    data = replace(data, joints=data.joints | {"approach": random.choice([-1.0, 1.0], data.joints["theta"].shape)})
     distances = (Distance(contact, (0, 1), APART_M),) if contact in ("socket", "sphere") else ()
     distances += (Distance(contact, (0, 3), APART_M),) if contact == "plane" else ()
     radii = tuple(Radius(contact, number, RADIUS_M) for number in (0, 1)) if contact == "sphere" else ()
@@ -65,7 +66,7 @@ def fixture_text(fixture: Fixture) -> str:
 
 @dataclass(frozen=True)
 class _Search:
-    """Poses q (N, n) of the controller with the prediction there."""
+    """Prediction at poses q (N, n) of the controller."""
 
     q: np.ndarray
     prediction: ClosurePrediction
@@ -81,22 +82,22 @@ def _drawn(robot: VirtualRobot, count: int, random: np.random.Generator) -> np.n
     return random.uniform(lower, upper, (count, robot.nominal.axes))
 
 
-def _rows(robot: VirtualRobot, q: np.ndarray, thing: Contact | None, **more) -> Dataset:
+def _rows(robot: VirtualRobot, q: np.ndarray, approach: np.ndarray, thing: Contact | None, **more) -> Dataset:
     names = {name: np.full(len(q), NO_CONTACT) for name in CONTACTS}
     session = 1
     if thing is not None:
         names[thing.contact] = np.full(len(q), thing.number)
         session = thing.session
     return Dataset.of_arrays(
-        "closures", {"theta": robot.motor_angles(q)}, contacts=names, session=np.full(len(q), session), **more
+        "closures", {"theta": robot.motor_angles(q), "approach": approach}, contacts=names, session=np.full(len(q), session), **more
     )
 
 
-def _predicted(robot: VirtualRobot, q: np.ndarray, thing: Contact | None, **more) -> _Search:
+def _predicted(robot: VirtualRobot, q: np.ndarray, approach: np.ndarray, thing: Contact | None, **more) -> _Search:
     """The true robot's touch; the contact's own columns make the chain carry derivatives."""
     held = thing if thing is not None else _anywhere()
     layout = robot.layout.joined(Layout.of((held,)))
-    return _Search(q, predict_closures(robot.true, layout, _rows(robot, q, thing, **more)))
+    return _Search(q, predict_closures(robot.true, layout, _rows(robot, q, approach, thing, **more)))
 
 
 def _anywhere() -> Contact:
@@ -105,14 +106,14 @@ def _anywhere() -> Contact:
 
 
 def _points(robot: VirtualRobot, q: np.ndarray) -> np.ndarray:
-    return _predicted(robot, q, None, position=np.zeros((len(q), 3))).prediction.view.signals["target"]
+    return _predicted(robot, q, np.zeros_like(q), None, position=np.zeros((len(q), 3))).prediction.view.signals["target"]
 
 
 def _middle(robot: VirtualRobot, random: np.random.Generator) -> np.ndarray:
     """(3,) a place for the fixture: in the middle of the reach, not beneath the floor."""
     points = _points(robot, _drawn(robot, 400, random))
-    away = np.linalg.norm(points[:, :2], axis=1)
-    good = (away > _REACH[0] * away.max()) & (away < _REACH[1] * away.max()) & (points[:, 2] > 0.0)
+    away, far = np.linalg.norm(points[:, :2], axis=1), np.linalg.norm(points, axis=1)
+    good = (away > _REACH[0] * away.max()) & (far < _REACH[1] * far.max()) & (points[:, 2] > 0.0)
     return points[random.choice(np.flatnonzero(good))]
 
 
@@ -137,9 +138,11 @@ def _fixture(contact: str, session: int, middle: np.ndarray, random: np.random.G
 def _touched(robot: VirtualRobot, thing: Contact, count: int, sensors: Sensors, random: np.random.Generator) -> Dataset:
     """`count` rows in which the target touches `thing` up to noise and slips."""
     lower, upper = limit(robot.nominal, "q_min"), limit(robot.nominal, "q_max")
-    found, lengths = np.zeros((0, robot.nominal.axes)), np.zeros(0)
+    found, sides, lengths = np.zeros((0, len(lower))), np.zeros((0, len(lower))), np.zeros(0)
     centre = thing.point if isinstance(thing, Plane) else np.asarray(thing.values[:3])
-    for _ in range(_POOL):
+    for attempt in range(_POOL):
+        if attempt >= _IN_VAIN and not len(found):
+            break
         q = _drawn(robot, _POOL * count, random)
         q = q[np.linalg.norm(_points(robot, q) - centre, axis=1) < _NEAR_M + (BAR_M[0] if thing.contact == "bar" else 0.0)]
         if not len(q):
@@ -147,22 +150,24 @@ def _touched(robot: VirtualRobot, thing: Contact, count: int, sensors: Sensors, 
         noise = random.normal(0.0, sensors.position_m, (len(q), 3))
         noise += (random.random(len(q)) < sensors.wrong_rows)[:, None] * random.normal(0.0, SLIP_M, noise.shape)
         length = random.uniform(*BAR_M, len(q)) if thing.contact == "bar" else np.zeros(len(q))
-        q, left = _solved(robot, q, thing, noise[:, : thing.numbers], length)
+        approach = random.choice([-1.0, 1.0], q.shape)
+        q, left = _solved(robot, q, approach, thing, noise[:, : thing.numbers], length)
         good = (left < _TOUCHES_M) & np.all((q > lower) & (q < upper), axis=1)
         if isinstance(thing, Plane):  # a face of a block is no larger than some decimetres
             good &= np.linalg.norm(_points(robot, q) - centre, axis=1) < _NEAR_M
-        found, lengths = np.concatenate([found, q[good]]), np.concatenate([lengths, length[good]])
+        found, sides = np.concatenate([found, q[good]]), np.concatenate([sides, approach[good]])
+        lengths = np.concatenate([lengths, length[good]])
         if len(found) >= count:
             more = {"length": lengths[:count]} if thing.contact == "bar" else {}
-            return _rows(robot, found[:count], thing, **more)
+            return _rows(robot, found[:count], sides[:count], thing, **more)
     raise ComputationError(f"the fixture at ({', '.join(f'{x:.2f}' for x in centre)}) m is out of reach; another seed places it elsewhere")
 
 
-def _solved(robot, q, thing, noise, length) -> tuple[np.ndarray, np.ndarray]:
+def _solved(robot, q, approach, thing, noise, length) -> tuple[np.ndarray, np.ndarray]:
     """Poses that touch, and how far each is off in the end."""
     left = np.full(len(q), np.inf)
     for _ in range(_STEPS):
-        search = _predicted(robot, q, thing, **({"length": length} if thing.contact == "bar" else {}))
+        search = _predicted(robot, q, approach, thing, **({"length": length} if thing.contact == "bar" else {}))
         c = thing.numbers
         rest = search.prediction.residual[:, :c] + noise
         left = np.linalg.norm(rest, axis=1)
@@ -177,7 +182,8 @@ def _pair(robot: VirtualRobot, session: int, number: int, sensors: Sensors, rand
     lower, upper = limit(robot.nominal, "q_min"), limit(robot.nominal, "q_max")
     for _ in range(_POOL):
         first = _drawn(robot, 1, random)
-        goal = _predicted(robot, first, None, position=np.zeros((1, 3)))
+        side = random.choice([-1.0, 1.0], (_POOL, len(lower)))
+        goal = _predicted(robot, first, side[:1], None, position=np.zeros((1, 3)))
         view = goal.prediction.view
         position, rotation = view.signals["target"], view.signals["target_rotation"].reshape(1, 3, 3)
         position = position + random.normal(0.0, sensors.position_m, (1, 3))
@@ -185,14 +191,14 @@ def _pair(robot: VirtualRobot, session: int, number: int, sensors: Sensors, rand
         q = _drawn(robot, _POOL, random)
         more = {"position": np.repeat(position, len(q), 0), "rotation": np.repeat(rotation, len(q), 0)}
         for _ in range(2 * _STEPS):
-            search = _predicted(robot, q, None, **more)
+            search = _predicted(robot, q, side, None, **more)
             rest = search.prediction.residual
             q = q + _short((np.linalg.pinv(search.by_joints, rcond=1e-6) @ rest[:, :, None])[:, :, 0])
         good = (np.linalg.norm(rest, axis=1) < _TOUCHES_M) & np.all((q > lower) & (q < upper), axis=1)
-        good &= np.max(np.abs(q - first), axis=1) > 0.3
+        good &= np.max(np.abs(q - first), axis=1) > _OTHERWISE_RAD
         if good.any():
-            both = np.concatenate([first, q[good][:1]])
-            rows = _rows(robot, both, None)
+            both = (np.concatenate([one[:1], other[good][:1]]) for one, other in ((first, q), (side, side)))
+            rows = _rows(robot, *both, None)
             numbers = rows.contacts | {PAIR: np.full(2, number)}
             return replace(rows, contacts=numbers, session=np.full(2, session))
     raise ComputationError("no second pose of the arm reaches the same pose of the target within the joint limits")
@@ -208,6 +214,6 @@ def _joined(parts: list[Dataset]) -> Dataset:
     used = [name for name in CONTACTS if np.any(stack(lambda part, name=name: part.contacts[name]) >= 0)]
     length = None if parts[0].length is None else stack(lambda part: part.length)
     return Dataset.of_arrays(
-        "closures", {"theta": stack(lambda part: part.joints["theta"])}, session=stack(lambda part: part.session),
+        "closures", {name: stack(lambda part, name=name: part.joints[name]) for name in parts[0].joints}, session=stack(lambda part: part.session),
         contacts={name: stack(lambda part, name=name: part.contacts[name]) for name in used}, length=length,
     )
