@@ -138,6 +138,17 @@ class ClosureProblem(PoseProblem):
         error = mean_distance_error(self.robot, fitted.layout, data, self.threads)
         return {} if error is None else {"distance_error_m": error}
 
+    def signals(self, fitted: Fitted) -> dict[str, np.ndarray]:
+        """Where the target is said to be holds the residual itself: it tells nothing here."""
+        return {name: values for name, values in super().signals(fitted).items() if not name.startswith("position ")}
+
+    def space(self, fitted: Fitted) -> None:
+        return None
+
+    def in_space(self, first: Fitted, last: Fitted) -> None:
+        """Faces, spheres and bars show a part of the error alone."""
+        return None
+
     def directions(self, fitted: Fitted) -> dict[str, np.ndarray]:
         prediction = fitted.prediction
         turn = {f"a turn of axis {i + 1}": turn_of_axis(prediction, i) for i in range(self.robot.axes)}

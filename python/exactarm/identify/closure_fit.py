@@ -6,7 +6,7 @@ rho: Student's t with TAIL_FREEDOM degrees of freedom (Lange, Little, Taylor 198
 squares: a ball that has slipped counts for little. sigma of each class from its share of the redundancy (Förstner
 1979). tau: plausible size of a deviation from the drawing, `Parameter.plausible`: directions that the contacts do not show
 stay at the drawing. Covariance of the M-estimator (Huber 1981, 6.5) beside the prior: (s^2/v J'J + P'P)^{-1} with
-v = sum psi^2 / freedom, s = mean psi'.
+v = K^2 sum psi^2 / freedom, s = mean psi', K = 1 + P / N var(psi') / s^2.
 """
 
 from __future__ import annotations
@@ -110,7 +110,7 @@ class Pulls:
         rest = [(value - values[j]) / spread for j, value, spread in held]
         own = layout.prior_rows()
         known = known_lengths(layout, self.fixture)
-        lengths = np.array([k.row / k.sigma for k in known]).reshape(-1, layout.size)
+        lengths = np.array([k.row / k.sigma for k in known]).reshape(len(known), layout.size)
         return (
             np.concatenate([rows, own, lengths]),
             np.concatenate([rest, -own @ values, [k.residual / k.sigma for k in known]]),
@@ -243,8 +243,12 @@ def _finished(fit, layout, prediction, sigma, keep, weight, pull, tail, settled)
     redundancy = numbers - float(_leverage(prediction, weight[:, None] * scale, pull).sum())
     freedom = max(int(round(redundancy)), 1)
     tails = TAIL_FREEDOM + square
-    slope = np.sum(((TAIL_FREEDOM + count) * (count / tails - 2.0 * square / tails**2))[keep > 0]) / max(int(used.sum()), 1)
-    spread = float(np.sum(psi**2)) / freedom
+    slopes = ((TAIL_FREEDOM + count) * (1.0 / tails - 2.0 * square / np.maximum(count, 1) / tails**2))[keep > 0]
+    each = count[keep > 0] / max(int(used.sum()), 1)
+    slope = float(slopes @ each)
+    # few numbers for each parameter: Huber's correction of the next order (1981, 7.6)
+    few = 1.0 + (numbers - freedom) / max(numbers, 1) * float((slopes - slope) ** 2 @ each) / slope**2
+    spread = few**2 * float(np.sum(psi**2)) / freedom
     information = slope**2 / max(spread, 1e-300) * rows.T @ rows
     covariance = _pseudo_inverse(information + pull.T @ pull)
     gradient = jacobian.T @ (scale * psi).ravel() + pull.T @ tail

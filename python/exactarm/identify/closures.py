@@ -100,7 +100,8 @@ def declare_closures(
         beside = geometry.joined(compliance_layout(robot, data, compliance)).joined(carried)
         layout, found = identifiable_closures(robot, setup, beside, data, threads)
         pulls = Pulls.of(geometry, data.fixture)
-        return layout, pulls, found, fit_closures(robot, layout, data, pulls, threads=threads)
+        fit = fit_closures(robot, layout, data, pulls, threads=threads)
+        return layout, pulls, found, fit if scale_is_known(layout, data) else _with_scale_in_doubt(fit, geometry)
 
     one = fitted(setup)
     apart = _with_tools_apart(setup)
@@ -206,7 +207,7 @@ def identifiable_closures(
     prediction = predict_closures(robot, layout, data, threads=threads)
     rows = prediction.jacobian[prediction.used]
     known = known_lengths(layout, data.fixture)
-    rows = np.concatenate([rows, np.array([k.row for k in known]).reshape(-1, layout.size)])
+    rows = np.concatenate([rows, np.array([k.row for k in known]).reshape(len(known), layout.size)])
     found = select_identifiable(
         rows, layout.names, keep_first=setup.size, poses=len(data), plausible=[p.plausible for p in layout.parameters],
         robot=robot, still=still_axes(prediction.view.q),
@@ -238,6 +239,18 @@ def _longest(layout: Layout, held: set[str], first: int) -> str:
         if name.endswith("_m") and name not in held
     ]
     return max(lengths)[1]
+
+
+def _with_scale_in_doubt(fit: ClosureFit, geometry: Layout) -> ClosureFit:
+    """The fit whose intervals know that the length which holds the scale is only as good as a drawing."""
+    free = set(fit.layout.names)
+    held = {name: abs(value) for name, value in zip(geometry.names, geometry.values) if name.endswith("_m") and name not in free}
+    longest = max(held, key=lambda name: held[name])
+    doubt = geometry.parameters[geometry.names.index(longest)].plausible / max(held[longest], 1e-9)
+    grows = np.array([name.endswith("_m") and not name.endswith("_h_m") for name in fit.layout.names])  # a face's h counts from its own point
+    growth = np.where(grows, fit.layout.values, 0.0)
+    covariance = fit.fit.covariance + doubt**2 * np.outer(growth, growth)
+    return replace(fit, fit=replace(fit.fit, covariance=covariance))
 
 
 def carried_effects(robot: Robot, data: Dataset) -> Layout:

@@ -104,10 +104,11 @@ class Plane(Contact):
         return (Parameter("tilt_u_rad", np.pi), Parameter("tilt_v_rad", np.pi), Parameter("h_m", 10.0))
 
     def start(self, points, length):
-        middle = np.median(points, axis=0)
+        middle = points.mean(axis=0)
         v, u, normal = np.linalg.svd(points - middle, full_matrices=False)[2]
         axes = (middle, normal, u, v)
-        return replace(self, values=(0.0, 0.0, 0.0), reference=tuple(tuple(float(x) for x in axis) for axis in axes))
+        height = float(np.median((points - middle) @ normal))
+        return replace(self, values=(0.0, 0.0, height), reference=tuple(tuple(float(x) for x in axis) for axis in axes))
 
     @property
     def normal(self) -> tuple[np.ndarray, np.ndarray]:

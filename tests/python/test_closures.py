@@ -1,0 +1,138 @@
+"""Closures end to end on virtual arms: parameters recovered, intervals that cover, causes named, kinds of data mixed."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from exactarm.dataset import Dataset
+from exactarm.diagnose.diagnosis import NOTHING, diagnose
+from exactarm.identify.calibrate import CalibrationOptions, calibrate
+from exactarm.identify.closures import SCALE, calibrate_closures
+from exactarm.identify.declared import geometry_layout
+from exactarm.identify.evaluate import evaluate_poses
+from exactarm.measurement.closures import touches
+from exactarm.robot import Placement
+from exactarm.robot_file import load_robot
+from exactarm.simulate import Sensors, VirtualRobot, deviated, measure_poses, parse_effect
+from exactarm.simulate.closures import measure_closures
+from exactarm.simulate.virtual_robot import placed
+
+NOISE_M = 5e-5
+ECCENTRICITY = "gear_eccentricity joint=2 first_cos_rad=4e-4 first_sin_rad=3e-4 second_cos_rad=0 second_sin_rad=0"
+
+
+def virtual(name: str, seed: int, *effects: str) -> tuple[VirtualRobot, np.random.Generator]:
+    """An arm that deviates from its drawing as usual, with a tool somewhere."""
+    random = np.random.default_rng(seed)
+    nominal = load_robot(name)
+    true = placed(deviated(nominal, 1.0, random, frames=False), random)
+    hidden = [parse_effect(text, nominal.axes) for text in effects]
+    return VirtualRobot.of(nominal, hidden, replace(true, base=Placement())), random
+
+
+def touched(name: str, contact: str, seed: int, *effects: str, count: int = 25, slipped: float = 0.0):
+    robot, random = virtual(name, seed, *effects)
+    sensors = Sensors(position_m=NOISE_M, orientation_rad=NOISE_M, counts=0, wrong_rows=slipped)
+    return robot, measure_closures(robot, contact, 3, count, sensors, random)[0]
+
+
+def covered(robot: VirtualRobot, result) -> list[bool]:
+    """Whether the true geometry lies in each of its intervals."""
+    true = geometry_layout(robot.true)
+    truth = dict(zip(true.names, true.values))
+    pairs = zip(result.names, result.intervals)
+    return [bool(low <= truth[name] <= high) for name, (low, high) in pairs if name in truth]
+
+
+@pytest.mark.parametrize(("contact", "count", "left"), [
+    ("socket", 25, 2.0), ("plane", 25, 1.2), ("sphere", 40, 1.2), ("bar", 40, 1.2), ("pair", 40, 1.5),
+])
+def test_every_contact_recovers_the_arm(contact, count, left):
+    """Errors of rows never fitted come down to the noise (mean of so many numbers), and most intervals hold the truth."""
+    robot, data = touched("panda", contact, 3, count=count)
+    result = calibrate_closures(robot.nominal, data)
+    assert result.fit.fit.converged
+    assert result.before["validation"].mean > 5 * NOISE_M
+    assert result.after["validation"].mean < left * NOISE_M
+    inside = covered(robot, result)
+    assert len(inside) >= 20 and np.mean(inside) >= 0.8  # 22 intervals of 95 %: fewer than 18 once in 1,000
+
+
+def test_intervals_cover_at_the_rate_that_they_claim():
+    """Six arms, every twentieth touch slipped by millimetres."""
+    inside = []
+    for seed in range(21, 27):
+        robot, data = touched("ur10", "socket", seed, count=20, slipped=0.05)
+        inside += covered(robot, calibrate_closures(robot.nominal, data))
+    assert len(inside) > 100 and 0.90 <= np.mean(inside) <= 0.99
+
+
+def test_slipped_contacts_count_for_little():
+    robot, clean = touched("panda", "socket", 5)
+    slipped = touched("panda", "socket", 5, slipped=0.1)[1]
+    median = lambda data: float(np.median(calibrate_closures(robot.nominal, data).error_after))
+    assert median(slipped) < 1.25 * median(clean)
+
+
+def test_without_a_known_length_the_intervals_know_that_the_scale_is_in_doubt():
+    robot, data = touched("panda", "pair", 2, count=40)
+    result = calibrate_closures(robot.nominal, data)
+    assert SCALE in result.warnings
+    widths = dict(zip(result.names, result.intervals[:, 1] - result.intervals[:, 0]))
+    assert widths["d_3_m"] > 5e-3 > widths["a_1_m"]
+
+
+@pytest.mark.parametrize(("name", "contact", "count", "effect", "label"), [
+    ("panda", "socket", 25, ECCENTRICITY, "gear_eccentricity_2"),
+    ("ur10", "socket", 30, "joint_compliance joint=3 linear_rad_per_Nm=6e-6 cubic_rad_per_Nm3=0", "joint_compliance_3"),
+])
+def test_a_hidden_cause_is_named(name, contact, count, effect, label):
+    robot, data = touched(name, contact, 1, effect, count=count)
+    result = diagnose(robot.nominal, data)
+    assert [finding.effect.label for finding in result.findings] == [label]
+    hidden, found = robot.true.effects[-1], result.findings[0]
+    for value, (low, high) in zip(hidden.values, found.intervals):
+        assert low - 0.3 * (high - low) <= value <= high + 0.3 * (high - low)
+
+
+@pytest.mark.parametrize(("contact", "count", "slipped"), [("socket", 25, 0.05), ("plane", 30, 0.0)])
+def test_nothing_is_invented(contact, count, slipped):
+    robot, data = touched("panda", contact, 4, count=count, slipped=slipped)
+    result = diagnose(robot.nominal, data)
+    assert result.verdict == NOTHING and not result.findings
+
+
+def test_a_tracker_and_planes_are_one_estimate_and_a_tracker_judges_the_planes():
+    """Planes alone: at most 1.5 times the error of the tracker's own; both together: no worse than the tracker's."""
+    robot, random = virtual("ur10", 7)
+    sensors = Sensors(position_m=NOISE_M, counts=0)
+    planes = measure_closures(robot, "plane", 3, 30, sensors, random)[0]
+    seen = placed(robot.true, random)
+    lower, upper = (np.array([getattr(joint, key) for joint in robot.nominal.joints]) for key in ("q_min", "q_max"))
+    tracked = VirtualRobot(robot.nominal, seen)
+    draw = lambda count: measure_poses(tracked, random.uniform(lower, upper, (count, 6)), sensors, random)
+    fitted, judge = draw(60), draw(100)
+    fitted = replace(fitted, identification=np.ones(60, bool))
+    error = lambda result: evaluate_poses(result, judge).overall.mean
+    by_tracker = calibrate(robot.nominal, fitted, CalibrationOptions(compliance=())).robot
+    by_planes = calibrate_closures(robot.nominal, planes, CalibrationOptions(compliance=())).robot
+    by_both = calibrate_closures(robot.nominal, together(planes, fitted), CalibrationOptions(compliance=()))
+    assert by_both.data.position is not None and set(by_both.data.session) == {1, 2, 3, 9}
+    assert error(by_planes) < 1.5 * error(by_tracker)
+    assert error(by_both.robot) < 1.02 * error(by_tracker)
+
+
+def together(planes: Dataset, tracked: Dataset) -> Dataset:
+    """Both as one data set, the tracker's rows in a session of their own."""
+    count = len(planes) + len(tracked)
+    position = np.concatenate([np.full((len(planes), 3), np.nan), tracked.position])
+    none = np.full(len(tracked), -1)
+    data = Dataset.of_arrays(
+        "closures", {name: np.concatenate([planes.joints[name], tracked.joints[name]]) for name in planes.joints},
+        session=np.concatenate([planes.session, np.full(len(tracked), 9)]), position=position,
+        contacts={name: np.concatenate([numbers, none]) for name, numbers in planes.contacts.items()},
+        fixture=planes.fixture, identification=np.ones(count, bool),
+    )
+    assert len(touches(data)) == count
+    return data
