@@ -14,8 +14,9 @@ from exactarm.robot_file import load_robot, shipped_robots
 PAGE = (Path(__file__).parents[2] / "docs" / "files.md").read_text()
 
 
-def block(language: str) -> str:
-    return re.search(rf"```{language}\n(.*?)```", PAGE, re.DOTALL)[1]
+def block(language: str, first: str = "") -> str:
+    """The first block of a language that begins with `first`."""
+    return re.search(rf"```{language}\n({re.escape(first)}.*?)```", PAGE, re.DOTALL)[1]
 
 
 def test_the_table_of_data_is_read(tmp_path):
@@ -27,7 +28,7 @@ def test_the_table_of_data_is_read(tmp_path):
 
 
 def test_the_robot_file_is_read(tmp_path):
-    (tmp_path / "robot.toml").write_text(block("toml"))
+    (tmp_path / "robot.toml").write_text(block("toml", "name = "))
     robot = load_robot(tmp_path / "robot.toml")
     assert [effect.name for effect in robot.effects] == ["payload"]
     np.testing.assert_allclose([robot.joints[0].alpha, robot.joints[1].q_offset], np.pi / 2)
@@ -56,3 +57,12 @@ def test_the_path_file_is_read_and_every_kind_is_documented(tmp_path):
         assert getattr(path, key) == getattr(defaults, key)
     for key in (*COMMON, *(name for options in CHOICES.values() for name in options), *shipped_paths()):
         assert re.search(rf'["`]?{key}\b', PAGE), key
+
+
+def test_the_controllers_keys_are_read(tmp_path):
+    page = (Path(__file__).parents[2] / "docs" / "compensate.md").read_text()
+    block = re.search(r"```toml\n(.*?)```", page, re.DOTALL)[1]
+    frame = block[block.index("[[controller.frames]]") :]
+    (tmp_path / "robot.toml").write_text('name = "six"\n' + 6 * "[[joints]]\n" + block + 5 * frame)
+    controller = load_robot(tmp_path / "robot.toml").controller
+    assert controller.chain == "calibrated" and controller.coupling == ((3, 2, 1.0),) and len(controller.frames) == 6

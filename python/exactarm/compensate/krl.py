@@ -183,7 +183,7 @@ class _Reader:
 
     # -- motions -------------------------------------------------------------------------------------
     def motions_of(self, index: int) -> None:
-        source, text = self.sources[index], self.texts[index]
+        text = self.texts[index]
         events = [*_MOTION.finditer(text), *_BAS.finditer(text), *_ASSIGNED.finditer(text)]
         state: dict[str, str | _Aggregate | None] = {"$TOOL": None, "$BASE": None, "$IPO_MODE": "#BASE"}
         inline: str | None = None
