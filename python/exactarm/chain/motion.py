@@ -112,6 +112,8 @@ def motion_view(
     view = MotionView(baked, record.data, kind, threads, evaluated=(robot, layout, record), bent=bent)
     tangents = tangents and layout.size > 0
     _motors(view, layout, record, tangents)
+    if not np.isnan(record.torque).all():
+        view.signals["carried"] = _carried(view, record)
     declared, slope = declared_output_angle(view)
     view.signals["phi"] = declared
     if tangents:
@@ -213,26 +215,39 @@ def _load(view: View, layout: Layout, record: MotionRecord, tangents: bool) -> N
 def predict_drive(view: MotionView, robot: Robot, layout: Layout, tangents: bool) -> None:
     """From joint torques to what the drives report: virtual work, rotor, friction, sensor."""
     nominal = view.robot.controller_ratios
-    rate = view.signals["theta_dot"] / nominal
-    sign, sign_slope = smooth_sign(rate, view.sign_width, view.swing)
-    coulomb, viscous, rotor = (
-        np.array([getattr(joint, name) or 0.0 for joint in view.robot.joints])
-        for name in ("coulomb", "viscous", "rotor_inertia")
-    )
+    taken, by_rate, by_acceleration = _taken_by_drives(view)
     gears = transmission(view, layout)
-    drive = nominal * np.einsum("nji,nj->ni", gears, view.torque)
-    drive += rotor * nominal * view.signals["theta_ddot"] + coulomb * sign + viscous * rate
+    drive = nominal * np.einsum("nji,nj->ni", gears, view.torque) + taken
     view.signals["drive"] = drive
     if tangents:
         moved = nominal[:, None] * np.einsum("nji,njp->nip", gears, view.tangents["torque"])
-        moved += (rotor * nominal)[:, None] * view.tangents["theta_ddot"]
-        moved += ((coulomb * sign_slope + viscous) / nominal)[:, :, None] * view.tangents["theta_dot"]
+        moved += by_acceleration[:, None] * view.tangents["theta_ddot"]
+        moved += by_rate[:, :, None] * view.tangents["theta_dot"]
         view.tangents["drive"] = moved + nominal[:, None] * _transmission_tangent(view, robot, layout)
     pass_station(view, layout, Station.DRIVE, "drive", tangents)
     view.signals["measured"] = view.signals["drive"]
     if tangents:
         view.tangents["measured"] = view.tangents["drive"]
     pass_station(view, layout, Station.DEVICE, "measured", tangents)
+
+
+def _taken_by_drives(view: View) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(N, n) Nm that declared rotors and friction take of the drive torque, its slopes by theta_dot (N, n) and theta_ddot (n,)."""
+    nominal = view.robot.controller_ratios
+    rate = view.signals["theta_dot"] / nominal
+    sign, sign_slope = smooth_sign(rate, view.sign_width, view.swing)
+    coulomb, viscous, rotor = (
+        np.array([getattr(joint, name) or 0.0 for joint in view.robot.joints])
+        for name in ("coulomb", "viscous", "rotor_inertia")
+    )
+    taken = rotor * nominal * view.signals["theta_ddot"] + coulomb * sign + viscous * rate
+    return taken, (coulomb * sign_slope + viscous) / nominal, rotor * nominal
+
+
+def _carried(view: MotionView, record: MotionRecord) -> np.ndarray:
+    """(N, n) Nm that the joints carry as the drives tell: measured torque less rotors and friction, NaN where none was
+    measured. Unlike the torque of the model it does not hang on angles that a gap has bent."""
+    return record.torque - record.smooth(_taken_by_drives(view)[0])
 
 
 def transmission(view: View, layout: Layout) -> np.ndarray:

@@ -216,8 +216,10 @@ def _worth(problem: Problem, fitted: Fitted, effects: list[Effect], folds: np.nd
         folds = folds_of(groups, problem.seed)
         without = held_out_squares(fitted, np.zeros((fitted.whitened.size, 0)), folds, units=problem.units(folds))
     units = problem.units(folds)
-    fall = (without - held_out_squares(fitted, columns, folds, prior, units))[_showing(fitted, columns, units)]
-    certain = fall.mean() > _FOLD_CERTAINTY * fall.std(ddof=1) / np.sqrt(len(fall))
+    falls = without - held_out_squares(fitted, columns, folds, prior, units)
+    fall = falls[_showing(fitted, columns, units)]
+    certain = _as_promised(falls, _promised(fitted, columns, prior, units))
+    certain = certain or fall.mean() > _FOLD_CERTAINTY * fall.std(ddof=1) / np.sqrt(len(fall))
     # What shows in bursts (a resonance that is passed) falls very unevenly, but it falls everywhere.
     certain = certain or (len(fall) >= _LEAST_FALLING and np.all(fall > 0.0))
     # A fall g of a square sum of white noise scatters by 2 sqrt(g): beyond 4 z^2 every single unit is sure of it.
@@ -225,6 +227,28 @@ def _worth(problem: Problem, fitted: Fitted, effects: list[Effect], folds: np.nd
     if not certain or fall.sum() <= problem.least_share * without.sum():
         return False
     return _holds_elsewhere(problem, fitted, effects)
+
+
+def _promised(fitted: Fitted, columns: np.ndarray, prior: np.ndarray, units: np.ndarray) -> np.ndarray:
+    """(U,) by how much the square sum of each unit should fall, if the effect is what it is over all of them."""
+    left = columns - fitted.basis @ (fitted.basis.T @ columns)
+    penalty = np.diag(1.0 / prior**2) + 1e-10 * np.diag(np.sum(left**2, axis=0) + np.finfo(float).tiny)
+    change = (left @ np.linalg.solve(left.T @ left + penalty, left.T @ fitted.free_residual))[: fitted.data_numbers]
+    return np.bincount(units, weights=np.sum(change.reshape(len(units), -1) ** 2, axis=1))
+
+
+def _as_promised(fall: np.ndarray, promised: np.ndarray) -> bool:
+    """Whether the units fall in proportion to what each shows of the effect: a few may show nearly all of it.
+
+    fall = b promised + e, the variance of e in proportion to promised (a ratio estimate, Cochran 1977): is b surely above zero?
+    """
+    shown = promised > _RESPONDING * promised.max()
+    if shown.sum() < _LEAST_SHOWING:
+        return False
+    fall, promised = fall[shown], promised[shown]
+    slope = fall.sum() / promised.sum()
+    scatter = np.sum((fall - slope * promised) ** 2 / promised) / (len(fall) - 1)
+    return bool(slope > _FOLD_CERTAINTY * np.sqrt(scatter / promised.sum()))
 
 
 def _response(fitted: Fitted, columns: np.ndarray) -> np.ndarray:

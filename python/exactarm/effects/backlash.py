@@ -2,8 +2,9 @@
 
 change of q = -width / 2 * s,   s = tanh((torque + friction * direction) / transition)
 
-torque is what the joint carries (the spring's torque, E4), friction the joint's Coulomb friction against the
-direction of motion: it decides where the load is small. transition = friction / 5, so that friction alone
+torque is what the joint carries (the spring's torque, E4; in motions as the drives tell it, view.signals["carried"]: the
+angles that the model takes it from have been bent by the gap itself), friction the joint's Coulomb friction against
+the direction of motion: it decides where the load is small. transition = friction / 5, so that friction alone
 presses the flanks together. Two-state model of Nordin and Gutman 2002, at rest on either flank.
 """
 
@@ -18,15 +19,17 @@ from exactarm.effects.base import Change, Effect, Parameter, Station
 
 _TRANSITION_SHARE = 0.2
 _FRICTION_SHARE = 0.02  # of the largest load, where no friction is declared
-_FRICTION_SHARES = (0.003, 0.005, 0.0075, 0.011, 0.016, 0.023, 0.033, 0.048, 0.07)  # to choose from, where the device shows the flank itself
+_FRICTION_SHARES = (0.003, 0.005, 0.0075, 0.011, 0.016, 0.023, 0.033, 0.048, 0.07, 0.1, 0.15, 0.22, 0.33)  # to choose from, where the device shows the flank itself
 _LEAST_FRICTION_NM = 0.1
 
 
 @dataclass(frozen=True)
 class Backlash(Effect):
-    """values: width of the clearance at the output, and the friction that decides at small loads, chosen from `search`."""
+    """values: width of the clearance at the output, and the friction that decides at small loads, chosen from `search`;
+    with `rubs` it is estimated from there."""
 
     search: tuple[float, ...] = ()
+    rubs: bool = False
 
     name: ClassVar[str] = "backlash"
     plain: ClassVar[str] = "play in the gear"
@@ -39,21 +42,25 @@ class Backlash(Effect):
 
     def parameters(self) -> tuple[Parameter, ...]:
         return (Parameter("width_rad", 3e-4, -1e-2, 1e-2),
-                Parameter("friction_Nm", 10.0, 0.0, fixed=True, search=self.search))
+                Parameter("friction_Nm", 10.0, _LEAST_FRICTION_NM if self.rubs else 0.0, fixed=not self.rubs, search=self.search))
 
-    def flank(self, view) -> tuple[np.ndarray, np.ndarray]:
-        """s (N,) in [-1, 1] and its derivative by the torque."""
+    def flank(self, view) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """s (N,) in [-1, 1] and its derivatives by the torque and the friction."""
         friction = max(self.values[1], _LEAST_FRICTION_NM)
         transition = _TRANSITION_SHARE * friction
-        pressed = view.torque[:, self.index] + friction * view.direction[:, self.index]
-        s = np.tanh(pressed / transition)
-        return s, (1.0 - s**2) / transition
+        modelled, direction = view.torque[:, self.index], view.direction[:, self.index]
+        carried = view.signals["carried"][:, self.index] if "carried" in view.signals else np.full_like(modelled, np.nan)
+        measured = ~np.isnan(carried)
+        load = np.where(measured, carried, modelled)
+        s = np.tanh((load + friction * direction) / transition)
+        slope = (1.0 - s**2) / transition
+        return s, np.where(measured, 0.0, slope), -slope * load / friction
 
     def change(self, view) -> Change:
-        s, slope = self.flank(view)
+        s, slope, by_friction = self.flank(view)
         half = 0.5 * self.values[0]
         derivative = np.zeros((view.rows, 1, 2))
-        derivative[:, 0, 0] = -0.5 * s
+        derivative[:, 0] = np.stack([-0.5 * s, -half * by_friction], axis=1)
         by_torque = np.zeros((view.rows, 1, view.axes))
         by_torque[:, 0, self.index] = -half * slope
         return Change((self.index,), (-half * s)[:, None], derivative, {"torque": by_torque})
@@ -68,12 +75,11 @@ class Backlash(Effect):
             small = max(_FRICTION_SHARE * load, _LEAST_FRICTION_NM)
             if view.kind == "poses" and load <= small:
                 continue  # at rest only friction would press the flanks, which is hysteresis by another name
-            if view.kind in ("poses", "tracked_motion", "gear_run") and load > _LEAST_FRICTION_NM:
+            if view.kind == "motion":
+                # A drive torque shows the flank while it changes sides, by the rates: few places to start from are enough.
+                shares = [small] + ([joint.coulomb] if joint.coulomb else [])
+            else:
                 shares = [share * load for share in _FRICTION_SHARES] + ([joint.coulomb] if joint.coulomb else [])
-                shares = tuple(sorted({min(max(value, _LEAST_FRICTION_NM), load) for value in shares if value < load}))
-                yield cls(index + 1, (0.0, shares[0]), shares)
-                continue
-            yield cls(index + 1, (0.0, small))
-            friction_decides = joint.coulomb and joint.coulomb > 2.0 * small and np.any(view.direction[:, index])
-            if friction_decides:
-                yield cls(index + 1, (0.0, joint.coulomb))
+            # In static poses the flank is seen on either side of the change, and next to never while it changes.
+            shares = sorted({min(max(value, _LEAST_FRICTION_NM), max(load, small)) for value in shares})
+            yield cls(index + 1, (0.0, shares[0]), tuple(shares), rubs=view.is_series and bool(np.any(view.direction[:, index])))

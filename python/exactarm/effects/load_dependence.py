@@ -24,9 +24,12 @@ _LEAST_SPREAD_SIGN = 0.5
 @dataclass(frozen=True)
 class LoadDependence(HarmonicFamily):
     """One value: wind-up, or with `of_declared` the growth of the gear's error; two: wind-up and the friction of the
-    drive; three: an order of its own."""
+    drive; three: an order of its own.
+
+    beside_spring: only there may the wind-up be negative, where the declared spring is too soft."""
 
     of_declared: bool = False
+    beside_spring: bool = True
 
     name: ClassVar[str] = "load_dependence"
     plain: ClassVar[str] = "gear errors that grow with the load"
@@ -48,7 +51,8 @@ class LoadDependence(HarmonicFamily):
             return super().parameters()
         if self.of_declared:
             return (Parameter("relative_per_Nm", 5e-3, -1.0, 1.0),)
-        return (Parameter("linear_rad_per_Nm", 5e-6), Parameter("friction_rad", 1e-4))[: len(self.values)]
+        lower = -np.inf if self.beside_spring else 0.0
+        return (Parameter("linear_rad_per_Nm", 5e-6, lower), Parameter("friction_rad", 1e-4))[: len(self.values)]
 
     def parameter_label(self, parameter: Parameter) -> str:
         return f"{self.label}.{parameter.name}"
@@ -89,7 +93,8 @@ class LoadDependence(HarmonicFamily):
                 continue
             # A measured torque always has the friction of the drive in it.
             rubs = "friction_sign" in view.signals and np.ptp(view.signals["friction_sign"][:, index]) > _LEAST_SPREAD_SIGN
-            yield cls(index + 1, (0.0, 0.0) if rubs else (0.0,))
+            spring = bool(robot.joints[index].spring_linear)
+            yield cls(index + 1, (0.0, 0.0) if rubs else (0.0,), beside_spring=spring)
             if robot.joints[index].has_harmonics:
                 yield cls(index + 1, (0.0,), of_declared=True)
             orders = (*np.unique(declared_orders(robot, index)), *searched_orders(robot, view, index))

@@ -1,0 +1,80 @@
+"""Backlash: its flank follows what the joint really carries, and how much friction holds it is found with the width."""
+
+import numpy as np
+import pytest
+from central_difference import assert_derivative
+from motions import fourier_motion, motion_data
+from test_diagnose_poses import HIDDEN, data_with, ur10
+
+from exactarm import _core
+from exactarm.chain import Layout, predict_gear_run
+from exactarm.diagnose.diagnosis import EXPLAINED, diagnose
+from exactarm.effects import effect_from_table
+from exactarm.effects.backlash import Backlash
+from exactarm.effects.load_dependence import LoadDependence
+from exactarm.robot_file import load_robot
+from exactarm.simulate import Sensors, VirtualRobot, measure_gear_runs, parse_effect
+
+FRICTION_NM, ROTOR_KG_M2, NOISE_NM = 10.0, 2e-4, 0.3
+
+
+@pytest.fixture(scope="module")
+def rigid():
+    robot = load_robot("racer-7-1.4")
+    for i in range(robot.axes):
+        robot = robot.with_joint(i, cw=None, ccw=None, spring_linear=None, spring_cubic=0.0,
+                                 rotor_inertia=ROTOR_KG_M2, coulomb=FRICTION_NM, viscous=0.0)
+    return robot
+
+
+def motion_through_a_gap(robot, joint, width):
+    """The links move smoothly, the motor of one axis crosses its gap: the angles that are logged have the gap in them."""
+    time, angle, rate, acceleration = fourier_motion(robot, 12.0, 500.0, seed=5)
+    load = _core.inverse_dynamics(robot.core, angle + robot.offsets, rate, acceleration)
+    k, gap = joint - 1, np.zeros_like(angle)
+    pressed = load[:, k] + FRICTION_NM * np.tanh(rate[:, k] / 0.02)
+    gap[:, k] = 0.5 * width * np.tanh(pressed / (0.2 * FRICTION_NM))
+    crossing = np.gradient(gap, time, axis=0)
+    motor = acceleration + np.gradient(crossing, time, axis=0)
+    torque = load + ROTOR_KG_M2 * robot.ratios**2 * motor + FRICTION_NM * np.tanh((rate + crossing) / 0.02)
+    torque += np.random.default_rng(2).normal(0.0, NOISE_NM, torque.shape)
+    return motion_data(robot, time, angle + gap, torque)
+
+
+@pytest.mark.parametrize("joint, width", [(2, 1e-3)])
+def test_a_drive_torque_tells_the_gap_with_its_sign_and_size(rigid, joint, width):
+    found = diagnose(rigid, motion_through_a_gap(rigid, joint, width))
+    first = found.findings[0].effect
+    assert first.label == f"backlash_{joint}"
+    assert first.values == pytest.approx((width, FRICTION_NM), rel=0.05)
+    assert found.after["validation"].rms < 0.15 * found.before["validation"].rms
+
+
+def test_friction_of_the_flank_is_estimated_in_a_gear_run():
+    robot = load_robot("racer-7-1.4")
+    virtual = VirtualRobot.of(robot, [parse_effect("backlash joint=2 width_rad=6e-4 friction_Nm=12", 6)])
+    found = diagnose(robot, measure_gear_runs(virtual, [1], [0.8, 1.2], 3, Sensors(), np.random.default_rng(1)))
+    assert found.verdict == EXPLAINED and [f.effect.label for f in found.findings] == ["backlash_2"]
+    for value, (low, high), true in zip(found.findings[0].effect.values, found.findings[0].intervals, (6e-4, 12.0)):
+        assert high - low < 0.05 * true and abs(value - true) < high - low
+
+
+def test_derivative_by_the_friction():
+    robot = load_robot("racer-7-1.4")
+    data = measure_gear_runs(VirtualRobot.of(robot), [1], [1.0], 1, Sensors(gyro_rad_s=0.0, counts=0), np.random.default_rng(1), 250.0)
+    layout = Layout.of((Backlash(2, (4e-4, 60.0), rubs=True),))
+    assert layout.names == ("backlash_2.width_rad", "backlash_2.friction_Nm")
+    predict = lambda x: predict_gear_run(robot, layout.at(x), data, tangents=False).measured
+    assert_derivative(predict, layout.values, predict_gear_run(robot, layout, data).jacobian, 1e-4 * layout.values, relative=1e-5)
+
+
+def test_friction_of_a_fifth_of_the_load_is_found_in_poses():
+    clearance = effect_from_table(HIDDEN["backlash"] | {"width_rad": 5e-4, "friction_Nm": 20.0})
+    found = diagnose(ur10(), data_with((clearance,), 201)[0])
+    assert found.verdict == EXPLAINED and [f.effect.label for f in found.findings] == ["backlash_2"]
+    assert found.findings[0].effect.values == pytest.approx((5e-4, 20.0), rel=0.2)
+
+
+def test_wind_up_gives_way_and_never_the_other_way_unless_a_declared_spring_is_too_soft():
+    assert LoadDependence(2, (0.0,), beside_spring=False).parameters()[0].lower == 0.0
+    assert LoadDependence(2, (0.0,)).parameters()[0].lower == -np.inf
