@@ -71,7 +71,7 @@ def test_a_push_stays_with_its_data(tmp_path):
 
 def test_files_are_told_by_their_content_and_order():
     data = Dataset.of_arrays("poses", {"q": np.zeros((4, 6))})
-    drift = TrackerDrift(None, (1e-4, 0.0, 0.0))
+    drift = TrackerDrift(None, (1e-4, 0.0, 0.0, 0.0, 0.0, 0.0))
     assert drift.bound_to(data) == drift and drift.acts_on(data)
     one, two = (replace(data, sources=(Source(name, name * 64, 4),)) for name in "ab")
     bound = drift.bound_to(one)

@@ -1,11 +1,14 @@
 """Tracker drift: the measuring device moves off while it measures, linear in time (or row order).
 
-measured += drift x, x the time in hours (or the row) less its mean over each session.
+measured += x (shift + turn x measured),   x the time in hours (or the row)
+
+shift (3,) m and turn (3,) rad, about the device's origin, a unit of x. Where the device stood at x = 0 is part of the
+frames of its set-up. Either the shift alone is estimated, or both: a tripod that settles tilts.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar, Iterable
 
 import numpy as np
@@ -16,9 +19,10 @@ from exactarm.effects.slow_driver import ROW, TIME, slow_signal, unit
 
 @dataclass(frozen=True)
 class TrackerDrift(Effect):
-    """Drift of the device in its own axes; `driver`: time or row."""
+    """Drift of the device in its own axes, with `turn` its rotation too; `driver`: time or row."""
 
     driver: str = TIME
+    turn: bool = False
 
     name: ClassVar[str] = "tracker_drift"
     plain: ClassVar[str] = "a tracker that drifts"
@@ -32,25 +36,39 @@ class TrackerDrift(Effect):
         return True
 
     def parameters(self) -> tuple[Parameter, ...]:
-        return tuple(Parameter(f"{axis}_m_per_{unit(self.driver)}", 1e-4) for axis in "xyz")
+        shift = tuple(Parameter(f"{axis}_m_per_{unit(self.driver)}", 1e-4) for axis in "xyz")
+        turn = tuple(Parameter(f"turn_{axis}_rad_per_{unit(self.driver)}", 3e-5, fixed=not self.turn) for axis in "xyz")
+        return (*shift, *turn)
 
     def describe(self) -> str:
-        size = 1e6 * float(np.linalg.norm(self.values))
-        return f"the measuring device drifts by {size:.3g} micrometres per {unit(self.driver)}"
+        size, turn = (1e6 * float(np.linalg.norm(part)) for part in (self.values[:3], self.values[3:]))
+        more = f" and turns by {turn:.3g} microradians" if any(self.values[3:]) else ""
+        return f"the measuring device drifts by {size:.3g} micrometres{more} per {unit(self.driver)}"
 
     def to_table(self):
         return super().to_table() | {"driver": self.driver}
 
     @classmethod
     def from_table(cls, table) -> Effect:
+        """Files without a turn are those of a shift alone."""
         raw = cls(None, (), table["driver"])
-        return raw.with_values(table[parameter.name] for parameter in raw.parameters())
+        values = [table[p.name] if k < 3 else table.get(p.name, 0.0) for k, p in enumerate(raw.parameters())]
+        return replace(raw.with_values(values), turn=any(values[3:]))
 
     def change(self, view) -> Change:
-        x = slow_signal(view.data, self.driver)
-        return Change((0, 1, 2), x[:, None] * np.asarray(self.values), x[:, None, None] * np.eye(3))
+        x = slow_signal(view.data, self.driver)[:, None, None]
+        return Change((0, 1, 2), *moved_device(view.measured[:, :3], x, self.values))
 
     @classmethod
     def candidates(cls, robot, view) -> Iterable[Effect]:
         driver = TIME if view.data.time is not None and np.ptp(view.data.time) > 0.0 else ROW
-        return (cls(None, (0.0,) * 3, driver),)
+        return (cls(None, (0.0,) * 6, driver, turn) for turn in (False, True))
+
+
+def moved_device(measured: np.ndarray, x: np.ndarray, values) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
+    """What a device does to positions measured (N, 3) that shifts and turns by x (N, 1, 1) times `values` (6,): change (N, 3),
+    its derivatives by `values` (N, 3, 6), and by the positions."""
+    derivative = np.concatenate([np.broadcast_to(np.eye(3), (len(x), 3, 3)),
+                                 np.cross(np.eye(3), measured[:, None, :]).swapaxes(1, 2)], axis=2) * x
+    by_measured = x * np.cross(np.asarray(values[3:]), np.eye(3)).T
+    return derivative @ np.asarray(values), derivative, {"measured": by_measured}

@@ -11,6 +11,7 @@ from typing import ClassVar, Iterable
 import numpy as np
 
 from exactarm.effects.base import Change, Effect, Parameter, Station
+from exactarm.effects.tracker_drift import moved_device
 from exactarm.effects.slow_driver import ROW, TIME, slow_signal, unit
 
 _LEAST_ROWS = 5  # on either side
@@ -61,14 +62,10 @@ class TrackerStep(Effect):
         return cls(None, tuple(map(float, values)), raw.session, raw.driver, turn=any(values[4:]))
 
     def change(self, view) -> Change:
-        later = self._later(view.data)
-        measured = view.measured[:, :3]
-        derivative = np.zeros((view.rows, 3, 7))
-        derivative[:, :, 1:4] = later[:, None, None] * np.eye(3)
-        derivative[:, :, 4:] = later[:, None, None] * np.cross(np.eye(3), measured[:, None, :]).swapaxes(1, 2)
-        turn = np.asarray(self.values[4:])
-        by_measured = later[:, None, None] * np.cross(turn, np.eye(3)).T
-        return Change((0, 1, 2), derivative @ np.asarray(self.values), derivative, {"measured": by_measured})
+        later = self._later(view.data)[:, None, None]
+        value, by_place, by_signal = moved_device(view.measured[:, :3], later, self.values[1:])
+        derivative = np.concatenate([np.zeros((view.rows, 3, 1)), by_place], axis=2)
+        return Change((0, 1, 2), value, derivative, by_signal)
 
     def _later(self, data) -> np.ndarray:
         """(N,) 1 after the push, else 0."""
