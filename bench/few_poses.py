@@ -2,21 +2,24 @@
 
     python bench/few_poses.py [--series B] [--counts 12 20 30 50] [--sets 30] [--out FILE.json]
 
-The fitted rows of a random split (70 %) are the pool, the other rows judge. From the pool are taken: sets
-at random; a set by the criteria of `exactarm design` (D: log det, smallest singular value), by
-`identify.exchange` from each of `STARTS` random starts; and one by those of `exactarm design --aim
-accuracy` (I: the least mean variance of the position over the pool), all without polishing, which needs
-poses that nobody measured. Each set is calibrated with position and orientation as `exactarm calibrate`
-does it. Printed: the mean error on the rows that judge, in mm: of all pool rows, of the random sets
-(median, and tenth to ninetieth percentile), of the chosen ones (median over the starts), and the share of
-random sets that are better than it.
+The fitted rows of a random split (70 %) are the pool, the other rows judge. From the pool are taken sets at
+random, and sets by `identify.exchange` from each of `STARTS` random starts:
+
+    D    the criteria of `exactarm design`: log det, smallest singular value
+    I    the least mean variance of the position over the pool, tr(M^-1 W), W the mean of its J'J
+    S    the same, where waves of each axis, of unknown size, are a part of the noise
+
+none of them polished, which needs poses that nobody measured. Each set is calibrated with position and
+orientation as `exactarm calibrate` does it. Printed: the mean error on the rows that judge, in mm: of all pool
+rows, of the random sets (median, tenth to ninetieth percentile), of the chosen ones (median over the starts,
+and in brackets the share of random sets that are better).
 """
 
 from __future__ import annotations
 
 import argparse
 import json
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -25,8 +28,8 @@ from exactarm.dataset import Dataset, read_dataset
 from exactarm.errors import ComputationError, InputError
 from exactarm.examples import data_path
 from exactarm.identify.calibrate import calibrate
-from exactarm.identify.criterion import MeanVariance
-from exactarm.identify.design import LEAST_FALL, reference_identifiability
+from exactarm.identify.criterion import Criterion
+from exactarm.identify.design import reference_identifiability
 from exactarm.identify.exchange import ExchangeOptions, exchange
 from exactarm.identify.observability import column_scale
 from exactarm.identify.planned import PlannedModel, row_weights
@@ -34,30 +37,68 @@ from exactarm.robot import Robot
 from exactarm.robot_file import load_robot
 
 STARTS = 3
+WAVES, WAVE_RAD = (
+    (1, 2, 3, 4),
+    2e-4,
+)  # orders, and the amplitude of the first, of the errors that the model lacks
+CRITERIA = ("D", "I", "S")
+LEAST_FALL = 1e-3  # of the mean variance, relative, in the steps that an exchange waits for
 SEED = 1
 
 
-def planned(robot: Robot, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Blocks (N, 6, m) of the identifiable parameters, each row over its noise, and the mean J'J of the position."""
+@dataclass(frozen=True, eq=False)
+class MeanVariance(Criterion):
+    """-log tr(M^-1 W), the mean variance of what is predicted; `weight` W (m, m): its mean J'J."""
+
+    weight: np.ndarray
+
+    def values(self, information: np.ndarray) -> np.ndarray:
+        regular = np.linalg.eigvalsh(information)[..., 0] > 0.0
+        safe = np.where(regular[..., None, None], information, np.eye(information.shape[-1]))
+        solved = np.linalg.solve(safe, np.broadcast_to(self.weight, safe.shape))
+        return np.where(regular, -np.log(np.trace(solved, axis1=-2, axis2=-1)), -np.inf)
+
+
+def planned(robot: Robot, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Blocks (N, 6, m) of the identifiable parameters and (N, 6, w) of waves of the axes, each row over its noise, and
+    the mean J'J of the position (m, m)."""
     model = PlannedModel.of(robot, q, "both", True)
     blocks = model.blocks(q)
     identifiability = reference_identifiability(model, blocks)
     scaled = (
-        blocks[:, :, identifiability.kept] * column_scale(model.names, model.plausible)[identifiability.kept]
+        blocks[:, :, identifiability.kept]
+        * column_scale(model.names, model.plausible)[identifiability.kept]
     )
     position = scaled[:, :3]
-    return scaled * row_weights(True)[:, None], np.einsum("nri,nrj->ij", position, position) / len(q)
+    turned = [model.names.index(f"q_offset_{i + 1}_rad") for i in range(robot.axes)]
+    waves = [
+        blocks[:, :, column] * (wave(k * q[:, axis]) * WAVE_RAD / k)[:, None]
+        for axis, column in enumerate(turned)
+        for k in WAVES
+        for wave in (np.cos, np.sin)
+    ]
+    noise = row_weights(True)[:, None]
+    weight = np.einsum("nri,nrj->ij", position, position) / len(q)
+    return scaled * noise, np.stack(waves, axis=2) * noise, weight
 
 
-def chosen(blocks: np.ndarray, weight: np.ndarray, count: int, criterion: str, random) -> np.ndarray:
+def chosen(planned_for: tuple, count: int, criterion: str, random) -> np.ndarray:
     """(count,) indices into the pool; the start is drawn until it is regular."""
-    options = ExchangeOptions()
-    if criterion == "I":
+    blocks, waves, weight = planned_for
+    options, prior = ExchangeOptions(), None
+    if criterion in ("I", "S"):
+        if (
+            criterion == "S"
+        ):  # waves of amplitude 1 in their scale; the target's error by them is not asked for
+            m, w = blocks.shape[2], waves.shape[2]
+            blocks, weight = np.concatenate([blocks, waves], axis=2), np.pad(weight, (0, w))
+            prior = np.diag(np.repeat([0.0, 1.0], [m, w]))
         own = MeanVariance(weight)
         options = replace(options, keep=own, add=own, threshold=LEAST_FALL)
     for _ in range(20):
         try:
-            return exchange(blocks, random.choice(len(blocks), count, replace=False), random, options).chosen
+            start = random.choice(len(blocks), count, replace=False)
+            return exchange(blocks, start, random, options, prior).chosen
         except (ComputationError, np.linalg.LinAlgError):
             continue
     raise SystemExit(f"no {count} poses of the pool identify all parameters")
@@ -79,38 +120,31 @@ def measured(series: str, counts: list[int], sets: int) -> dict:
     robot = load_robot("ur10")
     data = read_dataset([str(data_path(f"ur10/series_{series}.csv"))], robot)
     pool = np.flatnonzero(data.split(SEED))
-    blocks, weight = planned(robot, data.joints["q"][pool])
+    planned_for = planned(robot, data.joints["q"][pool])
     every = error_of(robot, data, pool, pool)
     print(
         f"series {series}: {len(pool)} poses in the pool, {len(data) - len(pool)} judge; all: {1e3 * every:.3f} mm"
     )
-    print(
-        "| poses | random: median (10 to 90 %) | D | I | random sets better than D, I |\n| --- | --- | --- | --- | --- |"
-    )
+    print(f"| poses | random: median (10 to 90 %) | {' | '.join(CRITERIA)} |")
+    print("| --- " * (2 + len(CRITERIA)) + "|")
     rows = {"all_mm": 1e3 * every}
     for count in counts:
         random = np.random.default_rng([SEED, count])
         drawn = np.array(
             [error_of(robot, data, pool, random.choice(pool, count, replace=False)) for _ in range(sets)]
         )
+        sets_of = {
+            name: [pool[chosen(planned_for, count, name, random)] for _ in range(STARTS)]
+            for name in CRITERIA
+        }
         found = {
-            name: float(
-                np.median(
-                    [
-                        error_of(robot, data, pool, pool[chosen(blocks, weight, count, name, random)])
-                        for _ in range(STARTS)
-                    ]
-                )
-            )
-            for name in ("D", "I")
+            name: float(np.median([error_of(robot, data, pool, rows) for rows in each]))
+            for name, each in sets_of.items()
         }
         better = {name: float(np.mean(drawn < value)) for name, value in found.items()}
         low, middle, high = 1e3 * np.quantile(drawn, (0.1, 0.5, 0.9))
-        print(
-            f"| {count} | {middle:.3f} ({low:.3f} to {high:.3f}) | {1e3 * found['D']:.3f} | {1e3 * found['I']:.3f} | "
-            f"{100 * better['D']:.0f} %, {100 * better['I']:.0f} % |",
-            flush=True,
-        )
+        cells = " | ".join(f"{1e3 * found[name]:.3f} ({100 * better[name]:.0f} %)" for name in CRITERIA)
+        print(f"| {count} | {middle:.3f} ({low:.3f} to {high:.3f}) | {cells} |", flush=True)
         rows[str(count)] = {"random_mm": [low, middle, high], "better": better} | {
             f"{name}_mm": 1e3 * value for name, value in found.items()
         }

@@ -56,14 +56,6 @@ def test_identifiable_without_frames(tmp_path):
     assert not any(name.startswith("session") for name in result["identifiable"])
 
 
-def test_design_for_accuracy_says_how_uncertain_the_target_will_be(tmp_path):
-    code, result = run(tmp_path, "design", "ur10", "--count", "12", "--validation", "0", "--aim", "accuracy")
-    assert code == 0 and result["aim"] == "accuracy"
-    assert 0.0 < result["deviation"]["design"] < result["deviation"]["start"]
-    assert "uncertain by" in (tmp_path / "report.html").read_text()
-    assert len(rows_of(tmp_path / "poses.csv")) == 12
-
-
 def test_designed_poses_are_read_back_by_identifiable(tmp_path):
     words = ("racer-7-1.4", "--tool", "-0.05,0,0.1", "--box", "-1.2,1.2,-1,1,0.1,2")
     code, result = run(tmp_path, "design", *words, "--count", "20", "--validation", "4")

@@ -15,7 +15,7 @@ from exactarm.commands.call import AnyRobot, asked, robot_of, threads_of
 from exactarm.commands.planning_arguments import add_planning, box_of, clearance_of, target_hint, tool_of
 from exactarm.commands.result import CommandResult
 from exactarm.errors import InputError
-from exactarm.identify.design import ACCURACY, AIMS, PARAMETERS, Design, DesignOptions, design_poses
+from exactarm.identify.design import Design, DesignOptions, design_poses
 from exactarm.identify.pose_space import Box
 from exactarm.progress import SILENT, Progress
 from exactarm.report import Figure, Quantity, Report, Section, Table, Text, Warnings
@@ -27,12 +27,6 @@ from exactarm.split import DEFAULT_SEED
 
 NAME = "design"
 HELP = "optimal measurement poses, and others to validate with"
-_ACCURATE = (
-    "From a random set, poses are exchanged one by one: of random candidates the one is added that lowers the mean "
-    "variance of the target's position over the work space most, and the pose that it misses least is removed; what has "
-    "just come or gone is tabu for a while. Then every pose moves a little as long as that variance falls. Poses are in "
-    "an order of short ways."
-)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -40,46 +34,39 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--count", metavar="K", type=int, default=50, help="poses to identify with (default %(default)s)")
     parser.add_argument("--validation", metavar="K", type=int, default=13,
                         help="further poses to validate with (default %(default)s)")
-    parser.add_argument("--aim", choices=AIMS, default=PARAMETERS,
-                        help="what the poses are to show best: the parameters (default), or where the target is, all "
-                             "over the box")
     add_planning(parser)
 
 
 def design(
     robot: AnyRobot, *, count: int = 50, validation: int = 13, tool_m: Sequence[float] | None = None,
     frames: str = "both", use: Literal["position", "pose"] = "position", box: Box | None = None,
-    clearance_m: float | None = None, aim: str = PARAMETERS, seed: int = DEFAULT_SEED, threads: int | None = None,
-    progress: Progress = SILENT,
+    clearance_m: float | None = None, seed: int = DEFAULT_SEED, threads: int | None = None, progress: Progress = SILENT,
 ) -> CommandResult:
     """Measurement poses that show the parameters best, and others to validate with.
 
     tool_m: target on the flange. frames: which frames are unknown ("both", "base", "tool", "none"). box, clearance_m: where
-    flange and target may be. aim: "parameters" (O1), or "accuracy": the least mean variance of the target's
-    position over the box.
+    flange and target may be.
 
         >>> import exactarm as ea
         >>> len(ea.design("ur10", count=20, validation=5).to_dataframe())
         25
     """
-    given = {"count": count, "validation": validation, "tool_m": tool_m, "frames": frames, "use": use, "aim": aim}
+    given = {"count": count, "validation": validation, "tool_m": tool_m, "frames": frames, "use": use}
     arm = robot_of(robot)
     if tool_m is not None:
         arm = replace(arm, tool=Placement(arm.tool.rotation, np.asarray(tool_m, float)))
     if count < 1 or validation < 0:
         raise InputError("--count: expected 1 or more, --validation: 0 or more")
-    if aim not in AIMS:
-        raise InputError(f"--aim {aim}: expected one of: {', '.join(AIMS)}")
     options = DesignOptions(
         count=count, validation=validation, box=box or Box(), clearance=clearance_of(clearance_m), frames=frames,
-        orientation=use == "pose", aim=aim, seed=seed, threads=threads_of(threads),
+        orientation=use == "pose", seed=seed, threads=threads_of(threads),
     )
     progress.stage("designing")
     found = design_poses(arm, options)
-    defaults = {"validation": 13, "tool_m": None, "frames": "both", "use": "position", "aim": PARAMETERS}
+    defaults = {"validation": 13, "tool_m": None, "frames": "both", "use": "position"}
     return CommandResult(
-        json=_json(found) | {"aim": aim},
-        report=_report(arm, found, aim),
+        json=_json(found),
+        report=_report(arm, found),
         tables={"poses.csv": _pose_columns(arm, found)},
         asked=asked("design", robot, None, seed, given, defaults),
     )
@@ -88,7 +75,7 @@ def design(
 def run(arguments: argparse.Namespace) -> CommandResult:
     return design(
         arguments.robot, count=arguments.count, validation=arguments.validation, tool_m=tool_of(arguments.tool),
-        frames=arguments.frames, aim=arguments.aim, use=arguments.use, box=box_of(arguments.box), clearance_m=arguments.clearance,
+        frames=arguments.frames, use=arguments.use, box=box_of(arguments.box), clearance_m=arguments.clearance,
         seed=arguments.seed, threads=arguments.threads, progress=arguments.progress,
     )
 
@@ -97,7 +84,6 @@ def _json(design: Design) -> dict:
     return design.observability.as_dict() | {
         "start": design.start.as_dict(),
         "exchanged": design.exchanged.as_dict(),
-        "deviation": dict(zip(("start", "design"), design.deviation)),
         "poses": len(design.q),
         "validation_poses": len(design.q_validation),
         "identifiable": design.identifiability.identifiable,
@@ -118,24 +104,17 @@ def _pose_columns(robot: Robot, design: Design) -> dict[str, np.ndarray]:
     return columns
 
 
-def _report(robot: Robot, design: Design, aim: str) -> Report:
+def _report(robot: Robot, design: Design) -> Report:
     gain = design.observability.O1 / design.start.O1
     parameters = len(design.identifiability.identifiable)
     verdict = (
         f"{len(design.q)} poses for {parameters} parameters: O1 = {number(design.observability.O1)}, "
         f"{gain:.2f} times that of the random set it started from."
     )
-    if aim == ACCURACY:
-        less = design.deviation[1] / design.deviation[0]
-        verdict = (
-            f"{len(design.q)} poses for {parameters} parameters: over the work space the target's position will be "
-            f"uncertain by {number(design.deviation[1])} times the noise of a measured coordinate (root mean square "
-            f"of its length), {less:.2f} times that of the random set it started from."
-        )
     sections: list[Section] = [_index_table(design), _dropped_table(design)]
     if warnings := _warnings(design):
         sections.append(Warnings(warnings))
-    sections += [_history_figure(design, aim), _pose_figure(design), _method(design, aim)]
+    sections += [_history_figure(design), _pose_figure(design), _method(design)]
     return Report(f"Measurement poses: {robot.name}", verdict, tuple(sections), "good")
 
 
@@ -162,13 +141,7 @@ def _warnings(design: Design) -> tuple[str, ...]:
     return (*items, *target_hint(design.identifiability.dropped))
 
 
-def _history_figure(design: Design, aim: str) -> Figure:
-    if aim == ACCURACY:
-        return Figure("observability", "Deviation over the exchange",
-                      partial(observability_over_steps, design.history, label="deviation / noise",
-                              references={"after polishing": design.deviation[1]}),
-                      "Deviation of the target's position over the work space, per unit of noise, of the best set after "
-                      "each step.", "Deviation falling over the steps")
+def _history_figure(design: Design) -> Figure:
     references = {"after polishing": design.observability.O1}
     return Figure("observability", "Observability over the exchange",
                   partial(observability_over_steps, design.history, references=references),
@@ -182,9 +155,8 @@ def _pose_figure(design: Design) -> Figure:
                   "The target in the robot's base frame.", "Designed and validation poses from above and from the side")
 
 
-def _method(design: Design, aim: str) -> Text:
+def _method(design: Design) -> Text:
     paragraphs = [
-        _ACCURATE if aim == ACCURACY else
         "From a random set, poses are exchanged one by one: of random candidates that raise O1 the one that raises O4 most "
         "is added, and the pose that O1 misses least is removed; what has just come or gone is tabu for a while. Then every "
         "pose moves a little as long as O1 rises and O4 does not fall. Poses are in an order of short ways.",

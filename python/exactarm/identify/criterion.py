@@ -2,11 +2,8 @@
 
     LogDeterminant        log det M; O1 = exp(value / 2m) / sqrt(K) (thesis (3.10))
     SmallestOverLargest   log O4, O4 = s_min^2 / s_max with s = sqrt(eigenvalues of M) (thesis (3.11))
-    MeanVariance          -log tr(M^-1 W), W the mean of J'J over the poses where the robot is to be accurate: the mean
-                          variance of its position there (I-optimality; Atkinson, Donev and Tobias 2007, 10.6)
 
-Determinants and inverses are updated, not recomputed: det(M + B'B) = det(M) det(I + B M^-1 B'), and
-(M + B'SB)^-1 = M^-1 - M^-1 B' (S + B M^-1 B')^-1 B M^-1 with S = diag(+-1), rows added or removed.
+Determinants are updated, not recomputed: det(M + B'B) = det(M) det(I + B M^-1 B').
 Any other criterion needs only its value on a batch of information matrices.
 """
 
@@ -87,42 +84,6 @@ class SmallestOverLargest(Criterion):
         smallest, largest = eigenvalues[..., 0], eigenvalues[..., -1]
         regular = smallest > 0.0
         return np.where(regular, np.log(np.where(regular, smallest, 1.0)) - 0.5 * np.log(largest), -np.inf)
-
-
-@dataclass(frozen=True, eq=False)
-class MeanVariance(Criterion):
-    """-log tr(M^-1 W), W (m, m) `weight`: the mean J'J of what is to be predicted, in the scale of M."""
-
-    weight: np.ndarray
-
-    def values(self, information: np.ndarray) -> np.ndarray:
-        regular = np.linalg.eigvalsh(information)[..., 0] > 0.0
-        safe = np.where(regular[..., None, None], information, np.eye(information.shape[-1]))
-        variance = np.trace(np.linalg.solve(safe, np.broadcast_to(self.weight, safe.shape)), axis1=-2, axis2=-1)
-        return np.where(regular, -np.log(variance), -np.inf)
-
-    def gains(self, information: np.ndarray, blocks: np.ndarray) -> np.ndarray:
-        return self._changes(information, blocks, np.ones(blocks.shape[1]))
-
-    def losses(self, information: np.ndarray, blocks: np.ndarray) -> np.ndarray:
-        return self._changes(information, blocks, -np.ones(blocks.shape[1]))
-
-    def swaps(self, information: np.ndarray, out: np.ndarray, into: np.ndarray) -> np.ndarray:
-        signs = np.repeat([-1.0, 1.0], [out.shape[1], into.shape[1]])
-        return self._changes(information, np.concatenate([out, into], axis=1), signs)
-
-    def _changes(self, information: np.ndarray, blocks: np.ndarray, signs: np.ndarray) -> np.ndarray:
-        inverse = np.linalg.inv(information)
-        taken = blocks @ inverse
-        middle = np.diag(signs) + taken @ np.swapaxes(blocks, -1, -2)
-        # M + B'SB is regular and positive where log_det_change is finite.
-        regular = np.isfinite(log_det_change(information, blocks, signs))
-        middle = np.where(regular[:, None, None], middle, np.eye(len(signs)))
-        less = np.trace(np.linalg.solve(middle, taken @ self.weight @ np.swapaxes(taken, -1, -2)), axis1=-2, axis2=-1)
-        before = np.trace(inverse @ self.weight)
-        after = before - less
-        regular &= after > 0.0
-        return np.where(regular, np.log(before) - np.log(np.where(regular, after, 1.0)), -np.inf)
 
 
 def squared(blocks: np.ndarray) -> np.ndarray:

@@ -7,19 +7,16 @@
     4. validation poses: not designed. A design sits where parameters show most, at the rim; an honest judgement
        needs ordinary poses. Of many random sets the one is taken whose poses lie farthest from each other
        and from the identification poses.
-For accuracy, 2 and 3 ask for the least mean variance of the target's position over the poses of 1 instead: not the
-parameters are to be known, but where the target is, all over the work space.
 Both sets are put into an order of short ways. All scaling: exactarm.identify.observability.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from exactarm.errors import InputError
-from exactarm.identify.criterion import MeanVariance, information_of
 from exactarm.identify.exchange import ExchangeOptions, exchange
 from exactarm.identify.identifiability import Identifiability, select_identifiable
 from exactarm.identify.observability import Observability, column_scale, observability
@@ -29,9 +26,6 @@ from exactarm.identify.pose_space import Box, PoseSpace
 from exactarm.robot import Robot
 from exactarm.split import DEFAULT_SEED
 
-PARAMETERS, ACCURACY = "parameters", "accuracy"
-AIMS = (PARAMETERS, ACCURACY)
-LEAST_FALL = 1e-3  # of the mean variance, relative, in the steps that an exchange waits for
 POOL = 4000
 REFERENCE = 1000  # poses that decide what is identifiable, thesis 3.2.1
 VALIDATION_SETS = 300
@@ -41,8 +35,7 @@ _STARTS = 20
 @dataclass(frozen=True)
 class DesignOptions:
     """count, validation: numbers of poses; frames: which of base and tool frame are unknown (planned.FRAMES);
-    clearance of the hand from the arm's body in m (None: a tenth of the arm). aim: what the poses are to show best,
-    the parameters or the target's position in the box."""
+    clearance of the hand from the arm's body in m (None: a tenth of the arm)."""
 
     count: int = 50
     validation: int = 13
@@ -50,7 +43,6 @@ class DesignOptions:
     clearance: float | None = None
     frames: str = "both"
     orientation: bool = False
-    aim: str = PARAMETERS
     seed: int = DEFAULT_SEED
     threads: int = 1
     exchange: ExchangeOptions = field(default_factory=lambda: ExchangeOptions(candidates=100))
@@ -61,9 +53,8 @@ class DesignOptions:
 class Design:
     """Designed poses q (K, n) and q_validation (V, n) in the controller's angles, and how well they show the model.
 
-    start: the random set that the search began with; exchanged: after the exchange; history: O1 of the best set after
-    each step of the exchange, for accuracy the deviation of the position; deviation: root mean square of the position
-    over the work space, per unit of a measured number, of the random set and of this one; validation_distance: the smallest distance of a validation pose
+    start: the random set that the search began with; exchanged: after the exchange; history: O1
+    of the best set after each step of the exchange; validation_distance: the smallest distance of a validation pose
     from any other pose (root mean square over the axes, part of each axis' range).
     """
 
@@ -76,7 +67,6 @@ class Design:
     start: Observability
     exchanged: Observability
     history: np.ndarray
-    deviation: tuple[float, float]
     validation_distance: float
 
     def observability_of(self, q: np.ndarray) -> Observability:
@@ -95,33 +85,25 @@ def design_poses(robot: Robot, options: DesignOptions = DesignOptions()) -> Desi
     _require_enough(options.count, blocks.shape[1], identifiability)
     pool = blocks[:, :, identifiability.kept] * _scale(model, identifiability)
     start = _regular_start(pool, options.count, rng)
-    position = pool[:, :3].reshape(-1, pool.shape[2])
-    variance = MeanVariance(position.T @ position / len(pool))
-    how = options.exchange
-    if options.aim == ACCURACY:
-        how = replace(how, keep=variance, add=variance, threshold=LEAST_FALL)
-    exchanged = exchange(pool, start, rng, how)
+    exchanged = exchange(pool, start, rng, options.exchange)
 
     def blocks_at(q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return _scaled(model, identifiability, q, options.threads), space.allowed(q)
 
-    q = polish(candidates[exchanged.chosen], space.lower, space.upper, blocks_at, how.keep, how.add, rng, options.polish)
+    keep, add = options.exchange.keep, options.exchange.add
+    q = polish(candidates[exchanged.chosen], space.lower, space.upper, blocks_at, keep, add, rng, options.polish)
     q_validation, distance = spread_poses(space, q, options.validation, rng)
     parameters = int(identifiability.kept.sum())
-    last = blocks_at(q)[0]
-    deviation = lambda blocks: float(np.exp(-0.5 * variance.value(information_of(blocks))))
     return Design(
         model,
         space,
         identifiability,
         short_way(space, q),
         short_way(space, q_validation),
-        _indices(last),
+        _indices(blocks_at(q)[0]),
         _indices(pool[start]),
         _indices(pool[exchanged.chosen]),
-        np.exp(-0.5 * exchanged.history) if options.aim == ACCURACY
-        else np.exp(exchanged.history / (2 * parameters)) / np.sqrt(options.count),
-        (deviation(pool[start]), deviation(last)),
+        np.exp(exchanged.history / (2 * parameters)) / np.sqrt(options.count),
         distance,
     )
 

@@ -10,15 +10,15 @@ from matplotlib.figure import Figure
 from exactarm.report.plots.style import AFTER, CYCLE, label_with, legend_above, new_figure
 
 
-def observability_over_steps(values: np.ndarray, *, label: str = "observability O1",
+def observability_over_steps(values: np.ndarray, *, name: str = "O1",
                              references: Mapping[str, float] | None = None) -> Figure:
     """Index (N,) after each exchange step; `references` are other pose sets as dashed lines."""
     figure = new_figure(3.2)
     axes = figure.subplots()
     axes.plot(np.arange(len(values)), values, color=AFTER, drawstyle="steps-post", label="this design")
-    for (other, level), colour in zip((references or {}).items(), CYCLE[1:]):
-        axes.axhline(level, color=colour, linestyle="--", linewidth=1.2, label=other)
-    axes.set(xlabel="exchange step", ylabel=label_with(label, ""))
+    for (label, level), colour in zip((references or {}).items(), CYCLE[1:]):
+        axes.axhline(level, color=colour, linestyle="--", linewidth=1.2, label=label)
+    axes.set(xlabel="exchange step", ylabel=label_with(f"observability {name}", ""))
     axes.margins(x=0.01)
     legend_above(axes)
     return figure
