@@ -348,3 +348,17 @@ def test_library_names_are_all_understood():
         if library()[name].declared:
             with pytest.raises(InputError):
                 parse_effect(name, 6)
+
+
+def test_a_robot_without_gears_reports_exact_angles_unless_counts_are_asked_for():
+    """65,536 counts of the output would be 96 urad: structure that a diagnosis finds in clean data."""
+    random, robot = np.random.default_rng(3), load_robot("ur10")
+    q = np.random.default_rng(1).uniform(-1.0, 1.0, (6, 6))
+    exact = measure_poses(VirtualRobot.of(robot), q, Sensors(), random).joints["theta"]
+    counted = measure_poses(VirtualRobot.of(robot), q, Sensors(counts=2**16), random).joints["theta"]
+    np.testing.assert_array_equal(exact, q - robot.controller_offsets)
+    step = 2.0 * np.pi / 2**16
+    np.testing.assert_allclose(counted / step, np.round(counted / step), atol=1e-6)
+    geared = load_robot("racer-7-1.4")
+    theta = measure_poses(VirtualRobot.of(geared), q, Sensors(), random).joints["theta"]
+    np.testing.assert_allclose(theta / step, np.round(theta / step), atol=1e-5)

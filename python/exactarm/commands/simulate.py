@@ -90,7 +90,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     sensors = parser.add_argument_group("sensors")
     sensors.add_argument("--noise", metavar="SIGMA", type=float, default=None,
                          help="of position in m (5e-5), gyroscope in rad/s (8.7e-4), torque in Nm (1 %% of each axis)")
-    sensors.add_argument("--counts", metavar="K", type=int, default=2**16, help="encoder counts per motor revolution, 0: exact")
+    sensors.add_argument("--counts", metavar="K", type=int, default=None,
+                         help="encoder counts per revolution of the motor (default: 65536, exact where no gear ratio is declared; 0: exact)")
     sensors.add_argument("--wrong-rows", metavar="SHARE", type=float, default=0.0, help="share of rows with gross errors")
     sensors.add_argument("--temperature", metavar="DEGC", type=float, nargs=2, default=None, help="at the start and in the end")
 
@@ -177,7 +178,7 @@ def _require(arguments: argparse.Namespace, robot: Robot, measure: str, planned:
 
 def _require_numbers(arguments: argparse.Namespace) -> None:
     for name, least in (("count", 1), ("places", 1), ("visits", 1), ("repeats", 1), ("runs", 1), ("counts", 0)):
-        if getattr(arguments, name) < least:
+        if getattr(arguments, name) is not None and getattr(arguments, name) < least:
             raise InputError(f"--{name} {getattr(arguments, name)}: expected {least} or more")
     for name in ("seconds", "rate"):
         if getattr(arguments, name) is not None and not getattr(arguments, name) > 0.0:

@@ -48,7 +48,7 @@ def measure_poses(
 
         turned = random.normal(0.0, sensors.orientation_rad, (len(theta), 3))
         data = replace(data, rotation=exp(turned) @ prediction.rotation)
-    return read(data, sensors, random)
+    return read(data, sensors, random, robot.nominal)
 
 
 def measure_gear_runs(
@@ -74,7 +74,7 @@ def measure_gear_runs(
     )
     prediction = predict_gear_run(robot.true, robot.layout, data, tangents=False)
     data = replace(data, gyro=prediction.measured)
-    return read(data.select(_at_full_speed(data)) if in_motion else data, sensors, random)
+    return read(data.select(_at_full_speed(data)) if in_motion else data, sensors, random, robot.nominal)
 
 
 def _at_full_speed(data: Dataset) -> np.ndarray:
@@ -96,7 +96,7 @@ def measure_motion(
     data = _series("motion", time, theta, run, sensors)
     view = joint_motion(robot, data, joints, quasi_static=quasi_static, damping_s=damping_s)
     predict_drive(view, robot.true, robot.layout, False)
-    return read(replace(data, joints=data.joints | {"tau": view.signals["measured"]}), sensors, random)
+    return read(replace(data, joints=data.joints | {"tau": view.signals["measured"]}), sensors, random, robot.nominal)
 
 
 def measure_tracked_motion(
@@ -106,7 +106,7 @@ def measure_tracked_motion(
     """The target's path under a tracker while the motors follow theta (N, n) at `time` (N,); `joints` as in `joint_motion`."""
     data = _series("tracked_motion", time, theta, run, sensors)
     position = true_path(robot, data, joints, quasi_static=quasi_static, damping_s=damping_s)
-    return read(replace(data, position=position), sensors, random)
+    return read(replace(data, position=position), sensors, random, robot.nominal)
 
 
 def true_path(
