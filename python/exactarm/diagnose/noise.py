@@ -1,6 +1,6 @@
 """Noise floor: what no model can explain, in the measure of the errors (Euclidean for poses).
 
-From repeated visits where there are enough; else from close neighbours in joint space (the residual of poses that
+From repeated visits where there are enough, with the rounding of the angles that repeats hide; else from close neighbours in joint space (the residual of poses that
 nearly coincide can differ by noise only: half the mean square of the differences, Rice 1984); else from the
 final fit, which is then an upper bound.
 """
@@ -13,10 +13,12 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from exactarm.diagnose.problem import Fitted, Problem
+from exactarm.diagnose.quantisation import rounding_noise
 
 _CLOSE_RAD = 0.02
 _LEAST_PAIRS = 20
 _GROSS = 5.0  # robust standard deviations: one good number in two millions lies beyond
+_ROUNDING_SHARE = 0.1  # of the floor from repeats: less changes it by half a per cent
 _FEW = 0.1  # of the groups; where more scatter so, it is noise
 
 
@@ -35,7 +37,9 @@ def noise_floor(problem: Problem, final: Fitted) -> NoiseFloor:
     repeats = problem.repeat_noise(final)
     if repeats is not None:
         # A model of many terms may follow the repeats a little closer than their own scatter.
-        return NoiseFloor(min(repeats, 1.0) * unit, problem.repeat_source, True)
+        value, rounding = min(repeats, 1.0) * unit, rounding_noise(problem, final)
+        also = " and the rounding of the reported angles" if rounding > _ROUNDING_SHARE * value else ""
+        return NoiseFloor(float(np.hypot(value, rounding)), problem.repeat_source + also, True)
     close = neighbour_noise(problem, final)
     if close is not None and close < 1.0:
         return NoiseFloor(close * unit, "differences between neighbouring poses", True)

@@ -1,0 +1,35 @@
+"""Rounded angles are noise that repeats hide: it is seen in the columns, and belongs to the noise floor."""
+
+import numpy as np
+import pytest
+
+import exactarm as ea
+from exactarm.diagnose.diagnosis import diagnose
+from exactarm.diagnose.quantisation import step_of
+
+RANDOM = np.random.default_rng(4)
+
+
+@pytest.mark.parametrize("step", [1e-4, 2.0 * np.pi / 2**16, 3e-7])
+def test_the_step_of_a_rounded_column_is_found(step):
+    assert step_of(np.round(RANDOM.uniform(-2, 2, 200) / step) * step) == pytest.approx(step, rel=1e-6)
+
+
+def test_an_exact_column_and_few_chosen_values_are_not_rounded():
+    assert step_of(RANDOM.uniform(-2, 2, 200)) == 0.0
+    assert step_of(np.tile([0.0, 0.5, 1.0], 20)) == 0.0
+
+
+def test_the_noise_floor_knows_of_rounding_that_repeats_hide():
+    """65,536 counts at the output of a UR10, each pose visited twice: 96 urad that repeats do not show."""
+    made = ea.simulate("ur10", count=60, visits=2, noise=5e-6, counts=65536, seed=3)
+    result = diagnose(ea.load_robot("ur10"), made.data)
+    assert not result.findings and result.noise.source.endswith("and the rounding of the reported angles")
+    assert result.noise.value > 4.0 * np.sqrt(3.0) * 5e-6  # the tracker's noise alone, that repeats do show
+    assert 0.8 < result.after["validation"].rms / result.noise.value < 1.25
+
+
+def test_clean_data_of_a_robot_without_gears_lack_nothing():
+    made = ea.simulate("ur10", count=60, visits=2, noise=5e-6, seed=3)
+    result = diagnose(ea.load_robot("ur10"), made.data)
+    assert result.verdict == "no_undeclared_effect" and result.noise.source == "repeated visits of the same pose"
