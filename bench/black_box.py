@@ -6,19 +6,18 @@ Every method sees the same rows and is judged on the same others:
 
     random     three rows in ten are held out
     other      fitted to one series, judged on the other: same arm, tracker and probe at other places
-    blocked    axes 2 and 3 in four quadrants (split at their medians); one is held out, in turn
+    blocked    axes 2 and 3 in four quadrants (split at their medians): one is held out, the next, ...
 
-calibrated is `exactarm calibrate`, diagnosed `exactarm diagnose`, both on the fitted rows. A black box
-learns what the calibrated model leaves, in the robot's base frame, e = R_base' (measured - model), as a
-function of the six joint angles, and its prediction is added to the model:
+calibrated is `exactarm calibrate` (with the compliance that it finds), diagnosed `exactarm diagnose`, both on the
+fitted rows. A black box learns what the calibrated model leaves, in the robot's base frame, as a function of the
+six joint angles, and its prediction is added to the model:
 
     kriging    Gaussian process, Matern 5/2 with a length for each axis, and noise; marginal likelihood
     RBF        thin-plate spline, its smoothing chosen by five-fold cross-validation on the fitted rows
     trees      gradient boosting, 200 rounds at a rate of 0.1, leaves per tree chosen in the same way
 
-On another series the frames of base and tool are fitted to its own rows for every method, with what the
-method adds in place. Printed: the mean and the 95th percentile of the Euclidean error on held-out rows.
-Kinematics are those of bench/blind, apart from the package.
+On another series the frames of base and tool are fitted to its own rows for every method, with what the method
+adds in place. Printed: the mean and the 95th percentile of the Euclidean error on held-out rows.
 """
 
 from __future__ import annotations
@@ -67,19 +66,9 @@ class Frames:
     tool: np.ndarray
 
 
-def placed(arm: Arm, q: np.ndarray, frames: Frames, added: np.ndarray | float = 0.0) -> np.ndarray:
-    """(N, 3) the target in the device's frame; `added`: what a method adds, in the base frame."""
-    at = posture(arm, q)
-    target = at.flange + at.rotation[:, -1] @ frames.tool + added
-    return frames.base + target @ turn(frames.turned).T
-
-
-def fitted_frames(arm: Arm, q: np.ndarray, measured: np.ndarray, added: np.ndarray | float = 0.0) -> Frames:
+def fitted_frames(arm: Arm, q: np.ndarray, measured: np.ndarray) -> Frames:
     """Base and tool by least squares: a start from rotations tried about the vertical, then Gauss-Newton."""
-    best = min(
-        (_gauss_newton(arm, q, measured, added, start) for start in _starts()), key=lambda pair: pair[1]
-    )
-    return best[0]
+    return min((_gauss_newton(arm, q, measured, start) for start in _starts()), key=lambda pair: pair[1])[0]
 
 
 def _starts():
@@ -88,26 +77,35 @@ def _starts():
         yield np.pi * np.array([np.cos(angle), np.sin(angle), 0.0])  # upside down
 
 
-def _gauss_newton(arm, q, measured, added, turned, steps: int = 30) -> tuple[Frames, float]:
+def _gauss_newton(arm, q, measured, turned, steps: int = 30) -> tuple[Frames, float]:
     at = posture(arm, q)
-    flange, rotation = at.flange + added, at.rotation[:, -1]
+    flange, rotation = at.flange, at.rotation[:, -1]
     frame, tool = turn(turned), np.zeros(3)
     base = (measured - flange @ frame.T).mean(axis=0)
     for _ in range(steps):
         target = flange + rotation @ tool
         residual = measured - base - target @ frame.T
-        cross = np.zeros((len(q), 3, 3))
-        for k, unit in enumerate(np.eye(3)):
-            cross[:, :, k] = np.cross(unit, target @ frame.T)
-        jacobian = np.concatenate(
-            [np.broadcast_to(np.eye(3), (len(q), 3, 3)), cross, frame @ rotation], axis=2
-        )
+        jacobian = _by_frames(rotation, target, frame)
         step = np.linalg.lstsq(jacobian.reshape(-1, 9), residual.ravel(), rcond=None)[0]
         base, frame, tool = base + step[:3], turn(step[3:6]) @ frame, tool + step[6:]
         if np.abs(step).max() < 1e-12:
             break
     residual = measured - base - (flange + rotation @ tool) @ frame.T
     return Frames(base, _rotation_vector(frame), tool), float(np.sum(residual**2))
+
+
+def _by_frames(rotation: np.ndarray, target: np.ndarray, frame: np.ndarray) -> np.ndarray:
+    """(N, 3, 9) how the measured target moves with the base, its turn and the tool."""
+    cross = np.stack([np.cross(unit, target @ frame.T) for unit in np.eye(3)], axis=2)
+    return np.concatenate(
+        [np.broadcast_to(np.eye(3), (len(target), 3, 3)), cross, frame @ rotation], axis=2
+    )
+
+
+def frame_jacobian(arm: Arm, q: np.ndarray, frames: Frames) -> np.ndarray:
+    at = posture(arm, q)
+    rotation = at.rotation[:, -1]
+    return _by_frames(rotation, at.flange + rotation @ frames.tool, turn(frames.turned))
 
 
 def _rotation_vector(rotation: np.ndarray) -> np.ndarray:
@@ -176,18 +174,27 @@ def _chosen(fit, x, y, options, random):
 BOXES = {"kriging": kriging, "RBF": thin_plate, "trees": trees}
 
 
-def boxes_of(arm: Arm, q: np.ndarray, measured: np.ndarray) -> tuple[Frames, dict]:
-    """The frames of the fitted rows, and what each black box adds at joint angles, in the base frame."""
-    frames = fitted_frames(arm, q, measured)
-    left = (measured - placed(arm, q, frames)) @ turn(frames.turned)
+def learned(q: np.ndarray, left: np.ndarray) -> dict:
+    """What each black box adds at joint angles (N, 6), learned from what is left (N, 3), both of the fitted rows."""
     centre, spread = q.mean(axis=0), np.maximum(q.std(axis=0), 1e-9)
-    learned = {
+    models = {
         name: learn((q - centre) / spread, left, np.random.default_rng(1)) for name, learn in BOXES.items()
     }
-    added = {
-        name: (lambda new, model=model: model((new - centre) / spread)) for name, model in learned.items()
+    return {
+        name: (lambda new, model=model: model((new - centre) / spread)) for name, model in models.items()
     }
-    return frames, added
+
+
+def residuals(folder: Path) -> np.ndarray:
+    """(N, 3) measured less model of every row of the one file of a run, m, in the device's frame."""
+    table = pd.read_csv(folder / "residuals.csv").sort_values("row")
+    return table[["dx_m", "dy_m", "dz_m"]].to_numpy()
+
+
+def without_frames(arm: Arm, q: np.ndarray, frames: Frames, left: np.ndarray) -> np.ndarray:
+    """(N, 3) what is left once base and tool may move a little more."""
+    jacobian = frame_jacobian(arm, q, frames).reshape(-1, 9)
+    return left - (jacobian @ np.linalg.lstsq(jacobian, left.ravel(), rcond=None)[0]).reshape(-1, 3)
 
 
 def within(table: pd.DataFrame, fitted: np.ndarray, folder: Path, threads: int) -> dict[str, np.ndarray]:
@@ -195,15 +202,16 @@ def within(table: pd.DataFrame, fitted: np.ndarray, folder: Path, threads: int) 
     data = folder / "data.csv"
     folder.mkdir(parents=True, exist_ok=True)
     table.assign(set=np.where(fitted, "identification", "validation")).to_csv(data, index=False)
-    calibrated = exactarm("calibrate", "ur10", [data], folder / "calibrated", threads)
+    left = residuals(exactarm("calibrate", "ur10", [data], folder / "calibrated", threads))
     diagnosed = exactarm("diagnose", "ur10", [data], folder / "diagnosed", threads)
-    arm, q, measured = read_arm(calibrated / "robot.toml"), table[JOINTS].to_numpy(), _positions(table)
-    frames, added = boxes_of(arm, q[fitted], measured[fitted])
-    distance = lambda add: np.linalg.norm(measured[~fitted] - placed(arm, q[~fitted], frames, add), axis=1)
-    errors = {name: distance(predict(q[~fitted])) for name, predict in added.items()}
+    q = table[JOINTS].to_numpy()
+    errors = {
+        name: np.linalg.norm(left[~fitted] - add(q[~fitted]), axis=1)
+        for name, add in learned(q[fitted], left[fitted]).items()
+    }
     found = pd.read_csv(diagnosed / "residuals.csv")
     errors["diagnosed"] = found["error_after"][found["set"] == "validation"].to_numpy()
-    return {"calibrated": distance(0.0)} | errors
+    return {"calibrated": np.linalg.norm(left[~fitted], axis=1)} | errors
 
 
 def across(table: pd.DataFrame, other: pd.DataFrame, folder: Path, threads: int) -> dict[str, np.ndarray]:
@@ -214,20 +222,21 @@ def across(table: pd.DataFrame, other: pd.DataFrame, folder: Path, threads: int)
     other.to_csv(judged, index=False)
     calibrated = exactarm("calibrate", "ur10", [data], folder / "calibrated", threads)
     diagnosed = exactarm("diagnose", "ur10", [data], folder / "diagnosed", threads)
-    held = exactarm("evaluate", diagnosed / "robot.toml", [judged], folder / "evaluated", threads)
-    arm = read_arm(calibrated / "robot.toml")
-    _, added = boxes_of(arm, table[JOINTS].to_numpy(), _positions(table))
-    q, measured = other[JOINTS].to_numpy(), _positions(other)
-
-    def distance(add):
-        return np.linalg.norm(measured - placed(arm, q, fitted_frames(arm, q, measured, add), add), axis=1)
-
-    errors = {name: distance(predict(q)) for name, predict in added.items()}
-    return (
-        {"calibrated": distance(0.0)}
-        | errors
-        | {"diagnosed": pd.read_csv(held / "residuals.csv")["error_m"].to_numpy()}
-    )
+    evaluated = [
+        exactarm("evaluate", run / "robot.toml", [judged], folder / f"of_{run.name}", threads)
+        for run in (calibrated, diagnosed)
+    ]
+    arm, q, new = read_arm(calibrated / "robot.toml"), table[JOINTS].to_numpy(), other[JOINTS].to_numpy()
+    here, there = fitted_frames(arm, q, _positions(table)), fitted_frames(arm, new, _positions(other))
+    left = residuals(evaluated[0])
+    errors = {
+        name: np.linalg.norm(
+            without_frames(arm, new, there, left - add(new) @ turn(there.turned).T), axis=1
+        )
+        for name, add in learned(q, residuals(calibrated) @ turn(here.turned)).items()
+    }
+    errors["diagnosed"] = np.linalg.norm(residuals(evaluated[1]), axis=1)
+    return {"calibrated": np.linalg.norm(left, axis=1)} | errors
 
 
 def _positions(table: pd.DataFrame) -> np.ndarray:
@@ -250,14 +259,6 @@ def measured_rows(series: list[str], splits: list[str], threads: int):
             if "random" in splits:
                 fitted = np.random.default_rng(1).random(len(table)) < 0.7
                 yield name, "random", within(table, fitted, folder / f"{name}_random", threads)
-            if "blocked" in splits:
-                block = quadrants(table)
-                parts = [within(table, block != k, folder / f"{name}_block_{k}", threads) for k in range(4)]
-                yield (
-                    name,
-                    "blocked",
-                    {method: np.concatenate([part[method] for part in parts]) for method in METHODS},
-                )
             if "other" in splits:
                 other = "C" if name == "B" else "B"
                 yield (
@@ -265,6 +266,9 @@ def measured_rows(series: list[str], splits: list[str], threads: int):
                     f"other ({other})",
                     across(table, tables[other], folder / f"{name}_other", threads),
                 )
+            block = quadrants(table)
+            for k in range(4) if "blocked" in splits else ():
+                yield name, f"blocked {k + 1}", within(table, block != k, folder / f"{name}_{k}", threads)
 
 
 def summary(error: np.ndarray) -> dict:
@@ -281,7 +285,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--series", nargs="+", choices=("B", "C"), default=["B", "C"])
     parser.add_argument(
-        "--splits", nargs="+", choices=("random", "other", "blocked"), default=["random", "other", "blocked"]
+        "--splits",
+        nargs="+",
+        choices=("random", "other", "blocked"),
+        default=["random", "other", "blocked"],
     )
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--out", type=Path)

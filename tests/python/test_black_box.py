@@ -8,36 +8,53 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.spatial.transform import Rotation
 
 TOP = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(TOP / "bench"))
 
 import black_box  # noqa: E402
-from blind.arm import read_arm  # noqa: E402
+from blind.arm import posture, read_arm, turn  # noqa: E402
 
 ARM = read_arm(TOP / "python" / "exactarm" / "data" / "robots" / "ur10.toml")
-TRUE = black_box.Frames(np.array([0.4, -2.9, 0.3]), np.array([0.2, -0.4, 2.6]), np.array([0.03, -0.05, 0.12]))
+TRUE = black_box.Frames(
+    np.array([0.4, -2.9, 0.3]), np.array([0.2, -0.4, 2.6]), np.array([0.03, -0.05, 0.12])
+)
 
 
 def poses(count: int) -> np.ndarray:
     return np.random.default_rng(2).uniform(-2.0, 2.0, (count, ARM.axes))
 
 
+def placed(q: np.ndarray, frames: black_box.Frames) -> np.ndarray:
+    at = posture(ARM, q)
+    return frames.base + (at.flange + at.rotation[:, -1] @ frames.tool) @ turn(frames.turned).T
+
+
 def test_frames_are_found_from_anywhere():
     q = poses(40)
-    found = black_box.fitted_frames(ARM, q, black_box.placed(ARM, q, TRUE))
+    found = black_box.fitted_frames(ARM, q, placed(q, TRUE))
     np.testing.assert_allclose(found.base, TRUE.base, atol=1e-9)
     np.testing.assert_allclose(found.tool, TRUE.tool, atol=1e-9)
-    new = poses(50)[40:]
-    np.testing.assert_allclose(black_box.placed(ARM, new, found), black_box.placed(ARM, new, TRUE), atol=1e-9)
+    np.testing.assert_allclose(placed(poses(50), found), placed(poses(50), TRUE), atol=1e-9)
 
 
-def test_what_a_method_adds_is_in_the_base_frame_and_does_not_shift_the_frames():
+def test_jacobian_of_the_frames_is_the_difference_of_places():
+    q, step = poses(10), 1e-6
+    jacobian = black_box.frame_jacobian(ARM, q, TRUE)
+    for k in range(9):
+        change = step * np.eye(9)[k]
+        turned = Rotation.from_matrix(turn(change[3:6]) @ turn(TRUE.turned)).as_rotvec()
+        moved = black_box.Frames(TRUE.base + change[:3], turned, TRUE.tool + change[6:])
+        difference = placed(q, moved) - placed(q, TRUE)
+        np.testing.assert_allclose(jacobian[:, :, k], difference / step, atol=1e-4)
+
+
+def test_frames_that_moved_a_little_leave_nothing():
     q = poses(60)
-    wave = lambda angles: 1e-3 * np.sin(3.0 * angles[:, :3])
-    measured = black_box.placed(ARM, q, TRUE, wave(q))
-    found = black_box.fitted_frames(ARM, q, measured, wave(q))
-    np.testing.assert_allclose(found.base, TRUE.base, atol=1e-9)
+    moved = black_box.Frames(TRUE.base + 1e-4, TRUE.turned + 1e-4, TRUE.tool - 1e-4)
+    left = placed(q, moved) - placed(q, TRUE)
+    assert np.abs(black_box.without_frames(ARM, q, TRUE, left)).max() < 1e-3 * np.abs(left).max()
 
 
 def test_a_smooth_rest_is_learned_and_evaluated_where_it_was_not_fitted():
