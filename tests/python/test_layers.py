@@ -23,9 +23,10 @@ MAY_IMPORT = {
     "plan": MODEL | {"plan"},
     "simulate": MODEL | {"measurement", "simulate"},
     "compensate": MODEL | {"compensate"},
+    "export": MODEL | {"compensate", "export"},
     "diagnose": MODEL | {"measurement", "identify", "diagnose"},
     "report": REPORT,
-    "commands": MODEL | {"measurement", "identify", "plan", "compensate", "simulate", "diagnose", "report", "commands"},
+    "commands": MODEL | {"measurement", "identify", "plan", "compensate", "export", "simulate", "diagnose", "report", "commands"},
     "cli": {"leaf", "commands"},
     "__main__": {"cli"},
 }

@@ -1,0 +1,163 @@
+"""`exactarm export`: the identified arm in the format of another program, with the accuracy that the format loses."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any, Callable
+
+import numpy as np
+
+from exactarm.commands.arguments import add_robot
+from exactarm.commands.call import AnyRobot, asked, robot_of
+from exactarm.commands.result import CommandResult
+from exactarm.errors import InputError
+from exactarm.export.chain import Lost, lost, reported_chain
+from exactarm.export.mjcf import mjcf_text
+from exactarm.export.offsets import offsets_text
+from exactarm.export.ur_description import kinematics_yaml, link_origins
+from exactarm.export.urdf import patched_urdf
+from exactarm.mdh_frames import behind_axis, compose
+from exactarm.report import Highlight, Highlights, Quantity, Report, Text, Warnings
+from exactarm.report.numbers import quantity
+from exactarm.robot import Placement, Robot
+from exactarm.split import DEFAULT_SEED
+from exactarm.urdf import urdf_text
+
+NAME = "export"
+HELP = "the identified arm as URDF (patched in place), ur_description, MJCF, table or offsets"
+
+
+def _urdf(robot: Robot, source: str | None, given_hash: str | None) -> tuple[str, bytes]:
+    if source is None:
+        return "robot.urdf", urdf_text(robot).encode()
+    return Path(source.partition("#")[0]).name, patched_urdf(robot, source)
+
+
+def _parameters(robot: Robot, *_: Any) -> tuple[str, bytes]:
+    head = "joint,type,sign,zero_rad,d_m,a_m,alpha_rad,beta_rad,q_offset_rad,controller_offset_rad,ratio,controller_ratio"
+    rows = []
+    for i, joint in enumerate(robot.joints):
+        numbers = (
+            joint.sign,
+            joint.zero,
+            joint.d,
+            joint.a,
+            joint.alpha,
+            joint.beta or 0.0,
+            robot.offsets[i],
+            robot.controller_offsets[i],
+            robot.ratios[i],
+            robot.controller_ratios[i],
+        )
+        rows.append(f"{i + 1},{joint.type}," + ",".join(repr(float(number)) for number in numbers))
+    return "parameters.csv", ("\n".join([head, *rows]) + "\n").encode()
+
+
+FORMATS: dict[str, Callable[..., tuple[str, bytes]]] = {
+    "urdf": _urdf,
+    "ur_description": lambda robot, source, given: (
+        "default_kinematics.yaml",
+        kinematics_yaml(robot, given).encode(),
+    ),
+    "mjcf": lambda robot, *_: ("robot.xml", mjcf_text(robot).encode()),
+    "csv": _parameters,
+    "offsets": lambda robot, *_: ("offsets.txt", offsets_text(robot).encode()),
+}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    add_robot(parser)
+    parser.add_argument("--format", choices=tuple(FORMATS), required=True, help="what to write")
+    parser.add_argument(
+        "--source",
+        metavar="FILE[#[BASE:]TIP]",
+        help="urdf: the file to patch; all but its joints' origins stays",
+    )
+    parser.add_argument(
+        "--hash", metavar="calib_N", help="ur_description: the hash of the robot, as its driver reports it"
+    )
+
+
+def export(
+    robot: AnyRobot, *, format: str, source: str | Path | None = None, hash: str | None = None
+) -> CommandResult:
+    """The identified arm in the format of another program; the file is in `contents`."""
+    arm = robot_of(robot)
+    if not arm.has_geometry:
+        raise InputError(f"robot {arm.name} declares no geometry; expected one to export", file=arm.file)
+    if format not in FORMATS:
+        raise InputError(f"format {format!r}; expected one of {', '.join(FORMATS)}")
+    name, content = FORMATS[format](arm, None if source is None else str(source), hash)
+    cost = lost(arm, _flange_poses(arm, format))
+    verdict = (
+        f"{name} is written. By what the format cannot carry, the flange is off by {quantity(cost.mean, 'm')} on average and "
+        f"{quantity(cost.largest, 'm')} at most, against the whole model over the work space."
+    )
+    carried = (
+        "Not in the file: " + "; ".join(cost.parts) + "."
+        if cost.parts
+        else "All of the model is in the file."
+    )
+    options = {"format": format, "source": None if source is None else str(source), "hash": hash}
+    return CommandResult(
+        json={
+            "format": format,
+            "file": name,
+            "lost_mean_m": cost.mean,
+            "lost_max_m": cost.largest,
+            "not_carried": list(cost.parts),
+        },
+        report=Report(
+            f"Export of {arm.name}",
+            verdict,
+            (
+                Highlights(
+                    (
+                        Highlight("lost, mean", Quantity(cost.mean, "m")),
+                        Highlight("lost, at most", Quantity(cost.largest, "m")),
+                    )
+                ),
+                Text("What the format cannot carry", (carried,)),
+                Warnings(_warnings(arm, format, cost)),
+            ),
+            "plain",
+        ),
+        contents={name: content},
+        inputs=() if source is None else (str(source).partition("#")[0],),
+        asked=asked("export", robot, None, DEFAULT_SEED, options, {"source": None, "hash": None}),
+    )
+
+
+def run(arguments: argparse.Namespace) -> CommandResult:
+    if arguments.source is not None:
+        if arguments.format != "urdf":
+            raise InputError("--source: is patched as URDF alone; expected --format urdf")
+        if Path(arguments.source.partition("#")[0]).resolve().parent == Path(arguments.out).resolve():
+            raise InputError("lies in the folder of results; expected another --out", file=arguments.source)
+    return export(arguments.robot, format=arguments.format, source=arguments.source, hash=arguments.hash)
+
+
+def _flange_poses(robot: Robot, format: str) -> Callable:
+    """Where the flange is by the exported file, q (N, n) -> Poses."""
+    if format != "ur_description":
+        return reported_chain(robot).poses
+    from dataclasses import replace
+
+    # the file's last link stands on the last axis; its flange is that of the description, without a, alpha, beta of the last frame
+    chain, place = reported_chain(robot), Placement()
+    for origin in link_origins(robot):
+        place = compose(place, origin)
+    return replace(chain, end=compose(place, robot.controller.flange)).poses
+
+
+def _warnings(robot: Robot, format: str, cost: Lost) -> tuple[str, ...]:
+    last = behind_axis(robot.joints[-1])
+    turned = np.abs(last.rotation - np.eye(3)).max() > 1e-9 or np.abs(last.position[:2]).max() > 1e-9
+    if format == "ur_description" and turned:
+        return (
+            "the last frame's a, alpha and beta have no place in this format: the flange is that of the description",
+        )
+    if format == "offsets":
+        return ("numbers for a person: changed masterings move all taught points",)
+    return ()
