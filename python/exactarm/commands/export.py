@@ -80,9 +80,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def export(
-    robot: AnyRobot, *, format: str, source: str | Path | None = None, hash: str | None = None
+    robot: AnyRobot,
+    *,
+    format: str,
+    source: str | Path | None = None,
+    hash: str | None = None,
+    seed: int = DEFAULT_SEED,
 ) -> CommandResult:
-    """The identified arm in the format of another program; the file is in `contents`."""
+    """The identified arm in the format of another program; the file is in `contents`.
+
+    Nothing in it is random: `seed` is recorded alone.
+    """
     arm = robot_of(robot)
     if not arm.has_geometry:
         raise InputError(f"robot {arm.name} declares no geometry; expected one to export", file=arm.file)
@@ -125,7 +133,7 @@ def export(
         ),
         contents={name: content},
         inputs=() if source is None else (str(source).partition("#")[0],),
-        asked=asked("export", robot, None, DEFAULT_SEED, options, {"source": None, "hash": None}),
+        asked=asked("export", robot, None, seed, options, {"source": None, "hash": None}),
     )
 
 
@@ -135,7 +143,7 @@ def run(arguments: argparse.Namespace) -> CommandResult:
             raise InputError("--source: is patched as URDF alone; expected --format urdf")
         if Path(arguments.source.partition("#")[0]).resolve().parent == Path(arguments.out).resolve():
             raise InputError("lies in the folder of results; expected another --out", file=arguments.source)
-    return export(arguments.robot, format=arguments.format, source=arguments.source, hash=arguments.hash)
+    return export(arguments.robot, format=arguments.format, source=arguments.source, hash=arguments.hash, seed=arguments.seed)
 
 
 def _flange_poses(robot: Robot, format: str) -> Callable:
