@@ -71,7 +71,8 @@ docs: .setup/install .setup/packages-docs
 
 .setup/install: $(SOURCES) .setup/packages-build
 	@echo "== building exactarm (the first time takes minutes)"
-	@$(PIP) --no-build-isolation --config-settings=build-dir=$(BUILD) . && touch $@
+	@$(PIP) --no-build-isolation --config-settings=build-dir=$(BUILD) --config-settings=cmake.define.EXACTARM_CPU=native \
+	  --config-settings=cmake.define.EXACTARM_WARNINGS_AS_ERRORS=ON . && touch $@
 
 .setup/tests: $(CPP_TESTS) .setup/install .setup/packages-test
 	@echo "== building the C++ tests"

@@ -45,14 +45,15 @@ int main(int argc, char** argv) {
   const Layout layout = model.layout();
 
   Vector z(layout.unknowns()), diagonal = Vector::Ones(layout.unknowns());
+  StageWorkspace workspace(model);
   StageDerivatives derivatives(layout);
   KktVector right(layout), solution(layout);
   right.z.setRandom();
   auto kkt = make_block_kkt(layout, threads);
   const double guess = least_seconds([&] { initial_guess(model, z.data()); });
-  const double first = least_seconds([&] { model.derivatives(z.data(), nullptr, derivatives); });
+  const double first = least_seconds([&] { model.derivatives(z.data(), nullptr, workspace, derivatives); });
   const Vector lambda = Vector::Constant(knots * 6, 1e-3);
-  const double second = least_seconds([&] { model.derivatives(z.data(), lambda.data(), derivatives); });
+  const double second = least_seconds([&] { model.derivatives(z.data(), lambda.data(), workspace, derivatives); });
   const double factorise = least_seconds([&] { kkt->factorise(derivatives, diagonal); });
   const double solve = least_seconds([&] { kkt->solve(right, solution); });
   nlp::Solution answer;

@@ -12,12 +12,26 @@ namespace exactarm::bindings {
 
 namespace py = pybind11;
 
+// Lets other Python threads run while the core works, as pybind11's gil_scoped_release does. A thread that wants to go
+// back to an interpreter which is ending waits for that end: Python would unwind it through C++ (as of 3.14 it waits, too).
+class ReleasedGil {
+ public:
+  ReleasedGil() : state_(PyEval_SaveThread()) {}
+  ~ReleasedGil();
+  ReleasedGil(const ReleasedGil&) = delete;
+  ReleasedGil& operator=(const ReleasedGil&) = delete;
+
+ private:
+  PyThreadState* state_;
+};
+
 // New C-contiguous array of doubles.
 template <class... Sizes>
 py::array_t<double> new_array(Sizes... sizes) {
   return py::array_t<double>(std::vector<py::ssize_t>{static_cast<py::ssize_t>(sizes)...});
 }
 
+void bind_interrupt(py::module_& module);
 void bind_robot(py::module_& module);
 void bind_kinematics(py::module_& module);
 void bind_dynamics(py::module_& module);

@@ -11,7 +11,7 @@ void bind_dynamics(py::module_& module) {
         auto tau = new_array(q.rows(), robot.axes());
         double* out = tau.mutable_data();
         {
-          py::gil_scoped_release release;
+          const ReleasedGil released;
           inverse_dynamics_batch(DynamicsModel(robot), q, q_dot, q_ddot, out, threads);
         }
         return tau;
@@ -25,7 +25,7 @@ void bind_dynamics(py::module_& module) {
         auto tau = new_array(q.rows(), robot.axes());
         double* out = tau.mutable_data();
         {
-          py::gil_scoped_release release;
+          const ReleasedGil released;
           gravity_torque_batch(DynamicsModel(robot), q, out, threads);
         }
         return tau;
@@ -38,7 +38,7 @@ void bind_dynamics(py::module_& module) {
         auto jacobian = new_array(q.rows(), robot.axes(), robot.axes());
         double* out = jacobian.mutable_data();
         {
-          py::gil_scoped_release release;
+          const ReleasedGil released;
           gravity_torque_jacobian_batch(DynamicsModel(robot), q, out, threads);
         }
         return jacobian;
@@ -51,7 +51,7 @@ void bind_dynamics(py::module_& module) {
         auto D = new_array(q.rows(), robot.axes(), robot.axes());
         double* out = D.mutable_data();
         {
-          py::gil_scoped_release release;
+          const ReleasedGil released;
           mass_matrix_batch(DynamicsModel(robot), q, out, threads);
         }
         return D;

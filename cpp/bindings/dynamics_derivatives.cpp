@@ -39,7 +39,7 @@ void bind_dynamics_derivatives(py::module_& module) {
           results[outputs[k].first] = matrix.attr("swapaxes")(1, 2);  // column major in the core
         }
         {
-          py::gil_scoped_release release;
+          const ReleasedGil released;
           inverse_dynamics_knots(DynamicsModel(robot), batch, threads);
         }
         return results;

@@ -1,6 +1,7 @@
 #include "exactarm/robot/gear.hpp"
 
 #include "binding.hpp"
+#include "exactarm/base/interrupt.hpp"
 #include "exactarm/robot/harmonics.hpp"
 
 namespace exactarm::bindings {
@@ -8,14 +9,19 @@ namespace {
 
 using Angles = py::array_t<double, py::array::c_style | py::array::forcecast>;
 
+constexpr py::ssize_t kAnglesBetweenChecks = 4096;  // for a signal
+
 template <class Function>
 py::array_t<double> each(const Angles& angles, const Function& function) {
   py::array_t<double> out(std::vector<py::ssize_t>(angles.shape(), angles.shape() + angles.ndim()));
   const double* in = angles.data();
   double* result = out.mutable_data();
   const py::ssize_t size = angles.size();
-  py::gil_scoped_release release;
-  for (py::ssize_t i = 0; i < size; ++i) result[i] = function(in[i]);
+  const ReleasedGil released;
+  for (py::ssize_t i = 0; i < size; ++i) {
+    if (i % kAnglesBetweenChecks == 0) check_interrupt();
+    result[i] = function(in[i]);
+  }
   return out;
 }
 
@@ -44,7 +50,7 @@ void bind_gear(py::module_& module) {
         double *angle = phi.mutable_data(), *there = u.mutable_data();
         const py::ssize_t size = theta.size();
         {
-          py::gil_scoped_release release;
+          const ReleasedGil released;
           gear_outputs(ratio, table, in, size, angle, there);
         }
         return std::make_pair(phi, u);

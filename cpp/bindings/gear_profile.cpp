@@ -11,7 +11,7 @@ void bind_gear_profile(py::module_& module) {
          const Vector& a, const Vector& b, double level, bool with_orders) {
         ProfileNormal result;
         {
-          py::gil_scoped_release release;
+          const ReleasedGil released;
           result = profile_normal({angle, value, weight, rated}, {order, a, b}, level, with_orders);
         }
         return std::make_tuple(std::move(result.normal), std::move(result.gradient), std::move(result.residual));

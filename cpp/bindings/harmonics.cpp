@@ -22,7 +22,7 @@ void bind_harmonics(py::module_& module) {
         double *angle = x.mutable_data(), *out = slope.mutable_data();
         const long count = phi.size();
         {
-          py::gil_scoped_release release;
+          const ReleasedGil released;
           delivered_angles(table, in, scale, count, tolerance, threads, angle, out);
         }
         return std::make_pair(x, slope);
@@ -38,7 +38,7 @@ void bind_harmonics(py::module_& module) {
         double *e = error.mutable_data(), *s = slope.mutable_data();
         const long count = x.size();
         {
-          py::gil_scoped_release release;
+          const ReleasedGil released;
           transmission(table, in, count, threads, e, s);
         }
         return std::make_pair(error, slope);
@@ -53,7 +53,7 @@ void bind_harmonics(py::module_& module) {
         double *s = sine.mutable_data(), *c = cosine.mutable_data();
         const long count = x.size();
         {
-          py::gil_scoped_release release;
+          const ReleasedGil released;
           waves(order, in, count, s, c);
         }
         return std::make_pair(sine, cosine);

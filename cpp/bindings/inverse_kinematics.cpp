@@ -37,7 +37,7 @@ void bind_inverse_kinematics(py::module_& module) {
         RowMatrix q;
         InverseKinematicsReport report;
         {
-          py::gil_scoped_release release;
+          const ReleasedGil released;
           report = inverse_kinematics_path(robot, positions, rotations, start, q, options);
         }
         return py::make_tuple(q, report);

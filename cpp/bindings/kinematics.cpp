@@ -15,7 +15,7 @@ void bind_kinematics(py::module_& module) {
         out.position = position.mutable_data();
         out.rotation = rotation.mutable_data();
         {
-          py::gil_scoped_release release;
+          const ReleasedGil released;
           kinematics_batch(robot, q, RowMatrix(), out, threads);
         }
         return py::make_tuple(position, rotation);
@@ -30,7 +30,7 @@ void bind_kinematics(py::module_& module) {
         KinematicsBatch out;
         out.jacobian = jacobian.mutable_data();
         {
-          py::gil_scoped_release release;
+          const ReleasedGil released;
           kinematics_batch(robot, q, RowMatrix(), out, threads);
         }
         return jacobian;
@@ -48,7 +48,7 @@ void bind_kinematics(py::module_& module) {
         out.rotation = rotation.mutable_data();
         out.identification = jacobian.mutable_data();
         {
-          py::gil_scoped_release release;
+          const ReleasedGil released;
           kinematics_batch(robot, q, dq_dratio, out, threads);
         }
         return py::make_tuple(position, rotation, jacobian);

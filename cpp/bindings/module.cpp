@@ -3,6 +3,7 @@
 PYBIND11_MODULE(_core, module) {
   using namespace exactarm::bindings;
   module.doc() = "Compiled core of exactarm: SI units and radians throughout.";
+  bind_interrupt(module);
   bind_robot(module);
   bind_kinematics(module);
   bind_dynamics(module);

@@ -12,7 +12,7 @@ void bind_regressor(py::module_& module) {
         auto Y = new_array(q.rows(), robot.axes(), kInertialParameters * robot.axes());
         double* out = Y.mutable_data();
         {
-          py::gil_scoped_release release;
+          const ReleasedGil released;
           dynamics_regressor_batch(robot, q, q_dot, q_ddot, out, threads);
         }
         return Y;

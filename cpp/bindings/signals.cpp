@@ -22,7 +22,7 @@ void bind_signals(py::module_& module) {
         const double *in = values.data(), *at = time.data();
         double* result = out.mutable_data();
         {
-          py::gil_scoped_release release;
+          const ReleasedGil released;
           derivative(in, at, rows, columns, starts, result);
         }
         return out;

@@ -80,7 +80,7 @@ void bind_solution(py::module_& module) {
   module.def(
       "plan_motion",
       [](const Robot& robot, const Problem& problem, const SolveOptions& options) {
-        py::gil_scoped_release release;
+        const ReleasedGil released;
         return solve(problem, RobotDynamics(robot), options);
       },
       py::arg("robot"), py::arg("problem"), py::arg("options") = SolveOptions(),

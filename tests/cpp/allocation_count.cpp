@@ -7,6 +7,11 @@
 
 namespace {
 std::atomic<long> count{0};
+}  // namespace
+
+// Sanitizers have an allocator of their own: under them nothing is counted.
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+namespace {
 
 void* counted(std::size_t size, std::size_t alignment) {
   ++count;
@@ -29,6 +34,7 @@ extern "C" void* malloc(std::size_t size) {
   ++count;
   return __libc_malloc(size);
 }
+#endif
 
 namespace exactarm::testing {
 long allocation_count() { return count; }

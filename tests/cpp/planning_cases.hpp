@@ -13,7 +13,7 @@ class LinearMasses : public ocp::StageDynamics {
  public:
   explicit LinearMasses(Vector mass) : mass_(std::move(mass)) {}
   int axes() const override { return static_cast<int>(mass_.size()); }
-  void evaluate(const ocp::DynamicsBatch& b, long first, long last) const override {
+  void evaluate(const ocp::DynamicsBatch& b, long first, long last, Workspace*) const override {
     const int n = axes();
     for (long k = first; k < last; ++k) {
       for (double* out : {b.by_q, b.by_q_dot, b.by_q_ddot, b.q_q, b.q_q_dot, b.q_dot_q_dot, b.q_q_ddot})

@@ -3,11 +3,13 @@
 #include <algorithm>
 
 #include "exactarm/base/check.hpp"
+#include "exactarm/base/interrupt.hpp"
 
 namespace exactarm {
 namespace {
 
 constexpr int kHalf = 4;
+constexpr long kRowsBetweenChecks = 65536;  // for a signal
 // Coefficients of x[k + j] - x[k - j], j = 1 .. half, on a unit grid (Fornberg 1988).
 constexpr double kStencils[kHalf][kHalf] = {
     {1.0 / 2.0, 0.0, 0.0, 0.0},
@@ -48,6 +50,7 @@ void derivative(const double* values, const double* time, long rows, long column
     const long start = starts[b], end = b + 1 < starts.size() ? starts[b + 1] : rows;
     if (end < start || end > rows) throw InvalidArgument("starts: expected rising rows within the samples");
     for (long k = start; k < end; ++k) {
+      if (k % kRowsBetweenChecks == 0) check_interrupt();
       double weights[2 * kHalf], step = 0.0;
       long offsets[2 * kHalf];
       const int terms = stencil(k - start, end - start, weights, offsets);

@@ -50,10 +50,11 @@ inline void sincos(const Lanes& x, Lanes& sine, Lanes& cosine) {
   bool all_inside = true;
   for (int lane = 0; lane < Lanes::kCount; ++lane) all_inside &= inside[lane] != 0;
   if (__builtin_expect(!all_inside, 0))
-    for (int lane = 0; lane < Lanes::kCount; ++lane) {
-      sine.set(lane, std::sin(x[lane]));
-      cosine.set(lane, std::cos(x[lane]));
-    }
+    for (int lane = 0; lane < Lanes::kCount; ++lane)
+      if (inside[lane] == 0) {  // the others keep their bits, whoever their neighbours are
+        sine.set(lane, std::sin(x[lane]));
+        cosine.set(lane, std::cos(x[lane]));
+      }
 }
 
 // `count` angles of plain doubles, eight at a time.

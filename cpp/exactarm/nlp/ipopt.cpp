@@ -9,6 +9,7 @@
 #include <chrono>
 
 #include "exactarm/base/check.hpp"
+#include "exactarm/base/interrupt.hpp"
 
 namespace exactarm::nlp {
 namespace {
@@ -74,12 +75,23 @@ class Adapter : public Ipopt::TNLP {
       problem_.hessian(view(x, n), scale_ * factor, view(lambda, m), values);
     return true;
   }
+  bool intermediate_callback(Ipopt::AlgorithmMode, Index, Number, Number, Number, Number, Number, Number, Number, Number,
+                             Index, const Ipopt::IpoptData*, Ipopt::IpoptCalculatedQuantities*) override {
+    try {
+      check_interrupt();
+    } catch (...) {
+      interruption = std::current_exception();
+    }
+    return !interruption;
+  }
   void finalize_solution(Ipopt::SolverReturn, Index n, const Number* x, const Number* z_l, const Number* z_u, Index m,
                          const Number*, const Number* lambda, Number value, const Ipopt::IpoptData*,
                          Ipopt::IpoptCalculatedQuantities*) override {
     solution_.point = {view(x, n), view(lambda, m), view(z_l, n), view(z_u, n)};
     solution_.objective = value / scale_;
   }
+
+  std::exception_ptr interruption;  // what ended the run from outside
 
  private:
   Problem& problem_;
@@ -192,8 +204,9 @@ Solution solve_ipopt(Problem& problem, const IpoptOptions& options) {
     throw InvalidArgument("Ipopt refused its options");
 
   const auto begin = std::chrono::steady_clock::now();
-  SmartPtr<Ipopt::TNLP> adapter = new Adapter(problem, options.objective_scale, solution);
-  const auto code = application->OptimizeTNLP(adapter);
+  const SmartPtr<Adapter> adapter = new Adapter(problem, options.objective_scale, solution);
+  const auto code = application->OptimizeTNLP(SmartPtr<Ipopt::TNLP>(GetRawPtr(adapter)));
+  if (adapter->interruption) std::rethrow_exception(adapter->interruption);
   solution.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   translate(code, solution);
   if (IsValid(application->Statistics())) solution.iterations = application->Statistics()->IterationCount();

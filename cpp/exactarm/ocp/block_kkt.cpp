@@ -3,12 +3,14 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
-#include <thread>
 
+#include "exactarm/base/parallel.hpp"
 #include "exactarm/ocp/half_sweep.hpp"
 
 namespace exactarm::ocp {
 namespace {
+
+constexpr long kLeastKnotsForTwo = 256;  // below, waking a thread takes longer than half of the sweep
 
 template <int Axes, int MotorOrder>
 class TwoHalves : public BlockKkt {
@@ -72,14 +74,7 @@ class TwoHalves : public BlockKkt {
 
   template <class Left, class Right>
   void both(const Left& left, const Right& right) {
-    if (threads_ < 2 || layout_.knots < 256) {
-      left();
-      right();
-      return;
-    }
-    std::thread other(right);
-    left();
-    other.join();
+    parallel_both(layout_.knots < kLeastKnotsForTwo ? 1 : threads_, left, right);
   }
 
   void join(Vector& gap) {

@@ -11,7 +11,7 @@
 // one dense system. So a fixed end state costs nothing in conditioning, and the halves run in parallel.
 // Rao, Wright and Rawlings (1998) for the recursion inside an interior-point method.
 //
-// Work and memory grow linearly with the knots; after the construction only threads are allocated.
+// Work and memory grow linearly with the knots; after the construction nothing is allocated.
 #pragma once
 
 #include <memory>

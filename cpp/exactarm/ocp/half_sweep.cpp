@@ -4,6 +4,8 @@
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 
+#include "exactarm/base/interrupt.hpp"
+
 namespace exactarm::ocp {
 
 using Eigen::Map;
@@ -255,6 +257,7 @@ bool HalfSweep<Axes, MotorOrder>::factorise(const StageDerivatives& d, const Vec
   negative_pivots_ = 0;
   std::fill_n(at(count_).value, states() * states(), 0.0);
   for (long position = count_ - 1; position >= 0; --position) {
+    if (position % kKnotsBetweenChecks == 0) check_interrupt();
     const long k = knot(position);
     const Knot here = at(position);
     carry_value(at(position + 1).value);
@@ -273,6 +276,7 @@ void HalfSweep<Axes, MotorOrder>::propagate_compliance() {
   compliance_.setZero();
   double* cov = covariance_.data();
   for (long position = 0; position < count_; ++position) {
+    if (position % kKnotsBetweenChecks == 0) check_interrupt();
     const Knot here = at(position);
     // joint' = (qdd_by_sigma + qdd_by_input gain; gain)', s x 2n.
     transpose(m, s, here.gain, joint_transposed_.data() + s * m);

@@ -13,6 +13,8 @@
 
 namespace exactarm::ocp {
 
+constexpr long kKnotsBetweenChecks = 1024;  // for a signal: some 5 ms
+
 template <int Axes, int MotorOrder>
 class HalfSweep {
  public:

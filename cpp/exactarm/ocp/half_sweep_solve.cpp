@@ -1,6 +1,8 @@
 // The right-hand sides of HalfSweep: gradients from the inner end outwards, then the motion inwards.
 #include "exactarm/ocp/half_sweep.hpp"
 
+#include "exactarm/base/interrupt.hpp"
+
 namespace exactarm::ocp {
 
 // The constant between a knot's outgoing state and the next knot's incoming one.
@@ -18,6 +20,7 @@ void HalfSweep<Axes, MotorOrder>::backward(const KktVector& right, const double*
   const Knot end = at(count_);
   for (int i = 0; i < s; ++i) end.gradient[i] = force ? force[i] : 0.0;
   for (long position = count_ - 1; position >= 0; --position) {
+    if (position % kKnotsBetweenChecks == 0) check_interrupt();
     const Knot here = at(position), next = at(position + 1);
     // Gradient at the outgoing state; behind the last knot there is only the force.
     std::copy_n(next.gradient, s, out);
@@ -104,6 +107,7 @@ void HalfSweep<Axes, MotorOrder>::forward(const KktVector& right, KktVector* sol
   for (int i = 0; i < s; ++i)
     sigma[i] = direction_ > 0 ? -right.defect[(knot(0) - 1) * s + i] : right.defect[knot(0) * s + i];
   for (long position = 0; position < count_; ++position) {
+    if (position % kKnotsBetweenChecks == 0) check_interrupt();
     const Knot here = at(position);
     const long k = knot(position);
     double* input = rest_value + s;

@@ -40,7 +40,7 @@ void rest(const StageModel& model, long knot, double* z_k) {
   batch.q = q.data();
   batch.q_dot = batch.q_ddot = zero.data();
   batch.tau = tau.data();
-  model.dynamics().evaluate(batch, 0, 1);
+  model.dynamics().evaluate(batch, 0, 1, model.dynamics().workspace().get());
   std::fill(z_k, z_k + layout.width(), 0.0);
   for (int i = 0; i < n; ++i) {
     z_k[kQ * n + i] = q[i];
@@ -63,7 +63,8 @@ void initial_guess(const StageModel& model, double* z) {
   for (long k = 0; k < rows; ++k)
     for (int i = 0; i < n; ++i)
       z[k * width + kTheta * n + i] = model.motor_angle(k, i, q(k, i) - model.shift(k, i));
-  model.residual(z, tau.data());
+  StageWorkspace workspace(model);
+  model.residual(z, workspace, tau.data());
   for (long k = 0; k < rows; ++k)
     for (int i = 0; i < n; ++i)
       z[k * width + kTheta * n + i] =

@@ -2,19 +2,20 @@
 
 namespace exactarm::ocp {
 
-RobotDynamics::RobotDynamics(const Robot& robot) : model_(robot) {}
-RobotDynamics::~RobotDynamics() = default;
+namespace {
 
-void RobotDynamics::evaluate(const DynamicsBatch& batch, long first, long last) const {
-  std::unique_ptr<KnotWorkspace> workspace;
-  {
-    const std::lock_guard<std::mutex> lock(mutex_);
-    if (!idle_.empty()) {
-      workspace = std::move(idle_.back());
-      idle_.pop_back();
-    }
-  }
-  if (!workspace) workspace = std::make_unique<KnotWorkspace>(model_);
+struct OfKnots : StageDynamics::Workspace {
+  explicit OfKnots(const DynamicsModel& model) : knots(model) {}
+  KnotWorkspace knots;
+};
+
+}  // namespace
+
+RobotDynamics::RobotDynamics(const Robot& robot) : model_(robot) {}
+
+std::unique_ptr<StageDynamics::Workspace> RobotDynamics::workspace() const { return std::make_unique<OfKnots>(model_); }
+
+void RobotDynamics::evaluate(const DynamicsBatch& batch, long first, long last, Workspace* workspace) const {
   KnotBatch knots;
   knots.knots = batch.knots;
   knots.q = batch.q;
@@ -29,9 +30,7 @@ void RobotDynamics::evaluate(const DynamicsBatch& batch, long first, long last) 
   knots.q_q_dot = batch.q_q_dot;
   knots.q_dot_q_dot = batch.q_dot_q_dot;
   knots.q_q_ddot = batch.q_q_ddot;
-  inverse_dynamics_knots(model_, *workspace, knots, first, last);
-  const std::lock_guard<std::mutex> lock(mutex_);
-  idle_.push_back(std::move(workspace));
+  inverse_dynamics_knots(model_, static_cast<OfKnots*>(workspace)->knots, knots, first, last);
 }
 
 }  // namespace exactarm::ocp

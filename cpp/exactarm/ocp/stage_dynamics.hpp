@@ -22,8 +22,16 @@ class StageDynamics {
  public:
   virtual ~StageDynamics() = default;
   virtual int axes() const = 0;
-  // Knots [first, last); called from several threads at once.
-  virtual void evaluate(const DynamicsBatch& batch, long first, long last) const = 0;
+
+  // What an evaluation writes on its way; each thread needs its own.
+  class Workspace {
+   public:
+    virtual ~Workspace() = default;
+  };
+  virtual std::unique_ptr<Workspace> workspace() const { return nullptr; }
+
+  // Knots [first, last); called from several threads at once, each with a workspace of workspace().
+  virtual void evaluate(const DynamicsBatch& batch, long first, long last, Workspace* workspace) const = 0;
 };
 
 }  // namespace exactarm::ocp

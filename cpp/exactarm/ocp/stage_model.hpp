@@ -2,9 +2,12 @@
 //   r_k = (tau(q, qd, qdd) - kappa(e)) / k1,   e = phi + q_offset + phi_shift - q,   phi = Xi_k^{-1}(theta)
 // one equation an axis, divided by the spring's linear stiffness, so in rad. Xi_k blends the two tables of
 // the gear by the direction at knot k. Derivatives with respect to z_k in the units of Layout.
-// Matrices n x n column major, one knot after the other. Knots are spread over threads; after the
-// construction nothing is allocated but the threads.
+// Matrices n x n column major, one knot after the other. Knots are spread over threads. The model is never written
+// to; what an evaluation needs on its way is a StageWorkspace, after whose first use nothing is allocated.
 #pragma once
+
+#include <mutex>
+#include <vector>
 
 #include "exactarm/ocp/problem.hpp"
 #include "exactarm/ocp/stage_dynamics.hpp"
@@ -21,6 +24,25 @@ struct StageDerivatives {
   Vector q_theta, theta_theta;                   // N n, diagonal
 };
 
+class StageModel;
+
+// Of one evaluation at a time.
+class StageWorkspace {
+ public:
+  explicit StageWorkspace(const StageModel& model);
+
+ private:
+  friend class StageModel;
+  using OfDynamics = std::unique_ptr<StageDynamics::Workspace>;
+  OfDynamics take(const StageDynamics& dynamics);
+  void give_back(OfDynamics workspace);
+
+  Vector q_, q_dot_, q_ddot_, scaled_lambda_;  // N n
+  // Those that no thread uses at the moment; as many as threads have worked at once.
+  std::mutex mutex_;
+  std::vector<OfDynamics> idle_;
+};
+
 class StageModel {
  public:
   StageModel(const Problem& problem, const StageDynamics& dynamics, int threads);
@@ -30,9 +52,9 @@ class StageModel {
   int threads() const { return threads_; }
 
   // z: N x (blocks n).
-  void residual(const double* z, double* residual) const;
+  void residual(const double* z, StageWorkspace& workspace, double* residual) const;
   // lambda null: no second derivatives.
-  void derivatives(const double* z, const double* lambda, StageDerivatives& out) const;
+  void derivatives(const double* z, const double* lambda, StageWorkspace& workspace, StageDerivatives& out) const;
 
   // Gear: output angle and its first two derivatives with respect to theta (output side), knot k, axis i.
   struct OutputAngle {
@@ -46,13 +68,12 @@ class StageModel {
   const StageDynamics& dynamics() const { return dynamics_; }
 
  private:
-  void gather(const double* z, long first, long last) const;
+  DynamicsBatch gather(const double* z, StageWorkspace& workspace, long first, long last) const;
 
   const Problem& problem_;
   const StageDynamics& dynamics_;
   Layout layout_;
   int threads_;
-  mutable Vector q_, q_dot_, q_ddot_, scaled_lambda_;
 };
 
 }  // namespace exactarm::ocp

@@ -4,6 +4,7 @@
 #include <chrono>
 #include <limits>
 
+#include "exactarm/base/interrupt.hpp"
 #include "exactarm/ocp/barrier.hpp"
 #include "exactarm/ocp/block_kkt.hpp"
 #include "exactarm/ocp/initial_guess.hpp"
@@ -24,6 +25,7 @@ constexpr double kRoundings = 4.0 * std::numeric_limits<double>::epsilon();
 constexpr double kLeastDamping = 1e-4, kMostDamping = 1e20;  // of the reduced Hessian
 constexpr double kFilterMargin = 1e-5;
 constexpr int kMostHalvings = 12;
+constexpr int kMostIterations = 10000;     // of which the filter keeps an entry each
 constexpr double kTinyStep = 1e-6;          // rad; damping of such a step comes from rounding
 constexpr double kAcceptableObjective = 1e-6, kAcceptableFactor = 10.0;
 constexpr int kRoundedSteps = 6;            // that good without getting better: rounding is reached
@@ -36,6 +38,7 @@ class Solver {
         layout_(model.layout()),
         options_(options),
         objective_(model.problem()),
+        workspace_(model),
         derivatives_(layout_),
         kkt_(make_block_kkt(layout_, model.threads())),
         barrier_(interior_bound(-1), interior_bound(1)),
@@ -49,7 +52,7 @@ class Solver {
         lagrangian_(layout_.unknowns()),
         trial_(layout_.unknowns()),
         trial_residual_(layout_.knots * layout_.axes) {
-    filter_.reserve(std::max(options.iterations, 0) + 1);
+    filter_.reserve(static_cast<std::size_t>(std::clamp(options.iterations, 0, kMostIterations)) + 1);
   }
 
   nlp::Solution run() {
@@ -71,9 +74,10 @@ class Solver {
     if (!inside_) barrier_.start(current_.z, kFirstBarrier);
     solution.status = Status::iteration_limit;
     solution.message = "iteration limit";
-    for (int iteration = 0; iteration <= options_.iterations; ++iteration) {
+    for (int iteration = 0; iteration <= std::min(options_.iterations, kMostIterations); ++iteration) {
       solution.iterations = iteration;
-      model_.derivatives(current_.z.data(), current_.stage.data(), derivatives_);
+      check_interrupt();
+      model_.derivatives(current_.z.data(), current_.stage.data(), workspace_, derivatives_);
       residuals();
       if (finished(solution) || iteration == options_.iterations) break;
       if (elapsed() > options_.seconds) {
@@ -291,7 +295,7 @@ class Solver {
     filter_.push_back({scale_ * objective_.value(current_.z.data()), right_.stage.lpNorm<1>() + gaps});
     for (int halving = 0; halving < kMostHalvings; ++halving, primal *= 0.5) {
       trial_ = current_.z + primal * step_.z;
-      model_.residual(trial_.data(), trial_residual_.data());
+      model_.residual(trial_.data(), workspace_, trial_residual_.data());
       const Merit merit{scale_ * objective_.value(trial_.data()), trial_residual_.lpNorm<1>() + (1.0 - primal) * gaps};
       const bool better = std::all_of(filter_.begin(), filter_.end(), [&](const Merit& m) {
         return merit.violation <= (1.0 - kFilterMargin) * m.violation ||
@@ -322,6 +326,7 @@ class Solver {
   Layout layout_;
   StagewiseOptions options_;
   Objective objective_;
+  StageWorkspace workspace_;
   StageDerivatives derivatives_;
   std::unique_ptr<BlockKkt> kkt_;
   Barrier barrier_;

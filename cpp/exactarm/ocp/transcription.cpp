@@ -5,7 +5,7 @@
 namespace exactarm::ocp {
 
 Transcription::Transcription(const StageModel& model)
-    : model_(model), layout_(model.layout()), derivatives_(layout_), objective_(model.problem()) {
+    : model_(model), layout_(model.layout()), workspace_(model), derivatives_(layout_), objective_(model.problem()) {
   lambda_.resize(layout_.knots * layout_.axes);
   residual_.resize(layout_.knots * layout_.axes);
   describe_jacobian();
@@ -46,7 +46,7 @@ void Transcription::gradient(ConstVectorRef x, VectorRef gradient) { objective_.
 
 void Transcription::constraint(ConstVectorRef x, VectorRef c) {
   const int n = layout_.axes, width = layout_.width();
-  model_.residual(x.data(), residual_.data());
+  model_.residual(x.data(), workspace_, residual_.data());
   for (long k = 0; k < layout_.knots; ++k) {
     c.segment(stage_row(k), n) = residual_.segment(k * n, n);
     if (k + 1 == layout_.knots) break;
@@ -81,7 +81,7 @@ void Transcription::describe_jacobian() {
 
 void Transcription::jacobian(ConstVectorRef x, double* values) {
   const int n = layout_.axes, n2 = n * n;
-  model_.derivatives(x.data(), nullptr, derivatives_);
+  model_.derivatives(x.data(), nullptr, workspace_, derivatives_);
   for (long k = 0; k < layout_.knots; ++k) {
     for (const Vector* part : {&derivatives_.by_q, &derivatives_.by_q_dot, &derivatives_.by_q_ddot}) {
       std::copy_n(part->data() + k * n2, n2, values);
@@ -121,7 +121,7 @@ void Transcription::describe_hessian() {
 void Transcription::hessian(ConstVectorRef x, double objective_factor, ConstVectorRef lambda, double* values) {
   const int n = layout_.axes, n2 = n * n;
   for (long k = 0; k < layout_.knots; ++k) lambda_.segment(k * n, n) = lambda.segment(stage_row(k), n);
-  model_.derivatives(x.data(), lambda_.data(), derivatives_);
+  model_.derivatives(x.data(), lambda_.data(), workspace_, derivatives_);
   const StageDerivatives& d = derivatives_;
   for (long k = 0; k < layout_.knots; ++k) {
     for (int j = 0; j < n; ++j)

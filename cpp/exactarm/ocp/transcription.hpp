@@ -40,6 +40,7 @@ class Transcription : public nlp::Problem {
   const StageModel& model_;
   Layout layout_;
   nlp::Sparsity jacobian_sparsity_, hessian_sparsity_;
+  StageWorkspace workspace_;
   StageDerivatives derivatives_;
   Objective objective_;
   Vector lambda_, residual_, start_;

@@ -3,6 +3,7 @@
 #include <Eigen/QR>
 #include <random>
 
+#include "exactarm/base/interrupt.hpp"
 #include "exactarm/base/rotation.hpp"
 #include "exactarm/robot/kinematics.hpp"
 
@@ -12,6 +13,7 @@ namespace {
 constexpr double kLongestStep = 0.5;  // rad or m, keeps a far start on its branch
 constexpr int kRandomStarts = 200;
 constexpr double kSameSolution = 1e-6;
+constexpr int kIterationsBetweenChecks = 64;  // for a signal; once a pose of a path
 
 using Status = InverseKinematicsStatus;
 
@@ -28,6 +30,7 @@ class Solver {
     conditioning = 1.0;
     left_over = 0.0;
     for (int iteration = 0; iteration < options_.iterations; ++iteration, ++iterations) {
+      if (iteration % kIterationsBetweenChecks == 0) check_interrupt();
       Vector6 error = evaluate(target, q);
       left_over = error.norm();
       if (!std::isfinite(left_over)) return Status::not_finite;
