@@ -18,7 +18,7 @@ CPP_TESTS := $(shell find tests/cpp -type f 2>/dev/null)
 # Not deleted as intermediate files.
 .PRECIOUS: .setup/packages-%
 
-.PHONY: help demo test test-cpp test-python install bench docs clean
+.PHONY: help demo test test-cpp test-python robustness limits install bench docs clean
 
 help:
 	@echo "make demo     set up everything, run exactarm on the shipped data, say where the report lies"
@@ -42,6 +42,14 @@ test-cpp: .setup/tests
 test-python: .setup/tests
 	@echo "== Python tests"
 	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest
+
+# Spoiled inputs to every reader and command, for a night; failures are told by their seeds.
+robustness: .setup/tests
+	@$(BIN)/python tests/robustness/run.py --count 10000 --seed $(or $(SEED),0)
+
+# Rows, seconds and memory of every command: the table of docs/limits.md.
+limits: .setup/install
+	@$(BIN)/python bench/limits.py
 
 install: .setup/install
 

@@ -148,7 +148,9 @@ def _csv_header(path: str | Path, content: bytes) -> tuple[list[str], int]:
 
 
 def _check_names(path: str | Path, names: list[str]) -> None:
-    if names and all(_is_number(name) for name in names):
+    if not names:
+        raise InputError("first line is empty; expected a header row with the names of the columns", file=path)
+    if all(_is_number(name) for name in names):
         raise InputError("first row is numbers; expected a header row with the names of the columns", file=path)
     for position, name in enumerate(names, start=1):
         if not name:

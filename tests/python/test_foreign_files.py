@@ -102,6 +102,7 @@ def test_a_urdf_of_thousands_of_fixed_links_is_read(tmp_path):
     "content, words",
     [
         (b"q_1_rad,q_2_rad\r1,2\r3,4\r", "carriage return alone"),
+        (b"\nq_1_rad,q_2_rad\n1,2\n", "first line is empty"),
         (b'"' + b"a" * 200_000 + b'"\n1\n', "no header row"),
         (b"a,b\n1," + b"9" * 200_000 + b"x\n", "expected a number"),
     ],

@@ -1,0 +1,70 @@
+"""Runs that are killed at any moment, and two at once: never a result that is not whole, never one run's file with another's."""
+
+import hashlib
+import json
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from exactarm import cli
+from exactarm.examples import data_path
+
+DATA = [str(data_path("ur10/series_B.csv")), str(data_path("ur10/series_C.csv"))]
+KILLS, SEED = 5, 4  # moments; EXACTARM_KILLS=200 for a night
+LONGEST_S = 3.0  # about what the command takes
+
+
+def started(out: Path, data: str) -> subprocess.Popen:
+    words = [sys.executable, "-m", "exactarm", "evaluate", "ur10", data, "--out", str(out), "--quiet", "--threads", "1"]
+    paths = {"PYTHONPATH": str(Path(cli.__file__).parents[1]), "OMP_NUM_THREADS": "1"}
+    return subprocess.Popen(words, env=os.environ | paths, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+
+
+def whole(out: Path) -> bool:
+    """Whether there is a result; if so, all its files are there and its own."""
+    path = out / "result.json"
+    if not path.exists():
+        return False
+    for name, sha256 in json.loads(path.read_text())["files"].items():
+        assert hashlib.sha256((out / name).read_bytes()).hexdigest() == sha256, name
+    return True
+
+
+@pytest.fixture(scope="module")
+def out(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("killed") / "out"
+    process = started(folder, DATA[0])
+    assert process.wait(120) == 0 and whole(folder)
+    process.stderr.close()
+    return folder
+
+
+def test_a_run_killed_at_any_moment_leaves_a_whole_result_or_none(out):
+    random = np.random.default_rng(SEED)
+    for number in range(int(os.environ.get("EXACTARM_KILLS", KILLS))):
+        process = started(out, DATA[number % 2])
+        time.sleep(random.uniform(0.0, LONGEST_S))
+        process.kill()
+        process.wait()
+        process.stderr.close()
+        whole(out)
+    process = started(out, DATA[0])
+    assert process.wait(120) == 0 and whole(out)
+    process.stderr.close()
+    assert not (out / ".partial").exists()
+
+
+def test_of_two_runs_into_one_folder_one_is_refused(out):
+    pair = [started(out, data) for data in DATA]
+    codes, said = [], []
+    for process in pair:
+        said.append(process.communicate(timeout=120)[1])
+        codes.append(process.returncode)
+    assert whole(out)
+    assert sorted(codes) in ([0, 2], [0, 0])  # both, where the machine ran them one after the other
+    assert all(("another run is writing here" in text) == (code == 2) for code, text in zip(codes, said))

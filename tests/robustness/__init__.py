@@ -1,0 +1,1 @@
+"""Trials of everything that exactarm reads: `python tests/robustness/run.py --count 10000`."""

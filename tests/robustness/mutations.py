@@ -1,0 +1,109 @@
+"""Ways to spoil a file: bytes, numbers, lines, columns, keys. `spoiled(content, random)` applies one to three of them.
+
+Every way takes and gives bytes and fits any file; those that need lines or cells find them by commas and line ends.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+
+import numpy as np
+
+WORDS = [b"", b",", b"\n", b"\r", b"\r\n", b"nan", b"inf", b"1e999", b"-", b'"', b"\xff", b"\0", b"[", b"]", b"{", b"=", b"<", b"/>", b"_",
+         b"99", b"session", b"true", b"''", b"#", b"&amp;", b"\xef\xbb\xbf", b"\x1b[2J", b"../", b"$x^2$", b"<script>", "µé漢".encode()]
+NUMBERS = [b"0", b"-0.0", b"1", b"-1", b"1e-300", b"1e300", b"1e20", b"9" * 400, b"1e-20", b"0.1", b"57.29577951308232", b"1000", b"2147483648",
+           b"9007199254740993", b"-9223372036854775809", b"NaN", b"Infinity", b"1_000", b"0x10", b"1,5", b"", b"[1]", b"{}", b'"1"', b"true"]
+_NUMBER = re.compile(rb"-?\d+\.?\d*(?:[eE][-+]?\d+)?")
+
+
+def _overwrite(content: bytes, random: np.random.Generator) -> bytes:
+    start, length = random.integers(0, len(content) + 1), random.integers(0, 12)
+    return content[:start] + WORDS[random.integers(len(WORDS))] + content[start + length :]
+
+
+def _double(content: bytes, random: np.random.Generator) -> bytes:
+    start, length = random.integers(0, len(content) + 1), random.integers(1, 200)
+    return content[:start] + content[start : start + length] * int(random.integers(2, 30)) + content[start + length :]
+
+
+def _cut(content: bytes, random: np.random.Generator) -> bytes:
+    return content[: random.integers(0, len(content) + 1)]
+
+
+def _flip_bits(content: bytes, random: np.random.Generator) -> bytes:
+    values = np.frombuffer(content, np.uint8).copy()
+    at = random.integers(0, len(values), random.integers(1, 8)) if len(values) else []
+    values[at] ^= (1 << random.integers(0, 8, len(at))).astype(np.uint8)
+    return values.tobytes()
+
+
+def _number(content: bytes, random: np.random.Generator) -> bytes:
+    found = list(_NUMBER.finditer(content))
+    if not found:
+        return content
+    match = found[random.integers(len(found))]
+    return content[: match.start()] + NUMBERS[random.integers(len(NUMBERS))] + content[match.end() :]
+
+
+def _scaled_number(content: bytes, random: np.random.Generator) -> bytes:
+    found = list(_NUMBER.finditer(content))
+    if not found:
+        return content
+    match = found[random.integers(len(found))]
+    value = float(match[0]) * float(10.0 ** random.integers(-12, 13)) * (-1.0) ** random.integers(2)
+    return content[: match.start()] + repr(value).encode() + content[match.end() :]
+
+
+def _lines(content: bytes, random: np.random.Generator) -> bytes:
+    """Lines left out, doubled, exchanged, or all of them in another order."""
+    lines = content.split(b"\n")
+    a, b = random.integers(0, len(lines), 2)
+    kind = random.integers(4)
+    if kind == 0:
+        del lines[min(a, b) : max(a, b)]
+    elif kind == 1:
+        lines.insert(a, lines[b])
+    elif kind == 2:
+        lines[a], lines[b] = lines[b], lines[a]
+    else:
+        lines = [lines[i] for i in random.permutation(len(lines))]
+    return b"\n".join(lines)
+
+
+def _columns(content: bytes, random: np.random.Generator) -> bytes:
+    """A column of a table left out, doubled, exchanged with another, set to one cell, or renamed as another."""
+    rows = [line.split(b",") for line in content.split(b"\n") if line]
+    width = min(map(len, rows), default=0)
+    if width < 2:
+        return content
+    a, b = random.integers(0, width, 2)
+    kind = random.integers(5)
+    for number, row in enumerate(rows):
+        if kind == 0:
+            del row[a]
+        elif kind == 1:
+            row.insert(a, row[b])
+        elif kind == 2:
+            row[a], row[b] = row[b], row[a]
+        elif kind == 3 and number:
+            row[a] = NUMBERS[int(a + b) % len(NUMBERS)]
+        elif kind == 4 and not number:
+            row[a] = row[b][:-1] + WORDS[int(a + b) % len(WORDS)]
+    return b"\n".join(b",".join(row) for row in rows) + b"\n"
+
+
+def _deep(content: bytes, random: np.random.Generator) -> bytes:
+    start = random.integers(0, len(content) + 1)
+    return content[:start] + [b"[", b"{a=", b"<link>", b"(", b'"'][random.integers(5)] * int(10 ** random.integers(1, 5)) + content[start:]
+
+
+WAYS: tuple[Callable[[bytes, np.random.Generator], bytes], ...] = (
+    _overwrite, _double, _cut, _flip_bits, _number, _number, _scaled_number, _scaled_number, _lines, _columns, _columns, _deep,
+)
+
+
+def spoiled(content: bytes, random: np.random.Generator) -> bytes:
+    for _ in range(random.integers(1, 4)):
+        content = WAYS[random.integers(len(WAYS))](content, random)
+    return content

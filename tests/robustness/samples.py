@@ -1,0 +1,93 @@
+"""Small valid files, one of every sort that exactarm reads, to be spoiled: name -> bytes. Made from shipped data, the same every time."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from exactarm.examples import data_path
+from exactarm.plan.path_file import SHIPPED as PATHS
+from exactarm.robot_file import load_robot
+from exactarm.robot_writer import robot_text
+from exactarm.urdf import urdf_text
+
+ROWS = 40
+FIXTURE = """\
+[[distances]]
+contact = "socket"
+between = [0, 1]
+length_mm = 50.0
+[[radii]]
+contact = "sphere"
+number = 0
+radius_mm = 12.7
+"""
+PATH = """\
+kind = "points"
+points_m = [[0.9, 0.1, 0.6], [0.95, -0.1, 0.65], [0.9, -0.2, 0.7]]
+times_s = [0.0, 1.0, 2.0]
+rate_hz = 40
+nu = 1e-10
+orientation_wxyz = [0, 0, 1, 0]
+"""
+KRL = """\
+DEF PART()
+BAS(#INITMOV,0)
+$BASE=BASE_DATA[1]
+PTP XHOME
+LIN {X 700.0, Y 10.0, Z 600.0, A 0.0, B 90.0, C 0.0}
+LIN XP1
+END
+"""
+KRL_DATA = """\
+DEFDAT PART
+DECL E6AXIS XHOME={A1 0.0,A2 -90.0,A3 90.0,A4 0.0,A5 0.0,A6 0.0,E1 0.0,E2 0.0,E3 0.0,E4 0.0,E5 0.0,E6 0.0}
+DECL E6POS XP1={X 750.0,Y 0.0,Z 650.0,A 0.0,B 90.0,C 0.0,S 2,T 10}
+ENDDAT
+"""
+URSCRIPT = """\
+def part():
+  movej([0.1, -1.2, 1.3, -0.4, 1.5, 0.2], a=1.4, v=1.05)
+  movel(p[0.5, 0.2, 0.4, 0.0, 3.14, 0.0], a=1.2, v=0.25)
+end
+"""
+
+
+def _rows(frame: pd.DataFrame) -> bytes:
+    return frame.to_csv(index=False).encode()
+
+
+def _parquet(frame: pd.DataFrame) -> bytes:
+    stream = io.BytesIO()
+    frame.to_parquet(stream, index=False)
+    return stream.getvalue()
+
+
+def samples() -> dict[str, bytes]:
+    """File name -> content."""
+    poses = pd.read_csv(data_path("ur10/series_B.csv")).iloc[:: 1495 // ROWS][:ROWS]
+    motion = pd.read_parquet(data_path("tx40/motion.parquet")).iloc[::20][:1200]
+    runs = pd.read_csv(data_path("kr300/run_A.csv"))[:1500:3]
+    closures = poses.drop(columns=["x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz"]).assign(socket=np.arange(len(poses)) % 3)
+    time = np.arange(60) / 50.0
+    trajectory = pd.DataFrame({"time_s": time} | {f"theta_{i}_rad": 3.0 * np.sin(time + i) for i in range(1, 7)})
+    return {
+        "poses.csv": _rows(poses),
+        "poses.parquet": _parquet(poses),
+        "motion.csv": _rows(motion),
+        "runs.csv": _rows(runs),
+        "closures.csv": _rows(closures),
+        "trajectory.csv": _rows(trajectory),
+        "racer.toml": robot_text(load_robot("racer-7-1.4")).encode(),
+        "ur10.toml": robot_text(load_robot("ur10")).encode(),
+        "ur10.urdf": urdf_text(load_robot("ur10")).encode(),
+        "path.toml": PATH.encode(),
+        "line.toml": Path(PATHS / "line.toml").read_bytes(),
+        "fixture.toml": FIXTURE.encode(),
+        "part.src": KRL.encode(),
+        "part.dat": KRL_DATA.encode(),
+        "part.script": URSCRIPT.encode(),
+    }

@@ -1,0 +1,185 @@
+"""One trial: a spoiled file given to a reader or to a command, and what must hold then.
+
+    readers    the file is read, or refused by InputError, in one line that names it
+    commands   exit 0 with a result that is finite and that our own readers accept, or exit 1 or 2 with one line on stderr that is
+               no "fault in exactarm", names a file or an option (2), and leaves no result
+Within bounds of time; a trial is told by its seed alone.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+import math
+import shutil
+import signal
+import time
+import warnings
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from exactarm import cli
+from exactarm.compensate.formats import jobs
+from exactarm.compensate.setting import Setting
+from exactarm.dataset import read_dataset, read_planned_poses
+from exactarm.errors import InputError
+from exactarm.fixture import load_fixture
+from exactarm.plan.path_file import load_path
+from exactarm.robot_file import load_robot, read_robot
+from robustness.mutations import spoiled
+from robustness.samples import samples
+
+MOST_SECONDS = 60.0  # of a trial; the slowest valid one takes three
+SHARE_OF_COMMANDS = 0.1
+
+READERS: dict[str, Callable[[Path], object]] = {
+    "poses.csv": lambda path: read_dataset(path, load_robot("ur10")),
+    "poses.parquet": lambda path: read_dataset(path, load_robot("ur10")),
+    "motion.csv": lambda path: read_dataset(path, load_robot("tx40")),
+    "runs.csv": lambda path: read_dataset(path, load_robot("kr300")),
+    "closures.csv": lambda path: read_dataset(path, load_robot("ur10")),
+    "trajectory.csv": lambda path: read_planned_poses(path, load_robot("racer-7-1.4")),
+    "racer.toml": load_robot,
+    "ur10.toml": load_robot,
+    "ur10.urdf": load_robot,
+    "path.toml": load_path,
+    "line.toml": load_path,
+    "fixture.toml": load_fixture,
+    "part.src": lambda path: [job.read(Setting(load_robot("ur10"))) for job in jobs([path, path.with_suffix(".dat")])],
+    "part.script": lambda path: [job.read(Setting(load_robot("ur10"))) for job in jobs([path])],
+}
+COMMANDS: tuple[tuple[str, ...], ...] = (
+    ("evaluate", "ur10", "*poses.csv"), ("calibrate", "ur10", "*poses.csv"), ("evaluate", "*ur10.toml", "poses.csv"),
+    ("calibrate", "*ur10.urdf", "poses.csv"), ("identifiable", "*ur10.toml", "poses.csv"), ("identify", "tx40", "*motion.csv"),
+    ("gear", "kr300", "*runs.csv", "--kind", "gear_run"), ("evaluate", "kr300", "*runs.csv", "--kind", "gear_run"),
+    ("calibrate", "ur10", "*closures.csv"), ("calibrate", "ur10", "closures.csv", "--fixture", "*fixture.toml"),
+    ("plan", "*racer.toml", "path.toml"), ("plan", "racer-7-1.4", "*path.toml"), ("simulate", "*racer.toml", "--count", "8"),
+    ("simulate", "racer-7-1.4", "*trajectory.csv", "--measure", "poses"), ("compensate", "*ur10.toml", "part.script"),
+    ("compensate", "ur10", "*part.script"),
+)
+
+
+@dataclass(frozen=True)
+class Trial:
+    """seed and what it stood for; failure: empty where everything held; code: of a command, None of a reader."""
+
+    seed: int
+    what: str
+    failure: str
+    seconds: float
+    code: int | None = None
+
+
+class _TooLong(BaseException):
+    pass
+
+
+@contextlib.contextmanager
+def _limited(seconds: float) -> Iterator[None]:
+    def stop(*_: object) -> None:
+        raise _TooLong
+
+    earlier = signal.signal(signal.SIGALRM, stop)
+    signal.setitimer(signal.ITIMER_REAL, seconds)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, earlier)
+
+
+def run_trial(seed: int, folder: Path, valid: dict[str, bytes] | None = None, commands: float = SHARE_OF_COMMANDS) -> Trial:
+    """The trial of one seed in `folder`, which is emptied first."""
+    random = np.random.default_rng(seed)
+    valid = samples() if valid is None else valid
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
+    started = time.monotonic()
+    as_command = random.random() < commands
+    what, failure, code = "", "", None
+    try:
+        with _limited(MOST_SECONDS), warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # as the command itself does
+            if as_command:
+                words = COMMANDS[random.integers(len(COMMANDS))]
+                what = " ".join(words)
+                code, failure = _command(words, folder, valid, random)
+            else:
+                what = list(READERS)[random.integers(len(READERS))]
+                failure = _reader(what, folder, valid, random)
+    except _TooLong:
+        failure = f"took more than {MOST_SECONDS:.0f} s"
+    return Trial(seed, what, failure, time.monotonic() - started, code)
+
+
+def _reader(name: str, folder: Path, valid: dict[str, bytes], random: np.random.Generator) -> str:
+    path = folder / name
+    if name == "part.src":
+        (folder / "part.dat").write_bytes(spoiled(valid["part.dat"], random))
+    path.write_bytes(spoiled(valid[name], random))
+    try:
+        READERS[name](path)
+    except InputError as error:
+        line = str(error)
+        return "" if "\n" not in line and str(folder) in line else f"a refusal that names no file, or in several lines: {line!r}"
+    except Exception as error:
+        return f"{type(error).__name__}: {error}"
+    return ""
+
+
+def _command(words: tuple[str, ...], folder: Path, valid: dict[str, bytes], random: np.random.Generator) -> tuple[int, str]:
+    line = []
+    for word in words:
+        name = word.lstrip("*")
+        if name in valid:
+            (folder / name).write_bytes(spoiled(valid[name], random) if word != name else valid[name])
+            name = str(folder / name)
+        line.append(name)
+    out = folder / "out"
+    told, errors = io.TextIOWrapper(io.BytesIO(), "utf-8"), io.TextIOWrapper(io.BytesIO(), "utf-8")
+    with contextlib.redirect_stdout(told), contextlib.redirect_stderr(errors):
+        code = cli.main([*line, "--out", str(out), "--threads", "1", "--quiet"])
+    errors.flush()
+    said = errors.buffer.getvalue().decode()
+    return code, _of_done(out, said) if code == 0 else _of_failed(code, out, said, folder)
+
+
+def _of_failed(code: int, out: Path, said: str, folder: Path) -> str:
+    if code not in (1, 2) or said.count("\n") != 1 or not said.startswith("exactarm: error: "):
+        return f"exit {code} with {said!r}"
+    if "a fault in exactarm" in said:
+        return said.strip()
+    if code == 2 and not any(name in said for name in (str(folder), "--", "ur10", "kr300", "tx40", "racer")):
+        return f"exit 2 names no file: {said.strip()}"
+    return "a result beside an error" if (out / "result.json").exists() else ""
+
+
+def _of_done(out: Path, said: str) -> str:
+    if said:
+        return f"exit 0 with {said!r} on stderr"
+    result = json.loads((out / "result.json").read_text())
+    if bad := [name for name, value in _numbers(result) if not math.isfinite(value)]:
+        return f"result.json holds what is no number: {bad[0]}"
+    for summary in ("before", "after"):
+        if isinstance(result.get(summary), dict):
+            rms = result[summary].get("identification", {}).get("rms", 0.0)
+            if rms is None:
+                return f"exit 0 without a number for the error {summary}"
+    if (out / "robot.toml").exists():
+        read_robot(out / "robot.toml")
+    return ""
+
+
+def _numbers(value: object, name: str = "") -> Iterator[tuple[str, float]]:
+    if isinstance(value, dict):
+        for key, item in value.items():
+            yield from _numbers(item, f"{name}.{key}")
+    elif isinstance(value, list):
+        for index, item in enumerate(value):
+            yield from _numbers(item, f"{name}[{index}]")
+    elif isinstance(value, float):
+        yield name, value
