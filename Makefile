@@ -24,6 +24,8 @@ help:
 	@echo "make demo     set up everything, run exactarm on the shipped data, say where the report lies"
 	@echo "make test     set up everything, run the C++ and the Python tests"
 	@echo "make install  set up everything: $(BIN)/exactarm"
+	@echo "make robustness  ten thousand spoiled inputs (SEED=N: from that seed on)"
+	@echo "make limits   rows, seconds and memory of every command, as measured here"
 	@echo "make bench    the C++ benchmarks"
 	@echo "make docs     the documentation as a site: docs/_site/index.html"
 	@echo "make clean    remove what was built (the environment stays)"

