@@ -99,12 +99,17 @@ def _count(problem: Problem, fitted: Fitted) -> float:
     return max(problem.correlation_factor(fitted) * data - fitted.basis.shape[1], 1.0)
 
 
-def refit(problem: Problem, declared: Layout, effects: list[Effect], last: Fitted) -> Fitted:
-    """The joint fit, started from the last one; effects of the record judge the rows by the last one too."""
+def refit(problem: Problem, declared: Layout, effects: list[Effect], last: Fitted, noise=None) -> Fitted:
+    """The joint fit, started from the last one; effects of the record judge the rows by the last one too.
+
+    noise: a noise model whose row weights the fit takes."""
     start = _warm(declared, last)
     effects = [effect.renewed(last.view) for effect in effects]
     layout = start.joined(Layout.of(tuple(effects)))
-    return problem.fit(layout, rows_kept(layout, last.view).astype(float), last.sigma)
+    weight = rows_kept(layout, last.view).astype(float)
+    if noise is not None:
+        weight = weight * np.sqrt(noise.weight)
+    return problem.fit(layout, weight, last.sigma)
 
 
 def _warm(declared: Layout, last: Fitted) -> Layout:

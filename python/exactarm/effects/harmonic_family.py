@@ -20,6 +20,7 @@ from exactarm.signals import strongest_orders
 _POSE_MULTIPLES = 2  # of the ratio: the highest order that poses are searched for
 _HALVES_UNTIL = 40.0  # orders of an element that turns neither with the output nor with the motor
 _RATIO_UNKNOWN = 100.0
+_MOST_TEETH = 130  # of a ring or an encoder disc at the output, whatever the ratio is
 _LEAST_ORDER, _BELOW_SEARCH = 0.2, 0.8  # a fit that drifts far below the orders that were tried follows another cause
 _MOST_MULTIPLES = 2  # of an element whose order was searched
 _MOTOR_MULTIPLES = (1.0, 2.0)  # that motions are searched for
@@ -158,7 +159,7 @@ def searched_orders(robot, view, index: int, lowest: float = 3.0) -> tuple[float
         # A drive torque is low-passed: it shows what turns with the motor, not every tooth.
         motion = ratio * np.array(_MOTOR_MULTIPLES)
         return tuple(o for o in motion if np.all(np.abs(declared - o) > 0.5))
-    highest = _POSE_MULTIPLES * int(np.ceil(ratio)) + 2
+    highest = max(_POSE_MULTIPLES * int(np.ceil(ratio)), _MOST_TEETH) + 2
     orders = np.concatenate([np.arange(lowest, _HALVES_UNTIL, 0.5), np.arange(_HALVES_UNTIL, highest)])
     orders = orders[orders < highest]
     return tuple(o for o in orders if np.all(np.abs(declared - o) > 0.5))

@@ -1,0 +1,210 @@
+"""Evidence: marginal likelihood of sets of causes in the linear picture around a fit, noise variance integrated out.
+
+r (R,) whitened residual and C (R, p) whitened columns of the vocabulary, both cleared of what the declared parameters D can
+absorb (flat prior): C~ = C - Q Q'C, r~ = r - Q Q'r. With B the columns of a set M times their prior sizes, V = I + B B':
+
+    log p(r | M) = -1/2 log|V| - n/2 log(r' V^-1 r) + const,      n = independent numbers - rank(D)
+    adding a block g:  H = S C_g' V^-1 C_g S,  y = S C_g' V^-1 r:
+        log|V| += log|I + s^2 H|,   r' V^-1 r -= y' s^2 (I + s^2 H)^-1 y
+
+All blocks of one width are scored at once by the eigenvectors of H. A coefficient that cannot be negative multiplies by
+P(b > 0 | r) / P(b > 0).
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy import special
+
+from exactarm.diagnose.vocabulary import SCALE_WEIGHTS, SCALES, Vocabulary
+
+_ABSORBED = 1e-6  # share of a column's square sum left after projection, below which the declared model explains it
+
+
+@dataclass(frozen=True)
+class Additions:
+    """For each block g: log weight (G,) of the set with it, less that of the set, summed over scales; best scale (G,) index."""
+
+    log_weight: np.ndarray
+    scale: np.ndarray
+    gain: np.ndarray
+
+
+@dataclass(frozen=True)
+class Members:
+    """Blocks in a set with their scales, and the factor of V: `basis` (R, K) with B = basis, `inverse` = (I + B'B)^-1."""
+
+    blocks: tuple[int, ...]
+    scales: tuple[int, ...]
+
+
+class Picture:
+    """The linear picture of one fit: columns, residual and count of independent numbers. Immutable by use."""
+
+    def __init__(self, vocabulary: Vocabulary, declared: np.ndarray, columns: np.ndarray, residual: np.ndarray, count: float):
+        self.vocabulary, self.columns, self.residual, self.count = vocabulary, columns, residual, count
+        self.declared = declared  # (R, d) orthonormal
+        self.square = float(residual @ residual)
+
+    @staticmethod
+    def of(vocabulary: Vocabulary, residual: np.ndarray, declared: np.ndarray, noise, share: float = 1.0) -> "Picture":
+        """residual (N, m), declared (N, m, P): columns that are free under a flat prior; noise.whiten; share: independent
+        numbers for each number of data."""
+        r = noise.whiten(residual[:, :, None])[:, 0]
+        d = noise.whiten(declared)
+        c = noise.whiten(vocabulary.responses)
+        basis = orthonormal_columns(d)
+        before = np.einsum("ij,ij->j", c, c)
+        c -= basis @ (basis.T @ c)
+        left = np.einsum("ij,ij->j", c, c)
+        c[:, left < _ABSORBED * before] = 0.0
+        r = r - basis @ (basis.T @ r)
+        return Picture(vocabulary, basis, c, r, max(share * noise.numbers - basis.shape[1], 1.0))
+
+    @cached_property
+    def by_width(self) -> dict[int, np.ndarray]:
+        """Width k -> indices of the blocks with k columns."""
+        found = defaultdict(list)
+        for index, block in enumerate(self.vocabulary.blocks):
+            found[block.columns].append(index)
+        return {k: np.array(indices) for k, indices in sorted(found.items())}
+
+    @cached_property
+    def log_prior(self) -> np.ndarray:
+        return np.array([block.log_prior for block in self.vocabulary.blocks])
+
+    @cached_property
+    def has_positive(self) -> np.ndarray:
+        return np.array([bool(block.positive.any()) for block in self.vocabulary.blocks])
+
+    @cached_property
+    def onto(self) -> np.ndarray:
+        """(p,) C'r."""
+        return self.columns.T @ self.residual
+
+    @cached_property
+    def stacked(self) -> dict[int, tuple[np.ndarray, np.ndarray, np.ndarray]]:
+        """Width k -> (columns (g, k) of the matrix, sizes (g, k), C'C (g, k, k)) of its blocks."""
+        found = {}
+        for k, indices in self.by_width.items():
+            blocks = [self.vocabulary.blocks[i] for i in indices]
+            which = np.array([np.arange(b.where.start, b.where.stop) for b in blocks])
+            starts = {}
+            for b in blocks:  # functions of several lengths share their columns
+                if b.where.start not in starts:
+                    part = self.columns[:, b.where]
+                    starts[b.where.start] = part.T @ part
+            gram = np.stack([starts[b.where.start] for b in blocks])
+            found[k] = (which, np.stack([b.size for b in blocks]), gram)
+        return found
+
+    def basis(self, members: Members) -> np.ndarray:
+        """(R, K) columns of a set times prior sizes and scales: B."""
+        parts = []
+        for index, scale in zip(members.blocks, members.scales):
+            block = self.vocabulary.blocks[index]
+            parts.append(self.columns[:, block.where] * (SCALES[scale] * block.size))
+        return np.concatenate(parts, axis=1) if parts else np.zeros((len(self.residual), 0))
+
+    def factor(self, members: Members) -> tuple[np.ndarray, np.ndarray, float]:
+        """L^-1 B'C (K, p), L^-1 B'r (K,) and log|V|, with L L' = I + B'B."""
+        b = self.basis(members)
+        if not b.shape[1]:
+            return np.zeros((0, self.columns.shape[1])), np.zeros(0), 0.0
+        lower = np.linalg.cholesky(np.eye(b.shape[1]) + b.T @ b)
+        cross = np.linalg.solve(lower, b.T @ self.columns)
+        return cross, np.linalg.solve(lower, b.T @ self.residual), 2.0 * float(np.sum(np.log(np.diag(lower))))
+
+    def quadratic(self, members: Members) -> tuple[float, float]:
+        """log|V| and r' V^-1 r of a set."""
+        _, onto, log_det = self.factor(members)
+        return log_det, self.square - float(onto @ onto)
+
+    def log_likelihood(self, members: Members) -> float:
+        """log p(r | M) less that of the empty set."""
+        log_det, left = self.quadratic(members)
+        return -0.5 * log_det - 0.5 * self.count * np.log(max(left, 1e-12 * self.square) / self.square)
+
+    def coefficients(self, members: Members) -> list[np.ndarray]:
+        """Posterior mean of the coefficients of every member, in units of the parameters."""
+        b = self.basis(members)
+        scaled = np.linalg.solve(np.eye(b.shape[1]) + b.T @ b, b.T @ self.residual) if b.shape[1] else np.zeros(0)
+        found, at = [], 0
+        for index, scale in zip(members.blocks, members.scales):
+            block = self.vocabulary.blocks[index]
+            found.append(scaled[at : at + block.columns] * SCALES[scale] * block.size)
+            at += block.columns
+        return found
+
+    def held_out(self, members: Members, folds: np.ndarray) -> np.ndarray:
+        """(folds,) square sum of the whitened residual of every fold, predicted from the others; folds (N,) of the rows.
+
+        The declared parameters are fitted anew without the fold too: `declared` columns under a flat prior.
+        """
+        b = np.concatenate([self.declared, self.basis(members)], axis=1)
+        prior = np.concatenate([np.full(self.declared.shape[1], 1e-8), np.ones(b.shape[1] - self.declared.shape[1])])
+        normal, right = b.T @ b + np.diag(prior), b.T @ self.residual
+        of_number = np.repeat(folds, len(self.residual) // len(folds))
+        squares = np.empty(int(folds.max()) + 1)
+        for fold in range(len(squares)):
+            mine = of_number == fold
+            part, answer = b[mine], self.residual[mine]
+            values = np.linalg.solve(normal - part.T @ part + 1e-9 * np.eye(len(normal)), right - part.T @ answer)
+            squares[fold] = np.sum((answer - part @ values) ** 2)
+        return squares
+
+    def additions(self, members: Members) -> Additions:
+        """Every block of the vocabulary beside the set, as if it were added next (its own prior included)."""
+        cross, onto_r, _ = self.factor(members)
+        left = self.square - float(onto_r @ onto_r)
+        y_all = self.onto - cross.T @ onto_r
+        count = len(self.vocabulary.blocks)
+        weight, scale, gain = np.full(count, -np.inf), np.zeros(count, int), np.zeros(count)
+        for k, indices in self.by_width.items():
+            which, size, gram = self.stacked[k]
+            part = cross[:, which.ravel()].reshape(len(cross), len(indices), k)
+            h = gram - np.einsum("agi,agj->gij", part, part, optimize=True) if len(cross) else gram
+            h = h * size[:, :, None] * size[:, None, :]
+            y = y_all[which] * size
+            values, vectors = np.linalg.eigh(h)
+            values = np.maximum(values, 0.0)
+            turned = np.einsum("gij,gi->gj", vectors, y)
+            square = SCALES[:, None, None] ** 2
+            shrink = square / (1.0 + square * values)  # (s, g, k)
+            gains = np.sum(shrink * turned**2, axis=2)
+            price = 0.5 * np.sum(np.log1p(square * values), axis=2)
+            ratio = np.log(np.maximum(1.0 - gains / max(left, 1e-300), 1e-12))
+            log_bf = -price - 0.5 * self.count * ratio
+            log_bf += self._one_sided(indices, shrink, vectors, turned, left - gains)
+            log_bf += np.log(SCALE_WEIGHTS)[:, None]
+            weight[indices] = special.logsumexp(log_bf, axis=0) + self.log_prior[indices]
+            best = np.argmax(log_bf, axis=0)
+            scale[indices], gain[indices] = best, gains[best, np.arange(len(indices))]
+            dead = np.einsum("gii->g", h) < 1e-12
+            weight[indices[dead]] = -np.inf
+        return Additions(weight, scale, gain)
+
+    def _one_sided(self, indices, shrink, vectors, turned, left) -> np.ndarray:
+        """(s, g) log of P(b > 0 | r) / P(b > 0), summed over the coefficients that cannot be negative."""
+        out = np.zeros(shrink.shape[:2])
+        for place in np.flatnonzero(self.has_positive[indices]):
+            for j in np.flatnonzero(self.vocabulary.blocks[indices[place]].positive):
+                row = vectors[place, j]
+                mean = np.sum(row * shrink[:, place] * turned[place], axis=1)
+                variance = np.sum(row**2 * shrink[:, place], axis=1) * left[:, place] / self.count
+                out[:, place] += special.log_ndtr(mean / np.sqrt(np.maximum(variance, 1e-300))) + np.log(2.0)
+        return out
+
+
+def orthonormal_columns(columns: np.ndarray) -> np.ndarray:
+    """Orthonormal basis of the span of columns (R, P), whatever their scale and rank."""
+    norm = np.linalg.norm(columns, axis=0)
+    q, r = np.linalg.qr(columns[:, norm > 0.0] / norm[norm > 0.0])
+    if r.shape[0] and np.min(np.abs(np.diag(r)), initial=1.0) > 1e-6:
+        return q
+    u, values, _ = np.linalg.svd(columns[:, norm > 0.0] / norm[norm > 0.0], full_matrices=False)
+    return u[:, values > 1e-7 * max(values.max(initial=0.0), 1e-300)]

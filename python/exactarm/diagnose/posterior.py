@@ -1,0 +1,315 @@
+"""Which causes the data ask for: one posterior over sets of named causes and unknown functions.
+
+1. The declared model is fitted, and every cause linearised there once (vocabulary.py): relinearising at a clearance lies, because
+   other columns then pass through its steep flank.
+2. Search (search.py) under a noise model (noise/), which is estimated anew with the causes found, from two starts: one normal
+   law, and the family that the declared fit's residual asks for. The start whose likelihood, prior and price are better wins.
+3. The best set is confirmed by the joint non-linear fit through the chain; a set whose fit takes less than half of the gain that
+   was promised gives way to the next one. Then what is left is searched once more beside it, functions of two signals included.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Callable
+
+import numpy as np
+
+from exactarm.chain import Layout
+from exactarm.diagnose.cross_validation import folds_of
+from exactarm.diagnose.evidence import Members, Picture
+from exactarm.diagnose.problem import Fitted, Problem
+from exactarm.diagnose.search import Posterior, labels_of, search
+from exactarm.diagnose.selection import candidates_for, refit
+from exactarm.diagnose.vocabulary import Vocabulary, at_values, vocabulary_of
+from exactarm.effects.base import Effect
+from exactarm.noise.estimate import estimate_noise, log_likelihood_under
+from exactarm.noise.model import NoiseModel
+
+NAMED_AT = 0.5  # probability from which a cause is named: more likely than not
+WRONG_ROW_FALSE_ALARM = 0.01  # of a whole data set: what the threshold of the effect is set for
+_ROUNDS = 4  # of search beside what has been found
+_NOISE_PASSES = 3
+_CONFIRMED = 0.5  # of the promised gain
+_SAME_SCALE = 0.3  # relative change of a row's scale that moves no probability much: sizes are known to a factor of three
+_LEAST_NATS = 3.0  # in likelihood, below which another family of noise is not worth a start of its own
+
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Place:
+    """One cause in the best set: its effect as fitted, its probability, and the labels that could stand in its place.
+
+    rivals: (label, effect or None for an unknown function, probability), the most probable first, without the cause itself;
+    log_odds: of the set with it against the set without it.
+    """
+
+    label: str
+    effect: Effect
+    probability: float
+    log_odds: float
+    rivals: tuple[tuple[str, Effect | None, float], ...]
+    round: int
+
+
+@dataclass(frozen=True)
+class Causes:
+    """What the posterior says. fits[0]: declared; fits[i]: after i rounds; unknown: titles of unknown functions in the best set."""
+
+    fits: tuple[Fitted, ...]
+    places: tuple[Place, ...]
+    unknown: tuple[str, ...]
+    probability_nothing: float
+    probability_something_else: float
+    noise: NoiseModel
+    picture: Picture
+    posterior: Posterior
+
+
+@dataclass(frozen=True)
+class _Found:
+    """One round: the picture, its posterior and the noise that goes with it."""
+
+    picture: Picture
+    posterior: Posterior
+    noise: NoiseModel
+    score: float
+    fit: Fitted
+    effects: tuple[Effect, ...]
+
+
+def find_causes(problem: Problem, declared: Layout, progress: Progress = lambda text: None) -> Causes:
+    """Named causes and unknown functions, from the declared model on."""
+    first = problem.fit(declared)
+    fits, chosen, places, unknown = [first], [], [], ()
+    visits = problem.groups()
+    folds = folds_of(visits, problem.seed)
+    vocabulary = _vocabulary(problem, first, False)
+    nothing = something = None
+    noise = None
+    for turn in range(_ROUNDS):
+        progress(f"searching with {len(chosen)} effects in the model")
+        found = _round(problem, declared, chosen, fits[-1], vocabulary, visits, noise)
+        new = [p for p in _places(found, turn) if p.probability >= NAMED_AT]
+        new = _holding(found, new, folds)
+        else_here = found.posterior.probability(lambda labels: not found.picture.vocabulary.unknown.isdisjoint(labels))
+        empty = found.posterior.probability(lambda labels: not labels)
+        nothing = empty if nothing is None else nothing
+        something = else_here
+        noise = found.noise
+        unknown = tuple(_titles(found))
+        kept, fit = _confirmed(problem, declared, chosen, fits[-1], found, new)
+        last = found
+        if not kept:
+            break
+        chosen = [*fit.layout.effects[len(declared.effects) :]]
+        places += kept
+        fits.append(fit)
+        taken = {p.label for p in places if not p.effect.repeatable}
+        vocabulary = _vocabulary(problem, first, True).without(taken) if turn == 0 else vocabulary.without(taken)
+    wrong = _wrong_rows(problem, declared, chosen, fits[-1], noise)
+    if wrong is not None:
+        place, fit = wrong
+        chosen = [*fit.layout.effects[len(declared.effects) :]]
+        places.append(replace(place, round=len(fits) - 1))
+        fits.append(fit)
+    places = [replace(place, effect=effect) for place, effect in zip(places, chosen)]
+    return Causes(tuple(fits), tuple(places), unknown, nothing, something, noise, last.picture, last.posterior)
+
+
+def _wrong_rows(problem, declared, chosen, fitted: Fitted, noise: NoiseModel):
+    """The effect that leaves out rows that are wrong by themselves, where the noise has such rows and they are scattered."""
+    if not noise.wrong.any():
+        return None
+    for effect in candidates_for(problem, fitted):
+        if type(effect).keep is Effect.keep:
+            continue
+        trial = refit(problem, declared, [*chosen, effect], fitted, replace(noise, weight=np.ones(len(noise.weight))))
+        if trial.weight.all():
+            continue
+        return Place(effect.label, effect, 1.0 - WRONG_ROW_FALSE_ALARM, np.inf, (), 0), trial
+    return None
+
+
+def _vocabulary(problem: Problem, fitted: Fitted, together: bool) -> Vocabulary:
+    effects = [e for e in candidates_for(problem, fitted) if type(e).keep is Effect.keep]
+    return vocabulary_of(fitted, effects, problem.signals(fitted), problem.directions(fitted), together)
+
+
+def _round(problem, declared, chosen, fitted: Fitted, vocabulary, visits, noise: NoiseModel | None) -> _Found:
+    """The best of two starts: one normal law, and the family of the present residual."""
+    lost = fitted.jacobian.shape[2]
+    asked = estimate_noise(fitted.residual, lost, visits)
+    flat = replace(estimate_noise(fitted.residual, lost), weight=np.ones(len(fitted.residual)), family="gauss",
+                   sigma=_flat_scale(fitted.residual))
+    starts = [noise or flat]
+    if asked.family != "gauss":
+        starts.append(asked)
+    found = [_settled(problem, declared, chosen, fitted, vocabulary, visits, start) for start in starts]
+    return max(found, key=lambda f: f.score)
+
+
+def _flat_scale(residual: np.ndarray) -> np.ndarray:
+    m = residual.shape[1]
+    kinds = [slice(0, 3), slice(3, 6)] if m == 6 else [slice(0, m)]
+    sigma = np.empty(m)
+    for kind in kinds:
+        sigma[kind] = max(float(np.sqrt(np.mean(residual[:, kind] ** 2))), 1e-15)
+    return sigma
+
+
+def _settled(problem, declared, chosen, fitted, vocabulary, visits, noise) -> _Found:
+    """Search and noise in turn, until neither changes."""
+    members = Members((), ())
+    for _ in range(_NOISE_PASSES):
+        picture = Picture.of(vocabulary, fitted.residual, fitted.jacobian, noise, problem.correlation_factor(fitted))
+        posterior = search(picture, members)
+        members = posterior.members[posterior.best]
+        residual = fitted.residual - _prediction(picture, members, fitted, noise)
+        lost = fitted.jacobian.shape[2] + sum(picture.vocabulary.blocks[i].columns for i in members.blocks) * 0.5
+        before, noise = noise, estimate_noise(residual, lost, visits)
+        if _alike(before, noise):
+            break
+    residual = fitted.residual - _prediction(picture, members, fitted, noise)
+    log_det, _ = picture.quadratic(members)
+    price = picture.log_prior[list(members.blocks)].sum() if members.blocks else 0.0
+    score = log_likelihood_under(noise, residual) - 0.5 * log_det + price - (0.0 if noise.family == "gauss" else _LEAST_NATS)
+    values = picture.coefficients(members)
+    named = [picture.vocabulary.blocks[i] for i in members.blocks]
+    effects = tuple(at_values(block, value) for block, value in zip(named, values) if block.effect is not None)
+    return _Found(picture, posterior, noise, score, fitted, effects)
+
+
+def _alike(one: NoiseModel, other: NoiseModel) -> bool:
+    """Whether two noise models weigh the rows alike, so that a search under either finds the same."""
+    apart = np.sqrt(one.weight)[:, None] / one.sigma / (np.sqrt(other.weight)[:, None] / other.sigma + 1e-300)
+    return one.family == other.family and abs(one.shared - other.shared) < 0.2 and float(np.max(np.abs(apart - 1.0))) < _SAME_SCALE
+
+
+def _prediction(picture: Picture, members: Members, fitted: Fitted, noise: NoiseModel) -> np.ndarray:
+    """(N, m) what the set and the declared parameters, moved along, take from the residual (linear picture)."""
+    responses = picture.vocabulary.responses
+    taken = np.zeros_like(fitted.residual)
+    for index, value in zip(members.blocks, picture.coefficients(members)):
+        taken += responses[:, :, picture.vocabulary.blocks[index].where] @ value
+    left = fitted.residual - taken
+    design, right = noise.whiten(fitted.jacobian), noise.whiten(left[:, :, None])[:, 0]
+    norm = np.maximum(np.linalg.norm(design, axis=0), 1e-300)
+    step = np.linalg.lstsq(design / norm, right, rcond=1e-10)[0] / norm
+    return taken + fitted.jacobian @ step
+
+
+def _places(found: _Found, turn: int) -> list[Place]:
+    """The named members of the best set, each with its probability and its rivals."""
+    posterior, blocks = found.posterior, found.picture.vocabulary.blocks
+    best = posterior.best
+    members = posterior.members[best]
+    inclusion = posterior.inclusion()
+    values = found.picture.coefficients(members)
+    effects = {block.label: block for block in blocks}
+    places = []
+    for index, value in zip(members.blocks, values):
+        block = blocks[index]
+        if block.effect is None:
+            continue
+        others = list(best)
+        others.remove(block.label)
+        field = _slot(posterior, tuple(others))
+        total = np.logaddexp.reduce([weight for _, weight in field])
+        rivals = sorted(((label, weight) for label, weight in field if label not in (None, block.label)), key=lambda e: -e[1])
+        without = next((weight for label, weight in field if label is None), -np.inf)
+        own = posterior.weights[best]
+        named = tuple(
+            (label, _effect_at(found, others, label), float(np.exp(weight - total))) for label, weight in rivals[:8]
+        )
+        places.append(Place(block.label, at_values(block, value), min(inclusion[block.label], 1.0), own - without, named, turn))
+        del effects[block.label]
+        effects[block.label] = block
+    return sorted(places, key=lambda p: -p.log_odds)
+
+
+def _slot(posterior: Posterior, others: tuple[str, ...]) -> list[tuple[str | None, float]]:
+    """(label, log weight) of all sets that are `others` and one more, or none more (label None)."""
+    found = []
+    for labels, weight in posterior.weights.items():
+        if len(labels) == len(others) + 1:
+            rest = list(labels)
+            missing = [label for label in others if label not in rest or rest.remove(label)]
+            if not missing and len(rest) == 1:
+                found.append((rest[0], weight))
+        elif tuple(sorted(labels)) == tuple(sorted(others)):
+            found.append((None, weight))
+    return found
+
+
+def _effect_at(found: _Found, others: list[str], label: str) -> Effect | None:
+    """The rival in the best set's place, at its values; None for an unknown function or where it was never worked out."""
+    members = found.posterior.members.get(tuple(sorted([*others, label])))
+    if members is None:
+        return None
+    values = found.picture.coefficients(members)
+    for index, value in zip(members.blocks, values):
+        block = found.picture.vocabulary.blocks[index]
+        if block.label == label and block.effect is not None:
+            return at_values(block, value)
+    return None
+
+
+def _holding(found: _Found, places: list[Place], folds: np.ndarray) -> list[Place]:
+    """Those that lower the held-out square sum of a cross-validation over whole poses or runs, beside all others that do.
+
+    Evidence trusts its noise model; what only fits its own rows does not pass here, whatever the noise is.
+    """
+    places = list(places)
+    while places:
+        members = _only(found, tuple(p.label for p in places))
+        whole = found.picture.held_out(members, folds).sum()
+        without = {}
+        for k in range(len(places)):
+            rest = tuple(p.label for i, p in enumerate(places) if i != k)
+            without[k] = found.picture.held_out(_only(found, rest), folds).sum()
+        worst = min(without, key=lambda k: without[k])
+        if without[worst] > whole:
+            return places
+        del places[worst]
+    return places
+
+
+def _titles(found: _Found) -> list[str]:
+    members = found.posterior.members[found.posterior.best]
+    blocks = [found.picture.vocabulary.blocks[i] for i in members.blocks]
+    return [block.unknown.title for block in blocks if block.unknown is not None]
+
+
+def _confirmed(problem, declared, chosen, fitted, found: _Found, places: list[Place]):
+    """The joint non-linear fit with the new effects; the weakest is left out while less than half of the gain comes true."""
+    while places:
+        effects = [*chosen, *(place.effect for place in places)]
+        trial = refit(problem, declared, effects, fitted, found.noise)
+        before, after = _weighted_square(found.noise, fitted.residual), _weighted_square(found.noise, trial.residual)
+        functions, labels = _only(found, ()), tuple(p.label for p in places)
+        promised = found.picture.quadratic(functions)[1] - found.picture.quadratic(_only(found, labels))[1]
+        if before - after >= _CONFIRMED * promised:
+            return places, trial
+        places = places[:-1]
+    return [], fitted
+
+
+def _only(found: _Found, labels: tuple[str, ...]) -> Members:
+    """The members of the best set with these labels, and its unknown functions."""
+    members, open_labels = found.posterior.members[found.posterior.best], list(labels)
+    blocks = found.picture.vocabulary.blocks
+    kept = []
+    for i, s in zip(members.blocks, members.scales):
+        if blocks[i].unknown is not None:
+            kept.append((i, s))
+        elif blocks[i].label in open_labels:
+            open_labels.remove(blocks[i].label)
+            kept.append((i, s))
+    return Members(tuple(i for i, _ in kept), tuple(s for _, s in kept))
+
+
+def _weighted_square(noise: NoiseModel, residual: np.ndarray) -> float:
+    white = noise.whiten(residual[:, :, None])
+    return float(np.sum(white**2))

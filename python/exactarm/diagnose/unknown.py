@@ -1,0 +1,109 @@
+"""Unknown functions: "something else" as candidates, smooth functions of one or two signals that move one axis or the device.
+
+The measurement moves by d g(s), d (N, m) the response to a unit movement along a direction (a turn of axis j, the device's
+axes), s a signal. g is a Gaussian process with a Matern kernel (smoothness 5/2), in the basis of Solin and Sarkka (2020) on
+[-L, L], s scaled to [-1, 1]:
+
+    g(s) = sum_i b_i sin(w_i (s + L)) / sqrt(L),   w_i = pi i / (2 L),   b_i ~ N(0, amplitude^2 S(w_i) / sum_j S(w_j))
+    S(w) proportional to (5 / l^2 + w^2)^-3,   lengths l of 0.2, 0.5 and 1.2 of the signal's range.
+
+Functions of two signals: products of few of them. In time, a device may also wander faster than that: hat functions.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+LENGTHS = (0.4, 1.0, 2.4)  # 0.2, 0.5 and 1.2 of the range [-1, 1]
+_TERMS, _TERMS_OF_TWO = 15, 4
+_HALF_WIDTH = 1.3  # L: at the ends of the range the basis is still free
+_AMPLITUDE = 3e-4  # rad of an axis, m of the device: what gears, springs and devices leave
+_LEAST_VALUES = 5  # different values of a signal; fewer are levels, not a curve
+_ROWS_A_HAT, _MOST_HATS = 6, 60
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """Which direction follows which signals; `form`: smooth, of two, or wandering."""
+
+    direction: str
+    signals: tuple[str, ...]
+    form: str = "smooth"
+
+    @property
+    def label(self) -> str:
+        return f"{self.direction} by {' and '.join(self.signals)}" + (" (wandering)" if self.form == "wandering" else "")
+
+    @property
+    def title(self) -> str:
+        """As a technician says it."""
+        return f"{self.direction} follows {' and '.join('the ' + s for s in self.signals)}"
+
+
+def basis_of(values: np.ndarray, terms: int = _TERMS) -> np.ndarray:
+    """(N, terms) basis functions of a signal (N,)."""
+    s = _scaled(values)
+    w = np.pi * np.arange(1, terms + 1) / (2.0 * _HALF_WIDTH)
+    return np.sin(w * (s[:, None] + _HALF_WIDTH)) / np.sqrt(_HALF_WIDTH)
+
+
+def sizes_of(length: float, terms: int = _TERMS) -> np.ndarray:
+    """(terms,) standard deviations of the coefficients, for a process of unit variance (on the average over the range)."""
+    w = np.pi * np.arange(1, terms + 1) / (2.0 * _HALF_WIDTH)
+    density = (5.0 / length**2 + w**2) ** -3
+    return np.sqrt(density / density.sum() * _HALF_WIDTH * 2.0)
+
+
+def _scaled(values: np.ndarray) -> np.ndarray:
+    low, high = float(np.min(values)), float(np.max(values))
+    return (2.0 * values - low - high) / max(high - low, 1e-300)
+
+
+def unknown_functions(fitted, signals: dict, directions: dict, together: bool) -> list[tuple[Unknown, np.ndarray, list[np.ndarray]]]:
+    """(what, response (N, m, k), sizes of the coefficients for each length) of every unknown function worth trying."""
+    curves = {name: values for name, values in signals.items() if len(np.unique(values)) >= _LEAST_VALUES}
+    turns = {name: pattern for name, pattern in directions.items() if not name.startswith("the device")}
+    device = [pattern for name, pattern in directions.items() if name.startswith("the device")]
+    found = []
+    bases = {name: basis_of(values) for name, values in curves.items()}
+    lengths = [_AMPLITUDE * sizes_of(length) for length in LENGTHS]
+    for name, pattern in turns.items():
+        for signal, basis in bases.items():
+            found.append((Unknown(name, (signal,)), pattern[:, :, None] * basis[:, None, :], lengths))
+    whole = {name: basis for name, basis in bases.items() if not name.startswith(("angle", "load", "approach"))}
+    for signal, basis in whole.items() if device else ():
+        response = np.concatenate([pattern[:, :, None] * basis[:, None, :] for pattern in device], axis=2)
+        found.append((Unknown("the device", (signal,)), response, [np.tile(size, len(device)) for size in lengths]))
+    order = next((name for name in curves if name in ("time", "order of measurement")), None)
+    if order and device:
+        hats = _hats(curves[order])
+        response = np.concatenate([pattern[:, :, None] * hats[:, None, :] for pattern in device], axis=2)
+        size = np.full(response.shape[2], _AMPLITUDE)
+        found.append((Unknown("the device", (order,), "wandering"), response, [size]))
+    if together:
+        found += _of_two(curves, turns)
+    return found
+
+
+def _of_two(curves: dict, turns: dict) -> list:
+    """Functions of the angles of two axes at once, with their own ones beside the products."""
+    few = {name: basis_of(values, _TERMS_OF_TWO) for name, values in curves.items() if name.startswith("angle")}
+    size = sizes_of(LENGTHS[1], _TERMS_OF_TWO)
+    names, found = list(few), []
+    product_size = _AMPLITUDE * np.outer(size, size).ravel()
+    for direction, pattern in turns.items():
+        for i, one in enumerate(names):
+            for other in names[i + 1 :]:
+                product = (few[one][:, :, None] * few[other][:, None, :]).reshape(len(pattern), -1)
+                found.append((Unknown(direction, (one, other), "of two"), pattern[:, :, None] * product[:, None, :], [product_size]))
+    return found
+
+
+def _hats(values: np.ndarray) -> np.ndarray:
+    """(N, h) piecewise linear functions of the rank of a signal, a knot every few rows."""
+    rank = np.argsort(np.argsort(values, kind="stable"), kind="stable").astype(float)
+    knots = int(np.clip(len(values) // _ROWS_A_HAT, 4, _MOST_HATS))
+    at = rank / max(len(values) - 1, 1) * (knots - 1)
+    return np.maximum(0.0, 1.0 - np.abs(at[:, None] - np.arange(knots)))

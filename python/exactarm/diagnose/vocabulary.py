@@ -1,0 +1,136 @@
+"""Vocabulary of a diagnosis: every cause that could be missing, as a block of columns with a prior on its size.
+
+A block is an effect of the library at one point of the grid of its non-linear parameters, or an unknown function of one
+or two signals that moves one axis or the device. Its coefficients b (k,) have the prior
+
+    b ~ N(0, s^2 diag(size)^2),   s in SCALES with the weights of a log-normal law of standard deviation ln 3,
+
+size the plausible magnitude of each parameter. Prior probability of a block as the next cause:
+
+    named     0.8 / (names x axes of the name x points of its grid)
+    unknown   0.2 / (number of unknown functions x lengths)
+"""
+
+from __future__ import annotations
+
+from collections import Counter, defaultdict
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from exactarm.diagnose.scan import free_mask, grid
+from exactarm.diagnose.unknown import Unknown, unknown_functions
+from exactarm.effects.base import Effect
+
+UNKNOWN_MASS = 0.2  # prior probability that a cause is none of the library's: one cause in five was, over the first sets of others
+SCALES = np.array([0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0])  # times plausible; the largest cost 5 and 9 nats
+SCALE_WEIGHTS = np.exp(-0.5 * (np.log(SCALES) / np.log(3.0)) ** 2)
+SCALE_WEIGHTS = SCALE_WEIGHTS / SCALE_WEIGHTS.sum()
+_INVISIBLE = 1e-3  # whitened length that a plausible value must have: below, the column is rounding
+
+
+@dataclass(frozen=True)
+class Block:
+    """Columns `where` of the vocabulary's matrix, the prior of their coefficients, and what they stand for.
+
+    effect: with its linear parameters at zero (None: an unknown function); label: the cause, whatever the grid point;
+    free (k,): which of the effect's parameters the columns belong to; positive (k,): coefficients that cannot fall below zero.
+    """
+
+    label: str
+    effect: Effect | None
+    unknown: Unknown | None
+    where: slice
+    size: np.ndarray
+    positive: np.ndarray
+    log_prior: float
+    repeatable: bool
+
+    @property
+    def columns(self) -> int:
+        return self.where.stop - self.where.start
+
+    @property
+    def free(self) -> np.ndarray:
+        return free_mask(self.effect)
+
+
+@dataclass(frozen=True)
+class Vocabulary:
+    """blocks, and the responses (N, m, p) of the measurement to a unit of every coefficient, not whitened."""
+
+    blocks: tuple[Block, ...]
+    responses: np.ndarray
+
+    @cached_property
+    def labels(self) -> tuple[tuple[str, ...], np.ndarray]:
+        """The different labels, and for each block (G,) which one it has."""
+        names, which = np.unique([block.label for block in self.blocks], return_inverse=True)
+        return tuple(str(name) for name in names), which
+
+    @cached_property
+    def repeatable(self) -> frozenset[str]:
+        return frozenset(block.label for block in self.blocks if block.repeatable)
+
+    @cached_property
+    def unknown(self) -> frozenset[str]:
+        """Labels of the unknown functions."""
+        return frozenset(block.label for block in self.blocks if block.unknown is not None)
+
+    def without(self, labels: set[str]) -> "Vocabulary":
+        return Vocabulary(tuple(block for block in self.blocks if block.label not in labels), self.responses)
+
+
+def vocabulary_of(fitted, effects: list[Effect], signals: dict, directions: dict, together: bool = False) -> Vocabulary:
+    """All candidate `effects` at every point of their grids, and unknown functions of `signals` along `directions`.
+
+    together: also unknown functions of two signals at once.
+    """
+    m = fitted.residual.shape[1]
+    points = [(effect, point) for effect in effects for point in grid(effect) if point.keep(fitted.view) is None]
+    counts = Counter(point.label for _, point in points)
+    axes = defaultdict(set)
+    for effect, point in points:
+        axes[point.name].add(point.label)
+    blocks, parts, at = [], [], 0
+    for _, point in points:
+        mask = free_mask(point)
+        response = fitted.view.response(point)[:, :m][:, :, mask]
+        parameters = [p for p, free in zip(point.parameters(), mask) if free]
+        visible = [np.any(response[:, :, k]) for k in range(response.shape[2])]
+        if not any(visible):
+            continue
+        share = (1.0 - UNKNOWN_MASS) / (len(axes) * len(axes[point.name]) * counts[point.label])
+        size = np.array([min(p.plausible, p.prior) for p in parameters])
+        positive = np.array([p.lower == 0.0 for p in parameters])
+        where = slice(at, at + response.shape[2])
+        blocks.append(Block(point.label, point, None, where, size, positive, np.log(share) + point.log_odds, point.repeatable))
+        parts.append(response)
+        at = where.stop
+    functions = unknown_functions(fitted, signals, directions, together)
+    number = sum(len(sizes) for _, _, sizes in functions)
+    for unknown, response, sizes in functions:
+        where = slice(at, at + response.shape[2])
+        for size in sizes:
+            blocks.append(Block(unknown.label, None, unknown, where, size, np.zeros(len(size), bool),
+                                np.log(UNKNOWN_MASS / number), False))
+        parts.append(response)
+        at = where.stop
+    rows = fitted.residual.shape[0]
+    return Vocabulary(tuple(blocks), np.concatenate(parts, axis=2) if parts else np.zeros((rows, m, 0)))
+
+
+def emptied(effect: Effect) -> Effect:
+    """The effect with its linear parameters at zero, its non-linear ones where they are."""
+    return effect.with_values(np.where(free_mask(effect), 0.0, effect.values))
+
+
+def at_values(block: Block, values: np.ndarray) -> Effect:
+    """The effect of a named block with its coefficients at `values`, inside their bounds; searched values are known now."""
+    found = np.asarray(block.effect.values, float).copy()
+    found[block.free] = values
+    parameters = block.effect.parameters()
+    found = [float(np.clip(v, p.lower, p.upper)) for v, p in zip(found, parameters)]
+    return block.effect.with_values(found)
+

@@ -1,0 +1,1 @@
+"""Noise: one model of what no cause explains, and its estimate from residuals."""

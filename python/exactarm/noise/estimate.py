@@ -1,0 +1,124 @@
+"""Estimates the noise of independent rows from the residuals of a fit.
+
+Families, by their likelihood (each further parameter pays half the logarithm of the number of rows):
+
+    gauss    one normal law
+    student  multivariate t with 30, 10, 5 or 3 degrees of freedom (Lange, Little and Taylor 1989)
+    gross    normal, and a few rows (at most a fifth) from a law GROSS times as wide: broken beams, exchanged rows
+
+A row of the last family is wrong by itself where that is more than 99 % probable; its weight is zero.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import special
+
+from exactarm.noise.model import NoiseModel
+
+FREEDOMS = (30.0, 10.0, 5.0, 3.0)
+GROSS = 30.0  # times the noise; a smaller ratio swallows causes that only some rows show
+_MOST_WRONG = 0.2
+_SURELY_WRONG = 0.99
+_PASSES = 60
+_LEAST_ROWS_A_VISIT = 10  # rows beyond the first of their pose, below which nothing is said of what visits share
+
+
+def estimate_noise(residual: np.ndarray, lost: float = 0.0, visits: np.ndarray | None = None) -> NoiseModel:
+    """The best family for residuals (N, m); lost: parameters that were fitted to them; visits (N,): numbers of poses."""
+    rows, m = residual.shape
+    blow = np.sqrt(rows * m / max(rows * m - lost, 1.0))  # a fit leaves less than the noise
+    e = residual * blow
+    kinds = np.array([3, 3]) if m == 6 else np.array([m])
+    found = [_student(e, kinds, np.inf), *(_student(e, kinds, nu) for nu in FREEDOMS), _gross(e, kinds)]
+    price = np.array([0.0, *[0.5 * np.log(rows)] * len(FREEDOMS), np.log(rows)])
+    best = found[int(np.argmax([model.log_likelihood for model in found] - price))]
+    if visits is None:
+        return best
+    numbers = np.unique(visits, return_inverse=True)[1]
+    return NoiseModel(best.sigma, best.weight, best.family, best.freedom, best.log_likelihood, numbers,
+                      _shared(e / best.sigma, best.weight, numbers))
+
+
+def log_likelihood_under(model: NoiseModel, residual: np.ndarray) -> float:
+    """Of other residuals (N, m) under the family of a model, its scales refitted."""
+    kinds = np.array([3, 3]) if residual.shape[1] == 6 else np.array([residual.shape[1]])
+    if model.family == "gross":
+        return _gross(residual, kinds).log_likelihood
+    return _student(residual, kinds, model.freedom).log_likelihood
+
+
+def _scales(e: np.ndarray, weight: np.ndarray, kinds: np.ndarray, total: float) -> np.ndarray:
+    """(m,) root mean weighted square of each kind of component (positions alike, orientations alike)."""
+    sigma, at = np.empty(e.shape[1]), 0
+    for width in kinds:
+        part = e[:, at : at + width]
+        sigma[at : at + width] = np.sqrt(np.sum(weight[:, None] * part**2) / (total * width))
+        at += width
+    return np.maximum(sigma, 1e-15)
+
+
+def _student(e: np.ndarray, kinds: np.ndarray, nu: float) -> NoiseModel:
+    rows, m = e.shape
+    weight = np.ones(rows)
+    sigma = _scales(e, weight, kinds, rows) if not np.isfinite(nu) else np.full(m, 1.0) * _robust(e, kinds)
+    for _ in range(_PASSES if np.isfinite(nu) else 0):
+        weight = (nu + m) / (nu + np.sum((e / sigma) ** 2, axis=1))
+        new = _scales(e, weight, kinds, rows)
+        done = np.all(np.abs(new / sigma - 1.0) < 1e-6)
+        sigma = new
+        if done:
+            break
+    square = np.sum((e / sigma) ** 2, axis=1)
+    if np.isfinite(nu):
+        law = (special.gammaln(0.5 * (nu + m)) - special.gammaln(0.5 * nu) - 0.5 * m * np.log(nu * np.pi)
+               - 0.5 * (nu + m) * np.log1p(square / nu))
+        weight = (nu + m) / (nu + square)
+    else:
+        law = -0.5 * m * np.log(2.0 * np.pi) - 0.5 * square
+    value = float(np.sum(law) - rows * np.sum(np.log(sigma)))
+    return NoiseModel(sigma, weight, "student" if np.isfinite(nu) else "gauss", nu, value)
+
+
+def _robust(e: np.ndarray, kinds: np.ndarray) -> np.ndarray:
+    """(m,) scale from the median of the squares."""
+    sigma, at = np.empty(e.shape[1]), 0
+    for width in kinds:
+        square = np.sum(e[:, at : at + width] ** 2, axis=1)
+        sigma[at : at + width] = np.sqrt(np.median(square) / (2.0 * special.gammaincinv(0.5 * width, 0.5)))
+        at += width
+    return np.maximum(sigma, 1e-15)
+
+
+def _gross(e: np.ndarray, kinds: np.ndarray) -> NoiseModel:
+    rows, m = e.shape
+    sigma, share = _robust(e, kinds), 0.02
+    for _ in range(_PASSES):
+        square = np.sum((e / sigma) ** 2, axis=1)
+        good = np.log1p(-share) - 0.5 * square
+        bad = np.log(share) - 0.5 * square / GROSS**2 - m * np.log(GROSS)
+        wrong = special.expit(bad - good)
+        new = _scales(e, (1.0 - wrong) + wrong / GROSS**2, kinds, rows)
+        share_new = float(np.clip(wrong.mean(), 0.5 / rows, _MOST_WRONG))
+        done = np.all(np.abs(new / sigma - 1.0) < 1e-6) and abs(share_new - share) < 1e-6
+        sigma, share = new, share_new
+        if done:
+            break
+    law = np.logaddexp(good, bad) - 0.5 * m * np.log(2.0 * np.pi)
+    value = float(np.sum(law) - rows * np.sum(np.log(sigma)))
+    return NoiseModel(sigma, np.where(wrong > _SURELY_WRONG, 0.0, 1.0), "gross", np.inf, value)
+
+
+def _shared(white: np.ndarray, weight: np.ndarray, visits: np.ndarray) -> float:
+    """Variance between poses beyond that within their visits, in units of that within (analysis of variance, by moments)."""
+    counts = np.bincount(visits, weights=(weight > 0.0).astype(float))
+    within_freedom = float(np.sum(np.maximum(counts - 1.0, 0.0)))
+    if within_freedom < _LEAST_ROWS_A_VISIT:
+        return 0.0
+    total = np.bincount(visits, weights=weight)
+    means = np.stack([np.bincount(visits, weights=weight * white[:, k]) / np.maximum(total, 1e-300) for k in range(white.shape[1])], axis=1)
+    inside = weight[:, None] * (white - means[visits]) ** 2
+    within = float(np.sum(inside)) / (within_freedom * white.shape[1])
+    used = total > 0.0
+    between = float(np.sum(total[used, None] * means[used] ** 2)) / (used.sum() * white.shape[1])
+    return max(between / max(within, 1e-300) - 1.0, 0.0) / float(np.mean(total[used]))
