@@ -7,7 +7,8 @@ import pytest
 from gear_simulation import DEGREE, GearRuns, joined, simulate
 
 from exactarm.dataset import Dataset
-from exactarm.diagnose.diagnosis import EXPLAINED, NOTHING, diagnose
+from exactarm.diagnose.diagnosis import diagnose
+from exactarm.diagnose.verdict import EXPLAINED, NOTHING
 from exactarm.robot import GearTable
 from exactarm.robot_file import load_robot
 

@@ -8,7 +8,8 @@ from motions import fourier_motion, motion_data
 
 from exactarm import _core
 from exactarm.commands.diagnose import _json
-from exactarm.diagnose.diagnosis import EXPLAINED, NOTHING, diagnose
+from exactarm.diagnose.diagnosis import diagnose
+from exactarm.diagnose.verdict import EXPLAINED, NOTHING
 from exactarm.identify.dynamics import identify_dynamics, inertia_was_estimated
 from exactarm.robot_file import load_robot
 

@@ -11,7 +11,8 @@ from set_ups import joints_in_limits, measured, true_robot
 from exactarm import cli
 from exactarm.chain import Layout
 from exactarm.dataset import write_dataset
-from exactarm.diagnose.diagnosis import diagnose, held_out_excess
+from exactarm.diagnose.diagnosis import diagnose
+from exactarm.diagnose.verdict import held_out_excess
 from exactarm.effects import effect_from_table
 from exactarm.identify.pose_fit import fit_poses
 from exactarm.robot_file import load_robot

@@ -5,7 +5,8 @@ import pytest
 
 from exactarm.chain import gear_record
 from exactarm.dataset import Dataset
-from exactarm.diagnose.diagnosis import NOTHING, diagnose
+from exactarm.diagnose.diagnosis import diagnose
+from exactarm.diagnose.verdict import NOTHING
 from exactarm.diagnose.thinned_run import thinned_run
 from exactarm.robot_file import load_robot
 from exactarm.simulate import Sensors, VirtualRobot, measure_gear_runs

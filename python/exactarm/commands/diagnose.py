@@ -12,8 +12,9 @@ from exactarm.commands.call import AnyData, AnyFixture, AnyRobot, asked, data_of
 from exactarm.commands.diagnose_report import report_of
 from exactarm.commands.result import CommandResult, estimate
 from exactarm.commands.suspicions import suspicions
-from exactarm.diagnose.diagnosis import UNEXPLAINED, Diagnosis, remains
+from exactarm.diagnose.diagnosis import Diagnosis
 from exactarm.diagnose.diagnosis import diagnose as find_causes
+from exactarm.diagnose.verdict import UNEXPLAINED, remains
 from exactarm.errors import InputError
 from exactarm.identify.statistics import summarise
 from exactarm.progress import SILENT, Progress
@@ -77,7 +78,7 @@ def run(arguments: argparse.Namespace) -> CommandResult:
 
 
 def _json(result: Diagnosis) -> dict:
-    effects = [_effect(finding) for finding in result.findings]
+    effects = [_effect(finding, result) for finding in result.findings]
     if result.verdict == UNEXPLAINED:
         effects.append(_unknown(result))
     rows = {"identification": result.problem.data, "validation": result.problem.held_out}
@@ -109,7 +110,7 @@ def _json(result: Diagnosis) -> dict:
         "sentence": result.sentence,
         "next_experiment": result.next_experiment or "",
         "left_out": list(result.left_out),
-    } | axes
+    } | axes | _posterior(result)
 
 
 def _per_axis(result: Diagnosis, errors: np.ndarray) -> dict:
@@ -120,7 +121,7 @@ def _per_axis(result: Diagnosis, errors: np.ndarray) -> dict:
     return {"axes": [{"joint": axis["joint"]} | summarise(column).to_json() for axis, column in zip(result.axes, columns)]}
 
 
-def _effect(finding) -> dict:
+def _effect(finding, result: Diagnosis) -> dict:
     effect = finding.effect
     parameters = {
         p.name: value if p.fixed else estimate(value, float(low), float(high))
@@ -135,6 +136,33 @@ def _effect(finding) -> dict:
         "probability": finding.probability,
         "evidence": finding.evidence,
         "compensable": effect.compensable,
+    } | _own(finding, result)
+
+
+def _own(finding, result: Diagnosis) -> dict:
+    """What the effect does by itself, and what could stand in its place."""
+    found = {}
+    if finding.credible_set:
+        found["set"] = [{"effect": name, "joint": joint, "probability": p} for name, joint, p in finding.credible_set]
+    if finding.own_share is not None:
+        found["own_share"] = finding.own_share
+    at_tool = next((c.at_tool for c in result.contributions if c.effect.label == finding.effect.label), None)
+    if at_tool is not None:
+        found["at_tool_um"] = 1e6 * at_tool
+    return found
+
+
+def _posterior(result: Diagnosis) -> dict:
+    """Probabilities that nothing is missing, and that something else is."""
+    causes = result.causes
+    if causes is None:
+        return dict.fromkeys(("probability_nothing", "probability_something_else", "false_alarm_rate", "self_test"))
+    return {
+        "probability_nothing": causes.probability_nothing,
+        "probability_something_else": causes.probability_something_else,
+        "false_alarm_rate": causes.test.false_alarms,
+        "self_test": {"sets": causes.test.sets, "share_right": causes.test.share_right, "draws": causes.test.draws},
+        "noise": {"family": causes.noise.family, "degrees_of_freedom": causes.noise.freedom if np.isfinite(causes.noise.freedom) else None},
     }
 
 
@@ -142,11 +170,15 @@ def _unknown(result: Diagnosis) -> dict:
     left, signal = result.dossier_after, result.dossier_after.strongest
     share = f" ({100 * signal.share:.0f} % of the remaining square sum, p = {signal.p_value:.1e})" if left.structure else ""
     rms = result.after["validation" if result.after["validation"].n else "identification"].rms
+    probability = 1.0 - (signal.p_value if left.structure else 0.0)
+    unknown = () if result.causes is None else result.causes.unknown
+    if unknown:
+        probability, share = result.causes.probability_something_else, ""
     return {
         "effect": "unknown", "joint": None, "parameters": {},
         "validation_rms_before": rms, "validation_rms_after": rms,
-        "probability": 1.0 - (signal.p_value if left.structure else 0.0),
-        "evidence": f"a structure that no candidate explains: {remains(left, result.excess)}{share}",
+        "probability": probability,
+        "evidence": f"a structure that no candidate explains: {remains(left, result.excess, unknown)}{share}",
         "compensable": False,
     }
 

@@ -12,8 +12,9 @@ from exactarm.commands.effect_sections import (
 from exactarm.commands.error_sections import error_figures, error_table, highlights
 from exactarm.data_kind import STATIC
 from exactarm.diagnose.contribution import Contribution, contributions
-from exactarm.diagnose.diagnosis import NOTHING, UNEXPLAINED, Diagnosis, Finding, remains
+from exactarm.diagnose.diagnosis import Diagnosis, Finding
 from exactarm.diagnose.dossier import Dossier
+from exactarm.diagnose.verdict import NOTHING, UNEXPLAINED, remains
 from exactarm.report import Figure, Quantity, Report, Table, Text, Warnings
 from exactarm.report.numbers import quantity
 from exactarm.report.plots.arm import arm_with_errors

@@ -18,11 +18,14 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy import special
+from scipy import linalg, special
 
 from exactarm.diagnose.vocabulary import SCALE_WEIGHTS, SCALES, Vocabulary
 
 _ABSORBED = 1e-6  # share of a column's square sum left after projection, below which the declared model explains it
+
+_MOST_PRODUCTS = 40  # of a block's columns with all others, kept: a few hundred MB at most
+_INVISIBLE = 1e-3  # whitened length of a block at its plausible size, below which it is rounding
 
 
 @dataclass(frozen=True)
@@ -45,10 +48,13 @@ class Members:
 class Picture:
     """The linear picture of one fit: columns, residual and count of independent numbers. Immutable by use."""
 
-    def __init__(self, vocabulary: Vocabulary, declared: np.ndarray, columns: np.ndarray, residual: np.ndarray, count: float):
+    def __init__(self, vocabulary: Vocabulary, declared: np.ndarray, columns: np.ndarray, residual: np.ndarray, count: float,
+                 closed: frozenset[int] = frozenset()):
+        self.closed = closed  # blocks that are not to be added
         self.vocabulary, self.columns, self.residual, self.count = vocabulary, columns, residual, count
         self.declared = declared  # (R, d) orthonormal
         self.square = float(residual @ residual)
+        self._product: dict[int, np.ndarray] = {}  # C_g'C of blocks that have been members
 
     @staticmethod
     def of(vocabulary: Vocabulary, residual: np.ndarray, declared: np.ndarray, noise, share: float = 1.0) -> "Picture":
@@ -64,6 +70,18 @@ class Picture:
         c[:, left < _ABSORBED * before] = 0.0
         r = r - basis @ (basis.T @ r)
         return Picture(vocabulary, basis, c, r, max(share * noise.numbers - basis.shape[1], 1.0))
+
+    def beside(self, members: Members) -> "Picture":
+        """The picture in which a set is part of the noise: r and C times V^-1/2, its labels left out of the vocabulary."""
+        b = self.basis(members)
+        u, sizes, _ = np.linalg.svd(b, full_matrices=False)
+        shrink = (1.0 - 1.0 / np.sqrt(1.0 + sizes**2))[:, None]
+        columns = self.columns - u @ (shrink * (u.T @ self.columns))
+        residual = self.residual - u @ (shrink[:, 0] * (u.T @ self.residual))
+        blocks = self.vocabulary.blocks
+        taken = {blocks[i].label for i in members.blocks if not blocks[i].repeatable}
+        closed = frozenset(self.closed | {i for i, b in enumerate(blocks) if b.label in taken} | set(members.blocks))
+        return Picture(self.vocabulary, self.declared, columns, residual, self.count, closed)
 
     @cached_property
     def by_width(self) -> dict[int, np.ndarray]:
@@ -110,19 +128,40 @@ class Picture:
             parts.append(self.columns[:, block.where] * (SCALES[scale] * block.size))
         return np.concatenate(parts, axis=1) if parts else np.zeros((len(self.residual), 0))
 
-    def factor(self, members: Members) -> tuple[np.ndarray, np.ndarray, float]:
-        """L^-1 B'C (K, p), L^-1 B'r (K,) and log|V|, with L L' = I + B'B."""
-        b = self.basis(members)
-        if not b.shape[1]:
-            return np.zeros((0, self.columns.shape[1])), np.zeros(0), 0.0
-        lower = np.linalg.cholesky(np.eye(b.shape[1]) + b.T @ b)
-        cross = np.linalg.solve(lower, b.T @ self.columns)
-        return cross, np.linalg.solve(lower, b.T @ self.residual), 2.0 * float(np.sum(np.log(np.diag(lower))))
+    def factor(self, members: Members) -> tuple[np.ndarray, np.ndarray]:
+        """L^-1 B'C (K, p) and L^-1 B'r (K,), with L L' = I + B'B."""
+        if not members.blocks:
+            return np.zeros((0, self.columns.shape[1])), np.zeros(0)
+        cross, where, scale = self._products(members)
+        right = scale * self.onto[where]
+        lower = np.linalg.cholesky(np.eye(len(scale)) + cross[:, where] * scale)
+        inverse = linalg.solve_triangular(lower, np.eye(len(scale)), lower=True, check_finite=False)
+        return inverse @ cross, inverse @ right
+
+    def _products(self, members: Members) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """B'C (K, p), and of every column of B its place (K,) in C and its scale (K,)."""
+        parts, where, scale = [], [], []
+        for index, size in zip(members.blocks, members.scales):
+            block = self.vocabulary.blocks[index]
+            start = block.where.start
+            if start not in self._product:
+                if len(self._product) >= _MOST_PRODUCTS:
+                    self._product.pop(next(iter(self._product)))
+                self._product[start] = self.columns[:, block.where].T @ self.columns
+            each = SCALES[size] * block.size
+            parts.append(each[:, None] * self._product[start])
+            where.append(np.arange(block.where.start, block.where.stop))
+            scale.append(each)
+        return np.concatenate(parts), np.concatenate(where), np.concatenate(scale)
 
     def quadratic(self, members: Members) -> tuple[float, float]:
         """log|V| and r' V^-1 r of a set."""
-        _, onto, log_det = self.factor(members)
-        return log_det, self.square - float(onto @ onto)
+        b = self.basis(members)
+        if not b.shape[1]:
+            return 0.0, self.square
+        lower = np.linalg.cholesky(np.eye(b.shape[1]) + b.T @ b)
+        onto = linalg.solve_triangular(lower, b.T @ self.residual, lower=True, check_finite=False)
+        return 2.0 * float(np.sum(np.log(np.diag(lower)))), self.square - float(onto @ onto)
 
     def log_likelihood(self, members: Members) -> float:
         """log p(r | M) less that of the empty set."""
@@ -159,7 +198,7 @@ class Picture:
 
     def additions(self, members: Members) -> Additions:
         """Every block of the vocabulary beside the set, as if it were added next (its own prior included)."""
-        cross, onto_r, _ = self.factor(members)
+        cross, onto_r = self.factor(members)
         left = self.square - float(onto_r @ onto_r)
         y_all = self.onto - cross.T @ onto_r
         count = len(self.vocabulary.blocks)
@@ -184,8 +223,9 @@ class Picture:
             weight[indices] = special.logsumexp(log_bf, axis=0) + self.log_prior[indices]
             best = np.argmax(log_bf, axis=0)
             scale[indices], gain[indices] = best, gains[best, np.arange(len(indices))]
-            dead = np.einsum("gii->g", h) < 1e-12
+            dead = np.einsum("gii->g", h) < _INVISIBLE**2
             weight[indices[dead]] = -np.inf
+        weight[list(self.closed)] = -np.inf
         return Additions(weight, scale, gain)
 
     def _one_sided(self, indices, shrink, vectors, turned, left) -> np.ndarray:

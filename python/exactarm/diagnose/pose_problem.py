@@ -33,6 +33,7 @@ class PoseProblem(Problem):
     unit = "m"
     kind = "poses"
     groups_independent = True
+    by_posterior = True
 
     def __init__(self, robot: Robot, data: Dataset, held_out: Dataset, threads: int = 1, seed: int = 0):
         super().__init__(robot, data, held_out, threads, seed)
@@ -73,6 +74,13 @@ class PoseProblem(Problem):
         data, which = (self.held_out, "validation") if held else (self.data, "identification")
         used = np.isfinite(self.errors(last, data))
         return errors_in_space(self.robot, first.layout, last.layout, data, which, used, self.threads)
+
+    def held_out_picture(self, fitted: Fitted) -> tuple[np.ndarray, np.ndarray] | None:
+        data = self.held_out if len(self.held_out) else self.data
+        prediction = predict_poses(self.robot, fitted.layout, data, threads=self.threads)
+        residual = prediction.residual(self.orientation)
+        kept = rows_kept(fitted.layout, prediction.view)
+        return residual[kept], prediction.jacobian[kept, : residual.shape[1]]
 
     def search_rows(self) -> np.ndarray | None:
         if len(self.data) <= _SEARCH_POSES:

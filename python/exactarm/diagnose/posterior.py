@@ -19,17 +19,22 @@ from exactarm.chain import Layout
 from exactarm.diagnose.cross_validation import folds_of
 from exactarm.diagnose.evidence import Members, Picture
 from exactarm.diagnose.problem import Fitted, Problem
-from exactarm.diagnose.search import Posterior, labels_of, search
-from exactarm.diagnose.selection import candidates_for, refit
-from exactarm.diagnose.vocabulary import Vocabulary, at_values, vocabulary_of
+from exactarm.diagnose.search import CERTAIN, Posterior, search, weight_of
+from exactarm.diagnose.scan import Candidate
+from exactarm.diagnose.self_test import SelfTest, self_test
+from exactarm.diagnose.selection import Accepted, Selection, candidates_for, refit
+from exactarm.diagnose.vocabulary import Block, Vocabulary, at_values, vocabulary_of
 from exactarm.effects.base import Effect
-from exactarm.noise.estimate import estimate_noise, log_likelihood_under
+from exactarm.noise.estimate import estimate_noise, log_likelihood_under, normal_noise
 from exactarm.noise.model import NoiseModel
 
 NAMED_AT = 0.5  # probability from which a cause is named: more likely than not
 WRONG_ROW_FALSE_ALARM = 0.01  # of a whole data set: what the threshold of the effect is set for
+MOST_AT_ONCE = 5  # causes and unknown functions together: of more, on measured arms, the sum fits its own rows only (UR10: eleven)
+_CREDIBLE = 0.95
 _ROUNDS = 4  # of search beside what has been found
 _NOISE_PASSES = 3
+_COLUMN_COSTS = 0.5  # of a degree of freedom, for a column under a prior
 _CONFIRMED = 0.5  # of the promised gain
 _SAME_SCALE = 0.3  # relative change of a row's scale that moves no probability much: sizes are known to a factor of three
 _LEAST_NATS = 3.0  # in likelihood, below which another family of noise is not worth a start of its own
@@ -63,24 +68,46 @@ class Causes:
     probability_nothing: float
     probability_something_else: float
     noise: NoiseModel
-    picture: Picture
-    posterior: Posterior
+    test: SelfTest
 
 
 @dataclass(frozen=True)
 class _Found:
-    """One round: the picture, its posterior and the noise that goes with it."""
+    """One round: the picture, the causes that are certain, the posterior over what acts beside them, the noise, and the
+    residual (N, m) that the best set leaves in the linear picture."""
 
     picture: Picture
+    certain: Members
     posterior: Posterior
     noise: NoiseModel
     score: float
-    fit: Fitted
-    effects: tuple[Effect, ...]
+    left: np.ndarray
+
+    @property
+    def members(self) -> Members:
+        """The best set."""
+        beside = self.posterior.members[self.posterior.best]
+        return Members(self.certain.blocks + beside.blocks, self.certain.scales + beside.scales)
+
+    def block(self, index: int) -> Block:
+        return self.picture.vocabulary.blocks[index]
+
+    def probability_of_unknown(self) -> float:
+        unknown = self.picture.vocabulary.unknown
+        if any(self.block(i).label in unknown for i in self.certain.blocks):
+            return 1.0
+        return self.posterior.probability(lambda labels: not unknown.isdisjoint(labels))
+
+    def probability_of_nothing(self) -> float:
+        return 0.0 if self.certain.blocks else self.posterior.probability(lambda labels: not labels)
+
+    def titles(self) -> list[str]:
+        """Of the unknown functions in the best set."""
+        return [self.block(i).unknown.title for i in self.members.blocks if self.block(i).unknown is not None]
 
 
-def find_causes(problem: Problem, declared: Layout, progress: Progress = lambda text: None) -> Causes:
-    """Named causes and unknown functions, from the declared model on."""
+def find_causes(problem: Problem, declared: Layout, progress: Progress = lambda text: None) -> Causes | None:
+    """Named causes and unknown functions, from the declared model on; None where too many act at once for one linear picture."""
     first = problem.fit(declared)
     fits, chosen, places, unknown = [first], [], [], ()
     visits = problem.groups()
@@ -90,17 +117,14 @@ def find_causes(problem: Problem, declared: Layout, progress: Progress = lambda 
     noise = None
     for turn in range(_ROUNDS):
         progress(f"searching with {len(chosen)} effects in the model")
-        found = _round(problem, declared, chosen, fits[-1], vocabulary, visits, noise)
+        found = _round(problem, fits[-1], vocabulary, visits, noise)
+        if found is None or len(places) + len(found.members.blocks) > MOST_AT_ONCE:
+            return None
         new = [p for p in _places(found, turn) if p.probability >= NAMED_AT]
         new = _holding(found, new, folds)
-        else_here = found.posterior.probability(lambda labels: not found.picture.vocabulary.unknown.isdisjoint(labels))
-        empty = found.posterior.probability(lambda labels: not labels)
-        nothing = empty if nothing is None else nothing
-        something = else_here
-        noise = found.noise
-        unknown = tuple(_titles(found))
+        nothing = found.probability_of_nothing() if nothing is None else nothing
+        something, unknown, noise = found.probability_of_unknown(), tuple(found.titles()), found.noise
         kept, fit = _confirmed(problem, declared, chosen, fits[-1], found, new)
-        last = found
         if not kept:
             break
         chosen = [*fit.layout.effects[len(declared.effects) :]]
@@ -115,7 +139,13 @@ def find_causes(problem: Problem, declared: Layout, progress: Progress = lambda 
         places.append(replace(place, round=len(fits) - 1))
         fits.append(fit)
     places = [replace(place, effect=effect) for place, effect in zip(places, chosen)]
-    return Causes(tuple(fits), tuple(places), unknown, nothing, something, noise, last.picture, last.posterior)
+    return Causes(tuple(fits), tuple(places), unknown, nothing, something, noise,
+                  _tested(problem, first, found.left, noise, visits))
+
+
+def _tested(problem: Problem, first: Fitted, left: np.ndarray, noise: NoiseModel, visits: np.ndarray) -> SelfTest:
+    picture = Picture.of(_vocabulary(problem, first, False), first.residual, first.jacobian, noise, problem.correlation_factor(first))
+    return self_test(picture, noise.whiten(left[:, :, None])[:, 0], visits, problem.seed)
 
 
 def _wrong_rows(problem, declared, chosen, fitted: Fitted, noise: NoiseModel):
@@ -132,53 +162,64 @@ def _wrong_rows(problem, declared, chosen, fitted: Fitted, noise: NoiseModel):
     return None
 
 
+def selection_of(causes: Causes) -> Selection:
+    """The same as the result of a selection."""
+    accepted = []
+    for place in causes.places:
+        rivals = tuple(
+            Candidate(effect, 0.0, 0, 1, place.log_odds + float(np.log(max(p, 1e-300) / max(place.probability, 1e-300))))
+            for _, effect, p in place.rivals if effect is not None
+        )
+        accepted.append(Accepted(place.effect, place.log_odds, place.probability, rivals, place.round, _credible(place)))
+    return Selection(causes.fits, tuple(accepted), (), ())
+
+
+def _credible(place: Place) -> tuple[tuple[str, int | None, float], ...]:
+    """(effect, joint, probability): the smallest set of causes in this place that holds 95 %."""
+    field = sorted([(place.effect, place.probability), *((e, p) for _, e, p in place.rivals if e is not None)], key=lambda f: -f[1])
+    found, total = [], 0.0
+    for effect, probability in field:
+        found.append((effect.name, effect.joint, float(probability)))
+        total += probability
+        if total >= _CREDIBLE:
+            break
+    return tuple(found)
+
+
 def _vocabulary(problem: Problem, fitted: Fitted, together: bool) -> Vocabulary:
     effects = [e for e in candidates_for(problem, fitted) if type(e).keep is Effect.keep]
     return vocabulary_of(fitted, effects, problem.signals(fitted), problem.directions(fitted), together)
 
 
-def _round(problem, declared, chosen, fitted: Fitted, vocabulary, visits, noise: NoiseModel | None) -> _Found:
-    """The best of two starts: one normal law, and the family of the present residual."""
-    lost = fitted.jacobian.shape[2]
-    asked = estimate_noise(fitted.residual, lost, visits)
-    flat = replace(estimate_noise(fitted.residual, lost), weight=np.ones(len(fitted.residual)), family="gauss",
-                   sigma=_flat_scale(fitted.residual))
-    starts = [noise or flat]
-    if asked.family != "gauss":
-        starts.append(asked)
-    found = [_settled(problem, declared, chosen, fitted, vocabulary, visits, start) for start in starts]
-    return max(found, key=lambda f: f.score)
+def _round(problem: Problem, fitted: Fitted, vocabulary: Vocabulary, visits: np.ndarray, noise: NoiseModel | None) -> _Found | None:
+    """The best of two starts, one normal law and the family of the present residual; of one, where the noise is known.
+
+    None where every start asks for too many causes at once."""
+    if noise is not None:
+        return _settled(problem, fitted, vocabulary, visits, noise)
+    asked = estimate_noise(fitted.residual, fitted.jacobian.shape[2], visits)
+    starts = [normal_noise(fitted.residual)] + ([asked] if asked.family != "gauss" else [])
+    found = [f for f in (_settled(problem, fitted, vocabulary, visits, start) for start in starts) if f is not None]
+    return max(found, key=lambda f: f.score) if found else None
 
 
-def _flat_scale(residual: np.ndarray) -> np.ndarray:
-    m = residual.shape[1]
-    kinds = [slice(0, 3), slice(3, 6)] if m == 6 else [slice(0, m)]
-    sigma = np.empty(m)
-    for kind in kinds:
-        sigma[kind] = max(float(np.sqrt(np.mean(residual[:, kind] ** 2))), 1e-15)
-    return sigma
-
-
-def _settled(problem, declared, chosen, fitted, vocabulary, visits, noise) -> _Found:
-    """Search and noise in turn, until neither changes."""
-    members = Members((), ())
+def _settled(problem: Problem, fitted: Fitted, vocabulary: Vocabulary, visits: np.ndarray, noise: NoiseModel) -> _Found | None:
+    """Search and noise in turn, until neither changes; None where it asks for too many causes at once."""
+    share = problem.correlation_factor(fitted)
     for _ in range(_NOISE_PASSES):
-        picture = Picture.of(vocabulary, fitted.residual, fitted.jacobian, noise, problem.correlation_factor(fitted))
-        posterior = search(picture, members)
-        members = posterior.members[posterior.best]
+        picture = Picture.of(vocabulary, fitted.residual, fitted.jacobian, noise, share)
+        found = _Found(picture, *search(picture, MOST_AT_ONCE + 1), noise, 0.0, fitted.residual)
+        members = found.members
+        if len(members.blocks) > MOST_AT_ONCE:
+            return None
         residual = fitted.residual - _prediction(picture, members, fitted, noise)
-        lost = fitted.jacobian.shape[2] + sum(picture.vocabulary.blocks[i].columns for i in members.blocks) * 0.5
+        lost = fitted.jacobian.shape[2] + sum(found.block(i).columns for i in members.blocks) * _COLUMN_COSTS
         before, noise = noise, estimate_noise(residual, lost, visits)
         if _alike(before, noise):
             break
-    residual = fitted.residual - _prediction(picture, members, fitted, noise)
     log_det, _ = picture.quadratic(members)
-    price = picture.log_prior[list(members.blocks)].sum() if members.blocks else 0.0
-    score = log_likelihood_under(noise, residual) - 0.5 * log_det + price - (0.0 if noise.family == "gauss" else _LEAST_NATS)
-    values = picture.coefficients(members)
-    named = [picture.vocabulary.blocks[i] for i in members.blocks]
-    effects = tuple(at_values(block, value) for block, value in zip(named, values) if block.effect is not None)
-    return _Found(picture, posterior, noise, score, fitted, effects)
+    price = picture.log_prior[list(members.blocks)].sum() - (0.0 if noise.family == "gauss" else _LEAST_NATS)
+    return replace(found, noise=noise, left=residual, score=log_likelihood_under(noise, residual) - 0.5 * log_det + price)
 
 
 def _alike(one: NoiseModel, other: NoiseModel) -> bool:
@@ -202,30 +243,25 @@ def _prediction(picture: Picture, members: Members, fitted: Fitted, noise: Noise
 
 def _places(found: _Found, turn: int) -> list[Place]:
     """The named members of the best set, each with its probability and its rivals."""
-    posterior, blocks = found.posterior, found.picture.vocabulary.blocks
-    best = posterior.best
-    members = posterior.members[best]
-    inclusion = posterior.inclusion()
-    values = found.picture.coefficients(members)
-    effects = {block.label: block for block in blocks}
+    members, inclusion = found.members, found.posterior.inclusion()
+    whole = weight_of(found.picture, members)
     places = []
-    for index, value in zip(members.blocks, values):
-        block = blocks[index]
+    for k, (index, value) in enumerate(zip(members.blocks, found.picture.coefficients(members))):
+        block = found.block(index)
         if block.effect is None:
             continue
-        others = list(best)
+        rest = Members(members.blocks[:k] + members.blocks[k + 1 :], members.scales[:k] + members.scales[k + 1 :])
+        log_odds = whole - weight_of(found.picture, rest)
+        if k < len(found.certain.blocks):
+            places.append(Place(block.label, at_values(block, value), 1.0 - np.exp(-CERTAIN), log_odds, (), turn))
+            continue
+        others = list(found.posterior.best)
         others.remove(block.label)
-        field = _slot(posterior, tuple(others))
+        field = _slot(found.posterior, tuple(others))
         total = np.logaddexp.reduce([weight for _, weight in field])
         rivals = sorted(((label, weight) for label, weight in field if label not in (None, block.label)), key=lambda e: -e[1])
-        without = next((weight for label, weight in field if label is None), -np.inf)
-        own = posterior.weights[best]
-        named = tuple(
-            (label, _effect_at(found, others, label), float(np.exp(weight - total))) for label, weight in rivals[:8]
-        )
-        places.append(Place(block.label, at_values(block, value), min(inclusion[block.label], 1.0), own - without, named, turn))
-        del effects[block.label]
-        effects[block.label] = block
+        named = tuple((label, _effect_at(found, others, label), float(np.exp(weight - total))) for label, weight in rivals[:8])
+        places.append(Place(block.label, at_values(block, value), min(inclusion[block.label], 1.0), log_odds, named, turn))
     return sorted(places, key=lambda p: -p.log_odds)
 
 
@@ -248,11 +284,10 @@ def _effect_at(found: _Found, others: list[str], label: str) -> Effect | None:
     members = found.posterior.members.get(tuple(sorted([*others, label])))
     if members is None:
         return None
-    values = found.picture.coefficients(members)
-    for index, value in zip(members.blocks, values):
-        block = found.picture.vocabulary.blocks[index]
-        if block.label == label and block.effect is not None:
-            return at_values(block, value)
+    members = Members(found.certain.blocks + members.blocks, found.certain.scales + members.scales)
+    for index, value in zip(members.blocks, found.picture.coefficients(members)):
+        if found.block(index).label == label and found.block(index).effect is not None:
+            return at_values(found.block(index), value)
     return None
 
 
@@ -276,12 +311,6 @@ def _holding(found: _Found, places: list[Place], folds: np.ndarray) -> list[Plac
     return places
 
 
-def _titles(found: _Found) -> list[str]:
-    members = found.posterior.members[found.posterior.best]
-    blocks = [found.picture.vocabulary.blocks[i] for i in members.blocks]
-    return [block.unknown.title for block in blocks if block.unknown is not None]
-
-
 def _confirmed(problem, declared, chosen, fitted, found: _Found, places: list[Place]):
     """The joint non-linear fit with the new effects; the weakest is left out while less than half of the gain comes true."""
     while places:
@@ -298,8 +327,7 @@ def _confirmed(problem, declared, chosen, fitted, found: _Found, places: list[Pl
 
 def _only(found: _Found, labels: tuple[str, ...]) -> Members:
     """The members of the best set with these labels, and its unknown functions."""
-    members, open_labels = found.posterior.members[found.posterior.best], list(labels)
-    blocks = found.picture.vocabulary.blocks
+    members, open_labels, blocks = found.members, list(labels), found.picture.vocabulary.blocks
     kept = []
     for i, s in zip(members.blocks, members.scales):
         if blocks[i].unknown is not None:

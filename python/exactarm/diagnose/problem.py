@@ -152,6 +152,7 @@ class Problem(ABC):
     unit: str = ""
     kind: str = ""
     repeat_source = "repeated visits of the same pose"
+    by_posterior = False  # whether causes are found by the posterior over sets of them
     groups_independent = False  # whether the residuals of different groups of rows are
     least_share = 0.02  # of the cross-validated square sum that an effect must take away
     share_left = 0.10  # of the square sum that a signal still has to explain to count as structure
@@ -222,6 +223,10 @@ class Problem(ABC):
     @abstractmethod
     def separating_experiment(self, fitted: Fitted, one: Effect, other: Effect) -> str:
         """In words, with numbers: the poses, speeds or loads that part two effects best."""
+
+    def held_out_picture(self, fitted: Fitted) -> tuple[np.ndarray, np.ndarray] | None:
+        """Residual (K, m) and its Jacobian (K, m, P) on held-out rows, where the measurement is of a target; else None."""
+        return None
 
     def left_out(self) -> tuple[str, ...]:
         """In words: rows, runs or axes of the data that count for nothing, and why."""

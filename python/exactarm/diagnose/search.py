@@ -17,10 +17,11 @@ from scipy import special
 from exactarm.diagnose.evidence import Members, Picture
 from exactarm.diagnose.vocabulary import SCALE_WEIGHTS
 
-MOST_CAUSES = 16
+MOST_CAUSES = 16  # in one set
 _STOP, _MORE = 0.4, 0.6  # geometric law of the number of causes: 0.4 x 0.6^K, a mean of 1.5
+CERTAIN = 20.0  # nats: 1 in 5e8
 _KEPT_NATS = 9.0  # below the best set: 1 in 8,000
-_EXPANSIONS, _SCORED = 24, 80  # sets looked around, and sets scored with every further cause: more changed no marks
+_EXPANSIONS, _SCORED = 24, 60  # sets looked around, and sets scored with every further cause: more changed no marks
 _CHILDREN = 6
 _RECORDED_NATS = 20.0  # lighter sets count for nothing in any probability that is printed
 
@@ -63,9 +64,30 @@ def log_prior_of_count(count: int) -> float:
     return float(np.log(_STOP) + count * np.log(_MORE) + special.gammaln(count + 1))
 
 
-def search(picture: Picture, start: Members = Members((), ()), most: int = MOST_CAUSES) -> Posterior:
-    """All sets that matter, from the empty one and from `start`."""
-    return _Search(picture, most).run(start)
+def search(picture: Picture, most: int = MOST_CAUSES) -> tuple[Members, Posterior]:
+    """Causes that are certain, one after another, and the posterior over all that could act beside them.
+
+    A cause is certain where every other one that explains the same (its weight falls by half beside it) is `CERTAIN` nats less
+    likely: it then becomes part of the noise, and the sets stay small.
+    """
+    certain, at = Members((), ()), picture
+    scored = _scored(at)
+    while scored and scored[0][0] > CERTAIN and len(certain.blocks) < most:
+        value, label, index, scale = scored[0]
+        beyond = at.beside(Members((index,), (scale,)))
+        after = _scored(beyond)
+        left = {name: weight for weight, name, *_ in after}
+        rivals = [weight for weight, name, *_ in scored[1:] if weight > 0.0 and left.get(name, 0.0) < 0.5 * weight]
+        if max(rivals, default=-np.inf) > value - CERTAIN:
+            break
+        certain = Members((*certain.blocks, index), (*certain.scales, scale))
+        at, scored = beyond, after
+    return certain, _Search(at, max(most - len(certain.blocks), 0)).run(Members((), ()))
+
+
+def _scored(picture: Picture) -> list[tuple[float, str, int, int]]:
+    """(log weight beside nothing more, label, block, scale), the heaviest first."""
+    return _Search(picture, 1).children(Members((), ()))
 
 
 def weight_of(picture: Picture, members: Members) -> float:
@@ -125,7 +147,7 @@ class _Search:
         """The set with every further cause: weights summed over the blocks of a label; members for the best few labels."""
         first = members not in self.known
         if first:
-            self.known[members] = self._children(members)
+            self.known[members] = (labels_of(self.picture, members), self.children(members), -np.inf)
         if not first and base <= self.known[members][2]:
             return
         own, children, _ = self.known[members]
@@ -138,7 +160,8 @@ class _Search:
             grown = Members((*members.blocks, index), (*members.scales, scale)) if rank < _CHILDREN else None
             self._offer(tuple(sorted((*own, label))), base + value, grown)
 
-    def _children(self, members: Members) -> tuple:
+    def children(self, members: Members) -> list[tuple[float, str, int, int]]:
+        """(log weight over that of the set, label, best block, its scale) of every further cause, the heaviest first."""
         additions = self.picture.additions(members)
         blocks = self.picture.vocabulary.blocks
         weight = additions.log_weight.copy()
@@ -160,5 +183,4 @@ class _Search:
                 break
             best.setdefault(int(label_of[index]), int(index))
         order = sorted(np.flatnonzero(finite), key=lambda k: -value[k])
-        children = [(float(value[k]), names[k], best[int(k)], int(additions.scale[best[int(k)]])) for k in order]
-        return labels_of(self.picture, members), children, -np.inf
+        return [(float(value[k]), names[k], best[int(k)], int(additions.scale[best[int(k)]])) for k in order]

@@ -48,6 +48,7 @@ class Accepted:
     probability: float
     rivals: tuple[Candidate, ...]
     round: int
+    credible_set: tuple[tuple[str, int | None, float], ...] = ()
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,6 @@ UNKNOWN_MASS = 0.2  # prior probability that a cause is none of the library's: o
 SCALES = np.array([0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0])  # times plausible; the largest cost 5 and 9 nats
 SCALE_WEIGHTS = np.exp(-0.5 * (np.log(SCALES) / np.log(3.0)) ** 2)
 SCALE_WEIGHTS = SCALE_WEIGHTS / SCALE_WEIGHTS.sum()
-_INVISIBLE = 1e-3  # whitened length that a plausible value must have: below, the column is rounding
 
 
 @dataclass(frozen=True)

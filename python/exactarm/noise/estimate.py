@@ -29,7 +29,7 @@ def estimate_noise(residual: np.ndarray, lost: float = 0.0, visits: np.ndarray |
     rows, m = residual.shape
     blow = np.sqrt(rows * m / max(rows * m - lost, 1.0))  # a fit leaves less than the noise
     e = residual * blow
-    kinds = np.array([3, 3]) if m == 6 else np.array([m])
+    kinds = _kinds(residual)
     found = [_student(e, kinds, np.inf), *(_student(e, kinds, nu) for nu in FREEDOMS), _gross(e, kinds)]
     price = np.array([0.0, *[0.5 * np.log(rows)] * len(FREEDOMS), np.log(rows)])
     best = found[int(np.argmax([model.log_likelihood for model in found] - price))]
@@ -40,9 +40,19 @@ def estimate_noise(residual: np.ndarray, lost: float = 0.0, visits: np.ndarray |
                       _shared(e / best.sigma, best.weight, numbers))
 
 
+def normal_noise(residual: np.ndarray) -> NoiseModel:
+    """One normal law for residuals (N, m), every row of full weight."""
+    return _student(residual, _kinds(residual), np.inf)
+
+
+def _kinds(residual: np.ndarray) -> np.ndarray:
+    """How many components are alike: positions, orientations."""
+    return np.array([3, 3]) if residual.shape[1] == 6 else np.array([residual.shape[1]])
+
+
 def log_likelihood_under(model: NoiseModel, residual: np.ndarray) -> float:
     """Of other residuals (N, m) under the family of a model, its scales refitted."""
-    kinds = np.array([3, 3]) if residual.shape[1] == 6 else np.array([residual.shape[1]])
+    kinds = _kinds(residual)
     if model.family == "gross":
         return _gross(residual, kinds).log_likelihood
     return _student(residual, kinds, model.freedom).log_likelihood

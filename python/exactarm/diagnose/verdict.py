@@ -1,0 +1,113 @@
+"""Verdict: what a diagnosis says in one word and in one sentence.
+
+    explained              effects were found, and what is left is noise
+    no_undeclared_effect   nothing was found, and nothing is missing
+    unexplained            something else is at work: its posterior probability is above one half, the error on held-out rows is far
+                           above what the fit lets expect, or repeated visits scatter far less than the model errs
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from exactarm.diagnose.dossier import Dossier
+from exactarm.diagnose.noise import NoiseFloor
+from exactarm.diagnose.posterior import NAMED_AT, Causes
+
+EXPLAINED, NOTHING, UNEXPLAINED = "explained", "no_undeclared_effect", "unexplained"
+_NOISE_REACHED = 1.25  # RMS after, beside the noise floor
+_FAR_ABOVE_NOISE = 1.5  # RMS after, beside a measured noise floor: something is left, whatever it follows
+_SHARE_EXPLAINED = 0.5  # of the square sum above the noise; less, and the cause is not found
+_CARRIES_OVER, _WRONG_SHARE = 1.6, 0.1  # held-out error beside the expected one; share of rows that may be wrong by themselves
+_SHARE_STRAY = 0.25  # of what the held-out error had above noise and spread of the fit; more, and the structure left counts
+
+MUCH_LEFT = 0.5  # of the RMS of a torque: drives are noisy, but a model that leaves half of it has not explained it
+
+
+def verdict_of_causes(causes: Causes, after, noise: NoiseFloor, excess: float) -> str:
+    """From the posterior; held-out rows and repeated visits may only object."""
+    judged = "validation" if after["validation"].n else "identification"
+    far = noise.measured and after[judged].rms > _FAR_ABOVE_NOISE * noise.value
+    if causes.probability_something_else >= NAMED_AT or excess > _CARRIES_OVER or far:
+        return UNEXPLAINED
+    return EXPLAINED if causes.places else NOTHING
+
+
+def _rms(values: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(values**2))) if values.size else float("nan")
+
+
+def held_out_excess(errors: dict[str, np.ndarray], unit: float, spread: float = 0.0) -> float:
+    """How many times more the model errs on held-out rows than its fit lets expect; 1 where nothing is held out.
+
+    RMS of the two sets (N,), each without its worst tenth (wrong rows are no lack of the model). A fit with few degrees of freedom
+    errs less on its own rows, and more on others, than the noise `unit`: by about the same factor.
+    spread: mean square of the held-out errors that the uncertainty of the parameters may explain.
+    """
+    held, fitted = (np.sort(np.abs(values[np.isfinite(values)])) for values in (errors["validation"], errors["identification"]))
+    if not held.size or not fitted.size:
+        return 1.0
+    most = lambda values: _rms(values[: max(1, int((1.0 - _WRONG_SHARE) * len(values)))])
+    return float(np.sqrt(max(most(held) ** 2 - spread, 0.0)) / max(most(fitted), 1e-300) / max(1.0, unit / max(_rms(fitted), 1e-300)) ** 2)
+
+
+def verdict_by_rules(problem, before, after, noise: NoiseFloor, left: Dossier, found: bool, spread: float, excess: float) -> str:
+    if excess > _CARRIES_OVER:
+        return UNEXPLAINED
+    judged = "validation" if after["validation"].n else "identification"
+    rms_before, rms_after = before[judged].rms, after[judged].rms
+    above, remaining = rms_before**2 - noise.value**2, rms_after**2 - noise.value**2
+    strongest = left.strongest
+    still = left.structure and strongest.share > problem.share_left
+    if noise.measured:
+        still = still or (rms_after > _NOISE_REACHED * noise.value and left.structure)
+        still = still and remaining > (1.0 - _SHARE_EXPLAINED) * max(above, 1e-300)
+        still = still or rms_after > _FAR_ABOVE_NOISE * noise.value
+    elif still:
+        # What follows the signal is structure, the rest at most noise.
+        structure = strongest.share * rms_after**2
+        taken = max(rms_before**2 - rms_after**2, 0.0)
+        still = strongest.share > _SHARE_EXPLAINED or structure > (1.0 - _SHARE_EXPLAINED) * (taken + structure)
+        still = still or (spread > 0.0 and remaining - spread > _SHARE_STRAY * max(above - spread, 1e-300))
+    if still:
+        return UNEXPLAINED
+    return EXPLAINED if found else NOTHING
+
+
+def remains(left: Dossier, excess: float, unknown: tuple[str, ...] = ()) -> str:
+    """What is known of a structure that nothing explains; unknown: what the posterior says of it."""
+    if unknown:
+        known = "; ".join(unknown)
+    elif left.structure:
+        known = f"it follows the {left.strongest.signal} best, along {left.strongest.direction}"
+    else:
+        known = "it follows no single signal beyond chance"
+    if excess > _CARRIES_OVER:
+        known += f", and on rows that were not fitted the error is {excess:.1f} times what the fit lets expect"
+    return known
+
+
+def sentence_of(verdict, findings, alternatives, before, after, left: Dossier, excess: float, unknown: tuple[str, ...] = ()) -> str:
+    """The verdict in one sentence that a technician understands."""
+    judged = "validation" if after["validation"].n else "identification"
+    if findings:
+        causes = ", ".join(f.effect.title for f in findings[:3])
+        more = f" and {len(findings) - 3} more" if len(findings) > 3 else ""
+        fall = 1.0 - after[judged].rms / before[judged].rms
+        it = "it" if len(findings) == 1 else "them"
+        falls = f"falls by {100 * fall:.0f} %" if fall >= 0.005 else "does not fall"
+        text = f"The model lacks {causes}{more}; with {it} the {judged} RMS error {falls}."
+        doubtful = [a for a in alternatives if a.collides]
+        if doubtful:
+            a = doubtful[0]
+            own = next(f.effect for f in findings if f.effect.label == a.instead_of)
+            text += f" This data cannot tell {own.title} from {a.effect.title}."
+        if verdict == UNEXPLAINED:
+            text += f" A structure is left that nothing in the library explains; {remains(left, excess, unknown)}."
+        return text
+    if verdict == UNEXPLAINED:
+        return f"The residual has a structure that nothing in the library explains; {remains(left, excess, unknown)}."
+    if left.structure:
+        return (f"No effect of the library earns its place: the residual follows the {left.strongest.signal} beyond chance, "
+                f"but this is {100 * left.strongest.share:.0f} % of its square sum.")
+    return "Nothing is missing: the residual of the declared model cannot be told from noise."
