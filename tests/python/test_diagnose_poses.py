@@ -190,7 +190,11 @@ def test_result_has_the_agreed_keys(command):
             assert {"n", "mean", "rms", "max", "min", "std"} <= set(result[part][rows])
     effect = result["effects"][0]
     assert set(effect) == {"effect", "joint", "parameters", "validation_rms_before", "validation_rms_after", "probability",
-                           "evidence", "compensable"}
+                           "evidence", "compensable", "set", "own_share", "at_tool_um"}
+    assert 0.0 < effect["own_share"] < 1.0 and effect["at_tool_um"] > 0.0
+    assert effect["set"][0]["effect"] == effect["effect"] and effect["set"][0]["probability"] == effect["probability"]
+    assert result["probability_nothing"] < 0.01 and result["probability_something_else"] < 0.5
+    assert 0.0 <= result["false_alarm_rate"] < 0.2 and result["self_test"]["sets"] > 50
     assert (effect["effect"], effect["joint"], effect["compensable"]) == ("joint_compliance", 3, True)
     low, high = effect["parameters"]["linear_rad_per_Nm"]["ci95"]
     assert low < effect["parameters"]["linear_rad_per_Nm"]["value"] < high

@@ -171,7 +171,7 @@ def _unknown(result: Diagnosis) -> dict:
     share = f" ({100 * signal.share:.0f} % of the remaining square sum, p = {signal.p_value:.1e})" if left.structure else ""
     rms = result.after["validation" if result.after["validation"].n else "identification"].rms
     probability = 1.0 - (signal.p_value if left.structure else 0.0)
-    unknown = () if result.causes is None else result.causes.unknown
+    unknown = result.unknown
     if unknown:
         probability, share = result.causes.probability_something_else, ""
     return {

@@ -62,7 +62,7 @@ def verdict_of(robot: Robot, result: Diagnosis, found: list[tuple[Finding, Contr
         own = next((f.effect for f in result.findings if f.effect.label == doubtful[0].instead_of), None)
         text += f" These data cannot tell {own.title} from {doubtful[0].effect.title}." if own is not None else ""
     if result.verdict == UNEXPLAINED:
-        text += f" Something is left that no known cause explains: {remains(result.dossier_after, result.excess)}."
+        text += f" Something is left that no known cause explains: {remains(result.dossier_after, result.excess, result.unknown)}."
     return text
 
 
@@ -104,7 +104,7 @@ def _next(result: Diagnosis, found: list[tuple[Finding, Contribution | None]]) -
     if result.next_experiment:
         lines.append(result.next_experiment)
     if result.verdict == UNEXPLAINED and not result.next_experiment:
-        lines.append(f"To find what is left, measure more where it shows: {remains(result.dossier_after, result.excess)}.")
+        lines.append(f"To find what is left, measure more where it shows: {remains(result.dossier_after, result.excess, result.unknown)}.")
     return [Text("What to do next", tuple(lines))] if lines else []
 
 

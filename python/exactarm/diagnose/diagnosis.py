@@ -95,6 +95,11 @@ class Diagnosis:
     in_space: InSpace | None = None
     causes: Causes | None = None
 
+    @property
+    def unknown(self) -> tuple[str, ...]:
+        """What is known of causes that the library lacks, in words."""
+        return () if self.causes is None else self.causes.unknown
+
 
 def diagnose(
     robot: Robot, data: Dataset, *, seed: int = DEFAULT_SEED, threads: int = 1, progress: Progress = lambda text: None

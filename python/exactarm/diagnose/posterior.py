@@ -5,7 +5,7 @@
 2. Search (search.py) under a noise model (noise/), which is estimated anew with the causes found, from two starts: one normal
    law, and the family that the declared fit's residual asks for. The start whose likelihood, prior and price are better wins.
 3. The best set is confirmed by the joint non-linear fit through the chain; a set whose fit takes less than half of the gain that
-   was promised gives way to the next one. Then what is left is searched once more beside it, functions of two signals included.
+   was promised loses its weakest members. Then what is left is searched once more beside it.
 """
 
 from __future__ import annotations
@@ -112,7 +112,7 @@ def find_causes(problem: Problem, declared: Layout, progress: Progress = lambda 
     fits, chosen, places, unknown = [first], [], [], ()
     visits = problem.groups()
     folds = folds_of(visits, problem.seed)
-    vocabulary = _vocabulary(problem, first, False)
+    vocabulary = _vocabulary(problem, first)
     nothing = something = None
     noise = None
     for turn in range(_ROUNDS):
@@ -131,7 +131,7 @@ def find_causes(problem: Problem, declared: Layout, progress: Progress = lambda 
         places += kept
         fits.append(fit)
         taken = {p.label for p in places if not p.effect.repeatable}
-        vocabulary = _vocabulary(problem, first, True).without(taken) if turn == 0 else vocabulary.without(taken)
+        vocabulary = vocabulary.without(taken)
     wrong = _wrong_rows(problem, declared, chosen, fits[-1], noise)
     if wrong is not None:
         place, fit = wrong
@@ -144,7 +144,7 @@ def find_causes(problem: Problem, declared: Layout, progress: Progress = lambda 
 
 
 def _tested(problem: Problem, first: Fitted, left: np.ndarray, noise: NoiseModel, visits: np.ndarray) -> SelfTest:
-    picture = Picture.of(_vocabulary(problem, first, False), first.residual, first.jacobian, noise, problem.correlation_factor(first))
+    picture = Picture.of(_vocabulary(problem, first), first.residual, first.jacobian, noise, problem.correlation_factor(first))
     return self_test(picture, noise.whiten(left[:, :, None])[:, 0], visits, problem.seed)
 
 
@@ -186,9 +186,9 @@ def _credible(place: Place) -> tuple[tuple[str, int | None, float], ...]:
     return tuple(found)
 
 
-def _vocabulary(problem: Problem, fitted: Fitted, together: bool) -> Vocabulary:
+def _vocabulary(problem: Problem, fitted: Fitted) -> Vocabulary:
     effects = [e for e in candidates_for(problem, fitted) if type(e).keep is Effect.keep]
-    return vocabulary_of(fitted, effects, problem.signals(fitted), problem.directions(fitted), together)
+    return vocabulary_of(fitted, effects, problem.signals(fitted), problem.directions(fitted))
 
 
 def _round(problem: Problem, fitted: Fitted, vocabulary: Vocabulary, visits: np.ndarray, noise: NoiseModel | None) -> _Found | None:

@@ -61,7 +61,7 @@ def _scaled(values: np.ndarray) -> np.ndarray:
     return (2.0 * values - low - high) / max(high - low, 1e-300)
 
 
-def unknown_functions(fitted, signals: dict, directions: dict, together: bool) -> list[tuple[Unknown, np.ndarray, list[np.ndarray]]]:
+def unknown_functions(fitted, signals: dict, directions: dict) -> list[tuple[Unknown, np.ndarray, list[np.ndarray]]]:
     """(what, response (N, m, k), sizes of the coefficients for each length) of every unknown function worth trying."""
     curves = {name: values for name, values in signals.items() if len(np.unique(values)) >= _LEAST_VALUES}
     turns = {name: pattern for name, pattern in directions.items() if not name.startswith("the device")}
@@ -76,28 +76,45 @@ def unknown_functions(fitted, signals: dict, directions: dict, together: bool) -
     for signal, basis in whole.items() if device else ():
         response = np.concatenate([pattern[:, :, None] * basis[:, None, :] for pattern in device], axis=2)
         found.append((Unknown("the device", (signal,)), response, [np.tile(size, len(device)) for size in lengths]))
+    place = [few_of(curves[name]) for name in curves if name.startswith("position")]
+    if device and len(place) == 3:
+        found.append(_of_place(place, device))
     order = next((name for name in curves if name in ("time", "order of measurement")), None)
     if order and device:
         hats = _hats(curves[order])
         response = np.concatenate([pattern[:, :, None] * hats[:, None, :] for pattern in device], axis=2)
         size = np.full(response.shape[2], _AMPLITUDE)
         found.append((Unknown("the device", (order,), "wandering"), response, [size]))
-    if together:
-        found += _of_two(curves, turns)
-    return found
+    return found + _of_two(curves, turns, device)
 
 
-def _of_two(curves: dict, turns: dict) -> list:
-    """Functions of the angles of two axes at once, with their own ones beside the products."""
-    few = {name: basis_of(values, _TERMS_OF_TWO) for name, values in curves.items() if name.startswith("angle")}
+def few_of(values: np.ndarray) -> np.ndarray:
+    """(N, 4) the first basis functions of a signal, for products."""
+    return basis_of(values, _TERMS_OF_TWO)
+
+
+def _of_place(place: list[np.ndarray], device: list[np.ndarray]) -> tuple:
+    """The device's axes as functions of where the target is: products of three."""
+    product = np.einsum("ni,nj,nk->nijk", *place).reshape(len(place[0]), -1)
+    response = np.concatenate([pattern[:, :, None] * product[:, None, :] for pattern in device], axis=2)
+    size = sizes_of(LENGTHS[1], _TERMS_OF_TWO)
+    sizes = _AMPLITUDE * np.einsum("i,j,k->ijk", size, size, size).ravel()
+    return Unknown("the device", ("position in the workspace",), "of place"), response, [np.tile(sizes, len(device))]
+
+
+def _of_two(curves: dict, turns: dict, device: list) -> list:
+    """Products of functions of the angles of two axes, which move one axis, or the device's axes."""
+    few = {name: few_of(values) for name, values in curves.items() if name.startswith("angle")}
     size = sizes_of(LENGTHS[1], _TERMS_OF_TWO)
     names, found = list(few), []
     product_size = _AMPLITUDE * np.outer(size, size).ravel()
-    for direction, pattern in turns.items():
-        for i, one in enumerate(names):
-            for other in names[i + 1 :]:
-                product = (few[one][:, :, None] * few[other][:, None, :]).reshape(len(pattern), -1)
-                found.append((Unknown(direction, (one, other), "of two"), pattern[:, :, None] * product[:, None, :], [product_size]))
+    moved = {direction: [pattern] for direction, pattern in turns.items()} | ({"the device": device} if device else {})
+    for i, one in enumerate(names):
+        for other in names[i + 1 :]:
+            product = (few[one][:, :, None] * few[other][:, None, :]).reshape(len(few[one]), -1)
+            for direction, patterns in moved.items():
+                response = np.concatenate([pattern[:, :, None] * product[:, None, :] for pattern in patterns], axis=2)
+                found.append((Unknown(direction, (one, other), "of two"), response, [np.tile(product_size, len(patterns))]))
     return found
 
 

@@ -81,11 +81,8 @@ class Vocabulary:
         return Vocabulary(tuple(block for block in self.blocks if block.label not in labels), self.responses)
 
 
-def vocabulary_of(fitted, effects: list[Effect], signals: dict, directions: dict, together: bool = False) -> Vocabulary:
-    """All candidate `effects` at every point of their grids, and unknown functions of `signals` along `directions`.
-
-    together: also unknown functions of two signals at once.
-    """
+def vocabulary_of(fitted, effects: list[Effect], signals: dict, directions: dict) -> Vocabulary:
+    """All candidate `effects` at every point of their grids, and unknown functions of `signals` along `directions`."""
     m = fitted.residual.shape[1]
     points = [(effect, point) for effect in effects for point in grid(effect) if point.keep(fitted.view) is None]
     counts = Counter(point.label for _, point in points)
@@ -107,7 +104,7 @@ def vocabulary_of(fitted, effects: list[Effect], signals: dict, directions: dict
         blocks.append(Block(point.label, point, None, where, size, positive, np.log(share) + point.log_odds, point.repeatable))
         parts.append(response)
         at = where.stop
-    functions = unknown_functions(fitted, signals, directions, together)
+    functions = unknown_functions(fitted, signals, directions)
     number = sum(len(sizes) for _, _, sizes in functions)
     for unknown, response, sizes in functions:
         where = slice(at, at + response.shape[2])
