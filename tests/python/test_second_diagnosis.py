@@ -46,7 +46,9 @@ def test_what_a_calibration_has_lent_to_springs_is_given_back(calibrated, first)
     assert any(effect.name == "joint_compliance" for effect in calibrated.effects)
     found = first.findings[0]
     assert (found.effect.name, found.effect.joint) == ("gear_eccentricity", 2) and len(first.findings) == 1
-    assert found.probability > 0.99 and first.verdict == "explained"
+    # Not 0.99 as before: a smooth function of the same angle fits as well, and the posterior holds it possible.
+    assert found.probability > 0.9 and first.verdict == "explained"
+    assert found.credible_set[0][:2] == ("gear_eccentricity", 2)
     assert found.effect.values[0] == pytest.approx(3e-4, abs=6e-5)
     assert first.after["validation"].rms < 1.15 * np.sqrt(3.0) * NOISE_M
 

@@ -31,6 +31,7 @@ from exactarm.noise.model import NoiseModel
 NAMED_AT = 0.5  # probability from which a cause is named: more likely than not
 WRONG_ROW_FALSE_ALARM = 0.01  # of a whole data set: what the threshold of the effect is set for
 MOST_AT_ONCE = 5  # causes and unknown functions together: of more, on measured arms, the sum fits its own rows only (UR10: eleven)
+UNKNOWN = "unknown"  # in the place of a name, for a cause that the library lacks
 _CREDIBLE = 0.95
 _ROUNDS = 4  # of search beside what has been found
 _NOISE_PASSES = 3
@@ -176,10 +177,11 @@ def selection_of(causes: Causes) -> Selection:
 
 def _credible(place: Place) -> tuple[tuple[str, int | None, float], ...]:
     """(effect, joint, probability): the smallest set of causes in this place that holds 95 %."""
-    field = sorted([(place.effect, place.probability), *((e, p) for _, e, p in place.rivals if e is not None)], key=lambda f: -f[1])
+    field = sorted([(place.effect, place.probability), *((e, p) for _, e, p in place.rivals)], key=lambda f: -f[1])
     found, total = [], 0.0
     for effect, probability in field:
-        found.append((effect.name, effect.joint, float(probability)))
+        name, joint = (UNKNOWN, None) if effect is None else (effect.name, effect.joint)
+        found.append((name, joint, float(probability)))
         total += probability
         if total >= _CREDIBLE:
             break

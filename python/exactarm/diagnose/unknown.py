@@ -37,6 +37,12 @@ class Unknown:
         return f"{self.direction} by {' and '.join(self.signals)}" + (" (wandering)" if self.form == "wandering" else "")
 
     @property
+    def described(self) -> bool:
+        """A turn of an axis by its own angle or load: what the library's gear curves and springs describe already."""
+        axis = self.direction.rsplit("axis ", 1)[-1]
+        return len(self.signals) == 1 and self.signals[0].endswith(f"of axis {axis}")
+
+    @property
     def title(self) -> str:
         """As a technician says it."""
         return f"{self.direction} follows {' and '.join('the ' + s for s in self.signals)}"

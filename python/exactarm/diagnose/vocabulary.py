@@ -8,7 +8,7 @@ or two signals that moves one axis or the device. Its coefficients b (k,) have t
 size the plausible magnitude of each parameter. Prior probability of a block as the next cause:
 
     named     0.8 / (names x axes of the name x points of its grid)
-    unknown   0.2 / (number of unknown functions x lengths)
+    unknown   0.2 / (number of unknown functions x lengths), a tenth of it where the library has named forms of the same function
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from exactarm.diagnose.unknown import Unknown, unknown_functions
 from exactarm.effects.base import Effect
 
 UNKNOWN_MASS = 0.2  # prior probability that a cause is none of the library's: one cause in five was, over the first sets of others
+DESCRIBED = 0.1  # odds of a function that the library has named forms for, beside one that it has none for
 SCALES = np.array([0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0])  # times plausible; the largest cost 5 and 9 nats
 SCALE_WEIGHTS = np.exp(-0.5 * (np.log(SCALES) / np.log(3.0)) ** 2)
 SCALE_WEIGHTS = SCALE_WEIGHTS / SCALE_WEIGHTS.sum()
@@ -110,7 +111,7 @@ def vocabulary_of(fitted, effects: list[Effect], signals: dict, directions: dict
         where = slice(at, at + response.shape[2])
         for size in sizes:
             blocks.append(Block(unknown.label, None, unknown, where, size, np.zeros(len(size), bool),
-                                np.log(UNKNOWN_MASS / number), False))
+                                np.log(UNKNOWN_MASS / number * (DESCRIBED if unknown.described else 1.0)), False))
         parts.append(response)
         at = where.stop
     rows = fitted.residual.shape[0]
