@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from exactarm.dataset import Dataset
-from exactarm.diagnose.diagnosis import NOTHING, diagnose
+from exactarm.diagnose.diagnosis import diagnose
+from exactarm.diagnose.verdict import NOTHING
 from exactarm.identify.calibrate import CalibrationOptions, calibrate
 from exactarm.identify.closures import SCALE, calibrate_closures
 from exactarm.identify.declared import geometry_layout

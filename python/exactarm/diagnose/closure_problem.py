@@ -106,7 +106,11 @@ class ClosureProblem(PoseProblem):
 
     unit = "m"
     kind = "closures"
+    by_posterior = False  # contacts are fitted beside the effects: the posterior has not been measured on them
     groups_independent = True
+
+    def held_out_picture(self, fitted: Fitted) -> None:
+        """No target is measured."""
 
     def __init__(self, robot: Robot, data: Dataset, held_out: Dataset, threads: int = 1, seed: int = 0):
         Problem.__init__(self, robot, touches(data), touches(held_out) if len(held_out) else held_out, threads, seed)
