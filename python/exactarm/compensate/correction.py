@@ -24,7 +24,8 @@ LARGEST_TURN_RAD = (
     0.2  # a correction that turns an axis further changes the branch, or the model is not this arm's
 )
 NOT_REACHED = 1e-8  # m and rad left over by the law
-SETTLED = 3  # passes in which a correction may change the direction from which an axis comes
+SAME_SIDE = 1e-3  # of a passage between two gear tables that differ by some 1e-4 rad
+SETTLED = 4  # passes in which a correction may change the direction from which an axis comes
 UNUSED = "not used by a motion of these files"
 
 
@@ -83,10 +84,11 @@ def correct(
     for attempt in range(SETTLED):
         found, left_over, amplification = _commands(program, model, resolved, rows, sides, threads)
         again, warnings = _sides(program, model, _filled(resolved.q, rows, found), start)
-        if np.array_equal(again[rows], sides[rows]):
+        if attempt == SETTLED - 1 or np.all(np.abs(again[rows] - sides[rows]) < SAME_SIDE):
             break
         # an axis that hardly moves may come from one side before its correction and from the other behind it
-        sides = again if attempt < SETTLED - 2 else np.where(again == sides, sides, 0.0)
+        timed = any(motion.time is not None for motion in program.motions)
+        sides = again if timed or attempt < SETTLED - 2 else np.where(again == sides, sides, 0.0)
     refusals = dict(resolved.refusals)
     refusals |= _refusals(model, resolved.q, rows, found, left_over, amplification)
     rows_good = np.array([r not in refusals for r in rows], bool)
