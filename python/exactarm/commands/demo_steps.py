@@ -31,6 +31,8 @@ STEPS = (
          ("gear", "kr300", "{example/kr300/run_A.csv}", "{example/kr300/run_B.csv}")),
     Step("kr300_diagnose", "KR300: what lies between the two encoders of its axes?",
          ("diagnose", "kr300", "{example/kr300/run_A.csv}", "{example/kr300/run_B.csv}", "--kind", "gear_run")),
+    Step("panda_touched", "Panda, a ball in two seats: calibrated without a tracker",
+         ("calibrate", "panda", "{example/ball_in_socket/panda_6.csv}", "--fixture", "{example/ball_in_socket/fixture.toml}")),
     Step("tx40_identify", "TX40: inertias and friction from one motion",
          ("identify", "tx40", "{example/tx40/motion.parquet}")),
     Step("racer_identifiable", "Racer 7-1.4: what poses can identify at all",

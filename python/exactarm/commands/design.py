@@ -12,9 +12,11 @@ import numpy as np
 
 from exactarm.commands.arguments import add_robot
 from exactarm.commands.call import AnyRobot, asked, robot_of, threads_of
-from exactarm.commands.planning_arguments import add_planning, box_of, clearance_of, target_hint, tool_of
+from exactarm.commands.closure_design import designed_closures
+from exactarm.commands.planning_arguments import add_planning, box_of, clearance_of, numbers_of, target_hint, tool_of
 from exactarm.commands.result import CommandResult
 from exactarm.errors import InputError
+from exactarm.identify.closure_design import ClosureDesignOptions
 from exactarm.identify.design import Design, DesignOptions, design_poses
 from exactarm.identify.pose_space import Box
 from exactarm.progress import SILENT, Progress
@@ -35,6 +37,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--validation", metavar="K", type=int, default=13,
                         help="further poses to validate with (default %(default)s)")
     add_planning(parser)
+    touch = parser.add_argument_group("calibration without a tracker")
+    touch.add_argument("--contact", choices=("socket",), help="design touches of two seats instead: where to put them, and the poses")
+    touch.add_argument("--places", metavar="K", type=int, default=3, help="of the two seats (default %(default)s)")
+    touch.add_argument("--apart-mm", metavar="MM", type=float, default=50.0, help="distance of the seats (default %(default)s)")
+    touch.add_argument("--at", metavar="X,Y,Z", action="append", default=[],
+                       help="middle of the two seats at a given place, in m in the base frame; may be repeated (default: proposed)")
 
 
 def design(
@@ -72,7 +80,24 @@ def design(
     )
 
 
+def _closures(arguments: argparse.Namespace) -> CommandResult:
+    robot = robot_of(arguments.robot)
+    tool = tool_of(arguments.tool)
+    if tool is not None:
+        robot = replace(robot, tool=Placement(robot.tool.rotation, tool))
+    at = tuple(tuple(numbers_of("--at", text, 3)) for text in arguments.at)
+    if arguments.places < 1 or arguments.count < 1 or not 0.0 < arguments.apart_mm < 1e3:
+        raise InputError("--places and --count: expected 1 or more; --apart-mm: expected between 0 and 1000")
+    arguments.progress.stage("designing touches")
+    return designed_closures(robot, ClosureDesignOptions(
+        places=len(at) or arguments.places, count=arguments.count, apart=1e-3 * arguments.apart_mm, at=at,
+        box=box_of(arguments.box), clearance=clearance_of(arguments.clearance), seed=arguments.seed, threads=arguments.threads,
+    ))
+
+
 def run(arguments: argparse.Namespace) -> CommandResult:
+    if arguments.contact is not None:
+        return _closures(arguments)
     return design(
         arguments.robot, count=arguments.count, validation=arguments.validation, tool_m=tool_of(arguments.tool),
         frames=arguments.frames, use=arguments.use, box=box_of(arguments.box), clearance_m=arguments.clearance,

@@ -9,13 +9,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from exactarm.chain import Layout
-from exactarm.commands.arguments import add_files, add_robot
+from exactarm.commands.arguments import add_files, add_fixture, add_robot
 from exactarm.commands.planning_arguments import (
     add_noise, add_planning, box_of, clearance_of, noise_of, target_hint, with_tool,
 )
 from exactarm.commands.result import CommandResult
 from exactarm.dataset import Dataset, read_planned_poses
 from exactarm.errors import InputError
+from exactarm.fixture import Fixture, load_fixture
+from exactarm.identify.closure_fit import Pulls, expected_deviations
+from exactarm.identify.closures import SCALE, carried_effects, identifiable_closures, nominal_closures, scale_is_known
 from exactarm.identify.compliance import compliance_layout
 from exactarm.identify.declared import carried_layout, frames_layout, geometry_layout, require_geometry
 from exactarm.identify.identifiability import Identifiability, still_axes
@@ -24,6 +27,7 @@ from exactarm.identify.model_check import ModelCheck, check_model
 from exactarm.identify.parameter_name import parse_parameter
 from exactarm.identify.planned import PlannedModel, controller_angles, pose_blocks, pose_data, row_weights
 from exactarm.identify.pose_space import PoseSpace
+from exactarm.measurement.closures import touches
 from exactarm.report import Figure, Quantity, Report, Section, Table, Text, Warnings
 from exactarm.report.numbers import number
 from exactarm.report.plots.parameters import singular_values
@@ -51,6 +55,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_robot(parser)
     add_files(parser, least=0, text="measured or planned poses (default: random poses within the joint limits)")
     parser.add_argument("--count", metavar="K", type=int, default=1000, help="number of random poses (default %(default)s)")
+    add_fixture(parser)
     add_planning(parser)
     add_noise(parser)
 
@@ -58,8 +63,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> CommandResult:
     robot = with_tool(load_robot(arguments.robot), arguments.tool)
     require_geometry(robot)
-    poses = _poses(robot, arguments)
     noise = noise_of(arguments.noise)
+    touched = _touches(robot, arguments)
+    if touched is not None:
+        check, poses = _closures(robot, touched, noise, arguments)
+        return _result(robot, check, poses, noise)
+    poses = _poses(robot, arguments)
     check = check_model(
         poses.robot,
         poses.layout,
@@ -68,11 +77,36 @@ def run(arguments: argparse.Namespace) -> CommandResult:
         weights=row_weights(poses.orientation, noise),
         still=still_axes(controller_angles(poses.robot, poses.data)),
     )
+    return _result(robot, check, poses, noise)
+
+
+def _result(robot: Robot, check: ModelCheck, poses: _Poses, noise: float) -> CommandResult:
     return CommandResult(
         json=_json(check, poses, noise),
         report=_report(robot, check, poses, noise),
         tables={"parameters.csv": _parameter_columns(check)},
     )
+
+
+def _touches(robot: Robot, arguments: argparse.Namespace) -> Dataset | None:
+    """The rows of a file with contacts, measured or planned; None for other files."""
+    data = read_planned_poses(arguments.files, robot) if arguments.files else None
+    if data is None or not data.contacts:
+        return None
+    fixture = Fixture() if arguments.fixture is None else load_fixture(arguments.fixture)
+    return touches(replace(data, kind="closures", kinds=("closures",), fixture=fixture))
+
+
+def _closures(robot: Robot, data: Dataset, noise: float, arguments: argparse.Namespace) -> tuple[ModelCheck, _Poses]:
+    nominal = nominal_closures(robot, data, carried_effects(robot, data), arguments.seed, arguments.threads)
+    beside = geometry_layout(robot).joined(compliance_layout(robot, data))
+    layout, found = identifiable_closures(robot, nominal.layout, beside, data, arguments.threads)
+    deviations = expected_deviations(robot, layout, data, noise, Pulls.of(geometry_layout(robot), data.fixture), arguments.threads)
+    known = dict(zip(layout.names, deviations))
+    found = replace(found, sigma_parameter=np.array([known.get(name, np.nan) for name in found.names]))
+    warnings = () if scale_is_known(layout, data) else (SCALE,)
+    poses = _Poses(robot, layout, data, False, nominal.layout.size, f"{len(data)} touches", warnings)
+    return ModelCheck(found, (), ()), poses
 
 
 def _poses(robot: Robot, arguments: argparse.Namespace) -> _Poses:

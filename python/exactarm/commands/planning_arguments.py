@@ -38,7 +38,7 @@ def add_noise(parser: argparse.ArgumentParser) -> None:
 
 def tool_of(text: str | None) -> np.ndarray | None:
     """(3,) m, where --tool says."""
-    return None if text is None else _numbers("--tool", text, 3)
+    return None if text is None else numbers_of("--tool", text, 3)
 
 
 def with_tool(robot: Robot, text: str | None) -> Robot:
@@ -50,7 +50,7 @@ def with_tool(robot: Robot, text: str | None) -> Robot:
 def box_of(text: str | None) -> Box:
     if text is None:
         return Box()
-    numbers = _numbers("--box", text, 6)
+    numbers = numbers_of("--box", text, 6)
     lower, upper = numbers[::2], numbers[1::2]
     for axis, low, high in zip("xyz", lower, upper):
         if not low < high:
@@ -79,7 +79,7 @@ def noise_of(value: float) -> float:
     return value
 
 
-def _numbers(option: str, text: str, count: int) -> np.ndarray:
+def numbers_of(option: str, text: str, count: int) -> np.ndarray:
     try:
         numbers = np.array([float(part) for part in text.split(",")])
     except ValueError:

@@ -152,6 +152,15 @@ def fit_closures(
     return ClosureFit(robot, layout, fit, noise, prediction, sigma, weight, pull, tail)
 
 
+def expected_deviations(
+    robot: Robot, layout: Layout, data: Dataset, sigma: float, pulls: Pulls, threads: int = 1
+) -> np.ndarray:
+    """(P,) standard deviations of the free parameters that touches good to `sigma` (m or rad) let expect."""
+    jacobian = predict_closures(robot, layout, data, threads=threads).jacobian.reshape(-1, layout.size) / sigma
+    pull = pulls.rows(layout)[0]
+    return np.sqrt(np.diag(_pseudo_inverse(jacobian.T @ jacobian + pull.T @ pull)))
+
+
 def _inner(robot, layout, data, pulls, prediction, scale, bounds, threads, tolerance) -> Fit:
     """Weighted least squares at fixed weights and variances."""
     numbers = prediction.residual.size

@@ -1,23 +1,21 @@
 """Closures on a virtual robot: poses in which the true target touches a fixture, as a person or a probe would find them.
 
-    touch(x_true(q)) = noise        Gauss-Newton on q from random poses, the shortest step each (Moore-Penrose)
-
 A place (session) has the fixture somewhere in the robot's reach: two sockets or two spheres apart by a known distance, a
 block with three skew faces and one that is parallel to the first, two far ends of a telescopic bar, or pairs of poses.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from exactarm.chain import Layout
-from exactarm.dataset import NO_CONTACT, Dataset
+from exactarm.dataset import Dataset
 from exactarm.errors import ComputationError
 from exactarm.fixture import Distance, Fixture, Radius
-from exactarm.measurement.closures import PAIR, ClosurePrediction, predict_closures, turn_of_axis
+from exactarm.measurement.closures import PAIR
 from exactarm.measurement.contacts import Bar, Contact, Plane, Socket, Sphere
+from exactarm.measurement.touching import TOUCHES_M, predicted_at, rows_at, target_at, touching
 from exactarm.robot import Placement
 from exactarm.rotation import exp
 from exactarm.simulate.profiles import limit
@@ -29,7 +27,6 @@ APART_M, RADIUS_M, BAR_M = 0.1, 0.0127, (0.25, 0.45)  # of the fixture; shortest
 SLIP_M = 5e-3  # standard deviation of a contact that has slipped
 _NEAR_M = 0.35  # a search starts this near
 _REACH = (0.25, 0.7)  # of the greatest distance from axis 1, and from the base: where a fixture stands
-_STEPS, _LONGEST_RAD, _TOUCHES_M = 25, 0.3, 1e-9
 _OTHERWISE_RAD = 0.3  # nearer poses of the arm are one
 _POOL = 25  # random poses for each touch
 _IN_VAIN = 3  # so many pools without a single touch: out of reach
@@ -46,7 +43,7 @@ def measure_closures(
             parts.append(_touched(true, thing, count, sensors, random))
         if contact == PAIR:
             parts += [_pair(true, session, number, sensors, random) for number in range(count)]
-    data = _joined(parts)
+    data = _joined(robot, parts)
     distances = (Distance(contact, (0, 1), APART_M),) if contact in ("socket", "sphere") else ()
     distances += (Distance(contact, (0, 3), APART_M),) if contact == "plane" else ()
     radii = tuple(Radius(contact, number, RADIUS_M) for number in (0, 1)) if contact == "sphere" else ()
@@ -64,54 +61,14 @@ def fixture_text(fixture: Fixture) -> str:
     return "\n".join([*lines, ""])
 
 
-@dataclass(frozen=True)
-class _Search:
-    """Prediction at poses q (N, n) of the controller."""
-
-    q: np.ndarray
-    prediction: ClosurePrediction
-
-    @property
-    def by_joints(self) -> np.ndarray:
-        """(N, m, n): the numbers of the device by the joint angles."""
-        return np.stack([turn_of_axis(self.prediction, i) for i in range(self.q.shape[1])], axis=2)
-
-
 def _drawn(robot: VirtualRobot, count: int, random: np.random.Generator) -> np.ndarray:
     lower, upper = limit(robot.nominal, "q_min"), limit(robot.nominal, "q_max")
     return random.uniform(lower, upper, (count, robot.nominal.axes))
 
 
-def _rows(robot: VirtualRobot, q: np.ndarray, approach: np.ndarray, thing: Contact | None, **more) -> Dataset:
-    names = {name: np.full(len(q), NO_CONTACT) for name in CONTACTS}
-    session = 1
-    if thing is not None:
-        names[thing.contact] = np.full(len(q), thing.number)
-        session = thing.session
-    return Dataset.of_arrays(
-        "closures", {"theta": robot.motor_angles(q), "approach": approach}, contacts=names, session=np.full(len(q), session), **more
-    )
-
-
-def _predicted(robot: VirtualRobot, q: np.ndarray, approach: np.ndarray, thing: Contact | None, **more) -> _Search:
-    """The true robot's touch; the contact's own columns make the chain carry derivatives."""
-    held = thing if thing is not None else _anywhere()
-    layout = robot.layout.joined(Layout.of((held,)))
-    return _Search(q, predict_closures(robot.true, layout, _rows(robot, q, approach, thing, **more)))
-
-
-def _anywhere() -> Contact:
-    """A contact that no row touches."""
-    return Socket(None, (0.0, 0.0, 0.0), NO_CONTACT, NO_CONTACT)
-
-
-def _points(robot: VirtualRobot, q: np.ndarray) -> np.ndarray:
-    return _predicted(robot, q, np.zeros_like(q), None, position=np.zeros((len(q), 3))).prediction.view.signals["target"]
-
-
 def _middle(robot: VirtualRobot, random: np.random.Generator) -> np.ndarray:
     """(3,) a place for the fixture: in the middle of the reach, not beneath the floor."""
-    points = _points(robot, _drawn(robot, 400, random))
+    points = target_at(robot.true, robot.layout, _drawn(robot, 400, random))
     away, far = np.linalg.norm(points[:, :2], axis=1), np.linalg.norm(points, axis=1)
     good = (away > _REACH[0] * away.max()) & (far < _REACH[1] * far.max()) & (points[:, 2] > 0.0)
     return points[random.choice(np.flatnonzero(good))]
@@ -144,37 +101,24 @@ def _touched(robot: VirtualRobot, thing: Contact, count: int, sensors: Sensors, 
         if attempt >= _IN_VAIN and not len(found):
             break
         q = _drawn(robot, _POOL * count, random)
-        q = q[np.linalg.norm(_points(robot, q) - centre, axis=1) < _NEAR_M + (BAR_M[0] if thing.contact == "bar" else 0.0)]
+        q = q[np.linalg.norm(target_at(robot.true, robot.layout, q) - centre, axis=1) < _NEAR_M + (BAR_M[0] if thing.contact == "bar" else 0.0)]
         if not len(q):
             continue
         noise = random.normal(0.0, sensors.position_m, (len(q), 3))
         noise += (random.random(len(q)) < sensors.wrong_rows)[:, None] * random.normal(0.0, SLIP_M, noise.shape)
         length = random.uniform(*BAR_M, len(q)) if thing.contact == "bar" else np.zeros(len(q))
         approach = random.choice([-1.0, 1.0], q.shape)
-        q, left = _solved(robot, q, approach, thing, noise[:, : thing.numbers], length)
-        good = (left < _TOUCHES_M) & np.all((q > lower) & (q < upper), axis=1)
+        more = {"length": length} if thing.contact == "bar" else {}
+        q, left = touching(robot.true, robot.layout, q, thing, noise[:, : thing.numbers], approach, **more)
+        good = (left < TOUCHES_M) & np.all((q > lower) & (q < upper), axis=1)
         if isinstance(thing, Plane):  # a face of a block is no larger than some decimetres
-            good &= np.linalg.norm(_points(robot, q) - centre, axis=1) < _NEAR_M
+            good &= np.linalg.norm(target_at(robot.true, robot.layout, q) - centre, axis=1) < _NEAR_M
         found, sides = np.concatenate([found, q[good]]), np.concatenate([sides, approach[good]])
         lengths = np.concatenate([lengths, length[good]])
         if len(found) >= count:
             more = {"length": lengths[:count]} if thing.contact == "bar" else {}
-            return _rows(robot, found[:count], sides[:count], thing, **more)
+            return rows_at(found[:count], thing, sides[:count], **more)
     raise ComputationError(f"the fixture at ({', '.join(f'{x:.2f}' for x in centre)}) m is out of reach; another seed places it elsewhere")
-
-
-def _solved(robot, q, approach, thing, noise, length) -> tuple[np.ndarray, np.ndarray]:
-    """Poses that touch, and how far each is off in the end."""
-    left = np.full(len(q), np.inf)
-    for _ in range(_STEPS):
-        search = _predicted(robot, q, approach, thing, **({"length": length} if thing.contact == "bar" else {}))
-        c = thing.numbers
-        rest = search.prediction.residual[:, :c] + noise
-        left = np.linalg.norm(rest, axis=1)
-        if left.max() < _TOUCHES_M:
-            break
-        q = q + _short((np.linalg.pinv(search.by_joints[:, :c], rcond=1e-6) @ rest[:, :, None])[:, :, 0])
-    return q, left
 
 
 def _pair(robot: VirtualRobot, session: int, number: int, sensors: Sensors, random: np.random.Generator) -> Dataset:
@@ -183,37 +127,29 @@ def _pair(robot: VirtualRobot, session: int, number: int, sensors: Sensors, rand
     for _ in range(_POOL):
         first = _drawn(robot, 1, random)
         side = random.choice([-1.0, 1.0], (_POOL, len(lower)))
-        goal = _predicted(robot, first, side[:1], None, position=np.zeros((1, 3)))
-        view = goal.prediction.view
+        view = predicted_at(robot.true, robot.layout, first, None, side[:1], position=np.zeros((1, 3))).view
         position, rotation = view.signals["target"], view.signals["target_rotation"].reshape(1, 3, 3)
         position = position + random.normal(0.0, sensors.position_m, (1, 3))
         rotation = exp(random.normal(0.0, sensors.orientation_rad, (1, 3))) @ rotation
         q = _drawn(robot, _POOL, random)
         more = {"position": np.repeat(position, len(q), 0), "rotation": np.repeat(rotation, len(q), 0)}
-        for _ in range(2 * _STEPS):
-            search = _predicted(robot, q, side, None, **more)
-            rest = search.prediction.residual
-            q = q + _short((np.linalg.pinv(search.by_joints, rcond=1e-6) @ rest[:, :, None])[:, :, 0])
-        good = (np.linalg.norm(rest, axis=1) < _TOUCHES_M) & np.all((q > lower) & (q < upper), axis=1)
+        q, left = touching(robot.true, robot.layout, q, None, 0.0, side, **more)
+        good = (left < TOUCHES_M) & np.all((q > lower) & (q < upper), axis=1)
         good &= np.max(np.abs(q - first), axis=1) > _OTHERWISE_RAD
         if good.any():
             both = (np.concatenate([one[:1], other[good][:1]]) for one, other in ((first, q), (side, side)))
-            rows = _rows(robot, *both, None)
+            rows = rows_at(next(both), None, next(both))
             numbers = rows.contacts | {PAIR: np.full(2, number)}
             return replace(rows, contacts=numbers, session=np.full(2, session))
     raise ComputationError("no second pose of the arm reaches the same pose of the target within the joint limits")
 
 
-def _short(step: np.ndarray) -> np.ndarray:
-    size = np.max(np.abs(step), axis=1, keepdims=True)
-    return step * np.minimum(1.0, _LONGEST_RAD / np.maximum(size, 1e-300))
-
-
-def _joined(parts: list[Dataset]) -> Dataset:
+def _joined(robot: VirtualRobot, parts: list[Dataset]) -> Dataset:
     stack = lambda pick: np.concatenate([pick(part) for part in parts])
     used = [name for name in CONTACTS if np.any(stack(lambda part, name=name: part.contacts[name]) >= 0)]
     length = None if parts[0].length is None else stack(lambda part: part.length)
     return Dataset.of_arrays(
-        "closures", {name: stack(lambda part, name=name: part.joints[name]) for name in parts[0].joints}, session=stack(lambda part: part.session),
+        "closures", {"theta": robot.motor_angles(stack(lambda part: part.joints["q"])),
+                     "approach": stack(lambda part: part.joints["approach"])}, session=stack(lambda part: part.session),
         contacts={name: stack(lambda part, name=name: part.contacts[name]) for name in used}, length=length,
     )
