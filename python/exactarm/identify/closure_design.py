@@ -146,10 +146,23 @@ class _MeanVariance(Criterion):
     weight: np.ndarray
 
     def values(self, information: np.ndarray) -> np.ndarray:
-        regular = np.linalg.eigvalsh(information)[..., 0] > 0.0
-        safe = np.where(regular[..., None, None], information, np.eye(information.shape[-1]))
-        variance = np.trace(np.linalg.solve(safe, np.broadcast_to(self.weight, safe.shape)), axis1=-2, axis2=-1)
-        return np.where(regular, -np.log(variance), -np.inf)
+        weight = np.broadcast_to(self.weight, information.shape)
+        return -np.log(np.trace(np.linalg.solve(information, weight), axis1=-2, axis2=-1))
+
+    def gains(self, information: np.ndarray, blocks: np.ndarray) -> np.ndarray:
+        return self._changes(information, blocks, 1.0)
+
+    def losses(self, information: np.ndarray, blocks: np.ndarray) -> np.ndarray:
+        return self._changes(information, blocks, -1.0)
+
+    def _changes(self, information: np.ndarray, blocks: np.ndarray, sign: float) -> np.ndarray:
+        """By (M + s B'B)^-1 = M^-1 - M^-1 B' (s I + B M^-1 B')^-1 B M^-1; the prior keeps M regular whatever is removed."""
+        inverse = np.linalg.inv(information)
+        taken = blocks @ inverse
+        middle = sign * np.eye(blocks.shape[1]) + taken @ np.swapaxes(blocks, -1, -2)
+        less = np.trace(np.linalg.solve(middle, taken @ self.weight @ np.swapaxes(taken, -1, -2)), axis1=-2, axis2=-1)
+        before = np.trace(inverse @ self.weight)
+        return np.log(before) - np.log(before - less)
 
 
 class _Model:
