@@ -36,8 +36,8 @@ def estimate_noise(residual: np.ndarray, lost: float = 0.0, visits: np.ndarray |
     if visits is None:
         return best
     numbers = np.unique(visits, return_inverse=True)[1]
-    return NoiseModel(best.sigma, best.weight, best.family, best.freedom, best.log_likelihood, numbers,
-                      _shared(e / best.sigma, best.weight, numbers))
+    shared, within = _shared(e / best.sigma, best.weight, numbers)
+    return NoiseModel(best.sigma * np.sqrt(within), best.weight, best.family, best.freedom, best.log_likelihood, numbers, shared)
 
 
 def normal_noise(residual: np.ndarray) -> NoiseModel:
@@ -119,16 +119,18 @@ def _gross(e: np.ndarray, kinds: np.ndarray) -> NoiseModel:
     return NoiseModel(sigma, np.where(wrong > _SURELY_WRONG, 0.0, 1.0), "gross", np.inf, value)
 
 
-def _shared(white: np.ndarray, weight: np.ndarray, visits: np.ndarray) -> float:
-    """Variance between poses beyond that within their visits, in units of that within (analysis of variance, by moments)."""
+def _shared(white: np.ndarray, weight: np.ndarray, visits: np.ndarray) -> tuple[float, float]:
+    """Variance that the visits of a pose share, in units of that within, and that within (analysis of variance, by moments)."""
     counts = np.bincount(visits, weights=(weight > 0.0).astype(float))
     within_freedom = float(np.sum(np.maximum(counts - 1.0, 0.0)))
     if within_freedom < _LEAST_ROWS_A_VISIT:
-        return 0.0
+        return 0.0, 1.0
     total = np.bincount(visits, weights=weight)
-    means = np.stack([np.bincount(visits, weights=weight * white[:, k]) / np.maximum(total, 1e-300) for k in range(white.shape[1])], axis=1)
+    sums = [np.bincount(visits, weights=weight * white[:, k]) for k in range(white.shape[1])]
+    means = np.stack(sums, axis=1) / np.maximum(total, 1e-300)[:, None]
     inside = weight[:, None] * (white - means[visits]) ** 2
     within = float(np.sum(inside)) / (within_freedom * white.shape[1])
     used = total > 0.0
     between = float(np.sum(total[used, None] * means[used] ** 2)) / (used.sum() * white.shape[1])
-    return max(between / max(within, 1e-300) - 1.0, 0.0) / float(np.mean(total[used]))
+    shared = (between / max(within, 1e-300) - 1.0) / float(np.mean(total[used]))
+    return (shared, within) if shared > 0.0 else (0.0, 1.0)

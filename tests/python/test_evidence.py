@@ -1,0 +1,104 @@
+"""Evidence of sets of causes: the same as the dense Gaussian formulas, and no name for noise."""
+
+import numpy as np
+import pytest
+
+from exactarm.diagnose.evidence import Members, Picture
+from exactarm.diagnose.search import search, weight_of
+from exactarm.diagnose.unknown import basis_of, sizes_of
+from exactarm.diagnose.vocabulary import SCALE_WEIGHTS, SCALES, Block, Vocabulary
+from exactarm.noise.estimate import normal_noise
+
+ROWS, COMPONENTS = 60, 3
+SHARE = 0.01
+
+
+def block(number, columns, at, positive=False):
+    """A named cause of `columns` coefficients; the effect itself is never asked."""
+    return Block(f"cause_{number}", object(), None, slice(at, at + columns), np.full(columns, 0.5),
+                 np.full(columns, positive), float(np.log(SHARE)), False)
+
+
+def picture(seed, planted=(), positive=False, size=1.5):
+    """Eight random causes of one to three columns, five declared parameters, unit noise."""
+    rng = np.random.default_rng(seed)
+    widths = [1, 1, 1, 2, 2, 2, 3, 3]
+    starts = np.concatenate([[0], np.cumsum(widths)])
+    blocks = tuple(block(i, width, int(starts[i]), positive) for i, width in enumerate(widths))
+    responses = rng.standard_normal((ROWS, COMPONENTS, starts[-1]))
+    declared = rng.standard_normal((ROWS, COMPONENTS, 5))
+    residual = rng.standard_normal((ROWS, COMPONENTS))
+    for index in planted:
+        residual += responses[:, :, blocks[index].where] @ np.full(widths[index], size)
+    noise = normal_noise(np.ones((ROWS, COMPONENTS)))  # whitens with one
+    return Picture.of(Vocabulary(blocks, responses), residual, declared, noise)
+
+
+def dense_log_likelihood(pic, members):
+    """-1/2 log|V| - n/2 log(r' V^-1 r), V = I + B B' written out."""
+    b = pic.basis(members)
+    v = np.eye(len(pic.residual)) + b @ b.T
+    left = pic.residual @ np.linalg.solve(v, pic.residual)
+    return -0.5 * np.linalg.slogdet(v)[1] - 0.5 * pic.count * np.log(left / pic.square)
+
+
+@pytest.mark.parametrize("members", [Members((), ()), Members((2,), (3,)), Members((0, 4, 7), (2, 1, 4))])
+def test_likelihood_is_that_of_the_full_covariance(members):
+    pic = picture(1, planted=(4,))
+    assert pic.log_likelihood(members) == pytest.approx(dense_log_likelihood(pic, members), abs=1e-9)
+
+
+def test_additions_are_the_difference_of_two_likelihoods():
+    pic = picture(2, planted=(4, 0))
+    members = Members((4,), (3,))
+    found = pic.additions(members)
+    for index in (0, 3, 6):
+        each = [pic.log_likelihood(Members((4, index), (3, s))) - pic.log_likelihood(members) + np.log(SCALE_WEIGHTS[s])
+                for s in range(len(SCALES))]
+        expected = np.logaddexp.reduce(each) + np.log(SHARE)
+        assert found.log_weight[index] == pytest.approx(expected, abs=1e-8)
+
+
+def test_causes_in_the_noise_leave_the_same_differences():
+    """A certain cause that became part of the noise: the others weigh what they weigh beside it."""
+    pic = picture(3, planted=(4, 0))
+    one = Members((4,), (3,))
+    beside = pic.beside(one)
+    direct, absorbed = pic.additions(one).log_weight, beside.additions(Members((), ())).log_weight
+    others = [i for i in range(8) if i != 4]
+    assert absorbed[others] == pytest.approx(direct[others], abs=1e-8)
+    assert absorbed[4] == -np.inf
+
+
+def test_a_coefficient_that_cannot_be_negative_is_believed_on_one_side_only():
+    for size, better in ((1.5, True), (-1.5, False)):
+        free, bounded = (picture(4, planted=(1,), positive=p, size=size).additions(Members((), ())).log_weight[1] for p in (False, True))
+        assert (bounded > free) == better
+
+
+def test_planted_causes_are_found_and_noise_gets_no_name():
+    certain, posterior = search(picture(5, planted=(1, 6)))
+    names = {f"cause_{i}" for i in certain.blocks} | set(posterior.best)
+    assert names == {"cause_1", "cause_6"}
+    _, posterior = search(picture(6))
+    assert posterior.best == () and posterior.probability(lambda labels: not labels) > 0.5
+
+
+def test_probabilities_of_sets_sum_to_one_and_inclusion_follows():
+    _, posterior = search(picture(7, planted=(3,), size=0.12))
+    total = posterior.probability(lambda labels: True)
+    assert total == pytest.approx(1.0)
+    inclusion = posterior.inclusion()
+    assert inclusion["cause_3"] == pytest.approx(posterior.probability(lambda labels: "cause_3" in labels))
+
+
+def test_weight_of_a_set_pays_for_each_cause():
+    pic = picture(8)
+    assert weight_of(pic, Members((0, 1), (2, 2))) < weight_of(pic, Members((0,), (2,))) < weight_of(pic, Members((), ()))
+
+
+def test_unknown_functions_have_unit_variance_on_the_average():
+    s = np.linspace(-2.0, 5.0, 400)
+    for length in (0.4, 1.0, 2.4):
+        variance = np.sum((basis_of(s) * sizes_of(length)) ** 2, axis=1)
+        assert 0.6 < variance.mean() < 1.3

@@ -1,0 +1,59 @@
+"""The noise of independent rows: its family is recognised, weights and scales come back, whitening makes unit covariance."""
+
+import numpy as np
+import pytest
+
+from exactarm.noise.estimate import estimate_noise
+from exactarm.noise.model import NoiseModel
+
+ROWS, SIGMA = 600, 4e-5
+
+
+def normal(seed):
+    return SIGMA * np.random.default_rng(seed).standard_normal((ROWS, 3))
+
+
+def test_normal_residuals_are_normal():
+    noise = estimate_noise(normal(1))
+    assert noise.family == "gauss" and noise.sigma == pytest.approx(SIGMA, rel=0.05) and not noise.wrong.any()
+
+
+@pytest.mark.parametrize("freedom", [3.0, 5.0])
+def test_heavy_tails_are_a_student_law_and_no_wrong_rows(freedom):
+    rng = np.random.default_rng(2)
+    scale = np.sqrt(freedom / rng.chisquare(freedom, ROWS))
+    noise = estimate_noise(normal(3) * scale[:, None])
+    assert noise.family == "student" and noise.freedom <= 2.0 * freedom and not noise.wrong.any()
+    assert noise.sigma == pytest.approx(SIGMA, rel=0.15)
+
+
+def test_a_few_gross_rows_are_wrong_by_themselves():
+    residual = normal(4)
+    residual[[7, 90, 311]] += 3e-3
+    noise = estimate_noise(residual)
+    assert noise.family == "gross" and np.flatnonzero(noise.wrong).tolist() == [7, 90, 311]
+    assert noise.sigma == pytest.approx(SIGMA, rel=0.06)
+
+
+def test_lost_degrees_of_freedom_are_given_back():
+    noise = estimate_noise(normal(5) * np.sqrt(0.5), lost=0.5 * 3 * ROWS)
+    assert noise.sigma == pytest.approx(SIGMA, rel=0.05)
+
+
+def test_what_visits_share_is_found_and_whitened():
+    rng = np.random.default_rng(6)
+    visits = np.repeat(np.arange(200), 3)
+    residual = normal(7) + SIGMA * rng.standard_normal((200, 3))[visits]
+    noise = estimate_noise(residual, 0.0, visits)
+    assert noise.shared * noise.sigma[0] ** 2 == pytest.approx(SIGMA**2, rel=0.45)
+
+
+def test_whitened_noise_has_unit_covariance():
+    visits, shared, weight = np.array([0, 0, 1, 1, 1]), 0.7, np.array([1.0, 0.5, 2.0, 1.0, 0.3])
+    noise = NoiseModel(np.full(3, SIGMA), weight, visits=visits, shared=shared)
+    same = visits[:, None] == visits
+    covariance = SIGMA**2 * (np.diag(1.0 / weight) + shared * same)
+    root = np.linalg.cholesky(covariance)
+    columns = np.repeat(root[:, None, :], 3, axis=1)  # each component sees the same covariance
+    white = noise.whiten(columns).reshape(5, 3, 5)[:, 0]
+    assert white @ white.T == pytest.approx(np.eye(5), abs=1e-12)
