@@ -7,7 +7,9 @@ Commands are modules of `exactarm.commands`; only the one that is asked for is i
 
 from __future__ import annotations
 
+import difflib
 import os
+import shutil
 import signal
 import sys
 import traceback
@@ -19,6 +21,7 @@ from exactarm.commands.listing import COMMANDS, find_commands, import_command
 from exactarm.errors import ComputationError, InputError
 from exactarm.progress import Progress
 
+LEAST_WIDTH = 60  # columns: a narrower table could not be read
 DONE, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 BLAS_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
@@ -108,21 +111,33 @@ def _run(words: list[str], progress: Progress, package: str) -> int:
     if not words or words[0] in ("-h", "--help", "help"):
         print(overview(commands), end="")
         return DONE
+    if words[0] == "--completion":
+        from exactarm.commands.completion import completion
+
+        print(completion(words[1:], package), end="")
+        return DONE
     if words[0] in ("-V", "--version"):
         print(f"exactarm {exactarm.__version__}")
         return DONE
     name = words[0]
     if name not in commands:
-        raise InputError(f"unknown command {name!r}, expected one of: {', '.join(commands)}")
+        close = difflib.get_close_matches(name, commands, n=1)
+        meant = f"did you mean {close[0]}? Expected one of: " if close else "expected one of: "
+        raise InputError(f"unknown command {name!r}, {meant}{', '.join(commands)}")
     _one_blas_thread()
     from exactarm.commands.execute import execute, parse
 
     module = import_command(name, package)
     arguments = parse(module, words[1:])
-    published = execute(module, arguments, progress)
+    published = execute(module, arguments, progress, _width())
     if not arguments.quiet:
         print(visible(published.text), end="")
     return published.result.exit_code
+
+
+def _width() -> int | None:
+    """Columns of the terminal; None in a pipe, where a report has its own width."""
+    return max(shutil.get_terminal_size().columns, LEAST_WIDTH) if sys.stdout.isatty() else None
 
 
 def overview(commands: dict[str, tuple[str, str]]) -> str:
@@ -136,7 +151,7 @@ def overview(commands: dict[str, tuple[str, str]]) -> str:
         "",
         *lines,
         "",
-        "`exactarm COMMAND --help` lists the options of a command.",
+        "`exactarm COMMAND --help` lists the options of a command; tab completion: eval \"$(exactarm --completion bash)\"",
         "Exit code: 0 done, 1 the computation failed, 2 bad input.",
         "",
     ])

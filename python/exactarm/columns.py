@@ -7,6 +7,7 @@ a unit that does not belong to it) is refused; any other name is a covariate, ke
 
 from __future__ import annotations
 
+import difflib
 import math
 import re
 from dataclasses import dataclass
@@ -55,6 +56,7 @@ MOST = {
     "theta": 1e8, "q": 1e5, "theta_dot": 1e8, "q_dot": 1e5, "tau": 1e8, "tau_motor": 1e8, "current": 1e7, "time": 1e13,
 } | dict.fromkeys(POSITION, 1e6) | dict.fromkeys(ROTATION_VECTOR, 1e3) | dict.fromkeys(GYRO, 1e5)
 
+_ALMOST = 0.75  # share of matching letters: one wrong or swapped letter of five, not another word
 _JOINT_NAMES = "|".join(sorted(JOINT_UNITS, key=len, reverse=True))
 _ALL_UNITS = {unit for units in (*JOINT_UNITS.values(), *PRISMATIC_UNITS.values()) for unit in units} - {""}
 _INDEXED = re.compile(rf"({_JOINT_NAMES})_(\d+)(?:_(.*))?")
@@ -107,7 +109,18 @@ def parse_column(name: str, file: str, prismatic: frozenset[int] = frozenset()) 
     if match := _SCALAR.fullmatch(name):
         quantity, unit = match[1], match[2] or ""
         return Column(quantity, None, name, _factor(quantity, unit, SCALAR_UNITS[quantity], file, name))
+    if meant := _misspelt(name):
+        raise InputError(f"is no quantity of a joint; did you mean {meant}?", file=file, column=name)
     return Column("covariate", None, name)
+
+
+def _misspelt(name: str) -> str | None:
+    """The joint's quantity that a name with axis and unit of one almost spells: thta_2_rad is no covariate."""
+    match = re.fullmatch(rf"([a-z_]+)_(\d+)_({'|'.join(_ALL_UNITS)})", name, flags=re.IGNORECASE)
+    if match is None:
+        return None
+    close = difflib.get_close_matches(match[1].lower(), JOINT_UNITS, n=1, cutoff=_ALMOST)
+    return f"{close[0]}_{match[2]}_{match[3]}" if close else None
 
 
 def _factor(quantity: str, unit: str, units: dict[str, float], file: str, name: str) -> float:

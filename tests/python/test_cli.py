@@ -200,3 +200,24 @@ def test_python_dash_m_is_the_command():
     done = subprocess.run([sys.executable, "-m", "exactarm", "--version"], capture_output=True, text=True,
                           env=os.environ | {"PYTHONPATH": str(source)})
     assert done.returncode == 0 and done.stdout.startswith("exactarm ")
+
+
+@pytest.mark.parametrize("words, line", [
+    (["calibrte"], "unknown command 'calibrte', did you mean calibrate?"),
+    (["simulate", "ur10", "--effect", "backlsh joint=2 width_rad=1e-4"], "unknown effect 'backlsh'; did you mean backlash?"),
+    (["calibrate", "ur10", "poses.csv"], "poses.csv, column thta_1_rad: is no quantity of a joint; did you mean theta_1_rad?"),
+    (["plan", "ur10", "line", "--kind", "poses"], "unrecognized arguments: --kind poses"),
+])
+def test_what_is_misspelt_is_answered_with_what_was_meant(tmp_path, monkeypatch, capsys, words, line):
+    monkeypatch.chdir(tmp_path)
+    Path("poses.csv").write_text("thta_1_rad,x_m,y_m,z_m\n0,0,0,0\n")
+    out = ["--out", "out"] if len(words) > 1 else []
+    assert cli.main([*words, *out]) == 2
+    assert line in capsys.readouterr().err
+
+
+def test_a_shell_completes_commands_and_their_options(capsys):
+    assert cli.main(["--completion", "bash"]) == 0
+    script = capsys.readouterr().out
+    assert "calibrate" in script and "--robust" in script and "complete -" in script
+    assert cli.main(["--completion", "fish"]) == 2

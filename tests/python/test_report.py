@@ -320,12 +320,15 @@ class Screen:
 
 
 def test_progress_updates_one_line_on_a_terminal_and_clears_it():
-    screen, seconds = Screen(True), iter(np.arange(0.0, 100.0, 1.0))
-    progress = Progress(screen, clock=lambda: next(seconds))
+    screen = Screen(True)
+    progress = Progress(screen)
+    progress.part("step 3 of 9")
     progress.stage("fitting", total=2)
-    progress.step(note="backlash_2")
+    progress.step(note="backlash_2 [bold]")
     progress.close()
-    assert "\n" not in screen.text and "fitting 1/2: backlash_2" in screen.text and screen.text.endswith("\r\x1b[K")
+    plain = re.sub(r"\x1b\[[0-9;?]*[a-zA-Z]", "", screen.text)
+    assert "step 3 of 9, fitting: backlash_2 [bold]" in plain and "1/2" in plain and "0:00:0" in plain
+    assert screen.text.rstrip("\n").endswith("\x1b[2K") and "\x1b[?25h" in screen.text  # the line is cleared, the cursor is back
 
 
 def test_progress_is_rare_plain_lines_in_a_pipe():

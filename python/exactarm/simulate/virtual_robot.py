@@ -6,6 +6,7 @@ by the same motor, so commanded angles are those of the nominal robot. The truth
 
 from __future__ import annotations
 
+import difflib
 from dataclasses import dataclass, replace
 from typing import Sequence
 
@@ -112,8 +113,10 @@ def parse_effect(text: str, axes: int) -> Effect:
     name, *words = text.split() or [""]
     known = library()
     if name not in known or known[name].declared:
-        names = ", ".join(key for key, cls in known.items() if not cls.declared)
-        raise InputError(f"--effect: unknown effect {name!r}; expected one of {names}")
+        names = [key for key, cls in known.items() if not cls.declared]
+        close = difflib.get_close_matches(name, names, n=1)
+        meant = f"did you mean {close[0]}?" if close else f"expected one of {', '.join(names)}"
+        raise InputError(f"--effect: unknown effect {name!r}; {meant}")
     table: dict[str, float | int | str] = {"effect": name}
     for word in words:
         key, sign, value = word.partition("=")
