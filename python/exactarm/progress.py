@@ -27,7 +27,7 @@ class Progress:
         self._stream, self._clock = stream, clock
         self._terminal = stream is not None and stream.isatty()
         self._part, self._name, self._total, self._done = "", "", None, 0
-        self._said_at = clock()
+        self._said_at: float | None = None  # the first stage begins to count: what came before was no work
         self._bar: Bar | None = None
 
     def part(self, name: str) -> None:
@@ -73,6 +73,7 @@ class Progress:
     def _say(self, note: str) -> None:
         """In a pipe: a line now and then."""
         now = self._clock()
+        self._said_at = now if self._said_at is None else self._said_at
         if self._stream is None or now - self._said_at < PIPE_INTERVAL_S:
             return
         self._said_at = now
