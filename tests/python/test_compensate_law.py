@@ -74,6 +74,13 @@ def test_effects_that_no_program_can_compensate_are_named():
     assert CompensationModel.of(robot).left_out == (effect.label,)
 
 
-def test_a_robot_file_without_the_controllers_frames_is_refused():
+def test_a_calibrated_file_without_the_controllers_frames_is_refused_and_a_declared_one_stands_for_them():
+    bare = replace(identified(), controller=Controller())
     with pytest.raises(InputError, match="--nominal"):
-        command_of(replace(identified(), controller=Controller()), np.zeros((1, 6)))
+        command_of(replace(bare, record={"command": "diagnose"}), np.zeros((1, 6)))
+    with pytest.raises(InputError, match="--nominal"):
+        command_of(replace(bare, record={"command": "gear", "previous": {"command": "calibrate"}}), np.zeros((1, 6)))
+    q = reachable(identified(), 5)
+    declared = CompensationModel.of(bare)
+    there = declared.reached(command_of(bare, q))
+    assert np.abs(pose_error(declared.controller.poses(q), there)).max() < 1e-9

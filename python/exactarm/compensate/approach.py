@@ -38,9 +38,9 @@ def approaches(
         if motion.approach is not None:
             arrival[i] = np.asarray(motion.approach) * sense  # taken as it is, below
         elif i == 0 and motion.target is not None and start is not None:
-            arrival[i] = np.nan_to_num(q[motion.target] - start)
+            arrival[i] = q[motion.target] - start
         elif motion.target is not None and before is not None:
-            arrival[i] = np.nan_to_num(q[motion.target] - q[before])
+            arrival[i] = q[motion.target] - q[before]
             if motion.kind != "joint":
                 curved.append((i, before))
     if curved:
@@ -51,7 +51,7 @@ def approaches(
         inverse = pseudo_inverse(_core.geometric_jacobian(model.controller.core, np.nan_to_num(q[ends])))
         with np.errstate(invalid="ignore"):
             arrival[rows] = np.nan_to_num((inverse @ twist[:, :, None])[:, :, 0], posinf=0.0, neginf=0.0)
-    return _kept(arrival, motions) * sense
+    return _kept(np.nan_to_num(arrival), motions) * sense
 
 
 def _final_twist(start: Poses, over: Poses, end: Poses) -> np.ndarray:

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from itertools import product
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Mapping
 
 import numpy as np
 
 from exactarm import _core
 from exactarm.errors import InputError
-from exactarm.robot import Robot
+from exactarm.robot import Robot, frame_of
 
 if TYPE_CHECKING:
     from exactarm.compensate.law import Poses
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 STEPS = 8  # from an error of 1e-3 rad, the Jacobian of the start for all
 SAME_BRANCH_RAD = 1.0  # two branches of an arm differ by more in one axis, unless it is close to singular
 _TURN = 2.0 * np.pi
+_CALIBRATING = ("calibrate", "diagnose")  # commands that change frames
 
 
 @dataclass(frozen=True)
@@ -33,15 +34,18 @@ class ControllerChain:
 
     @staticmethod
     def of(robot: Robot) -> "ControllerChain":
-        """Raises InputError where the robot file has no frames of the controller."""
-        frames = robot.controller.frames
-        if not frames:
+        """Raises InputError where a calibration has changed the frames and the controller's are not on record.
+
+        In a file that no calibration has changed, the declared frames are the controller's.
+        """
+        frames = robot.controller.frames or robot.joints
+        if not robot.controller.frames and _calibrated(robot.record):
             raise InputError(
                 f"robot {robot.name}: the frames that its controller works with are not on record; give the robot file from "
                 "before the calibration: --nominal ROBOT (new robot files of calibrate and diagnose hold them)"
             )
         joints = tuple(
-            replace(frame, q_min=joint.q_min, q_max=joint.q_max) for frame, joint in zip(frames, robot.joints)
+            replace(frame_of(frame), q_min=joint.q_min, q_max=joint.q_max) for frame, joint in zip(frames, robot.joints)
         )
         own = replace(
             robot,
@@ -123,3 +127,9 @@ class ControllerChain:
         low, high = self.limits
         middle = np.where(np.isfinite(high - low), 0.5 * (low + high), 0.0)
         return found[np.argmin(np.linalg.norm(found - (middle if start is None else start), axis=1))]
+
+
+def _calibrated(record: Mapping[str, Any]) -> bool:
+    """Whether a calibration wrote the file, or one that it came from."""
+    earlier = record.get("previous")
+    return record.get("command") in _CALIBRATING or (isinstance(earlier, Mapping) and _calibrated(earlier))
