@@ -218,7 +218,7 @@ def _transmission(number: int, joint: Joint) -> list[str]:
         f'  <transmission name="gear_{number}">',
         "    <type>transmission_interface/SimpleTransmission</type>",
         f'    <joint name="joint_{number}"/>',
-        f'    <actuator name="motor_{number}"><mechanicalReduction>{joint.ratio!r}</mechanicalReduction></actuator>',
+        f'    <actuator name="motor_{number}"><mechanicalReduction>{float(joint.ratio)!r}</mechanicalReduction></actuator>',
         "  </transmission>",
     ]
 

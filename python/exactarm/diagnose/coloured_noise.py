@@ -12,6 +12,7 @@ too, and the smaller share counts. Where the noise drifts
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
@@ -28,32 +29,38 @@ _ANEW = 0.5  # estimated anew when the square sum of the residual has fallen to 
 _STRONGEST, _PAIRED = 10, 5  # candidates
 
 
+@dataclass(frozen=True)
+class NoiseMemory:
+    """What is known of the noise: share, independent numbers per number; drift; square sum of the residual it was
+    estimated from. It goes from fit to fit as a value, so that a fit depends on what it is given alone."""
+
+    square: float = np.inf
+    share: float = 1.0
+    drift: DriftingNoise | None = None
+
+    def holds_for(self, residual: np.ndarray) -> bool:
+        """Whether the estimates hold for a residual of this size still; if not, they are to be made anew."""
+        return float(np.sum(residual**2)) >= _ANEW * self.square
+
+
 class ColouredNoise:
-    """Keeps the estimates of a problem, `share` and `drift`, until its residual has become another one."""
+    """Estimates how much the noise of a problem remembers."""
 
     def __init__(self, problem: Problem, short: bool = False):
         self._problem, self._short = problem, short
-        self._square, self.share, self.drift = np.inf, 1.0, None
-
-    def is_known(self, residual: np.ndarray) -> bool:
-        """Whether the estimates hold for a residual of this size still; if not, they are to be made anew."""
-        return float(np.sum(residual**2)) >= _ANEW * self._square
 
     def drift_of(self, fitted: Fitted, runs: Sequence[np.ndarray], step: float) -> DriftingNoise | None:
         """From a fit whose residual has passed no filter."""
         return DriftingNoise.of(self._unexplained(fitted, runs, step), runs)
 
-    def adopt(self, fitted: Fitted, drift: DriftingNoise | None, runs: Sequence[np.ndarray], step: float) -> None:
-        """Takes the drift, and the share behind its filter (of a fit with it), for the present ones."""
-        self._square = float(np.sum(fitted.residual**2))
-        self.share, self.drift = self._share_of(self._unexplained(fitted, runs, step), runs, step), drift
+    def of(self, fitted: Fitted, runs: Sequence[np.ndarray], step: float, drift: DriftingNoise | None = None) -> NoiseMemory:
+        """From a fit (behind the filter of `drift`); `runs`: its rows in the order of time, `step` apart in s."""
+        share = self._share_of(self._unexplained(fitted, runs, step), runs, step)
+        return NoiseMemory(float(np.sum(fitted.residual**2)), share, drift)
 
-    def independent_share(self, fitted: Fitted, runs: Sequence[np.ndarray], step: float) -> float:
-        """Independent numbers per number of `fitted.whitened`; `runs`: its rows in the order of time."""
-        if not self.is_known(fitted.residual):
-            self._square = float(np.sum(fitted.residual**2))
-            self.share = self._share_of(self._unexplained(fitted, runs, step), runs, step)
-        return self.share
+    def renewed(self, known: NoiseMemory, fitted: Fitted, runs: Sequence[np.ndarray], step: float) -> NoiseMemory:
+        """What is known, or a new estimate where the residual has become another one."""
+        return known if known.holds_for(fitted.residual) else self.of(fitted, runs, step, known.drift)
 
     def share_of(self, fitted: Fitted, runs: Sequence[np.ndarray], step: float) -> float:
         """Of a fit whose residual has passed no filter, as it stands."""

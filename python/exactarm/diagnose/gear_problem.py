@@ -8,13 +8,14 @@ Searched and fitted on the thinned runs (thinned_run.py); judged on all samples.
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from exactarm.chain import GearRecord, Layout, gear_record, predict_gear_run
 from exactarm.dataset import Dataset
-from exactarm.diagnose.coloured_noise import ColouredNoise
+from exactarm.diagnose.coloured_noise import ColouredNoise, NoiseMemory
 from exactarm.diagnose.next_runs import separating_run
 from exactarm.diagnose.problem import Fitted, Problem, orthonormal
 from exactarm.diagnose.scan import free_mask
@@ -55,7 +56,7 @@ class GearProblem(Problem):
 
     def __init__(self, robot: Robot, data: Dataset, held_out: Dataset, threads: int = 1, seed: int = 0):
         super().__init__(robot, data, held_out, threads, seed)
-        self._noise = ColouredNoise(self)
+        self._estimator, self._noise = ColouredNoise(self), NoiseMemory()
         self._records = {"identification": gear_record(robot, data, accelerating=True)}
         if len(held_out):
             self._records["validation"] = gear_record(robot, held_out, accelerating=True)
@@ -73,22 +74,28 @@ class GearProblem(Problem):
         return declared_gear_layout(self.robot, self.thin, self.record)
 
     def fit(self, layout: Layout, weight: np.ndarray | None = None, sigma: np.ndarray | None = None) -> Fitted:
-        fitted = self._fit_with(layout, self._noise.drift)
-        if self.record.encoder_axes and not self._noise.is_known(fitted.residual):
-            plain = fitted if fitted.drift is None else self._fit_with(layout, None)
-            fitted = self._fit_with(layout, self._noise.drift_of(plain, self.record.runs, self._step))
-            self._noise.adopt(fitted, fitted.drift, self.record.runs, self._step)
-        return self._counted(fitted)
+        rows = np.ones(len(self.thin)) if weight is None else weight
+        fitted, known = self._fit_with(layout, self._noise.drift, rows), self._noise
+        if self.record.encoder_axes and not known.holds_for(fitted.residual):
+            plain = fitted if fitted.drift is None else self._fit_with(layout, None, rows)
+            drift = self._estimator.drift_of(plain, self.record.runs, self._step)
+            fitted = self._fit_with(layout, drift, rows)
+            known = self._estimator.of(fitted, self.record.runs, self._step, drift)
+        return self._counted(fitted, known)
 
-    def _fit_with(self, layout: Layout, drift: DriftingNoise | None) -> "GearFitted":
+    def knowing(self, fitted: Fitted) -> "GearProblem":
+        other = copy(self)
+        other._noise = fitted.noise
+        return other
+
+    def _fit_with(self, layout: Layout, drift: DriftingNoise | None, rows: np.ndarray) -> "GearFitted":
         """The layout fitted to noise that drifts so; sigma of what lies behind the filter, every row counted."""
-        share = self._noise.share
-        weights = np.full(len(self.thin), np.sqrt(share))
+        weights = rows * np.sqrt(self._noise.share)
         found = fit_gear_runs(
             self.robot, layout, self.thin, record=self.record, weights=weights, drift=drift, threads=self.threads
         )
         prediction = found.prediction
-        residual, keep = prediction.residual(), self.record.keep
+        residual, keep = prediction.residual(), self.record.keep & (rows > 0.0)
         white = residual if drift is None else drift.white(residual)
         return GearFitted(
             robot=self.robot,
@@ -102,35 +109,36 @@ class GearProblem(Problem):
             drift=drift,
         )
 
-    def _counted(self, fitted: "GearFitted") -> "GearFitted":
+    def _counted(self, fitted: "GearFitted", known: NoiseMemory) -> "GearFitted":
         """Correlated samples count as fewer, against priors and in intervals."""
-        share = self._noise.independent_share(fitted, self.record.runs, self._step)
-        widened = replace(fitted.fit, covariance=fitted.fit.covariance / share)
-        return replace(fitted, sigma=fitted.sigma / np.sqrt(share), fit=widened)
+        known = self._estimator.renewed(known, fitted, self.record.runs, self._step)
+        freedom = max(int(known.share * fitted.fit.freedom), 1)
+        widened = replace(fitted.fit, covariance=fitted.fit.covariance / known.share, freedom=freedom)
+        return replace(fitted, sigma=fitted.sigma / np.sqrt(known.share), fit=widened, noise=known)
 
     def settled(self, fitted: Fitted) -> Fitted:
         """What drifts between two encoders is as much what no cause explains as it is noise: effects that the filter
         weakens more than that are estimated again without it, by the error as it is judged."""
         if fitted.drift is None:
             return fitted
-        plain = np.sqrt(np.mean(fitted.residual**2, axis=0)) / np.sqrt(self._noise.share)
+        plain = np.sqrt(np.mean(fitted.residual**2, axis=0)) / np.sqrt(fitted.noise.share)
         slow = []
         for effect, where in zip(fitted.layout.effects, fitted.layout.slices):
             response = fitted.jacobian[:, :, where]
             kept = np.sum((fitted.decorrelated(response) / fitted.sigma[:, None]) ** 2)
             slow.append(effect.declared or kept < np.sum((response / plain[:, None]) ** 2))
         masks = [mask & keep for mask, keep in zip(fitted.layout.free, slow)]
-        again = self._fit_with(Layout(fitted.layout.effects, tuple(masks)), None)
+        again = self.knowing(fitted)._fit_with(Layout(fitted.layout.effects, tuple(masks)), None, fitted.weight)
         layout = Layout(again.layout.effects, fitted.layout.free)
         slow = np.concatenate([m[f] for m, f in zip(masks, layout.free)])
-        return replace(again, layout=layout, jacobian=fitted.jacobian, sigma=fitted.sigma, drift=fitted.drift,
+        return replace(again, layout=layout, jacobian=fitted.jacobian, sigma=fitted.sigma, drift=fitted.drift, noise=fitted.noise,
                        fit=self._settled_fit(fitted, layout, again, slow))
 
     def _settled_fit(self, fitted: Fitted, layout: Layout, again: "GearFitted", slow: np.ndarray) -> Fit:
         """The fit behind the filter with what was estimated without it; neighbouring samples count as fewer there."""
-        share = self._noise.share_of(again, self.record.runs, self._step)
+        share = self._estimator.share_of(again, self.record.runs, self._step)
         covariance = np.where(slow[:, None] | slow, 0.0, fitted.fit.covariance)
-        covariance[np.ix_(slow, slow)] = again.fit.covariance * self._noise.share / share
+        covariance[np.ix_(slow, slow)] = again.fit.covariance * fitted.noise.share / share
         return replace(fitted.fit, x=layout.values, covariance=covariance)
 
     def errors(self, fitted: Fitted, data: Dataset) -> np.ndarray:
@@ -215,7 +223,7 @@ class GearProblem(Problem):
         return stretches_of_response(self.groups(), response, 1.0 / self._noise.share)
 
     def correlation_factor(self, fitted: Fitted) -> float:
-        return self._noise.share
+        return fitted.noise.share
 
     def signals(self, fitted: Fitted) -> dict[str, np.ndarray]:
         view = fitted.view

@@ -6,6 +6,7 @@ estimated ones; of these, what the motion excites. Both sides pass the same low-
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,7 +14,7 @@ import numpy as np
 from exactarm.chain import Layout, MotionRecord, motion_clear_of_reversals, motion_record, predict_motion, reversals_left_out
 from exactarm.chain.motion_record import measured_torque, runs_of
 from exactarm.dataset import Dataset
-from exactarm.diagnose.coloured_noise import ColouredNoise
+from exactarm.diagnose.coloured_noise import ColouredNoise, NoiseMemory
 from exactarm.diagnose.next_motions import separating_motion
 from exactarm.diagnose.problem import Fitted, Problem
 from exactarm.diagnose.scan import free_mask
@@ -23,7 +24,7 @@ from exactarm.identify.base_parameters import base_parameters
 from exactarm.identify.declared import all_effects, carried_layout, require_geometry
 from exactarm.identify.dynamics import excited_layout, friction_layout, inertia_was_estimated, inertial_layout, require_enough, with_links
 from exactarm.identify.friction_width import friction_widths
-from exactarm.identify.motion_fit import fit_motion
+from exactarm.identify.motion_fit import MotionFit, fit_motion
 from exactarm.robot import Robot
 from exactarm.signals import typical_step, white_noise
 
@@ -82,7 +83,7 @@ class MotionProblem(Problem):
         self.inertial = inertial
         self.record = self._new_record(data)
         self._held = self._new_record(held_out, self.record.bandwidth_hz) if len(held_out) else None
-        self._noise = ColouredNoise(self)
+        self._estimator, self._noise = ColouredNoise(self), NoiseMemory()
 
     def _record_of(self, data: Dataset) -> MotionRecord:
         if data is self.data or data is self.held_out:
@@ -99,14 +100,19 @@ class MotionProblem(Problem):
             layout = layout.joined(inertial_layout(self.robot, base_parameters(self.robot)))
         layout, _ = excited_layout(self.robot, layout.joined(carried_layout(self.robot, self.data, "motion")), self.record, self.threads)
         require_enough(layout, self.record)
-        self._turn_over(layout)
         return layout
 
     def fit(self, layout: Layout, weight: np.ndarray | None = None, sigma: np.ndarray | None = None) -> Fitted:
-        found = fit_motion(self.robot, layout, self.record, threads=self.threads)
-        if self._turn_over(found.layout):
-            found = fit_motion(self.robot, found.layout, self.record, threads=self.threads)
-        prediction, axes, keep = found.prediction, found.axes, self.record.keep
+        record, rows = self.record, np.ones(len(self.record.keep)) if weight is None else weight
+        if self._noise.square == np.inf:  # nothing was fitted before
+            record = self._turned_over(record, layout)
+        share = self._noise.share
+        start = None if sigma is None else sigma * np.sqrt(share)
+        found = self._estimated(layout, record, rows, start)
+        again = self._turned_over(record, found.layout)
+        if not np.array_equal(again.sign_width, record.sign_width):
+            record, found = again, self._estimated(found.layout, again, rows, found.sigma)
+        prediction, axes, keep = found.prediction, found.axes, record.keep & (rows > 0.0)
         residual = np.where(keep[:, None], prediction.residual()[:, axes], 0.0)
         jacobian = np.zeros((*residual.shape, 0))
         if prediction.jacobian is not None:
@@ -114,24 +120,30 @@ class MotionProblem(Problem):
         fitted = MotionFitted(
             robot=self.robot,
             layout=found.layout,
-            fit=replace(found.fit, covariance=found.uncertainty.covariance),
+            fit=replace(found.fit, covariance=found.uncertainty.covariance, freedom=max(int(found.uncertainty.freedom), 1)),
             residual=residual,
             jacobian=jacobian,
             sigma=found.sigma,
             weight=keep.astype(float),
             view=prediction.view,
             measured=axes,
-            record=self.record,
+            record=record,
         )
-        share = self._noise.independent_share(fitted, self.record.runs, self.record.step)
-        return replace(fitted, sigma=found.sigma / np.sqrt(share))
+        known = self._estimator.renewed(self._noise, fitted, record.runs, record.step)
+        return replace(fitted, sigma=found.sigma / np.sqrt(known.share), noise=known)
 
-    def _turn_over(self, layout: Layout) -> bool:
-        """Whether with `layout` dry friction turns over more or less sharply than in the record so far."""
-        widths = friction_widths(self.robot, layout, self.record, self.threads)
-        other = not np.array_equal(widths, self.record.sign_width)
-        self.record = replace(self.record, sign_width=widths)
+    def knowing(self, fitted: Fitted) -> "MotionProblem":
+        other = copy(self)
+        other._noise, other.record = fitted.noise, fitted.record
         return other
+
+    def _estimated(self, layout: Layout, record: MotionRecord, rows: np.ndarray, sigma: np.ndarray | None) -> MotionFit:
+        weights = rows * np.sqrt(self._noise.share)
+        return fit_motion(self.robot, layout, record, weights=weights, sigma=sigma, threads=self.threads)
+
+    def _turned_over(self, record: MotionRecord, layout: Layout) -> MotionRecord:
+        """The record with the widths over which dry friction turns over with `layout`."""
+        return replace(record, sign_width=friction_widths(self.robot, layout, record, self.threads))
 
     def _residual(self, fitted: Fitted, data: Dataset) -> np.ndarray:
         """(N', m) measured minus predicted on the rows that count."""
@@ -162,7 +174,7 @@ class MotionProblem(Problem):
         return stretches_of_response(self.groups(), response, 1.0 / self._noise.share)
 
     def correlation_factor(self, fitted: Fitted) -> float:
-        return self._noise.share
+        return fitted.noise.share
 
     def signals(self, fitted: Fitted) -> dict[str, np.ndarray]:
         view, data, signals = fitted.view, self.record.data, {}
@@ -216,4 +228,4 @@ class MotionProblem(Problem):
         return replace(result, effects=all_effects(self.robot, self.data, fitted.layout, self.kind), intervals=intervals)
 
     def separating_experiment(self, fitted: Fitted, one: Effect, other: Effect) -> str:
-        return separating_motion(self.robot, fitted, self.record, one, other)
+        return separating_motion(self.robot, fitted, fitted.record, one, other)

@@ -27,7 +27,8 @@ class Fitted:
     """A layout at its estimate on the identification rows.
 
     residual (N, m) measured minus predicted; jacobian (N, m, P) of the prediction; sigma (m,) standard
-    deviation of each component; weight (N,) 0 for rows that are left out, 1 otherwise.
+    deviation of each component; weight (N,) 0 for rows that are left out, 1 otherwise; noise: what else is known of
+    the noise, in the terms of the problem, for the next fit to begin with.
     """
 
     robot: Robot
@@ -38,6 +39,7 @@ class Fitted:
     sigma: np.ndarray
     weight: np.ndarray
     view: View
+    noise: object = None
 
     @cached_property
     def scale(self) -> np.ndarray:
@@ -171,10 +173,15 @@ class Problem(ABC):
 
     @abstractmethod
     def fit(self, layout: Layout, weight: np.ndarray | None = None, sigma: np.ndarray | None = None) -> Fitted:
-        """Estimates the free parameters of `layout` on the identification rows (weight (N,) 0 or 1).
+        """Estimates the free parameters of `layout` on the identification rows (weight (N,) 0 or 1). Leaves no trace:
+        the same problem, layout and weights give the same bits, whatever was fitted before.
 
         sigma (m,): first guess of the standard deviations of the components, from an earlier fit.
         """
+
+    def knowing(self, fitted: Fitted) -> "Problem":
+        """The same problem, whose next fits and folds begin with what `fitted` knows of the noise."""
+        return self
 
     @abstractmethod
     def errors(self, fitted: Fitted, data: Dataset) -> np.ndarray:

@@ -7,13 +7,14 @@ long pieces of them are held out. Fitted and searched on thinned runs, judged on
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import replace
 
 import numpy as np
 
 from exactarm.chain import Layout, MotionRecord, reversals_left_out
 from exactarm.dataset import Dataset
-from exactarm.diagnose.coloured_noise import ColouredNoise
+from exactarm.diagnose.coloured_noise import ColouredNoise, NoiseMemory
 from exactarm.diagnose.next_motions import separating_motion
 from exactarm.diagnose.problem import Fitted, Problem, rows_kept
 from exactarm.diagnose.smoothness import second_order
@@ -68,7 +69,7 @@ class TrackedProblem(Problem):
             require_sessions(data, held_out)
             self._records["validation"] = tracked_record(held_out, robot)
         self.record = thinned_record(self._records["identification"], robot)
-        self._noise = ColouredNoise(self, short=True)
+        self._estimator, self._noise = ColouredNoise(self, short=True), NoiseMemory()
 
     def _record_of(self, data: Dataset) -> MotionRecord:
         if data is self.data or data is self.held_out:
@@ -87,10 +88,12 @@ class TrackedProblem(Problem):
         return identifiable_layout(self.robot, layout, still, False, sigma, self.threads)[0]
 
     def fit(self, layout: Layout, weight: np.ndarray | None = None, sigma: np.ndarray | None = None) -> Fitted:
-        share = self._noise.share
+        share, rows = self._noise.share, np.ones(len(self.record.data)) if weight is None else weight
         start = None if sigma is None else float(sigma[0] * np.sqrt(share))
-        found = fit_tracked(self.robot, layout, self.record, share=share, sigma=start, threads=self.threads)
-        prediction, clear = found.prediction, ~self.record.at_reversal
+        found = fit_tracked(
+            self.robot, layout, self.record, weights=rows * np.sqrt(share), sigma=start, threads=self.threads
+        )
+        prediction, clear = found.prediction, ~self.record.at_reversal & (rows > 0.0)
         residual, view = np.where(clear[:, None], prediction.residual(), 0.0), prediction.view
         view.signals["residual"] = residual
         jacobian = np.zeros((*residual.shape, 0)) if prediction.jacobian is None else prediction.jacobian[:, :3]
@@ -98,9 +101,15 @@ class TrackedProblem(Problem):
             robot=self.robot, layout=found.layout, fit=found.fit, residual=residual, jacobian=jacobian,
             sigma=np.full(3, max(found.sigma, _LEAST_SIGMA)), weight=clear.astype(float), view=view,
         )
-        share = self._noise.independent_share(fitted, self.record.runs, self.record.step)
-        widened = replace(found.fit, covariance=found.fit.covariance / share)
-        return replace(fitted, sigma=fitted.sigma / np.sqrt(share), fit=widened)
+        known = self._estimator.renewed(self._noise, fitted, self.record.runs, self.record.step)
+        freedom = max(int(known.share * found.fit.freedom), 1)
+        widened = replace(found.fit, covariance=found.fit.covariance / known.share, freedom=freedom)
+        return replace(fitted, sigma=fitted.sigma / np.sqrt(known.share), fit=widened, noise=known)
+
+    def knowing(self, fitted: Fitted) -> "TrackedProblem":
+        other = copy(self)
+        other._noise = fitted.noise
+        return other
 
     def errors(self, fitted: Fitted, data: Dataset) -> np.ndarray:
         record = self._record_of(data)
@@ -130,7 +139,7 @@ class TrackedProblem(Problem):
         return stretches_of_response(self.groups(), response, 1.0 / self._noise.share)
 
     def correlation_factor(self, fitted: Fitted) -> float:
-        return self._noise.share
+        return fitted.noise.share
 
     def signals(self, fitted: Fitted) -> dict[str, np.ndarray]:
         view, data, signals = fitted.view, self.record.data, {}

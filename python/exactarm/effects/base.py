@@ -105,6 +105,7 @@ class Effect(ABC):
     smooth: ClassVar[bool] = True  # a smooth function of the motion: may enter a planner's dynamics
     per_joint: ClassVar[bool] = True
     declared: ClassVar[bool] = False  # part of the declared model: re-identified, never a finding
+    drawn_to_declared: ClassVar[bool] = False  # a Gaussian prior around the declared values, as wide as they are plausible
     repeatable: ClassVar[bool] = False  # several of them may act on one axis (harmonics of different orders)
     log_odds: ClassVar[float] = 0.0  # before any data, beside another cause that would look the same
     family: ClassVar[str] = ""  # effects of one family on one axis are forms of one cause: cross-validation chooses
@@ -176,6 +177,11 @@ class Effect(ABC):
     def caveat(self, covariance: np.ndarray) -> str:
         """What the estimate cannot tell, in a few words; empty where there is nothing to say."""
         return ""
+
+    def possible(self, robot: "Robot") -> bool:
+        """Whether arm and drives can be so, together with what the robot's tables declare: no negative inertia, no
+        spring that gives way against its load. What one parameter alone can break is a bound of that parameter."""
+        return True
 
     # -- as a candidate ---------------------------------------------------------------------------
     @classmethod

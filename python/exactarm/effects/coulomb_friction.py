@@ -19,7 +19,7 @@ class CoulombFriction(DriveEffect):
     source: ClassVar[str] = "Armstrong-Helouvry, Dupont and Canudas de Wit 1994; thesis (2.22)"
 
     def parameters(self) -> tuple[Parameter, ...]:
-        return (Parameter("torque_Nm", 10.0),)
+        return (Parameter("torque_Nm", 10.0, lower=0.0),)
 
     def change(self, view) -> Change:
         sign, slope = self.sign(view)

@@ -2,6 +2,9 @@
 
 change of q = -size * m,   m in [-1, 1]: the memory of the motion.
 
+Sign: a positive size lags, as friction makes it: an axis that came upwards (approach +1, growing angle) stands at a smaller
+angle than its motor says. A negative size runs ahead, which no friction does: look for approach columns of the other sign.
+
 Static poses: m = the approach direction. Time series: m is the stop operator of the output motion with the given
 reach (a spring in series with dry friction: Maxwell-slip element, Al-Bender et al. 2005), m = +-1 after a motion
 of twice the reach. The motion is that of the motor at the nominal ratio, so m does not depend on other parameters.
@@ -40,6 +43,12 @@ class Hysteresis(Effect):
         if len(self.values) == 1:
             return (size,)
         return (size, Parameter("reach_rad", 1e-3, 1e-6, 1.0, search=self.search))
+
+    def caveat(self, covariance) -> str:
+        if self.values[0] >= 0.0:
+            return ""
+        return ("the size is negative: the joint runs ahead of its motion, which no friction does; "
+                "check that approach is +1 where an axis came from smaller angles")
 
     def change(self, view) -> Change:
         derivative = np.zeros((view.rows, 1, len(self.values)))

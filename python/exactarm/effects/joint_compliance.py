@@ -39,6 +39,10 @@ class JointCompliance(Effect):
             Parameter("cubic_rad_per_Nm3", 1e-12, fixed=not self.cubic_free),
         )
 
+    def possible(self, robot) -> bool:
+        stiffness = robot.joints[self.index].spring_linear
+        return self.values[0] + (1.0 / stiffness if stiffness else 0.0) >= 0.0
+
     def change(self, view) -> Change:
         linear, cubic = self.values
         torque = view.torque[:, self.index]

@@ -26,6 +26,9 @@ class RotorInertia(DriveEffect):
     def parameters(self) -> tuple[Parameter, ...]:
         return (Parameter("inertia_kg_m2", 5e-4),)
 
+    def possible(self, robot) -> bool:
+        return (robot.joints[self.index].rotor_inertia or 0.0) + self.values[0] >= 0.0
+
     def change(self, view) -> Change:
         ratio = view.robot.controller_ratios[self.index]
         acceleration = view.signals["theta_ddot"][:, self.index]

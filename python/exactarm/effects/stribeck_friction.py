@@ -28,7 +28,7 @@ class StribeckFriction(DriveEffect):
 
     def parameters(self) -> tuple[Parameter, ...]:
         return (
-            Parameter("breakaway_Nm", 10.0),
+            Parameter("breakaway_Nm", 10.0, lower=0.0),
             Parameter("velocity_rad_s", 0.3, 0.01, 5.0, search=(0.03, 0.06, 0.1, 0.2, 0.4, 0.8)),
         )
 

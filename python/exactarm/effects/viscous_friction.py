@@ -21,7 +21,7 @@ class ViscousFriction(DriveEffect):
     source: ClassVar[str] = "Armstrong-Helouvry, Dupont and Canudas de Wit 1994; thesis (2.22)"
 
     def parameters(self) -> tuple[Parameter, ...]:
-        return (Parameter("coefficient_Nm_s", 10.0),)
+        return (Parameter("coefficient_Nm_s", 10.0, lower=0.0),)
 
     def change(self, view) -> Change:
         rate = self.rate(view)

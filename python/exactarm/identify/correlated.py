@@ -41,16 +41,19 @@ def uncertainty(
     runs: Sequence[np.ndarray],
     step: float,
     filtered_noise: Callable[[int], np.ndarray] = lambda lags: np.eye(1, lags + 1)[0],
+    prior: np.ndarray | None = None,
 ) -> Uncertainty:
     """jacobian (N, m, P), residual (N, m), sigma (m,); `runs`: row indices in the order of time, `step` in s.
 
-    `filtered_noise(lags)`: autocorrelation (lags + 1,) of white noise behind the filter that the rows have passed.
+    `filtered_noise(lags)`: autocorrelation (lags + 1,) of white noise behind the filter that the rows have passed;
+    prior (P,): standard deviations of Gaussian priors, inf = none.
     """
     rows, axes, size = jacobian.shape
     shortest = min(len(run) for run in runs)
     lags = int(np.clip(np.ceil(_LAG_S / step), 1, max(shortest // 4, 1)))
     least = filtered_noise(lags)
-    normal, score = np.zeros((size, size)), np.zeros((size, size))
+    known = np.zeros((size, size)) if prior is None else np.diag(prior**-2.0)
+    normal, score = known.copy(), known.copy()
     effective = np.empty(axes)
     for a in range(axes):
         columns = jacobian[:, a] / sigma[a]
@@ -60,7 +63,7 @@ def uncertainty(
         effective[a] = rows / max(1.0 + 2.0 * tapered[1:].sum(), 1.0)
         normal += columns.T @ columns
         kernel = np.concatenate([tapered[:0:-1], tapered])[:, None]
-        for run in runs:
+        for run in runs if size else ():
             score += columns[run].T @ signal.fftconvolve(columns[run], kernel, mode="same", axes=0)
     scale = np.sqrt(np.maximum(np.diag(normal), np.finfo(float).tiny))
     inverse = linalg.pinvh(normal / np.outer(scale, scale)) / np.outer(scale, scale)

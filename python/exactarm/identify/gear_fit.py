@@ -13,11 +13,12 @@ import numpy as np
 from exactarm.chain import GearRecord, GearRunPrediction, Layout, gear_record, predict_gear_run
 from exactarm.dataset import Dataset
 from exactarm.identify.drifting_noise import DriftingNoise
-from exactarm.regression import Evaluation, Fit, least_squares
+from exactarm.identify.layout_fit import fit_layout
+from exactarm.regression import Fit
 from exactarm.robot import Robot
 
-_ROUNDS = 2
-_LEAST_SIGMA = 1e-9
+_LEAST_SIGMA = 1e-9  # rad/s or rad
+_TOLERANCE = 1e-8  # relative fall of the square sum that ends a fit
 
 
 @dataclass(frozen=True)
@@ -48,53 +49,23 @@ def fit_gear_runs(
     """Estimates the free parameters of `layout`; `weights` (N,) per row, 0 leaves it out; `drift`: of the noise."""
     record = gear_record(robot, data) if record is None else record
     used = record.keep.astype(float) if weights is None else record.keep * weights
-    parameters = layout.parameters
-    bounds = np.array([p.lower for p in parameters]), np.array([p.upper for p in parameters])
-    centre, spread = _priors(layout)
-    prior = np.flatnonzero(np.isfinite(spread))
     white = (lambda values: values) if drift is None else drift.white
-
     known: dict[bytes, GearRunPrediction] = {}
 
-    def predicted(at: np.ndarray) -> GearRunPrediction:
+    def predicted(at: Layout) -> GearRunPrediction:
         # Nearly every trial is accepted, so its tangents come along at once.
-        if at.tobytes() not in known:
+        key = at.values.tobytes()
+        if key not in known:
             known.clear()
-            known[at.tobytes()] = predict_gear_run(robot, layout.at(at), data, record=record, threads=threads)
-        return known[at.tobytes()]
+            known[key] = predict_gear_run(robot, at, data, record=record, threads=threads)
+        return known[key]
 
-    def evaluate(x: np.ndarray, with_jacobian: bool) -> Evaluation:
-        prediction = predicted(x)
-        residual = np.concatenate([white(prediction.residual()).ravel(), (centre - x)[prior] / spread[prior]])
-        if not with_jacobian:
-            return Evaluation(residual, None)
-        drawn = np.zeros((prior.size, layout.size))
-        drawn[np.arange(prior.size), prior] = 1.0 / spread[prior]
-        return Evaluation(residual, np.concatenate([white(prediction.jacobian).reshape(-1, layout.size), drawn]))
+    def predict(at: Layout, with_jacobian: bool):
+        prediction = predicted(at)
+        return white(prediction.residual()), white(prediction.jacobian) if with_jacobian and at.size else None
 
-    x = layout.values
-    sigma = _component_sigma(white(predicted(x).residual()), used)
-    for _ in range(_ROUNDS):
-        weight = np.concatenate([(used[:, None] / sigma).ravel(), np.ones(prior.size)])
-        fit = least_squares(evaluate, x, weights=weight, bounds=bounds, tolerance=1e-8)
-        x = fit.x
-        prediction = predicted(x)
-        before, sigma = sigma, _component_sigma(white(prediction.residual()), used)
-        if np.all(np.abs(sigma / before - 1.0) < 0.2):
-            break
-    return GearFit(robot, layout.at(x), fit, sigma, prediction)
-
-
-def _priors(layout: Layout) -> tuple[np.ndarray, np.ndarray]:
-    """Centre and standard deviation (P,) of each parameter's prior: the declared value with its plausible spread, or
-    what the effect itself asks for around zero; infinite for the others."""
-    centre, spread = np.zeros(layout.size), np.array(layout.prior, float)
-    for effect, mask, where in zip(layout.effects, layout.free, layout.slices):
-        if getattr(effect, "drawn_to_declared", False):
-            centre[where] = np.array(effect.values)[mask]
-            spread[where] = np.array([p.plausible for p in effect.parameters()])[mask]
-    return centre, spread
-
-
-def _component_sigma(residual: np.ndarray, used: np.ndarray) -> np.ndarray:
-    return np.maximum(np.sqrt(np.mean(residual[used > 0] ** 2, axis=0)), _LEAST_SIGMA)
+    components = predicted(layout).residual().shape[1]
+    found = fit_layout(
+        predict, layout, used, alike=np.arange(components), floor=_LEAST_SIGMA, tolerance=_TOLERANCE,
+    )
+    return GearFit(robot, found.layout, found.fit, found.sigma, predicted(found.layout))

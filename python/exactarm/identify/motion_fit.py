@@ -1,22 +1,20 @@
 """Fits a layout to motions: weighted least squares of the drive torque, each axis with its own noise.
 
-The weights are the inverse variances of the residuals, found by iteration (iterated weighted least squares;
-Swevers, Ganseman, Tukel, De Schutter and Van Brussel 1997); the intervals count filtered samples as what they are.
+Weights and parameters are estimated together (layout_fit.py); the intervals count filtered samples as what they are.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from exactarm.chain import Layout, MotionPrediction, MotionRecord, predict_motion
 from exactarm.identify.correlated import Uncertainty, uncertainty
-from exactarm.regression import Evaluation, Fit, least_squares
+from exactarm.identify.layout_fit import fit_layout, priors_of
+from exactarm.regression import Fit
 from exactarm.robot import Robot
 
-_ROUNDS = 6
-_SETTLED = 0.01
 _LEAST_SHARE = 1e-6  # of an axis' torque: exact data leave no noise to weigh by
 _LEAST_OF_ALL = 1e-9  # of the largest axis' torque, for an axis that reports none at all
 _LEAST_NM = 1e-12  # where no axis does
@@ -47,49 +45,38 @@ class MotionFit:
 
 
 def fit_motion(
-    robot: Robot, layout: Layout, record: MotionRecord, *, weights: np.ndarray | None = None, threads: int = 1
+    robot: Robot, layout: Layout, record: MotionRecord, *, weights: np.ndarray | None = None,
+    sigma: np.ndarray | None = None, threads: int = 1,
 ) -> MotionFit:
     """Estimates the free parameters of `layout` on the rows of `record` (weights (N,) per row, 0 leaves it out)."""
     axes = record.measured_axes
-    row_weight = record.keep.astype(float) * (1.0 if weights is None else weights)
-    rows = np.flatnonzero(row_weight)
-    lower = np.array([p.lower for p in layout.parameters])
-    upper = np.array([p.upper for p in layout.parameters])
+    weight = record.keep.astype(float) * (1.0 if weights is None else weights)
+    rows = np.flatnonzero(weight)
 
-    def evaluate(x: np.ndarray, with_jacobian: bool) -> Evaluation:
-        prediction = predict_motion(robot, layout.at(x), record, tangents=with_jacobian, threads=threads)
-        residual = prediction.residual()[np.ix_(rows, axes)]
-        jacobian = None
-        if with_jacobian:
-            jacobian = np.zeros((residual.size, layout.size))
-            if layout.size:
-                jacobian = prediction.jacobian[np.ix_(rows, axes)].reshape(residual.size, -1)
-        return Evaluation(residual.ravel(), jacobian)
+    def predict(at: Layout, with_jacobian: bool):
+        prediction = predict_motion(robot, at, record, tangents=with_jacobian, threads=threads)
+        return prediction.residual()[:, axes], prediction.jacobian[:, axes] if with_jacobian and at.size else None
 
     torque = np.sqrt(np.mean(record.torque[np.ix_(rows, axes)] ** 2, axis=0))
     floor = np.maximum(_LEAST_SHARE * torque, max(_LEAST_OF_ALL * torque.max(), _LEAST_NM))
-    sigma, x = np.maximum(torque, floor), layout.values
-    for _ in range(_ROUNDS):
-        each = (row_weight[rows, None] / sigma).ravel()
-        fit = least_squares(evaluate, x, weights=each, bounds=(lower, upper))
-        residual = fit.residual.reshape(len(rows), -1)
-        share = max(1.0 - layout.size / residual.size, 0.1)
-        new = np.maximum(np.sqrt(np.mean(residual**2, axis=0) / share), floor)
-        settled = np.all(np.abs(new / sigma - 1.0) < _SETTLED)
-        x, sigma = fit.x, new
-        if settled:
-            break
-    prediction = predict_motion(robot, layout.at(x), record, threads=threads)
-    found = _uncertainty(prediction, residual, sigma, rows, axes, record, layout.size)
-    return MotionFit(robot, layout.at(x), fit, sigma, axes, found, prediction)
+    first = np.maximum(torque, floor) if sigma is None else sigma
+    fitted = fit_layout(predict, layout, weight, first, alike=np.arange(axes.size), floor=floor)
+    prediction = predict_motion(robot, fitted.layout, record, threads=threads)
+    residual = prediction.residual()[np.ix_(rows, axes)]
+    found = _uncertainty(prediction, residual, fitted.sigma, rows, axes, record, layout, fitted.fit.at_bound)
+    return MotionFit(robot, fitted.layout, fitted.fit, fitted.sigma, axes, found, prediction)
 
 
-def _uncertainty(prediction, residual, sigma, rows, axes, record, size) -> Uncertainty:
-    jacobian = np.zeros((len(rows), len(axes), size))
-    if size:
+def _uncertainty(prediction, residual, sigma, rows, axes, record, layout, held) -> Uncertainty:
+    """Of the free parameters; none of those that `held` (P,) says a bound holds."""
+    jacobian = np.zeros((len(rows), len(axes), layout.size))
+    if layout.size:
         jacobian = prediction.jacobian[np.ix_(rows, axes)]
     place = np.full(len(record.keep), -1)
     place[rows] = np.arange(len(rows))
     runs = [place[run][place[run] >= 0] for run in record.runs]
-    return uncertainty(jacobian, residual, sigma, [run for run in runs if run.size], record.step,
-                       record.noise_autocorrelation)
+    found = uncertainty(jacobian[:, :, ~held], residual, sigma, [run for run in runs if run.size], record.step,
+                        record.noise_autocorrelation, priors_of(layout)[1][~held])
+    covariance = np.zeros((layout.size, layout.size))
+    covariance[np.ix_(~held, ~held)] = found.covariance
+    return replace(found, covariance=covariance)

@@ -1,7 +1,6 @@
 """Fits a layout to static poses: weighted least squares through the chain, frames of all sessions at once.
 
-Position and orientation carry different noise; where both are used, their variances are estimated from the
-residuals and the fit is repeated (iterative variance-component estimation, Förstner 1979).
+Position and orientation carry different noise: two variances, estimated together with the parameters (layout_fit.py).
 """
 
 from __future__ import annotations
@@ -12,11 +11,11 @@ import numpy as np
 
 from exactarm.chain import Layout, predict_poses
 from exactarm.dataset import Dataset
-from exactarm.regression import Evaluation, Fit, least_squares
+from exactarm.identify.layout_fit import fit_layout
+from exactarm.regression import Fit
 from exactarm.robot import Robot
 
-_VARIANCE_ROUNDS = 4
-_VARIANCE_TOLERANCE = 0.05
+_FIRST_SIGMA = 1e-4  # m, rad
 
 
 @dataclass(frozen=True)
@@ -53,42 +52,15 @@ def fit_poses(
     """Estimates the free parameters of `layout` from all rows of `data`. `weights` (N,) per row, 0 leaves
     it out; `sigma` (1,) or (2,): first guess of the standard deviations (m, rad);
     `tolerance`: relative fall of the square sum at which the search ends."""
-    rows = len(data.session)
-    row_weight = np.ones(rows) if weights is None else weights
-    lower = np.array([p.lower for p in layout.parameters])
-    upper = np.array([p.upper for p in layout.parameters])
-
-    pull = layout.prior_rows()
-
-    def evaluate(x: np.ndarray, with_jacobian: bool) -> Evaluation:
-        prediction = predict_poses(robot, layout.at(x), data, tangents=with_jacobian, threads=threads)
+    def predict(at: Layout, with_jacobian: bool):
+        prediction = predict_poses(robot, at, data, tangents=with_jacobian, threads=threads)
         residual = prediction.residual(orientation)
-        jacobian = None
-        if with_jacobian:
-            jacobian = prediction.jacobian[:, : residual.shape[1]].reshape(residual.size, -1)
-            jacobian = np.concatenate([jacobian, pull])
-        return Evaluation(np.concatenate([residual.ravel(), -pull @ x]), jacobian)
+        return residual, prediction.jacobian[:, : residual.shape[1]] if with_jacobian and at.size else None
 
-    kinds = 2 if orientation else 1
-    sigma = np.full(kinds, 1e-4) if sigma is None else np.asarray(sigma, float)
-    x = layout.values
-    for _ in range(_VARIANCE_ROUNDS if orientation or len(pull) else 1):
-        each = np.repeat(1.0 / sigma, 3)
-        fit = least_squares(
-            evaluate,
-            x,
-            weights=np.concatenate([(row_weight[:, None] * each).ravel(), np.ones(len(pull))]),
-            bounds=(lower, upper),
-            robust=robust,
-            group=3,
-            data_rows=rows * 3 * kinds,
-            tolerance=tolerance,
-        )
-        residual = fit.clipped[: rows * 3 * kinds].reshape(rows, -1)[row_weight > 0]
-        share = 1.0 - layout.size / max(fit.freedom + layout.size, 1)
-        new = np.sqrt(np.array([np.mean(part**2) for part in np.split(residual, residual.shape[1] // 3, axis=1)]) / share)
-        x = fit.x
-        if not (orientation or len(pull)) or np.all(np.abs(new / sigma - 1.0) < _VARIANCE_TOLERANCE):
-            break
-        sigma = np.maximum(new, 1e-12)
-    return PoseFit(robot, layout.at(fit.x), fit, float(new[0]), float(new[1]) if orientation else None)
+    weight = np.ones(len(data.session)) if weights is None else weights
+    alike = np.repeat(np.arange(2 if orientation else 1), 3)
+    first = np.full(alike.size, _FIRST_SIGMA) if sigma is None else np.repeat(np.asarray(sigma, float), 3)
+    found = fit_layout(predict, layout, weight, first, alike=alike, robust=robust, tolerance=tolerance)
+    return PoseFit(
+        robot, found.layout, found.fit, float(found.sigma[0]), float(found.sigma[3]) if orientation else None
+    )

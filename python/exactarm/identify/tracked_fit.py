@@ -15,8 +15,9 @@ from exactarm.chain.motion_record import unthinned_record
 from exactarm.dataset import Dataset
 from exactarm.errors import InputError
 from exactarm.identify.declared import carried_layout, frames_layout, require_geometry
+from exactarm.identify.layout_fit import fit_layout
 from exactarm.identify.match import require_match
-from exactarm.regression import Evaluation, Fit, least_squares
+from exactarm.regression import Fit
 from exactarm.robot import Robot
 from exactarm.split import DEFAULT_SEED
 
@@ -26,7 +27,8 @@ _LONGEST_STEP_S, _SHAKEN_STEP_S = 0.04, 0.01  # the second where declared gear e
 _STATIC_ROWS = 400  # from which frames are found, as if the arm stood still in them
 _LEAST_ROWS = 30  # of a run
 _STILL_S = 0.15  # from the start of a run: its accelerations are not known well enough to tell how the springs swing
-_PRIOR_ROUNDS, _SETTLED = 4, 0.05
+_FIRST_SIGMA_M = 1e-4
+_TOLERANCE = 1e-7  # relative fall of the square sum that ends a fit
 
 
 @dataclass(frozen=True)
@@ -92,38 +94,18 @@ def predict_record(robot: Robot, layout: Layout, record: MotionRecord, *, tangen
 
 
 def fit_tracked(
-    robot: Robot, layout: Layout, record: MotionRecord, *, share: float = 1.0, sigma: float | None = None,
-    threads: int = 1,
+    robot: Robot, layout: Layout, record: MotionRecord, *, weights: np.ndarray | None = None,
+    sigma: float | None = None, threads: int = 1,
 ) -> TrackedFit:
-    """Estimates the free parameters of `layout`. share: independent numbers per number (correlated noise counts less).
-    Rows at reversals that no model defines count for nothing."""
-    lower = np.array([p.lower for p in layout.parameters])
-    upper = np.array([p.upper for p in layout.parameters])
-    rows, pull = np.flatnonzero(~record.at_reversal), layout.prior_rows()
-    numbers = 3 * rows.size
+    """Estimates the free parameters of `layout`. weights (N,): square root of the independent numbers that a row's number
+    is worth (correlated noise counts less). Rows at reversals that no model defines count for nothing."""
 
-    def evaluate(x: np.ndarray, with_jacobian: bool) -> Evaluation:
-        prediction = predict_record(robot, layout.at(x), record, tangents=with_jacobian, threads=threads)
-        jacobian = None
-        if with_jacobian:
-            jacobian = np.zeros((numbers, layout.size))
-            if layout.size:
-                jacobian = prediction.jacobian[rows, :3].reshape(numbers, -1)
-            jacobian = np.concatenate([jacobian, pull])
-        return Evaluation(np.concatenate([prediction.residual()[rows].ravel(), -pull @ x]), jacobian)
+    def predict(at: Layout, with_jacobian: bool):
+        prediction = predict_record(robot, at, record, tangents=with_jacobian, threads=threads)
+        return prediction.residual(), prediction.jacobian[:, :3] if with_jacobian and at.size else None
 
-    sigma, x = 1e-4 if sigma is None else sigma, layout.values
-    for _ in range(_PRIOR_ROUNDS if len(pull) else 1):
-        weights = np.concatenate([np.full(numbers, np.sqrt(share) / sigma), np.ones(len(pull))])
-        fit = least_squares(evaluate, x, weights=weights, bounds=(lower, upper), data_rows=numbers, tolerance=1e-7)
-        square = np.sum(fit.residual[:numbers] ** 2)
-        new = float(np.sqrt(square / max(numbers - layout.size, 1)))
-        x, settled = fit.x, abs(new / sigma - 1.0) < _SETTLED
-        sigma = max(new, 1e-12)
-        if settled:
-            break
-    layout = layout.at(fit.x)
-    prediction = predict_record(robot, layout, record, threads=threads)
-    # With the standard deviation that was found, whatever the weights of the last round were.
-    return TrackedFit(layout, fit, sigma, prediction)
-
+    weight = (~record.at_reversal).astype(float) * (1.0 if weights is None else weights)
+    first = np.full(3, _FIRST_SIGMA_M if sigma is None else sigma)
+    found = fit_layout(predict, layout, weight, first, alike=np.zeros(3, int), tolerance=_TOLERANCE)
+    prediction = predict_record(robot, found.layout, record, threads=threads)
+    return TrackedFit(found.layout, found.fit, float(found.sigma[0]), prediction)

@@ -1,0 +1,126 @@
+"""One fit for every kind of data: a layout's free parameters by weighted least squares, with its noise.
+
+    minimise  sum_ia (w_i e_ia(x) / sigma_a)^2 + sum_p ((x_p - c_p) / s_p)^2     over the parameters' bounds
+
+e (N, m): measured minus predicted; w (N,): square root of the information of a row, 0 leaves it out; sigma (m,) of the
+components, estimated from the residuals until both agree (iterative variance components, Förstner 1979; iterated
+weighted least squares, Swevers, Ganseman, Tukel, De Schutter and Van Brussel 1997); c, s: Gaussian priors, those of
+many terms that regularise each other. The result depends on the arguments alone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Callable
+
+import numpy as np
+from scipy import linalg
+
+from exactarm.chain import Layout
+from exactarm.regression import Evaluation, Fit, least_squares
+
+Predict = Callable[[Layout, bool], tuple[np.ndarray, np.ndarray | None]]
+
+_ROUNDS = 12
+_SETTLED = 0.01  # relative change of a standard deviation
+_LEAST_FREE_SHARE = 0.1  # of the numbers that is left for the noise, however many parameters there are
+
+
+@dataclass(frozen=True)
+class LayoutFit:
+    """The layout at its estimate, the fit, and the standard deviation (m,) of each component of an independent row."""
+
+    layout: Layout
+    fit: Fit
+    sigma: np.ndarray
+
+
+def fit_layout(
+    predict: Predict,
+    layout: Layout,
+    weight: np.ndarray,
+    sigma: np.ndarray | None = None,
+    *,
+    alike: np.ndarray,
+    floor: np.ndarray | float = 1e-12,
+    robust: bool = False,
+    tolerance: float = 1e-10,
+) -> LayoutFit:
+    """Estimates the free parameters of `layout`.
+
+    predict(layout, with_jacobian): residual (N, m) and Jacobian (N, m, P) of the prediction, or None, of noise that is
+    independent from row to row. sigma (m,): first guess, None = from the residual at the start; alike (m,): number of
+    the variance that a component has, from 0; floor (m,): no sigma is smaller. robust: Huber's loss on whole rows.
+    """
+    parameters, rows = layout.parameters, np.flatnonzero(weight > 0.0)
+    bounds = np.array([p.lower for p in parameters]), np.array([p.upper for p in parameters])
+    centre, spread = priors_of(layout)
+    drawn = np.flatnonzero(np.isfinite(spread))
+    pull = np.eye(layout.size)[drawn] / spread[drawn, None]
+
+    latest: list[np.ndarray] = []  # the Jacobian of the data at the last point that was accepted
+
+    def evaluate(x: np.ndarray, with_jacobian: bool) -> Evaluation:
+        residual, jacobian = predict(layout.at(x), with_jacobian)
+        value = np.concatenate([residual[rows].ravel(), pull @ (centre - x)])
+        if not with_jacobian:
+            return Evaluation(value, None)
+        columns = np.zeros((value.size - drawn.size, layout.size))
+        if layout.size:
+            columns[:] = jacobian[rows].reshape(columns.shape)
+        latest[:] = [columns]
+        return Evaluation(value, np.concatenate([columns, pull]))
+
+    x, components = layout.values, len(alike)
+    if sigma is None:
+        start = evaluate(x, False).residual[: rows.size * components].reshape(-1, components)
+        sigma = np.maximum(_spread(start, np.zeros(components), alike), floor)
+    one_scale = not drawn.size and np.unique(alike).size == 1  # which no estimate hangs on
+    for _ in range(_ROUNDS):
+        each = (weight[rows, None] / sigma).ravel()
+        fit = least_squares(
+            evaluate, x, weights=np.concatenate([each, np.ones(drawn.size)]), bounds=bounds, robust=robust,
+            group=_group(alike), data_rows=each.size, tolerance=tolerance,
+        )
+        spent = _spent((each[:, None] * latest[0])[:, ~fit.at_bound], pull[:, ~fit.at_bound], components)
+        new = np.maximum(_spread(fit.clipped[: each.size].reshape(-1, components), spent, alike), floor)
+        settled = one_scale or bool(np.all(np.abs(new / sigma - 1.0) < _SETTLED))
+        x, sigma = fit.x, new
+        if settled:
+            break
+    if not settled and fit.converged:
+        fit = replace(fit, reason=f"noise and parameters did not settle on each other in {_ROUNDS} rounds")
+    return LayoutFit(layout.at(x), fit, sigma)
+
+
+def _spread(residual: np.ndarray, spent: np.ndarray, alike: np.ndarray) -> np.ndarray:
+    """(m,) standard deviations of the components of (n, m); spent (m,): parameters that each has paid for."""
+    square = np.bincount(alike, weights=np.sum(residual**2, axis=0))
+    numbers = len(residual) * np.bincount(alike)
+    left = np.maximum(numbers - np.bincount(alike, weights=spent), _LEAST_FREE_SHARE * numbers)
+    return np.sqrt(square / np.maximum(left, 1e-300))[alike]
+
+
+def _spent(rows: np.ndarray, pull: np.ndarray, components: int) -> np.ndarray:
+    """(m,) leverage of each component's weighted rows (n m, P): what is measured best pays for most parameters."""
+    scale = np.sqrt(np.sum(rows**2, axis=0) + np.sum(pull**2, axis=0))
+    rows, pull = rows[:, scale > 0.0] / scale[scale > 0.0], pull[:, scale > 0.0] / scale[scale > 0.0]
+    each = [rows[a::components].T @ rows[a::components] for a in range(components)]
+    inverse = linalg.pinvh(sum(each) + pull.T @ pull) if rows.shape[1] else np.zeros((0, 0))
+    return np.array([np.sum(inverse * gram) for gram in each])
+
+
+def priors_of(layout: Layout) -> tuple[np.ndarray, np.ndarray]:
+    """Centre and standard deviation (P,) of each free parameter's prior: zero with the spread that it asks for, or the
+    declared value with its plausible spread where the effect is drawn to it; infinite for the others."""
+    centre, spread = np.zeros(layout.size), np.array(layout.prior, float)
+    for effect, mask, where in zip(layout.effects, layout.free, layout.slices):
+        if effect.drawn_to_declared:
+            centre[where] = np.array(effect.values)[mask]
+            spread[where] = np.array([p.plausible for p in effect.parameters()])[mask]
+    return centre, spread
+
+
+def _group(alike: np.ndarray) -> int:
+    """Components that share one variance share a robust weight."""
+    return int(np.bincount(alike).min())

@@ -1,0 +1,109 @@
+"""One fit for every kind: priors, weights and bounds count, intervals hold the truth, an unsettled noise is said."""
+
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+import pytest
+
+from exactarm.chain import Layout
+from exactarm.effects.base import Effect, Parameter, Station
+from exactarm.identify import layout_fit
+from exactarm.identify.layout_fit import fit_layout
+
+PRIOR = 0.3
+
+
+@dataclass(frozen=True)
+class Line(Effect):
+    """Four numbers: the second regularised, the fourth not negative."""
+
+    name: ClassVar[str] = "line"
+    station: ClassVar[Station] = Station.DEVICE
+
+    def parameters(self):
+        return (Parameter("one", 1.0), Parameter("two", 1.0, prior=PRIOR), Parameter("three", 2.0),
+                Parameter("four", 1.0, lower=0.0))
+
+
+@dataclass(frozen=True)
+class DrawnLine(Line):
+    drawn_to_declared: ClassVar[bool] = True
+
+
+def linear(columns, measured):
+    """columns (N, m, 4), measured (N, m)"""
+    def predict(layout, with_jacobian):
+        return measured - columns @ np.array(layout.effects[0].values), columns[:, :, layout.free[0]]
+
+    return predict
+
+
+def layout(values=(0.0, 0.0, 0.0, 0.0), effect=Line):
+    return Layout.of((effect(None, values),))
+
+
+def case(rng, rows=60, components=2, sigma=(0.1, 2.0), truth=(1.0, 0.2, -2.0, 0.5)):
+    columns = rng.normal(size=(rows, components, 4))
+    return columns, columns @ np.array(truth) + rng.normal(size=(rows, components)) * sigma
+
+
+def test_components_are_weighed_by_their_own_noise():
+    found = fit_layout(linear(*case(np.random.default_rng(1), 4000)), layout(), np.ones(4000), alike=np.arange(2))
+    assert found.fit.converged
+    np.testing.assert_allclose(found.sigma, [0.1, 2.0], rtol=0.05)
+    np.testing.assert_allclose(found.fit.x, [1.0, 0.2, -2.0, 0.5], atol=0.01)
+
+
+@pytest.mark.parametrize(("effect", "centre", "spread"), [
+    (Line, [0.0] * 4, [np.inf, PRIOR, np.inf, np.inf]), (DrawnLine, [0.5] * 4, [1.0, 1.0, 2.0, 1.0]),
+])
+def test_priors_are_pseudo_observations(effect, centre, spread):
+    columns, measured = case(np.random.default_rng(2), 12)
+    found = fit_layout(linear(columns, measured), layout((0.5,) * 4, effect), np.ones(12), alike=np.arange(2))
+    scaled, known = columns / found.sigma[:, None], np.diag(np.array(spread) ** -2.0)
+    normal = np.einsum("naj,nak->jk", scaled, scaled) + known
+    right = np.einsum("naj,na->j", scaled, measured / found.sigma) + known @ centre
+    np.testing.assert_allclose(found.fit.x, np.linalg.solve(normal, right), rtol=1e-2)
+
+
+def test_rows_without_weight_have_no_say():
+    columns, measured = case(np.random.default_rng(3))
+    weight = np.where(np.arange(60) < 40, 1.0, 0.0)
+    spoilt = measured + (1.0 - weight)[:, None] * 1e6
+    with_them = fit_layout(linear(columns, spoilt), layout(), weight, alike=np.arange(2))
+    without = fit_layout(linear(columns[:40], measured[:40]), layout(), np.ones(40), alike=np.arange(2))
+    assert np.array_equal(with_them.fit.x, without.fit.x) and with_them.fit.freedom == without.fit.freedom
+
+
+def test_what_a_bound_holds_is_said_and_has_no_interval():
+    columns, measured = case(np.random.default_rng(4), truth=(1.0, 0.2, -2.0, -0.5))
+    found = fit_layout(linear(columns, measured), layout((0.0, 0.0, 0.0, 1.0)), np.ones(60), alike=np.arange(2))
+    assert found.fit.at_bound.tolist() == [False, False, False, True] and found.layout.values[3] == 0.0
+    assert found.fit.covariance[3, 3] == 0.0
+
+
+def test_intervals_hold_the_truth_in_19_of_20_repeats():
+    """300 data sets of 3 parameters (the one with a prior drawn from it): 95 % within 3 standard errors."""
+    rng, inside = np.random.default_rng(5), []
+    for _ in range(300):
+        truth = np.array([1.0, rng.normal(0.0, PRIOR), -2.0, 5.0])
+        columns, measured = case(rng, 25, truth=truth)
+        low, high = fit_layout(linear(columns, measured), layout(), np.ones(25), alike=np.arange(2)).fit.interval().T
+        inside.append((low < truth) & (truth < high))
+    assert abs(np.mean(inside) - 0.95) < 3.0 * np.sqrt(0.95 * 0.05 / 300 / 4)
+
+
+def test_noise_that_does_not_settle_is_no_convergence(monkeypatch):
+    monkeypatch.setattr(layout_fit, "_ROUNDS", 1)
+    found = fit_layout(linear(*case(np.random.default_rng(6))), layout(), np.ones(60), np.full(2, 1e3), alike=np.arange(2))
+    assert not found.fit.converged and "did not settle" in found.fit.reason
+
+
+def test_the_same_arguments_give_the_same_bits():
+    columns, measured = case(np.random.default_rng(7))
+    predict = linear(columns, measured)
+    first = fit_layout(predict, layout(), np.ones(60), alike=np.arange(2))
+    fit_layout(predict, replace(layout(), free=(np.array([True, False, False, False]),)), np.ones(60), alike=np.arange(2))
+    again = fit_layout(predict, layout(), np.ones(60), alike=np.arange(2))
+    assert np.array_equal(first.fit.x, again.fit.x) and np.array_equal(first.sigma, again.sigma)
