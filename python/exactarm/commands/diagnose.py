@@ -110,6 +110,8 @@ def _json(result: Diagnosis) -> dict:
         "sentence": result.sentence,
         "next_experiment": result.next_experiment or "",
         "left_out": list(result.left_out),
+        "converged": result.converged,
+        "warnings": list(result.unconverged),
     } | axes | _posterior(result)
 
 

@@ -88,8 +88,8 @@ def _sections(robot: Robot, result: Diagnosis, found: list[tuple[Finding, Contri
         _dossier_table("What the error still follows, after", result.dossier_after),
     ]
     outliers = (f"{result.excluded} identification rows were left out as outliers",) if result.excluded else ()
-    if outliers or result.left_out:
-        sections.append(Warnings((*outliers, *result.left_out)))
+    if outliers or result.left_out or result.unconverged:
+        sections.append(Warnings((*result.unconverged, *outliers, *result.left_out)))
     return sections
 
 

@@ -59,6 +59,7 @@ def gear(
                  "set": "identification" if h.fitted else "validation", "n": h.rows, "rms_before": h.before,
                  "rms_after": h.after} for h in result.held_out
             ],
+            "converged": result.converged,
             "warnings": list(result.warnings),
         },
         report=gear_report(declared, result, rows.split_rule()),

@@ -23,6 +23,7 @@ from exactarm.diagnose.own_share import own_shares
 from exactarm.diagnose.posterior import Causes, find_causes, selection_of
 from exactarm.diagnose.selection import Accepted, Progress, Selection, refit, select
 from exactarm.diagnose.verdict import (
+    no_verdict,
     MUCH_LEFT, NOTHING, UNEXPLAINED, held_out_excess, sentence_of, verdict_by_rules, verdict_of_causes,
 )
 from exactarm.effects.base import Effect
@@ -94,11 +95,17 @@ class Diagnosis:
     contributions: tuple[Contribution, ...] = ()
     in_space: InSpace | None = None
     causes: Causes | None = None
+    unconverged: tuple[str, ...] = ()
 
     @property
     def unknown(self) -> tuple[str, ...]:
         """What is known of causes that the library lacks, in words."""
         return () if self.causes is None else self.causes.unknown
+
+    @property
+    def converged(self) -> bool:
+        """Whether the fits that the verdict rests on have all arrived."""
+        return not self.unconverged
 
 
 def diagnose(
@@ -133,6 +140,9 @@ def diagnose(
     unknown = causes.unknown if causes is not None else ()
     if verdict == NOTHING and not noise.measured and problem.share_of_measured(last) > MUCH_LEFT:
         verdict = UNEXPLAINED  # a floor that comes from the fit proves nothing by itself
+    unconverged = _unconverged(selection)
+    if unconverged:
+        verdict = UNEXPLAINED
     return Diagnosis(
         robot=_bound(problem.updated_robot(last), robot, data),
         kind=problem.kind,
@@ -143,8 +153,10 @@ def diagnose(
         findings=findings,
         alternatives=alternatives,
         verdict=verdict,
-        sentence=sentence_of(verdict, findings, alternatives, before, after, left, excess, unknown),
+        sentence=no_verdict(unconverged) if unconverged else sentence_of(
+            verdict, findings, alternatives, before, after, left, excess, unknown),
         causes=causes,
+        unconverged=unconverged,
         excess=excess,
         next_experiment=next_experiment(problem, last, findings, alternatives),
         dossier_before=had,
@@ -159,6 +171,13 @@ def diagnose(
         contributions=contributions(problem, last, declared),
         in_space=problem.in_space(first, last),
     )
+
+
+def _unconverged(selection: Selection) -> tuple[str, ...]:
+    """In words: which of the fits that a verdict rests on stopped before they had arrived."""
+    fits = {"of the declared model": selection.fits[0], "with the effects found": selection.fits[-1]}
+    return tuple(f"the fit {name} did not converge: {fitted.fit.reason}" for name, fitted in fits.items()
+                 if not fitted.fit.converged)
 
 
 def _bound(updated: Robot, robot: Robot, data: Dataset) -> Robot:

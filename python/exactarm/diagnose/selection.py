@@ -13,7 +13,7 @@ from typing import Callable
 
 import numpy as np
 
-from exactarm.chain import Layout
+from exactarm.chain import Layout, View
 from exactarm.diagnose.cross_validation import folds_of, held_out_squares
 from exactarm.diagnose.forms import best_form, forms_of, same_family
 from exactarm.diagnose.problem import Fitted, Problem, orthonormal, rows_kept
@@ -21,7 +21,9 @@ from exactarm.diagnose.row_scatter import robust_evidence
 from exactarm.diagnose.scan import Candidate, free_mask, prior_of, scan
 from exactarm.effects import library
 from exactarm.effects.base import Effect
+from exactarm.split import STANDS_STILL
 
+LEAST_PROBABILITY = 0.5  # of an effect in the model, among all that could stand in its place
 LEAST_EVIDENCE = 5.0  # log Bayes factor; all candidates tried are already paid for
 MOST_EFFECTS = 16
 _SHORTLIST = 12
@@ -68,7 +70,14 @@ def candidates_for(problem: Problem, fitted: Fitted) -> list[Effect]:
     for cls in library().values():
         if problem.shows(cls) and not cls.declared:
             found += [e for e in cls.candidates(problem.robot, fitted.view) if e.repeatable or e.label not in taken]
-    return found
+    moves = _moving(fitted.view)
+    return [effect for effect in found if effect.joint is None or moves[effect.index]]
+
+
+def _moving(view: View) -> np.ndarray:
+    """(n,) bool: axes that move; nothing is told of one that stands still, whatever else would look the same."""
+    span = np.ptp(view.theta, axis=0) / np.abs(view.robot.ratios)
+    return span > STANDS_STILL * max(float(span.max()), np.finfo(float).tiny)
 
 
 def select(problem: Problem, declared: Layout, progress: Progress = lambda text: None) -> Selection:
@@ -78,6 +87,7 @@ def select(problem: Problem, declared: Layout, progress: Progress = lambda text:
     while len(chosen) < MOST_EFFECTS:
         progress(f"searching with {len(chosen)} effects in the model")
         fitted = fits[-1]
+        problem = problem.knowing(fitted)
         ranking = tuple(scan(fitted, candidates_for(problem, fitted), _count(problem, fitted)))
         first_ranking = first_ranking or ranking
         step = _best_addition(problem, declared, chosen, fitted, ranking)
@@ -89,6 +99,7 @@ def select(problem: Problem, declared: Layout, progress: Progress = lambda text:
     places, fitted = _prune(problem, declared, chosen, fits[-1])
     chosen, rounds = [*fitted.layout.effects[len(declared.effects):]], [rounds[place] for place in places]
     accepted, fitted = _contest(problem, declared, chosen, rounds, fitted, first_ranking, progress)
+    accepted, fitted = _admissible(problem, declared, accepted, fitted)
     if len(fits) > 1:
         fits[-1] = fitted
     return Selection(tuple(fits), tuple(accepted), ranking, first_ranking)
@@ -110,7 +121,7 @@ def refit(problem: Problem, declared: Layout, effects: list[Effect], last: Fitte
     weight = rows_kept(layout, last.view).astype(float)
     if noise is not None:
         weight = weight * np.sqrt(noise.weight)
-    return problem.fit(layout, weight, last.sigma)
+    return problem.knowing(last).fit(layout, weight, last.sigma)
 
 
 def _warm(declared: Layout, last: Fitted) -> Layout:
@@ -134,7 +145,7 @@ def _best_addition(problem, declared, chosen, fitted, ranking):
             group = _independent(problem, fitted, [candidate, *shortlist[place + 1 :]], folds, without)
         for effects in (group, group[:1]) if len(group) > 1 else (group,):
             trial = refit(problem, declared, chosen + effects, fitted)
-            if _excludes(candidate.effect) or _confirmed(fitted, trial, candidate.gain):
+            if _excludes(candidate.effect) or _confirmed(problem, declared, fitted, trial, candidate.gain):
                 return [*trial.layout.effects[len(declared.effects):]], trial
     return _best_pair(problem, declared, chosen, fitted, asked, folds, without)
 
@@ -169,20 +180,46 @@ def _best_pair(problem, declared, chosen, fitted, shortlist: list[Candidate], fo
     pairs = []
     for place, first in enumerate(linear):
         columns = _linear_columns(fitted, first.effect)
-        for second in scan(fitted, [_emptied(c.effect) for c in linear[place + 1 :]], count, columns):
-            if second.gain > _HIDDEN_GAIN * (first.gain + next(c.gain for c in linear if c.label == second.label)):
-                pairs.append((first.gain + second.gain, first.effect, second.effect))
+        for alone in linear[place + 1 :]:
+            # Another search beside the first may end at another order, under another label: it is the same candidate.
+            for second in scan(fitted, [_emptied(alone.effect)], count, columns):
+                if second.gain > _HIDDEN_GAIN * (first.gain + alone.gain):
+                    pairs.append((first.gain + second.gain, first.effect, second.effect))
     for gain, *effects in sorted(pairs, key=lambda pair: -pair[0]):
         if _worth(problem, fitted, effects, folds, without):
             trial = refit(problem, declared, chosen + effects, fitted)
-            if _confirmed(fitted, trial, gain):
+            if _confirmed(problem, declared, fitted, trial, gain):
                 return [*trial.layout.effects[len(declared.effects):]], trial
     return None
 
 
-def _confirmed(fitted: Fitted, trial: Fitted, gain: float) -> bool:
-    """Whether the joint fit takes enough of the gain that the linear picture promised."""
-    return fitted.square(fitted) - trial.square(fitted) >= _KEPT_GAIN * gain
+def _confirmed(problem: Problem, declared: Layout, fitted: Fitted, trial: Fitted, gain: float) -> bool:
+    """Whether the joint fit takes enough of the gain that the linear picture promised, with values that can be."""
+    if fitted.square(fitted) - trial.square(fitted) < _KEPT_GAIN * gain:
+        return False
+    return all(_possible(problem, trial, index) for index in range(len(declared.effects), len(trial.layout.effects)))
+
+
+def _possible(problem: Problem, fitted: Fitted, index: int) -> bool:
+    """False for an effect that ends at a bound of its own, or that no arm can have."""
+    effect, where = fitted.layout.effects[index], fitted.layout.slices[index]
+    return not fitted.fit.at_bound[where].any() and effect.possible(problem.robot)
+
+
+def _admissible(problem: Problem, declared: Layout, accepted: list[Accepted], fitted: Fitted):
+    """Without the effects, the least probable first, that are impossible or less probable than not."""
+    first = len(declared.effects)
+    while accepted:
+        worst = [place for place, a in enumerate(accepted)
+                 if a.probability < LEAST_PROBABILITY or not _possible(problem, fitted, first + place)]
+        if not worst:
+            break
+        out = min(worst, key=lambda place: accepted[place].probability)
+        accepted = accepted[:out] + accepted[out + 1 :]
+        fitted = refit(problem, declared, [a.effect for a in accepted], fitted)
+        effects = fitted.layout.effects[first:]
+        accepted = [replace(a, effect=effect) for a, effect in zip(accepted, effects)]
+    return accepted, fitted
 
 
 def _independent(problem, fitted, shortlist: list[Candidate], folds, without) -> list[Effect]:
@@ -288,6 +325,7 @@ def _prune(problem, declared, chosen, fitted):
     """Backward: takes out every effect whose evidence, with all others in, has gone. Returns the places that stay."""
     places, place = list(range(len(chosen))), 0
     while place < len(chosen):
+        problem = problem.knowing(fitted)
         without = fitted.without(len(declared.effects) + place)
         own = None if _excludes(chosen[place]) else scan(without, [_emptied(chosen[place])], _count(problem, without))[0]
         if own is not None and _lost(problem, without, own):
@@ -319,6 +357,7 @@ def _contest(problem, declared, chosen, rounds, fitted, first_ranking, progress)
     accepted: list[Accepted] = []
     for place in range(len(chosen)):
         progress(f"contest for {chosen[place].label}")
+        problem = problem.knowing(fitted)
         without = fitted.without(len(declared.effects) + place)
         if _excludes(chosen[place]):
             without = replace(without, weight=rows_kept(without.layout, without.view).astype(float))

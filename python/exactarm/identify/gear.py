@@ -97,6 +97,10 @@ class GearIdentification:
     method: str
     warnings: tuple[str, ...]
 
+    @property
+    def converged(self) -> bool:
+        return all(gear.estimate.converged for gear in self.gears)
+
 
 def identify_gears(
     robot: Robot, data: Dataset, *, method: str = "refined", seed: int = DEFAULT_SEED, threads: int = 1, progress=lambda text: None
@@ -249,6 +253,8 @@ def _alignments(data: Dataset, samples: GearSamples, setup) -> list[Alignment]:
 
 def _warnings(estimate: GearEstimate):
     joint, samples = estimate.samples.axis + 1, estimate.samples
+    if not estimate.converged:
+        yield f"axis {joint}: ratio and harmonics did not settle on each other: check the data for gross errors"
     if len(estimate.tables) == 1:
         side = next(iter(estimate.tables))
         yield f"axis {joint} was measured in one direction ({side}) only: the other direction keeps its declared table"

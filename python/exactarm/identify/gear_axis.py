@@ -23,6 +23,7 @@ from exactarm.identify.gear_samples import GearSamples
 from exactarm.robot import GearTable
 
 _ROUNDS = 3
+_RATIO_RESTS = 0.1  # of its standard deviation: ratio and harmonics, fitted in turn, have settled on each other
 _SEARCH_ROUNDS = 2
 _TELLS_BIAS = 1e-4  # share of the bias column that the rate cannot imitate
 _LEAST_CELLS = 64
@@ -45,6 +46,7 @@ class GearEstimate:
     order_sigma: np.ndarray
     tables: dict[str, Table]
     profiles: dict[str, AngleProfile]
+    converged: bool
 
     @property
     def scale(self) -> float:
@@ -99,11 +101,12 @@ def identify_axis(samples: GearSamples, method: str, first: FirstLook) -> GearEs
             found = fit_all(sides, np.zeros(0)) if found is None else fit_all(sides, found.orders, found.tables)
         before = scale
         scale, disturbance, sigma = _ratio(samples, fitted, dict(zip(profiles, found.tables)), scale)
-        if turn >= _SEARCH_ROUNDS - 1 and abs(scale - before) < 0.1 * sigma:
+        settled = abs(scale - before) < _RATIO_RESTS * sigma
+        if turn >= _SEARCH_ROUNDS - 1 and settled:
             break
     return GearEstimate(
         samples, method, samples.ratio * scale, abs(samples.ratio) * sigma, disturbance, found.orders,
-        order_uncertainty(sides, found), dict(zip(profiles, found.tables)), profiles,
+        order_uncertainty(sides, found), dict(zip(profiles, found.tables)), profiles, bool(settled),
     )
 
 

@@ -1,0 +1,157 @@
+"""What may not enter a model: an axis that stands still, an effect at its own bound, one less probable than not."""
+
+from dataclasses import dataclass, replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from motions import fourier_motion, motion_data
+
+from exactarm import _core
+from exactarm.chain import Layout, predict_poses
+from exactarm.commands.diagnose import _json
+from exactarm.dataset import Dataset
+from exactarm.diagnose import selection
+from exactarm.diagnose.diagnosis import UNEXPLAINED, _unconverged, diagnose
+from exactarm.diagnose.problems import problem_for
+from exactarm.effects import effect_from_table
+from exactarm.robot_file import load_robot
+
+NOISE_M = 5e-5
+
+
+def poses(hidden=None, still=(), count=60, seed=1):
+    """Poses of a UR10 in which some axes (from 0) hardly move: their controller holds them to a microradian."""
+    rng, robot = np.random.default_rng(seed), load_robot("ur10")
+    q = rng.uniform(-1.5, 1.5, (count, 6)) + [0.0, -1.2, 1.2, 0.0, 0.0, 0.0]
+    for axis in still:
+        q[:, axis] = 0.4 + rng.normal(0.0, 1e-6, count)
+    data = Dataset.of_arrays("poses", {"q": q}, position=np.zeros((count, 3)))
+    layout = Layout.of((effect_from_table(hidden),) if hidden else (), estimate=False)
+    position = predict_poses(robot, layout, data, tangents=False).position
+    return robot, replace(data, position=position + rng.normal(0.0, NOISE_M, position.shape))
+
+
+def fitted_problem(robot, data):
+    every = np.ones(len(data), bool)
+    problem = problem_for(robot, data.select(every), data.select(~every), 1, 0)
+    return problem, problem.declared()
+
+
+def test_nothing_is_proposed_for_an_axis_that_stands_still():
+    problem, declared = fitted_problem(*poses(still=(3,)))
+    found = selection.candidates_for(problem, problem.fit(declared))
+    assert found and not [effect.label for effect in found if effect.joint == 4]
+    assert {effect.joint for effect in found} >= {1, 2, 3, 5, 6}
+
+
+def test_an_effect_that_ends_at_its_bound_does_not_enter(monkeypatch):
+    """A coupling of 20 rad per rad cannot be: the fit ends at 10, and the effect stays out."""
+    problem, declared = fitted_problem(*poses())
+    effect = effect_from_table({"effect": "tracker_scale", "x_scale": 0.0, "y_scale": 0.0, "z_scale": 0.0})
+    bounded = replace(effect)
+    monkeypatch.setattr(type(effect), "parameters", _with_bounds(type(effect).parameters, 1e-9))
+    fitted = problem.fit(declared)
+    trial = selection.refit(problem, declared, [bounded], fitted)
+    index = len(declared.effects)
+    assert trial.fit.at_bound[trial.layout.slices[index]].any()
+    assert not selection._possible(problem, trial, index)
+    accepted = [selection.Accepted(trial.layout.effects[index], 50.0, 1.0, (), 0)]
+    left, without = selection._admissible(problem, declared, accepted, trial)
+    assert left == [] and len(without.layout.effects) == index
+
+
+def _with_bounds(parameters, size):
+    return lambda effect: tuple(replace(p, lower=-size, upper=size) for p in parameters(effect))
+
+
+@pytest.mark.parametrize(("probability", "stays"), [(0.49, False), (0.51, True)])
+def test_what_is_less_probable_than_not_does_not_enter(probability, stays):
+    hidden = {"effect": "tracker_scale", "x_scale": 0.0, "y_scale": 0.0, "z_scale": 1e-3}
+    problem, declared = fitted_problem(*poses(hidden))
+    fitted = selection.refit(problem, declared, [effect_from_table(hidden | {"z_scale": 0.0})], problem.fit(declared))
+    effect = fitted.layout.effects[len(declared.effects)]
+    accepted = [selection.Accepted(effect, 50.0, probability, (), 0)]
+    left, last = selection._admissible(problem, declared, accepted, fitted)
+    assert (len(left), len(last.layout.effects) - len(declared.effects)) == ((1, 1) if stays else (0, 0))
+
+
+def test_a_spring_that_gives_way_against_its_load_and_a_negative_rotor_are_impossible():
+    robot = load_robot("racer-7-1.4")
+    declared = 1.0 / robot.joints[1].spring_linear
+    softer = {"effect": "joint_compliance", "joint": 2, "linear_rad_per_Nm": -0.5 * declared, "cubic_rad_per_Nm3": 0.0}
+    assert effect_from_table(softer).possible(robot)
+    assert not effect_from_table(softer | {"linear_rad_per_Nm": -1.5 * declared}).possible(robot)
+    robot = robot.with_joint(2, rotor_inertia=1e-3)
+    rotor = {"effect": "rotor_inertia", "joint": 3, "inertia_kg_m2": -0.5e-3}
+    assert effect_from_table(rotor).possible(robot)
+    assert not effect_from_table(rotor | {"inertia_kg_m2": -2e-3}).possible(robot)
+
+
+@pytest.mark.parametrize("name", ["coulomb_friction", "viscous_friction", "stribeck_friction"])
+def test_friction_does_not_push(name):
+    robot, data = torque_data(-3.0)
+    problem, declared = fitted_problem(robot, data)
+    fitted = problem.fit(declared)
+    own = [e for e in selection.candidates_for(problem, fitted) if e.name == name]
+    for effect in own:
+        trial = selection.refit(problem, declared, [effect], fitted)
+        assert trial.layout.effects[-1].values[0] >= 0.0
+
+
+def torque_data(coulomb):
+    """Torques of an arm whose friction would push it: a wrong sign of the sensor, not of nature."""
+    robot = load_robot("racer-7-1.4")
+    for index in range(robot.axes):
+        robot = robot.with_joint(
+            index, cw=None, ccw=None, spring_linear=None, spring_cubic=0.0, rotor_inertia=0.0, coulomb=0.0, viscous=0.0
+        )
+    time, angle, rate, acceleration = fourier_motion(robot, 5.0, 100.0, seed=5)
+    torque = _core.inverse_dynamics(robot.core, angle + robot.offsets, rate, acceleration) + coulomb * np.tanh(rate / 0.02)
+    return robot, motion_data(robot, time, angle, torque + np.random.default_rng(2).normal(0.0, 0.5, torque.shape))
+
+
+def test_a_pair_whose_search_ends_under_another_label_is_still_a_pair(monkeypatch):
+    """Beside the first of a pair the second one's search may end at another order, and carry it in its label."""
+
+    @dataclass(frozen=True)
+    class Named:
+        label: str
+        gain: float = 1.0
+
+        @property
+        def effect(self):
+            return self
+
+    monkeypatch.setattr(selection, "_excludes", lambda effect: False)
+    monkeypatch.setattr(selection, "_emptied", lambda effect: effect)
+    monkeypatch.setattr(selection, "_count", lambda problem, fitted: 100.0)
+    monkeypatch.setattr(selection, "_linear_columns", lambda fitted, effect: None)
+    monkeypatch.setattr(selection, "scan", lambda fitted, effects, count, columns: [Named("order 7 of axis 2", 9.0)])
+    asked = []
+    monkeypatch.setattr(selection, "_worth", lambda problem, fitted, effects, *rest: asked.append(effects))
+    pair = [Named("order 3 of axis 2"), Named("order 5 of axis 2")]
+    assert selection._best_pair(None, None, [], None, pair, None, None) is None
+    assert [[effect.label for effect in effects] for effects in asked] == [["order 3 of axis 2", "order 7 of axis 2"]]
+
+
+def test_an_unconverged_fit_takes_the_verdict_away(monkeypatch):
+    """The search is stopped after one step: whatever the residual looks like, nothing is called explained."""
+    from exactarm.identify import layout_fit
+    from exactarm.regression import least_squares
+
+    good = diagnose(*poses(count=40), seed=1)
+    assert good.converged and _json(good)["converged"] and _json(good)["warnings"] == []
+    monkeypatch.setattr(
+        layout_fit, "least_squares", lambda *args, **options: replace(least_squares(*args, **options), reason="stopped")
+    )
+    result = diagnose(*poses(count=40), seed=1)
+    assert result.verdict == UNEXPLAINED and not result.converged and "did not converge: stopped" in result.sentence
+    told = _json(result)
+    assert told["converged"] is False and "did not converge" in told["warnings"][0]
+
+
+def test_every_fit_that_a_verdict_rests_on_is_asked():
+    fit = lambda reason: SimpleNamespace(fit=SimpleNamespace(converged=reason == "converged", reason=reason))
+    words = _unconverged(SimpleNamespace(fits=(fit("converged"), fit("limit"))))
+    assert words == ("the fit with the effects found did not converge: limit",)
