@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from exactarm.chain import Layout
-from exactarm.effects.base import Effect, Parameter, Station
+from exactarm.effects.base import Parameter
 from exactarm.identify import layout_fit
 from exactarm.identify.layout_fit import fit_layout
 
@@ -15,11 +15,17 @@ PRIOR = 0.3
 
 
 @dataclass(frozen=True)
-class Line(Effect):
-    """Four numbers: the second regularised, the fourth not negative."""
+class Line:
+    """What a layout asks of an effect, outside the library: four numbers, the second regularised, the fourth not negative."""
 
-    name: ClassVar[str] = "line"
-    station: ClassVar[Station] = Station.DEVICE
+    values: tuple[float, ...]
+    drawn_to_declared: ClassVar[bool] = False
+
+    def with_values(self, values):
+        return replace(self, values=tuple(values))
+
+    def parameter_label(self, parameter):
+        return parameter.name
 
     def parameters(self):
         return (Parameter("one", 1.0), Parameter("two", 1.0, prior=PRIOR), Parameter("three", 2.0),
@@ -40,7 +46,7 @@ def linear(columns, measured):
 
 
 def layout(values=(0.0, 0.0, 0.0, 0.0), effect=Line):
-    return Layout.of((effect(None, values),))
+    return Layout.of((effect(values),))
 
 
 def case(rng, rows=60, components=2, sigma=(0.1, 2.0), truth=(1.0, 0.2, -2.0, 0.5)):
