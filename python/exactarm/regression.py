@@ -30,9 +30,11 @@ _GROWTH = 2.5  # of the radius after a good step, beside its length
 _MOST_BENT = 0.75  # acceleration beside the step (Transtrum and Sethna 2012)
 _PROBE = 0.1  # share of the step at which the second derivative is probed
 _ROUNDING = 1e-15  # of the size of the predicted values: a step of no effect
-# A fall that the model promises and no step gives is put down to rounding, or to derivatives that are good to five
-# digits, where it is worth a thousandth of a standard deviation, or 1e-12 of the size of the predicted values.
-_UNSEEN, _HIDDEN = 1e-3, 1e-12
+# Where no step gives what the model promises: a kink of the model (a gap, a stop), rounding, or derivatives good to a
+# few digits, as long as it is worth less than this, in standard deviations of a parameter; more is no convergence.
+_UNSEEN = 0.5
+_HIDDEN = 1e-12  # of the size of the predicted values: so much may rounding hide of exact data
+_LEAST_PROMISE = 1e-4  # standard deviations: no shorter step is tried
 
 
 class Evaluation(NamedTuple):
@@ -150,10 +152,12 @@ def _descend(evaluate, model: Model, whole: Step, x, now: Evaluation, weight, un
     """
     square, smallest = _length(model.residual) ** 2, _ROUNDING * _length(unit * x)
     low, high = (bounds[0] - x) * unit, (bounds[1] - x) * unit
+    length_of_whole = _length(whole.step)
     while True:
-        step = whole if _length(whole.step) <= radius else bounded_step(model, low, high, radius)
+        step = whole if length_of_whole <= radius else bounded_step(model, low, high, radius)
         length = _length(step.step)
-        if length <= smallest or length == 0.0:
+        promised = 2.0 * model.fall(step.step)
+        if length <= smallest or promised <= _LEAST_PROMISE**2 * square / len(model.residual) and radius < length_of_whole:
             return None, radius
         bend = _bend(evaluate, model, step, x, now, weight, unit) if step.shift > 0.0 else np.zeros_like(x)
         trial = np.clip(x + (step.step + 0.5 * bend) / unit, *bounds)
@@ -161,7 +165,7 @@ def _descend(evaluate, model: Model, whole: Step, x, now: Evaluation, weight, un
         if 2.0 * _length(bend) <= _MOST_BENT * length:
             with np.errstate(over="ignore", invalid="ignore"):
                 ratio = square - _length(weight * evaluate(trial, False).residual) ** 2
-            ratio /= 2.0 * model.fall(step.step)
+            ratio /= promised
         if not ratio > _POOR:  # not a number where the model has no value there
             radius = 0.25 * length if not ratio > 0.0 else 0.5 * length
         elif ratio > _GOOD:
