@@ -12,8 +12,10 @@ from exactarm.chain import Layout, predict_poses
 from exactarm.commands.diagnose import _json
 from exactarm.dataset import Dataset
 from exactarm.diagnose import selection
-from exactarm.diagnose.diagnosis import UNEXPLAINED, _unconverged, diagnose
+from exactarm.diagnose.admissible import is_possible
+from exactarm.diagnose.diagnosis import _unconverged, diagnose
 from exactarm.diagnose.problems import problem_for
+from exactarm.diagnose.verdict import UNEXPLAINED
 from exactarm.effects import effect_from_table
 from exactarm.robot_file import load_robot
 
@@ -55,7 +57,7 @@ def test_an_effect_that_ends_at_its_bound_does_not_enter(monkeypatch):
     trial = selection.refit(problem, declared, [bounded], fitted)
     index = len(declared.effects)
     assert trial.fit.at_bound[trial.layout.slices[index]].any()
-    assert not selection._possible(problem, trial, index)
+    assert not is_possible(problem.robot, trial, index)
     accepted = [selection.Accepted(trial.layout.effects[index], 50.0, 1.0, (), 0)]
     left, without = selection._admissible(problem, declared, accepted, trial)
     assert left == [] and len(without.layout.effects) == index

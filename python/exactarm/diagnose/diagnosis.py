@@ -23,8 +23,7 @@ from exactarm.diagnose.own_share import own_shares
 from exactarm.diagnose.posterior import Causes, find_causes, selection_of
 from exactarm.diagnose.selection import Accepted, Progress, Selection, refit, select
 from exactarm.diagnose.verdict import (
-    no_verdict,
-    MUCH_LEFT, NOTHING, UNEXPLAINED, held_out_excess, sentence_of, verdict_by_rules, verdict_of_causes,
+    MUCH_LEFT, NOTHING, UNEXPLAINED, held_out_excess, no_verdict, sentence_of, verdict_by_rules, verdict_of_causes,
 )
 from exactarm.effects.base import Effect
 from exactarm.identify.statistics import ErrorSummary, summarise

@@ -8,7 +8,7 @@ are not in the model yet.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -39,7 +39,7 @@ class Fitted:
     sigma: np.ndarray
     weight: np.ndarray
     view: View
-    noise: object = None
+    noise: object = field(default=None, kw_only=True)
 
     @cached_property
     def scale(self) -> np.ndarray:

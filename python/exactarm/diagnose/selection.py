@@ -13,7 +13,8 @@ from typing import Callable
 
 import numpy as np
 
-from exactarm.chain import Layout, View
+from exactarm.chain import Layout
+from exactarm.diagnose.admissible import LEAST_PROBABILITY, is_possible, moving_axes
 from exactarm.diagnose.cross_validation import folds_of, held_out_squares
 from exactarm.diagnose.forms import best_form, forms_of, same_family
 from exactarm.diagnose.problem import Fitted, Problem, orthonormal, rows_kept
@@ -21,9 +22,7 @@ from exactarm.diagnose.row_scatter import robust_evidence
 from exactarm.diagnose.scan import Candidate, free_mask, prior_of, scan
 from exactarm.effects import library
 from exactarm.effects.base import Effect
-from exactarm.split import STANDS_STILL
 
-LEAST_PROBABILITY = 0.5  # of an effect in the model, among all that could stand in its place
 LEAST_EVIDENCE = 5.0  # log Bayes factor; all candidates tried are already paid for
 MOST_EFFECTS = 16
 _SHORTLIST = 12
@@ -70,14 +69,8 @@ def candidates_for(problem: Problem, fitted: Fitted) -> list[Effect]:
     for cls in library().values():
         if problem.shows(cls) and not cls.declared:
             found += [e for e in cls.candidates(problem.robot, fitted.view) if e.repeatable or e.label not in taken]
-    moves = _moving(fitted.view)
+    moves = moving_axes(fitted.view)
     return [effect for effect in found if effect.joint is None or moves[effect.index]]
-
-
-def _moving(view: View) -> np.ndarray:
-    """(n,) bool: axes that move; nothing is told of one that stands still, whatever else would look the same."""
-    span = np.ptp(view.theta, axis=0) / np.abs(view.robot.ratios)
-    return span > STANDS_STILL * max(float(span.max()), np.finfo(float).tiny)
 
 
 def select(problem: Problem, declared: Layout, progress: Progress = lambda text: None) -> Selection:
@@ -197,13 +190,7 @@ def _confirmed(problem: Problem, declared: Layout, fitted: Fitted, trial: Fitted
     """Whether the joint fit takes enough of the gain that the linear picture promised, with values that can be."""
     if fitted.square(fitted) - trial.square(fitted) < _KEPT_GAIN * gain:
         return False
-    return all(_possible(problem, trial, index) for index in range(len(declared.effects), len(trial.layout.effects)))
-
-
-def _possible(problem: Problem, fitted: Fitted, index: int) -> bool:
-    """False for an effect that ends at a bound of its own, or that no arm can have."""
-    effect, where = fitted.layout.effects[index], fitted.layout.slices[index]
-    return not fitted.fit.at_bound[where].any() and effect.possible(problem.robot)
+    return all(is_possible(problem.robot, trial, index) for index in range(len(declared.effects), len(trial.layout.effects)))
 
 
 def _admissible(problem: Problem, declared: Layout, accepted: list[Accepted], fitted: Fitted):
@@ -211,7 +198,7 @@ def _admissible(problem: Problem, declared: Layout, accepted: list[Accepted], fi
     first = len(declared.effects)
     while accepted:
         worst = [place for place, a in enumerate(accepted)
-                 if a.probability < LEAST_PROBABILITY or not _possible(problem, fitted, first + place)]
+                 if a.probability < LEAST_PROBABILITY or not is_possible(problem.robot, fitted, first + place)]
         if not worst:
             break
         out = min(worst, key=lambda place: accepted[place].probability)

@@ -1,0 +1,28 @@
+"""What may not enter a model, whatever the data seem to say of it.
+
+Axes that stand still tell nothing of themselves; an effect that ends at a bound of its own, or that no arm can have
+together with what its tables declare, is another cause in disguise.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from exactarm.chain import View
+from exactarm.diagnose.problem import Fitted
+from exactarm.robot import Robot
+from exactarm.split import STANDS_STILL
+
+LEAST_PROBABILITY = 0.5  # of an effect in the model, among all that could stand in its place
+
+
+def moving_axes(view: View) -> np.ndarray:
+    """(n,) bool: axes that move."""
+    span = np.ptp(view.theta, axis=0) / np.abs(view.robot.ratios)
+    return span > STANDS_STILL * max(float(span.max()), np.finfo(float).tiny)
+
+
+def is_possible(robot: Robot, fitted: Fitted, index: int) -> bool:
+    """Of the effect at `index` of the layout: off its bounds, and within what an arm can be."""
+    effect, where = fitted.layout.effects[index], fitted.layout.slices[index]
+    return not fitted.fit.at_bound[where].any() and effect.possible(robot)
