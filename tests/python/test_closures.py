@@ -14,10 +14,11 @@ from exactarm.diagnose.verdict import NOTHING
 from exactarm.identify.calibrate import CalibrationOptions, calibrate
 from exactarm.examples import data_path
 from exactarm.identify.closure_design import ClosureDesignOptions, design_closures
-from exactarm.identify.closures import SCALE, calibrate_closures
+from exactarm.identify.closures import SCALE, calibrate_closures, declare_closures
 from exactarm.identify.declared import geometry_layout
 from exactarm.identify.evaluate import evaluate_poses
 from exactarm.measurement.closures import touches
+from exactarm.measurement.target import Target
 from exactarm.measurement.touching import target_at
 from exactarm.robot import Placement
 from exactarm.robot_file import load_robot
@@ -172,3 +173,24 @@ def test_identifiable_says_in_words_what_touches_do_not_show(tmp_path):
     said = json.loads((tmp_path / "result.json").read_text())
     assert any(SCALE in entry["why"] for entry in said["dropped"])
     assert "a_4_m" in said["identifiable"] and "d_7_m" not in said["identifiable"]
+
+
+def test_a_tool_that_was_mounted_anew_gets_its_own_point():
+    """Two places with one tool, then two with another, 2 mm off; a session that no row belongs to takes the first."""
+    robot, random = virtual("panda", 9)
+    sensors = Sensors(position_m=NOISE_M, counts=0)
+    other = replace(robot.true, tool=Placement(np.eye(3), robot.true.tool.position + np.array([0.0, 2e-3, 0.0])))
+    one, two = (measure_closures(VirtualRobot(robot.nominal, true), "socket", 2, 15, sensors, random)[0]
+                for true in (robot.true, other))
+    both = Dataset.of_arrays(
+        "closures", {name: np.concatenate([one.joints[name], two.joints[name]]) for name in one.joints},
+        session=np.concatenate([one.session, two.session + 2]),
+        contacts={"socket": np.concatenate([one.contacts["socket"], two.contacts["socket"]])}, fixture=one.fixture,
+    )
+    tools = lambda data: [effect for effect in declare_closures(robot.nominal, touches(data), sessions=(1, 2, 3, 4)).fit.layout.effects
+                          if isinstance(effect, Target)]
+    assert [tool.sessions for tool in tools(one)] == [(1, 2, 3, 4)]
+    found = tools(both)
+    assert [tool.sessions for tool in found] == [(1,), (2,), (3,), (4,)]
+    shift = np.subtract(found[2].values, found[0].values)
+    np.testing.assert_allclose(shift[:2], [0.0, 2e-3], atol=2e-4)

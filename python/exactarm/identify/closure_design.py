@@ -175,7 +175,7 @@ class _Model:
             Socket(None, tuple(float(x) for x in seat), session, number)
             for session, place in zip(sessions, places) for number, seat in enumerate(place.seats)
         )
-        tool = Target(None, tuple(float(x) for x in robot.tool.position), tuple(sessions))
+        tool = Target(None, tuple(float(x) for x in robot.tool.position), tuple(sessions), shared=True)
         fixture = Fixture((Distance("socket", (0, 1), options.apart),))
         setup, geometry = Layout.of((*seats, tool)), geometry_layout(robot)
         touched = [(session, number, q) for session, place in zip(sessions, places) for number, q in enumerate(place.poses)]

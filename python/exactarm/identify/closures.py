@@ -35,6 +35,7 @@ _STARTS = 12
 _TOOL_REACH_M = 0.3  # spread of the random starts of the tool point
 _LEAST_TOUCHES = {"socket": 1, "plane": 3, "sphere": 4, "bar": 4}  # below, a contact is wherever it was touched
 SLIPPED = 0.35  # square root of a weight: beyond some 7 standard deviations
+_MOUNTED_ANEW = 3.0  # times Schwarz' price: what is left of an arm's own error buys up to 1.6 times with one and the same tool
 _AS_ONE = ("d", "q_offset")  # of axis 1: they move the arm along and about it
 AS_ONE = "the robot and everything that it touches may move as one: the contacts absorb it"
 SCALE = "all lengths times a common factor fit as well: give one distance, radius or bar length of the fixture"
@@ -104,11 +105,11 @@ def declare_closures(
         return layout, pulls, found, fit if scale_is_known(layout, data) else _with_scale_in_doubt(fit, geometry)
 
     one = fitted(setup)
-    apart = _with_tools_apart(setup)
+    apart = _with_tools_apart(setup, data)
     if apart is not None:
         other = fitted(apart)
         price = 0.5 * (other[0].size - one[0].size) * np.log(other[3].prediction.used.sum())
-        if other[3].log_likelihood - one[3].log_likelihood > price:
+        if other[3].log_likelihood - one[3].log_likelihood > _MOUNTED_ANEW * price:
             one = other
     layout, pulls, found, fit = one
     return DeclaredClosures(layout, pulls, found, nominal, fit)
@@ -131,7 +132,7 @@ def nominal_closures(
         starts += list(np.random.default_rng(seed).normal(0.0, _TOOL_REACH_M, (_STARTS, 3)))
     best = None
     for place, tool in enumerate(starts):
-        target = Layout.of((Target(None, tuple(float(v) for v in tool), shared),), estimate=bool(touched.any())) if shared else Layout.of(())
+        target = Layout.of((Target(None, tuple(float(v) for v in tool), shared, shared=len(shared) > 1),), estimate=bool(touched.any())) if shared else Layout.of(())
         layout = with_contacts(robot, frames.joined(target).joined(carried), data, threads)
         fit = fit_closures(robot, layout, data, Pulls(), threads=threads)
         error = float(np.median(fit.prediction.error()))
@@ -279,13 +280,18 @@ def without_known_lengths(data: Dataset) -> Dataset:
     return replace(data, fixture=Fixture(free_bars=data.fixture.free_bars))
 
 
-def _with_tools_apart(setup: Layout) -> Layout | None:
-    """The same with a tool for each session; None where there is only one."""
+def _with_tools_apart(setup: Layout, data: Dataset) -> Layout | None:
+    """The same with a tool for each session of `data`, others with the first; None where there is only one."""
     at = next((i for i, e in enumerate(setup.effects) if isinstance(e, Target) and setup.free[i].any()), None)
-    if at is None or len(setup.effects[at].sessions) == 1:
+    if at is None:
         return None
     tool = setup.effects[at]
-    each = Layout.of(tuple(replace(tool, sessions=(session,)) for session in tool.sessions))
+    here = [session for session in tool.sessions if session in sessions_of(data)]
+    if len(here) < 2:
+        return None
+    rest = tuple(session for session in tool.sessions if session not in here)
+    groups = [(here[0], *rest), *((session,) for session in here[1:])]
+    each = Layout.of(tuple(replace(tool, sessions=group, shared=False) for group in groups))
     before, after = (Layout(setup.effects[part], setup.free[part]) for part in (slice(0, at), slice(at + 1, None)))
     return before.joined(each).joined(after)
 

@@ -17,9 +17,10 @@ from exactarm.effects.base import Change, Effect, Parameter, Station
 
 @dataclass(frozen=True)
 class Target(Effect):
-    """The tool point (3,) m in the flange frame, at each of `sessions`."""
+    """The tool point (3,) m in the flange frame, at each of `sessions`; `shared`: the only one, named without a session."""
 
     sessions: tuple[int, ...] = (1,)
+    shared: bool = False
 
     station: ClassVar[Station] = Station.GEOMETRY
     kinds: ClassVar[tuple[str, ...]] = ("poses", "closures")
@@ -35,7 +36,7 @@ class Target(Effect):
     @property
     def number(self) -> int | None:
         """The session, where it is the tool of one alone."""
-        return self.sessions[0] if len(self.sessions) == 1 else None
+        return None if self.shared else self.sessions[0]
 
     def place(self, session, base, tool):
         return base, replace(tool, position=np.asarray(self.values)) if session in self.sessions else tool
