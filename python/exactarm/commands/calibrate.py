@@ -11,7 +11,7 @@ import numpy as np
 
 from exactarm.commands.arguments import add_files, add_fixture, add_robot
 from exactarm.commands.call import AnyData, AnyFixture, AnyRobot, asked, data_of, robot_of, threads_of
-from exactarm.commands.error_sections import error_figures, error_table, highlights, parameter_table, unit_of
+from exactarm.commands.error_sections import error_figures, error_table, geometry_tables, highlights, unit_of
 from exactarm.commands.result import CommandResult, estimate
 from exactarm.commands.suspicions import suspicions
 from exactarm.dataset import Dataset
@@ -202,7 +202,7 @@ def _parameter_sections(robot: Robot, result: Calibration) -> tuple:
         return names, start, x, intervals, [unit_of(name) for name in names]
 
     names, start, x, intervals, units = pick(~frame)
-    table = parameter_table(names, start, x, intervals, units, result.fit.fit.at_bound[~frame])
+    tables = geometry_tables(names, start, x, intervals, units, result.fit.fit.at_bound[~frame])
     figure = Figure(
         "parameters", "What changed",
         partial(parameter_forest, names, x - start, intervals[:, 0] - start, intervals[:, 1] - start, units),
@@ -210,11 +210,13 @@ def _parameter_sections(robot: Robot, result: Calibration) -> tuple:
         "parameter changes with intervals",
     )
     frames_names, _, frames_x, frames_intervals, frames_units = pick(frame)
-    rows = tuple(
-        (name, Estimate(float(value), float(low), float(high), unit))
-        for name, value, (low, high), unit in zip(frames_names, frames_x, frames_intervals, frames_units)
+    frames = tuple(
+        Table(heading, ("parameter", "estimate (95 %)"), tuple(
+            (name, Estimate(float(value) / size, float(low) / size, float(high) / size, shown))
+            for name, value, (low, high), own in zip(frames_names, frames_x, frames_intervals, frames_units) if own == unit))
+        for unit, heading, shown, size in (("m", "Frames: positions", "mm", 1e-3), ("rad", "Frames: rotations", "deg", np.pi / 180.0))
     )
-    return figure, table, Table("Frames", ("parameter", "estimate (95 %)"), rows)
+    return figure, *tables, *frames
 
 
 def dropped_table(dropped) -> Table:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import re
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from exactarm.commands.demo_steps import STEPS, Step
@@ -120,10 +120,18 @@ def _report(outcomes: list[Outcome], failed: list[Outcome]) -> Report:
         "Errors are means over rows that were never fitted.",
     )]
     for outcome in outcomes:
-        if outcome.published is not None:
+        if outcome.published is not None and outcome.step.picture:
             sections.append(Text(outcome.step.title, (outcome.published.report.verdict,)))
+            sections += _picture(outcome)
     sections.append(Warnings(tuple(f"{outcome.step.folder}: {outcome.failure}" for outcome in failed)))
     return Report("exactarm on shipped data", verdict, tuple(sections), "caution" if failed else "good")
+
+
+def _picture(outcome: Outcome) -> list[Section]:
+    """The figure of the step's own report that tells most; none where the report has not drawn it."""
+    figures = {figure.name: figure for figure in outcome.published.report.figures} if outcome.published else {}
+    chosen = figures.get(outcome.step.picture)
+    return [] if chosen is None else [replace(chosen, name=f"{outcome.step.folder}_{chosen.name}")]
 
 
 def _cells(before: float | None, after: float | None, unit: str) -> tuple:

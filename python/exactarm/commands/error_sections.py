@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from typing import Mapping
 
@@ -66,6 +67,22 @@ def parameter_table(names, start, values, intervals, units, at_bound=None) -> Ta
         for i, (name, s, v, (low, high), unit) in enumerate(zip(names, start, values, intervals, units))
     )
     return Table("Parameters", ("parameter", "declared", "estimate (95 %)", ""), rows)
+
+
+def geometry_tables(names, start, values, intervals, units, at_bound) -> tuple[Table, ...]:
+    """Lengths in mm, angles in degrees with their change in mrad, the rest as it is: one unit a column."""
+    tables = []
+    for unit, heading, shown, size in (("m", "Lengths", "mm", 1e-3), ("rad", "Angles", "deg", np.pi / 180.0)):
+        rows = [
+            (name, Quantity(float(s) / size, shown, exact=True), Quantity(float(v) / size, shown, exact=True),
+             Estimate(*(1e3 * float(x - s) for x in (v, low, high)), {"m": "mm", "rad": "mrad"}[unit]), "at its bound" if bound else "")
+            for name, s, v, (low, high), own, bound in zip(names, start, values, intervals, units, at_bound) if own == unit
+        ]
+        tables.append(Table(heading, ("parameter", "declared", "identified", "change (95 %)", ""), tuple(rows)))
+    other = [k for k, unit in enumerate(units) if unit not in ("m", "rad")]
+    pick = lambda items: [items[k] for k in other]
+    rest = parameter_table(pick(names), pick(start), pick(values), pick(intervals), pick(units), pick(at_bound))
+    return (*tables, replace(rest, heading="Springs, ratios and others"))
 
 
 def unit_of(name: str) -> str:

@@ -1,4 +1,4 @@
-"""`exactarm loop`: the whole circle on a virtual robot with a hidden cause.
+"""`exactarm loop`: the full loop on a virtual robot with a hidden cause.
 
 Round 0 plans with the drawing, round 1 with the calibrated robot, round 2 with the diagnosed one; each time the
 motion is executed on the true robot and its error measured. The desired path is fixed in the tracker's frame (where
@@ -38,7 +38,7 @@ from exactarm.simulate.profiles import limit
 from exactarm.simulate.virtual_robot import placed
 
 NAME = "loop"
-HELP = "the whole circle on a virtual robot: identify, plan, execute, measure, diagnose, plan and execute again"
+HELP = "the full loop on a virtual robot: identify, plan, execute, measure, diagnose, plan and execute again"
 _DAMPING_S = 1e-3  # of the springs over their stiffness: an undamped arm would ring from the first reversal on
 ROUNDS = ("as drawn", "calibrated", "diagnosed")
 
