@@ -63,6 +63,14 @@ def test_diagnosis_of_motions_fits_and_judges_without_them(rigid, monkeypatch):
     assert "at reversals were left out" in problem.left_out()[0]
 
 
+def test_an_axis_without_a_torque_is_said(rigid, monkeypatch):
+    data = measured(rigid, measure_motion, monkeypatch)
+    torque = np.where(np.arange(6) == 3, np.nan, data.joints["tau"])
+    data = replace(data, joints=data.joints | {"tau": torque})
+    words = MotionProblem(rigid, data, data.select(np.zeros(0, int))).left_out()
+    assert words[0] == "no torque was measured on axis 4: nothing is said of it" and len(words) == 2
+
+
 def test_tracked_motions_are_fitted_and_judged_without_them(rigid, monkeypatch):
     data = measured(rigid, measure_tracked_motion, monkeypatch)
     record = tracked_record(data, rigid)

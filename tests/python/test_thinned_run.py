@@ -1,13 +1,16 @@
 """Thinned gear runs: fewer rows, the same gear in them; between two encoders as under a gyroscope."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from exactarm.chain import gear_record
 from exactarm.dataset import Dataset
 from exactarm.diagnose.diagnosis import diagnose
-from exactarm.diagnose.verdict import NOTHING
+from exactarm.diagnose.gear_problem import GearProblem
 from exactarm.diagnose.thinned_run import thinned_run
+from exactarm.diagnose.verdict import NOTHING
 from exactarm.robot_file import load_robot
 from exactarm.simulate import Sensors, VirtualRobot, measure_gear_runs
 
@@ -72,5 +75,15 @@ def test_clean_runs_that_are_cut_in_motion_lack_nothing():
     robot = load_robot("racer-7-1.4")
     data = measure_gear_runs(VirtualRobot.of(robot), [1], [0.5, 1.0], 2, Sensors(), np.random.default_rng(1), in_motion=True)
     found = diagnose(robot, data)
-    assert not found.findings and found.verdict == NOTHING
+    assert not found.findings and found.verdict == NOTHING and not found.left_out
     assert found.after["identification"].rms == pytest.approx(Sensors().gyro_rad_s, rel=0.05)
+
+
+def test_samples_that_count_for_nothing_are_said():
+    robot = load_robot("racer-7-1.4")
+    runs = measure_gear_runs(VirtualRobot.of(robot), [1], [1.0], 1, Sensors(), np.random.default_rng(1))
+    there_and_back = 1e-3 * np.arange(len(runs))  # one run that reverses
+    data = replace(runs, run=np.ones(len(runs), int), time=there_and_back)
+    problem = GearProblem(robot, data, data.select(np.zeros(0, int)))
+    out = int(np.sum(~gear_record(robot, data, accelerating=True).keep))
+    assert problem.left_out()[0].startswith(f"{out} of {len(data)} samples were left out") and out

@@ -183,6 +183,12 @@ class GearProblem(Problem):
                if not known & set(map(e.parameter_label, e.parameters()))]
         return Layout.of(tuple(new), estimate=False)
 
+    def left_out(self) -> tuple[str, ...]:
+        out, rows = (sum(int(np.sum(part)) for part in parts) for parts in
+                     zip(*((~record.keep, np.ones(record.keep.size)) for record in self._records.values())))
+        why = "a gear passes between its tables, inertia swings the drive train or a filter rounds the motion"
+        return (f"{out} of {rows} samples were left out: there {why}",) if out else ()
+
     def groups(self) -> np.ndarray:
         """Whole runs where every set-up has several of each axis, else pieces of every run.
 

@@ -161,11 +161,9 @@ class MotionProblem(Problem):
                 for k, axis in enumerate(self.record.measured_axes)]
 
     def left_out(self) -> tuple[str, ...]:
-        return reversals_left_out([self.record] + ([self._held] if self._held is not None else []))
-
-    def share_of_measured(self, fitted: Fitted) -> float:
-        torque = self.record.torque[self.record.keep][:, self.record.measured_axes]
-        return self.error_of_unit_noise(fitted) / max(float(np.sqrt(np.mean(torque**2))), 1e-12)
+        silent = [str(axis + 1) for axis in range(self.robot.axes) if axis not in self.record.measured_axes]
+        words = (f"no torque was measured on axis {', '.join(silent)}: nothing is said of it",) if silent else ()
+        return words + reversals_left_out([self.record] + ([self._held] if self._held is not None else []))
 
     def groups(self) -> np.ndarray:
         return run_groups(self.record.data.run)
