@@ -250,9 +250,10 @@ def _carried(view: MotionView, record: MotionRecord) -> np.ndarray:
     return record.torque - record.smooth(_taken_by_drives(view)[0])
 
 
-def transmission(view: View, layout: Layout) -> np.ndarray:
-    """dphi/dtheta (N, n, n) of declared gears and gear effects at the angles of `view`."""
-    declared, slope = declared_output_angle(view)
+def transmission(view: View, layout: Layout, declared: tuple[np.ndarray, np.ndarray] | None = None) -> np.ndarray:
+    """dphi/dtheta (N, n, n) of declared gears and gear effects at the angles of `view`; declared: what
+    `declared_output_angle` gives there, where it is known."""
+    declared, slope = declared_output_angle(view) if declared is None else declared
     n = view.axes
     inside = replace(view, signals=dict(view.signals), tangents={})
     inside.signals["phi"] = declared
@@ -266,12 +267,15 @@ def _transmission_tangent(view: MotionView, robot: Robot, layout: Layout) -> np.
     """(N, n, P) derivative of (dphi/dtheta)' torque by the parameters of the gears, the torque held."""
     tangent = np.zeros((view.rows, view.axes, layout.size))
     record = view.evaluated[2]
+    known = declared_output_angle(view) if any(effect.station == Station.GEAR for effect in layout.effects) else None
     sized = [index for index, effect in enumerate(layout.effects) if effect.only_in_tables or _has_size(effect)]
     for index, effect in enumerate(layout.effects):
         if effect.station not in (Station.MOTOR, Station.GEAR):
             continue
         # Effects without any size leave the transmission as it is.
         around = [layout.effects[k] for k in sized if k != index]
+        # What adds to the output angle leaves the motors and the declared gears as they are.
+        moves_declared = effect.station == Station.MOTOR or effect.only_in_tables
         parameters = effect.parameters()
         for column, k in zip(range(layout.size)[layout.slices[index]], np.flatnonzero(layout.free[index])):
             step = _RELATIVE_STEP * parameters[k].plausible
@@ -280,7 +284,7 @@ def _transmission_tangent(view: MotionView, robot: Robot, layout: Layout) -> np.
                 shifted = np.array(effect.values, float)
                 shifted[k] += sign * step
                 held = Layout.of((*around, effect.with_values(shifted)), estimate=False)
-                ends.append(_shifted_transmission(view, robot, held, record))
+                ends.append(_shifted_transmission(view, robot, held, record, None if moves_declared else known))
             tangent[:, :, column] = np.einsum("nji,nj->ni", (ends[0] - ends[1]) / (2.0 * step), view.torque)
     return tangent
 
@@ -290,7 +294,11 @@ def _has_size(effect: Effect) -> bool:
     return any(value != 0.0 for p, value in zip(effect.parameters(), effect.values) if not p.fixed and not p.search)
 
 
-def _shifted_transmission(view: MotionView, robot: Robot, layout: Layout, record: MotionRecord) -> np.ndarray:
+def _shifted_transmission(
+    view: MotionView, robot: Robot, layout: Layout, record: MotionRecord, declared: tuple[np.ndarray, np.ndarray] | None
+) -> np.ndarray:
+    if declared is not None:
+        return transmission(view, layout, declared)
     for effect in layout.effects:
         robot = effect.bake(robot)
     shifted = replace(view, robot=robot, signals=dict(view.signals), tangents={})
