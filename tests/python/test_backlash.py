@@ -1,5 +1,7 @@
 """Backlash: its flank follows what the joint really carries, and how much friction holds it is found with the width."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from central_difference import assert_derivative
@@ -9,6 +11,9 @@ from test_diagnose_poses import HIDDEN, data_with, ur10
 from exactarm import _core
 from exactarm.chain import Layout, predict_gear_run
 from exactarm.diagnose.diagnosis import EXPLAINED, diagnose
+from exactarm.diagnose.motion_problem import MotionProblem
+from exactarm.diagnose.scan import scan
+from exactarm.diagnose.selection import candidates_for
 from exactarm.effects import effect_from_table
 from exactarm.effects.backlash import Backlash
 from exactarm.effects.load_dependence import LoadDependence
@@ -50,6 +55,19 @@ def test_a_drive_torque_tells_the_gap_with_its_sign_and_size(rigid, joint, width
     assert found.after["validation"].rms < 0.15 * found.before["validation"].rms
 
 
+@pytest.mark.parametrize("noise_Nm", [0.3, 3.0])
+def test_noise_of_the_measured_torque_does_not_pass_for_a_gap(rigid, noise_Nm):
+    """The flank follows the torque in which the residual's own noise is; it follows its slow part only."""
+    data = motion_through_a_gap(rigid, 2, 0.0)
+    torque = data.joints["tau"] + np.random.default_rng(7).normal(0.0, noise_Nm, data.joints["tau"].shape)
+    data = replace(data, joints=data.joints | {"tau": torque})
+    problem = MotionProblem(rigid, data, data.select(np.zeros(0, int)))
+    fitted = problem.fit(problem.declared())
+    gaps = [effect for effect in candidates_for(problem, fitted) if effect.name == "backlash"]
+    assert len({effect.joint for effect in gaps}) == 6
+    assert max(c.evidence for c in scan(fitted, gaps, 0.5 * fitted.data_numbers)) < 0.0
+
+
 def test_friction_of_the_flank_is_estimated_in_a_gear_run():
     robot = load_robot("racer-7-1.4")
     virtual = VirtualRobot.of(robot, [parse_effect("backlash joint=2 width_rad=6e-4 friction_Nm=12", 6)])
@@ -62,7 +80,7 @@ def test_friction_of_the_flank_is_estimated_in_a_gear_run():
 def test_derivative_by_the_friction():
     robot = load_robot("racer-7-1.4")
     data = measure_gear_runs(VirtualRobot.of(robot), [1], [1.0], 1, Sensors(gyro_rad_s=0.0, counts=0), np.random.default_rng(1), 250.0)
-    layout = Layout.of((Backlash(2, (4e-4, 60.0), rubs=True),))
+    layout = Layout.of((Backlash(2, (4e-4, 60.0), least_Nm=0.1),))
     assert layout.names == ("backlash_2.width_rad", "backlash_2.friction_Nm")
     predict = lambda x: predict_gear_run(robot, layout.at(x), data, tangents=False).measured
     assert_derivative(predict, layout.values, predict_gear_run(robot, layout, data).jacobian, 1e-4 * layout.values, relative=1e-5)

@@ -21,7 +21,7 @@ import numpy as np
 from exactarm import _core
 from exactarm.chain.gear import declared_output_angle
 from exactarm.chain.layout import Layout
-from exactarm.chain.motion_record import MotionRecord
+from exactarm.chain.motion_record import SLOW_HZ, MotionRecord
 from exactarm.chain.propagate import pass_station, pass_tangents
 from exactarm.chain.spring_response import SpringResponse
 from exactarm.chain.view import View
@@ -113,7 +113,7 @@ def motion_view(
     tangents = tangents and layout.size > 0
     _motors(view, layout, record, tangents)
     if not np.isnan(record.torque).all():
-        view.signals["carried"] = _carried(view, record)
+        view.signals["carried"], view.signals["carried_noise"] = _carried(view, record)
     declared, slope = declared_output_angle(view)
     view.signals["phi"] = declared
     if tangents:
@@ -244,10 +244,17 @@ def _taken_by_drives(view: View) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return taken, (coulomb * sign_slope + viscous) / nominal, rotor * nominal
 
 
-def _carried(view: MotionView, record: MotionRecord) -> np.ndarray:
+def _carried(view: MotionView, record: MotionRecord) -> tuple[np.ndarray, np.ndarray]:
     """(N, n) Nm that the joints carry as the drives tell: measured torque less rotors and friction, NaN where none was
-    measured. Unlike the torque of the model it does not hang on angles that a gap has bent."""
-    return record.torque - record.smooth(_taken_by_drives(view)[0])
+    measured; and (n,) its standard deviation of noise, by what the band above holds.
+
+    Unlike the torque of the model it does not hang on angles that a gap has bent. Slow, because its noise is that of the
+    residual too: what it decides within the band would explain noise by itself.
+    """
+    told = record.torque - record.smooth(_taken_by_drives(view)[0])
+    slow = record.slow(told)
+    above = max((record.bandwidth_hz or 0.0) - SLOW_HZ, SLOW_HZ)
+    return slow, np.sqrt(SLOW_HZ / above * np.mean((told - slow) ** 2, axis=0))
 
 
 def transmission(view: View, layout: Layout, declared: tuple[np.ndarray, np.ndarray] | None = None) -> np.ndarray:

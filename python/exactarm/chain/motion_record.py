@@ -28,6 +28,7 @@ from exactarm.robot import Robot
 from exactarm.signals import derivative_operator, typical_step
 
 BANDWIDTH_HZ = 20.0  # arms are moved below 5 Hz and swing near 10 Hz
+SLOW_HZ = 5.0
 _ORDER = 4
 _WIDE = 2.5  # bandwidth of the angles over that of the torque
 _ROWS_PER_PERIOD = 12.5
@@ -92,6 +93,10 @@ class MotionRecord:
     def smooth_angle(self, values: np.ndarray) -> np.ndarray:
         """The low-pass of the measured angles on (N, ...)."""
         return self._low_passed(values, _WIDE)
+
+    def slow(self, values: np.ndarray) -> np.ndarray:
+        """(N, ...) behind a low-pass that leaves what arms are moved by; as it is where nothing was filtered."""
+        return values if self.bandwidth_hz is None else self._low_passed(values, min(SLOW_HZ / self.bandwidth_hz, 1.0))
 
     def _low_passed(self, values: np.ndarray, wider: float) -> np.ndarray:
         if self.bandwidth_hz is None or wider * self.bandwidth_hz >= _LARGEST / self.step:

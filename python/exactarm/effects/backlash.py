@@ -21,15 +21,16 @@ _TRANSITION_SHARE = 0.2
 _FRICTION_SHARE = 0.02  # of the largest load, where no friction is declared
 _FRICTION_SHARES = (0.003, 0.005, 0.0075, 0.011, 0.016, 0.023, 0.033, 0.048, 0.07, 0.1, 0.15, 0.22, 0.33)  # to choose from, where the device shows the flank itself
 _LEAST_FRICTION_NM = 0.1
+_CERTAIN = 3.0  # deviations of the measured load that the flank takes to change: less, and noise would turn it over
 
 
 @dataclass(frozen=True)
 class Backlash(Effect):
     """values: width of the clearance at the output, and the friction that decides at small loads, chosen from `search`;
-    with `rubs` it is estimated from there."""
+    with `least_Nm` above zero it is estimated from there, and not below that."""
 
     search: tuple[float, ...] = ()
-    rubs: bool = False
+    least_Nm: float = 0.0
 
     name: ClassVar[str] = "backlash"
     plain: ClassVar[str] = "play in the gear"
@@ -42,7 +43,7 @@ class Backlash(Effect):
 
     def parameters(self) -> tuple[Parameter, ...]:
         return (Parameter("width_rad", 3e-4, -1e-2, 1e-2),
-                Parameter("friction_Nm", 10.0, _LEAST_FRICTION_NM if self.rubs else 0.0, fixed=not self.rubs, search=self.search))
+                Parameter("friction_Nm", 10.0, self.least_Nm, fixed=self.least_Nm == 0.0, search=self.search))
 
     def flank(self, view) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """s (N,) in [-1, 1] and its derivatives by the torque and the friction."""
@@ -72,7 +73,11 @@ class Backlash(Effect):
             # Without a load the flank is that of the direction alone: hysteresis, in a static pose.
             if load < _LEAST_FRICTION_NM and (view.kind == "poses" or not np.any(view.direction[:, index])):
                 continue
-            small = max(_FRICTION_SHARE * load, _LEAST_FRICTION_NM)
+            least = _LEAST_FRICTION_NM
+            if "carried_noise" in view.signals:
+                noise = float(np.nan_to_num(view.signals["carried_noise"][index]))
+                least = max(least, _CERTAIN * noise / _TRANSITION_SHARE)
+            small = max(_FRICTION_SHARE * load, least)
             if view.kind == "poses" and load <= small:
                 continue  # at rest only friction would press the flanks, which is hysteresis by another name
             if view.kind == "motion":
@@ -81,5 +86,6 @@ class Backlash(Effect):
             else:
                 shares = [share * load for share in _FRICTION_SHARES] + ([joint.coulomb] if joint.coulomb else [])
             # In static poses the flank is seen on either side of the change, and next to never while it changes.
-            shares = sorted({min(max(value, _LEAST_FRICTION_NM), max(load, small)) for value in shares})
-            yield cls(index + 1, (0.0, shares[0]), tuple(shares), rubs=view.is_series and bool(np.any(view.direction[:, index])))
+            shares = sorted({min(max(value, least), max(load, small)) for value in shares})
+            estimated = view.is_series and bool(np.any(view.direction[:, index]))
+            yield cls(index + 1, (0.0, shares[0]), tuple(shares), least if estimated else 0.0)
