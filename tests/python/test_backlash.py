@@ -10,10 +10,11 @@ from test_diagnose_poses import HIDDEN, data_with, ur10
 
 from exactarm import _core
 from exactarm.chain import Layout, predict_gear_run
-from exactarm.diagnose.diagnosis import EXPLAINED, diagnose
+from exactarm.diagnose.diagnosis import diagnose
 from exactarm.diagnose.motion_problem import MotionProblem
 from exactarm.diagnose.scan import scan
 from exactarm.diagnose.selection import candidates_for
+from exactarm.diagnose.verdict import EXPLAINED
 from exactarm.effects import effect_from_table
 from exactarm.effects.backlash import Backlash
 from exactarm.effects.load_dependence import LoadDependence

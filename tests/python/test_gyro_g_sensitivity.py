@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from exactarm.diagnose.diagnosis import EXPLAINED, diagnose
+from exactarm.diagnose.diagnosis import diagnose
+from exactarm.diagnose.verdict import EXPLAINED
 from exactarm.effects import effect_from_table
 from exactarm.effects.gyro_g_sensitivity import GyroGSensitivity, shown_components
 from exactarm.robot_file import load_robot
