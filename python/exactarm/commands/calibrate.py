@@ -12,6 +12,7 @@ import numpy as np
 from exactarm.commands.arguments import add_files, add_fixture, add_robot
 from exactarm.commands.call import AnyData, AnyFixture, AnyRobot, asked, data_of, robot_of, threads_of
 from exactarm.commands.error_sections import error_figures, error_table, geometry_tables, highlights, unit_of
+from exactarm.commands.memory import require_memory
 from exactarm.commands.result import CommandResult, estimate
 from exactarm.commands.suspicions import suspicions
 from exactarm.dataset import Dataset
@@ -72,6 +73,7 @@ def calibrate(
         threads=threads_of(threads),
     )
     progress.stage("calibrating")
+    require_memory("calibrate", rows.kind, rows)
     with suspicions(declared, rows) as found:
         result = CALIBRATORS[rows.kind](declared, rows, options)
     return CommandResult(

@@ -10,6 +10,7 @@ import numpy as np
 from exactarm.commands.arguments import add_files, add_fixture, add_robot
 from exactarm.commands.call import AnyData, AnyFixture, AnyRobot, asked, data_of, robot_of, threads_of
 from exactarm.commands.diagnose_report import report_of
+from exactarm.commands.memory import require_memory
 from exactarm.commands.result import CommandResult, estimate
 from exactarm.commands.suspicions import suspicions
 from exactarm.diagnose.diagnosis import Diagnosis
@@ -46,6 +47,7 @@ def diagnose(
     results, skipped, warnings = [], [], []
     for each in (rows.kind,) if kind else rows.kinds:
         progress.stage(f"diagnosing {each.replace('_', ' ')}")
+        require_memory("diagnose", each, rows)
         try:
             with suspicions(known, replace(rows, kind=each, kinds=(each,))) as found:
                 result = find_causes(known, replace(rows, kind=each), seed=seed, threads=threads_of(threads),

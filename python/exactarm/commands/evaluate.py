@@ -9,6 +9,7 @@ import numpy as np
 
 from exactarm.commands.arguments import add_files, add_fixture, add_robot
 from exactarm.commands.call import AnyData, AnyFixture, AnyRobot, asked, data_of, robot_of, threads_of
+from exactarm.commands.memory import require_memory
 from exactarm.commands.result import CommandResult
 from exactarm.commands.suspicions import suspicions
 from exactarm.dataset import Dataset
@@ -47,6 +48,7 @@ def evaluate(
     if rows.kind not in EVALUATORS:
         raise InputError(f"evaluate judges {', '.join(EVALUATORS)}; found {rows.kind}", file=rows.first_file)
     progress.stage("evaluating")
+    require_memory("evaluate", rows.kind, rows)
     with suspicions(declared, rows) as found:
         result = EVALUATORS[rows.kind](declared, rows, seed, threads_of(threads))
     rows = rows if result.data is None else result.data

@@ -10,6 +10,7 @@ import numpy as np
 from exactarm.commands.arguments import add_files, add_robot
 from exactarm.commands.call import AnyData, AnyRobot, asked, data_of, robot_of, threads_of
 from exactarm.commands.gear_report import gear_report
+from exactarm.commands.memory import require_memory
 from exactarm.commands.result import CommandResult, estimate
 from exactarm.commands.suspicions import suspicions
 from exactarm.errors import InputError
@@ -44,6 +45,7 @@ def gear(
     if "gear_run" not in rows.kinds:
         raise InputError(f"expected gear runs (gyroscope, or encoders on both sides), found {rows.kind}",
                          file=rows.first_file)
+    require_memory("gear", "gear_run", rows)
     with suspicions(declared, replace(rows, kind="gear_run", kinds=("gear_run",))) as found:
         result = identify_gears(declared, rows, method=method, seed=seed, threads=threads_of(threads), progress=progress.stage)
     return CommandResult(

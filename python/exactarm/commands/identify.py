@@ -10,6 +10,7 @@ import numpy as np
 from exactarm.commands.arguments import add_files, add_robot
 from exactarm.commands.call import AnyData, AnyRobot, asked, data_of, robot_of, threads_of
 from exactarm.commands.error_sections import SETS, error_table, highlights, parameter_table, unit_of
+from exactarm.commands.memory import require_memory
 from exactarm.commands.result import CommandResult, estimate
 from exactarm.commands.suspicions import suspicions
 from exactarm.dataset import Dataset
@@ -56,6 +57,7 @@ def identify(
         threads=threads_of(threads),
     )
     progress.stage("identifying")
+    require_memory("identify", "motion", rows)
     with suspicions(declared, rows) as found:
         result = identify_dynamics(declared, rows, options)
     return CommandResult(

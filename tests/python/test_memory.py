@@ -1,0 +1,66 @@
+"""What rows cost in memory is said before the work, and evaluations do it in blocks."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from exactarm import cli
+from exactarm.commands import memory
+from exactarm.dataset import read_dataset
+from exactarm.errors import InputError
+from exactarm.examples import data_path
+from exactarm.identify import evaluate as evaluation
+from exactarm.robot_file import load_robot
+
+
+@pytest.fixture(scope="module")
+def ur10():
+    robot = load_robot("ur10")
+    return robot, read_dataset(data_path("ur10/series_B.csv"), robot)
+
+
+def test_too_many_rows_are_refused_with_the_number_that_fits(ur10, monkeypatch):
+    _, data = ur10
+    monkeypatch.setattr(memory, "free_bytes", lambda: 1.0 * memory.GIGABYTE)
+    with pytest.raises(InputError, match="series_B.csv: 1495 rows need about 2.11 GB of memory, 1 GB are free") as error:
+        memory.require_memory("diagnose", "poses", data)
+    most = int(re.search(r"at most (\d+) rows", str(error.value))[1])
+    memory.require_memory("diagnose", "poses", data.select(np.arange(most)))
+    memory.require_memory("evaluate", "poses", data)
+
+
+def test_the_command_says_so_before_it_works(monkeypatch, tmp_path, capsys):
+    monkeypatch.setattr(memory, "free_bytes", lambda: 0.4 * memory.GIGABYTE)
+    assert cli.main(["diagnose", "ur10", str(data_path("ur10/series_B.csv")), "--out", str(tmp_path / "out"), "--quiet"]) == 2
+    assert "rows need about" in capsys.readouterr().err
+
+
+def test_a_system_that_does_not_say_refuses_nothing(ur10, monkeypatch, tmp_path):
+    monkeypatch.setattr(memory, "MEMINFO", tmp_path / "nothing")
+    assert memory.free_bytes() is None
+    memory.require_memory("diagnose", "poses", ur10[1])
+
+
+def test_free_memory_is_read(tmp_path, monkeypatch):
+    (tmp_path / "meminfo").write_text("MemTotal:  8 kB\nMemAvailable:     2048 kB\n")
+    monkeypatch.setattr(memory, "MEMINFO", tmp_path / "meminfo")
+    assert memory.free_bytes() == 2.0**21
+
+
+def test_blocks_of_rows_give_what_all_rows_give(ur10, monkeypatch):
+    robot, data = ur10
+    whole = evaluation.evaluate_poses(robot, data)
+    monkeypatch.setattr(evaluation, "BLOCK_ROWS", 97)
+    assert np.array_equal(evaluation.evaluate_poses(robot, data).residual, whole.residual)
+
+
+def test_frames_from_some_of_many_rows_judge_all_of_them(ur10, monkeypatch):
+    robot, data = ur10
+    two = replace(data, session=np.where(np.arange(len(data)) < 50, 1, 2))
+    whole = evaluation.evaluate_poses(robot, two)
+    monkeypatch.setattr(evaluation, "MOST_FITTED", 600)
+    some = evaluation.evaluate_poses(robot, two)
+    # The error of a nominal arm is structure: other rows give the frames a little other weights, at 600 rows by 4 % of it.
+    assert len(some.error) == len(data) and some.overall.rms == pytest.approx(whole.overall.rms, rel=0.05)
