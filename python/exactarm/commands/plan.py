@@ -19,6 +19,7 @@ from exactarm.errors import InputError
 from exactarm.identify.declared import require_geometry
 from exactarm.plan.optimal import ENERGY_SHARE, Plan, PlanOptions, plan_path
 from exactarm.plan.path_file import CHOICES, MOST_SAMPLES, PlannedPath, load_path, shipped_paths
+from exactarm.plan.sent import FILES, sent_text
 from exactarm.plan.trajectory import trajectory_table
 from exactarm.progress import SILENT, Progress
 from exactarm.report import Figure, Highlight, Highlights, Quantity, Report, Section, Table, Text, Warnings
@@ -41,17 +42,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         parser.add_argument(f"--{key.replace('_', '-')}", choices=options, help="instead of the path's own")
     parser.add_argument("--start", metavar="DEG,DEG,...", help="joint angles near the first pose, to choose a branch")
     parser.add_argument("--format", choices=("csv", "parquet"), default="csv", help="of the trajectory (default csv)")
+    parser.add_argument("--send", choices=tuple(FILES), help="also in the words of a controller: joint angles as it reports them")
 
 
 def plan(
     robot: AnyRobot, path: str | Path | PlannedPath, *, rate_hz: float | None = None, duration_s: float | None = None,
     nu: float | None = None, gear_direction: str | None = None, input: str | None = None, solver: str | None = None,
     linear_solver: str | None = None, start_rad: Sequence[float] | None = None, format: Literal["csv", "parquet"] = "csv",
-    seed: int = DEFAULT_SEED, threads: int | None = None, progress: Progress = SILENT,
+    send: Literal["joint_trajectory", "servoj"] | None = None, seed: int = DEFAULT_SEED, threads: int | None = None,
+    progress: Progress = SILENT,
 ) -> CommandResult:
     """Plans the motor motion that keeps the flange on a path: `line`, `spiral`, a path file or a PlannedPath.
 
-    None: as the path says. start_rad: joint angles near the first pose, to choose a branch.
+    None: as the path says. send: also as a file for a controller. start_rad: joint angles near the first pose, to choose a branch.
 
         >>> import exactarm as ea
         >>> result = ea.plan("racer-7-1.4", "line", rate_hz=200)
@@ -60,6 +63,8 @@ def plan(
     """
     choices = {"gear_direction": gear_direction, "input": input, "solver": solver, "linear_solver": linear_solver}
     changed = {"rate_hz": rate_hz, "duration_s": duration_s, "nu": nu} | choices
+    if send is not None and send not in FILES:
+        raise InputError(f"send {send!r}; expected one of {', '.join(FILES)}")
     declared, follow = robot_of(robot), _path(path, rate_hz, duration_s, nu, choices)
     require_geometry(declared)
     progress.stage("planning")
@@ -71,6 +76,7 @@ def plan(
         json=_json(result),
         report=_report(declared, result),
         tables={f"trajectory.{format}": trajectory_table(result)},
+        texts={} if send is None else {FILES[send]: sent_text(send, declared, result)},
         inputs=tuple(file),
         asked=asked("plan", robot, None, seed, {"path": name} | {k: v for k, v in changed.items() if v is not None}),
     )
@@ -79,7 +85,7 @@ def plan(
 def run(arguments: argparse.Namespace) -> CommandResult:
     return plan(
         arguments.robot, arguments.path, rate_hz=arguments.rate, duration_s=arguments.duration, nu=arguments.nu,
-        **{key: getattr(arguments, key) for key in CHOICES}, start_rad=_start(arguments.start), format=arguments.format,
+        **{key: getattr(arguments, key) for key in CHOICES}, start_rad=_start(arguments.start), format=arguments.format, send=arguments.send,
         seed=arguments.seed, threads=arguments.threads, progress=arguments.progress,
     )
 
