@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 from exactarm import cli
 from exactarm.chain import Layout, predict_poses
 from exactarm.dataset import Dataset, read_dataset, write_dataset
+from exactarm.effects import effect_from_table
 from exactarm.errors import InputError
 from exactarm.examples import data_path
 from exactarm.diagnose.diagnosis import diagnose
@@ -179,6 +180,12 @@ def test_a_mistake_in_poses_is_told(ur10, name):
 def test_the_file_of_another_robot_is_told_by_name(ur10):
     _, data = ur10
     assert "with data of ur10 the data would fit" in first_aid(load_robot("tx40"), data)[0]
+
+
+def test_effects_that_need_masses_are_not_asked_of_an_arm_without_any(ur10):
+    robot = load_robot("ur10")
+    loaded = replace(robot, effects=(effect_from_table({"effect": "base_compliance", "rad_per_Nm": 1e-6}),))
+    assert first_aid(loaded, read_dataset([str(data_path("ur10/series_B.csv"))], robot)) == ()
 
 
 def test_gravity_means_nothing_to_poses_of_a_rigid_arm(ur10):

@@ -79,7 +79,9 @@ def pose_mistakes(robot: Robot, data: Dataset, carried: Layout, seed: int = 0) -
     now = replace(now, position=min(now.position, _searched(bare, carried, data, seed)))
     found = []
     for words, other, changed in candidates(bare, data, whole, rows, size):
-        fall = now.fall_to(_misfit(other, carried, changed)[0])
+        # What was found on this arm says nothing of another one, which may not even have the masses that it needs.
+        own = carried if other.name == bare.name else Layout.of(())
+        fall = now.fall_to(_misfit(other, own, changed)[0])
         if fall >= FALL:
             found.append(Suspicion(words, fall))
     for further in (_scales_of_axes, _changes_midway):
