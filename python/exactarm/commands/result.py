@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     import pandas
     from matplotlib.axes import Axes
 
+WORSE = 1.05  # RMS of held-out rows, after over before: chance moves it by less
 PRINTED_LINES = 10
 PRINTED_WIDTH = 100
 
@@ -177,7 +178,9 @@ class CommandResult:
         return save(self, folder)
 
     def warned(self, found: Sequence[str]) -> CommandResult:
-        """The same with more warnings, before its own: in result.json, in the report, and in its colour."""
+        """The same with more warnings, before its own: in result.json, in the report, and in its colour; and with one more where
+        the new model errs more on held-out rows than the declared one."""
+        found = [*found, *_worse(self.json)]
         if not found:
             return self
         report, json = self.report, dict(self.json)
@@ -203,6 +206,18 @@ class CommandResult:
 
     def _numbers(self) -> str:
         return json.dumps(plain(self.json), sort_keys=True)
+
+
+def _worse(result: Mapping[str, Any]) -> list[str]:
+    """Whether a result is worse than what it began with: no estimate is to be used then, whatever it converged to."""
+    sets = [plain(result.get(when)) for when in ("before", "after")]
+    if not all(isinstance(each, Mapping) and isinstance(each.get("validation"), Mapping) for each in sets):
+        return []
+    before, after = (each["validation"].get("rms") for each in sets)
+    if before is None or after is None or after <= WORSE * before:
+        return []
+    return [f"on rows that were never fitted the error rises from {before:.3g} to {after:.3g}: the new model is worse than the declared "
+            "one, do not use it before the data are checked"]
 
 
 def _same_table(one: Mapping[str, Sequence[Any]], other: Mapping[str, Sequence[Any]]) -> bool:
