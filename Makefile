@@ -18,7 +18,7 @@ CPP_TESTS := $(shell find tests/cpp -type f 2>/dev/null)
 # Not deleted as intermediate files.
 .PRECIOUS: .setup/packages-%
 
-.PHONY: help demo test test-cpp test-python robustness limits install bench docs clean
+.PHONY: help demo test test-cpp test-python robustness limits install bench docs wheel clean
 
 help:
 	@echo "make demo     set up everything, run exactarm on the shipped data, say where the report lies"
@@ -28,6 +28,7 @@ help:
 	@echo "make limits   rows, seconds and memory of every command, as measured here"
 	@echo "make bench    the C++ benchmarks"
 	@echo "make docs     the documentation as a site: docs/_site/index.html"
+	@echo "make wheel    wheels that run anywhere, in dist/, one for each Python in PYTHONS, each tested"
 	@echo "make clean    remove what was built (the environment stays)"
 
 demo: .setup/install
@@ -63,6 +64,10 @@ docs: .setup/install .setup/packages-docs
 	@$(BIN)/python -m sphinx -q -W --keep-going docs docs/_site
 	@echo "docs/_site/index.html"
 
+PYTHONS ?= $(BIN)/python
+wheel: .setup/system
+	@bash setup/wheel.sh $(PYTHONS)
+
 # System packages, each stamp for what its users need.
 .setup/system: setup/system.sh setup/packages.txt
 	@mkdir -p .setup && bash setup/system.sh setup/packages.txt && touch $@
@@ -76,11 +81,13 @@ docs: .setup/install .setup/packages-docs
 # The build tools are in the environment, so that the build folder is used again from one run to the next.
 .setup/packages-%: pyproject.toml setup/requirements.py .setup/venv
 	@echo "== Python packages ($*)"
+	@[ ! -f setup/lock/$*.txt ] || $(PIP) --require-hashes -r setup/lock/$*.txt
 	@$(BIN)/python setup/requirements.py $* > .setup/$*.txt
 	@$(PIP) -r .setup/$*.txt && touch $@
 
 .setup/install: $(SOURCES) .setup/packages-build
 	@echo "== building exactarm (the first time takes minutes)"
+	@$(PIP) --require-hashes -r setup/lock/run.txt
 	@$(PIP) --no-build-isolation --config-settings=build-dir=$(BUILD) --config-settings=cmake.define.EXACTARM_CPU=native \
 	  --config-settings=cmake.define.EXACTARM_WARNINGS_AS_ERRORS=ON . && touch $@
 
