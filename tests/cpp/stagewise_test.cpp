@@ -196,8 +196,8 @@ TEST(Stagewise, EveryEndingHasAStatus) {
   // Dynamics that break down.
   class Broken : public LinearMasses {
     using LinearMasses::LinearMasses;
-    void evaluate(const DynamicsBatch& batch, long first, long last) const override {
-      LinearMasses::evaluate(batch, first, last);
+    void evaluate(const DynamicsBatch& batch, long first, long last, Workspace* workspace) const override {
+      LinearMasses::evaluate(batch, first, last, workspace);
       if (batch.tau) batch.tau[30] = std::nan("");
     }
   };
