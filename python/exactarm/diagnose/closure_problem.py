@@ -108,6 +108,7 @@ class ClosureProblem(PoseProblem):
     kind = "closures"
     by_posterior = False  # contacts are fitted beside the effects: the posterior has not been measured on them
     groups_independent = True
+    least_elsewhere = Problem.least_share  # places are few and far apart: an effect that hardly helps there is none
 
     def held_out_picture(self, fitted: Fitted) -> None:
         """No target is measured."""

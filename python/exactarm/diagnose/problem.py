@@ -157,6 +157,7 @@ class Problem(ABC):
     by_posterior = False  # whether causes are found by the posterior over sets of them
     groups_independent = False  # whether the residuals of different groups of rows are
     least_share = 0.02  # of the cross-validated square sum that an effect must take away
+    least_elsewhere = 0.0  # share of the square sum that it must take away in stretches it has not learnt from
     share_left = 0.10  # of the square sum that a signal still has to explain to count as structure
 
     def __init__(self, robot: Robot, data: Dataset, held_out: Dataset, threads: int = 1, seed: int = 0):

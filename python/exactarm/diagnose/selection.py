@@ -297,7 +297,8 @@ def _holds_elsewhere(problem: Problem, fitted: Fitted, effects: list[Effect]) ->
     prior = np.concatenate([prior_of(effect) for effect in effects])
     folds = np.unique(stretches, return_inverse=True)[1]
     without = held_out_squares(fitted, np.zeros((fitted.whitened.size, 0)), folds)
-    return bool(held_out_squares(fitted, columns, folds, prior).sum() < without.sum())
+    left = held_out_squares(fitted, columns, folds, prior).sum()
+    return bool(left < (1.0 - problem.least_elsewhere) * without.sum())
 
 
 def _showing(fitted: Fitted, columns: np.ndarray, units: np.ndarray) -> np.ndarray:
