@@ -122,7 +122,7 @@ def find_causes(problem: Problem, declared: Layout, progress: Progress = lambda 
         if found is None or len(places) + len(found.members.blocks) > MOST_AT_ONCE:
             return None
         new = [p for p in _places(found, turn) if p.probability >= NAMED_AT]
-        new = _holding(found, new, folds)
+        new = _holding(found, _one_each(new), folds)
         nothing = found.probability_of_nothing() if nothing is None else nothing
         something, unknown, noise = found.probability_of_unknown(), tuple(found.titles()), found.noise
         kept, fit = _confirmed(problem, declared, chosen, fits[-1], found, new)
@@ -291,6 +291,14 @@ def _effect_at(found: _Found, others: list[str], label: str) -> Effect | None:
         if found.block(index).label == label and found.block(index).effect is not None:
             return at_values(found.block(index), value)
     return None
+
+
+def _one_each(places: list[Place]) -> list[Place]:
+    """The surest of each label: an order between two points of the grid shows at both, until the joint fit has moved it."""
+    found: dict[str, Place] = {}
+    for place in places:
+        found.setdefault(place.label, place)
+    return list(found.values())
 
 
 def _holding(found: _Found, places: list[Place], folds: np.ndarray) -> list[Place]:
