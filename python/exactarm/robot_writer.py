@@ -35,9 +35,18 @@ def robot_text(robot: Robot) -> str:
     blocks += _controller(robot.controller)
     blocks += [_joint(number, joint, robot.has_geometry) for number, joint in enumerate(robot.joints, start=1)]
     blocks += [_link(number, link) for number, link in enumerate(robot.links or (), start=1)]
-    blocks += [_lines("[[effects]]", effect.to_table(), f"# {effect.label}") for effect in robot.effects]
+    blocks += _effects(robot.effects)
     blocks += _table("intervals", {name: list(pair) for name, pair in robot.intervals.items()}, "95 % intervals.")
     return "\n\n".join(blocks) + "\n"
+
+
+def effects_text(effects: Iterable[Any]) -> str:
+    """Effects alone, as in a robot file."""
+    return "\n\n".join(_effects(effects)) + "\n"
+
+
+def _effects(effects: Iterable[Any]) -> list[str]:
+    return [_lines("[[effects]]", effect.to_table(), f"# {effect.label}") for effect in effects]
 
 
 def _equal(left: np.ndarray, right: np.ndarray) -> bool:

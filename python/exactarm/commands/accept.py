@@ -1,0 +1,68 @@
+"""`exactarm accept`: a drafted effect becomes part of the user's own library."""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+from pathlib import Path
+
+from exactarm.commands.plain import sha256
+from exactarm.commands.result import Asked, CommandResult
+from exactarm.dataset import Source
+from exactarm.effects import Effect, effect_from_table, library
+from exactarm.effects.accepted import effects_folder
+from exactarm.errors import InputError
+from exactarm.report import Report, Text
+from exactarm.robot_writer import effects_text
+from exactarm.split import DEFAULT_SEED
+from exactarm.toml_file import read_toml
+
+NAME = "accept"
+HELP = "make a drafted effect (draft.toml) part of your own library"
+_EXPECTED = "a draft with entries [[effects]], as `exactarm diagnose` writes it"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("draft", help="draft.toml, as `exactarm diagnose` has written it, or changed by hand")
+
+
+def accept(draft: str | Path) -> CommandResult:
+    """Checks the draft's formulas and copies its effects into the user's library; simulate, diagnose, plan and robot files know
+    them from then on."""
+    entries = read_toml(draft, _EXPECTED).get("effects")
+    if not isinstance(entries, list) or not entries:
+        raise InputError(f"no effects; expected {_EXPECTED}", file=str(draft))
+    effects = [_effect(entry, number, str(draft)) for number, entry in enumerate(entries, start=1)]
+    text = effects_text(effects)
+    folder = effects_folder()
+    path = folder / f"{Path(draft).stem}-{hashlib.sha256(text.encode()).hexdigest()[:8]}.toml"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"cannot be written ({error.strerror}); expected a folder for your effects, or another one in "
+                         "EXACTARM_EFFECTS", file=str(folder)) from None
+    titles = [effect.title for effect in effects]
+    lines = tuple(f"{effect.title}: {effect.describe()}" for effect in effects)
+    return CommandResult(
+        json={"effects": [effect.to_table() for effect in effects], "file": str(path)},
+        report=Report("Accepted effects", f"{', '.join(titles)} in your library.", (Text("Effects", lines),), "good"),
+        asked=Asked("accept", f'exactarm.accept("{draft}")', None, (Source(str(draft), sha256(draft)),), DEFAULT_SEED),
+    )
+
+
+def _effect(entry: object, number: int, file: str) -> Effect:
+    where = f"effects[{number}]"
+    if not isinstance(entry, dict) or entry.get("effect") not in library():
+        raise InputError(f"{where}.effect is no known effect; expected {_EXPECTED}", file=file)
+    try:
+        effect = effect_from_table(entry)
+    except KeyError as error:
+        raise InputError(f"{where}.{error.args[0]} is missing; expected {_EXPECTED}", file=file) from None
+    except (TypeError, ValueError, AttributeError) as error:
+        raise InputError(f"{where} does not fit: {error}", file=file) from None
+    return effect
+
+
+def run(arguments: argparse.Namespace) -> CommandResult:
+    return accept(arguments.draft)
