@@ -274,9 +274,8 @@ class _Reader:
             hint = f"expected {close[0]}" if close else f"expected one of {', '.join(library())}"
             raise self.refuse(where + "effect", f"no effect named {_short(name)}; {hint}")
         joint, axis = table.get("joint"), f"an axis from 1 to {axes}"
-        if (joint is not None) != library()[name].per_joint:
-            expected = f"expected {axis}" if joint is None else f"expected none, {name} is of no single axis"
-            raise self.refuse(where + "joint", f"{_short(joint)}; {expected}" if joint is not None else f"is missing; {expected}")
+        if joint is None and library()[name].per_joint:
+            raise self.refuse(where + "joint", f"is missing; expected {axis}")
         if joint is not None and (not isinstance(joint, int) or isinstance(joint, bool) or not 1 <= joint <= axes):
             raise self.refuse(where + "joint", f"{_short(joint)}; expected {axis}")
         for key, value in table.items():
@@ -288,6 +287,9 @@ class _Reader:
             raise self.refuse(where + str(error.args[0]), f"is missing; expected a parameter of {name}") from None
         except (TypeError, ValueError, AttributeError, StopIteration):
             raise self.refuse(where + "effect", f"a value does not fit; expected the parameters of {name}") from None
+        if (joint is not None) != type(effect).per_joint:  # forms of one effect may differ
+            expected = f"expected {axis}" if joint is None else f"expected none, {name} is of no single axis"
+            raise self.refuse(where + "joint", f"is missing; {expected}" if joint is None else f"{_short(joint)}; {expected}")
         self.known(table, ("joint", *effect.to_table()), where)
         return effect
 

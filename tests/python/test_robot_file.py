@@ -258,3 +258,16 @@ def test_unknown_names_are_answered_with_the_known_ones(tmp_path):
 def test_every_number_of_a_joint_has_a_key():
     told = {key.field for key in JOINT_KEYS} | {"type", "cw", "ccw"}
     assert told == {item.name for item in dataclasses.fields(Joint)}
+
+
+def test_each_form_of_an_effect_says_whether_it_has_an_axis(tmp_path):
+    """A drift of one axis' zero is read back as it was written; a drift of the whole arm takes no axis."""
+    robot = load_robot("ur10")
+    zero = effect_from_table({"effect": "thermal_drift", "form": "zero", "driver": "time", "joint": 2, "zero_rad_per_h": 1e-5})
+    write_robot(tmp_path / "zero.toml", dataclasses.replace(robot, effects=(zero,)))
+    assert load_robot(str(tmp_path / "zero.toml")).effects == (zero,)
+    growth = 'effect = "thermal_drift"\nform = "growth"\ndriver = "time"\njoint = 2\ngrowth_1_per_h = 1e-5\n'
+    text = (tmp_path / "zero.toml").read_text()
+    (tmp_path / "growth.toml").write_text(text[: text.index("[[effects]]")] + "[[effects]]\n" + growth)
+    with pytest.raises(InputError, match="joint: 2; expected none"):
+        load_robot(str(tmp_path / "growth.toml"))

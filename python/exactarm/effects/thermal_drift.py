@@ -121,6 +121,7 @@ class ThermalTargetDrift(ThermalDrift):
 class ThermalZeroDrift(ThermalDrift):
     station: ClassVar[Station] = Station.SPRING
     kinds: ClassVar[tuple[str, ...]] = ("poses", "tracked_motion")
+    per_joint: ClassVar[bool] = True
     form: ClassVar[str] = "zero"
 
     @property
