@@ -35,6 +35,15 @@ def test_a_few_gross_rows_are_wrong_by_themselves():
     assert noise.sigma == pytest.approx(SIGMA, rel=0.06)
 
 
+def test_gross_rows_are_told_from_the_tails_of_the_others():
+    """Components of unequal noise look heavy-tailed together; a row ten times as far out is wrong all the same."""
+    residual = normal(9) * np.array([2.5, 1.0, 0.6])
+    residual[17] += 2e-3
+    noise = estimate_noise(residual)
+    assert noise.family == "gross" and np.flatnonzero(noise.wrong).tolist() == [17]
+    assert noise.sigma == pytest.approx(SIGMA * np.array([2.5, 1.0, 0.6]), rel=0.1)
+
+
 def test_lost_degrees_of_freedom_are_given_back():
     noise = estimate_noise(normal(5) * np.sqrt(0.5), lost=0.5 * 3 * ROWS)
     assert noise.sigma == pytest.approx(SIGMA, rel=0.05)

@@ -4,9 +4,9 @@ Families, by their likelihood (each further parameter pays half the logarithm of
 
     gauss    one normal law
     student  multivariate t with 30, 10, 5 or 3 degrees of freedom (Lange, Little and Taylor 1989)
-    gross    normal, and a few rows (at most a fifth) from a law GROSS times as wide: broken beams, exchanged rows
+    gross    either of them, and a few rows (at most a fifth) from a law GROSS times as wide: broken beams, exchanged rows
 
-A row of the last family is wrong by itself where that is more than 99 % probable; its weight is zero.
+each with one scale for all components of a kind (positions, orientations), or one for every component. A row of the last family is wrong by itself where that is more than 99 % probable; its weight is zero.
 """
 
 from __future__ import annotations
@@ -29,9 +29,13 @@ def estimate_noise(residual: np.ndarray, lost: float = 0.0, visits: np.ndarray |
     rows, m = residual.shape
     blow = np.sqrt(rows * m / max(rows * m - lost, 1.0))  # a fit leaves less than the noise
     e = residual * blow
-    kinds = _kinds(residual)
-    found = [_student(e, kinds, np.inf), *(_student(e, kinds, nu) for nu in FREEDOMS), _gross(e, kinds)]
-    price = np.array([0.0, *[0.5 * np.log(rows)] * len(FREEDOMS), np.log(rows)])
+    found, further = [], []  # parameters beyond those of one normal law
+    for kinds in (_kinds(residual), np.ones(m, int)):
+        for nu in (np.inf, *FREEDOMS):
+            found += [_student(e, kinds, nu), _gross(e, kinds, nu)]
+            scales = len(kinds) - len(_kinds(residual)) + np.isfinite(nu)
+            further += [scales, scales + 2.0]  # share and width of the gross rows
+    price = 0.5 * np.log(rows) * np.array(further)
     best = found[int(np.argmax([model.log_likelihood for model in found] - price))]
     if visits is None:
         return best
@@ -53,8 +57,10 @@ def _kinds(residual: np.ndarray) -> np.ndarray:
 def log_likelihood_under(model: NoiseModel, residual: np.ndarray) -> float:
     """Of other residuals (N, m) under the family of a model, its scales refitted."""
     kinds = _kinds(residual)
+    if np.ptp(model.sigma[:3]) > 0.0:
+        kinds = np.ones(residual.shape[1], int)
     if model.family == "gross":
-        return _gross(residual, kinds).log_likelihood
+        return _gross(residual, kinds, model.freedom).log_likelihood
     return _student(residual, kinds, model.freedom).log_likelihood
 
 
@@ -70,24 +76,16 @@ def _scales(e: np.ndarray, weight: np.ndarray, kinds: np.ndarray, total: float) 
 
 def _student(e: np.ndarray, kinds: np.ndarray, nu: float) -> NoiseModel:
     rows, m = e.shape
-    weight = np.ones(rows)
-    sigma = _scales(e, weight, kinds, rows) if not np.isfinite(nu) else np.full(m, 1.0) * _robust(e, kinds)
+    sigma = _robust(e, kinds) if np.isfinite(nu) else _scales(e, np.ones(rows), kinds, rows)
     for _ in range(_PASSES if np.isfinite(nu) else 0):
-        weight = (nu + m) / (nu + np.sum((e / sigma) ** 2, axis=1))
-        new = _scales(e, weight, kinds, rows)
+        new = _scales(e, _row_weight(np.sum((e / sigma) ** 2, axis=1), m, nu), kinds, rows)
         done = np.all(np.abs(new / sigma - 1.0) < 1e-6)
         sigma = new
         if done:
             break
     square = np.sum((e / sigma) ** 2, axis=1)
-    if np.isfinite(nu):
-        law = (special.gammaln(0.5 * (nu + m)) - special.gammaln(0.5 * nu) - 0.5 * m * np.log(nu * np.pi)
-               - 0.5 * (nu + m) * np.log1p(square / nu))
-        weight = (nu + m) / (nu + square)
-    else:
-        law = -0.5 * m * np.log(2.0 * np.pi) - 0.5 * square
-    value = float(np.sum(law) - rows * np.sum(np.log(sigma)))
-    return NoiseModel(sigma, weight, "student" if np.isfinite(nu) else "gauss", nu, value)
+    value = float(np.sum(_log_density(square, m, nu)) - rows * np.sum(np.log(sigma)))
+    return NoiseModel(sigma, _row_weight(square, m, nu), "student" if np.isfinite(nu) else "gauss", nu, value)
 
 
 def _robust(e: np.ndarray, kinds: np.ndarray) -> np.ndarray:
@@ -100,23 +98,36 @@ def _robust(e: np.ndarray, kinds: np.ndarray) -> np.ndarray:
     return np.maximum(sigma, 1e-15)
 
 
-def _gross(e: np.ndarray, kinds: np.ndarray) -> NoiseModel:
+def _gross(e: np.ndarray, kinds: np.ndarray, nu: float) -> NoiseModel:
+    """A share of the rows from a law GROSS times as wide as the others', which are normal or Student with nu degrees of freedom."""
     rows, m = e.shape
     sigma, share = _robust(e, kinds), 0.02
     for _ in range(_PASSES):
         square = np.sum((e / sigma) ** 2, axis=1)
-        good = np.log1p(-share) - 0.5 * square
-        bad = np.log(share) - 0.5 * square / GROSS**2 - m * np.log(GROSS)
+        good = np.log1p(-share) + _log_density(square, m, nu)
+        bad = np.log(share) + _log_density(square / GROSS**2, m, np.inf) - m * np.log(GROSS)
         wrong = special.expit(bad - good)
-        new = _scales(e, (1.0 - wrong) + wrong / GROSS**2, kinds, rows)
+        weight = _row_weight(square, m, nu)
+        new = _scales(e, (1.0 - wrong) * weight + wrong / GROSS**2, kinds, rows)
         share_new = float(np.clip(wrong.mean(), 0.5 / rows, _MOST_WRONG))
         done = np.all(np.abs(new / sigma - 1.0) < 1e-6) and abs(share_new - share) < 1e-6
         sigma, share = new, share_new
         if done:
             break
-    law = np.logaddexp(good, bad) - 0.5 * m * np.log(2.0 * np.pi)
-    value = float(np.sum(law) - rows * np.sum(np.log(sigma)))
-    return NoiseModel(sigma, np.where(wrong > _SURELY_WRONG, 0.0, 1.0), "gross", np.inf, value)
+    value = float(np.sum(np.logaddexp(good, bad)) - rows * np.sum(np.log(sigma)))
+    return NoiseModel(sigma, np.where(wrong > _SURELY_WRONG, 0.0, weight), "gross", nu, value)
+
+
+def _log_density(square: np.ndarray, m: int, nu: float) -> np.ndarray:
+    """(N,) log density of m components of unit scale, from their square sums; nu degrees of freedom, infinite: normal."""
+    if not np.isfinite(nu):
+        return -0.5 * m * np.log(2.0 * np.pi) - 0.5 * square
+    constant = special.gammaln(0.5 * (nu + m)) - special.gammaln(0.5 * nu) - 0.5 * m * np.log(nu * np.pi)
+    return constant - 0.5 * (nu + m) * np.log1p(square / nu)
+
+
+def _row_weight(square: np.ndarray, m: int, nu: float) -> np.ndarray:
+    return (nu + m) / (nu + square) if np.isfinite(nu) else np.ones(len(square))
 
 
 def _shared(white: np.ndarray, weight: np.ndarray, visits: np.ndarray) -> tuple[float, float]:
