@@ -17,8 +17,12 @@ bool interpreter_ends() {
 #endif
 }
 
+const std::thread::id main_thread = std::this_thread::get_id();  // that which loads the extension
+
 // Runs the handlers of signals that have arrived; what they raise ends the work. Only Python's main thread has any.
 void check_signals() {
+  // Another thread that waits for an ending interpreter would be unwound through frames that cannot be.
+  if (std::this_thread::get_id() != main_thread || interpreter_ends()) return;
   const py::gil_scoped_acquire gil;
   if (PyErr_CheckSignals() != 0) throw py::error_already_set();
 }

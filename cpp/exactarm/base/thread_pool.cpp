@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <exception>
-#include <memory>
 #include <system_error>
 
 #include "exactarm/base/interrupt.hpp"
@@ -12,14 +11,14 @@
 namespace exactarm {
 namespace {
 
-std::unique_ptr<ThreadPool>& shared_pool() {
-  static std::unique_ptr<ThreadPool> pool = [] {
+// Never destroyed: threads of an ending interpreter may still hold it.
+ThreadPool*& shared_pool() {
+  static ThreadPool* pool = [] {
     // The threads are the parent's: the child leaves that pool alone and takes a new one.
     pthread_atfork(nullptr, nullptr, [] {
-      static_cast<void>(shared_pool().release());
-      shared_pool() = std::make_unique<ThreadPool>();
+      shared_pool() = new ThreadPool;
     });
-    return std::make_unique<ThreadPool>();
+    return new ThreadPool;
   }();
   return pool;
 }
