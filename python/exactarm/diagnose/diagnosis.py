@@ -192,7 +192,14 @@ def _search(problem: Problem, declared: Layout, progress: Progress) -> tuple[Sel
     if rows is not None:
         part = type(problem)(problem.robot, problem.data.select(rows), problem.held_out, problem.threads, problem.seed)
     causes = find_causes(part, declared, progress) if problem.by_posterior else None
-    found = select(part, declared, progress) if causes is None else selection_of(causes)
+    if causes is None:
+        found = select(part, declared, progress)
+    else:
+        found = selection_of(causes)
+        if causes.unknown and not causes.places:
+            # Forms that no block has (an order with its overtone) are reached step by step only.
+            by_steps = select(part, declared, progress)
+            found, causes = (by_steps, None) if by_steps.accepted else (found, causes)
     if rows is None:
         return found, causes
     progress("fitting all identification rows")
