@@ -72,7 +72,7 @@ class Arm:
         """(n,) the ratio, 1 where no gear is declared."""
         return np.where(self.has_gear, self.ratio, 1.0)
 
-    def with_values(self, **changes) -> "Arm":
+    def with_values(self, **changes) -> Arm:
         return replace(self, **changes)
 
 

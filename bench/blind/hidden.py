@@ -42,7 +42,7 @@ class Rows:
     def __len__(self) -> int:
         return len(self.session)
 
-    def part(self, chosen: np.ndarray) -> "Rows":
+    def part(self, chosen: np.ndarray) -> Rows:
         """The rows of an index array."""
         arrays = {item.name: getattr(self, item.name) for item in fields(self)}
         return replace(self, **{name: value[chosen] for name, value in arrays.items() if isinstance(value, np.ndarray)})
@@ -64,7 +64,7 @@ class Hidden:
     def index(self) -> int:
         return self.joint - 1
 
-    def scaled(self, size: float) -> "Hidden":
+    def scaled(self, size: float) -> Hidden:
         return replace(self, size=size)
 
     def at_joint(self, shape: np.ndarray, axes: int) -> np.ndarray:

@@ -35,7 +35,7 @@ class Drive:
     temperature: np.ndarray
     direction: np.ndarray | None = None
 
-    def part(self, rows: np.ndarray) -> "Drive":
+    def part(self, rows: np.ndarray) -> Drive:
         """The samples of an index array."""
         return Drive(*(None if (value := getattr(self, item.name)) is None else value[rows] for item in fields(self)))
 

@@ -16,7 +16,15 @@ import numpy as np
 import pandas as pd
 
 from blind.arm import Arm, read_arm
-from blind.conditions import TODAY, Conditions, declare, draw_conditions, held_still, still_axes, without_springs
+from blind.conditions import (
+    TODAY,
+    Conditions,
+    declare,
+    draw_conditions,
+    held_still,
+    still_axes,
+    without_springs,
+)
 from blind.motion import SMOOTH_RAD_S, Drive, excitation, inverse_dynamics, play
 from blind.motion_effects import MOTION_EFFECTS, MOTION_FOREIGN
 from blind.noise import component_noise, draw_noise

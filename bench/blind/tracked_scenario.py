@@ -18,7 +18,15 @@ import numpy as np
 import pandas as pd
 
 from blind.arm import posture, read_arm
-from blind.conditions import TODAY, Conditions, declare, draw_conditions, held_still, still_axes, without_springs
+from blind.conditions import (
+    TODAY,
+    Conditions,
+    declare,
+    draw_conditions,
+    held_still,
+    still_axes,
+    without_springs,
+)
 from blind.hidden import Hidden, Rows, Setting
 from blind.motion import excitation
 from blind.noise import component_noise, draw_noise, with_memory
