@@ -5,7 +5,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "python"))
 
-import exactarm  # noqa: E402
+import exactarm
 
 project, author = "exactarm", "the exactarm developers"
 version = release = exactarm.__version__

@@ -13,8 +13,9 @@ import shutil
 import signal
 import sys
 import traceback
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from typing import Iterator, Sequence, TextIO
+from typing import TextIO
 
 import exactarm
 from exactarm.commands.listing import COMMANDS, find_commands, import_command

@@ -32,7 +32,7 @@ LEAST_SAMPLES = 8  # of a run: fewer have no derivative that is more than roundi
 LONGEST_STEP_S = 1.0  # a robot's motion cannot be followed in longer steps
 
 
-def data_kinds(dataset: "Dataset", robot: Robot, kind: str | None = None) -> dict[str, object]:
+def data_kinds(dataset: Dataset, robot: Robot, kind: str | None = None) -> dict[str, object]:
     """`{"kind": ..., "kinds": ...}` of a data set; raises InputError where the columns do not admit one."""
     if kind is not None and kind not in KINDS:
         raise InputError(f"unknown kind of data {kind!r}; expected one of {', '.join(KINDS)}")
@@ -44,7 +44,7 @@ def data_kinds(dataset: "Dataset", robot: Robot, kind: str | None = None) -> dic
     return {"kind": kinds[0], "kinds": kinds}
 
 
-def _from_columns(dataset: "Dataset", robot: Robot) -> tuple[str, ...]:
+def _from_columns(dataset: Dataset, robot: Robot) -> tuple[str, ...]:
     if dataset.contacts:
         return ("closures",)
     gear = dataset.gyro is not None or _has_both_encoders(dataset)
@@ -66,7 +66,7 @@ def _from_columns(dataset: "Dataset", robot: Robot) -> tuple[str, ...]:
     return kinds
 
 
-def _has_both_encoders(dataset: "Dataset") -> bool:
+def _has_both_encoders(dataset: Dataset) -> bool:
     theta, q = dataset.joints.get("theta"), dataset.joints.get("q")
     return theta is not None and q is not None and bool((_has(theta) & _has(q)).any())
 
@@ -76,7 +76,7 @@ def _has(values: np.ndarray | None) -> np.ndarray | bool:
     return False if values is None else ~np.isnan(values[0])
 
 
-def _looks_like_a_series(dataset: "Dataset") -> bool:
+def _looks_like_a_series(dataset: Dataset) -> bool:
     if dataset.time is None:
         return False
     steps = np.concatenate([np.diff(dataset.time[rows]) for rows in _runs(dataset)])
@@ -88,18 +88,18 @@ def _looks_like_a_series(dataset: "Dataset") -> bool:
     return bool(np.mean(np.abs(steps - median) <= NEARLY_EQUAL * median) >= NEARLY_ALL)
 
 
-def _runs(dataset: "Dataset") -> list[np.ndarray]:
+def _runs(dataset: Dataset) -> list[np.ndarray]:
     """Row indices of each run, in the order of the file."""
     order = np.argsort(dataset.run, kind="stable")
     return np.split(order, np.flatnonzero(np.diff(dataset.run[order])) + 1)
 
 
 # -- what each kind needs ----------------------------------------------------------------------------
-def _file(dataset: "Dataset", index: int = 0) -> str | None:
+def _file(dataset: Dataset, index: int = 0) -> str | None:
     return dataset.sources[index].path if dataset.sources else None
 
 
-def _check_time(dataset: "Dataset") -> None:
+def _check_time(dataset: Dataset) -> None:
     if dataset.time is None:
         raise InputError("column missing; expected the time of each sample", file=_file(dataset), column="time_s")
     for rows in _runs(dataset):
@@ -116,7 +116,7 @@ def _check_time(dataset: "Dataset") -> None:
             raise InputError(message, file=file, row=int(dataset.row[at]), column="time_s")
 
 
-def check_joints(dataset: "Dataset", robot: Robot) -> None:
+def check_joints(dataset: Dataset, robot: Robot) -> None:
     """Every axis needs an angle that the robot can turn into a joint angle."""
     q, theta = (_has(dataset.joints.get(name)) & np.ones(robot.axes, dtype=bool) for name in ("q", "theta"))
     for index, joint in enumerate(robot.joints):
@@ -136,14 +136,14 @@ def _check_geometry(robot: Robot) -> None:
         raise InputError(f"robot {robot.name} declares no geometry; expected one for data with x, y, z", file=robot.file)
 
 
-def _check_poses(dataset: "Dataset", robot: Robot) -> None:
+def _check_poses(dataset: Dataset, robot: Robot) -> None:
     if dataset.position is None:
         raise InputError("column missing; expected x, y, z for poses", file=_file(dataset), column="x_m")
     _check_geometry(robot)
     check_joints(dataset, robot)
 
 
-def _check_closures(dataset: "Dataset", robot: Robot) -> None:
+def _check_closures(dataset: Dataset, robot: Robot) -> None:
     if not dataset.contacts:
         message = "column missing; expected socket, plane, sphere, bar or pair for closures"
         raise InputError(message, file=_file(dataset), column="socket")
@@ -161,7 +161,7 @@ def _check_closures(dataset: "Dataset", robot: Robot) -> None:
         )
 
 
-def _check_gear_run(dataset: "Dataset", robot: Robot) -> None:
+def _check_gear_run(dataset: Dataset, robot: Robot) -> None:
     theta = dataset.joints.get("theta")
     if theta is None:
         raise InputError("column missing; expected the motor angle of a gear run", file=_file(dataset), column="theta_1_rad")
@@ -174,7 +174,7 @@ def _check_gear_run(dataset: "Dataset", robot: Robot) -> None:
             raise InputError(message, file=_file(dataset), column=f"theta_{index + 1}")
 
 
-def _check_motion(dataset: "Dataset", robot: Robot) -> None:
+def _check_motion(dataset: Dataset, robot: Robot) -> None:
     if not any(name in dataset.joints for name in TORQUES):
         message = "column missing; expected tau_i, tau_motor_i or current_i for a motion"
         raise InputError(message, file=_file(dataset), column="tau_1_Nm")

@@ -17,7 +17,17 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from exactarm.columns import CONTACTS, GYRO, MOST, POSITION, QUATERNION, ROTATION_VECTOR, Column, may_be_empty, parse_column
+from exactarm.columns import (
+    CONTACTS,
+    GYRO,
+    MOST,
+    POSITION,
+    QUATERNION,
+    ROTATION_VECTOR,
+    Column,
+    may_be_empty,
+    parse_column,
+)
 from exactarm.data_kind import STATIC, check_joints, data_kinds
 from exactarm.errors import InputError
 from exactarm.fixture import Fixture
@@ -77,7 +87,7 @@ class Dataset:
     sources: tuple[Source, ...] = ()
 
     @classmethod
-    def of_arrays(cls, kind: str, joints: Mapping[str, np.ndarray], **arrays) -> "Dataset":
+    def of_arrays(cls, kind: str, joints: Mapping[str, np.ndarray], **arrays) -> Dataset:
         """A data set from arrays alone (a simulation): one session, one run and no file where not given."""
         joints = {name: np.asarray(values, dtype=float) for name, values in joints.items()}
         rows, axes = next(iter(joints.values())).shape
@@ -103,7 +113,7 @@ class Dataset:
         """SHA-256 of the files that it was read from, in their order; empty where no file was read."""
         return tuple(source.sha256 for source in self.sources)
 
-    def select(self, rows: np.ndarray) -> "Dataset":
+    def select(self, rows: np.ndarray) -> Dataset:
         """The rows of a mask (N,) bool or of an index array."""
         changes = {}
         for item in fields(self):

@@ -12,8 +12,8 @@ name is carried along (forward differentiation). What is not in the language rai
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Mapping
 
 import numpy as np
 
@@ -47,7 +47,7 @@ class Formula:
     tree: tuple
 
     @staticmethod
-    def of(text: str) -> "Formula":
+    def of(text: str) -> Formula:
         tokens = _tokens(text)
         tree, at = _sum(tokens, 0, 0)
         if at < len(tokens):

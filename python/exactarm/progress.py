@@ -12,7 +12,8 @@ The library takes a `Progress` as an argument and never prints; `SILENT` says no
 from __future__ import annotations
 
 import time
-from typing import TYPE_CHECKING, Callable, TextIO
+from collections.abc import Callable
+from typing import TYPE_CHECKING, TextIO
 
 if TYPE_CHECKING:
     from rich.progress import Progress as Bar
@@ -92,7 +93,14 @@ class Progress:
 def _bar(stream: TextIO | None) -> Bar:
     """A bar that clears itself: what, bar, count, time since and time left."""
     from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, SpinnerColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        SpinnerColumn,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
     from rich.progress import Progress as RichProgress
 
     bar = RichProgress(

@@ -14,8 +14,9 @@ sum psi^2 / mean(psi')^2, and J keeps its plain weights (Huber 1973), so that gr
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Callable, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from scipy import linalg, special

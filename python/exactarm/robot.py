@@ -109,7 +109,7 @@ class Placement(Value):
         return out
 
     @classmethod
-    def of_matrix(cls, matrix: np.ndarray) -> "Placement":
+    def of_matrix(cls, matrix: np.ndarray) -> Placement:
         """The pose of a homogeneous matrix (4, 4)."""
         matrix = np.asarray(matrix, float)
         return cls(matrix[..., :3, :3], matrix[..., :3, 3])
@@ -154,7 +154,7 @@ class Robot(Value):
     base: Placement = field(default_factory=Placement)
     tool: Placement = field(default_factory=Placement)
     has_geometry: bool = True
-    effects: tuple["Effect", ...] = ()
+    effects: tuple[Effect, ...] = ()
     intervals: dict[str, tuple[float, float]] = field(default_factory=dict)
     record: dict[str, Any] = field(default_factory=dict)
     controller: Controller = field(default_factory=Controller)
@@ -164,14 +164,14 @@ class Robot(Value):
     def axes(self) -> int:
         return len(self.joints)
 
-    def with_joint(self, index: int, **changes: Any) -> "Robot":
+    def with_joint(self, index: int, **changes: Any) -> Robot:
         """The same robot with fields of joint `index` (from 0) replaced."""
         joints = list(self.joints)
         joints[index] = replace(joints[index], **changes)
         return replace(self, joints=tuple(joints))
 
     @property
-    def with_controller_frames(self) -> "Robot":
+    def with_controller_frames(self) -> Robot:
         """The same with its frames on record as the controller's, unless others are: to be kept before they change."""
         if self.controller.frames or not self.has_geometry:
             return self

@@ -20,8 +20,17 @@ import numpy as np
 from exactarm.effects import Effect, effect_from_table, library
 from exactarm.errors import InputError
 from exactarm.robot import Controller, GearTable, Joint, Link, Placement, Robot
-from exactarm.robot_keys import CONTROLLER_KEYS, FORMAT, FRAME_FIELDS, GEAR_KEYS, GEAR_TABLES, JOINT_KEYS, MOST_AXES
-from exactarm.robot_keys import NOT_NEGATIVE, OTHER_UNITS
+from exactarm.robot_keys import (
+    CONTROLLER_KEYS,
+    FORMAT,
+    FRAME_FIELDS,
+    GEAR_KEYS,
+    GEAR_TABLES,
+    JOINT_KEYS,
+    MOST_AXES,
+    NOT_NEGATIVE,
+    OTHER_UNITS,
+)
 from exactarm.robot_writer import write_robot
 from exactarm.toml_file import fits_shape, is_number, read_toml
 from exactarm.urdf import read_urdf

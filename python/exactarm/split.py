@@ -24,7 +24,7 @@ DEFAULT_SEED = 1  # of every random choice, in Python and on the command line al
 STANDS_STILL = 0.02  # an axis moves when its range is more than this share of the largest
 
 
-def pose_groups(dataset: "Dataset") -> np.ndarray:
+def pose_groups(dataset: Dataset) -> np.ndarray:
     """(N,) int from 0: rows with the same number were measured at the same pose of the arm."""
     angles = np.hstack([np.nan_to_num(dataset.joints[name]) for name in ("theta", "q") if name in dataset.joints])
     span = np.ptp(angles, axis=0)
@@ -47,7 +47,7 @@ def pose_groups(dataset: "Dataset") -> np.ndarray:
     return np.unique(labels[groups.ravel()], return_inverse=True)[1]
 
 
-def pose_split(dataset: "Dataset", random: np.random.Generator, fraction: float) -> np.ndarray:
+def pose_split(dataset: Dataset, random: np.random.Generator, fraction: float) -> np.ndarray:
     groups = pose_groups(dataset)
     _, first = np.unique(groups, return_index=True)
     chosen = np.zeros(len(first), dtype=bool)
@@ -58,7 +58,7 @@ def pose_split(dataset: "Dataset", random: np.random.Generator, fraction: float)
     return chosen[groups]
 
 
-def run_split(dataset: "Dataset", random: np.random.Generator, fraction: float) -> np.ndarray:
+def run_split(dataset: Dataset, random: np.random.Generator, fraction: float) -> np.ndarray:
     mask = np.zeros(len(dataset), dtype=bool)
     for runs in _alike(dataset):
         if len(runs) == 1:
@@ -70,7 +70,7 @@ def run_split(dataset: "Dataset", random: np.random.Generator, fraction: float) 
     return mask
 
 
-def split_rule(dataset: "Dataset", fraction: float) -> str:
+def split_rule(dataset: Dataset, fraction: float) -> str:
     """How the rows are chosen, as one sentence for a report."""
     percent = f"{100 * fraction:.0f} %"
     if dataset.identification is not None:
@@ -90,7 +90,7 @@ def _share(count: int, fraction: float) -> int:
     return count if count < 2 else int(np.clip(round(fraction * count), 1, count - 1))
 
 
-def _alike(dataset: "Dataset") -> list[np.ndarray]:
+def _alike(dataset: Dataset) -> list[np.ndarray]:
     """Numbers of the runs, grouped: in gear runs by which axes move and which way, otherwise all together."""
     runs = np.unique(dataset.run)
     if dataset.kind != "gear_run":

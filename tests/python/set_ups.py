@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from random_robot import random_rotation
 
 from exactarm.chain import Layout, predict_poses
 from exactarm.dataset import Dataset
 from exactarm.robot import Placement, Robot
 from exactarm.simulate.virtual_robot import deviated
+from random_robot import random_rotation
 
 TOOL_REACH_M = 0.5
 

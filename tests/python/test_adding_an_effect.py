@@ -8,14 +8,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from central_difference import assert_derivative
-from six_axis import six_axis
 
+from central_difference import assert_derivative
 from exactarm import cli, effects
 from exactarm.chain import Layout, predict_poses
 from exactarm.dataset import Dataset
 from exactarm.effects import library
 from exactarm.robot_file import load_robot
+from six_axis import six_axis
 
 PAGE = (Path(__file__).parents[2] / "docs" / "adding-an-effect.md").read_text()
 

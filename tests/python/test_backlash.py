@@ -4,10 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from central_difference import assert_derivative
-from motions import fourier_motion, motion_data
-from test_diagnose_poses import HIDDEN, data_with, ur10
 
+from central_difference import assert_derivative
 from exactarm import _core
 from exactarm.chain import Layout, predict_gear_run
 from exactarm.diagnose.diagnosis import diagnose
@@ -20,6 +18,8 @@ from exactarm.effects.backlash import Backlash
 from exactarm.effects.load_dependence import LoadDependence
 from exactarm.robot_file import load_robot
 from exactarm.simulate import Sensors, VirtualRobot, measure_gear_runs, parse_effect
+from motions import fourier_motion, motion_data
+from test_diagnose_poses import HIDDEN, data_with, ur10
 
 FRICTION_NM, ROTOR_KG_M2, NOISE_NM = 10.0, 2e-4, 0.3
 

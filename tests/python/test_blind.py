@@ -18,10 +18,8 @@ sys.path.insert(0, str(TOP / "bench"))
 from blind import gear_scenario, motion_scenario, tracked_scenario  # noqa: E402
 from blind.arm import gravity_torque, output_angle, posture, read_arm  # noqa: E402
 from blind.motion import inverse_dynamics  # noqa: E402
-from blind.marks import summary  # noqa: E402
 from blind.pose_scenario import draw_case  # noqa: E402
 from blind.scorer import diagnose_case  # noqa: E402
-
 from exactarm import _core  # noqa: E402
 from exactarm.dataset import read_dataset  # noqa: E402
 from exactarm.robot_file import load_robot  # noqa: E402

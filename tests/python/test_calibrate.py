@@ -5,8 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from set_ups import at_random_place, joints_in_limits, measured, true_robot
-from six_axis import six_axis
 
 from exactarm import cli
 from exactarm.chain import Layout
@@ -20,6 +18,8 @@ from exactarm.identify.declared import geometry_layout
 from exactarm.identify.evaluate import evaluate_poses
 from exactarm.robot_file import load_robot
 from exactarm.robot_writer import write_robot
+from set_ups import at_random_place, joints_in_limits, measured, true_robot
+from six_axis import six_axis
 
 NOISE_M, NOISE_RAD = 1e-4, 1e-4
 FLOOR_M = np.sqrt(3.0) * NOISE_M  # RMS of the Euclidean error that noise alone makes

@@ -4,11 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from central_difference import assert_derivative
 from numpy.testing import assert_allclose
-from random_robot import random_rotation
-from six_axis import six_axis
 
+from central_difference import assert_derivative
 from exactarm import _core
 from exactarm.chain import Layout, predict_poses
 from exactarm.dataset import Dataset
@@ -22,6 +20,8 @@ from exactarm.identify.declared import geometry_layout
 from exactarm.robot import GearTable, Placement
 from exactarm.robot_file import load_robot
 from exactarm.rotation import exp, log
+from random_robot import random_rotation
+from six_axis import six_axis
 
 NOTHING = Layout.of(())
 ROWS = 11

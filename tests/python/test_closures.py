@@ -11,8 +11,8 @@ from exactarm.cli import main
 from exactarm.dataset import Dataset
 from exactarm.diagnose.diagnosis import diagnose
 from exactarm.diagnose.verdict import NOTHING
-from exactarm.identify.calibrate import CalibrationOptions, calibrate
 from exactarm.examples import data_path
+from exactarm.identify.calibrate import CalibrationOptions, calibrate
 from exactarm.identify.closure_design import ClosureDesignOptions, design_closures
 from exactarm.identify.closures import SCALE, calibrate_closures, declare_closures
 from exactarm.identify.declared import geometry_layout

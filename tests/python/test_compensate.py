@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+
 import compensation_cell as cells
 from compensation_cell import BASE, TOOL, Cell, identified, nearby, reachable
-
 from exactarm.cli import main
 from exactarm.robot import Placement
 from exactarm.robot_file import write_robot

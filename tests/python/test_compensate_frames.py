@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from compensation_cell import identified, reachable
 
+from compensation_cell import identified, reachable
 from exactarm.compensate.frames import cell_frames, with_nominal
 from exactarm.compensate.law import CompensationModel
 from exactarm.dataset import Dataset, write_dataset

@@ -4,11 +4,11 @@ import re
 from functools import cache
 from pathlib import Path
 
-import compensation_cell as cells
 import numpy as np
 import pytest
-from compensation_cell import BASE, PULSES, TOOL, Cell, identified, nearby
 
+import compensation_cell as cells
+from compensation_cell import BASE, PULSES, TOOL, Cell, identified, nearby
 from exactarm.compensate.correction import correct
 from exactarm.compensate.formats import Job, dialect_of
 from exactarm.compensate.law import CompensationModel

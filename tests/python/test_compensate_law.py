@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from compensation_cell import Cell, identified, reachable
 
+from compensation_cell import Cell, identified, reachable
 from exactarm.compensate.law import CompensationModel, Poses, actual_of, command_of, pose_error
 from exactarm.errors import InputError
 from exactarm.robot import Controller

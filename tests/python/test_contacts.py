@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from central_difference import assert_derivative
 
+from central_difference import assert_derivative
 from exactarm.chain import Layout
 from exactarm.columns import CONTACTS
 from exactarm.dataset import NO_CONTACT, Dataset, read_dataset

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hostile_calls import targets
 
 from exactarm import _core
+from hostile_calls import targets
 
 CALLS = 6000  # 70 of each target; 20,000 with seeds 1 to 7 came through when this was written
 
@@ -55,7 +55,7 @@ def test_values_of_a_robot_cannot_be_changed_after_the_check():
 @pytest.mark.parametrize(
     ("made", "words"),
     [
-        (lambda: [], "joints of a robot: found 0"),
+        (list, "joints of a robot: found 0"),
         (lambda: joints(65), "joints of a robot: found 65, expected 1 to 64"),
         (lambda: joints(frame=_core.Frame(d=np.nan)), "joint 1, d: expected a finite number"),
         (lambda: joints(frame=_core.Frame(sign=0.5)), "joint 1, sign: expected 1 or -1"),

@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from urdf_sample import random_urdf
 
 from exactarm.dataset import read_dataset
 from exactarm.errors import InputError
 from exactarm.examples import data_path
 from exactarm.robot_file import load_robot, write_robot
 from exactarm.urdf import urdf_text
+from urdf_sample import random_urdf
 
 DAMAGES = 150
 WORDS = [b"", b",", b"\n", b"nan", b"1e999", b"-", b'"', b"\xff", b"\0", b"[", b"=", b"<", b"/>", b"_", b"99", b"session"]

@@ -1,9 +1,9 @@
 """Design of measurement poses: criteria, exchange, polish, limits, and the marks of observability."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from dataclasses import replace
-from identification_poses import racer_like, robot_of, RIGHT, TOOL
 
 from exactarm.errors import ComputationError, InputError
 from exactarm.examples import data_path
@@ -15,6 +15,7 @@ from exactarm.identify.polish import PolishOptions, polish
 from exactarm.identify.pose_space import Box, PoseSpace
 from exactarm.robot import Joint, Placement, Robot
 from exactarm.robot_file import load_robot
+from identification_poses import RIGHT, TOOL, racer_like, robot_of
 
 CRITERIA = (LogDeterminant(), LogDeterminant(nuisance=(0, 2, 5)), SmallestOverLargest())
 

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from central_difference import assert_derivative
-
 from exactarm.chain import Layout, predict_gear_run
 from exactarm.dataset import Dataset
 from exactarm.diagnose.diagnosis import diagnose

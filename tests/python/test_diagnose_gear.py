@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from gear_simulation import DEGREE, GearRuns, joined, simulate
 
 from exactarm.dataset import Dataset
 from exactarm.diagnose.diagnosis import diagnose
 from exactarm.diagnose.verdict import EXPLAINED, NOTHING
 from exactarm.robot import GearTable
 from exactarm.robot_file import load_robot
+from gear_simulation import DEGREE, GearRuns, joined, simulate
 
 RATE_HZ = 400.0
 NOISE = 0.05 * DEGREE

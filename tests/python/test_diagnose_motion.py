@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from motions import fourier_motion, motion_data
 
 from exactarm import _core
 from exactarm.commands.diagnose import _json
@@ -12,6 +11,7 @@ from exactarm.diagnose.diagnosis import diagnose
 from exactarm.diagnose.verdict import EXPLAINED, NOTHING
 from exactarm.identify.dynamics import identify_dynamics, inertia_was_estimated
 from exactarm.robot_file import load_robot
+from motions import fourier_motion, motion_data
 
 NOISE_NM = 0.5
 

@@ -6,7 +6,6 @@ from functools import cache
 
 import numpy as np
 import pytest
-from set_ups import joints_in_limits, measured, true_robot
 
 from exactarm import cli
 from exactarm.chain import Layout
@@ -16,6 +15,7 @@ from exactarm.diagnose.verdict import held_out_excess
 from exactarm.effects import effect_from_table
 from exactarm.identify.pose_fit import fit_poses
 from exactarm.robot_file import load_robot
+from set_ups import joints_in_limits, measured, true_robot
 
 NOISE_M = 5e-5
 COUNT, FITTED = 140, 100

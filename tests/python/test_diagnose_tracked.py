@@ -6,8 +6,6 @@ from functools import cache
 
 import numpy as np
 import pytest
-from motions import fourier_motion
-from set_ups import at_random_place
 
 from exactarm import cli
 from exactarm.chain import Layout, predict_tracked_motion
@@ -18,6 +16,8 @@ from exactarm.effects import effect_from_table
 from exactarm.identify.evaluate import evaluate_tracked_motion
 from exactarm.identify.tracked_fit import thinned_record, tracked_record
 from exactarm.robot_file import load_robot
+from motions import fourier_motion
+from set_ups import at_random_place
 
 NOISE_M = 3e-5
 RATE_HZ = 60.0

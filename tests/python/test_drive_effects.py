@@ -6,9 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from central_difference import assert_derivative
-from six_axis import six_axis
 
+from central_difference import assert_derivative
 from exactarm import _core
 from exactarm.chain import Layout, View, predict_poses
 from exactarm.dataset import Dataset
@@ -18,6 +17,7 @@ from exactarm.effects.outliers import Outliers
 from exactarm.effects.payload import Payload, inertial
 from exactarm.effects.slow_driver import drivers, slow_signal
 from exactarm.effects.thermal_drift import ThermalDrift
+from six_axis import six_axis
 
 ROWS, AXES = 40, 6
 MOTION = (

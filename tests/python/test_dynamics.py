@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
+
 from central_difference import central_difference
+from exactarm import _core
 from pinocchio_model import pinocchio_model
 from random_robot import random_core_robot
-
-from exactarm import _core
 
 CASES = [(1, None), (2, 1), (3, None), (6, None), (6, 2), (7, None), (7, 0), (9, 4)]
 ROWS = 12

@@ -5,9 +5,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from central_difference import assert_derivative
 from numpy.testing import assert_allclose
 
+from central_difference import assert_derivative
 from exactarm import _core
 from exactarm.chain import Layout, predict_poses
 from exactarm.dataset import Dataset

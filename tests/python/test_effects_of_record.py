@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from set_ups import joints_in_limits, measured, true_robot
 
 from exactarm import cli
 from exactarm.dataset import Dataset, Source, write_dataset
@@ -15,6 +14,7 @@ from exactarm.errors import InputError
 from exactarm.plan.compensation import planning_model
 from exactarm.robot_file import load_robot
 from exactarm.simulate.virtual_robot import VirtualRobot
+from set_ups import joints_in_limits, measured, true_robot
 
 NOISE_M = 5e-5
 COUNT = 120

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
-from pinocchio_model import pinocchio_model
-from random_robot import random_core_robot
 from scipy.integrate import solve_ivp
 
 from exactarm import _core
+from pinocchio_model import pinocchio_model
+from random_robot import random_core_robot
 
 AXES = 6
 

@@ -6,8 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from set_ups import at_random_place, joints_in_limits, measured, true_robot
-from six_axis import six_axis
 
 from exactarm import cli
 from exactarm.chain import Layout
@@ -19,6 +17,8 @@ from exactarm.identify.evaluate import evaluate_poses
 from exactarm.robot import Placement
 from exactarm.robot_file import load_robot
 from exactarm.robot_writer import write_robot
+from set_ups import at_random_place, joints_in_limits, measured, true_robot
+from six_axis import six_axis
 
 NOISE_M = 1e-4
 

@@ -6,10 +6,9 @@ import re
 import numpy as np
 import pytest
 import yaml
-from compensation_cell import identified
 from scipy.spatial.transform import Rotation
-from urdf_sample import random_urdf
 
+from compensation_cell import identified
 from exactarm.cli import main
 from exactarm.compensate.law import CompensationModel
 from exactarm.errors import InputError
@@ -19,6 +18,7 @@ from exactarm.export.ur_description import kinematics_yaml, link_origins
 from exactarm.export.urdf import patched_urdf
 from exactarm.robot_file import load_robot, write_robot
 from exactarm.urdf import read_urdf
+from urdf_sample import random_urdf
 
 
 def deviated(robot, seed=5):

@@ -4,9 +4,8 @@ import json
 
 import numpy as np
 import pytest
-from central_difference import assert_derivative
-from set_ups import joints_in_limits, measured, true_robot
 
+from central_difference import assert_derivative
 from exactarm import cli
 from exactarm.chain import Layout
 from exactarm.dataset import write_dataset
@@ -14,6 +13,7 @@ from exactarm.effects import effect_from_table
 from exactarm.formula import Formula, FormulaError
 from exactarm.identify.pose_fit import fit_poses
 from exactarm.robot_file import load_robot
+from set_ups import joints_in_limits, measured, true_robot
 
 HOSE = {"effect": "expression", "joint": 5, "title": "a hose presses axis 5", "of": ["q_4", "q_6"], "form": "a*(q_4 + q_6)^2",
         "values": {"a": 3e-4}, "plausible": {"a": 3e-4}}

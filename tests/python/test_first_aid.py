@@ -12,15 +12,15 @@ from scipy.spatial.transform import Rotation
 from exactarm import cli
 from exactarm.chain import Layout, predict_poses
 from exactarm.dataset import Dataset, read_dataset, write_dataset
+from exactarm.diagnose.diagnosis import diagnose
 from exactarm.effects import effect_from_table
 from exactarm.errors import InputError
 from exactarm.examples import data_path
-from exactarm.diagnose.diagnosis import diagnose
 from exactarm.identify.dynamics import identify_dynamics
 from exactarm.identify.evaluate import evaluate_poses
 from exactarm.identify.first_aid import first_aid
-from exactarm.identify.gear import identify_gears
 from exactarm.identify.frames import find_frames
+from exactarm.identify.gear import identify_gears
 from exactarm.identify.suspicion import Suspicion, in_order, listed
 from exactarm.robot_file import load_robot
 from exactarm.simulate import Sensors, VirtualRobot, measure_gear_runs, measure_tracked_motion

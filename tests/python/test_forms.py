@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from set_ups import joints_in_limits, measured, true_robot
 
 from exactarm.chain import Layout
 from exactarm.diagnose.diagnosis import diagnose
 from exactarm.effects.gear_eccentricity import GearEccentricity
 from exactarm.effects.gear_harmonics import GearHarmonics
 from exactarm.robot_file import load_robot
+from set_ups import joints_in_limits, measured, true_robot
 
 COUNT = 320
 JOINT = 3

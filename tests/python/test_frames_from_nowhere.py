@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from scipy import stats
-from set_ups import at_random_place, joints_in_limits, measured, true_robot
-from six_axis import six_axis
 
 from exactarm.errors import InputError
 from exactarm.identify.calibrate import CalibrationOptions, calibrate
 from exactarm.identify.frames import find_frames
 from exactarm.robot_file import load_robot
+from set_ups import at_random_place, joints_in_limits, measured, true_robot
+from six_axis import six_axis
 
 NOISE_M = 1e-4
 SET_UPS = 100  # the marks hold at any count

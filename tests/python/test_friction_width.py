@@ -3,14 +3,14 @@
 from dataclasses import replace
 
 import numpy as np
-from motions import fourier_motion, motion_data
-from six_axis import six_axis
 
 from exactarm import _core
 from exactarm.chain import motion_record
 from exactarm.effects.drive import SIGN_WIDTH_RAD_S, smooth_sign, smooth_square
 from exactarm.identify.dynamics import friction_layout
 from exactarm.identify.friction_width import friction_widths
+from motions import fourier_motion, motion_data
+from six_axis import six_axis
 
 
 def test_smooth_sign_is_the_mean_over_the_swing():

@@ -4,10 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from central_difference import assert_derivative
-from gear_simulation import DEGREE, GearRuns, simulate
 from numpy.testing import assert_allclose
 
+from central_difference import assert_derivative
 from exactarm import _core
 from exactarm.chain import Layout, gear_record, predict_gear_run
 from exactarm.dataset import Dataset
@@ -29,6 +28,7 @@ from exactarm.effects.load_dependence import LoadDependence
 from exactarm.effects.speed_dependence import SpeedDependence
 from exactarm.effects.time_delay import TimeDelay
 from exactarm.robot_file import load_robot
+from gear_simulation import DEGREE, GearRuns, simulate
 
 EFFECTS = (
     GearHarmonics(2, (50.3, 1e-3, 3e-3, -5e-4, 2e-4)),

@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from gear_simulation import DEGREE, GearRuns, joined, simulate
 from scipy.interpolate import make_interp_spline
 
 from exactarm import _core
@@ -22,6 +21,7 @@ from exactarm.identify.gear_orders import find_orders
 from exactarm.identify.gear_profile import AngleProfile, false_alarm
 from exactarm.robot import GearTable
 from exactarm.robot_file import load_robot
+from gear_simulation import DEGREE, GearRuns, joined, simulate
 
 # joint, speed, margin that leaves the thesis' range of steady motion, orders it names
 THESIS = (

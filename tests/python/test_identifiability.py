@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from identification_poses import RIGHT, racer_like, random_joints, robot_of, stacked_jacobian
 
 from exactarm.identify.identifiability import preference, select_identifiable, still_axes
+from identification_poses import RIGHT, racer_like, random_joints, robot_of, stacked_jacobian
 
 
 def analyse(robot, frames=True, orientation=False, count=200, seed=5, **options):

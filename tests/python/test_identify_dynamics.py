@@ -7,8 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from motions import fourier_motion, motion_data
-from six_axis import six_axis
 
 from exactarm import _core
 from exactarm.chain import Layout, motion_record, predict_motion
@@ -22,6 +20,8 @@ from exactarm.robot import Link
 from exactarm.robot_file import load_robot, write_robot
 from exactarm.simulate import Sensors, VirtualRobot, deviated, measure_motion
 from exactarm.simulate.profiles import excitation
+from motions import fourier_motion, motion_data
+from six_axis import six_axis
 
 NOISE_NM = np.array([2.0, 3.0, 1.5, 0.5, 0.3, 0.2])
 

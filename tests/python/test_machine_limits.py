@@ -9,12 +9,12 @@ import sys
 from pathlib import Path
 
 import pytest
-from test_cli import package, run  # noqa: F401
 
 from exactarm import cli
 from exactarm.commands.output import OutputFolder
 from exactarm.errors import InputError
 from exactarm.examples import data_path
+from test_cli import package, run  # noqa: F401
 
 DATA = str(data_path("ur10/series_B.csv"))
 

@@ -4,8 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from set_ups import joints_in_limits, measured, true_robot
-from six_axis import six_axis
 
 from exactarm import cli
 from exactarm.dataset import write_dataset
@@ -16,6 +14,8 @@ from exactarm.identify.match import WORST_SHARE
 from exactarm.identify.reach import reach
 from exactarm.robot_file import load_robot
 from exactarm.robot_writer import write_robot
+from set_ups import joints_in_limits, measured, true_robot
+from six_axis import six_axis
 
 
 @pytest.fixture(scope="module")

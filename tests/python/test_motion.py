@@ -6,10 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from central_difference import assert_derivative
-from motions import fourier_motion, motion_data
-from six_axis import six_axis
 
+from central_difference import assert_derivative
 from exactarm import _core
 from exactarm.chain import Layout, motion_record, predict_motion
 from exactarm.chain.motion import transmission
@@ -17,6 +15,8 @@ from exactarm.effects import library
 from exactarm.effects.declared_friction import DeclaredFriction
 from exactarm.effects.declared_rotor import DeclaredRotor
 from exactarm.errors import InputError
+from motions import fourier_motion, motion_data
+from six_axis import six_axis
 
 NONE = Layout.of(())
 

@@ -5,8 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from exactarm.chain import Layout, motion_clear_of_reversals, motion_record, predict_motion, reversals_left_out
-from exactarm.chain import direction
+from exactarm.chain import (
+    Layout,
+    direction,
+    motion_clear_of_reversals,
+    motion_record,
+    predict_motion,
+    reversals_left_out,
+)
 from exactarm.diagnose.motion_problem import MotionProblem
 from exactarm.diagnose.tracked_problem import TrackedProblem
 from exactarm.identify.evaluate import evaluate_tracked_motion

@@ -3,14 +3,14 @@
 import json
 
 import numpy as np
-from set_ups import joints_in_limits, measured, true_robot
-from six_axis import six_axis
 
 from exactarm import cli
 from exactarm.chain import Layout
 from exactarm.dataset import write_dataset
 from exactarm.effects.payload import Payload
 from exactarm.robot_writer import write_robot
+from set_ups import joints_in_limits, measured, true_robot
+from six_axis import six_axis
 
 
 def test_centre_of_mass_is_reported(tmp_path):

@@ -1,13 +1,14 @@
 """Planning: the source's paths, both solvers, effects, reversals, failures, many paths at once."""
 
+import multiprocessing
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from dataclasses import replace
 
-import multiprocessing
 import numpy as np
 import pytest
 
 from exactarm import _core
+from exactarm.chain.direction import TRANSITION_S
 from exactarm.dataset import Dataset
 from exactarm.effects.backlash import Backlash
 from exactarm.effects.direction_dependence import DirectionDependence
@@ -15,13 +16,12 @@ from exactarm.effects.hysteresis import Hysteresis
 from exactarm.effects.payload import Payload
 from exactarm.errors import ComputationError, InputError
 from exactarm.plan import Line, PathFailure, PlannedPath, PlanOptions, Points, load_path, plan_many, plan_path
-from exactarm.chain.direction import TRANSITION_S
-from exactarm.robot_file import load_robot
 from exactarm.plan.limits import violations
+from exactarm.plan.trajectory import trajectory_table, write_trajectory
+from exactarm.robot_file import load_robot
 from exactarm.simulate.measure import true_path
 from exactarm.simulate.virtual_robot import VirtualRobot
 from exactarm.table import read_table
-from exactarm.plan.trajectory import trajectory_table, write_trajectory
 
 ROBOT = load_robot("racer-7-1.4")
 LINE = replace(load_path("line"), rate_hz=200.0)

@@ -4,9 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from gear_simulation import DEGREE, GearRuns, joined, simulate
-from motions import fourier_motion, motion_data
-from set_ups import at_random_place
 
 from exactarm import _core
 from exactarm.chain import Layout, predict_tracked_motion
@@ -14,6 +11,9 @@ from exactarm.dataset import Dataset
 from exactarm.diagnose.problems import problem_for
 from exactarm.effects import effect_from_table, library
 from exactarm.robot_file import load_robot
+from gear_simulation import DEGREE, GearRuns, joined, simulate
+from motions import fourier_motion, motion_data
+from set_ups import at_random_place
 
 
 def rigid(name="racer-7-1.4", **fields):

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from central_difference import central_difference
 from scipy.spatial.transform import Rotation
 
+from central_difference import central_difference
 from exactarm.errors import InputError
 from exactarm.plan.path_file import load_path, shipped_paths
 from exactarm.plan.reference import Line, Points, Spiral, sample_reference, time_law

@@ -8,7 +8,18 @@ import pytest
 
 from exactarm.commands.error_sections import unit_of
 from exactarm.progress import Progress
-from exactarm.report import Estimate, Figure, Highlight, Highlights, Link, Quantity, Report, Table, Text, Warnings
+from exactarm.report import (
+    Estimate,
+    Figure,
+    Highlight,
+    Highlights,
+    Link,
+    Quantity,
+    Report,
+    Table,
+    Text,
+    Warnings,
+)
 from exactarm.report.html import render_html
 from exactarm.report.numbers import choose_scale, estimate, format_cells, number, quantity
 from exactarm.report.plots import arm, curves, design, effects, errors, parameters, residual, workspace

@@ -11,9 +11,9 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from robustness.mutations import WAYS, spoiled  # noqa: E402
-from robustness.samples import samples  # noqa: E402
-from robustness.trials import COMMANDS, READERS, run_trial  # noqa: E402
+from robustness.mutations import WAYS, spoiled
+from robustness.samples import samples
+from robustness.trials import COMMANDS, READERS, run_trial
 
 FIRST_SEED = 7000
 READER_TRIALS, COMMAND_TRIALS = 400, 12

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from set_ups import joints_in_limits, measured, true_robot
 
 from exactarm.chain import Layout
 from exactarm.dataset import Dataset
@@ -14,6 +13,7 @@ from exactarm.effects.gear_harmonics import GearHarmonics
 from exactarm.identify.calibrate import calibrate
 from exactarm.identify.declared import reestimated_layout
 from exactarm.robot_file import load_robot
+from set_ups import joints_in_limits, measured, true_robot
 
 NOISE_M = 5e-5
 COUNT, FITTED = 140, 100

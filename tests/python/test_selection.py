@@ -5,7 +5,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from motions import fourier_motion, motion_data
 
 from exactarm import _core
 from exactarm.chain import Layout, predict_poses
@@ -18,6 +17,7 @@ from exactarm.diagnose.problems import problem_for
 from exactarm.diagnose.verdict import UNEXPLAINED
 from exactarm.effects import effect_from_table
 from exactarm.robot_file import load_robot
+from motions import fourier_motion, motion_data
 
 NOISE_M = 5e-5
 

@@ -7,10 +7,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from six_axis import six_axis
 
 from exactarm import _core
-from exactarm.chain import Layout, motion_record, predict_gear_run, predict_motion, predict_poses, predict_tracked_motion
+from exactarm.chain import (
+    Layout,
+    motion_record,
+    predict_gear_run,
+    predict_motion,
+    predict_poses,
+    predict_tracked_motion,
+)
 from exactarm.cli import main
 from exactarm.dataset import Dataset, read_dataset
 from exactarm.effects import library
@@ -20,12 +26,20 @@ from exactarm.identify.dynamics import DynamicsOptions, identify_dynamics
 from exactarm.robot import GearTable
 from exactarm.robot_file import load_robot, write_robot
 from exactarm.simulate import (
-    Sensors, VirtualRobot, deviated, measure_gear_runs, measure_motion, measure_poses, measure_tracked_motion, parse_effect,
+    Sensors,
+    VirtualRobot,
+    deviated,
+    measure_gear_runs,
+    measure_motion,
+    measure_poses,
+    measure_tracked_motion,
+    parse_effect,
 )
 from exactarm.simulate.independent import gear_outputs, independent_path
 from exactarm.simulate.measure import true_path
 from exactarm.simulate.plant import swing
 from exactarm.simulate.profiles import excitation, gear_run, limit
+from six_axis import six_axis
 
 EXACT = Sensors(position_m=0.0, orientation_rad=0.0, gyro_rad_s=0.0, torque_Nm=0.0, counts=0)
 

@@ -8,8 +8,8 @@ import pytest
 from exactarm.chain import predict_gear_run
 from exactarm.dataset import Dataset
 from exactarm.diagnose.diagnosis import diagnose
-from exactarm.diagnose.verdict import EXPLAINED
 from exactarm.diagnose.time_groups import stretches_of_response
+from exactarm.diagnose.verdict import EXPLAINED
 from exactarm.robot_file import load_robot
 from exactarm.simulate import Sensors, VirtualRobot, parse_effect
 from exactarm.simulate.profiles import gear_run

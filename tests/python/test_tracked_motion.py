@@ -5,10 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from central_difference import assert_derivative
-from motions import fourier_motion
-from six_axis import six_axis
 
+from central_difference import assert_derivative
 from exactarm import _core
 from exactarm.chain import Layout, predict_poses, predict_tracked_motion
 from exactarm.chain.motion_record import unthinned_record
@@ -20,6 +18,8 @@ from exactarm.effects.joint_offset import JointOffset
 from exactarm.robot import GearTable
 from exactarm.simulate.plant import swing
 from exactarm.simulate.profiles import excitation
+from motions import fourier_motion
+from six_axis import six_axis
 
 NONE = Layout.of(())
 

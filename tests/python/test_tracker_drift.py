@@ -4,15 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from central_difference import assert_derivative
-from set_ups import joints_in_limits, measured, true_robot
 
+from central_difference import assert_derivative
 from exactarm.chain import Layout, predict_poses
 from exactarm.diagnose.diagnosis import diagnose
 from exactarm.effects import effect_from_table
 from exactarm.effects.slow_driver import TIME
 from exactarm.effects.tracker_drift import TrackerDrift
 from exactarm.robot_file import load_robot
+from set_ups import joints_in_limits, measured, true_robot
 
 NOISE_M, COUNT, HOURS = 5e-5, 150, 1.5
 SHIFT, TURN = np.array([1e-4, -2e-4, 5e-5]), np.array([1.5e-4, -1e-4, 2e-4])  # an hour

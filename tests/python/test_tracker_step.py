@@ -4,14 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from central_difference import assert_derivative
-from set_ups import joints_in_limits, measured, true_robot
 
+from central_difference import assert_derivative
 from exactarm.chain import Layout, predict_poses
 from exactarm.diagnose.diagnosis import diagnose
 from exactarm.effects import effect_from_table
 from exactarm.effects.tracker_step import TrackerStep
 from exactarm.robot_file import load_robot
+from set_ups import joints_in_limits, measured, true_robot
 
 NOISE_M = 5e-5
 COUNT = 150

@@ -6,14 +6,14 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
-from random_robot import random_rotation
-from urdf_sample import link, random_urdf, urdf_pose
 
 from exactarm import _core
 from exactarm.errors import InputError
 from exactarm.robot import GearTable, Joint, Link, Placement, Robot
 from exactarm.robot_file import load_robot, shipped_robots
 from exactarm.urdf import read_urdf, reported_shift, roll_pitch_yaw, urdf_text, write_urdf
+from random_robot import random_rotation
+from urdf_sample import link, random_urdf, urdf_pose
 
 CHAINS = ["rrrrrr", "frrfrrrf", "rprcpr", "ccccccc", "pppr", "r", "frf", "prrrrrrrr"]
 TIGHT = 1e-9  # m and rad, as promised

@@ -21,20 +21,20 @@ class Layout:
     free: tuple[np.ndarray, ...]
 
     @staticmethod
-    def of(effects: tuple[Effect, ...], estimate: bool = True) -> "Layout":
+    def of(effects: tuple[Effect, ...], estimate: bool = True) -> Layout:
         """All parameters free except those that call themselves fixed (none at all when `estimate` is False)."""
         masks = [np.array([estimate and not p.fixed for p in effect.parameters()], bool) for effect in effects]
         return Layout(tuple(effects), tuple(masks))
 
-    def joined(self, other: "Layout") -> "Layout":
+    def joined(self, other: Layout) -> Layout:
         return Layout(self.effects + other.effects, self.free + other.free)
 
     @property
-    def held(self) -> "Layout":
+    def held(self) -> Layout:
         """The same effects with nothing free."""
         return Layout(self.effects, tuple(np.zeros_like(mask) for mask in self.free))
 
-    def without(self, names: set[str]) -> "Layout":
+    def without(self, names: set[str]) -> Layout:
         """The same with the named parameters held at their present values."""
         masks = []
         for effect, mask in zip(self.effects, self.free):
@@ -85,7 +85,7 @@ class Layout:
         parts = [np.asarray(e.values, float)[mask] for e, mask in zip(self.effects, self.free)]
         return np.concatenate(parts) if parts else np.zeros(0)
 
-    def at(self, values: np.ndarray) -> "Layout":
+    def at(self, values: np.ndarray) -> Layout:
         """The same layout with the free parameters at `values`."""
         effects = []
         for effect, mask, where in zip(self.effects, self.free, self.slices):

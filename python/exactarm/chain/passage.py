@@ -11,8 +11,8 @@ the low-pass) is in the predictions, so no reach has to be guessed. Gears whose 
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from dataclasses import replace
-from typing import Callable, Iterable
 
 import numpy as np
 

@@ -7,9 +7,9 @@ is the derivative (N, m, P) of a signal with respect to the P free parameters of
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Callable
 
 import numpy as np
 
@@ -20,7 +20,6 @@ from exactarm.effects.drive import SIGN_WIDTH_RAD_S
 from exactarm.robot import Robot
 from exactarm.signals import order_of_sampling
 from exactarm.split import STANDS_STILL
-
 
 # (columns of the station's signal, derivative (N, c, k)) -> what it does to the measurement, (N, m, k).
 Transfer = Callable[[tuple[int, ...], np.ndarray], np.ndarray]

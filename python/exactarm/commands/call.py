@@ -17,13 +17,13 @@ from exactarm.commands.arguments import available_cores
 from exactarm.commands.plain import sha256
 from exactarm.commands.result import Asked
 from exactarm.dataset import Dataset, Source, read_dataset
-from exactarm.fixture import Fixture, load_fixture
 from exactarm.errors import InputError
+from exactarm.fixture import Fixture, load_fixture
 from exactarm.robot import Robot
 from exactarm.robot_file import load_robot
 
 AnyRobot = Union[Robot, str, Path]
-AnyData = Union[Dataset, str, Path, Sequence[Union[str, Path]]]
+AnyData = Union[Dataset, str, Path, Sequence[str | Path]]
 AnyFixture = Union[Fixture, str, Path, None]
 
 

@@ -15,8 +15,8 @@ from __future__ import annotations
 
 import argparse
 from dataclasses import dataclass, replace
-from importlib.util import find_spec
 from functools import partial
+from importlib.util import find_spec
 
 import numpy as np
 from scipy.interpolate import make_interp_spline

@@ -13,7 +13,14 @@ import numpy as np
 from exactarm.commands.arguments import add_robot
 from exactarm.commands.call import AnyRobot, asked, robot_of, threads_of
 from exactarm.commands.closure_design import designed_closures
-from exactarm.commands.planning_arguments import add_planning, box_of, clearance_of, numbers_of, target_hint, tool_of
+from exactarm.commands.planning_arguments import (
+    add_planning,
+    box_of,
+    clearance_of,
+    numbers_of,
+    target_hint,
+    tool_of,
+)
 from exactarm.commands.result import CommandResult
 from exactarm.errors import InputError
 from exactarm.identify.closure_design import ClosureDesignOptions

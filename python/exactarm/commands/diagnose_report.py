@@ -7,11 +7,17 @@ from functools import partial
 import numpy as np
 
 from exactarm.commands.effect_sections import (
-    causes_in_words, curves_figure, effects_table, orders_table, parameters_table, percent, sizes_figure,
+    causes_in_words,
+    curves_figure,
+    effects_table,
+    orders_table,
+    parameters_table,
+    percent,
+    sizes_figure,
 )
 from exactarm.commands.error_sections import error_figures, error_table, highlights
 from exactarm.data_kind import STATIC
-from exactarm.diagnose.contribution import Contribution, contributions
+from exactarm.diagnose.contribution import Contribution
 from exactarm.diagnose.diagnosis import Diagnosis, Finding
 from exactarm.diagnose.dossier import Dossier
 from exactarm.diagnose.verdict import NOTHING, UNEXPLAINED, remains

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
-from typing import Mapping
 
 import numpy as np
 
 from exactarm.identify.statistics import ErrorSummary
 from exactarm.report import Estimate, Figure, Highlight, Highlights, Quantity, Table
-from exactarm.report.plots.errors import error_histogram, error_histogram_panel, error_per_pose, error_per_pose_panel
+from exactarm.report.plots.errors import (
+    error_histogram,
+    error_histogram_panel,
+    error_per_pose,
+    error_per_pose_panel,
+)
 
 SETS = ("identification", "validation")
 

@@ -18,7 +18,12 @@ from exactarm.identify.evaluate import EVALUATORS, Evaluation
 from exactarm.progress import SILENT, Progress
 from exactarm.report import Figure, Highlight, Highlights, Quantity, Report, Table, Warnings
 from exactarm.report.numbers import quantity
-from exactarm.report.plots.errors import error_histogram, error_histogram_panel, error_per_pose, error_per_pose_panel
+from exactarm.report.plots.errors import (
+    error_histogram,
+    error_histogram_panel,
+    error_per_pose,
+    error_per_pose_panel,
+)
 from exactarm.robot import Robot
 from exactarm.split import DEFAULT_SEED
 

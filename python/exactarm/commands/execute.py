@@ -6,8 +6,9 @@ import argparse
 import difflib
 import shlex
 import time
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, NoReturn, Sequence
+from typing import Any, NoReturn
 
 from exactarm._core import InvalidArgument
 from exactarm.commands.arguments import add_common

@@ -3,22 +3,34 @@
 from __future__ import annotations
 
 import argparse
-from functools import partial
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from exactarm.chain import Layout
 from exactarm.commands.arguments import add_files, add_fixture, add_robot
 from exactarm.commands.planning_arguments import (
-    add_noise, add_planning, box_of, clearance_of, noise_of, target_hint, with_tool,
+    add_noise,
+    add_planning,
+    box_of,
+    clearance_of,
+    noise_of,
+    target_hint,
+    with_tool,
 )
 from exactarm.commands.result import CommandResult
 from exactarm.dataset import Dataset, read_planned_poses
 from exactarm.errors import InputError
 from exactarm.fixture import Fixture, load_fixture
 from exactarm.identify.closure_fit import Pulls, expected_deviations
-from exactarm.identify.closures import SCALE, carried_effects, identifiable_closures, nominal_closures, scale_is_known
+from exactarm.identify.closures import (
+    SCALE,
+    carried_effects,
+    identifiable_closures,
+    nominal_closures,
+    scale_is_known,
+)
 from exactarm.identify.compliance import compliance_layout
 from exactarm.identify.declared import carried_layout, frames_layout, geometry_layout, require_geometry
 from exactarm.identify.identifiability import Identifiability, still_axes
@@ -189,7 +201,7 @@ def _report(robot: Robot, check: ModelCheck, poses: _Poses, noise: float) -> Rep
 
 
 def _frame_table(robot: Robot, check: ModelCheck) -> Table:
-    state = {name: "i" for name in check.identifiability.identifiable}
+    state = dict.fromkeys(check.identifiability.identifiable, "i")
     state |= {entry.name: "n" for entry in check.identifiability.dropped}
     state |= {entry.name: "n" for entry in check.absent}
     state |= {gap.name: "gap" for gap in check.gaps}

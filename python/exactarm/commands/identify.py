@@ -15,8 +15,14 @@ from exactarm.commands.result import CommandResult, estimate
 from exactarm.commands.suspicions import suspicions
 from exactarm.dataset import Dataset
 from exactarm.errors import InputError
-from exactarm.identify.dynamics import DynamicsIdentification, DynamicsOptions, identify_dynamics, with_links
-from exactarm.identify.dynamics import friction_layout, inertial_layout
+from exactarm.identify.dynamics import (
+    DynamicsIdentification,
+    DynamicsOptions,
+    friction_layout,
+    identify_dynamics,
+    inertial_layout,
+    with_links,
+)
 from exactarm.identify.statistics import summarise
 from exactarm.progress import SILENT, Progress
 from exactarm.report import Figure, Quantity, Report, Table, Warnings

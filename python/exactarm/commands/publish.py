@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import platform
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
-from datetime import datetime, timezone
+from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
-from typing import Any, Callable
+from typing import Any
 
 import exactarm
 from exactarm.commands.output import OutputFolder
@@ -51,7 +51,7 @@ def publish(result: CommandResult, folder: OutputFolder, started: float, progres
     """Writes everything, `result.json` last."""
     asked = result.asked or Asked("computed", "")
     asked = replace(asked, files=asked.files + sources(result.inputs, asked.files))
-    made = datetime.now(timezone.utc).isoformat(timespec="seconds")
+    made = datetime.now(UTC).isoformat(timespec="seconds")
     report = replace(result.report, details=_details(asked, made) | {"run": folder.run})
     for file, columns in result.tables.items():
         folder.write_table(file, columns)

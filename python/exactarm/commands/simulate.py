@@ -30,10 +30,15 @@ from exactarm.progress import SILENT, Progress
 from exactarm.report import Highlight, Highlights, Quantity, Report, Text
 from exactarm.report.numbers import quantity
 from exactarm.robot import Robot
-from exactarm.split import DEFAULT_SEED
 from exactarm.robot_writer import robot_text
 from exactarm.simulate import (
-    Sensors, VirtualRobot, deviated, measure_gear_runs, measure_motion, measure_poses, measure_tracked_motion,
+    Sensors,
+    VirtualRobot,
+    deviated,
+    measure_gear_runs,
+    measure_motion,
+    measure_poses,
+    measure_tracked_motion,
     parse_effect,
 )
 from exactarm.simulate.closures import CONTACTS, fixture_text, measure_closures
@@ -41,6 +46,7 @@ from exactarm.simulate.independent import independent_path
 from exactarm.simulate.measure import true_path
 from exactarm.simulate.profiles import excitation, limit
 from exactarm.simulate.virtual_robot import one_sided, placed, unplaced
+from exactarm.split import DEFAULT_SEED
 
 NAME = "simulate"
 HELP = "play a trajectory or measure poses, gears and motions on a virtual robot"

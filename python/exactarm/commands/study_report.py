@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -92,7 +91,7 @@ def _ringing_table(studies: dict[str, Study]) -> Table:
                  "RMS errors of the flange on the virtual robot; largest bandwidth and ringing (mrad/s²) of an axis.")
 
 
-def _compared(case: "Case") -> tuple[str, ...]:
+def _compared(case: Case) -> tuple[str, ...]:
     return (quantity(_rms(case.played.knots), "m"), quantity(_rms(case.played.between), "m"), quantity(case.widest, "Hz"),
             f"{1e3 * case.ringing.max():.2g}")
 
@@ -158,7 +157,7 @@ def _figures(robot: Robot, path: str, kinds: Study) -> list[Figure]:
             for name, heading, caption, draw in build]
 
 
-def _spectrum(robot: Robot, case: "Case") -> tuple[np.ndarray, np.ndarray]:
+def _spectrum(robot: Robot, case: Case) -> tuple[np.ndarray, np.ndarray]:
     return amplitude(case.plan.theta_ddot / robot.ratios, case.plan.reference.step)
 
 

@@ -6,9 +6,10 @@ controller reports: offsets and gears do not enter.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import product
-from typing import TYPE_CHECKING, Any, Mapping
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -33,7 +34,7 @@ class ControllerChain:
     limits: np.ndarray
 
     @staticmethod
-    def of(robot: Robot) -> "ControllerChain":
+    def of(robot: Robot) -> ControllerChain:
         """Raises InputError where a calibration has changed the frames and the controller's are not on record.
 
         In a file that no calibration has changed, the declared frames are the controller's.
@@ -59,13 +60,13 @@ class ControllerChain:
         largest = [np.inf if joint.q_max is None else joint.q_max for joint in robot.joints]
         return ControllerChain(own.core, np.array([least, largest]))
 
-    def poses(self, q: np.ndarray) -> "Poses":
+    def poses(self, q: np.ndarray) -> Poses:
         """Of the flange, for joint angles (N, n)."""
         from exactarm.compensate.law import Poses
 
         return Poses(*_core.forward_kinematics(self.core, q))
 
-    def joints(self, targets: "Poses", near: np.ndarray) -> np.ndarray:
+    def joints(self, targets: Poses, near: np.ndarray) -> np.ndarray:
         """Joint angles (N, n) of poses close to those of `near` (N, n)."""
         from exactarm.compensate.law import pose_error, pseudo_inverse
 
@@ -101,7 +102,7 @@ class ControllerChain:
             turned += [np.array(choice) for choice in product(*choices)]
         return np.array(turned).reshape(-1, len(low))
 
-    def nearest_path(self, targets: "Poses", start: np.ndarray | None) -> np.ndarray:
+    def nearest_path(self, targets: Poses, start: np.ndarray | None) -> np.ndarray:
         """Joint angles (N, n) of poses, each on the branch nearest to the one before; NaN where there are none.
 
         Without a start the first is the branch nearest to the middle of the joint limits.

@@ -44,7 +44,7 @@ class Poses:
     def __len__(self) -> int:
         return len(self.position)
 
-    def rows(self, index: np.ndarray) -> "Poses":
+    def rows(self, index: np.ndarray) -> Poses:
         return Poses(self.position[index], self.rotation[index])
 
 
@@ -70,7 +70,7 @@ class CompensationModel:
     @staticmethod
     def of(
         robot: Robot, base: Placement = Placement(), flange: Placement = Placement()
-    ) -> "CompensationModel":
+    ) -> CompensationModel:
         """base: the model's base in the controller's; flange: the controller's in the model's (compensate/frames.py)."""
         chain = ControllerChain.of(robot)
         standing = [effect for effect in robot.effects if not effect.record]
@@ -80,7 +80,7 @@ class CompensationModel:
         actual = replace(robot, base=place, tool=end, effects=used)
         return CompensationModel(actual, chain, Layout.of(used, estimate=False), left_out)
 
-    def with_load(self, mass: float, centre: np.ndarray) -> "CompensationModel":
+    def with_load(self, mass: float, centre: np.ndarray) -> CompensationModel:
         """The same with another load at the flange: kg, and its centre (3,) m in the controller's flange frame."""
         flange = self.actual.controller.flange
         moment = mass * (flange.rotation @ centre + flange.position)
@@ -148,7 +148,7 @@ def pseudo_inverse(jacobian: np.ndarray) -> np.ndarray:
 
 def command_of(
     robot: Robot,
-    targets: "np.ndarray | Poses",
+    targets: np.ndarray | Poses,
     near: np.ndarray | None = None,
     approach: np.ndarray | None = None,
     threads: int = 1,

@@ -90,7 +90,7 @@ class Program:
     """
 
     dialect: str
-    files: tuple["SourceText", ...]
+    files: tuple[SourceText, ...]
     targets: tuple[Target, ...]
     motions: tuple[Motion, ...]
     warnings: tuple[str, ...] = ()
@@ -119,7 +119,7 @@ class SourceText:
     content: bytes
 
     @staticmethod
-    def read(path: str | Path) -> "SourceText":
+    def read(path: str | Path) -> SourceText:
         try:
             content = Path(path).read_bytes()
         except FileNotFoundError:
@@ -162,7 +162,7 @@ class Number:
     end: int
 
     @staticmethod
-    def read(source: SourceText, text: str, start: int) -> "Number":
+    def read(source: SourceText, text: str, start: int) -> Number:
         """The number that `text`, at `start` of the source, is; anything else is refused."""
         stripped = text.strip()
         begin = start + len(text) - len(text.lstrip())

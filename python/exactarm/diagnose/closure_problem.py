@@ -21,7 +21,13 @@ from exactarm.diagnose.problem import Fitted, Problem, orthonormal
 from exactarm.effects.base import Effect, Station
 from exactarm.identify.closure_fit import ClosureFit, Pulls, fit_closures
 from exactarm.identify.closures import (
-    SLIPPED, carried_effects, closure_errors, declare_closures, mean_distance_error, sessions_of, updated_robot,
+    SLIPPED,
+    carried_effects,
+    closure_errors,
+    declare_closures,
+    mean_distance_error,
+    sessions_of,
+    updated_robot,
 )
 from exactarm.identify.declared import geometry_layout, reestimated_layout, require_geometry
 from exactarm.measurement.closures import ClosurePrediction, contact_keys, touches, turn_of_axis
@@ -40,7 +46,7 @@ class ClosureFitted(Fitted):
     prediction: ClosurePrediction
 
     @staticmethod
-    def of(fit: ClosureFit, pulls: Pulls) -> "ClosureFitted":
+    def of(fit: ClosureFit, pulls: Pulls) -> ClosureFitted:
         prediction, used = fit.prediction, fit.prediction.used
         mean = [float(np.sqrt(np.mean(fit.sigma[used[:, k], k] ** 2))) if used[:, k].any() else 1.0 for k in range(used.shape[1])]
         jacobian = prediction.jacobian if prediction.jacobian is not None else np.zeros((*used.shape, 0))
@@ -61,7 +67,7 @@ class ClosureFitted(Fitted):
     def whitened(self) -> np.ndarray:
         return np.concatenate([self.standard(self.residual[:, :, None]).ravel(), self.pulls.rows(self.layout)[1]])
 
-    def square(self, like: "Fitted") -> float:
+    def square(self, like: Fitted) -> float:
         return float(np.sum((self.residual * like.scale) ** 2))
 
     def columns_of(self, effects: list[Effect]) -> list[np.ndarray]:

@@ -17,13 +17,20 @@ from exactarm.diagnose.contribution import Contribution, contributions
 from exactarm.diagnose.dossier import Dossier, dossier
 from exactarm.diagnose.in_space import InSpace
 from exactarm.diagnose.noise import NoiseFloor, noise_floor
-from exactarm.diagnose.problem import Fitted, Problem
-from exactarm.diagnose.problems import problem_for
 from exactarm.diagnose.own_share import own_shares
 from exactarm.diagnose.posterior import Causes, find_causes, selection_of
+from exactarm.diagnose.problem import Fitted, Problem
+from exactarm.diagnose.problems import problem_for
 from exactarm.diagnose.selection import Accepted, Progress, Selection, refit, select
 from exactarm.diagnose.verdict import (
-    MUCH_LEFT, NOTHING, UNEXPLAINED, held_out_excess, no_verdict, sentence_of, verdict_by_rules, verdict_of_causes,
+    MUCH_LEFT,
+    NOTHING,
+    UNEXPLAINED,
+    held_out_excess,
+    no_verdict,
+    sentence_of,
+    verdict_by_rules,
+    verdict_of_causes,
 )
 from exactarm.effects.base import Effect
 from exactarm.identify.statistics import ErrorSummary, summarise

@@ -57,7 +57,7 @@ class Picture:
         self._product: dict[int, np.ndarray] = {}  # C_g'C of blocks that have been members
 
     @staticmethod
-    def of(vocabulary: Vocabulary, residual: np.ndarray, declared: np.ndarray, noise, share: float = 1.0) -> "Picture":
+    def of(vocabulary: Vocabulary, residual: np.ndarray, declared: np.ndarray, noise, share: float = 1.0) -> Picture:
         """residual (N, m), declared (N, m, P): columns that are free under a flat prior; noise.whiten; share: independent
         numbers for each number of data."""
         r = noise.whiten(residual[:, :, None])[:, 0]
@@ -71,7 +71,7 @@ class Picture:
         r = r - basis @ (basis.T @ r)
         return Picture(vocabulary, basis, c, r, max(share * noise.numbers - basis.shape[1], 1.0))
 
-    def beside(self, members: Members) -> "Picture":
+    def beside(self, members: Members) -> Picture:
         """The picture in which a set is part of the noise: r and C times V^-1/2, its labels left out of the vocabulary."""
         b = self.basis(members)
         u, sizes, _ = np.linalg.svd(b, full_matrices=False)

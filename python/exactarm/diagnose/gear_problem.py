@@ -83,12 +83,12 @@ class GearProblem(Problem):
             known = self._estimator.of(fitted, self.record.runs, self._step, drift)
         return self._counted(fitted, known)
 
-    def knowing(self, fitted: Fitted) -> "GearProblem":
+    def knowing(self, fitted: Fitted) -> GearProblem:
         other = copy(self)
         other._noise = fitted.noise
         return other
 
-    def _fit_with(self, layout: Layout, drift: DriftingNoise | None, rows: np.ndarray) -> "GearFitted":
+    def _fit_with(self, layout: Layout, drift: DriftingNoise | None, rows: np.ndarray) -> GearFitted:
         """The layout fitted to noise that drifts so; sigma of what lies behind the filter, every row counted."""
         weights = rows * np.sqrt(self._noise.share)
         found = fit_gear_runs(
@@ -109,7 +109,7 @@ class GearProblem(Problem):
             drift=drift,
         )
 
-    def _counted(self, fitted: "GearFitted", known: NoiseMemory) -> "GearFitted":
+    def _counted(self, fitted: GearFitted, known: NoiseMemory) -> GearFitted:
         """Correlated samples count as fewer, against priors and in intervals."""
         known = self._estimator.renewed(known, fitted, self.record.runs, self._step)
         freedom = max(int(known.share * fitted.fit.freedom), 1)
@@ -134,7 +134,7 @@ class GearProblem(Problem):
         return replace(again, layout=layout, jacobian=fitted.jacobian, sigma=fitted.sigma, drift=fitted.drift, noise=fitted.noise,
                        fit=self._settled_fit(fitted, layout, again, slow))
 
-    def _settled_fit(self, fitted: Fitted, layout: Layout, again: "GearFitted", slow: np.ndarray) -> Fit:
+    def _settled_fit(self, fitted: Fitted, layout: Layout, again: GearFitted, slow: np.ndarray) -> Fit:
         """The fit behind the filter with what was estimated without it; neighbouring samples count as fewer there."""
         share = self._estimator.share_of(again, self.record.runs, self._step)
         covariance = np.where(slow[:, None] | slow, 0.0, fitted.fit.covariance)

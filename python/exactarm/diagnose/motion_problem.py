@@ -11,7 +11,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from exactarm.chain import Layout, MotionRecord, motion_clear_of_reversals, motion_record, predict_motion, reversals_left_out
+from exactarm.chain import (
+    Layout,
+    MotionRecord,
+    motion_clear_of_reversals,
+    motion_record,
+    predict_motion,
+    reversals_left_out,
+)
 from exactarm.chain.motion_record import measured_torque, runs_of
 from exactarm.dataset import Dataset
 from exactarm.diagnose.coloured_noise import ColouredNoise, NoiseMemory
@@ -22,7 +29,14 @@ from exactarm.diagnose.time_groups import run_groups, stretches_of_response
 from exactarm.effects.base import Effect, Station
 from exactarm.identify.base_parameters import base_parameters
 from exactarm.identify.declared import all_effects, carried_layout, require_geometry
-from exactarm.identify.dynamics import excited_layout, friction_layout, inertia_was_estimated, inertial_layout, require_enough, with_links
+from exactarm.identify.dynamics import (
+    excited_layout,
+    friction_layout,
+    inertia_was_estimated,
+    inertial_layout,
+    require_enough,
+    with_links,
+)
 from exactarm.identify.friction_width import friction_widths
 from exactarm.identify.motion_fit import MotionFit, fit_motion
 from exactarm.robot import Robot
@@ -132,7 +146,7 @@ class MotionProblem(Problem):
         known = self._estimator.renewed(self._noise, fitted, record.runs, record.step)
         return replace(fitted, sigma=found.sigma / np.sqrt(known.share), noise=known)
 
-    def knowing(self, fitted: Fitted) -> "MotionProblem":
+    def knowing(self, fitted: Fitted) -> MotionProblem:
         other = copy(self)
         other._noise, other.record = fitted.noise, fitted.record
         return other

@@ -6,8 +6,8 @@ parameters could absorb over the old and the new motion together, and the varian
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
-from typing import Callable
 
 import numpy as np
 

@@ -7,18 +7,28 @@ import numpy as np
 from exactarm.chain import Layout, predict_poses
 from exactarm.dataset import Dataset
 from exactarm.diagnose.in_space import InSpace, errors_in_space
+from exactarm.diagnose.next_poses import separating_poses
 from exactarm.diagnose.noise import repeat_scatter
 from exactarm.diagnose.problem import Fitted, Problem, rows_kept
-from exactarm.diagnose.next_poses import separating_poses
 from exactarm.diagnose.smoothness import second_order
 from exactarm.effects.base import Effect, Station
-from exactarm.identify.calibrate import CalibrationOptions, calibrated_robot, fit_identifiable, require_sessions
-from exactarm.identify.declared import carried_layout, frames_layout, geometry_layout, reestimated_layout, require_geometry
+from exactarm.identify.calibrate import (
+    CalibrationOptions,
+    calibrated_robot,
+    fit_identifiable,
+    require_sessions,
+)
+from exactarm.identify.declared import (
+    carried_layout,
+    frames_layout,
+    geometry_layout,
+    reestimated_layout,
+    require_geometry,
+)
 from exactarm.identify.match import require_match
 from exactarm.identify.pose_fit import fit_poses
 from exactarm.robot import Robot
 from exactarm.split import pose_groups, pose_split
-
 
 _TOLERANCE = 1e-7  # relative fall of the square sum that ends a fit: a thousandth of what evidence can notice
 

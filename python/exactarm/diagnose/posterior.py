@@ -10,8 +10,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Callable
 
 import numpy as np
 
@@ -19,10 +19,10 @@ from exactarm.chain import Layout
 from exactarm.diagnose.cross_validation import folds_of
 from exactarm.diagnose.evidence import Members, Picture
 from exactarm.diagnose.problem import Fitted, Problem
-from exactarm.diagnose.search import CERTAIN, Posterior, search, weight_of
 from exactarm.diagnose.scan import Candidate
-from exactarm.diagnose.self_test import SelfTest, self_test
+from exactarm.diagnose.search import CERTAIN, Posterior, search, weight_of
 from exactarm.diagnose.selection import Accepted, Selection, candidates_for, refit
+from exactarm.diagnose.self_test import SelfTest, self_test
 from exactarm.diagnose.vocabulary import Block, Vocabulary, at_values, vocabulary_of
 from exactarm.effects.base import Effect
 from exactarm.noise.estimate import estimate_noise, log_likelihood_under, normal_noise

@@ -62,7 +62,7 @@ class Fitted:
         """The whitened residual without what the free parameters could still explain."""
         return self.whitened - self.basis @ (self.basis.T @ self.whitened)
 
-    def without(self, index: int) -> "Fitted":
+    def without(self, index: int) -> Fitted:
         """The linear picture of the fit without the effect at `index` of the layout."""
         where = self.layout.slices[index]
         keep = np.ones(self.layout.size, bool)
@@ -87,7 +87,7 @@ class Fitted:
         """(N, m, k) of the measurement as (N m, k) in units of its noise."""
         return (self.decorrelated(values) * self.scale[:, :, None]).reshape(self.data_numbers, -1)
 
-    def square(self, like: "Fitted") -> float:
+    def square(self, like: Fitted) -> float:
         """Square sum of the residual in the noise of `like`, so that different fits can be compared."""
         return float(np.sum((self.weight[:, None] * like.decorrelated(self.residual) / like.sigma) ** 2))
 
@@ -180,7 +180,7 @@ class Problem(ABC):
         sigma (m,): first guess of the standard deviations of the components, from an earlier fit.
         """
 
-    def knowing(self, fitted: Fitted) -> "Problem":
+    def knowing(self, fitted: Fitted) -> Problem:
         """The same problem, whose next fits and folds begin with what `fitted` knows of the noise."""
         return self
 

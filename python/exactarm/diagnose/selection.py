@@ -8,8 +8,8 @@ the evidences of that contest give its probability and its rivals.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Callable
 
 import numpy as np
 

@@ -23,7 +23,13 @@ from exactarm.effects.base import Effect, Station
 from exactarm.identify.calibrate import calibrated_robot, identifiable_layout, require_sessions
 from exactarm.identify.declared import carried_layout, geometry_layout
 from exactarm.identify.tracked_fit import (
-    KIND, fit_tracked, predict_record, static_rows, thinned_record, tracked_frames, tracked_record,
+    KIND,
+    fit_tracked,
+    predict_record,
+    static_rows,
+    thinned_record,
+    tracked_frames,
+    tracked_record,
 )
 from exactarm.robot import Robot
 
@@ -106,7 +112,7 @@ class TrackedProblem(Problem):
         widened = replace(found.fit, covariance=found.fit.covariance / known.share, freedom=freedom)
         return replace(fitted, sigma=fitted.sigma / np.sqrt(known.share), fit=widened, noise=known)
 
-    def knowing(self, fitted: Fitted) -> "TrackedProblem":
+    def knowing(self, fitted: Fitted) -> TrackedProblem:
         other = copy(self)
         other._noise = fitted.noise
         return other

@@ -78,7 +78,7 @@ class Vocabulary:
         """Labels of the unknown functions."""
         return frozenset(block.label for block in self.blocks if block.unknown is not None)
 
-    def without(self, labels: set[str]) -> "Vocabulary":
+    def without(self, labels: set[str]) -> Vocabulary:
         return Vocabulary(tuple(block for block in self.blocks if block.label not in labels), self.responses)
 
 

@@ -10,8 +10,9 @@ presses the flanks together. Two-state model of Nordin and Gutman 2002, at rest 
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import ClassVar, Iterable
+from typing import ClassVar
 
 import numpy as np
 

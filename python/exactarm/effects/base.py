@@ -23,9 +23,10 @@ of such an effect is zero in value and carries only the derivative.
 from __future__ import annotations
 
 from abc import ABC
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
-from typing import TYPE_CHECKING, ClassVar, Iterable, Mapping
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -122,7 +123,7 @@ class Effect(ABC):
         names = [parameter.name for parameter in self.parameters()]
         return self.values[names.index(name)]
 
-    def with_values(self, values: Iterable[float]) -> "Effect":
+    def with_values(self, values: Iterable[float]) -> Effect:
         return replace(self, values=tuple(float(value) for value in values))
 
     @property
@@ -153,7 +154,7 @@ class Effect(ABC):
         """Unique name of one of its parameters within a robot: `backlash_2.width_rad`."""
         return f"{self.label}.{parameter.name}"
 
-    def bake(self, robot: "Robot") -> "Robot":
+    def bake(self, robot: Robot) -> Robot:
         """The robot with those of the effect's values in its tables that live there (geometry, frames, masses)."""
         return robot
 
@@ -178,31 +179,31 @@ class Effect(ABC):
         """What the estimate cannot tell, in a few words; empty where there is nothing to say."""
         return ""
 
-    def possible(self, robot: "Robot") -> bool:
+    def possible(self, robot: Robot) -> bool:
         """Whether arm and drives can be so, together with what the robot's tables declare: no negative inertia, no
         spring that gives way against its load. What one parameter alone can break is a bound of that parameter."""
         return True
 
     # -- as a candidate ---------------------------------------------------------------------------
     @classmethod
-    def candidates(cls, robot: "Robot", view: "View") -> Iterable["Effect"]:
+    def candidates(cls, robot: Robot, view: View) -> Iterable[Effect]:
         """The effects of this class that could be missing from `robot` on this data, at zero size."""
         raise NotImplementedError
 
-    def richer(self) -> Iterable["Effect"]:
+    def richer(self) -> Iterable[Effect]:
         """Forms of the same cause with more terms, at zero size where it stands: tried once the effect is found."""
         return ()
 
     # -- in the chain -----------------------------------------------------------------------------
-    def change(self, view: "View") -> Change:
+    def change(self, view: View) -> Change:
         """What the effect adds to the signal at its station."""
         raise NotImplementedError
 
-    def place(self, session: int, base: "Placement", tool: "Placement") -> tuple["Placement", "Placement"]:
+    def place(self, session: int, base: Placement, tool: Placement) -> tuple[Placement, Placement]:
         """Base and tool frames of a session; only the effects that are frames change them."""
         return base, tool
 
-    def keep(self, view: "View") -> np.ndarray | None:
+    def keep(self, view: View) -> np.ndarray | None:
         """Rows (N,) bool that are to be used; None = all. Only effects of the record (outliers) say otherwise."""
         return None
 
@@ -215,7 +216,7 @@ class Effect(ABC):
         """Output angles (rad) of its axis between which it was estimated; given by whoever gives `measured`."""
         return None
 
-    def renewed(self, view: "View") -> "Effect":
+    def renewed(self, view: View) -> Effect:
         """The effect with what it takes from the residual itself taken anew (a threshold); others stay as they are."""
         return self
 
@@ -225,11 +226,11 @@ class Effect(ABC):
         """Whether it tells of one record (a device that was pushed, rows that are wrong), not of arm or device as such."""
         return False
 
-    def bound_to(self, data: "Dataset") -> "Effect":
+    def bound_to(self, data: Dataset) -> Effect:
         """The effect for these data files alone, if it is one of a record; data without files binds nothing."""
         return replace(self, record=data.fingerprint) if self.of_record else self
 
-    def acts_on(self, data: "Dataset") -> bool:
+    def acts_on(self, data: Dataset) -> bool:
         """False where it tells of other data files than those that `data` was read from."""
         return not self.record or self.record == data.fingerprint
 
@@ -243,7 +244,7 @@ class Effect(ABC):
         return table | ({RECORD_KEY: list(self.record)} if self.record else {})
 
     @classmethod
-    def from_table(cls, table: Mapping[str, float | int | str]) -> "Effect":
+    def from_table(cls, table: Mapping[str, float | int | str]) -> Effect:
         """The inverse of `to_table`, but for the record. Raises KeyError naming a missing parameter."""
         raw = cls(joint=table.get("joint"), values=())
         return raw.with_values(table[parameter.name] for parameter in raw.parameters())

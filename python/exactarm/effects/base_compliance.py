@@ -5,8 +5,9 @@ The base turns by rad_per_Nm M_across, M the moment of gravity about the base or
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import ClassVar, Iterable
+from typing import ClassVar
 
 import numpy as np
 

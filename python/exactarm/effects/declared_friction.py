@@ -6,8 +6,9 @@ for friction drives nothing.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import ClassVar, Iterable
+from typing import ClassVar
 
 import numpy as np
 
@@ -24,7 +25,7 @@ class DeclaredFriction(DriveEffect):
     sentence: ClassVar[str] = "axis {joint} has {coulomb_Nm:.3g} Nm of dry and {viscous_Nm_s:.3g} Nm s of viscous friction"
 
     @staticmethod
-    def of(robot, index: int) -> "DeclaredFriction":
+    def of(robot, index: int) -> DeclaredFriction:
         joint = robot.joints[index]
         return DeclaredFriction(index + 1, (joint.coulomb or 0.0, joint.viscous or 0.0))
 

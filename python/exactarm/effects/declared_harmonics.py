@@ -6,8 +6,9 @@ on the rows in which the axis moves in that direction; at rest (direction 0, the
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import ClassVar, Iterable
+from typing import ClassVar
 
 import numpy as np
 
@@ -35,7 +36,7 @@ class DeclaredHarmonics(Effect):
     source: ClassVar[str] = "thesis (2.10), (3.5), E5"
 
     @classmethod
-    def of(cls, robot, index: int, side: str) -> "DeclaredHarmonics":
+    def of(cls, robot, index: int, side: str) -> DeclaredHarmonics:
         """The coefficients of joint `index` (from 0) on one side as they stand in the robot's tables."""
         joint = robot.joints[index]
         table = getattr(joint, side) or joint.cw or joint.ccw

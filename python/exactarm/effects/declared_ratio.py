@@ -5,8 +5,9 @@ phi = theta / ratio, hence dphi/dratio = -phi / ratio.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import ClassVar, Iterable
+from typing import ClassVar
 
 import numpy as np
 
@@ -25,7 +26,7 @@ class DeclaredRatio(Effect):
     sentence: ClassVar[str] = "axis {joint} has the gear ratio {ratio:.6g}"
 
     @staticmethod
-    def of(robot, index: int) -> "DeclaredRatio":
+    def of(robot, index: int) -> DeclaredRatio:
         return DeclaredRatio(index + 1, (float(robot.ratios[index]),))
 
     def parameters(self) -> tuple[Parameter, ...]:

@@ -5,8 +5,9 @@ torque = inertia ratio theta_ddot on the output side.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import ClassVar, Iterable
+from typing import ClassVar
 
 import numpy as np
 
@@ -23,7 +24,7 @@ class DeclaredRotor(DriveEffect):
     sentence: ClassVar[str] = "the motor of axis {joint} has {inertia_kg_m2:.3g} kg m2 about its shaft"
 
     @staticmethod
-    def of(robot, index: int) -> "DeclaredRotor":
+    def of(robot, index: int) -> DeclaredRotor:
         return DeclaredRotor(index + 1, (robot.joints[index].rotor_inertia or 0.0,))
 
     def parameters(self) -> tuple[Parameter, ...]:

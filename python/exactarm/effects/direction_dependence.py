@@ -5,8 +5,9 @@ The tables of both directions differ by twice the effect: f = direction of motio
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import ClassVar, Iterable
+from typing import ClassVar
 
 import numpy as np
 

@@ -8,9 +8,10 @@ names, linear or not. The formula is read by `formula.py`; nothing of it is run 
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import ClassVar, Iterable
+from typing import ClassVar
 
 import numpy as np
 
@@ -100,7 +101,7 @@ class Expression(Effect):
                    plausible=tuple(abs(float(sizes.get(name, values[name]))) or 1.0 for name in names),
                    heading=str(table.get("title", "")))
 
-    def emptied(self) -> "Expression":
+    def emptied(self) -> Expression:
         return replace(self, values=(0.0,) * len(self.names))
 
     @classmethod

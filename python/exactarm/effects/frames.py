@@ -6,8 +6,9 @@ orientation is measured). x_measured = p_base + R_base (p_flange + R_flange p_to
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import ClassVar, Iterable
+from typing import ClassVar
 
 import numpy as np
 
@@ -32,7 +33,7 @@ class Frames(Effect):
     sentence: ClassVar[str] = "base and tool frames of a set-up"
 
     @staticmethod
-    def of(session: int, base, tool, orientation: bool) -> "Frames":
+    def of(session: int, base, tool, orientation: bool) -> Frames:
         numbers = np.concatenate([base.position, log(base.rotation), tool.position, log(tool.rotation)])
         names = tuple(f"base_{axis}" for axis in _AXES) + tuple(f"tool_{axis}" for axis in _AXES)
         count = 12 if orientation else 9

@@ -6,8 +6,9 @@ regularised curve of the output angle: between poses, a free Fourier series woul
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import ClassVar, Iterable
+from typing import ClassVar
 
 import numpy as np
 

@@ -6,8 +6,9 @@ declared gear delivers: change of phi = s phi (theta = ratio / (1 + s) phi; thes
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import ClassVar, Iterable
+from typing import ClassVar
 
 import numpy as np
 

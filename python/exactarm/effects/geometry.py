@@ -6,8 +6,9 @@ Values are the parameters themselves, in the robot's tables.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import ClassVar, Iterable
+from typing import ClassVar
 
 import numpy as np
 
@@ -30,7 +31,7 @@ class Geometry(Effect):
     sentence: ClassVar[str] = "frame {joint} deviates from its drawing"
 
     @staticmethod
-    def of(robot, index: int) -> "Geometry":
+    def of(robot, index: int) -> Geometry:
         """The geometry of frame `index` (from 0) as it stands in the robot's tables."""
         joint = robot.joints[index]
         fields = {"d_m": joint.d, "a_m": joint.a, "alpha_rad": joint.alpha}

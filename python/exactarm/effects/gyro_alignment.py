@@ -7,8 +7,9 @@ Part of the declared model: re-identified, one pair of angles for each set-up an
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import ClassVar, Iterable
+from typing import ClassVar
 
 import numpy as np
 

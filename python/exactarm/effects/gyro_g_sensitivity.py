@@ -9,8 +9,9 @@ held at zero. Either the row of the moving axis alone is estimated, or all three
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import ClassVar, Iterable
+from typing import ClassVar
 
 import numpy as np
 

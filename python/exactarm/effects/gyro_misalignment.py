@@ -6,8 +6,9 @@ z is the moving axis). The constant tilt is part of the declared model (gyro_ali
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import ClassVar, Iterable
+from typing import ClassVar
 
 import numpy as np
 

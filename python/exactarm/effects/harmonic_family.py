@@ -8,8 +8,8 @@ motion, the rate or the torque. Hence dx/dphi = 1 / (1 + f e'), dx/df = -e / (1 
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from typing import Iterable, Mapping
 
 import numpy as np
 
@@ -51,13 +51,13 @@ class HarmonicFamily(Effect):
         return np.ones(view.rows), {}
 
     @classmethod
-    def zero(cls, joint: int, search, multiples: int = 1) -> "HarmonicFamily":
+    def zero(cls, joint: int, search, multiples: int = 1) -> HarmonicFamily:
         """The effect without any size, to be searched over orders."""
         search = tuple(float(order) for order in search)
         return cls(joint, (search[0],) + (0.0, 0.0) * multiples, search)
 
     @classmethod
-    def curve(cls, joint: int, multiples: int, amplitude_rad: float, seen: tuple[float, float]) -> "HarmonicFamily":
+    def curve(cls, joint: int, multiples: int, amplitude_rad: float, seen: tuple[float, float]) -> HarmonicFamily:
         """Orders 1 to `multiples` together, without any size yet."""
         return cls(joint, (1.0,) + (0.0, 0.0) * multiples, (), amplitude_rad, seen)
 

@@ -12,8 +12,9 @@ of twice the reach. The motion is that of the motor at the nominal ratio, so m d
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import ClassVar, Iterable
+from typing import ClassVar
 
 import numpy as np
 

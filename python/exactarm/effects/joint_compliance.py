@@ -7,8 +7,9 @@ spring stays in the robot's tables; this is what is missing beside it.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import ClassVar, Iterable
+from typing import ClassVar
 
 import numpy as np
 
@@ -53,7 +54,7 @@ class JointCompliance(Effect):
         return Change((self.index,), value[:, None], derivative, {"torque": by_torque})
 
     @classmethod
-    def none_of(cls, robot, index: int, cubic_free: bool = False) -> "JointCompliance":
+    def none_of(cls, robot, index: int, cubic_free: bool = False) -> JointCompliance:
         """That of axis `index` (from 0) at zero size."""
         return cls(index + 1, (0.0, 0.0), cubic_free, bool(robot.joints[index].spring_linear))
 

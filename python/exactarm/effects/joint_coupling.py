@@ -5,8 +5,9 @@ change of phi of the turned axis = coupling * theta_motor / ratio_motor.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import ClassVar, Iterable
+from typing import ClassVar
 
 import numpy as np
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import ClassVar, Iterable
+from typing import ClassVar
 
 import numpy as np
 
@@ -22,7 +23,7 @@ class JointOffset(Effect):
     sentence: ClassVar[str] = "axis {joint} has its zero at {q_offset_rad:.5f} rad"
 
     @staticmethod
-    def of(robot, index: int) -> "JointOffset":
+    def of(robot, index: int) -> JointOffset:
         return JointOffset(index + 1, (robot.joints[index].q_offset,))
 
     def parameters(self) -> tuple[Parameter, ...]:

@@ -7,8 +7,9 @@ Weigold and Rothenbuecher 2007; Klimchik et al. 2013).
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import ClassVar, Iterable
+from typing import ClassVar
 
 import numpy as np
 

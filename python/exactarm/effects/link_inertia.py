@@ -6,8 +6,9 @@ linear in them, tau = Y pi (Atkeson, An and Hollerbach 1986). `columns`: which o
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import ClassVar, Iterable
+from typing import ClassVar
 
 import numpy as np
 
@@ -34,7 +35,7 @@ class LinkInertia(Effect):
     sentence: ClassVar[str] = "inertial parameters of the links"
 
     @staticmethod
-    def of(robot, columns) -> "LinkInertia":
+    def of(robot, columns) -> LinkInertia:
         pi = _core.inertial_parameters(robot.core)
         return LinkInertia(None, tuple(float(pi[c]) for c in columns), tuple(int(c) for c in columns))
 

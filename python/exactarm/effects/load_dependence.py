@@ -9,8 +9,9 @@ behind the same low-pass; no friction where the load comes from declared masses)
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import ClassVar, Iterable
+from typing import ClassVar
 
 import numpy as np
 

@@ -11,8 +11,9 @@ momentum loads the links that carry it, and their angular acceleration its motor
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import ClassVar, Iterable
+from typing import ClassVar
 
 import numpy as np
 

@@ -7,8 +7,9 @@ this size would reach (Rousseeuw and Hubert 2011). It moves no prediction; it de
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import ClassVar, Iterable
+from typing import ClassVar
 
 import numpy as np
 from scipy import special

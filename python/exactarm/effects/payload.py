@@ -9,8 +9,9 @@ c = s / m. The derivative of the joint torque is the regressor's (Atkeson, An an
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import ClassVar, Iterable
+from typing import ClassVar
 
 import numpy as np
 

@@ -6,8 +6,9 @@ that is proportional to |phi_dot| (values: order, a, b as in gear_harmonics, per
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import ClassVar, Iterable
+from typing import ClassVar
 
 import numpy as np
 

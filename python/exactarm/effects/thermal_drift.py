@@ -14,8 +14,9 @@ Sources: Li and Zhao 2016 (structure), Bittencourt and Axelsson 2014 (friction a
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import ClassVar, Iterable
+from typing import ClassVar
 
 import numpy as np
 

@@ -6,8 +6,9 @@ samples; past its ends the run goes on as a straight line.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import ClassVar, Iterable
+from typing import ClassVar
 
 import numpy as np
 from scipy.interpolate import CubicSpline

@@ -8,8 +8,9 @@ frames of its set-up. Either the shift alone is estimated, or both: a tripod tha
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import ClassVar, Iterable
+from typing import ClassVar
 
 import numpy as np
 

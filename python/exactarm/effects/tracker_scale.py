@@ -5,8 +5,9 @@ A scale that is the same on all three axes is absorbed by the arm's geometry, so
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import ClassVar, Iterable
+from typing import ClassVar
 
 import numpy as np
 

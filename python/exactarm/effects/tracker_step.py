@@ -5,14 +5,15 @@ measured += shift + turn x measured   on the rows of one session after `at` (tim
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import ClassVar, Iterable
+from typing import ClassVar
 
 import numpy as np
 
 from exactarm.effects.base import Change, Effect, Parameter, Station
-from exactarm.effects.tracker_drift import moved_device
 from exactarm.effects.slow_driver import ROW, TIME, slow_signal, unit
+from exactarm.effects.tracker_drift import moved_device
 
 _LEAST_ROWS = 5  # on either side
 _EVENLY, _PEAKS = 20, 8  # places to try: evenly spread, and where the residual seems to jump

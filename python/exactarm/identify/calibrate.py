@@ -17,7 +17,13 @@ from exactarm.dataset import Dataset
 from exactarm.effects.frames import Frames
 from exactarm.errors import InputError
 from exactarm.identify.compliance import compliance_layout
-from exactarm.identify.declared import all_effects, carried_layout, frames_layout, geometry_layout, require_geometry
+from exactarm.identify.declared import (
+    all_effects,
+    carried_layout,
+    frames_layout,
+    geometry_layout,
+    require_geometry,
+)
 from exactarm.identify.identifiability import Identifiability, select_identifiable, still_axes
 from exactarm.identify.match import require_match
 from exactarm.identify.pose_fit import PoseFit, fit_poses

@@ -95,7 +95,7 @@ class Pulls:
     drawing: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     @staticmethod
-    def of(layout: Layout, fixture: Fixture) -> "Pulls":
+    def of(layout: Layout, fixture: Fixture) -> Pulls:
         """Around the values of `layout`, with the plausible sizes of its parameters."""
         drawn = zip(layout.names, layout.values, layout.parameters)
         return Pulls(fixture, {name: (float(value), p.plausible) for name, value, p in drawn})

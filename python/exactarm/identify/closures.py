@@ -22,8 +22,8 @@ from exactarm.identify.closure_fit import ClosureFit, Pulls, fit_closures
 from exactarm.identify.compliance import compliance_layout
 from exactarm.identify.declared import carried_layout, frames_layout, geometry_layout, require_geometry
 from exactarm.identify.identifiability import Dropped, Identifiability, select_identifiable, still_axes
-from exactarm.identify.parameter_name import parse_parameter
 from exactarm.identify.match import WORST_SHARE, reach
+from exactarm.identify.parameter_name import parse_parameter
 from exactarm.identify.statistics import summarise
 from exactarm.measurement.closures import PAIR, TRACKER, contact_keys, device_of, predict_closures, touches
 from exactarm.measurement.contacts import CONTACT_CLASSES, Contact

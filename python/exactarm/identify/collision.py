@@ -7,8 +7,8 @@ where its alpha and beta vanish (modulo half a turn), and collinear where its a 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Sequence
 
 import numpy as np
 

@@ -11,8 +11,8 @@ takes the slow part out of the residuals that it is judged by.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Callable, Sequence
 
 import numpy as np
 from scipy import linalg, signal, stats

@@ -9,8 +9,8 @@ one: eccentric discs, warmth and friction at rest move the angle slowly, and far
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Sequence
 
 import numpy as np
 
@@ -26,7 +26,7 @@ class DriftingNoise:
     memory: np.ndarray
 
     @staticmethod
-    def of(residual: np.ndarray, runs: Sequence[np.ndarray]) -> "DriftingNoise | None":
+    def of(residual: np.ndarray, runs: Sequence[np.ndarray]) -> DriftingNoise | None:
         """From a residual (N, m): the correlation of neighbouring samples. None where nothing drifts."""
         both = sum(np.sum(residual[run[1:]] * residual[run[:-1]], axis=0) for run in runs)
         memory = np.clip(both / np.maximum(np.sum(residual**2, axis=0), 1e-300), 0.0, _MOST)

@@ -14,7 +14,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import linalg
 
-from exactarm.chain import Layout, MotionRecord, motion_clear_of_reversals, motion_record, predict_motion, reversals_left_out
+from exactarm.chain import (
+    Layout,
+    MotionRecord,
+    motion_clear_of_reversals,
+    motion_record,
+    predict_motion,
+    reversals_left_out,
+)
 from exactarm.dataset import Dataset
 from exactarm.effects.declared_friction import DeclaredFriction
 from exactarm.effects.declared_rotor import DeclaredRotor

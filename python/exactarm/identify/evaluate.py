@@ -6,8 +6,8 @@ function a kind of data, found by its name in `EVALUATORS`.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Callable
 
 import numpy as np
 
@@ -21,7 +21,13 @@ from exactarm.identify.match import require_match
 from exactarm.identify.planned import controller_angles
 from exactarm.identify.pose_fit import fit_poses
 from exactarm.identify.statistics import ErrorSummary, summarise
-from exactarm.identify.tracked_fit import fit_tracked, predict_record, thinned_record, tracked_frames, tracked_record
+from exactarm.identify.tracked_fit import (
+    fit_tracked,
+    predict_record,
+    thinned_record,
+    tracked_frames,
+    tracked_record,
+)
 from exactarm.measurement.closures import touches
 from exactarm.robot import Robot
 from exactarm.split import DEFAULT_SEED

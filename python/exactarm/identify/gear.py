@@ -23,7 +23,13 @@ from exactarm.effects.gyro_alignment import tilt
 from exactarm.errors import ComputationError, InputError
 from exactarm.identify.gear_axis import GearEstimate, first_look, identify_axis
 from exactarm.identify.gear_declared import SIDES, measured_axes
-from exactarm.identify.gear_error import cutoff_hz, kinematic_error, motor_by_tables, noise_of_error, sensor_part
+from exactarm.identify.gear_error import (
+    cutoff_hz,
+    kinematic_error,
+    motor_by_tables,
+    noise_of_error,
+    sensor_part,
+)
 from exactarm.identify.gear_orders import METHODS
 from exactarm.identify.gear_samples import GearSamples, gear_samples
 from exactarm.identify.statistics import ErrorSummary, summarise

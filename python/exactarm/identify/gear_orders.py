@@ -54,7 +54,7 @@ class Table:
         """a, b, level (2 m + 1,)."""
         return np.concatenate([self.a, self.b, [self.level]])
 
-    def without(self, k: int) -> "Table":
+    def without(self, k: int) -> Table:
         """A start for the fit without the k-th order."""
         return replace(self, orders=np.delete(self.orders, k), a=np.delete(self.a, k), b=np.delete(self.b, k))
 

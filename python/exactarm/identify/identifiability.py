@@ -14,9 +14,9 @@ estimate would be noise (the weakest direction first, in it the parameter that c
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Sequence
 
 import numpy as np
 

@@ -10,8 +10,8 @@ many terms that regularise each other. The result depends on the arguments alone
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Callable
 
 import numpy as np
 from scipy import linalg

@@ -56,7 +56,7 @@ class _Samples:
     angle_scale: np.ndarray
     torque_scale: np.ndarray
 
-    def with_angles(self, change: Callable[[np.ndarray], np.ndarray]) -> "_Samples":
+    def with_angles(self, change: Callable[[np.ndarray], np.ndarray]) -> _Samples:
         """The columns of angles in the file changed, and with them their rates."""
         new = lambda values: change(values * self.angle_scale) / self.angle_scale
         return replace(
@@ -66,7 +66,7 @@ class _Samples:
             acceleration=new(self.acceleration),
         )
 
-    def with_torques(self, change: Callable[[np.ndarray], np.ndarray]) -> "_Samples":
+    def with_torques(self, change: Callable[[np.ndarray], np.ndarray]) -> _Samples:
         return replace(self, torque=change(self.torque / self.torque_scale) * self.torque_scale)
 
 

@@ -12,8 +12,8 @@ scaled parameter (1 mm, 1 mrad, the plausible magnitude) counts alike.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from typing import Sequence
 
 import numpy as np
 

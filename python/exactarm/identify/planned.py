@@ -33,7 +33,7 @@ class PlannedModel:
     frame_count: int
 
     @staticmethod
-    def of(robot: Robot, q: np.ndarray, frames: str = "both", orientation: bool = False) -> "PlannedModel":
+    def of(robot: Robot, q: np.ndarray, frames: str = "both", orientation: bool = False) -> PlannedModel:
         """The model to plan for; `q` (N, n): poses that tell which joints are loaded. `frames`: which are unknown."""
         require_geometry(robot)
         placed = Frames.of(1, Placement(), robot.tool, orientation)

@@ -8,8 +8,8 @@ and leave a second criterion, the guard, no lower than it was at the start.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Callable
 
 import numpy as np
 

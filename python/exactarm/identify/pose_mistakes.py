@@ -56,13 +56,13 @@ class Misfit:
     position: float
     orientation: float = np.nan
 
-    def shares(self, other: "Misfit") -> tuple[float, float]:
+    def shares(self, other: Misfit) -> tuple[float, float]:
         """How many times smaller the other is, in position and in orientation (1 where there is nothing to compare)."""
         position = self.position / max(other.position, 1e-12)
         told = self.orientation > _LEAST_ORIENTATION_RAD and np.isfinite(other.orientation)
         return position, self.orientation / max(other.orientation, 1e-9) if told else 1.0
 
-    def fall_to(self, other: "Misfit") -> float:
+    def fall_to(self, other: Misfit) -> float:
         """How many times smaller the other is where it is smaller, 0 where it is no better explanation."""
         shares = self.shares(other)
         return max(shares) if min(shares) >= 1.0 / _NOT_WORSE else 0.0

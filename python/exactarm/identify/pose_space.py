@@ -45,7 +45,7 @@ class PoseSpace:
     assumed: tuple[int, ...] = ()
 
     @staticmethod
-    def of(robot: Robot, box: Box = Box(), clearance: float | None = None) -> "PoseSpace":
+    def of(robot: Robot, box: Box = Box(), clearance: float | None = None) -> PoseSpace:
         """A revolute axis without limits gets half a turn either way; a sliding one must declare them."""
         bounds, assumed = [], []
         for number, joint in enumerate(robot.joints, 1):

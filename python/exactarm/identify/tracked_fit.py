@@ -10,7 +10,13 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from exactarm.chain import Layout, MotionRecord, PosePrediction, predict_tracked_motion, track_clear_of_reversals
+from exactarm.chain import (
+    Layout,
+    MotionRecord,
+    PosePrediction,
+    predict_tracked_motion,
+    track_clear_of_reversals,
+)
 from exactarm.chain.motion_record import unthinned_record
 from exactarm.dataset import Dataset
 from exactarm.errors import InputError

@@ -11,8 +11,9 @@ length that was read). Centres, planes and lengths are nuisances: effects of the
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import ClassVar, Iterable
+from typing import ClassVar
 
 import numpy as np
 
@@ -47,7 +48,7 @@ class Contact(Effect):
         """(N,) bool: the rows that touch it."""
         return (data.contacts[self.contact] == self.number) & (data.session == self.session)
 
-    def start(self, points: np.ndarray, length: np.ndarray | None) -> "Contact":
+    def start(self, points: np.ndarray, length: np.ndarray | None) -> Contact:
         """The contact that fits `points` (K, 3) best, up to outliers; `length` (K,): what was read, or None."""
         raise NotImplementedError
 

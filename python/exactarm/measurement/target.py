@@ -7,8 +7,9 @@ The base frame is no unknown: contacts are wherever the robot touches them. Its 
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import ClassVar, Iterable
+from typing import ClassVar
 
 import numpy as np
 

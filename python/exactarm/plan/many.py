@@ -5,9 +5,9 @@ One failed path does not end the others: its place in the answer holds a PathFai
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Executor, as_completed
 from dataclasses import dataclass, replace
-from typing import Callable, Iterable, Sequence
 
 from exactarm.errors import ComputationError, InputError
 from exactarm.plan.optimal import Plan, PlanOptions, plan_path

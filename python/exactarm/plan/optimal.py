@@ -15,7 +15,13 @@ from exactarm import _core
 from exactarm.chain.extrapolation import extrapolations
 from exactarm.chain.spring import spring_inverse
 from exactarm.errors import ComputationError, InputError
-from exactarm.plan.compensation import PlanningModel, known_functions, moved_reference, planning_model, solver_springs
+from exactarm.plan.compensation import (
+    PlanningModel,
+    known_functions,
+    moved_reference,
+    planning_model,
+    solver_springs,
+)
 from exactarm.plan.inverse_kinematics import inverse_kinematics
 from exactarm.plan.limits import Violation, shortest_duration, violations
 from exactarm.plan.path_file import PlannedPath

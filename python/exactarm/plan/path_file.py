@@ -6,9 +6,10 @@ A value that cannot be used is refused with one line that names the file, the ke
 from __future__ import annotations
 
 import reprlib
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Callable
+from typing import Any
 
 import numpy as np
 
@@ -46,7 +47,7 @@ class PlannedPath:
         wxyz = np.array([0.0, 0.0, 0.0, 1.0]) if self.orientation_wxyz is None else self.orientation_wxyz
         return sample_reference(self.curve, wxyz, self.duration, self.rate_hz)
 
-    def lasting(self, duration: float) -> "PlannedPath":
+    def lasting(self, duration: float) -> PlannedPath:
         """The same path in another time (s); times of via-points are stretched with it."""
         times = getattr(self.curve, "times", None)
         curve = self.curve if times is None else replace(self.curve, times=times * (duration / times[-1]))

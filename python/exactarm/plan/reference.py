@@ -12,8 +12,8 @@ Lengths in m, time in s, quaternions (w, x, y, z), everything in the robot's bas
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Callable
 
 import numpy as np
 from scipy.interpolate import make_interp_spline

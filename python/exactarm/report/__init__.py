@@ -1,5 +1,16 @@
 """What a person sees: a report of sections, as terminal text, as one HTML file and as plots."""
 
 from exactarm.report.sections import (  # noqa: F401
-    Cell, Estimate, Figure, Highlight, Highlights, Link, Quantity, Report, Section, Table, Text, Warnings,
+    Cell,
+    Estimate,
+    Figure,
+    Highlight,
+    Highlights,
+    Link,
+    Quantity,
+    Report,
+    Section,
+    Table,
+    Text,
+    Warnings,
 )

@@ -7,8 +7,8 @@ names (sections.py), and the page's content security policy lets no script run a
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Sequence
 
 import jinja2
 from markupsafe import Markup, escape

@@ -7,8 +7,8 @@ an interval has the digits that the interval allows (two of the half-width); a n
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Sequence
 
 from exactarm.report.sections import Cell, Estimate, Link, Quantity
 

@@ -8,8 +8,9 @@ Units of numbers are SI ("m", "rad", "Nm", "rad/s", ...); the renderers choose m
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Callable, Literal, Union
+from typing import TYPE_CHECKING, Literal, Union
 
 LONGEST_NAME = 80  # of a figure's file, in characters: file systems end at 255 bytes
 
@@ -76,10 +77,10 @@ class Figure:
 
     name: str
     heading: str
-    build: Callable[[], "Drawing"]
+    build: Callable[[], Drawing]
     caption: str
     alt: str
-    panel: Callable[["Axes"], None] | None = None
+    panel: Callable[[Axes], None] | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "name", re.sub(r"[^\w-]", "_", self.name)[:LONGEST_NAME] or "figure")

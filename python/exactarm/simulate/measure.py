@@ -6,8 +6,8 @@ takes the chain's own deflection instead, without ringing.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Sequence
 
 import numpy as np
 

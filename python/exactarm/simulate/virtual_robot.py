@@ -7,8 +7,8 @@ by the same motor, so commanded angles are those of the nominal robot. The truth
 from __future__ import annotations
 
 import difflib
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Sequence
 
 import numpy as np
 
@@ -31,7 +31,7 @@ class VirtualRobot:
     true: Robot
 
     @staticmethod
-    def of(nominal: Robot, effects: Sequence[Effect] = (), true: Robot | None = None) -> "VirtualRobot":
+    def of(nominal: Robot, effects: Sequence[Effect] = (), true: Robot | None = None) -> VirtualRobot:
         """`true`: the robot with deviated tables, or None for the declared ones; `effects`: hidden ones."""
         true = nominal if true is None else true
         own = tuple(effect for effect in true.effects if not effect.record)  # what a past record told stays with it

@@ -2,14 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from exactarm.report.plots.style import AFTER, BEFORE, FLOOR, INK, RASTER_ABOVE, VALIDATION, label_with, new_figure, scaled
+from exactarm.report.plots.style import (
+    AFTER,
+    BEFORE,
+    FLOOR,
+    INK,
+    RASTER_ABOVE,
+    VALIDATION,
+    label_with,
+    new_figure,
+    scaled,
+)
 
 COLUMNS, PANEL_IN, ROW_IN = 2, 2.05, 0.24
 _GAP_SHARE = 0.03  # of the signal's range without a measured row, over which no curve is drawn

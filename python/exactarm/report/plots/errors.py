@@ -9,7 +9,17 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from exactarm.report.plots.style import (
-    AFTER, BEFORE, FLOOR, RASTER_ABOVE, VALIDATION, from_zero, label_with, legend_above, marker_size, on_one_panel, scaled,
+    AFTER,
+    BEFORE,
+    FLOOR,
+    RASTER_ABOVE,
+    VALIDATION,
+    from_zero,
+    label_with,
+    legend_above,
+    marker_size,
+    on_one_panel,
+    scaled,
 )
 
 

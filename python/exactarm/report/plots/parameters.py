@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from exactarm.report.plots.style import (
-    AFTER, BEFORE, GREY, INK, VALIDATION, label_with, legend_above, new_figure, scaled,
+    AFTER,
+    BEFORE,
+    GREY,
+    INK,
+    VALIDATION,
+    label_with,
+    legend_above,
+    new_figure,
+    scaled,
 )
 
 ROW_IN, PANEL_FRAME_IN = 0.23, 0.75

@@ -2,13 +2,23 @@
 
 from __future__ import annotations
 
-from typing import Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from exactarm.report.plots.style import (
-    AFTER, BEFORE, INK, ORANGE, RASTER_ABOVE, VALIDATION, label_with, legend_above, marker_size, new_figure, scaled,
+    AFTER,
+    BEFORE,
+    INK,
+    ORANGE,
+    RASTER_ABOVE,
+    VALIDATION,
+    label_with,
+    legend_above,
+    marker_size,
+    new_figure,
+    scaled,
 )
 
 BINS = 24

@@ -5,10 +5,10 @@ Grey is before, blue is after, orange is what was never fitted (validation), gre
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from pathlib import Path
-from typing import Callable, Iterator, Sequence
 
 import matplotlib
 import numpy as np

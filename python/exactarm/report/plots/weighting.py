@@ -2,14 +2,24 @@
 
 from __future__ import annotations
 
-from typing import Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
 
 from exactarm.report.plots.curves import envelope
-from exactarm.report.plots.style import BLUE, CYCLE, GREY, INK, RED, label_with, legend_above, new_figure, scaled
+from exactarm.report.plots.style import (
+    BLUE,
+    CYCLE,
+    GREY,
+    INK,
+    RED,
+    label_with,
+    legend_above,
+    new_figure,
+    scaled,
+)
 
 MOST_POINTS = 600  # a trace; a report holds many
 MICROMETRE = 1e-6  # one unit for errors that span many decades
