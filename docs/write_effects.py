@@ -76,7 +76,7 @@ def entry(name: str, cls: type[Effect]) -> list[str]:
         lines[-1] += f" Source: {cls.source}."
     known = parameters(cls)
     if not known:
-        return [*lines, "", "Its parameters are as many as the robot's tables have.", ""]
+        return [*lines, "", f"Its parameters: {cls.open_parameters}.", ""]
     lines += ["", "| parameter | plausible | bounds | |", "| --- | --- | --- | --- |"]
     for parameter, fixed in known.values():
         bounded = np.isfinite(parameter.lower) or np.isfinite(parameter.upper)

@@ -62,8 +62,9 @@ def test_help_imports_no_numerics_and_is_quick():
 @pytest.mark.parametrize("name", [name for name in ea.COMMANDS if name in find_commands()])
 def test_python_and_command_line_have_one_default_seed(name):
     module = import_command(name)
-    assert inspect.signature(getattr(module, name)).parameters["seed"].default == DEFAULT_SEED
     assert parser_of(module).get_default("seed") == DEFAULT_SEED
+    if name != "accept":  # copies a draft: nothing is drawn, and the function has no seed
+        assert inspect.signature(getattr(module, name)).parameters["seed"].default == DEFAULT_SEED
 
 
 def test_a_result_says_its_verdict_in_ten_lines(result):

@@ -113,6 +113,7 @@ class Effect(ABC):
     sentence: ClassVar[str] = ""  # format string: {joint} and the parameters' names
     plain: ClassVar[str] = ""  # a noun phrase that a technician uses, without the axis; empty: the name
     source: ClassVar[str] = ""
+    open_parameters: ClassVar[str] = "as many as the robot's tables have"  # where no form of the class has any
 
     # -- description ------------------------------------------------------------------------------
     def parameters(self) -> tuple[Parameter, ...]:

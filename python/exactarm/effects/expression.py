@@ -40,6 +40,7 @@ class Expression(Effect):
     compensable: ClassVar[bool] = True
     repeatable: ClassVar[bool] = True
     source: ClassVar[str] = "a draft that was accepted"
+    open_parameters: ClassVar[str] = "the names in its formula that are no signals, each with its plausible size in the draft"
 
     @cached_property
     def formula(self) -> Formula:

@@ -140,7 +140,7 @@ def identify_gears(
         result = new
     if not gears:
         missing = "no axis moves far enough in one direction; expected gear runs over a range of its axis"
-        raise InputError(warnings[-1] if warnings else missing, file=data.first_file)
+        raise InputError(warnings[-1] if measured_axes(record) else missing, file=data.first_file)
     warnings += _remaining(gears)
     intervals = dict(result.intervals)
     for gear in gears:
