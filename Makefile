@@ -18,11 +18,12 @@ CPP_TESTS := $(shell find tests/cpp -type f 2>/dev/null)
 # Not deleted as intermediate files.
 .PRECIOUS: .setup/packages-%
 
-.PHONY: help demo test test-cpp test-python robustness limits install bench docs wheel clean
+.PHONY: help demo test lint test-cpp test-python robustness limits install bench docs wheel clean
 
 help:
 	@echo "make demo     set up everything, run exactarm on the shipped data, say where the report lies"
-	@echo "make test     set up everything, run the C++ and the Python tests"
+	@echo "make test     set up everything, run the linter, the C++ and the Python tests"
+	@echo "make lint     the linter and the types alone"
 	@echo "make install  set up everything: $(BIN)/exactarm"
 	@echo "make robustness  ten thousand spoiled inputs (SEED=N: from that seed on)"
 	@echo "make limits   rows, seconds and memory of every command, as measured here"
@@ -34,7 +35,13 @@ help:
 demo: .setup/install
 	@$(BIN)/exactarm demo --out $(OUT)
 
-test: test-cpp test-python
+test: lint test-cpp test-python
+
+# Rules of the linter, and types of what a user calls; pyproject.toml has both.
+lint: .setup/install .setup/packages-test
+	@echo "== ruff and mypy"
+	@$(BIN)/ruff check --quiet --cache-dir build/ruff .
+	@$(BIN)/mypy --cache-dir build/mypy
 
 test-cpp: .setup/tests
 	@echo "== C++ tests"

@@ -14,6 +14,7 @@ from pathlib import Path
 text = Path(sys.argv[1]).read_text()
 text = re.sub(r"^__all__: .*\n", "", text, flags=re.M)
 text = re.sub(r"<exactarm\._core\.\w+ object at 0x[0-9a-f]+>", "...", text)
+text = text.replace("-> dict:", "-> dict[str, numpy.typing.NDArray[numpy.float64]]:")  # all that the core gives
 head = '"""Types of the compiled core (SI units, radians throughout), written by pybind11-stubgen: setup/stub.sh."""\n'
 Path(sys.argv[2]).write_text(head + text[text.index('"""', 3) + 4:])
 PROGRAM

@@ -30,7 +30,7 @@ NAMES = {
     "command_of": "exactarm.compensate.law", "actual_of": "exactarm.compensate.law", "Poses": "exactarm.compensate.law",
     "InputError": "exactarm.errors", "ComputationError": "exactarm.errors", "Progress": "exactarm.progress",
 }
-__all__ = [*NAMES, *COMMANDS]
+__all__ = [*NAMES, *COMMANDS]  # noqa: PLE0604 (names of both)
 
 
 def _command(name: str) -> Any:

@@ -723,7 +723,7 @@ def inverse_dynamics(robot: Robot, q: typing.Annotated[numpy.typing.NDArray[nump
     """
     Joint torques (rows, axes) in Nm: D qdd + C qd + g, link side, without friction.
     """
-def inverse_dynamics_derivatives(robot: Robot, q: typing.Annotated[numpy.typing.NDArray[numpy.float64], "[m, n]", "flags.c_contiguous"], q_dot: typing.Annotated[numpy.typing.NDArray[numpy.float64], "[m, n]", "flags.c_contiguous"], q_ddot: typing.Annotated[numpy.typing.NDArray[numpy.float64], "[m, n]", "flags.c_contiguous"], multiplier: typing.Annotated[numpy.typing.NDArray[numpy.float64], "[m, n]", "flags.c_contiguous"] = ..., threads: typing.SupportsInt | typing.SupportsIndex = 1) -> dict:
+def inverse_dynamics_derivatives(robot: Robot, q: typing.Annotated[numpy.typing.NDArray[numpy.float64], "[m, n]", "flags.c_contiguous"], q_dot: typing.Annotated[numpy.typing.NDArray[numpy.float64], "[m, n]", "flags.c_contiguous"], q_ddot: typing.Annotated[numpy.typing.NDArray[numpy.float64], "[m, n]", "flags.c_contiguous"], multiplier: typing.Annotated[numpy.typing.NDArray[numpy.float64], "[m, n]", "flags.c_contiguous"] = ..., threads: typing.SupportsInt | typing.SupportsIndex = 1) -> dict[str, numpy.typing.NDArray[numpy.float64]]:
     """
     tau (rows, axes), dtau_dq, dtau_dq_dot, mass_matrix (rows, axes, axes); with a multiplier (rows, axes) also the blocks q_q, q_q_dot, q_dot_q_dot, q_q_ddot of the Hessian of multiplier . tau.
     """

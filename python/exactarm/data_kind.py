@@ -13,7 +13,7 @@ that only static poses have (`visit`, `approach`).
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -32,7 +32,7 @@ LEAST_SAMPLES = 8  # of a run: fewer have no derivative that is more than roundi
 LONGEST_STEP_S = 1.0  # a robot's motion cannot be followed in longer steps
 
 
-def data_kinds(dataset: Dataset, robot: Robot, kind: str | None = None) -> dict[str, object]:
+def data_kinds(dataset: Dataset, robot: Robot, kind: str | None = None) -> dict[str, Any]:
     """`{"kind": ..., "kinds": ...}` of a data set; raises InputError where the columns do not admit one."""
     if kind is not None and kind not in KINDS:
         raise InputError(f"unknown kind of data {kind!r}; expected one of {', '.join(KINDS)}")

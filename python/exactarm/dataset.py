@@ -10,9 +10,10 @@ N rows, n axes of the robot; angles in rad, lengths in m, time in s, torque in N
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -87,7 +88,7 @@ class Dataset:
     sources: tuple[Source, ...] = ()
 
     @classmethod
-    def of_arrays(cls, kind: str, joints: Mapping[str, np.ndarray], **arrays) -> Dataset:
+    def of_arrays(cls, kind: str, joints: Mapping[str, np.ndarray], **arrays: Any) -> Dataset:
         """A data set from arrays alone (a simulation): one session, one run and no file where not given."""
         joints = {name: np.asarray(values, dtype=float) for name, values in joints.items()}
         rows, axes = next(iter(joints.values())).shape
@@ -123,6 +124,13 @@ class Dataset:
             elif isinstance(value, dict):
                 changes[item.name] = {name: array[rows] for name, array in value.items()}
         return replace(self, **changes)
+
+    @property
+    def sample_times(self) -> np.ndarray:
+        """(N,) s: the time of each row of a series, which has one (data_kind.py looks)."""
+        if self.time is None:
+            raise ValueError("rows without a time; expected a series")
+        return self.time
 
     def split(self, seed: int, fraction: float = 0.7) -> np.ndarray:
         """(N,) bool: the rows to identify with; `split_rule` says in words how they were chosen."""
@@ -274,7 +282,7 @@ def _check_size(path: str, column: Column, values: np.ndarray) -> None:
         raise InputError(message, file=path, row=row + 1, column=column.name)
 
 
-def _check_vectors(path: str, columns: Mapping) -> None:
+def _check_vectors(path: str, columns: Mapping[Any, Column]) -> None:
     for vector in (POSITION, QUATERNION, ROTATION_VECTOR, GYRO):
         missing = [name for name in vector if (name, None) not in columns]
         if missing and len(missing) < len(vector):
@@ -313,7 +321,7 @@ def _join(files: Sequence[_File], robot: Robot) -> Dataset:
     stack = lambda key: files[0].values[key] if one else np.concatenate([held(file, key) for file in files])
     first = {key: column for file in files[::-1] for key, column in file.columns.items()}
     joints: dict[str, np.ndarray] = {}
-    for quantity, axis in (key for key in first if isinstance(key, tuple) and key[1] is not None):
+    for quantity, axis in ((key[0], key[1]) for key in first if isinstance(key, tuple) and key[1] is not None):
         if quantity not in joints:
             joints[quantity] = np.full((sum(rows), robot.axes), np.nan)
         joints[quantity][:, axis - 1] = stack((quantity, axis))
@@ -343,7 +351,7 @@ def _join(files: Sequence[_File], robot: Robot) -> Dataset:
     )
 
 
-def _rotation(files: Sequence[_File], vector) -> np.ndarray | None:
+def _rotation(files: Sequence[_File], vector: Callable[[tuple[str, ...]], np.ndarray | None]) -> np.ndarray | None:
     if (vectors := vector(ROTATION_VECTOR)) is not None:
         return Rotation.from_rotvec(np.nan_to_num(vectors)).as_matrix()
     if (quaternions := vector(QUATERNION)) is None:
@@ -361,7 +369,7 @@ def _rotation(files: Sequence[_File], vector) -> np.ndarray | None:
 
 def _shared_numbers(files: Sequence[_File], quantity: str) -> np.ndarray:
     """Numbers that mean the same in every file that has the column; a file without it gets a number of its own."""
-    used = [file.get(quantity).astype(int) for file in files if file.get(quantity) is not None]
+    used = [numbers.astype(int) for file in files if (numbers := file.get(quantity)) is not None]
     free = max((int(numbers.max()) for numbers in used), default=0)
     out = []
     for file in files:
@@ -376,7 +384,8 @@ def _shared_numbers(files: Sequence[_File], quantity: str) -> np.ndarray:
 
 def _distinct_runs(files: Sequence[_File]) -> np.ndarray:
     """The files' own numbers where no two files share one, else 1, 2, ... in order of appearance."""
-    numbers = [np.ones(f.table.rows, dtype=int) if f.get("run") is None else f.get("run").astype(int) for f in files]
+    held = ((file.table.rows, file.get("run")) for file in files)
+    numbers = [np.ones(rows, dtype=int) if run is None else run.astype(int) for rows, run in held]
     distinct = [np.unique(run) for run in numbers]
     if len(np.unique(np.concatenate(distinct))) == sum(map(len, distinct)):
         return np.concatenate(numbers)

@@ -27,7 +27,8 @@ class Progress:
     def __init__(self, stream: TextIO | None, clock: Callable[[], float] = time.monotonic):
         self._stream, self._clock = stream, clock
         self._terminal = stream is not None and stream.isatty()
-        self._part, self._name, self._total, self._done = "", "", None, 0
+        self._part, self._name, self._done = "", "", 0
+        self._total: int | None = None
         self._said_at: float | None = None  # the first stage begins to count: what came before was no work
         self._bar: Bar | None = None
 

@@ -113,13 +113,14 @@ def least_squares(
     data = len(w) if data_rows is None else data_rows
     soft = _robust_weights(w * now.residual, group, data) if robust else np.ones_like(w)
     radius, scale, reason = np.inf, np.zeros(x.size), f"stopped at the limit of {most_iterations} iterations"
-    for iteration in range(1, most_iterations + 1):
+    for iteration in range(1, most_iterations + 1):  # noqa: B007 (told at the end)
         weight = w * soft
         norms = np.linalg.norm(weight[:, None] * now.jacobian, axis=0)
         size, square = _length(norms * x), _length(weight * now.residual) ** 2
         enough = max(tolerance * square, (_ROUNDING * size) ** 2)
         # Never shorter than before (Moré 1978): a column that fades is not let loose. At the end it counts as it is.
-        for scale in (np.maximum(scale, norms), norms):
+        widest = np.maximum(scale, norms)
+        for scale in (widest, norms):
             unit = np.where(scale > 0.0, scale, 1.0)
             model = Model(weight[:, None] * now.jacobian / unit, -weight * now.residual)
             low, high = (lower - x) * unit, (upper - x) * unit

@@ -237,8 +237,8 @@ class _Reader:
             fields["joint_names"] = tuple(names)
         return Controller(chain=chain, **fields)
 
-    def for_each_axis(self, table: Mapping[str, Any], key: str, joints: tuple[Joint, ...]) -> list:
-        entries = self.take(table, key, list, "controller.", "a list")
+    def for_each_axis(self, table: Mapping[str, Any], key: str, joints: tuple[Joint, ...]) -> list[Any]:
+        entries: list[Any] = self.take(table, key, list, "controller.", "a list")
         if len(entries) != len(joints):
             raise self.refuse(f"controller.{key}", f"{len(entries)} entries; expected {len(joints)}, one for each axis")
         return entries

@@ -108,7 +108,7 @@ def test_orientation_adds_what_position_cannot_tell(arm):
     assert pose.fit.sigma_position == pytest.approx(NOISE_M, rel=0.25)
     assert pose.fit.sigma_orientation == pytest.approx(NOISE_RAD, rel=0.25)
     widths = [dict(zip(each.names, np.ptp(each.intervals, axis=1))) for each in (pose, position)]
-    shared = [name for name in widths[1] if name.startswith("session") or name.startswith("a_")]
+    shared = [name for name in widths[1] if name.startswith(("session", "a_"))]
     assert all(widths[0][name] < widths[1][name] for name in shared if name in widths[0])
     assert pose.after["validation"].rms < 1.3 * FLOOR_M
 

@@ -47,7 +47,7 @@ def test_a_room_of_the_package_stays_a_module_and_is_the_command_of_its_name():
 
 def test_an_unknown_name_is_an_attribute_error():
     with pytest.raises(AttributeError, match="calibrte"):
-        ea.calibrte
+        _ = ea.calibrte
 
 
 def test_help_imports_no_numerics_and_is_quick():

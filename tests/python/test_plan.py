@@ -181,7 +181,7 @@ def test_a_reference_beyond_the_limits_names_axis_time_amount_and_a_duration_tha
     tight = plan_path(ROBOT, replace(LINE, duration=plan.shortest_duration * 0.97, rate_hz=400.0), THREADS)
     assert tight.violations
     # The planned motion itself keeps to the limits.
-    assert not [v for v in violations(ROBOT, plan.time, plan.theta_dot, plan.theta_ddot)]
+    assert not list(violations(ROBOT, plan.time, plan.theta_dot, plan.theta_ddot))
 
 
 def test_times_of_via_points_are_stretched_to_the_shortest_duration_that_fits():
@@ -233,7 +233,7 @@ def test_many_paths_run_on_any_executor_and_one_failure_ends_no_other(pool):
     short = replace(LINE, rate_hz=100.0)
     paths = [short, replace(short, curve=Line(np.array([9.0, 0, 1]), np.array([9, 1, 1]))), replace(short, duration=3.0)]
     seen = []
-    ROBOT.core  # what is compiled must not hinder the travel to another process
+    assert ROBOT.core  # what is compiled must not hinder the travel to another process
     make = {None: lambda: None, "threads": lambda: ThreadPoolExecutor(2),
             "processes": lambda: ProcessPoolExecutor(2, mp_context=multiprocessing.get_context("spawn"))}[pool]
     executor = make()

@@ -19,7 +19,7 @@ from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Union
+from typing import Any
 
 import exactarm
 from exactarm.commands.execute import execute, parse
@@ -37,7 +37,7 @@ HELP = "many robots from one table: one summary, and only what is new is compute
 KEY = ".batch"
 COLUMNS = ("name", "command", "robot", "files")
 _NOT_IN_BATCH = ("batch", "demo")
-AnyManifest = Union[str, Path, Sequence[Mapping[str, Any]]]
+AnyManifest = str | Path | Sequence[Mapping[str, Any]]
 
 
 @dataclass(frozen=True)
@@ -212,10 +212,11 @@ def _failed(job: Job, why: str, seconds: float = 0.0) -> Outcome:
 def _outcome(job: Job, folder: Path, state: str) -> Outcome:
     """What a finished job's result.json says."""
     result = json.loads((folder / job.name / "result.json").read_text(encoding="utf-8"))
-    rms = [_rms(result.get(when)) for when in ("before", "after")]
-    if rms[1] is None:
-        rms[1] = (result.get("error") or {}).get("rms")
-    return Outcome(job.name, job.command, job.robot, state, result.get("verdict", ""), result.get("unit", "m"), *rms, result["seconds"])
+    before, after = (_rms(result.get(when)) for when in ("before", "after"))
+    if after is None:
+        after = (result.get("error") or {}).get("rms")
+    return Outcome(job.name, job.command, job.robot, state, result.get("verdict", ""), result.get("unit", "m"),
+                   before, after, result["seconds"])
 
 
 def _rms(sets: Any) -> float | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Collection, Sequence
 from functools import partial
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from exactarm.identify.calibrate import Calibration, CalibrationOptions
 from exactarm.identify.calibrate import calibrate as identify_geometry
 from exactarm.identify.closures import calibrate_closures
 from exactarm.identify.declared import geometry_layout
+from exactarm.identify.identifiability import Dropped
 from exactarm.identify.parameter_name import Group, parse_parameter
 from exactarm.progress import SILENT, Progress
 from exactarm.report import Estimate, Figure, Quantity, Report, Table, Warnings
@@ -114,7 +115,7 @@ def _axes(text: str) -> tuple[int, ...] | None:
         raise InputError(f"--compliance {text}: expected axes as 2,3 or none or auto") from None
 
 
-def _json(result: Calibration) -> dict:
+def _json(result: Calibration) -> dict[str, Any]:
     return {
         "before": _summaries(result.before, result.distances_before),
         "after": _summaries(result.after, result.distances_after),
@@ -133,13 +134,13 @@ def _json(result: Calibration) -> dict:
     }
 
 
-def _summaries(summaries: dict, distances: dict[str, float | None]) -> dict:
+def _summaries(summaries: dict[str, Any], distances: dict[str, float | None]) -> dict[str, Any]:
     """Each set's summary, of closures with the mean error of the known distances beside it."""
     beside = lambda name: {"distance_error_m": distances[name]} if distances.get(name) is not None else {}
     return {name: summary.to_json() | beside(name) for name, summary in summaries.items()}
 
 
-def residual_table(data: Dataset, identification: np.ndarray, before: np.ndarray, after: np.ndarray) -> dict:
+def residual_table(data: Dataset, identification: np.ndarray, before: np.ndarray, after: np.ndarray) -> dict[str, Any]:
     """Columns of residuals.csv: where the row came from, its set, error before, residual after."""
     files = [source.path for source in data.sources] or [""]
     return {
@@ -181,7 +182,7 @@ def _report(robot: Robot, data: Dataset, result: Calibration, rule: str) -> Repo
     return Report(f"Calibration of {robot.name}", verdict, sections, "good" if after.mean < before.mean else "caution")
 
 
-def _distance_tables(result: Calibration) -> tuple:
+def _distance_tables(result: Calibration) -> tuple[Any, ...]:
     """The known distances before and after; on the validation rows, with the contacts fitted to these rows alone."""
     rows = tuple(
         (name, Quantity(result.distances_before[name], "m"), Quantity(value, "m"))
@@ -191,13 +192,13 @@ def _distance_tables(result: Calibration) -> tuple:
     return (Table("Known distances", ("rows", "before", "after"), rows, note),) if rows else ()
 
 
-def _parameter_sections(robot: Robot, result: Calibration) -> tuple:
+def _parameter_sections(robot: Robot, result: Calibration) -> tuple[Any, ...]:
     """Robot parameters as plot and table, then the frames of the sessions."""
     declared = geometry_layout(robot)
     start_of = dict(zip(declared.names, declared.values))
     frame = np.array([parse_parameter(name).group is Group.FRAME for name in result.names])
 
-    def pick(mask: np.ndarray) -> tuple:
+    def pick(mask: np.ndarray) -> tuple[Any, ...]:
         names = [name for name, keep in zip(result.names, mask) if keep]
         start = np.array([start_of.get(name, 0.0) for name in names])
         x, intervals = result.fit.fit.x[mask], result.intervals[mask]
@@ -221,7 +222,7 @@ def _parameter_sections(robot: Robot, result: Calibration) -> tuple:
     return figure, *tables, *frames
 
 
-def dropped_table(dropped) -> Table:
+def dropped_table(dropped: Sequence[Dropped]) -> Table:
     rows = tuple((entry.name, entry.why) for entry in dropped)
     return Table("Not identified", ("parameter", "why"), rows, "These keep their declared values.")
 

@@ -11,7 +11,7 @@ import difflib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Union
+from typing import Any
 
 from exactarm.commands.arguments import available_cores
 from exactarm.commands.plain import sha256
@@ -22,9 +22,9 @@ from exactarm.fixture import Fixture, load_fixture
 from exactarm.robot import Robot
 from exactarm.robot_file import load_robot
 
-AnyRobot = Union[Robot, str, Path]
-AnyData = Union[Dataset, str, Path, Sequence[str | Path]]
-AnyFixture = Union[Fixture, str, Path, None]
+AnyRobot = Robot | str | Path
+AnyData = Dataset | str | Path | Sequence[str | Path]
+AnyFixture = Fixture | str | Path | None
 
 
 def robot_of(robot: AnyRobot) -> Robot:

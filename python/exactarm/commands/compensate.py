@@ -210,10 +210,10 @@ def _check(robot: Robot, arguments: argparse.Namespace) -> None:
 def _setting(robot: Robot, arguments: argparse.Namespace) -> Setting:
     load = None
     if arguments.payload:
-        mass, *centre = read_numbers("--payload", arguments.payload, (4,))
+        mass, x, y, z = read_numbers("--payload", arguments.payload, (4,))
         if mass < 0.0:
             raise InputError(f"--payload {arguments.payload}: expected a mass of 0 or more")
-        load = (mass, tuple(centre))
+        load = (mass, (x, y, z))
     start = None
     if arguments.start:
         start = np.array(read_numbers("--start", arguments.start, (robot.axes,)))
@@ -244,7 +244,7 @@ def _require_frames(job: Job, setting: Setting) -> None:
                                  file=job.paths[0])
 
 
-def _stop_at_refused(corrections: list, arguments: argparse.Namespace) -> None:
+def _stop_at_refused(corrections: list[Any], arguments: argparse.Namespace) -> None:
     refused = [error for correction in corrections for error in correction.refused]
     if refused and not arguments.keep_refused:
         more = f" (and {len(refused) - 1} more)" if len(refused) > 1 else ""

@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -53,7 +53,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def design(
-    robot: AnyRobot, *, count: int = 50, validation: int = 13, tool_m: Sequence[float] | None = None,
+    robot: AnyRobot, *, count: int = 50, validation: int = 13, tool_m: Sequence[float] | np.ndarray | None = None,
     frames: str = "both", use: Literal["position", "pose"] = "position", box: Box | None = None,
     clearance_m: float | None = None, seed: int = DEFAULT_SEED, threads: int | None = None, progress: Progress = SILENT,
 ) -> CommandResult:
@@ -112,7 +112,7 @@ def run(arguments: argparse.Namespace) -> CommandResult:
     )
 
 
-def _json(design: Design) -> dict:
+def _json(design: Design) -> dict[str, Any]:
     return design.observability.as_dict() | {
         "start": design.start.as_dict(),
         "exchanged": design.exchanged.as_dict(),

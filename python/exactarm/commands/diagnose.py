@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from exactarm.commands.diagnose_report import report_of
 from exactarm.commands.memory import require_memory
 from exactarm.commands.result import CommandResult, estimate
 from exactarm.commands.suspicions import suspicions
-from exactarm.diagnose.diagnosis import Diagnosis
+from exactarm.diagnose.diagnosis import Diagnosis, Finding
 from exactarm.diagnose.diagnosis import diagnose as find_causes
 from exactarm.diagnose.verdict import UNEXPLAINED, remains
 from exactarm.errors import InputError
@@ -44,7 +45,9 @@ def diagnose(
     """
     declared = known = robot_of(robot)
     rows = data_of(data, declared, kind, fixture)
-    results, skipped, warnings = [], [], []
+    results: list[Diagnosis] = []
+    skipped: list[str] = []
+    warnings: list[str] = []
     for each in (rows.kind,) if kind else rows.kinds:
         progress.stage(f"diagnosing {each.replace('_', ' ')}")
         require_memory("diagnose", each, rows)
@@ -63,7 +66,7 @@ def diagnose(
         results.append(result)
         warnings += [line for line in found if line not in warnings]
     first = results[0]
-    also = {"also": [_json(other) for other in results[1:]]} if len(results) > 1 else {}
+    also: dict[str, Any] = {"also": [_json(other) for other in results[1:]]} if len(results) > 1 else {}
     also |= {"skipped": skipped} if skipped else {}
     return CommandResult(
         json=_json(first) | also,
@@ -79,7 +82,7 @@ def run(arguments: argparse.Namespace) -> CommandResult:
                     fixture=arguments.fixture, progress=arguments.progress)
 
 
-def _json(result: Diagnosis) -> dict:
+def _json(result: Diagnosis) -> dict[str, Any]:
     effects = [_effect(finding, result) for finding in result.findings]
     if result.verdict == UNEXPLAINED:
         effects.append(_unknown(result))
@@ -117,7 +120,7 @@ def _json(result: Diagnosis) -> dict:
     } | axes | _posterior(result)
 
 
-def _per_axis(result: Diagnosis, errors: np.ndarray) -> dict:
+def _per_axis(result: Diagnosis, errors: np.ndarray) -> dict[str, Any]:
     """A summary of each axis, in motions, where every sample holds a number for each."""
     if result.axes is None or result.kind != "motion":
         return {}
@@ -125,7 +128,7 @@ def _per_axis(result: Diagnosis, errors: np.ndarray) -> dict:
     return {"axes": [{"joint": axis["joint"]} | summarise(column).to_json() for axis, column in zip(result.axes, columns)]}
 
 
-def _effect(finding, result: Diagnosis) -> dict:
+def _effect(finding: Finding, result: Diagnosis) -> dict[str, Any]:
     effect = finding.effect
     parameters = {
         p.name: value if p.fixed else estimate(value, float(low), float(high))
@@ -143,9 +146,9 @@ def _effect(finding, result: Diagnosis) -> dict:
     } | _own(finding, result)
 
 
-def _own(finding, result: Diagnosis) -> dict:
+def _own(finding: Finding, result: Diagnosis) -> dict[str, Any]:
     """What the effect does by itself, and what could stand in its place."""
-    found = {}
+    found: dict[str, Any] = {}
     if finding.credible_set:
         found["set"] = [{"effect": name, "joint": joint, "probability": p} for name, joint, p in finding.credible_set]
     if finding.own_share is not None:
@@ -156,7 +159,7 @@ def _own(finding, result: Diagnosis) -> dict:
     return found
 
 
-def _posterior(result: Diagnosis) -> dict:
+def _posterior(result: Diagnosis) -> dict[str, Any]:
     """Probabilities that nothing is missing, and that something else is."""
     causes = result.causes
     if causes is None:
@@ -170,13 +173,14 @@ def _posterior(result: Diagnosis) -> dict:
     }
 
 
-def _unknown(result: Diagnosis) -> dict:
-    left, signal = result.dossier_after, result.dossier_after.strongest
-    share = f" ({100 * signal.share:.0f} % of the remaining square sum, p = {signal.p_value:.1e})" if left.structure else ""
+def _unknown(result: Diagnosis) -> dict[str, Any]:
+    left = result.dossier_after
+    signal = left.strongest if left.structure else None
+    share = f" ({100 * signal.share:.0f} % of the remaining square sum, p = {signal.p_value:.1e})" if signal else ""
     rms = result.after["validation" if result.after["validation"].n else "identification"].rms
-    probability = 1.0 - (signal.p_value if left.structure else 0.0)
+    probability = 1.0 - (signal.p_value if signal else 0.0)
     unknown = result.unknown
-    if unknown:
+    if unknown and result.causes is not None:
         probability, share = result.causes.probability_something_else, ""
     return {
         "effect": "unknown", "joint": None, "parameters": {},
@@ -187,7 +191,7 @@ def _unknown(result: Diagnosis) -> dict:
     }
 
 
-def _residuals(result: Diagnosis) -> dict:
+def _residuals(result: Diagnosis) -> dict[str, Any]:
     """Every judged number of both sets, before and after; empty where a row was left out."""
     sets = list(result.errors_before)
     return {

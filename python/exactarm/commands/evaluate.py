@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import argparse
 from functools import partial
+from typing import Any
 
 import numpy as np
 
 from exactarm.commands.arguments import add_files, add_fixture, add_robot
 from exactarm.commands.call import AnyData, AnyFixture, AnyRobot, asked, data_of, robot_of, threads_of
 from exactarm.commands.memory import require_memory
-from exactarm.commands.result import CommandResult
+from exactarm.commands.result import Column, CommandResult
 from exactarm.commands.suspicions import suspicions
 from exactarm.dataset import Dataset
 from exactarm.errors import InputError
 from exactarm.identify.evaluate import EVALUATORS, Evaluation
 from exactarm.progress import SILENT, Progress
-from exactarm.report import Figure, Highlight, Highlights, Quantity, Report, Table, Warnings
+from exactarm.report import Cell, Figure, Highlight, Highlights, Quantity, Report, Table, Warnings
 from exactarm.report.numbers import quantity
 from exactarm.report.plots.errors import (
     error_histogram,
@@ -58,7 +59,7 @@ def evaluate(
         result = EVALUATORS[rows.kind](declared, rows, seed, threads_of(threads))
     rows = rows if result.data is None else result.data
     files = [source.path for source in rows.sources] or [""]
-    columns = {"file": [files[i] for i in rows.file_index], "row": rows.row, "session": rows.session}
+    columns: dict[str, Column] = {"file": [files[i] for i in rows.file_index], "row": rows.row, "session": rows.session}
     columns[f"error_{result.unit.replace('/', '_')}"] = result.error
     columns |= {name: result.residual[:, k] for k, name in enumerate(result.columns)}
     return CommandResult(
@@ -80,7 +81,7 @@ def run(arguments: argparse.Namespace) -> CommandResult:
                     fixture=arguments.fixture, progress=arguments.progress)
 
 
-def distance_json(distances: dict[str, float] | None) -> dict:
+def distance_json(distances: dict[str, float] | None) -> dict[str, Any]:
     """`distance_error_m` and each known distance, where the data have any."""
     if not distances:
         return {}
@@ -93,13 +94,13 @@ def _report(robot: Robot, data: Dataset, result: Evaluation) -> Report:
         f"{robot.name} as its file describes it is off by {quantity(s.mean, unit)} on average, "
         f"by {quantity(s.max, unit)} at most ({s.n} rows; only the set-up was fitted)."
     )
-    known = ()
+    known: tuple[Table, ...] = ()
     if result.distances:
         mean = float(np.mean(list(result.distances.values())))
         verdict += f" Known distances are missed by {quantity(mean, unit)} on average."
         known = (Table("Known distances", ("distance", "error"), tuple((k, Quantity(v, unit)) for k, v in result.distances.items())),)
     name = {"poses": "position error", "closures": "distance to the contact"}.get(data.kind, "error")
-    rows = tuple(
+    rows: tuple[tuple[Cell, ...], ...] = tuple(
         (str(session), e.n, *(Quantity(v, unit) for v in (e.mean, e.rms, e.max, e.std)))
         for session, e in result.sessions
     )

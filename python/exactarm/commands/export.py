@@ -147,7 +147,7 @@ def run(arguments: argparse.Namespace) -> CommandResult:
     return export(arguments.robot, format=arguments.format, source=arguments.source, hash=arguments.hash, seed=arguments.seed)
 
 
-def _flange_poses(robot: Robot, format: str) -> Callable:
+def _flange_poses(robot: Robot, format: str) -> Callable[..., Any]:
     """Where the flange is by the exported file, q (N, n) -> Poses."""
     if format != "ur_description":
         return reported_chain(robot).poses

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from exactarm.commands.gear_report import gear_report
 from exactarm.commands.memory import require_memory
 from exactarm.commands.result import CommandResult, estimate
 from exactarm.commands.suspicions import suspicions
+from exactarm.dataset import Dataset
 from exactarm.errors import InputError
 from exactarm.identify.gear import Gear, GearIdentification, identify_gears
 from exactarm.identify.gear_orders import METHODS
@@ -76,7 +78,7 @@ def run(arguments: argparse.Namespace) -> CommandResult:
                 kind=arguments.kind, progress=arguments.progress)
 
 
-def gear_json(gear: Gear) -> dict:
+def gear_json(gear: Gear) -> dict[str, Any]:
     """One direction of one axis, as the list `gears` has it."""
     table, fit = gear.table, gear.estimate.tables[gear.side]
     sigma = np.sqrt(np.diag(fit.covariance))
@@ -103,10 +105,10 @@ def gear_json(gear: Gear) -> dict:
     }
 
 
-def _residuals(data, result: GearIdentification) -> dict:
+def _residuals(data: Dataset, result: GearIdentification) -> dict[str, Any]:
     """Kinematic error before and after of every row that counts."""
     files = [source.path for source in data.sources] or [""]
-    columns: dict[str, list] = {}
+    columns: dict[str, list[Any]] = {}
     for gear in result.gears:
         samples = gear.samples
         chosen = samples.side(-1.0 if gear.side == "cw" else 1.0)

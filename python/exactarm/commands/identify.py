@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -25,7 +26,7 @@ from exactarm.identify.dynamics import (
 )
 from exactarm.identify.statistics import summarise
 from exactarm.progress import SILENT, Progress
-from exactarm.report import Figure, Quantity, Report, Table, Warnings
+from exactarm.report import Cell, Figure, Quantity, Report, Table, Warnings
 from exactarm.report.numbers import quantity
 from exactarm.report.plots.curves import curves_per_axis
 from exactarm.robot import Robot
@@ -102,13 +103,13 @@ def _share(value: float) -> float:
     return value
 
 
-def torque_summary(residual: np.ndarray, axes: np.ndarray) -> dict:
+def torque_summary(residual: np.ndarray, axes: np.ndarray) -> dict[str, Any]:
     """S over all samples and axes of a residual (N, m), with a list of S per axis."""
     rows = [{"joint": int(axis) + 1} | summarise(np.abs(residual[:, k])).to_json() for k, axis in enumerate(axes)]
     return summarise(np.abs(residual).ravel()).to_json() | {"axes": rows}
 
 
-def _json(result: DynamicsIdentification) -> dict:
+def _json(result: DynamicsIdentification) -> dict[str, Any]:
     empty = np.zeros((0, len(result.fit.axes)))
     pairs = zip(result.fit.layout.names, result.fit.fit.x, result.fit.intervals)
     base = result.base
@@ -126,11 +127,11 @@ def _json(result: DynamicsIdentification) -> dict:
     }
 
 
-def residual_table(result: DynamicsIdentification) -> dict:
+def residual_table(result: DynamicsIdentification) -> dict[str, Any]:
     """Columns of residuals.csv: time, run, set, then residual before and after of every axis."""
-    columns: dict[str, list] = {"time_s": [], "run": [], "set": []}
+    columns: dict[str, list[Any]] = {"time_s": [], "run": [], "set": []}
     for name, record in result.records.items():
-        columns["time_s"].append(record.data.time[record.keep])
+        columns["time_s"].append(record.data.sample_times[record.keep])
         columns["run"].append(record.data.run[record.keep])
         columns["set"].append(np.full(int(record.keep.sum()), name))
         for k, axis in enumerate(result.fit.axes):
@@ -175,7 +176,7 @@ def _report(robot: Robot, result: DynamicsIdentification, rule: str) -> Report:
 def _axis_table(result: DynamicsIdentification, judge: str) -> Table:
     rms = lambda residual: np.sqrt(np.mean(residual[judge] ** 2, axis=0))
     torque = result.records[judge].torque[result.records[judge].keep][:, result.fit.axes]
-    rows = tuple(
+    rows: tuple[tuple[Cell, ...], ...] = tuple(
         (f"axis {axis + 1}", *(Quantity(float(value), "Nm") for value in values))
         for axis, *values in zip(result.fit.axes, np.sqrt(np.mean(torque**2, axis=0)), rms(result.before), rms(result.after))
     )
@@ -192,7 +193,7 @@ def _figure(result: DynamicsIdentification, judge: str) -> Figure:
     traces = {"measured": measured, "model": measured - left, "residual": left}
     return Figure(
         "torque", f"Torque of every axis ({judge})",
-        partial(curves_per_axis, record.data.time[rows], traces, unit="Nm", name="torque"),
+        partial(curves_per_axis, record.data.sample_times[rows], traces, unit="Nm", name="torque"),
         "Measured, as the identified model has it, and the difference.", "torque of every axis over time",
     )
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -48,7 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def plan(
     robot: AnyRobot, path: str | Path | PlannedPath, *, rate_hz: float | None = None, duration_s: float | None = None,
     nu: float | None = None, gear_direction: str | None = None, input: str | None = None, solver: str | None = None,
-    linear_solver: str | None = None, start_rad: Sequence[float] | None = None, format: Literal["csv", "parquet"] = "csv",
+    linear_solver: str | None = None, start_rad: Sequence[float] | np.ndarray | None = None, format: Literal["csv", "parquet"] = "csv",
     send: Literal["joint_trajectory", "servoj"] | None = None, seed: int = DEFAULT_SEED, threads: int | None = None,
     progress: Progress = SILENT,
 ) -> CommandResult:
@@ -91,17 +91,17 @@ def run(arguments: argparse.Namespace) -> CommandResult:
 
 
 def _path(given: str | Path | PlannedPath, rate_hz: float | None, duration_s: float | None, nu: float | None,
-          choices: Mapping[str, str | None]) -> PlannedPath:
+          choices: dict[str, str | None]) -> PlannedPath:
     path = given if isinstance(given, PlannedPath) else load_path(given)
     for name, value in {"rate": rate_hz, "duration": duration_s, "nu": nu}.items():
         if value is not None and not (np.isfinite(value) and value > 0.0):
             raise InputError(f"--{name}: expected a number above 0, found {value}")
-    for name, value in choices.items():
-        if value is not None and value not in CHOICES[name]:
-            raise InputError(f"{name} {value!r}: expected one of {', '.join(CHOICES[name])}")
+    for name, choice in choices.items():
+        if choice is not None and choice not in CHOICES[name]:
+            raise InputError(f"{name} {choice!r}: expected one of {', '.join(CHOICES[name])}")
     if duration_s is not None:
         path = path.lasting(duration_s)
-    chosen = {"rate_hz": rate_hz, "nu": nu} | choices
+    chosen: dict[str, Any] = {"rate_hz": rate_hz, "nu": nu, **choices}
     path = replace(path, **{key: value for key, value in chosen.items() if value is not None})
     samples = path.duration * path.rate_hz + 1.0
     if not 12.0 <= samples <= MOST_SAMPLES:
@@ -119,7 +119,7 @@ def _start(text: str | None) -> np.ndarray | None:
         raise InputError(f"--start {text}: expected joint angles in degrees as 0,90,0,0,90,0") from None
 
 
-def _json(plan: Plan) -> dict:
+def _json(plan: Plan) -> dict[str, Any]:
     solver, tracking = plan.solver, plan.tracking
     return {
         "solver": {"name": solver.name, "linear_solver": solver.linear_solver, "status": solver.status,

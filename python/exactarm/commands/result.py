@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     import pandas
     from matplotlib.axes import Axes
 
+Column = Sequence[Any] | np.ndarray
 WORSE = 1.05  # RMS of held-out rows, after over before: chance moves it by less
 PRINTED_LINES = 10
 PRINTED_WIDTH = 100
@@ -64,7 +65,7 @@ class CommandResult:
     json: Mapping[str, Any]
     report: Report
     robot: Robot | None = None
-    tables: Mapping[str, Mapping[str, Sequence[Any]]] = field(default_factory=dict)
+    tables: Mapping[str, Mapping[str, Column]] = field(default_factory=dict)
     texts: Mapping[str, str] = field(default_factory=dict)
     contents: Mapping[str, bytes] = field(default_factory=dict)
     inputs: tuple[Any, ...] = ()
@@ -110,7 +111,7 @@ class CommandResult:
         names = ErrorSummary.__dataclass_fields__
         nan = float("nan")
         return {
-            name: ErrorSummary(**{key: nan if s[key] is None else s[key] for key in names})
+            name: ErrorSummary(**{key: nan if s[key] is None else s[key] for key in names})  # type: ignore[arg-type]
             for name, s in plain(sets).items()
         }
 
@@ -220,7 +221,7 @@ def _worse(result: Mapping[str, Any]) -> list[str]:
             "one, do not use it before the data are checked"]
 
 
-def _same_table(one: Mapping[str, Sequence[Any]], other: Mapping[str, Sequence[Any]]) -> bool:
+def _same_table(one: Mapping[str, Column], other: Mapping[str, Column]) -> bool:
     if list(one) != list(other):
         return False
     pairs = ((np.asarray(one[name]), np.asarray(other[name])) for name in one)

@@ -205,7 +205,7 @@ def _virtual(arguments: argparse.Namespace, robot: Robot, measure: str, random: 
     return VirtualRobot.of(robot, effects, true)
 
 
-def _sensors(arguments: argparse.Namespace, default: Sensors = Sensors()) -> Sensors:
+def _sensors(arguments: argparse.Namespace) -> Sensors:
     noise = {}
     if arguments.noise is not None:
         noise = {"position_m": arguments.noise, "gyro_rad_s": arguments.noise, "torque_Nm": arguments.noise}
@@ -213,7 +213,7 @@ def _sensors(arguments: argparse.Namespace, default: Sensors = Sensors()) -> Sen
     return Sensors(counts=arguments.counts, wrong_rows=arguments.wrong_rows, temperature_degC=temperature, **noise)
 
 
-def _poses(arguments, virtual: VirtualRobot, planned: Dataset | None, random) -> _Played:
+def _poses(arguments: argparse.Namespace, virtual: VirtualRobot, planned: Dataset | None, random: np.random.Generator) -> _Played:
     robot = virtual.nominal
     if planned is not None:
         angles = planned.joints.get("q", np.full((len(planned), robot.axes), np.nan))
@@ -225,14 +225,14 @@ def _poses(arguments, virtual: VirtualRobot, planned: Dataset | None, random) ->
     return _Played(data, "measured.csv")
 
 
-def _closures(arguments, virtual: VirtualRobot, planned, random) -> _Played:
+def _closures(arguments: argparse.Namespace, virtual: VirtualRobot, planned: Dataset | None, random: np.random.Generator) -> _Played:
     data, fixture = measure_closures(
         virtual, arguments.contact, arguments.places, arguments.count, _sensors(arguments), random
     )
     return _Played(data, "closures.csv", texts={"fixture.toml": fixture_text(fixture)})
 
 
-def _gear(arguments, virtual: VirtualRobot, planned, random) -> _Played:
+def _gear(arguments: argparse.Namespace, virtual: VirtualRobot, planned: Dataset | None, random: np.random.Generator) -> _Played:
     robot = virtual.nominal
     axes = [i for i, joint in enumerate(robot.joints) if joint.has_gear]
     if not axes:
@@ -266,7 +266,7 @@ def _joined(parts: list[Dataset]) -> Dataset:
     )
 
 
-def _motion(arguments, virtual: VirtualRobot, planned: Dataset | None, random) -> _Played:
+def _motion(arguments: argparse.Namespace, virtual: VirtualRobot, planned: Dataset | None, random: np.random.Generator) -> _Played:
     joints = None
     if planned is None:
         pieces = []
@@ -284,7 +284,9 @@ def _motion(arguments, virtual: VirtualRobot, planned: Dataset | None, random) -
     return _Played(data, "motion.parquet")
 
 
-def _tracked(arguments, virtual: VirtualRobot, planned: Dataset, random) -> _Played:
+def _tracked(arguments: argparse.Namespace, virtual: VirtualRobot, planned: Dataset | None, random: np.random.Generator) -> _Played:
+    if planned is None:
+        raise ValueError("expected a planned trajectory")
     time, theta, joints = _resampled(planned, virtual.nominal, arguments.rate)
     how = {"quasi_static": arguments.quasi_static, "damping_s": arguments.damping or 0.0}
     series = Dataset.of_arrays("tracked_motion", {"theta": theta}, time=time)
@@ -296,7 +298,7 @@ def _tracked(arguments, virtual: VirtualRobot, planned: Dataset, random) -> _Pla
     data = measure_tracked_motion(virtual, time, theta, _sensors(arguments), random, joints=joints, **how)
     tracking = None
     if planned.position is not None:
-        desired = make_interp_spline(planned.time, planned.position, k=5)(time)
+        desired = make_interp_spline(planned.sample_times, planned.position, k=5)(time)
         tracking = np.linalg.norm(flange - desired, axis=1)
     return _Played(data, "tracked.csv", tracking)
 
@@ -309,21 +311,23 @@ def _resampled(planned: Dataset, robot: Robot, rate_hz: float | None) -> tuple[n
     angles, joints = planned.joints.get("theta"), _planned_joints(planned, robot)
     if angles is None or np.isnan(angles).any():
         angles = (planned.joints["q"] - robot.controller_offsets) * robot.controller_ratios
-    if len(planned) < 6 or np.any(np.diff(planned.time) <= 0.0):
+    given = planned.sample_times
+    if len(planned) < 6 or np.any(np.diff(given) <= 0.0):
         raise InputError("a trajectory needs at least 6 rows whose time_s rises")
     if rate_hz is None:
-        return planned.time, angles, joints
-    time = np.arange(planned.time[0], planned.time[-1] + 0.5 / rate_hz, 1.0 / rate_hz)
-    time = time[time <= planned.time[-1] + 1e-12]
-    at = lambda values: None if values is None else make_interp_spline(planned.time, values, k=5)(time)
-    return time, at(angles), at(joints)
+        return given, angles, joints
+    time = np.arange(given[0], given[-1] + 0.5 / rate_hz, 1.0 / rate_hz)
+    time = time[time <= given[-1] + 1e-12]
+    at = lambda values: make_interp_spline(given, values, k=5)(time)
+    return time, at(angles), None if joints is None else at(joints)
 
 
 def _planned_joints(planned: Dataset, robot: Robot) -> np.ndarray | None:
     """(N, n) the joint angles that a trajectory is for, else those that it reaches."""
     desired = [planned.covariates.get(f"q_desired_{i + 1}_rad") for i in range(robot.axes)]
-    if all(column is not None for column in desired):
-        return np.column_stack(desired)
+    found = [column for column in desired if column is not None]
+    if len(found) == robot.axes:
+        return np.column_stack(found)
     reached = planned.joints.get("q")
     return None if reached is None or np.isnan(reached).any() else reached
 
@@ -331,7 +335,7 @@ def _planned_joints(planned: Dataset, robot: Robot) -> np.ndarray | None:
 _MEASURE = {"poses": _poses, "gear": _gear, "motion": _motion, "tracked": _tracked, "closures": _closures}
 
 
-def _json(played: _Played, measure: str) -> dict:
+def _json(played: _Played, measure: str) -> dict[str, Any]:
     result = {"data_kind": played.data.kind, "file": played.name, "rows": len(played.data)}
     if played.tracking is not None:
         summary = summarise(played.tracking).to_json()
@@ -343,7 +347,7 @@ def _report(robot: Robot, played: _Played, measure: str) -> Report:
     runs = len(np.unique(played.data.run))
     rows = f"{len(played.data)} rows" + (f" in {runs} runs" if runs > 1 else "")
     verdict = f"{played.name} holds {rows}, as a virtual {robot.name} would have been measured ({measure})."
-    sections: list = []
+    sections: list[Any] = []
     if played.tracking is not None:
         summary = summarise(played.tracking).to_json()
         verdict += f" The flange follows the trajectory within {quantity(summary['rms'], 'm')} (RMS)."

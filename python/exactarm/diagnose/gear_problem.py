@@ -241,7 +241,7 @@ class GearProblem(Problem):
             signals[f"speed of axis {i + 1}"] = view.signals["theta_dot"][:, i] / view.robot.ratios[i]
             signals[f"load of axis {i + 1}"] = view.torque[:, i]
         signals["time"] = self.thin.time
-        signals |= {name: values for name, values in self.thin.covariates.items()}
+        signals |= self.thin.covariates
         return {name: values for name, values in signals.items() if np.ptp(values) > 0.0}
 
     def directions(self, fitted: Fitted) -> dict[str, np.ndarray]:

@@ -70,7 +70,7 @@ def _planned(robot: Robot, fitted: Fitted, record: GearRecord, axis: int, share:
                 )[:, None]
     else:
         more["gyro"] = np.zeros((_ROWS, 3))
-    where = dict(session=np.full(_ROWS, view.data.session[0]), run=np.full(_ROWS, view.data.run[0]))
+    where = {"session": np.full(_ROWS, view.data.session[0]), "run": np.full(_ROWS, view.data.run[0])}
     covariates = {name: np.full(_ROWS, values.mean()) for name, values in view.data.covariates.items()}
     return Dataset.of_arrays("gear_run", joints, time=time, covariates=covariates, **where, **more), speed
 

@@ -88,7 +88,7 @@ def vocabulary_of(fitted, effects: list[Effect], signals: dict, directions: dict
     points = [(effect, point) for effect in effects for point in grid(effect) if point.keep(fitted.view) is None]
     counts = Counter(point.label for _, point in points)
     axes = defaultdict(set)
-    for effect, point in points:
+    for _, point in points:
         axes[point.name].add(point.label)
     blocks, parts, at = [], [], 0
     for _, point in points:

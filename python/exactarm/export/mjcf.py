@@ -30,7 +30,7 @@ def mjcf_text(robot: Robot) -> str:
         "  <worldbody>",
     ]
     before = Placement()
-    for index, (joint, start) in enumerate(zip(robot.joints, chain.starts)):
+    for index, start in enumerate(chain.starts):
         pad = "  " * (index + 2)
         lines.append(f'{pad}<body name="link_{index + 1}" {_pose(relative(before, start))}>')
         lines.append(f"{pad}  {_inertial(robot, index)}")

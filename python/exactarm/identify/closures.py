@@ -131,7 +131,7 @@ def nominal_closures(
     if touched.any():
         starts += list(np.random.default_rng(seed).normal(0.0, _TOOL_REACH_M, (_STARTS, 3)))
     best = None
-    for place, tool in enumerate(starts):
+    for tool in starts:
         target = Layout.of((Target(None, tuple(float(v) for v in tool), shared, shared=len(shared) > 1),), estimate=bool(touched.any())) if shared else Layout.of(())
         layout = with_contacts(robot, frames.joined(target).joined(carried), data, threads)
         fit = fit_closures(robot, layout, data, Pulls(), threads=threads)

@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -129,7 +130,7 @@ def identify_gears(
             )
             continue
         with ThreadPoolExecutor(max_workers=max(1, min(threads, len(METHODS)))) as pool:
-            estimates = dict(zip(METHODS, pool.map(lambda name: identify_axis(samples, name, first), METHODS)))
+            estimates = dict(zip(METHODS, pool.map(partial(identify_axis, samples, first=first), METHODS)))
         chosen = estimates[method]
         new = _with_tables(result, axis, chosen)
         errors = _errors(robot, estimates, method)

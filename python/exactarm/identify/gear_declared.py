@@ -44,7 +44,7 @@ def sensor_layout(
     from the `chosen` rows (N,) alone."""
     if record.encoder_axes:
         return _offsets(robot, data, record)
-    effects: list = [alignment for alignment in alignments(robot, data, record, chosen)]
+    effects: list = list(alignments(robot, data, record, chosen))
     return Layout.of((*effects, GyroBias(None, (0.0, 0.0, 0.0))) if bias else tuple(effects))
 
 

@@ -212,7 +212,7 @@ def _changes_midway(bare: Robot, carried: Layout, data: Dataset, now: Misfit) ->
         if rows.size < 2 * LEAST_ROWS:
             continue
 
-        def fall(place: int) -> float:
+        def fall(place: int, rows: np.ndarray = rows) -> float:
             group = data.session * 2
             group[rows[place:]] += 1
             return now.fall_to(_misfit_of(flange.position, flange.rotation, data, group)[0])

@@ -176,7 +176,7 @@ def _flat_motion(model, q, known, step) -> tuple[np.ndarray, np.ndarray, np.ndar
     q_dot = np.gradient(q, step, axis=0)
     torque = _core.inverse_dynamics(robot.core, q, q_dot, np.gradient(q_dot, step, axis=0), 1)
     theta = np.empty_like(q)
-    for i, (joint, spring) in enumerate(zip(robot.joints, solver_springs(model, q, step))):
+    for i, spring in enumerate(solver_springs(model, q, step)):
         phi = q[:, i] - robot.offsets[i] - known.phi_shift[:, i] + _stretch(spring, torque[:, i])
         blend = known.direction[:, i]
         gear = robot.core.joints[i].gear

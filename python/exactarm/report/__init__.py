@@ -1,6 +1,6 @@
 """What a person sees: a report of sections, as terminal text, as one HTML file and as plots."""
 
-from exactarm.report.sections import (  # noqa: F401
+from exactarm.report.sections import (
     Cell,
     Estimate,
     Figure,
@@ -14,3 +14,6 @@ from exactarm.report.sections import (  # noqa: F401
     Text,
     Warnings,
 )
+
+__all__ = ["Cell", "Estimate", "Figure", "Highlight", "Highlights", "Link", "Quantity", "Report",
+           "Section", "Table", "Text", "Warnings"]

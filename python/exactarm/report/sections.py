@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Literal, Union
+from typing import TYPE_CHECKING, Literal
 
 LONGEST_NAME = 80  # of a figure's file, in characters: file systems end at 255 bytes
 
@@ -46,7 +46,7 @@ class Link:
     text: str
 
 
-Cell = Union[str, int, None, Quantity, Estimate, Link]
+Cell = str | int | None | Quantity | Estimate | Link
 
 
 @dataclass(frozen=True)
@@ -117,7 +117,7 @@ class Warnings:
     items: tuple[str, ...]
 
 
-Section = Union[Highlights, Table, Figure, Text, Warnings]
+Section = Highlights | Table | Figure | Text | Warnings
 Tone = Literal["good", "caution", "bad", "plain"]
 
 
