@@ -21,7 +21,10 @@ from typing import Any
 
 __version__ = "0.1.0"
 
-COMMANDS = ("accept", "batch", "calibrate", "compensate", "design", "diagnose", "evaluate", "export", "gear", "identify", "plan", "simulate")
+COMMANDS = (
+    "accept", "batch", "calibrate", "certify", "compensate", "design", "diagnose", "evaluate", "export", "gear", "identify",
+    "plan", "simulate",
+)
 NAMES = {
     "load_robot": "exactarm.robot_file", "write_robot": "exactarm.robot_file", "shipped_robots": "exactarm.robot_file",
     "Robot": "exactarm.robot", "Joint": "exactarm.robot", "Link": "exactarm.robot", "Placement": "exactarm.robot",

@@ -20,6 +20,7 @@ from exactarm.errors import ComputationError, InputError
 from exactarm.progress import SILENT, Progress
 from exactarm.report.html import render_html
 from exactarm.report.plots.files import draw
+from exactarm.report.printing import print_page
 from exactarm.report.sections import Report
 from exactarm.report.terminal import render_text
 from exactarm.robot import Robot
@@ -63,6 +64,7 @@ def publish(result: CommandResult, folder: OutputFolder, started: float, progres
         _write_robot(result.robot, asked, made, folder)
     drawings = draw(report.figures, folder.place, progress)
     folder.write_text("report.html", render_html(report, drawings))
+    printed = _print(result.pdf, folder, progress)
     seconds = time.perf_counter() - started
     common = {
         "exactarm": exactarm.__version__,
@@ -73,10 +75,12 @@ def publish(result: CommandResult, folder: OutputFolder, started: float, progres
         "seconds": round(seconds, 3),
         "asked": asked.line,
     }
-    json = plain(common | dict(result.json))
+    json = plain(common | dict(result.json) | printed)
     folder.write_result(json)
     folder.publish([source.path for source in asked.files])
     text = render_text(report, width) + f"\n{folder.path}/report.html  ({seconds:.1f} s)\n"
+    if printed:
+        text += f"{folder.path}/{result.pdf}\n" if printed["pdf"]["file"] else f"no PDF: {printed['pdf']['why']}\n"
     return Published(result, json, report, text)
 
 
@@ -85,6 +89,15 @@ def sources(paths: Iterable[Any], known: tuple[Source, ...] = ()) -> tuple[Sourc
     seen = {source.path for source in known}
     files = [Path(path) for path in dict.fromkeys(str(path) for path in paths) if str(path) not in seen]
     return tuple(Source(str(path), sha256(path), rows_of(path)) for path in files if path.is_file())
+
+
+def _print(name: str | None, folder: OutputFolder, progress: Progress) -> dict[str, Any]:
+    """The page as PDF, where a result asks for one; what became of it for result.json."""
+    if name is None:
+        return {}
+    progress.stage("printing")
+    why = print_page(folder.place("report.html"), folder.place(name))
+    return {"pdf": {"file": None if why else name, "why": why}}
 
 
 def _details(asked: Asked, made: str) -> dict[str, str]:
@@ -109,6 +122,7 @@ def _write_robot(robot: Robot, asked: Asked, made: str, folder: OutputFolder) ->
         "exactarm": exactarm.__version__,
         "date": made,
         "run": folder.run,
+        "seed": asked.seed,
         "data": [{"file": source.path, "sha256": source.sha256} for source in asked.files if source.rows is not None],
     }
     earlier = {key: value for key, value in robot.record.items() if key in told or key == "previous"}

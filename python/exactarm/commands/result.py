@@ -60,6 +60,7 @@ class CommandResult:
     inputs      further files that were read, beside the robot file and FILES
     asked       what was asked, for the report's last lines
     data        measured rows that a simulation made, ready for the next command; else None
+    pdf         name of the report printed as PDF beside report.html, where a browser is there to print; None: not asked for
     """
 
     json: Mapping[str, Any]
@@ -72,6 +73,7 @@ class CommandResult:
     exit_code: int = 0
     asked: Asked | None = None
     data: Any = None
+    pdf: str | None = None
 
     # -- what it says -------------------------------------------------------------------------------
     @property

@@ -1,0 +1,161 @@
+"""`exactarm certify`: one page that says how good an arm is before and after, on poses that were never
+fitted."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from exactarm.commands.about import KEYS, about_of, add_about
+from exactarm.commands.arguments import add_files, add_robot
+from exactarm.commands.calibrate import require_poses
+from exactarm.commands.call import AnyData, AnyRobot, asked, data_of, robot_of, threads_of
+from exactarm.commands.certify_report import Certified, certificate, results_of
+from exactarm.commands.memory import require_memory
+from exactarm.commands.plain import sha256
+from exactarm.commands.result import CommandResult
+from exactarm.commands.suspicions import suspicions
+from exactarm.dataset import Dataset
+from exactarm.errors import InputError
+from exactarm.identify.statistics import summarise
+from exactarm.progress import SILENT, Progress
+from exactarm.robot import Placement, Robot
+from exactarm.split import DEFAULT_SEED
+from exactarm.verify.held_out import Judged, choose_rows, judge, nominal_robot
+from exactarm.verify.iso_9283 import iso_9283
+from exactarm.verify.uncertainty import budget, by_region
+
+NAME = "certify"
+HELP = "a certificate: the arm before and after by ISO 9283 and on held-out poses, with its uncertainty"
+PDF = "certificate.pdf"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    add_robot(parser)
+    add_files(parser)
+    parser.add_argument(
+        "--before",
+        metavar="ROBOT",
+        help="the model to compare with (default: the chain that the controller works with)",
+    )
+    add_about(parser)
+
+
+def certify(
+    robot: AnyRobot,
+    data: AnyData,
+    *,
+    before: AnyRobot | None = None,
+    about: str | Path | Mapping[str, Any] | None = None,
+    seed: int = DEFAULT_SEED,
+    threads: int | None = None,
+    kind: str | None = None,
+    progress: Progress = SILENT,
+    **details: Any,
+) -> CommandResult:
+    """Judges an identified robot on poses that were never fitted, beside the nominal one, with a budget of
+    uncertainty.
+
+    before: another model to compare with. about: a file or mapping of what the certificate says of arm and
+    instrument (`serial`, `instrument`, `instrument_u_mm`, `measured`, ...); each may also be given by name.
+
+        >>> import exactarm as ea
+        >>> result = ea.certify("ur10", ea.example("ur10/series_B"), serial="2012300001")
+        >>> result["about"]["serial"], result["before"]["validation"]["n"] > 500
+        ('2012300001', True)
+    """
+    unknown = next((name for name in details if name not in KEYS), None)
+    if unknown is not None:
+        raise InputError(f"no option {unknown!r}; expected one of {', '.join(KEYS)}")
+    told = about_of(about, details)
+    arm = robot_of(robot)
+    rows = require_poses(data_of(data, arm, kind))
+    earlier = nominal_robot(arm) if before is None else robot_of(before)
+    if earlier.axes != arm.axes:
+        raise InputError(
+            f"--before: {earlier.axes} axes, the robot has {arm.axes}; expected a model of the same arm"
+        )
+    progress.stage("certifying")
+    require_memory("evaluate", rows.kind, rows)
+    with suspicions(arm, rows) as found:
+        certified = _certify(arm, earlier, rows, told, seed, threads_of(threads))
+    inputs = [path for path in (about, before) if isinstance(path, (str, Path)) and Path(path).is_file()]
+    options = {"before": before, "about": about, **details}
+    json = results_of(certified)
+    json["robot_sha256"] = sha256(robot) if isinstance(robot, (str, Path)) and Path(robot).is_file() else None
+    return CommandResult(
+        json=json,
+        report=certificate(certified),
+        tables={"residuals.csv": _table(certified)},
+        inputs=tuple(inputs),
+        pdf=PDF,
+        asked=asked("certify", robot, rows, seed, options, dict.fromkeys(options)),
+    ).warned(found)
+
+
+def run(arguments: argparse.Namespace) -> CommandResult:
+    return certify(
+        arguments.robot,
+        arguments.files,
+        before=arguments.before,
+        about=arguments.about,
+        seed=arguments.seed,
+        threads=arguments.threads,
+        kind=arguments.kind,
+        progress=arguments.progress,
+        **{key: getattr(arguments, key) for key in KEYS if getattr(arguments, key) is not None},
+    )
+
+
+def _certify(
+    arm: Robot, earlier: Robot, data: Dataset, told: dict[str, Any], seed: int, threads: int
+) -> Certified:
+    rows = choose_rows((arm, earlier), data, seed)
+    before, after = (judge(each, data, rows, seed, threads) for each in (earlier, arm))
+    judged = data.select(rows.judged)
+    instrument = told.get("instrument_u_mm")
+    points = _in_base(judged, after)
+    return Certified(
+        robot=arm,
+        earlier=earlier,
+        data=judged,
+        rows=rows,
+        about=told,
+        before=before,
+        after=after,
+        points=points,
+        summaries=(summarise(before.error), summarise(after.error)),
+        iso=iso_9283(judged, before.residual, after.residual, after.predicted, before.predicted, seed),
+        budget=budget(judged, after, None if instrument is None else 1e-3 * instrument),
+        regions=by_region(points, before.error, after.error),
+    )
+
+
+def _in_base(data: Dataset, judged: Judged) -> np.ndarray:
+    """(M, 3) where the target was, in the robot's base frame."""
+    points = np.empty((len(data), 3))
+    for session in np.unique(data.session):
+        base = Placement()
+        for effect in judged.fit.layout.effects:
+            base = effect.place(int(session), base, Placement())[0]
+        here = data.session == session
+        points[here] = (data.position[here] - base.position) @ base.rotation
+    return points
+
+
+def _table(certified: Certified) -> dict[str, Any]:
+    data, after = certified.data, certified.after
+    files = [source.path for source in data.sources] or [""]
+    columns = {
+        "file": [files[i] for i in data.file_index],
+        "row": data.row,
+        "session": data.session,
+        "error_before_m": certified.before.error,
+        "error_after_m": after.error,
+    }
+    columns |= {f"d{axis}_m": after.residual[:, i] for i, axis in enumerate("xyz")}
+    return columns | {f"{axis}_base_m": certified.points[:, i] for i, axis in enumerate("xyz")}

@@ -1,0 +1,307 @@
+"""What `certify` says: keys of result.json and the page."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from exactarm.commands.about import EXPECTED_KEYS, KEYS
+from exactarm.commands.result import estimate
+from exactarm.dataset import Dataset
+from exactarm.identify.statistics import ErrorSummary
+from exactarm.report import Figure, Highlight, Highlights, Quantity, Report, Table, Text, Warnings
+from exactarm.report.numbers import quantity
+from exactarm.report.plots.errors import error_histogram, error_histogram_panel
+from exactarm.report.plots.style import on_one_panel
+from exactarm.report.plots.workspace_error import distance_error_panel, error_over_workspace
+from exactarm.robot import Robot
+from exactarm.verify.held_out import Judged, Rows
+from exactarm.verify.iso_9283 import STANDARD_VISITS, Distances, Iso9283
+from exactarm.verify.uncertainty import MANY, Budget, mean_with_interval
+
+FEW_VISITS = "the standard asks for {} visits of a pose; here are {} at the least"
+MANY_FREEDOM = 1000  # degrees of freedom beyond which a number says nothing
+
+
+@dataclass(frozen=True)
+class Certified:
+    """All that a certificate is written from. data, points: the judged rows; summaries: errors before and
+    after."""
+
+    robot: Robot
+    earlier: Robot
+    data: Dataset
+    rows: Rows
+    about: dict[str, Any]
+    before: Judged
+    after: Judged
+    points: np.ndarray
+    summaries: tuple[ErrorSummary, ErrorSummary]
+    iso: Iso9283
+    budget: Budget
+    regions: list[tuple[str, ErrorSummary, ErrorSummary]]
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        out = list(self.rows.warnings)
+        absent = [key for key in EXPECTED_KEYS if key not in self.about]
+        if absent:
+            out.append(f"not said: {', '.join(absent)} (options of the same names, or keys of --about)")
+        if self.iso.poses and self.iso.visits < STANDARD_VISITS:
+            out.append(FEW_VISITS.format(STANDARD_VISITS, self.iso.visits))
+        for when, judged in (("before", self.before), ("after", self.after)):
+            if not judged.fit.fit.converged:
+                out.append(f"the fit of the frames {when} did not converge ({judged.fit.fit.reason})")
+        return tuple(out)
+
+
+def results_of(c: Certified) -> dict[str, Any]:
+    """The command's keys of result.json."""
+    before, after = c.summaries
+    return {
+        "before": {"validation": before.to_json()},
+        "after": {"validation": after.to_json()},
+        "mean_error_m": {
+            "before": estimate(*mean_with_interval(c.data, c.before.error)),
+            "after": estimate(*mean_with_interval(c.data, c.after.error)),
+        },
+        "rows": {"judged": int(c.rows.judged.sum()), "frames": int(c.rows.frames.sum()), "why": c.rows.why},
+        "iso_9283": _iso_json(c.iso),
+        "uncertainty": {
+            "budget": [
+                {
+                    "source": e.source,
+                    "type": e.kind,
+                    "u_m": e.u,
+                    "degrees_of_freedom": _freedom(e.freedom),
+                    "how": e.how,
+                }
+                for e in c.budget.entries
+            ],
+            "u_m": c.budget.u,
+            "degrees_of_freedom": _freedom(c.budget.freedom),
+            "k": c.budget.coverage_factor,
+            "expanded_m": c.budget.expanded,
+            "radius95_m": c.budget.radius,
+            "share_within_radius": c.budget.share_within,
+        },
+        "regions": [
+            {"region": name, "before": one.to_json(), "after": other.to_json()}
+            for name, one, other in c.regions
+        ],
+        "about": c.about,
+        "warnings": list(c.warnings),
+    }
+
+
+def _freedom(value: float) -> float | None:
+    """None: taken as known."""
+    return value if value < MANY else None
+
+
+def _iso_json(iso: Iso9283) -> dict[str, Any]:
+    out: dict[str, Any] = {"missing": iso.missing}
+    if iso.poses:
+        out["poses"] = [
+            {
+                "visits": t.visits,
+                "AP_before_m": t.accuracy_before,
+                "AP_after_m": t.accuracy_after,
+                "RP_m": t.repeatability,
+            }
+            for t in iso.poses
+        ]
+        out |= {
+            "AP_before_max_m": max(t.accuracy_before for t in iso.poses),
+            "AP_after_max_m": max(t.accuracy_after for t in iso.poses),
+            "RP_max_m": max(t.repeatability for t in iso.poses),
+        }
+    if iso.directions:
+        out["vAP_before_m"], out["vAP_after_m"], out["vAP_poses"] = iso.directions
+    if iso.drift:
+        out["dAP_before_m"], out["dAP_after_m"], out["dRP_m"], out["drift_hours"] = iso.drift
+    if iso.distances:
+        for when, error in (("before", iso.distances.before), ("after", iso.distances.after)):
+            out[f"AD_{when}_max_m"] = float(np.max(np.abs(error)))
+            out[f"AD_{when}_mean_m"] = float(np.mean(np.abs(error)))
+        out |= {"AD_pairs": len(iso.distances.length), "RD_max_m": iso.distances.repeatability}
+    return out
+
+
+def certificate(c: Certified) -> Report:
+    """The page."""
+    before, after = c.summaries
+    who = f"{c.robot.name}" + (f", serial number {c.about['serial']}" if "serial" in c.about else "")
+    verdict = (
+        f"{who}: at {after.n} measured positions that were never fitted the mean error falls from "
+        f"{quantity(before.mean, 'm')} to "
+        f"{quantity(after.mean, 'm')} (largest: {quantity(before.max, 'm')} to {quantity(after.max, 'm')}). "
+        f"The model's position has an "
+        f"expanded uncertainty of {quantity(c.budget.expanded, 'm')} a coordinate (k = "
+        f"{c.budget.coverage_factor:.2f}, 95 %)."
+    )
+    if after.mean > before.mean:
+        verdict = verdict.replace("falls", "rises")
+    if not c.rows.unseen:
+        verdict = verdict.replace("that were never fitted ", "")
+    tone = "bad" if after.mean > before.mean else "caution" if c.rows.warnings else "good"
+    sections = (
+        Warnings(c.warnings),
+        Highlights(_highlights(c)),
+        _about(c),
+        _held_out(c),
+        _iso(c.iso),
+        Text("Not evaluated", tuple(f"{measure}: {why}." for measure, why in c.iso.missing.items())),
+        _budget(c.budget),
+        Text(
+            "What was compared",
+            (
+                f"Before: {c.earlier.name}. After: the robot file as it is. Of both, base and tool frame "
+                f"alone were fitted, with {int(c.rows.frames.sum())} "
+                f"rows. {c.rows.why}",
+            ),
+        ),
+        Figure(
+            "error_histogram",
+            "Distribution of the position error",
+            partial(error_histogram, c.before.error, c.after.error, of="positions"),
+            "Number of held-out positions by their error.",
+            "histogram of the position error before and after",
+            partial(error_histogram_panel, c.before.error, c.after.error, "m", of="positions"),
+        ),
+        Figure(
+            "error_over_workspace",
+            "Position error over the work space",
+            partial(error_over_workspace, c.points, c.before.error, c.after.error),
+            "Held-out positions of the target in the robot's base frame, coloured by their error; one scale "
+            "for before and after, the "
+            "largest errors on top.",
+            "position errors before and after, seen from above and from the side",
+        ),
+        *([_distances(c.iso.distances)] if c.iso.distances else []),
+    )
+    return Report(f"Certificate of {c.robot.name}", verdict, sections, tone)
+
+
+def _highlights(c: Certified) -> tuple[Highlight, ...]:
+    before, after = c.summaries
+    items = [
+        Highlight("held-out, mean", Quantity(after.mean, "m"), Quantity(before.mean, "m")),
+        Highlight("held-out, maximum", Quantity(after.max, "m"), Quantity(before.max, "m")),
+    ]
+    if c.iso.poses:
+        items.append(
+            Highlight("repeatability RP, largest", Quantity(max(t.repeatability for t in c.iso.poses), "m"))
+        )
+    return (*items, Highlight("expanded uncertainty, 95 %", Quantity(c.budget.expanded, "m")))
+
+
+def _about(c: Certified) -> Table:
+    rows = [
+        (KEYS[key], f"{value:g} mm a coordinate (k = 1)" if key == "instrument_u_mm" else str(value))
+        for key, value in c.about.items()
+    ]
+    for source in c.data.sources:
+        rows += [("data", f"{source.path}, {source.rows} rows"), ("SHA-256 of the data", source.sha256)]
+    return Table("Arm, instrument, data", ("", ""), tuple(rows))
+
+
+def _held_out(c: Certified) -> Table:
+    before, after = c.summaries
+    row = lambda name, one, other: (
+        name,
+        one.n,
+        *(Quantity(getattr(s, key), "m") for key in ("mean", "rms", "max") for s in (one, other)),
+    )
+    rows = [row("all", before, after), *(row(*region) for region in c.regions)]
+    return Table(
+        "Held-out position error",
+        ("where", "rows", "mean before", "after", "RMS before", "after", "maximum before", "after"),
+        tuple(rows),
+        "Reach: distance of the target from the first axis; height: in the base frame.",
+        0,
+    )
+
+
+def _iso(iso: Iso9283) -> Table:
+    rows: list[tuple] = []
+    add = lambda name, before, after, of: rows.append((name, Quantity(before, "m"), Quantity(after, "m"), of))
+    if iso.poses:
+        of = f"{len(iso.poses)} poses, {iso.visits} visits or more"
+        for label, pick in (("largest", np.max), ("mean", np.mean)):
+            add(
+                f"pose accuracy AP, {label}",
+                pick([t.accuracy_before for t in iso.poses]),
+                pick([t.accuracy_after for t in iso.poses]),
+                of,
+            )
+        largest = max(t.repeatability for t in iso.poses)
+        add("pose repeatability RP, largest", largest, largest, of)
+    if iso.directions:
+        add("variation between directions vAP", *iso.directions[:2], f"{iso.directions[2]} poses")
+    if iso.drift:
+        add("drift of pose accuracy dAP", *iso.drift[:2], f"{iso.drift[3]:.2g} h")
+        add("drift of repeatability dRP", iso.drift[2], iso.drift[2], f"{iso.drift[3]:.2g} h")
+    if iso.distances:
+        of = f"{len(iso.distances.length)} pairs of poses"
+        for label, pick in (("largest", np.max), ("mean", np.mean)):
+            add(
+                f"distance accuracy AD, {label}",
+                pick(np.abs(iso.distances.before)),
+                pick(np.abs(iso.distances.after)),
+                of,
+            )
+        if iso.distances.repeatability is not None:
+            add(
+                "distance repeatability RD, largest",
+                iso.distances.repeatability,
+                iso.distances.repeatability,
+                of,
+            )
+    note = (
+        "In the terms of ISO 9283; poses, loads and speeds are those of the rows, not the standard's cube. "
+        "AP and vAP: against the model, with "
+        "base and tool frame fitted. RP, RD and dRP are the arm's own: no model changes them. AD needs no "
+        "base frame."
+    )
+    return Table("Performance in the terms of ISO 9283", ("", "before", "after", "from"), tuple(rows), note)
+
+
+def _budget(b: Budget) -> Table:
+    share = lambda u: f"{100.0 * u**2 / b.u**2:.0f} %" if b.u > 0.0 else ""
+    freedom = lambda value: (
+        "∞" if value >= MANY else f"> {MANY_FREEDOM}" if value > MANY_FREEDOM else f"{value:.0f}"
+    )
+    rows = [(e.source, e.kind, Quantity(e.u, "m"), freedom(e.freedom), share(e.u), e.how) for e in b.entries]
+    rows.append(("combined", "", Quantity(b.u, "m"), freedom(b.freedom), "100 %", ""))
+    rows.append(("expanded, 95 %", "", Quantity(b.expanded, "m"), "", "", f"k = {b.coverage_factor:.3f}"))
+    note = (
+        f"Of one coordinate of the position that the model predicts within the judged work space. In space, "
+        f"95 % of the positions lie within "
+        f"{quantity(b.radius, 'm')} of it if errors are Gaussian; of the held-out rows "
+        f"{100.0 * b.share_within:.1f} % do."
+    )
+    if not any(e.source == "instrument" for e in b.entries):
+        note += " The instrument's own uncertainty was not given: what of it repeats is not in the budget."
+    return Table(
+        "Uncertainty (GUM)",
+        ("source", "type", "u", "degrees of freedom", "share", "how"),
+        tuple(rows),
+        note,
+        len(rows) - 1,
+    )
+
+
+def _distances(d: Distances) -> Figure:
+    panel = partial(distance_error_panel, d.length, d.before, d.after)
+    return Figure(
+        "distance_error",
+        "Distance accuracy",
+        partial(on_one_panel, panel, 3.0),
+        "Error of the distance between two poses against that distance.",
+        "error of distances before and after",
+        panel,
+    )

@@ -1,0 +1,200 @@
+"""Errors of two models of one arm on rows that neither was fitted to.
+
+Which rows were fitted follows from the record of the robot file: files by their SHA-256, the split by its
+seed. Base and tool frame of each session are found anew by rows that do not judge: the fitted ones, else a
+share of the poses. Only where a session has too few poses, the same rows find the frames and judge; a warning
+says so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from exactarm.chain import predict_poses
+from exactarm.dataset import Dataset
+from exactarm.errors import InputError
+from exactarm.identify.declared import carried_layout, frames_layout, require_geometry
+from exactarm.identify.match import require_match
+from exactarm.identify.pose_fit import PoseFit, fit_poses
+from exactarm.robot import Joint, Robot, frame_of
+from exactarm.split import DEFAULT_SEED, pose_groups
+
+FRAME_POSES = 12  # different poses that find the nine numbers of a set-up: four times as many numbers
+FRAME_SHARE = 0.3  # of the poses of a session that nothing was fitted to, to find its frames by
+
+
+@dataclass(frozen=True)
+class Rows:
+    """judged, frames (N,) bool: rows that judge, rows that find the frames. why: a sentence. warnings: what a
+    reader must know.
+    unseen: some rows were not fitted."""
+
+    judged: np.ndarray
+    frames: np.ndarray
+    why: str
+    warnings: tuple[str, ...]
+    unseen: bool = True
+
+
+@dataclass(frozen=True)
+class Judged:
+    """One model on the judged rows (M of them).
+
+    residual (M, 3): measured minus predicted, m; predicted (M, 3) in the device's frame; frames (M,):
+    variance of one coordinate of the prediction from the uncertainty of the frames, mean over the three, m^2;
+    freedom: of the fit of the frames.
+    """
+
+    residual: np.ndarray
+    predicted: np.ndarray
+    frames: np.ndarray
+    freedom: int
+    fit: PoseFit
+
+    @property
+    def error(self) -> np.ndarray:
+        """(M,) Euclidean, m."""
+        return np.linalg.norm(self.residual, axis=1)
+
+
+def nominal_robot(robot: Robot) -> Robot:
+    """The chain that the controller itself works with: its frames, offsets and ratios, rigid and without
+    effects."""
+    require_geometry(robot)
+    frames = robot.controller.frames
+    if not frames and any(known["command"] in ("calibrate", "diagnose") for known in fits_on_record(robot)):
+        raise InputError(
+            "the nominal frames are not on record here; expected --before ROBOT, the file from before the "
+            "calibration",
+            file=robot.file,
+        )
+    joints = tuple(
+        _bare(frame, joint, robot, i)
+        for i, (frame, joint) in enumerate(zip(frames or robot.joints, robot.joints))
+    )
+    return replace(robot, name=f"{robot.name}, nominal", joints=joints, effects=(), intervals={}, record={})
+
+
+def _bare(frame: Joint, joint: Joint, robot: Robot, index: int) -> Joint:
+    return replace(
+        frame_of(frame),
+        ratio=None if joint.ratio is None else float(robot.controller_ratios[index]),
+        q_offset=float(robot.controller_offsets[index]),
+        q_min=joint.q_min,
+        q_max=joint.q_max,
+    )
+
+
+def fits_on_record(robot: Robot) -> Iterator[Mapping[str, Any]]:
+    """The records of all commands that have changed the file, the last one first."""
+    record: Any = robot.record
+    while isinstance(record, Mapping):
+        if isinstance(record.get("command"), str):
+            yield record
+        record = record.get("previous")
+
+
+def choose_rows(robots: tuple[Robot, ...], data: Dataset, seed: int = DEFAULT_SEED) -> Rows:
+    """The rows that none of the robots was fitted to, and those that find the frames."""
+    fitted, warnings = _fitted(robots, data, seed)
+    if data.identification is not None:
+        why = "Judged: the rows that the column `set` calls validation."
+    elif fitted.any():
+        why = "Judged: the rows that the record of the robot file shows to have been held out."
+    else:
+        why = (
+            "Judged: rows of files that the robot file has no record of, so that nothing was fitted to them."
+        )
+    judged = ~fitted
+    if not judged.any():
+        judged = np.ones(len(data), bool)
+        why = "Judged: all rows, although all were fitted."
+        warnings = (
+            *warnings,
+            "all rows were fitted: the errors are those of a fit, not of the arm; expected data measured "
+            "after it",
+        )
+    rows = _with_frames(data, judged, fitted, why, warnings, seed)
+    return replace(rows, unseen=not fitted.all())
+
+
+def _fitted(robots: tuple[Robot, ...], data: Dataset, seed: int) -> tuple[np.ndarray, tuple[str, ...]]:
+    """(N,) bool: rows that were fitted, or may have been."""
+    fitted, warnings = np.zeros(len(data), bool), []
+    if data.identification is not None:
+        fitted |= data.identification
+    for record in (known for robot in robots for known in fits_on_record(robot)):
+        files = [entry.get("sha256") for entry in record.get("data", ()) if isinstance(entry, Mapping)]
+        known = np.array([sha in files for sha in data.fingerprint], bool)
+        if not known.any() or data.identification is not None:
+            continue
+        if list(data.fingerprint) == files:
+            if not isinstance(record.get("seed"), int):
+                warnings.append(
+                    f"the robot file does not tell the seed of its split; taken as {seed}, the present one"
+                )
+            fitted |= data.split(record["seed"] if isinstance(record.get("seed"), int) else seed)
+        else:
+            fitted |= known[data.file_index]
+            warnings.append(
+                "some of these files were fitted together with others, so their split is not known here: "
+                "all their rows "
+                "count as fitted"
+            )
+    return fitted, tuple(dict.fromkeys(warnings))
+
+
+def _with_frames(
+    data: Dataset, judged: np.ndarray, fitted: np.ndarray, why: str, warnings: tuple[str, ...], seed: int
+) -> Rows:
+    """A share of the judged poses finds the frames where no fitted rows can."""
+    groups, frames, judged = pose_groups(data), np.zeros(len(data), bool), judged.copy()
+    counts = np.bincount(groups)
+    for session in np.unique(data.session[judged]):
+        here = data.session == session
+        if len(np.unique(groups[here & fitted])) >= FRAME_POSES:
+            frames |= here & fitted
+            continue
+        free = np.unique(groups[here & judged])
+        once = free[
+            counts[free] == 1
+        ]  # poses measured again tell the repeatability: they judge as long as others are there
+        chosen = np.random.default_rng(seed).permutation(once if len(once) >= 2 * FRAME_POSES else free)
+        take = max(int(round(FRAME_SHARE * len(free))), FRAME_POSES)
+        if len(chosen) >= 2 * FRAME_POSES:
+            taken = here & np.isin(groups, chosen[:take])
+            frames |= taken
+            judged &= ~taken
+            continue
+        frames |= here & judged
+        warnings = (
+            *warnings,
+            f"session {session} has {len(free)} different poses, too few to find its frames by rows that do "
+            f"not judge "
+            f"(expected {2 * FRAME_POSES}): its errors are too small by what the frames absorb",
+        )
+    return Rows(judged, frames, why, warnings)
+
+
+def judge(robot: Robot, data: Dataset, rows: Rows, seed: int = DEFAULT_SEED, threads: int = 1) -> Judged:
+    """The model of `robot` on the judged rows, frames found by `rows.frames`."""
+    require_geometry(robot)
+    finding, judged = data.select(rows.frames), data.select(rows.judged)
+    layout, found = frames_layout(robot, finding, orientation=False, seed=seed)
+    require_match(robot, finding, found, carried_layout(robot, finding), seed)
+    fit = fit_poses(robot, layout.joined(carried_layout(robot, data)), finding, threads=threads)
+    variance, predicted = np.empty(len(judged)), np.empty((len(judged), 3))
+    for start in range(0, len(judged), BLOCK_ROWS):
+        block = np.arange(start, min(start + BLOCK_ROWS, len(judged)))
+        prediction = predict_poses(robot, fit.layout, judged.select(block), threads=threads)
+        tangent = prediction.jacobian[:, :3]
+        variance[block] = np.einsum("nip,pq,niq->n", tangent, fit.fit.covariance, tangent) / 3.0
+        predicted[block] = prediction.position
+    return Judged(judged.position - predicted, predicted, variance, fit.fit.freedom, fit)
+
+
+BLOCK_ROWS = 5000
