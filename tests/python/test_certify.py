@@ -6,8 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from set_ups import at_random_place, joints_in_limits, measured, true_robot
-from six_axis import six_axis
 
 import exactarm as ea
 from exactarm import cli
@@ -18,6 +16,8 @@ from exactarm.robot_writer import write_robot
 from exactarm.verify.held_out import FRAME_POSES, choose_rows, judge, nominal_robot
 from exactarm.verify.iso_9283 import LEAST_VISITS, iso_9283, repeatability
 from exactarm.verify.uncertainty import budget, mean_with_interval
+from set_ups import at_random_place, joints_in_limits, measured, true_robot
+from six_axis import six_axis
 
 NOISE_M = 5e-5
 

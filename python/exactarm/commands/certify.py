@@ -137,6 +137,7 @@ def _certify(
 
 def _in_base(data: Dataset, judged: Judged) -> np.ndarray:
     """(M, 3) where the target was, in the robot's base frame."""
+    assert data.position is not None  # poses have one
     points = np.empty((len(data), 3))
     for session in np.unique(data.session):
         base = Placement()
