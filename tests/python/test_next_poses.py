@@ -7,7 +7,8 @@ import pytest
 
 from exactarm.chain import Layout, predict_poses
 from exactarm.dataset import Dataset
-from exactarm.diagnose.next_poses import plan_separation, separating_poses
+from exactarm.diagnose.confusion import Place
+from exactarm.diagnose.next_poses import PAYLOAD_KG, next_poses, sentence_of, told_by
 from exactarm.diagnose.pose_problem import PoseProblem
 from exactarm.effects.gear_ratio import GearRatio
 from exactarm.effects.joint_compliance import JointCompliance
@@ -32,47 +33,66 @@ def narrow():
     return robot, problem.fit(problem.declared())
 
 
-def left_by_rival(robot, fitted, q, repeats):
-    """Whitened length of the spring's signal after declared parameters and ratio were fitted to old and new poses."""
-    both_ways = np.repeat(q, 2, axis=0)
-    approach = np.tile([[-1.0], [1.0]], (len(q), robot.axes))
-    new = Dataset.of_arrays("poses", {"q": both_ways, "approach": approach}, position=np.zeros((len(both_ways), 3)))
-    new = replace(new, session=np.full(len(both_ways), fitted.view.data.session[0]))
-    views = (fitted.view, *[predict_poses(robot, fitted.layout, new).view] * repeats)
-    signal = np.concatenate([(2e-6 * v.response(SPRING)[:, :3, 0]).ravel() for v in views])
-    others = [np.concatenate([v.tangents["measured"], v.response(RATIO)[:, :3]], axis=2) for v in views]
-    columns = np.concatenate([each.reshape(-1, each.shape[2]) for each in others])
-    columns = columns / np.linalg.norm(columns, axis=0)
-    rest = signal - columns @ np.linalg.lstsq(columns, signal, rcond=1e-12)[0]
-    return np.linalg.norm(rest) / fitted.sigma[0]
-
-
-def test_promised_distance_is_what_a_fit_would_leave(narrow):
+@pytest.fixture(scope="module")
+def doubtful(narrow):
+    """The spring fitted, and the ratio as likely in its place."""
     robot, fitted = narrow
-    plan = plan_separation(robot, fitted, SPRING, RATIO, 0)
-    assert plan.after == pytest.approx(left_by_rival(robot, fitted, plan.q, plan.repeats), rel=1e-3)
-    assert plan.before == pytest.approx(left_by_rival(robot, fitted, plan.q, 0), rel=0.05, abs=0.05)
-    assert plan.after > 4.0 > plan.before
+    problem = PoseProblem(robot, fitted.view.data, fitted.view.data.select(np.zeros(60, bool)))
+    with_spring = problem.fit(fitted.layout.joined(Layout.of((SPRING,))))
+    found = with_spring.layout.effects[-1]
+    return robot, with_spring, Place(found, 0.5, ((RATIO, 0.5),))
 
 
-def test_chosen_poses_part_better_than_random_ones(narrow):
-    robot, fitted = narrow
-    plan = plan_separation(robot, fitted, SPRING, RATIO, 0)
+@pytest.fixture(scope="module")
+def experiments(doubtful):
+    robot, fitted, place = doubtful
+    strong = place.effect.with_values((2e-6, 0.0))
+    layout = replace(fitted.layout, effects=fitted.layout.effects[:-1] + (strong,))
+    data = replace(fitted.view.data, position=predict_poses(robot, layout, fitted.view.data, tangents=False).position)
+    rng = np.random.default_rng(3)
+    problem = PoseProblem(robot, replace(data, position=data.position + rng.normal(0.0, 1e-4, (60, 3))), data.select(np.zeros(60, bool)))
+    fitted = problem.fit(layout)
+    return robot, fitted, next_poses(robot, fitted, [Place(fitted.layout.effects[-1], 0.5, ((RATIO, 0.5),))], 0)
+
+
+def test_most_of_what_is_open_would_be_known(experiments):
+    robot, _, found = experiments
+    best = found[0]
+    assert {e.payload_kg for e in found} == {0.0, PAYLOAD_KG}
+    assert best.open_bits == pytest.approx(1.0) and best.parts and 0.9 <= best.bits <= 1.0
     space = PoseSpace.of(robot)
-    assert np.all((plan.q >= space.lower) & (plan.q <= space.upper))
-    rng = np.random.default_rng(5)
-    random = [left_by_rival(robot, fitted, space.draw(len(plan.q), rng), plan.repeats) for _ in range(40)]
-    assert plan.after > max(random)
+    assert np.all((best.q >= space.lower - 1e-9) & (best.q <= space.upper + 1e-9))
 
 
-def test_sentence_names_poses_effects_and_distance(narrow):
-    robot, fitted = narrow
-    text = separating_poses(robot, fitted, SPRING, RATIO, 0)
-    assert text.startswith("Measure q = (") and "joint compliance of axis 2 and gear ratio of axis 2 stand" in text
-    assert text == separating_poses(robot, fitted, SPRING, RATIO, 0)
+def test_chosen_poses_tell_more_than_random_ones(experiments):
+    robot, fitted, found = experiments
+    rng, space, place = np.random.default_rng(5), PoseSpace.of(robot), Place(fitted.layout.effects[-1], 0.5, ((RATIO, 0.5),))
+    for best in found:
+        told = told_by(robot, fitted, [place], best.q, best.payload_kg)
+        assert told == pytest.approx(best.bits, abs=0.03)  # another scale of the columns: other draws
+        random = [told_by(robot, fitted, [place], space.draw(len(best.q), rng), best.payload_kg) for _ in range(20)]
+        assert told > max(random)
 
 
-def test_says_so_when_no_pose_parts_them(narrow):
-    robot, fitted = narrow
-    faint = SPRING.with_values((1e-12, 0.0))
-    assert separating_poses(robot, fitted, faint, RATIO, 0).startswith("No unloaded poses inside the limits part")
+def test_sentence_names_poses_causes_bits_and_minutes(experiments):
+    robot, fitted, found = experiments
+    text = sentence_of(found)
+    assert text.startswith("Measure q = (") and "joint compliance of axis 2 or gear ratio of axis 2" in text
+    assert "of 1.00 bits" in text and "minutes" in text
+    assert text == sentence_of(next_poses(robot, fitted, [Place(fitted.layout.effects[-1], 0.5, ((RATIO, 0.5),))], 0))
+
+
+def test_mounting_a_payload_costs_its_minutes(experiments):
+    _, _, found = experiments
+    loaded, plain = sorted(found, key=lambda e: -e.payload_kg)
+    assert loaded.minutes() - 0.5 * len(loaded.q) == pytest.approx(5.0) and plain.minutes() == 0.5 * len(plain.q)
+    assert loaded.bits_per_minute({"visit": 0.25, "payload": 100.0}) < 0.1 * plain.bits_per_minute()
+
+
+def test_says_so_when_no_pose_parts_them(doubtful):
+    robot, fitted, _ = doubtful
+    same = GearRatio(2, (1e-9,))
+    layout = replace(fitted.layout, effects=fitted.layout.effects[:-1] + (same,), free=fitted.layout.free[:-1] + (np.array([True]),))
+    problem = PoseProblem(robot, fitted.view.data, fitted.view.data.select(np.zeros(60, bool)))
+    found = next_poses(robot, problem.fit(layout), [Place(same, 0.5, ((same, 0.5),))], 0)
+    assert sentence_of(found).startswith("No poses inside the limits tell")

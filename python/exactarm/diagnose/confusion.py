@@ -1,4 +1,4 @@
-"""Confusion: causes that this data cannot tell apart, and the measurement that would part them.
+"""Confusion: causes that this data cannot tell apart, and the measurements that would part them.
 
 A rival of a finding is doubtful when its posterior probability beside the finding is not negligible: its
 prediction, with everything else fitted anew, is then as good within the noise.
@@ -6,16 +6,39 @@ prediction, with everything else fitted anew, is then as good within the noise.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 from exactarm.diagnose.problem import Fitted, Problem
+from exactarm.effects.base import Effect
 
 DOUBT = 0.01  # a rival that is this probable cannot be ruled out
 
 
-def next_experiment(problem: Problem, fitted: Fitted, findings, alternatives) -> str | None:
-    """What to measure to part the most probable rival from the finding it stands beside; None when none is doubtful."""
-    doubtful = [a for a in alternatives if a.collides]
-    if not doubtful:
-        return None
-    rival = doubtful[0]
-    own = next(f.effect for f in findings if f.effect.label == rival.instead_of)
-    return problem.separating_experiment(fitted, own, rival.effect)
+@dataclass(frozen=True)
+class Place:
+    """A cause that was found, and its doubtful rivals, each with its probability."""
+
+    effect: Effect
+    probability: float
+    rivals: tuple[tuple[Effect, float], ...]
+
+    @property
+    def titles(self) -> str:
+        return " or ".join([self.effect.title, *(rival.title for rival, _ in self.rivals)])
+
+
+def doubtful_places(findings, alternatives) -> tuple[Place, ...]:
+    """Every finding that has doubtful rivals, the most doubtful first."""
+    places = []
+    for finding in findings:
+        rivals = tuple((a.effect, a.probability) for a in alternatives if a.collides and a.instead_of == finding.effect.label)
+        if rivals:
+            places.append(Place(finding.effect, finding.probability, rivals))
+    return tuple(sorted(places, key=lambda place: -max(p for _, p in place.rivals)))
+
+
+def next_experiments(problem: Problem, fitted: Fitted, findings, alternatives) -> tuple[str | None, tuple]:
+    """What to measure to part the doubtful causes: in words (None where none is doubtful), and as experiments where
+    the kind of data can plan them, the best first."""
+    places = doubtful_places(findings, alternatives)
+    return problem.next_experiments(fitted, places) if places else (None, ())

@@ -12,7 +12,7 @@ import numpy as np
 
 from exactarm.chain import Layout
 from exactarm.dataset import Dataset
-from exactarm.diagnose.confusion import DOUBT, next_experiment
+from exactarm.diagnose.confusion import DOUBT, next_experiments
 from exactarm.diagnose.contribution import Contribution, contributions
 from exactarm.diagnose.dossier import Dossier, dossier
 from exactarm.diagnose.in_space import InSpace
@@ -88,6 +88,7 @@ class Diagnosis:
     verdict: str
     sentence: str
     next_experiment: str | None
+    experiments: tuple
     dossier_before: Dossier
     dossier_after: Dossier
     errors_before: dict[str, np.ndarray]
@@ -137,6 +138,7 @@ def diagnose(
         for place, accepted in enumerate(selection.accepted)
     )
     alternatives = _alternatives(problem, declared, selection)
+    words, experiments = next_experiments(problem, last, findings, alternatives)
     spread = problem.spread(last)
     excess = held_out_excess(errors[-1], problem.error_of_unit_noise(last), _SPREADS * spread)
     if causes is None:
@@ -164,7 +166,8 @@ def diagnose(
         causes=causes,
         unconverged=unconverged,
         excess=excess,
-        next_experiment=next_experiment(problem, last, findings, alternatives),
+        next_experiment=words,
+        experiments=experiments,
         dossier_before=had,
         dossier_after=left,
         errors_before=errors[0],

@@ -1,84 +1,203 @@
-"""Poses that part two effects: where, after everything else is fitted anew, their predictions differ most.
+"""The next poses to measure: those that tell most about which cause it is, in bits per minute.
 
-Candidates are random poses inside the joint limits (or the measured range) with the target inside the measured
-space, each approached from both directions. Of these a small set is chosen by the exchange of the design of
-experiments, so that the two effects stand as many standard deviations apart as possible once the declared
-parameters and the rival have absorbed what they can over old and new poses together.
+Candidates are random poses inside the joint limits (or the measured range) with the target inside the measured space, each
+approached from both directions, with the flange as it was and with a known payload on it. Poses are chosen one by one
+(cause_information.py) until most of what is open would be known.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
+from scipy import linalg
 
 from exactarm.chain import View, predict_poses
 from exactarm.dataset import Dataset
+from exactarm.diagnose.cause_information import Field, Hypothesis, chosen_for
+from exactarm.diagnose.confusion import Place
 from exactarm.diagnose.problem import Fitted
 from exactarm.diagnose.scan import free_mask
 from exactarm.effects.base import Effect
-from exactarm.identify.criterion import information_of
+from exactarm.effects.payload import Payload
 from exactarm.identify.pose_space import Box, PoseSpace
-from exactarm.identify.separation import separating_set, separation_of
 from exactarm.robot import Robot
 
-_CANDIDATES = 400
-_POSES = 4
-_APART = 4.0  # standard deviations between two effects that nobody confuses any more
-_MOST_REPEATS = 25
+PAYLOAD_KG = 5.0  # of the payload that is proposed, in the flange's centre: what most arms carry
+MINUTES = MappingProxyType({"visit": 0.25, "payload": 5.0})  # to drive to a pose and measure; to mount a payload: assumed
+_CANDIDATES = 200
+_MOST_POSES = 24
+_ENOUGH = 0.95  # of what is open
+_LEAST = 0.01  # of what is open, for one more pose: thirty seconds that tell less are better spent otherwise
+_LITTLE = 0.3  # of what is open: below it an experiment does not part the causes
+_RIDGE = 1e-9  # of a column's square sum
+_WIDE = 3.0  # a rival's prior size, times what is plausible or what it was found at
 
 
 @dataclass(frozen=True)
-class SeparatingPoses:
-    """q (K, n) in rad, each to be approached from both directions and measured `repeats` times; standard deviations
-    between the two effects before and after."""
+class Experiment:
+    """q (K, n) in the controller's angles, rad; each pose is approached from both directions with `payload_kg` on the flange.
+
+    bits: told about the cause, of `open_bits` that are not known; between: the causes, in words.
+    """
 
     q: np.ndarray
-    repeats: int
-    before: float
-    after: float
+    payload_kg: float
+    bits: float
+    open_bits: float
+    between: str
+
+    @property
+    def title(self) -> str:
+        return "poses" if not self.payload_kg else f"poses with {self.payload_kg:g} kg at the flange"
+
+    def minutes(self, cost: Mapping[str, float] = MINUTES) -> float:
+        return 2.0 * len(self.q) * cost["visit"] + (cost["payload"] if self.payload_kg else 0.0)
+
+    def bits_per_minute(self, cost: Mapping[str, float] = MINUTES) -> float:
+        return self.bits / self.minutes(cost)
+
+    @property
+    def parts(self) -> bool:
+        """Whether it tells enough to be worth its time."""
+        return self.bits > _LITTLE * self.open_bits
 
 
-def separating_poses(robot: Robot, fitted: Fitted, one: Effect, other: Effect, seed: int) -> str:
-    """One sentence with the poses to measure and what they would tell."""
-    plan = plan_separation(robot, fitted, one, other, seed)
-    names = f"{one.title} and {other.title}"
-    if plan.after < _APART:
-        return (f"No unloaded poses inside the limits part {names} ({len(plan.q)} poses measured {plan.repeats} times from "
-                f"both directions: {plan.after:.1f} standard deviations): repeat the poses with another known payload, "
-                "speed or direction of approach.")
-    degrees = "; ".join("(" + ", ".join(str(round(float(angle))) for angle in np.rad2deg(q)) + ")" for q in plan.q)
-    times = "" if plan.repeats == 1 else f", {plan.repeats} times each"
-    return (f"Measure q = {degrees} degrees, approached from both directions{times}: then {names} stand {plan.after:.1f} "
-            f"standard deviations apart instead of {plan.before:.1f}.")
+def sentence_of(experiments: Sequence[Experiment]) -> str:
+    """What to measure next, and what it would tell; the best experiment stands first."""
+    best = experiments[0]
+    told = f"{best.bits:.2f} of {best.open_bits:.2f} bits"
+    if not best.parts:
+        return (f"No poses inside the limits tell whether it is {best.between} ({len(best.q)} poses from both directions, with and "
+                f"without {PAYLOAD_KG:g} kg: {told} at most): measure at another temperature or speed, or the gear of the axis alone.")
+    names = []
+    for q in best.q:
+        names.append("(" + ", ".join(str(round(float(angle))) for angle in np.rad2deg(q)) + ")")
+    poses = "; ".join(name if names.count(name) == 1 else f"{name} {names.count(name)} times" for name in dict.fromkeys(names))
+    load = f" with {best.payload_kg:g} kg at the flange" if best.payload_kg else ""
+    return (f"Measure q = {poses} degrees{load}, approached from both directions: in some {best.minutes():.0f} minutes this tells "
+            f"{told} about whether it is {best.between}.")
 
 
-def plan_separation(robot: Robot, fitted: Fitted, one: Effect, other: Effect, seed: int) -> SeparatingPoses:
-    """The poses that part `one` (at its values) from `other` (at any values), on top of the fitted data."""
+def next_poses(robot: Robot, fitted: Fitted, places: Sequence[Place], seed: int) -> tuple[Experiment, ...]:
+    """The best poses with and without payload, most bits per minute first (those that part the causes before all others)."""
     q = _candidate_poses(robot, fitted, seed)
-    both_ways = np.repeat(q, 2, axis=0)
-    approach = np.tile([[-1.0], [1.0]], (len(q), robot.axes))
-    data = fitted.view.data
+    states = [_State.of(fitted, place) for place in places]
+    found = []
+    for payload in (0.0, PAYLOAD_KG) if robot.links is not None else (0.0,):
+        fields, rows = _seen(robot, fitted, states, q, payload)
+        chosen, _ = chosen_for(fields, rows, _MOST_POSES, _ENOUGH, _LEAST)
+        unknown = sum(f.entropy for f in fields)
+        for count in range(1, len(chosen) + 1):
+            bits = _simulated(fields, rows, chosen[:count], seed)
+            if bits >= _ENOUGH * unknown:
+                break
+        found.append(Experiment(q[chosen[:count]], payload, bits, unknown, "; ".join(place.titles for place in places)))
+    return tuple(sorted(found, key=lambda e: (not e.parts, -e.bits_per_minute())))
+
+
+def told_by(robot: Robot, fitted: Fitted, places: Sequence[Place], q: np.ndarray, payload_kg: float = 0.0, seed: int = 0) -> float:
+    """The bits that any poses q (K, n) would tell about the causes, approached from both directions."""
+    fields, rows = _seen(robot, fitted, [_State.of(fitted, place) for place in places], q, payload_kg)
+    return _simulated(fields, rows, list(range(len(q))), seed)
+
+
+def _seen(robot: Robot, fitted: Fitted, states: list[_State], q: np.ndarray, payload_kg: float) -> tuple[list[Field], list[np.ndarray]]:
+    """The field of each place, and in its parameters the rows (K, 6, P) of every pose."""
+    view = _view(robot, fitted, q, payload_kg)
+    fields, rows = [], []
+    for state in states:
+        block = state.rows(view, fitted).reshape(len(q), 6, -1)
+        scale = state.scale_with(block)
+        fields.append(state.field(scale))
+        rows.append(block * scale)
+    return fields, rows
+
+
+def _simulated(fields: list[Field], rows: list[np.ndarray], chosen: list[int], seed: int) -> float:
+    rng = np.random.default_rng(seed)
+    return float(sum(field.simulated_bits(each[chosen].reshape(6 * len(chosen), -1), rng) for field, each in zip(fields, rows)))
+
+
+@dataclass(frozen=True)
+class _State:
+    """What the data so far know of one place: columns are the declared parameters, then those of every cause of the field.
+
+    information (P, P) and right (P,): normal equations of the data; prior (P,): of the causes' coefficients;
+    own: for every cause, which columns are its own.
+    """
+
+    place: Place
+    keep: np.ndarray
+    effects: tuple[Effect, ...]
+    probabilities: tuple[float, ...]
+    information: np.ndarray
+    right: np.ndarray
+    prior: np.ndarray
+    own: tuple[slice, ...]
+
+    @staticmethod
+    def of(fitted: Fitted, place: Place) -> _State:
+        labels = [effect.label for effect in fitted.layout.effects]
+        index = labels.index(place.effect.label)
+        keep = np.ones(fitted.layout.size, bool)
+        keep[fitted.layout.slices[index]] = False
+        base = fitted.without(index)
+        effects = (place.effect, *(rival for rival, _ in place.rivals))
+        total = place.probability + sum(p for _, p in place.rivals)
+        probabilities = tuple(p / total for p in (place.probability, *(p for _, p in place.rivals)))
+        declared = np.concatenate([base.standard(base.jacobian), base.prior_rows])
+        causes = [base.columns(effect)[:, free_mask(effect)] for effect in effects]
+        columns = np.concatenate([declared, *causes], axis=1)
+        prior, own, at = [np.zeros(declared.shape[1])], [], declared.shape[1]
+        for effect, cause in zip(effects, causes):
+            sizes = [_WIDE * max(p.plausible, abs(v)) for p, v, free in zip(effect.parameters(), effect.values, free_mask(effect)) if free]
+            prior.append(1.0 / np.square(sizes))
+            own.append(slice(at, at + cause.shape[1]))
+            at += cause.shape[1]
+        return _State(place, keep, effects, probabilities, columns.T @ columns, columns.T @ base.whitened, np.concatenate(prior), tuple(own))
+
+    def rows(self, view: View, fitted: Fitted) -> np.ndarray:
+        """(N, 3, P) whitened sensitivities of new rows."""
+        causes = [view.response(effect)[:, :3, free_mask(effect)] for effect in self.effects]
+        columns = np.concatenate([view.tangents["measured"][:, :3, self.keep], *causes], axis=2)
+        return columns / fitted.sigma[:3, None]
+
+    def scale_with(self, blocks: np.ndarray) -> np.ndarray:
+        """(P,) that gives all columns, over old data and the average new pose, unit length."""
+        seen = np.diag(self.information) + np.mean(np.sum(blocks**2, axis=1), axis=0) + self.prior
+        return 1.0 / np.sqrt(np.where(seen > 0.0, seen, 1.0))
+
+    def field(self, scale: np.ndarray) -> Field:
+        """Every cause in turn fitted to the data so far, with all declared parameters."""
+        declared = np.arange(len(self.right)) < self.own[0].start
+        found = []
+        for own, probability in zip(self.own, self.probabilities):
+            which = declared.copy()
+            which[own] = True
+            square = (self.information + np.diag(self.prior))[np.ix_(which, which)] * np.outer(scale[which], scale[which])
+            inverse = linalg.inv(square + _RIDGE * np.eye(len(square)))
+            mean, covariance = np.zeros(len(which)), np.zeros((len(which), len(which)))
+            mean[which] = inverse @ (self.right * scale)[which]
+            covariance[np.ix_(which, which)] = 0.5 * (inverse + inverse.T)
+            found.append(Hypothesis(probability, mean, covariance))
+        return Field(tuple(found))
+
+
+def _view(robot: Robot, fitted: Fitted, q: np.ndarray, payload_kg: float) -> View:
+    """Every pose from both directions, (2 K) rows."""
+    data, both_ways = fitted.view.data, np.repeat(q, 2, axis=0)
     new = Dataset.of_arrays(
         "poses",
-        {"q": both_ways, "approach": approach},
+        {"q": both_ways, "approach": np.tile([[-1.0], [1.0]], (len(q), robot.axes))},
         session=np.full(len(both_ways), data.session[0]),
         position=np.zeros((len(both_ways), 3)),
         covariates={name: np.full(len(both_ways), values.mean()) for name, values in data.covariates.items()},
     )
-    keep = _others(fitted, one, other)
-    view = predict_poses(robot, fitted.layout, new).view
-    pool = _columns(view, one, other, keep) / fitted.sigma[:3, None]
-    pool = pool.reshape(len(q), 6, -1)
-    old = _columns(fitted.view, one, other, keep) * fitted.scale[:, :3, None]
-    known = information_of(old) + _prior(fitted, keep, pool.shape[-1])
-    found = separating_set(pool, known, _POSES, np.random.default_rng(seed))
-    gained = information_of(pool[found.chosen])
-    for repeats in range(1, _MOST_REPEATS + 1):
-        after = separation_of(known + repeats * gained)
-        if after >= _APART:
-            break
-    return SeparatingPoses(q[found.chosen], repeats, found.before, after)
+    carrying = Payload(None, (payload_kg, 0.0, 0.0, 0.0)).bake(robot) if payload_kg else robot
+    return predict_poses(carrying, fitted.layout, new).view
 
 
 def _candidate_poses(robot: Robot, fitted: Fitted, seed: int) -> np.ndarray:
@@ -96,26 +215,3 @@ def _candidate_poses(robot: Robot, fitted: Fitted, seed: int) -> np.ndarray:
     seen = open_space.target(measured)
     box = Box(seen.min(axis=0), seen.max(axis=0))
     return replace(open_space, box=box).draw(_CANDIDATES, np.random.default_rng(seed))
-
-
-def _others(fitted: Fitted, one: Effect, other: Effect) -> np.ndarray:
-    """(P,) the free parameters that belong to neither effect."""
-    keep = np.ones(fitted.layout.size, bool)
-    for effect, where in zip(fitted.layout.effects, fitted.layout.slices):
-        if effect.label in (one.label, other.label):
-            keep[where] = False
-    return keep
-
-
-def _columns(view: View, one: Effect, other: Effect, keep: np.ndarray) -> np.ndarray:
-    """(N, 3, m) declared parameters, the rival's parameters, and the signal of `one` last."""
-    signal = view.response(one)[:, :3, free_mask(one)] @ np.array(one.values)[free_mask(one)]
-    rival = view.response(other)[:, :3, free_mask(other)]
-    return np.concatenate([view.tangents["measured"][:, :, keep], rival, signal[:, :, None]], axis=2)
-
-
-def _prior(fitted: Fitted, keep: np.ndarray, size: int) -> np.ndarray:
-    """(m, m) information of the priors of regularised parameters."""
-    rows = np.zeros((len(fitted.prior_rows), size))
-    rows[:, : int(keep.sum())] = fitted.prior_rows[:, keep]
-    return rows.T @ rows

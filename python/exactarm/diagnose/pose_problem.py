@@ -7,11 +7,11 @@ import numpy as np
 from exactarm.chain import Layout, predict_poses
 from exactarm.dataset import Dataset
 from exactarm.diagnose.in_space import InSpace, errors_in_space
-from exactarm.diagnose.next_poses import separating_poses
+from exactarm.diagnose.next_poses import next_poses, sentence_of
 from exactarm.diagnose.noise import repeat_scatter
 from exactarm.diagnose.problem import Fitted, Problem, rows_kept
 from exactarm.diagnose.smoothness import second_order
-from exactarm.effects.base import Effect, Station
+from exactarm.effects.base import Station
 from exactarm.identify.calibrate import (
     CalibrationOptions,
     calibrated_robot,
@@ -143,5 +143,6 @@ class PoseProblem(Problem):
     def updated_robot(self, fitted: Fitted) -> Robot:
         return calibrated_robot(self.robot, self.data, fitted.layout, fitted.fit)
 
-    def separating_experiment(self, fitted: Fitted, one: Effect, other: Effect) -> str:
-        return separating_poses(self.robot, fitted, one, other, self.seed)
+    def next_experiments(self, fitted: Fitted, places: tuple) -> tuple[str, tuple]:
+        found = next_poses(self.robot, fitted, places, self.seed)
+        return sentence_of(found), found

@@ -228,9 +228,14 @@ class Problem(ABC):
     def updated_robot(self, fitted: Fitted) -> Robot:
         """The robot with the re-identified parameters and the found effects."""
 
-    @abstractmethod
+    def next_experiments(self, fitted: Fitted, places: tuple) -> tuple[str, tuple]:
+        """What parts the doubtful causes of `places` best: in words, and as experiments where this kind can plan them."""
+        first = places[0]
+        return self.separating_experiment(fitted, first.effect, first.rivals[0][0]), ()
+
     def separating_experiment(self, fitted: Fitted, one: Effect, other: Effect) -> str:
-        """In words, with numbers: the poses, speeds or loads that part two effects best."""
+        """In words, with numbers: the speeds or loads that part two effects best."""
+        raise NotImplementedError
 
     def held_out_picture(self, fitted: Fitted) -> tuple[np.ndarray, np.ndarray] | None:
         """Residual (K, m) and its Jacobian (K, m, P) on held-out rows, where the measurement is of a target; else None."""
