@@ -6,6 +6,7 @@ import argparse
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -13,6 +14,8 @@ import numpy as np
 from exactarm.commands.arguments import add_robot
 from exactarm.commands.call import AnyRobot, asked, robot_of, threads_of
 from exactarm.commands.closure_design import designed_closures
+from exactarm.commands.design_for import designed_for, minutes_of
+from exactarm.commands.isolability_table import isolability_columns, isolability_json, isolability_table
 from exactarm.commands.planning_arguments import (
     add_planning,
     box_of,
@@ -22,6 +25,8 @@ from exactarm.commands.planning_arguments import (
     tool_of,
 )
 from exactarm.commands.result import CommandResult
+from exactarm.dataset import Dataset
+from exactarm.diagnose.isolability import isolability
 from exactarm.errors import InputError
 from exactarm.identify.closure_design import ClosureDesignOptions
 from exactarm.identify.design import Design, DesignOptions, design_poses
@@ -35,6 +40,7 @@ from exactarm.robot import Placement, Robot
 from exactarm.split import DEFAULT_SEED
 
 NAME = "design"
+NOISE_MM = 0.05  # of a measured coordinate: a laser tracker on an arm that repeats to 0.03 mm
 HELP = "optimal measurement poses, and others to validate with"
 
 
@@ -44,6 +50,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--validation", metavar="K", type=int, default=13,
                         help="further poses to validate with (default %(default)s)")
     add_planning(parser)
+    parser.add_argument("--noise-mm", metavar="MM", type=float, default=NOISE_MM,
+                        help="of a measured coordinate, for which causes the poses could tell (default %(default)s)")
+    next_one = parser.add_argument_group("after a diagnosis")
+    next_one.add_argument("--for", dest="diagnosis", metavar="RESULT", type=Path,
+                          help="result.json of `diagnose`: the poses that tell most about the causes it could not tell apart")
+    next_one.add_argument("--minutes", metavar="NAME=MINUTES", action="append", default=[],
+                          help="what it costs to visit a pose (visit) or to mount a payload (payload)")
     touch = parser.add_argument_group("calibration without a tracker")
     touch.add_argument("--contact", choices=("socket",), help="design touches of two seats instead: where to put them, and the poses")
     touch.add_argument("--places", metavar="K", type=int, default=3, help="of the two seats (default %(default)s)")
@@ -55,12 +68,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def design(
     robot: AnyRobot, *, count: int = 50, validation: int = 13, tool_m: Sequence[float] | np.ndarray | None = None,
     frames: str = "both", use: Literal["position", "pose"] = "position", box: Box | None = None,
-    clearance_m: float | None = None, seed: int = DEFAULT_SEED, threads: int | None = None, progress: Progress = SILENT,
+    clearance_m: float | None = None, noise_mm: float = NOISE_MM, seed: int = DEFAULT_SEED, threads: int | None = None,
+    progress: Progress = SILENT,
 ) -> CommandResult:
     """Measurement poses that show the parameters best, and others to validate with.
 
     tool_m: target on the flange. frames: which frames are unknown ("both", "base", "tool", "none"). box, clearance_m: where
-    flange and target may be.
+    flange and target may be. noise_mm: of a measured coordinate, for the table of causes that the poses could tell.
 
         >>> import exactarm as ea
         >>> len(ea.design("ur10", count=20, validation=5).to_dataframe())
@@ -76,13 +90,17 @@ def design(
         count=count, validation=validation, box=box or Box(), clearance=clearance_of(clearance_m), frames=frames,
         orientation=use == "pose", seed=seed, threads=threads_of(threads),
     )
+    if not 0.0 < noise_mm < 100.0:
+        raise InputError("--noise-mm: expected between 0 and 100")
     progress.stage("designing")
     found = design_poses(arm, options)
+    progress.stage("which causes these poses could tell")
+    causes = isolability(arm, Dataset.of_arrays("poses", {"q": found.q}), 1e-3 * noise_mm, seed, threads_of(threads))
     defaults = {"validation": 13, "tool_m": None, "frames": "both", "use": "position"}
     return CommandResult(
-        json=_json(found),
-        report=_report(arm, found),
-        tables={"poses.csv": _pose_columns(arm, found)},
+        json=_json(found) | {"isolability": isolability_json(causes)},
+        report=_report(arm, found, isolability_table(causes, noise_mm)),
+        tables={"poses.csv": _pose_columns(arm, found), "isolability.csv": isolability_columns(causes)},
         asked=asked("design", robot, None, seed, given, defaults),
     )
 
@@ -103,12 +121,16 @@ def _closures(arguments: argparse.Namespace) -> CommandResult:
 
 
 def run(arguments: argparse.Namespace) -> CommandResult:
+    if arguments.diagnosis is not None:
+        return designed_for(robot_of(arguments.robot), arguments.diagnosis, minutes_of(arguments.minutes))
+    if arguments.minutes:
+        raise InputError("--minutes acts with --for RESULT only")
     if arguments.contact is not None:
         return _closures(arguments)
     return design(
         arguments.robot, count=arguments.count, validation=arguments.validation, tool_m=tool_of(arguments.tool),
         frames=arguments.frames, use=arguments.use, box=box_of(arguments.box), clearance_m=arguments.clearance,
-        seed=arguments.seed, threads=arguments.threads, progress=arguments.progress,
+        noise_mm=arguments.noise_mm, seed=arguments.seed, threads=arguments.threads, progress=arguments.progress,
     )
 
 
@@ -136,14 +158,14 @@ def _pose_columns(robot: Robot, design: Design) -> dict[str, np.ndarray]:
     return columns
 
 
-def _report(robot: Robot, design: Design) -> Report:
+def _report(robot: Robot, design: Design, causes: Table) -> Report:
     gain = design.observability.O1 / design.start.O1
     parameters = len(design.identifiability.identifiable)
     verdict = (
         f"{len(design.q)} poses for {parameters} parameters: O1 = {number(design.observability.O1)}, "
         f"{gain:.2f} times that of the random set it started from."
     )
-    sections: list[Section] = [_index_table(design), _dropped_table(design)]
+    sections: list[Section] = [_index_table(design), causes, _dropped_table(design)]
     if warnings := _warnings(design):
         sections.append(Warnings(warnings))
     sections += [_history_figure(design), _pose_figure(design), _method(design)]

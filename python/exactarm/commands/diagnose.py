@@ -10,6 +10,7 @@ import numpy as np
 
 from exactarm.commands.arguments import add_files, add_fixture, add_robot
 from exactarm.commands.call import AnyData, AnyFixture, AnyRobot, asked, data_of, robot_of, threads_of
+from exactarm.commands.design_for import experiment_json
 from exactarm.commands.diagnose_report import report_of
 from exactarm.commands.memory import require_memory
 from exactarm.commands.result import CommandResult, estimate
@@ -114,6 +115,7 @@ def _json(result: Diagnosis) -> dict[str, Any]:
         "verdict": result.verdict,
         "sentence": result.sentence,
         "next_experiment": result.next_experiment or "",
+        "experiments": [experiment_json(experiment) for experiment in result.experiments],
         "left_out": list(result.left_out),
         "converged": result.converged,
         "warnings": list(result.unconverged),

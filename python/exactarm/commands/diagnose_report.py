@@ -6,6 +6,7 @@ from functools import partial
 
 import numpy as np
 
+from exactarm.commands.design_for import experiments_table
 from exactarm.commands.effect_sections import (
     causes_in_words,
     curves_figure,
@@ -87,6 +88,8 @@ def _sections(robot: Robot, result: Diagnosis, found: list[tuple[Finding, Contri
     sections += _error_figures(result, name, row)
     if result.alternatives:
         sections.append(_rivals(result))
+    if result.experiments:
+        sections.append(experiments_table(result.experiments))
     sections += [
         Table("Noise floor", ("", "", "from"),
               (("no model can do better than", Quantity(result.noise.value, unit), result.noise.source),)),
@@ -108,7 +111,7 @@ def _next(result: Diagnosis, found: list[tuple[Finding, Contribution | None]]) -
     if found:
         lines.append("Measure some twenty new poses and run `exactarm evaluate robot.toml NEW.csv`: the error there is the one to trust.")
     if result.next_experiment:
-        lines.append(result.next_experiment)
+        lines.append(result.next_experiment + (" `exactarm design --for result.json` writes these poses." if result.experiments else ""))
     if result.verdict == UNEXPLAINED and not result.next_experiment:
         lines.append(f"To find what is left, measure more where it shows: {remains(result.dossier_after, result.excess, result.unknown)}.")
     return [Text("What to do next", tuple(lines))] if lines else []
