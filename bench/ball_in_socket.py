@@ -1,10 +1,12 @@
-"""Five measured arms, a ball in two seats: what calibration without a tracker leaves at a place that it has not seen.
+"""Five measured arms, a ball in two seats: what calibration without a tracker leaves at a place that it has
+not seen.
 
     python bench/ball_in_socket.py [ARM ...]
 
-Each place is left out in turn; arm and tool are fitted at the others. There, spread: mean distance of the predicted ball
-from the mean of its seat's rows; distance: mean |distance between the seats' means - 50 mm|. Nominal: tool alone fitted.
-Effects: what `diagnose` adds to the same rows; nothing is chosen by the place that is left out.
+Each place is left out in turn; arm and tool are fitted at the others. There, spread: mean distance of the
+predicted ball from the mean of its seat's rows; distance: mean |distance between the seats' means - 50 mm|.
+Nominal: tool alone fitted. Effects: what `diagnose` adds to the same rows; nothing is chosen by the place
+that is left out.
 """
 
 from __future__ import annotations
@@ -31,7 +33,8 @@ FOLDER = data_path("ball_in_socket")
 
 
 def judged(robot: Robot, layout: Layout, data: Dataset) -> tuple[np.ndarray, list[float]]:
-    """Distances (N,) from the seats' means at the places of `data`, and errors of the distances between the means, m."""
+    """Distances (N,) from the seats' means at the places of `data`, and errors of the distances between the
+    means, m."""
     points = predict_closures(robot, layout.held, data, tangents=False).view.signals["target"]
     spread, distances = np.zeros(len(data)), []
     for session in sessions_of(data):
@@ -61,14 +64,16 @@ def leave_one_place_out(name: str) -> tuple[list[str], list[str]]:
         for key, layout in zip(found, layouts):
             found[key].append(judged(robot, layout, held))
     cells = [
-        f"{1e3 * np.concatenate([spread for spread, _ in each]).mean():.2f} / {1e3 * np.mean([d for _, ds in each for d in ds]):.2f}"
+        f"{1e3 * np.concatenate([spread for spread, _ in each]).mean():.2f} / "
+        f"{1e3 * np.mean([d for _, ds in each for d in ds]):.2f}"
         for each in found.values()
     ]
     return [name, str(len(sessions_of(data))), str(len(data)), *cells], names
 
 
 def main(arms: tuple[str, ...]) -> None:
-    print("| arm | places | rows | nominal | geometry | with effects | effects found, over all places left out |")
+    print("| arm | places | rows | nominal | geometry | with effects | effects found, over all places left "
+          "out |")
     print("| --- | --- | --- | --- | --- | --- | --- |")
     started = time.process_time()
     for name in arms:

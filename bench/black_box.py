@@ -8,16 +8,16 @@ Every method sees the same rows and is judged on the same others:
     other      fitted to one series, judged on the other: same arm, tracker and probe at other places
     blocked    axes 2 and 3 in four quadrants (split at their medians): one is held out, the next, ...
 
-calibrated is `exactarm calibrate` (with the compliance that it finds), diagnosed `exactarm diagnose`, both on the
-fitted rows. A black box learns what the calibrated model leaves, in the robot's base frame, as a function of the
-six joint angles, and its prediction is added to the model:
+calibrated is `exactarm calibrate` (with the compliance that it finds), diagnosed `exactarm diagnose`, both on
+the fitted rows. A black box learns what the calibrated model leaves, in the robot's base frame, as a function
+of the six joint angles, and its prediction is added to the model:
 
     kriging    Gaussian process, Matern 5/2 with a length for each axis, and noise; marginal likelihood
     RBF        thin-plate spline, its smoothing chosen by five-fold cross-validation on the fitted rows
     trees      gradient boosting, 200 rounds at a rate of 0.1, leaves per tree chosen in the same way
 
-On another series the frames of base and tool are fitted to its own rows for every method, with what the method
-adds in place. Printed: the mean and the 95th percentile of the Euclidean error on held-out rows.
+On another series the frames of base and tool are fitted to its own rows for every method, with what the
+method adds in place. Printed: the mean and the 95th percentile of the Euclidean error on held-out rows.
 """
 
 from __future__ import annotations
@@ -175,7 +175,8 @@ BOXES = {"kriging": kriging, "RBF": thin_plate, "trees": trees}
 
 
 def learned(q: np.ndarray, left: np.ndarray) -> dict:
-    """What each black box adds at joint angles (N, 6), learned from what is left (N, 3), both of the fitted rows."""
+    """What each black box adds at joint angles (N, 6), learned from what is left (N, 3), both of the fitted
+    rows."""
     centre, spread = q.mean(axis=0), np.maximum(q.std(axis=0), 1e-9)
     models = {
         name: learn((q - centre) / spread, left, np.random.default_rng(1)) for name, learn in BOXES.items()

@@ -1,4 +1,5 @@
-"""The arm in CasADi expressions, for the peers of bench/planning_peers.py: inverse dynamics, gears and springs of a robot file."""
+"""The arm in CasADi expressions, for the peers of bench/planning_peers.py: inverse dynamics, gears and
+springs of a robot file."""
 
 import casadi as ca
 
@@ -49,4 +50,5 @@ def gear(robot, phi):
 
 
 def springs(robot, e):
-    return ca.vertcat(*[j.spring_linear * e[i] + j.spring_cubic * e[i] ** 3 for i, j in enumerate(robot.joints)])
+    return ca.vertcat(*[j.spring_linear * e[i] + j.spring_cubic * e[i] ** 3
+                        for i, j in enumerate(robot.joints)])

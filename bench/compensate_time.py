@@ -2,8 +2,9 @@
 
     python bench/compensate_time.py [--count 20000] [--repeats 3] [--out FILE.json]
 
-Random joint targets of the virtual Racer with a random approach; one thread, seconds of the processor (median). Programs are read and
-written besides: `--program` times a table of as many targets from file to file.
+Random joint targets of the virtual Racer with a random approach; one thread, seconds of the processor
+(median). Programs are read and written besides: `--program` times a table of as many targets from file to
+file.
 """
 
 from __future__ import annotations
@@ -29,7 +30,8 @@ from exactarm.robot_file import load_robot
 
 
 def arms() -> dict[str, Robot]:
-    """The Racer with deviations of a new arm in its frames: bare, with its gear tables and springs, with two effects more."""
+    """The Racer with deviations of a new arm in its frames: bare, with its gear tables and springs, with two
+    effects more."""
     nominal, random = load_robot("racer-7-1.4").with_controller_frames, np.random.default_rng(1)
     joints = tuple(
         replace(joint, a=joint.a + 5e-4 * random.normal(), alpha=joint.alpha + 1e-3 * random.normal(),
@@ -37,7 +39,8 @@ def arms() -> dict[str, Robot]:
         for joint, offset in zip(nominal.joints, nominal.controller_offsets)
     )
     full = replace(nominal, joints=joints)
-    bare = replace(full, links=None, joints=tuple(replace(j, cw=None, ccw=None, spring_linear=None) for j in joints))
+    bare = replace(full, links=None,
+                   joints=tuple(replace(j, cw=None, ccw=None, spring_linear=None) for j in joints))
     effects = (JointCompliance(2, (4e-7, 0.0)), Backlash(3, (3e-4, 20.0)))
     return {"geometry": bare, "gears and springs": full, "and two effects": replace(full, effects=effects)}
 
@@ -56,7 +59,8 @@ def law(robot: Robot, count: int, repeats: int) -> dict:
         found = model.commands(model.controller.poses(q), q, approach)
         seconds.append(time.process_time() - start)
     good = found.amplification < NEAR_SINGULAR
-    return {"targets_per_s": count / median(seconds), "left_over_99": float(np.quantile(found.left_over[good], 0.99)),
+    return {"targets_per_s": count / median(seconds),
+            "left_over_99": float(np.quantile(found.left_over[good], 0.99)),
             "near_singular": float(1.0 - good.mean())}
 
 
@@ -70,7 +74,8 @@ def program(robot: Robot, count: int) -> float:
         (job,), setting = jobs([path]), Setting(robot)
         start = time.process_time()
         read = job.read(setting)
-        correct(read, CompensationModel.of(robot), chosen_points(read, None), None, 1, lambda new: job.reread(new, setting))
+        correct(read, CompensationModel.of(robot), chosen_points(read, None), None, 1,
+                lambda new: job.reread(new, setting))
         return count / (time.process_time() - start)
 
 
@@ -83,7 +88,8 @@ def main() -> None:
     arguments = parser.parse_args()
     rows = {name: law(robot, arguments.count, arguments.repeats) for name, robot in arms().items()}
     for name, row in rows.items():
-        print(f"{name:18}  {row['targets_per_s']:8.0f} targets a second and core; error left (99 %) {row['left_over_99']:.1e} m, "
+        print(f"{name:18}  {row['targets_per_s']:8.0f} targets a second and core; error left (99 %) "
+              f"{row['left_over_99']:.1e} m, "
               f"{100 * row['near_singular']:.1f} % close to singular")
     if arguments.program:
         rows["program"] = program(arms()["gears and springs"], arguments.count)

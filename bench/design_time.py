@@ -2,9 +2,9 @@
 
     python bench/design_time.py [--out FILE.json] [--repeats 5]
 
-Prints seconds (median) of the design of 50 + 13 poses for the shipped Racer, of exchange steps alone with updated
-determinants and with determinants computed from scratch, and the ratio; then O1 of the design, of the source's 50
-poses and of the best of 1,000 random sets under the same model.
+Prints seconds (median) of the design of 50 + 13 poses for the shipped Racer, of exchange steps alone with
+updated determinants and with determinants computed from scratch, and the ratio; then O1 of the design, of the
+source's 50 poses and of the best of 1,000 random sets under the same model.
 """
 
 from __future__ import annotations
@@ -55,7 +55,8 @@ def source_observability(robot: Robot, design: Design) -> float:
 def best_random(design: Design, sets: int = 1000) -> float:
     rng = np.random.default_rng(3)
     q = design.space.draw(4000, rng)
-    return max(design.observability_of(q[rng.choice(len(q), len(design.q), replace=False)]).O1 for _ in range(sets))
+    return max(design.observability_of(q[rng.choice(len(q), len(design.q), replace=False)]).O1
+               for _ in range(sets))
 
 
 def main() -> None:
@@ -72,14 +73,16 @@ def main() -> None:
     for candidates in (100, 400):
         chosen = {}
         for name, keep in (("updated", LogDeterminant()), ("recomputed", RecomputedDeterminant())):
-            options = ExchangeOptions(candidates=candidates, keep=keep, add=keep, most_steps=100, threshold=0.0, patience=100)
+            options = ExchangeOptions(candidates=candidates, keep=keep, add=keep, most_steps=100,
+                                      threshold=0.0, patience=100)
             run = lambda: exchange(pool, start, np.random.default_rng(1), options)
             result[f"exchange_{candidates}_{name}_s"] = seconds(run, arguments.repeats)
             chosen[name] = sorted(run().chosen)
         assert chosen["updated"] == chosen["recomputed"], "both must choose the same poses"
         ratio = result[f"exchange_{candidates}_recomputed_s"] / result[f"exchange_{candidates}_updated_s"]
         result[f"exchange_{candidates}_ratio"] = ratio
-    indices = {"O1": design.observability.O1, "O1_exchanged": design.exchanged.O1, "O1_start": design.start.O1}
+    indices = {"O1": design.observability.O1, "O1_exchanged": design.exchanged.O1,
+               "O1_start": design.start.O1}
     indices |= {"O1_source": source_observability(robot, design), "O1_best_random": best_random(design)}
     for name, value in (result | indices).items():
         print(f"{name:32s} {value:.4f}")

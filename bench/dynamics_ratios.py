@@ -3,9 +3,9 @@
 python bench/dynamics_ratios.py [--build DIR] [--json FILE] [--repetitions N]
 
 Times are CPU time of one thread in microseconds a call (rows "knot_*": a knot), medians over repetitions.
-"ratio" = Pinocchio / ours: above 1, ours is faster. Pinocchio's headers come from its PyPI wheel (`pin`), compiled in
-the same run with the same options; its last row leaves the contraction with a multiplier out. Exit 1 when ours is
-slower in any row, or the second derivatives miss their 10 microseconds.
+"ratio" = Pinocchio / ours: above 1, ours is faster. Pinocchio's headers come from its PyPI wheel (`pin`),
+compiled in the same run with the same options; its last row leaves the contraction with a multiplier out.
+Exit 1 when ours is slower in any row, or the second derivatives miss their 10 microseconds.
 """
 
 from __future__ import annotations
@@ -34,9 +34,11 @@ def pinocchio_prefix() -> Path | None:
 
 
 def build(directory: Path) -> Path:
-    options = ["-DEXACTARM_BENCH=ON", "-DEXACTARM_PYTHON=OFF", f"-DEXACTARM_BENCH_PREFIX={pinocchio_prefix() or ''}"]
+    options = ["-DEXACTARM_BENCH=ON", "-DEXACTARM_PYTHON=OFF",
+               f"-DEXACTARM_BENCH_PREFIX={pinocchio_prefix() or ''}"]
     subprocess.run(["cmake", "-S", ROOT, "-B", directory, *options], check=True, stdout=sys.stderr)
-    subprocess.run(["cmake", "--build", directory, "--target", "dynamics_bench"], check=True, stdout=sys.stderr)
+    subprocess.run(["cmake", "--build", directory, "--target", "dynamics_bench"], check=True,
+                   stdout=sys.stderr)
     return directory / "bench" / "dynamics_bench"
 
 
@@ -78,7 +80,8 @@ def verdict(rows: dict[str, float]) -> list[str]:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(description=__doc__,
+                                     formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--build", type=Path, default=ROOT / "build-bench")
     parser.add_argument("--json", type=Path, help="also write the whole report of google-benchmark")
     parser.add_argument("--repetitions", type=int, default=15)

@@ -10,9 +10,9 @@ random, and sets by `identify.exchange` from each of `STARTS` random starts:
     S    the same, where waves of each axis, of unknown size, are a part of the noise
 
 none of them polished, which needs poses that nobody measured. Each set is calibrated with position and
-orientation as `exactarm calibrate` does it. Printed: the mean error on the rows that judge, in mm: of all pool
-rows, of the random sets (median, tenth to ninetieth percentile), of the chosen ones (median over the starts,
-and in brackets the share of random sets that are better).
+orientation as `exactarm calibrate` does it. Printed: the mean error on the rows that judge, in mm: of all
+pool rows, of the random sets (median, tenth to ninetieth percentile), of the chosen ones (median over the
+starts, and in brackets the share of random sets that are better).
 """
 
 from __future__ import annotations
@@ -60,8 +60,8 @@ class MeanVariance(Criterion):
 
 
 def planned(robot: Robot, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Blocks (N, 6, m) of the identifiable parameters and (N, 6, w) of waves of the axes, each row over its noise, and
-    the mean J'J of the position (m, m)."""
+    """Blocks (N, 6, m) of the identifiable parameters and (N, 6, w) of waves of the axes, each row over its
+    noise, and the mean J'J of the position (m, m)."""
     model = PlannedModel.of(robot, q, "both", True)
     blocks = model.blocks(q)
     identifiability = reference_identifiability(model, blocks)
@@ -105,7 +105,8 @@ def chosen(planned_for: tuple, count: int, criterion: str, random) -> np.ndarray
 
 
 def error_of(robot: Robot, data: Dataset, pool: np.ndarray, rows: np.ndarray) -> float:
-    """Mean error (m) on the rows that are not in the pool, calibrated on `rows` of it; inf where it cannot be."""
+    """Mean error (m) on the rows that are not in the pool, calibrated on `rows` of it; inf where it cannot
+    be."""
     identification = np.zeros(len(data), bool)
     identification[rows] = True
     judged = ~np.isin(np.arange(len(data)), pool)
@@ -123,7 +124,8 @@ def measured(series: str, counts: list[int], sets: int) -> dict:
     planned_for = planned(robot, data.joints["q"][pool])
     every = error_of(robot, data, pool, pool)
     print(
-        f"series {series}: {len(pool)} poses in the pool, {len(data) - len(pool)} judge; all: {1e3 * every:.3f} mm"
+        f"series {series}: {len(pool)} poses in the pool, {len(data) - len(pool)} judge; all: "
+        f"{1e3 * every:.3f} mm"
     )
     print(f"| poses | random: median (10 to 90 %) | {' | '.join(CRITERIA)} |")
     print("| --- " * (2 + len(CRITERIA)) + "|")

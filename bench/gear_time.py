@@ -2,9 +2,9 @@
 
     python bench/gear_time.py [--out FILE.json] [--repeats 3] [--threads 2]
 
-The virtual Racer turns axis 1 under a gyroscope (0.05 deg/s of noise, an encoder of 65,536 counts); both methods of
-finding orders run and are compared on held-out runs, as in `exactarm gear`. Prints samples, runs, seconds of the clock
-and of the processor (medians), and the error on held-out runs over the sensor's noise.
+The virtual Racer turns axis 1 under a gyroscope (0.05 deg/s of noise, an encoder of 65,536 counts); both
+methods of finding orders run and are compared on held-out runs, as in `exactarm gear`. Prints samples, runs,
+seconds of the clock and of the processor (medians), and the error on held-out runs over the sensor's noise.
 """
 
 from __future__ import annotations
@@ -21,13 +21,15 @@ from exactarm.identify.gear import identify_gears
 from exactarm.robot_file import load_robot
 from exactarm.simulate import Sensors, VirtualRobot, measure_gear_runs
 
-SHAPES = {"few long runs": (4000.0, (12.0,), 5), "many short runs": (1000.0, (22.0, 45.0), 24)}  # Hz, deg/s, repeats
+# Hz, deg/s, repeats
+SHAPES = {"few long runs": (4000.0, (12.0,), 5), "many short runs": (1000.0, (22.0, 45.0), 24)}
 
 
 def measured(rate_hz: float, speeds: tuple[float, ...], repeats: int, threads: int, times: int) -> dict:
     robot = load_robot("racer-7-1.4")
     random = np.random.default_rng(1)
-    data = measure_gear_runs(VirtualRobot.of(robot), [0], np.deg2rad(speeds), repeats, Sensors(), random, rate_hz)
+    data = measure_gear_runs(VirtualRobot.of(robot), [0], np.deg2rad(speeds), repeats, Sensors(), random,
+                             rate_hz)
     clock, processor, result = [], [], None
     for _ in range(times):
         start, busy = time.perf_counter(), time.process_time()
@@ -49,7 +51,8 @@ def main() -> None:
     rows = {name: measured(*shape, arguments.threads, arguments.repeats) for name, shape in SHAPES.items()}
     for name, row in rows.items():
         print(f"{name:16}  {row['samples']:8d} samples in {row['runs']:3d} runs: {row['seconds']:.2f} s, "
-              f"{row['processor_seconds']:.2f} s of the processor; held out {row['held_out_over_noise']:.2f} x noise")
+              f"{row['processor_seconds']:.2f} s of the processor; held out {row['held_out_over_noise']:.2f} "
+              "x noise")
     if arguments.out:
         arguments.out.write_text(json.dumps(rows, indent=1) + "\n")
 

@@ -1,9 +1,9 @@
-"""Rows, processor seconds and peak memory of every command, each in a process of its own: the table of docs/limits.md.
+"""Rows, processor seconds and peak memory of every command, each in its own process: docs/limits.md.
 
     python bench/limits.py [--most 100000] [--only evaluate,gear]
 
-Data are the shipped and simulated ones, repeated to the number of rows; a command is not asked for more rows once it has taken
-longer than `PATIENCE_S` or more than `MOST_GB`.
+Data are the shipped and simulated ones, repeated to the number of rows; a command is not asked for more rows
+once it has taken longer than `PATIENCE_S` or more than `MOST_GB`.
 """
 
 from __future__ import annotations
@@ -74,13 +74,20 @@ CASES = {
 def measured(words: tuple[str, ...], make, rows: int, folder: Path) -> tuple[str, float, float]:
     """How it ended, processor seconds, bytes."""
     files = make(folder, rows)
-    line = [sys.executable, "-c", RUNNER, str(MOST_GB + 2.0), *words, *files, "--out", str(folder / "out"), "--threads", "1", "--quiet"]
-    done = subprocess.run(line, capture_output=True, text=True, env=os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"})
+    line = [sys.executable, "-c", RUNNER, str(MOST_GB + 2.0), *words, *files, "--out", str(folder / "out"),
+            "--threads", "1", "--quiet"]
+    done = subprocess.run(line, capture_output=True, text=True,
+                          env=os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"})
     told = [text for text in done.stdout.splitlines() if text.startswith("MEASURED")]
     if not told:
-        return f"ended by signal {-done.returncode}", resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime, np.nan
+        return f"ended by signal {-done.returncode}", resource.getrusage(
+            resource.RUSAGE_CHILDREN
+        ).ru_utime, np.nan
     _, code, seconds, memory = told[0].split()
-    how = "done" if code == "0" else f"exit {code}: {done.stderr.strip().removeprefix('exactarm: error: ')[:120]}"
+    how = (
+        "done" if code == "0" else f"exit {code}: "
+                                   f"{done.stderr.strip().removeprefix('exactarm: error: ')[:120]}"
+    )
     return how, float(seconds), float(memory)
 
 
@@ -96,7 +103,8 @@ def main() -> None:
         for rows in (count for count in counts if count <= arguments.most):
             with tempfile.TemporaryDirectory() as folder:
                 how, seconds, memory = measured(words, make, rows, Path(folder))
-            print(f"| `{name}` | {rows:,} | {seconds:.1f} s | {memory / GIGABYTE:.2f} GB | {how} |", flush=True)
+            print(f"| `{name}` | {rows:,} | {seconds:.1f} s | {memory / GIGABYTE:.2f} GB | {how} |",
+                  flush=True)
             if seconds > PATIENCE_S or not memory < MOST_GB * GIGABYTE or how != "done":
                 break
 

@@ -1,9 +1,9 @@
-"""How time and memory of a plan grow with the number of knots: the source's line at its own length and ten times slower.
+"""Time and memory of a plan by its number of knots: the source's line, at its own length and slower.
 
     python bench/planning_growth.py [growth.json] [--seconds 25]
 
-Medians of the stage-wise solver's wall clock and processor time; the largest memory of a process that plans once, in bytes
-(each in a process of its own).
+Medians of the stage-wise solver's wall clock and processor time; the largest memory of a process that plans
+once, in bytes (each in a process of its own).
 """
 
 import argparse
@@ -30,19 +30,23 @@ def measure(duration):
     memory = 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     model, reference, options = planning_model(robot), path.reference(), PlanOptions(threads=2)
     joints, known, _ = _joint_reference(model, reference, path, options)
-    problem, chosen = _problem(model, path, reference.step, joints, known, options), _solve_options(path, options)
+    problem, chosen = _problem(model, path, reference.step, joints, known,
+                               options), _solve_options(path, options)
     rows = []
     for _ in range(RUNS):
         wall, processor = time.perf_counter(), time.process_time()
         motion = _core.plan_motion(model.core, problem, chosen)
         rows.append((time.process_time() - processor, time.perf_counter() - wall))
     processor, wall = sorted(rows)[RUNS // 2]
-    return {"knots": len(plan.time), "seconds": wall, "processor_seconds": processor, "iterations": motion.iterations,
-            "status": motion.status, "position_rms_m": plan.tracking.position_rms, "peak_memory_bytes": memory}
+    return {"knots": len(plan.time), "seconds": wall, "processor_seconds": processor,
+            "iterations": motion.iterations,
+            "status": motion.status, "position_rms_m": plan.tracking.position_rms,
+            "peak_memory_bytes": memory}
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(description=__doc__,
+                                     formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("out", nargs="?", default="planning_growth.json")
     parser.add_argument("--seconds", type=float, default=25.0)
     parser.add_argument("--measure", type=float, help=argparse.SUPPRESS)
@@ -50,7 +54,8 @@ def main() -> None:
     if arguments.measure is not None:
         result = measure(arguments.measure)
     else:
-        rows = [json.loads(subprocess.run([sys.executable, __file__, "-", "--measure", str(duration)], check=True,
+        rows = [json.loads(subprocess.run([sys.executable, __file__, "-", "--measure", str(duration)],
+                                          check=True,
                                           capture_output=True, text=True).stdout)
                 for duration in (2.5, arguments.seconds)]
         short, long = rows
@@ -58,7 +63,8 @@ def main() -> None:
                   "processor_ratio": long["processor_seconds"] / short["processor_seconds"]}
         for row in rows:
             print(f"{row['knots']:6d} knots  {row['iterations']} iterations  {row['seconds']:.3f} s  "
-                  f"{row['processor_seconds']:.3f} s of the processor  {row['peak_memory_bytes'] / 2**20:.0f} MiB  "
+                  f"{row['processor_seconds']:.3f} s of the processor  "
+                  f"{row['peak_memory_bytes'] / 2**20:.0f} MiB  "
                   f"{1e9 * row['position_rms_m']:.2f} nm  {row['status']}")
         print(f"ratio {result['ratio']:.1f}, of processor time {result['processor_ratio']:.1f}")
     if arguments.out == "-":

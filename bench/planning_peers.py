@@ -2,15 +2,17 @@
 
     exactarm  the stage-wise solver, and our Ipopt path
     tuned     bench/planning_tuned_form.py: inverse dynamics, scaled, derivatives by stages, compiled C code
-    source    bench/planning_thesis_form.py: the source's own formulation with the solver's defaults, in output-side units of
-              angle (more than the source says); ended at --limit processor seconds, and then its ratio is a lower bound
-    favoured  the same without the bounds (none is active on this path, but the first barrier leads away from it) and
-              without MUMPS' permutation (with it MUMPS counts wrong signs of pivots): so it converges
+    source    bench/planning_thesis_form.py: the source's own formulation with the solver's defaults, in
+              output-side units of angle (more than the source says); ended at --limit processor seconds, and
+                  then its ratio is a lower bound
+    favoured  the same without the bounds (none is active on this path, but the first barrier leads away from
+              it) and without MUMPS' permutation (with it MUMPS counts wrong signs of pivots): so it converges
 
     python bench/planning_peers.py [peers.json] [--knots N] [--runs 3] [--limit 100]
 
-Medians of the solve alone, without building or compiling the problem: wall clock, and processor time of all threads, which is
-what counts on a busy machine. CasADi is needed by the benches only, and gcc by the tuned peer.
+Medians of the solve alone, without building or compiling the problem: wall clock, and processor time of all
+threads, which is what counts on a busy machine. CasADi is needed by the benches only, and gcc by the tuned
+peer.
 """
 
 import argparse
@@ -38,7 +40,8 @@ class Clock:
         self.wall, self.processor = time.perf_counter(), time.process_time()
 
     def read(self):
-        return {"seconds": time.perf_counter() - self.wall, "processor_seconds": time.process_time() - self.processor}
+        return {"seconds": time.perf_counter() - self.wall,
+                "processor_seconds": time.process_time() - self.processor}
 
 
 def median(rows):
@@ -52,13 +55,15 @@ def ending(solver):
 
 
 def ours(robot, path, runs):
-    """Median of our solver's time, and the plan. The model's set-up is in it, the inverse kinematics is not."""
+    """Median of our solver's time, and the plan. The model's set-up is in it, the inverse kinematics is
+    not."""
     plan, rows = plan_path(robot, path, PlanOptions(threads=2)), []
     for _ in range(runs):
         shared = prepared(robot, path)
         clock = Clock()
         motion = _core.plan_motion(*shared)
-        rows.append(clock.read() | {"iterations": motion.iterations, "status": motion.status, "solver_seconds": motion.seconds})
+        rows.append(clock.read() | {"iterations": motion.iterations, "status": motion.status,
+                                    "solver_seconds": motion.seconds})
     return plan, median(rows)
 
 
@@ -66,7 +71,8 @@ def prepared(robot, path):
     """The arguments of the core's solver for a path."""
     model, reference, options = planning_model(robot), path.reference(), PlanOptions(threads=2)
     joints, known, _ = _joint_reference(model, reference, path, options)
-    return model.core, _problem(model, path, reference.step, joints, known, options), _solve_options(path, options)
+    return model.core, _problem(model, path, reference.step, joints, known,
+                                options), _solve_options(path, options)
 
 
 def tuned(robot, model, own, nu, runs):
@@ -76,17 +82,21 @@ def tuned(robot, model, own, nu, runs):
     for _ in range(runs):
         clock = Clock()
         q = program.solve()[:, :robot.axes]
-        rows.append(clock.read() | ending(program.solver) | {"q_difference_rad": float(np.abs(q - own.q).max())})
+        rows.append(clock.read() | ending(program.solver)
+                    | {"q_difference_rad": float(np.abs(q - own.q).max())})
     return median(rows)
 
 
 def source(robot, model, own, nu, limit, favoured):
-    """From the reference at rest with the input 0; objective as printed, the solver's defaults unless favoured."""
+    """From the reference at rest with the input 0; objective as printed, the solver's defaults unless
+    favoured."""
     still = _core.gravity_torque(model.core, own.q_desired, 1)
     theta = np.empty_like(own.q_desired)
     for i, joint in enumerate(model.joints):
-        phi = own.q_desired[:, i] - model.offsets[i] + spring_inverse(joint.spring_linear, joint.spring_cubic, still[:, i])[0]
-        theta[:, i] = _core.gear_motor_angle(robot.ratios[i], model.core.joints[i].gear.cw, phi) / robot.ratios[i]
+        phi = own.q_desired[:, i] - model.offsets[i] + spring_inverse(joint.spring_linear, joint.spring_cubic,
+                                                                      still[:, i])[0]
+        theta[:, i] = _core.gear_motor_angle(robot.ratios[i], model.core.joints[i].gear.cw,
+                                             phi) / robot.ratios[i]
     program, start, low, high = problem(model, own.q_desired, theta, own.reference.step, nu)
     options = {"ipopt.print_level": 0, "ipopt.sb": "yes", "print_time": False, "ipopt.max_cpu_time": limit}
     if favoured:
@@ -99,20 +109,23 @@ def source(robot, model, own, nu, limit, favoured):
     return clock.read() | ending(solver) | {"q_difference_rad": float(np.abs(q - own.q).max()), "runs": 1}
 
 
-LABELS = {"stagewise": "exactarm, stage-wise", "ipopt": "exactarm, Ipopt and MUMPS", "casadi_tuned": "CasADi, tuned and compiled",
+LABELS = {"stagewise": "exactarm, stage-wise", "ipopt": "exactarm, Ipopt and MUMPS",
+          "casadi_tuned": "CasADi, tuned and compiled",
           "casadi_favoured": "the source's form, favoured", "casadi_source": "CasADi, the source's form"}
 
 
 def table(rows):
     lines = [f"{'':28}{'iterations':>11}{'s':>9}{'CPU s':>9}{'ratio':>8}{'of CPU':>8}  ended"]
     for name, row in rows.items():
-        lines.append(f"{LABELS[name]:28}{row['iterations']:11d}{row['seconds']:9.3f}{row['processor_seconds']:9.3f}"
+        lines.append(
+            f"{LABELS[name]:28}{row['iterations']:11d}{row['seconds']:9.3f}{row['processor_seconds']:9.3f}"
                      f"{row['ratio']:8.1f}{row['processor_ratio']:8.1f}  {row['status']}")
     return "\n".join(lines)
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(description=__doc__,
+                                     formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("out", nargs="?", default="planning_peers.json")
     parser.add_argument("--knots", type=int, default=2501)
     parser.add_argument("--runs", type=int, default=3)

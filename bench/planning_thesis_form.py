@@ -1,11 +1,13 @@
-"""The source's own formulation of the planning problem in a symbolic package, as a peer of bench/planning_peers.py.
+"""The source's own formulation of the planning problem in a symbolic package, as a peer of
+bench/planning_peers.py.
 
     states (q, q_dot, theta, theta_dot) and input theta_ddot in SI units, theta divided by the gear's ratio,
     q_ddot = D^{-1} (kappa(Xi^{-1}(theta) + q_offset - q) - C q_dot - g)        (4.1), E4
     trapezoidal rule and bounds (4.3), E10; start on the reference with the input 0; the solver's defaults
 
-With theta at the motor, a hundred times larger, Ipopt goes astray from its first step on: the division is a favour to the peer.
-One stage function of scalar expressions is mapped over the knots; CasADi makes all derivatives. Xi^{-1} by fixed-point steps.
+With theta at the motor, a hundred times larger, Ipopt goes astray from its first step on: the division is a
+favour to the peer. One stage function of scalar expressions is mapped over the knots; CasADi makes all
+derivatives. Xi^{-1} by fixed-point steps.
 """
 
 import casadi as ca
@@ -17,7 +19,8 @@ PASSES = 6  # of the inverse gear; each gains two digits
 
 
 def forward_dynamics(robot, tau):
-    """q_ddot(q, q_dot, torque of the springs) with the mass matrix from unit accelerations and its Cholesky factor."""
+    """q_ddot(q, q_dot, torque of the springs) with the mass matrix from unit accelerations and its Cholesky
+    factor."""
     n = robot.axes
     q, rate, torque = (ca.SX.sym(name, n) for name in ("q", "rate", "torque"))
     bias = tau(q, rate, ca.SX.zeros(n))
@@ -25,7 +28,8 @@ def forward_dynamics(robot, tau):
     unit = ca.DM.eye(n)
     mass = ca.horzcat(*[tau(q, ca.SX.zeros(n), unit[:, i]) - still for i in range(n)])
     factor = ca.chol((mass + mass.T) / 2)  # upper
-    return ca.Function("q_ddot", [q, rate, torque], [_substitute(factor, _substitute_transposed(factor, torque - bias))])
+    return ca.Function("q_ddot", [q, rate, torque],
+                       [_substitute(factor, _substitute_transposed(factor, torque - bias))])
 
 
 def _substitute_transposed(upper, right):
@@ -68,7 +72,8 @@ def problem(robot, q_desired, theta_start, step, nu):
     states, inputs = z[:4 * n, :], z[4 * n:, :]
     slope = stage.map(knots)(states, inputs)
     gaps = states[:, 1:] - states[:, :-1] - 0.5 * step * (slope[:, 1:] + slope[:, :-1])
-    objective = ca.sumsqr(states[:n, :] - ca.DM(q_desired.T)) + nu * ca.sumsqr(ca.diag(ca.DM(robot.ratios)) @ inputs)
+    objective = ca.sumsqr(states[:n, :]
+                          - ca.DM(q_desired.T)) + nu * ca.sumsqr(ca.diag(ca.DM(robot.ratios)) @ inputs)
     start = np.zeros((5 * n, knots))
     start[:n] = q_desired.T
     start[n:2 * n] = np.gradient(q_desired, step, axis=0).T

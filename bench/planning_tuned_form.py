@@ -1,13 +1,15 @@
-"""The planning problem in CasADi, Ipopt and MUMPS as well tuned as we could make it, a peer of bench/planning_peers.py.
+"""The planning problem in CasADi, Ipopt and MUMPS as well tuned as we could make it, a peer of
+bench/planning_peers.py.
 
     unknowns a knot  (q, h qd, h² qdd, phi, h thetad, h² thetadd), output-side rad
     stage            (tau(q, qd, qdd) - kappa(phi + q_offset - q)) / k1 = 0        inverse dynamics, no D^{-1}
     between knots    the trapezoidal rule; theta = Xi(phi) inserted, so that it is no unknown
 
-Derivatives are those of the functions of one knot, written as sparse blocks; all callbacks of Ipopt are C code, compiled
-with gcc -O3 -march=native before the clock runs. Start on the reference by flatness, objective scaled, barrier at its last
-value from the first step on (the start lies within all bounds), MUMPS without permutation and with the pivot threshold of
-our own path; its orderings PORD, METIS, SCOTCH and automatic take the same time, AMF and AMD 1.7 and 8 times as long.
+Derivatives are those of the functions of one knot, written as sparse blocks; all callbacks of Ipopt are C
+code, compiled with gcc -O3 -march=native before the clock runs. Start on the reference by flatness, objective
+scaled, barrier at its last value from the first step on (the start lies within all bounds), MUMPS without
+permutation and with the pivot threshold of our own path; its orderings PORD, METIS, SCOTCH and automatic take
+the same time, AMF and AMD 1.7 and 8 times as long.
 """
 
 import subprocess
@@ -21,9 +23,12 @@ from casadi_arm import gear, inverse_dynamics, springs
 SCALE = 1e9
 BLOCKS = 6
 OPTIONS = {
-    "mumps_permuting_scaling": 0, "mumps_pivtol": 1e-2, "mu_init": 1e-11, "bound_push": 1e-8, "bound_frac": 1e-8,
-    "bound_mult_init_method": "mu-based", "constr_mult_init_max": 0.0, "barrier_tol_factor": 1e3, "bound_relax_factor": 0.0,
-    "nlp_scaling_method": "none", "tol": 1e-6, "dual_inf_tol": 1e-4, "constr_viol_tol": 1e-10, "compl_inf_tol": 1e-10,
+    "mumps_permuting_scaling": 0, "mumps_pivtol": 1e-2, "mu_init": 1e-11, "bound_push": 1e-8,
+    "bound_frac": 1e-8,
+    "bound_mult_init_method": "mu-based", "constr_mult_init_max": 0.0, "barrier_tol_factor": 1e3,
+    "bound_relax_factor": 0.0,
+    "nlp_scaling_method": "none", "tol": 1e-6, "dual_inf_tol": 1e-4, "constr_viol_tol": 1e-10,
+    "compl_inf_tol": 1e-10,
     "acceptable_iter": 0, "print_level": 0, "sb": "yes",
 }
 
@@ -52,7 +57,8 @@ def _compiled(functions, folder, options):
     for function in functions:
         code.add(function)
     code.generate(f"{folder}/")
-    subprocess.run(["gcc", "-O3", "-march=native", "-fPIC", "-shared", "program.c", "-o", "program.so"], cwd=folder, check=True)
+    subprocess.run(["gcc", "-O3", "-march=native", "-fPIC", "-shared", "program.c", "-o", "program.so"],
+                   cwd=folder, check=True)
     program, *rest = [ca.external(function.name(), f"{folder}/program.so") for function in functions]
     x, p = ca.MX.sym("x", program.sparsity_in(0)), ca.MX.sym("p", 0)
     f, g = program(x, p)
@@ -68,16 +74,19 @@ def _functions(model, q_desired, step, nu):
     stage_force, gap_force, factor = ca.SX.sym("l", n), ca.SX.sym("pi", n), ca.SX.sym("factor")
     q, qd, qdd, phi, _, thetadd = ca.vertsplit(z, n)
     k1 = ca.DM([joint.spring_linear for joint in model.joints])
-    residual = (inverse_dynamics(model)(q, qd / step, qdd / step**2) - springs(model, phi + ca.DM(model.offsets) - q)) / k1
+    residual = (inverse_dynamics(model)(q, qd / step, qdd / step**2)
+                - springs(model, phi + ca.DM(model.offsets) - q)) / k1
     theta = gear(model, phi)
     weights = ca.DM(nu * (model.ratios / step**2) ** 2)
     cost = SCALE * (ca.sumsqr(q - wanted) + ca.dot(weights, thetadd**2))
     slope = ca.jacobian(theta, phi)  # diagonal
     by_z = ca.jacobian(residual, z)
-    curvature = ca.triu(ca.hessian(factor * cost + ca.dot(stage_force, residual) + ca.dot(gap_force, theta), z)[0])
+    curvature = ca.triu(ca.hessian(factor * cost + ca.dot(stage_force, residual) + ca.dot(gap_force, theta),
+                                   z)[0])
     stage = ca.Function("stage", [z], [residual, theta])
     first = ca.Function("first", [z], [ca.vertcat(*by_z.nonzeros()), ca.diag(slope)])
-    second = ca.Function("second", [z, wanted, factor, stage_force, gap_force], [ca.vertcat(*curvature.nonzeros())])
+    second = ca.Function("second", [z, wanted, factor, stage_force, gap_force],
+                         [ca.vertcat(*curvature.nonzeros())])
     price = ca.Function("price", [z, wanted], [cost])
     price_first = ca.Function("price_first", [z, wanted], [ca.gradient(cost, z)])
 
@@ -107,12 +116,14 @@ def _functions(model, q_desired, step, nu):
         ca.Function("nlp", [x, p], [f, g], ["x", "p"], ["f", "g"]),
         ca.Function("nlp_grad_f", [x, p], [f, grad_f], ["x", "p"], ["f", "grad_f_x"]),
         ca.Function("nlp_jac_g", [x, p], [g, jacobian], ["x", "p"], ["g", "jac_g_x"]),
-        ca.Function("nlp_hess_l", [x, p, lam_f, lam_g], [hessian], ["x", "p", "lam_f", "lam_g"], ["triu_hess_gamma_x_x"]),
+        ca.Function("nlp_hess_l", [x, p, lam_f, lam_g], [hessian], ["x", "p", "lam_f", "lam_g"],
+                    ["triu_hess_gamma_x_x"]),
     )
 
 
 def _repeated(block, knots):
-    """Sparsity of a block diagonal of equal blocks; its non-zeros are those of the blocks one after the other."""
+    """Sparsity of a block diagonal of equal blocks; its non-zeros are those of the blocks one after the
+    other."""
     column, row = (np.array(part) for part in (block.colind(), block.row()))
     columns = np.concatenate([k * len(row) + column[:-1] for k in range(knots)] + [[knots * len(row)]])
     rows = np.concatenate([k * block.size1() + row for k in range(knots)])
@@ -141,11 +152,13 @@ def _start_and_bounds(model, q_desired, theta, step):
     n = model.axes
     rates = lambda x, k: np.gradient(rates(x, k - 1), axis=0) if k else x
     phi = np.column_stack([_output_angle(joint, theta[:, i]) for i, joint in enumerate(model.joints)])
-    start = np.concatenate([q_desired, rates(q_desired, 1), rates(q_desired, 2), phi, rates(theta, 1), rates(theta, 2)], axis=1)
+    start = np.concatenate([q_desired, rates(q_desired, 1), rates(q_desired, 2), phi, rates(theta, 1),
+                            rates(theta, 2)], axis=1)
     start[np.ix_([0, -1], list(range(n, 3 * n)) + list(range(4 * n, 6 * n)))] = 0.0
     column = lambda field: np.array([getattr(joint, field) for joint in model.joints])
     free = np.full(n, np.inf)
-    ends = [[_output_angle(joint, np.array([value]))[0] for joint, value in zip(model.joints, column(field) - model.offsets)]
+    ends = [[_output_angle(joint, np.array([value]))[0]
+             for joint, value in zip(model.joints, column(field) - model.offsets)]
             for field in ("q_min", "q_max")]
     rate, second = step * column("q_dot_max"), step**2 * column("q_ddot_max")
     low = np.tile(np.concatenate([column("q_min"), -rate, -free, ends[0], -rate, -second]), (len(start), 1))
@@ -164,5 +177,6 @@ def _output_angle(joint, theta):
     for _ in range(12):
         terms = list(zip(joint.cw.order, joint.cw.a, joint.cw.b))
         value = phi + sum((a * np.sin(w * phi) + b * (np.cos(w * phi) - 1.0)) / w for w, a, b in terms)
-        phi = phi - (value - theta) / (1.0 + sum(a * np.cos(w * phi) - b * np.sin(w * phi) for w, a, b in terms))
+        phi = phi - (value - theta) / (1.0
+                                       + sum(a * np.cos(w * phi) - b * np.sin(w * phi) for w, a, b in terms))
     return phi

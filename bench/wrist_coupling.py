@@ -2,9 +2,9 @@
 
     python bench/wrist_coupling.py
 
-The coupling (rad of axis 6 per rad of axis 5) is held at several values, everything else of the declared model is
-fitted anew on the first 70 % of the motion, and the torque error of the last 30 % printed, axis by axis. The true one
-is -1. Where all rows are alike, the data cannot tell.
+The coupling (rad of axis 6 per rad of axis 5) is held at several values, everything else of the declared
+model is fitted anew on the first 70 % of the motion, and the torque error of the last 30 % printed, axis by
+axis. The true one is -1. Where all rows are alike, the data cannot tell.
 """
 
 from __future__ import annotations
@@ -35,7 +35,8 @@ def main() -> None:
         fitted = problem.fit(declared.joined(Layout.of((wrist,), estimate=False)))
         rms = np.sqrt(np.mean(problem.errors(fitted, problem.held_out).reshape(-1, robot.axes) ** 2, axis=0))
         numbers = "  ".join(f"{value:.2f}" for value in rms)
-        print(f"{coupling:8.1f}  {fitted.square(reference):22.1f}   {np.sqrt(np.mean(rms**2)):.2f}  {numbers}")
+        print(f"{coupling:8.1f}  {fitted.square(reference):22.1f}   {np.sqrt(np.mean(rms**2)):.2f}  "
+              f"{numbers}")
 
 
 if __name__ == "__main__":

@@ -1,4 +1,5 @@
-"""The documentation site: Markdown pages by MyST, the Python reference from docstrings. `make docs` builds it."""
+"""The documentation site: Markdown pages by MyST, the Python reference from docstrings. `make docs` builds
+it."""
 
 import sys
 from pathlib import Path
@@ -9,7 +10,8 @@ import exactarm
 
 project, author = "exactarm", "the exactarm developers"
 version = release = exactarm.__version__
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.mathjax", "sphinx_copybutton"]
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.mathjax",
+              "sphinx_copybutton"]
 myst_enable_extensions = ["dollarmath", "colon_fence"]
 myst_heading_anchors = 3
 html_theme, html_title = "furo", f"exactarm {release}"

@@ -37,8 +37,10 @@ def main(results: Path, picture: Path) -> None:
             share = 100.0 * np.histogram(errors, bins)[0] / len(errors)
             axes.stairs(share, bins, fill=True, alpha=0.35, color=colour)
             axes.stairs(share, bins, color=colour, linewidth=1.4)
-            axes.plot([], [], color=colour, linewidth=6.0, alpha=0.6, label=f"{name}: mean {errors.mean():.2f} mm")
-        axes.set(xlim=(0.0, 1.8), ylim=(0.0, None), xlabel="position error on poses that were never fitted [mm]",
+            axes.plot([], [], color=colour, linewidth=6.0, alpha=0.6,
+                      label=f"{name}: mean {errors.mean():.2f} mm")
+        axes.set(xlim=(0.0, 1.8), ylim=(0.0, None),
+                 xlabel="position error on poses that were never fitted [mm]",
                  ylabel="share of the poses [%]", title="UR10 under a laser tracker, series B")
         axes.legend(loc="upper right")
         picture.parent.mkdir(parents=True, exist_ok=True)

@@ -2,9 +2,9 @@
 
     python setup/notices.py WHEEL FOLDER      writes the whole wheel into FOLDER
 
-Which libraries are inside, the wheel says itself (exactarm.libs). The notice of each is that of the Debian package
-that it came from (/usr/share/doc/PACKAGE/copyright); a library without one is an error. The bill of materials is
-CycloneDX 1.5, dist-info/sboms/bundled.cdx.json.
+Which libraries are inside, the wheel says itself (exactarm.libs). The notice of each is that of the Debian
+package that it came from (/usr/share/doc/PACKAGE/copyright); a library without one is an error. The bill of
+materials is CycloneDX 1.5, dist-info/sboms/bundled.cdx.json.
 """
 
 import hashlib
@@ -26,8 +26,10 @@ def package_of(library: Path) -> tuple[str, str]:
     for folder in ("/usr/lib/x86_64-linux-gnu", "/lib/x86_64-linux-gnu", "/usr/lib", "/lib"):
         name = stem.split(".so")[0] + "*"
         for found in sorted(Path(folder).glob(name)) + sorted(Path(folder).glob(f"*/{name}")):
-            owners = subprocess.run(["dpkg", "-S", found.resolve(), found], capture_output=True, text=True).stdout
-            names = [line.split(":")[0] for line in owners.splitlines() if "diversion" not in line and "-dev" not in line]
+            owners = subprocess.run(["dpkg", "-S", found.resolve(), found], capture_output=True,
+                                    text=True).stdout
+            names = [line.split(":")[0] for line in owners.splitlines()
+                     if "diversion" not in line and "-dev" not in line]
             if names:
                 return names[0], output("dpkg-query", "-W", "-f", "${Version}", names[0])
     sys.exit(f"{library.name}: no Debian package owns it, so its licence is unknown")
@@ -35,8 +37,10 @@ def package_of(library: Path) -> tuple[str, str]:
 
 def component(library: Path, package: str, version: str) -> dict:
     digest = hashlib.sha256(library.read_bytes()).hexdigest()
-    return {"type": "library", "name": package, "version": version, "purl": f"pkg:deb/debian/{package}@{version}?distro=debian-12",
-            "hashes": [{"alg": "SHA-256", "content": digest}], "properties": [{"name": "file", "value": library.name}]}
+    return {"type": "library", "name": package, "version": version,
+            "purl": f"pkg:deb/debian/{package}@{version}?distro=debian-12",
+            "hashes": [{"alg": "SHA-256", "content": digest}],
+            "properties": [{"name": "file", "value": library.name}]}
 
 
 def main() -> None:
@@ -50,7 +54,9 @@ def main() -> None:
         for library in sorted((top / "exactarm.libs").iterdir()):
             package, version = package_of(library)
             bill.append(component(library, package, version))
-            (licences / f"{package}.txt").write_bytes(Path(f"/usr/share/doc/{package}/copyright").read_bytes())
+            (licences / f"{package}.txt").write_bytes(
+                Path(f"/usr/share/doc/{package}/copyright").read_bytes()
+            )
         (info / "sboms").mkdir(exist_ok=True)
         document = {"bomFormat": "CycloneDX", "specVersion": "1.5", "version": 1, "components": bill}
         (info / "sboms" / "bundled.cdx.json").write_text(json.dumps(document, indent=1) + "\n")

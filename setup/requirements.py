@@ -6,5 +6,8 @@ from pathlib import Path
 
 project = tomllib.loads((Path(__file__).parents[1] / "pyproject.toml").read_text())
 for name in sys.argv[1:]:
-    wanted = project["build-system"]["requires"] if name == "build" else project["project"]["optional-dependencies"][name]
+    wanted = (
+        project["build-system"]["requires"]
+        if name == "build" else project["project"]["optional-dependencies"][name]
+    )
     print("\n".join(wanted))

@@ -1,7 +1,7 @@
 """A short use of every part of an installed wheel that links a library or has builds for several processors.
 
-Run by wheel.sh in a clean environment. The builds must agree: kinematics, dynamics and gears to 1e-12 of the largest
-value, plans to 1e-9 rad, which is what the C++ tests ask of the two solvers.
+Run by wheel.sh in a clean environment. The builds must agree: kinematics, dynamics and gears to 1e-12 of the
+largest value, plans to 1e-9 rad, which is what the C++ tests ask of the two solvers.
 """
 
 import os
@@ -35,7 +35,8 @@ table = _core.GearTable([30.0, 85.0], [1e-3, 2e-3], [2e-3, -1e-3])
 found["phi"], found["ratio"] = _core.gear_outputs(80.0, table, 80.0 * q.ravel())
 problem = _core.PlanProblem(robot)
 time = np.linspace(0.0, 1.0, 400)[:, None]
-problem.q_desired, problem.step = 0.1 * time**4 * (35 - 84 * time + 70 * time**2 - 20 * time**3) * np.ones(6), 0.0025
+rise = time**4 * (35 - 84 * time + 70 * time**2 - 20 * time**3)
+problem.q_desired, problem.step = 0.1 * rise * np.ones(6), 0.0025
 for method in (_core.PlanMethod.stagewise, _core.PlanMethod.ipopt):
     options = _core.PlanOptions()
     options.method, options.threads = method, 2
@@ -59,7 +60,8 @@ def run(command: list[str], **environment: str) -> str:
 
 def runs_here(build: str) -> bool:
     command = [sys.executable, "-c", "import exactarm._core"]
-    words = subprocess.run(command, env={**os.environ, "EXACTARM_CPU": build}, capture_output=True, text=True).stderr
+    words = subprocess.run(command, env={**os.environ, "EXACTARM_CPU": build}, capture_output=True,
+                           text=True).stderr
     return "this processor cannot run it" not in words
 
 
@@ -68,7 +70,8 @@ def largest_difference(ours: dict[str, np.ndarray], others: dict[str, np.ndarray
     for name, values in ours.items():
         difference = np.abs(values - others[name]).max() / max(np.abs(values).max(), 1.0)
         if difference > AGREEMENT.get(name, OTHER_AGREEMENT):
-            sys.exit(f"{build}: {name} differs by {difference:.1e} of its largest value from that of {BUILDS[0]}")
+            sys.exit(f"{build}: {name} differs by {difference:.1e} of its largest value from that of "
+                     f"{BUILDS[0]}")
         worst = max(worst, difference)
     return worst
 
@@ -86,7 +89,8 @@ def main() -> None:
                 sys.exit(f"EXACTARM_CPU={build} has loaded {used}")
             found = dict(np.load(file))
             first = first or found
-            print(f"   {build or 'chosen'}: {used}, largest difference {largest_difference(first, found, build):.1e}")
+            print(f"   {build or 'chosen'}: {used}, largest difference "
+                  f"{largest_difference(first, found, build):.1e}")
         command = str(Path(sys.executable).with_name("exactarm"))
         assert run([command, "--version"]) == f"exactarm {version('exactarm')}"
         run([command, "plan", "racer-7-1.4", "line", "--out", folder, "--quiet"])

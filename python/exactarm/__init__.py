@@ -3,12 +3,15 @@
     import exactarm as ea
 
     robot = ea.load_robot("ur10")                   # a shipped name, a .toml or a .urdf
-    result = ea.calibrate(robot, "poses.csv")       # and ea.diagnose, ea.identify, ea.gear, ea.plan, ea.design,
-    print(result)                                   # ea.simulate, ea.evaluate, ea.batch: as on the command line
+    result = ea.calibrate(robot, "poses.csv")       # and ea.diagnose, ea.identify, ea.gear, ea.plan,
+                                                    ea.design,
+    print(result)                                   # ea.simulate, ea.evaluate, ea.batch: as on the command
+                                                    line
     better = result.robot
     better.fk([0, -1.5, 1.5, 0, 1.5, 0])            # the pose at the angles that the controller shows
 
-Nothing is imported before it is used. A command that shares its name with a room of the package (`plan`, `diagnose`,
+Nothing is imported before it is used. A command that shares its name with a room of the package (`plan`,
+`diagnose`,
 `identify`, `simulate`, ...) is that package, and can be called.
 """
 
@@ -22,15 +25,19 @@ from typing import Any
 __version__ = "0.1.0"
 
 COMMANDS = (
-    "accept", "batch", "calibrate", "certify", "compensate", "design", "diagnose", "evaluate", "export", "gear", "identify",
+    "accept", "batch", "calibrate", "certify", "compensate", "design", "diagnose", "evaluate", "export",
+    "gear", "identify",
     "plan", "simulate",
 )
 NAMES = {
-    "load_robot": "exactarm.robot_file", "write_robot": "exactarm.robot_file", "shipped_robots": "exactarm.robot_file",
-    "Robot": "exactarm.robot", "Joint": "exactarm.robot", "Link": "exactarm.robot", "Placement": "exactarm.robot",
+    "load_robot": "exactarm.robot_file", "write_robot": "exactarm.robot_file",
+    "shipped_robots": "exactarm.robot_file",
+    "Robot": "exactarm.robot", "Joint": "exactarm.robot", "Link": "exactarm.robot",
+    "Placement": "exactarm.robot",
     "read": "exactarm.commands.call", "example": "exactarm.examples", "Dataset": "exactarm.dataset",
     "write_dataset": "exactarm.dataset", "Result": "exactarm.commands.result",
-    "command_of": "exactarm.compensate.law", "actual_of": "exactarm.compensate.law", "Poses": "exactarm.compensate.law",
+    "command_of": "exactarm.compensate.law", "actual_of": "exactarm.compensate.law",
+    "Poses": "exactarm.compensate.law",
     "InputError": "exactarm.errors", "ComputationError": "exactarm.errors", "Progress": "exactarm.progress",
 }
 __all__ = [*NAMES, *COMMANDS]  # noqa: PLE0604 (names of both)

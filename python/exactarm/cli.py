@@ -52,7 +52,8 @@ def _open_streams() -> None:
 
 
 def _quiet_libraries() -> None:
-    """What libraries have to say to developers stays off the user's terminal, where an error is one line alone."""
+    """What libraries have to say to developers stays off the user's terminal, where an error is one line
+    alone."""
     import logging
     import warnings
 
@@ -81,11 +82,13 @@ def _report_failure(error: BaseException, progress: Progress, debug: bool) -> in
 
 def visible(text: str) -> str:
     """The text with control characters spelled out: a name in a file must not steer the terminal."""
-    return "".join(char if char.isprintable() or char in "\n\t" else char.encode("unicode_escape").decode() for char in text)
+    return "".join(char if char.isprintable() or char in "\n\t" else char.encode("unicode_escape").decode()
+                   for char in text)
 
 
 def _progress_stream() -> TextIO:
-    """Where progress is said: on the terminal, else on stdout, so that stderr holds nothing but the one line of an error."""
+    """Where progress is said: on the terminal, else on stdout, so that stderr holds nothing but the one line
+    of an error."""
     return sys.stderr if sys.stderr.isatty() else sys.stdout
 
 
@@ -100,7 +103,10 @@ def _explain(error: BaseException) -> tuple[int, str]:
         return INTERRUPTED, "interrupted; nothing was written"
     name = type(error).__name__
     if isinstance(error, MemoryError):
-        return FAILED, f"not enough memory ({error}); expected fewer rows at a time" if str(error) else "not enough memory"
+        return (
+            FAILED, f"not enough memory ({error}); expected fewer rows at a time"
+            if str(error) else "not enough memory"
+        )
     if isinstance(error, OSError):  # the machine's limits: disk, files, pipe
         place = f"{error.filename}: " if error.filename else ""
         return FAILED, f"{place}{error.strerror or error}"
@@ -152,14 +158,16 @@ def overview(commands: dict[str, tuple[str, str]]) -> str:
         "",
         *lines,
         "",
-        "`exactarm COMMAND --help` lists the options of a command; tab completion: eval \"$(exactarm --completion bash)\"",
+        "`exactarm COMMAND --help` lists the options of a command; tab completion: eval \"$(exactarm "
+        "--completion bash)\"",
         "Exit code: 0 done, 1 the computation failed, 2 bad input.",
         "",
     ])
 
 
 def _one_blas_thread() -> None:
-    """Our matrices are small: more BLAS threads would only wait for each other. --threads bounds those of the core.
+    """Our matrices are small: more BLAS threads would only wait for each other. --threads bounds those of the
+    core.
 
     BLAS reads its number of threads when numpy is imported, so this comes before any such import.
     """

@@ -54,12 +54,14 @@ def _from_columns(dataset: Dataset, robot: Robot) -> tuple[str, ...]:
         if static or not _looks_like_a_series(dataset):
             return ("poses",)
         return tuple(
-            name for name, holds in (("gear_run", gear), ("motion", torque), ("tracked_motion", True)) if holds
+            name for name, holds in (("gear_run", gear), ("motion", torque), ("tracked_motion", True))
+            if holds
         )
     kinds = tuple(name for name, holds in (("gear_run", gear), ("motion", torque)) if holds)
     if not kinds:
         raise InputError(
-            "no measured quantity; expected x, y, z (poses), socket, plane, sphere, bar or pair (closures), gyro_x, gyro_y, gyro_z or theta_i beside q_i "
+            "no measured quantity; expected x, y, z (poses), socket, plane, sphere, bar or pair (closures), "
+            "gyro_x, gyro_y, gyro_z or theta_i beside q_i "
             "(gear run), or tau_i, tau_motor_i or current_i (motion)",
             file=_file(dataset),
         )
@@ -101,17 +103,21 @@ def _file(dataset: Dataset, index: int = 0) -> str | None:
 
 def _check_time(dataset: Dataset) -> None:
     if dataset.time is None:
-        raise InputError("column missing; expected the time of each sample", file=_file(dataset), column="time_s")
+        raise InputError("column missing; expected the time of each sample", file=_file(dataset),
+                         column="time_s")
     for rows in _runs(dataset):
         if rows.size < LEAST_SAMPLES:
             place = {"file": _file(dataset, dataset.file_index[rows[0]]), "row": int(dataset.row[rows[0]])}
-            raise InputError(f"run {dataset.run[rows[0]]} has {rows.size} rows; expected at least {LEAST_SAMPLES} samples of a motion",
+            raise InputError(f"run {dataset.run[rows[0]]} has {rows.size} rows; expected at least "
+                             f"{LEAST_SAMPLES} samples of a motion",
                              column="run", **place)
         time = dataset.time[rows]
         fallen = np.flatnonzero(np.diff(time) <= 0.0)
         if fallen.size:
             at = rows[fallen[0] + 1]
-            message = f"time {dataset.time[at]:.9g} s does not rise; expected more than {time[fallen[0]]:.9g} s"
+            message = (
+                f"time {dataset.time[at]:.9g} s does not rise; expected more than {time[fallen[0]]:.9g} s"
+            )
             file = _file(dataset, dataset.file_index[at])
             raise InputError(message, file=file, row=int(dataset.row[at]), column="time_s")
 
@@ -133,7 +139,8 @@ def check_joints(dataset: Dataset, robot: Robot) -> None:
 
 def _check_geometry(robot: Robot) -> None:
     if not robot.has_geometry:
-        raise InputError(f"robot {robot.name} declares no geometry; expected one for data with x, y, z", file=robot.file)
+        raise InputError(f"robot {robot.name} declares no geometry; expected one for data with x, y, z",
+                         file=robot.file)
 
 
 def _check_poses(dataset: Dataset, robot: Robot) -> None:
@@ -157,20 +164,24 @@ def _check_closures(dataset: Dataset, robot: Robot) -> None:
         at = int(np.argmin(touched | tracked))
         raise InputError(
             "neither a contact nor x, y, z; expected one of them in every row",
-            file=_file(dataset, dataset.file_index[at]), row=int(dataset.row[at]), column=next(iter(dataset.contacts)),
+            file=_file(dataset, dataset.file_index[at]), row=int(dataset.row[at]),
+            column=next(iter(dataset.contacts)),
         )
 
 
 def _check_gear_run(dataset: Dataset, robot: Robot) -> None:
     theta = dataset.joints.get("theta")
     if theta is None:
-        raise InputError("column missing; expected the motor angle of a gear run", file=_file(dataset), column="theta_1_rad")
+        raise InputError("column missing; expected the motor angle of a gear run", file=_file(dataset),
+                         column="theta_1_rad")
     if dataset.gyro is None and not _has_both_encoders(dataset):
         message = "column missing; expected gyro_x, gyro_y, gyro_z or a q_i beside theta_i for a gear run"
         raise InputError(message, file=_file(dataset), column="gyro_x_rad_s")
     for index in np.flatnonzero(_has(theta)):
         if not robot.joints[index].has_gear:
-            message = f"robot {robot.name} declares no gear ratio for axis {index + 1}; expected one for a gear run"
+            message = (
+                f"robot {robot.name} declares no gear ratio for axis {index + 1}; expected one for a gear run"
+            )
             raise InputError(message, file=_file(dataset), column=f"theta_{index + 1}")
 
 

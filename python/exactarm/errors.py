@@ -10,7 +10,8 @@ LONGEST_MESSAGE = 900  # characters: a list of all effects' names fits, a cell o
 class InputError(ValueError):
     """What the user gave cannot be used."""
 
-    def __init__(self, message: str, *, file: object = None, row: int | None = None, column: str | None = None,
+    def __init__(self, message: str, *, file: object = None, row: int | None = None,
+                 column: str | None = None,
                  line: int | None = None):
         message = message if len(message) <= LONGEST_MESSAGE else message[:LONGEST_MESSAGE - 3] + "..."
         self.message, self.file, self.row, self.column = message, file, row, column
@@ -21,8 +22,11 @@ class InputError(ValueError):
         super().__init__(": ".join([", ".join(place), message]) if place else message)
 
     def within(self, file: object) -> "InputError":
-        """The same with the file that it is about, where it names none and is not about an option of the command line."""
-        if self.file is not None or file is None or self.message.startswith(("--", "argument ", "unrecognized arguments")):
+        """The same with the file that it is about, where it names none and is not about an option of the
+        command line."""
+        if self.file is not None or file is None or self.message.startswith(
+            ("--", "argument ", "unrecognized arguments")
+        ):
             return self
         return InputError(self.message, file=file, row=self.row, column=self.column)
 

@@ -2,7 +2,8 @@
 
     ur10    poses under a laser tracker, two series      kr300  encoders on both sides of the gears, two runs
     ball_in_socket  five arms calibrated without a tracker
-    tx40    motor angles and torques of one motion       racer  declared parameters, the thesis' poses and results
+    tx40    motor angles and torques of one motion       racer  declared parameters, the thesis' poses and
+            results
 """
 
 from __future__ import annotations
@@ -18,7 +19,8 @@ def data_path(name: str = "") -> Path:
     """Path of a shipped folder ("ur10") or file ("ur10/series_B.csv"); of all of them without a name."""
     path = EXAMPLES / name
     if not path.exists():
-        files = sorted(str(file.relative_to(EXAMPLES)) for file in EXAMPLES.rglob("*") if file.suffix in (".csv", ".parquet"))
+        files = sorted(str(file.relative_to(EXAMPLES)) for file in EXAMPLES.rglob("*")
+                       if file.suffix in (".csv", ".parquet"))
         raise InputError(f"no shipped data named {name!r}; expected one of {', '.join(files)}")
     return path
 

@@ -1,4 +1,5 @@
-"""What is known of a measuring fixture: distances between its contacts, radii, bars (`--fixture fixture.toml`).
+"""What is known of a measuring fixture: distances between its contacts, radii, bars (`--fixture
+fixture.toml`).
 
     [[distances]]              [[radii]]                       [[bars]]
     contact = "socket"         contact = "sphere"  # or "ball"  number = 0
@@ -7,8 +8,8 @@
     sigma_mm = 0.01            sigma_mm = 0.001
     session = 2                session = 2
 
-`ball`: the ball or tip on the flange. `sigma_mm`: standard deviation of the known length, SIGMA_M where it is not given.
-Without `session` an entry holds at every session. Lengths in m inside.
+`ball`: the ball or tip on the flange. `sigma_mm`: standard deviation of the known length, SIGMA_M where it is
+not given. Without `session` an entry holds at every session. Lengths in m inside.
 """
 
 from __future__ import annotations
@@ -75,7 +76,8 @@ def load_fixture(path: str | Path) -> Fixture:
         entries = tables.get(name, [])
         if not (isinstance(entries, list) and all(isinstance(entry, dict) for entry in entries)):
             raise InputError(f"{name} is no list of tables; expected [[{name}]]", file=path)
-        found[name] = [read(_Entry(str(path), f"[[{name}]] entry {place}", entry)) for place, entry in enumerate(entries, 1)]
+        found[name] = [read(_Entry(str(path), f"[[{name}]] entry {place}", entry))
+                       for place, entry in enumerate(entries, 1)]
     return Fixture(tuple(found["distances"]), tuple(found["radii"]), frozenset(found["bars"]))
 
 
@@ -97,7 +99,8 @@ class _Entry:
     def check_keys(self, *known: str) -> None:
         unknown = sorted(set(self.table) - set(known))
         if unknown:
-            raise InputError(f"{self.name}: unknown key {unknown[0]}; expected {', '.join(known)}", file=self.path)
+            raise InputError(f"{self.name}: unknown key {unknown[0]}; expected {', '.join(known)}",
+                             file=self.path)
 
     def metres(self, key: str, default: object = ...) -> float:
         return float(self.take(key, _is_length, "a length above 0 in mm", default)) * 1e-3
@@ -113,14 +116,16 @@ def _distance(entry: _Entry) -> Distance:
         "between", lambda v: isinstance(v, list) and len(v) == 2 and all(map(_is_number, v)) and v[0] != v[1],
         "two different numbers of contacts",
     )
-    return Distance(contact, tuple(pair), entry.metres("length_mm"), entry.metres("sigma_mm", 1e3 * SIGMA_M), entry.session())
+    return Distance(contact, tuple(pair), entry.metres("length_mm"), entry.metres("sigma_mm", 1e3 * SIGMA_M),
+                    entry.session())
 
 
 def _radius(entry: _Entry) -> Radius:
     entry.check_keys("contact", "number", "radius_mm", "sigma_mm", "session")
     contact = entry.take("contact", lambda v: v in WITH_RADIUS, f"one of {', '.join(WITH_RADIUS)}")
     number = None if contact == "ball" else entry.take("number", _is_number, "the sphere's number")
-    return Radius(contact, number, entry.metres("radius_mm"), entry.metres("sigma_mm", 1e3 * SIGMA_M), entry.session())
+    return Radius(contact, number, entry.metres("radius_mm"), entry.metres("sigma_mm", 1e3 * SIGMA_M),
+                  entry.session())
 
 
 def _free_bar(entry: _Entry) -> int:

@@ -44,7 +44,8 @@ def delivered_angle(
 
 
 def delivered(
-    phi: np.ndarray, orders: np.ndarray, a: np.ndarray, b: np.ndarray, factor: np.ndarray | float = 1.0, threads: int = 1
+    phi: np.ndarray, orders: np.ndarray, a: np.ndarray, b: np.ndarray, factor: np.ndarray | float = 1.0,
+    threads: int = 1
 ) -> tuple[np.ndarray, np.ndarray]:
     """The delivered angle x (N,) and u / ratio - 1 there."""
     scaled = isinstance(factor, np.ndarray) or factor != 1.0

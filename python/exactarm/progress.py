@@ -105,8 +105,10 @@ def _bar(stream: TextIO | None) -> Bar:
     from rich.progress import Progress as RichProgress
 
     bar = RichProgress(
-        SpinnerColumn(), TextColumn("{task.description}", markup=False), BarColumn(bar_width=24), MofNCompleteColumn(),
-        TimeElapsedColumn(), TimeRemainingColumn(), console=Console(file=stream, force_terminal=True), transient=True,
+        SpinnerColumn(), TextColumn("{task.description}", markup=False), BarColumn(bar_width=24),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(), TimeRemainingColumn(), console=Console(file=stream, force_terminal=True),
+        transient=True,
         redirect_stdout=False, redirect_stderr=False,
     )
     bar.start()

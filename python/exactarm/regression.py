@@ -2,14 +2,16 @@
 
     minimise  sum_r rho(|w_r (y_r - f_r(x))|^2)   over lower <= x <= upper
 
-Trust region on scaled columns (Moré 1978), inside the bounds (trust_region.py); where the radius binds, the step is
-bent along the valley by geodesic acceleration (Transtrum and Sethna 2012). A robust loss is handled by iteratively
-reweighted residuals (Huber 1964). The search ends where the linear model promises no fall (the relative offset of
-Bates and Watts 1981), not where one step happened to be short: in a curved valley every step is short.
+Trust region on scaled columns (Moré 1978), inside the bounds (trust_region.py); where the radius binds, the
+step is bent along the valley by geodesic acceleration (Transtrum and Sethna 2012). A robust loss is handled
+by iteratively reweighted residuals (Huber 1964). The search ends where the linear model promises no fall (the
+relative offset of Bates and Watts 1981), not where one step happened to be short: in a curved valley every
+step is short.
 
-Covariance: s^2 (J' W J)^{-1} with s^2 from N - P degrees of freedom (frames and all other free parameters counted),
-intervals by Student's t. Under the robust loss s^2 is taken from the clipped residuals psi over their mean slope,
-sum psi^2 / mean(psi')^2, and J keeps its plain weights (Huber 1973), so that gross errors widen nothing.
+Covariance: s^2 (J' W J)^{-1} with s^2 from N - P degrees of freedom (frames and all other free parameters
+counted), intervals by Student's t. Under the robust loss s^2 is taken from the clipped residuals psi over
+their mean slope, sum psi^2 / mean(psi')^2, and J keeps its plain weights (Huber 1973), so that gross errors
+widen nothing.
 """
 
 from __future__ import annotations
@@ -31,8 +33,9 @@ _GROWTH = 2.5  # of the radius after a good step, beside its length
 _MOST_BENT = 0.75  # acceleration beside the step (Transtrum and Sethna 2012)
 _PROBE = 0.1  # share of the step at which the second derivative is probed
 _ROUNDING = 1e-15  # of the size of the predicted values: a step of no effect
-# Where no step gives what the model promises: a kink of the model (a gap, a stop), rounding, or derivatives good to a
-# few digits, as long as it is worth less than this, in standard deviations of a parameter; more is no convergence.
+# Where no step gives what the model promises: a kink of the model (a gap, a stop), rounding, or derivatives
+# good to a few digits, as long as it is worth less than this, in standard deviations of a parameter; more is
+# no convergence.
 _UNSEEN = 0.5
 _HIDDEN = 1e-12  # of the size of the predicted values: so much may rounding hide of exact data
 _LEAST_PROMISE = 1e-4  # standard deviations: no shorter step is tried
@@ -49,9 +52,10 @@ class Evaluation(NamedTuple):
 class Fit:
     """x (P,), covariance (P, P), sigma (weighted residual standard deviation), freedom, state of the search.
 
-    reason: why the search ended; offset: share of the square sum that a linear step from x would still take off,
-    computed anew from the last residual and Jacobian. at_bound (P,) bool; weights (R,) of the robust loss, square
-    roots (1 without); slope: mean slope of the clipped residual; cost = half the weighted square sum.
+    reason: why the search ended; offset: share of the square sum that a linear step from x would still take
+    off, computed anew from the last residual and Jacobian. at_bound (P,) bool; weights (R,) of the robust
+    loss, square roots (1 without); slope: mean slope of the clipped residual; cost = half the weighted square
+    sum.
     """
 
     x: np.ndarray
@@ -73,7 +77,8 @@ class Fit:
 
     @property
     def clipped(self) -> np.ndarray:
-        """(R,) the residual, under the robust loss clipped and scaled so that its spread is that of good data."""
+        """(R,) the residual, under the robust loss clipped and scaled so that its spread is that of good
+        data."""
         return self.weights**2 * self.residual / self.slope
 
     def interval(self, level: float = 0.95) -> np.ndarray:
@@ -101,9 +106,9 @@ def least_squares(
     """Minimises the weighted residual; `evaluate(x, with_jacobian)`.
 
     weights (R,): square roots of the inverse variances; `group`: consecutive residuals that share one robust
-    weight (3 for a position); `data_rows`: the first so many residuals are data, the rest pseudo-observations of a
-    prior, which no robust loss touches. `tolerance`: converged where the linear model, inside the bounds and without
-    any radius, promises a fall of the square sum by less than this share of it.
+    weight (3 for a position); `data_rows`: the first so many residuals are data, the rest pseudo-observations
+    of a prior, which no robust loss touches. `tolerance`: converged where the linear model, inside the bounds
+    and without any radius, promises a fall of the square sum by less than this share of it.
     """
     x = np.array(start, float)
     lower, upper = bounds if bounds is not None else (np.full(x.size, -np.inf), np.full(x.size, np.inf))
@@ -118,7 +123,8 @@ def least_squares(
         norms = np.linalg.norm(weight[:, None] * now.jacobian, axis=0)
         size, square = _length(norms * x), _length(weight * now.residual) ** 2
         enough = max(tolerance * square, (_ROUNDING * size) ** 2)
-        # Never shorter than before (Moré 1978): a column that fades is not let loose. At the end it counts as it is.
+        # Never shorter than before (Moré 1978): a column that fades is not let loose. At the end it counts as
+        # it is.
         widest = np.maximum(scale, norms)
         for scale in (widest, norms):
             unit = np.where(scale > 0.0, scale, 1.0)
@@ -147,10 +153,12 @@ def least_squares(
 
 
 def _descend(evaluate, model: Model, whole: Step, x, now: Evaluation, weight, unit, bounds, radius: float):
-    """(next x, next radius): the first step, of shrinking radius, that lowers the square sum; None where none does.
+    """(next x, next radius): the first step, of shrinking radius, that lowers the square sum; None where none
+    does.
 
-    Inside a curved valley the step follows the geodesic to second order (Transtrum and Sethna 2012): the second
-    derivative along the step is taken from one more residual, and a step that bends more than it goes is too long.
+    Inside a curved valley the step follows the geodesic to second order (Transtrum and Sethna 2012): the
+    second derivative along the step is taken from one more residual, and a step that bends more than it goes
+    is too long.
     """
     square, smallest = _length(model.residual) ** 2, _ROUNDING * _length(unit * x)
     low, high = (bounds[0] - x) * unit, (bounds[1] - x) * unit
@@ -159,7 +167,9 @@ def _descend(evaluate, model: Model, whole: Step, x, now: Evaluation, weight, un
         step = whole if length_of_whole <= radius else bounded_step(model, low, high, radius)
         length = _length(step.step)
         promised = 2.0 * model.fall(step.step)
-        if length <= smallest or promised <= _LEAST_PROMISE**2 * square / len(model.residual) and radius < length_of_whole:
+        if length <= smallest or promised <= _LEAST_PROMISE**2 * square / len(
+            model.residual
+        ) and radius < length_of_whole:
             return None, radius
         bend = _bend(evaluate, model, step, x, now, weight, unit) if step.shift > 0.0 else np.zeros_like(x)
         trial = np.clip(x + (step.step + 0.5 * bend) / unit, *bounds)
@@ -177,7 +187,8 @@ def _descend(evaluate, model: Model, whole: Step, x, now: Evaluation, weight, un
 
 
 def _bend(evaluate, model: Model, step: Step, x, now: Evaluation, weight, unit) -> np.ndarray:
-    """(P,) the geodesic acceleration of the step, in scaled variables; infinite where the model has no value."""
+    """(P,) the geodesic acceleration of the step, in scaled variables; infinite where the model has no
+    value."""
     ahead = evaluate(x + _PROBE * step.step / unit, False).residual
     with np.errstate(over="ignore", invalid="ignore"):
         second = 2.0 / _PROBE * (weight * (now.residual - ahead) / _PROBE - model.jacobian @ step.step)
@@ -207,7 +218,8 @@ def _robust_weights(all_weighted: np.ndarray, group: int, data: int) -> np.ndarr
 
 
 def _mean_slope(soft: np.ndarray, group: int) -> float:
-    """Mean of psi': 1 inside; outside a group of g moves freely but along itself, (g - 1) / g of its weight."""
+    """Mean of psi': 1 inside; outside a group of g moves freely but along itself, (g - 1) / g of its
+    weight."""
     return float(np.mean(np.where(soft == 1.0, 1.0, (group - 1.0) / group * soft**2)))
 
 
@@ -249,7 +261,8 @@ def _finish(now, weight, soft, slope, x, lower, upper, reason, iterations) -> Fi
     covariance[np.ix_(free, free)] = variance * inverse / np.outer(scale, scale)
     return Fit(
         x=x, covariance=covariance, sigma=float(np.sqrt(variance)), freedom=freedom, reason=reason,
-        iterations=iterations, cost=0.5 * square, at_bound=at_bound, weights=soft, residual=now.residual, slope=slope,
+        iterations=iterations, cost=0.5 * square, at_bound=at_bound, weights=soft, residual=now.residual,
+        slope=slope,
         offset=_offset(soft[:, None] * jacobian, weight * soft * now.residual, free),
     )
 

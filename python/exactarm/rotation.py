@@ -1,4 +1,5 @@
-"""Rotations on stacks of matrices (..., 3, 3) and rotation vectors (..., 3) in rad; the left Jacobian of exp."""
+"""Rotations on stacks of matrices (..., 3, 3) and rotation vectors (..., 3) in rad; the left Jacobian of
+exp."""
 
 from __future__ import annotations
 

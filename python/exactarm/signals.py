@@ -1,9 +1,9 @@
 """Signals in time and over angle: acausal Gaussian filter, derivatives, spectra over a non-uniform angle.
 
 The filter is that of thesis (3.1), (3.2): impulse response exp(-t^2 / 2 s^2) / (s sqrt(2 pi)) with
-s = sqrt(ln 2) / (2 pi f_c), -3 dB at f_c, no phase. Derivatives are central differences of eighth order, one linear
-operator (a sparse matrix) for values and tangents alike; toward the ends of a block its order falls to two.
-A block is a stretch of one run without a gap in its time stamps.
+s = sqrt(ln 2) / (2 pi f_c), -3 dB at f_c, no phase. Derivatives are central differences of eighth order, one
+linear operator (a sparse matrix) for values and tangents alike; toward the ends of a block its order falls to
+two. A block is a stretch of one run without a gap in its time stamps.
 """
 
 from __future__ import annotations
@@ -15,8 +15,10 @@ from exactarm import _core
 
 _FIRST_SAMPLES = 400  # as good as all, and quick on a long run
 _GAP = 1.5  # a step longer than this many typical ones may end a block ...
-_LOST, _AROUND = 0.5, 8  # ... if the clock stays late by this share of one: median of so many stamps on either side
-# Central differences on a unit grid, coefficients of x[k + 1] - x[k - 1], x[k + 2] - x[k - 2], ... (Fornberg 1988).
+# ... if the clock stays late by this share of one: median of so many stamps on either side
+_LOST, _AROUND = 0.5, 8
+# Central differences on a unit grid, coefficients of x[k + 1] - x[k - 1], x[k + 2] - x[k - 2], ... (Fornberg
+# 1988).
 _STENCILS = {
     1: (1 / 2,),
     2: (2 / 3, -1 / 12),
@@ -40,7 +42,8 @@ def typical_step(time: np.ndarray) -> float:
 
 
 def order_of_sampling(time: np.ndarray) -> np.ndarray:
-    """Row indices of one run in the order of its stamps; rows stay as they are where stamps only jitter past each other."""
+    """Row indices of one run in the order of its stamps; rows stay as they are where stamps only jitter past
+    each other."""
     back = -np.min(np.diff(time), initial=0.0)
     if back == 0.0 or back < typical_step(time):
         return np.arange(time.size)
@@ -59,10 +62,11 @@ def blocks(time: np.ndarray) -> list[np.ndarray]:
 
 
 def _lateness(time: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """By how much the stamps behind each of `rows` are later than those up to it say: a single late stamp is made up for
-    by the next step, lost samples are not."""
+    """By how much the stamps behind each of `rows` are later than those up to it say: a single late stamp is
+    made up for by the next step, lost samples are not."""
     far = min(2 * _AROUND, time.size - 1)
-    step = np.median(time[far:][:_LONG_SAMPLES] - time[:-far][:_LONG_SAMPLES]) / far  # over many steps: their scatter stays small
+    # over many steps: their scatter stays small
+    step = np.median(time[far:][:_LONG_SAMPLES] - time[:-far][:_LONG_SAMPLES]) / far
     reach = np.arange(_AROUND)
     behind = np.minimum(rows[:, None] + 1 + reach, time.size - 1)
     ahead = np.maximum(rows[:, None] - reach, 0)
@@ -73,7 +77,8 @@ def _lateness(time: np.ndarray, rows: np.ndarray) -> np.ndarray:
 def even_clock(time: np.ndarray) -> np.ndarray:
     """Time stamps (N,) of one run without what scatters in them: their rounding, or a logger's jitter.
 
-    A step that is off by a thousandth puts a thousandth of the speed into a rate, which is more than a gyroscope's noise.
+    A step that is off by a thousandth puts a thousandth of the speed into a rate, which is more than a
+    gyroscope's noise.
     """
     if time.size < 3:
         return time
@@ -93,8 +98,9 @@ def even_clock(time: np.ndarray) -> np.ndarray:
 
 
 def stamps_are_true(values: np.ndarray, rate: np.ndarray, time: np.ndarray, clock: np.ndarray) -> bool:
-    """Whether samples (N,) with derivative `rate` were taken at their uneven stamps, and not evenly and stamped unevenly:
-    then they scatter about their smooth course on the even `clock` as the rate times what scatters in the stamps."""
+    """Whether samples (N,) with derivative `rate` were taken at their uneven stamps, and not evenly and
+    stamped unevenly: then they scatter about their smooth course on the even `clock` as the rate times what
+    scatters in the stamps."""
     if values.size < 16:
         return False
     stamped, scattered = np.diff((time - clock) * rate, 4), np.diff(values - rate.mean() * clock, 4)
@@ -111,11 +117,13 @@ def gaussian_sigma(cutoff_hz: float) -> float:
     return np.sqrt(np.log(2.0)) / (2.0 * np.pi * cutoff_hz)
 
 
-def gaussian_filter(values: np.ndarray, time: np.ndarray, cutoff_hz: float, noisy: bool = False) -> np.ndarray:
+def gaussian_filter(values: np.ndarray, time: np.ndarray, cutoff_hz: float,
+                    noisy: bool = False) -> np.ndarray:
     """`values` (N, ...) of one run, filtered block by block without phase; straight lines pass unchanged.
 
-    Past its ends a block goes on as its own point reflection, which keeps the end sample as it is. Where noise is most of
-    the signal (`noisy`) it goes on as a straight line through its first samples, and what lies beside it mirrored.
+    Past its ends a block goes on as its own point reflection, which keeps the end sample as it is. Where
+    noise is most of the signal (`noisy`) it goes on as a straight line through its first samples, and what
+    lies beside it mirrored.
     """
     out = np.array(values, float)
     width = gaussian_sigma(cutoff_hz) / typical_step(time) if time.size > 1 else 0.0
@@ -150,8 +158,8 @@ def _past_the_front(block: np.ndarray, pad: int, width: float) -> np.ndarray:
 
 
 def _smoothed(padded: np.ndarray, width: float, reach: int, short: bool) -> np.ndarray:
-    """`padded` (N, ...) under a Gaussian kernel of `width` samples that ends at `reach`: a wide one by Fourier
-    transform, which wraps round at the ends, so not where the padding is `short` of the reach."""
+    """`padded` (N, ...) under a Gaussian kernel of `width` samples that ends at `reach`: a wide one by
+    Fourier transform, which wraps round at the ends, so not where the padding is `short` of the reach."""
     if short or reach < _WIDE:
         return ndimage.gaussian_filter1d(padded, width, axis=0, mode="nearest", radius=reach)
     size = fft.next_fast_len(padded.shape[0], real=True)
@@ -165,7 +173,8 @@ def _smoothed(padded: np.ndarray, width: float, reach: int, short: bool) -> np.n
 
 
 def derivative(values: np.ndarray, time: np.ndarray, starts: list[int] | None = None) -> np.ndarray:
-    """d/dt of samples (N, ...) of one run: what `derivative_operator` does, without the matrix; starts: `block_starts`."""
+    """d/dt of samples (N, ...) of one run: what `derivative_operator` does, without the matrix; starts:
+    `block_starts`."""
     return _core.derivative(values, time, block_starts(time) if starts is None else starts)
 
 
@@ -223,18 +232,21 @@ def step_of_quantisation(values: np.ndarray) -> float:
     if steps.size < 8:
         return 0.0
     grid = float(steps.min())
-    # An exact angle at an even pace or acceleration lies on a grid too, that of its own steps, but does not scatter.
+    # An exact angle at an even pace or acceleration lies on a grid too, that of its own steps, but does not
+    # scatter.
     if np.count_nonzero(np.abs(np.diff(values, 4)) > 0.1 * grid) < 0.2 * steps.size:
         return 0.0
     near = steps[steps < 100.0 * grid] / grid  # few steps, so that the grid's own rounding does not add up
     return grid if near.size >= 0.2 * steps.size and np.all(np.abs(near - np.round(near)) < 0.05) else 0.0
 
 
-def steady_direction(rate: np.ndarray, time: np.ndarray, share: float = 0.02) -> tuple[np.ndarray, np.ndarray]:
+def steady_direction(rate: np.ndarray, time: np.ndarray,
+                     share: float = 0.02) -> tuple[np.ndarray, np.ndarray]:
     """Direction of motion (N,) of one run from its rate, and the mask (N,) of its reversals.
 
-    Samples slower than `share` of the fastest take the direction of the nearest faster sample, so that a standstill
-    belongs to the motion beside it; between opposite directions they are the reversal, which no table defines.
+    Samples slower than `share` of the fastest take the direction of the nearest faster sample, so that a
+    standstill belongs to the motion beside it; between opposite directions they are the reversal, which no
+    table defines.
     """
     fastest = np.max(np.abs(rate), initial=0.0)
     sign = np.where(np.abs(rate) > share * fastest, np.sign(rate), 0.0)
@@ -258,7 +270,8 @@ def steady_direction(rate: np.ndarray, time: np.ndarray, share: float = 0.02) ->
 
 
 def periodogram(angle: np.ndarray, values: np.ndarray, orders: np.ndarray) -> np.ndarray:
-    """Complex amplitudes (K,) of exp(i order angle) in `values` (N,) on any angles (N,): 2 / N sum v exp(-i w x)."""
+    """Complex amplitudes (K,) of exp(i order angle) in `values` (N,) on any angles (N,): 2 / N sum v exp(-i w
+    x)."""
     out = np.empty(orders.size, complex)
     for k in range(0, orders.size, 64):
         part = orders[k : k + 64]
@@ -267,7 +280,8 @@ def periodogram(angle: np.ndarray, values: np.ndarray, orders: np.ndarray) -> np
 
 
 def on_uniform_angle(angle: np.ndarray, values: np.ndarray, samples: int) -> tuple[np.ndarray, np.ndarray]:
-    """The signal (N,) averaged into `samples` equal cells of its angle: centres (M,), means (M,); empty ones filled in."""
+    """The signal (N,) averaged into `samples` equal cells of its angle: centres (M,), means (M,); empty ones
+    filled in."""
     low, high = float(angle.min()), float(angle.max())
     edges = np.linspace(low, high, samples + 1)
     cell = np.clip(((angle - low) / (high - low) * samples).astype(int), 0, samples - 1)
@@ -278,13 +292,15 @@ def on_uniform_angle(angle: np.ndarray, values: np.ndarray, samples: int) -> tup
     return centre, np.interp(centre, centre[full], mean[full])
 
 
-def zoom(values: np.ndarray, step: float, low: float, high: float, count: int) -> tuple[np.ndarray, np.ndarray]:
+def zoom(values: np.ndarray, step: float, low: float, high: float,
+         count: int) -> tuple[np.ndarray, np.ndarray]:
     """Chirp-z zoom (Rabiner 1969) of a signal on a uniform angle (rad): orders (count,), complex amplitudes.
 
     By Bluestein's convolution here: scipy.signal takes half a second to import.
     """
     orders = np.linspace(low, high, count)
-    turn = (high - low) / max(count - 1, 1) * step / (2.0 * np.pi)  # revolutions from one order to the next, a sample
+    # revolutions from one order to the next, a sample
+    turn = (high - low) / max(count - 1, 1) * step / (2.0 * np.pi)
     samples = values.size
     index = np.arange(max(samples, count), dtype=float)
     chirp = np.exp(-2j * np.pi * np.fmod(0.5 * turn * index**2, 1.0))
@@ -297,11 +313,13 @@ def zoom(values: np.ndarray, step: float, low: float, high: float, count: int) -
     return orders, 2.0 / samples * spectrum
 
 
-def power_over_orders(pieces: list[tuple[np.ndarray, np.ndarray]], ratio: float, highest: float | None = None):
+def power_over_orders(pieces: list[tuple[np.ndarray, np.ndarray]], ratio: float,
+                      highest: float | None = None):
     """Orders (K,) and the power (K,) of signals (angle, values) over their angle, summed over the pieces.
 
-    Each piece is averaged onto a uniform angle, levelled and windowed (Hann); four points per cell of resolution
-    1 / range. Below two periods in the longest range nothing can be told, so the orders begin there.
+    Each piece is averaged onto a uniform angle, levelled and windowed (Hann); four points per cell of
+    resolution 1 / range. Below two periods in the longest range nothing can be told, so the orders begin
+    there.
     """
     pieces = [(x, v) for x, v in pieces if x.size >= 32 and np.ptp(x) > 0.0]
     if not pieces:
@@ -319,13 +337,15 @@ def power_over_orders(pieces: list[tuple[np.ndarray, np.ndarray]], ratio: float,
         samples = int(min(angle.size // 2, max(64, 1.3 * top * span / np.pi)))
         centre, mean = on_uniform_angle(angle, values, samples)
         level = np.polynomial.Polynomial.fit(centre, mean, 1)
-        orders, amplitude = zoom((mean - level(centre)) * np.hanning(samples), centre[1] - centre[0], low, top, count)
+        orders, amplitude = zoom((mean - level(centre)) * np.hanning(samples), centre[1] - centre[0], low,
+                                 top, count)
         power += np.abs(amplitude) ** 2 * samples
     return orders, power
 
 
 def strongest_orders(pieces, ratio: float, most: int = 8, over_floor: float = 8.0) -> np.ndarray:
-    """The orders of the highest peaks of `power_over_orders` that stand out of its floor (median), strongest first."""
+    """The orders of the highest peaks of `power_over_orders` that stand out of its floor (median), strongest
+    first."""
     orders, power = power_over_orders(pieces, ratio)
     if orders.size < 8:
         return np.zeros(0)

@@ -2,7 +2,8 @@
 
 `pose_split`: whole poses: rows of one visit or with the same joint angles stay together; each session gives
 its share. `run_split`: whole runs; in gear runs, runs that move the same axes the same way share; where there
-is only one of a sort, its first part is taken and its last part left. Both -> (N,) bool, True = identification.
+is only one of a sort, its first part is taken and its last part left. Both -> (N,) bool, True =
+identification.
 """
 
 from __future__ import annotations
@@ -19,14 +20,16 @@ from exactarm.data_kind import STATIC
 if TYPE_CHECKING:
     from exactarm.dataset import Dataset
 
-SAME_POSE = 3e-5  # of an axis' range (about 1e-4 rad): an arm sent to one pose twice reports no more than this
+# of an axis' range (about 1e-4 rad): an arm sent to one pose twice reports no more than this
+SAME_POSE = 3e-5
 DEFAULT_SEED = 1  # of every random choice, in Python and on the command line alike
 STANDS_STILL = 0.02  # an axis moves when its range is more than this share of the largest
 
 
 def pose_groups(dataset: Dataset) -> np.ndarray:
     """(N,) int from 0: rows with the same number were measured at the same pose of the arm."""
-    angles = np.hstack([np.nan_to_num(dataset.joints[name]) for name in ("theta", "q") if name in dataset.joints])
+    angles = np.hstack([np.nan_to_num(dataset.joints[name]) for name in ("theta", "q")
+                        if name in dataset.joints])
     span = np.ptp(angles, axis=0)
     distinct, groups = np.unique(angles / np.where(span > 0.0, span, 1.0), axis=0, return_inverse=True)
     near = cKDTree(distinct).query_pairs(SAME_POSE, p=np.inf, output_type="ndarray")
@@ -38,7 +41,8 @@ def pose_groups(dataset: Dataset) -> np.ndarray:
         count += visits.max() + 1
     if "pair" in dataset.contacts:  # the same pose of the target: the rows of a pair judge each other
         rows = np.flatnonzero(dataset.contacts["pair"] >= 0)
-        _, numbers = np.unique(np.stack([dataset.session[rows], dataset.contacts["pair"][rows]], 1), axis=0, return_inverse=True)
+        _, numbers = np.unique(np.stack([dataset.session[rows], dataset.contacts["pair"][rows]], 1), axis=0,
+                               return_inverse=True)
         pairs.append(np.stack([groups.ravel()[rows], count + numbers.ravel()], axis=1))
         count += numbers.max(initial=-1) + 1
     links = np.concatenate(pairs)

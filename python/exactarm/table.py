@@ -54,7 +54,8 @@ def read_table(
         raise InputError("no data rows below the header; expected at least one", file=path)
     gaps = may_be_empty(arrow.column_names)
     columns = {
-        name: _numpy(path, name, arrow.column(i), name in text, name in gaps) for i, name in enumerate(arrow.column_names)
+        name: _numpy(path, name, arrow.column(i), name in text, name in gaps)
+        for i, name in enumerate(arrow.column_names)
     }
     return Table(columns, hashlib.sha256(content).hexdigest(), arrow.num_rows)
 
@@ -121,7 +122,8 @@ def _parse_csv(body: pa.Buffer, names: list[str], types: Mapping[str, pa.DataTyp
         pa.BufferReader(body),
         read_options=pa.csv.ReadOptions(column_names=names, block_size=1 << 23),
         # An empty cell is a fault to be named, not a missing value.
-        convert_options=pa.csv.ConvertOptions(column_types=dict(types), null_values=[], strings_can_be_null=False),
+        convert_options=pa.csv.ConvertOptions(column_types=dict(types), null_values=[],
+                                              strings_can_be_null=False),
     )
 
 
@@ -149,9 +151,11 @@ def _csv_header(path: str | Path, content: bytes) -> tuple[list[str], int]:
 
 def _check_names(path: str | Path, names: list[str]) -> None:
     if not names:
-        raise InputError("first line is empty; expected a header row with the names of the columns", file=path)
+        raise InputError("first line is empty; expected a header row with the names of the columns",
+                         file=path)
     if all(_is_number(name) for name in names):
-        raise InputError("first row is numbers; expected a header row with the names of the columns", file=path)
+        raise InputError("first row is numbers; expected a header row with the names of the columns",
+                         file=path)
     for position, name in enumerate(names, start=1):
         if not name:
             raise InputError(f"column {position} has no name; expected one", file=path)
@@ -160,7 +164,8 @@ def _check_names(path: str | Path, names: list[str]) -> None:
 
 
 def _csv_cell_by_cell(
-    path: str | Path, body: pa.Buffer, names: list[str], text: Collection[str], gaps: Collection[str], error: pa.ArrowInvalid
+    path: str | Path, body: pa.Buffer, names: list[str], text: Collection[str], gaps: Collection[str],
+    error: pa.ArrowInvalid
 ) -> pa.Table:
     """The slow way, taken when the fast one failed: finds the row and the cell that are to blame."""
     try:
@@ -228,7 +233,10 @@ def _parquet(path: str | Path, content: bytes, text: Collection[str]) -> pa.Tabl
         kind = table.schema.field(index).type
         value = kind.value_type if pa.types.is_dictionary(kind) else kind
         wanted = pa.string() if name in text else pa.float64()
-        fits = pa.types.is_string(value) or pa.types.is_large_string(value) if name in text else _is_numeric(value)
+        fits = (
+            pa.types.is_string(value) or pa.types.is_large_string(value)
+            if name in text else _is_numeric(value)
+        )
         if not fits:
             expected = "text" if name in text else "numbers"
             raise InputError(f"type {kind}; expected {expected}", file=path, column=name)
@@ -253,5 +261,6 @@ def _numpy(path: str | Path, name: str, column: pa.ChunkedArray, is_text: bool, 
     sizes = np.nan_to_num(np.abs(numbers))
     if sizes.max(initial=0.0) > LARGEST_NUMBER:
         row = int(np.argmax(sizes))
-        raise InputError(f"{numbers[row]}; expected a number of at most {LARGEST_NUMBER:g} in size", file=path, row=row + 1, column=name)
+        raise InputError(f"{numbers[row]}; expected a number of at most {LARGEST_NUMBER:g} in size",
+                         file=path, row=row + 1, column=name)
     return numbers

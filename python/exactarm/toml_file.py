@@ -1,6 +1,7 @@
 """TOML files from outside: one guarded reader for robots, paths and all that is declared by hand.
 
-    read_toml(path, "a robot file (.toml)") -> tables        is_number(value)        fits_shape(value, (None, 3))
+    read_toml(path, "a robot file (.toml)") -> tables        is_number(value)        fits_shape(value, (None,
+    3))
 
 Refused with one line that names the file: what cannot be read, is no text or no TOML, is nested deeper than
 `DEEPEST` or holds a whole number beyond 64 bits, which TOML leaves to the reader and no double holds exactly.
@@ -55,7 +56,8 @@ def fits_shape(value: Any, shape: tuple[int | None, ...]) -> bool:
 
 
 def _check(tables: dict[str, Any], path: str | Path, expected: str) -> None:
-    """Depth and whole numbers, without recursion: what comes from outside must not choose how deep we call."""
+    """Depth and whole numbers, without recursion: what comes from outside must not choose how deep we
+    call."""
     todo: list[tuple[Any, int]] = [(tables, 0)]
     while todo:
         value, depth = todo.pop()
@@ -67,6 +69,7 @@ def _check(tables: dict[str, Any], path: str | Path, expected: str) -> None:
             todo += [(item, depth + 1) for item in value]
         elif isinstance(value, int) and abs(value) > LARGEST_WHOLE:
             raise InputError(
-                f"holds a whole number of {len(hex(abs(value))) - 2} hexadecimal digits; expected one of 64 bits",
+                f"holds a whole number of {len(hex(abs(value))) - 2} hexadecimal digits; expected one of 64 "
+                "bits",
                 file=path,
             )

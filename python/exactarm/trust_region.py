@@ -3,9 +3,9 @@
     minimise  g'p + p'B p / 2   over  |p| <= radius,  low <= p <= high,      B = J'J
 
 in scaled variables, where the columns of J have length one or less. The radius is met by the shift mu of
-(B + mu I) p = -g (Moré and Sorensen 1983), from the eigenvalues of B; where those are too small to be seen in J'J,
-from the singular values of J itself. A bound that the step would cross is met, and the others are solved again.
-Units: none. Directions whose singular value lies below rounding get no step.
+(B + mu I) p = -g (Moré and Sorensen 1983), from the eigenvalues of B; where those are too small to be seen in
+J'J, from the singular values of J itself. A bound that the step would cross is met, and the others are solved
+again. Units: none. Directions whose singular value lies below rounding get no step.
 """
 
 from __future__ import annotations
@@ -64,7 +64,8 @@ class Step:
 def bounded_step(model: Model, low: np.ndarray, high: np.ndarray, radius: float) -> Step:
     """The best step inside radius and bounds (low <= 0 <= high), one bound after the other.
 
-    A variable on its bound that the gradient pushes outwards is held; one that would cross its bound is set on it.
+    A variable on its bound that the gradient pushes outwards is held; one that would cross its bound is set
+    on it.
     """
     gradient = model.gradient
     free = ~(((low >= 0.0) & (gradient > 0.0)) | ((high <= 0.0) & (gradient < 0.0)))
@@ -84,7 +85,8 @@ def bounded_step(model: Model, low: np.ndarray, high: np.ndarray, radius: float)
 
 
 def _one_by_one(model: Model, low: np.ndarray, high: np.ndarray, radius: float):
-    """Holds what stands on a bound that the step would cross, and goes to the first bound met: always a fall."""
+    """Holds what stands on a bound that the step would cross, and goes to the first bound met: always a
+    fall."""
     gradient = model.gradient
     free = ~(((low >= 0.0) & (gradient > 0.0)) | ((high <= 0.0) & (gradient < 0.0)))
     while free.any():
@@ -100,7 +102,8 @@ def _one_by_one(model: Model, low: np.ndarray, high: np.ndarray, radius: float):
 
 
 def _inside(values, vectors, gradient, radius: float) -> tuple[np.ndarray, float]:
-    """(step, shift): the minimum of the quadratic form with these eigenvalues and vectors inside the radius."""
+    """(step, shift): the minimum of the quadratic form with these eigenvalues and vectors inside the
+    radius."""
     onto = vectors.T @ gradient
     seen = values > _ROUNDING**2 * values.max(initial=0.0)
     step = np.zeros(len(values))

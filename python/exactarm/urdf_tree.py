@@ -1,7 +1,7 @@
 """The links and joints of a URDF file as a checked tree, and the serial chain in it.
 
-Angles in rad, lengths in m, as URDF has them. Refused, with a line that names file and element: no XML, a joint
-between unknown links, more than one root, a loop, numbers that are none, a chain that branches.
+Angles in rad, lengths in m, as URDF has them. Refused, with a line that names file and element: no XML, a
+joint between unknown links, more than one root, a loop, numbers that are none, a chain that branches.
 """
 
 from __future__ import annotations
@@ -33,7 +33,8 @@ class UrdfJoint:
     child: str
     origin: Placement
     axis: np.ndarray
-    numbers: dict[str, float] = field(default_factory=dict)  # lower, upper, velocity, effort, damping, friction, ratio
+    # lower, upper, velocity, effort, damping, friction, ratio
+    numbers: dict[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -47,15 +48,20 @@ class UrdfTree:
     inertials: dict[str, Link]
 
     def chain(self, base: str | None = None, tip: str | None = None) -> tuple[UrdfJoint, ...]:
-        """The joints from `base` to `tip`, by themselves the root and the end of the only chain that moves."""
+        """The joints from `base` to `tip`, by themselves the root and the end of the only chain that
+        moves."""
         for given in (base, tip):
             if given is not None and given not in self.children:
-                raise InputError(f"no link {given!r}; expected one of {_listed(self.children)}", file=self.path)
+                raise InputError(f"no link {given!r}; expected one of {_listed(self.children)}",
+                                 file=self.path)
         start = self.root if base is None else base
         way = self._way_to(start, tip) if tip is not None else self._only_way(start)
         for joint in way:
             if joint.type not in (*MOVING, "fixed"):
-                message = f"joint {joint.name}: type {joint.type!r}; expected revolute, continuous, prismatic or fixed"
+                message = (
+                    f"joint {joint.name}: type {joint.type!r}; expected revolute, continuous, prismatic or "
+                    "fixed"
+                )
                 raise InputError(message, file=self.path)
         if not any(joint.type in MOVING for joint in way):
             raise InputError("no joint moves between base and tip; expected at least one", file=self.path)
@@ -79,7 +85,9 @@ class UrdfTree:
                 tips = [tip for joint in ways for tip in self.ends(joint.child)]
                 tips = [link, *tips] if any(joint.type in MOVING for joint in way) else tips
                 name = Path(self.path).name
-                message = f"the chain branches at link {link}; expected a tip, as in {name}#TIP, of {_listed(tips)}"
+                message = (
+                    f"the chain branches at link {link}; expected a tip, as in {name}#TIP, of {_listed(tips)}"
+                )
                 raise InputError(message, file=self.path)
             if not ways:
                 return (*way, *self._way_to(link, self._fixed_end(link)))
@@ -99,7 +107,8 @@ class UrdfTree:
         return [joint.child for joint in self._below(link) if not self.children[joint.child]] or [link]
 
     def _below(self, link: str) -> list[UrdfJoint]:
-        """All joints below `link`, depth first in the order of the file; without recursion, for a chain may be long."""
+        """All joints below `link`, depth first in the order of the file; without recursion, for a chain may
+        be long."""
         found, todo = [], list(reversed(self.children[link]))
         while todo:
             joint = todo.pop()
@@ -130,7 +139,8 @@ def read_tree(path: str | Path) -> UrdfTree:
     except OSError as error:
         raise InputError(f"cannot be read ({error.strerror}); expected a robot file", file=path) from None
     except (LookupError, ValueError):  # an encoding that Python does not know
-        raise InputError("is in an unknown encoding; expected a robot file (.urdf) in UTF-8", file=path) from None
+        raise InputError("is in an unknown encoding; expected a robot file (.urdf) in UTF-8",
+                         file=path) from None
     except xml.ParseError as error:
         raise InputError(f"is no valid XML: {error}", file=path) from None
     if robot.tag != "robot":
@@ -144,7 +154,8 @@ def read_tree(path: str | Path) -> UrdfTree:
     carried: dict[str, list[UrdfJoint]] = {name: [] for name in links}
     for joint in joints:
         carried[joint.parent].append(joint)
-    children, ends = {name: tuple(below) for name, below in carried.items()}, {joint.child for joint in joints}
+    children, ends = {name: tuple(below)
+                      for name, below in carried.items()}, {joint.child for joint in joints}
     root = next(name for name in links if name not in ends)
     masses = {name: link for name, link in inertials.items() if link is not None}
     return UrdfTree(str(path), robot.get("name") or Path(path).stem, root, children, masses)
@@ -167,7 +178,8 @@ def _check_tree(path: str, links: list[str], joints: list[UrdfJoint]) -> None:
     for joint in joints:
         for end in (joint.parent, joint.child):
             if end not in known:
-                raise InputError(f"joint {joint.name}: no link {end!r}; expected one of the file's links", file=path)
+                raise InputError(f"joint {joint.name}: no link {end!r}; expected one of the file's links",
+                                 file=path)
         if joint.child in seen:
             raise InputError(f"link {joint.child}: child of two joints; expected a tree", file=path)
         seen.add(joint.child)
@@ -199,7 +211,8 @@ class _TreeReader:
             raise InputError(f"{what}: attribute {name!r} is missing", file=self.path)
         return value
 
-    def numbers(self, element: xml.Element | None, name: str, what: str, default: tuple[float, ...]) -> np.ndarray:
+    def numbers(self, element: xml.Element | None, name: str, what: str,
+                default: tuple[float, ...]) -> np.ndarray:
         text = None if element is None else element.get(name)
         if text is None:
             return np.array(default)
@@ -208,7 +221,8 @@ class _TreeReader:
         except ValueError:
             values = np.zeros(0)
         if values.shape != (len(default),) or not np.isfinite(values).all():
-            raise InputError(f"{what}: {name}={text!r}; expected {len(default)} finite number(s)", file=self.path)
+            raise InputError(f"{what}: {name}={text!r}; expected {len(default)} finite number(s)",
+                             file=self.path)
         return values
 
     def placement(self, element: xml.Element | None, what: str) -> Placement:
@@ -228,7 +242,8 @@ class _TreeReader:
         if kind in MOVING and not np.linalg.norm(axis) > 0.0:
             raise InputError(f"{what}: axis of length 0; expected a direction", file=self.path)
         numbers = {}
-        for tag, keys in (("limit", ("lower", "upper", "velocity", "effort")), ("dynamics", ("damping", "friction"))):
+        for tag, keys in (("limit", ("lower", "upper", "velocity", "effort")),
+                          ("dynamics", ("damping", "friction"))):
             part = element.find(tag)
             for key in keys:
                 if part is not None and part.get(key) is not None:
@@ -250,7 +265,9 @@ class _TreeReader:
             except (TypeError, ValueError):
                 out[joint.get("name")] = 0.0
             if not (np.isfinite(out[joint.get("name")]) and out[joint.get("name")]):
-                message = f"transmission of joint {joint.get('name')}: {reduction.text!r}; expected a gear ratio"
+                message = (
+                    f"transmission of joint {joint.get('name')}: {reduction.text!r}; expected a gear ratio"
+                )
                 raise InputError(message, file=self.path)
         # A reduction of 1 is what description files say where nobody looked.
         return {name: ratio for name, ratio in out.items() if ratio != 1.0}

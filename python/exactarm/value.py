@@ -3,8 +3,8 @@
     @dataclass(frozen=True, eq=False)
     class Link(Value): ...
 
-Two values are equal when they are of one class and all their fields are, arrays number by number (NaN equals NaN).
-What was computed from the fields and kept (`cached_property`) takes no part, and is not pickled.
+Two values are equal when they are of one class and all their fields are, arrays number by number (NaN equals
+NaN). What was computed from the fields and kept (`cached_property`) takes no part, and is not pickled.
 """
 
 from __future__ import annotations
@@ -39,7 +39,8 @@ def _key(value: Any) -> Any:
     if isinstance(value, np.ndarray):
         return (value.shape, tuple(_key(item) for item in value.ravel().tolist()))
     if isinstance(value, Mapping):
-        return tuple(sorted(((str(key), _key(item)) for key, item in value.items()), key=lambda pair: pair[0]))
+        return tuple(sorted(((str(key), _key(item)) for key, item in value.items()),
+                            key=lambda pair: pair[0]))
     if isinstance(value, (list, tuple)):
         return tuple(_key(item) for item in value)
     if isinstance(value, float) and value != value:

@@ -1,4 +1,5 @@
-"""The one check that every analytic derivative in Python passes: central differences with Richardson extrapolation.
+"""The one check that every analytic derivative in Python passes: central differences with Richardson
+extrapolation.
 
     D(h) = (f(x + h) - f(x - h)) / 2h,   derivative ~ (4 D(h/2) - D(h)) / 3
 """
@@ -21,15 +22,19 @@ def central_difference(function: Callable[[np.ndarray], np.ndarray], x: np.ndarr
             ahead, behind = x.copy(), x.copy()
             ahead[k] += size
             behind[k] -= size
-            slopes.append((np.asarray(function(ahead)) - np.asarray(function(behind))) / (ahead[k] - behind[k]))
+            slopes.append(
+                (np.asarray(function(ahead)) - np.asarray(function(behind))) / (ahead[k] - behind[k])
+            )
         columns.append((4.0 * slopes[1] - slopes[0]) / 3.0)
     return np.stack(columns, axis=-1) if columns else np.zeros(0)
 
 
 def assert_derivative(
-    function: Callable[[np.ndarray], np.ndarray], x: np.ndarray, analytic: np.ndarray, step, *, relative: float = 1e-6
+    function: Callable[[np.ndarray], np.ndarray], x: np.ndarray, analytic: np.ndarray, step, *,
+    relative: float = 1e-6
 ) -> None:
-    """Fails, naming the column, unless each column of `analytic` (..., P) agrees to `relative` of its largest entry."""
+    """Fails, naming the column, unless each column of `analytic` (..., P) agrees to `relative` of its largest
+    entry."""
     numeric = central_difference(function, x, step)
     assert numeric.shape == np.shape(analytic), f"shape {np.shape(analytic)}, expected {numeric.shape}"
     values = np.abs(np.asarray(function(np.asarray(x, float))))
@@ -39,5 +44,6 @@ def assert_derivative(
         size = np.max(np.abs(numeric[..., k]), initial=0.0)
         rounding = 30.0 * np.finfo(float).eps * np.max(values, initial=0.0) / steps[k]
         assert difference <= relative * size + rounding, (
-            f"column {k}: largest difference {difference:.3g}, largest entry {size:.3g}, rounding {rounding:.3g}"
+            f"column {k}: largest difference {difference:.3g}, largest entry {size:.3g}, rounding "
+            f"{rounding:.3g}"
         )

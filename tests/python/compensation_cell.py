@@ -1,6 +1,8 @@
-"""A virtual cell: a nominal arm, the identified one that is also the true one, and programs of it in every dialect.
+"""A virtual cell: a nominal arm, the identified one that is also the true one, and programs of it in every
+dialect.
 
-Numbers are written and read here by the standard library and scipy alone, so that no test asks the readers about themselves.
+Numbers are written and read here by the standard library and scipy alone, so that no test asks the readers
+about themselves.
 """
 
 from __future__ import annotations
@@ -23,21 +25,25 @@ from exactarm.robot_file import load_robot
 
 TOOL = (85.0, -30.0, 210.0, 20.0, 35.0, -15.0)  # mm, deg: x y z, a b c about z, y, x
 BASE = (350.0, -120.0, 260.0, 12.0, -3.0, 4.0)
-PULSES = (1e7, 1.1e7, -0.9e7, 1e7, -1e7, 0.8e7)  # fine, so that rounding to whole pulses stays below a micrometre
+# fine, so that rounding to whole pulses stays below a micrometre
+PULSES = (1e7, 1.1e7, -0.9e7, 1e7, -1e7, 0.8e7)
 LOAD = (4.0, (0.02, -0.03, 0.11))
 
 
 def identified(name: str = "racer-7-1.4", seed: int = 1, effects: bool = True, **controller) -> Robot:
-    """An arm as a calibration hands it on: other frames and offsets than its controller has, gear tables, effects."""
+    """An arm as a calibration hands it on: other frames and offsets than its controller has, gear tables,
+    effects."""
     robot, rng = load_robot(name).with_controller_frames, np.random.default_rng(seed)
     joints = []
     for i, joint in enumerate(robot.joints):
         length, angle = lambda: 5e-4 * rng.normal(), lambda: 1e-3 * rng.normal()
         moved = {"d": joint.d + length()} if joint.beta is None else {"beta": joint.beta + angle()}
-        moved |= {"a": joint.a + length(), "alpha": joint.alpha + angle(), "q_offset": joint.q_offset + angle()}
+        moved |= {"a": joint.a + length(), "alpha": joint.alpha + angle(),
+                  "q_offset": joint.q_offset + angle()}
         joints.append(replace(joint, controller_offset=float(robot.controller_offsets[i]), **moved))
     found = (JointCompliance(2, (4e-7, 0.0)), Backlash(3, (3e-4, 20.0))) if effects else ()
-    return replace(robot, joints=tuple(joints), effects=found, controller=replace(robot.controller, **controller))
+    return replace(robot, joints=tuple(joints), effects=found,
+                   controller=replace(robot.controller, **controller))
 
 
 def reachable(robot: Robot, count: int, seed: int = 2) -> np.ndarray:
@@ -57,7 +63,8 @@ def nearby(robot: Robot, count: int, seed: int = 2) -> np.ndarray:
 
 def zyx(numbers) -> Placement:
     """x y z mm, a b c deg with R = Rz(a) Ry(b) Rx(c)."""
-    return Placement(Rotation.from_euler("ZYX", numbers[3:6], degrees=True).as_matrix(), 1e-3 * np.array(numbers[:3]))
+    return Placement(Rotation.from_euler("ZYX", numbers[3:6], degrees=True).as_matrix(),
+                     1e-3 * np.array(numbers[:3]))
 
 
 @dataclass(frozen=True)
@@ -82,7 +89,8 @@ class Cell:
         found = []
         for tip, start in zip(tips, near):
             flange = compose(compose(self.base, tip), relative(self.tool, Placement()))
-            q, report = _core.inverse_kinematics_path(self.nominal, flange.position[None], flange.rotation.reshape(1, 9), start)
+            q, report = _core.inverse_kinematics_path(self.nominal, flange.position[None],
+                                                      flange.rotation.reshape(1, 9), start)
             assert report.status == _core.InverseKinematicsStatus.solved
             found.append(q[0])
         return np.array(found)
@@ -93,7 +101,8 @@ class Cell:
         if load is not None:
             from exactarm.effects.payload import Payload
 
-            robot = replace(robot, effects=(*robot.effects, Payload(None, (load[0], *(load[0] * np.array(load[1]))))))
+            robot = replace(robot, effects=(*robot.effects,
+                                            Payload(None, (load[0], *(load[0] * np.array(load[1]))))))
         arm = replace(robot, base=Placement(), tool=self.tool)
         data = Dataset.of_arrays("poses", {"q": q, "approach": approach})
         there = predict_poses(arm, Layout.of(robot.effects, estimate=False), data, tangents=False).position
@@ -126,14 +135,16 @@ def krl(cell: Cell, q: np.ndarray, linear: bool = False) -> dict[str, bytes]:
                     f"S {status},T {sign_bits(angles)},E1 0.0}} ; point {i}")
         data.append(f'DECL FDAT FP{i}={{TOOL_NO 1,BASE_NO 2,IPO_FRAME #BASE,POINT2[] " "}}')
         source.append(f"  {'LIN' if linear and i > 1 else 'PTP'} XP{i} ; move {i}")
-    source.append("PTP {" + ",".join(f"A{k} {angle:.7f}" for k, angle in enumerate(np.degrees(q[0]), start=1)) + "} C_PTP")
+    source.append("PTP {" + ",".join(f"A{k} {angle:.7f}" for k, angle in enumerate(np.degrees(q[0]), start=1))
+                  + "} C_PTP")
     encode = lambda lines: ("\r\n".join(lines) + "\r\n").encode("latin-1")
     return {"prog.src": encode([*source, "END"]), "prog.dat": encode([*data, "ENDDAT"])}
 
 
 def read_krl(files: dict[str, bytes]) -> list[Placement]:
     text = files["prog.dat"].decode("latin-1")
-    return [zyx(numbers(re.sub(r"[A-Z]\d? ", "", match))[:6]) for match in re.findall(r"E6POS XP\d+=\{([^}]*)\}", text)]
+    return [zyx(numbers(re.sub(r"[A-Z]\d? ", "", match))[:6])
+            for match in re.findall(r"E6POS XP\d+=\{([^}]*)\}", text)]
 
 
 def urscript(cell: Cell, q: np.ndarray) -> dict[str, bytes]:
@@ -145,7 +156,8 @@ def urscript(cell: Cell, q: np.ndarray) -> dict[str, bytes]:
     lines.append("  movej(start, a=1.4, v=1.05)")
     for i, tip in enumerate(cell.tip(q)[1:], start=2):
         pose = [*tip.position, *Rotation.from_matrix(tip.rotation).as_rotvec()]
-        lines.append(f"  move{'jl'[i % 2]}(p[" + ", ".join(f"{value:.9f}" for value in pose) + "], a=1.2, v=0.25, r=0.01)")
+        lines.append(f"  move{'jl'[i % 2]}(p[" + ", ".join(f"{value:.9f}" for value in pose)
+                     + "], a=1.2, v=0.25, r=0.01)")
     return {"prog.script": "\n".join([*lines, "end"]).encode()}
 
 
@@ -161,12 +173,16 @@ def rapid(cell: Cell, q: np.ndarray) -> dict[str, bytes]:
     frame = lambda placement: f"[{row(1e3 * placement.position, 6)},{row(quaternion(placement), 10)}]"
     nowhere = "[9E+09,9E+09,9E+09,9E+09,9E+09,9E+09]"
     lines = ["MODULE prog", "  ! MoveL [[1,2,3]] caf\u00e9"]
-    lines.append(f"  PERS tooldata torch:=[TRUE,{frame(cell.tool)},[{LOAD[0]},{row(1e3 * np.array(LOAD[1]), 3)},[1,0,0,0],0,0,0]];")
+    load = f"[{LOAD[0]},{row(1e3 * np.array(LOAD[1]), 3)},[1,0,0,0],0,0,0]"
+    lines.append(f"  PERS tooldata torch:=[TRUE,{frame(cell.tool)},{load}];")
     lines.append(f'  TASK PERS wobjdata table:=[FALSE,TRUE,"",{frame(cell.base)},[[0,0,0],[1,0,0,0]]];')
-    moves = [f"    MoveAbsJ [[{','.join(f'{angle:.7f}' for angle in np.degrees(q[0]))}],{nowhere}]\\NoEOffs,v200,fine,torch;"]
+    first = ",".join(f"{angle:.7f}" for angle in np.degrees(q[0]))
+    moves = [f"    MoveAbsJ [[{first}],{nowhere}]\\NoEOffs,v200,fine,torch;"]
     for i, (tip, angles) in enumerate(zip(cell.tip(q), q), start=1):
         word = [int(np.floor(angle / (np.pi / 2))) for angle in angles[[0, 3, 5]]] + [int(angles[4] < 0)]
-        target = f"[{row(1e3 * tip.position, 5)},{row(quaternion(tip), 9)},[{','.join(map(str, word))}],{nowhere}]"
+        target = (
+            f"[{row(1e3 * tip.position, 5)},{row(quaternion(tip), 9)},[{','.join(map(str, word))}],{nowhere}]"
+        )
         if i % 2:
             lines.append(f"  CONST robtarget p{i}:={target};")
             moves.append(f"    MoveJ p{i},v100\\V:=50,fine,torch\\WObj:=table; ! p{i}")
@@ -195,10 +211,15 @@ def fanuc(cell: Cell, q: np.ndarray) -> dict[str, bytes]:
             shown = np.degrees(angles - np.array([0, 0, angles[1], 0, 0, 0]))
             body = ",\n\t".join(f"J{k}= {angle:10.7f} deg" for k, angle in enumerate(shown, start=1))
         else:
-            body = (f"CONFIG : 'N U T, 0, 0, 0',\n\tX = {x:12.6f}  mm,\tY = {y:12.6f}  mm,\tZ = {z:12.6f}  mm,\n"
+            body = (f"CONFIG : 'N U T, 0, 0, 0',\n\tX = {x:12.6f}  mm,\tY = {y:12.6f}  mm,\tZ = {z:12.6f}  "
+                    "mm,\n"
                     f"\tW = {w:12.7f} deg,\tP = {p:12.7f} deg,\tR = {r:12.7f} deg")
-        places.append(f'P[{i}:"at {i}"]{{\n   GP1:\n\tUF : 3, UT : 4,\t\t{body}\n   GP2:\n\tUF : 0, UT : 1,\n\tJ1= 0.000 deg\n}};')
-    return {"prog.ls": "\n".join(["/PROG  PROG", "/ATTR", "/MN", *moves, "/POS", *places, "/END", ""]).encode()}
+        places.append(
+            f'P[{i}:"at {i}"]{{\n   GP1:\n\tUF : 3, UT : 4,\t\t{body}\n   '
+            f'GP2:\n\tUF : 0, UT : 1,\n\tJ1= 0.000 deg\n}};'
+        )
+    return {"prog.ls": "\n".join(["/PROG  PROG", "/ATTR", "/MN", *moves, "/POS", *places, "/END",
+                                  ""]).encode()}
 
 
 def read_fanuc(files: dict[str, bytes]) -> list[Placement]:
@@ -219,7 +240,8 @@ def inform(cell: Cell, q: np.ndarray) -> dict[str, bytes]:
         values = [*(1e3 * tip.position), a, b, c]
         places.append(f"C{i:05d}=" + ",".join(f"{value:.7f}" for value in values))
     moves = ["NOP", "'MOVJ C00009 VJ=1"] + [f"MOVJ C{i:05d} VJ=50.00" for i in range(len(q))]
-    lines = ["/JOB", "//NAME PROG", "//POS", "///NPOS 8,0,0,0,0,0", *places, "//INST", "///GROUP1 RB1", *moves, "END", ""]
+    lines = ["/JOB", "//NAME PROG", "//POS", "///NPOS 8,0,0,0,0,0", *places, "//INST", "///GROUP1 RB1",
+             *moves, "END", ""]
     return {"prog.jbi": "\r\n".join(lines).encode()}
 
 

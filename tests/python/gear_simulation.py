@@ -1,8 +1,9 @@
-"""A gear run as a simple simulation makes it, with its own formulas: a test is not judged by the code it tests.
+"""A gear run as a simple simulation makes it, with its own formulas: a test is not judged by the code it
+tests.
 
 One axis moves to and fro between its limits on a trapezoidal profile of the motor; the others stand. The link
-turns at theta_dot / u(phi); gravity bends the declared spring; a tilted gyroscope adds noise; the motor encoder
-counts.
+turns at theta_dot / u(phi); gravity bends the declared spring; a tilted gyroscope adds noise; the motor
+encoder counts.
 """
 
 from __future__ import annotations
@@ -18,7 +19,8 @@ DEGREE = np.pi / 180.0
 
 @dataclass(frozen=True)
 class GearRuns:
-    """What is measured: `speed` of the link in rad/s, `runs` one-way motions, alternately counter- and clockwise."""
+    """What is measured: `speed` of the link in rad/s, `runs` one-way motions, alternately counter- and
+    clockwise."""
 
     joint: int
     speed: float
@@ -61,8 +63,9 @@ def link_angle(theta: np.ndarray, ratio: float, table) -> np.ndarray:
 
 
 def simulate(robot, case: GearRuns, gravity=None, rest=None, extra=None) -> Dataset:
-    """Measured data. gravity(q (N, n)) -> torque (N, n) bends the declared springs; rest (n,): where the others
-    stand; extra(time, phi, direction) -> angle (N,) that the link turns further than the declared gear says."""
+    """Measured data. gravity(q (N, n)) -> torque (N, n) bends the declared springs; rest (n,): where the
+    others stand; extra(time, phi, direction) -> angle (N,) that the link turns further than the declared gear
+    says."""
     random = np.random.default_rng(case.seed)
     index = case.joint - 1
     joint = robot.joints[index]
@@ -75,7 +78,8 @@ def simulate(robot, case: GearRuns, gravity=None, rest=None, extra=None) -> Data
         # Ten times as fine, so that the difference quotient below is as good as exact.
         fine = np.arange(0, 10 * time.size) / (10.0 * case.rate_hz)
         _, fine_path = profile(high - low, case.speed, acceleration, 10.0 * case.rate_hz)
-        fine_path = np.append(fine_path, np.full(max(0, fine.size - fine_path.size), fine_path[-1]))[: fine.size]
+        fine_path = np.append(fine_path,
+                              np.full(max(0, fine.size - fine_path.size), fine_path[-1]))[: fine.size]
         start = low if sign > 0 else high
         theta = (start + sign * fine_path) * joint.ratio
         phi = link_angle(theta, joint.ratio, joint.ccw if sign > 0 else joint.cw)
@@ -98,12 +102,18 @@ def simulate(robot, case: GearRuns, gravity=None, rest=None, extra=None) -> Data
         if case.counts:
             step = 2.0 * np.pi / case.counts
             motor = np.round(motor / step) * step
-        others = np.zeros((time.size, robot.axes)) if rest is None else (np.tile(rest, (time.size, 1)) - robot.offsets) * robot.ratios
+        others = (
+            np.zeros((time.size, robot.axes))
+            if rest is None else (np.tile(rest, (time.size, 1)) - robot.offsets) * robot.ratios
+        )
         others[:, index] = motor
-        theta_all.append(others), time_all.append(time), run_all.append(np.full(time.size, case.first_run + k))
+        theta_all.append(others), time_all.append(time), run_all.append(
+            np.full(time.size, case.first_run + k)
+        )
     joints = {"theta": np.concatenate(theta_all)}
     return Dataset.of_arrays(
-        "gear_run", joints, time=np.concatenate(time_all), run=np.concatenate(run_all), gyro=np.concatenate(gyro_all)
+        "gear_run", joints, time=np.concatenate(time_all), run=np.concatenate(run_all),
+        gyro=np.concatenate(gyro_all)
     )
 
 

@@ -1,11 +1,11 @@
-"""Calls everything that the compiled core offers with wrong values, until something gives way: a program for a subprocess.
+"""Calls everything that the compiled core offers with wrong values: a program for a subprocess.
 
     python hostile_calls.py SEED CALLS LOG
 
-The signatures are read from the core itself, so that a new function is attacked as soon as it exists. Most arguments are
-right or nearly so, one or more are not: other shapes, types and strides, NaN, empty and huge arrays, huge numbers.
-Python exceptions are what is expected; a crash, or more than the memory and time given here, is not.
-Each call is written to LOG before it is made, so that the last line names what crashed.
+The signatures are read from the core itself, so that a new function is attacked as soon as it exists. Most
+arguments are right or nearly so, one or more are not: other shapes, types and strides, NaN, empty and huge
+arrays, huge numbers. Python exceptions are what is expected; a crash, or more than the memory and time given
+here, is not. Each call is written to LOG before it is made, so that the last line names what crashed.
 """
 
 from __future__ import annotations
@@ -45,7 +45,8 @@ def signatures(document: str) -> list[list[tuple[str, str]]]:
         match = re.match(r"(?:\d+\. )?\w*\((.*)\) \0", line)
         if match:
             pairs = [part.split(" = ")[0].partition(": ") for part in split_arguments(match[1])]
-            found.append([(name, kind) for name, _, kind in pairs if name not in ("self", "*args", "**kwargs")])
+            found.append([(name, kind) for name, _, kind in pairs
+                          if name not in ("self", "*args", "**kwargs")])
     return found
 
 
@@ -78,7 +79,8 @@ class Hostile:
         return choices[self.rng.integers(len(choices))]
 
     def number(self) -> object:
-        return self.pick([0.0, 1.0, -1.0, 50.0, 1e-3, np.nan, np.inf, -np.inf, 1e300, -1e300, 5e-324, 2**31, -(2**63), 2**80,
+        return self.pick([0.0, 1.0, -1.0, 50.0, 1e-3, np.nan, np.inf, -np.inf, 1e300, -1e300, 5e-324,
+                          2**31, -(2**63), 2**80,
                           None, "1", 1j, [1.0]])
 
     def whole(self) -> object:
@@ -86,8 +88,10 @@ class Hostile:
 
     def shape(self) -> tuple[int, ...]:
         n = self.axes
-        return self.pick([(n,), (4 * n,), (20, n), (20, n), (20, n), (1, n), (0, n), (n, 20), (20, n + 1), (20, 3), (20, 9), (20,),
-                          (10,), (), (0,), (0, 0), (n, n), (20, n, n), (3,), (3, 3), (300, n), (40, 9), (40, 3), (1, 1, 1, 1)])
+        return self.pick([(n,), (4 * n,), (20, n), (20, n), (20, n), (1, n), (0, n), (n, 20), (20, n + 1),
+                          (20, 3), (20, 9), (20,),
+                          (10,), (), (0,), (0, 0), (n, n), (20, n, n), (3,), (3, 3), (300, n), (40, 9),
+                          (40, 3), (1, 1, 1, 1)])
 
     def array(self) -> object:
         size = self.pick([0.1, 1.0, 1.0, 1.0, 100.0, 1e6, 1e160, 0.0])
@@ -97,8 +101,10 @@ class Hostile:
         changes = (
             lambda v: v, lambda v: v, lambda v: v, np.asfortranarray, lambda v: v[::-1] if v.ndim else v,
             lambda v: v[..., ::-1] if v.ndim else v, lambda v: v[::2] if v.ndim else v, lambda v: v.T,
-            lambda v: v.astype(np.float32), lambda v: np.nan_to_num(v, posinf=0, neginf=0).clip(-9, 9).astype(int), lambda v: v > 0,
-            lambda v: v.astype(complex), lambda v: v.astype(object), lambda v: v.astype(str), lambda v: v.tolist(),
+            lambda v: v.astype(np.float32),
+            lambda v: np.nan_to_num(v, posinf=0, neginf=0).clip(-9, 9).astype(int), lambda v: v > 0,
+            lambda v: v.astype(complex), lambda v: v.astype(object), lambda v: v.astype(str),
+            lambda v: v.tolist(),
             lambda v: np.broadcast_to(0.5, v.shape), lambda v: v.astype(">f8"),
         )
         if self.rng.random() < 0.02:
@@ -129,7 +135,8 @@ class Hostile:
         link = _core.LinkInertia(2.0, np.full(3, 0.1), np.eye(3)) if self.rng.random() < 0.8 else None
         joints = [
             _core.Joint(
-                _core.Frame(self.pick([_core.JointType.revolute, _core.JointType.prismatic]), alpha=1.57 * self.rng.integers(-1, 2),
+                _core.Frame(self.pick([_core.JointType.revolute, _core.JointType.prismatic]),
+                            alpha=1.57 * self.rng.integers(-1, 2),
                             a=0.3, d=0.1),
                 gear=_core.Gear(60.0, table, table), spring=_core.Spring(self.pick([0.0, 1e4, 1e4, 1e4])),
                 drive=_core.Drive(self.pick([0.0, 1e-3, 1e-3])), limits=_core.Limits(-3.0, 3.0), link=link,
@@ -144,11 +151,15 @@ class Hostile:
         problem.q_desired = np.tile(np.linspace(0.0, 0.1, knots)[:, None], (1, self.axes))
         for name in ("direction", "phi_shift", "q_offset", "step", "weight"):
             if self.rng.random() < 0.15:
-                self.try_to_set(problem, name, self.array() if name in ("direction", "phi_shift", "q_offset") else self.number())
+                self.try_to_set(problem, name, self.array() if name in ("direction", "phi_shift", "q_offset")
+                                else self.number())
         if self.rng.random() < 0.15:
-            self.try_to_set(problem.bounds, self.pick(["q_min", "q_max", "q_dot", "theta_min", "theta_ddot"]), self.array())
+            self.try_to_set(problem.bounds, self.pick(["q_min", "q_max", "q_dot", "theta_min", "theta_ddot"]),
+                            self.array())
         if self.rng.random() < 0.15:
-            problem.springs = [_core.Spring(self.pick([0.0, 1.0, -1.0, np.nan]))] * int(self.rng.integers(0, 30))
+            problem.springs = [_core.Spring(self.pick([0.0, 1.0, -1.0, np.nan]))] * int(
+                self.rng.integers(0, 30)
+            )
         if self.rng.random() < 0.1:
             problem.gears = [_core.Gear(self.pick([0.0, 1.0, np.nan]))] * int(self.rng.integers(0, 30))
         return problem
@@ -167,16 +178,19 @@ class Hostile:
             return self.problem()
         if kind == "GearTable":
             amplitude = self.pick([1e-3, 1e-3, 0.6, 2.0, np.nan, 1e300])
-            return _core.GearTable(self.pick([[1.0, 2.0], [1e9, 2e9], [0.0, -1.0], [np.nan, 1.0]]), [amplitude] * 2, [0.0, amplitude])
+            return _core.GearTable(self.pick([[1.0, 2.0], [1e9, 2e9], [0.0, -1.0], [np.nan, 1.0]]),
+                                   [amplitude] * 2, [0.0, amplitude])
         if kind == "Gear":
             return _core.Gear(50.0, self.instance("GearTable"), self.instance("GearTable"))
         if kind in ("ElasticJointModel", "ElasticJointDynamics"):
-            joints = [_core.Joint(spring=_core.Spring(1e4), drive=_core.Drive(1e-3), link=_core.LinkInertia(1.0, np.ones(3), np.eye(3)))]
+            joints = [_core.Joint(spring=_core.Spring(1e4), drive=_core.Drive(1e-3),
+                                  link=_core.LinkInertia(1.0, np.ones(3), np.eye(3)))]
             model = _core.ElasticJointModel(_core.Robot(joints * self.axes), self.rng.random() < 0.5)
             return model if kind == "ElasticJointModel" else _core.ElasticJointDynamics(model)
         if kind == "PlanOptions":
             options = _core.PlanOptions()
-            options.method = self.pick([_core.PlanMethod.stagewise, _core.PlanMethod.stagewise, _core.PlanMethod.ipopt])
+            options.method = self.pick([_core.PlanMethod.stagewise, _core.PlanMethod.stagewise,
+                                        _core.PlanMethod.ipopt])
             options.iterations, options.threads = self.pick([-1, 0, 3, 20]), self.pick([-1, 0, 1, 2, 10**6])
             options.seconds = self.pick([-1.0, 0.0, 5.0])
             return options
@@ -204,10 +218,14 @@ class Hostile:
         if listed:
             return [self.instance(listed[1]) for _ in range(self.pick([0, 1, 6, 65, 200]))]
         if kind.startswith("collections.abc.Sequence"):
-            return self.pick([[0], [0], [], [0, 10], [5], [0, 10, 3], [0, 2**40], [-1], [0, -5], [0, 0, 20], [0, 21], ["a"]])
+            return self.pick([[0], [0], [], [0, 10], [5], [0, 10, 3], [0, 2**40], [-1], [0, -5], [0, 0, 20],
+                              [0, 21], ["a"]])
         if "numpy" in kind:
             vector = '"[m, 1]"' in kind and name in ("q", "q_dot", "arg0", "arg1")
-            return self.array() if wrong else self.rng.normal(size=self.axes) if vector else self.right_array(name)
+            return (
+                self.array() if wrong else self.rng.normal(size=self.axes)
+                if vector else self.right_array(name)
+            )
         if "SupportsFloat" in kind:
             return self.number() if wrong else float(self.rng.uniform(0.1, 2.0))
         if "SupportsInt" in kind:
@@ -263,7 +281,8 @@ def main() -> None:
             name = list(found)[call % len(found)]
             came_through[name] += attack(hostile, name, found[name], log)
     never = [name for name, count in came_through.items() if count == 0]
-    print(f"{calls} calls of {len(found)} targets, seed {seed}; never came through: {', '.join(never) or 'none'}")
+    print(f"{calls} calls of {len(found)} targets, seed {seed}; never came through: "
+          f"{', '.join(never) or 'none'}")
 
 
 if __name__ == "__main__":

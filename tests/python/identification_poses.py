@@ -32,7 +32,8 @@ def robot_of(rows, types=None, tool=TOOL, ratios=True) -> Robot:
 def racer_like(hayati: bool = True, target_on_axis: bool = False) -> Robot:
     """The source's arm: axes 2 and 3 parallel, spherical wrist, beta at frame 3 (its Table A.12)."""
     third = (None, 0.13, RIGHT, 0.0) if hayati else (0.0, 0.13, RIGHT)
-    rows = [(0.43, 0.15, RIGHT), (0.0, 0.59, 0.0), third, (0.684, 0.0, -RIGHT), (0.0, 0.0, RIGHT), (0.1, 0.0, 0.0)]
+    rows = [(0.43, 0.15, RIGHT), (0.0, 0.59, 0.0), third, (0.684, 0.0, -RIGHT), (0.0, 0.0, RIGHT),
+            (0.1, 0.0, 0.0)]
     return robot_of(rows, tool=Placement() if target_on_axis else TOOL)
 
 

@@ -8,7 +8,8 @@ from exactarm.dataset import Dataset
 from exactarm.robot import Robot
 
 
-def fourier_motion(robot: Robot, seconds: float, rate_hz: float, seed: int, base_hz: float = 0.2, amplitude: float = 0.6):
+def fourier_motion(robot: Robot, seconds: float, rate_hz: float, seed: int, base_hz: float = 0.2,
+                   amplitude: float = 0.6):
     """time (N,), output angles (N, n) in rad and their first and second derivatives, of a periodic motion."""
     random = np.random.default_rng(seed)
     time = np.arange(int(seconds * rate_hz)) / rate_hz

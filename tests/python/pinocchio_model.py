@@ -1,8 +1,9 @@
 """The same robot in Pinocchio, so that kinematics and dynamics are judged by an independent library.
 
-`pinocchio_model(robot)` takes a `_core.Robot` and returns a `pin.Model` in the robot's own base frame: joint i
-turns (slides) about `sign` times z of axis frame A_i = F_{i-1} Rot_z(zero), joint coordinates equal q; frames
-"link_i" are the DH frames, "tool" is the target. `robot.base` is left out: multiply by it for the measuring frame.
+`pinocchio_model(robot)` takes a `_core.Robot` and returns a `pin.Model` in the robot's own base frame: joint
+i turns (slides) about `sign` times z of axis frame A_i = F_{i-1} Rot_z(zero), joint coordinates equal q;
+frames "link_i" are the DH frames, "tool" is the target. `robot.base` is left out: multiply by it for the
+measuring frame.
 """
 
 from __future__ import annotations
@@ -25,7 +26,8 @@ def pinocchio_model(robot: _core.Robot) -> pin.Model:
         frame, link = axis_and_link.frame, axis_and_link.link
         axis = np.array([0.0, 0.0, frame.sign])
         revolute = frame.type == _core.JointType.revolute
-        joint_model = (pin.JointModelRevoluteUnaligned if revolute else pin.JointModelPrismaticUnaligned)(axis)
+        joint_model = (pin.JointModelRevoluteUnaligned
+                       if revolute else pin.JointModelPrismaticUnaligned)(axis)
         placement = link_in_parent * pin.SE3(rotation("z", frame.zero), np.zeros(3))
         joint = model.addJoint(parent, joint_model, placement, f"joint_{i + 1}")
         link_in_joint = pin.SE3(

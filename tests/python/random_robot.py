@@ -1,4 +1,5 @@
-"""Seeded random robots of the compiled core, with masses: arbitrary geometry, an axis that slides where asked."""
+"""Seeded random robots of the compiled core, with masses: arbitrary geometry, an axis that slides where
+asked."""
 
 from __future__ import annotations
 

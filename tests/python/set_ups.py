@@ -16,10 +16,12 @@ TOOL_REACH_M = 0.5
 
 
 def at_random_place(robot: Robot, rng: np.random.Generator, tool_reach: float = TOOL_REACH_M) -> Robot:
-    """Base anywhere and turned any way; target up to `tool_reach` (m) off the flange, away from the last axis."""
+    """Base anywhere and turned any way; target up to `tool_reach` (m) off the flange, away from the last
+    axis."""
     offset = rng.normal(size=3)
     offset *= rng.uniform(0.1, 1.0) * tool_reach / np.linalg.norm(offset)
-    return replace(robot, base=Placement(random_rotation(rng), rng.normal(0.0, 2.0, 3)), tool=Placement(position=offset))
+    return replace(robot, base=Placement(random_rotation(rng), rng.normal(0.0, 2.0, 3)),
+                   tool=Placement(position=offset))
 
 
 def true_robot(nominal: Robot, rng: np.random.Generator, scale: float = 1.0) -> Robot:
@@ -38,7 +40,8 @@ def measured(
     nominal: Robot, truth: list[Robot], q: list[np.ndarray], noise_m: float, rng: np.random.Generator, *,
     layout: Layout = Layout.of(()), noise_rad: float | None = None, **columns,
 ) -> Dataset:
-    """Session s measures truth[s] at the poses q[s] (K, n) that `nominal` is commanded to; further columns as given.
+    """Session s measures truth[s] at the poses q[s] (K, n) that `nominal` is commanded to; further columns as
+    given.
 
     noise_rad: orientation is measured too.
     """

@@ -1,4 +1,5 @@
-"""A six-axis robot with everything declared, for tests: the geometry of a small industrial arm, round numbers elsewhere."""
+"""A six-axis robot with everything declared, for tests: the geometry of a small industrial arm, round numbers
+elsewhere."""
 
 from __future__ import annotations
 
@@ -31,7 +32,8 @@ _LINKS = (  # mass, centre of mass, central inertia (diagonal)
 
 
 def six_axis(springs: bool = False, placed: bool = True) -> Robot:
-    """The robot; `springs`: with its joint springs declared; `placed`: with base and tool away from the origin."""
+    """The robot; `springs`: with its joint springs declared; `placed`: with base and tool away from the
+    origin."""
     joints = []
     for i, (d, a, alpha, beta, q_offset) in enumerate(_FRAMES):
         joints.append(

@@ -1,4 +1,5 @@
-"""The worked example of docs/adding-an-effect.md: one file, and the library, the virtual robot and the diagnosis know it."""
+"""The worked example of docs/adding-an-effect.md: one file, and the library, the virtual robot and the
+diagnosis know it."""
 
 import json
 import re
@@ -35,7 +36,8 @@ def hose_bundle(tmp_path, monkeypatch):
     module = sys.modules.pop("exactarm.effects.hose_bundle")
     bases = effects.Effect.__subclasses__()
     assert module.HoseBundle in bases
-    module.HoseBundle.name = ""  # subclasses live as long as someone holds them; without a name it is in no library
+    # subclasses live as long as someone holds them; without a name it is in no library
+    module.HoseBundle.name = ""
 
 
 def test_its_derivatives_pass_the_shared_check(hose_bundle):
@@ -59,4 +61,7 @@ def test_the_commands_of_the_page_hide_it_and_find_it(hose_bundle, tmp_path, mon
     low, high = first["parameters"]["press_rad_per_rad2"]["ci95"]
     assert 2.7e-4 < low < high < 3.3e-4
     found = load_robot(tmp_path / "found/robot.toml").effects[0]
-    assert found.name == "hose_bundle" and set(found.to_table()) == set(re.findall(r"^(\w+) =", block("toml"), re.MULTILINE))
+    assert (
+        found.name == "hose_bundle"
+        and set(found.to_table()) == set(re.findall(r"^(\w+) =", block("toml"), re.MULTILINE))
+    )

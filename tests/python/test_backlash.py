@@ -1,4 +1,5 @@
-"""Backlash: its flank follows what the joint really carries, and how much friction holds it is found with the width."""
+"""Backlash: its flank follows what the joint really carries, and how much friction holds it is found with the
+width."""
 
 from dataclasses import replace
 
@@ -34,7 +35,8 @@ def rigid():
 
 
 def motion_through_a_gap(robot, joint, width):
-    """The links move smoothly, the motor of one axis crosses its gap: the angles that are logged have the gap in them."""
+    """The links move smoothly, the motor of one axis crosses its gap: the angles that are logged have the gap
+    in them."""
     time, angle, rate, acceleration = fourier_motion(robot, 12.0, 500.0, seed=5)
     load = _core.inverse_dynamics(robot.core, angle + robot.offsets, rate, acceleration)
     k, gap = joint - 1, np.zeros_like(angle)
@@ -72,19 +74,23 @@ def test_noise_of_the_measured_torque_does_not_pass_for_a_gap(rigid, noise_Nm):
 def test_friction_of_the_flank_is_estimated_in_a_gear_run():
     robot = load_robot("racer-7-1.4")
     virtual = VirtualRobot.of(robot, [parse_effect("backlash joint=2 width_rad=6e-4 friction_Nm=12", 6)])
-    found = diagnose(robot, measure_gear_runs(virtual, [1], [0.8, 1.2], 3, Sensors(), np.random.default_rng(1)))
+    found = diagnose(robot,
+                     measure_gear_runs(virtual, [1], [0.8, 1.2], 3, Sensors(), np.random.default_rng(1)))
     assert found.verdict == EXPLAINED and [f.effect.label for f in found.findings] == ["backlash_2"]
-    for value, (low, high), true in zip(found.findings[0].effect.values, found.findings[0].intervals, (6e-4, 12.0)):
+    for value, (low, high), true in zip(found.findings[0].effect.values, found.findings[0].intervals,
+                                        (6e-4, 12.0)):
         assert high - low < 0.05 * true and abs(value - true) < high - low
 
 
 def test_derivative_by_the_friction():
     robot = load_robot("racer-7-1.4")
-    data = measure_gear_runs(VirtualRobot.of(robot), [1], [1.0], 1, Sensors(gyro_rad_s=0.0, counts=0), np.random.default_rng(1), 250.0)
+    data = measure_gear_runs(VirtualRobot.of(robot), [1], [1.0], 1, Sensors(gyro_rad_s=0.0, counts=0),
+                             np.random.default_rng(1), 250.0)
     layout = Layout.of((Backlash(2, (4e-4, 60.0), least_Nm=0.1),))
     assert layout.names == ("backlash_2.width_rad", "backlash_2.friction_Nm")
     predict = lambda x: predict_gear_run(robot, layout.at(x), data, tangents=False).measured
-    assert_derivative(predict, layout.values, predict_gear_run(robot, layout, data).jacobian, 1e-4 * layout.values, relative=1e-5)
+    assert_derivative(predict, layout.values, predict_gear_run(robot, layout, data).jacobian,
+                      1e-4 * layout.values, relative=1e-5)
 
 
 def test_friction_of_a_fifth_of_the_load_is_found_in_poses():

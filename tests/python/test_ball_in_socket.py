@@ -53,10 +53,15 @@ def test_without_a_known_length_the_scale_is_held_and_said():
 
 def test_the_commands_take_closures_as_any_kind(tmp_path):
     file, fixture = str(FOLDER / "panda_7.csv"), str(FOLDER / "fixture.toml")
-    assert main(["calibrate", "panda", file, "--fixture", fixture, "--out", str(tmp_path / "c"), "--quiet"]) == 0
+    assert main(["calibrate", "panda", file, "--fixture", fixture, "--out", str(tmp_path / "c"),
+                 "--quiet"]) == 0
     said = json.loads((tmp_path / "c" / "result.json").read_text())
-    assert said["converged"] and said["after"]["validation"]["mean"] < 0.2 * said["before"]["validation"]["mean"]
-    assert said["after"]["validation"]["distance_error_m"] < 3e-4 < said["before"]["validation"]["distance_error_m"]
+    assert (
+        said["converged"] and said["after"]["validation"]["mean"] < 0.2 * said["before"]["validation"]["mean"]
+    )
+    assert said["after"]["validation"]["distance_error_m"] < 3e-4 < said["before"]["validation"][
+        "distance_error_m"
+    ]
     robot = str(tmp_path / "c" / "robot.toml")
     assert main(["evaluate", robot, file, "--fixture", fixture, "--out", str(tmp_path / "e"), "--quiet"]) == 0
     judged = json.loads((tmp_path / "e" / "result.json").read_text())

@@ -1,4 +1,5 @@
-"""Many robots: one summary, only what is new is computed, a failure stops no other, any executor runs the jobs."""
+"""Many robots: one summary, only what is new is computed, a failure stops no other, any executor runs the
+jobs."""
 
 from concurrent.futures import ThreadPoolExecutor
 
@@ -16,7 +17,8 @@ def manifest(tmp_path):
     (tmp_path / "poses.csv").write_text("q_1_rad\n0\n")
     path = tmp_path / "manifest.csv"
     path.write_text("name,command,robot,files,robust\n"
-                    f"good,evaluate,ur10,{SERIES},\nbad,evaluate,ur10,poses.csv,\nthird,calibrate,ur10,{SERIES},true\n")
+                    f"good,evaluate,ur10,{SERIES},\nbad,evaluate,ur10,poses.csv,\n"
+                    f"third,calibrate,ur10,{SERIES},true\n")
     return path
 
 
@@ -29,7 +31,9 @@ def test_a_failed_job_stops_no_other_and_the_summary_tells_of_all(manifest, tmp_
     assert "poses.csv" in table["why"]["bad"] and table["after_rms"]["third"] < table["before_rms"]["third"]
     page = (tmp_path / "fleet/report.html").read_text()
     assert 'href="good/report.html"' in page and "Failed, and why" in page
-    assert (tmp_path / "fleet/third/robot.toml").exists() and not (tmp_path / "fleet/bad/result.json").exists()
+    assert (
+        (tmp_path / "fleet/third/robot.toml").exists() and not (tmp_path / "fleet/bad/result.json").exists()
+    )
 
 
 def test_what_has_not_changed_is_kept_and_what_has_is_computed(tmp_path):
@@ -45,14 +49,16 @@ def test_what_has_not_changed_is_kept_and_what_has_is_computed(tmp_path):
 def test_any_executor_runs_the_jobs(manifest, tmp_path):
     with ThreadPoolExecutor(2) as pool:
         fleet = ea.batch(manifest, tmp_path / "fleet", executor=pool)
-    assert list(fleet.to_dataframe()["state"]) == ["done", "failed", "done"], list(fleet.to_dataframe()["why"])
+    assert list(fleet.to_dataframe()["state"]) == ["done", "failed",
+                                                   "done"], list(fleet.to_dataframe()["why"])
     assert "1 failed" in str(fleet)
 
 
 def test_a_cluster_of_dask_runs_the_jobs(tmp_path):
     distributed = pytest.importorskip("distributed", reason="needs the package distributed (dask)")
     rows = [{"command": "evaluate", "robot": "ur10", "files": SERIES}]
-    with distributed.LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None) as cluster:
+    with distributed.LocalCluster(n_workers=1, threads_per_worker=1, processes=False,
+                                  dashboard_address=None) as cluster:
         with distributed.Client(cluster) as client:
             assert ea.batch(rows, tmp_path, executor=client.get_executor())["done"] == 1
 
@@ -60,7 +66,8 @@ def test_a_cluster_of_dask_runs_the_jobs(tmp_path):
 @pytest.mark.parametrize("row, message", [
     ({"command": "calibrte", "robot": "ur10"}, "row 1, column command: 'calibrte': did you mean calibrate"),
     ({"command": "calibrate", "robot": ""}, "row 1, column robot: is empty"),
-    ({"name": "../up", "command": "calibrate", "robot": "ur10"}, "row 1, column name: '../up'; expected letters"),
+    ({"name": "../up", "command": "calibrate", "robot": "ur10"},
+     "row 1, column name: '../up'; expected letters"),
     ({"robot": "ur10"}, "column command: column missing"),
 ])
 def test_a_wrong_row_is_refused_with_its_place(row, message):
@@ -72,4 +79,5 @@ def test_options_become_words_and_files_are_found_beside_the_manifest(manifest):
     good, bad, third = read_jobs(manifest)
     assert third.words[-1] == "--robust" and "--robust" not in good.words
     assert bad.words[1] == str(manifest.parent / "poses.csv")
-    assert good.key != third.key and isinstance(good, Job) and Outcome("a", "b", "c", "kept").before_rms is None
+    assert good.key != third.key and isinstance(good,
+                                                Job) and Outcome("a", "b", "c", "kept").before_rms is None

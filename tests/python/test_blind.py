@@ -1,4 +1,5 @@
-"""A small part of the blind test of bench/blind: the cases agree with the chain, and the diagnosis names what is hidden.
+"""A small part of the blind test of bench/blind: the cases agree with the chain, and the diagnosis names what
+is hidden.
 
 The whole test has hundreds of cases: python bench/blind/run.py --count 300
 """
@@ -57,7 +58,8 @@ def test_newton_and_euler_agree_with_the_core():
     np.testing.assert_allclose(inverse_dynamics(arm, q, rate, acceleration), expected, atol=1e-9)
 
 
-@pytest.mark.parametrize("scenario", [gear_scenario, motion_scenario, tracked_scenario], ids=["gear", "motion", "tracked"])
+@pytest.mark.parametrize("scenario", [gear_scenario, motion_scenario, tracked_scenario],
+                         ids=["gear", "motion", "tracked"])
 def test_time_series_are_read_as_what_they_are(tmp_path, scenario):
     case = scenario.draw_case(tmp_path, 4, ROBOTS, "clean")
     robot = load_robot(str(case.robot))
@@ -68,7 +70,8 @@ def test_time_series_are_read_as_what_they_are(tmp_path, scenario):
 
 def test_only_the_scorer_knows_the_package():
     for path in (TOP / "bench" / "blind").glob("*.py"):
-        names = {node.module or "" for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.ImportFrom)}
+        names = {node.module or "" for node in ast.walk(ast.parse(path.read_text()))
+                 if isinstance(node, ast.ImportFrom)}
         known = {name for name in names if name.startswith("exactarm")}
         allowed = {"exactarm.cli", "exactarm.effects"} if path.stem == "scorer" else set()
         assert known <= allowed, path.name
@@ -83,7 +86,8 @@ def test_cases_are_repeatable(tmp_path):
 
 @pytest.mark.parametrize(
     "seed, theme",
-    [(6, "joint_compliance"), (9, "gear_harmonics"), (4, "tracker_scale"), (1, "joint_coupling"), (8, "hysteresis"), (2, "clean"),
+    [(6, "joint_compliance"), (9, "gear_harmonics"), (4, "tracker_scale"), (1, "joint_coupling"),
+     (8, "hysteresis"), (2, "clean"),
      pytest.param(9152, None, id="two drifts that hide each other"),
      pytest.param(9182, None, id="a wheel with an overtone")],
 )

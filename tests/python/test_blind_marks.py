@@ -174,7 +174,8 @@ def test_an_effect_can_be_taken_out_of_the_library():
         "from exactarm.effects import library; shrink_library(('backlash',)); "
         "assert 'backlash' not in library() and 'payload' in library()"
     )
-    program = Path(exactarm.__file__).parents[1]  # where the extension is built, which a source tree need not hold
+    # where the extension is built, which a source tree need not hold
+    program = Path(exactarm.__file__).parents[1]
     subprocess.run([sys.executable, "-c", words, str(TOP / "bench"), str(program)], check=True)
 
 

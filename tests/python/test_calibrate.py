@@ -60,21 +60,25 @@ def test_compliance_is_never_negative_and_its_bound_is_told(arm):
                     layout=Layout.of((rigid,), estimate=False), **all_identify(60))
     result = calibrate(arm, data, CalibrationOptions(orientation=False, compliance=(2,)))
     assert dict(zip(result.names, result.fit.fit.x))["joint_compliance_2.linear_rad_per_Nm"] == 0.0
-    assert any("joint_compliance_2.linear_rad_per_Nm lies at its bound" in warning for warning in result.warnings)
+    assert any("joint_compliance_2.linear_rad_per_Nm lies at its bound" in warning
+               for warning in result.warnings)
 
 
 def test_truth_lies_in_19_of_20_intervals(arm):
     rng = np.random.default_rng(40)
     q = joints_in_limits(arm, 60, rng)
     options = CalibrationOptions(orientation=False, compliance=(2, 3))
-    pilot = calibrate(arm, measured(arm, [at_random_place(arm, rng)], [q], NOISE_M, rng, **all_identify(60)), options)
+    pilot = calibrate(arm, measured(arm, [at_random_place(arm, rng)], [q], NOISE_M, rng, **all_identify(60)),
+                      options)
     inside = []
     for _ in range(REPEATS):
         true = at_random_place(deviated_where_identifiable(arm, pilot.names, rng), rng)
         springs = Layout.of((JointCompliance(2, (5e-6, 0.0)), JointCompliance(3, (8e-6, 0.0))))
         data = measured(arm, [true], [q], NOISE_M, rng, layout=springs, **all_identify(60))
         result = calibrate(arm, data, options)
-        layout = Layout.of((Frames.of(1, true.base, true.tool, False),)).joined(geometry_layout(true)).joined(springs)
+        layout = Layout.of((Frames.of(1, true.base, true.tool, False),)).joined(geometry_layout(true)).joined(
+            springs
+        )
         truth = dict(zip(layout.names, layout.values))
         assert result.names == pilot.names and result.fit.fit.converged
         values = np.array([truth[name] for name in result.names])
@@ -83,7 +87,8 @@ def test_truth_lies_in_19_of_20_intervals(arm):
 
 
 def test_racer_at_the_poses_of_the_source_reaches_the_noise():
-    """The 50 poses of the source, 0.1 mm of noise, deviations as its Table 3.8 has them; judged on 40 other poses."""
+    """The 50 poses of the source, 0.1 mm of noise, deviations as its Table 3.8 has them; judged on 40 other
+    poses."""
     racer = load_robot("racer-7-1.4")
     planned = read_planned_poses(data_path("racer/thesis_poses.csv"), racer).joints["theta"]
     q = planned / racer.controller_ratios + racer.controller_offsets
@@ -91,7 +96,8 @@ def test_racer_at_the_poses_of_the_source_reaches_the_noise():
     for seed in range(5):
         rng = np.random.default_rng(50 + seed)
         poses = np.concatenate([q, joints_in_limits(racer, 40, rng)])
-        result = calibrate(racer, measured(racer, [true_robot(racer, rng)], [poses], NOISE_M, rng, **held_out(90, 40)))
+        result = calibrate(racer, measured(racer, [true_robot(racer, rng)], [poses], NOISE_M, rng,
+                                           **held_out(90, 40)))
         before.append(result.before["validation"].rms)
         after.append(result.after["validation"].rms)
     # 33 parameters from 150 numbers: sqrt(1 + 33 / 150) = 1.10 of the noise is the best there is
@@ -121,7 +127,9 @@ def test_sessions_share_the_robot_and_keep_their_frames(arm):
     result = calibrate(arm, measured(arm, places, q, NOISE_M, rng))
     assert sum(name.endswith("base_x_m") for name in result.names) == 3
     assert sum(name == "a_2_m" for name in result.names) == 1
-    assert result.fit.fit.freedom == 3 * int(result.identification.sum()) - len(result.names) + int(result.fit.fit.at_bound.sum())
+    assert result.fit.fit.freedom == 3 * int(result.identification.sum()) - len(result.names) + int(
+        result.fit.fit.at_bound.sum()
+    )
     assert result.after["validation"].rms < 1.5 * FLOOR_M < 5.0 * FLOOR_M < result.before["validation"].rms
 
 
@@ -165,9 +173,11 @@ def test_calibrated_robot_is_as_good_on_fresh_data(arm, tmp_path):
     rng = np.random.default_rng(66)
     true = true_robot(arm, rng)
     springs = Layout.of((JointCompliance(2, (6e-6, 0.0)), JointCompliance(3, (9e-6, 0.0))))
-    result = calibrate(arm, measured(arm, [true], [joints_in_limits(arm, 120, rng)], NOISE_M, rng, layout=springs))
+    result = calibrate(arm,
+                       measured(arm, [true], [joints_in_limits(arm, 120, rng)], NOISE_M, rng, layout=springs))
     write_robot(tmp_path / "robot.toml", result.robot)
-    fresh = measured(arm, [at_random_place(true, rng)], [joints_in_limits(arm, 80, rng)], NOISE_M, rng, layout=springs)
+    fresh = measured(arm, [at_random_place(true, rng)], [joints_in_limits(arm, 80, rng)], NOISE_M, rng,
+                     layout=springs)
     error = evaluate_poses(load_robot(tmp_path / "robot.toml"), fresh).overall.rms
     assert error == pytest.approx(result.after["validation"].rms, rel=0.2) and error < 1.25 * FLOOR_M
     again = calibrate(load_robot(tmp_path / "robot.toml"), fresh)
@@ -176,7 +186,8 @@ def test_calibrated_robot_is_as_good_on_fresh_data(arm, tmp_path):
 
 def test_dropped_parameters_are_known_by_name(arm):
     rng = np.random.default_rng(67)
-    result = calibrate(arm, measured(arm, [true_robot(arm, rng)], [joints_in_limits(arm, 50, rng)], NOISE_M, rng))
+    result = calibrate(arm,
+                       measured(arm, [true_robot(arm, rng)], [joints_in_limits(arm, 50, rng)], NOISE_M, rng))
     dropped = set(result.identifiability.dropped_names)
     assert {"d_1_m", "q_offset_1_rad", "d_6_m"} <= dropped and not dropped & set(result.names)
     assert all(entry.why for entry in result.identifiability.dropped)
@@ -201,7 +212,8 @@ def run(robot, data, folder, capsys, *words):
     write_robot(folder / "robot.toml", robot)
     write_dataset(folder / "poses.csv", data, robot)
     out = folder / "out"
-    code = cli.main(["calibrate", str(folder / "robot.toml"), str(folder / "poses.csv"), "--out", str(out), "--quiet", *words])
+    code = cli.main(["calibrate", str(folder / "robot.toml"), str(folder / "poses.csv"), "--out", str(out),
+                     "--quiet", *words])
     result = json.loads((out / "result.json").read_text()) if (out / "result.json").exists() else None
     return code, capsys.readouterr().err.strip().splitlines(), result
 
@@ -228,7 +240,8 @@ def test_command_writes_intervals_and_both_errors(arm, tmp_path, capsys):
 def test_bad_data_end_with_one_line(arm, tmp_path, capsys, fault, words):
     rng = np.random.default_rng(71)
     count = {"few": 9, "one session too few": 3}.get(fault, 40)
-    data = measured(arm, [true_robot(arm, rng)], [joints_in_limits(arm, count, rng)], NOISE_M, rng, **all_identify(count))
+    data = measured(arm, [true_robot(arm, rng)], [joints_in_limits(arm, count, rng)], NOISE_M, rng,
+                    **all_identify(count))
     position = data.position.copy()
     if fault == "millimetres":
         position *= 1e3

@@ -8,7 +8,8 @@ from exactarm.diagnose.cause_information import Field, Hypothesis, chosen_for
 
 def field(apart, p=(0.5, 0.5), spread=0.0):
     size = spread * np.eye(2) + 1e-9 * np.eye(2)
-    return Field((Hypothesis(p[0], np.array([0.0, 0.0]), size), Hypothesis(p[1], np.array([apart, 0.0]), size)))
+    return Field((Hypothesis(p[0], np.array([0.0, 0.0]), size),
+                  Hypothesis(p[1], np.array([apart, 0.0]), size)))
 
 
 ROW = np.array([[[1.0, 0.0]]])  # one row that sees the first parameter
@@ -36,7 +37,8 @@ def test_a_lower_bound_that_is_not_far_below(apart, p):
 
 @pytest.mark.parametrize("apart", [0.5, 2.0, 5.0])
 def test_simulated_bits_are_the_information(apart):
-    assert field(apart).simulated_bits(ROW[0], np.random.default_rng(1), 20_000) == pytest.approx(simulated(apart, (0.5, 0.5)), abs=0.01)
+    assert field(apart).simulated_bits(ROW[0], np.random.default_rng(1),
+                                       20_000) == pytest.approx(simulated(apart, (0.5, 0.5)), abs=0.01)
 
 
 def test_blind_rows_tell_nothing_and_far_causes_all():

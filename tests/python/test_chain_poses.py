@@ -1,4 +1,5 @@
-"""The chain for static poses: its Jacobian by every parameter, the fixed point of the deflection, gear tables by direction."""
+"""The chain for static poses: its Jacobian by every parameter, the fixed point of the deflection, gear tables
+by direction."""
 
 from dataclasses import replace
 
@@ -52,14 +53,16 @@ def predicted(robot, layout, data, reference):
 
     def function(x):
         prediction = predict_poses(robot, layout.at(x), data, tangents=False)
-        return np.concatenate([prediction.position, log(prediction.rotation @ np.swapaxes(reference, -1, -2))], axis=1)
+        return np.concatenate([prediction.position,
+                               log(prediction.rotation @ np.swapaxes(reference, -1, -2))], axis=1)
 
     return function
 
 
 def assert_jacobian(robot, layout, data, relative=1e-6):
     """All columns, but those of the geometry under springs only to what the chain says it leaves out."""
-    geometry = {name for name in geometry_layout(robot).names if name.split("_")[0] in ("d", "a", "alpha", "beta")}
+    geometry = {name for name in geometry_layout(robot).names
+                if name.split("_")[0] in ("d", "a", "alpha", "beta")}
     bends = robot.links is not None and any(
         effect.name in ("joint_compliance", "payload") for effect in layout.effects
     ) | any(joint.spring_linear for joint in robot.joints)
@@ -75,7 +78,8 @@ def assert_columns(robot, layout, data, relative):
     steps = np.array([1e-2 * max(abs(v), p.plausible) if p.plausible < 0.1 else 1e-3
                       for v, p in zip(layout.values, layout.parameters)])
     assert_derivative(
-        predicted(robot, layout, data, prediction.rotation), layout.values, prediction.jacobian, steps, relative=relative
+        predicted(robot, layout, data, prediction.rotation), layout.values, prediction.jacobian, steps,
+        relative=relative
     )
 
 
@@ -99,7 +103,9 @@ def test_jacobian_of_found_effects_beside_the_declared_model(rng):
         Payload(None, (8.0, 0.05, -0.02, 0.1)),
         TrackerScale(None, (1e-4, -2e-4, 3e-4)),
     )
-    layout = Layout.of((Frames.of(3, robot.base, robot.tool, False),)).joined(geometry_layout(robot)).joined(Layout.of(found))
+    layout = Layout.of((Frames.of(3, robot.base, robot.tool, False),)).joined(geometry_layout(robot)).joined(
+        Layout.of(found)
+    )
     assert_jacobian(robot, layout, poses(robot, rng), relative=1e-5)
 
 
@@ -133,11 +139,15 @@ def test_sessions_differ_by_their_frames_alone(rng):
     together = predict_poses(robot, layout, data)
     for session, (base, tool) in frames.items():
         rows = data.session == session
-        alone = predict_poses(replace(robot, base=base, tool=tool), NOTHING, data.select(rows), tangents=False)
+        alone = predict_poses(replace(robot, base=base, tool=tool), NOTHING, data.select(rows),
+                              tangents=False)
         assert_allclose(together.position[rows], alone.position, atol=1e-13)
         assert_allclose(together.rotation[rows], alone.rotation, atol=1e-13)
     columns = together.jacobian
-    assert not np.any(columns[data.session == 3][:, :, 12:]) and not np.any(columns[data.session == 4][:, :, :12])
+    assert (
+        not np.any(columns[data.session == 3][:, :, 12:])
+        and not np.any(columns[data.session == 4][:, :, :12])
+    )
 
 
 @pytest.mark.parametrize("name", ["six axis", "racer-7-1.4"])
@@ -161,7 +171,8 @@ def test_compliance_beside_a_spring_adds_to_it(rng):
     view = predict_poses(robot, Layout.of((soft,)), data, tangents=False).view
     torque = _core.gravity_torque(robot.core, view.q, 1)
     rigid = view.phi + robot.offsets
-    assert_allclose(view.q[:, 1], rigid[:, 1] - torque[:, 1] / 2.5e5 - 4e-6 * torque[:, 1] - 1e-12 * torque[:, 1] ** 3,
+    assert_allclose(view.q[:, 1],
+                    rigid[:, 1] - torque[:, 1] / 2.5e5 - 4e-6 * torque[:, 1] - 1e-12 * torque[:, 1] ** 3,
                     atol=1e-12)
     assert_allclose(view.q[:, 2], rigid[:, 2] - torque[:, 2] / 1.2e5, atol=1e-12)
 
@@ -194,7 +205,8 @@ def test_gear_table_is_that_of_the_approach(direction, rng):
 def _integral(table, u0, phi):
     """theta = integral of u0 (1 + sum a cos(w phi) - b sin(w phi)) from 0 to phi."""
     w, phi = table.order, phi[:, None]
-    return u0 * (phi[:, 0] + np.sum(table.a / w * np.sin(w * phi) + table.b / w * (np.cos(w * phi) - 1.0), axis=1))
+    return u0 * (phi[:, 0] + np.sum(table.a / w * np.sin(w * phi) + table.b / w * (np.cos(w * phi) - 1.0),
+                                    axis=1))
 
 
 def test_unknown_approach_is_the_mean_table(rng):
@@ -202,7 +214,8 @@ def test_unknown_approach_is_the_mean_table(rng):
     known = poses(racer, rng)
     zero = replace(known, joints=known.joints | {"approach": np.zeros((ROWS, 6))})
     without = replace(known, joints={"theta": known.joints["theta"]})
-    at_rest, absent = (predict_poses(racer, NOTHING, data, tangents=False).position for data in (zero, without))
+    at_rest, absent = (predict_poses(racer, NOTHING, data, tangents=False).position
+                       for data in (zero, without))
     assert_allclose(at_rest, absent, atol=0.0)
     assert np.max(np.abs(at_rest - predict_poses(racer, NOTHING, known, tangents=False).position)) > 1e-6
 
@@ -229,10 +242,12 @@ def test_controller_keeps_its_own_constants(rng):
 
 
 def test_hysteresis_follows_the_approach_whatever_its_reach(rng):
-    """A robot file from gear runs declares a reach; between poses at rest nobody knows the way that it would run along."""
+    """A robot file from gear runs declares a reach; between poses at rest nobody knows the way that it would
+    run along."""
     robot = six_axis()
     data = poses(robot, rng)
-    plain, reaching = (predict_poses(robot, Layout.of((Hysteresis(2, values),)), data) for values in ((2e-4,), (2e-4, 1e-3)))
+    plain, reaching = (predict_poses(robot, Layout.of((Hysteresis(2, values),)), data)
+                       for values in ((2e-4,), (2e-4, 1e-3)))
     assert_allclose(reaching.position, plain.position, rtol=0, atol=1e-15)
     assert_allclose(reaching.jacobian[:, :, 0], plain.jacobian[:, :, 0], rtol=0, atol=1e-12)
     assert not np.any(reaching.jacobian[:, :, 1])

@@ -49,7 +49,8 @@ def run(arguments):
                     (Table("Mass", ("link", "mass"), ((1, Estimate(12.0, 11.5, 12.5, "kg")),)),), tone="good")
     body = {"mass": estimate(np.float64(12.0), 11.5, np.inf), "error": summarise(np.array([3.0, 4.0])),
             "seeded": arguments.seed, "missing": float("nan"), "list": np.arange(2)}
-    return CommandResult(json=body, report=report, tables={"weights.csv": {"link": [1, 2], "mass_kg": [12.0, np.nan]}})
+    weights = {"link": [1, 2], "mass_kg": [12.0, np.nan]}
+    return CommandResult(json=body, report=report, tables={"weights.csv": weights})
 '''
 
 
@@ -93,11 +94,13 @@ def test_a_run_writes_everything_and_says_the_verdict_first(package, tmp_path, c
         {"file": str(data), "rows": 2, "sha256": hashlib.sha256(data.read_bytes()).hexdigest()}
     ]
     assert result["mass"] == {"value": 12.0, "ci95": [11.5, None]}
-    assert result["error"] == {"n": 2, "mean": 3.5, "rms": pytest.approx(12.5**0.5), "max": 4.0, "min": 3.0, "std": 0.5}
+    assert result["error"] == {"n": 2, "mean": 3.5, "rms": pytest.approx(12.5**0.5), "max": 4.0, "min": 3.0,
+                               "std": 0.5}
     assert result["missing"] is None and result["list"] == [0, 1]
     assert (tmp_path / "out/weights.csv").read_text() == "link,mass_kg\n1,12\n2,\n"
     assert "The robot weighs 48 kg." in (tmp_path / "out/report.html").read_text()
-    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["report.html", "result.json", "weights.csv"]
+    assert sorted(path.name
+                  for path in (tmp_path / "out").iterdir()) == ["report.html", "result.json", "weights.csv"]
 
 
 def test_quiet_prints_nothing(package, tmp_path, capsys):
@@ -110,10 +113,13 @@ def test_quiet_prints_nothing(package, tmp_path, capsys):
     (["--fail", "input"], 2, "poses.csv, row 7, column x_m: not a number, expected metres"),
     (["--fail", "computation"], 1, "the fit did not converge"),
     (["--fail", "core"], 2, "nobody: gear 1"),
-    (["--fail", "fault"], 1, "unexpected KeyError: 'oops' (a fault in exactarm; --debug prints the traceback)"),
+    (["--fail", "fault"], 1, "unexpected KeyError: 'oops' (a fault in exactarm; --debug prints the "
+                             "traceback)"),
     (["--seed", "-3"], 2, "argument --seed: -3 is negative, expected 0 or more (see exactarm weigh --help)"),
-    (["--threads", "two"], 2, "argument --threads: invalid whole number value: 'two' (see exactarm weigh --help)"),
-    (["--treads", "2"], 2, "unrecognized arguments: --treads 2; did you mean --threads? (see exactarm weigh --help)"),
+    (["--threads", "two"], 2, "argument --threads: invalid whole number value: 'two' (see exactarm weigh "
+                              "--help)"),
+    (["--treads", "2"], 2, "unrecognized arguments: --treads 2; did you mean --threads? (see exactarm weigh "
+                           "--help)"),
 ])
 def test_an_error_is_one_line_and_leaves_no_result(package, tmp_path, capsys, words, code, line):
     out = tmp_path / "out"
@@ -177,7 +183,8 @@ def test_a_killed_run_leaves_no_result_not_even_an_old_one(package, tmp_path, nu
 
 
 def test_help_lists_all_commands_without_importing_them(package, tmp_path, capsys):
-    (tmp_path / package / "weigh.py").write_text("NAME = 'weigh'\nHELP = 'weighs the robot'\nraise RuntimeError")
+    (tmp_path / package / "weigh.py").write_text("NAME = 'weigh'\nHELP = 'weighs the robot'\nraise "
+                                                 "RuntimeError")
     assert run(package, "--help") == 0
     assert "  weigh  weighs the robot\n" in capsys.readouterr().out
 
@@ -204,8 +211,10 @@ def test_python_dash_m_is_the_command():
 
 @pytest.mark.parametrize("words, line", [
     (["calibrte"], "unknown command 'calibrte', did you mean calibrate?"),
-    (["simulate", "ur10", "--effect", "backlsh joint=2 width_rad=1e-4"], "unknown effect 'backlsh'; did you mean backlash?"),
-    (["calibrate", "ur10", "poses.csv"], "poses.csv, column thta_1_rad: is no quantity of a joint; did you mean theta_1_rad?"),
+    (["simulate", "ur10", "--effect", "backlsh joint=2 width_rad=1e-4"],
+     "unknown effect 'backlsh'; did you mean backlash?"),
+    (["calibrate", "ur10", "poses.csv"], "poses.csv, column thta_1_rad: is no quantity of a joint; did you "
+                                         "mean theta_1_rad?"),
     (["plan", "ur10", "line", "--kind", "poses"], "unrecognized arguments: --kind poses"),
 ])
 def test_what_is_misspelt_is_answered_with_what_was_meant(tmp_path, monkeypatch, capsys, words, line):

@@ -1,4 +1,5 @@
-"""Closures end to end on virtual arms: parameters recovered, intervals that cover, causes named, kinds of data mixed."""
+"""Closures end to end on virtual arms: parameters recovered, intervals that cover, causes named, kinds of
+data mixed."""
 
 import json
 from dataclasses import replace
@@ -27,7 +28,9 @@ from exactarm.simulate.closures import measure_closures
 from exactarm.simulate.virtual_robot import placed
 
 NOISE_M = 5e-5
-ECCENTRICITY = "gear_eccentricity joint=2 first_cos_rad=4e-4 first_sin_rad=3e-4 second_cos_rad=0 second_sin_rad=0"
+ECCENTRICITY = (
+    "gear_eccentricity joint=2 first_cos_rad=4e-4 first_sin_rad=3e-4 second_cos_rad=0 second_sin_rad=0"
+)
 
 
 def virtual(name: str, seed: int, *effects: str) -> tuple[VirtualRobot, np.random.Generator]:
@@ -57,7 +60,8 @@ def covered(robot: VirtualRobot, result) -> list[bool]:
     ("socket", 25, 2.0), ("plane", 25, 1.2), ("sphere", 40, 1.2), ("bar", 40, 1.2), ("pair", 40, 1.5),
 ])
 def test_every_contact_recovers_the_arm(contact, count, left):
-    """Errors of rows never fitted come down to the noise (mean of so many numbers), and most intervals hold the truth."""
+    """Errors of rows never fitted come down to the noise (mean of so many numbers), and most intervals hold
+    the truth."""
     robot, data = touched("panda", contact, 3, count=count)
     result = calibrate_closures(robot.nominal, data)
     assert result.fit.fit.converged
@@ -93,7 +97,8 @@ def test_without_a_known_length_the_intervals_know_that_the_scale_is_in_doubt():
 
 @pytest.mark.parametrize(("name", "contact", "count", "effect", "label"), [
     ("panda", "socket", 25, ECCENTRICITY, "gear_eccentricity_2"),
-    ("ur10", "socket", 30, "joint_compliance joint=3 linear_rad_per_Nm=6e-6 cubic_rad_per_Nm3=0", "joint_compliance_3"),
+    ("ur10", "socket", 30, "joint_compliance joint=3 linear_rad_per_Nm=6e-6 cubic_rad_per_Nm3=0",
+     "joint_compliance_3"),
 ])
 def test_a_hidden_cause_is_named(name, contact, count, effect, label):
     robot, data = touched(name, contact, 1, effect, count=count)
@@ -112,12 +117,14 @@ def test_nothing_is_invented(contact, count, slipped):
 
 
 def test_a_tracker_and_planes_are_one_estimate_and_a_tracker_judges_the_planes():
-    """Planes alone: at most 1.5 times the error of the tracker's own; both together: no worse than the tracker's."""
+    """Planes alone: at most 1.5 times the error of the tracker's own; both together: no worse than the
+    tracker's."""
     robot, random = virtual("ur10", 7)
     sensors = Sensors(position_m=NOISE_M, counts=0)
     planes = measure_closures(robot, "plane", 3, 30, sensors, random)[0]
     seen = placed(robot.true, random)
-    lower, upper = (np.array([getattr(joint, key) for joint in robot.nominal.joints]) for key in ("q_min", "q_max"))
+    lower, upper = (np.array([getattr(joint, key) for joint in robot.nominal.joints])
+                    for key in ("q_min", "q_max"))
     tracked = VirtualRobot(robot.nominal, seen)
     draw = lambda count: measure_poses(tracked, random.uniform(lower, upper, (count, 6)), sensors, random)
     fitted, judge = draw(60), draw(100)
@@ -137,7 +144,8 @@ def together(planes: Dataset, tracked: Dataset) -> Dataset:
     position = np.concatenate([np.full((len(planes), 3), np.nan), tracked.position])
     none = np.full(len(tracked), -1)
     data = Dataset.of_arrays(
-        "closures", {name: np.concatenate([planes.joints[name], tracked.joints[name]]) for name in planes.joints},
+        "closures",
+        {name: np.concatenate([planes.joints[name], tracked.joints[name]]) for name in planes.joints},
         session=np.concatenate([planes.session, np.full(len(tracked), 9)]), position=position,
         contacts={name: np.concatenate([numbers, none]) for name, numbers in planes.contacts.items()},
         fixture=planes.fixture, identification=np.ones(count, bool),
@@ -163,7 +171,8 @@ def test_a_design_touches_its_seats_and_expects_less_error_than_random_poses():
 
 def test_proposed_places_help_beside_each_other():
     robot = replace(load_robot("ur10"), tool=Placement(np.eye(3), np.array([0.03, 0.02, 0.1])))
-    one, three = (design_closures(robot, ClosureDesignOptions(places=places, count=30)).deviation[2] for places in (1, 3))
+    one, three = (design_closures(robot, ClosureDesignOptions(places=places, count=30)).deviation[2]
+                  for places in (1, 3))
     assert three < one  # measured: 0.63 and 0.70 mm
 
 
@@ -176,18 +185,23 @@ def test_identifiable_says_in_words_what_touches_do_not_show(tmp_path):
 
 
 def test_a_tool_that_was_mounted_anew_gets_its_own_point():
-    """Two places with one tool, then two with another, 2 mm off; a session that no row belongs to takes the first."""
+    """Two places with one tool, then two with another, 2 mm off; a session that no row belongs to takes the
+    first."""
     robot, random = virtual("panda", 9)
     sensors = Sensors(position_m=NOISE_M, counts=0)
-    other = replace(robot.true, tool=Placement(np.eye(3), robot.true.tool.position + np.array([0.0, 2e-3, 0.0])))
+    other = replace(robot.true,
+                    tool=Placement(np.eye(3), robot.true.tool.position + np.array([0.0, 2e-3, 0.0])))
     one, two = (measure_closures(VirtualRobot(robot.nominal, true), "socket", 2, 15, sensors, random)[0]
                 for true in (robot.true, other))
     both = Dataset.of_arrays(
         "closures", {name: np.concatenate([one.joints[name], two.joints[name]]) for name in one.joints},
         session=np.concatenate([one.session, two.session + 2]),
-        contacts={"socket": np.concatenate([one.contacts["socket"], two.contacts["socket"]])}, fixture=one.fixture,
+        contacts={"socket": np.concatenate([one.contacts["socket"], two.contacts["socket"]])},
+        fixture=one.fixture,
     )
-    tools = lambda data: [effect for effect in declare_closures(robot.nominal, touches(data), sessions=(1, 2, 3, 4)).fit.layout.effects
+    tools = lambda data: [effect
+                          for effect in declare_closures(robot.nominal, touches(data),
+                                                         sessions=(1, 2, 3, 4)).fit.layout.effects
                           if isinstance(effect, Target)]
     assert [tool.sessions for tool in tools(one)] == [(1, 2, 3, 4)]
     found = tools(both)

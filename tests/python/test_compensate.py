@@ -23,7 +23,8 @@ def compensate(folder, robot, files, *options):
     for name, content in files.items():
         (folder / name).write_bytes(content)
     paths = [str(folder / name) for name in files]
-    code = main(["compensate", str(folder / "robot.toml"), *paths, "--out", str(folder / "out"), "--quiet", *options])
+    code = main(["compensate", str(folder / "robot.toml"), *paths, "--out", str(folder / "out"), "--quiet",
+                 *options])
     if code:
         return code, {}, {}
     written = {name: (folder / "out" / name).read_bytes() for name in files}
@@ -67,7 +68,8 @@ def test_urscript_poses_are_met_under_the_load_of_the_program(tmp_path):
     # linear motions come from the side of their last direction, so only joint motions are compared here
     joint = np.arange(1, 8)[[i % 2 == 1 for i in range(1, 8)]] - 1
     pick = lambda tips: [tips[k] for k in joint]
-    assert missed(cell, pick(wanted), pick(commanded), q[1:][joint], cell.approach(q)[1:][joint], cells.LOAD) < MICROMETRE
+    assert missed(cell, pick(wanted), pick(commanded), q[1:][joint], cell.approach(q)[1:][joint],
+                  cells.LOAD) < MICROMETRE
     assert changed_bytes_are_numbers(files["prog.script"], written["prog.script"])
 
 
@@ -78,7 +80,8 @@ def test_rapid_targets_are_met_under_the_load_of_their_tool(tmp_path):
     code, written, result = compensate(tmp_path, cell.robot, files, "--points", "calculated")
     assert code == 0 and result["correction"]["n"] == 9 and result["as_written_max_m"] < MICROMETRE
     approach = cell.approach(np.vstack([q[:1], q]))[1:]
-    assert missed(cell, cells.read_rapid(files), cells.read_rapid(written), q, approach, cells.LOAD) < MICROMETRE
+    assert missed(cell, cells.read_rapid(files), cells.read_rapid(written), q, approach,
+                  cells.LOAD) < MICROMETRE
     assert changed_bytes_are_numbers(files["prog.mod"], written["prog.mod"])
 
 
@@ -122,14 +125,16 @@ def test_joint_trajectories_are_met_at_their_own_order_of_joints(tmp_path, capsy
     code, written, result = compensate(tmp_path, cell.robot, files)
     wanted, commands = np.array([tip.position for tip in cell.tip(q)]), cells.read_trajectory(written)
     assert code == 0 and result["as_written_max_m"] < MICROMETRE
-    assert np.linalg.norm(cell.true_tip(commands, np.ones_like(q) * np.sign(cell.robot.ratios)) - wanted, axis=1).max() < MICROMETRE
+    assert np.linalg.norm(cell.true_tip(commands, np.ones_like(q) * np.sign(cell.robot.ratios)) - wanted,
+                          axis=1).max() < MICROMETRE
     assert changed_bytes_are_numbers(files["prog.yaml"], written["prog.yaml"])
     assert "joint_names" in refused(tmp_path, capsys, changed(files, "prog.yaml", b"axis_3", b"elbow"))
 
 
 def test_urscript_poses_need_the_controllers_own_calibration(tmp_path, capsys):
     cell = Cell(identified(), base=Placement())
-    code, *_ = compensate(tmp_path, cell.robot, cells.urscript(cell, reachable(cell.robot, 3)), "--points", "calculated")
+    code, *_ = compensate(tmp_path, cell.robot, cells.urscript(cell, reachable(cell.robot, 3)), "--points",
+                          "calculated")
     assert code == 2 and 'chain = "calibrated"' in capsys.readouterr().err
 
 
@@ -149,7 +154,10 @@ def test_tables_of_poses_get_the_joint_angles_that_reach_them(tmp_path, suffix):
     path = tmp_path / f"targets.{suffix}"
     table.to_csv(path, index=False) if suffix == "csv" else table.to_parquet(path)
     code, _, result = compensate(tmp_path, cell.robot, {path.name: path.read_bytes()})
-    new = pandas.read_csv(tmp_path / "out" / path.name) if suffix == "csv" else pandas.read_parquet(tmp_path / "out" / path.name)
+    new = (
+        pandas.read_csv(tmp_path / "out" / path.name)
+        if suffix == "csv" else pandas.read_parquet(tmp_path / "out" / path.name)
+    )
     commands = new[[f"q_{i + 1}_rad" for i in range(6)]].to_numpy()
     wanted = np.array([tip.position for tip in tips])
     assert code == 0 and result["correction"]["n"] == 30
@@ -161,12 +169,15 @@ def test_tables_of_joint_angles_are_corrected_in_place(tmp_path):
     cell = Cell(identified(), Placement(), Placement())
     q = reachable(cell.robot, 5)
     lines = ["note,q_1_deg,q_2_rad,q_3_rad,q_4_rad,q_5_rad,q_6_rad"]
-    lines += [f"{i}," + ",".join([repr(float(np.degrees(row[0]))), *map(repr, row[1:].tolist())]) for i, row in enumerate(q)]
+    lines += [f"{i}," + ",".join([repr(float(np.degrees(row[0]))), *map(repr, row[1:].tolist())])
+              for i, row in enumerate(q)]
     code, written, _ = compensate(tmp_path, cell.robot, {"t.csv": ("\r\n".join(lines) + "\r\n").encode()})
     rows = list(csv.DictReader(written["t.csv"].decode().splitlines()))
     commands = np.array([[float(row[f"q_{i}_rad"]) for i in range(1, 7)] for row in rows])
     wanted = np.array([tip.position for tip in cell.tip(q)])
-    assert code == 0 and written["t.csv"].count(b"\r\n") == 6 and [row["note"] for row in rows] == list("01234")
+    assert (
+        code == 0 and written["t.csv"].count(b"\r\n") == 6 and [row["note"] for row in rows] == list("01234")
+    )
     assert np.linalg.norm(cell.true_tip(commands, cell.approach(commands)) - wanted, axis=1).max() < 1e-8
 
 
@@ -210,7 +221,8 @@ def test_what_cannot_be_corrected_is_refused_by_file_line_and_reason(tmp_path, c
 
 def test_an_arm_whose_controller_corrects_already_is_refused(tmp_path, capsys):
     robot = identified(absolute_accuracy=True)
-    assert "twice" in refused(tmp_path, capsys, cells.krl(Cell(robot), reachable(robot, 2)), *FRAMES, robot=robot)
+    assert "twice" in refused(tmp_path, capsys, cells.krl(Cell(robot), reachable(robot, 2)), *FRAMES,
+                              robot=robot)
 
 
 def test_limits_and_singular_poses_are_refused_or_kept(tmp_path, capsys):
@@ -218,7 +230,8 @@ def test_limits_and_singular_poses_are_refused_or_kept(tmp_path, capsys):
     q = reachable(robot, 3)
     q[1, 4] = 0.0
     line = lambda row: ",".join(map(repr, row.tolist()))
-    files = {"t.csv": ("q_1_rad,q_2_rad,q_3_rad,q_4_rad,q_5_rad,q_6_rad\n" + "\n".join(map(line, q)) + "\n").encode()}
+    files = {"t.csv": ("q_1_rad,q_2_rad,q_3_rad,q_4_rad,q_5_rad,q_6_rad\n" + "\n".join(map(line, q))
+                       + "\n").encode()}
     error = refused(tmp_path, capsys, files)
     assert "t.csv, line 3: row 2: close to a singular pose" in error
     code, _, result = compensate(tmp_path, robot, files, "--keep-refused")
@@ -244,16 +257,24 @@ def test_points_in_between_keep_the_real_tip_on_its_line(tmp_path, dialect):
     q = np.vstack([start, start + 0.3])
     files = straight_programs(cell, q)[dialect == "rapid"]
     *_, plain = compensate(tmp_path, robot, files, "--points", "calculated", "--tolerance-mm", "100")
-    code, written, result = compensate(tmp_path, robot, files, "--points", "calculated", "--tolerance-mm", "0.03")
+    code, written, result = compensate(tmp_path, robot, files, "--points", "calculated", "--tolerance-mm",
+                                       "0.03")
     (bend,) = result["programs"][0]["straight_motions"]
-    assert code == 0 and bend["off_line_m"] > 5e-5 and bend["points_in_between"] >= 1 and bend["off_line_after_m"] < 3e-5
+    assert (
+        code == 0 and bend["off_line_m"] > 5e-5 and bend["points_in_between"] >= 1
+        and bend["off_line_after_m"] < 3e-5
+    )
     assert plain["programs"][0]["straight_motions"][0]["off_line_m"] == bend["off_line_m"]
     name = next(iter(files))
     more = [line for line in written[name].splitlines() if b"r=0.001" in line or b",z1," in line]
-    assert len(written[name].splitlines()) - len(files[name].splitlines()) == len(more) == bend["points_in_between"]
-    # jumps of a flank and ripple of a gear within a few degrees are more than points in between can follow: told
+    assert len(written[name].splitlines()) - len(files[name].splitlines()) == len(more) == bend[
+        "points_in_between"
+    ]
+    # jumps of a flank and ripple of a gear within a few degrees are more than points in between can follow:
+    # told
     *_, rough = compensate(tmp_path, rippled, files, "--points", "calculated", "--tolerance-mm", "0.03")
     assert any("leave their line" in warning for warning in rough["warnings"])
-    # the new program is one that can be read, and its points in between are what a compensation of them would give
+    # the new program is one that can be read, and its points in between are what a compensation of them would
+    # give
     _, again, _ = compensate(tmp_path, robot, written, "--points", "taught")
     assert again == written

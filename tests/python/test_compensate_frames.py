@@ -1,4 +1,5 @@
-"""Base and flange of a compensation: what each choice makes of a shift that no calibration can tell from geometry."""
+"""Base and flange of a compensation: what each choice makes of a shift that no calibration can tell from
+geometry."""
 
 from dataclasses import replace
 
@@ -33,8 +34,10 @@ def touched(tmp_path, robot, model, base, flange, q):
 
 
 def missed(robot, base, flange, chosen, q):
-    """Largest error of the flange, m, of an arm that stands at `base` and ends at `flange`, commanded with the chosen frames."""
-    true, used = CompensationModel.of(robot, base, flange), CompensationModel.of(robot, chosen.base, chosen.flange)
+    """Largest error of the flange, m, of an arm that stands at `base` and ends at `flange`, commanded with
+    the chosen frames."""
+    true, used = CompensationModel.of(robot, base,
+                                      flange), CompensationModel.of(robot, chosen.base, chosen.flange)
     targets = true.controller.poses(q)
     commands = used.commands(targets, q).q
     return np.linalg.norm(true.reached(commands).position - targets.position, axis=1).max()
@@ -56,12 +59,16 @@ def test_three_points_improve_what_they_can(tmp_path):
     q = reachable(robot, 60)
     points = cell_frames(robot, touched(tmp_path, robot, model, base, flange, q[:3]), Placement())
     assert missed(robot, base, flange, points, q[:3]) < 1e-4
-    assert missed(robot, base, flange, points, q[12:]) < 0.6 * missed(robot, base, flange, cell_frames(robot, "nominal", Placement()), q[12:])
+    assert missed(robot, base, flange, points,
+                  q[12:]) < 0.6 * missed(robot, base, flange, cell_frames(robot, "nominal", Placement()),
+                                         q[12:])
 
 
 def test_identified_frames_bring_the_models_together_over_the_work_space():
     robot = identified(effects=False)
-    shifted = replace(robot, joints=tuple(replace(j, d=j.d + 0.002) if i == 0 else j for i, j in enumerate(robot.joints)))
+    shifted = replace(robot,
+                      joints=tuple(replace(j, d=j.d + 0.002) if i == 0 else j
+                                   for i, j in enumerate(robot.joints)))
     q = reachable(robot, 60)
     frames = cell_frames(shifted, "identified", Placement())
     assert np.linalg.norm(frames.base.position) > 1e-3
@@ -83,6 +90,9 @@ def test_points_of_another_frame_are_refused(tmp_path):
 def test_the_nominal_frames_of_another_file_become_the_controllers():
     robot = replace(identified(), controller=Controller(absolute_accuracy=True))
     merged = with_nominal(robot, load_robot("racer-7-1.4"))
-    assert merged.controller.frames[0].d == load_robot("racer-7-1.4").joints[0].d and merged.controller.absolute_accuracy
+    assert (
+        merged.controller.frames[0].d == load_robot("racer-7-1.4").joints[0].d
+        and merged.controller.absolute_accuracy
+    )
     with pytest.raises(InputError, match="no geometry"):
         with_nominal(robot, load_robot("kr300"))

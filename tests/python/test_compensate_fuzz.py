@@ -18,7 +18,8 @@ from exactarm.errors import InputError
 from exactarm.robot import Placement
 
 MAKERS = {
-    "krl": cells.krl, "rapid": cells.rapid, "fanuc": cells.fanuc, "urscript": cells.urscript, "inform": cells.inform,
+    "krl": cells.krl, "rapid": cells.rapid, "fanuc": cells.fanuc, "urscript": cells.urscript,
+    "inform": cells.inform,
     "trajectory": lambda cell, q: cells.trajectory(q),
 }
 NUMBER = rb"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
@@ -28,7 +29,8 @@ MICROMETRE = 1e-6
 @cache
 def cell_of(dialect: str) -> Cell:
     coupling = ((3, 2, 1.0),) if dialect == "fanuc" else None
-    robot = identified(coupling=coupling, pulses_per_rad=PULSES, chain="calibrated" if dialect == "urscript" else "nominal")
+    robot = identified(coupling=coupling, pulses_per_rad=PULSES,
+                       chain="calibrated" if dialect == "urscript" else "nominal")
     return Cell(robot, base=Placement()) if dialect == "urscript" else Cell(robot)
 
 
@@ -41,8 +43,10 @@ def program_of(dialect: str) -> dict[str, bytes]:
 def setting_of(dialect: str) -> Setting:
     turned = lambda frame: (*frame[:3], frame[5], frame[4], frame[3])
     shown = (lambda frame: frame) if dialect == "krl" else turned
-    tools, bases = {"1": shown(TOOL), "4": shown(TOOL), "5": shown(TOOL)}, {"2": shown(BASE), "3": shown(BASE)}
-    return Setting(cell_of(dialect).robot, {} if dialect in ("rapid", "urscript") else tools, bases if tools else {})
+    tools, bases = {"1": shown(TOOL), "4": shown(TOOL),
+                    "5": shown(TOOL)}, {"2": shown(BASE), "3": shown(BASE)}
+    return Setting(cell_of(dialect).robot, {} if dialect in ("rapid", "urscript") else tools,
+                   bases if tools else {})
 
 
 def mutated(content: bytes, random: np.random.Generator) -> bytes:
@@ -72,7 +76,8 @@ def mutated(content: bytes, random: np.random.Generator) -> bytes:
         else:
             found = list(re.finditer(NUMBER, content))
             match = found[int(random.integers(len(found)))]
-            new = str(random.choice(["0", "1e9", "-1", "nan", "1.5", "", "9E9", "007", "1e400", "--3"])).encode()
+            new = str(random.choice(["0", "1e9", "-1", "nan", "1.5", "", "9E9", "007", "1e400",
+                                     "--3"])).encode()
             content = content[: match.start()] + new + content[match.end() :]
     return content
 
@@ -90,7 +95,8 @@ def one(dialect: str, random: np.random.Generator) -> str:
     try:
         program = job.dialect.read(sources, setting)
         chosen = chosen_points(program, "calculated")
-        result = correct(program, model, chosen, setting.start, 1, lambda contents: job.reread(contents, setting))
+        result = correct(program, model, chosen, setting.start, 1,
+                         lambda contents: job.reread(contents, setting))
     except InputError as error:
         assert re.search(r"line \d+|point \d+", str(error)) or re.search(r"prog\.\w+: ", str(error)), error
         return "refused"

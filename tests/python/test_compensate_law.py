@@ -69,7 +69,8 @@ def test_a_redundant_direction_is_left_alone_and_a_singular_pose_is_called_so():
 def test_effects_that_no_program_can_compensate_are_named():
     from exactarm.effects.thermal_drift import ThermalDrift
 
-    effect = ThermalDrift.from_table({"growth_1_per_degC": 1e-5, "form": "growth", "driver": "temperature_degC"})
+    effect = ThermalDrift.from_table({"growth_1_per_degC": 1e-5, "form": "growth",
+                                      "driver": "temperature_degC"})
     robot = replace(identified(effects=False), effects=(effect,))
     assert CompensationModel.of(robot).left_out == (effect.label,)
 
@@ -79,7 +80,8 @@ def test_a_calibrated_file_without_the_controllers_frames_is_refused_and_a_decla
     with pytest.raises(InputError, match="--nominal"):
         command_of(replace(bare, record={"command": "diagnose"}), np.zeros((1, 6)))
     with pytest.raises(InputError, match="--nominal"):
-        command_of(replace(bare, record={"command": "gear", "previous": {"command": "calibrate"}}), np.zeros((1, 6)))
+        command_of(replace(bare, record={"command": "gear", "previous": {"command": "calibrate"}}),
+                   np.zeros((1, 6)))
     q = reachable(identified(), 5)
     declared = CompensationModel.of(bare)
     there = declared.reached(command_of(bare, q))

@@ -1,4 +1,5 @@
-"""Held-out poses of the measured UR10 as targets: the command that comes back is the one that was driven, within the model's error."""
+"""Held-out poses of the measured UR10 as targets: the command that comes back is the one that was driven,
+within the model's error."""
 
 import numpy as np
 import pandas
@@ -8,7 +9,9 @@ import exactarm as ea
 from exactarm.chain import Layout, predict_poses
 from exactarm.dataset import Dataset
 
-SINGULAR = 50.0  # smallest |q5| and |q3| in mrad of the poses that are asked for: close to zero the wrist or the elbow is in line
+# smallest |q5| and |q3| in mrad of the poses that are asked for: close to zero the wrist or the elbow is in
+# line
+SINGULAR = 50.0
 
 
 def held_out(robot, seed=1):
@@ -34,7 +37,8 @@ def commanded(robot, rows, tmp_path):
 def distances(robot, q, other):
     """(N,) m between the targets of two sets of joint angles, by the model."""
     layout = Layout.of(tuple(effect for effect in robot.effects if not effect.record), estimate=False)
-    here, there = (predict_poses(robot, layout, Dataset.of_arrays("poses", {"q": angles}), tangents=False) for angles in (q, other))
+    here, there = (predict_poses(robot, layout, Dataset.of_arrays("poses", {"q": angles}), tangents=False)
+                   for angles in (q, other))
     return np.linalg.norm(here.position - there.position, axis=1)
 
 

@@ -25,14 +25,17 @@ def contacts():
     frame = ((0.4, 0.1, 0.2), *(tuple(float(x) for x in row) for row in q))
     return (
         Socket(None, (0.5, 0.1, 0.2), 1, 0), Socket(None, (0.5, 0.15, 0.2), 1, 1),
-        Plane(None, (0.1, -0.2, 0.01), 1, 0, reference=frame), Plane(None, (0.08, -0.2, 0.06), 1, 1, reference=frame),
-        Sphere(None, (0.3, 0.2, 0.1, 0.02), 1, 0), Bar(None, (0.1, 0.6, 0.2, 0.01), 1, 0), Target(None, (0.01, 0.02, 0.1), (1,)),
+        Plane(None, (0.1, -0.2, 0.01), 1, 0, reference=frame),
+        Plane(None, (0.08, -0.2, 0.06), 1, 1, reference=frame),
+        Sphere(None, (0.3, 0.2, 0.1, 0.02), 1, 0), Bar(None, (0.1, 0.6, 0.2, 0.01), 1, 0),
+        Target(None, (0.01, 0.02, 0.1), (1,)),
     )
 
 
 def rows_of_every_contact(each: int = 3) -> Dataset:
     """Rows that touch each of `contacts`, a pair, and rows of a tracker."""
-    touched = [("socket", 0), ("socket", 1), ("plane", 0), ("plane", 1), ("sphere", 0), ("bar", 0), ("pair", 0), ("pair", 1)]
+    touched = [("socket", 0), ("socket", 1), ("plane", 0), ("plane", 1), ("sphere", 0), ("bar", 0),
+               ("pair", 0), ("pair", 1)]
     count = each * len(touched)
     columns = {name: np.full(count, NO_CONTACT) for name in CONTACTS}
     for place, (name, number) in enumerate(touched):
@@ -55,7 +58,8 @@ def test_response_to_a_displacement_of_the_target_is_that_of_its_tool():
     prediction = predict_closures(PANDA, layout, data)
     tool = layout.names.index("session_1.tool_x_m")
     columns = prediction.view.signals["identification"].reshape(len(data), 6, -1)[:, :, -6:-3]
-    np.testing.assert_allclose(prediction.through(columns)[:, :3], prediction.jacobian[:, :3, tool : tool + 3], atol=1e-12)
+    np.testing.assert_allclose(prediction.through(columns)[:, :3],
+                               prediction.jacobian[:, :3, tool : tool + 3], atol=1e-12)
 
 
 def test_known_lengths_and_their_derivatives():
@@ -74,7 +78,8 @@ def test_known_lengths_and_their_derivatives():
 
 def test_the_width_between_two_faces_is_that_of_the_tip_centres_less_two_radii():
     frame = ((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
-    layout = Layout.of((Plane(None, (0.0, 0.0, 0.0), 1, 0, reference=frame), Plane(None, (0.0, 0.0, 0.056), 1, 1, reference=frame)))
+    layout = Layout.of((Plane(None, (0.0, 0.0, 0.0), 1, 0, reference=frame),
+                        Plane(None, (0.0, 0.0, 0.056), 1, 1, reference=frame)))
     fixture = Fixture((Distance("plane", (0, 1), 0.05),), (Radius("ball", None, 0.003),))
     assert abs(known_lengths(layout, fixture)[0].residual) < 1e-15
 
@@ -85,7 +90,8 @@ def test_a_contact_starts_where_it_was_touched(cls):
     direction /= np.linalg.norm(direction, axis=1)[:, None]
     centre, normal = np.array([0.3, 0.1, 0.2]), np.array([0.6, 0.0, 0.8])
     flat = direction - np.outer(direction @ normal, normal)
-    points = {"socket": np.tile(centre, (60, 1)), "plane": centre + flat}.get(cls.contact, centre + 0.2 * direction)
+    points = {"socket": np.tile(centre, (60, 1)),
+              "plane": centre + flat}.get(cls.contact, centre + 0.2 * direction)
     found = cls(None, (), 1, 0).start(points, None)
     np.testing.assert_allclose(found.touch(points)[0], 0.0, atol=1e-12)
 
@@ -166,7 +172,8 @@ zero = "free"
 
 
 @pytest.mark.parametrize(("text", "words"), [
-    ('[[distances]]\ncontact = "pair"\nbetween = [0, 1]\nlength_mm = 5', "contact = 'pair'; expected one of socket"),
+    ('[[distances]]\ncontact = "pair"\nbetween = [0, 1]\nlength_mm = 5',
+     "contact = 'pair'; expected one of socket"),
     ('[[distances]]\ncontact = "socket"\nbetween = [0, 0]\nlength_mm = 5', "two different numbers"),
     ('[[distances]]\ncontact = "socket"\nbetween = [0, 1]', "length_mm missing"),
     ('[[distances]]\ncontact = "socket"\nbetween = [0, 1]\nlength_mm = -5', "a length above 0"),

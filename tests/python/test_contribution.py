@@ -1,4 +1,5 @@
-"""What one effect does by itself: its own signal, its size, its share that nothing else makes up for; and the words for it."""
+"""What one effect does by itself: its own signal, its size, its share that nothing else makes up for; and the
+words for it."""
 
 import numpy as np
 import pytest
@@ -10,7 +11,8 @@ from exactarm.diagnose.contribution import _follows
 from exactarm.diagnose.diagnosis import diagnose
 from exactarm.effects.order_source import likely_source
 
-EFFECTS = ["gear_eccentricity joint=3 first_cos_rad=6e-4 first_sin_rad=3e-4", "joint_compliance joint=2 linear_rad_per_Nm=8e-6"]
+EFFECTS = ["gear_eccentricity joint=3 first_cos_rad=6e-4 first_sin_rad=3e-4",
+           "joint_compliance joint=2 linear_rad_per_Nm=8e-6"]
 
 
 @pytest.fixture(scope="module")
@@ -29,7 +31,8 @@ def test_every_picture_has_its_own_axis_on_the_abscissa_and_lowers_its_own_error
 def test_an_angle_error_has_its_peak_to_peak_with_an_interval_that_holds_the_truth(result):
     (own,) = [c for c in result.contributions if c.effect.joint == 3 and c.effect.orders()]
     value, half = own.peak_to_peak
-    phi = np.linspace(own.x.min(), own.x.max(), 2000) - ea.load_robot("racer-7-1.4").joints[2].q_offset  # over the angles that were measured
+    # over the angles that were measured
+    phi = np.linspace(own.x.min(), own.x.max(), 2000) - ea.load_robot("racer-7-1.4").joints[2].q_offset
     truth = np.ptp(6e-4 * np.cos(phi) + 3e-4 * np.sin(phi))
     assert own.signal == "angle of axis 3" and own.curve and abs(value - truth) < 1.5 * half + 5e-5
     assert np.all(own.half > 0.0) and own.at_tool > 2e-5
@@ -47,12 +50,15 @@ def test_the_report_tells_one_line_an_effect_and_a_verdict_in_words(result):
 
 def test_errors_in_space_are_those_of_the_held_out_rows(result):
     np.testing.assert_allclose(np.linalg.norm(result.in_space.after, axis=1),
-                               result.errors_after["validation"][np.isfinite(result.errors_after["validation"])], atol=1e-9)
+                               result.errors_after["validation"][
+                                   np.isfinite(result.errors_after["validation"])
+                               ], atol=1e-9)
     assert result.in_space.which == "validation" and result.in_space.arm.shape[1] == 3
 
 
 @pytest.mark.parametrize("joints, words", [
-    ([2], " on axis 2"), ([1, 2, 3, 4], " on axes 1 to 4"), ([6, 1, 3], " on axes 1, 3 and 6"), ([1, 2], " on axes 1 and 2"),
+    ([2], " on axis 2"), ([1, 2, 3, 4], " on axes 1 to 4"), ([6, 1, 3], " on axes 1, 3 and 6"),
+    ([1, 2], " on axes 1 and 2"),
     ([1, 2, 3, 4, 5, 6], " on all six axes"), ([None], ""),
 ])
 def test_axes_are_told_as_a_person_would(joints, words):
@@ -60,7 +66,8 @@ def test_axes_are_told_as_a_person_would(joints, words):
 
 
 def test_probabilities_are_not_told_beyond_what_they_mean():
-    assert [percent(p) for p in (0.0, 0.0004, 0.123, 0.999, 0.99999)] == ["< 0.1 %", "< 0.1 %", "12.3 %", "99.9 %", "> 99.9 %"]
+    assert [percent(p) for p in (0.0, 0.0004, 0.123, 0.999,
+                                 0.99999)] == ["< 0.1 %", "< 0.1 %", "12.3 %", "99.9 %", "> 99.9 %"]
 
 
 def test_a_signal_is_followed_by_its_own_functions_only():
@@ -71,7 +78,8 @@ def test_a_signal_is_followed_by_its_own_functions_only():
 
 
 @pytest.mark.parametrize("order, ratio, word", [
-    (1.0, 100.0, "run-out"), (2.0, None, "ovality"), (100.0, 100.0, "motor"), (200.0, -100.0, "wave generator"),
+    (1.0, 100.0, "run-out"), (2.0, None, "ovality"), (100.0, 100.0, "motor"),
+    (200.0, -100.0, "wave generator"),
     (37.0, 100.0, "gear"), (5.0, 100.0, "output side"),
 ])
 def test_the_usual_source_of_an_order_follows_from_the_ratio(order, ratio, word):

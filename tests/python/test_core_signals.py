@@ -13,8 +13,8 @@ import numpy as np
 from exactarm import _core
 
 link = _core.LinkInertia(1.0, np.full(3, 0.05), np.eye(3) * 0.1)
-joints = [_core.Joint(_core.Frame(a=0.3, alpha=1.57 * (i % 2)), spring=_core.Spring(1e4), drive=_core.Drive(1e-3), link=link)
-          for i in range(6)]
+joints = [_core.Joint(_core.Frame(a=0.3, alpha=1.57 * (i % 2)), spring=_core.Spring(1e4),
+                      drive=_core.Drive(1e-3), link=link) for i in range(6)]
 robot = _core.Robot(joints)
 table = _core.GearTable(np.arange(1.0, 21.0), np.full(20, 1e-3), np.full(20, 1e-3))
 
@@ -26,7 +26,8 @@ def batch():
 
 def plan():
     problem = _core.PlanProblem(robot)
-    problem.q_desired = np.cumsum(np.random.default_rng(1).normal(size=(25_000, 6)), axis=0)  # no motor can follow
+    # no motor can follow
+    problem.q_desired = np.cumsum(np.random.default_rng(1).normal(size=(25_000, 6)), axis=0)
     options = _core.PlanOptions()
     options.threads, options.iterations = 2, 10_000
     _core.plan_motion(robot, problem, options)
@@ -41,7 +42,8 @@ PATIENCE_S = 20.0  # of a loaded machine; alone it takes 0.05 s
 
 def started(work: str) -> subprocess.Popen:
     text = PREPARE + "print('started', flush=True)\n" + work
-    child = subprocess.Popen([sys.executable, "-c", text], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    child = subprocess.Popen([sys.executable, "-c", text], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                             text=True)
     assert child.stdout.readline() == "started\n", child.stderr.read()
     return child
 
@@ -76,7 +78,10 @@ except TimeoutError as error:
 
 def test_the_interpreter_ends_cleanly_while_a_daemon_thread_is_in_the_core():
     """pybind11 alone ends with "terminate called without an active exception" here (Python before 3.14)."""
-    work = "threading.Thread(target=lambda: [angles() for _ in range(100)], daemon=True).start()\ntime.sleep(0.5)"
+    work = (
+        "threading.Thread(target=lambda: [angles() for _ in range(100)], "
+        "daemon=True).start()\ntime.sleep(0.5)"
+    )
     child = started(work)
     _, words = child.communicate(timeout=PATIENCE_S)
     assert (child.returncode, words) == (0, "")
@@ -88,7 +93,8 @@ def test_ctrl_c_never_aborts(delay):
     work = """
 from concurrent.futures import ThreadPoolExecutor
 with ThreadPoolExecutor(2) as pool:
-    list(pool.map(lambda _: _core.inverse_dynamics(robot, *np.zeros((3, 20_000, 6)), threads=2), range(100_000)))
+    work = lambda _: _core.inverse_dynamics(robot, *np.zeros((3, 20_000, 6)), threads=2)
+    list(pool.map(work, range(100_000)))
 """
     child = started(work)
     time.sleep(0.3 + delay)

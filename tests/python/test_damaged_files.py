@@ -1,4 +1,5 @@
-"""Bytes of valid files changed at random: every reader either reads or refuses in one line, and nothing else."""
+"""Bytes of valid files changed at random: every reader either reads or refuses in one line, and nothing
+else."""
 
 import numpy as np
 import pytest
@@ -11,7 +12,8 @@ from exactarm.urdf import urdf_text
 from urdf_sample import random_urdf
 
 DAMAGES = 150
-WORDS = [b"", b",", b"\n", b"nan", b"1e999", b"-", b'"', b"\xff", b"\0", b"[", b"=", b"<", b"/>", b"_", b"99", b"session"]
+WORDS = [b"", b",", b"\n", b"nan", b"1e999", b"-", b'"', b"\xff", b"\0", b"[", b"=", b"<", b"/>", b"_", b"99",
+         b"session"]
 
 
 def damaged(content: bytes, rng: np.random.Generator) -> bytes:
@@ -29,7 +31,9 @@ def damaged(content: bytes, rng: np.random.Generator) -> bytes:
 def valid(tmp_path, kind: str) -> tuple[bytes, object]:
     robot = load_robot("ur10")
     if kind == "csv":
-        return b"\n".join(data_path("ur10/series_B.csv").read_bytes().splitlines()[:12]) + b"\n", lambda p: read_dataset(p, robot)
+        return b"\n".join(
+            data_path("ur10/series_B.csv").read_bytes().splitlines()[:12]
+        ) + b"\n", lambda p: read_dataset(p, robot)
     if kind == "parquet":
         import pandas
 
@@ -42,7 +46,9 @@ def valid(tmp_path, kind: str) -> tuple[bytes, object]:
     return text.encode(), load_robot
 
 
-@pytest.mark.parametrize("kind, ending", [("csv", "csv"), ("parquet", "parquet"), ("toml", "toml"), ("urdf", "urdf"), ("chain", "urdf")])
+@pytest.mark.parametrize("kind, ending",
+                         [("csv", "csv"), ("parquet", "parquet"), ("toml", "toml"), ("urdf", "urdf"),
+                          ("chain", "urdf")])
 def test_damage_is_read_or_refused(tmp_path, kind, ending):
     content, read = valid(tmp_path, kind)
     path = tmp_path / f"damaged.{ending}"

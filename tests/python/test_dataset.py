@@ -19,7 +19,8 @@ GEARED = Robot("geared", tuple(Joint(ratio=50.0) for _ in range(AXES)))
 DIRECT = Robot("direct", tuple(Joint() for _ in range(AXES)))
 
 many = settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-numbers = st.floats(-1e4, 1e4, allow_nan=False)  # within what a device measures (columns.MOST), for every quantity
+# within what a device measures (columns.MOST), for every quantity
+numbers = st.floats(-1e4, 1e4, allow_nan=False)
 
 
 def poses(rows: int = 8, seed: int = 1) -> dict[str, np.ndarray]:
@@ -30,7 +31,8 @@ def poses(rows: int = 8, seed: int = 1) -> dict[str, np.ndarray]:
 
 def motion(rows: int = 20, seed: int = 2) -> dict[str, np.ndarray]:
     random = np.random.default_rng(seed)
-    table = {"time_s": 0.01 * np.arange(rows)} | {f"theta_{i}_rad": random.normal(size=rows) for i in (1, 2, 3)}
+    table = {"time_s": 0.01 * np.arange(rows)} | {f"theta_{i}_rad": random.normal(size=rows)
+                                                  for i in (1, 2, 3)}
     return table | {f"tau_{i}_Nm": random.normal(size=rows) for i in (1, 2, 3)}
 
 
@@ -92,7 +94,8 @@ def test_what_is_written_comes_back(tmp_path, dataset, ending):
 
 
 def test_units_become_si(tmp_path):
-    table = {"q_1_deg": [180.0], "q_2_rad": [1.0], "q_3_deg": [-90.0], "x_mm": [1.0], "y_m": [2.0], "z_mm": [3000.0]}
+    table = {"q_1_deg": [180.0], "q_2_rad": [1.0], "q_3_deg": [-90.0], "x_mm": [1.0], "y_m": [2.0],
+             "z_mm": [3000.0]}
     table |= {"rx_deg": [0.0], "ry_deg": [0.0], "rz_deg": [90.0]}
     data = read_dataset(write(tmp_path / "a.csv", table), DIRECT)
     np.testing.assert_allclose(data.joints["q"], [[np.pi, 1.0, -np.pi / 2]], rtol=1e-15)
@@ -145,7 +148,8 @@ def test_kind_given_overrides(tmp_path):
 @given(
     column=st.sampled_from([*poses()]),
     row=st.integers(1, 8),
-    cell=st.sampled_from(["", " ", "abc", "1,5", "nan", "inf", "-Infinity", "1_0", "0x1", "--1", "NA", "1.0.0", "1e300"]),
+    cell=st.sampled_from(["", " ", "abc", "1,5", "nan", "inf", "-Infinity", "1_0", "0x1", "--1", "NA",
+                          "1.0.0", "1e300"]),
 )
 def test_any_bad_cell_is_refused_by_file_row_and_column(tmp_path, column, row, cell):
     path = write(tmp_path / "a.csv", poses())
@@ -237,7 +241,8 @@ def test_what_other_programs_write_is_read(tmp_path):
     plain = read_dataset(path, DIRECT)
     text = path.read_text()
     header, rest = text.split("\n", 1)
-    spaced = ", ".join(f'"{name}"' if name == "q_2_rad" else name for name in header.split(",")).replace(' "', '"')
+    spaced = ", ".join(f'"{name}"' if name == "q_2_rad" else name
+                       for name in header.split(",")).replace(' "', '"')
     variants = {
         "bom": b"\xef\xbb\xbf" + text.encode(),
         "windows": text.replace("\n", "\r\n").encode(),
@@ -323,7 +328,8 @@ def test_equal_sessions_are_shared_and_runs_stay_distinct(tmp_path):
 
 
 def test_files_with_other_columns_are_refused(tmp_path):
-    one, other = write(tmp_path / "1.csv", poses()), write(tmp_path / "2.csv", poses() | {"load_kg": np.ones(8)})
+    one, other = write(tmp_path / "1.csv", poses()), write(tmp_path / "2.csv",
+                                                           poses() | {"load_kg": np.ones(8)})
     for paths in ([one, other], [other, one]):
         error = refusal(paths)
         assert error.column == "load_kg" and error.file == str(one)
@@ -403,7 +409,8 @@ def test_one_run_is_cut_in_time():
 
 def test_a_motor_angle_of_an_axis_without_a_gear_is_written_as_its_joint_angle(tmp_path):
     robot = Robot("two", (Joint(q_offset=0.5), Joint(ratio=100.0)))
-    data = Dataset.of_arrays("poses", {"theta": np.array([[0.1, 20.0], [0.2, 30.0]])}, position=np.zeros((2, 3)))
+    data = Dataset.of_arrays("poses", {"theta": np.array([[0.1, 20.0], [0.2, 30.0]])},
+                             position=np.zeros((2, 3)))
     write_dataset(tmp_path / "poses.csv", data, robot)
     back = read_dataset(tmp_path / "poses.csv", robot)
     np.testing.assert_allclose(back.joints["q"][:, 0], [0.6, 0.7])

@@ -1,4 +1,5 @@
-"""The demo: steps run in their own folders, on files that come with the package, and one failure ends nothing."""
+"""The demo: steps run in their own folders, on files that come with the package, and one failure ends
+nothing."""
 
 import json
 
@@ -25,16 +26,21 @@ def test_every_step_names_a_command_and_files_that_exist():
 def test_a_failed_step_is_told_and_the_others_run(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(demo, "STEPS", (
         Step("broken", "A robot that nobody has", ("evaluate", "nobody", "{example/ur10/series_B.csv}")),
-        Step("judged", "The nominal arm", ("evaluate", "ur10", "{example/ur10/series_B.csv}"), picture="error_histogram"),
+        Step("judged", "The nominal arm", ("evaluate", "ur10", "{example/ur10/series_B.csv}"),
+             picture="error_histogram"),
     ))
     assert cli.main(["demo", "--out", str(tmp_path / "demo")]) == 1
     result = json.loads((tmp_path / "demo/result.json").read_text())
     broken, judged = result["steps"]
-    assert "nobody: no robot of that name" in broken["failure"] and not (tmp_path / "demo/broken/result.json").exists()
+    assert (
+        "nobody: no robot of that name" in broken["failure"]
+        and not (tmp_path / "demo/broken/result.json").exists()
+    )
     assert judged["validation_mean_after"] == pytest.approx(0.00103, rel=0.1) and judged["unit"] == "m"
     assert json.loads((tmp_path / "demo/judged/result.json").read_text())["command"] == "evaluate"
     page = (tmp_path / "demo/report.html").read_text()
-    assert (tmp_path / "demo/plots/judged_error_histogram.svg").exists()  # the picture that tells most of a step
+    # the picture that tells most of a step
+    assert (tmp_path / "demo/plots/judged_error_histogram.svg").exists()
     assert 'href="judged/report.html"' in page and "1 of 2 steps done" in page
     assert "warning: broken: nobody: no robot of that name" in capsys.readouterr().out
 

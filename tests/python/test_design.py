@@ -34,14 +34,16 @@ def test_changes_are_differences_of_values(criterion):
 
     now = value(blocks)
     np.testing.assert_allclose(
-        criterion.gains(information, others), [value(blocks, b[None]) - now for b in others], rtol=1e-9, atol=1e-12
+        criterion.gains(information, others), [value(blocks, b[None]) - now for b in others], rtol=1e-9,
+        atol=1e-12
     )
     np.testing.assert_allclose(
         criterion.losses(information, blocks),
         [value(np.delete(blocks, k, axis=0)) - now for k in range(12)], rtol=1e-9, atol=1e-12,
     )
     swapped = [value(np.delete(blocks, k, axis=0), others[[k]]) - now for k in range(6)]
-    np.testing.assert_allclose(criterion.swaps(information, blocks[:6], others), swapped, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(criterion.swaps(information, blocks[:6], others), swapped, rtol=1e-9,
+                               atol=1e-12)
 
 
 def test_criteria_are_the_indices_of_the_source():
@@ -90,7 +92,8 @@ def test_exchange_never_returns_less_than_its_start_and_no_experiment_twice():
 
 
 def test_exchange_separates_with_prior_information():
-    """The wanted column shows only in a few experiments; with everything else known they are all that counts."""
+    """The wanted column shows only in a few experiments; with everything else known they are all that
+    counts."""
     pool = random_blocks(200, 6)
     pool[:, :, 7] *= 0.01
     telling = np.array([20, 70, 120, 170])
@@ -131,7 +134,8 @@ def test_pose_space_keeps_limits_and_box():
     assert np.all(target >= box.lower) and np.all(target <= box.upper)
     flange = PoseSpace.of(replace(robot, tool=Placement()), box).target(q)
     assert np.all(flange >= box.lower) and np.all(flange <= box.upper)
-    np.testing.assert_allclose(np.linalg.norm(target - flange, axis=1), np.linalg.norm(TOOL.position), rtol=1e-12)
+    np.testing.assert_allclose(np.linalg.norm(target - flange, axis=1), np.linalg.norm(TOOL.position),
+                               rtol=1e-12)
 
 
 def test_pose_space_says_why_it_is_empty():
@@ -141,7 +145,8 @@ def test_pose_space_says_why_it_is_empty():
 
 
 def test_hand_keeps_clear_of_the_arm():
-    robot = robot_of([(0.5, 0.0, RIGHT), (0.0, 0.5, 0.0), (0.0, 0.0, RIGHT), (0.5, 0.0, -RIGHT), (0.0, 0.0, RIGHT), (0.1, 0.0, 0.0)])
+    robot = robot_of([(0.5, 0.0, RIGHT), (0.0, 0.5, 0.0), (0.0, 0.0, RIGHT), (0.5, 0.0, -RIGHT),
+                      (0.0, 0.0, RIGHT), (0.1, 0.0, 0.0)])
     stretched = np.array([[0.0, 0.5, RIGHT, 0.0, 0.0, 0.0]])
     folded = np.array([[0.0, 1.0, -1.3, 0.0, 0.0, 0.0]])  # the hand hangs down beside the base column
     wide, none = PoseSpace.of(robot), PoseSpace.of(robot, clearance=0.0)
@@ -216,7 +221,8 @@ def test_seven_axes_with_orientation():
 
 
 def test_a_sliding_axis():
-    rows = [(0.3, 0.2, RIGHT), (0.2, 0.1, 0.7), (0.1, 0.1, 0.8), (0.1, 0.0, -RIGHT), (0.1, 0.0, RIGHT), (0.1, 0.0, 0.0)]
+    rows = [(0.3, 0.2, RIGHT), (0.2, 0.1, 0.7), (0.1, 0.1, 0.8), (0.1, 0.0, -RIGHT), (0.1, 0.0, RIGHT),
+            (0.1, 0.0, 0.0)]
     types = ["revolute", "revolute", "prismatic", "revolute", "revolute", "revolute"]
     design = design_poses(robot_of(rows, types, ratios=False), DesignOptions(count=20, validation=4))
     assert design.observability.O1 > design.start.O1

@@ -12,7 +12,8 @@ from exactarm.diagnose.next_poses import Experiment
 from exactarm.errors import InputError
 from exactarm.robot_file import load_robot
 
-PLAIN = Experiment(np.deg2rad([[10.0, -60, 70, 20, 30, 40], [-50.0, -80, 90, 10, 20, 0]]), 0.0, 0.4, 1.0, "this or that")
+PLAIN = Experiment(np.deg2rad([[10.0, -60, 70, 20, 30, 40], [-50.0, -80, 90, 10, 20, 0]]), 0.0, 0.4, 1.0,
+                   "this or that")
 LOADED = Experiment(PLAIN.q[:1], 5.0, 0.9, 1.0, "this or that")
 
 
@@ -25,21 +26,26 @@ def result(tmp_path):
 
 def test_what_was_written_is_read(result):
     found = read_experiments(result, load_robot("ur10"))
-    assert [e.payload_kg for e in found] == [0.0, 5.0] and np.allclose(found[0].q, PLAIN.q) and found[1].bits == 0.9
+    assert (
+        [e.payload_kg for e in found] == [0.0, 5.0] and np.allclose(found[0].q, PLAIN.q)
+        and found[1].bits == 0.9
+    )
 
 
 def test_poses_are_written_for_both_directions_and_can_be_measured(result, tmp_path):
     assert main(["design", "ur10", "--for", str(result), "--out", str(tmp_path / "out"), "--quiet"]) == 0
     path = tmp_path / "out" / "poses.csv"
     lines = path.read_text().splitlines()
-    path.write_text("\n".join([lines[0] + ",x_m,y_m,z_m"] + [line + ",0.1,0.2,0.3" for line in lines[1:]]) + "\n")
+    path.write_text("\n".join([lines[0] + ",x_m,y_m,z_m"] + [line + ",0.1,0.2,0.3" for line in lines[1:]])
+                    + "\n")
     data = read_dataset([path], load_robot("ur10"))
     assert np.allclose(data.joints["q"], np.repeat(PLAIN.q, 2, axis=0), atol=1e-9)
     assert np.array_equal(data.joints["approach"], np.tile([[-1] * 6, [1] * 6], (2, 1)))
 
 
 def test_minutes_of_the_user_choose(result, tmp_path):
-    words = ["design", "ur10", "--for", str(result), "--minutes", "payload=0", "--minutes", "visit=1", "--out", str(tmp_path / "out"), "--quiet"]
+    words = ["design", "ur10", "--for", str(result), "--minutes", "payload=0", "--minutes", "visit=1",
+             "--out", str(tmp_path / "out"), "--quiet"]
     assert main(words) == 0
     said = json.loads((tmp_path / "out" / "result.json").read_text())
     assert said["experiments"][0]["payload_kg"] == 5.0 and said["minutes"] == {"visit": 1.0, "payload": 0.0}
@@ -52,9 +58,11 @@ def test_minutes_that_are_none_are_refused(word):
 
 
 @pytest.mark.parametrize("text, line", [
-    ("{", "cannot be read"), ("[]", "cannot be read"), ("{}", "no experiments"), ('{"experiments": []}', "nothing to design"),
+    ("{", "cannot be read"), ("[]", "cannot be read"), ("{}", "no experiments"),
+    ('{"experiments": []}', "nothing to design"),
     ('{"experiments": [{"poses_rad": [[0, 1]]}]}', "experiment 1 does not fit"),
-    ('{"experiments": [{"poses_rad": [[0,0,0,0,0]], "payload_kg": 0, "bits": 1, "open_bits": 1, "between": ""}]}', "6 axes"),
+    ('{"experiments": [{"poses_rad": [[0,0,0,0,0]], "payload_kg": 0, "bits": 1, "open_bits": 1, "between": '
+     '""}]}', "6 axes"),
 ])
 def test_what_is_no_diagnosis_is_refused_by_name(text, line, tmp_path):
     path = tmp_path / "result.json"

@@ -1,4 +1,5 @@
-"""Diagnosis between two encoders: a cause is named although the noise drifts further than the cause moves the joint."""
+"""Diagnosis between two encoders: a cause is named although the noise drifts further than the cause moves the
+joint."""
 
 import numpy as np
 import pytest
@@ -30,12 +31,14 @@ def drift(random, rows):
 
 
 def measured(robot, compliance: float, seed: int = 7) -> Dataset:
-    """Axes 1 and 2 wander; the link of axis 2 is heavy, and the motors report what their friction takes as well."""
+    """Axes 1 and 2 wander; the link of axis 2 is heavy, and the motors report what their friction takes as
+    well."""
     random = np.random.default_rng(seed)
     time = np.arange(0.0, SECONDS, 1.0 / RATE_HZ)
     parts = {"theta": [], "q": [], "tau_motor": []}
     for _ in range(RUNS):
-        waves = [(random.uniform(0.05, 0.3), random.uniform(0.5, 4.0), random.uniform(0.0, 6.0)) for _ in range(8)]
+        waves = [(random.uniform(0.05, 0.3), random.uniform(0.5, 4.0), random.uniform(0.0, 6.0))
+                 for _ in range(8)]
         phi, rate, acceleration = np.zeros((3, time.size, 6))
         for k, (size, omega, phase) in enumerate(waves):
             phi[:, k % 2] += size * np.sin(omega * time + phase)
@@ -82,7 +85,8 @@ def test_a_slow_cause_in_white_noise_is_no_drift(robot):
     """A ratio and a delay, either of them slow; what both leave is white."""
     data = measured(robot, 0.0)
     random = np.random.default_rng(11)
-    rate = np.concatenate([np.gradient(data.joints["theta"][data.run == run], 1.0 / RATE_HZ, axis=0) for run in (1, 2)])
+    rate = np.concatenate([np.gradient(data.joints["theta"][data.run == run], 1.0 / RATE_HZ, axis=0)
+                           for run in (1, 2)])
     phi = data.joints["theta"][:, 0] / robot.ratios[0]
     link = data.joints["theta"][:, :2] / robot.ratios[:2] + random.normal(0.0, 1e-5, (len(data), 2))
     link[:, 0] += 4e-5 * phi
@@ -102,7 +106,10 @@ def test_wind_up_and_the_friction_of_the_drive_have_the_right_derivatives(robot)
     predict = lambda x: predict_gear_run(robot, layout.at(x), data, tangents=False).measured
     jacobian = predict_gear_run(robot, layout, data).jacobian
     assert_derivative(predict, layout.values, jacobian, np.array([1e-9, 1e-7]), relative=1e-6)
-    assert np.abs(jacobian[:, 1, 0]).max() > 1000.0 and np.abs(jacobian[:, 1, 1]).max() == pytest.approx(1.0, abs=0.05)
+    assert (
+        np.abs(jacobian[:, 1, 0]).max() > 1000.0
+        and np.abs(jacobian[:, 1, 1]).max() == pytest.approx(1.0, abs=0.05)
+    )
 
 
 def test_robot_file_gives_it_back(robot):

@@ -1,4 +1,5 @@
-"""Diagnosis of gear runs: a hidden cause is named with its axis, and nothing is found where nothing is hidden."""
+"""Diagnosis of gear runs: a hidden cause is named with its axis, and nothing is found where nothing is
+hidden."""
 
 from dataclasses import replace
 
@@ -26,7 +27,8 @@ def racer():
 
 
 def runs(robot, extra=None, axes=(1, 2), seed=3) -> Dataset:
-    """Two speeds of each axis, to and fro, twice; extra(joint) -> what the link of that axis turns further."""
+    """Two speeds of each axis, to and fro, twice; extra(joint) -> what the link of that axis turns
+    further."""
     parts, first = [], 1
     for joint in axes:
         for speed in (40.0, 80.0):
@@ -37,7 +39,8 @@ def runs(robot, extra=None, axes=(1, 2), seed=3) -> Dataset:
 
 
 def on_axis(joint, shape):
-    return lambda moving: (lambda time, phi, direction: shape(time, phi, direction) if moving == joint else 0.0 * phi)
+    return lambda moving: (lambda time, phi, direction: shape(time, phi, direction)
+                           if moving == joint else 0.0 * phi)
 
 
 def test_clean_runs_have_no_undeclared_effect(racer):

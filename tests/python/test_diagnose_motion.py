@@ -22,13 +22,15 @@ def racer():
     robot = load_robot("racer-7-1.4")
     for index in range(robot.axes):
         robot = robot.with_joint(
-            index, cw=None, ccw=None, spring_linear=None, spring_cubic=0.0, rotor_inertia=0.0, coulomb=0.0, viscous=0.0
+            index, cw=None, ccw=None, spring_linear=None, spring_cubic=0.0, rotor_inertia=0.0, coulomb=0.0,
+            viscous=0.0
         )
     return robot
 
 
 def motion(robot, hidden=None):
-    """12 s at 100 Hz: rigid inverse dynamics, Coulomb friction of 5 Nm, white noise, and hidden(rate, ...) -> (N, n)."""
+    """12 s at 100 Hz: rigid inverse dynamics, Coulomb friction of 5 Nm, white noise, and hidden(rate, ...) ->
+    (N, n)."""
     time, angle, rate, acceleration = fourier_motion(robot, 12.0, 100.0, seed=5)
     torque = _core.inverse_dynamics(robot.core, angle + robot.offsets, rate, acceleration)
     torque = torque + 5.0 * np.tanh(rate / 0.02)

@@ -1,4 +1,5 @@
-"""Diagnosis of static poses: a hidden cause is named with its axis, clean data and unknown causes are told as such."""
+"""Diagnosis of static poses: a hidden cause is named with its axis, clean data and unknown causes are told as
+such."""
 
 import json
 from dataclasses import replace
@@ -21,8 +22,10 @@ NOISE_M = 5e-5
 COUNT, FITTED = 140, 100
 HIDDEN = {
     "backlash": {"effect": "backlash", "joint": 2, "width_rad": 4e-4, "friction_Nm": 2.4},
-    "gear_eccentricity": {"effect": "gear_eccentricity", "joint": 3, "first_cos_rad": 3e-4, "first_sin_rad": -2e-4},
-    "joint_compliance": {"effect": "joint_compliance", "joint": 3, "linear_rad_per_Nm": 1e-5, "cubic_rad_per_Nm3": 0.0},
+    "gear_eccentricity": {"effect": "gear_eccentricity", "joint": 3, "first_cos_rad": 3e-4,
+                          "first_sin_rad": -2e-4},
+    "joint_compliance": {"effect": "joint_compliance", "joint": 3, "linear_rad_per_Nm": 1e-5,
+                         "cubic_rad_per_Nm3": 0.0},
     "gear_ratio": {"effect": "gear_ratio", "joint": 2, "scale": 6e-4},
     "tracker_scale": {"effect": "tracker_scale", "x_scale": 0.0, "y_scale": 0.0, "z_scale": 8e-4},
 }
@@ -34,7 +37,8 @@ def ur10():
 
 
 def data_with(effects, seed, push=None):
-    """100 poses to fit and 40 to judge by, `effects` hidden in them; push(position): what no library holds."""
+    """100 poses to fit and 40 to judge by, `effects` hidden in them; push(position): what no library
+    holds."""
     rng = np.random.default_rng(seed)
     robot = ur10()
     truth = true_robot(robot, rng, 0.5)
@@ -78,10 +82,12 @@ def test_hidden_cause_is_named_with_its_axis(name):
 
 @pytest.mark.parametrize("name", sorted(HIDDEN))
 def test_validation_error_is_that_of_the_true_model(name):
-    """At most 1.1 times what the true model leaves with its effect in and every declared parameter fitted anew."""
+    """At most 1.1 times what the true model leaves with its effect in and every declared parameter fitted
+    anew."""
     result, data, _ = diagnosis_of(name)
     fitted = result.problem.declared().joined(Layout.of((hidden(name),)))
-    best = fit_poses(ur10(), fitted, data.select(data.identification)).error(data.select(~data.identification))
+    best = fit_poses(ur10(), fitted,
+                     data.select(data.identification)).error(data.select(~data.identification))
     assert result.after["validation"].rms < 1.1 * np.sqrt(np.mean(best**2))
     assert result.after["validation"].rms < 0.85 * result.before["validation"].rms
 
@@ -104,7 +110,8 @@ def test_backlash_rests_on_its_flank_whatever_the_friction(friction_Nm):
     result = diagnose(ur10(), data_with((clearance,), 88)[0])
     first = result.findings[0].effect
     assert (first.name, first.joint, result.verdict) == ("backlash", 2, "explained")
-    # Of a hundred poses only some carry less load than this, and only the largest friction has enough of them.
+    # Of a hundred poses only some carry less load than this, and only the largest friction has enough of
+    # them.
     assert friction_Nm < 6.0 or 0.6 * friction_Nm < first.value_of("friction_Nm") < 1.7 * friction_Nm
 
 
@@ -128,7 +135,8 @@ def test_two_angles_that_act_together_are_unexplained():
     data, truth = data_with((), 89)
     q = data.joints.get("q", data.joints.get("theta"))
     lift = 2e-4 * (q[:, 4] - q[:, 4].mean()) * (q[:, 5] - q[:, 5].mean())
-    result = diagnose(ur10(), replace(data, position=data.position + lift[:, None] * np.array([0.0, 0.6, 0.8])))
+    result = diagnose(ur10(),
+                      replace(data, position=data.position + lift[:, None] * np.array([0.0, 0.6, 0.8])))
     assert result.verdict == "unexplained"
     assert "two axes together" in result.dossier_after.strongest.signal
 
@@ -163,7 +171,8 @@ def test_never_worse_than_before():
 # -- the command -------------------------------------------------------------------------------------
 @pytest.fixture(scope="module")
 def command(tmp_path_factory):
-    """Folder in which the command has diagnosed a hidden compliance, and a fresh measurement of the same robot."""
+    """Folder in which the command has diagnosed a hidden compliance, and a fresh measurement of the same
+    robot."""
     folder = tmp_path_factory.mktemp("diagnosis")
     data, truth = data_with((hidden("joint_compliance"),), 86)
     write_dataset(folder / "poses.csv", data, ur10())
@@ -182,17 +191,22 @@ def run(command, robot, data, out):
 def test_result_has_the_agreed_keys(command):
     result = json.loads((command / "diagnosed" / "result.json").read_text())
     common = {"exactarm", "command", "robot", "inputs", "seed", "seconds"}
-    agreed = {"data_kind", "unit", "noise_floor", "before", "after", "effects", "alternatives", "verdict", "next_experiment"}
+    agreed = {"data_kind", "unit", "noise_floor", "before", "after", "effects", "alternatives", "verdict",
+              "next_experiment"}
     assert common | agreed <= set(result)
     assert (result["data_kind"], result["unit"], result["verdict"]) == ("poses", "m", "explained")
     for part in ("before", "after"):
         for rows in ("identification", "validation"):
             assert {"n", "mean", "rms", "max", "min", "std"} <= set(result[part][rows])
     effect = result["effects"][0]
-    assert set(effect) == {"effect", "joint", "parameters", "validation_rms_before", "validation_rms_after", "probability",
+    assert set(effect) == {"effect", "joint", "parameters", "validation_rms_before", "validation_rms_after",
+                           "probability",
                            "evidence", "compensable", "set", "own_share", "at_tool_um"}
     assert 0.0 < effect["own_share"] < 1.0 and effect["at_tool_um"] > 0.0
-    assert effect["set"][0]["effect"] == effect["effect"] and effect["set"][0]["probability"] == effect["probability"]
+    assert (
+        effect["set"][0]["effect"] == effect["effect"]
+        and effect["set"][0]["probability"] == effect["probability"]
+    )
     assert result["probability_nothing"] < 0.01 and result["probability_something_else"] < 0.5
     assert 0.0 <= result["false_alarm_rate"] < 0.2 and result["self_test"]["sets"] > 50
     assert (effect["effect"], effect["joint"], effect["compensable"]) == ("joint_compliance", 3, True)

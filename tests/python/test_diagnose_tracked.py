@@ -1,4 +1,5 @@
-"""Diagnosis of tracked motions: a hidden cause is named in coloured noise, clean paths lack nothing; evaluate reads them."""
+"""Diagnosis of tracked motions: a hidden cause is named in coloured noise, clean paths lack nothing; evaluate
+reads them."""
 
 import json
 from dataclasses import replace
@@ -33,11 +34,13 @@ def tracked(effect, seed, runs=3, seconds=10.0):
     """Runs of all axes under a tracker whose noise has a memory; the last run validates."""
     rng = np.random.default_rng(seed)
     robot = ur10()
-    parts = [fourier_motion(robot, seconds, RATE_HZ, seed + run, base_hz=0.1, amplitude=0.8) for run in range(runs)]
+    parts = [fourier_motion(robot, seconds, RATE_HZ, seed + run, base_hz=0.1, amplitude=0.8)
+             for run in range(runs)]
     time, angle = np.concatenate([part[0] for part in parts]), np.concatenate([part[1] for part in parts])
     run = np.repeat(np.arange(1, runs + 1), len(parts[0][0]))
     truth = at_random_place(robot, rng, 0.3)
-    data = Dataset.of_arrays("tracked_motion", {"q": angle + [0.3, -1.2, 1.2, -0.8, 0.9, 0.2]}, time=time, run=run,
+    data = Dataset.of_arrays("tracked_motion", {"q": angle + [0.3, -1.2, 1.2, -0.8, 0.9, 0.2]}, time=time,
+                             run=run,
                              position=np.zeros((time.size, 3)), identification=run < runs)
     layout = Layout.of((effect,) if effect else (), estimate=False)
     path = predict_tracked_motion(truth, layout, data, tangents=False).position
@@ -86,9 +89,11 @@ def test_a_structure_that_no_effect_has_is_unexplained():
 
 
 def test_an_error_that_shows_on_held_out_rows_alone_is_unexplained():
-    """The fitted runs are clean; on the last one the tracker stretches. No fit can see it, the verdict does."""
+    """The fitted runs are clean; on the last one the tracker stretches. No fit can see it, the verdict
+    does."""
     data = tracked(None, 3)
-    stretched = np.where(data.identification, 0.0, 1.0)[:, None] * 2e-3 * (data.position - data.position.mean(axis=0))
+    stretched = np.where(data.identification, 0.0,
+                         1.0)[:, None] * 2e-3 * (data.position - data.position.mean(axis=0))
     clean, off = diagnose(ur10(), data), diagnose(ur10(), replace(data, position=data.position + stretched))
     assert (clean.verdict, off.verdict) == ("no_undeclared_effect", "unexplained") and not off.findings
     spread = off.problem.spread(off.selection.fits[-1])
@@ -98,7 +103,8 @@ def test_an_error_that_shows_on_held_out_rows_alone_is_unexplained():
 
 @pytest.mark.parametrize("keep", [0.0, 0.6, 0.9])
 def test_memory_of_the_noise_shows_behind_many_fitted_columns(keep):
-    """Columns of slow waves take the slow part of the noise with them; the share of independent rows is still found."""
+    """Columns of slow waves take the slow part of the noise with them; the share of independent rows is still
+    found."""
     rng, rows = np.random.default_rng(2), 1200
     noise = rng.normal(size=(rows, 3))
     for k in range(1, rows):
@@ -120,7 +126,8 @@ def test_played_again_the_scatter_is_the_noise_floor():
     data = tracked(None, 7, runs=1)
     again = tracked(None, 7, runs=2)
     half = len(data)
-    data = replace(again, joints={"q": np.tile(again.joints["q"][:half], (2, 1))}, identification=np.ones(2 * half, bool))
+    data = replace(again, joints={"q": np.tile(again.joints["q"][:half], (2, 1))},
+                   identification=np.ones(2 * half, bool))
     first = again.position[:half]
     noise = np.random.default_rng(9).normal(0.0, NOISE_M, (2 * half, 3))
     result = diagnose(ur10(), replace(data, position=np.tile(first, (2, 1)) + noise))
@@ -147,9 +154,11 @@ def test_evaluate_leaves_the_noise_and_sees_what_is_hidden():
 
 def test_commands_read_it_or_say_why_not(tmp_path, capsys):
     write_dataset(tmp_path / "path.csv", tracked(None, 3, runs=2), ur10())
-    assert cli.main(["evaluate", "ur10", str(tmp_path / "path.csv"), "--out", str(tmp_path / "judged"), "--quiet"]) == 0
+    assert cli.main(["evaluate", "ur10", str(tmp_path / "path.csv"), "--out", str(tmp_path / "judged"),
+                     "--quiet"]) == 0
     assert json.loads((tmp_path / "judged" / "result.json").read_text())["error"]["n"] == 1200
     capsys.readouterr()
-    assert cli.main(["calibrate", "ur10", str(tmp_path / "path.csv"), "--out", str(tmp_path / "c"), "--quiet"]) == 2
+    assert cli.main(["calibrate", "ur10", str(tmp_path / "path.csv"), "--out", str(tmp_path / "c"),
+                     "--quiet"]) == 2
     message = capsys.readouterr().err.strip()
     assert "\n" not in message and "tracked motion" in message

@@ -1,4 +1,5 @@
-"""Direction of motion: where an axis reverses, how one gear table passes into the other, and that rest is no reversal."""
+"""Direction of motion: where an axis reverses, how one gear table passes into the other, and that rest is no
+reversal."""
 
 import numpy as np
 import pytest
@@ -75,7 +76,8 @@ def test_the_gear_between_its_tables_is_inverted_exactly():
     theta = phi * robot.ratios
     for i, joint in enumerate(robot.joints):
         if joint.has_harmonics:
-            cw, ccw = (_core.gear_motor_angle(joint.ratio, t.core(), phi[:, i]) for t in (joint.cw, joint.ccw))
+            cw, ccw = (_core.gear_motor_angle(joint.ratio, t.core(), phi[:, i])
+                       for t in (joint.cw, joint.ccw))
             theta[:, i] = 0.5 * (1.0 - direction[:, i]) * cw + 0.5 * (1.0 + direction[:, i]) * ccw
     data = Dataset.of_arrays("tracked_motion", {"theta": theta}, time=0.01 * np.arange(40))
     view = View(robot, data, "tracked_motion", signals={"theta": theta, "direction": direction})

@@ -1,4 +1,5 @@
-"""The examples in docs/files.md are files that the program reads, and its table names what the reader knows."""
+"""The examples in docs/files.md are files that the program reads, and its table names what the reader
+knows."""
 
 import re
 from pathlib import Path
@@ -51,7 +52,8 @@ def test_the_path_file_is_read_and_every_kind_is_documented(tmp_path):
     written = re.search(r'```toml\n(kind = "line".*?)```', PAGE, re.DOTALL)[1]
     (tmp_path / "path.toml").write_text(written)
     path, bare = load_path(tmp_path / "path.toml"), tmp_path / "bare.toml"
-    bare.write_text("\n".join(line for line in written.splitlines() if line.split()[0] in ("kind", "start_m", "end_m", "duration_s")))
+    bare.write_text("\n".join(line for line in written.splitlines()
+                              if line.split()[0] in ("kind", "start_m", "end_m", "duration_s")))
     defaults = load_path(bare)
     for key in ("rate_hz", "nu", *CHOICES):
         assert getattr(path, key) == getattr(defaults, key)
@@ -65,4 +67,7 @@ def test_the_controllers_keys_are_read(tmp_path):
     frame = block[block.index("[[controller.frames]]") :]
     (tmp_path / "robot.toml").write_text('name = "six"\n' + 6 * "[[joints]]\n" + block + 5 * frame)
     controller = load_robot(tmp_path / "robot.toml").controller
-    assert controller.chain == "calibrated" and controller.coupling == ((3, 2, 1.0),) and len(controller.frames) == 6
+    assert (
+        controller.chain == "calibrated" and controller.coupling == ((3, 2, 1.0),)
+        and len(controller.frames) == 6
+    )

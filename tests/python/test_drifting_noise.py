@@ -48,7 +48,8 @@ def test_white_noise_has_none():
 
 
 def test_a_line_through_drift_is_as_uncertain_as_it_is_said_to_be():
-    """Slopes fitted to pure drift scatter as the filtered fit claims, and several times more than the plain fit does."""
+    """Slopes fitted to pure drift scatter as the filtered fit claims, and several times more than the plain
+    fit does."""
     rows, line = 400, np.linspace(-1.0, 1.0, 400)[:, None] * np.ones(2)
     runs = (np.arange(rows),)
     noise = DriftingNoise(runs, MEMORY)

@@ -21,8 +21,10 @@ from six_axis import six_axis
 
 ROWS, AXES = 40, 6
 MOTION = (
-    "coulomb_friction viscous_friction stribeck_friction asymmetric_friction load_friction shear_thinning_friction "
-    "torque_ripple torque_constant rotor_inertia gravity_compensator motor_link_coupling payload thermal_drift"
+    "coulomb_friction viscous_friction stribeck_friction asymmetric_friction load_friction "
+    "shear_thinning_friction "
+    "torque_ripple torque_constant rotor_inertia gravity_compensator motor_link_coupling payload "
+    "thermal_drift"
 ).split()
 POSES = "payload link_compliance base_compliance thermal_drift tracker_scale tracker_drift outliers".split()
 
@@ -43,7 +45,8 @@ def motion_view(random, robot=None) -> View:
     theta = random.normal(0.0, 60.0, (ROWS, AXES))
     data = Dataset.of_arrays("motion", {"theta": theta}, time=0.01 * np.arange(ROWS), covariates=temperature)
     view = View(robot, data, "motion")
-    scale = {"theta_dot": 30.0, "theta_ddot": 200.0, "q_dot": 1.0, "q_ddot": 5.0, "torque": 300.0, "measured": 300.0}
+    scale = {"theta_dot": 30.0, "theta_ddot": 200.0, "q_dot": 1.0, "q_ddot": 5.0, "torque": 300.0,
+             "measured": 300.0}
     view.signals |= {name: random.normal(0.0, size, (ROWS, AXES)) for name, size in scale.items()}
     view.signals |= {"theta": theta, "phi": theta / robot.ratios, "q": theta / robot.ratios + robot.offsets}
     view.tangents["theta"] = np.zeros((ROWS, AXES, 0))
@@ -62,7 +65,8 @@ def plausible(effect, random):
     values = []
     for parameter, value in zip(effect.parameters(), effect.values):
         drawn = value or parameter.plausible * random.uniform(0.5, 1.0) * random.choice([-1.0, 1.0])
-        values.append(np.clip(abs(drawn) if parameter.lower == 0.0 else drawn, parameter.lower, parameter.upper))
+        values.append(np.clip(abs(drawn) if parameter.lower == 0.0 else drawn, parameter.lower,
+                              parameter.upper))
     return effect.with_values(values)
 
 
@@ -113,15 +117,18 @@ def test_drive_friction_opposes_motion(random):
     robot = replace(robot, joints=tuple(replace(joint, viscous=None) for joint in robot.joints))
     view = motion_view(random, robot)
     rate = view.signals["theta_dot"] / robot.ratios
-    for name in ("coulomb_friction", "viscous_friction", "stribeck_friction", "load_friction", "shear_thinning_friction"):
+    for name in ("coulomb_friction", "viscous_friction", "stribeck_friction", "load_friction",
+                 "shear_thinning_friction"):
         for effect in library()[name].candidates(robot, view):
-            values = [value or parameter.plausible for parameter, value in zip(effect.parameters(), effect.values)]
+            values = [value or parameter.plausible
+                      for parameter, value in zip(effect.parameters(), effect.values)]
             change = effect.with_values(values).change(view)
             assert np.all(change.value[:, 0] * rate[:, change.columns[0]] >= 0.0)
 
 
 def test_payload_torque_is_that_of_a_point_mass(random):
-    """Baked into the last link, it changes the inverse dynamics as the regressor says, and as a real mass would."""
+    """Baked into the last link, it changes the inverse dynamics as the regressor says, and as a real mass
+    would."""
     robot, values = six_axis(), np.array([4.0, 0.2, -0.4, 0.6])
     q, q_dot, q_ddot = (random.normal(0.0, 1.0, (5, AXES)) for _ in range(3))
     torque = lambda x: _core.inverse_dynamics(Payload(None, tuple(x)).bake(robot).core, q, q_dot, q_ddot)
@@ -130,19 +137,23 @@ def test_payload_torque_is_that_of_a_point_mass(random):
     np.testing.assert_allclose(torque(values) - torque(np.zeros(4)), regressor @ pi, atol=1e-9)
     assert_derivative(torque, values, regressor @ slope, 1e-2)
     assert_derivative(lambda x: inertial(x)[0], values, slope, 1e-3)
-    assert_derivative(lambda x: inertial(x)[0], np.array([1e-4, 0.01, 0.0, 0.0]), inertial([1e-4, 0.01, 0, 0])[1], 1e-6)
+    assert_derivative(lambda x: inertial(x)[0], np.array([1e-4, 0.01, 0.0, 0.0]),
+                      inertial([1e-4, 0.01, 0, 0])[1], 1e-6)
     np.testing.assert_allclose(pi[4:], [0.13, 0.02, -0.03, 0.1, 0.06, 0.05], rtol=1e-6)
 
 
 def test_centre_of_mass_follows_with_its_uncertainty():
-    """The delta method against draws of mass and moments; where the mass is not certain there is no centre."""
+    """The delta method against draws of mass and moments; where the mass is not certain there is no
+    centre."""
     spread = np.random.default_rng(8).normal(size=(4, 4)) * 0.02
     payload, covariance = Payload(None, (5.0, 0.5, -0.25, 1.0)), spread @ spread.T
     draws = np.random.default_rng(9).multivariate_normal(payload.values, covariance, 40_000)
     found = payload.derived(covariance)
-    assert [name for name, _, _ in found] == ["com_x_m", "com_y_m", "com_z_m"] and payload.caveat(covariance) == ""
+    assert [name for name, _, _ in found] == ["com_x_m", "com_y_m",
+                                              "com_z_m"] and payload.caveat(covariance) == ""
     np.testing.assert_allclose([value for _, value, _ in found], [0.1, -0.05, 0.2])
-    np.testing.assert_allclose([sigma for _, _, sigma in found], np.std(draws[:, 1:] / draws[:, :1], axis=0), rtol=0.05)
+    np.testing.assert_allclose([sigma for _, _, sigma in found], np.std(draws[:, 1:] / draws[:, :1], axis=0),
+                               rtol=0.05)
     vague = np.diag([4.0**2, 0.01, 0.01, 0.01])
     assert payload.derived(vague) == () and "mass" in payload.caveat(vague)
 
@@ -187,9 +198,11 @@ def test_bending_slope_by_joint_angles(name, random):
 def test_base_tilts_towards_the_load():
     """A stretched arm pulls its base down on its own side."""
     robot = six_axis(placed=False)
-    data = Dataset.of_arrays("poses", {"q": np.array([[0.3, 0.1, 0.2, 0.0, 0.0, 0.0]])}, position=np.zeros((1, 3)))
+    data = Dataset.of_arrays("poses", {"q": np.array([[0.3, 0.1, 0.2, 0.0, 0.0, 0.0]])},
+                             position=np.zeros((1, 3)))
     effect = library()["base_compliance"](None, (1e-5,))
-    stiff, soft = (predict_poses(robot, Layout.of(e), data, tangents=False).position[0] for e in ((), (effect,)))
+    stiff, soft = (predict_poses(robot, Layout.of(e), data, tangents=False).position[0]
+                   for e in ((), (effect,)))
     assert stiff[0] > 0.5
     assert soft[2] < stiff[2] - 1e-4
 
@@ -220,7 +233,8 @@ def test_drift_follows_temperature_else_time_else_rows(random):
     data = pose_data(random, robot)
     assert drivers(data) == ["time"]
     assert drivers(replace(data, time=None)) == ["row"]
-    assert drivers(replace(data, covariates={"gear_temp_degC": np.arange(40.0), "load_kg": np.arange(40.0)})) == ["gear_temp_degC"]
+    assert drivers(replace(data, covariates={"gear_temp_degC": np.arange(40.0),
+                                             "load_kg": np.arange(40.0)})) == ["gear_temp_degC"]
     part = np.arange(7, 40, 3)
     assert np.array_equal(slow_signal(data.select(part), "time"), slow_signal(data, "time")[part])
 

@@ -23,7 +23,8 @@ def case(request):
     model = pinocchio_model(robot)
     q = rng.uniform(-3, 3, (ROWS, axes))
     q[0] = 0.0
-    return robot, model, model.createData(), q, rng.uniform(-2, 2, (ROWS, axes)), rng.uniform(-5, 5, (ROWS, axes))
+    return robot, model, model.createData(), q, rng.uniform(-2, 2,
+                                                            (ROWS, axes)), rng.uniform(-5, 5, (ROWS, axes))
 
 
 def assert_close(found, expected, relative=1e-10, scale=None):

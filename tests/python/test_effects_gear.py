@@ -1,4 +1,5 @@
-"""Effects of gears and gyroscopes: derivatives against central differences, signs, limits, robot file entries."""
+"""Effects of gears and gyroscopes: derivatives against central differences, signs, limits, robot file
+entries."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -59,7 +60,8 @@ def test_derivatives_in_poses(racer, effect):
 
 @pytest.mark.parametrize("effect", POSE_EFFECTS, ids=lambda effect: effect.name)
 def test_zero_size_changes_nothing_in_poses(racer, effect):
-    free = [0.0 if not p.fixed and "order" not in p.name else v for p, v in zip(effect.parameters(), effect.values)]
+    free = [0.0 if not p.fixed and "order" not in p.name else v
+            for p, v in zip(effect.parameters(), effect.values)]
     data = poses(racer)
     with_effect = predict_poses(racer, Layout.of((effect.with_values(free),)), data, tangents=False)
     without = predict_poses(racer, Layout.of(()), data, tangents=False)
@@ -90,7 +92,8 @@ def test_harmonics_are_those_of_the_declared_table(racer):
     data = poses(racer)
     effect = GearHarmonics(3, (70.0, 2e-2, -1e-2, 1e-3, 3e-3))
     by_effect = predict_poses(plain, Layout.of((effect,)), data, tangents=False).view.q
-    by_table = predict_poses(plain.with_joint(2, cw=table, ccw=table), Layout.of(()), data, tangents=False).view.q
+    by_table = predict_poses(plain.with_joint(2, cw=table, ccw=table), Layout.of(()), data,
+                             tangents=False).view.q
     assert_allclose(by_effect, by_table, atol=1e-12)
 
 
@@ -117,7 +120,8 @@ def test_backlash_without_load_follows_the_approach(racer):
 
 def test_stop_operator_remembers():
     reach = 0.1
-    motion = np.concatenate([np.linspace(0, 1, 101), np.linspace(1, 0.95, 11)[1:], np.linspace(0.95, 0, 96)[1:]])
+    motion = np.concatenate([np.linspace(0, 1, 101), np.linspace(1, 0.95, 11)[1:],
+                             np.linspace(0.95, 0, 96)[1:]])
     memory, _ = _core.stop_operator(motion, reach)
     assert_allclose(memory[5], 0.5, atol=1e-12)
     assert_allclose(memory[100], 1.0)
@@ -139,14 +143,16 @@ def test_an_order_that_changes_sign_with_the_direction_is_found_in_a_run_to_and_
     wave = 1e-4 * np.sign(rate) * np.sin(90.0 * phi)
     view = SimpleNamespace(
         signals={"axis_residual": wave}, moving=np.array([True]), moving_runs=((np.arange(6000), 0),),
-        data=SimpleNamespace(gyro=None), keep=np.ones(6000, bool), phi=phi, direction=np.sign(rate), kind="gear_run",
+        data=SimpleNamespace(gyro=None), keep=np.ones(6000, bool), phi=phi, direction=np.sign(rate),
+        kind="gear_run",
         robot=SimpleNamespace(ratios=np.array([100.0]), joints=(SimpleNamespace(cw=None, ccw=None),)),
     )
     assert abs(searched_orders(view.robot, view, 0)[0] - 90.0) < 1.0
 
 
 def test_curve_keeps_its_end_where_nothing_was_measured():
-    """Beyond the measured angles the value of the nearer end, over whole turns too; the robot file remembers them."""
+    """Beyond the measured angles the value of the nearer end, over whole turns too; the robot file remembers
+    them."""
     curve = GearHarmonics(1, (1.0, 1e-3, 2e-3, -1e-3, 5e-4), seen=(-0.5, 1.0))
     free = replace(curve, seen=None)
     angles = np.array([0.3, 0.3 + 2.0 * np.pi, 1.0, 2.0, -0.5, -1.2, 5.0])

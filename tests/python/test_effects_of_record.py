@@ -30,7 +30,8 @@ def files(folder):
         q = np.clip(joints_in_limits(robot, COUNT, rng), -2.2, 2.2)
         data = measured(robot, [truth], [q], NOISE_M, rng, identification=np.arange(COUNT) % 4 != 0)
         later = np.arange(COUNT) >= COUNT // 2
-        write_dataset(folder / f"{name}.csv", replace(data, position=data.position + later[:, None] * push), robot)
+        write_dataset(folder / f"{name}.csv", replace(data, position=data.position + later[:, None] * push),
+                      robot)
 
 
 def run(*words):
@@ -76,22 +77,27 @@ def test_files_are_told_by_their_content_and_order():
     one, two = (replace(data, sources=(Source(name, name * 64, 4),)) for name in "ab")
     bound = drift.bound_to(one)
     both = replace(data, sources=one.sources + two.sources)
-    assert bound.acts_on(one) and not bound.acts_on(two) and not bound.acts_on(data) and not bound.acts_on(both)
+    assert (
+        bound.acts_on(one) and not bound.acts_on(two) and not bound.acts_on(data) and not bound.acts_on(both)
+    )
     assert bound.acts_on(one.select(np.arange(2)))
     assert effect_from_table(bound.to_table()) == bound
 
 
 def test_a_thermal_drift_belongs_to_the_arm():
     drift = library()["thermal_drift"]
-    table = {"effect": "thermal_drift", "form": "growth", "growth_1_per_h": 1e-5, "growth_1_per_degC": 1e-5, "growth_1_per_row": 1e-5}
+    table = {"effect": "thermal_drift", "form": "growth", "growth_1_per_h": 1e-5, "growth_1_per_degC": 1e-5,
+             "growth_1_per_row": 1e-5}
     assert drift.from_table(table | {"driver": "row"}).of_record
-    assert not any(drift.from_table(table | {"driver": driver}).of_record for driver in ("time", "temperature_degC"))
+    assert not any(drift.from_table(table | {"driver": driver}).of_record
+                   for driver in ("time", "temperature_degC"))
 
 
 @pytest.mark.parametrize("record", ['"abc"', "[1]"])
 def test_a_wrong_record_is_refused(tmp_path, record):
     path = tmp_path / "robot.toml"
-    text = "\n".join(["[[joints]]", "a_m = 1.0", "[[effects]]", 'effect = "outliers"', "threshold_m = 1e-3", f"data_sha256 = {record}"])
+    text = "\n".join(["[[joints]]", "a_m = 1.0", "[[effects]]", 'effect = "outliers"', "threshold_m = 1e-3",
+                      f"data_sha256 = {record}"])
     path.write_text('name = "r"\n' + text + "\n")
     with pytest.raises(InputError, match=r"effects\[1\]"):
         load_robot(path)

@@ -1,4 +1,5 @@
-"""Elastic-joint dynamics of the core against Pinocchio's forward dynamics, and its energy under a stiff integrator."""
+"""Elastic-joint dynamics of the core against Pinocchio's forward dynamics, and its energy under a stiff
+integrator."""
 
 from __future__ import annotations
 

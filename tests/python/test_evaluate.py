@@ -84,8 +84,10 @@ def test_effects_of_the_file_act_and_are_held(arm, rng):
 
 def test_frames_of_the_file_do_not_matter(arm, rng):
     data = measured(arm, [true_robot(arm, rng)], [joints_in_limits(arm, 40, rng)], NOISE_M, rng)
-    elsewhere = replace(arm, base=Placement(position=np.array([5.0, -3.0, 1.0])), tool=Placement(position=np.array([0.4, 0.0, 0.3])))
-    assert evaluate_poses(elsewhere, data).overall.rms == pytest.approx(evaluate_poses(arm, data).overall.rms, rel=1e-6)
+    elsewhere = replace(arm, base=Placement(position=np.array([5.0, -3.0, 1.0])),
+                        tool=Placement(position=np.array([0.4, 0.0, 0.3])))
+    assert evaluate_poses(elsewhere,
+                          data).overall.rms == pytest.approx(evaluate_poses(arm, data).overall.rms, rel=1e-6)
 
 
 def test_residual_is_measured_minus_predicted(arm, rng):
@@ -102,7 +104,8 @@ def test_robot_without_geometry_is_refused(rng):
     drives = load_robot("kr300")
     if drives.has_geometry:
         drives = replace(drives, has_geometry=False)
-    data = Dataset.of_arrays("poses", {"q": rng.normal(size=(10, drives.axes))}, position=rng.normal(size=(10, 3)))
+    data = Dataset.of_arrays("poses", {"q": rng.normal(size=(10, drives.axes))},
+                             position=rng.normal(size=(10, 3)))
     with pytest.raises(InputError, match="expected a declared geometry"):
         evaluate_poses(drives, data)
 
@@ -115,10 +118,13 @@ def test_command_writes_error_sessions_and_residuals(arm, rng, tmp_path):
     write_robot(tmp_path / "robot.toml", arm)
     write_dataset(tmp_path / "poses.csv", data, arm)
     out = tmp_path / "out"
-    assert cli.main(["evaluate", str(tmp_path / "robot.toml"), str(tmp_path / "poses.csv"), "--out", str(out), "--quiet"]) == 0
+    assert cli.main(["evaluate", str(tmp_path / "robot.toml"), str(tmp_path / "poses.csv"), "--out", str(out),
+                     "--quiet"]) == 0
     result = json.loads((out / "result.json").read_text())
     direct = evaluate_poses(arm, data)
-    assert result["error"]["n"] == 40 and result["error"]["rms"] == pytest.approx(direct.overall.rms, rel=1e-6)
+    assert (
+        result["error"]["n"] == 40 and result["error"]["rms"] == pytest.approx(direct.overall.rms, rel=1e-6)
+    )
     assert [(s["session"], s["n"]) for s in result["sessions"]] == [(1, 15), (2, 25)]
     with open(out / "residuals.csv", newline="") as file:
         rows = list(csv.DictReader(file))
@@ -130,14 +136,16 @@ def test_command_refuses_data_without_positions(arm, tmp_path, capsys):
     write_robot(tmp_path / "robot.toml", arm)
     header = ",".join(f"theta_{i}_rad" for i in range(1, 7))
     (tmp_path / "poses.csv").write_text(header + "\n" + ",".join("0.1" for _ in range(6)) + "\n")
-    code = cli.main(["evaluate", str(tmp_path / "robot.toml"), str(tmp_path / "poses.csv"), "--out", str(tmp_path / "o"), "--quiet"])
+    code = cli.main(["evaluate", str(tmp_path / "robot.toml"), str(tmp_path / "poses.csv"), "--out",
+                     str(tmp_path / "o"), "--quiet"])
     lines = capsys.readouterr().err.strip().splitlines()
     assert code == 2 and len(lines) == 1 and "poses.csv" in lines[0]
     assert not (tmp_path / "o" / "result.json").exists()
 
 
 def test_a_curve_used_beyond_its_angles_is_told(arm, rng):
-    """Half of the rows lie beyond: told with axis, angles and count, in evaluation and plan; within its angles, nothing."""
+    """Half of the rows lie beyond: told with axis, angles and count, in evaluation and plan; within its
+    angles, nothing."""
     q = joints_in_limits(arm, 60, rng)
     middle = float(np.median(q[:, 1])) - arm.offsets[1]
     curve = GearHarmonics(2, (1.0, 1e-5, 2e-5), (), 1e-4, (-np.pi + middle, middle))

@@ -27,7 +27,8 @@ def deviated(robot, seed=5):
     for i, joint in enumerate(kept.joints):
         length, angle = (lambda: 5e-4 * rng.normal()), (lambda: 1e-3 * rng.normal())
         moved = {"d": joint.d + length()} if joint.beta is None else {"beta": joint.beta + angle()}
-        moved |= {"a": joint.a + length(), "alpha": joint.alpha + angle(), "q_offset": joint.q_offset + angle()}
+        moved |= {"a": joint.a + length(), "alpha": joint.alpha + angle(),
+                  "q_offset": joint.q_offset + angle()}
         kept = kept.with_joint(i, controller_offset=float(robot.controller_offsets[i]), **moved)
     return kept
 
@@ -68,7 +69,8 @@ def test_what_is_lost_is_measured_and_named():
 @pytest.mark.parametrize("joints", ["frrfrrrrf", "rrrrrrf", "rprcrff"])
 def test_a_urdf_is_patched_in_place(tmp_path, joints):
     text = random_urdf(np.random.default_rng(7), joints)
-    text = text.replace('<axis', '<!-- <origin xyz="9 9 9"/> --><axis', 1).replace("</robot>", '<link name="x\u00fc"/>' + "</robot>")
+    text = text.replace('<axis', '<!-- <origin xyz="9 9 9"/> --><axis',
+                        1).replace("</robot>", '<link name="x\u00fc"/>' + "</robot>")
     source = tmp_path / "arm.urdf"
     text = text.replace('<link name="x\u00fc"/>', "")
     source.write_text(text)
@@ -92,11 +94,14 @@ def test_the_urdf_of_another_arm_is_refused(tmp_path):
 def test_ur_description_holds_the_drawing_and_the_identified_arm():
     nominal = load_robot("ur10")
     values = yaml.safe_load(kinematics_yaml(nominal))["kinematics"]
-    assert values["shoulder"]["z"] == pytest.approx(0.1273) and values["forearm"]["x"] == pytest.approx(-0.612)
+    assert (
+        values["shoulder"]["z"] == pytest.approx(0.1273) and values["forearm"]["x"] == pytest.approx(-0.612)
+    )
     assert values["wrist_2"]["y"] == pytest.approx(-0.1157) and values["hash"].startswith("calib_")
     robot = deviated(nominal).with_joint(5, a=0.0, alpha=0.0)
     read = yaml.safe_load(kinematics_yaml(robot, "calib_7"))["kinematics"]
-    assert read["hash"] == "calib_7" and list(read)[:6] == ["shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3"]
+    assert read["hash"] == "calib_7" and list(read)[:6] == ["shoulder", "upper_arm", "forearm", "wrist_1",
+                                                            "wrist_2", "wrist_3"]
     q = random_q(robot)
     position, rotation = np.zeros((len(q), 3)), np.tile(np.eye(3), (len(q), 1, 1))
     for i, name in enumerate(list(read)[:6]):
@@ -127,12 +132,14 @@ def test_mujoco_builds_the_identified_arm():
 
 
 @pytest.mark.parametrize("format, name", [
-    ("urdf", "robot.urdf"), ("ur_description", "default_kinematics.yaml"), ("mjcf", "robot.xml"), ("csv", "parameters.csv"),
+    ("urdf", "robot.urdf"), ("ur_description", "default_kinematics.yaml"), ("mjcf", "robot.xml"),
+    ("csv", "parameters.csv"),
     ("offsets", "offsets.txt"),
 ])
 def test_the_command_writes_the_file_and_what_it_loses(tmp_path, format, name):
     write_robot(tmp_path / "robot.toml", deviated(load_robot("ur10")))
-    code = main(["export", str(tmp_path / "robot.toml"), "--format", format, "--out", str(tmp_path / "out"), "--quiet"])
+    code = main(["export", str(tmp_path / "robot.toml"), "--format", format, "--out", str(tmp_path / "out"),
+                 "--quiet"])
     result = json.loads((tmp_path / "out/result.json").read_text())
     assert code == 0 and (tmp_path / "out" / name).read_text() and result["file"] == name
     assert result["lost_max_m"] < (5e-3 if format == "ur_description" else 1e-9)

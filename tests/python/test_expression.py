@@ -1,4 +1,5 @@
-"""Effects as formulas: read safely, with exact derivatives, and known to every command once a draft is accepted."""
+"""Effects as formulas: read safely, with exact derivatives, and known to every command once a draft is
+accepted."""
 
 import json
 
@@ -15,12 +16,14 @@ from exactarm.identify.pose_fit import fit_poses
 from exactarm.robot_file import load_robot
 from set_ups import joints_in_limits, measured, true_robot
 
-HOSE = {"effect": "expression", "joint": 5, "title": "a hose presses axis 5", "of": ["q_4", "q_6"], "form": "a*(q_4 + q_6)^2",
+HOSE = {"effect": "expression", "joint": 5, "title": "a hose presses axis 5", "of": ["q_4", "q_6"],
+        "form": "a*(q_4 + q_6)^2",
         "values": {"a": 3e-4}, "plausible": {"a": 3e-4}}
 
 
 @pytest.mark.parametrize("text", [
-    "a*(x + y)^2", "a*tanh(x/w) - sin(2*x)*y", "exp(-x/2)*sqrt(2 + y)", "-x^2/(1 + y*y)", "atan(x)*log(3 + y) + cos(x*y) + tan(x/9)",
+    "a*(x + y)^2", "a*tanh(x/w) - sin(2*x)*y", "exp(-x/2)*sqrt(2 + y)", "-x^2/(1 + y*y)",
+    "atan(x)*log(3 + y) + cos(x*y) + tan(x/9)",
     "abs(x)*a + 2e-3*y", "x^y^0.5",
 ])
 def test_derivatives_are_those_of_central_differences(text):
@@ -35,8 +38,10 @@ def test_derivatives_are_those_of_central_differences(text):
 
 
 @pytest.mark.parametrize("text, said", [
-    ("", "empty"), ("a*(q_4", "not closed"), ("a**b", "where a number"), ("__import__('os')", "expected"), ("system(1)", "no function"),
-    ("a b", "not expected"), ("1 +", "ends"), ("(" * 60 + "a" + ")" * 60, "nested"), ("a" * 2000, "characters"), ("a.b", "'.'"),
+    ("", "empty"), ("a*(q_4", "not closed"), ("a**b", "where a number"), ("__import__('os')", "expected"),
+    ("system(1)", "no function"),
+    ("a b", "not expected"), ("1 +", "ends"), ("(" * 60 + "a" + ")" * 60, "nested"),
+    ("a" * 2000, "characters"), ("a.b", "'.'"),
 ])
 def test_what_is_no_formula_is_refused(text, said):
     with pytest.raises(FormulaError, match=said.replace("'.'", "'\\.'")):
@@ -61,14 +66,17 @@ def test_tables_survive_the_way_through_a_robot_file():
 def test_an_accepted_draft_is_diagnosed_like_any_effect(tmp_path, monkeypatch):
     monkeypatch.setenv("EXACTARM_EFFECTS", str(tmp_path / "mine"))
     draft = tmp_path / "draft.toml"
-    draft.write_text('[[effects]]\neffect = "expression"\ntitle = "a hose presses axis 5"\nstation = "SPRING"\njoint = 5\n'
-                     'of = ["q_4", "q_6"]\nform = "a*(q_4 + q_6)^2"\nvalues = { a = 1e-4 }\nstatus = "draft"\n')
+    draft.write_text('[[effects]]\neffect = "expression"\ntitle = "a hose presses axis 5"\nstation = '
+                     '"SPRING"\njoint = 5\n'
+                     'of = ["q_4", "q_6"]\nform = "a*(q_4 + q_6)^2"\nvalues = { a = 1e-4 }\nstatus = '
+                     '"draft"\n')
     assert cli.main(["accept", str(draft), "--out", str(tmp_path / "accepted")]) == 0
     rng, robot = np.random.default_rng(6), load_robot("ur10")
     data = measured(robot, [true_robot(robot, rng, 0.3)], [joints_in_limits(robot, 110, rng)], 5e-5, rng,
                     layout=Layout.of((effect_from_table(HOSE),), estimate=False))
     write_dataset(tmp_path / "measured.csv", data, robot)
-    assert cli.main(["diagnose", "ur10", str(tmp_path / "measured.csv"), "--out", str(tmp_path / "found")]) == 0
+    assert cli.main(["diagnose", "ur10", str(tmp_path / "measured.csv"), "--out",
+                     str(tmp_path / "found")]) == 0
     result = json.loads((tmp_path / "found" / "result.json").read_text())
     first = result["effects"][0]
     assert (first["effect"], first["joint"], result["verdict"]) == ("expression", 5, "explained")
@@ -79,8 +87,10 @@ def test_an_accepted_draft_is_diagnosed_like_any_effect(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("text, said", [
-    ("x = 1\n", "no effects"), ('[[effects]]\neffect = "expression"\njoint = 5\nof = []\nvalues = {}\n', "form is missing"),
-    ('[[effects]]\neffect = "expression"\njoint = 5\nof = []\nform = "a*("\nvalues = { a = 1.0 }\n', "effects[1]"),
+    ("x = 1\n", "no effects"),
+    ('[[effects]]\neffect = "expression"\njoint = 5\nof = []\nvalues = {}\n', "form is missing"),
+    ('[[effects]]\neffect = "expression"\njoint = 5\nof = []\nform = "a*("\nvalues = { a = 1.0 }\n',
+     "effects[1]"),
     ('[[effects]]\neffect = "nothing"\n', "no known effect"),
 ])
 def test_a_draft_that_does_not_fit_is_refused_by_name(tmp_path, capsys, monkeypatch, text, said):

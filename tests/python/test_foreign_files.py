@@ -22,7 +22,10 @@ def urdf_chain(count: int, kind: str) -> str:
         f'<joint name="j{i}" type="{kind}"><parent link="l{i}"/><child link="l{i + 1}"/></joint>'
         for i in range(count)
     )
-    last = f'<link name="tip"/><joint name="last" type="revolute"><parent link="l{count}"/><child link="tip"/></joint>'
+    last = (
+        f'<link name="tip"/><joint name="last" type="revolute"><parent link="l{count}"/><child '
+        'link="tip"/></joint>'
+    )
     return f'<robot name="long">{links}{joints}{last}</robot>'
 
 

@@ -24,14 +24,16 @@ def nominal(name):
 
 
 def test_calibration_reaches_the_noise_in_every_random_set_up():
-    """15 to 60 poses, a model wrong by mm, a tool up to half a metre off: what is left is chi-squared noise."""
+    """15 to 60 poses, a model wrong by mm, a tool up to half a metre off: what is left is chi-squared
+    noise."""
     robots = [nominal(name) for name in ROBOTS]
     surprises = []
     for k in range(SET_UPS):
         rng = np.random.default_rng(k)
         robot, count = robots[k % len(robots)], int(rng.integers(15, 61))
         q = joints_in_limits(robot, count, rng)
-        data = measured(robot, [true_robot(robot, rng)], [q], NOISE_M, rng, identification=np.ones(count, bool))
+        data = measured(robot, [true_robot(robot, rng)], [q], NOISE_M, rng,
+                        identification=np.ones(count, bool))
         fit = calibrate(robot, data, CalibrationOptions(compliance=(), seed=k)).fit.fit
         square = np.sum((fit.residual / NOISE_M) ** 2)
         surprises.append(stats.chi2.sf(square, fit.freedom))
@@ -43,7 +45,8 @@ def test_exact_robot_gives_exact_frames(orientation):
     rng = np.random.default_rng(200)
     robot = six_axis(springs=True, placed=False)
     placed = at_random_place(robot, rng)
-    data = measured(robot, [placed], [joints_in_limits(robot, 12, rng)], 0.0, rng, noise_rad=0.0 if orientation else None)
+    data = measured(robot, [placed], [joints_in_limits(robot, 12, rng)], 0.0, rng,
+                    noise_rad=0.0 if orientation else None)
     found = find_frames(robot, data)
     assert found.rms < 1e-9 and found.scale == pytest.approx(1.0, abs=1e-9)
     assert_allclose(found.base.position, placed.base.position, atol=1e-8)
@@ -67,7 +70,8 @@ def test_tells_that_another_tool_point_fits_as_well():
     truth, q = true_robot(robot, rng), joints_in_limits(robot, 20, rng)
     parallel = np.column_stack([np.zeros(20), q[:, 1:3], -q[:, 1] - q[:, 2], np.full(20, -1.2), np.zeros(20)])
     parallel[:10, 0] = 0.4
-    turning, fixed = (find_frames(robot, measured(robot, [truth], [each], NOISE_M, rng)) for each in (q, parallel))
+    turning, fixed = (find_frames(robot, measured(robot, [truth], [each], NOISE_M, rng))
+                      for each in (q, parallel))
     assert turning.other_tool is None
     assert fixed.other_tool is not None and np.linalg.norm(fixed.other_tool - fixed.tool.position) > 0.01
 

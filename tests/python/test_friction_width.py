@@ -1,4 +1,5 @@
-"""How sharply dry friction turns over: the mean sign over a row, and the width that a torque shows, axis by axis."""
+"""How sharply dry friction turns over: the mean sign over a row, and the width that a torque shows, axis by
+axis."""
 
 from dataclasses import replace
 
@@ -20,7 +21,9 @@ def test_smooth_sign_is_the_mean_over_the_swing():
     np.testing.assert_allclose(mean, np.tanh((rate[:, None] + grid) / 0.01).mean(axis=1), atol=2e-4)
     step = 1e-6
     np.testing.assert_allclose(
-        slope, (smooth_sign(rate + step, 0.01, swing)[0] - smooth_sign(rate - step, 0.01, swing)[0]) / (2 * step), atol=1e-4
+        slope,
+        (smooth_sign(rate + step, 0.01, swing)[0] - smooth_sign(rate - step, 0.01, swing)[0]) / (2 * step),
+        atol=1e-4
     )
 
 
@@ -31,7 +34,9 @@ def test_smooth_square_is_the_mean_over_the_swing():
     np.testing.assert_allclose(mean, (np.tanh((rate[:, None] + grid) / 0.01) ** 2).mean(axis=1), atol=2e-4)
     step = 1e-6
     np.testing.assert_allclose(
-        slope, (smooth_square(rate + step, 0.01, swing)[0] - smooth_square(rate - step, 0.01, swing)[0]) / (2 * step), atol=1e-4
+        slope,
+        (smooth_square(rate + step, 0.01, swing)[0] - smooth_square(rate - step, 0.01, swing)[0])
+        / (2 * step), atol=1e-4
     )
 
 

@@ -36,7 +36,10 @@ def test_every_public_name_is_there_and_documented():
     for name in set(ea.COMMANDS) & present:
         function = getattr(importlib.import_module(f"exactarm.commands.{name}"), name)
         assert inspect.getdoc(function), name
-        assert callable(getattr(ea, name)) and str(inspect.signature(getattr(ea, name))) == str(inspect.signature(function))
+        assert (
+            callable(getattr(ea, name))
+            and str(inspect.signature(getattr(ea, name))) == str(inspect.signature(function))
+        )
 
 
 def test_a_room_of_the_package_stays_a_module_and_is_the_command_of_its_name():
@@ -69,7 +72,10 @@ def test_python_and_command_line_have_one_default_seed(name):
 
 def test_a_result_says_its_verdict_in_ten_lines(result):
     lines = str(result).splitlines()
-    assert 4 <= len(lines) <= 10 and lines[1].startswith("The mean position error on poses that were never fitted falls")
+    assert (
+        4 <= len(lines) <= 10 and lines[1].startswith("The mean position error on poses that were never "
+                                                      "fitted falls")
+    )
     assert result.verdict in result.summary().replace("\n", " ") and "<table>" in result._repr_html_()
 
 
@@ -116,7 +122,8 @@ def test_the_pose_at_the_controllers_angles_is_that_of_the_calibrated_chain(resu
     """To 1e-12 m; the core's kinematics at the same angles leave out the offsets that a calibration found."""
     robot, data = result.robot, ea.read(SERIES, "ur10")
     found = robot.fk(data.joints["q"][:50], of="target", seen_from="device")
-    chain = predict_poses(robot, Layout.of(robot.effects, estimate=False), data.select(np.arange(50)), tangents=False)
+    chain = predict_poses(robot, Layout.of(robot.effects, estimate=False), data.select(np.arange(50)),
+                          tangents=False)
     np.testing.assert_allclose(found.position, chain.position, rtol=0, atol=1e-12)
     np.testing.assert_allclose(found.rotation, chain.rotation, rtol=0, atol=1e-12)
 
@@ -125,14 +132,16 @@ def test_inverse_kinematics_of_a_calibrated_robot_returns_the_controllers_angles
     random = np.random.default_rng(5)
     for q in random.uniform(-1.2, 1.2, (5, 6)):
         pose = result.robot.fk(q, of="target")
-        np.testing.assert_allclose(result.robot.fk(result.robot.ik(pose, of="target"), of="target").matrix, pose.matrix, atol=2e-10)
+        np.testing.assert_allclose(result.robot.fk(result.robot.ik(pose, of="target"), of="target").matrix,
+                                   pose.matrix, atol=2e-10)
         np.testing.assert_allclose(result.robot.ik(pose.matrix, start=q + 0.05, of="target"), q, atol=1e-7)
 
 
 def test_the_jacobian_is_that_of_the_whole_chain():
     robot = ea.load_robot("racer-7-1.4")
     robot = ea.Robot(robot.name, robot.joints, robot.links, effects=(
-        effect_from_table({"effect": "joint_compliance", "joint": 2, "linear_rad_per_Nm": 1e-5, "cubic_rad_per_Nm3": 0.0}),))
+        effect_from_table({"effect": "joint_compliance", "joint": 2, "linear_rad_per_Nm": 1e-5,
+                           "cubic_rad_per_Nm3": 0.0}),))
     q, step = np.array([0.1, 1.2, 0.3, 0.4, 0.5, 0.6]), 1e-4
     slope = robot.jacobian(q)
     for axis, unit in enumerate(np.eye(6)):
@@ -143,16 +152,22 @@ def test_the_jacobian_is_that_of_the_whole_chain():
 
 def test_gravity_torque_follows_the_true_joint_angles():
     robot = ea.load_robot("racer-7-1.4")
-    q, turned = np.array([0.1, 1.2, 0.3, 0.4, 0.5, 0.6]), robot.with_joint(1, q_offset=robot.joints[1].q_offset + 0.01,
-                                                                          controller_offset=robot.joints[1].q_offset)
+    q, turned = np.array([0.1, 1.2, 0.3, 0.4, 0.5,
+                          0.6]), robot.with_joint(1, q_offset=robot.joints[1].q_offset + 0.01,
+                                                                          controller_offset=robot.joints[
+                                                                              1
+                                                                          ].q_offset)
     rigid = [arm.with_joint(1, spring_linear=None) for arm in (robot, turned)]
-    np.testing.assert_allclose(rigid[1].inverse_dynamics(q), rigid[0].inverse_dynamics(q + 0.01 * np.eye(6)[1]), atol=1e-2)
+    np.testing.assert_allclose(rigid[1].inverse_dynamics(q),
+                               rigid[0].inverse_dynamics(q + 0.01 * np.eye(6)[1]), atol=1e-2)
     assert abs(rigid[1].inverse_dynamics(q)[1] - rigid[0].inverse_dynamics(q)[1]) > 0.1
 
 
 @pytest.mark.parametrize("module", [
-    "exactarm.robot", "exactarm.commands.call", *(f"exactarm.commands.{name}" for name in ea.COMMANDS if name in find_commands()),
+    "exactarm.robot", "exactarm.commands.call",
+    *(f"exactarm.commands.{name}" for name in ea.COMMANDS if name in find_commands()),
 ])
 def test_the_examples_in_the_docstrings_run(module):
-    outcome = doctest.testmod(importlib.import_module(module), optionflags=doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE)
+    outcome = doctest.testmod(importlib.import_module(module),
+                              optionflags=doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE)
     assert outcome.failed == 0

@@ -154,7 +154,8 @@ def test_link_encoders(racer):
     plain = load_robot("kr300")
     for i, joint in enumerate(racer.joints):
         plain = plain.with_joint(i, ratio=joint.ratio)
-    layout = Layout.of((EncoderOffset(1, (0.3,), 1, 0), EncoderOffset(2, (0.3,), 1, 1), EncoderOffset(3, (0.3,), 1, 2)))
+    layout = Layout.of((EncoderOffset(1, (0.3,), 1, 0), EncoderOffset(2, (0.3,), 1, 1),
+                        EncoderOffset(3, (0.3,), 1, 2)))
     prediction = predict_gear_run(plain, layout, data)
     assert prediction.unit == "rad" and prediction.residual().shape == (time.size, 3)
     assert np.abs(prediction.judged()).max() < 1e-5

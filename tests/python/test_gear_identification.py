@@ -1,4 +1,5 @@
-"""Gear identification on simulated runs of the Racer (thesis speeds and ranges) and on the KR300's two encoders."""
+"""Gear identification on simulated runs of the Racer (thesis speeds and ranges) and on the KR300's two
+encoders."""
 
 import json
 from dataclasses import replace
@@ -213,13 +214,15 @@ def test_command(racer, tmp_path, capsys):
         assert set(gear["before"]["validation"]) == {"n", "mean", "rms", "max", "min", "std"}
         assert all(set(entry) == {"order", "a", "b"} for entry in gear["harmonics"])
     updated = load_robot(tmp_path / "out" / "robot.toml")
-    np.testing.assert_allclose(updated.joints[0].cw.a, [e["a"]["value"] for e in result["gears"][0]["harmonics"]], rtol=1e-9)
+    np.testing.assert_allclose(updated.joints[0].cw.a,
+                               [e["a"]["value"] for e in result["gears"][0]["harmonics"]], rtol=1e-9)
     assert "never fitted" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("joint", (4, 5, 6))
 def test_quick_wrist_axes_are_left_with_the_noise(racer, joint):
-    """Constant ratios, ramps of 1300 deg/s^2: what the filter on the motor angle takes at their corners is no error."""
+    """Constant ratios, ramps of 1300 deg/s^2: what the filter on the motor angle takes at their corners is no
+    error."""
     speed = 0.4 * racer.joints[joint - 1].q_dot_max
     data = runs_of(racer, GearRuns(joint=joint, speed=speed, runs=4))
     data = replace(data, identification=data.run <= 2)
@@ -254,7 +257,8 @@ def test_a_jitter_of_a_fifth_of_a_step_is_taken_out(racer, read_at_stamps):
     if read_at_stamps:
         for run in np.unique(data.run):
             rows = data.run == run
-            theta[rows] = make_interp_spline(data.time[rows], theta[rows])(np.clip(stamps[rows], *data.time[rows][[0, -1]]))
+            theta[rows] = make_interp_spline(data.time[rows],
+                                             theta[rows])(np.clip(stamps[rows], *data.time[rows][[0, -1]]))
     uneven = replace(data, time=stamps, joints=data.joints | {"theta": theta})
     even = identify_gears(racer, data).gears
     for gear, clean in zip(identify_gears(racer, uneven).gears, even):
@@ -264,7 +268,8 @@ def test_a_jitter_of_a_fifth_of_a_step_is_taken_out(racer, read_at_stamps):
 
 def test_other_gears_at_other_sampling_rates(racer):
     """Orders between whole numbers, more than a hundred motor revolutions an output one, 500 Hz and 4 kHz."""
-    table = GearTable(np.array([12.37, 50.7, 161.3, 322.6]), np.array([5e-4, 1e-3, 2e-3, -1e-3]), np.array([1e-3, -5e-4, 1e-3, 5e-4]))
+    table = GearTable(np.array([12.37, 50.7, 161.3, 322.6]), np.array([5e-4, 1e-3, 2e-3, -1e-3]),
+                      np.array([1e-3, -5e-4, 1e-3, 5e-4]))
     robot = racer.with_joint(0, ratio=161.3, cw=table, ccw=table)
     for rate_hz in (500.0, 4000.0):
         data = runs_of(robot, GearRuns(joint=1, speed=60.0 * DEGREE, runs=4, rate_hz=rate_hz))
@@ -312,7 +317,8 @@ def test_a_robot_that_stands_still_is_refused(racer):
     time = np.arange(0.0, 1.0, 0.001)
     random = np.random.default_rng(8)
     still = Dataset.of_arrays(
-        "gear_run", {"theta": np.zeros((time.size, 6))}, time=time, gyro=random.normal(0.0, 1e-3, (time.size, 3))
+        "gear_run", {"theta": np.zeros((time.size, 6))}, time=time,
+        gyro=random.normal(0.0, 1e-3, (time.size, 3))
     )
     with pytest.raises(InputError, match="no axis moves"):
         identify_gears(racer, still)

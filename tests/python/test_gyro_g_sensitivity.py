@@ -26,7 +26,8 @@ def test_components_that_are_constant_or_follow_others_are_not_shown():
 def test_every_term_that_a_run_shows_is_found_and_the_others_stay_zero():
     robot = load_robot("racer-7-1.4")
     true = GyroGSensitivity(None, tuple(MATRIX.ravel()))
-    data = measure_gear_runs(VirtualRobot.of(robot, [true]), [1], [0.6, 1.2], 3, Sensors(), np.random.default_rng(3))
+    data = measure_gear_runs(VirtualRobot.of(robot, [true]), [1], [0.6, 1.2], 3, Sensors(),
+                             np.random.default_rng(3))
     found = diagnose(robot, data)
     assert found.verdict == EXPLAINED and [f.effect.label for f in found.findings] == ["gyro_g_sensitivity"]
     effect = found.findings[0].effect
@@ -38,6 +39,7 @@ def test_every_term_that_a_run_shows_is_found_and_the_others_stay_zero():
 
 
 def test_files_of_three_terms_are_those_of_the_moving_axis():
-    old = effect_from_table({"effect": "gyro_g_sensitivity", "x_rad_s_per_g": 1e-3, "y_rad_s_per_g": 2e-3, "z_rad_s_per_g": 3e-3})
+    old = effect_from_table({"effect": "gyro_g_sensitivity", "x_rad_s_per_g": 1e-3, "y_rad_s_per_g": 2e-3,
+                             "z_rad_s_per_g": 3e-3})
     assert old.values == (0.0,) * 6 + (1e-3, 2e-3, 3e-3)
     assert effect_from_table(old.to_table()) == old

@@ -33,7 +33,8 @@ def test_frames_absorb_what_an_engineer_expects():
         "d_1_m", "q_offset_1_rad", "d_3_m", "d_6_m", "a_6_m", "alpha_6_rad", "q_offset_6_rad"
     }
     assert "base frame" in why(result, "d_1_m").why and "base frame" in why(result, "q_offset_1_rad").why
-    assert all("tool frame" in why(result, name).why for name in ("d_6_m", "a_6_m", "alpha_6_rad", "q_offset_6_rad"))
+    assert all("tool frame" in why(result, name).why
+               for name in ("d_6_m", "a_6_m", "alpha_6_rad", "q_offset_6_rad"))
 
 
 def test_parallel_axes_are_named():
@@ -52,7 +53,8 @@ def test_three_parallel_axes_collide_in_one_class():
 
 
 def test_collinear_axes_are_named():
-    rows = [(0.4, 0.1, RIGHT), (0.1, 0.5, RIGHT), (0.3, 0.0, 0.0), (0.2, 0.0, RIGHT), (0.1, 0.2, -RIGHT), (0.1, 0.1, 0.0)]
+    rows = [(0.4, 0.1, RIGHT), (0.1, 0.5, RIGHT), (0.3, 0.0, 0.0), (0.2, 0.0, RIGHT), (0.1, 0.2, -RIGHT),
+            (0.1, 0.1, 0.0)]
     _, _, result = analyse(robot_of(rows))
     assert "axes 3 and 4 are collinear" in why(result, "q_offset_4_rad").why
 
@@ -64,7 +66,9 @@ def test_nearly_parallel_axes_are_dropped_by_the_noise_only():
     plausible = [parameter.plausible for parameter in layout.parameters]
     _, _, noisy = analyse(robot, sigma=1e-4, plausible=plausible)
     entry = why(noisy, "d_3_m")
-    assert not entry.exact and "d_2_m" in entry.collides_with and "nearly parallel (0.11 degrees)" in entry.why
+    assert (
+        not entry.exact and "d_2_m" in entry.collides_with and "nearly parallel (0.11 degrees)" in entry.why
+    )
     assert np.all(noisy.sigma_parameter[noisy.kept] <= np.array(plausible)[noisy.kept])
     assert np.all(np.isnan(noisy.sigma_parameter[~noisy.kept]))
 
@@ -81,13 +85,15 @@ def test_weights_scale_the_rows():
     robot = racer_like()
     jacobian, layout = stacked_jacobian(robot, random_joints(robot, 100, 3))
     names = layout.names
-    doubled = select_identifiable(jacobian, names, weights=np.full(300, 2.0), sigma=2e-4, plausible=[10.0] * 39)
+    doubled = select_identifiable(jacobian, names, weights=np.full(300, 2.0), sigma=2e-4,
+                                  plausible=[10.0] * 39)
     plain = select_identifiable(jacobian, names, sigma=1e-4, plausible=[10.0] * 39)
     np.testing.assert_allclose(doubled.sigma_parameter, plain.sigma_parameter, rtol=1e-9)
 
 
 def test_source_table_3_5():
-    """Not identifiable in the source: d_1, d_3, d_6, a_6, alpha_6. All of them, and three offsets, by the SVD."""
+    """Not identifiable in the source: d_1, d_3, d_6, a_6, alpha_6. All of them, and three offsets, by the
+    SVD."""
     _, _, result = analyse(racer_like(), count=1000)
     geometry = {name for name in result.dropped_names if not name.startswith("q_offset")}
     assert geometry == {"d_1_m", "d_6_m", "a_6_m", "alpha_6_rad"}  # frame 3 has beta and no d
@@ -109,8 +115,10 @@ def test_seven_axes_and_a_prismatic_one():
     rows = [(0.34, 0.0, -RIGHT), (0.0, 0.0, RIGHT), (0.4, 0.0, RIGHT), (0.0, 0.0, -RIGHT), (0.4, 0.0, -RIGHT),
             (0.0, 0.0, RIGHT), (0.13, 0.0, 0.0)]
     jacobian, _, result = analyse(robot_of(rows, ratios=False), orientation=True)
-    assert result.kept.sum() == np.linalg.matrix_rank(jacobian / np.linalg.norm(jacobian, axis=0), tol=1e-8) == 4 * 7 + 6
-    rows = [(0.3, 0.2, RIGHT), (0.2, 0.1, 0.7), (0.1, 0.1, 0.8), (0.1, 0.0, -RIGHT), (0.1, 0.0, RIGHT), (0.1, 0.0, 0.0)]
+    assert result.kept.sum() == np.linalg.matrix_rank(jacobian / np.linalg.norm(jacobian, axis=0),
+                                                      tol=1e-8) == 4 * 7 + 6
+    rows = [(0.3, 0.2, RIGHT), (0.2, 0.1, 0.7), (0.1, 0.1, 0.8), (0.1, 0.0, -RIGHT), (0.1, 0.0, RIGHT),
+            (0.1, 0.0, 0.0)]
     types = ["revolute", "revolute", "prismatic", "revolute", "revolute", "revolute"]
     _, _, result = analyse(robot_of(rows, types, ratios=False), orientation=True)
     assert result.kept.sum() == 4 * 5 + 2 * 1 + 6 - 1  # the DH angle of a sliding axis is no parameter
@@ -134,13 +142,15 @@ def test_a_parameter_without_effect_is_dropped_and_said_so():
     jacobian, layout = stacked_jacobian(racer_like(), random_joints(racer_like(), 50, 1))
     wider = np.column_stack([jacobian, np.zeros(150)])
     result = select_identifiable(wider, (*layout.names, "backlash_4.width_rad"), keep_first=9)
-    assert why(result, "backlash_4.width_rad").why == "backlash_4.width_rad changes nothing that is measured in these poses"
+    reason = why(result, "backlash_4.width_rad").why
+    assert reason == "backlash_4.width_rad changes nothing that is measured in these poses"
 
 
 def test_an_effect_is_given_up_before_the_geometry_it_imitates():
     jacobian, layout = stacked_jacobian(racer_like(), random_joints(racer_like(), 50, 1))
     twin = jacobian[:, layout.names.index("a_2_m")]
-    result = select_identifiable(np.column_stack([twin, jacobian]), ("gear_eccentricity_2.first_rad", *layout.names))
+    result = select_identifiable(np.column_stack([twin, jacobian]),
+                                 ("gear_eccentricity_2.first_rad", *layout.names))
     assert why(result, "gear_eccentricity_2.first_rad").collides_with == ("a_2_m",)
 
 
@@ -148,7 +158,8 @@ def test_preference_goes_from_frames_to_effects():
     names = ("backlash_1.width_rad", "ratio_1", "q_offset_2_rad", "q_offset_1_rad", "d_2_m", "alpha_1_rad",
              "session_1.tool_x_m")
     assert [names[j] for j in preference(names)] == [
-        "session_1.tool_x_m", "alpha_1_rad", "d_2_m", "q_offset_1_rad", "q_offset_2_rad", "ratio_1", "backlash_1.width_rad"
+        "session_1.tool_x_m", "alpha_1_rad", "d_2_m", "q_offset_1_rad", "q_offset_2_rad", "ratio_1",
+        "backlash_1.width_rad"
     ]
 
 
@@ -169,6 +180,7 @@ def test_order_of_rows_does_not_matter():
     robot = racer_like()
     jacobian, layout = stacked_jacobian(robot, random_joints(robot, 100, 3))
     shuffled = jacobian[np.random.default_rng(2).permutation(len(jacobian))]
-    one, other = (select_identifiable(rows, layout.names, keep_first=9, robot=robot) for rows in (jacobian, shuffled))
+    one, other = (select_identifiable(rows, layout.names, keep_first=9, robot=robot)
+                  for rows in (jacobian, shuffled))
     assert one.dropped == other.dropped
     np.testing.assert_allclose(one.observability.O1, other.observability.O1, rtol=1e-10)

@@ -32,10 +32,12 @@ def true_arm(seed=4):
     robot = six_axis()
     off = lambda: 1.0 + random.uniform(-0.3, 0.3)
     links = tuple(
-        Link(link.mass * off(), link.centre_of_mass + random.normal(0.0, 0.01, 3), link.inertia * off()) for link in robot.links
+        Link(link.mass * off(), link.centre_of_mass + random.normal(0.0, 0.01, 3), link.inertia * off())
+        for link in robot.links
     )
     joints = tuple(
-        replace(j, coulomb=j.coulomb * off(), viscous=j.viscous * off(), rotor_inertia=j.rotor_inertia * off())
+        replace(j, coulomb=j.coulomb * off(), viscous=j.viscous * off(),
+                rotor_inertia=j.rotor_inertia * off())
         for j in robot.joints
     )
     return replace(robot, links=links, joints=joints)
@@ -52,14 +54,16 @@ def log_of(robot, seconds, seed, rate_hz=250.0):
 
 def base_values(robot, base):
     """(b,) base parameters of a robot's tables."""
-    pi = np.concatenate([_core.inertial_parameters(robot.core), [joint.rotor_inertia or 0.0 for joint in robot.joints]])
+    pi = np.concatenate([_core.inertial_parameters(robot.core),
+                         [joint.rotor_inertia or 0.0 for joint in robot.joints]])
     return pi[base.kept] + base.K @ pi[base.dropped]
 
 
 def misses(truth, result):
     """(P,) estimate less truth in standard deviations, base parameters as their sums."""
     found, base = dict(zip(result.fit.layout.names, result.fit.intervals)), result.base
-    pairs = [(base.names[c], a - b) for c, a, b in zip(base.kept, base_values(result.robot, base), base_values(truth, base))]
+    pairs = [(base.names[c], a - b)
+             for c, a, b in zip(base.kept, base_values(result.robot, base), base_values(truth, base))]
     for i, (a, b) in enumerate(zip(result.robot.joints, truth.joints), start=1):
         pairs += [(f"coulomb_{i}_Nm", a.coulomb - b.coulomb), (f"viscous_{i}_Nm_s", a.viscous - b.viscous)]
     assert {name for name, _ in pairs} == set(found)
@@ -104,7 +108,8 @@ def test_truth_within_the_intervals():
 
 
 def test_friction_that_jumps_at_a_reversal():
-    """Exact Coulomb friction, no smooth sign: what the reversals show is told from viscous friction and masses."""
+    """Exact Coulomb friction, no smooth sign: what the reversals show is told from viscous friction and
+    masses."""
     truth = true_arm()
     time, angle, rate, acceleration = fourier_motion(truth, 20.0, 250.0, 5, base_hz=0.1, amplitude=0.9)
     of_joints = lambda name: np.array([getattr(joint, name) for joint in truth.joints])
@@ -120,7 +125,8 @@ def test_friction_that_jumps_at_a_reversal():
 
 
 def test_shipped_arm_with_springs_and_gear_errors():
-    """The Racer, its springs swinging under its gear errors: masses and friction 10 % off come back in their intervals."""
+    """The Racer, its springs swinging under its gear errors: masses and friction 10 % off come back in their
+    intervals."""
     nominal, random = load_robot("racer-7-1.4"), np.random.default_rng(3)
     virtual = VirtualRobot.of(nominal, true=deviated(nominal, 1.0, random, geometry=False, frames=False))
     time, q = excitation(nominal, 15.0, 500.0, random)
@@ -137,7 +143,9 @@ def test_robot_without_masses_moves_as_the_true_one():
     """Nothing declared but the geometry: the identified tables make the true torque."""
     truth = true_arm()
     bare = replace(six_axis(), links=None)
-    bare = replace(bare, joints=tuple(replace(j, coulomb=None, viscous=None, rotor_inertia=None) for j in bare.joints))
+    bare = replace(bare,
+                   joints=tuple(replace(j, coulomb=None, viscous=None, rotor_inertia=None)
+                                for j in bare.joints))
     result = identify_dynamics(bare, log_of(truth, 20.0, 7), DynamicsOptions())
     random = np.random.default_rng(3)
     q, q_dot, q_ddot = (random.normal(0.0, s, (50, 6)) for s in (0.8, 1.0, 2.0))
@@ -171,7 +179,8 @@ def test_intervals_count_correlated_samples():
         moving = np.convolve(white, np.ones(25) / 25.0, "valid")
         jacobian = np.ones((4000, 1, 1))
         mean = moving.mean()
-        found = uncertainty(jacobian, (moving - mean)[:, None], moving.std(keepdims=True), [np.arange(4000)], 0.01)
+        found = uncertainty(jacobian, (moving - mean)[:, None], moving.std(keepdims=True), [np.arange(4000)],
+                            0.01)
         low, high = found.interval(np.array([mean]))[0]
         spans.append(low <= 0.0 <= high)
         wide.append(found.effective[0])
@@ -181,7 +190,8 @@ def test_intervals_count_correlated_samples():
 
 
 def test_real_arm():
-    """Staubli TX40, first 60 % fitted: what a plain study with the right friction reaches on the last 40 %."""
+    """Staubli TX40, first 60 % fitted: what a plain study with the right friction reaches on the last 40
+    %."""
     robot = load_robot("tx40")
     data = read_dataset([data_path("tx40/motion.parquet")], robot)
     result = identify_dynamics(robot, data, DynamicsOptions(share=0.6))
@@ -195,16 +205,20 @@ def test_command(tmp_path):
     write_robot(tmp_path / "arm.toml", robot)
     write_dataset(tmp_path / "log.parquet", log_of(truth, 10.0, 3), robot)
     out = tmp_path / "out"
-    assert main(["identify", str(tmp_path / "arm.toml"), str(tmp_path / "log.parquet"), "--out", str(out), "--quiet"]) == 0
+    assert main(["identify", str(tmp_path / "arm.toml"), str(tmp_path / "log.parquet"), "--out", str(out),
+                 "--quiet"]) == 0
     result = json.loads((out / "result.json").read_text())
     after = result["after"]["validation"]
     assert after["rms"] < 0.5 * result["before"]["validation"]["rms"]
     assert [axis["joint"] for axis in after["axes"]] == [1, 2, 3, 4, 5, 6]
     low, high = result["parameters"]["coulomb_2_Nm"]["ci95"]
     assert low < truth.joints[1].coulomb < high
-    assert load_robot(out / "robot.toml").joints[1].coulomb == pytest.approx(result["parameters"]["coulomb_2_Nm"]["value"])
+    assert load_robot(out / "robot.toml").joints[1].coulomb == pytest.approx(
+        result["parameters"]["coulomb_2_Nm"]["value"]
+    )
     again = tmp_path / "again"
-    words = ["identify", str(out / "robot.toml"), str(tmp_path / "log.parquet"), "--out", str(again), "--quiet"]
+    words = ["identify", str(out / "robot.toml"), str(tmp_path / "log.parquet"), "--out", str(again),
+             "--quiet"]
     assert main(words) == 0
     before = json.loads((again / "result.json").read_text())["before"]["validation"]["rms"]
     assert before == pytest.approx(after["rms"], rel=1e-6)

@@ -24,7 +24,8 @@ def planned():
 
 
 def test_seen_is_the_length_that_a_fit_leaves_of_the_cause(planned):
-    """A tracker's scales at their plausible sizes, one after the other: what the declared parameters cannot absorb of each, in noise-free data."""
+    """A tracker's scales at their plausible sizes, one after the other: what the declared parameters cannot
+    absorb of each, in noise-free data."""
     robot, poses, table = planned
     at = [effect.name for effect in table.effects].index("tracker_scale")
     sizes = [0.0 if p.fixed else p.plausible for p in table.effects[at].parameters()]
@@ -38,10 +39,12 @@ def test_seen_is_the_length_that_a_fit_leaves_of_the_cause(planned):
 
 
 def test_an_axis_whose_turn_moves_nothing_shows_nothing():
-    robot = replace(load_robot("ur10"), tool=Placement(position=np.array([0.0, 0.0, 0.1])))  # the target lies on axis 6
+    # the target lies on axis 6
+    robot = replace(load_robot("ur10"), tool=Placement(position=np.array([0.0, 0.0, 0.1])))
     poses = Dataset.of_arrays("poses", {"q": PoseSpace.of(robot).draw(40, np.random.default_rng(1))})
     table = isolability(robot, poses, NOISE_M, 0)
-    hidden = [e.joint for e, seen in zip(table.effects, table.seen) if e.name == "gear_harmonics" and seen < 0.01]
+    hidden = [e.joint for e, seen in zip(table.effects, table.seen)
+              if e.name == "gear_harmonics" and seen < 0.01]
     assert hidden == [6]
 
 

@@ -1,4 +1,5 @@
-"""Runs that are killed at any moment, and two at once: never a result that is not whole, never one run's file with another's."""
+"""Runs that are killed at any moment, and two at once: never a result that is not whole, never one run's file
+with another's."""
 
 import hashlib
 import json
@@ -20,9 +21,11 @@ LONGEST_S = 3.0  # about what the command takes
 
 
 def started(out: Path, data: str) -> subprocess.Popen:
-    words = [sys.executable, "-m", "exactarm", "evaluate", "ur10", data, "--out", str(out), "--quiet", "--threads", "1"]
+    words = [sys.executable, "-m", "exactarm", "evaluate", "ur10", data, "--out", str(out), "--quiet",
+             "--threads", "1"]
     paths = {"PYTHONPATH": str(Path(cli.__file__).parents[1]), "OMP_NUM_THREADS": "1"}
-    return subprocess.Popen(words, env=os.environ | paths, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+    return subprocess.Popen(words, env=os.environ | paths, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
+                            text=True)
 
 
 def whole(out: Path) -> bool:

@@ -1,7 +1,10 @@
-"""The rules of the house that a machine can check: imports run downwards only, small files, no special cases."""
+"""The rules of the house that a machine can check: imports run downwards only, small files, no special
+cases."""
 
 import ast
 import re
+import subprocess
+import sys
 import tomllib
 from pathlib import Path
 
@@ -29,7 +32,8 @@ MAY_IMPORT = {
     "noise": {"leaf", "noise"},
     "diagnose": MODEL | {"measurement", "identify", "diagnose", "noise"},
     "report": REPORT,
-    "commands": MODEL | {"measurement", "identify", "plan", "compensate", "export", "simulate", "diagnose", "verify", "report", "commands"},
+    "commands": MODEL | {"measurement", "identify", "plan", "compensate", "export", "simulate", "diagnose",
+                         "verify", "report", "commands"},
     "cli": {"leaf", "commands"},
     "__main__": {"cli"},
 }
@@ -125,9 +129,16 @@ def test_files_are_named_for_a_concept():
     assert not [str(path) for path in own_files() if re.search(r"utils?|helpers?|tools|misc", path.stem)]
 
 
+def test_the_linter_finds_nothing():
+    command = [sys.executable, "-m", "ruff", "check", "--no-cache", "--quiet", "--output-format", "concise"]
+    run = subprocess.run([*command, TOP], capture_output=True, text=True)
+    assert run.returncode == 0, run.stdout + run.stderr
+
+
 def test_types_are_checked_in_every_module_that_a_user_calls():
     checked = tomllib.loads((TOP / "pyproject.toml").read_text())["tool"]["mypy"]["modules"]
-    assert set(checked) == {"exactarm", *ea.NAMES.values(), *(f"exactarm.commands.{name}" for name in ea.COMMANDS)}
+    assert set(checked) == {"exactarm", *ea.NAMES.values(),
+                            *(f"exactarm.commands.{name}" for name in ea.COMMANDS)}
 
 
 def test_every_module_says_what_it_is():

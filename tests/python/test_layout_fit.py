@@ -1,4 +1,5 @@
-"""One fit for every kind: priors, weights and bounds count, intervals hold the truth, an unsettled noise is said."""
+"""One fit for every kind: priors, weights and bounds count, intervals hold the truth, an unsettled noise is
+said."""
 
 from dataclasses import dataclass, replace
 from typing import ClassVar
@@ -16,7 +17,8 @@ PRIOR = 0.3
 
 @dataclass(frozen=True)
 class Line:
-    """What a layout asks of an effect, outside the library: four numbers, the second regularised, the fourth not negative."""
+    """What a layout asks of an effect, outside the library: four numbers, the second regularised, the fourth
+    not negative."""
 
     values: tuple[float, ...]
     drawn_to_declared: ClassVar[bool] = False
@@ -55,7 +57,8 @@ def case(rng, rows=60, components=2, sigma=(0.1, 2.0), truth=(1.0, 0.2, -2.0, 0.
 
 
 def test_components_are_weighed_by_their_own_noise():
-    found = fit_layout(linear(*case(np.random.default_rng(1), 4000)), layout(), np.ones(4000), alike=np.arange(2))
+    found = fit_layout(linear(*case(np.random.default_rng(1), 4000)), layout(), np.ones(4000),
+                       alike=np.arange(2))
     assert found.fit.converged
     np.testing.assert_allclose(found.sigma, [0.1, 2.0], rtol=0.05)
     np.testing.assert_allclose(found.fit.x, [1.0, 0.2, -2.0, 0.5], atol=0.01)
@@ -84,7 +87,8 @@ def test_rows_without_weight_have_no_say():
 
 def test_what_a_bound_holds_is_said_and_has_no_interval():
     columns, measured = case(np.random.default_rng(4), truth=(1.0, 0.2, -2.0, -0.5))
-    found = fit_layout(linear(columns, measured), layout((0.0, 0.0, 0.0, 1.0)), np.ones(60), alike=np.arange(2))
+    found = fit_layout(linear(columns, measured), layout((0.0, 0.0, 0.0, 1.0)), np.ones(60),
+                       alike=np.arange(2))
     assert found.fit.at_bound.tolist() == [False, False, False, True] and found.layout.values[3] == 0.0
     assert found.fit.covariance[3, 3] == 0.0
 
@@ -95,14 +99,16 @@ def test_intervals_hold_the_truth_in_19_of_20_repeats():
     for _ in range(300):
         truth = np.array([1.0, rng.normal(0.0, PRIOR), -2.0, 5.0])
         columns, measured = case(rng, 25, truth=truth)
-        low, high = fit_layout(linear(columns, measured), layout(), np.ones(25), alike=np.arange(2)).fit.interval().T
+        low, high = fit_layout(linear(columns, measured), layout(), np.ones(25),
+                               alike=np.arange(2)).fit.interval().T
         inside.append((low < truth) & (truth < high))
     assert abs(np.mean(inside) - 0.95) < 3.0 * np.sqrt(0.95 * 0.05 / 300 / 4)
 
 
 def test_noise_that_does_not_settle_is_no_convergence(monkeypatch):
     monkeypatch.setattr(layout_fit, "_ROUNDS", 1)
-    found = fit_layout(linear(*case(np.random.default_rng(6))), layout(), np.ones(60), np.full(2, 1e3), alike=np.arange(2))
+    found = fit_layout(linear(*case(np.random.default_rng(6))), layout(), np.ones(60), np.full(2, 1e3),
+                       alike=np.arange(2))
     assert not found.fit.converged and "did not settle" in found.fit.reason
 
 
@@ -110,6 +116,7 @@ def test_the_same_arguments_give_the_same_bits():
     columns, measured = case(np.random.default_rng(7))
     predict = linear(columns, measured)
     first = fit_layout(predict, layout(), np.ones(60), alike=np.arange(2))
-    fit_layout(predict, replace(layout(), free=(np.array([True, False, False, False]),)), np.ones(60), alike=np.arange(2))
+    fit_layout(predict, replace(layout(), free=(np.array([True, False, False, False]),)), np.ones(60),
+               alike=np.arange(2))
     again = fit_layout(predict, layout(), np.ones(60), alike=np.arange(2))
     assert np.array_equal(first.fit.x, again.fit.x) and np.array_equal(first.sigma, again.sigma)

@@ -6,7 +6,8 @@ from exactarm.cli import main
 
 
 def test_the_loop_closes(tmp_path):
-    words = ["loop", "racer-7-1.4", "--effect", "gear_eccentricity joint=2 first_cos_rad=3e-4 first_sin_rad=1e-4",
+    words = ["loop", "racer-7-1.4", "--effect",
+             "gear_eccentricity joint=2 first_cos_rad=3e-4 first_sin_rad=1e-4",
              "--count", "120", "--out", str(tmp_path), "--quiet", "--threads", "1"]
     assert main(words) == 0
     result = json.loads((tmp_path / "result.json").read_text())

@@ -1,4 +1,5 @@
-"""What the machine and the shell do to a run: full disks, closed streams, two runs at once. One line, exit 1 or 2, nothing half done."""
+"""What the machine and the shell do to a run: full disks, closed streams, two runs at once. One line, exit 1
+or 2, nothing half done."""
 
 import fcntl
 import hashlib
@@ -143,7 +144,8 @@ def test_a_reader_that_leaves_is_no_fault(tmp_path):
 
 def test_a_path_that_is_no_text_is_refused_in_one_line(tmp_path):
     done = shell(
-        rf"cp {DATA} $'{tmp_path}/\xff.csv'; EXACTARM evaluate ur10 $'{tmp_path}/\xff.csv' --out {tmp_path}/out",
+        rf"cp {DATA} $'{tmp_path}/\xff.csv'; EXACTARM evaluate ur10 $'{tmp_path}/\xff.csv' --out "
+        rf"{tmp_path}/out",
         LANG="C",
     )
     assert done.returncode == 2 and done.stderr.count("\n") == 1

@@ -24,7 +24,8 @@ def ur10():
 def test_too_many_rows_are_refused_with_the_number_that_fits(ur10, monkeypatch):
     _, data = ur10
     monkeypatch.setattr(memory, "free_bytes", lambda: 1.0 * memory.GIGABYTE)
-    with pytest.raises(InputError, match="series_B.csv: 1495 rows need about 2.11 GB of memory, 1 GB are free") as error:
+    with pytest.raises(InputError,
+                       match="series_B.csv: 1495 rows need about 2.11 GB of memory, 1 GB are free") as error:
         memory.require_memory("diagnose", "poses", data)
     most = int(re.search(r"at most (\d+) rows", str(error.value))[1])
     memory.require_memory("diagnose", "poses", data.select(np.arange(most)))
@@ -33,7 +34,8 @@ def test_too_many_rows_are_refused_with_the_number_that_fits(ur10, monkeypatch):
 
 def test_the_command_says_so_before_it_works(monkeypatch, tmp_path, capsys):
     monkeypatch.setattr(memory, "free_bytes", lambda: 0.4 * memory.GIGABYTE)
-    assert cli.main(["diagnose", "ur10", str(data_path("ur10/series_B.csv")), "--out", str(tmp_path / "out"), "--quiet"]) == 2
+    assert cli.main(["diagnose", "ur10", str(data_path("ur10/series_B.csv")), "--out", str(tmp_path / "out"),
+                     "--quiet"]) == 2
     assert "rows need about" in capsys.readouterr().err
 
 
@@ -62,5 +64,6 @@ def test_frames_from_some_of_many_rows_judge_all_of_them(ur10, monkeypatch):
     whole = evaluation.evaluate_poses(robot, two)
     monkeypatch.setattr(evaluation, "MOST_FITTED", 600)
     some = evaluation.evaluate_poses(robot, two)
-    # The error of a nominal arm is structure: other rows give the frames a little other weights, at 600 rows by 4 % of it.
+    # The error of a nominal arm is structure: other rows give the frames a little other weights, at 600 rows
+    # by 4 % of it.
     assert len(some.error) == len(data) and some.overall.rms == pytest.approx(whole.overall.rms, rel=0.05)

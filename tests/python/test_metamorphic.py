@@ -1,5 +1,5 @@
-"""What is done to the data and must come back in the answer: rows and files in another order, other units, moved frames, doubled
-data, a shifted clock, another number of threads."""
+"""What is done to the data and must come back in the answer: rows and files in another order, other units,
+moved frames, doubled data, a shifted clock, another number of threads."""
 
 from dataclasses import replace
 
@@ -39,7 +39,8 @@ def motion():
 
 def geometry(result) -> np.ndarray:
     """Estimates of the arm, not of the set-up."""
-    return np.array([entry["value"] for name, entry in plain(result.json["parameters"]).items() if not name.startswith("session")])
+    return np.array([entry["value"] for name, entry in plain(result.json["parameters"]).items()
+                     if not name.startswith("session")])
 
 
 def rms(result, when="after") -> float:
@@ -50,7 +51,10 @@ def test_poses_in_another_order_give_the_same_arm(poses):
     robot, data = poses
     shuffled = data.select(np.random.default_rng(1).permutation(len(data)))
     one, other = (calibrate(robot, each, compliance=(), threads=1) for each in (data, shuffled))
-    assert geometry(other) == pytest.approx(geometry(one), rel=SAME, abs=1e-9) and rms(other) == pytest.approx(rms(one), rel=SAME)
+    assert (
+        geometry(other) == pytest.approx(geometry(one), rel=SAME, abs=1e-9)
+        and rms(other) == pytest.approx(rms(one), rel=SAME)
+    )
 
 
 def test_a_moved_tracker_gives_the_same_arm(poses):
@@ -58,14 +62,18 @@ def test_a_moved_tracker_gives_the_same_arm(poses):
     turn = Rotation.random(random_state=3).as_matrix()
     moved = replace(data, position=data.position @ turn.T + [3.0, -1.0, 0.5], rotation=turn @ data.rotation)
     one, other = (calibrate(robot, each, compliance=(), threads=1) for each in (data, moved))
-    assert geometry(other) == pytest.approx(geometry(one), rel=1e-4, abs=1e-7) and rms(other) == pytest.approx(rms(one), rel=1e-4)
+    assert (
+        geometry(other) == pytest.approx(geometry(one), rel=1e-4, abs=1e-7)
+        and rms(other) == pytest.approx(rms(one), rel=1e-4)
+    )
 
 
 def test_doubled_poses_give_the_same_arm_and_narrower_intervals(poses):
     robot, data = poses
     twice = data.select(np.repeat(np.arange(len(data)), 2))
     one, other = (calibrate(robot, each, compliance=(), use="position", threads=1) for each in (data, twice))
-    width = lambda result: np.array([np.ptp(entry["ci95"]) for entry in plain(result.json["parameters"]).values()])
+    width = lambda result: np.array([np.ptp(entry["ci95"])
+                                     for entry in plain(result.json["parameters"]).values()])
     names = [list(plain(result.json["parameters"])) for result in (one, other)]
     if names[0] == names[1]:  # more rows may identify more
         assert geometry(other) == pytest.approx(geometry(one), rel=1e-4, abs=1e-7)
@@ -102,16 +110,21 @@ def test_two_threads_give_the_same_bits(poses, motion):
     assert calibrate(robot, data, threads=1) == calibrate(robot, data, threads=2)
     assert evaluate(robot, data, threads=1) == evaluate(robot, data, threads=2)
     arm, rows = motion
-    assert identify(arm, rows, friction_only=True, threads=1) == identify(arm, rows, friction_only=True, threads=2)
+    assert identify(arm, rows, friction_only=True,
+                    threads=1) == identify(arm, rows, friction_only=True, threads=2)
 
 
 def test_a_shifted_clock_gives_the_same_dynamics(motion):
     robot, data = motion
     one, other = (identify(robot, each, threads=1) for each in (data, replace(data, time=data.time + 100.0)))
-    # The iteration of the weights ends at a tolerance, and the thinned rows may begin a sample later: both move an estimate by a
-    # hundredth of its own uncertainty (measured: 0.013 of the half width, the RMS by 7e-4).
+    # The iteration of the weights ends at a tolerance, and the thinned rows may begin a sample later: both
+    # move an estimate by a hundredth of its own uncertainty (measured: 0.013 of the half width, the RMS by
+    # 7e-4).
     half = np.array([0.5 * np.ptp(entry["ci95"]) for entry in plain(one.json["parameters"]).values()])
-    assert np.all(np.abs(geometry(other) - geometry(one)) < 0.05 * half) and rms(other) == pytest.approx(rms(one), rel=2e-3)
+    assert (
+        np.all(np.abs(geometry(other) - geometry(one)) < 0.05 * half)
+        and rms(other) == pytest.approx(rms(one), rel=2e-3)
+    )
 
 
 def test_scaled_torques_give_scaled_parameters(motion):

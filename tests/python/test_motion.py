@@ -31,7 +31,8 @@ def frictionless(robot):
 
 
 def test_torque_is_inverse_dynamics_rotor_and_friction():
-    """Against the core on the exact rates: the filter and the numerical derivative change nothing in its band."""
+    """Against the core on the exact rates: the filter and the numerical derivative change nothing in its
+    band."""
     robot = six_axis()
     robot = replace(robot, joints=tuple(replace(joint, coulomb=None) for joint in robot.joints))
     time, angle, rate, acceleration = fourier_motion(robot, 6.0, 250.0, 3)
@@ -94,7 +95,8 @@ def effects_under_test(robot):
 
 
 def steps_of(layout):
-    return np.array([(0.02 if "order" in name else 0.2) * p.plausible for name, p in zip(layout.names, layout.parameters)])
+    return np.array([(0.02 if "order" in name else 0.2) * p.plausible
+                     for name, p in zip(layout.names, layout.parameters)])
 
 
 @pytest.mark.parametrize("springs", [False, True])
@@ -106,7 +108,8 @@ def test_jacobian(springs):
     smooth = tuple(effect for effect in every if effect.name != "load_friction")  # |torque| has kinks
     for effects in [(effect,) for effect in every] + [smooth]:
         layout = Layout.of(effects)
-        predict = lambda x, layout=layout: predict_motion(robot, layout.at(x), record, tangents=False).torque[record.keep]
+        predict = lambda x, layout=layout: predict_motion(robot, layout.at(x), record,
+                                                          tangents=False).torque[record.keep]
         jacobian = predict_motion(robot, layout, record).jacobian[record.keep]
         relative = 5e-2 if springs else 5e-4  # the springs' answer is of first order in their stretch
         assert_derivative(predict, layout.values, jacobian, 0.05 * steps_of(layout), relative=relative)
@@ -135,7 +138,8 @@ def test_transmission_of_a_coupled_wrist():
 
 
 def test_filter_treats_both_sides_alike():
-    """A fast log of a motion with friction: what the low-pass takes from the jumps, it takes from the prediction."""
+    """A fast log of a motion with friction: what the low-pass takes from the jumps, it takes from the
+    prediction."""
     robot = six_axis()
     time, angle, rate, acceleration = fourier_motion(robot, 4.0, 2000.0, 5)
     fine = motion_record(robot, motion_data(robot, time, angle), 900.0)
@@ -168,8 +172,10 @@ def test_measured_rates_are_used():
     data = replace(data, joints=data.joints | {"q_dot": rate})
     record = motion_record(robot, data)
     keep = record.keep
-    np.testing.assert_allclose((record.theta_dot / robot.ratios)[keep], rate[keep], atol=2e-3 * np.max(np.abs(rate)))
-    np.testing.assert_allclose((record.theta_ddot / robot.ratios)[keep], acceleration[keep], atol=5e-3 * np.max(np.abs(acceleration)))
+    np.testing.assert_allclose((record.theta_dot / robot.ratios)[keep], rate[keep],
+                               atol=2e-3 * np.max(np.abs(rate)))
+    np.testing.assert_allclose((record.theta_ddot / robot.ratios)[keep], acceleration[keep],
+                               atol=5e-3 * np.max(np.abs(acceleration)))
 
 
 def test_refusals():
@@ -188,7 +194,8 @@ def test_effects_of_no_size_answer_together_as_they_do_alone():
     robot = six_axis()
     view = predict_motion(robot, Layout.of((DeclaredFriction.of(robot, 1),)), record_of(robot)).view
     kinds = library()
-    asked = [kinds["gear_ratio"](2, (0.0,)), kinds["time_delay"](None, (0.0,)), kinds["payload"](None, (0.0,) * 4),
+    asked = [kinds["gear_ratio"](2, (0.0,)), kinds["time_delay"](None, (0.0,)),
+             kinds["payload"](None, (0.0,) * 4),
              kinds["joint_compliance"](3, (0.0, 0.0)), kinds["gear_harmonics"](1, (100.0, 0.0, 0.0))]
     for effect, together in zip(asked, view.responses(asked)):
         linear = [not p.fixed and not p.search for p in effect.parameters()]

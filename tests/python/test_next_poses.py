@@ -48,11 +48,14 @@ def experiments(doubtful):
     robot, fitted, place = doubtful
     strong = place.effect.with_values((2e-6, 0.0))
     layout = replace(fitted.layout, effects=fitted.layout.effects[:-1] + (strong,))
-    data = replace(fitted.view.data, position=predict_poses(robot, layout, fitted.view.data, tangents=False).position)
+    data = replace(fitted.view.data,
+                   position=predict_poses(robot, layout, fitted.view.data, tangents=False).position)
     rng = np.random.default_rng(3)
-    problem = PoseProblem(robot, replace(data, position=data.position + rng.normal(0.0, 1e-4, (60, 3))), data.select(np.zeros(60, bool)))
+    problem = PoseProblem(robot, replace(data, position=data.position + rng.normal(0.0, 1e-4, (60, 3))),
+                          data.select(np.zeros(60, bool)))
     fitted = problem.fit(layout)
-    return robot, fitted, next_poses(robot, fitted, [Place(fitted.layout.effects[-1], 0.5, ((RATIO, 0.5),))], 0)
+    return robot, fitted, next_poses(robot, fitted, [Place(fitted.layout.effects[-1], 0.5, ((RATIO, 0.5),))],
+                                     0)
 
 
 def test_most_of_what_is_open_would_be_known(experiments):
@@ -66,11 +69,13 @@ def test_most_of_what_is_open_would_be_known(experiments):
 
 def test_chosen_poses_tell_more_than_random_ones(experiments):
     robot, fitted, found = experiments
-    rng, space, place = np.random.default_rng(5), PoseSpace.of(robot), Place(fitted.layout.effects[-1], 0.5, ((RATIO, 0.5),))
+    rng, space, place = np.random.default_rng(5), PoseSpace.of(robot), Place(fitted.layout.effects[-1], 0.5,
+                                                                             ((RATIO, 0.5),))
     for best in found:
         told = told_by(robot, fitted, [place], best.q, best.payload_kg)
         assert told == pytest.approx(best.bits, abs=0.03)  # another scale of the columns: other draws
-        random = [told_by(robot, fitted, [place], space.draw(len(best.q), rng), best.payload_kg) for _ in range(20)]
+        random = [told_by(robot, fitted, [place], space.draw(len(best.q), rng), best.payload_kg)
+                  for _ in range(20)]
         assert told > max(random)
 
 
@@ -79,20 +84,24 @@ def test_sentence_names_poses_causes_bits_and_minutes(experiments):
     text = sentence_of(found)
     assert text.startswith("Measure q = (") and "joint compliance of axis 2 or gear ratio of axis 2" in text
     assert "of 1.00 bits" in text and "minutes" in text
-    assert text == sentence_of(next_poses(robot, fitted, [Place(fitted.layout.effects[-1], 0.5, ((RATIO, 0.5),))], 0))
+    assert text == sentence_of(next_poses(robot, fitted,
+                                          [Place(fitted.layout.effects[-1], 0.5, ((RATIO, 0.5),))], 0))
 
 
 def test_mounting_a_payload_costs_its_minutes(experiments):
     _, _, found = experiments
     loaded, plain = sorted(found, key=lambda e: -e.payload_kg)
-    assert loaded.minutes() - 0.5 * len(loaded.q) == pytest.approx(5.0) and plain.minutes() == 0.5 * len(plain.q)
+    assert (
+        loaded.minutes() - 0.5 * len(loaded.q) == pytest.approx(5.0) and plain.minutes() == 0.5 * len(plain.q)
+    )
     assert loaded.bits_per_minute({"visit": 0.25, "payload": 100.0}) < 0.1 * plain.bits_per_minute()
 
 
 def test_says_so_when_no_pose_parts_them(doubtful):
     robot, fitted, _ = doubtful
     same = GearRatio(2, (1e-9,))
-    layout = replace(fitted.layout, effects=fitted.layout.effects[:-1] + (same,), free=fitted.layout.free[:-1] + (np.array([True]),))
+    layout = replace(fitted.layout, effects=fitted.layout.effects[:-1] + (same,),
+                     free=fitted.layout.free[:-1] + (np.array([True]),))
     problem = PoseProblem(robot, fitted.view.data, fitted.view.data.select(np.zeros(60, bool)))
     found = next_poses(robot, problem.fit(layout), [Place(same, 0.5, ((same, 0.5),))], 0)
     assert sentence_of(found).startswith("No poses inside the limits tell")

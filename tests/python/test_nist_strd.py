@@ -1,7 +1,8 @@
 """The least-squares search against all 27 non-linear problems of NIST's Statistical Reference Datasets.
 
-Files as NIST publishes them (https://www.itl.nist.gov/div898/strd/nls/nls_main.shtml, public domain): two starting points,
-values and standard deviations certified to 11 digits. Derivatives by a complex step, so that they are exact.
+Files as NIST publishes them (https://www.itl.nist.gov/div898/strd/nls/nls_main.shtml, public domain): two
+starting points, values and standard deviations certified to 11 digits. Derivatives by a complex step, so that
+they are exact.
 """
 
 import re
@@ -30,7 +31,9 @@ def chwirut(b, x):
 
 
 def gauss(b, x):
-    return b[0] * np.exp(-b[1] * x) + b[2] * np.exp(-(((x - b[3]) / b[4]) ** 2)) + b[5] * np.exp(-(((x - b[6]) / b[7]) ** 2))
+    return b[0] * np.exp(-b[1] * x) + b[2] * np.exp(-(((x - b[3]) / b[4]) ** 2)) + b[
+        5
+    ] * np.exp(-(((x - b[6]) / b[7]) ** 2))
 
 
 def cubic_ratio(b, x):
@@ -79,7 +82,8 @@ MODELS = {
 def read(name):
     """starts (2, P), certified (P, 2) values and deviations, square sum, y (N,), x (N,) or (2, N)."""
     text = (FOLDER / f"{name}.dat").read_text()
-    numbers = [[float(word) for word in line.split("=")[1].split()] for line in re.findall(r"^ *b\d+ =.*$", text, re.M)]
+    numbers = [[float(word) for word in line.split("=")[1].split()]
+               for line in re.findall(r"^ *b\d+ =.*$", text, re.M)]
     table = np.array([row for row in numbers if len(row) == 4])
     square = float(re.search(r"Residual Sum of Squares: *(\S+)", text)[1])
     data = np.array([line.split() for line in text.splitlines()[60:] if line.strip()], float).T
@@ -106,7 +110,8 @@ def digits(found, certified):
     return float(np.min(-np.log10(np.maximum(np.abs(found / certified - 1.0), 1e-15))))
 
 
-@pytest.mark.parametrize(("name", "start"), [case for case in product(MODELS, (1, 2)) if case != FROM_TOO_FAR])
+@pytest.mark.parametrize(("name", "start"),
+                         [case for case in product(MODELS, (1, 2)) if case != FROM_TOO_FAR])
 def test_certified_digits_are_reached(name, start):
     starts, certified, square, y, x = read(name)
     fit = least_squares(problem(name, y, x), starts[start - 1], tolerance=1e-20)
@@ -119,7 +124,8 @@ def test_certified_digits_are_reached(name, start):
 
 
 def test_a_search_that_has_not_arrived_says_so():
-    """Start 1 of MGH10 predicts 1e87 where 1e4 was measured: the way down is longer than the limit, and this is said."""
+    """Start 1 of MGH10 predicts 1e87 where 1e4 was measured: the way down is longer than the limit, and this
+    is said."""
     name, start = FROM_TOO_FAR
     starts, certified, square, y, x = read(name)
     fit = least_squares(problem(name, y, x), starts[start - 1])
@@ -134,7 +140,8 @@ def test_square_sum_is_that_of_scipy_or_lower(name):
     for start in starts:
         fit = least_squares(evaluate, start)
         peer = optimize.least_squares(
-            lambda b: evaluate(b, False).residual, fit.x, lambda b: -evaluate(b, True).jacobian, x_scale="jac",
+            lambda b: evaluate(b, False).residual, fit.x, lambda b: -evaluate(b, True).jacobian,
+            x_scale="jac",
             xtol=1e-15, ftol=1e-15, gtol=1e-15,
         )
         assert fit.converged and fit.cost <= peer.cost * (1.0 + 1e-9)

@@ -1,4 +1,5 @@
-"""Outliers: wrong rows that stand alone are left out; wrong rows that lie together are a structure, not outliers."""
+"""Outliers: wrong rows that stand alone are left out; wrong rows that lie together are a structure, not
+outliers."""
 
 from types import SimpleNamespace
 
@@ -11,7 +12,8 @@ NOISE = 1e-4
 
 def view(predicted: np.ndarray, residual: np.ndarray) -> SimpleNamespace:
     return SimpleNamespace(
-        measured=predicted, data=SimpleNamespace(position=predicted + residual), signals={"measured": predicted}
+        measured=predicted, data=SimpleNamespace(position=predicted + residual),
+        signals={"measured": predicted}
     )
 
 

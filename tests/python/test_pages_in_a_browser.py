@@ -42,7 +42,8 @@ def test_the_page_fills_its_window_and_leaves_a_margin(page, width):
 
 
 def test_the_page_is_dark_where_that_is_asked_for(page):
-    light, dark = shot(page, "light", 1000), shot(page, "dark", 1000, "--blink-settings=preferredColorScheme=0")
+    light, dark = shot(page, "light", 1000), shot(page, "dark", 1000,
+                                                  "--blink-settings=preferredColorScheme=0")
     assert np.median(light) > 240 and np.median(dark) < 60
 
 
@@ -51,7 +52,9 @@ def test_a_printed_page_loses_no_column(page, paper, width, height):
     if shutil.which("pdftotext") is None:
         pytest.skip("pdftotext is not installed")
     sheet = page.with_name(f"{paper}.html")
-    sheet.write_text(page.read_text().replace("</head>", f"<style>@page {{ size: {paper}; margin: 12mm }}</style></head>"))
+    sheet.write_text(
+        page.read_text().replace("</head>", f"<style>@page {{ size: {paper}; margin: 12mm }}</style></head>")
+    )
     pdf = page.with_name(f"{paper}.pdf")
     browser("--no-pdf-header-footer", f"--print-to-pdf={pdf}", sheet.as_uri())
     boxes = subprocess.run(["pdftotext", "-bbox", str(pdf), "-"], capture_output=True, text=True).stdout
@@ -60,4 +63,5 @@ def test_a_printed_page_loses_no_column(page, paper, width, height):
     right = [float(x) for x in re.findall(r'xMax="([\d.]+)"', boxes)]
     assert len(right) > 200 and max(right) < width - 20
     words = set(re.findall(r">([^<]+)</word>", boxes))
-    assert {"declared", "identified", "maximum", "SHA-256"} <= words  # last columns of the tables, and the footer
+    # last columns of the tables, and the footer
+    assert {"declared", "identified", "maximum", "SHA-256"} <= words

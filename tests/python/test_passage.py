@@ -1,4 +1,5 @@
-"""How a gear passes from one direction's table to the other's is not known: rows that hang on it count for nothing."""
+"""How a gear passes from one direction's table to the other's is not known: rows that hang on it count for
+nothing."""
 
 from dataclasses import replace
 
@@ -26,9 +27,12 @@ QUICK_S = 0.02
 
 @pytest.fixture(scope="module")
 def rigid():
-    """A robot whose gears differ with direction, on joints that do not give way: nothing hides a quick passage."""
+    """A robot whose gears differ with direction, on joints that do not give way: nothing hides a quick
+    passage."""
     robot = load_robot("racer-7-1.4")
-    return replace(robot, joints=tuple(replace(joint, spring_linear=0.0, spring_cubic=0.0) for joint in robot.joints))
+    return replace(robot,
+                   joints=tuple(replace(joint, spring_linear=0.0, spring_cubic=0.0)
+                                for joint in robot.joints))
 
 
 def measured(robot, how, monkeypatch, **more):
@@ -45,12 +49,15 @@ def test_rows_that_hang_on_the_passage_of_a_motion_are_left_out(rigid, monkeypat
     record = motion_record(rigid, data)
     clear = motion_clear_of_reversals(rigid, record, data)
     residual = predict_motion(rigid, Layout((), ()), record, tangents=False).residual()
-    noise = 0.01 * np.sqrt(np.mean(data.joints["tau"] ** 2, axis=0)) * np.sqrt(record.white_share(record.logged_step))
-    away, about = (np.sqrt(np.mean(residual[rows] ** 2, axis=0)) / noise for rows in (clear.keep, clear.at_reversal & record.keep))
+    noise = 0.01 * np.sqrt(np.mean(data.joints["tau"] ** 2,
+                                   axis=0)) * np.sqrt(record.white_share(record.logged_step))
+    away, about = (np.sqrt(np.mean(residual[rows] ** 2, axis=0)) / noise
+                   for rows in (clear.keep, clear.at_reversal & record.keep))
     assert 0.6 < clear.keep.sum() / record.keep.sum() < 0.9
     assert np.all(away < 1.1) and about[2] > 1.5
     (words,) = reversals_left_out([clear])
-    assert words.startswith(f"{record.keep.sum() - clear.keep.sum()} of {record.keep.sum()} rows at reversals")
+    assert words.startswith(f"{record.keep.sum() - clear.keep.sum()} of {record.keep.sum()} rows at "
+                            "reversals")
 
 
 def test_gears_of_one_table_leave_every_row_in(rigid, monkeypatch):
@@ -87,4 +94,6 @@ def test_tracked_motions_are_fitted_and_judged_without_them(rigid, monkeypatch):
     assert np.array_equal(np.isnan(problem.errors(fitted, data)), record.at_reversal)
     assert "at reversals were left out" in problem.left_out()[0]
     found = evaluate_tracked_motion(rigid, data)
-    assert found.overall.n == (~record.at_reversal).sum() and "at reversals were left out" in found.warnings[0]
+    assert (
+        found.overall.n == (~record.at_reversal).sum() and "at reversals were left out" in found.warnings[0]
+    )

@@ -21,7 +21,8 @@ def test_centre_of_mass_is_reported(tmp_path):
                     layout=Layout.of((hidden,), estimate=False), identification=np.arange(160) < 120)
     write_dataset(tmp_path / "poses.csv", data, robot)
     write_robot(tmp_path / "robot.toml", robot)
-    code = cli.main(["diagnose", str(tmp_path / "robot.toml"), str(tmp_path / "poses.csv"), "--out", str(tmp_path / "out"), "--quiet"])
+    code = cli.main(["diagnose", str(tmp_path / "robot.toml"), str(tmp_path / "poses.csv"), "--out",
+                     str(tmp_path / "out"), "--quiet"])
     assert code == 0
     effect = json.loads((tmp_path / "out" / "result.json").read_text())["effects"][0]
     assert effect["effect"] == "payload"

@@ -34,7 +34,8 @@ def test_the_paths_of_the_source_are_followed_within_a_micrometre(name, rms):
     assert plan.solver.status == "solved" and plan.solver.iterations <= 5
     assert plan.tracking.position_rms < rms and plan.solver.kkt_error < 1e-5
     assert not plan.warnings and not plan.violations
-    np.testing.assert_allclose(plan.q[0], np.radians([0, 90, 0, 0, 90, 0]) if name == "line" else plan.q_desired[0], atol=0.5)
+    np.testing.assert_allclose(plan.q[0], np.radians([0, 90, 0, 0, 90, 0])
+                               if name == "line" else plan.q_desired[0], atol=0.5)
     assert np.all(plan.theta_ddot[[0, -1]] == 0.0) and np.all(plan.theta_dot[[0, -1]] == 0.0)
 
 
@@ -47,7 +48,8 @@ def test_motor_angles_return_the_link_angles_through_the_chain():
             table = ROBOT.core.joints[i].gear.cw
             phi = _core.gear_output_angle(joint.ratio, table, plan.theta[[end], i])[0]
             stretch = phi + joint.q_offset - plan.q[end, i]
-            assert joint.spring_linear * stretch + joint.spring_cubic * stretch**3 == pytest.approx(torque[i], abs=1e-6)
+            assert joint.spring_linear * stretch + joint.spring_cubic * stretch**3 == pytest.approx(torque[i],
+                                                                                                    abs=1e-6)
 
 
 def test_both_solvers_and_any_number_of_threads_give_the_same_motion():
@@ -59,7 +61,8 @@ def test_both_solvers_and_any_number_of_threads_give_the_same_motion():
 
 
 def test_both_solvers_agree_far_from_the_reference():
-    """At this weight the flange leaves the spiral by centimetres, and Newton's full steps go round in circles."""
+    """At this weight the flange leaves the spiral by centimetres, and Newton's full steps go round in
+    circles."""
     path = replace(load_path("spiral"), rate_hz=250.0, nu=1e-6)
     own, ipopt = plan_path(ROBOT, path, THREADS), plan_path(ROBOT, replace(path, solver="ipopt"), THREADS)
     assert own.tracking.position_rms > 0.01 and own.solver.status == "solved"
@@ -79,7 +82,8 @@ def test_gear_table_changes_at_a_reversal_without_a_jump_of_the_motor():
     path = PlannedPath(there_and_back, 2.0, 500.0)
     motion = plan_path(ROBOT, path, THREADS)
     sides = {side: plan_path(ROBOT, replace(path, gear_direction=side), THREADS) for side in ("cw", "ccw")}
-    # The motor of axis 1 turns one way, then the other; away from the reversal it has the table of its direction.
+    # The motor of axis 1 turns one way, then the other; away from the reversal it has the table of its
+    # direction.
     turn = int(np.argmax(motion.q_desired[:, 0]))
     away = int(TRANSITION_S * 500)
     rising, falling = slice(away, turn - away), slice(turn + away, -away)
@@ -91,11 +95,13 @@ def test_gear_table_changes_at_a_reversal_without_a_jump_of_the_motor():
 
 
 @pytest.mark.parametrize("effect, rms", [
-    (None, 3e-6), (DirectionDependence(2, (3.0, 1e-3, 5e-4)), 3e-6), (Hysteresis(2, (2e-4,)), 3e-6), (Hysteresis(2, (2e-4, 1e-3)), 3e-6),
+    (None, 3e-6), (DirectionDependence(2, (3.0, 1e-3, 5e-4)), 3e-6), (Hysteresis(2, (2e-4,)), 3e-6),
+    (Hysteresis(2, (2e-4, 1e-3)), 3e-6),
     (Backlash(1, (4e-4, 30.0)), 3e-6),
 ])  # fmt: skip
 def test_plan_and_virtual_robot_pass_reversals_alike(effect, rms):
-    """Both gear tables, five reversals, springs without damping: a different passage would let the arm swing on."""
+    """Both gear tables, five reversals, springs without damping: a different passage would let the arm swing
+    on."""
     robot = replace(ROBOT, effects=() if effect is None else (effect,))
     plan = plan_path(robot, replace(load_path("spiral"), rate_hz=500.0), THREADS)
     played = Dataset.of_arrays("tracked_motion", {"theta": plan.theta}, time=plan.time)
@@ -104,7 +110,8 @@ def test_plan_and_virtual_robot_pass_reversals_alike(effect, rms):
     assert np.sqrt(np.mean(error**2)) < rms and error.max() < 10.0 * rms
     late = np.roll(plan.q_desired, 20, axis=0)
     late[:20] = plan.q_desired[0]
-    missed = np.linalg.norm(true_path(VirtualRobot(robot, robot), played, late) - plan.reference.position, axis=1)
+    missed = np.linalg.norm(true_path(VirtualRobot(robot, robot), played, late) - plan.reference.position,
+                            axis=1)
     assert np.sqrt(np.mean(missed**2)) > 10.0 * rms
 
 
@@ -112,9 +119,12 @@ def test_a_payload_is_held_by_the_springs():
     loaded = replace(ROBOT, effects=(Payload(None, (5.0, 0.0, 0.0, 0.25)),))
     plan, bare = plan_path(loaded, LINE, THREADS), plan_path(ROBOT, LINE, THREADS)
     assert plan.compensated == ("payload",) and plan.tracking.position_max < 1e-5
-    torque = _core.gravity_torque(loaded.effects[0].bake(ROBOT).core, plan.q[[0]], 1) - _core.gravity_torque(ROBOT.core, plan.q[[0]], 1)
+    torque = _core.gravity_torque(loaded.effects[0].bake(ROBOT).core, plan.q[[0]],
+                                  1) - _core.gravity_torque(ROBOT.core, plan.q[[0]], 1)
     stretched = (plan.theta - bare.theta)[0] / ROBOT.ratios
-    assert np.sign(stretched[1]) == np.sign(torque[0, 1]) and abs(stretched[1]) > 0.3 * abs(torque[0, 1]) / 2.5e5
+    assert (
+        np.sign(stretched[1]) == np.sign(torque[0, 1]) and abs(stretched[1]) > 0.3 * abs(torque[0, 1]) / 2.5e5
+    )
 
 
 def test_backlash_moves_the_motor_by_its_width():
@@ -174,7 +184,10 @@ def test_a_path_that_cannot_be_followed_says_why(change, words):
 def test_a_reference_beyond_the_limits_names_axis_time_amount_and_a_duration_that_fits():
     plan = plan_path(ROBOT, replace(LINE, duration=0.75, rate_hz=400.0), THREADS)
     violation = plan.violations[0]
-    assert violation.quantity == "acceleration" and abs(violation.value) > violation.limit and 0 < violation.time < 0.75
+    assert (
+        violation.quantity == "acceleration" and abs(violation.value) > violation.limit
+        and 0 < violation.time < 0.75
+    )
     assert plan.shortest_duration > 0.75
     fitting = plan_path(ROBOT, replace(LINE, duration=plan.shortest_duration * 1.001, rate_hz=400.0), THREADS)
     assert not fitting.violations
@@ -190,7 +203,9 @@ def test_times_of_via_points_are_stretched_to_the_shortest_duration_that_fits():
     hurried = plan_path(ROBOT, path, THREADS)
     assert hurried.violations and hurried.shortest_duration > 0.75 and hurried.solver.iterations < 30
     plan = plan_path(ROBOT, path.lasting(hurried.shortest_duration * 1.002), THREADS)
-    assert not plan.violations and plan.path.curve.times[1] == pytest.approx(0.501 * hurried.shortest_duration)
+    assert (
+        not plan.violations and plan.path.curve.times[1] == pytest.approx(0.501 * hurried.shortest_duration)
+    )
 
 
 def test_a_path_of_no_length_stands_still():
@@ -231,11 +246,13 @@ def test_a_trajectory_survives_csv_and_parquet(tmp_path):
 @pytest.mark.parametrize("pool", [None, "threads", "processes"])
 def test_many_paths_run_on_any_executor_and_one_failure_ends_no_other(pool):
     short = replace(LINE, rate_hz=100.0)
-    paths = [short, replace(short, curve=Line(np.array([9.0, 0, 1]), np.array([9, 1, 1]))), replace(short, duration=3.0)]
+    paths = [short, replace(short, curve=Line(np.array([9.0, 0, 1]), np.array([9, 1, 1]))),
+             replace(short, duration=3.0)]
     seen = []
     assert ROBOT.core  # what is compiled must not hinder the travel to another process
     make = {None: lambda: None, "threads": lambda: ThreadPoolExecutor(2),
-            "processes": lambda: ProcessPoolExecutor(2, mp_context=multiprocessing.get_context("spawn"))}[pool]
+            "processes": lambda: ProcessPoolExecutor(2,
+                                                     mp_context=multiprocessing.get_context("spawn"))}[pool]
     executor = make()
     results = plan_many(ROBOT, paths, executor, progress=lambda done, total: seen.append((done, total)))
     if executor is not None:

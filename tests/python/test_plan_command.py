@@ -23,8 +23,11 @@ def test_plan_writes_trajectory_result_report_and_plots(tmp_path):
     assert len(result["bandwidth_hz"]) == 6 and result["path"]["samples"] == 626
     columns = read_table(tmp_path / "out" / "trajectory.csv").columns
     assert len(columns["time_s"]) == 626 and columns["time_s"][1] == pytest.approx(0.004)
-    assert np.abs(columns["q_1_rad"] - columns["q_desired_1_rad"]).max() <= result["tracking"]["joint_max_rad"]
-    assert (tmp_path / "out" / "report.html").exists() and list((tmp_path / "out" / "plots").glob("spectrum.*"))
+    assert np.abs(columns["q_1_rad"]
+                  - columns["q_desired_1_rad"]).max() <= result["tracking"]["joint_max_rad"]
+    assert (
+        (tmp_path / "out" / "report.html").exists() and list((tmp_path / "out" / "plots").glob("spectrum.*"))
+    )
 
 
 def test_options_replace_those_of_the_path_and_parquet_is_written(tmp_path):

@@ -1,4 +1,5 @@
-"""Commands identifiable and design through the command line: files, keys, refusals, and that they fit together."""
+"""Commands identifiable and design through the command line: files, keys, refusals, and that they fit
+together."""
 
 import csv
 import json
@@ -32,9 +33,15 @@ def test_identifiable_writes_lists_reasons_and_collisions(tmp_path):
     assert code == 0 and set(result["observability"]) == {"O1", "O2", "O3", "O4", "O5"}
     assert {"d_2_m", "ratio_6"} <= set(result["identifiable"])
     dropped = {entry["parameter"]: entry for entry in result["dropped"]}
-    assert "base frame" in dropped["d_1_m"]["why"] and dropped["d_6_m"]["collides_with"] == ["session_1.tool_z_m"]
+    assert (
+        "base frame" in dropped["d_1_m"]["why"]
+        and dropped["d_6_m"]["collides_with"] == ["session_1.tool_z_m"]
+    )
     assert result["absent"][0]["why"] == "d_3_m and d_2_m move the tool alike: axes 2 and 3 are parallel"
-    assert result["gaps"][0]["parameter"] == "beta_2_rad" and "axes 2 and 3 are parallel" in result["gaps"][0]["why"]
+    assert (
+        result["gaps"][0]["parameter"] == "beta_2_rad"
+        and "axes 2 and 3 are parallel" in result["gaps"][0]["why"]
+    )
     vanishing = sum(value < 1e-9 for value in result["singular_values"])
     assert vanishing == len(result["dropped"])
     rows = rows_of(tmp_path / "parameters.csv")
@@ -45,7 +52,8 @@ def test_identifiable_writes_lists_reasons_and_collisions(tmp_path):
 
 def test_identifiable_is_deterministic_and_follows_the_seed(tmp_path):
     words = ("identifiable", "ur10", "--count", "100")
-    results = [run(tmp_path / name, *words, *more)[1] for name, more in (("a", ()), ("b", ()), ("c", ("--seed", "9")))]
+    results = [run(tmp_path / name, *words, *more)[1]
+               for name, more in (("a", ()), ("b", ()), ("c", ("--seed", "9")))]
     assert results[0]["singular_values"] == results[1]["singular_values"] != results[2]["singular_values"]
     assert results[0]["identifiable"] == results[2]["identifiable"]
 
@@ -69,7 +77,8 @@ def test_designed_poses_are_read_back_by_identifiable(tmp_path):
             q, theta = float(row[f"q_{i}_rad"]), float(row[f"theta_{i}_rad"])
             assert joint.q_min < q < joint.q_max
             assert theta == pytest.approx((q - joint.q_offset) * joint.ratio, abs=1e-6)
-    code, seen = run(tmp_path / "seen", "identifiable", "racer-7-1.4", str(tmp_path / "poses.csv"), "--tool", "-0.05,0,0.1")
+    code, seen = run(tmp_path / "seen", "identifiable", "racer-7-1.4", str(tmp_path / "poses.csv"), "--tool",
+                     "-0.05,0,0.1")
     assert code == 0 and seen["poses"] == 24 and seen["identifiable"] == result["identifiable"]
 
 
@@ -77,7 +86,8 @@ def test_a_target_on_the_last_axis_is_pointed_out(tmp_path, capsys):
     for command in ("design", "identifiable"):
         main([command, "racer-7-1.4", "--count", "30", "--out", str(tmp_path / command)])
         text = " ".join(capsys.readouterr().out.split())
-        assert "which hides alpha_5_rad, q_offset_5_rad, q_offset_6_rad, ratio_6: mount it beside that axis" in text
+        hidden = "alpha_5_rad, q_offset_5_rad, q_offset_6_rad, ratio_6"
+        assert f"which hides {hidden}: mount it beside that axis" in text
 
 
 def test_a_robot_without_gears_gets_no_motor_angles(tmp_path):

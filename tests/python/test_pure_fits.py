@@ -1,4 +1,5 @@
-"""Fits of a diagnosis depend on what they are given, not on what was fitted before; weights and priors count."""
+"""Fits of a diagnosis depend on what they are given, not on what was fitted before; weights and priors
+count."""
 
 from dataclasses import replace
 
@@ -27,7 +28,8 @@ def motion_case():
     """A hidden rotor: the residual falls far below half when it is found."""
     robot = rigid(cw=None, ccw=None, rotor_inertia=0.0, coulomb=0.0, viscous=0.0)
     time, angle, rate, acceleration = fourier_motion(robot, 6.0, 100.0, seed=5)
-    torque = _core.inverse_dynamics(robot.core, angle + robot.offsets, rate, acceleration) + 5.0 * np.tanh(rate / 0.005)
+    torque = _core.inverse_dynamics(robot.core, angle + robot.offsets, rate,
+                                    acceleration) + 5.0 * np.tanh(rate / 0.005)
     torque = torque + np.where(np.arange(6) == 2, 3.0, 0.0) * acceleration
     data = motion_data(robot, time, angle, torque + np.random.default_rng(2).normal(0.0, 0.5, torque.shape))
     return robot, data, {"effect": "rotor_inertia", "joint": 3, "inertia_kg_m2": 0.0}
@@ -36,7 +38,8 @@ def motion_case():
 def gear_case():
     robot = rigid()
     shape = lambda time, phi, direction: 2e-3 * phi
-    parts = [simulate(robot, GearRuns(2, speed * DEGREE, 4, 200.0, 0.05 * DEGREE, seed=3 + k, first_run=1 + 4 * k),
+    parts = [simulate(robot,
+                      GearRuns(2, speed * DEGREE, 4, 200.0, 0.05 * DEGREE, seed=3 + k, first_run=1 + 4 * k),
                       rest=np.zeros(6), extra=shape) for k, speed in enumerate((40.0, 80.0))]
     return robot, joined(*parts), {"effect": "gear_ratio", "joint": 2, "scale": 0.0}
 
@@ -46,11 +49,13 @@ def tracked_case():
     parts = [fourier_motion(robot, 6.0, 50.0, 7 + run, base_hz=0.1, amplitude=0.8) for run in range(2)]
     time, angle = np.concatenate([part[0] for part in parts]), np.concatenate([part[1] for part in parts])
     data = Dataset.of_arrays(
-        "tracked_motion", {"q": angle + [0.3, -1.2, 1.2, -0.8, 0.9, 0.2]}, time=time, position=np.zeros((time.size, 3)),
+        "tracked_motion", {"q": angle + [0.3, -1.2, 1.2, -0.8, 0.9, 0.2]}, time=time,
+        position=np.zeros((time.size, 3)),
         run=np.repeat([1, 2], len(parts[0][0])), identification=np.ones(time.size, bool),
     )
     hidden = effect_from_table({"effect": "time_delay", "delay_s": 4e-3})
-    path = predict_tracked_motion(at_random_place(robot, rng, 0.3), Layout.of((hidden,), False), data, tangents=False)
+    path = predict_tracked_motion(at_random_place(robot, rng, 0.3), Layout.of((hidden,), False), data,
+                                  tangents=False)
     data = replace(data, position=path.position + rng.normal(0.0, 3e-5, path.position.shape))
     return robot, data, {"effect": "time_delay", "delay_s": 0.0}
 
@@ -66,7 +71,8 @@ def problem_and_effect(request):
 
 
 def bits(fitted):
-    return [fitted.fit.x.tobytes(), fitted.fit.covariance.tobytes(), fitted.sigma.tobytes(), fitted.residual.tobytes()]
+    return [fitted.fit.x.tobytes(), fitted.fit.covariance.tobytes(), fitted.sigma.tobytes(),
+            fitted.residual.tobytes()]
 
 
 def test_two_orders_of_calls_give_identical_bits(problem_and_effect):
@@ -75,7 +81,8 @@ def test_two_orders_of_calls_give_identical_bits(problem_and_effect):
     richer = declared.joined(Layout.of((effect,)))
     plain = problem.fit(declared)
     better = problem.fit(richer)
-    assert np.sum(better.residual**2) < 0.5 * np.sum(plain.residual**2)  # what made it estimate the noise anew
+    # what made it estimate the noise anew
+    assert np.sum(better.residual**2) < 0.5 * np.sum(plain.residual**2)
     assert bits(problem.fit(declared)) == bits(plain)
     assert bits(problem.fit(richer)) == bits(better)
 

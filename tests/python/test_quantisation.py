@@ -32,4 +32,6 @@ def test_the_noise_floor_knows_of_rounding_that_repeats_hide():
 def test_clean_data_of_a_robot_without_gears_lack_nothing():
     made = ea.simulate("ur10", count=60, visits=2, noise=5e-6, seed=3)
     result = diagnose(ea.load_robot("ur10"), made.data)
-    assert result.verdict == "no_undeclared_effect" and result.noise.source == "repeated visits of the same pose"
+    assert (
+        result.verdict == "no_undeclared_effect" and result.noise.source == "repeated visits of the same pose"
+    )

@@ -18,7 +18,8 @@ def test_the_python_of_the_readme_runs(tmp_path, monkeypatch, capsys):
     assert programs
     for program in programs:
         exec(compile(program, "README.md", "exec"), {})
-    assert re.search(r"^0\.38 mm on poses that were never fitted$", capsys.readouterr().out, flags=re.MULTILINE)
+    assert re.search(r"^0\.38 mm on poses that were never fitted$", capsys.readouterr().out,
+                     flags=re.MULTILINE)
     assert (tmp_path / "ur10_calibrated.toml").read_text().startswith("# Robot file")
     assert (tmp_path / "calibrated" / "report.html").exists()
 
@@ -32,10 +33,12 @@ def test_the_readme_is_short():
 
 def test_every_command_is_named():
     table = TEXT[TEXT.index("| command | what it does |") :].partition("\n\n")[0]
-    assert {name for name in find_commands() if f"`{name}`" not in table} <= {"check", "certify", "export", "accept", "first-aid"}
+    assert {name for name in find_commands()
+            if f"`{name}`" not in table} <= {"check", "certify", "export", "accept", "first-aid"}
 
 
-@pytest.mark.parametrize("page", ["README.md", "CONTRIBUTING.md", *sorted(f"docs/{p.name}" for p in (TOP / "docs").glob("*.md"))])
+@pytest.mark.parametrize("page", ["README.md", "CONTRIBUTING.md",
+                                  *sorted(f"docs/{p.name}" for p in (TOP / "docs").glob("*.md"))])
 def test_links_lead_to_files(page):
     text = (TOP / page).read_text()
     for target in re.findall(r"\]\(([^)#\s]+)", re.sub(r"```.*?```", "", text, flags=re.DOTALL)):

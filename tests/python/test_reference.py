@@ -89,7 +89,8 @@ def test_one_orientation_per_point_is_met_at_the_points():
     ('kind = "line"\nstart_m = [0, 0, 0]\nend_m = [0, 0, 1]\nduration_s = 1\nsolver = "best"', "solver"),
     ('kind = "points"\npoints_m = [[0, 0, 0], [0, 0, 0]]\nduration_s = 1', "points_m"),
     ('kind = "points"\npoints_m = [[0, 0, 0], [0, 0, 1]]\ntimes_s = [0, -1]', "times_s"),
-    ('kind = "line"\nstart_m = [0, 0, 0]\nend_m = [0, 0, 1]\nduration_s = 1\norientation_wxyz = [0, 0, 0, 2]', "orientation"),
+    ('kind = "line"\nstart_m = [0, 0, 0]\nend_m = [0, 0, 1]\nduration_s = 1\norientation_wxyz = [0, 0, 0, 2]',
+     "orientation"),
     ("kind =", "TOML"),
 ])
 def test_a_bad_path_file_is_refused_in_one_line_that_names_the_key(tmp_path, text, word):

@@ -53,7 +53,8 @@ def test_zero_weight_leaves_a_row_out():
     measured[7], weights[7] = 1e6, 0.0
     fit = least_squares(linear(columns, measured), np.zeros(2), weights=weights)
     rest = np.arange(30) != 7
-    np.testing.assert_allclose(fit.x, np.linalg.lstsq(columns[rest], measured[rest], rcond=None)[0], rtol=1e-9)
+    np.testing.assert_allclose(fit.x, np.linalg.lstsq(columns[rest], measured[rest], rcond=None)[0],
+                               rtol=1e-9)
     assert fit.freedom == 27
 
 
@@ -66,8 +67,9 @@ def test_curved_problem_converges_from_afar():
 
 @pytest.mark.parametrize(("series", "half_m", "most"), [("C", 0.15, 25), ("B", 0.4, 40)])
 def test_real_poses_of_a_narrow_cube_converge_in_tens_of_iterations(series, half_m, most):
-    """Lengths and frames trade against each other there along a curved valley: plain Gauss-Newton with damping took 245
-    iterations for the first and 1,776 for the second; scipy's `lm` takes 103 and 144 evaluations for the same square sum."""
+    """Lengths and frames trade against each other there along a curved valley: plain Gauss-Newton with
+    damping took 245 iterations for the first and 1,776 for the second; scipy's `lm` takes 103 and 144
+    evaluations for the same square sum."""
     robot = load_robot("ur10")
     data = read_dataset([data_path(f"ur10/series_{series}.csv")], robot)
     data = data.select(data.session == data.session[0])
@@ -79,12 +81,14 @@ def test_real_poses_of_a_narrow_cube_converge_in_tens_of_iterations(series, half
     def evaluate(x, with_jacobian):
         prediction = predict_poses(robot, layout.at(x), data, tangents=with_jacobian)
         residual = prediction.residual().ravel()
-        return Evaluation(residual, prediction.jacobian[:, :3].reshape(residual.size, -1) if with_jacobian else None)
+        return Evaluation(residual, prediction.jacobian[:, :3].reshape(residual.size, -1)
+                          if with_jacobian else None)
 
     fit = least_squares(evaluate, layout.values)
     assert fit.converged and fit.iterations <= most and fit.offset < 1e-9
     peer = optimize.least_squares(
-        lambda x: evaluate(x, False).residual, fit.x, lambda x: -evaluate(x, True).jacobian, x_scale="jac", method="lm"
+        lambda x: evaluate(x, False).residual, fit.x, lambda x: -evaluate(x, True).jacobian, x_scale="jac",
+        method="lm"
     )
     assert fit.cost <= peer.cost * (1.0 + 1e-8)
 

@@ -9,7 +9,8 @@ from exactarm.diagnose.noise import repeat_scatter
 def visits(seed, poses=150, repeats=2):
     """Rows (N, 3) of unit noise about unknown means, and the number of each row's pose."""
     rng = np.random.default_rng(seed)
-    group = np.concatenate([np.arange(poses)] * repeats + [poses + np.arange(40)])  # 40 poses were visited once
+    # 40 poses were visited once
+    group = np.concatenate([np.arange(poses)] * repeats + [poses + np.arange(40)])
     return rng.normal(0.0, 30.0, (poses + 40, 3))[group] + rng.normal(0.0, 1.0, (len(group), 3)), group
 
 

@@ -64,8 +64,10 @@ def test_an_estimate_has_the_digits_that_its_interval_allows(value, half, unit, 
 
 
 @pytest.mark.parametrize("name, unit", [
-    ("width_rad", "rad"), ("linear_rad_per_Nm", "rad/Nm"), ("cubic_rad_per_Nm3", "rad/Nm³"), ("rad_per_Nm", "rad/Nm"),
-    ("coefficient_Nm_sqrt_s", "Nm √s"), ("growth_1_per_degC", "1/°C"), ("zero_rad_per_h", "rad/h"), ("x_m_per_row", "m/row"),
+    ("width_rad", "rad"), ("linear_rad_per_Nm", "rad/Nm"), ("cubic_rad_per_Nm3", "rad/Nm³"),
+    ("rad_per_Nm", "rad/Nm"),
+    ("coefficient_Nm_sqrt_s", "Nm √s"), ("growth_1_per_degC", "1/°C"), ("zero_rad_per_h", "rad/h"),
+    ("x_m_per_row", "m/row"),
     ("relative_s_per_rad", "s/rad"), ("a_1", ""), ("order_per_rev", ""), ("coupling_rad_per_rad", "rad/rad"),
 ])
 def test_a_unit_is_read_off_the_name(name, unit):
@@ -78,7 +80,8 @@ def test_a_column_shares_one_prefix():
 
 
 def test_a_declared_number_keeps_its_digits():
-    cells = [Quantity(np.pi / 2, "rad", exact=True), Quantity(0.163941, "m", exact=True), Quantity(-0.0, "m", exact=True)]
+    cells = [Quantity(np.pi / 2, "rad", exact=True), Quantity(0.163941, "m", exact=True),
+             Quantity(-0.0, "m", exact=True)]
     assert format_cells(cells) == ["1.5708 rad", "163.941 mm", "0 mm"]
 
 
@@ -111,7 +114,8 @@ REPORT = Report(
             ("before", 60, Quantity(1.95e-3, "m"), Quantity(3.3e-3, "m")),
             ("after", 60, Quantity(0.378e-3, "m"), Quantity(0.98e-3, "m")),
         ), note="Drawn at random (seed 1).", emphasis=1),
-        Warnings(("`spring_3` is at its bound: axis 3 looks rigid on this data & cannot be told from a rigid one.",)),
+        Warnings(("`spring_3` is at its bound: axis 3 looks rigid on this data & cannot be told from a rigid "
+                  "one.",)),
         Table("Parameters", ("parameter", "change"), (
             ("d_1", Estimate(-0.54e-3, -0.78e-3, -0.30e-3, "m")),
             ("alpha_1", Estimate(0.6021e-3, 0.5171e-3, 0.6871e-3, "rad")),
@@ -120,7 +124,8 @@ REPORT = Report(
         Table("Nothing", ("parameter",), ()),
         Table("Marks", ("parameter", ""), (("d_1", ""),)),
         Table("Not identified", ("parameter", "why"), (
-            ("d_2", "It moves the tool as d_3 does: axes 2 and 3 are parallel, so that only the sum of both can be seen."),
+            ("d_2", "It moves the tool as d_3 does: axes 2 and 3 are parallel, so that only the sum of both "
+                    "can be seen."),
             ("d_1", "The base frame absorbs it."),
         )),
         Text("What stays", ("The residual follows axis 2; `exactarm diagnose` says why.",)),
@@ -182,7 +187,8 @@ def test_a_long_table_is_cut_on_the_terminal_only():
 
 
 def test_a_link_leads_to_a_file_beside_the_page():
-    report = Report("T", "V.", (Table("Steps", ("", "report"), (("one", Link("one/report.html", "open & see")),)),))
+    report = Report("T", "V.",
+                    (Table("Steps", ("", "report"), (("one", Link("one/report.html", "open & see")),)),))
     assert '<a href="one/report.html">open &amp; see</a>' in render_html(report)
     assert "  one  one/report.html\n" in render_text(report)
 
@@ -243,31 +249,41 @@ NAMES, UNITS = ["d_1", "alpha_1", "a_2"], ["m", "rad", "m"]
 
 def panel(curve):
     x = np.sort(SIGNAL)
-    return effects.EffectPanel("Gear harmonics of axis 1", "angle of axis 1", "rad", "rad", x, 1e-3 * np.sin(x),
+    return effects.EffectPanel("Gear harmonics of axis 1", "angle of axis 1", "rad", "rad", x,
+                               1e-3 * np.sin(x),
                                np.full(COUNT, 1e-4), 1e-3 * np.sin(x) + NOISE, NOISE, curve, True)
 
 
 PLOTS = {
     "error_per_pose": lambda: errors.error_per_pose(2 * MAGNITUDE, MAGNITUDE, MASK, noise_floor=1e-4),
-    "error_per_pose, none held out": lambda: errors.error_per_pose(MAGNITUDE, MAGNITUDE, np.zeros(COUNT, bool)),
+    "error_per_pose, none held out": lambda: errors.error_per_pose(MAGNITUDE, MAGNITUDE,
+                                                                   np.zeros(COUNT, bool)),
     "error_histogram": lambda: errors.error_histogram(2 * MAGNITUDE, MAGNITUDE, noise_floor=1e-4),
     "error_histogram of zeros": lambda: errors.error_histogram(np.zeros(3), np.zeros(3)),
-    "forest": lambda: parameters.parameter_forest(NAMES, np.array([1e-3, 2e-3, 0.0]), np.array([0.0, 1e-3, -1e-3]),
+    "forest": lambda: parameters.parameter_forest(NAMES, np.array([1e-3, 2e-3, 0.0]),
+                                                  np.array([0.0, 1e-3, -1e-3]),
                                                   np.array([2e-3, 3e-3, 1e-3]), UNITS),
-    "effect_panels": lambda: effects.effect_panels([panel(curve=True), panel(curve=False), panel(curve=True)]),
-    "contribution_bars": lambda: effects.contribution_bars(["backlash of axis 2", "payload"], np.array([1e-4, 3e-4]), 9e-5),
+    "effect_panels": lambda: effects.effect_panels([panel(curve=True), panel(curve=False),
+                                                    panel(curve=True)]),
+    "contribution_bars": lambda: effects.contribution_bars(["backlash of axis 2", "payload"],
+                                                           np.array([1e-4, 3e-4]), 9e-5),
     "singular_values": lambda: parameters.singular_values(np.array([3.0, 1.0, 0.0]), 2),
     "residual": lambda: residual.residual_over_signal(SIGNAL, NOISE, NOISE / 2, unit="m", name="residual",
                                                       signal_name="angle", signal_unit="rad"),
-    "residual before": lambda: residual.residual_over_signal(np.sign(SIGNAL), NOISE, None, unit="m", name="residual",
+    "residual before": lambda: residual.residual_over_signal(np.sign(SIGNAL), NOISE, None, unit="m",
+                                                             name="residual",
                                                              signal_name="direction"),
-    "spectrum": lambda: residual.spectrum(np.arange(COUNT), MAGNITUDE, MAGNITUDE / 2, unit="rad", name="amplitude",
+    "spectrum": lambda: residual.spectrum(np.arange(COUNT), MAGNITUDE, MAGNITUDE / 2, unit="rad",
+                                          name="amplitude",
                                           marks=[(3.0, "3"), (4.0, "4")], threshold=1e-3),
-    "curves": lambda: curves.curves(np.arange(COUNT) + 1.0, {"a": MAGNITUDE, "b": SIGNAL**2}, log_x=True, log_y=True),
-    "curves_per_axis": lambda: curves.curves_per_axis(np.arange(9.0), {"a": np.ones((9, 7)), "b": np.zeros((9, 7))},
+    "curves": lambda: curves.curves(np.arange(COUNT) + 1.0, {"a": MAGNITUDE, "b": SIGNAL**2}, log_x=True,
+                                    log_y=True),
+    "curves_per_axis": lambda: curves.curves_per_axis(np.arange(9.0),
+                                                      {"a": np.ones((9, 7)), "b": np.zeros((9, 7))},
                                                       unit="Nm", name="torque"),
     "spectra_per_axis": lambda: curves.curves_per_axis(
-        np.arange(1.0, 9.0), {"nu = 1e-14": np.ones((8, 6)), "nu = 1e-6": np.full((8, 6), 1e-3)}, unit="rad/s²",
+        np.arange(1.0, 9.0), {"nu = 1e-14": np.ones((8, 6)), "nu = 1e-6": np.full((8, 6), 1e-3)},
+        unit="rad/s²",
         name="amplitude", x_name="frequency", x_unit="Hz", log_x=True, log_y=True),
     "poses_view": lambda: workspace.poses_view(RANDOM.random((COUNT, 3)), MASK),
     "path_view": lambda: workspace.path_view({"path": RANDOM.random((COUNT, 3))}),
@@ -283,9 +299,12 @@ def test_every_plot_names_its_axes_and_overlaps_no_text(name):
         for axes in filter(lambda axes: axes.get_visible(), drawing.axes):
             assert axes.get_xlabel() or axes not in drawing.axes[-3:]
             boxes = [label.get_window_extent() for label in axes.get_xticklabels()
-                     if label.get_text() and axes.get_xlim()[0] <= label.get_position()[0] <= axes.get_xlim()[1]]
+                     if label.get_text()
+                     and axes.get_xlim()[0] <= label.get_position()[0] <= axes.get_xlim()[1]]
             assert all(right.x0 >= left.x1 for left, right in zip(boxes, boxes[1:])), "tick labels overlap"
-        assert drawing.axes[0].get_ylabel() or [label.get_text() for label in drawing.axes[0].get_yticklabels()]
+        assert (
+            drawing.axes[0].get_ylabel() or [label.get_text() for label in drawing.axes[0].get_yticklabels()]
+        )
 
 
 def test_the_arm_has_an_arrow_for_every_error_in_one_scale_before_and_after():
@@ -293,9 +312,11 @@ def test_the_arm_has_an_arrow_for_every_error_in_one_scale_before_and_after():
     with house_style():
         drawing = arm.arm_with_errors(RANDOM.random((7, 3)), points, errors_, errors_ / 4.0)
         drawing.draw_without_rendering()
-    before, after = (next(c for c in axes.collections if hasattr(c, "_segments3d")) for axes in drawing.axes[:2])
+    before, after = (next(c for c in axes.collections if hasattr(c, "_segments3d"))
+                     for axes in drawing.axes[:2])
     longest = [max(np.linalg.norm(s[1] - s[0]) for s in c._segments3d[:COUNT]) for c in (before, after)]
-    assert len(before._segments3d) == len(after._segments3d) == 3 * COUNT  # a shaft and two strokes of the head
+    # a shaft and two strokes of the head
+    assert len(before._segments3d) == len(after._segments3d) == 3 * COUNT
     assert longest[0] == pytest.approx(4.0 * longest[1]) and "times as long" in drawing.axes[2].get_xlabel()
 
 
@@ -339,7 +360,8 @@ def test_progress_updates_one_line_on_a_terminal_and_clears_it():
     progress.close()
     plain = re.sub(r"\x1b\[[0-9;?]*[a-zA-Z]", "", screen.text)
     assert "step 3 of 9, fitting: backlash_2 [bold]" in plain and "1/2" in plain and "0:00:0" in plain
-    assert screen.text.rstrip("\n").endswith("\x1b[2K") and "\x1b[?25h" in screen.text  # the line is cleared, the cursor is back
+    # the line is cleared, the cursor is back
+    assert screen.text.rstrip("\n").endswith("\x1b[2K") and "\x1b[?25h" in screen.text
 
 
 def test_progress_is_rare_plain_lines_in_a_pipe():
@@ -364,7 +386,8 @@ def test_a_name_from_outside_is_text_and_nothing_else(tmp_path):
         return curves.curves(np.arange(3.0), {NASTY: np.arange(3.0)}, unit=NASTY, name=NASTY)
 
     figure = Figure(f"error_{NASTY}", NASTY, drawn, NASTY, NASTY)
-    report = Report(NASTY, NASTY, (Table(NASTY, (NASTY,), ((NASTY,),), NASTY), Text(NASTY, (f"`{NASTY}`",)), figure, figure,
+    report = Report(NASTY, NASTY,
+                    (Table(NASTY, (NASTY,), ((NASTY,),), NASTY), Text(NASTY, (f"`{NASTY}`",)), figure, figure,
                                    Warnings((NASTY,))), details={NASTY: NASTY})
     page = render_html(report, draw(report.figures, place))
     assert "<img src=x" not in page.replace("<!-- ", "").replace(" -->", "")

@@ -45,11 +45,13 @@ def gear_tables(draw) -> GearTable:
 
 @st.composite
 def joints(draw) -> Joint:
-    fields = {"type": draw(st.sampled_from(["revolute", "prismatic"])), "sign": draw(st.sampled_from([1.0, -1.0]))}
+    fields = {"type": draw(st.sampled_from(["revolute", "prismatic"])),
+              "sign": draw(st.sampled_from([1.0, -1.0]))}
     for name in ("zero", "d", "a", "alpha", "q_offset", "spring_cubic"):
         fields[name] = draw(numbers)
     fields["ratio"] = draw(st.none() | positive | positive.map(lambda value: -value))
-    for name in ("spring_linear", "rotor_inertia", "coulomb", "viscous", "q_dot_max", "q_ddot_max", "torque_max"):
+    for name in ("spring_linear", "rotor_inertia", "coulomb", "viscous", "q_dot_max", "q_ddot_max",
+                 "torque_max"):
         fields[name] = draw(st.none() | positive)
     fields["controller_offset"] = draw(st.none() | numbers)
     if draw(st.booleans()):
@@ -74,7 +76,8 @@ def robots(draw) -> Robot:
     seed = draw(st.integers(0, 2**31))
     place = lambda k: Placement(Rotation.random(random_state=seed + k).as_matrix(), draw(arrays(3)))
     text = st.text(st.characters(codec="utf-8"), max_size=12)
-    record = st.dictionaries(text, text | st.booleans() | st.integers(-(2**60), 2**60) | numbers | st.lists(text), max_size=3)
+    record = st.dictionaries(text, text | st.booleans() | st.integers(-(2**60), 2**60) | numbers
+                             | st.lists(text), max_size=3)
     return Robot(
         draw(text),
         tuple(axes),
@@ -94,8 +97,10 @@ def robots(draw) -> Robot:
 def controllers(draw, axes, place) -> Controller:
     count = len(axes)
     frames = [dataclasses.replace(draw(joints()), type=axis.type) for axis in axes]
-    names = st.lists(st.text(st.characters(codec="utf-8"), max_size=5), min_size=count, max_size=count, unique=True)
-    coupling = st.lists(st.tuples(st.integers(1, count), st.integers(1, count), numbers), max_size=2).map(tuple)
+    names = st.lists(st.text(st.characters(codec="utf-8"), max_size=5), min_size=count, max_size=count,
+                     unique=True)
+    coupling = st.lists(st.tuples(st.integers(1, count), st.integers(1, count), numbers),
+                        max_size=2).map(tuple)
     return Controller(
         tuple(map(frame_of, frames)) if draw(st.booleans()) else (),
         place(2),
@@ -118,7 +123,8 @@ def test_writing_and_reading_keeps_every_bit(tmp_path, robot):
 EFFECTS = [
     {"effect": "joint_compliance", "joint": 2, "linear_rad_per_Nm": 1 / 3e5, "cubic_rad_per_Nm3": 1e-13 / 3},
     {"effect": "backlash", "joint": 1, "width_rad": 4e-4 / 3, "friction_Nm": 10.0},
-    {"effect": "payload", "mass_kg": 5 / 3, "moment_x_kg_m": 0.1, "moment_y_kg_m": -0.2, "moment_z_kg_m": 0.3},
+    {"effect": "payload", "mass_kg": 5 / 3, "moment_x_kg_m": 0.1, "moment_y_kg_m": -0.2,
+     "moment_z_kg_m": 0.3},
     {"effect": "thermal_drift", "growth_1_per_degC": 1.2e-5, "form": "growth", "driver": "temperature_degC"},
 ]
 
@@ -133,9 +139,11 @@ def test_effects_come_back(tmp_path, table):
 
 def test_degrees_and_millimetres_by_hand(tmp_path):
     path = tmp_path / "robot.toml"
-    path.write_text('name = "r"\n[[joints]]\nalpha_deg = -90\nd_mm = 127.3\nq_max_deg = 10\nq_dot_max_deg_s = 180.0\n')
+    path.write_text('name = "r"\n[[joints]]\nalpha_deg = -90\nd_mm = 127.3\nq_max_deg = 10\nq_dot_max_deg_s '
+                    '= 180.0\n')
     joint = load_robot(path).joints[0]
-    np.testing.assert_allclose([joint.alpha, joint.d, joint.q_max], [-np.pi / 2, 0.1273, np.pi / 18], rtol=1e-15)
+    np.testing.assert_allclose([joint.alpha, joint.d, joint.q_max], [-np.pi / 2, 0.1273, np.pi / 18],
+                               rtol=1e-15)
     np.testing.assert_allclose(joint.q_dot_max, np.pi, rtol=1e-15)
 
 
@@ -190,15 +198,18 @@ def test_the_sample_is_valid(tmp_path):
         ("ratio = 100.0", "", ["joints[1].ratio", "is missing"]),
         ("a = [0.0]", "a = [0.0, 1.0]", ["joints[1].gear_cw.a", "expected 1"]),
         ("a = [0.0]", "", ["joints[1].gear_cw.a", "is missing"]),
-        ("position_m = [0.0, 0.0, 0.1]", "rotation = [[1,0,0],[0,1,0],[0,0,2]]", ["tool.rotation", "orthonormal"]),
-        ("position_m = [0.0, 0.0, 0.1]", "rotation = [[1,0,0],[0,1,0],[0,0,-1]]", ["tool.rotation", "right-handed"]),
+        ("position_m = [0.0, 0.0, 0.1]", "rotation = [[1,0,0],[0,1,0],[0,0,2]]",
+         ["tool.rotation", "orthonormal"]),
+        ("position_m = [0.0, 0.0, 0.1]", "rotation = [[1,0,0],[0,1,0],[0,0,-1]]",
+         ["tool.rotation", "right-handed"]),
         ("mass_kg = 1.0", "", ["links[1].mass_kg", "expected a number"]),
         ("mass_kg = 1.0", "mass_kg = -1", ["links[1].mass_kg", "0 or above"]),
         ("[[1.0, 0.0, 0.0], ", "[[1.0, 0.5, 0.0], ", ["links[1].inertia_kg_m2", "symmetric"]),
         ("[intervals]", "[[links]]\nmass_kg = 1\n[intervals]", ["key links", "2 links; expected 1"]),
         ("d_1_m = [0.1, 0.2]", "d_1_m = [0.2, 0.1]", ["intervals.d_1_m", "low before high"]),
         ("d_1_m = [0.1, 0.2]", "d_1_m = 0.2", ["intervals.d_1_m", "[low, high]"]),
-        ("[intervals]", '[[effects]]\neffect = "magic"\n[intervals]', ["effects[1].effect", "no effect named"]),
+        ("[intervals]", '[[effects]]\neffect = "magic"\n[intervals]',
+         ["effects[1].effect", "no effect named"]),
         ("[intervals]", "[[effects]]\njoint = 1\n[intervals]", ["effects[1].effect", "is missing"]),
     ],
 )
@@ -221,11 +232,13 @@ def test_a_faulty_effect_is_refused(tmp_path, table):
     text = path.read_text()
     key = next(name for name, value in table.items() if isinstance(value, float))
     line = f"{key} = {table[key]!r}"
-    faults = [(line, f"{key}x = 0.5", key), (line, f'{key} = "much"', "does not fit"), (line, f"{line}\nother = 1", "other")]
+    faults = [(line, f"{key}x = 0.5", key), (line, f'{key} = "much"', "does not fit"),
+              (line, f"{line}\nother = 1", "other")]
     faults += [(line, f"{key} = nan", rf"{key}: nan; expected a finite number")]
     if "joint" in table:
         joint = f"joint = {table['joint']}"
-        faults += [(joint, "", "joint: is missing"), (joint, "joint = 3", "joint: 3; expected an axis from 1 to 2")]
+        faults += [(joint, "", "joint: is missing"),
+                   (joint, "joint = 3", "joint: 3; expected an axis from 1 to 2")]
     else:
         faults += [(line, f"joint = 1\n{line}", "of no single axis")]
     for old, new, word in faults:
@@ -263,7 +276,8 @@ def test_every_number_of_a_joint_has_a_key():
 def test_each_form_of_an_effect_says_whether_it_has_an_axis(tmp_path):
     """A drift of one axis' zero is read back as it was written; a drift of the whole arm takes no axis."""
     robot = load_robot("ur10")
-    zero = effect_from_table({"effect": "thermal_drift", "form": "zero", "driver": "time", "joint": 2, "zero_rad_per_h": 1e-5})
+    zero = effect_from_table({"effect": "thermal_drift", "form": "zero", "driver": "time", "joint": 2,
+                              "zero_rad_per_h": 1e-5})
     write_robot(tmp_path / "zero.toml", dataclasses.replace(robot, effects=(zero,)))
     assert load_robot(str(tmp_path / "zero.toml")).effects == (zero,)
     growth = 'effect = "thermal_drift"\nform = "growth"\ndriver = "time"\njoint = 2\ngrowth_1_per_h = 1e-5\n'

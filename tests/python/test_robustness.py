@@ -1,4 +1,5 @@
-"""The trials of tests/robustness in short form; `make robustness` does ten thousand. A failure names its seed:
+"""The trials of tests/robustness in short form; `make robustness` does ten thousand. A failure names its
+seed:
 
     python tests/robustness/run.py --count 1 --seed N
 """
@@ -46,12 +47,14 @@ def test_the_same_seed_spoils_a_file_the_same_way(valid):
 
 
 def test_spoiled_files_are_read_or_refused_in_one_line(valid, tmp_path):
-    trials = [run_trial(FIRST_SEED + k, tmp_path / "trial", valid, commands=0.0) for k in range(READER_TRIALS)]
+    trials = [run_trial(FIRST_SEED + k, tmp_path / "trial", valid, commands=0.0)
+              for k in range(READER_TRIALS)]
     assert [f"seed {trial.seed}, {trial.what}: {trial.failure}" for trial in trials if trial.failure] == []
 
 
 def test_commands_on_spoiled_files_end_well_or_in_one_line(valid, tmp_path):
-    trials = [run_trial(FIRST_SEED + k, tmp_path / "trial", valid, commands=1.0) for k in range(COMMAND_TRIALS)]
+    trials = [run_trial(FIRST_SEED + k, tmp_path / "trial", valid, commands=1.0)
+              for k in range(COMMAND_TRIALS)]
     assert [f"seed {trial.seed}, {trial.what}: {trial.failure}" for trial in trials if trial.failure] == []
     assert {trial.code for trial in trials} >= {2}
 

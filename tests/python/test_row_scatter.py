@@ -1,4 +1,5 @@
-"""Evidence by the scatter of the rows: noisy rows earn a candidate nothing, and a true cause loses nothing that matters."""
+"""Evidence by the scatter of the rows: noisy rows earn a candidate nothing, and a true cause loses nothing
+that matters."""
 
 from types import SimpleNamespace
 
@@ -12,10 +13,12 @@ ROWS = 300
 
 
 def evidence_of(column, residual, tried=500.0):
-    """Evidence as in the scan and by the scatter of the rows, of one column (3 N,) on a white picture without a basis."""
+    """Evidence as in the scan and by the scatter of the rows, of one column (3 N,) on a white picture without
+    a basis."""
     gain = float((column @ residual) ** 2 / (column @ column))
     plain = log_evidence(float(residual @ residual), gain, residual.size, 1, tried)
-    fitted = SimpleNamespace(basis=np.zeros((residual.size, 0)), free_residual=residual, data_numbers=residual.size)
+    fitted = SimpleNamespace(basis=np.zeros((residual.size, 0)), free_residual=residual,
+                             data_numbers=residual.size)
     candidate = SimpleNamespace(evidence=plain, gain=gain)
     return plain, robust_evidence(fitted, candidate, column[:, None], np.arange(ROWS), float(residual.size))
 
@@ -26,7 +29,8 @@ def along_one_direction(values):
 
 
 def test_structure_along_one_direction_earns_no_other_wave_its_place():
-    """All of the residual lies along z, the wave too: the scan takes the mean of all directions for the noise."""
+    """All of the residual lies along z, the wave too: the scan takes the mean of all directions for the
+    noise."""
     rng = np.random.default_rng(4)
     angle = rng.uniform(-3.0, 3.0, ROWS)
     false = [
@@ -35,7 +39,8 @@ def test_structure_along_one_direction_earns_no_other_wave_its_place():
     ]
     plain, robust = np.array(false).T
     assert np.all(robust <= plain)
-    # A wave that is not there: sixfold the evidence's mean pull in the scan, one degree of freedom by the rows.
+    # A wave that is not there: sixfold the evidence's mean pull in the scan, one degree of freedom by the
+    # rows.
     offset = np.log(500.0) + 0.5 * np.log(3 * ROWS)
     assert np.mean(2.0 * (plain + offset)) > 2.0
     assert np.mean(2.0 * (robust + offset)) == pytest.approx(1.0, abs=0.6)

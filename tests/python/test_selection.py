@@ -1,4 +1,5 @@
-"""What may not enter a model: an axis that stands still, an effect at its own bound, one less probable than not."""
+"""What may not enter a model: an axis that stands still, an effect at its own bound, one less probable than
+not."""
 
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
@@ -23,7 +24,8 @@ NOISE_M = 5e-5
 
 
 def poses(hidden=None, still=(), count=60, seed=1):
-    """Poses of a UR10 in which some axes (from 0) hardly move: their controller holds them to a microradian."""
+    """Poses of a UR10 in which some axes (from 0) hardly move: their controller holds them to a
+    microradian."""
     rng, robot = np.random.default_rng(seed), load_robot("ur10")
     q = rng.uniform(-1.5, 1.5, (count, 6)) + [0.0, -1.2, 1.2, 0.0, 0.0, 0.0]
     for axis in still:
@@ -71,7 +73,8 @@ def _with_bounds(parameters, size):
 def test_what_is_less_probable_than_not_does_not_enter(probability, stays):
     hidden = {"effect": "tracker_scale", "x_scale": 0.0, "y_scale": 0.0, "z_scale": 1e-3}
     problem, declared = fitted_problem(*poses(hidden))
-    fitted = selection.refit(problem, declared, [effect_from_table(hidden | {"z_scale": 0.0})], problem.fit(declared))
+    fitted = selection.refit(problem, declared, [effect_from_table(hidden | {"z_scale": 0.0})],
+                             problem.fit(declared))
     effect = fitted.layout.effects[len(declared.effects)]
     accepted = [selection.Accepted(effect, 50.0, probability, (), 0)]
     left, last = selection._admissible(problem, declared, accepted, fitted)
@@ -81,7 +84,8 @@ def test_what_is_less_probable_than_not_does_not_enter(probability, stays):
 def test_a_spring_that_gives_way_against_its_load_and_a_negative_rotor_are_impossible():
     robot = load_robot("racer-7-1.4")
     declared = 1.0 / robot.joints[1].spring_linear
-    softer = {"effect": "joint_compliance", "joint": 2, "linear_rad_per_Nm": -0.5 * declared, "cubic_rad_per_Nm3": 0.0}
+    softer = {"effect": "joint_compliance", "joint": 2, "linear_rad_per_Nm": -0.5 * declared,
+              "cubic_rad_per_Nm3": 0.0}
     assert effect_from_table(softer).possible(robot)
     assert not effect_from_table(softer | {"linear_rad_per_Nm": -1.5 * declared}).possible(robot)
     robot = robot.with_joint(2, rotor_inertia=1e-3)
@@ -106,15 +110,19 @@ def torque_data(coulomb):
     robot = load_robot("racer-7-1.4")
     for index in range(robot.axes):
         robot = robot.with_joint(
-            index, cw=None, ccw=None, spring_linear=None, spring_cubic=0.0, rotor_inertia=0.0, coulomb=0.0, viscous=0.0
+            index, cw=None, ccw=None, spring_linear=None, spring_cubic=0.0, rotor_inertia=0.0, coulomb=0.0,
+            viscous=0.0
         )
     time, angle, rate, acceleration = fourier_motion(robot, 5.0, 100.0, seed=5)
-    torque = _core.inverse_dynamics(robot.core, angle + robot.offsets, rate, acceleration) + coulomb * np.tanh(rate / 0.02)
-    return robot, motion_data(robot, time, angle, torque + np.random.default_rng(2).normal(0.0, 0.5, torque.shape))
+    torque = _core.inverse_dynamics(robot.core, angle + robot.offsets, rate,
+                                    acceleration) + coulomb * np.tanh(rate / 0.02)
+    return robot, motion_data(robot, time, angle,
+                              torque + np.random.default_rng(2).normal(0.0, 0.5, torque.shape))
 
 
 def test_a_pair_whose_search_ends_under_another_label_is_still_a_pair(monkeypatch):
-    """Beside the first of a pair the second one's search may end at another order, and carry it in its label."""
+    """Beside the first of a pair the second one's search may end at another order, and carry it in its
+    label."""
 
     @dataclass(frozen=True)
     class Named:
@@ -129,12 +137,14 @@ def test_a_pair_whose_search_ends_under_another_label_is_still_a_pair(monkeypatc
     monkeypatch.setattr(selection, "_emptied", lambda effect: effect)
     monkeypatch.setattr(selection, "_count", lambda problem, fitted: 100.0)
     monkeypatch.setattr(selection, "_linear_columns", lambda fitted, effect: None)
-    monkeypatch.setattr(selection, "scan", lambda fitted, effects, count, columns: [Named("order 7 of axis 2", 9.0)])
+    monkeypatch.setattr(selection, "scan",
+                        lambda fitted, effects, count, columns: [Named("order 7 of axis 2", 9.0)])
     asked = []
     monkeypatch.setattr(selection, "_worth", lambda problem, fitted, effects, *rest: asked.append(effects))
     pair = [Named("order 3 of axis 2"), Named("order 5 of axis 2")]
     assert selection._best_pair(None, None, [], None, pair, None, None) is None
-    assert [[effect.label for effect in effects] for effects in asked] == [["order 3 of axis 2", "order 7 of axis 2"]]
+    assert [[effect.label for effect in effects]
+            for effects in asked] == [["order 3 of axis 2", "order 7 of axis 2"]]
 
 
 def test_an_unconverged_fit_takes_the_verdict_away(monkeypatch):
@@ -145,10 +155,14 @@ def test_an_unconverged_fit_takes_the_verdict_away(monkeypatch):
     good = diagnose(*poses(count=40), seed=1)
     assert good.converged and _json(good)["converged"] and _json(good)["warnings"] == []
     monkeypatch.setattr(
-        layout_fit, "least_squares", lambda *args, **options: replace(least_squares(*args, **options), reason="stopped")
+        layout_fit, "least_squares",
+        lambda *args, **options: replace(least_squares(*args, **options), reason="stopped")
     )
     result = diagnose(*poses(count=40), seed=1)
-    assert result.verdict == UNEXPLAINED and not result.converged and "did not converge: stopped" in result.sentence
+    assert (
+        result.verdict == UNEXPLAINED and not result.converged
+        and "did not converge: stopped" in result.sentence
+    )
     told = _json(result)
     assert told["converged"] is False and "did not converge" in told["warnings"][0]
 

@@ -37,7 +37,8 @@ def test_shipped_files_are_as_the_writer_writes_them(tmp_path, name):
 def test_arms_from_their_makers_descriptions_stand_as_those_say(name):
     described, shipped = load_robot(data_path(f"ball_in_socket/{name}.urdf")), load_robot(name)
     q = np.random.default_rng(1).uniform(-2.0, 2.0, (20, shipped.axes))
-    for one, other in zip(_core.forward_kinematics(described.core, q), _core.forward_kinematics(shipped.core, q)):
+    for one, other in zip(_core.forward_kinematics(described.core, q),
+                          _core.forward_kinematics(shipped.core, q)):
         np.testing.assert_array_equal(one, other)
 
 
@@ -64,7 +65,8 @@ def test_racer_geometry_and_limits():
         np.testing.assert_array_equal(column(field), mdh[name])
     np.testing.assert_array_equal(column("d"), mdh["d_m"].fillna(0.0))
     assert [beta is None for beta in column("beta")] == list(mdh["beta_rad"].isna())
-    limits = {"q_min": "q_min_deg", "q_max": "q_max_deg", "q_dot_max": "qdot_max_deg_s", "q_ddot_max": "qddot_max_deg_s2"}
+    limits = {"q_min": "q_min_deg", "q_max": "q_max_deg", "q_dot_max": "qdot_max_deg_s",
+              "q_ddot_max": "qddot_max_deg_s2"}
     for field, name in limits.items():
         np.testing.assert_allclose(column(field), np.deg2rad(mdh[name]), rtol=1e-15)
     np.testing.assert_array_equal(column("torque_max"), mdh["motor_torque_limit_link_side_Nm"])
@@ -116,7 +118,8 @@ def test_ur10_agrees_with_its_tracker_to_a_few_millimetres():
     assert data.kinds == ("poses",) and list(np.unique(data.session)) == [2, 3] and len(data) == 4268
     position, _ = _core.forward_kinematics(robot.core, data.joints["q"])
     # Distances between positions do not depend on where tracker and robot stand; the probe does, a little.
-    apart = np.linalg.norm(np.diff(position[:1495], axis=0), axis=1) - np.linalg.norm(np.diff(data.position[:1495], axis=0), axis=1)
+    apart = np.linalg.norm(np.diff(position[:1495], axis=0),
+                           axis=1) - np.linalg.norm(np.diff(data.position[:1495], axis=0), axis=1)
     assert np.median(np.abs(apart)) < 0.05
     assert np.isfinite(data.rotation).all() and "temperature_degC" in data.covariates
 

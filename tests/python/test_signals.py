@@ -92,7 +92,8 @@ def test_quantisation_is_seen_and_not_invented():
 
 
 def test_an_exact_angle_at_an_even_pace_is_not_quantised():
-    """Even steps, and even growth of the steps, make grids of their own; a slow encoder's grid is seen beside them."""
+    """Even steps, and even growth of the steps, make grids of their own; a slow encoder's grid is seen beside
+    them."""
     time = np.arange(0.0, 2.0, 1e-3)
     ramp = np.clip(time - 0.1, 0.0, 0.2)
     motion = 0.5 * 20.0 * ramp**2 + 4.0 * np.clip(time - 0.3, 0.0, None)
@@ -130,7 +131,8 @@ def test_strongest_orders_come_first():
     pieces = []
     for _ in range(2):
         angle = np.sort(random.uniform(0.0, 4.0, 4000))
-        values = 3.0 * np.cos(101.0 * angle + 1.0) + np.cos(202.4 * angle) + random.normal(0.0, 1.0, angle.size)
+        values = 3.0 * np.cos(101.0 * angle
+                              + 1.0) + np.cos(202.4 * angle) + random.normal(0.0, 1.0, angle.size)
         pieces.append((angle, values))
     found = strongest_orders(pieces, ratio=85.0)
     assert_allclose(found[:2], [101.0, 202.4], atol=0.5)
@@ -159,8 +161,10 @@ def test_wide_kernels_by_fourier_transform_are_the_direct_ones():
     for start, end in ((0, 2001), (2001, 2701), (2701, 2731)):
         block = values[start:end]
         pad = min(int(np.ceil(6.0 * width)), len(block) - 1)
-        padded = np.concatenate([2 * block[0] - block[pad:0:-1], block, 2 * block[-1] - block[-2 : -pad - 2 : -1]])
-        direct = ndimage.gaussian_filter1d(padded, width, axis=0, mode="nearest", radius=int(np.ceil(6.0 * width)))
+        padded = np.concatenate([2 * block[0] - block[pad:0:-1], block,
+                                 2 * block[-1] - block[-2 : -pad - 2 : -1]])
+        direct = ndimage.gaussian_filter1d(padded, width, axis=0, mode="nearest",
+                                           radius=int(np.ceil(6.0 * width)))
         assert_allclose(smooth[start:end], direct[pad : pad + len(block)], atol=1e-11)
 
 

@@ -1,4 +1,5 @@
-"""The virtual robot: its plant against another engine, its data against the program that shall explain them."""
+"""The virtual robot: its plant against another engine, its data against the program that shall explain
+them."""
 
 from __future__ import annotations
 
@@ -56,7 +57,8 @@ def rest_to_rest(robot, seconds=1.0, rate_hz=1000.0, seed=2):
 
 @pytest.mark.parametrize("gears", [False, True])
 def test_plant_agrees_with_an_independent_engine(gears):
-    """Springs swinging under the same motor motion: other kinematics, dynamics, gear inverse and integrator."""
+    """Springs swinging under the same motor motion: other kinematics, dynamics, gear inverse and
+    integrator."""
     robot = six_axis(springs=True)
     virtual = VirtualRobot.of(geared(robot) if gears else robot)
     time, q = rest_to_rest(robot)
@@ -77,7 +79,8 @@ def test_plant_keeps_the_energy_of_a_free_swing():
     kick[:, 1] += 2e-3 * np.exp(-((time - 0.005) / 0.001) ** 2)
     links = swing(robot, time, kick)
     linear = np.array([joint.spring_linear for joint in robot.joints])
-    kinetic = 0.5 * np.einsum("ni,nij,nj->n", links.q_dot, _core.mass_matrix(robot.core, links.q), links.q_dot)
+    kinetic = 0.5 * np.einsum("ni,nij,nj->n", links.q_dot, _core.mass_matrix(robot.core, links.q),
+                              links.q_dot)
     gravity = _core.gravity_torque(robot.core, links.q)
     middle = 0.5 * (gravity[1:] + gravity[:-1])
     height = np.concatenate([[0.0], np.cumsum(np.sum(middle * np.diff(links.q, axis=0), axis=1))])
@@ -101,8 +104,10 @@ def test_creeping_plant_is_a_series_of_static_poses():
     virtual = VirtualRobot.of(robot)
     time = np.arange(200) / 50.0
     s = np.clip((time - 0.5) / 3.0, 0.0, 1.0)
-    q = np.array([0.1, 0.2, 0.3, 0.1, 0.4, 0.2]) + 0.01 * (s**4 * (35 - 84 * s + 70 * s**2 - 20 * s**3))[:, None]
-    data = Dataset.of_arrays("tracked_motion", {"theta": virtual.motor_angles(q)}, time=time, position=np.zeros((200, 3)))
+    q = np.array([0.1, 0.2, 0.3, 0.1, 0.4,
+                  0.2]) + 0.01 * (s**4 * (35 - 84 * s + 70 * s**2 - 20 * s**3))[:, None]
+    data = Dataset.of_arrays("tracked_motion", {"theta": virtual.motor_angles(q)}, time=time,
+                             position=np.zeros((200, 3)))
     static = predict_poses(robot, Layout.of(()), data, tangents=False).position
     assert np.max(np.abs(true_path(virtual, data) - static)) < 2e-6
 
@@ -154,11 +159,14 @@ def test_gear_runs_may_begin_and_end_in_motion():
 def test_true_model_leaves_nothing_but_noise():
     """What is simulated is what the chain predicts: poses, gear runs, motions and tracks, effects and all."""
     robot, random = geared(six_axis(springs=True)), np.random.default_rng(9)
-    effects = [parse_effect(text, 6) for text in ("gear_ratio joint=2 scale=1e-3", "joint_compliance joint=3 linear_rad_per_Nm=4e-6")]
+    effects = [parse_effect(text, 6) for text in ("gear_ratio joint=2 scale=1e-3", "joint_compliance joint=3 "
+                                                                                   "linear_rad_per_Nm=4e-6")]
     virtual = VirtualRobot.of(robot, effects)
     q = random.uniform(-1.0, 1.0, (20, 6))
     poses = measure_poses(virtual, q, EXACT, random)
-    assert np.max(np.abs(predict_poses(virtual.true, virtual.layout, poses, tangents=False).residual())) < 1e-12
+    assert np.max(
+        np.abs(predict_poses(virtual.true, virtual.layout, poses, tangents=False).residual())
+    ) < 1e-12
     runs = measure_gear_runs(virtual, [1], [0.5], 1, EXACT, random)
     gear = predict_gear_run(virtual.true, virtual.layout, runs, tangents=False)
     assert np.max(np.abs(gear.residual()[gear.keep])) < 1e-9
@@ -175,20 +183,25 @@ def test_true_model_leaves_nothing_but_noise():
 
 HIDDEN = {
     "poses": [
-        "backlash joint=2 width_rad=4e-4", "hysteresis joint=2 size_rad=3e-4", "gear_ratio joint=1 scale=1e-3",
+        "backlash joint=2 width_rad=4e-4", "hysteresis joint=2 size_rad=3e-4",
+        "gear_ratio joint=1 scale=1e-3",
         "joint_compliance joint=2 linear_rad_per_Nm=5e-6", "link_compliance joint=2 rad_per_Nm=2e-6",
-        "base_compliance rad_per_Nm=1e-6", "payload mass_kg=4 moment_x_kg_m=0 moment_y_kg_m=0 moment_z_kg_m=0.4",
+        "base_compliance rad_per_Nm=1e-6",
+        "payload mass_kg=4 moment_x_kg_m=0 moment_y_kg_m=0 moment_z_kg_m=0.4",
         "thermal_drift form=growth driver=temperature_degC growth_1_per_degC=1e-5",
-        "tracker_scale x_scale=0 y_scale=0 z_scale=1e-4", "tracker_drift driver=time x_m_per_h=1e-3 y_m_per_h=0 z_m_per_h=0",
+        "tracker_scale x_scale=0 y_scale=0 z_scale=1e-4",
+        "tracker_drift driver=time x_m_per_h=1e-3 y_m_per_h=0 z_m_per_h=0",
         "joint_coupling joint=6 motor=5 coupling_rad_per_rad=0.02",
     ],
     "motion": [
         "coulomb_friction joint=2 torque_Nm=10", "viscous_friction joint=2 coefficient_Nm_s=8",
-        "stribeck_friction joint=1 breakaway_Nm=15 velocity_rad_s=0.2", "asymmetric_friction joint=3 coulomb_Nm=3 viscous_Nm_s=0",
+        "stribeck_friction joint=1 breakaway_Nm=15 velocity_rad_s=0.2",
+        "asymmetric_friction joint=3 coulomb_Nm=3 viscous_Nm_s=0",
         "load_friction joint=2 coefficient=0.1", "torque_ripple joint=1 order=2 cosine_Nm=3 sine_Nm=0",
         "torque_constant joint=2 scale=0.1", "rotor_inertia joint=4 inertia_kg_m2=1e-4",
         "gravity_compensator joint=2 stiffness_Nm_per_rad=100 preload_Nm=20 cosine_Nm=0 sine_Nm=0",
-        "motor_link_coupling share=1", "thermal_drift form=lubricant driver=temperature_degC fall_1_per_degC=0.02",
+        "motor_link_coupling share=1", "thermal_drift form=lubricant driver=temperature_degC "
+                                       "fall_1_per_degC=0.02",
         "time_delay delay_s=5e-3", "joint_coupling joint=6 motor=5 coupling_rad_per_rad=0.5",
         "payload mass_kg=4 moment_x_kg_m=0 moment_y_kg_m=0 moment_z_kg_m=0.4",
     ],
@@ -196,7 +209,8 @@ HIDDEN = {
 }
 
 
-@pytest.mark.parametrize("measure, text", [(measure, text) for measure, texts in HIDDEN.items() for text in texts])
+@pytest.mark.parametrize("measure, text",
+                         [(measure, text) for measure, texts in HIDDEN.items() for text in texts])
 def test_hidden_effect_is_in_the_data(measure, text):
     robot = six_axis(springs=measure == "poses")
     sensors = replace(EXACT, temperature_degC=(20.0, 45.0))
@@ -233,9 +247,12 @@ def test_profiles_stay_within_the_limits():
     low, high = limit(robot, "q_min"), limit(robot, "q_max")
     for seed in range(5):
         time, q = rest_to_rest(robot, 5.0, 500.0, seed)
-        rate, acceleration = np.gradient(q, time, axis=0), np.gradient(np.gradient(q, time, axis=0), time, axis=0)
+        rate, acceleration = np.gradient(q, time,
+                                         axis=0), np.gradient(np.gradient(q, time, axis=0), time, axis=0)
         assert np.all(q >= low) and np.all(q <= high)
-        assert np.all(np.abs(rate) < limit(robot, "q_dot_max")) and np.all(np.abs(acceleration) < limit(robot, "q_ddot_max"))
+        assert np.all(np.abs(rate) < limit(robot, "q_dot_max")) and np.all(
+            np.abs(acceleration) < limit(robot, "q_ddot_max")
+        )
         assert np.max(np.abs(rate[[0, -1]])) < 1e-5
     time, q = gear_run(robot, 2, 0.8, False, 1000.0)
     assert q[0, 2] > q[-1, 2] and np.ptp(np.delete(q, 2, axis=1), axis=0).max() == 0.0
@@ -262,7 +279,8 @@ def test_gear_inverse_of_the_independent_plant():
 
 
 @pytest.mark.parametrize("text, expected", [
-    ("blacklash joint=2", "unknown effect"), ("backlash width_rad=1", "joint=1 to joint=6"), ("backlash joint=7 width_rad=1", "joint=1"),
+    ("blacklash joint=2", "unknown effect"), ("backlash width_rad=1", "joint=1 to joint=6"),
+    ("backlash joint=7 width_rad=1", "joint=1"),
     ("backlash joint=2", "no width_rad"), ("backlash joint=2 width_rad=1e-4 depth=3", "unknown depth"),
     ("payload mass_kg", "words like"), ("declared_friction joint=1", "unknown effect"),
 ])  # fmt: skip
@@ -307,12 +325,15 @@ def test_command_plays_a_trajectory(arm, tmp_path):
     robot = load_robot(arm)
     time, q = rest_to_rest(robot, 1.0, 500.0)
     path, _ = _core.forward_kinematics(robot.core, q)
-    columns = {"time_s": time} | {f"theta_{i + 1}_rad": v for i, v in enumerate(VirtualRobot.of(robot).motor_angles(q).T)}
+    columns = {"time_s": time} | {f"theta_{i + 1}_rad": v
+                                  for i, v in enumerate(VirtualRobot.of(robot).motor_angles(q).T)}
     columns |= {f"{axis}_m": path[:, k] for k, axis in enumerate("xyz")}
-    text = ",".join(columns) + "\n" + "\n".join(",".join(repr(float(v)) for v in row) for row in zip(*columns.values()))
+    text = ",".join(columns) + "\n" + "\n".join(",".join(repr(float(v)) for v in row)
+                                                for row in zip(*columns.values()))
     (tmp_path / "trajectory.csv").write_text(text)
     results = [
-        simulate(arm, tmp_path / engine, str(tmp_path / "trajectory.csv"), "--engine", engine) for engine in ("own", "pinocchio")
+        simulate(arm, tmp_path / engine, str(tmp_path / "trajectory.csv"), "--engine", engine)
+        for engine in ("own", "pinocchio")
     ]
     errors = [result["tracking"]["position_rms_m"] for result in results]
     assert errors[0] > 1e-4
@@ -325,7 +346,8 @@ def test_command_plays_a_trajectory(arm, tmp_path):
 @pytest.mark.parametrize("direction", ["motion", "cw"])
 def test_command_plays_a_plan_as_the_planner_meant_it(direction, tmp_path):
     """Reversals are those of q_desired; a plan that keeps one table is played on a robot that does."""
-    words = ["racer-7-1.4", "spiral", "--rate", "250", "--gear-direction", direction, "--out", str(tmp_path / "plan")]
+    words = ["racer-7-1.4", "spiral", "--rate", "250", "--gear-direction", direction, "--out",
+             str(tmp_path / "plan")]
     assert main(["plan", *words]) == 0
     trajectory = str(tmp_path / "plan" / "trajectory.csv")
     robot = ["racer-7-1.4", "--frames", "declared", "--gear-direction", direction]
@@ -338,7 +360,8 @@ def test_command_plays_a_plan_as_the_planner_meant_it(direction, tmp_path):
 
 @pytest.mark.parametrize("words, expected", [
     (["--measure", "tracked"], "trajectory.csv"), (["--measure", "gear", "--joint", "9"], "--joint 9"),
-    (["--count", "0"], "--count 0"), (["--noise", "-1"], "--noise"), (["--effect", "nothing"], "unknown effect"),
+    (["--count", "0"], "--count 0"), (["--noise", "-1"], "--noise"),
+    (["--effect", "nothing"], "unknown effect"),
 ])  # fmt: skip
 def test_command_refuses(arm, tmp_path, words, expected, capsys):
     assert main(["simulate", arm, "--out", str(tmp_path / "out"), *words]) == 2

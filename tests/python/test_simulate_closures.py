@@ -1,4 +1,5 @@
-"""Virtual closures: the true target touches the fixture, the declared one does not; the files are those that are read."""
+"""Virtual closures: the true target touches the fixture, the declared one does not; the files are those that
+are read."""
 
 import numpy as np
 import pytest
@@ -14,8 +15,10 @@ from exactarm.robot_file import load_robot
 
 @pytest.mark.parametrize("contact", [*CONTACT_CLASSES, "pair"])
 def test_the_true_target_touches_within_the_noise(tmp_path, contact):
-    words = ["simulate", "panda", "--measure", "closures", "--contact", contact, "--places", "2", "--count", "5",
-             "--deviation", "1", "--effect", "gear_ratio joint=2 scale=1e-3", "--noise", "1e-6", "--counts", "0",
+    words = ["simulate", "panda", "--measure", "closures", "--contact", contact, "--places", "2", "--count",
+             "5",
+             "--deviation", "1", "--effect", "gear_ratio joint=2 scale=1e-3", "--noise", "1e-6", "--counts",
+             "0",
              "--out", str(tmp_path), "--quiet"]
     assert main(words) == 0
     truth = load_robot(tmp_path / "truth.toml")

@@ -42,7 +42,8 @@ def test_noise_of_uneven_size_is_no_structure(rng):
     for _ in range(100):
         residual, basis, patterns, kernel = case(rng)
         uneven = (residual * np.exp(rng.normal(0.0, 0.5, (ROWS, 1)))).ravel()
-        count += follows_space((uneven - basis @ (basis.T @ uneven)).reshape(-1, 3), basis, patterns, kernel)[0] < 1e-3
+        count += follows_space((uneven - basis @ (basis.T @ uneven)).reshape(-1, 3), basis, patterns,
+                               kernel)[0] < 1e-3
     assert count <= 2
 
 

@@ -18,7 +18,8 @@ def test_a_sine_has_its_amplitude_at_its_frequency():
 
 def test_the_bandwidth_ends_where_the_amplitude_falls_below_its_share_of_the_largest_peak():
     loud = np.sin(2 * np.pi * 5.0 * TIME)
-    signal = np.stack([loud + 2e-3 * np.sin(2 * np.pi * 60.0 * TIME) + 5e-4 * np.sin(2 * np.pi * 200.0 * TIME),
+    signal = np.stack([loud + 2e-3 * np.sin(2 * np.pi * 60.0 * TIME)
+                       + 5e-4 * np.sin(2 * np.pi * 200.0 * TIME),
                        2e-3 * np.sin(2 * np.pi * 10.0 * TIME), 5e-4 * loud], axis=1)
     assert peak_bandwidth(signal, STEP) == (60.0, 10.0, None)
 

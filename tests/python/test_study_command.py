@@ -9,7 +9,8 @@ from exactarm.cli import main
 
 
 def test_a_smaller_weight_follows_better_and_asks_for_more_bandwidth(tmp_path):
-    words = ["study", "racer-7-1.4", "line", "--rate", "100", "--nu", "1e-8,1e-13", "--out", str(tmp_path), "--quiet"]
+    words = ["study", "racer-7-1.4", "line", "--rate", "100", "--nu", "1e-8,1e-13", "--out", str(tmp_path),
+             "--quiet"]
     assert main(words) == 0
     cases = json.loads((tmp_path / "result.json").read_text())["cases"]
     assert [(case["input"], case["nu"]) for case in cases] == [
@@ -24,7 +25,8 @@ def test_a_smaller_weight_follows_better_and_asks_for_more_bandwidth(tmp_path):
     rows = list(csv.DictReader((tmp_path / "study.csv").read_text().splitlines()))
     assert len(rows) == 3 and float(rows[1]["knots_rms_m"]) == loose["knots"]["rms"]
     drawn = {path.stem for path in (tmp_path / "plots").glob("*.svg")}
-    assert {"tradeoff", "weight_line", "spectrum_line", "error_line", "axis_line", "speed_line", "errors_line", "motion_line",
+    assert {"tradeoff", "weight_line", "spectrum_line", "error_line", "axis_line", "speed_line",
+            "errors_line", "motion_line",
             "space_line", "jerk_line"} == drawn
     assert sum(path.stat().st_size for path in tmp_path.rglob("*")) < 4e6
 

@@ -1,4 +1,5 @@
-"""Swinging: a drive train that swings is told from one that only lags, by the reading where it accelerates."""
+"""Swinging: a drive train that swings is told from one that only lags, by the reading where it
+accelerates."""
 
 import numpy as np
 import pytest
@@ -9,10 +10,12 @@ RATE_HZ, NOISE, STIFF = 400.0, 1e-3, 2.5e-4  # STIFF: inertia over stiffness, s^
 
 
 def runs(swing: float, delay: float, seed: int = 3):
-    """Two runs with smooth ramps; the reading is tilted, late, and carries `swing` times the bending of a spring."""
+    """Two runs with smooth ramps; the reading is tilted, late, and carries `swing` times the bending of a
+    spring."""
     random = np.random.default_rng(seed)
     time = np.arange(0.0, 3.0, 1.0 / RATE_HZ)
-    step = lambda t: np.clip(t / 0.25, 0.0, 1.0) - np.sin(2.0 * np.pi * np.clip(t / 0.25, 0.0, 1.0)) / (2.0 * np.pi)
+    step = lambda t: np.clip(t / 0.25, 0.0,
+                             1.0) - np.sin(2.0 * np.pi * np.clip(t / 0.25, 0.0, 1.0)) / (2.0 * np.pi)
     rate = lambda t: step(t - 0.2) - step(t - 2.5)
     first = rate(time)
     bending = -STIFF * np.gradient(np.gradient(first, time), time)

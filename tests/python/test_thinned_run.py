@@ -63,9 +63,13 @@ def test_run_that_is_cut_in_motion_goes_on_moving_at_its_ends(robot):
     speed, time = 0.5, np.arange(0.0, 4.0, 1.0 / RATE_HZ)
     phi = np.outer(speed * time, np.eye(6)[0])
     q = np.where(np.arange(6) == 0, phi, np.nan)
-    data = Dataset.of_arrays("gear_run", {"theta": phi * robot.ratios, "q": q}, time=time, run=np.ones(time.size, int))
+    data = Dataset.of_arrays("gear_run", {"theta": phi * robot.ratios, "q": q}, time=time,
+                             run=np.ones(time.size, int))
     thin, record = thinned_run(robot, data, gear_record(robot, data))
-    assert len(thin) < len(data) and 0.9 < record.keep.mean() < 1.0 and not record.keep[0] and not record.keep[-1]
+    assert (
+        len(thin) < len(data) and 0.9 < record.keep.mean() < 1.0 and not record.keep[0]
+        and not record.keep[-1]
+    )
     assert np.max(np.abs(record.theta[:, 0] / robot.ratios[0] - speed * record.time)) < 1e-9
     assert np.max(np.abs(record.theta_dot[:, 0] / robot.ratios[0] - speed)) < 1e-7
     assert np.max(np.abs(thin.joints["q"][:, 0] - speed * record.time)) < 1e-9
@@ -73,7 +77,8 @@ def test_run_that_is_cut_in_motion_goes_on_moving_at_its_ends(robot):
 
 def test_clean_runs_that_are_cut_in_motion_lack_nothing():
     robot = load_robot("racer-7-1.4")
-    data = measure_gear_runs(VirtualRobot.of(robot), [1], [0.5, 1.0], 2, Sensors(), np.random.default_rng(1), in_motion=True)
+    data = measure_gear_runs(VirtualRobot.of(robot), [1], [0.5, 1.0], 2, Sensors(), np.random.default_rng(1),
+                             in_motion=True)
     found = diagnose(robot, data)
     assert not found.findings and found.verdict == NOTHING and not found.left_out
     assert found.after["identification"].rms == pytest.approx(Sensors().gyro_rad_s, rel=0.05)

@@ -1,4 +1,5 @@
-"""Groups of a cross-validation in time series: an effect that one run alone shows is judged by stretches of that run."""
+"""Groups of a cross-validation in time series: an effect that one run alone shows is judged by stretches of
+that run."""
 
 from dataclasses import replace
 
@@ -44,7 +45,10 @@ def test_hysteresis_is_found_in_the_one_run_that_reverses():
     time, q = map(list, zip(*(gear_run(robot, axis, 0.5 + 0.1 * k, k % 2 == 0, 1000.0) for k in range(5))))
     time.append(np.arange(0.0, 12.0, 1e-3))
     q.append(np.tile(q[0][0], (time[-1].size, 1)))
-    q[-1][:, axis] = np.median(q[0][:, axis]) + 0.5 * np.sin(0.94 * time[-1]) + 0.2 * np.sin(2.3 * time[-1] + 1.0)
+    q[-1][:,
+          axis] = np.median(q[0][:, axis]) + 0.5 * np.sin(0.94 * time[-1]) + 0.2 * np.sin(
+              2.3 * time[-1] + 1.0
+          )
     run = np.repeat(np.arange(1, 7), [part.size for part in time])
     theta, time = virtual.motor_angles(np.concatenate(q)), np.concatenate(time)
     data = Dataset.of_arrays("gear_run", {"theta": theta}, time=time, run=run, gyro=np.zeros((time.size, 3)))

@@ -52,7 +52,8 @@ def test_springs_answer_as_the_arm_swings():
     output = view.phi + robot.offsets
     plant = swing(robot, time, output, DAMPING_S)
     stretch, ours = output - plant.q, output - view.q
-    torque = _core.inverse_dynamics(robot.core, view.theta / robot.ratios + robot.offsets, *(record.theta_dot / robot.ratios,
+    torque = _core.inverse_dynamics(robot.core, view.theta / robot.ratios + robot.offsets,
+                                    *(record.theta_dot / robot.ratios,
                                     record.theta_ddot / robot.ratios))
     quasi_static = torque / np.array([joint.spring_linear for joint in robot.joints])
     error = lambda found: np.sqrt(np.mean((found - stretch)[:, 1] ** 2))
@@ -73,7 +74,8 @@ def test_jacobian():
         make["tracker_scale"](None, (0.0, 0.0, 1e-4)),
     )
     layout = Layout.of(effects)
-    steps = np.array([1e-3 if "session" in name else 0.02 * p.plausible for name, p in zip(layout.names, layout.parameters)])
+    steps = np.array([1e-3 if "session" in name else 0.02 * p.plausible
+                      for name, p in zip(layout.names, layout.parameters)])
     predict = lambda x: predict_tracked_motion(robot, layout.at(x), data, tangents=False).position[40:-40]
     prediction = predict_tracked_motion(robot, layout, data)
     # The springs' answer is of first order in their stretch.

@@ -21,7 +21,8 @@ SHIFT, TURN = np.array([1e-4, -2e-4, 5e-5]), np.array([1.5e-4, -1e-4, 2e-4])  # 
 def poses(seed, turn):
     rng, robot = np.random.default_rng(seed), load_robot("ur10")
     q = np.clip(joints_in_limits(robot, COUNT, rng), -2.2, 2.2)
-    data = measured(robot, [true_robot(robot, rng, 0.5)], [q], NOISE_M, rng, identification=np.arange(COUNT) % 4 != 0)
+    data = measured(robot, [true_robot(robot, rng, 0.5)], [q], NOISE_M, rng,
+                    identification=np.arange(COUNT) % 4 != 0)
     hours = np.linspace(0.0, HOURS, COUNT)
     moved = data.position + hours[:, None] * (SHIFT + np.cross(turn, data.position))
     return robot, replace(data, position=moved, time=3600.0 * hours)
@@ -30,16 +31,19 @@ def poses(seed, turn):
 @pytest.mark.parametrize("turn", [False, True])
 def test_derivatives(turn):
     robot, data = poses(1, np.zeros(3))
-    effect = TrackerDrift(None, (1e-4, 2e-4, -1e-4, *((3e-5, -2e-5, 1e-5) if turn else (0.0,) * 3)), TIME, turn)
+    effect = TrackerDrift(None, (1e-4, 2e-4, -1e-4, *((3e-5, -2e-5, 1e-5) if turn else (0.0,) * 3)), TIME,
+                          turn)
     layout = Layout.of((effect,))
     assert layout.size == (6 if turn else 3)
     predict = lambda x: predict_poses(robot, layout.at(x), data, tangents=False).position
-    assert_derivative(predict, layout.values, predict_poses(robot, layout, data).jacobian[:, :3], np.full(layout.size, 1e-5))
+    assert_derivative(predict, layout.values, predict_poses(robot, layout, data).jacobian[:, :3],
+                      np.full(layout.size, 1e-5))
     assert effect_from_table(effect.to_table()) == effect
 
 
 def test_files_of_a_shift_alone_are_read():
-    old = {"effect": "tracker_drift", "driver": "time", "x_m_per_h": 1e-4, "y_m_per_h": 0.0, "z_m_per_h": 2e-4}
+    old = {"effect": "tracker_drift", "driver": "time", "x_m_per_h": 1e-4, "y_m_per_h": 0.0,
+           "z_m_per_h": 2e-4}
     assert effect_from_table(old) == TrackerDrift(None, (1e-4, 0.0, 2e-4, 0.0, 0.0, 0.0))
     with pytest.raises(KeyError):
         effect_from_table({key: value for key, value in old.items() if not key.startswith("z")})
@@ -50,7 +54,8 @@ def test_a_drift_is_named_and_turns_only_where_the_device_does(turn):
     robot, data = poses(3, turn)
     result = diagnose(robot, data)
     (first,) = result.findings
-    assert (first.effect.name, first.effect.turn, result.verdict) == ("tracker_drift", turn.any(), "explained")
+    assert (first.effect.name, first.effect.turn,
+            result.verdict) == ("tracker_drift", turn.any(), "explained")
     low, high = first.intervals.T
     inside = (low <= [*SHIFT, *turn]) & ([*SHIFT, *turn] <= high)
     assert inside.sum() >= 5  # of six intervals of 95 %

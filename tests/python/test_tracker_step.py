@@ -1,4 +1,5 @@
-"""Tracker step: derivatives, robot file, the place of the push, and that a push is not called a drift or outliers."""
+"""Tracker step: derivatives, robot file, the place of the push, and that a push is not called a drift or
+outliers."""
 
 from dataclasses import replace
 
@@ -19,12 +20,14 @@ STEP_M = np.array([2e-4, -1e-4, 1.5e-4])
 
 
 def poses(seed, pushed_after, turn=np.zeros(3), sessions=1):
-    """Poses in the order of measurement, every fourth for validation; the tracker is pushed in the last session."""
+    """Poses in the order of measurement, every fourth for validation; the tracker is pushed in the last
+    session."""
     rng = np.random.default_rng(seed)
     robot = load_robot("ur10")
     truth = true_robot(robot, rng, 0.5)
     q = [np.clip(joints_in_limits(robot, COUNT, rng), -2.2, 2.2) for _ in range(sessions)]
-    data = measured(robot, [truth] * sessions, q, NOISE_M, rng, identification=np.arange(sessions * COUNT) % 4 != 0)
+    data = measured(robot, [truth] * sessions, q, NOISE_M, rng,
+                    identification=np.arange(sessions * COUNT) % 4 != 0)
     later = (data.session == sessions) & (np.arange(len(data)) % COUNT >= pushed_after)
     moved = data.position + later[:, None] * (STEP_M + np.cross(turn, data.position))
     return robot, replace(data, position=moved, row=1 + np.arange(len(data)))
@@ -33,16 +36,19 @@ def poses(seed, pushed_after, turn=np.zeros(3), sessions=1):
 @pytest.mark.parametrize("turn", [False, True])
 def test_derivatives(turn):
     robot, data = poses(1, 60)
-    effect = TrackerStep(None, (70.5, 1e-4, 2e-4, -1e-4, *((3e-5, -2e-5, 1e-5) if turn else (0.0,) * 3)), turn=turn)
+    effect = TrackerStep(None, (70.5, 1e-4, 2e-4, -1e-4, *((3e-5, -2e-5, 1e-5) if turn else (0.0,) * 3)),
+                         turn=turn)
     layout = Layout.of((effect,))
     assert layout.size == (6 if turn else 3)
     predict = lambda x: predict_poses(robot, layout.at(x), data, tangents=False).position
-    assert_derivative(predict, layout.values, predict_poses(robot, layout, data).jacobian[:, :3], np.full(layout.size, 1e-5))
+    assert_derivative(predict, layout.values, predict_poses(robot, layout, data).jacobian[:, :3],
+                      np.full(layout.size, 1e-5))
 
 
 @pytest.mark.parametrize("turn", [False, True])
 def test_table_gives_the_effect_back(turn):
-    effect = TrackerStep(None, (0.5, 1e-4, 2e-4, -1e-4, *((3e-5, 0.0, 1e-5) if turn else (0.0,) * 3)), 2, "time", turn)
+    effect = TrackerStep(None, (0.5, 1e-4, 2e-4, -1e-4, *((3e-5, 0.0, 1e-5) if turn else (0.0,) * 3)), 2,
+                         "time", turn)
     assert effect_from_table(effect.to_table()) == effect
 
 
@@ -78,7 +84,10 @@ def test_place_is_found_again_from_a_wrong_one():
     data = data.select(np.arange(len(data)))
     effect = TrackerStep(None, (62.5, *STEP_M, 0.0, 0.0, 0.0))
     for layout in (Layout.of(()), Layout.of((effect,), estimate=False)):
-        truth = replace(data, position=predict_poses(robot, Layout.of((effect.with_values((60.5, *effect.values[1:])),)), data).position)
+        truth = replace(data,
+                        position=predict_poses(robot,
+                                               Layout.of((effect.with_values((60.5, *effect.values[1:])),)),
+                                               data).position)
         view = predict_poses(robot, layout, truth).view
         assert effect.renewed(view).values[0] == 60.5
 

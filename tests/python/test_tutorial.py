@@ -1,4 +1,5 @@
-"""The tutorial runs word for word: its Python and its command lines, in order, in one folder; and it says what comes out."""
+"""The tutorial runs word for word: its Python and its command lines, in order, in one folder; and it says
+what comes out."""
 
 import json
 import re

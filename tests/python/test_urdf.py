@@ -1,4 +1,5 @@
-"""URDF in and out: the same poses and masses as the text says, by its own rules and by an independent parser."""
+"""URDF in and out: the same poses and masses as the text says, by its own rules and by an independent
+parser."""
 
 from dataclasses import replace
 
@@ -60,7 +61,8 @@ def test_read_robot_weighs_as_an_independent_parser_says(tmp_path, seed):
         np.testing.assert_allclose(np.ravel(torque), expected, rtol=1e-10, atol=1e-9)
 
 
-@pytest.mark.parametrize("angle, hayati", [(0.0, True), (np.pi, True), (1e-3, True), (0.2, False), (np.pi / 2, False)])
+@pytest.mark.parametrize("angle, hayati",
+                         [(0.0, True), (np.pi, True), (1e-3, True), (0.2, False), (np.pi / 2, False)])
 def test_nearly_parallel_axes_get_hayatis_frame(tmp_path, angle, hayati):
     text = f"""<robot name="two"><link name="a"/><link name="b"/><link name="c"/>
       <joint name="one" type="continuous"><parent link="a"/><child link="b"/><axis xyz="0 0 1"/></joint>
@@ -77,8 +79,9 @@ def test_limits_friction_and_ratio_are_read(tmp_path):
     text = """<robot name="one"><link name="a"/><link name="b"/>
       <joint name="j" type="revolute"><parent link="a"/><child link="b"/><axis xyz="0 0 1"/>
         <limit lower="-1" upper="2" velocity="3" effort="4"/><dynamics damping="5" friction="6"/></joint>
-      <transmission name="t"><joint name="j"/><actuator name="m"><mechanicalReduction>-50.5</mechanicalReduction>
-      </actuator></transmission></robot>"""
+      <transmission name="t"><joint name="j"/>
+        <actuator name="m"><mechanicalReduction>-50.5</mechanicalReduction></actuator>
+      </transmission></robot>"""
     joint = read(tmp_path, text).joints[0]
     assert (joint.q_min, joint.q_max, joint.q_dot_max, joint.torque_max) == (-1, 2, 3, 4)
     assert (joint.viscous, joint.coulomb, joint.ratio) == (5, 6, -50.5)
@@ -92,7 +95,8 @@ def test_limits_friction_and_ratio_are_read(tmp_path):
 
 def test_gravity_follows_the_first_frame(tmp_path):
     text = """<robot name="wall"><link name="a"/><link name="b"/>
-      <joint name="j" type="continuous"><parent link="a"/><child link="b"/><axis xyz="1 0 0"/></joint></robot>"""
+      <joint name="j" type="continuous"><parent link="a"/><child link="b"/><axis xyz="1 0 0"/></joint>
+    </robot>"""
     robot = read(tmp_path, text)
     np.testing.assert_allclose(robot.base.rotation @ robot.gravity, [0, 0, -9.81], atol=1e-12)
     np.testing.assert_allclose(robot.gravity[2], 0.0, atol=1e-12)
@@ -105,8 +109,10 @@ def tree(*joints: str, name: str = "tree") -> str:
     for index, joint in enumerate(joints):
         kind, ends = ("continuous", joint.split(">")) if ">" in joint else ("fixed", joint.split("="))
         links += [end for end in ends if end not in links]
-        out.append(f'<joint name="j{index}" type="{kind}"><parent link="{ends[0]}"/><child link="{ends[1]}"/></joint>')
-    return f'<robot name="{name}">' + "".join(f'<link name="{end}"/>' for end in links) + "".join(out) + "</robot>"
+        out.append(f'<joint name="j{index}" type="{kind}"><parent link="{ends[0]}"/><child '
+                   f'link="{ends[1]}"/></joint>')
+    return f'<robot name="{name}">' + "".join(f'<link name="{end}"/>'
+                                              for end in links) + "".join(out) + "</robot>"
 
 
 def test_fixed_branches_do_not_stop_the_reader(tmp_path):
@@ -116,7 +122,8 @@ def test_fixed_branches_do_not_stop_the_reader(tmp_path):
 
 def test_a_branching_chain_is_refused_with_the_tips(tmp_path):
     text = tree("base>a", "a>left", "a>right", "right=hand")
-    with pytest.raises(InputError, match="branches at link a; expected a tip, as in sample.urdf#TIP, of a, left, hand"):
+    with pytest.raises(InputError, match="branches at link a; expected a tip, as in sample.urdf#TIP, of a, "
+                                         "left, hand"):
         read(tmp_path, text)
     assert read(tmp_path, text, "#hand").axes == 2
     assert read(tmp_path, text, "#a:hand").axes == 1
@@ -144,7 +151,8 @@ def test_a_branching_chain_is_refused_with_the_tips(tmp_path):
         (tree("a>b").replace("</joint>", '<origin xyz="0 0 ${height}"/></joint>'), "joint j0: xyz="),
         (tree("a>b").replace("</joint>", '<origin xyz="0 0"/></joint>'), "3 finite number"),
         (tree("a>b").replace("</joint>", '<axis xyz="0 0 0"/></joint>'), "axis of length 0"),
-        (tree("a>b").replace('<link name="b"/>', '<link name="b"/><link name="b"/>', 1), "link b: name given twice"),
+        (tree("a>b").replace('<link name="b"/>', '<link name="b"/><link name="b"/>', 1),
+         "link b: name given twice"),
     ],
 )
 def test_a_file_that_is_no_chain_is_refused(tmp_path, text, words):
@@ -160,11 +168,13 @@ def test_a_missing_file_is_refused(tmp_path):
 
 # -- out ---------------------------------------------------------------------------------------------
 def calibrated(seed: int, axes: int = 6) -> Robot:
-    """A robot as a calibration leaves it: every parameter off its round value, offsets other than the controller's."""
+    """A robot as a calibration leaves it: every parameter off its round value, offsets other than the
+    controller's."""
     rng = np.random.default_rng(seed)
     joints = []
     for index in range(axes):
-        zero, alpha, offset, reported = rng.choice([0.0, np.pi / 2, -np.pi / 2], 4) + rng.normal(size=4) * 1e-3
+        zero, alpha, offset, reported = rng.choice([0.0, np.pi / 2, -np.pi / 2],
+                                                   4) + rng.normal(size=4) * 1e-3
         hayati = index in (1, 2)
         geometry = {"beta": rng.normal() * 1e-3, "d": 0.0} if hayati else {"d": rng.uniform(-1, 1)}
         kind = "prismatic" if seed % 3 == 0 and index == 3 else "revolute"
@@ -194,7 +204,8 @@ def test_written_robot_moves_as_the_calibrated_one(seed):
     reported, real = reported_and_real(robot, seed)
     text = urdf_text(robot)
     expected = poses(robot, real)
-    found = [urdf_pose(text, "tool", {f"joint_{i + 1}": value for i, value in enumerate(row)}) for row in reported]
+    found = [urdf_pose(text, "tool", {f"joint_{i + 1}": value for i, value in enumerate(row)})
+             for row in reported]
     np.testing.assert_allclose(found, expected, atol=TIGHT)
     assert abs(reported_shift(robot, 0)) > 1e-6
 
@@ -202,18 +213,21 @@ def test_written_robot_moves_as_the_calibrated_one(seed):
 @pytest.mark.parametrize("seed", range(6))
 def test_an_independent_parser_reads_the_same_poses_and_torques(tmp_path, seed):
     robot = calibrated(seed)
-    robot = replace(robot, base=Placement(position=robot.base.position))  # the parser's gravity is the device's
+    # the parser's gravity is the device's
+    robot = replace(robot, base=Placement(position=robot.base.position))
     robot = replace(robot, joints=tuple(replace(joint, q_min=-9.0, q_max=9.0) for joint in robot.joints))
     write_urdf(tmp_path / "out.urdf", robot)
     model = pin.buildModelFromUrdf(str(tmp_path / "out.urdf"))
     data = model.createData()
     rates = np.random.default_rng(seed).normal(size=(2, 20, robot.axes))
-    for reported, real, expected, qd, qdd in zip(*reported_and_real(robot, seed), poses(robot, reported_and_real(robot, seed)[1]), *rates):
+    for reported, real, expected, qd, qdd in zip(*reported_and_real(robot, seed),
+                                                 poses(robot, reported_and_real(robot, seed)[1]), *rates):
         pin.framesForwardKinematics(model, data, reported)
         found = data.oMf[model.getFrameId("tool")].homogeneous
         np.testing.assert_allclose(found, expected, atol=TIGHT)
         torque = _core.inverse_dynamics(robot.core, real[None], qd[None], qdd[None])
-        np.testing.assert_allclose(pin.rnea(model, data, reported, qd, qdd), np.ravel(torque), rtol=1e-8, atol=1e-8)
+        np.testing.assert_allclose(pin.rnea(model, data, reported, qd, qdd), np.ravel(torque), rtol=1e-8,
+                                   atol=1e-8)
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -239,17 +253,20 @@ def test_shipped_robots_survive_the_way_out_and_in(tmp_path, name):
     q = np.random.default_rng(1).uniform(-2, 2, (30, robot.axes))
     np.testing.assert_allclose(poses(back, q), poses(robot, q), atol=1e-12)
     for one, other in zip(robot.joints, back.joints):
-        for field in ("d", "a", "alpha", "ratio", "q_min", "q_max", "q_dot_max", "torque_max", "coulomb", "viscous"):
+        for field in ("d", "a", "alpha", "ratio", "q_min", "q_max", "q_dot_max", "torque_max", "coulomb",
+                      "viscous"):
             if getattr(one, field) is None:
                 assert getattr(other, field) is None
-            elif field != "d" or name != "racer-7-1.4":  # the Racer's frames follow the thesis, not Hayati at axis 2
+            # the Racer's frames follow the thesis, not Hayati at axis 2
+            elif field != "d" or name != "racer-7-1.4":
                 np.testing.assert_allclose(getattr(other, field), getattr(one, field), atol=1e-12)
 
 
 def test_what_urdf_cannot_carry_is_told():
     text = urdf_text(load_robot("racer-7-1.4"))
     comment = text[text.index("<!--") : text.index("-->")]
-    for words in ("gear harmonics of joint 3", "spring of joint 6", "rotor inertia of joint 1", "controller reports"):
+    for words in ("gear harmonics of joint 3", "spring of joint 6", "rotor inertia of joint 1",
+                  "controller reports"):
         assert words in comment
     gear = replace(calibrated(1).joints[0], cw=GearTable(np.ones(1), np.ones(1), np.ones(1)))
     assert "gear harmonics of joint 1" in urdf_text(Robot("a--b", (gear,)))

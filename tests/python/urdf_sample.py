@@ -8,7 +8,8 @@ import numpy as np
 
 
 def random_urdf(rng: np.random.Generator, joints: str, parallel: float = 0.4) -> str:
-    """A chain; one letter a joint: r(evolute), c(ontinuous), p(rismatic), f(ixed). `parallel`: share of such axes."""
+    """A chain; one letter a joint: r(evolute), c(ontinuous), p(rismatic), f(ixed). `parallel`: share of such
+    axes."""
     lines = ['<robot name="sample">', link("link_0", rng)]
     kinds = {"r": "revolute", "c": "continuous", "p": "prismatic", "f": "fixed"}
     for number, letter in enumerate(joints, start=1):
@@ -21,8 +22,10 @@ def random_urdf(rng: np.random.Generator, joints: str, parallel: float = 0.4) ->
         lines += [
             f'<joint name="joint_{number}" type="{kinds[letter]}">',
             f'<parent link="link_{number - 1}"/><child link="link_{number}"/>',
-            f'<origin xyz="{numbers(rng.uniform(-0.5, 0.5, 3) * rng.integers(0, 2, 3))}" rpy="{numbers(turned)}"/>',
-            f'<axis xyz="{numbers(axis)}"/><limit lower="-2.5" upper="2.75" velocity="3" effort="100"/></joint>',
+            f'<origin xyz="{numbers(rng.uniform(-0.5, 0.5, 3) * rng.integers(0, 2, 3))}" '
+            f'rpy="{numbers(turned)}"/>',
+            f'<axis xyz="{numbers(axis)}"/><limit lower="-2.5" upper="2.75" velocity="3" '
+            'effort="100"/></joint>',
             link(f"link_{number}", rng),
         ]
     return "\n".join([*lines, "</robot>"])
@@ -32,9 +35,13 @@ def link(name: str, rng: np.random.Generator) -> str:
     turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
     inertia = turn @ np.diag(rng.uniform(0.2, 0.35, 3)) @ turn.T
     values = dict(zip(("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), inertia[np.triu_indices(3)]))
-    entries = " ".join(f'{key}="{value!r}"' for key, value in ((key, float(value)) for key, value in values.items()))
+    entries = " ".join(f'{key}="{value!r}"'
+                       for key, value in ((key, float(value)) for key, value in values.items()))
     origin = f'<origin xyz="{numbers(rng.uniform(-0.2, 0.2, 3))}" rpy="{numbers(rng.uniform(-3, 3, 3))}"/>'
-    return f'<link name="{name}"><inertial>{origin}<mass value="{rng.uniform(1, 9)!r}"/><inertia {entries}/></inertial></link>'
+    return (
+        f'<link name="{name}"><inertial>{origin}<mass value="{rng.uniform(1, 9)!r}"/><inertia '
+        f'{entries}/></inertial></link>'
+    )
 
 
 def numbers(values) -> str:

@@ -1,6 +1,8 @@
-"""Ways to spoil a file: bytes, numbers, lines, columns, keys. `spoiled(content, random)` applies one to three of them.
+"""Ways to spoil a file: bytes, numbers, lines, columns, keys. `spoiled(content, random)` applies one to three
+of them.
 
-Every way takes and gives bytes and fits any file; those that need lines or cells find them by commas and line ends.
+Every way takes and gives bytes and fits any file; those that need lines or cells find them by commas and line
+ends.
 """
 
 from __future__ import annotations
@@ -10,10 +12,14 @@ from collections.abc import Callable
 
 import numpy as np
 
-WORDS = [b"", b",", b"\n", b"\r", b"\r\n", b"nan", b"inf", b"1e999", b"-", b'"', b"\xff", b"\0", b"[", b"]", b"{", b"=", b"<", b"/>", b"_",
-         b"99", b"session", b"true", b"''", b"#", b"&amp;", b"\xef\xbb\xbf", b"\x1b[2J", b"../", b"$x^2$", b"<script>", "µé漢".encode()]
-NUMBERS = [b"0", b"-0.0", b"1", b"-1", b"1e-300", b"1e300", b"1e20", b"9" * 400, b"1e-20", b"0.1", b"57.29577951308232", b"1000", b"2147483648",
-           b"9007199254740993", b"-9223372036854775809", b"NaN", b"Infinity", b"1_000", b"0x10", b"1,5", b"", b"[1]", b"{}", b'"1"', b"true"]
+WORDS = [b"", b",", b"\n", b"\r", b"\r\n", b"nan", b"inf", b"1e999", b"-", b'"', b"\xff", b"\0", b"[", b"]",
+         b"{", b"=", b"<", b"/>", b"_",
+         b"99", b"session", b"true", b"''", b"#", b"&amp;", b"\xef\xbb\xbf", b"\x1b[2J", b"../", b"$x^2$",
+         b"<script>", "µé漢".encode()]
+NUMBERS = [b"0", b"-0.0", b"1", b"-1", b"1e-300", b"1e300", b"1e20", b"9" * 400, b"1e-20", b"0.1",
+           b"57.29577951308232", b"1000", b"2147483648",
+           b"9007199254740993", b"-9223372036854775809", b"NaN", b"Infinity", b"1_000", b"0x10", b"1,5", b"",
+           b"[1]", b"{}", b'"1"', b"true"]
 _NUMBER = re.compile(rb"-?\d+\.?\d*(?:[eE][-+]?\d+)?")
 
 
@@ -24,7 +30,8 @@ def _overwrite(content: bytes, random: np.random.Generator) -> bytes:
 
 def _double(content: bytes, random: np.random.Generator) -> bytes:
     start, length = random.integers(0, len(content) + 1), random.integers(1, 200)
-    return content[:start] + content[start : start + length] * int(random.integers(2, 30)) + content[start + length :]
+    return content[:start] + content[start : start
+                                     + length] * int(random.integers(2, 30)) + content[start + length :]
 
 
 def _cut(content: bytes, random: np.random.Generator) -> bytes:
@@ -72,7 +79,8 @@ def _lines(content: bytes, random: np.random.Generator) -> bytes:
 
 
 def _columns(content: bytes, random: np.random.Generator) -> bytes:
-    """A column of a table left out, doubled, exchanged with another, set to one cell, or renamed as another."""
+    """A column of a table left out, doubled, exchanged with another, set to one cell, or renamed as
+    another."""
     rows = [line.split(b",") for line in content.split(b"\n") if line]
     width = min(map(len, rows), default=0)
     if width < 2:
@@ -95,11 +103,13 @@ def _columns(content: bytes, random: np.random.Generator) -> bytes:
 
 def _deep(content: bytes, random: np.random.Generator) -> bytes:
     start = random.integers(0, len(content) + 1)
-    return content[:start] + [b"[", b"{a=", b"<link>", b"(", b'"'][random.integers(5)] * int(10 ** random.integers(1, 5)) + content[start:]
+    return content[:start] + [b"[", b"{a=", b"<link>", b"(",
+                              b'"'][random.integers(5)] * int(10 ** random.integers(1, 5)) + content[start:]
 
 
 WAYS: tuple[Callable[[bytes, np.random.Generator], bytes], ...] = (
-    _overwrite, _double, _cut, _flip_bits, _number, _number, _scaled_number, _scaled_number, _lines, _columns, _columns, _deep,
+    _overwrite, _double, _cut, _flip_bits, _number, _number, _scaled_number, _scaled_number, _lines, _columns,
+    _columns, _deep,
 )
 
 

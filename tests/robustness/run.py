@@ -27,22 +27,26 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--count", type=int, default=10000)
     parser.add_argument("--seed", type=int, default=0, help="of the first trial; the others follow")
-    parser.add_argument("--commands", type=float, default=SHARE_OF_COMMANDS, help="share of trials that run a whole command")
-    parser.add_argument("--folder", type=Path, help="where the spoiled files are left (default: a temporary folder)")
+    parser.add_argument("--commands", type=float, default=SHARE_OF_COMMANDS,
+                        help="share of trials that run a whole command")
+    parser.add_argument("--folder", type=Path,
+                        help="where the spoiled files are left (default: a temporary folder)")
     parser.add_argument("--gigabytes", type=float, default=6.0, help="of address space that a trial may take")
     arguments = parser.parse_args()
     resource.setrlimit(resource.RLIMIT_AS, (int(arguments.gigabytes * 2**30),) * 2)
     valid, failures, ends, slowest = samples(), 0, Counter(), (0.0, 0)
     with tempfile.TemporaryDirectory() as temporary:
         for seed in range(arguments.seed, arguments.seed + arguments.count):
-            trial = run_trial(seed, (arguments.folder or Path(temporary)) / "trial", valid, arguments.commands)
+            trial = run_trial(seed, (arguments.folder or Path(temporary)) / "trial", valid,
+                              arguments.commands)
             ends["readers" if trial.code is None else f"exit {trial.code}"] += 1
             slowest = max(slowest, (trial.seconds, seed))
             if trial.failure:
                 failures += 1
                 print(f"seed {seed}, {trial.what}: {trial.failure[:400]}", flush=True)
     counts = ", ".join(f"{count} {end}" for end, count in sorted(ends.items()))
-    print(f"{arguments.count} trials from seed {arguments.seed} ({counts}): {failures} failed; slowest {slowest[0]:.1f} s, seed {slowest[1]}")
+    print(f"{arguments.count} trials from seed {arguments.seed} ({counts}): {failures} failed; slowest "
+          f"{slowest[0]:.1f} s, seed {slowest[1]}")
     return 1 if failures else 0
 
 

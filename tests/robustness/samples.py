@@ -1,4 +1,5 @@
-"""Small valid files, one of every sort that exactarm reads, to be spoiled: name -> bytes. Made from shipped data, the same every time."""
+"""Small valid files, one of every sort that exactarm reads, to be spoiled: name -> bytes. Made from shipped
+data, the same every time."""
 
 from __future__ import annotations
 
@@ -71,9 +72,11 @@ def samples() -> dict[str, bytes]:
     poses = pd.read_csv(data_path("ur10/series_B.csv")).iloc[:: 1495 // ROWS][:ROWS]
     motion = pd.read_parquet(data_path("tx40/motion.parquet")).iloc[::20][:1200]
     runs = pd.read_csv(data_path("kr300/run_A.csv"))[:1500:3]
-    closures = poses.drop(columns=["x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz"]).assign(socket=np.arange(len(poses)) % 3)
+    closures = poses.drop(columns=["x_mm", "y_mm", "z_mm", "qw", "qx", "qy",
+                                   "qz"]).assign(socket=np.arange(len(poses)) % 3)
     time = np.arange(60) / 50.0
-    trajectory = pd.DataFrame({"time_s": time} | {f"theta_{i}_rad": 3.0 * np.sin(time + i) for i in range(1, 7)})
+    trajectory = pd.DataFrame({"time_s": time}
+                              | {f"theta_{i}_rad": 3.0 * np.sin(time + i) for i in range(1, 7)})
     return {
         "poses.csv": _rows(poses),
         "poses.parquet": _parquet(poses),

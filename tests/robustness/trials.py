@@ -1,8 +1,9 @@
 """One trial: a spoiled file given to a reader or to a command, and what must hold then.
 
     readers    the file is read, or refused by InputError, in one line that names it
-    commands   exit 0 with a result that is finite and that our own readers accept, or exit 1 or 2 with one line on stderr that is
-               no "fault in exactarm", names a file or an option (2), and leaves no result
+    commands   exit 0 with a result that is finite and that our own readers accept, or exit 1 or 2 with one
+               line on stderr that is no "fault in exactarm", names a file or an option (2), and leaves no
+                   result
 Within bounds of time; a trial is told by its seed alone.
 """
 
@@ -49,23 +50,31 @@ READERS: dict[str, Callable[[Path], object]] = {
     "path.toml": load_path,
     "line.toml": load_path,
     "fixture.toml": load_fixture,
-    "part.src": lambda path: [job.read(Setting(load_robot("ur10"))) for job in jobs([path, path.with_suffix(".dat")])],
+    "part.src": lambda path: [job.read(Setting(load_robot("ur10")))
+                              for job in jobs([path, path.with_suffix(".dat")])],
     "part.script": lambda path: [job.read(Setting(load_robot("ur10"))) for job in jobs([path])],
 }
 COMMANDS: tuple[tuple[str, ...], ...] = (
-    ("evaluate", "ur10", "*poses.csv"), ("calibrate", "ur10", "*poses.csv"), ("evaluate", "*ur10.toml", "poses.csv"),
-    ("calibrate", "*ur10.urdf", "poses.csv"), ("identifiable", "*ur10.toml", "poses.csv"), ("identify", "tx40", "*motion.csv"),
-    ("gear", "kr300", "*runs.csv", "--kind", "gear_run"), ("evaluate", "kr300", "*runs.csv", "--kind", "gear_run"),
-    ("calibrate", "ur10", "*closures.csv"), ("calibrate", "ur10", "closures.csv", "--fixture", "*fixture.toml"),
-    ("plan", "*racer.toml", "path.toml"), ("plan", "racer-7-1.4", "*path.toml"), ("simulate", "*racer.toml", "--count", "8"),
-    ("simulate", "racer-7-1.4", "*trajectory.csv", "--measure", "poses"), ("compensate", "*ur10.toml", "part.script"),
+    ("evaluate", "ur10", "*poses.csv"), ("calibrate", "ur10", "*poses.csv"),
+    ("evaluate", "*ur10.toml", "poses.csv"),
+    ("calibrate", "*ur10.urdf", "poses.csv"), ("identifiable", "*ur10.toml", "poses.csv"),
+    ("identify", "tx40", "*motion.csv"),
+    ("gear", "kr300", "*runs.csv", "--kind", "gear_run"),
+    ("evaluate", "kr300", "*runs.csv", "--kind", "gear_run"),
+    ("calibrate", "ur10", "*closures.csv"),
+    ("calibrate", "ur10", "closures.csv", "--fixture", "*fixture.toml"),
+    ("plan", "*racer.toml", "path.toml"), ("plan", "racer-7-1.4", "*path.toml"),
+    ("simulate", "*racer.toml", "--count", "8"),
+    ("simulate", "racer-7-1.4", "*trajectory.csv", "--measure", "poses"),
+    ("compensate", "*ur10.toml", "part.script"),
     ("compensate", "ur10", "*part.script"),
 )
 
 
 @dataclass(frozen=True)
 class Trial:
-    """seed and what it stood for; failure: empty where everything held; code: of a command, None of a reader."""
+    """seed and what it stood for; failure: empty where everything held; code: of a command, None of a
+    reader."""
 
     seed: int
     what: str
@@ -92,7 +101,8 @@ def _limited(seconds: float) -> Iterator[None]:
         signal.signal(signal.SIGALRM, earlier)
 
 
-def run_trial(seed: int, folder: Path, valid: dict[str, bytes] | None = None, commands: float = SHARE_OF_COMMANDS) -> Trial:
+def run_trial(seed: int, folder: Path, valid: dict[str, bytes] | None = None,
+              commands: float = SHARE_OF_COMMANDS) -> Trial:
     """The trial of one seed in `folder`, which is emptied first."""
     random = np.random.default_rng(seed)
     valid = samples() if valid is None else valid
@@ -125,13 +135,17 @@ def _reader(name: str, folder: Path, valid: dict[str, bytes], random: np.random.
         READERS[name](path)
     except InputError as error:
         line = str(error)
-        return "" if "\n" not in line and str(folder) in line else f"a refusal that names no file, or in several lines: {line!r}"
+        return (
+            "" if "\n" not in line and str(folder) in line
+            else f"a refusal that names no file, or in several lines: {line!r}"
+        )
     except Exception as error:
         return f"{type(error).__name__}: {error}"
     return ""
 
 
-def _command(words: tuple[str, ...], folder: Path, valid: dict[str, bytes], random: np.random.Generator) -> tuple[int, str]:
+def _command(words: tuple[str, ...], folder: Path, valid: dict[str, bytes],
+             random: np.random.Generator) -> tuple[int, str]:
     line = []
     for word in words:
         name = word.lstrip("*")

@@ -1,12 +1,16 @@
-"""In which direction an axis moves, and how its gear passes from one direction's table to the other's at a reversal.
+"""In which direction an axis moves, and how its gear passes from one direction's table to the other's at a
+reversal.
 
-The model has a gear table for each direction of motion and none for what lies between (thesis 3.1.2, 4.1). The
-convention here, the same for plans, virtual robots and measured motions:
-    d(t) = d_0 + sum_k 2 d_k C((t - t_k) / T),   Xi = (1 - d) / 2 Xi_cw + (1 + d) / 2 Xi_ccw,   T = TRANSITION_S
-t_k: the reversals, d_k = +-1 the direction behind them. C is the integral of a B-spline of degree 5 on (-1/2, 1/2): half of
-the passage lies before the reversal, half behind, it has five continuous derivatives, and no motor angle jumps.
+The model has a gear table for each direction of motion and none for what lies between (thesis 3.1.2, 4.1).
+The convention here, the same for plans, virtual robots and measured motions:
+    d(t) = d_0 + sum_k 2 d_k C((t - t_k) / T),   Xi = (1 - d) / 2 Xi_cw + (1 + d) / 2 Xi_ccw,
+                                                 T = TRANSITION_S
+t_k: the reversals, d_k = +-1 the direction behind them. C is the integral of a B-spline of degree 5 on (-1/2,
+1/2): half of the passage lies before the reversal, half behind, it has five continuous derivatives, and no
+motor angle jumps.
 
-    A reversal is a turning point that the axis leaves by more than LEAST_TURN_RAD: less is rest, with its jitter.
+    A reversal is a turning point that the axis leaves by more than LEAST_TURN_RAD: less is rest, with its
+        jitter.
     It lies midway between the instants at which the axis is half of that away from it; so a rest is halved.
     At rest the direction is that of the last motion, before the first motion that of the coming one.
     An axis that never moves has the direction 0: the mean of both tables.
@@ -25,7 +29,8 @@ _STEP = BSpline.construct_fast(_KERNEL.t, _KERNEL.c, _KERNEL.k).antiderivative()
 
 
 def direction_of_motion(time: np.ndarray, angle: np.ndarray, passage_s: float | None = None) -> np.ndarray:
-    """(N, n) in [-1, 1] for angles (N, n) rad at `time` (N,) s, rising; the sign is that of the angle's motion.
+    """(N, n) in [-1, 1] for angles (N, n) rad at `time` (N,) s, rising; the sign is that of the angle's
+    motion.
 
     passage_s: how long each passage takes, where it is not TRANSITION_S.
     """
@@ -40,7 +45,8 @@ def direction_of_motion(time: np.ndarray, angle: np.ndarray, passage_s: float | 
 
 
 def reversals(time: np.ndarray, angle: np.ndarray) -> tuple[float, list[tuple[float, float]]]:
-    """Direction of the first motion (0: none), and (instant, direction behind it) of every reversal of angle (N,)."""
+    """Direction of the first motion (0: none), and (instant, direction behind it) of every reversal of angle
+    (N,)."""
     moves = np.sign(np.diff(angle))
     moving = np.flatnonzero(moves)
     if not moving.size:
@@ -62,11 +68,13 @@ def reversals(time: np.ndarray, angle: np.ndarray) -> tuple[float, list[tuple[fl
             first = after
         side, low, high = after, k, k
     marks = [0, *(k for k, _ in turns), len(angle) - 1]
-    return first, [(_instant(time, angle, *marks[j : j + 3], after), after) for j, (_, after) in enumerate(turns)]
+    return first, [(_instant(time, angle, *marks[j : j + 3], after), after)
+                   for j, (_, after) in enumerate(turns)]
 
 
 def eased(values: np.ndarray, step: float) -> np.ndarray:
-    """(N, c) values folded with the kernel of the passage at equal steps: jumps become smooth, constants stay."""
+    """(N, c) values folded with the kernel of the passage at equal steps: jumps become smooth, constants
+    stay."""
     half = int(np.ceil(0.5 * TRANSITION_S / step))
     edges = step * (np.arange(-half, half + 2) - 0.5) / TRANSITION_S
     kernel = np.diff(_passed(edges))
@@ -81,9 +89,11 @@ def _passed(s: np.ndarray) -> np.ndarray:
 
 
 def _instant(time: np.ndarray, angle: np.ndarray, start: int, k: int, end: int, after: float) -> float:
-    """Middle of the stay near the extreme at sample k, between the neighbouring turning points `start` and `end`.
+    """Middle of the stay near the extreme at sample k, between the neighbouring turning points `start` and
+    `end`.
 
-    Coarse samples widen the stay to two of them. About a turning point the root of the distance is nearly straight in time.
+    Coarse samples widen the stay to two of them. About a turning point the root of the distance is nearly
+    straight in time.
     """
     root = np.sqrt(np.maximum(after * (angle[start : end + 1] - angle[k]), 0.0))
     here = k - start

@@ -26,7 +26,8 @@ def declared_output_angle(view: View) -> tuple[np.ndarray, np.ndarray]:
             rows = view.direction[:, i] == direction
             if rows.any():
                 theta = view.theta[rows, i]
-                theta = theta[:1] if np.ptp(theta) == 0.0 else theta  # an axis that stands still needs one row
+                # an axis that stands still needs one row
+                theta = theta[:1] if np.ptp(theta) == 0.0 else theta
                 output, ratio = _core.gear_outputs(joint.ratio, table, theta)
                 phi[rows, i], slope[rows, i] = output, 1.0 / ratio
         rows = np.flatnonzero(np.mod(view.direction[:, i], 1.0))
@@ -42,15 +43,18 @@ def _between(joint: Joint, direction: np.ndarray, theta: np.ndarray) -> tuple[np
     phi = mixed(*(_core.gear_output_angle(joint.ratio, table, theta) for table in tables))
     for _ in range(_NEWTON_STEPS):
         ratio = mixed(*(_core.gear_ratio(joint.ratio, table, phi, 0) for table in tables))
-        phi = phi - (mixed(*(_core.gear_motor_angle(joint.ratio, table, phi) for table in tables)) - theta) / ratio
+        phi = phi - (mixed(*(_core.gear_motor_angle(joint.ratio, table, phi) for table in tables))
+                     - theta) / ratio
     return phi, 1.0 / ratio
 
 
 def differs_with_direction(joint: Joint) -> bool:
-    """Whether the declared tables of the two directions do not meet: what lies between, at a reversal, no model defines."""
+    """Whether the declared tables of the two directions do not meet: what lies between, at a reversal, no
+    model defines."""
     if joint.cw is None or joint.ccw is None:
         return False
-    return not all(np.array_equal(getattr(joint.cw, name), getattr(joint.ccw, name)) for name in ("order", "a", "b"))
+    return not all(np.array_equal(getattr(joint.cw, name), getattr(joint.ccw, name))
+                   for name in ("order", "a", "b"))
 
 
 def direction_tables(joint: Joint) -> tuple[tuple[int, _core.GearTable], ...]:

@@ -1,15 +1,16 @@
 """Gear record: what a gear run's data give once and for all, before any parameter is looked at.
 
-The motor angle enters the prediction of a rate through its derivative, which raises the encoder's quantisation by
-about 1 / step; the measured rate itself is never smoothed. So the motor angle alone passes the acausal Gaussian
-filter (3.1), at the lowest cutoff that a steady motion needs not more than and the encoder not less than: the one
-at which the encoder's part in the predicted rate is a tenth of the gyroscope's noise. Harmonics are not touched by
-it: they follow the filtered angle through the gear table. Where the filter rounds the motion itself by more than
-a share of the gyroscope's noise, at the corners of a motion profile, samples are left out.
-Between encoders on both sides nothing is filtered, nor where the sensor has not measured yet (a plan, a simulation).
+The motor angle enters the prediction of a rate through its derivative, which raises the encoder's
+quantisation by about 1 / step; the measured rate itself is never smoothed. So the motor angle alone passes
+the acausal Gaussian filter (3.1), at the lowest cutoff that a steady motion needs not more than and the
+encoder not less than: the one at which the encoder's part in the predicted rate is a tenth of the gyroscope's
+noise. Harmonics are not touched by it: they follow the filtered angle through the gear table. Where the
+filter rounds the motion itself by more than a share of the gyroscope's noise, at the corners of a motion
+profile, samples are left out. Between encoders on both sides nothing is filtered, nor where the sensor has
+not measured yet (a plan, a simulation).
 
-Where the drive train swings, at the corners of a motion profile, no quasi-static model holds: such samples are left out
-(chain/swinging.py).
+Where the drive train swings, at the corners of a motion profile, no quasi-static model holds: such samples
+are left out (chain/swinging.py).
 """
 
 from __future__ import annotations
@@ -47,17 +48,20 @@ _STENCIL_GAIN = 1.18  # noise of the eighth-order central difference per step
 _NOISE_BANDWIDTH = 60.6  # integral of (2 pi f)^2 exp(-ln 2 f^2 / f_c^2) 2 df / f_c^3
 _ROUNDED_SHARE = 0.3  # of the gyroscope's noise that the filter may take from the motion's own rate
 _ROUNDED_REACH = 3.0  # deviations of the filter
-_ROUNDED_NOISE, _CERTAIN = 0.515, 6.0  # of the encoder's part in the rate, in what a second filter takes; deviations
+# of the encoder's part in the rate, in what a second filter takes; deviations
+_ROUNDED_NOISE, _CERTAIN = 0.515, 6.0
 
 
 @dataclass(frozen=True)
 class GearRecord:
-    """Signals (N, n) of the motors at `time` (N,), the stamps without their rounding, and the runs' row indices.
+    """Signals (N, n) of the motors at `time` (N,), the stamps without their rounding, and the runs' row
+    indices.
 
-    theta, theta_dot (rad, rad/s), direction (-1, 0, +1); keep (N,): neither at a reversal nor where inertia swings
-    the drive train or the filter rounds the motion; cutoff_hz: of the filter on theta, None where it was not needed; encoder_axes: axes (from 0)
-    with an encoder at the output, empty where a gyroscope measures; moving (n,): axes that move at all; furthest: of
-    each run, the axis (from 0) that moves furthest.
+    theta, theta_dot (rad, rad/s), direction (-1, 0, +1); keep (N,): neither at a reversal nor where inertia
+    swings the drive train or the filter rounds the motion; cutoff_hz: of the filter on theta, None where it
+    was not needed; encoder_axes: axes (from 0) with an encoder at the output, empty where a gyroscope
+    measures; moving (n,): axes that move at all; furthest: of each run, the axis (from 0) that moves
+    furthest.
     """
 
     theta: np.ndarray
@@ -84,7 +88,9 @@ class GearRecord:
         view = View(robot, data, "gear_run", threads)
         view.signals |= {"theta": self.theta.copy(), "theta_dot": self.theta_dot, "direction": self.direction}
         view.signals["keep"] = self.keep.astype(float)
-        view.runs, view.moving, view.moving_runs = self.runs, self.moving, tuple(zip(self.runs, self.furthest))
+        view.runs, view.moving, view.moving_runs = self.runs, self.moving, tuple(
+            zip(self.runs, self.furthest)
+        )
         view.sensor_axis = self.sensor_axis
         return view
 
@@ -106,7 +112,8 @@ class GearRecord:
 
 
 def gear_record(robot: Robot, data: Dataset, *, accelerating: bool = False) -> GearRecord:
-    """Prepares all runs of `data`; `accelerating`: keeps what might swing on axes of which the data say that they do not."""
+    """Prepares all runs of `data`; `accelerating`: keeps what might swing on axes of which the data say that
+    they do not."""
     theta = motor_angles(robot, data)
     view = View(robot, data, "gear_run")
     view.signals["theta"] = theta
@@ -151,7 +158,8 @@ def gear_record(robot: Robot, data: Dataset, *, accelerating: bool = False) -> G
     return replace(record, keep=keep & ~(swinging & ~np.isin(record.sensor_axis, quiet)))
 
 
-def _quiet_axes(robot: Robot, data: Dataset, record: GearRecord, bending: np.ndarray, swinging: np.ndarray) -> list[int]:
+def _quiet_axes(robot: Robot, data: Dataset, record: GearRecord, bending: np.ndarray,
+                swinging: np.ndarray) -> list[int]:
     """Axes (from 0) that turn out not to swing where they might."""
     view = record.view(robot, data)
     phi = declared_output_angle(view)[0]
@@ -170,7 +178,8 @@ def _quiet_axes(robot: Robot, data: Dataset, record: GearRecord, bending: np.nda
 
 
 def _at_even_times(theta: np.ndarray, stamps: np.ndarray, time: np.ndarray, main: int) -> np.ndarray:
-    """Motor angles (R, n) at the even `time`, where those of the column `main` show that they were read at their stamps."""
+    """Motor angles (R, n) at the even `time`, where those of the column `main` show that they were read at
+    their stamps."""
     rate = derivative(gaussian_filter(theta, time, _DIRECTION_CUTOFF_HZ), time)
     if not stamps_are_true(theta[:, main], rate[:, main], stamps, time):
         return theta
@@ -189,8 +198,8 @@ def _gyro_noise(view: View) -> float:
 
 
 def _cutoff(view: View, robot: Robot, gyro_noise: float) -> tuple[float | None, float]:
-    """Cutoff of the filter on the motor angle in Hz, None where the encoder is fine enough without; and the rate in
-    rad/s below which a rounding by the filter cannot be told from the encoder's own part."""
+    """Cutoff of the filter on the motor angle in Hz, None where the encoder is fine enough without; and the
+    rate in rad/s below which a rounding by the filter cannot be told from the encoder's own part."""
     noises, steps = [], []
     for rows, axis in view.moving_runs:
         angle = view.theta[rows, axis] / robot.ratios[axis]
@@ -207,6 +216,7 @@ def _cutoff(view: View, robot: Robot, gyro_noise: float) -> tuple[float | None, 
 
 
 def _rounded(angle: np.ndarray, time: np.ndarray, cutoff: float, limit: float) -> np.ndarray:
-    """(R,) where filtering the filtered angle (R,) once more changes its rate by more than `limit` rad/s, and around."""
+    """(R,) where filtering the filtered angle (R,) once more changes its rate by more than `limit` rad/s, and
+    around."""
     taken = np.abs(derivative(angle - gaussian_filter(angle, time, cutoff), time)) > limit
     return widened(taken, time, _ROUNDED_REACH * gaussian_sigma(cutoff))

@@ -1,13 +1,15 @@
 """The chain for gear runs: motor angles in, what the sensor behind the gear reads out.
 
     theta --gear of the direction of motion--> phi --spring under gravity--> q
-    gyroscope:      reading (N, 3) = DEVICE(sum_k w_k dq_k/dt),  rad/s in the sensor's axes, z along the moving axis
-    link encoders:  reading (N, E) = q of the axes that have one, rad (an offset per run and axis is a parameter)
+    gyroscope:      reading (N, 3) = DEVICE(sum_k w_k dq_k/dt),
+                    rad/s in the sensor's axes, z along the moving axis
+    link encoders:  reading (N, E) = q of the axes that have one, rad (an offset per run and axis is a
+                    parameter)
 
 d/dt is one linear operator, of values and tangents alike (chain/gear_record.py, signals.py). w_k are the axes
-upstream of the sensor, seen from its link; without a declared geometry only the moving axis counts. The load is
-gravity's; where no masses are declared, a measured torque is taken. The angle and its load form a fixed point as
-in static poses (chain/poses.py).
+upstream of the sensor, seen from its link; without a declared geometry only the moving axis counts. The load
+is gravity's; where no masses are declared, a measured torque is taken. The angle and its load form a fixed
+point as in static poses (chain/poses.py).
 """
 
 from __future__ import annotations
@@ -42,7 +44,8 @@ _SPIKE_S = 0.02
 class GearRunPrediction:
     """measured (N, m) rad/s or rad; jacobian (N, m, P) or None; observed (N, m) what the sensor said.
 
-    keep (N,) rows on which the model is defined; along (N, m): the moving axis in the sensor's axes (gyroscope).
+    keep (N,) rows on which the model is defined; along (N, m): the moving axis in the sensor's axes
+    (gyroscope).
     """
 
     measured: np.ndarray
@@ -64,9 +67,12 @@ class GearRunPrediction:
         return self.observed - self.measured
 
     def judged(self) -> np.ndarray:
-        """(K,) residual along the moving axis of the rows that count, unfiltered; of all axes with two encoders."""
+        """(K,) residual along the moving axis of the rows that count, unfiltered; of all axes with two
+        encoders."""
         residual = self.residual()[self.keep]
-        return residual.ravel() if self.along is None else np.einsum("ij,ij->i", residual, self.along[self.keep])
+        return (
+            residual.ravel() if self.along is None else np.einsum("ij,ij->i", residual, self.along[self.keep])
+        )
 
 
 def predict_gear_run(
@@ -78,7 +84,8 @@ def predict_gear_run(
     tangents: bool = True,
     threads: int = 1,
 ) -> GearRunPrediction:
-    """Prediction of every row with the effects of `layout`; `record`: of the same data, to save its preparation."""
+    """Prediction of every row with the effects of `layout`; `record`: of the same data, to save its
+    preparation."""
     record = gear_record(robot, data) if record is None else record
     for effect in layout.effects:
         robot = effect.bake(robot)
@@ -107,7 +114,8 @@ def predict_gear_run(
 
 
 def _pass(
-    view: View, layout: Layout, station: Station, signal: str, passed: list[Recorded], derivatives: bool = True
+    view: View, layout: Layout, station: Station, signal: str, passed: list[Recorded],
+    derivatives: bool = True
 ) -> None:
     """Adds the changes at a station to the signal's values and records them for the tangents."""
     for index, effect in enumerate(layout.effects):
@@ -153,8 +161,9 @@ def _joint_angles(view: View, layout: Layout, derivatives: bool) -> list[Recorde
 def _measured_load(view: View) -> np.ndarray:
     """(N, n) measured torque on the output side, 0 where none was measured: spikes out, low-passed.
 
-    A gear gives way to what the arm demands, not to the ripple and noise of the drive's current. Nor to what the drive's
-    dry friction takes of it: view.signals["friction_sign"] (N, n) is the shape of that part behind the same low-pass.
+    A gear gives way to what the arm demands, not to the ripple and noise of the drive's current. Nor to what
+    the drive's dry friction takes of it: view.signals["friction_sign"] (N, n) is the shape of that part
+    behind the same low-pass.
     """
     torque = np.zeros((view.rows, view.axes))
     for name, factor in (("tau_motor", view.robot.ratios), ("tau", 1.0)):
@@ -180,8 +189,10 @@ def _along(view: View, device: np.ndarray) -> np.ndarray:
     return along / np.linalg.norm(along, axis=1)[:, None]
 
 
-def _keep_axis_residual(view: View, observed: np.ndarray, along: np.ndarray | None, record: GearRecord) -> None:
-    """What is left along each moving axis, (N, n) in view.signals["axis_residual"], for the search of orders."""
+def _keep_axis_residual(view: View, observed: np.ndarray, along: np.ndarray | None,
+                        record: GearRecord) -> None:
+    """What is left along each moving axis, (N, n) in view.signals["axis_residual"], for the search of
+    orders."""
     residual, by_axis = observed - view.measured, np.zeros((view.rows, view.axes))
     if along is None:
         by_axis[:, record.encoder_axes] = residual
@@ -190,8 +201,10 @@ def _keep_axis_residual(view: View, observed: np.ndarray, along: np.ndarray | No
     view.signals["axis_residual"] = by_axis
 
 
-def _jacobian(view: View, layout: Layout, record: GearRecord, passed: list[Recorded], weights: np.ndarray) -> np.ndarray:
-    """(N, m, P), one run after another so that the tangents of the joints never stand in memory all at once."""
+def _jacobian(view: View, layout: Layout, record: GearRecord, passed: list[Recorded],
+              weights: np.ndarray) -> np.ndarray:
+    """(N, m, P), one run after another so that the tangents of the joints never stand in memory all at
+    once."""
     size, components = layout.size, weights.shape[1]
     jacobian = np.zeros((view.rows, components, size))
     for number, rows in enumerate(record.runs):

@@ -22,8 +22,10 @@ class Layout:
 
     @staticmethod
     def of(effects: tuple[Effect, ...], estimate: bool = True) -> Layout:
-        """All parameters free except those that call themselves fixed (none at all when `estimate` is False)."""
-        masks = [np.array([estimate and not p.fixed for p in effect.parameters()], bool) for effect in effects]
+        """All parameters free except those that call themselves fixed (none at all when `estimate` is
+        False)."""
+        masks = [np.array([estimate and not p.fixed for p in effect.parameters()], bool)
+                 for effect in effects]
         return Layout(tuple(effects), tuple(masks))
 
     def joined(self, other: Layout) -> Layout:
@@ -38,7 +40,8 @@ class Layout:
         """The same with the named parameters held at their present values."""
         masks = []
         for effect, mask in zip(self.effects, self.free):
-            masks.append(mask & np.array([self._name(effect, p) not in names for p in effect.parameters()], bool))
+            masks.append(mask & np.array([self._name(effect, p) not in names for p in effect.parameters()],
+                                         bool))
         return Layout(self.effects, tuple(masks))
 
     @staticmethod
@@ -58,13 +61,15 @@ class Layout:
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
         """The free parameters, in the vector's order."""
-        return tuple(p for e, mask in zip(self.effects, self.free) for p, keep in zip(e.parameters(), mask) if keep)
+        return tuple(p for e, mask in zip(self.effects, self.free) for p, keep in zip(e.parameters(), mask)
+                     if keep)
 
     @cached_property
     def names(self) -> tuple[str, ...]:
         """Unique labels of the free parameters, with units."""
         return tuple(
-            self._name(e, p) for e, mask in zip(self.effects, self.free) for p, keep in zip(e.parameters(), mask) if keep
+            self._name(e, p) for e, mask in zip(self.effects, self.free)
+            for p, keep in zip(e.parameters(), mask) if keep
         )
 
     @cached_property
@@ -73,7 +78,8 @@ class Layout:
         return np.array([p.prior for p in self.parameters])
 
     def prior_rows(self) -> np.ndarray:
-        """(r, P) rows of 1 / standard deviation, one for each parameter with a prior: pseudo-observations of zero."""
+        """(r, P) rows of 1 / standard deviation, one for each parameter with a prior: pseudo-observations of
+        zero."""
         held = np.flatnonzero(np.isfinite(self.prior))
         rows = np.zeros((len(held), self.size))
         rows[np.arange(len(held)), held] = 1.0 / self.prior[held]

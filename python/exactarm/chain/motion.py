@@ -4,11 +4,11 @@
     torque = D(q) q_ddot + C q_dot + g + effects of the load                       carried by the springs
     drive  = ratio (dphi/dtheta)' torque + J ratio theta_ddot + friction(theta_dot) + effects of the drive
 
-The middle line of the drive is the principle of virtual work (E4): whatever turns a joint is loaded by it, so a
-wrist whose motors turn several axes, or a gear ratio that is not constant, transposes. Declared springs answer as the
-arm swings on them (chain/spring_response.py); what effects add to them follows the load of the unbent motion.
-Rates are those of the motor over its ratio, plus the derivative of what the arm deviates from it, low-passed as the
-measured angles are.
+The middle line of the drive is the principle of virtual work (E4): whatever turns a joint is loaded by it, so
+a wrist whose motors turn several axes, or a gear ratio that is not constant, transposes. Declared springs
+answer as the arm swings on them (chain/spring_response.py); what effects add to them follows the load of the
+unbent motion. Rates are those of the motor over its ratio, plus the derivative of what the arm deviates from
+it, low-passed as the measured angles are.
 """
 
 from __future__ import annotations
@@ -34,11 +34,14 @@ _RELATIVE_STEP = 1e-4  # of a plausible value, for the slope of dphi/dtheta (exa
 
 @dataclass
 class MotionView(View):
-    """A view that remembers how it came about, so that it can tell the response to an effect not in the layout."""
+    """A view that remembers how it came about, so that it can tell the response to an effect not in the
+    layout."""
 
     evaluated: tuple = field(default=(), repr=False)  # robot, layout, record
-    predict: Callable | None = field(default=None, repr=False)  # (robot, layout, record, threads, bent) -> prediction
-    bent: tuple | None = field(default=None, repr=False)  # stretch of the springs, torque left, tangent stiffness
+    # (robot, layout, record, threads, bent) -> prediction
+    predict: Callable | None = field(default=None, repr=False)
+    # stretch of the springs, torque left, tangent stiffness
+    bent: tuple | None = field(default=None, repr=False)
 
     @property
     def sign_width(self) -> np.ndarray:
@@ -55,9 +58,11 @@ class MotionView(View):
         return self._responses([effect], [np.ones(len(effect.values), bool)], None)[0]
 
     def responses(self, effects: list[Effect]) -> list[np.ndarray]:
-        """The same of several effects of zero size, by what is neither fixed nor searched (the rest is zero): one run
+        """The same of several effects of zero size, by what is neither fixed nor searched (the rest is zero):
+        one run
         through the arm serves all of them."""
-        free = [np.array([not p.fixed and not p.search for p in effect.parameters()], bool) for effect in effects]
+        free = [np.array([not p.fixed and not p.search for p in effect.parameters()], bool)
+                for effect in effects]
         return self._responses(effects, free, self.bent)
 
     def _responses(self, effects: list[Effect], free: list[np.ndarray], bent) -> list[np.ndarray]:
@@ -73,7 +78,8 @@ class MotionView(View):
 
 @dataclass(frozen=True)
 class MotionPrediction:
-    """What the drives should report on the rows of the record: torque (N, n) Nm, jacobian (N, n, P) or None."""
+    """What the drives should report on the rows of the record: torque (N, n) Nm, jacobian (N, n, P) or
+    None."""
 
     torque: np.ndarray
     jacobian: np.ndarray | None
@@ -102,7 +108,8 @@ def predict_motion(
 
 
 def motion_view(
-    robot: Robot, layout: Layout, record: MotionRecord, *, tangents: bool = True, threads: int = 1, kind: str = "motion",
+    robot: Robot, layout: Layout, record: MotionRecord, *, tangents: bool = True, threads: int = 1,
+    kind: str = "motion",
     bent=None,
 ) -> MotionView:
     """Motor angles, gears, loads, springs and joint angles with their rates: all signals up to the joints."""
@@ -156,7 +163,8 @@ def _joints(view: View, layout: Layout, tangents: bool) -> None:
 
 
 def _bend(view: View, layout: Layout, record: MotionRecord, tangents: bool) -> None:
-    """The declared springs give way under the torque, which is relieved by it; tangents about the bent motion."""
+    """The declared springs give way under the torque, which is relieved by it; tangents about the bent
+    motion."""
     unbent = SpringResponse(view.robot, *_slopes(view), record.runs, record.step, record.inside)
     if view.bent is None:
         view.bent = (*unbent.give_way(view.torque), unbent.tangent)
@@ -182,7 +190,8 @@ def _torque_tangent(view: View, slopes) -> np.ndarray:
     return sum(slope @ view.tangents[name] for slope, name in zip(slopes, ("q", "q_dot", "q_ddot")))
 
 
-def _bent(signals: dict[str, np.ndarray], response: SpringResponse, stretch: np.ndarray, torque: np.ndarray) -> None:
+def _bent(signals: dict[str, np.ndarray], response: SpringResponse, stretch: np.ndarray,
+          torque: np.ndarray) -> None:
     rate, acceleration = response.rates(stretch)
     signals["torque"] = torque
     for name, change in (("q", stretch), ("q_dot", rate), ("q_ddot", acceleration)):
@@ -232,7 +241,8 @@ def predict_drive(view: MotionView, robot: Robot, layout: Layout, tangents: bool
 
 
 def _taken_by_drives(view: View) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(N, n) Nm that declared rotors and friction take of the drive torque, its slopes by theta_dot (N, n) and theta_ddot (n,)."""
+    """(N, n) Nm that declared rotors and friction take of the drive torque, its slopes by theta_dot (N, n)
+    and theta_ddot (n,)."""
     nominal = view.robot.controller_ratios
     rate = view.signals["theta_dot"] / nominal
     sign, sign_slope = smooth_sign(rate, view.sign_width, view.swing)
@@ -245,11 +255,11 @@ def _taken_by_drives(view: View) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def _carried(view: MotionView, record: MotionRecord) -> tuple[np.ndarray, np.ndarray]:
-    """(N, n) Nm that the joints carry as the drives tell: measured torque less rotors and friction, NaN where none was
-    measured; and (n,) its standard deviation of noise, by what the band above holds.
+    """(N, n) Nm that the joints carry as the drives tell: measured torque less rotors and friction, NaN where
+    none was measured; and (n,) its standard deviation of noise, by what the band above holds.
 
-    Unlike the torque of the model it does not hang on angles that a gap has bent. Slow, because its noise is that of the
-    residual too: what it decides within the band would explain noise by itself.
+    Unlike the torque of the model it does not hang on angles that a gap has bent. Slow, because its noise is
+    that of the residual too: what it decides within the band would explain noise by itself.
     """
     told = record.torque - record.smooth(_taken_by_drives(view)[0])
     slow = record.slow(told)
@@ -257,7 +267,8 @@ def _carried(view: MotionView, record: MotionRecord) -> tuple[np.ndarray, np.nda
     return slow, np.sqrt(SLOW_HZ / above * np.mean((told - slow) ** 2, axis=0))
 
 
-def transmission(view: View, layout: Layout, declared: tuple[np.ndarray, np.ndarray] | None = None) -> np.ndarray:
+def transmission(view: View, layout: Layout,
+                 declared: tuple[np.ndarray, np.ndarray] | None = None) -> np.ndarray:
     """dphi/dtheta (N, n, n) of declared gears and gear effects at the angles of `view`; declared: what
     `declared_output_angle` gives there, where it is known."""
     declared, slope = declared_output_angle(view) if declared is None else declared
@@ -274,8 +285,12 @@ def _transmission_tangent(view: MotionView, robot: Robot, layout: Layout) -> np.
     """(N, n, P) derivative of (dphi/dtheta)' torque by the parameters of the gears, the torque held."""
     tangent = np.zeros((view.rows, view.axes, layout.size))
     record = view.evaluated[2]
-    known = declared_output_angle(view) if any(effect.station == Station.GEAR for effect in layout.effects) else None
-    sized = [index for index, effect in enumerate(layout.effects) if effect.only_in_tables or _has_size(effect)]
+    known = (
+        declared_output_angle(view) if any(effect.station == Station.GEAR for effect in layout.effects)
+        else None
+    )
+    sized = [index for index, effect in enumerate(layout.effects)
+             if effect.only_in_tables or _has_size(effect)]
     for index, effect in enumerate(layout.effects):
         if effect.station not in (Station.MOTOR, Station.GEAR):
             continue
@@ -291,18 +306,21 @@ def _transmission_tangent(view: MotionView, robot: Robot, layout: Layout) -> np.
                 shifted = np.array(effect.values, float)
                 shifted[k] += sign * step
                 held = Layout.of((*around, effect.with_values(shifted)), estimate=False)
-                ends.append(_shifted_transmission(view, robot, held, record, None if moves_declared else known))
+                ends.append(_shifted_transmission(view, robot, held, record,
+                                                  None if moves_declared else known))
             tangent[:, :, column] = np.einsum("nji,nj->ni", (ends[0] - ends[1]) / (2.0 * step), view.torque)
     return tangent
 
 
 def _has_size(effect: Effect) -> bool:
     """Whether any value differs from zero that is neither fixed nor searched."""
-    return any(value != 0.0 for p, value in zip(effect.parameters(), effect.values) if not p.fixed and not p.search)
+    return any(value != 0.0 for p, value in zip(effect.parameters(), effect.values)
+               if not p.fixed and not p.search)
 
 
 def _shifted_transmission(
-    view: MotionView, robot: Robot, layout: Layout, record: MotionRecord, declared: tuple[np.ndarray, np.ndarray] | None
+    view: MotionView, robot: Robot, layout: Layout, record: MotionRecord,
+    declared: tuple[np.ndarray, np.ndarray] | None
 ) -> np.ndarray:
     if declared is not None:
         return transmission(view, layout, declared)

@@ -1,12 +1,14 @@
-"""Rows of a motion that hang on how a gear passes from the table of one direction to that of the other at a reversal.
+"""Rows of a motion that hang on how a gear passes from the table of one direction to that of the other at a
+reversal.
 
-No model defines the passage; the chain assumes one of TRANSITION_S (chain/direction.py). The prediction is made again as if
-it took less and more time, d the directions of each:
+No model defines the passage; the chain assumes one of TRANSITION_S (chain/direction.py). The prediction is
+made again as if it took less and more time, d the directions of each:
 
     row left out where max_j |predicted_j(d) - predicted_j(d of TRANSITION_S)| > SHARE sigma_j
 
-sigma (m,): white noise of the measurement as it is compared with the prediction. What a passage shakes behind it (springs,
-the low-pass) is in the predictions, so no reach has to be guessed. Gears whose two tables agree leave every row in.
+sigma (m,): white noise of the measurement as it is compared with the prediction. What a passage shakes behind
+it (springs, the low-pass) is in the predictions, so no reach has to be guessed. Gears whose two tables agree
+leave every row in.
 """
 
 from __future__ import annotations
@@ -26,13 +28,15 @@ from exactarm.dataset import Dataset
 from exactarm.robot import Robot
 from exactarm.signals import typical_step, white_noise
 
-DURATIONS_S = (0.02, 0.1)  # what friction leaves of wind-up, 1e-4 to 1e-3 rad, is passed in so long at 2 rad/s^2 and twice that
+# what friction leaves of wind-up, 1e-4 to 1e-3 rad, is passed in so long at 2 rad/s^2 and twice that
+DURATIONS_S = (0.02, 0.1)
 SHARE = 0.3  # of the noise that an error may have unseen: a tenth of its variance
 _LEAST_TORQUE_SHARE = 1e-3  # of an axis' torque, where a log is free of noise: no model of friction is better
 _LEAST_NOISE_M = 5e-6  # of a position: what laser trackers resolve
 
 
-def motion_clear_of_reversals(robot: Robot, record: MotionRecord, data: Dataset, threads: int = 1) -> MotionRecord:
+def motion_clear_of_reversals(robot: Robot, record: MotionRecord, data: Dataset,
+                              threads: int = 1) -> MotionRecord:
     """The record without such rows; data: the log that it was made from."""
     if not _reverses(robot, record):
         return record
@@ -42,7 +46,8 @@ def motion_clear_of_reversals(robot: Robot, record: MotionRecord, data: Dataset,
     white *= np.sqrt(record.white_share(min(typical_step(data.time[rows]) for rows in runs)))
     noise = np.maximum(white, _LEAST_TORQUE_SHARE * np.sqrt(np.mean(record.torque[:, axes] ** 2, axis=0)))
     empty = Layout((), ())
-    predict = lambda record: predict_motion(robot, empty, record, tangents=False, threads=threads).torque[:, axes]
+    predict = lambda record: predict_motion(robot, empty, record, tangents=False,
+                                            threads=threads).torque[:, axes]
     return replace(record, at_reversal=_unclear(robot, record, predict, noise))
 
 
@@ -60,10 +65,12 @@ def track_clear_of_reversals(robot: Robot, record: MotionRecord, threads: int = 
 
 def reversals_left_out(records: Iterable[MotionRecord]) -> tuple[str, ...]:
     """In words, how many rows these records leave out; empty where none."""
-    out, rows = (sum(int(np.sum(part)) for part in parts) for parts in zip(*((r.at_reversal & r.inside, r.inside) for r in records)))
+    out, rows = (sum(int(np.sum(part)) for part in parts)
+                 for parts in zip(*((r.at_reversal & r.inside, r.inside) for r in records)))
     if not out:
         return ()
-    return (f"{out} of {rows} rows at reversals were left out: how a gear passes there from one direction's table to the "
+    return (f"{out} of {rows} rows at reversals were left out: how a gear passes there from one direction's "
+            "table to the "
             "other's is not known",)
 
 

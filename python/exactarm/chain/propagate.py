@@ -2,7 +2,8 @@
 
 A change at a station adds its value to the signal, and to the tangent
     T_signal += change.by_parameters + sum_s change.by_signal[s] @ T_s.
-What the drives and the structure do, they do in every kind of data; encoders and devices belong to their own kind.
+What the drives and the structure do, they do in every kind of data; encoders and devices belong to their own
+kind.
 """
 
 from __future__ import annotations
@@ -47,7 +48,8 @@ def pass_tangents(view: View, layout: Layout, station: Station, signal: str) -> 
 def _move_tangent(view: View, layout: Layout, index: int, change: Change, tangent: np.ndarray) -> None:
     """Adds to a tangent (N, m, P), in place, what a change does to it."""
     columns = list(change.columns)
-    added = [_through(factor, view.tangents[name]) for name, factor in change.by_signal.items() if name in view.tangents]
+    added = [_through(factor, view.tangents[name]) for name, factor in change.by_signal.items()
+             if name in view.tangents]
     for part in added:
         if part is not None:
             tangent[:, columns] += part

@@ -38,7 +38,8 @@ Tangents = dict[str, dict[int, np.ndarray]]
 
 
 def moved(tangents: Tangents, signal: str, recorded: Recorded, rows: slice | np.ndarray, size: int) -> None:
-    """Adds one recorded change to the tangent of a signal on `rows`, in place; size = P, 0 without parameters."""
+    """Adds one recorded change to the tangent of a signal on `rows`, in place; size = P, 0 without
+    parameters."""
     change, moves = recorded.change, []
     for name, factor in change.by_signal.items():
         for j, upstream in tangents.get(name, {}).items():
@@ -72,7 +73,8 @@ def device_map(view: View, passed: list[Recorded]) -> np.ndarray:
     return total
 
 
-def joint_tangents(view: View, layout: Layout, passed: list[Recorded], rows: np.ndarray) -> dict[int, np.ndarray]:
+def joint_tangents(view: View, layout: Layout, passed: list[Recorded],
+                   rows: np.ndarray) -> dict[int, np.ndarray]:
     """Tangents of q by axis, (R, P), on the rows of one run."""
     at = lambda station: (recorded for recorded in passed if recorded.station == station)
     size, slope, spring = layout.size, view.signals["gear_slope"][rows], view.signals["spring_slope"][rows]

@@ -1,7 +1,8 @@
 """The link on which a gyroscope sits: which joint rates it feels, and how gravity stands in it.
 
-The sensor's nominal axes on the link behind axis j: z along the axis, in the sense in which q_j rises, and x where
-the frame's x axis lies after the turn q_j. Rates of axes upstream (their deflection as axis j moves) are felt too.
+The sensor's nominal axes on the link behind axis j: z along the axis, in the sense in which q_j rises, and x
+where the frame's x axis lies after the turn q_j. Rates of axes upstream (their deflection as axis j moves)
+are felt too.
 """
 
 from __future__ import annotations
@@ -29,7 +30,8 @@ def sensor_rates(view: View, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         axes = rotations[:, : axis + 1, :, 2] * sign[: axis + 1, None]
         joint = view.robot.joints[axis]
         nominal = rotations[:, axis] @ _about_z(joint.sign * q[rows, axis] + joint.zero)
-        nominal[:, :, 1:] *= joint.sign  # z along the axis as q rises: half a turn about x where the sign is -1
+        # z along the axis as q rises: half a turn about x where the sign is -1
+        nominal[:, :, 1:] *= joint.sign
         weights[rows, :, : axis + 1] = np.einsum("iab,ika->ibk", nominal, axes)
         force[rows] = -np.einsum("iab,a->ib", nominal, view.robot.gravity) / GRAVITY_M_S2
     return weights, force

@@ -8,7 +8,8 @@ from exactarm.robot import Robot
 
 
 def declared_deflection(robot: Robot, torque: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Change of q under the torque (N, n) that the springs carry, -kappa^{-1}(torque), and its slope by the torque."""
+    """Change of q under the torque (N, n) that the springs carry, -kappa^{-1}(torque), and its slope by the
+    torque."""
     value, slope = np.zeros_like(torque), np.zeros_like(torque)
     for i, joint in enumerate(robot.joints):
         if joint.spring_linear:
@@ -18,7 +19,8 @@ def declared_deflection(robot: Robot, torque: np.ndarray) -> tuple[np.ndarray, n
 
 
 def spring_inverse(linear: float, cubic: float, torque: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """e with linear e + cubic e^3 = torque (Cardano in its hyperbolic form, monotone springs), and de/dtorque."""
+    """e with linear e + cubic e^3 = torque (Cardano in its hyperbolic form, monotone springs), and
+    de/dtorque."""
     if cubic == 0.0:
         return torque / linear, np.full_like(torque, 1.0 / linear)
     scale = np.sqrt(4.0 * linear / (3.0 * cubic))

@@ -4,12 +4,13 @@ With e the stretch of the springs (q = phi + q_offset - e) and tau the torque of
 
     kappa(e) + d e_dot = tau - (dtau/dq e + dtau/dq_dot e_dot + D e_ddot)
 
-so that gear errors near a resonance of the arm are answered as the arm does, not as its inertia alone. Integrated
-from the equilibria of the first rows of a run (a log that begins in motion has no accelerations there yet) by Newmark's method in its three-point form (Zienkiewicz 1977), a little damped
-at the highest frequencies (gamma = 1/2 + a, beta = (1 + a)^2 / 4); all steps of a run are one banded system, which
-serves values and tangents. Damping d = 1e-3 s kappa'(0), as gears have it (3 % of critical at 10 Hz): it decides
-where a resonance is crossed and nowhere else. A cubic spring enters by its secant. Axes without a declared spring
-do not give way.
+so that gear errors near a resonance of the arm are answered as the arm does, not as its inertia alone.
+Integrated from the equilibria of the first rows of a run (a log that begins in motion has no accelerations
+there yet) by Newmark's method in its three-point form (Zienkiewicz 1977), a little damped at the highest
+frequencies (gamma = 1/2 + a, beta = (1 + a)^2 / 4); all steps of a run are one banded system, which serves
+values and tangents. Damping d = 1e-3 s kappa'(0), as gears have it (3 % of critical at 10 Hz): it decides
+where a resonance is crossed and nowhere else. A cubic spring enters by its secant. Axes without a declared
+spring do not give way.
 """
 
 from __future__ import annotations
@@ -31,8 +32,8 @@ _MASSIVE = (1.0, -2.0, 1.0)
 
 
 class SpringResponse:
-    """The system of one motion: slopes (N, n, n) of the unbent torque by q, q_dot, q_ddot; runs of row indices; keep (N,):
-    rows away from the ends of their run."""
+    """The system of one motion: slopes (N, n, n) of the unbent torque by q, q_dot, q_ddot; runs of row
+    indices; keep (N,): rows away from the ends of their run."""
 
     def __init__(self, robot: Robot, by_q, by_rate, mass, runs, step: float, keep=None):
         self.linear = np.array([joint.spring_linear or 0.0 for joint in robot.joints])
@@ -45,7 +46,8 @@ class SpringResponse:
         self.tangent = np.broadcast_to(self.linear, by_q.shape[:2])
 
     def give_way(self, torque: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """e (N, n) under the torque (N, n) of the unbent motion, and the torque that is left at the joints."""
+        """e (N, n) under the torque (N, n) of the unbent motion, and the torque that is left at the
+        joints."""
         e = -declared_deflection(self.robot, torque)[0]
         for _ in range(_SECANTS if np.any(self.cubic) else 1):
             secant = self.linear + self.cubic * e**2
@@ -59,7 +61,8 @@ class SpringResponse:
         return e, self.carried(torque, e, self.tangent)
 
     def carried(self, torque: np.ndarray, e: np.ndarray, stiffness: np.ndarray) -> np.ndarray:
-        """(N, n, P) torque at the joints as the arm gives way by e (N, n, P): that of the springs where there are any."""
+        """(N, n, P) torque at the joints as the arm gives way by e (N, n, P): that of the springs where there
+        are any."""
         rate, acceleration = self.rates(e)
         springs = stiffness[:, :, None] * e + (DAMPING_S * self.linear)[:, None] * rate
         if np.all(self.elastic):
@@ -88,9 +91,11 @@ class SpringResponse:
             blocks[2][:first] = still[:first]
             now, swings = slice(first - 1, -1), rows[first - 1 : -1]
             for block, s, d, m in zip(blocks, _STIFF, _DAMPED, _MASSIVE):
-                block[first:] = s * still[now] + d / h * (self.by_rate[swings] + damping) + m / h**2 * self.mass[swings]
+                block[first:] = s * still[now] + d / h * (self.by_rate[swings]
+                                                          + damping) + m / h**2 * self.mass[swings]
             mean = right.copy()
-            mean[first:] = _STIFF[0] * right[first - 2 : -2] + _STIFF[1] * right[now] + _STIFF[2] * right[first:]
+            mean[first:] = _STIFF[0] * right[first
+                                             - 2 : -2] + _STIFF[1] * right[now] + _STIFF[2] * right[first:]
             flat = mean.reshape(len(rows) * n, -1)
             band = _banded(blocks, self.elastic)
             e[rows] = solve_banded((3 * n - 1, n - 1), band, flat, check_finite=False).reshape(right.shape)
@@ -98,7 +103,8 @@ class SpringResponse:
 
 
 def _positive(mass: np.ndarray) -> np.ndarray:
-    """The mass matrices (N, n, n), made positive where a trial of an identification is not: it would run away."""
+    """The mass matrices (N, n, n), made positive where a trial of an identification is not: it would run
+    away."""
     try:
         np.linalg.cholesky(mass)
         return mass

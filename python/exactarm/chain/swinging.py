@@ -1,13 +1,14 @@
 """Where inertia swings a drive train, so that a gear run's quasi-static chain does not hold.
 
-The chain bends the springs by gravity alone (thesis 3.1.1). Inertia, torque less what it is at rest, bends the declared
-spring of the moving axis as well; b(t) is the rate of that. Samples where b exceeds the gyroscope's noise are left out, as the
-thesis keeps to the stretch of constant velocity, unless the data themselves say that nothing swings there:
+The chain bends the springs by gravity alone (thesis 3.1.1). Inertia, torque less what it is at rest, bends
+the declared spring of the moving axis as well; b(t) is the rate of that. Samples where b exceeds the
+gyroscope's noise are left out, as the thesis keeps to the stretch of constant velocity, unless the data
+themselves say that nothing swings there:
 
     reading along the axis - predicted rate = c0 + c1 rate + c2 acceleration + s b + noise
 
-A scale error, a delay or a bias (c) may show, a share s near 1 of the bending may not, and what is left must be no more
-than elsewhere. A delay shows only where an axis accelerates, so these samples are worth keeping.
+A scale error, a delay or a bias (c) may show, a share s near 1 of the bending may not, and what is left must
+be no more than elsewhere. A delay shows only where an axis accelerates, so these samples are worth keeping.
 """
 
 from __future__ import annotations
@@ -26,16 +27,20 @@ _SHARE, _SCATTER = 0.35, 1.25  # of the bending that may show; of what is left b
 _LEAST_ROWS = 50
 
 
-def bending_rate(robot: Robot, theta: np.ndarray, acceleration: np.ndarray, time: np.ndarray, axis: int) -> np.ndarray:
-    """(R,) rad/s, from the motor angles (R, n) and the acceleration (R,) of one motor; 0 without masses or a spring."""
+def bending_rate(robot: Robot, theta: np.ndarray, acceleration: np.ndarray, time: np.ndarray,
+                 axis: int) -> np.ndarray:
+    """(R,) rad/s, from the motor angles (R, n) and the acceleration (R,) of one motor; 0 without masses or a
+    spring."""
     spring = robot.joints[axis].spring_linear
     if robot.links is None or not spring or time.size < 16:
         return np.zeros(time.size)
-    few = np.unique(np.append(np.arange(0, time.size, max(1, int(_STEP_S / typical_step(time)))), time.size - 1))
+    few = np.unique(np.append(np.arange(0, time.size, max(1, int(_STEP_S / typical_step(time)))),
+                              time.size - 1))
     q = theta[few] / robot.ratios + robot.offsets
     q_ddot = np.zeros_like(q)
     q_ddot[:, axis] = acceleration[few] / robot.ratios[axis]
-    torque = _core.inverse_dynamics(robot.core, q, np.zeros_like(q), q_ddot) - _core.gravity_torque(robot.core, q)
+    torque = _core.inverse_dynamics(robot.core, q, np.zeros_like(q),
+                                    q_ddot) - _core.gravity_torque(robot.core, q)
     return -np.interp(time, time[few], np.gradient(torque[:, axis] / spring, time[few]))
 
 
@@ -55,15 +60,16 @@ def widened(mask: np.ndarray, time: np.ndarray, reach_s: float) -> np.ndarray:
 def follows_quietly(gyro, predicted, bending, time, runs, swinging, usable) -> bool:
     """Whether one axis does not swing after all.
 
-    gyro (N, 3); predicted (N,) rate of the link, bending (N,); runs: row indices of the runs of this axis; swinging, usable (N,)
-    bool: rows in question, and rows on which everything else is well.
+    gyro (N, 3); predicted (N,) rate of the link, bending (N,); runs: row indices of the runs of this axis;
+    swinging, usable (N,) bool: rows in question, and rows on which everything else is well.
     """
     parts = []
     for rows in runs:
         toward = gyro[rows].T @ predicted[rows]
         along = gyro[rows] @ (toward / max(np.linalg.norm(toward), 1e-300))
         acceleration = gaussian_filter(derivative(predicted[rows], time[rows]), time[rows], _SMOOTH_HZ)
-        parts.append(np.column_stack([along - predicted[rows], np.ones(rows.size), predicted[rows], acceleration, bending[rows]]))
+        parts.append(np.column_stack([along - predicted[rows], np.ones(rows.size), predicted[rows],
+                                      acceleration, bending[rows]]))
     rows = np.concatenate(runs)
     table, kept = np.concatenate(parts)[usable[rows]], swinging[rows][usable[rows]]
     if kept.sum() < _LEAST_ROWS or (~kept).sum() < _LEAST_ROWS:

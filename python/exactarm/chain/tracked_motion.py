@@ -1,8 +1,8 @@
 """The chain for tracked motions: motor angles over time in, path of the target (N, 3) in m out.
 
 Motor angles, gears and loads as for any motion (chain/motion.py): the springs carry the torque of the inverse
-dynamics, gravity and acceleration (quasi-static: they do not ring). From the joints on it is the chain of static
-poses: geometry, base and tool frames, device.
+dynamics, gravity and acceleration (quasi-static: they do not ring). From the joints on it is the chain of
+static poses: geometry, base and tool frames, device.
 """
 
 from __future__ import annotations
@@ -25,10 +25,11 @@ def predict_tracked_motion(
     threads: int = 1,
     bent=None,
 ) -> PosePrediction:
-    """Prediction of every row of `data`; `record`: of the same data (`unthinned_record`), to save its preparation;
-    bent: `MotionView.bent` of the same motion, where that is known."""
+    """Prediction of every row of `data`; `record`: of the same data (`unthinned_record`), to save its
+    preparation; bent: `MotionView.bent` of the same motion, where that is known."""
     record = unthinned_record(robot, data) if record is None else record
-    view = motion_view(robot, layout, record, tangents=tangents, threads=threads, kind="tracked_motion", bent=bent)
+    view = motion_view(robot, layout, record, tangents=tangents, threads=threads, kind="tracked_motion",
+                       bent=bent)
     view.predict = lambda robot, layout, record, threads, bent: predict_tracked_motion(
         robot, layout, record.data, record=record, threads=threads, bent=bent
     )

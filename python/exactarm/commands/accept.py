@@ -27,8 +27,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def accept(draft: str | Path) -> CommandResult:
-    """Checks the draft's formulas and copies its effects into the user's library; simulate, diagnose, plan and robot files know
-    them from then on."""
+    """Checks the draft's formulas and copies its effects into the user's library; simulate, diagnose, plan
+    and robot files know them from then on."""
     entries = read_toml(draft, _EXPECTED).get("effects")
     if not isinstance(entries, list) or not entries:
         raise InputError(f"no effects; expected {_EXPECTED}", file=str(draft))
@@ -40,14 +40,17 @@ def accept(draft: str | Path) -> CommandResult:
         folder.mkdir(parents=True, exist_ok=True)
         path.write_text(text, encoding="utf-8")
     except OSError as error:
-        raise InputError(f"cannot be written ({error.strerror}); expected a folder for your effects, or another one in "
+        raise InputError(f"cannot be written ({error.strerror}); expected a folder for your effects, or "
+                         "another one in "
                          "EXACTARM_EFFECTS", file=str(folder)) from None
     titles = [effect.title for effect in effects]
     lines = tuple(f"{effect.title}: {effect.describe()}" for effect in effects)
     return CommandResult(
         json={"effects": [effect.to_table() for effect in effects], "file": str(path)},
-        report=Report("Accepted effects", f"{', '.join(titles)} in your library.", (Text("Effects", lines),), "good"),
-        asked=Asked("accept", f'exactarm.accept("{draft}")', None, (Source(str(draft), sha256(draft)),), DEFAULT_SEED),
+        report=Report("Accepted effects", f"{', '.join(titles)} in your library.", (Text("Effects", lines),),
+                      "good"),
+        asked=Asked("accept", f'exactarm.accept("{draft}")', None, (Source(str(draft), sha256(draft)),),
+                    DEFAULT_SEED),
     )
 
 

@@ -1,9 +1,11 @@
-"""`exactarm batch`: many robots from one table; what has not changed is not computed again, a failure stops no other.
+"""`exactarm batch`: many robots from one table; what has not changed is not computed again, a failure stops
+no other.
 
     exactarm batch manifest.csv --out fleet --workers 4
 
-A job is a row: name, command, robot, files (with ; between); further columns are options of its command. Its key is the
-SHA-256 of command, options, version, robot file and data; `FOLDER/NAME/.batch` keeps the key of a finished job.
+A job is a row: name, command, robot, files (with ; between); further columns are options of its command. Its
+key is the SHA-256 of command, options, version, robot file and data; `FOLDER/NAME/.batch` keeps the key of a
+finished job.
 """
 
 from __future__ import annotations
@@ -68,17 +70,21 @@ class Outcome:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("files", metavar="MANIFEST", nargs=1, type=Path, help="table of jobs: name, command, robot, files, options")
-    parser.add_argument("--workers", metavar="N", type=int, default=1, help="processes at once (default %(default)s)")
-    parser.add_argument("--again", action="store_true", help="compute all jobs, those whose inputs have not changed too")
+    parser.add_argument("files", metavar="MANIFEST", nargs=1, type=Path,
+                        help="table of jobs: name, command, robot, files, options")
+    parser.add_argument("--workers", metavar="N", type=int, default=1,
+                        help="processes at once (default %(default)s)")
+    parser.add_argument("--again", action="store_true",
+                        help="compute all jobs, those whose inputs have not changed too")
 
 
 def batch(manifest: AnyManifest, folder: str | Path, *, executor: Executor | None = None, again: bool = False,
           seed: int = DEFAULT_SEED, threads: int = 1, progress: Progress = SILENT) -> CommandResult:
-    """Runs all jobs of a manifest (a file, or rows as mappings), writes their results and the overview into `folder`.
+    """Runs all jobs of a manifest (a file, or rows as mappings), writes their results and the overview into
+    `folder`.
 
-    executor: any of concurrent.futures (processes, Dask's `client.get_executor()`); None: one after the other. threads: of
-    each job. A job whose inputs have not changed is kept, unless `again`.
+    executor: any of concurrent.futures (processes, Dask's `client.get_executor()`); None: one after the
+    other. threads: of each job. A job whose inputs have not changed is kept, unless `again`.
     """
     result = _fleet(manifest, Path(folder), executor, again, seed, threads, progress)
     save(result, folder)
@@ -89,14 +95,16 @@ def run(arguments: argparse.Namespace) -> CommandResult:
     if arguments.workers < 1:
         raise InputError(f"--workers {arguments.workers}: expected 1 or more")
     given = (arguments.files[0], arguments.out)
-    rest = (arguments.again, arguments.seed, max(1, arguments.threads // arguments.workers), arguments.progress)
+    rest = (arguments.again, arguments.seed, max(1, arguments.threads // arguments.workers),
+            arguments.progress)
     if arguments.workers == 1:
         return _fleet(*given, None, *rest)
     with ProcessPoolExecutor(arguments.workers) as pool:
         return _fleet(*given, pool, *rest)
 
 
-def _fleet(manifest: AnyManifest, folder: Path, executor: Executor | None, again: bool, seed: int, threads: int,
+def _fleet(manifest: AnyManifest, folder: Path, executor: Executor | None, again: bool, seed: int,
+           threads: int,
            progress: Progress) -> CommandResult:
     jobs = read_jobs(manifest, seed)
     waiting = [job for job in jobs if again or not _kept(job, folder)]
@@ -107,20 +115,26 @@ def _fleet(manifest: AnyManifest, folder: Path, executor: Executor | None, again
             outcomes[job.name] = run_job(job, folder, threads)
             progress.step(note=job.name)
     else:
-        futures: dict[Future[Outcome], Job] = {executor.submit(run_job, job, folder, threads): job for job in waiting}
+        futures: dict[Future[Outcome], Job] = {executor.submit(run_job, job, folder, threads): job
+                                               for job in waiting}
         for future in as_completed(futures):
             job, error = futures[future], future.exception()
-            outcomes[job.name] = future.result() if error is None else _failed(job, f"the worker ended: {error}")
+            outcomes[job.name] = (
+                future.result() if error is None else _failed(job, f"the worker ended: {error}")
+            )
             progress.step(note=job.name)
     ended = [outcomes[job.name] for job in jobs]
     read = sources([manifest]) if isinstance(manifest, (str, Path)) else ()
     failed = sum(outcome.state == "failed" for outcome in ended)
     return CommandResult(
-        json={"jobs": [vars(outcome) for outcome in ended]} | {state: sum(o.state == state for o in ended) for state in ("done", "kept", "failed")},
+        json={"jobs": [vars(outcome) for outcome in ended]}
+        | {state: sum(o.state == state for o in ended) for state in ("done", "kept", "failed")},
         report=_report(ended),
-        tables={"summary.parquet": {name: [getattr(o, name) for o in ended] for name in Outcome.__dataclass_fields__}},
+        tables={"summary.parquet": {name: [getattr(o, name) for o in ended]
+                                    for name in Outcome.__dataclass_fields__}},
         exit_code=1 if failed else 0,
-        asked=Asked("batch", f"exactarm.batch({str(manifest)!r}, {str(folder)!r}, seed={seed})" if read else "exactarm.batch(...)", None, read, seed),
+        asked=Asked("batch", f"exactarm.batch({str(manifest)!r}, {str(folder)!r}, seed={seed})"
+                    if read else "exactarm.batch(...)", None, read, seed),
     )
 
 
@@ -131,7 +145,9 @@ def run_job(job: Job, folder: Path, threads: int = 1) -> Outcome:
     try:
         (place / KEY).unlink(missing_ok=True)
         module = import_command(job.command)
-        published = execute(module, parse(module, [*job.words, "--out", str(place), "--threads", str(threads)]), SILENT)
+        published = execute(module,
+                            parse(module, [*job.words, "--out", str(place), "--threads", str(threads)]),
+                            SILENT)
         if published.result.exit_code:
             return _failed(job, published.report.verdict, time.perf_counter() - started)
         (place / KEY).write_text(job.key)
@@ -150,12 +166,15 @@ def read_jobs(manifest: AnyManifest, seed: int = DEFAULT_SEED) -> tuple[Job, ...
         raise InputError("no job; expected one row for each", file=file)
     missing = [name for name in ("command", "robot") if name not in rows[0]]
     if missing:
-        raise InputError(f"column missing; expected {', '.join(COLUMNS)} and options", file=file, column=missing[0])
+        raise InputError(f"column missing; expected {', '.join(COLUMNS)} and options", file=file,
+                         column=missing[0])
     jobs: list[Job] = []
     for number, row in enumerate(rows, start=1):
-        job = _job({key: str(value).strip() for key, value in row.items() if value not in (None, "")}, number, beside, file, seed)
+        job = _job({key: str(value).strip() for key, value in row.items() if value not in (None, "")}, number,
+                   beside, file, seed)
         if job.name in {other.name for other in jobs}:
-            raise InputError(f"{job.name!r} again; expected a name of its own", file=file, row=number, column="name")
+            raise InputError(f"{job.name!r} again; expected a name of its own", file=file, row=number,
+                             column="name")
         jobs.append(job)
     return tuple(jobs)
 
@@ -172,7 +191,8 @@ def _rows(manifest: AnyManifest) -> tuple[list[Mapping[str, Any]], Path, Any]:
         with path.open(newline="", encoding="utf-8") as stream:
             return list(csv.DictReader(stream)), path.parent, path
     except (OSError, UnicodeDecodeError, csv.Error, ValueError) as error:
-        raise InputError(f"cannot be read ({getattr(error, 'strerror', None) or error}); expected a table of jobs", file=path) from None
+        raise InputError(f"cannot be read ({getattr(error, 'strerror', None) or error}); expected a table of "
+                         "jobs", file=path) from None
 
 
 def _job(row: Mapping[str, str], number: int, beside: Path, file: Any, seed: int) -> Job:
@@ -183,12 +203,15 @@ def _job(row: Mapping[str, str], number: int, beside: Path, file: Any, seed: int
         hint = f"did you mean {close[0]}?" if close else f"expected one of {', '.join(known)}"
         raise InputError(f"{command!r}: {hint}", file=file, row=number, column="command")
     if "robot" not in row:
-        raise InputError("is empty; expected a robot file or a shipped robot", file=file, row=number, column="robot")
+        raise InputError("is empty; expected a robot file or a shipped robot", file=file, row=number,
+                         column="robot")
     name = row.get("name", f"{number:03d}_{command}")
     if not re.fullmatch(r"[\w-][\w.-]*", name):
-        raise InputError(f"{name!r}; expected letters, digits, _ . and -", file=file, row=number, column="name")
+        raise InputError(f"{name!r}; expected letters, digits, _ . and -", file=file, row=number,
+                         column="name")
     near = lambda word: str(beside / word) if (beside / word).exists() else word
-    robot, files = near(row["robot"]), [near(word.strip()) for word in row.get("files", "").split(";") if word.strip()]
+    robot, files = near(row["robot"]), [near(word.strip()) for word in row.get("files", "").split(";")
+                                        if word.strip()]
     words = [robot, *files, "--seed", row.get("seed", str(seed))]
     for key, value in row.items():
         if key in (*COLUMNS, "seed") or value.lower() in ("false", "no"):
@@ -202,7 +225,9 @@ def _job(row: Mapping[str, str], number: int, beside: Path, file: Any, seed: int
 # -- outcomes ----------------------------------------------------------------------------------------
 def _kept(job: Job, folder: Path) -> bool:
     place = folder / job.name
-    return (place / "result.json").is_file() and (place / KEY).is_file() and (place / KEY).read_text() == job.key
+    return (
+        (place / "result.json").is_file() and (place / KEY).is_file() and (place / KEY).read_text() == job.key
+    )
 
 
 def _failed(job: Job, why: str, seconds: float = 0.0) -> Outcome:
@@ -215,7 +240,8 @@ def _outcome(job: Job, folder: Path, state: str) -> Outcome:
     before, after = (_rms(result.get(when)) for when in ("before", "after"))
     if after is None:
         after = (result.get("error") or {}).get("rms")
-    return Outcome(job.name, job.command, job.robot, state, result.get("verdict", ""), result.get("unit", "m"),
+    return Outcome(job.name, job.command, job.robot, state, result.get("verdict", ""),
+                   result.get("unit", "m"),
                    before, after, result["seconds"])
 
 
@@ -228,16 +254,22 @@ def _rms(sets: Any) -> float | None:
 
 def _report(ended: Sequence[Outcome]) -> Report:
     count = {state: sum(outcome.state == state for outcome in ended) for state in ("done", "kept", "failed")}
-    verdict = f"{len(ended)} jobs: {count['done']} computed, {count['kept']} kept because nothing had changed, {count['failed']} failed."
-    row = lambda o: (o.name, o.command, o.robot, o.state, o.verdict.replace("_", " "), Quantity(o.before_rms, o.unit),
+    verdict = (
+        f"{len(ended)} jobs: {count['done']} computed, {count['kept']} kept because nothing had changed, "
+        f"{count['failed']} failed."
+    )
+    row = lambda o: (o.name, o.command, o.robot, o.state, o.verdict.replace("_", " "),
+                     Quantity(o.before_rms, o.unit),
                      Quantity(o.after_rms, o.unit), Quantity(o.seconds, "s"), _page(o))
     failures = tuple((o.name, o.why) for o in ended if o.state == "failed")
     return Report("Fleet", verdict, (
-        Highlights((Highlight("computed", Quantity(count["done"])), Highlight("kept", Quantity(count["kept"])),
+        Highlights((Highlight("computed", Quantity(count["done"])),
+                    Highlight("kept", Quantity(count["kept"])),
                     Highlight("failed", Quantity(count["failed"])))),
         Table("Failed, and why", ("job", "why"), failures),
         Table("Jobs", ("name", "command", "robot", "state", "verdict", "RMS before", "after", "time", "page"),
-              tuple(row(outcome) for outcome in ended), "RMS on rows that were never fitted, where there are any."),
+              tuple(row(outcome) for outcome in ended),
+              "RMS on rows that were never fitted, where there are any."),
     ), "caution" if count["failed"] else "good")
 
 

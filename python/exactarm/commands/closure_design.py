@@ -1,4 +1,5 @@
-"""What `exactarm design --contact socket` says: where to put a fixture of two seats, and the poses that touch them."""
+"""What `exactarm design --contact socket` says: where to put a fixture of two seats, and the poses that touch
+them."""
 
 from __future__ import annotations
 
@@ -12,7 +13,8 @@ from exactarm.robot import Robot
 
 
 def designed_closures(robot: Robot, options: ClosureDesignOptions) -> CommandResult:
-    """The design as a command's result: `poses.csv` with session and socket, and the fixture file for its distance."""
+    """The design as a command's result: `poses.csv` with session and socket, and the fixture file for its
+    distance."""
     found = design_closures(robot, options)
     columns = {"session": found.session, "socket": found.socket}
     for i, joint in enumerate(robot.joints):
@@ -23,9 +25,11 @@ def designed_closures(robot: Robot, options: ClosureDesignOptions) -> CommandRes
         json={
             "deviation_m": {"drawing": alone, "random_poses": random, "design": chosen},
             "poses": len(found.q),
-            "seats": [{"session": s, "socket": k, "position_m": seat.tolist()} for (s, k), seat in found.seats.items()],
+            "seats": [{"session": s, "socket": k, "position_m": seat.tolist()}
+                      for (s, k), seat in found.seats.items()],
             "identifiable": found.identifiability.identifiable,
-            "dropped": [{"parameter": entry.name, "why": entry.why} for entry in found.identifiability.dropped],
+            "dropped": [{"parameter": entry.name, "why": entry.why}
+                        for entry in found.identifiability.dropped],
         },
         report=_report(robot, options, found),
         tables={"poses.csv": columns},
@@ -36,23 +40,29 @@ def designed_closures(robot: Robot, options: ClosureDesignOptions) -> CommandRes
 def _report(robot: Robot, options: ClosureDesignOptions, found: ClosureDesign) -> Report:
     alone, random, chosen = found.deviation
     verdict = (
-        f"{len(found.q)} touches at {len(set(found.session))} places: the target's position over the work space will be known to "
-        f"{quantity(chosen, 'm')} (RMS), with random poses at these places to {quantity(random, 'm')}, from the drawing "
+        f"{len(found.q)} touches at {len(set(found.session))} places: the target's position over the work "
+        "space will be known to "
+        f"{quantity(chosen, 'm')} (RMS), with random poses at these places to {quantity(random, 'm')}, from "
+        "the drawing "
         f"alone to {quantity(alone, 'm')}."
     )
     rows = tuple(
-        (str(session), str(socket), *(Quantity(x, "m") for x in seat), int(np.sum((found.session == session) & (found.socket == socket))))
+        (str(session), str(socket), *(Quantity(x, "m") for x in seat),
+         int(np.sum((found.session == session) & (found.socket == socket))))
         for (session, socket), seat in found.seats.items()
     )
     dropped = tuple((entry.name, entry.why) for entry in found.identifiability.dropped)
     return Report(f"Fixture and poses: {robot.name}", verdict, (
         Table("Seats", ("place", "socket", "x", "y", "z", "touches"), rows,
-              "Centres in the robot's base frame. A seat may stand centimetres elsewhere: it is estimated; the arm is led to it by hand or "
+              "Centres in the robot's base frame. A seat may stand centimetres elsewhere: it is estimated; "
+              "the arm is led to it by hand or "
               "by sight, near the angles of poses.csv."),
         Table("Not identified", ("parameter", "why"), dropped, "These keep their declared values."),
         Text("How", (
-            f"Two seats {quantity(options.apart, 'm')} apart. Places are taken one after the other, each time the one that lowers the mean "
-            "variance of the target's position over the work space most; poses are exchanged by the same measure. A touch is taken to be "
+            f"Two seats {quantity(options.apart, 'm')} apart. Places are taken one after the other, each "
+            "time the one that lowers the mean "
+            "variance of the target's position over the work space most; poses are exchanged by the same "
+            "measure. A touch is taken to be "
             "good to 0.1 mm; mechanisms of the hand, cables and obstacles are not known here.",
         )),
     ), "good")

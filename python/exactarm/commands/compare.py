@@ -1,14 +1,14 @@
 """`exactarm simulate ROBOT --compare PATH`: what a plan is worth on the true robot.
 
-The true robot is ROBOT with deviated geometry and masses, its springs, its gears, and hidden effects if asked for. Three motor
-motions for one path are played on it:
+The true robot is ROBOT with deviated geometry and masses, its springs, its gears, and hidden effects if asked
+for. Three motor motions for one path are played on it:
 
     nominal      rigid inverse kinematics with the geometry of ROBOT
     identified   rigid inverse kinematics with the true geometry: a perfect kinematic calibration
     exactarm     the plan on the true robot's tables: gears, springs, masses (never the hidden effects)
 
-Between the knots the motors follow the quintic spline through the motor angles at the knots. The flange's error is that at
-the knots and that of the instants between them, at `BETWEEN` times the rate of the path.
+Between the knots the motors follow the quintic spline through the motor angles at the knots. The flange's
+error is that at the knots and that of the instants between them, at `BETWEEN` times the rate of the path.
 """
 
 from __future__ import annotations
@@ -43,7 +43,8 @@ BETWEEN = 4
 DEVIATION = 1.0  # as usual for a new arm
 ENGINES = {"own": "stiff integrator", "pinocchio": "Pinocchio"}
 _METHODS = {
-    "nominal": "rigid, nominal geometry", "identified": "rigid, identified geometry", "exactarm": "exactarm's plan",
+    "nominal": "rigid, nominal geometry", "identified": "rigid, identified geometry",
+    "exactarm": "exactarm's plan",
 }
 _LEAST_SHOWN_M = 1e-10
 
@@ -59,7 +60,8 @@ class Motion:
 
 @dataclass(frozen=True)
 class Played:
-    """A method's motion on one engine: instants (M,), flange (M, 3) m and its error (M,) m; every BETWEEN-th is a knot."""
+    """A method's motion on one engine: instants (M,), flange (M, 3) m and its error (M,) m; every BETWEEN-th
+    is a knot."""
 
     method: str
     engine: str
@@ -80,10 +82,12 @@ def run(arguments: argparse.Namespace, robot: Robot) -> CommandResult:
     path = replace(load_path(arguments.compare), gear_direction=arguments.gear_direction)
     path = path if arguments.rate is None else replace(path, rate_hz=arguments.rate)
     if not is_elastic(robot):
-        raise InputError(f"robot {robot.name}: --compare expects a spring on every axis and link masses", file=robot.file)
+        raise InputError(f"robot {robot.name}: --compare expects a spring on every axis and link masses",
+                         file=robot.file)
     random = np.random.default_rng(arguments.seed)
     deviation = DEVIATION if arguments.deviation is None else arguments.deviation
-    known = one_sided(deviated(robot, deviation, random, frames=False) if deviation else robot, arguments.gear_direction)
+    known = one_sided(deviated(robot, deviation, random, frames=False) if deviation else robot,
+                      arguments.gear_direction)
     hidden = [parse_effect(text, robot.axes) for text in arguments.effect]
     virtual = VirtualRobot.of(robot, hidden, known)
     arguments.progress.stage("planning")
@@ -120,7 +124,8 @@ def play(
 ) -> Played:
     """The flange of the true robot along a motor motion, at and between the knots."""
     time = np.linspace(motion.time[0], motion.time[-1], BETWEEN * (len(motion.time) - 1) + 1)
-    theta, joints = (make_interp_spline(motion.time, values, k=5)(time) for values in (motion.theta, motion.joints))
+    theta, joints = (make_interp_spline(motion.time, values, k=5)(time)
+                     for values in (motion.theta, motion.joints))
     at_flange = VirtualRobot(virtual.nominal, unplaced(virtual.true))
     if engine == "pinocchio":
         flange = independent_path(at_flange, time, theta, joints)
@@ -144,8 +149,10 @@ def _engines(asked: str | None, virtual: VirtualRobot, damping_s: float) -> tupl
 
 def _json(path: PlannedPath, played: list[Played], deviation: float, silent: str) -> dict:
     return {
-        "path": {"name": path.name, "samples": len(played[0].knots), "nu": path.nu, "gear_direction": path.gear_direction},
-        "between_knots": {"held_by": "quintic spline through the motor angles at the knots", "samples_a_knot": BETWEEN},
+        "path": {"name": path.name, "samples": len(played[0].knots), "nu": path.nu,
+                 "gear_direction": path.gear_direction},
+        "between_knots": {"held_by": "quintic spline through the motor angles at the knots",
+                          "samples_a_knot": BETWEEN},
         "deviation": deviation,
         "tracking": [
             {"method": p.method, "engine": p.engine, "knots": summarise(p.knots).to_json(),
@@ -171,35 +178,45 @@ def _report(robot: Robot, path: PlannedPath, played: list[Played], silent: str) 
     first = {method: next(p for p in played if p.method == method) for method in _METHODS}
     rms = {method: summarise(p.knots).rms for method, p in first.items()}
     verdict = (
-        f"On the path {path.name} the flange of the true {robot.name} misses by {quantity(rms['nominal'], 'm')} RMS with rigid inverse "
+        f"On the path {path.name} the flange of the true {robot.name} misses by "
+        f"{quantity(rms['nominal'], 'm')} RMS with rigid inverse "
         f"kinematics as drawn, by {quantity(rms['identified'], 'm')} with its geometry identified, and by "
         f"{quantity(rms['exactarm'], 'm')} with exactarm's plan."
     )
     rows = tuple(
         (_METHODS[p.method], ENGINES[p.engine], *(_micrometres(getattr(summarise(errors), name))
-                                                  for errors in (p.knots, p.between) for name in ("mean", "rms", "max")))
+                                                  for errors in (p.knots, p.between)
+                                                  for name in ("mean", "rms", "max")))
         for p in played
     )
-    header = ("motor motion", "engine", *(f"{name}, {where}" for where in ("knots", "between") for name in ("mean", "RMS", "max")))
+    header = ("motor motion", "engine",
+              *(f"{name}, {where}" for where in ("knots", "between") for name in ("mean", "RMS", "max")))
     differ = _difference(played)
-    agreement = (f" The two engines never differ by more than {quantity(max(differ.values()), 'm')}." if differ else "")
+    agreement = (f" The two engines never differ by more than {quantity(max(differ.values()), 'm')}."
+                 if differ else "")
     sections = (
         Highlights(tuple(
-            Highlight(_METHODS[method], Quantity(rms[method], "m")) for method in ("exactarm", "identified", "nominal")
+            Highlight(_METHODS[method], Quantity(rms[method], "m"))
+            for method in ("exactarm", "identified", "nominal")
         )),
         Table("Error of the flange in micrometres", header, rows,
               "Between knots the motors follow the quintic spline through the motor angles at the knots; "
               f"{BETWEEN - 1} instants between two knots." + agreement, len(rows) - 1),
         Figure("compare", "Error along the path",
                partial(curves, played[0].time,
-                              {_METHODS[m]: 1e6 * np.maximum(p.error, _LEAST_SHOWN_M) for m, p in first.items()},
+                              {_METHODS[m]: 1e6 * np.maximum(p.error, _LEAST_SHOWN_M)
+                               for m, p in first.items()},
                               name="error of the flange [µm]", log_y=True),
-               "Distance of the flange from the path, at and between the knots; below 0.1 nm nothing is shown.",
+               "Distance of the flange from the path, at and between the knots; below 0.1 nm nothing is "
+               "shown.",
                "error of the flange over time, logarithmic, for three ways to plan"),
         Text("What is compared", (
-            "The true robot deviates from the drawing in geometry and masses and moves behind its springs and gears. 'Identified' knows the "
-            "true geometry and nothing else; exactarm's plan knows gears, springs and masses too. Hidden effects, if any, are on "
-            "the true robot alone. What an identification from noisy measurements leaves, the command loop shows.",
+            "The true robot deviates from the drawing in geometry and masses and moves behind its springs "
+            "and gears. 'Identified' knows the "
+            "true geometry and nothing else; exactarm's plan knows gears, springs and masses too. Hidden "
+            "effects, if any, are on "
+            "the true robot alone. What an identification from noisy measurements leaves, the command loop "
+            "shows.",
         )),
         Warnings((f"the independent engine did not play: {silent}",) if silent else ()),
     )

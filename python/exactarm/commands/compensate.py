@@ -35,18 +35,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_robot(parser)
     add_files(
         parser,
-        text="programs (.src with .dat, .mod, .ls, .script, .jbi, .yaml) or tables of targets (.csv, .parquet)",
+        text="programs (.src with .dat, .mod, .ls, .script, .jbi, .yaml) or tables of targets (.csv, "
+             ".parquet)",
     )
     parser.add_argument(
         "--frames",
         metavar="nominal|identified|POINTS.csv",
         default="nominal",
-        help="what stands for the controller's base and flange; reference points in the cell are best (default %(default)s)",
+        help="what stands for the controller's base and flange; reference points in the cell are best "
+             "(default %(default)s)",
     )
     parser.add_argument(
         "--points",
         metavar="calculated|taught|NAMES",
-        help="which points were calculated and not taught: all, none, or names with commas between (XP1,XP2*)",
+        help="which points were calculated and not taught: all, none, or names with commas between "
+             "(XP1,XP2*)",
     )
     parser.add_argument(
         "--tool",
@@ -88,7 +91,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--tolerance-mm",
         metavar="MM",
         type=_tolerance,
-        help="how far a straight motion may leave its line: points in between are put in, where the dialect allows it",
+        help="how far a straight motion may leave its line: points in between are put in, where the dialect "
+             "allows it",
     )
     parser.add_argument(
         "--keep-refused",
@@ -108,13 +112,14 @@ _tolerance.__name__ = "number of mm"
 
 
 def compensate(
-    robot: AnyRobot, files: str | Path | Sequence[str | Path], *, seed: int = DEFAULT_SEED, threads: int | None = None,
+    robot: AnyRobot, files: str | Path | Sequence[str | Path], *, seed: int = DEFAULT_SEED,
+    threads: int | None = None,
     progress: Progress = SILENT, **options: Any,
 ) -> CommandResult:
     """Robot programs, or tables of targets, with numbers that make the calibrated arm go where they say.
 
-    `result.save(folder)` writes the programs under their names. options: those of `exactarm compensate --help` with their
-    names (frames="identified", points="calculated", keep_refused=True, ...).
+    `result.save(folder)` writes the programs under their names. options: those of `exactarm compensate
+    --help` with their names (frames="identified", points="calculated", keep_refused=True, ...).
     """
     paths = [Path(files)] if isinstance(files, (str, Path)) else [Path(file) for file in files]
     arguments = arguments_of(add_arguments, robot_of(robot), paths, options)
@@ -147,7 +152,8 @@ def run(arguments: argparse.Namespace) -> CommandResult:
         chosen = chosen_points(program, arguments.points)
         reread = lambda contents, job=job: job.reread(contents, setting)
         tolerance = None if arguments.tolerance_mm is None else 1e-3 * arguments.tolerance_mm
-        corrections.append(correct(program, model, chosen, setting.start, arguments.threads, reread, tolerance))
+        corrections.append(correct(program, model, chosen, setting.start, arguments.threads, reread,
+                                   tolerance))
     _stop_at_refused(corrections, arguments)
     used = (
         not arguments.points
@@ -202,7 +208,8 @@ def _check(robot: Robot, arguments: argparse.Namespace) -> None:
         )
         if arguments.session is not None and sessions and arguments.session != sessions[0]:
             raise InputError(
-                f"--session {arguments.session}: the robot file holds the device frame of session {sessions[0]}; "
+                f"--session {arguments.session}: the robot file holds the device frame of session "
+                f"{sessions[0]}; "
                 "expected that one, or a file calibrated with the other alone"
             )
 
@@ -240,7 +247,8 @@ def _require_frames(job: Job, setting: Setting) -> None:
     for option, frames in (("--tool", setting.tools), ("--base", setting.bases)):
         for name, numbers in frames.items():
             if len(numbers) != count:
-                raise InputError(f"{option} {name}: {len(numbers)} numbers; a frame of {job.dialect.NAME} has {count}",
+                raise InputError(f"{option} {name}: {len(numbers)} numbers; a frame of {job.dialect.NAME} "
+                                 f"has {count}",
                                  file=job.paths[0])
 
 
@@ -249,6 +257,7 @@ def _stop_at_refused(corrections: list[Any], arguments: argparse.Namespace) -> N
     if refused and not arguments.keep_refused:
         more = f" (and {len(refused) - 1} more)" if len(refused) > 1 else ""
         raise InputError(
-            f"{refused[0]}{more}; nothing was written: name the points to correct with --points, or leave these as they "
+            f"{refused[0]}{more}; nothing was written: name the points to correct with --points, or leave "
+            "these as they "
             "are with --keep-refused"
         )

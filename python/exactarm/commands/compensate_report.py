@@ -107,8 +107,10 @@ def report_of(
         )
     else:
         verdict = (
-            f"{sizes.n} of {count} targets corrected, by {quantity(sizes.mean, 'm')} on average and {quantity(sizes.max, 'm')} at most; "
-            f"by the identified model the arm meets them within {quantity(written, 'm')} as the numbers are written."
+            f"{sizes.n} of {count} targets corrected, by {quantity(sizes.mean, 'm')} on average and "
+            f"{quantity(sizes.max, 'm')} at most; "
+            f"by the identified model the arm meets them within {quantity(written, 'm')} as the numbers are "
+            "written."
         )
         tone = "good" if sizes.n == count else "caution"
     sections = [
@@ -167,7 +169,8 @@ def _figures(corrections: Sequence[Correction]) -> tuple[Figure, ...]:
             "correction_view",
             "What moved",
             lambda: shift_view(points[good], shifts[good]),
-            "Targets in the base frame of the controller (flange), with the way by which their commands moved.",
+            "Targets in the base frame of the controller (flange), with the way by which their commands "
+            "moved.",
             "targets with arrows of their corrections, from above and from the side",
         ),
         Figure(

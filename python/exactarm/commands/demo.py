@@ -67,7 +67,8 @@ def _run_step(step: Step, arguments: argparse.Namespace) -> Outcome:
         return str(data_path(match[2]) if match[1] == "example" else arguments.out / match[2])
 
     words = [REFERENCE.sub(place, word) for word in step.words[1:]]
-    words += ["--out", str(arguments.out / step.folder), "--seed", str(arguments.seed), "--threads", str(arguments.threads)]
+    words += ["--out", str(arguments.out / step.folder), "--seed", str(arguments.seed), "--threads",
+              str(arguments.threads)]
     started = time.perf_counter()
     module = import_command(step.words[0])
     try:
@@ -77,12 +78,14 @@ def _run_step(step: Step, arguments: argparse.Namespace) -> Outcome:
     except Exception as error:  # a fault of one command is told, and the others still run
         if arguments.debug:
             raise
-        return Outcome(step, time.perf_counter() - started, None, f"unexpected {type(error).__name__}: {error}")
+        return Outcome(step, time.perf_counter() - started, None,
+                       f"unexpected {type(error).__name__}: {error}")
     return Outcome(step, time.perf_counter() - started, published)
 
 
 def _json(outcome: Outcome) -> dict[str, Any]:
-    entry: dict[str, Any] = {"step": outcome.step.folder, "command": outcome.step.words[0], "real_data": outcome.step.real,
+    entry: dict[str, Any] = {"step": outcome.step.folder, "command": outcome.step.words[0],
+                             "real_data": outcome.step.real,
                              "seconds": round(outcome.seconds, 3)}
     if outcome.published is None:
         return entry | {"failure": outcome.failure}
@@ -92,7 +95,8 @@ def _json(outcome: Outcome) -> dict[str, Any]:
 
 
 def _errors(result: dict[str, Any]) -> tuple[float | None, float | None, str]:
-    """Mean error on rows that were never fitted, before and after, and its unit, where the command has them."""
+    """Mean error on rows that were never fitted, before and after, and its unit, where the command has
+    them."""
     def mean(key: str) -> float | None:
         sets = result.get(key)
         return sets["validation"]["mean"] if isinstance(sets, dict) and "validation" in sets else None
@@ -106,12 +110,15 @@ def _errors(result: dict[str, Any]) -> tuple[float | None, float | None, str]:
 def _report(outcomes: list[Outcome], failed: list[Outcome]) -> Report:
     done = len(outcomes) - len(failed)
     verdict = f"{done} of {len(outcomes)} steps done in {sum(outcome.seconds for outcome in outcomes):.0f} s"
-    verdict += "; every step has its own report." if not failed else f"; {len(failed)} failed, see the warnings."
+    verdict += (
+        "; every step has its own report." if not failed else f"; {len(failed)} failed, see the warnings."
+    )
     rows = []
     for outcome in outcomes:
         before, after, unit = _errors(outcome.published.json) if outcome.published else (None, None, "")
         rows.append((
-            outcome.step.title, "measured" if outcome.step.real else "simulated", *_cells(before, after, unit),
+            outcome.step.title, "measured" if outcome.step.real else "simulated",
+            *_cells(before, after, unit),
             Quantity(outcome.seconds, "s"),
             Link(f"{outcome.step.folder}/report.html", "report") if outcome.published else "failed",
         ))
@@ -129,7 +136,9 @@ def _report(outcomes: list[Outcome], failed: list[Outcome]) -> Report:
 
 def _picture(outcome: Outcome) -> list[Section]:
     """The figure of the step's own report that tells most; none where the report has not drawn it."""
-    figures = {figure.name: figure for figure in outcome.published.report.figures} if outcome.published else {}
+    figures = (
+        {figure.name: figure for figure in outcome.published.report.figures} if outcome.published else {}
+    )
     chosen = figures.get(outcome.step.picture)
     return [] if chosen is None else [replace(chosen, name=f"{outcome.step.folder}_{chosen.name}")]
 

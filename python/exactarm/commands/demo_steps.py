@@ -10,8 +10,9 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Step:
-    """One command of the demo: folder of its results, what it shows, its words. `real`: on measured data. `picture`: the figure
-    of its report that tells most, for the page of the demo; "" where the step only prepares another."""
+    """One command of the demo: folder of its results, what it shows, its words. `real`: on measured data.
+    `picture`: the figure of its report that tells most, for the page of the demo; "" where the step only
+    prepares another."""
 
     folder: str
     title: str
@@ -22,7 +23,8 @@ class Step:
 
 STEPS = (
     Step("ur10_calibrate", "UR10 under a laser tracker: calibrate the arm",
-         ("calibrate", "ur10", "{example/ur10/series_B.csv}", "{example/ur10/series_C.csv}"), picture="error_histogram"),
+         ("calibrate", "ur10", "{example/ur10/series_B.csv}", "{example/ur10/series_C.csv}"),
+         picture="error_histogram"),
     Step("ur10_transfer_train", "UR10: calibrate on series B alone",
          ("calibrate", "ur10", "{example/ur10/series_B.csv}")),
     Step("ur10_transfer_judge", "UR10: the arm from series B judged on series C",
@@ -32,9 +34,11 @@ STEPS = (
     Step("kr300_gear", "KR300, encoders on both sides of the gears: ratios and what they leave",
          ("gear", "kr300", "{example/kr300/run_A.csv}", "{example/kr300/run_B.csv}")),
     Step("kr300_diagnose", "KR300: what lies between the two encoders of its axes?",
-         ("diagnose", "kr300", "{example/kr300/run_A.csv}", "{example/kr300/run_B.csv}", "--kind", "gear_run"), picture="effects"),
+         ("diagnose", "kr300", "{example/kr300/run_A.csv}", "{example/kr300/run_B.csv}", "--kind",
+          "gear_run"), picture="effects"),
     Step("panda_touched", "Panda, a ball in two seats: calibrated without a tracker",
-         ("calibrate", "panda", "{example/ball_in_socket/panda_6.csv}", "--fixture", "{example/ball_in_socket/fixture.toml}")),
+         ("calibrate", "panda", "{example/ball_in_socket/panda_6.csv}", "--fixture",
+          "{example/ball_in_socket/fixture.toml}")),
     Step("tx40_identify", "TX40: inertias and friction from one motion",
          ("identify", "tx40", "{example/tx40/motion.parquet}"), picture="torque"),
     Step("racer_identifiable", "Racer 7-1.4: what poses can identify at all",
@@ -49,8 +53,10 @@ STEPS = (
          ("plan", "racer-7-1.4", "line"), real=False, picture="motor_rate"),
     Step("racer_play", "Racer 7-1.4: the virtual robot follows that trajectory",
          ("simulate", "racer-7-1.4", "{out/racer_plan/trajectory.csv}", "--frames", "declared"), real=False),
-    Step("racer_worth", "Racer 7-1.4: rigid planning and exactarm's, played on a robot that deviates from its drawing",
+    Step("racer_worth", "Racer 7-1.4: rigid planning and exactarm's, played on a robot that deviates from "
+                        "its drawing",
          ("simulate", "racer-7-1.4", "--compare", "line", "--rate", "500"), real=False, picture="compare"),
     Step("racer_loop", "Racer 7-1.4 with a hidden backlash: the full loop, to the plan that knows of it",
-         ("loop", "racer-7-1.4", "--effect", "backlash joint=2 width_rad=4e-4"), real=False, picture="tracking"),
+         ("loop", "racer-7-1.4", "--effect", "backlash joint=2 width_rad=4e-4"), real=False,
+         picture="tracking"),
 )

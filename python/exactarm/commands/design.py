@@ -46,35 +46,45 @@ HELP = "optimal measurement poses, and others to validate with"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_robot(parser)
-    parser.add_argument("--count", metavar="K", type=int, default=50, help="poses to identify with (default %(default)s)")
+    parser.add_argument("--count", metavar="K", type=int, default=50,
+                        help="poses to identify with (default %(default)s)")
     parser.add_argument("--validation", metavar="K", type=int, default=13,
                         help="further poses to validate with (default %(default)s)")
     add_planning(parser)
     parser.add_argument("--noise-mm", metavar="MM", type=float, default=NOISE_MM,
-                        help="of a measured coordinate, for which causes the poses could tell (default %(default)s)")
+                        help="of a measured coordinate, for which causes the poses could tell (default "
+                             "%(default)s)")
     next_one = parser.add_argument_group("after a diagnosis")
     next_one.add_argument("--for", dest="diagnosis", metavar="RESULT", type=Path,
-                          help="result.json of `diagnose`: the poses that tell most about the causes it could not tell apart")
+                          help="result.json of `diagnose`: the poses that tell most about the causes it "
+                               "could not tell apart")
     next_one.add_argument("--minutes", metavar="NAME=MINUTES", action="append", default=[],
                           help="what it costs to visit a pose (visit) or to mount a payload (payload)")
     touch = parser.add_argument_group("calibration without a tracker")
-    touch.add_argument("--contact", choices=("socket",), help="design touches of two seats instead: where to put them, and the poses")
-    touch.add_argument("--places", metavar="K", type=int, default=3, help="of the two seats (default %(default)s)")
-    touch.add_argument("--apart-mm", metavar="MM", type=float, default=50.0, help="distance of the seats (default %(default)s)")
+    touch.add_argument("--contact", choices=("socket",), help="design touches of two seats instead: where to "
+                                                              "put them, and the poses")
+    touch.add_argument("--places", metavar="K", type=int, default=3,
+                       help="of the two seats (default %(default)s)")
+    touch.add_argument("--apart-mm", metavar="MM", type=float, default=50.0,
+                       help="distance of the seats (default %(default)s)")
     touch.add_argument("--at", metavar="X,Y,Z", action="append", default=[],
-                       help="middle of the two seats at a given place, in m in the base frame; may be repeated (default: proposed)")
+                       help="middle of the two seats at a given place, in m in the base frame; may be "
+                            "repeated (default: proposed)")
 
 
 def design(
-    robot: AnyRobot, *, count: int = 50, validation: int = 13, tool_m: Sequence[float] | np.ndarray | None = None,
+    robot: AnyRobot, *, count: int = 50, validation: int = 13,
+    tool_m: Sequence[float] | np.ndarray | None = None,
     frames: str = "both", use: Literal["position", "pose"] = "position", box: Box | None = None,
-    clearance_m: float | None = None, noise_mm: float = NOISE_MM, seed: int = DEFAULT_SEED, threads: int | None = None,
+    clearance_m: float | None = None, noise_mm: float = NOISE_MM, seed: int = DEFAULT_SEED,
+    threads: int | None = None,
     progress: Progress = SILENT,
 ) -> CommandResult:
     """Measurement poses that show the parameters best, and others to validate with.
 
-    tool_m: target on the flange. frames: which frames are unknown ("both", "base", "tool", "none"). box, clearance_m: where
-    flange and target may be. noise_mm: of a measured coordinate, for the table of causes that the poses could tell.
+    tool_m: target on the flange. frames: which frames are unknown ("both", "base", "tool", "none"). box,
+    clearance_m: where flange and target may be. noise_mm: of a measured coordinate, for the table of causes
+    that the poses could tell.
 
         >>> import exactarm as ea
         >>> len(ea.design("ur10", count=20, validation=5).to_dataframe())
@@ -87,7 +97,8 @@ def design(
     if count < 1 or validation < 0:
         raise InputError("--count: expected 1 or more, --validation: 0 or more")
     options = DesignOptions(
-        count=count, validation=validation, box=box or Box(), clearance=clearance_of(clearance_m), frames=frames,
+        count=count, validation=validation, box=box or Box(), clearance=clearance_of(clearance_m),
+        frames=frames,
         orientation=use == "pose", seed=seed, threads=threads_of(threads),
     )
     if not 0.0 < noise_mm < 100.0:
@@ -95,7 +106,8 @@ def design(
     progress.stage("designing")
     found = design_poses(arm, options)
     progress.stage("which causes these poses could tell")
-    causes = isolability(arm, Dataset.of_arrays("poses", {"q": found.q}), 1e-3 * noise_mm, seed, threads_of(threads))
+    causes = isolability(arm, Dataset.of_arrays("poses", {"q": found.q}), 1e-3 * noise_mm, seed,
+                         threads_of(threads))
     defaults = {"validation": 13, "tool_m": None, "frames": "both", "use": "position"}
     return CommandResult(
         json=_json(found) | {"isolability": isolability_json(causes)},
@@ -116,7 +128,8 @@ def _closures(arguments: argparse.Namespace) -> CommandResult:
     arguments.progress.stage("designing touches")
     return designed_closures(robot, ClosureDesignOptions(
         places=len(at) or arguments.places, count=arguments.count, apart=1e-3 * arguments.apart_mm, at=at,
-        box=box_of(arguments.box), clearance=clearance_of(arguments.clearance), seed=arguments.seed, threads=arguments.threads,
+        box=box_of(arguments.box), clearance=clearance_of(arguments.clearance), seed=arguments.seed,
+        threads=arguments.threads,
     ))
 
 
@@ -128,9 +141,12 @@ def run(arguments: argparse.Namespace) -> CommandResult:
     if arguments.contact is not None:
         return _closures(arguments)
     return design(
-        arguments.robot, count=arguments.count, validation=arguments.validation, tool_m=tool_of(arguments.tool),
-        frames=arguments.frames, use=arguments.use, box=box_of(arguments.box), clearance_m=arguments.clearance,
-        noise_mm=arguments.noise_mm, seed=arguments.seed, threads=arguments.threads, progress=arguments.progress,
+        arguments.robot, count=arguments.count, validation=arguments.validation,
+        tool_m=tool_of(arguments.tool),
+        frames=arguments.frames, use=arguments.use, box=box_of(arguments.box),
+        clearance_m=arguments.clearance,
+        noise_mm=arguments.noise_mm, seed=arguments.seed, threads=arguments.threads,
+        progress=arguments.progress,
     )
 
 
@@ -146,9 +162,11 @@ def _json(design: Design) -> dict[str, Any]:
 
 
 def _pose_columns(robot: Robot, design: Design) -> dict[str, np.ndarray]:
-    """The angles to command, and the motor angles where a gear is declared, rounded to what no encoder resolves."""
+    """The angles to command, and the motor angles where a gear is declared, rounded to what no encoder
+    resolves."""
     q = np.concatenate([design.q, design.q_validation])
-    columns: dict[str, np.ndarray] = {"set": np.repeat(["identification", "validation"], [len(design.q), len(q) - len(design.q)])}
+    columns: dict[str, np.ndarray] = {"set": np.repeat(["identification", "validation"],
+                                                       [len(design.q), len(q) - len(design.q)])}
     for i, joint in enumerate(robot.joints):
         columns[f"q_{i + 1}_{'m' if joint.type == 'prismatic' else 'rad'}"] = np.round(q[:, i], 9)
     theta = (q - robot.controller_offsets) * robot.controller_ratios
@@ -174,7 +192,8 @@ def _report(robot: Robot, design: Design, causes: Table) -> Report:
 
 def _index_table(design: Design) -> Table:
     sets = (design.observability, design.exchanged, design.start)
-    rows = tuple((name, *(Quantity(getattr(each, name)) for each in sets)) for name in ("O1", "O2", "O3", "O4", "O5"))
+    rows = tuple((name, *(Quantity(getattr(each, name)) for each in sets))
+                 for name in ("O1", "O2", "O3", "O4", "O5"))
     return Table("Observability", ("index", "this design", "before polishing", "random start"), rows,
                  "Larger is better. O1: all parameters together; O4: the one that shows least.")
 
@@ -186,7 +205,8 @@ def _dropped_table(design: Design) -> Table:
 
 def _warnings(design: Design) -> tuple[str, ...]:
     items = [
-        f"joint limits, the box and {number(1e3 * design.space.clearance)} mm from base column and upper arm are kept; "
+        f"joint limits, the box and {number(1e3 * design.space.clearance)} mm from base column and upper arm "
+        "are kept; "
         "obstacles, cables and covers are not known: check the poses before they are driven"
     ]
     if design.space.assumed:
@@ -199,28 +219,36 @@ def _history_figure(design: Design) -> Figure:
     references = {"after polishing": design.observability.O1}
     return Figure("observability", "Observability over the exchange",
                   partial(observability_over_steps, design.history, references=references),
-                  "O1 of the best set after each step: one pose added, one removed.", "O1 rising over the steps")
+                  "O1 of the best set after each step: one pose added, one removed.",
+                  "O1 rising over the steps")
 
 
 def _pose_figure(design: Design) -> Figure:
     q = np.concatenate([design.q, design.q_validation])
     return Figure("poses", "Where the target stands",
                   partial(poses_view, design.space.target(q), np.arange(len(q)) >= len(design.q)),
-                  "The target in the robot's base frame.", "Designed and validation poses from above and from the side")
+                  "The target in the robot's base frame.",
+                  "Designed and validation poses from above and from the side")
 
 
 def _method(design: Design) -> Text:
     paragraphs = [
-        "From a random set, poses are exchanged one by one: of random candidates that raise O1 the one that raises O4 most "
-        "is added, and the pose that O1 misses least is removed; what has just come or gone is tabu for a while. Then every "
+        "From a random set, poses are exchanged one by one: of random candidates that raise O1 the one that "
+        "raises O4 most "
+        "is added, and the pose that O1 misses least is removed; what has just come or gone is tabu for a "
+        "while. Then every "
         "pose moves a little as long as O1 rises and O4 does not fall. Poses are in an order of short ways.",
-        "Lengths and angles count as metres of the target per metre or radian; other parameters per a thousand times "
+        "Lengths and angles count as metres of the target per metre or radian; other parameters per a "
+        "thousand times "
         "their plausible magnitude.",
     ]
     if len(design.q_validation):
         paragraphs.append(
-            "The validation poses are not designed: a design sits at the rim of what the arm can do, an honest judgement "
-            "needs ordinary poses. Of many random sets the one was taken whose poses lie farthest from each other and "
-            f"from the others (at least {100 * design.validation_distance:.0f} % of the joints' ranges, root mean square)."
+            "The validation poses are not designed: a design sits at the rim of what the arm can do, an "
+            "honest judgement "
+            "needs ordinary poses. Of many random sets the one was taken whose poses lie farthest from each "
+            "other and "
+            f"from the others (at least {100 * design.validation_distance:.0f} % of the joints' ranges, root "
+            "mean square)."
         )
     return Text("How the poses were found", tuple(paragraphs))

@@ -1,4 +1,5 @@
-"""What `exactarm design --for RESULT.json` says: the experiment that a diagnosis has planned, as poses to drive."""
+"""What `exactarm design --for RESULT.json` says: the experiment that a diagnosis has planned, as poses to
+drive."""
 
 from __future__ import annotations
 
@@ -21,26 +22,32 @@ _KEYS = ("poses_rad", "payload_kg", "bits", "open_bits", "between")
 def experiment_json(experiment: Experiment) -> dict:
     """An experiment as it stands in result.json."""
     return {
-        "experiment": experiment.title, "between": experiment.between, "poses_rad": np.round(experiment.q, 9).tolist(),
+        "experiment": experiment.title, "between": experiment.between,
+        "poses_rad": np.round(experiment.q, 9).tolist(),
         "payload_kg": experiment.payload_kg, "bits": experiment.bits, "open_bits": experiment.open_bits,
         "minutes": experiment.minutes(), "bits_per_minute": experiment.bits_per_minute(),
     }
 
 
 def experiments_table(experiments: tuple[Experiment, ...], cost: Mapping[str, float] = MINUTES) -> Table:
-    rows = tuple((e.title, str(len(e.q)), f"{e.bits:.2f} of {e.open_bits:.2f}", f"{e.minutes(cost):.1f}", f"{e.bits_per_minute(cost):.2f}")
+    rows = tuple((e.title, str(len(e.q)), f"{e.bits:.2f} of {e.open_bits:.2f}", f"{e.minutes(cost):.1f}",
+                  f"{e.bits_per_minute(cost):.2f}")
                  for e in experiments)
-    return Table("Experiments that would tell", ("experiment", "poses", "bits", "minutes", "bits per minute"), rows,
-                 f"Is it {experiments[0].between}? Each pose is approached from both directions. Bits: what the experiment is expected to "
+    return Table("Experiments that would tell", ("experiment", "poses", "bits", "minutes", "bits per minute"),
+                 rows,
+                 f"Is it {experiments[0].between}? Each pose is approached from both directions. Bits: what "
+                 "the experiment is expected to "
                  "tell of what is not known about the cause. Minutes: "
-                 + ", ".join(f"{minutes:g} {_COSTS[name]}" for name, minutes in cost.items()) + " (assumed; `design --for --minutes` changes them).")
+                 + ", ".join(f"{minutes:g} {_COSTS[name]}" for name, minutes in cost.items())
+                 + " (assumed; `design --for --minutes` changes them).")
 
 
 _COSTS = {"visit": "to drive to a pose and measure", "payload": "to mount a payload"}
 
 
 def read_experiments(path: Path, robot: Robot) -> tuple[Experiment, ...]:
-    """The experiments of a diagnosis' result.json. Raises InputError where there are none, or none for this robot."""
+    """The experiments of a diagnosis' result.json. Raises InputError where there are none, or none for this
+    robot."""
     try:
         entries = json.loads(path.read_text(encoding="utf-8")).get("experiments")
     except (OSError, ValueError, AttributeError) as error:
@@ -54,12 +61,19 @@ def read_experiments(path: Path, robot: Robot) -> tuple[Experiment, ...]:
         try:
             q, *rest = (entry[key] for key in _KEYS)
             experiment = Experiment(np.array(q, float), *rest)
-            fits = experiment.q.ndim == 2 and experiment.q.shape[1] == robot.axes and np.all(np.isfinite(experiment.q))
-            fits = fits and all(np.isfinite(value) for value in (experiment.payload_kg, experiment.bits, experiment.open_bits))
+            fits = (
+                experiment.q.ndim == 2 and experiment.q.shape[1] == robot.axes
+                and np.all(np.isfinite(experiment.q))
+            )
+            fits = (
+                fits and all(np.isfinite(value)
+                             for value in (experiment.payload_kg, experiment.bits, experiment.open_bits))
+            )
         except (KeyError, TypeError, ValueError):
             fits = False
         if not fits or not len(experiment.q):
-            raise InputError(f"experiment {number} does not fit a robot of {robot.axes} axes; {_EXPECTED}", file=str(path))
+            raise InputError(f"experiment {number} does not fit a robot of {robot.axes} axes; {_EXPECTED}",
+                             file=str(path))
         found.append(experiment)
     return tuple(found)
 
@@ -80,7 +94,8 @@ def minutes_of(words: list[str]) -> dict[str, float]:
 
 
 def designed_for(robot: Robot, path: Path, cost: Mapping[str, float]) -> CommandResult:
-    """The experiment with the most bits per minute as `poses.csv`: every pose twice, from below and from above."""
+    """The experiment with the most bits per minute as `poses.csv`: every pose twice, from below and from
+    above."""
     experiments = sorted(read_experiments(path, robot), key=lambda e: (not e.parts, -e.bits_per_minute(cost)))
     best = experiments[0]
     both, approach = np.repeat(best.q, 2, axis=0), np.tile([-1, 1], len(best.q))
@@ -90,13 +105,17 @@ def designed_for(robot: Robot, path: Path, cost: Mapping[str, float]) -> Command
     for i in range(robot.axes):
         columns[f"approach_{i + 1}"] = approach
     load = f" with {best.payload_kg:g} kg at the flange" if best.payload_kg else ""
-    verdict = (f"{len(best.q)} poses{load}, each approached from both directions: in some {best.minutes(cost):.0f} minutes they tell "
+    verdict = (f"{len(best.q)} poses{load}, each approached from both directions: in some "
+               f"{best.minutes(cost):.0f} minutes they tell "
                f"{best.bits:.2f} of {best.open_bits:.2f} bits about whether it is {best.between}.")
-    how = ("Drive to each pose in such a way that every axis moves upwards (approach 1) or downwards (-1) at the end, add the measured "
+    how = ("Drive to each pose in such a way that every axis moves upwards (approach 1) or downwards (-1) at "
+           "the end, add the measured "
            "positions to poses.csv as x_m, y_m, z_m, and diagnose it together with the first file.",)
     return CommandResult(
-        json={"experiments": [experiment_json(e) for e in experiments], "minutes": dict(cost), "poses": len(both)},
-        report=Report(f"The next experiment: {robot.name}", verdict, (experiments_table(tuple(experiments), cost), Text("How", how)),
+        json={"experiments": [experiment_json(e) for e in experiments], "minutes": dict(cost),
+              "poses": len(both)},
+        report=Report(f"The next experiment: {robot.name}", verdict,
+                      (experiments_table(tuple(experiments), cost), Text("How", how)),
                       "good" if best.parts else "caution"),
         tables={"poses.csv": columns},
     )

@@ -1,4 +1,5 @@
-"""Found effects as a technician reads them: one line each, their curves, their strongest orders, their sizes at the tool."""
+"""Found effects as a technician reads them: one line each, their curves, their strongest orders, their sizes
+at the tool."""
 
 from __future__ import annotations
 
@@ -21,10 +22,13 @@ _MOST_ORDERS = 3  # of one effect
 _LEAST_ORDER = 0.25  # of its strongest order: weaker ones are not listed
 _MOST_PANELS = 12
 _FEW = 12  # parameters that are listed one by one
-_NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve")
+_NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven",
+            "twelve")
 
 
-def in_order(found: Sequence[tuple[Finding, Contribution | None]]) -> list[tuple[Finding, Contribution | None]]:
+def in_order(found: Sequence[tuple[Finding, Contribution | None]]) -> list[
+    tuple[Finding, Contribution | None]
+]:
     """In the order of the chain, then of the axes."""
     return sorted(found, key=lambda pair: (pair[0].effect.station, pair[0].effect.joint or 0))
 
@@ -44,7 +48,8 @@ def axes_in_words(joints: Sequence[int | None], axes: int) -> str:
 
 
 def causes_in_words(found: Sequence[tuple[Finding, Contribution | None]], axes: int) -> str:
-    """All causes in one phrase, the largest at the tool first: like ones of several axes together, with their size."""
+    """All causes in one phrase, the largest at the tool first: like ones of several axes together, with their
+    size."""
     groups: dict[str, list[tuple[Finding, Contribution | None]]] = {}
     for finding, contribution in found:
         groups.setdefault(finding.effect.in_plain_words, []).append((finding, contribution))
@@ -55,33 +60,41 @@ def causes_in_words(found: Sequence[tuple[Finding, Contribution | None]], axes: 
         widths = [c.peak_to_peak[0] for c in told if c.curve and c.unit == "rad"]
         sizes = [f"up to {quantity(max(widths), 'rad')} peak to peak"] if widths else []
         sizes += [f"{quantity(size(members), 'm')} at the tool"] if size(members) else []
-        phrases.append(words + axes_in_words([f.effect.joint for f, _ in members], axes) + (f" ({', '.join(sizes)})" if sizes else ""))
+        phrases.append(words + axes_in_words([f.effect.joint for f, _ in members], axes)
+                       + (f" ({', '.join(sizes)})" if sizes else ""))
     return "; ".join(phrases)
 
 
 def effects_table(result: Diagnosis, found: Sequence[tuple[Finding, Contribution | None]]) -> Table:
     """One line an effect. Columns that no result fills are left out."""
-    header = ["cause", "axis", "measure", "size (95 %)", "at the tool", "own share", "probability", "or instead"]
+    header = ["cause", "axis", "measure", "size (95 %)", "at the tool", "own share", "probability",
+              "or instead"]
     rows = [_row(finding, contribution) for finding, contribution in in_order(found)]
     kept = [k for k in range(len(header)) if any(row[k] not in (None, "") for row in rows)]
-    note = ("At the tool: median over the poses of what the effect moves the target and nothing else in the model makes up for. "
+    note = ("At the tool: median over the poses of what the effect moves the target and nothing else in the "
+            "model makes up for. "
             if any(c is not None and c.tool is not None for _, c in found) else "")
     if any(getattr(finding, "own_share", None) is not None for finding, _ in found):
         note += "Own share: of the held-out square sum, with all others in the model."
-    return Table("Causes found", tuple(header[k] for k in kept), tuple(tuple(row[k] for k in kept) for row in rows), note)
+    return Table("Causes found", tuple(header[k] for k in kept),
+                 tuple(tuple(row[k] for k in kept) for row in rows), note)
 
 
 def _row(finding: Finding, contribution: Contribution | None) -> list[Cell]:
     effect = finding.effect
     measure, size = _size(finding, contribution)
     at_tool = getattr(finding, "at_tool_um", None)
-    tool = 1e-6 * at_tool if at_tool is not None else contribution.at_tool if contribution is not None else None
+    tool = (
+        1e-6 * at_tool if at_tool is not None else contribution.at_tool if contribution is not None else None
+    )
     share = getattr(finding, "own_share", None)
     others = [other for other in getattr(finding, "set", None) or () if _label(other) != effect.label]
     return [
         effect.in_plain_words, "" if effect.joint is None else str(effect.joint), measure, size,
-        None if tool is None else Quantity(1e6 * tool, "µm"), None if share is None else f"{100.0 * share:.0f} %",
-        percent(finding.probability), ", ".join(f"{_label(other).replace('_', ' ')} ({percent(_probability(other))})" for other in others),
+        None if tool is None else Quantity(1e6 * tool, "µm"),
+        None if share is None else f"{100.0 * share:.0f} %",
+        percent(finding.probability),
+        ", ".join(f"{_label(other).replace('_', ' ')} ({percent(_probability(other))})" for other in others),
     ]
 
 
@@ -103,7 +116,8 @@ def _size(finding: Finding, contribution: Contribution | None) -> tuple[str, Cel
         return "peak to peak", Estimate(value, value - half, value + half, contribution.unit)
     for name, numbers in finding.derived.items():
         return _words_of(name), Estimate(*numbers, unit_of(name))
-    free = [(p, v, i) for p, v, i in zip(effect.parameters(), effect.values, finding.intervals) if not p.fixed]
+    free = [(p, v, i) for p, v, i in zip(effect.parameters(), effect.values, finding.intervals)
+            if not p.fixed]
     if not free:
         return "", None
     parameter, value, (low, high) = free[0]
@@ -119,7 +133,10 @@ def _words_of(name: str) -> str:
 
 def percent(probability: float) -> str:
     """0.0005 and less, 0.9995 and more are beyond what a model's probability means."""
-    return "< 0.1 %" if probability < 5e-4 else f"{100 * probability:.1f} %" if probability < 0.9995 else "> 99.9 %"
+    return (
+        "< 0.1 %" if probability < 5e-4 else f"{100 * probability:.1f} %"
+        if probability < 0.9995 else "> 99.9 %"
+    )
 
 
 def parameters_table(found: Sequence[tuple[Finding, Contribution | None]]) -> Table:
@@ -127,13 +144,16 @@ def parameters_table(found: Sequence[tuple[Finding, Contribution | None]]) -> Ta
     rows = []
     for finding, _ in in_order(found):
         effect = finding.effect
-        free = [(p, v, i) for p, v, i in zip(effect.parameters(), effect.values, finding.intervals) if not p.fixed]
+        free = [(p, v, i) for p, v, i in zip(effect.parameters(), effect.values, finding.intervals)
+                if not p.fixed]
         if len(free) <= _FEW and not (effect.orders() and len(free) > 3):
-            rows += [(effect.title, p.name, Estimate(float(v), float(low), float(high), unit_of(p.name))) for p, v, (low, high) in free]
+            rows += [(effect.title, p.name, Estimate(float(v), float(low), float(high), unit_of(p.name)))
+                     for p, v, (low, high) in free]
     return Table("Their parameters", ("effect", "parameter", "estimate (95 %)"), tuple(rows))
 
 
-def orders_table(found: Sequence[tuple[Finding, Contribution | None]], ratios: np.ndarray, geared: Sequence[bool]) -> Table:
+def orders_table(found: Sequence[tuple[Finding, Contribution | None]], ratios: np.ndarray,
+                 geared: Sequence[bool]) -> Table:
     """The strongest orders of every error that repeats, with what usually turns so."""
     rows: list[tuple[Cell, ...]] = []
     for finding, _ in in_order(found):
@@ -142,28 +162,36 @@ def orders_table(found: Sequence[tuple[Finding, Contribution | None]], ratios: n
         ratio = float(ratios[effect.index]) if effect.joint is not None and geared[effect.index] else None
         for order, amplitude in orders[:_MOST_ORDERS]:
             if amplitude >= _LEAST_ORDER * orders[0][1]:
-                rows.append((str(effect.joint), Quantity(order), Quantity(amplitude, "rad"), likely_source(order, ratio)))
+                rows.append((str(effect.joint), Quantity(order), Quantity(amplitude, "rad"),
+                             likely_source(order, ratio)))
     return Table("Strongest orders", ("axis", "per output turn", "amplitude", "usual source"), tuple(rows),
                  "The source is what usually turns so often in such a gear, not a measurement.")
 
 
 def curves_figure(found: Sequence[tuple[Finding, Contribution | None]]) -> list[Figure]:
-    """One panel an effect, over its own signal, in the order of the chain; what does not lower its own error is not drawn."""
+    """One panel an effect, over its own signal, in the order of the chain; what does not lower its own error
+    is not drawn."""
     panels = [_panel(c) for _, c in in_order(found) if c is not None and c.rms[1] < c.rms[0]][:_MOST_PANELS]
     if not panels:
         return []
     return [Figure(
         "effects", "Every cause over its own signal", partial(effect_panels, panels),
-        "Grey: the error that is left when this one cause is taken out of the model, on the fitted rows; blue: the cause as estimated, "
-        "with its 95 % band, drawn only where something was measured; green ticks: what was measured. RMS of the grey points, and "
+        "Grey: the error that is left when this one cause is taken out of the model, on the fitted rows; "
+        "blue: the cause as estimated, "
+        "with its 95 % band, drawn only where something was measured; green ticks: what was measured. RMS of "
+        "the grey points, and "
         "of what is left with the cause.",
         "one panel for each effect found: its curve with band over its own signal, and the error without it",
     )]
 
 
 def _panel(c: Contribution) -> EffectPanel:
-    same = c.unit == "rad" and c.direction.startswith("a turn") or not c.direction.startswith("a turn") and c.unit != "rad"
-    return EffectPanel(_title(c.effect), c.signal, c.signal_unit, c.unit, c.x, c.value, c.half, c.without, c.with_, c.curve, same)
+    same = (
+        c.unit == "rad" and c.direction.startswith("a turn") or not c.direction.startswith("a turn")
+        and c.unit != "rad"
+    )
+    return EffectPanel(_title(c.effect), c.signal, c.signal_unit, c.unit, c.x, c.value, c.half, c.without,
+                       c.with_, c.curve, same)
 
 
 def _title(effect: Effect) -> str:
@@ -172,10 +200,13 @@ def _title(effect: Effect) -> str:
 
 def sizes_figure(found: Sequence[tuple[Finding, Contribution | None]], left: float | None) -> list[Figure]:
     """Bars of what each effect moves the target, in the order of the chain."""
-    told = [(_title(finding.effect), c.at_tool) for finding, c in in_order(found) if c is not None and c.at_tool is not None]
+    told = [(_title(finding.effect), c.at_tool) for finding, c in in_order(found)
+            if c is not None and c.at_tool is not None]
     if len(told) < 2:
         return []
     labels, sizes = [label for label, _ in told], np.array([size for _, size in told])
-    return [Figure("contributions", "Which axis costs how much", partial(contribution_bars, labels, sizes, left),
-                   "Median over the fitted poses of what each cause moves the target and no other parameter makes up for.",
+    return [Figure("contributions", "Which axis costs how much",
+                   partial(contribution_bars, labels, sizes, left),
+                   "Median over the fitted poses of what each cause moves the target and no other parameter "
+                   "makes up for.",
                    "bars of the movement at the tool by cause")]

@@ -21,7 +21,8 @@ SETS = ("identification", "validation")
 
 
 def error_table(
-    before: Mapping[str, ErrorSummary], after: Mapping[str, ErrorSummary], unit: str, quantity: str, note: str = ""
+    before: Mapping[str, ErrorSummary], after: Mapping[str, ErrorSummary], unit: str, quantity: str,
+    note: str = ""
 ) -> Table:
     """Train and held-out side by side, before and after."""
     rows = []
@@ -29,12 +30,15 @@ def error_table(
         for name in SETS:
             s = sets[name]
             if s.n:
-                numbers = (Quantity(s.mean, unit), Quantity(s.rms, unit), Quantity(s.max, unit), Quantity(s.std, unit))
+                numbers = (Quantity(s.mean, unit), Quantity(s.rms, unit), Quantity(s.max, unit),
+                           Quantity(s.std, unit))
                 rows.append((f"{when}, {name}", s.n, *numbers))
-    return Table(quantity, ("", "rows", "mean", "RMS", "maximum", "std. dev."), tuple(rows), note, len(rows) - 1)
+    return Table(quantity, ("", "rows", "mean", "RMS", "maximum", "std. dev."), tuple(rows), note,
+                 len(rows) - 1)
 
 
-def highlights(before: Mapping[str, ErrorSummary], after: Mapping[str, ErrorSummary], unit: str) -> Highlights:
+def highlights(before: Mapping[str, ErrorSummary], after: Mapping[str, ErrorSummary],
+               unit: str) -> Highlights:
     """Mean and maximum of the rows that judge: validation where there are any."""
     judge = "validation" if after["validation"].n else "identification"
     return Highlights(tuple(
@@ -80,13 +84,17 @@ def geometry_tables(names, start, values, intervals, units, at_bound) -> tuple[T
     for unit, heading, shown, size in (("m", "Lengths", "mm", 1e-3), ("rad", "Angles", "deg", np.pi / 180.0)):
         rows = [
             (name, Quantity(float(s) / size, shown, exact=True), Quantity(float(v) / size, shown, exact=True),
-             Estimate(*(1e3 * float(x - s) for x in (v, low, high)), {"m": "mm", "rad": "mrad"}[unit]), "at its bound" if bound else "")
-            for name, s, v, (low, high), own, bound in zip(names, start, values, intervals, units, at_bound) if own == unit
+             Estimate(*(1e3 * float(x - s) for x in (v, low, high)), {"m": "mm", "rad": "mrad"}[unit]),
+             "at its bound" if bound else "")
+            for name, s, v, (low, high), own, bound in zip(names, start, values, intervals, units, at_bound)
+            if own == unit
         ]
-        tables.append(Table(heading, ("parameter", "declared", "identified", "change (95 %)", ""), tuple(rows)))
+        tables.append(Table(heading, ("parameter", "declared", "identified", "change (95 %)", ""),
+                            tuple(rows)))
     other = [k for k, unit in enumerate(units) if unit not in ("m", "rad")]
     pick = lambda items: [items[k] for k in other]
-    rest = parameter_table(pick(names), pick(start), pick(values), pick(intervals), pick(units), pick(at_bound))
+    rest = parameter_table(pick(names), pick(start), pick(values), pick(intervals), pick(units),
+                           pick(at_bound))
     return (*tables, replace(rest, heading="Springs, ratios and others"))
 
 

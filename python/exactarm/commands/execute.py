@@ -1,4 +1,5 @@
-"""Runs one command from its words: parse, work, write. Used by the command line and by commands that run others."""
+"""Runs one command from its words: parse, work, write. Used by the command line and by commands that run
+others."""
 
 from __future__ import annotations
 
@@ -27,7 +28,10 @@ class _Parser(argparse.ArgumentParser):
 
     def _meant(self, message: str) -> str:
         head, _, words = message.partition("unrecognized arguments: ")
-        wrong = next((word.partition("=")[0] for word in words.split() if word.startswith("--")), "") if not head else ""
+        wrong = (
+            next((word.partition("=")[0] for word in words.split() if word.startswith("--")), "")
+            if not head else ""
+        )
         close = difflib.get_close_matches(wrong, self._option_string_actions, n=1) if wrong else []
         return f"; did you mean {close[0]}?" if close else ""
 
@@ -44,25 +48,30 @@ def parse(module: Any, words: Sequence[str]) -> argparse.Namespace:
     """The arguments of a command from its words (without its name)."""
     _require_text(words)
     arguments = parser_of(module).parse_intermixed_args(list(words))
-    arguments.line = shlex.join(["exactarm", module.NAME, *_open(words, getattr(module, "HIDDEN_OPTIONS", ()))])
+    arguments.line = shlex.join(["exactarm", module.NAME,
+                                 *_open(words, getattr(module, "HIDDEN_OPTIONS", ()))])
     return arguments
 
 
 def _open(words: Sequence[str], hidden: Sequence[str]) -> list[str]:
     """The words of a command line without the values of options that a result must not tell."""
     after = ("", *words)
-    return ["..." if before in hidden else next((f"{name}=..." for name in hidden if word.startswith(f"{name}=")), word)
+    return ["..." if before in hidden
+            else next((f"{name}=..." for name in hidden if word.startswith(f"{name}=")), word)
             for before, word in zip(after, words)]
 
 
 def _require_text(words: Sequence[str]) -> None:
-    """A path in bytes that are no text could be opened, but not written into a result that others can read."""
+    """A path in bytes that are no text could be opened, but not written into a result that others can
+    read."""
     for word in words:
         try:
             word.encode()
         except UnicodeEncodeError:
             shown = word.encode(errors="backslashreplace").decode()
-            raise InputError(f"argument {shown}: is no UTF-8 text; expected a name that a result can hold") from None
+            raise InputError(
+                f"argument {shown}: is no UTF-8 text; expected a name that a result can hold"
+            ) from None
         if "\0" in word:
             raise InputError("argument with a null character; expected text")
 
@@ -73,7 +82,8 @@ def _main_input(arguments: argparse.Namespace) -> Any:
     return next(iter(files), None) or getattr(arguments, "path", None) or getattr(arguments, "robot", None)
 
 
-def execute(module: Any, arguments: argparse.Namespace, progress: Progress, width: int | None = None) -> Published:
+def execute(module: Any, arguments: argparse.Namespace, progress: Progress,
+            width: int | None = None) -> Published:
     """Does the work and writes all results; on any failure nothing is left half written."""
     arguments.progress = progress
     started = time.perf_counter()
@@ -96,5 +106,6 @@ def _asked(command: str, arguments: argparse.Namespace, result: CommandResult) -
     known = result.asked.files if result.asked else ()
     read = [*([robot] if robot else []), *(getattr(arguments, "files", None) or [])]
     named = {source.path: source for source in (*known, *sources(read, known))}
-    files = tuple(named.pop(path) for path in dict.fromkeys(map(str, read)) if path in named) + tuple(named.values())
+    files = tuple(named.pop(path) for path in dict.fromkeys(map(str, read))
+                  if path in named) + tuple(named.values())
     return Asked(command, arguments.line, robot, files, arguments.seed)

@@ -28,19 +28,23 @@ _LEVEL = 1.96  # a million samples: Student's t is the normal distribution
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_robot(parser)
-    add_files(parser, text="gear runs: motor angles and a gyroscope, or encoders on both sides (.csv, .parquet)")
+    add_files(parser, text="gear runs: motor angles and a gyroscope, or encoders on both sides (.csv, "
+                           ".parquet)")
     parser.add_argument("--method", choices=METHODS, default=METHODS[0],
-                        help="orders as real numbers, or whole numbers with their neighbours as the source has them "
+                        help="orders as real numbers, or whole numbers with their neighbours as the source "
+                             "has them "
                              "(default %(default)s; both are compared in the report)")
 
 
 def gear(
-    robot: AnyRobot, data: AnyData, *, method: str = METHODS[0], seed: int = DEFAULT_SEED, threads: int | None = None,
+    robot: AnyRobot, data: AnyData, *, method: str = METHODS[0], seed: int = DEFAULT_SEED,
+    threads: int | None = None,
     kind: str | None = None, progress: Progress = SILENT,
 ) -> CommandResult:
     """Identifies the gear ratio and its harmonics per axis and direction, from gear runs.
 
-    method: orders as real numbers ("refined"), or whole numbers with their neighbours, as the source has them.
+    method: orders as real numbers ("refined"), or whole numbers with their neighbours, as the source has
+    them.
     """
     declared = robot_of(robot)
     rows = data_of(data, declared, kind)
@@ -49,7 +53,8 @@ def gear(
                          file=rows.first_file)
     require_memory("gear", "gear_run", rows)
     with suspicions(declared, replace(rows, kind="gear_run", kinds=("gear_run",))) as found:
-        result = identify_gears(declared, rows, method=method, seed=seed, threads=threads_of(threads), progress=progress.stage)
+        result = identify_gears(declared, rows, method=method, seed=seed, threads=threads_of(threads),
+                                progress=progress.stage)
     return CommandResult(
         json={
             "gears": [gear_json(gear) for gear in result.gears],
@@ -74,7 +79,8 @@ def gear(
 
 
 def run(arguments: argparse.Namespace) -> CommandResult:
-    return gear(arguments.robot, arguments.files, method=arguments.method, seed=arguments.seed, threads=arguments.threads,
+    return gear(arguments.robot, arguments.files, method=arguments.method, seed=arguments.seed,
+                threads=arguments.threads,
                 kind=arguments.kind, progress=arguments.progress)
 
 
@@ -82,7 +88,8 @@ def gear_json(gear: Gear) -> dict[str, Any]:
     """One direction of one axis, as the list `gears` has it."""
     table, fit = gear.table, gear.estimate.tables[gear.side]
     sigma = np.sqrt(np.diag(fit.covariance))
-    spread = lambda value, deviation: estimate(float(value), float(value - _LEVEL * deviation), float(value + _LEVEL * deviation))
+    spread = lambda value, deviation: estimate(float(value), float(value - _LEVEL * deviation),
+                                               float(value + _LEVEL * deviation))
     m = table.order.size
     return {
         "joint": gear.joint,

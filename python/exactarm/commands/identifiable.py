@@ -65,8 +65,10 @@ class _Poses:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_robot(parser)
-    add_files(parser, least=0, text="measured or planned poses (default: random poses within the joint limits)")
-    parser.add_argument("--count", metavar="K", type=int, default=1000, help="number of random poses (default %(default)s)")
+    add_files(parser, least=0, text="measured or planned poses (default: random poses within the joint "
+                                    "limits)")
+    parser.add_argument("--count", metavar="K", type=int, default=1000,
+                        help="number of random poses (default %(default)s)")
     add_fixture(parser)
     add_planning(parser)
     add_noise(parser)
@@ -109,11 +111,13 @@ def _touches(robot: Robot, arguments: argparse.Namespace) -> Dataset | None:
     return touches(replace(data, kind="closures", kinds=("closures",), fixture=fixture))
 
 
-def _closures(robot: Robot, data: Dataset, noise: float, arguments: argparse.Namespace) -> tuple[ModelCheck, _Poses]:
+def _closures(robot: Robot, data: Dataset, noise: float,
+              arguments: argparse.Namespace) -> tuple[ModelCheck, _Poses]:
     nominal = nominal_closures(robot, data, carried_effects(robot, data), arguments.seed, arguments.threads)
     beside = geometry_layout(robot).joined(compliance_layout(robot, data))
     layout, found = identifiable_closures(robot, nominal.layout, beside, data, arguments.threads)
-    deviations = expected_deviations(robot, layout, data, noise, Pulls.of(geometry_layout(robot), data.fixture), arguments.threads)
+    deviations = expected_deviations(robot, layout, data, noise,
+                                     Pulls.of(geometry_layout(robot), data.fixture), arguments.threads)
     known = dict(zip(layout.names, deviations))
     found = replace(found, sigma_parameter=np.array([known.get(name, np.nan) for name in found.names]))
     warnings = () if scale_is_known(layout, data) else (SCALE,)
@@ -169,7 +173,8 @@ def _json(check: ModelCheck, poses: _Poses, noise: float) -> dict:
 
 
 def _dropped(entry) -> dict:
-    return {"parameter": entry.name, "why": entry.why, "collides_with": entry.collides_with, "exact": entry.exact}
+    return {"parameter": entry.name, "why": entry.why, "collides_with": entry.collides_with,
+            "exact": entry.exact}
 
 
 def _parameter_columns(check: ModelCheck) -> dict[str, list]:
@@ -191,13 +196,16 @@ def _report(robot: Robot, check: ModelCheck, poses: _Poses, noise: float) -> Rep
     result = check.identifiability
     count, total = len(result.identifiable), len(result.names)
     what = "position and orientation" if poses.orientation else "position"
-    verdict = f"{count} of {total} parameters can be identified from the {what} of the target in {poses.words}."
+    verdict = (
+        f"{count} of {total} parameters can be identified from the {what} of the target in {poses.words}."
+    )
     sections: list[Section] = [_frame_table(robot, check), _dropped_table(check), _index_table(result)]
     warnings = [*poses.warnings, *(gap.why for gap in check.gaps), *target_hint(result.dropped)]
     if warnings:
         sections.append(Warnings(tuple(warnings)))
     sections += [_figure(result), _sigma_table(result, noise), _method()]
-    return Report(f"What can be identified: {robot.name}", verdict, tuple(sections), "caution" if check.gaps else "good")
+    return Report(f"What can be identified: {robot.name}", verdict, tuple(sections),
+                  "caution" if check.gaps else "good")
 
 
 def _frame_table(robot: Robot, check: ModelCheck) -> Table:
@@ -221,12 +229,16 @@ def _frame_table(robot: Robot, check: ModelCheck) -> Table:
 def _dropped_table(check: ModelCheck) -> Table:
     entries = (*check.identifiability.dropped, *check.absent)
     rows = tuple((entry.name, entry.why) for entry in entries)
-    return Table("Not identifiable, and why", ("parameter", "why"), rows, "" if rows else "Everything can be identified.")
+    return Table("Not identifiable, and why", ("parameter", "why"), rows,
+                 "" if rows else "Everything can be identified.")
 
 
 def _index_table(result: Identifiability) -> Table:
     rows = tuple((name, Quantity(value)) for name, value in result.observability.as_dict().items())
-    note = f"Condition number of the identifiable columns, each scaled to unit length: {number(result.condition)}."
+    note = (
+        "Condition number of the identifiable columns, each scaled to unit length: "
+        f"{number(result.condition)}."
+    )
     return Table("Observability", ("index", "value"), rows, note)
 
 
@@ -235,7 +247,8 @@ def _figure(result: Identifiability) -> Figure:
         "singular_values",
         "Singular values",
         partial(singular_values, result.singular_values, int(np.sum(result.singular_values > 1e-9))),
-        "All columns of the stacked identification Jacobian, each scaled to unit length. Those that vanish count the "
+        "All columns of the stacked identification Jacobian, each scaled to unit length. Those that vanish "
+        "count the "
         "combinations of parameters that move nothing.",
         "Singular values in falling order on a logarithmic scale",
     )
@@ -255,9 +268,13 @@ def _method() -> Text:
     return Text(
         "How it was decided",
         (
-            "The identification Jacobian of all poses is stacked and its columns scaled to unit length. Columns are taken "
-            "in an order of preference (frames of the set-up, geometry, joint offsets, gear ratios, others; the axes from "
-            "the base on), and one that is a combination of those taken before it is dropped: these parameters collide.",
-            "A parameter whose standard deviation at the stated noise exceeds what is plausible for it is dropped as well.",
+            "The identification Jacobian of all poses is stacked and its columns scaled to unit length. "
+            "Columns are taken "
+            "in an order of preference (frames of the set-up, geometry, joint offsets, gear ratios, others; "
+            "the axes from "
+            "the base on), and one that is a combination of those taken before it is dropped: these "
+            "parameters collide.",
+            "A parameter whose standard deviation at the stated noise exceeds what is plausible for it is "
+            "dropped as well.",
         ),
     )

@@ -30,6 +30,8 @@ def _string_literals(path: Path) -> dict[str, str]:
     """The module's assignments NAME = "text" at its top level."""
     literals = {}
     for node in ast.parse(path.read_text(encoding="utf-8")).body:
-        if isinstance(node, ast.Assign) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str):
-            literals.update({target.id: node.value.value for target in node.targets if isinstance(target, ast.Name)})
+        if isinstance(node, ast.Assign) and isinstance(node.value,
+                                                       ast.Constant) and isinstance(node.value.value, str):
+            literals.update({target.id: node.value.value for target in node.targets
+                             if isinstance(target, ast.Name)})
     return literals

@@ -1,9 +1,9 @@
 """`exactarm loop`: the full loop on a virtual robot with a hidden cause.
 
-Round 0 plans with the drawing, round 1 with the calibrated robot, round 2 with the diagnosed one; each time the
-motion is executed on the true robot and its error measured. The desired path is fixed in the tracker's frame (where
-the drawing's base frame was found), and the error is that of the measured target: base and tool frames of two
-estimated models need not coincide, what the tracker sees does.
+Round 0 plans with the drawing, round 1 with the calibrated robot, round 2 with the diagnosed one; each time
+the motion is executed on the true robot and its error measured. The desired path is fixed in the tracker's
+frame (where the drawing's base frame was found), and the error is that of the measured target: base and tool
+frames of two estimated models need not coincide, what the tracker sees does.
 """
 
 from __future__ import annotations
@@ -39,7 +39,8 @@ from exactarm.simulate.virtual_robot import placed
 
 NAME = "loop"
 HELP = "the full loop on a virtual robot: identify, plan, execute, measure, diagnose, plan and execute again"
-_DAMPING_S = 1e-3  # of the springs over their stiffness: an undamped arm would ring from the first reversal on
+# of the springs over their stiffness: an undamped arm would ring from the first reversal on
+_DAMPING_S = 1e-3
 ROUNDS = ("as drawn", "calibrated", "diagnosed")
 
 
@@ -73,18 +74,23 @@ class _Moved:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_robot(parser)
-    parser.add_argument("--path", default="line", help="path file (.toml), or line or spiral (default %(default)s)")
+    parser.add_argument("--path", default="line",
+                        help="path file (.toml), or line or spiral (default %(default)s)")
     parser.add_argument("--effect", metavar="WORDS", action="append", default=[],
-                        help='the hidden cause, as "gear_eccentricity joint=2 first_cos_rad=3e-4 first_sin_rad=1e-4"')
-    parser.add_argument("--deviation", type=float, default=1.0, help="size of the true deviations (default %(default)s)")
+                        help='the hidden cause, as "gear_eccentricity joint=2 first_cos_rad=3e-4 '
+                             'first_sin_rad=1e-4"')
+    parser.add_argument("--deviation", type=float, default=1.0,
+                        help="size of the true deviations (default %(default)s)")
     parser.add_argument("--count", type=int, default=160, help="measured poses (default %(default)s)")
-    parser.add_argument("--noise", type=float, default=3e-5, help="of a measured position in m (default %(default)s)")
+    parser.add_argument("--noise", type=float, default=3e-5,
+                        help="of a measured position in m (default %(default)s)")
 
 
 def run(arguments: argparse.Namespace) -> CommandResult:
     robot, path = load_robot(arguments.robot), load_path(arguments.path)
     if not arguments.effect:
-        raise InputError("--effect: expected a hidden cause to be found, as --effect \"gear_ratio joint=2 scale=3e-4\"")
+        raise InputError("--effect: expected a hidden cause to be found, as --effect \"gear_ratio joint=2 "
+                         "scale=3e-4\"")
     random = np.random.default_rng(arguments.seed)
     true = placed(deviated(robot, arguments.deviation, random, frames=False), random)
     # Masses and springs as declared: what is hidden is the cause that was asked for, and the geometry.
@@ -96,7 +102,8 @@ def run(arguments: argparse.Namespace) -> CommandResult:
     arguments.progress.stage("calibrating")
     options = CalibrationOptions(compliance=(), seed=arguments.seed, threads=arguments.threads)
     calibrated = calibrate(robot, data, options)
-    diagnosis = diagnose(robot, data, seed=arguments.seed, threads=arguments.threads, progress=arguments.progress.stage)
+    diagnosis = diagnose(robot, data, seed=arguments.seed, threads=arguments.threads,
+                         progress=arguments.progress.stage)
     drawn = _framed(robot, data)
     rounds = []
     for name, model in zip(ROUNDS, (drawn, calibrated.robot, diagnosis.robot)):
@@ -123,8 +130,10 @@ def _framed(robot: Robot, data: Dataset) -> Robot:
     return replace(robot, base=found[0][1].base, tool=found[0][1].tool)
 
 
-def _execute(name: str, model: Robot, drawn: Robot, virtual: VirtualRobot, path: PlannedPath, threads: int) -> _Round:
-    """Plans with `model` so that its target follows the path of the drawing's target, and executes it for real."""
+def _execute(name: str, model: Robot, drawn: Robot, virtual: VirtualRobot, path: PlannedPath,
+             threads: int) -> _Round:
+    """Plans with `model` so that its target follows the path of the drawing's target, and executes it for
+    real."""
     desired = path.reference()
     turn = model.base.rotation.T @ drawn.base.rotation
     rotation = desired.rotation[0]
@@ -162,20 +171,26 @@ def _json(rounds: list[_Round], diagnosis: Diagnosis) -> dict:
     }
 
 
-def _report(robot: Robot, path: PlannedPath, rounds: list[_Round], diagnosis: Diagnosis, hidden: list[Effect]) -> Report:
+def _report(robot: Robot, path: PlannedPath, rounds: list[_Round], diagnosis: Diagnosis,
+            hidden: list[Effect]) -> Report:
     first, middle, last = rounds
     verdict = (
-        f"On the path {path.name} the target of the virtual {robot.name} misses by {quantity(first.summary.rms, 'm')} RMS as "
-        f"drawn, by {quantity(middle.summary.rms, 'm')} calibrated and by {quantity(last.summary.rms, 'm')} diagnosed."
+        f"On the path {path.name} the target of the virtual {robot.name} misses by "
+        f"{quantity(first.summary.rms, 'm')} RMS as "
+        f"drawn, by {quantity(middle.summary.rms, 'm')} calibrated and by {quantity(last.summary.rms, 'm')} "
+        "diagnosed."
     )
-    rows = tuple((r.name, *(Quantity(getattr(r.summary, f), "m") for f in ("mean", "rms", "max"))) for r in rounds)
+    rows = tuple((r.name, *(Quantity(getattr(r.summary, f), "m") for f in ("mean", "rms", "max")))
+                 for r in rounds)
     time = np.linspace(0.0, path.duration, len(first.error))
     return Report(f"The loop closed on {robot.name}", verdict, (
         Highlights(tuple(Highlight(r.name, Quantity(r.summary.rms, "m")) for r in rounds)),
-        Table("Error of the target along the path", ("planned with the robot", "mean", "RMS", "maximum"), rows,
+        Table("Error of the target along the path", ("planned with the robot", "mean", "RMS", "maximum"),
+              rows,
               "Executed on the true robot with its hidden cause; springs swing."),
         Figure("tracking", "Error along the path",
-               partial(curves, time, {r.name: r.error for r in rounds}, unit="m", name="error of the target", log_y=True),
+               partial(curves, time, {r.name: r.error for r in rounds}, unit="m", name="error of the target",
+                       log_y=True),
                "Distance of the target from where it should be, round by round.", "tracking error over time"),
         Text("What the diagnosis said", (diagnosis.sentence,)),
         Table("What was hidden, and what was found", ("", "effect", "in words"), (

@@ -1,7 +1,7 @@
 """Memory before the work: what a command will need for so many rows, beside what the machine has free.
 
-Bytes a row are measured (`bench/limits.py`; docs/limits.md); what a row takes is work, so it grows in proportion. A command that
-would be killed by the system is refused with the number of rows that fit.
+Bytes a row are measured (`bench/limits.py`; docs/limits.md); what a row takes is work, so it grows in
+proportion. A command that would be killed by the system is refused with the number of rows that fit.
 """
 
 from __future__ import annotations
@@ -15,7 +15,8 @@ GIGABYTE = 2.0**30
 MEMINFO = Path("/proc/meminfo")
 SHARE = 0.9  # of what is free that one command may take
 BASE_BYTES = 0.3 * GIGABYTE  # of the libraries and the figures
-# command, kind of data -> bytes a row; None: it does not grow with the rows by more than the data (blocks, thinned runs)
+# command, kind of data -> bytes a row; None: it does not grow with the rows by more than the data (blocks,
+# thinned runs)
 BYTES_A_ROW = {
     ("calibrate", "poses"): 65e3,
     ("diagnose", "poses"): 1.3e6,
@@ -34,7 +35,8 @@ def require_memory(command: str, kind: str, data: Dataset) -> None:
     if needed > most:
         rows = max(int((most - BASE_BYTES) / each), 0)
         raise InputError(
-            f"{len(data)} rows need about {needed / GIGABYTE:.3g} GB of memory, {free / GIGABYTE:.3g} GB are free; expected at most "
+            f"{len(data)} rows need about {needed / GIGABYTE:.3g} GB of memory, {free / GIGABYTE:.3g} GB are "
+            "free; expected at most "
             f"{rows} rows: leave out rows, evenly, or take the sessions one by one", file=data.first_file)
 
 

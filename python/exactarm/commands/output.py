@@ -1,8 +1,8 @@
 """The folder of results: every file whole or absent, `result.json` last.
 
 Files are written into DIR/.partial, then renamed into place. A `result.json` of an earlier run is removed
-before the work begins, so that a run that was killed leaves none. A folder has one owner at a time: a second run
-is refused by a lock on the folder itself, which ends with the process that holds it, however that ends.
+before the work begins, so that a run that was killed leaves none. A folder has one owner at a time: a second
+run is refused by a lock on the folder itself, which ends with the process that holds it, however that ends.
 `result.json` names the run (`run`) and the files that belong to it with their SHA-256 (`files`).
 """
 
@@ -44,7 +44,8 @@ class OutputFolder:
             self._partial.mkdir()
         except OSError as error:
             self._unlock()
-            raise InputError(f"cannot write here ({error.strerror}), expected a folder", file=self.path) from error
+            raise InputError(f"cannot write here ({error.strerror}), expected a folder",
+                             file=self.path) from error
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -57,7 +58,8 @@ class OutputFolder:
             fcntl.flock(self._owned, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             self._unlock()
-            raise InputError("another run is writing here; expected a folder of its own", file=self.path) from None
+            raise InputError("another run is writing here; expected a folder of its own",
+                             file=self.path) from None
         except OSError:  # a file system without locks: two runs at once then show in the hashes of `files`
             pass
 
@@ -94,14 +96,17 @@ class OutputFolder:
     def write_result(self, result: Mapping[str, Any]) -> None:
         """`result` with the run's id and the files that belong to it; it is published last."""
         own = {"run": self.run, "files": {str(name): sha256(self._partial / name) for name in self._names()}}
-        self.write_text(RESULT, json.dumps(plain(dict(result) | own), indent=1, allow_nan=False, ensure_ascii=False) + "\n")
+        self.write_text(RESULT, json.dumps(plain(dict(result) | own), indent=1, allow_nan=False,
+                                           ensure_ascii=False) + "\n")
 
     def publish(self, inputs: Iterable[Any] = ()) -> list[Path]:
-        """Renames all files into place, `result.json` last, over none of the files that the run has read. Returns their paths."""
+        """Renames all files into place, `result.json` last, over none of the files that the run has read.
+        Returns their paths."""
         read = {Path(path).resolve() for path in inputs}
         for name in self._names():
             if (self.path / name).resolve() in read:
-                raise InputError("would be overwritten by the result of the same name; expected another --out", file=self.path / name)
+                raise InputError("would be overwritten by the result of the same name; expected another "
+                                 "--out", file=self.path / name)
         names = sorted(self._names(), key=lambda name: name == Path(RESULT))
         for name in names:
             target = self.path / name
@@ -110,7 +115,8 @@ class OutputFolder:
         return [self.path / name for name in names]
 
     def _names(self) -> list[Path]:
-        return [path.relative_to(self._partial) for path in sorted(self._partial.rglob("*")) if path.is_file()]
+        return [path.relative_to(self._partial) for path in sorted(self._partial.rglob("*"))
+                if path.is_file()]
 
 
 def _cells(values: Sequence) -> pa.Array:

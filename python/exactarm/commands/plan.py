@@ -35,33 +35,45 @@ HELP = "motor trajectory that puts the flange on a path (line, spiral, or a path
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_robot(parser)
     parser.add_argument("path", metavar="PATH", help="path file (.toml), or line or spiral")
-    parser.add_argument("--rate", metavar="HZ", type=float, help="samples a second (default: that of the path)")
-    parser.add_argument("--duration", metavar="S", type=float, help="duration in s (default: that of the path); stretches the times of via-points too")
+    parser.add_argument("--rate", metavar="HZ", type=float,
+                        help="samples a second (default: that of the path)")
+    parser.add_argument("--duration", metavar="S", type=float, help="duration in s (default: that of the "
+                                                                    "path); stretches the times of "
+                                                                    "via-points too")
     parser.add_argument("--nu", type=float, help="weight of the input (default: that of the path)")
     for key, options in CHOICES.items():
         parser.add_argument(f"--{key.replace('_', '-')}", choices=options, help="instead of the path's own")
-    parser.add_argument("--start", metavar="DEG,DEG,...", help="joint angles near the first pose, to choose a branch")
-    parser.add_argument("--format", choices=("csv", "parquet"), default="csv", help="of the trajectory (default csv)")
-    parser.add_argument("--send", choices=tuple(FILES), help="also in the words of a controller: joint angles as it reports them")
+    parser.add_argument("--start", metavar="DEG,DEG,...",
+                        help="joint angles near the first pose, to choose a branch")
+    parser.add_argument("--format", choices=("csv", "parquet"), default="csv",
+                        help="of the trajectory (default csv)")
+    parser.add_argument("--send", choices=tuple(FILES),
+                        help="also in the words of a controller: joint angles as it reports them")
 
 
 def plan(
-    robot: AnyRobot, path: str | Path | PlannedPath, *, rate_hz: float | None = None, duration_s: float | None = None,
-    nu: float | None = None, gear_direction: str | None = None, input: str | None = None, solver: str | None = None,
-    linear_solver: str | None = None, start_rad: Sequence[float] | np.ndarray | None = None, format: Literal["csv", "parquet"] = "csv",
-    send: Literal["joint_trajectory", "servoj"] | None = None, seed: int = DEFAULT_SEED, threads: int | None = None,
+    robot: AnyRobot, path: str | Path | PlannedPath, *, rate_hz: float | None = None,
+    duration_s: float | None = None,
+    nu: float | None = None, gear_direction: str | None = None, input: str | None = None,
+    solver: str | None = None,
+    linear_solver: str | None = None, start_rad: Sequence[float] | np.ndarray | None = None,
+    format: Literal["csv", "parquet"] = "csv",
+    send: Literal["joint_trajectory", "servoj"] | None = None, seed: int = DEFAULT_SEED,
+    threads: int | None = None,
     progress: Progress = SILENT,
 ) -> CommandResult:
     """Plans the motor motion that keeps the flange on a path: `line`, `spiral`, a path file or a PlannedPath.
 
-    None: as the path says. send: also as a file for a controller. start_rad: joint angles near the first pose, to choose a branch.
+    None: as the path says. send: also as a file for a controller. start_rad: joint angles near the first
+    pose, to choose a branch.
 
         >>> import exactarm as ea
         >>> result = ea.plan("racer-7-1.4", "line", rate_hz=200)
         >>> result["tracking"]["position_rms_m"] < 1e-6
         True
     """
-    choices = {"gear_direction": gear_direction, "input": input, "solver": solver, "linear_solver": linear_solver}
+    choices = {"gear_direction": gear_direction, "input": input, "solver": solver,
+               "linear_solver": linear_solver}
     changed = {"rate_hz": rate_hz, "duration_s": duration_s, "nu": nu} | choices
     if send is not None and send not in FILES:
         raise InputError(f"send {send!r}; expected one of {', '.join(FILES)}")
@@ -78,14 +90,17 @@ def plan(
         tables={f"trajectory.{format}": trajectory_table(result)},
         texts={} if send is None else {FILES[send]: sent_text(send, declared, result)},
         inputs=tuple(file),
-        asked=asked("plan", robot, None, seed, {"path": name} | {k: v for k, v in changed.items() if v is not None}),
+        asked=asked("plan", robot, None, seed,
+                    {"path": name} | {k: v for k, v in changed.items() if v is not None}),
     )
 
 
 def run(arguments: argparse.Namespace) -> CommandResult:
     return plan(
-        arguments.robot, arguments.path, rate_hz=arguments.rate, duration_s=arguments.duration, nu=arguments.nu,
-        **{key: getattr(arguments, key) for key in CHOICES}, start_rad=_start(arguments.start), format=arguments.format, send=arguments.send,
+        arguments.robot, arguments.path, rate_hz=arguments.rate, duration_s=arguments.duration,
+        nu=arguments.nu,
+        **{key: getattr(arguments, key) for key in CHOICES}, start_rad=_start(arguments.start),
+        format=arguments.format, send=arguments.send,
         seed=arguments.seed, threads=arguments.threads, progress=arguments.progress,
     )
 
@@ -105,7 +120,8 @@ def _path(given: str | Path | PlannedPath, rate_hz: float | None, duration_s: fl
     path = replace(path, **{key: value for key, value in chosen.items() if value is not None})
     samples = path.duration * path.rate_hz + 1.0
     if not 12.0 <= samples <= MOST_SAMPLES:
-        raise InputError(f"{samples:.0f} samples at {path.rate_hz:g} Hz in {path.duration:g} s: expected 12 to {MOST_SAMPLES}; "
+        raise InputError(f"{samples:.0f} samples at {path.rate_hz:g} Hz in {path.duration:g} s: expected 12 "
+                         f"to {MOST_SAMPLES}; "
                          "change --rate or --duration")
     return path
 
@@ -131,7 +147,8 @@ def _json(plan: Plan) -> dict[str, Any]:
         "path": {"name": plan.path.name, "duration_s": plan.path.duration, "samples": len(plan.time),
                  "step_s": plan.reference.step, "nu": plan.path.nu, "input": plan.path.input,
                  "gear_direction": plan.path.gear_direction},
-        "violations": [{"joint": v.joint, "quantity": v.quantity, "unit": v.unit, "value": v.value, "limit": v.limit,
+        "violations": [{"joint": v.joint, "quantity": v.quantity, "unit": v.unit, "value": v.value,
+                        "limit": v.limit,
                         "time_s": v.time} for v in plan.violations],
         "shortest_duration_s": plan.shortest_duration,
         "reversals": [{"joint": i + 1, "time_s": instant} for i, column in enumerate(plan.q_desired.T)
@@ -144,15 +161,18 @@ def _json(plan: Plan) -> dict[str, Any]:
 
 def _report(robot: Robot, plan: Plan) -> Report:
     tracking, solver = plan.tracking, plan.solver
-    verdict = (f"On the planner's model the flange keeps to the path within {quantity(tracking.position_max, 'm')} "
-               f"({quantity(tracking.position_rms, 'm')} RMS) at the samples; solved in {solver.iterations} iterations "
+    verdict = ("On the planner's model the flange keeps to the path within "
+               f"{quantity(tracking.position_max, 'm')} "
+               f"({quantity(tracking.position_rms, 'm')} RMS) at the samples; solved in {solver.iterations} "
+               "iterations "
                f"and {quantity(solver.seconds, 's')}.")
     sections: list[Section] = [
         Highlights((Highlight("flange error, RMS", Quantity(tracking.position_rms, "m")),
                     Highlight("flange error, largest", Quantity(tracking.position_max, "m")),
                     Highlight("joint error, largest", Quantity(tracking.joint_max, "rad")))),
         _axis_table(robot, plan),
-        Text("Solver", (f"{solver.name} ({solver.linear_solver}): {solver.status} after {solver.iterations} iterations; "
+        Text("Solver", (f"{solver.name} ({solver.linear_solver}): {solver.status} after {solver.iterations} "
+                        "iterations; "
                         f"largest first-order error, computed outside the solver: {solver.kkt_error:.1e}.",)),
     ]
     if plan.compensated:
@@ -170,7 +190,9 @@ def _axis_table(robot: Robot, plan: Plan) -> Table:
          Quantity(plan.bandwidth[i], "Hz"))
         for i in range(robot.axes)
     )
-    note = f"Output side. Bandwidth: below it lie {100 * ENERGY_SHARE:.0f} % of the energy of the acceleration."
+    note = (
+        f"Output side. Bandwidth: below it lie {100 * ENERGY_SHARE:.0f} % of the energy of the acceleration."
+    )
     return Table("Axes", ("axis", "largest rate", "largest acceleration", "bandwidth"), rows, note)
 
 
@@ -180,13 +202,16 @@ def _figures(robot: Robot, plan: Plan) -> tuple[Figure, ...]:
     return (
         Figure("flange_error", "Error of the flange",
                partial(curves, plan.time, {"error": plan.position_error}, unit="m", name="position error"),
-               "Distance of the flange from the path at the samples, on the planner's model.", "flange error over time"),
+               "Distance of the flange from the path at the samples, on the planner's model.",
+               "flange error over time"),
         Figure("motor_rate", "Motor rates, output side",
-               partial(curves_per_axis, plan.time, {"motor": plan.theta_dot / robot.ratios, "link": plan.q_dot},
+               partial(curves_per_axis, plan.time,
+                       {"motor": plan.theta_dot / robot.ratios, "link": plan.q_dot},
                                        unit="rad/s", name="rate"),
                "What the motors do so that the links move smoothly.", "motor and link rates over time"),
         Figure("spectrum", "Spectrum of the motor accelerations",
-               partial(curves_per_axis, frequency[1:], {"acceleration": spectrum[1:]}, unit="rad/s²", name="amplitude",
+               partial(curves_per_axis, frequency[1:], {"acceleration": spectrum[1:]}, unit="rad/s²",
+                       name="amplitude",
                                        x_name="frequency", x_unit="Hz", log_x=True, log_y=True),
                "Single-sided amplitude of the input, output side.", "spectrum of the input per axis"),
     )

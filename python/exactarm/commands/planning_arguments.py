@@ -19,15 +19,19 @@ from exactarm.robot import Placement, Robot
 def add_planning(parser: argparse.ArgumentParser) -> None:
     # "-0.5,1" is a value: argparse takes only a single negative number for one.
     parser._negative_number_matcher = re.compile(r"^-[\d.]")
-    parser.add_argument("--tool", metavar="X,Y,Z", help="target on the flange in m (default: that of the robot file)")
+    parser.add_argument("--tool", metavar="X,Y,Z",
+                        help="target on the flange in m (default: that of the robot file)")
     parser.add_argument("--frames", choices=FRAMES, default="both",
-                        help="which frames are unknown: base and tool (default), one of them, or none as in the source")
+                        help="which frames are unknown: base and tool (default), one of them, or none as in "
+                             "the source")
     parser.add_argument("--use", choices=("position", "pose"), default="position",
                         help="what is measured: the position of a target (default), or its orientation too")
     parser.add_argument("--box", metavar="XMIN,XMAX,YMIN,YMAX,ZMIN,ZMAX",
-                        help="where flange and target may be, in m in the base frame (default: above the floor, z >= 0)")
+                        help="where flange and target may be, in m in the base frame (default: above the "
+                             "floor, z >= 0)")
     parser.add_argument("--clearance", metavar="M", type=float,
-                        help="least distance of flange and target from base column and upper arm in m (default: a tenth "
+                        help="least distance of flange and target from base column and upper arm in m "
+                             "(default: a tenth "
                              "of the arm; 0: none)")
 
 
@@ -63,7 +67,8 @@ def target_hint(dropped: Sequence[Dropped]) -> tuple[str, ...]:
     lost = [entry.name for entry in dropped if "the target lies on axis" in entry.why]
     if not lost:
         return ()
-    return (f"the target lies on the last axis, which hides {', '.join(lost)}: mount it beside that axis (plans are told "
+    return (f"the target lies on the last axis, which hides {', '.join(lost)}: mount it beside that axis "
+            "(plans are told "
             "where by --tool X,Y,Z)",)
 
 

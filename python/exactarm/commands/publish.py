@@ -70,7 +70,8 @@ def publish(result: CommandResult, folder: OutputFolder, started: float, progres
         "exactarm": exactarm.__version__,
         "command": asked.command,
         "robot": asked.robot,
-        "inputs": [{"file": source.path, "sha256": source.sha256, "rows": source.rows} for source in asked.files],
+        "inputs": [{"file": source.path, "sha256": source.sha256, "rows": source.rows}
+                   for source in asked.files],
         "seed": asked.seed,
         "seconds": round(seconds, 3),
         "asked": asked.line,
@@ -80,7 +81,10 @@ def publish(result: CommandResult, folder: OutputFolder, started: float, progres
     folder.publish([source.path for source in asked.files])
     text = render_text(report, width) + f"\n{folder.path}/report.html  ({seconds:.1f} s)\n"
     if printed:
-        text += f"{folder.path}/{result.pdf}\n" if printed["pdf"]["file"] else f"no PDF: {printed['pdf']['why']}\n"
+        text += (
+            f"{folder.path}/{result.pdf}\n" if printed["pdf"]["file"]
+            else f"no PDF: {printed['pdf']['why']}\n"
+        )
     return Published(result, json, report, text)
 
 
@@ -123,7 +127,8 @@ def _write_robot(robot: Robot, asked: Asked, made: str, folder: OutputFolder) ->
         "date": made,
         "run": folder.run,
         "seed": asked.seed,
-        "data": [{"file": source.path, "sha256": source.sha256} for source in asked.files if source.rows is not None],
+        "data": [{"file": source.path, "sha256": source.sha256} for source in asked.files
+                 if source.rows is not None],
     }
     earlier = {key: value for key, value in robot.record.items() if key in told or key == "previous"}
     own = {key: value for key, value in robot.record.items() if key not in earlier}
@@ -136,7 +141,8 @@ def _write_robot(robot: Robot, asked: Asked, made: str, folder: OutputFolder) ->
 
 
 def _require_readable(read: Callable[[Path], Robot], path: Path) -> None:
-    """A run is done when our own reader takes what it wrote: a negative mass fits data, but no robot has one."""
+    """A run is done when our own reader takes what it wrote: a negative mass fits data, but no robot has
+    one."""
     try:
         read(path)
     except InputError as error:

@@ -51,7 +51,8 @@ class Asked:
 class CommandResult:
     """All results of one command.
 
-    json        the command's own keys of result.json (SI units; arrays, NaN, objects with to_json() may be in it)
+    json        the command's own keys of result.json (SI units; arrays, NaN, objects with to_json() may be in
+                it)
     report      goes to the terminal, to report.html and, its figures, to plots/
     robot       written as robot.toml
     tables      file name -> columns (name with unit -> (N,) values); .csv or .parquet by the name
@@ -60,7 +61,8 @@ class CommandResult:
     inputs      further files that were read, beside the robot file and FILES
     asked       what was asked, for the report's last lines
     data        measured rows that a simulation made, ready for the next command; else None
-    pdf         name of the report printed as PDF beside report.html, where a browser is there to print; None: not asked for
+    pdf         name of the report printed as PDF beside report.html, where a browser is there to print; None:
+                not asked for
     """
 
     json: Mapping[str, Any]
@@ -109,7 +111,8 @@ class CommandResult:
     def _errors(self, when: str) -> dict[str, ErrorSummary]:
         sets = self.json.get(when)
         if not isinstance(sets, Mapping):
-            raise AttributeError(f"a {self.command} result has no errors {when}; its keys are {', '.join(self.json)}")
+            raise AttributeError(f"a {self.command} result has no errors {when}; its keys are "
+                                 f"{', '.join(self.json)}")
         names = ErrorSummary.__dataclass_fields__
         nan = float("nan")
         return {
@@ -171,7 +174,8 @@ class CommandResult:
         if what is None and usable:
             return drawn[usable[0]]
         if what not in usable:
-            raise InputError(f"no figure {what!r}{' of one panel' if ax is not None else ''}; expected one of {', '.join(usable)}")
+            raise InputError(f"no figure {what!r}{' of one panel' if ax is not None else ''}; expected one "
+                             f"of {', '.join(usable)}")
         return drawn[what]
 
     def save(self, folder: str | Path) -> Path:
@@ -181,8 +185,8 @@ class CommandResult:
         return save(self, folder)
 
     def warned(self, found: Sequence[str]) -> CommandResult:
-        """The same with more warnings, before its own: in result.json, in the report, and in its colour; and with one more where
-        the new model errs more on held-out rows than the declared one."""
+        """The same with more warnings, before its own: in result.json, in the report, and in its colour; and
+        with one more where the new model errs more on held-out rows than the declared one."""
         found = [*found, *_worse(self.json)]
         if not found:
             return self
@@ -212,14 +216,16 @@ class CommandResult:
 
 
 def _worse(result: Mapping[str, Any]) -> list[str]:
-    """Whether a result is worse than what it began with: no estimate is to be used then, whatever it converged to."""
+    """Whether a result is worse than what it began with: no estimate is to be used then, whatever it
+    converged to."""
     sets = [plain(result.get(when)) for when in ("before", "after")]
     if not all(isinstance(each, Mapping) and isinstance(each.get("validation"), Mapping) for each in sets):
         return []
     before, after = (each["validation"].get("rms") for each in sets)
     if before is None or after is None or after <= WORSE * before:
         return []
-    return [f"on rows that were never fitted the error rises from {before:.3g} to {after:.3g}: the new model is worse than the declared "
+    return [f"on rows that were never fitted the error rises from {before:.3g} to {after:.3g}: the new model "
+            "is worse than the declared "
             "one, do not use it before the data are checked"]
 
 

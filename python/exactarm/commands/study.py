@@ -1,8 +1,9 @@
-"""`exactarm study ROBOT PATH...`: what the weight of the input trades, accuracy against bandwidth (thesis figures 4.1 to 4.15).
+"""`exactarm study ROBOT PATH...`: what the weight of the input trades, accuracy against bandwidth (thesis
+figures 4.1 to 4.15).
 
-Every path is planned with every weight nu, with the acceleration of the motors as the input and, for the smaller weights,
-with their jerk; each plan is played on the virtual robot by the stiff integrator, at the knots and between them. The weight of the
-jerk is nu / (100 rad/s)^2: at 16 Hz both inputs cost the same.
+Every path is planned with every weight nu, with the acceleration of the motors as the input and, for the
+smaller weights, with their jerk; each plan is played on the virtual robot by the stiff integrator, at the
+knots and between them. The weight of the jerk is nu / (100 rad/s)^2: at 16 Hz both inputs cost the same.
 """
 
 from __future__ import annotations
@@ -32,7 +33,8 @@ NAME = "study"
 HELP = "the weight of the input: accuracy against bandwidth, acceleration against jerk as the input"
 WEIGHTS = tuple(10.0**k for k in range(-14, -5))
 SAME_COST_RAD_S = 100.0  # where a jerk costs what an acceleration does
-MOST_JERK_WEIGHT = 1e-10  # of the acceleration; above it the flange leaves the path by a tenth of a millimetre and more
+# of the acceleration; above it the flange leaves the path by a tenth of a millimetre and more
+MOST_JERK_WEIGHT = 1e-10
 
 
 @dataclass(frozen=True)
@@ -54,14 +56,17 @@ class Case:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_robot(parser)
     parser.add_argument("paths", metavar="PATH", nargs="+", help="path files (.toml), or line, spiral")
-    parser.add_argument("--nu", metavar="NU,NU,...", help="weights to compare, at least two (default: 1e-14 to 1e-6, a decade each)")
-    parser.add_argument("--rate", metavar="HZ", type=float, help="samples a second (default: that of the path)")
+    parser.add_argument("--nu", metavar="NU,NU,...", help="weights to compare, at least two (default: 1e-14 "
+                                                          "to 1e-6, a decade each)")
+    parser.add_argument("--rate", metavar="HZ", type=float,
+                        help="samples a second (default: that of the path)")
 
 
 def run(arguments: argparse.Namespace) -> CommandResult:
     robot = load_robot(arguments.robot)
     if not is_elastic(robot):
-        raise InputError(f"robot {robot.name}: a study expects a spring on every axis and link masses", file=robot.file)
+        raise InputError(f"robot {robot.name}: a study expects a spring on every axis and link masses",
+                         file=robot.file)
     weights = _weights(arguments.nu)
     paths = [_path(name, arguments.rate) for name in arguments.paths]
     if len({path.name for path in paths}) < len(paths):
@@ -94,17 +99,20 @@ def _path(name: str, rate: float | None) -> PlannedPath:
     if rate is None:
         return path
     if not (np.isfinite(rate) and rate * path.duration >= 11.0):
-        raise InputError(f"--rate {rate:g}: expected at least 12 samples in {path.duration:g} s, {11.0 / path.duration:.3g} Hz or more")
+        raise InputError(f"--rate {rate:g}: expected at least 12 samples in {path.duration:g} s, "
+                         f"{11.0 / path.duration:.3g} Hz or more")
     return replace(path, rate_hz=rate)
 
 
 def _inputs(weights: tuple[float, ...]) -> list[tuple[str, float]]:
     """Kind of input and weight of the acceleration, all cases of a path."""
     least = min(weights)
-    return [("acceleration", nu) for nu in weights] + [("jerk", nu) for nu in weights if nu <= max(MOST_JERK_WEIGHT, least)]
+    return [("acceleration", nu) for nu in weights] + [("jerk", nu) for nu in weights
+                                                       if nu <= max(MOST_JERK_WEIGHT, least)]
 
 
-def _study(robot: Robot, path: PlannedPath, weights: tuple[float, ...], arguments: argparse.Namespace) -> dict[str, list[Case]]:
+def _study(robot: Robot, path: PlannedPath, weights: tuple[float, ...],
+           arguments: argparse.Namespace) -> dict[str, list[Case]]:
     virtual = VirtualRobot.of(one_sided(robot, path.gear_direction))
     found: dict[str, list[Case]] = {"acceleration": [], "jerk": []}
     for kind, nu in _inputs(weights):
@@ -126,14 +134,18 @@ def _all(studies: dict[str, dict[str, list[Case]]]):
 
 def _json(studies: dict[str, dict[str, list[Case]]]) -> dict:
     return {
-        "between_knots": {"held_by": "quintic spline through the motor angles at the knots", "samples_a_knot": BETWEEN},
-        "bandwidth": f"highest frequency at which an axis' acceleration has more than {PEAK_SHARE:g} of the largest peak of all axes' spectra",
+        "between_knots": {"held_by": "quintic spline through the motor angles at the knots",
+                          "samples_a_knot": BETWEEN},
+        "bandwidth": f"highest frequency at which an axis' acceleration has more than {PEAK_SHARE:g} of the "
+                     "largest peak of all axes' spectra",
         "ringing": "RMS of the acceleration's fourth difference over 16, output side",
         "cases": [
             {"path": path, "input": kind, "nu": case.plan.path.nu, "iterations": case.plan.solver.iterations,
              "seconds": case.plan.solver.seconds, "kkt_error": case.plan.solver.kkt_error,
-             "tracking": {"position_rms_m": case.plan.tracking.position_rms, "position_max_m": case.plan.tracking.position_max},
-             "knots": summarise(case.played.knots).to_json(), "between": summarise(case.played.between).to_json(),
+             "tracking": {"position_rms_m": case.plan.tracking.position_rms,
+                          "position_max_m": case.plan.tracking.position_max},
+             "knots": summarise(case.played.knots).to_json(),
+             "between": summarise(case.played.between).to_json(),
              "bandwidth_hz": list(case.bandwidth), "energy_bandwidth_hz": list(case.plan.bandwidth),
              "ringing_rad_s2": case.ringing}
             for path, kind, case in _all(studies)
@@ -151,7 +163,8 @@ def _columns(studies: dict[str, dict[str, list[Case]]]) -> dict[str, list]:
     }
     for where in ("knots", "between"):
         for measure in ("rms", "max"):
-            columns[f"{where}_{measure}_m"] = [getattr(summarise(getattr(case.played, where)), measure) for *_, case in rows]
+            columns[f"{where}_{measure}_m"] = [getattr(summarise(getattr(case.played, where)), measure)
+                                               for *_, case in rows]
     most = max(len(case.bandwidth) for *_, case in rows)
     for i in range(most):
         columns[f"bandwidth_{i + 1}_hz"] = [case.bandwidth[i] for *_, case in rows]

@@ -28,28 +28,37 @@ def study_report(robot: Robot, studies: dict[str, Study]) -> Report:
     """`studies`: path -> input -> cases in the order of their weights."""
     best = {path: kinds["acceleration"][0] for path, kinds in studies.items()}
     verdict = "; ".join(
-        f"{path}: {quantity(_rms(case.played.knots), 'm')} RMS at the knots and {quantity(_rms(case.played.between), 'm')} between "
-        f"them with ν = {_power(case.nu)}, {quantity(_rms(kinds['acceleration'][-1].played.knots), 'm')} with "
+        f"{path}: {quantity(_rms(case.played.knots), 'm')} RMS at the knots and "
+        f"{quantity(_rms(case.played.between), 'm')} between "
+        f"them with ν = {_power(case.nu)}, {quantity(_rms(kinds['acceleration'][-1].played.knots), 'm')} "
+        "with "
         f"{_power(kinds['acceleration'][-1].nu)}"
         for (path, kinds), case in zip(studies.items(), best.values())
     )
     sections: list[Section] = [
-        Highlights(tuple(Highlight(f"{path}, between the knots, RMS", Quantity(_rms(case.played.between), "m"))
+        Highlights(tuple(Highlight(f"{path}, between the knots, RMS",
+                                   Quantity(_rms(case.played.between), "m"))
                          for path, case in best.items())),
         *[_table(path, kinds) for path, kinds in studies.items()],
         _ringing_table(studies),
         Figure("tradeoff", "Accuracy against bandwidth", partial(_trade_off, studies),
-               "Error of the flange between the knots on the virtual robot over the largest bandwidth of an axis; each point is a "
-               "weight, the smallest at the bottom.", "error over bandwidth, both logarithmic, for both inputs"),
+               "Error of the flange between the knots on the virtual robot over the largest bandwidth of an "
+               "axis; each point is a "
+               "weight, the smallest at the bottom.",
+               "error over bandwidth, both logarithmic, for both inputs"),
     ]
     for path, kinds in studies.items():
         sections += _figures(robot, path, kinds)
     sections.append(Text("How to read it", (
-        f"Bandwidth: highest frequency at which the spectrum of the motor acceleration of an axis is above {PEAK_SHARE:g} of the largest peak of all axes. "
-        "Ringing: RMS of what alternates from knot to knot, the eigenvalue −1 of the trapezoidal rule. All accelerations on the "
-        "output side of the gears. Played on the virtual robot without deviations by the stiff integrator, between the knots on "
+        "Bandwidth: highest frequency at which the spectrum of the motor acceleration of an axis is above "
+        f"{PEAK_SHARE:g} of the largest peak of all axes. "
+        "Ringing: RMS of what alternates from knot to knot, the eigenvalue −1 of the trapezoidal rule. All "
+        "accelerations on the "
+        "output side of the gears. Played on the virtual robot without deviations by the stiff integrator, "
+        "between the knots on "
         "the quintic spline through the motor angles at the knots.",
-        "The weight of the jerk is ν / (100 rad/s)²: at 16 Hz both inputs cost the same, and a row compares two such plans.",
+        "The weight of the jerk is ν / (100 rad/s)²: at 16 Hz both inputs cost the same, and a row compares "
+        "two such plans.",
     )))
     return Report(f"Weight of the input on {robot.name}", verdict + ".", tuple(sections), "plain")
 
@@ -68,15 +77,18 @@ def _power(nu: float) -> str:
 
 def _table(path: str, kinds: Study) -> Table:
     rows = tuple(
-        (_power(case.nu), Quantity(case.plan.tracking.position_rms, "m"), Quantity(_rms(case.played.knots), "m"),
+        (_power(case.nu), Quantity(case.plan.tracking.position_rms, "m"),
+         Quantity(_rms(case.played.knots), "m"),
          Quantity(_rms(case.played.between), "m"), Quantity(summarise(case.played.between).max, "m"),
          Quantity(case.widest, "Hz"), str(case.plan.solver.iterations))
         for case in kinds["acceleration"]
     )
     rows = tuple((row[0], *(quantity(cell.value, cell.unit) for cell in row[1:6]), row[6]) for row in rows)
-    header = ("ν", "planned, RMS", "knots, RMS", "between, RMS", "between, largest", "bandwidth", "iterations")
+    header = ("ν", "planned, RMS", "knots, RMS", "between, RMS", "between, largest", "bandwidth",
+              "iterations")
     return Table(f"Weights on {path}, acceleration as the input", header, rows,
-                 "Error of the flange: on the planner's model, then on the virtual robot at and between the knots.", 0)
+                 "Error of the flange: on the planner's model, then on the virtual robot at and between the "
+                 "knots.", 0)
 
 
 def _ringing_table(studies: dict[str, Study]) -> Table:
@@ -86,13 +98,16 @@ def _ringing_table(studies: dict[str, Study]) -> Table:
             plain = next(case for case in kinds["acceleration"] if case.nu == jerk.nu)
             rows.append((path, _power(jerk.nu), *(
                 cell for pair in zip(_compared(plain), _compared(jerk)) for cell in pair)))
-    header = ("path", "ν", *(f"{name}, {kind}" for name in ("knots", "between", "bandwidth", "ringing") for kind in ("a", "j")))
+    header = ("path", "ν", *(f"{name}, {kind}" for name in ("knots", "between", "bandwidth", "ringing")
+                             for kind in ("a", "j")))
     return Table("Acceleration (a) and jerk (j) as the input", header, tuple(rows),
-                 "RMS errors of the flange on the virtual robot; largest bandwidth and ringing (mrad/s²) of an axis.")
+                 "RMS errors of the flange on the virtual robot; largest bandwidth and ringing (mrad/s²) of "
+                 "an axis.")
 
 
 def _compared(case: Case) -> tuple[str, ...]:
-    return (quantity(_rms(case.played.knots), "m"), quantity(_rms(case.played.between), "m"), quantity(case.widest, "Hz"),
+    return (quantity(_rms(case.played.knots), "m"), quantity(_rms(case.played.between), "m"),
+            quantity(case.widest, "Hz"),
             f"{1e3 * case.ringing.max():.2g}")
 
 
@@ -116,9 +131,11 @@ def _figures(robot: Robot, path: str, kinds: Study) -> list[Figure]:
     per_axis = lambda values: {f"axis {i + 1}": values[:, i] for i in range(values.shape[1])}
     smallest = f"ν = {_power(cases[0].nu)}"
     joints, orientation = best.q - best.q_desired, _turned(robot, best)
-    planned, wanted = (np.linalg.norm(np.gradient(p, time, axis=0), axis=1) for p in (best.position, best.reference.position))
+    planned, wanted = (np.linalg.norm(np.gradient(p, time, axis=0), axis=1)
+                       for p in (best.position, best.reference.position))
     build = [
-        ("weight", "error and bandwidth over the weight", "Error of the flange on the virtual robot, at and between the knots, and bandwidth of each axis.",
+        ("weight", "error and bandwidth over the weight", "Error of the flange on the virtual robot, at and "
+                                                          "between the knots, and bandwidth of each axis.",
          partial(
              over_weight,
              np.array([case.nu for case in cases]),
@@ -126,32 +143,44 @@ def _figures(robot: Robot, path: str, kinds: Study) -> list[Figure]:
               for label, where, field in (("RMS at knots", "knots", "rms"), ("between", "between", "rms"),
                                           ("largest", "between", "max"))},
              np.array([[np.nan if b is None else b for b in case.bandwidth] for case in cases]))),
-        ("spectrum", "spectrum of the motor acceleration", "Output side; the highest amplitude of each narrow band.",
-         partial(spectra_per_axis, _spectrum(robot, shown[0])[0], each(lambda case: _spectrum(robot, case)[1]))),
-        ("error", "error of the flange over time", "Distance of the flange from the path at the samples, on the planner's model.",
-         partial(histories, time, [("position error", "m", each(lambda case: np.maximum(case.plan.position_error, _LEAST_SHOWN_M)))],
+        ("spectrum", "spectrum of the motor acceleration",
+         "Output side; the highest amplitude of each narrow band.",
+         partial(spectra_per_axis, _spectrum(robot, shown[0])[0],
+                 each(lambda case: _spectrum(robot, case)[1]))),
+        ("error", "error of the flange over time", "Distance of the flange from the path at the samples, on "
+                                                   "the planner's model.",
+         partial(histories, time,
+                 [("position error", "m",
+                   each(lambda case: np.maximum(case.plan.position_error, _LEAST_SHOWN_M)))],
                            log_y=True)),
-        ("axis", f"what the weight does to axis {axis + 1}", "Motor acceleration, motor rate and link rate, output side.",
+        ("axis", f"what the weight does to axis {axis + 1}",
+         "Motor acceleration, motor rate and link rate, output side.",
          partial(histories, time, [
-             ("motor acceleration", "rad/s²", each(lambda case: (case.plan.theta_ddot / robot.ratios)[:, axis])),
+             ("motor acceleration", "rad/s²",
+              each(lambda case: (case.plan.theta_ddot / robot.ratios)[:, axis])),
              ("motor rate", "rad/s", each(lambda case: (case.plan.theta_dot / robot.ratios)[:, axis])),
              ("link rate", "rad/s", each(lambda case: case.plan.q_dot[:, axis]))])),
         ("speed", "speed along the path", f"{smallest}, differences of the planned positions.",
          partial(histories, time, [("speed", "m/s", {"desired": wanted, "calculated": planned})])),
-        ("errors", f"errors with {smallest}", "Joint angles, orientation of the flange and its position, on the planner's model.",
+        ("errors", f"errors with {smallest}", "Joint angles, orientation of the flange and its position, on "
+                                              "the planner's model.",
          partial(histories, time, [
              ("joint error", "rad", per_axis(joints)),
-             ("orientation error", "rad", {name: orientation[:, k] for k, name in enumerate(("about x", "about y", "about z"))}),
-             ("position error", "m", {name: (best.position - best.reference.position)[:, k] for k, name in enumerate("xyz")})])),
+             ("orientation error", "rad",
+              {name: orientation[:, k] for k, name in enumerate(("about x", "about y", "about z"))}),
+             ("position error", "m",
+              {name: (best.position - best.reference.position)[:, k] for k, name in enumerate("xyz")})])),
         ("motion", f"motion with {smallest}", "Motor acceleration, motor rate and link rate, output side.",
          partial(histories, time, [("motor acceleration", "rad/s²", per_axis(best.theta_ddot / robot.ratios)),
                                   ("motor rate", "rad/s", per_axis(best.theta_dot / robot.ratios)),
                                   ("link rate", "rad/s", per_axis(best.q_dot))])),
         ("space", "path in space", f"{smallest}; the axes of the flange at some instants.",
          partial(path_in_space, best.reference.position, best.position, best.reference.rotation)),
-        ("jerk", "spectrum with either input", f"Motor acceleration, output side, both with the weight of {smallest}.",
+        ("jerk", "spectrum with either input", "Motor acceleration, output side, both with the weight of "
+                                               f"{smallest}.",
          partial(spectra_per_axis, _spectrum(robot, cases[0])[0],
-                                  {f"{_INPUTS[kind]} as the input": _spectrum(robot, kinds[kind][0])[1] for kind in _INPUTS})),
+                                  {f"{_INPUTS[kind]} as the input": _spectrum(robot, kinds[kind][0])[1]
+                                   for kind in _INPUTS})),
     ]
     return [Figure(f"{name}_{path}", f"{path.capitalize()}: {heading}", draw, caption, heading)
             for name, heading, caption, draw in build]
@@ -170,4 +199,5 @@ def _turned(robot: Robot, plan) -> np.ndarray:
     """(N, 3) rad: small rotation from the desired orientation to that of the planned joint angles."""
     rotation = _core.forward_kinematics(planning_model(robot).core, plan.q)[1].reshape(-1, 3, 3)
     off = np.swapaxes(plan.reference.rotation, -1, -2) @ rotation
-    return 0.5 * np.stack([off[:, 2, 1] - off[:, 1, 2], off[:, 0, 2] - off[:, 2, 0], off[:, 1, 0] - off[:, 0, 1]], axis=1)
+    return 0.5 * np.stack([off[:, 2, 1] - off[:, 1, 2], off[:, 0, 2] - off[:, 2, 0],
+                           off[:, 1, 0] - off[:, 0, 1]], axis=1)

@@ -1,4 +1,5 @@
-"""First aid around the work of a command: what looks like a mistake of the user's is said with the result, or with the refusal."""
+"""First aid around the work of a command: what looks like a mistake of the user's is said with the result, or
+with the refusal."""
 
 from __future__ import annotations
 

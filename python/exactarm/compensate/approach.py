@@ -2,8 +2,8 @@
 
     joint motion      sign of q_i - q_(i-1)
     linear, circular  sign of J^-1 of the direction in which the tool arrives
-An axis that moves less than LEAST_TURN_RAD keeps the direction that it had. 0: not known. The sense is the motors':
-with a negative ratio the motor turns the other way than the axis.
+An axis that moves less than LEAST_TURN_RAD keeps the direction that it had. 0: not known. The sense is the
+motors': with a negative ratio the motor turns the other way than the axis.
 """
 
 from __future__ import annotations
@@ -55,7 +55,8 @@ def approaches(
 
 
 def _final_twist(start: Poses, over: Poses, end: Poses) -> np.ndarray:
-    """(K, 6) direction of arrival, as long as the way from the start: straight, or along the circle over a third point."""
+    """(K, 6) direction of arrival, as long as the way from the start: straight, or along the circle over a
+    third point."""
     chord = end.position - start.position
     tangent = chord.copy()
     for k, (a, b, c) in enumerate(zip(start.position, over.position, end.position)):
@@ -74,7 +75,8 @@ def _final_twist(start: Poses, over: Poses, end: Poses) -> np.ndarray:
 
 
 def _kept(arrival: np.ndarray, motions: Sequence[Motion]) -> np.ndarray:
-    """Signs, where an axis does not move those of the motion before; nothing is known behind an unknown place."""
+    """Signs, where an axis does not move those of the motion before; nothing is known behind an unknown
+    place."""
     signs = np.where(np.abs(arrival) > LEAST_TURN_RAD, np.sign(arrival), 0.0)
     last = np.zeros(arrival.shape[1])
     for i, motion in enumerate(motions):

@@ -1,7 +1,8 @@
-"""The controller's own chain: what it takes for the pose of joint angles, and which joint angles it takes for a pose.
+"""The controller's own chain: what it takes for the pose of joint angles, and which joint angles it takes for
+a pose.
 
-Frames from `[controller]` of the robot file, in the controller's base frame, to its flange. Joint angles are those that the
-controller reports: offsets and gears do not enter.
+Frames from `[controller]` of the robot file, in the controller's base frame, to its flange. Joint angles are
+those that the controller reports: offsets and gears do not enter.
 """
 
 from __future__ import annotations
@@ -28,25 +29,30 @@ _CALIBRATING = ("calibrate", "diagnose")  # commands that change frames
 
 @dataclass(frozen=True)
 class ControllerChain:
-    """The core robot of the controller's frames; limits (2, n): least and largest angle, infinite where none is declared."""
+    """The core robot of the controller's frames; limits (2, n): least and largest angle, infinite where none
+    is declared."""
 
     core: _core.Robot
     limits: np.ndarray
 
     @staticmethod
     def of(robot: Robot) -> ControllerChain:
-        """Raises InputError where a calibration has changed the frames and the controller's are not on record.
+        """Raises InputError where a calibration has changed the frames and the controller's are not on
+        record.
 
         In a file that no calibration has changed, the declared frames are the controller's.
         """
         frames = robot.controller.frames or robot.joints
         if not robot.controller.frames and _calibrated(robot.record):
             raise InputError(
-                f"robot {robot.name}: the frames that its controller works with are not on record; give the robot file from "
-                "before the calibration: --nominal ROBOT (new robot files of calibrate and diagnose hold them)"
+                f"robot {robot.name}: the frames that its controller works with are not on record; give the "
+                "robot file from "
+                "before the calibration: --nominal ROBOT (new robot files of calibrate and diagnose hold "
+                "them)"
             )
         joints = tuple(
-            replace(frame_of(frame), q_min=joint.q_min, q_max=joint.q_max) for frame, joint in zip(frames, robot.joints)
+            replace(frame_of(frame), q_min=joint.q_min, q_max=joint.q_max)
+            for frame, joint in zip(frames, robot.joints)
         )
         own = replace(
             robot,
@@ -77,7 +83,8 @@ class ControllerChain:
         return q
 
     def newton(self, position: np.ndarray, rotation: np.ndarray, start: np.ndarray) -> np.ndarray | None:
-        """Joint angles of one pose from a start that may be far; None where Newton's method does not come there."""
+        """Joint angles of one pose from a start that may be far; None where Newton's method does not come
+        there."""
         options = _core.InverseKinematicsOptions()
         options.check_limits, options.largest_jump = False, np.inf
         q, report = _core.inverse_kinematics_path(
@@ -103,7 +110,8 @@ class ControllerChain:
         return np.array(turned).reshape(-1, len(low))
 
     def nearest_path(self, targets: Poses, start: np.ndarray | None) -> np.ndarray:
-        """Joint angles (N, n) of poses, each on the branch nearest to the one before; NaN where there are none.
+        """Joint angles (N, n) of poses, each on the branch nearest to the one before; NaN where there are
+        none.
 
         Without a start the first is the branch nearest to the middle of the joint limits.
         """

@@ -1,8 +1,11 @@
 """A program in, the same program with corrected numbers out, and what moved by how much.
 
-1. every target as joint angles of the controller's own chain, in the order of the motions (branch by its configuration word,
-   else nearest to the one before); 2. from which side each axis comes; 3. the command, by the law, with the load of its tool;
-4. the refusals; 5. the new numbers; 6. the new file is read again, and what the arm does with it is compared with the targets.
+1. every target as joint angles of the controller's own chain, in the order of the motions (branch by its
+configuration word,
+   else nearest to the one before); 2. from which side each axis comes; 3. the command, by the law, with the
+   load of its tool;
+4. the refusals; 5. the new numbers; 6. the new file is read again, and what the arm does with it is compared
+with the targets.
 """
 
 from __future__ import annotations
@@ -31,11 +34,13 @@ UNUSED = "not used by a motion of these files"
 
 @dataclass(frozen=True)
 class Correction:
-    """One program, its new contents and, for its T targets: joint angles before and after (NaN where not corrected),
-    change of the commanded pose (m, rad; of the tool's tip in its base, of the flange for joint targets), why not.
-    positions, shifts: (T, 3) m, of the flange in the controller's base frame, and how its command moves.
+    """One program, its new contents and, for its T targets: joint angles before and after (NaN where not
+    corrected), change of the commanded pose (m, rad; of the tool's tip in its base, of the flange for joint
+    targets), why not. positions, shifts: (T, 3) m, of the flange in the controller's base frame, and how its
+    command moves.
 
-    reached: (T,) m, distance of the real tip (flange) from the target with the numbers as they are written; NaN as above.
+    reached: (T,) m, distance of the real tip (flange) from the target with the numbers as they are written;
+    NaN as above.
     """
 
     program: Program
@@ -54,7 +59,8 @@ class Correction:
 
 @dataclass(frozen=True)
 class _Resolved:
-    """Targets as the controller takes them: flange poses, joint angles q (T, n) NaN where none, refusals by target."""
+    """Targets as the controller takes them: flange poses, joint angles q (T, n) NaN where none, refusals by
+    target."""
 
     poses: Poses
     q: np.ndarray
@@ -70,7 +76,8 @@ def correct(
     reread: Callable[[list[bytes]], Program],
     tolerance: float | None = None,
 ) -> Correction:
-    """chosen (T,) bool: the targets to correct; start (n,): joint angles before the first motion, where known.
+    """chosen (T,) bool: the targets to correct; start (n,): joint angles before the first motion, where
+    known.
 
     tolerance: m, how far a straight motion may leave its line; None: not asked.
     """
@@ -191,11 +198,15 @@ def _branch(
     chain = model.controller
     if target.configuration and word and word != target.configuration:
         return (
-            f"its configuration {target.configuration!r} differs from {word!r} of the pose before, and what the words mean "
+            f"its configuration {target.configuration!r} differs from {word!r} of the pose before, and what "
+            "the words mean "
             "for this arm is not certain: split the program there, and give --start for each part"
         )
     if target.configuration and before is None:
-        return "the branch of the arm is not certain: give the joint angles of the first pose with --start J1,J2,... (deg)"
+        return (
+            "the branch of the arm is not certain: give the joint angles of the first pose with --start "
+            "J1,J2,... (deg)"
+        )
     if target.matches is None or before is not None:
         near = chain.nearest(flange.position, flange.rotation, before)
         if near is not None and (target.matches is None or target.matches(near)):
@@ -207,11 +218,17 @@ def _branch(
         return "the pose is out of reach of the controller's own chain, or of the joint limits"
     matching = np.array([q for q in branches if target.matches(q)])
     if not len(matching):
-        return "no branch of the arm has the configuration that the program names: is it this robot, this tool and this base?"
+        return (
+            "no branch of the arm has the configuration that the program names: is it this robot, this tool "
+            "and this base?"
+        )
     if before is not None:
         return matching[np.argmin(np.linalg.norm(matching - before, axis=1))]
     if np.ptp(matching, axis=0).max() > 1e-6:
-        return f"{len(matching)} branches of the arm have the configuration that the program names: give --start J1,J2,... (deg)"
+        return (
+            f"{len(matching)} branches of the arm have the configuration that the program names: give "
+            "--start J1,J2,... (deg)"
+        )
     return matching[0]
 
 
@@ -281,7 +298,8 @@ def _refusals(model, q, rows, found, left_over, amplification) -> dict[int, str]
             )
         elif turn.max() > LARGEST_TURN_RAD:
             refusals[row] = (
-                f"another branch: axis {int(turn.argmax()) + 1} would turn by {np.degrees(turn.max()):.1f} deg"
+                f"another branch: axis {int(turn.argmax()) + 1} would turn by {np.degrees(turn.max()):.1f} "
+                "deg"
             )
         elif left_over[k] > NOT_REACHED:
             refusals[row] = f"no command reaches it: {1e3 * left_over[k]:.3g} mm or mrad are left over"

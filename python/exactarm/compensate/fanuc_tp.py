@@ -1,11 +1,12 @@
 """Fanuc TP as text, `.ls`: J, L and C motions to the positions of the section /POS.
 
-    P[i]{ GP1: UF : u, UT : t, CONFIG : 'N U T, 0, 0, 0', X = .. mm, ..., W = .. deg, P, R }     R = Rz(R) Ry(P) Rx(W)
-    P[i]{ GP1: UF : u, UT : t, J1= .. deg, ... }
-User frames and tools are not in the file: --base u=X,Y,Z,W,P,R, --tool t=...; number 0 is none. What CONFIG means for an arm is not
-certain: poses follow the branch of the target before (--start for the first), and CONFIG must stay the same. Whether J3 counts
-from the horizon is not certain either: the robot file has to say it ([controller] coupling = [[3, 2, 1.0]], or [] for no coupling).
-Numbers have the decimals of their position, three at least: whether a controller reads more is not known. Groups other than 1 stay as they are.
+    P[i]{ GP1: UF : u, UT : t, CONFIG : 'N U T, 0, 0, 0', X = .. mm, ..., W = .. deg, P, R }     R = Rz(R)
+    Ry(P) Rx(W) P[i]{ GP1: UF : u, UT : t, J1= .. deg, ... }
+User frames and tools are not in the file: --base u=X,Y,Z,W,P,R, --tool t=...; number 0 is none. What CONFIG
+means for an arm is not certain: poses follow the branch of the target before (--start for the first), and
+CONFIG must stay the same. Whether J3 counts from the horizon is not certain either: the robot file has to say
+it ([controller] coupling = [[3, 2, 1.0]], or [] for no coupling). Numbers have the decimals of their
+position, three at least: whether a controller reads more is not known. Groups other than 1 stay as they are.
 Refused: position registers, offsets, incremental motions, remote tools.
 """
 
@@ -42,7 +43,8 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
     text = source.without(r"(?m)^[ \t]*\d*[ \t]*:[ \t]*(?:!|--eg:)[^\r\n]*")
     if setting.robot.controller.coupling is None:
         raise InputError(
-            "Fanuc may count J3 from the horizon or from link 2, and the file does not say; put it into the robot file: "
+            "Fanuc may count J3 from the horizon or from link 2, and the file does not say; put it into the "
+            "robot file: "
             "[controller] coupling = [[3, 2, 1.0]] (q_3 = J3 + J2), or coupling = [] where J3 is q_3",
             file=source.path,
         )

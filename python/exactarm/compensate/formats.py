@@ -39,7 +39,8 @@ def jobs(paths: Sequence[Path]) -> list[Job]:
     for path in paths:
         if path.name in seen:
             raise InputError(
-                f"the same name as {seen[path.name]}; results have the names of the programs: expected each once",
+                f"the same name as {seen[path.name]}; results have the names of the programs: expected each "
+                "once",
                 file=path,
             )
         seen[path.name] = path

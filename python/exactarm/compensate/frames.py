@@ -1,12 +1,16 @@
-"""What stands for the controller's base and flange on the identified chain: the gauge that no calibration can know.
+"""What stands for the controller's base and flange on the identified chain: the gauge that no calibration can
+know.
 
-    p = B A(q) F      A: the identified chain, B: its base in the controller's base frame, F: the controller's flange on its last frame
+    p = B A(q) F      A: the identified chain, B: its base in the controller's base frame, F: the controller's
+                      flange on its last frame
 
-A calibration finds base and tool together with the geometry; a shift of the first frames and one of the base look the same.
+A calibration finds base and tool together with the geometry; a shift of the first frames and one of the base
+look the same.
     nominal      B = F = 1: the first and the last frame are where the tables have them
-    identified   B, F by which the identified chain comes closest to the nominal one over the work space: as if base and tool had
-                 been measured with the robot before its calibration
-    points       B and a shift of F by reference points in the cell: least squares, with a prior of a few mm and mrad
+    identified   B, F by which the identified chain comes closest to the nominal one over the work space: as
+                 if base and tool had been measured with the robot before its calibration
+    points       B and a shift of F by reference points in the cell: least squares, with a prior of a few mm
+                 and mrad
 Only reference points remove the gauge.
 """
 
@@ -42,14 +46,17 @@ class CellFrames:
 
 
 def cell_frames(robot: Robot, choice: str, tip: Placement, threads: int = 1) -> CellFrames:
-    """choice: "nominal", "identified" or a file of points; tip: of the tool that touched them, in the flange."""
+    """choice: "nominal", "identified" or a file of points; tip: of the tool that touched them, in the
+    flange."""
     if choice == "nominal":
         return CellFrames(
             Placement(),
             Placement(),
             (
-                "Base and flange are the first and the last frame of the identified model (--frames nominal). What the calibration "
-                "shifted between frames and base stays as a constant error of the cell; reference points remove it (--frames POINTS.csv)."
+                "Base and flange are the first and the last frame of the identified model (--frames "
+                "nominal). What the calibration "
+                "shifted between frames and base stays as a constant error of the cell; reference points "
+                "remove it (--frames POINTS.csv)."
             ),
         )
     if choice == "identified":
@@ -59,8 +66,10 @@ def cell_frames(robot: Robot, choice: str, tip: Placement, threads: int = 1) -> 
             base,
             flange,
             (
-                "Base and flange are where the identified model comes closest to the nominal one over the work space (--frames "
-                f"identified): the base moves by {shift:.3f} mm and {turn:.3f} mrad. Reference points would tell more (--frames POINTS.csv)."
+                "Base and flange are where the identified model comes closest to the nominal one over the "
+                "work space (--frames "
+                f"identified): the base moves by {shift:.3f} mm and {turn:.3f} mrad. Reference points would "
+                "tell more (--frames POINTS.csv)."
             ),
         )
     return _by_points(robot, Path(choice), tip, threads)
@@ -118,7 +127,8 @@ def _by_points(robot: Robot, path: Path, tip: Placement, threads: int) -> CellFr
     missed = np.linalg.norm(error, axis=1)
     if np.linalg.norm(x[:3]) > 10 * PLAUSIBLE_M or np.linalg.norm(x[3:6]) > 10 * PLAUSIBLE_RAD:
         raise InputError(
-            f"the points lie {1e3 * np.linalg.norm(x[:3]):.1f} mm and {1e3 * np.linalg.norm(x[3:6]):.1f} mrad off this robot's base; expected "
+            f"the points lie {1e3 * np.linalg.norm(x[:3]):.1f} mm and {1e3 * np.linalg.norm(x[3:6]):.1f} "
+            "mrad off this robot's base; expected "
             "them in the controller's base frame, touched with the tool of --tool (the flange without one)",
             file=path,
         )
@@ -128,8 +138,10 @@ def _by_points(robot: Robot, path: Path, tip: Placement, threads: int) -> CellFr
         else ()
     )
     choice = (
-        f"Base and flange by {len(data)} reference points of {path.name}: the base moves by {1e3 * np.linalg.norm(x[:3]):.3f} mm and "
-        f"{1e3 * np.linalg.norm(x[3:6]):.3f} mrad, the flange by {1e3 * np.linalg.norm(x[6:]):.3f} mm; the points are met within "
+        f"Base and flange by {len(data)} reference points of {path.name}: the base moves by "
+        f"{1e3 * np.linalg.norm(x[:3]):.3f} mm and "
+        f"{1e3 * np.linalg.norm(x[3:6]):.3f} mrad, the flange by {1e3 * np.linalg.norm(x[6:]):.3f} mm; the "
+        "points are met within "
         f"{1e3 * np.sqrt(np.mean(missed**2)):.3f} mm (RMS)."
     )
     return CellFrames(Placement(exp(x[3:6]), x[:3]), Placement(np.eye(3), x[6:]), choice, warnings)

@@ -1,11 +1,14 @@
 """Yaskawa INFORM: `.jbi`. MOVJ, MOVL, MOVC, MOVS to the positions C of the job.
 
-    ///POSTYPE PULSE                  C00000=pulses of each axis; needs [controller] pulses_per_rad of the robot file
+    ///POSTYPE PULSE                  C00000=pulses of each axis; needs [controller] pulses_per_rad of the
+                                      robot file
     ///POSTYPE BASE, ROBOT, USER      C00001=X, Y, Z mm, Rx, Ry, Rz deg, R = Rz Ry Rx, under ///RCONF
-Tools and user frames are not in the job: --tool n=X,Y,Z,Rx,Ry,Rz, --base n=...; the tool of ///TOOL 0 too, for it may be in use.
-BASE and ROBOT are taken as the robot's base. What RCONF means for an arm is not certain: poses follow the branch of the target before
-(--start for the first), and RCONF must stay the same. Numbers have the decimals of their position, two at least: whether a controller reads more is not known. Pulses are whole.
-Refused: position variables (P, BP), increments (IMOV), external axes (EC) and stations, other groups.
+Tools and user frames are not in the job: --tool n=X,Y,Z,Rx,Ry,Rz, --base n=...; the tool of ///TOOL 0 too,
+for it may be in use. BASE and ROBOT are taken as the robot's base. What RCONF means for an arm is not
+certain: poses follow the branch of the target before (--start for the first), and RCONF must stay the same.
+Numbers have the decimals of their position, two at least: whether a controller reads more is not known.
+Pulses are whole. Refused: position variables (P, BP), increments (IMOV), external axes (EC) and stations,
+other groups.
 """
 
 from __future__ import annotations
@@ -127,7 +130,8 @@ class _Reader:
         scale = np.array(robot.controller.pulses_per_rad)
         if not scale.size:
             raise InputError(
-                "positions in pulses; expected the pulses per rad of each axis in the robot file: [controller] pulses_per_rad",
+                "positions in pulses; expected the pulses per rad of each axis in the robot file: "
+                "[controller] pulses_per_rad",
                 file=self.source.path,
                 line=self.source.line(place),
             )
@@ -174,13 +178,15 @@ class _Reader:
         why, tool, base = [], self.setting.tool(state["TOOL"].split(",")[0]), Placement()
         if tool is None or len(tool) != 6:
             why.append(
-                f"unknown tool {state['TOOL'] or '(none)'}: give --tool {state['TOOL']}=X,Y,Z,Rx,Ry,Rz (mm, deg)"
+                f"unknown tool {state['TOOL'] or '(none)'}: give --tool {state['TOOL']}=X,Y,Z,Rx,Ry,Rz (mm, "
+                "deg)"
             )
         if state["POSTYPE"] == "USER":
             given = self.setting.base(state["USER"])
             if given is None or len(given) != 6:
                 why.append(
-                    f"unknown user frame {state['USER'] or '(none)'}: give --base {state['USER']}=X,Y,Z,Rx,Ry,Rz (mm, deg)"
+                    f"unknown user frame {state['USER'] or '(none)'}: give --base "
+                    f"{state['USER']}=X,Y,Z,Rx,Ry,Rz (mm, deg)"
                 )
             else:
                 base = placement(given)

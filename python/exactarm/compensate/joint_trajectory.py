@@ -1,9 +1,11 @@
-"""ROS 2 `trajectory_msgs/JointTrajectory` as YAML: `joint_names`, and `points` with `positions` (rad) and `time_from_start`.
+"""ROS 2 `trajectory_msgs/JointTrajectory` as YAML: `joint_names`, and `points` with `positions` (rad) and
+`time_from_start`.
 
-The points follow each other in time: at a reversal one gear table passes into the other as chain/direction.py says. Which name is
-which axis: [controller] joint_names of the robot file (a URDF has them), names that end in the number of the axis, or those of
-Universal Robots. Positions are corrected; velocities, accelerations and efforts stay (they change by about a thousandth).
-Joint states that come back must be turned back too (`actual_of`), or planners find the start of the next motion off.
+The points follow each other in time: at a reversal one gear table passes into the other as chain/direction.py
+says. Which name is which axis: [controller] joint_names of the robot file (a URDF has them), names that end
+in the number of the axis, or those of Universal Robots. Positions are corrected; velocities, accelerations
+and efforts stay (they change by about a thousandth). Joint states that come back must be turned back too
+(`actual_of`), or planners find the start of the next motion off.
 """
 
 from __future__ import annotations
@@ -95,7 +97,8 @@ def axis_order(robot: Robot, names: list[str], source: SourceText) -> list[int]:
     if sorted(axes) == list(range(1, robot.axes + 1)):
         return [axis - 1 for axis in axes]
     raise InputError(
-        f"joint_names {', '.join(names)}: which axis each is, is not certain; expected {robot.axes} names as in the robot "
+        f"joint_names {', '.join(names)}: which axis each is, is not certain; expected {robot.axes} names as "
+        "in the robot "
         "file: [controller] joint_names = [...] in the order of the axes",
         file=source.path,
     )
@@ -173,7 +176,8 @@ def _time(source: SourceText, fields: dict, line: int) -> float | None:
         raise InputError("time_from_start: expected sec and nanosec", file=source.path, line=line) from None
     time = values.get("sec", values.get("secs", 0.0)) + 1e-9 * values.get("nanosec", values.get("nsecs", 0.0))
     if not abs(time) < LONGEST_S:
-        raise InputError(f"time_from_start of {time:g} s; expected less than {LONGEST_S:g}", file=source.path, line=line)
+        raise InputError(f"time_from_start of {time:g} s; expected less than {LONGEST_S:g}", file=source.path,
+                         line=line)
     return time
 
 

@@ -1,11 +1,14 @@
 """KUKA KRL: `.src` with its `.dat`. PTP, LIN, CIRC and their S forms, to points in the data list or literals.
 
-    E6POS, POS, FRAME {X, Y, Z mm, A, B, C deg, S, T, E1..}   R = Rz(A) Ry(B) Rx(C)      E6AXIS, AXIS {A1..An deg}
-Tool and base: FDAT of the inline form (TOOL_NO, BASE_NO), else $TOOL and $BASE; their numbers from TOOL_DATA, BASE_DATA
-or literals in these files, or --tool, --base; number 0 and $NULLFRAME are none. Base frames are taken in $ROBROOT.
-T holds the sign of each axis in a bit: it chooses the branch and is written anew. S stays: its third bit is the sign of A5.
+    E6POS, POS, FRAME {X, Y, Z mm, A, B, C deg, S, T, E1..}   R = Rz(A) Ry(B) Rx(C)      E6AXIS, AXIS {A1..An
+    deg}
+Tool and base: FDAT of the inline form (TOOL_NO, BASE_NO), else $TOOL and $BASE; their numbers from TOOL_DATA,
+BASE_DATA or literals in these files, or --tool, --base; number 0 and $NULLFRAME are none. Base frames are
+taken in $ROBROOT. T holds the sign of each axis in a bit: it chooses the branch and is written anew. S stays:
+its third bit is the sign of A5.
 LIN and CIRC take the branch nearest to the point before, as the controller does.
-Refused: $ABS_ACCUR, relative motions, geometric operators, computed points, tools at rest (#TCP), external axes.
+Refused: $ABS_ACCUR, relative motions, geometric operators, computed points, tools at rest (#TCP), external
+axes.
 """
 
 from __future__ import annotations
@@ -37,7 +40,8 @@ ELSEWHERE = (
 
 _AGGREGATE = re.compile(r"\{([^{}]*)\}")
 _ASSIGNED = re.compile(
-    r"(?im)^[ \t]*((?:(?:global|decl|const)[ \t]+)*(?:[a-z]\w*[ \t]+)?)(\$?[a-z_]\w*)[ \t]*(\[[^\]\r\n]*\])?(\.\w+)?[ \t]*=(?!=)[ \t]*"
+    r"(?im)^[ \t]*((?:(?:global|decl|const)[ \t]+)*(?:[a-z]\w*[ \t]+)?)(\$?[a-z_]\w*)[ "
+    r"\t]*(\[[^\]\r\n]*\])?(\.\w+)?[ \t]*=(?!=)[ \t]*"
 )
 _MOTION = re.compile(r"(?im)^[ \t]*(S?PTP|S?LIN|S?CIRC|SPL)(_REL)?\b[ \t]*([^\r\n]*)")
 _BAS = re.compile(r"(?im)^[ \t]*BAS[ \t]*\([ \t]*#(TOOL|BASE|FRAMES)[ \t]*(?:,[ \t]*([^)\r\n]*))?\)")
@@ -164,7 +168,8 @@ class _Reader:
         if not known:
             raise source.refuse(
                 place,
-                f"point {word} is not in {' or '.join(s.path.name for s in self.sources)}; expected it in the data list",
+                f"point {word} is not in {' or '.join(s.path.name for s in self.sources)}; expected it in "
+                "the data list",
             )
         if len(known) > 1:
             lines = ", ".join(
@@ -329,7 +334,8 @@ class _Reader:
         if missing:
             raise self.sources[point.file].refuse(
                 point.start,
-                f"{missing[0]} is missing: it would stay as it is when the arm comes there; expected all of {', '.join(wanted)}",
+                f"{missing[0]} is missing: it would stay as it is when the arm comes there; expected all of "
+                f"{', '.join(wanted)}",
             )
 
     # -- tool and base -------------------------------------------------------------------------------
@@ -370,7 +376,10 @@ class _Reader:
             return self.frame(which, known[0][2])
         word = which.lower()
         told = f"{word} {number or value}" if value else f"{word} (nothing sets ${which})"
-        return f"unknown {told}: give --{word} {number or ''}{'=' if number else ''}X,Y,Z,A,B,C (mm, deg) as the controller shows it"
+        return (
+            f"unknown {told}: give --{word} {number or ''}{'=' if number else ''}X,Y,Z,A,B,C (mm, deg) as "
+            "the controller shows it"
+        )
 
 
 def placement(numbers) -> Placement:
@@ -379,7 +388,8 @@ def placement(numbers) -> Placement:
 
 
 def _arguments(text: str, place: int) -> list[tuple[str, int]]:
-    """The arguments of a motion, split at commas outside braces; blending words behind the last are cut off."""
+    """The arguments of a motion, split at commas outside braces; blending words behind the last are cut
+    off."""
     parts, depth, start = [], 0, 0
     for i, letter in enumerate(text + ","):
         depth += (letter in "{(") - (letter in "})")

@@ -2,11 +2,12 @@
 
     q <- q + J^+ e(q),   e = (p* - p(q), log(R* R(q)')),   p, R = T_actual(q, approach)
 
-The first steps keep the Jacobian of the start: the deviations are about 1e-3 of the arm, so each gains three digits.
-T_actual is the chain at rest (chain/poses.py) with every compensable effect of the robot file: geometry, gear tables of the
+The first steps keep the Jacobian of the start: the deviations are about 1e-3 of the arm, so each gains three
+digits. T_actual is the chain at rest (chain/poses.py) with every compensable effect of the robot file:
+geometry, gear tables of the
 direction from which each axis comes, springs under the load of the tool.
-Targets of N rows, n axes; m, rad; poses are those of the controller's flange in the controller's base frame. A joint target
-stands for the pose that the controller's own chain has there.
+Targets of N rows, n axes; m, rad; poses are those of the controller's flange in the controller's base frame.
+A joint target stands for the pose that the controller's own chain has there.
 Olabi et al., Robotics and CIM 26 (2010), mirror the targets of a program in this way, one step of it.
 """
 
@@ -30,7 +31,8 @@ STEPS = (
 )
 SAME_JACOBIAN = 3  # steps with the Jacobian of the start
 REACHED = 1e-10  # m and rad: a hundredth of the last digit that any program carries
-# Frobenius norm of J^-1 (rad per m or rad): 1 mrad, the orientation error of an arm as delivered, turns an axis by 0.1 rad.
+# Frobenius norm of J^-1 (rad per m or rad): 1 mrad, the orientation error of an arm as delivered, turns an
+# axis by 0.1 rad.
 NEAR_SINGULAR = 100.0
 
 
@@ -59,8 +61,9 @@ class Commands:
 
 @dataclass(frozen=True)
 class CompensationModel:
-    """actual: the identified robot, placed so that its target is the controller's flange in the controller's base frame;
-    controller: its own chain; layout: the effects that enter; left_out: what no program can compensate."""
+    """actual: the identified robot, placed so that its target is the controller's flange in the controller's
+    base frame; controller: its own chain; layout: the effects that enter; left_out: what no program can
+    compensate."""
 
     actual: Robot
     controller: ControllerChain
@@ -71,7 +74,8 @@ class CompensationModel:
     def of(
         robot: Robot, base: Placement = Placement(), flange: Placement = Placement()
     ) -> CompensationModel:
-        """base: the model's base in the controller's; flange: the controller's in the model's (compensate/frames.py)."""
+        """base: the model's base in the controller's; flange: the controller's in the model's
+        (compensate/frames.py)."""
         chain = ControllerChain.of(robot)
         standing = [effect for effect in robot.effects if not effect.record]
         used = tuple(effect for effect in standing if effect.compensable)
@@ -81,7 +85,8 @@ class CompensationModel:
         return CompensationModel(actual, chain, Layout.of(used, estimate=False), left_out)
 
     def with_load(self, mass: float, centre: np.ndarray) -> CompensationModel:
-        """The same with another load at the flange: kg, and its centre (3,) m in the controller's flange frame."""
+        """The same with another load at the flange: kg, and its centre (3,) m in the controller's flange
+        frame."""
         flange = self.actual.controller.flange
         moment = mass * (flange.rotation @ centre + flange.position)
         others = tuple(effect for effect in self.layout.effects if not isinstance(effect, Payload))
@@ -91,7 +96,8 @@ class CompensationModel:
         )
 
     def reached(self, q: np.ndarray, approach: np.ndarray | None = None, threads: int = 1) -> Poses:
-        """Where the flange really goes: q (N, n) as commanded, approach (N, n) from -1 to 1 in the motors' sense."""
+        """Where the flange really goes: q (N, n) as commanded, approach (N, n) from -1 to 1 in the motors'
+        sense."""
         joints = {"q": q} if approach is None else {"q": q, "approach": approach}
         data = Dataset.of_arrays("poses", joints)
         prediction = predict_poses(self.actual, self.layout, data, tangents=False, threads=threads)
@@ -100,7 +106,8 @@ class CompensationModel:
     def commands(
         self, targets: Poses, near: np.ndarray, approach: np.ndarray | None = None, threads: int = 1
     ) -> Commands:
-        """The joint angles that reach the targets, started from `near` (N, n): those by the controller's chain."""
+        """The joint angles that reach the targets, started from `near` (N, n): those by the controller's
+        chain."""
         q = np.array(near, dtype=float)
         inverse = pseudo_inverse(_core.geometric_jacobian(self.actual.core, q, threads))
         amplification = np.linalg.norm(inverse, axis=(1, 2))
@@ -155,8 +162,9 @@ def command_of(
 ) -> np.ndarray:
     """Joint angles (N, n) to command so that the real arm reaches the targets.
 
-    targets: joint angles (N, n) as a planner means them (the pose of the controller's own chain), or Poses with `near`
-    (N, n) beside them, angles on the branch that is wanted. approach (N, n): as each axis comes to its target.
+    targets: joint angles (N, n) as a planner means them (the pose of the controller's own chain), or Poses
+    with `near` (N, n) beside them, angles on the branch that is wanted. approach (N, n): as each axis comes
+    to its target.
     """
     model = CompensationModel.of(robot)
     if isinstance(targets, Poses):
@@ -170,7 +178,8 @@ def command_of(
 def actual_of(
     robot: Robot, joints: np.ndarray, approach: np.ndarray | None = None, threads: int = 1
 ) -> np.ndarray:
-    """The inverse of `command_of`: joint angles (N, n) at which a planner should see an arm whose encoders say `joints`.
+    """The inverse of `command_of`: joint angles (N, n) at which a planner should see an arm whose encoders
+    say `joints`.
 
     The controller's own chain has there the pose in which the real arm stands.
     """

@@ -1,7 +1,9 @@
-"""A robot program as targets and motions, with the bytes of every number; and the writer that changes nothing else.
+"""A robot program as targets and motions, with the bytes of every number; and the writer that changes nothing
+else.
 
-A reader decodes the bytes one to one (Latin-1), so that a place in the text is a place in the file: comments, line ends and
-letters of any 8-bit encoding, UTF-8 among them, stay byte for byte. Lengths in m, angles in rad in a `Target`; files keep their units.
+A reader decodes the bytes one to one (Latin-1), so that a place in the text is a place in the file: comments,
+line ends and letters of any 8-bit encoding, UTF-8 among them, stay byte for byte. Lengths in m, angles in rad
+in a `Target`; files keep their units.
 """
 
 from __future__ import annotations
@@ -69,7 +71,8 @@ class Motion:
     """One motion: "joint", "linear" or "circular" to a target (index), over another one where circular.
 
     target None: to a place that these files do not know. `time`: s, where the program is a time series.
-    insert: (joint angles and tip of each point in between) -> the edit that puts them before this motion; None: not safe.
+    insert: (joint angles and tip of each point in between) -> the edit that puts them before this motion;
+    None: not safe.
     """
 
     kind: str
@@ -86,7 +89,8 @@ class Program:
     """Files of one program (KRL has two), its targets and its motions in the order of the text.
 
     calculated: the format says that nobody has taught these points on the robot.
-    finish: (contents with edits, targets' commands (N, n) or NaN) -> contents, where a file gets more than edits.
+    finish: (contents with edits, targets' commands (N, n) or NaN) -> contents, where a file gets more than
+    edits.
     """
 
     dialect: str

@@ -1,11 +1,13 @@
-"""ABB RAPID: `.mod`, `.sys`. MoveL, MoveJ, MoveC, MoveAbsJ and their kin, to robtarget and jointtarget data or literals.
+"""ABB RAPID: `.mod`, `.sys`. MoveL, MoveJ, MoveC, MoveAbsJ and their kin, to robtarget and jointtarget data
+or literals.
 
     robtarget    [[x, y, z] mm, [q1, q2, q3, q4] w first, [cf1, cf4, cf6, cfx], [external axes]]
     jointtarget  [[axes deg], [external axes]]
-Tool and work object are arguments of the motion; their numbers stand in these files (tooldata, wobjdata) or come by --tool, --base;
-tool0 and wobj0 are none. Mass and centre of tooldata are the load. cf1, cf4, cf6 are the quadrants of the axes 1, 4, 6: they
-choose the branch and are written anew; the last bit of cfx is the sign of axis 5 and stays, as all of cfx.
-Refused: Offs and RelTool, computed targets, moving or held work objects, tools at rest, external axes.
+Tool and work object are arguments of the motion; their numbers stand in these files (tooldata, wobjdata) or
+come by --tool, --base; tool0 and wobj0 are none. Mass and centre of tooldata are the load. cf1, cf4, cf6 are
+the quadrants of the axes 1, 4, 6: they choose the branch and are written anew; the last bit of cfx is the
+sign of axis 5 and stays, as all of cfx. Refused: Offs and RelTool, computed targets, moving or held work
+objects, tools at rest, external axes.
 """
 
 from __future__ import annotations
@@ -30,7 +32,8 @@ FLY_BY = "z1"  # the zone at points in between: the arm does not stop there
 NORM_TOLERANCE = 1e-2  # of a quaternion typed with three decimals
 
 _DATA = re.compile(
-    r"(?i)\b(?:CONST|PERS|VAR|TASK\s+PERS)\s+(robtarget|jointtarget|tooldata|wobjdata)\s+(\w+)\s*(\{[^}]*\})?\s*:=\s*"
+    r"(?i)\b(?:CONST|PERS|VAR|TASK\s+PERS)\s+(robtarget|jointtarget|tooldata|wobjdata)\s+"
+    r"(\w+)\s*(\{[^}]*\})?\s*:=\s*"
 )
 _MOVE = re.compile(r"(?i)\b(Move(?:L|J|C|AbsJ)|TriggL|TriggJ|TriggC|SearchL)(DO|Sync|AO|GO)?\b\s*(?![\w:=(])")
 _ASSIGNED = re.compile(r"(?im)(?:^|;)\s*(\w+)(?:\.[\w.{}]+)?\s*:=")

@@ -1,4 +1,5 @@
-"""What a program does not say of its cell: tools, bases, the load, joint angles at its start; and which points are calculated."""
+"""What a program does not say of its cell: tools, bases, the load, joint angles at its start; and which
+points are calculated."""
 
 from __future__ import annotations
 
@@ -15,9 +16,10 @@ from exactarm.robot import Robot
 
 @dataclass(frozen=True)
 class Setting:
-    """robot: the identified one. tools, bases: name or number -> the numbers as its controller shows them; "" stands for any
-    that is not named. start: joint angles (n,) rad before the first motion. load: kg and centre (3,) m of the tool.
-    device: tables of poses are in the measuring device's frame, of the target that it measures."""
+    """robot: the identified one. tools, bases: name or number -> the numbers as its controller shows them; ""
+    stands for any that is not named. start: joint angles (n,) rad before the first motion. load: kg and
+    centre (3,) m of the tool. device: tables of poses are in the measuring device's frame, of the target that
+    it measures."""
 
     robot: Robot
     tools: dict[str, tuple[float, ...]] = field(default_factory=dict)
@@ -84,8 +86,10 @@ def chosen_points(program: Program, points: str | None) -> np.ndarray:
         return np.zeros(len(names), bool)
     if points is None:
         raise InputError(
-            f"a {program.dialect} program does not say which points were calculated: those taught on the robot are right already, and "
-            "correcting them makes them wrong; say --points calculated, --points taught, or the names of the calculated ones: "
+            f"a {program.dialect} program does not say which points were calculated: those taught on the "
+            "robot are right already, and "
+            "correcting them makes them wrong; say --points calculated, --points taught, or the names of the "
+            "calculated ones: "
             f"--points {','.join(dict.fromkeys(names[:2])) or 'P1,P2'}",
             file=program.files[0].path,
         )

@@ -1,8 +1,9 @@
-"""Straight motions: how far the real tip leaves the line between two corrected targets, and the points in between that keep it there.
+"""Straight motions: how far the real tip leaves the line between two corrected targets, and the points in
+between that keep it there.
 
-The controller moves the tip it knows of along a straight line; the error of the arm changes on the way, so a line with corrected
-ends bends. Points in between are corrected as the ends are. They are put into the program where the dialect takes a point
-without more ado; elsewhere the bend is told.
+The controller moves the tip it knows of along a straight line; the error of the arm changes on the way, so a
+line with corrected ends bends. Points in between are corrected as the ends are. They are put into the program
+where the dialect takes a point without more ado; elsewhere the bend is told.
 """
 
 from __future__ import annotations
@@ -27,8 +28,8 @@ LIMIT = 0.99  # of the tolerance: the points in between are rounded too
 
 @dataclass(frozen=True)
 class Bend:
-    """One straight motion: target (index), its file and line, largest distance (m) of the real tip from the line with corrected ends,
-    and, with `points` in between, what is left of it."""
+    """One straight motion: target (index), its file and line, largest distance (m) of the real tip from the
+    line with corrected ends, and, with `points` in between, what is left of it."""
 
     target: int
     line: int
@@ -55,7 +56,8 @@ class _Line:
 def bends(
     program: Program, model: CompensationModel, wanted: Poses, q_after: np.ndarray, tolerance: float
 ) -> list[Bend]:
-    """All straight motions between corrected targets; wanted: flange poses (T) of the targets; tolerance in m."""
+    """All straight motions between corrected targets; wanted: flange poses (T) of the targets; tolerance in
+    m."""
     found = []
     for before, motion in zip(program.motions, program.motions[1:]):
         ends = (before.target, motion.target)
@@ -104,7 +106,8 @@ def _commands(model: CompensationModel, line: _Line, shares: np.ndarray) -> np.n
 
 
 def _deviation(model: CompensationModel, line: _Line, knots: np.ndarray, q: np.ndarray) -> float:
-    """Largest distance (m) of the real tip from the line, when the controller goes straight from knot to knot."""
+    """Largest distance (m) of the real tip from the line, when the controller goes straight from knot to
+    knot."""
     tips = [compose(relative(line.base, pose), line.tool) for pose in _placements(model.controller.poses(q))]
     each = max(SAMPLES // (len(knots) - 1), 2)
     largest = 0.0

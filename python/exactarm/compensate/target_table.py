@@ -1,9 +1,11 @@
-"""Tables of targets, CSV or Parquet: `q_i` as a planner means them, or `x, y, z` with `qw, qx, qy, qz` of the flange.
+"""Tables of targets, CSV or Parquet: `q_i` as a planner means them, or `x, y, z` with `qw, qx, qy, qz` of the
+flange.
 
-Poses are in the robot's base, of the flange or the --tool; with --frame device in the measuring device's frame, of the target
-that it measures ([base], [tool] of the robot file). `q_i` beside a pose say which branch is wanted; a pose without
-orientation keeps that of its `q_i`. `approach_i` (-1, 0, 1): from which side each axis comes; without it the targets follow each
-other as joint motions, with `time_s` as a time series. Out: the table with `q_i_rad`, the command that reaches the target, in
+Poses are in the robot's base, of the flange or the --tool; with --frame device in the measuring device's
+frame, of the target that it measures ([base], [tool] of the robot file). `q_i` beside a pose say which branch
+is wanted; a pose without orientation keeps that of its `q_i`. `approach_i` (-1, 0, 1): from which side each
+axis comes; without it the targets follow each other as joint motions, with `time_s` as a time series. Out:
+the table with `q_i_rad`, the command that reaches the target, in
 place of `q_i` or behind the rest.
 """
 

@@ -1,9 +1,11 @@
-"""URScript: movej, movel, movep, movec, servoj with `[q1, ..]` (rad) or `p[x, y, z, rx, ry, rz]` (m, rotation vector).
+"""URScript: movej, movel, movep, movec, servoj with `[q1, ..]` (rad) or `p[x, y, z, rx, ry, rz]` (m, rotation
+vector).
 
-Targets stand in the call, or as a literal in a variable that is set once. Poses are of the TCP that `set_tcp(p[..])` sets, in
-the controller's base; `set_payload(kg, [x, y, z])` is the load. A pose is taken on the branch nearest to the target before.
-The controller turns poses by its own calibrated frames: the robot file must have them ([controller] chain = "calibrated").
-Not read: what is computed (`pose_trans`, `pose_add`, ...), relative moves, blends.
+Targets stand in the call, or as a literal in a variable that is set once. Poses are of the TCP that
+`set_tcp(p[..])` sets, in the controller's base; `set_payload(kg, [x, y, z])` is the load. A pose is taken on
+the branch nearest to the target before. The controller turns poses by its own calibrated frames: the robot
+file must have them ([controller] chain = "calibrated"). Not read: what is computed (`pose_trans`, `pose_add`,
+...), relative moves, blends.
 """
 
 from __future__ import annotations
@@ -123,7 +125,8 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
 
 
 def _insertion(source: SourceText, text: str, match: re.Match, found: _Literal | None):
-    """Points before a `movel(p[...], name=value, ...)` that has its line for itself; passed with a small blend."""
+    """Points before a `movel(p[...], name=value, ...)` that has its line for itself; passed with a small
+    blend."""
     if match[1] != "movel" or found is None or not found.is_pose:
         return None
     line = re.compile(
@@ -207,11 +210,16 @@ def _pose(
     refusal = ""
     if setting.robot.controller.chain != "calibrated":
         refusal = (
-            "a pose that the controller turns into joint angles by frames of its own calibration, which are not on record: "
-            'put them into the robot file ([controller] chain = "calibrated"), or write the program with joint targets'
+            "a pose that the controller turns into joint angles by frames of its own calibration, which are "
+            "not on record: "
+            'put them into the robot file ([controller] chain = "calibrated"), or write the program with '
+            'joint targets'
         )
     elif tool is None:
-        refusal = "a pose with an unknown tool: expected set_tcp(p[...]) before it, or --tool x,y,z,rx,ry,rz (m, rad)"
+        refusal = (
+            "a pose with an unknown tool: expected set_tcp(p[...]) before it, or --tool x,y,z,rx,ry,rz (m, "
+            "rad)"
+        )
     return Target(
         name,
         0,

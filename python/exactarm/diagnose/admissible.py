@@ -1,7 +1,7 @@
 """What may not enter a model, whatever the data seem to say of it.
 
-Axes that stand still tell nothing of themselves; an effect that ends at a bound of its own, or that no arm can have
-together with what its tables declare, is another cause in disguise.
+Axes that stand still tell nothing of themselves; an effect that ends at a bound of its own, or that no arm
+can have together with what its tables declare, is another cause in disguise.
 """
 
 from __future__ import annotations

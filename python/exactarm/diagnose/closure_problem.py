@@ -1,8 +1,11 @@
-"""Closures as a diagnosis problem: residual = what a touch lacks to its contact; contacts and tool are always fitted anew.
+"""Closures as a diagnosis problem: residual = what a touch lacks to its contact; contacts and tool are always
+fitted anew.
 
-An effect has to hold where nothing was learnt: each place of the fixture is left out in turn and judged with contacts of its
-own, that is, on what is left of residual and columns once the contacts are projected out of them,
-    P = I - Qc Qc',    Qc: basis of the whitened columns of all contacts (and the rows of known lengths that tie them).
+An effect has to hold where nothing was learnt: each place of the fixture is left out in turn and judged with
+contacts of its own, that is, on what is left of residual and columns once the contacts are projected out of
+them,
+    P = I - Qc Qc',    Qc: basis of the whitened columns of all contacts (and the rows of known lengths that
+                       tie them).
 A known length of the place left out stays among the rows that are learnt from: one number in a hundred or so.
 """
 
@@ -39,7 +42,8 @@ _TOLERANCE = 1e-7  # relative fall of the square sum that ends a fit: a thousand
 
 @dataclass(frozen=True)
 class ClosureFitted(Fitted):
-    """weight (N,): square roots of the rows' robust weights; sigmas (N, m) of every number; pulls: known lengths and drawing."""
+    """weight (N,): square roots of the rows' robust weights; sigmas (N, m) of every number; pulls: known
+    lengths and drawing."""
 
     sigmas: np.ndarray
     pulls: Pulls
@@ -48,10 +52,12 @@ class ClosureFitted(Fitted):
     @staticmethod
     def of(fit: ClosureFit, pulls: Pulls) -> ClosureFitted:
         prediction, used = fit.prediction, fit.prediction.used
-        mean = [float(np.sqrt(np.mean(fit.sigma[used[:, k], k] ** 2))) if used[:, k].any() else 1.0 for k in range(used.shape[1])]
+        mean = [float(np.sqrt(np.mean(fit.sigma[used[:, k], k] ** 2))) if used[:, k].any() else 1.0
+                for k in range(used.shape[1])]
         jacobian = prediction.jacobian if prediction.jacobian is not None else np.zeros((*used.shape, 0))
         return ClosureFitted(
-            fit.robot, fit.layout, fit.fit, prediction.residual, jacobian, np.array(mean), fit.weight, prediction.view,
+            fit.robot, fit.layout, fit.fit, prediction.residual, jacobian, np.array(mean), fit.weight,
+            prediction.view,
             fit.sigma, pulls, prediction,
         )
 
@@ -65,7 +71,8 @@ class ClosureFitted(Fitted):
 
     @cached_property
     def whitened(self) -> np.ndarray:
-        return np.concatenate([self.standard(self.residual[:, :, None]).ravel(), self.pulls.rows(self.layout)[1]])
+        return np.concatenate([self.standard(self.residual[:, :, None]).ravel(),
+                               self.pulls.rows(self.layout)[1]])
 
     def square(self, like: Fitted) -> float:
         return float(np.sum((self.residual * like.scale) ** 2))
@@ -96,7 +103,8 @@ class WithoutContacts(ClosureFitted):
 
     @cached_property
     def whitened(self) -> np.ndarray:
-        return self._cleared(np.concatenate([self.standard(self.residual[:, :, None]).ravel(), self.pulls.rows(self.layout)[1]]))
+        return self._cleared(np.concatenate([self.standard(self.residual[:, :, None]).ravel(),
+                                             self.pulls.rows(self.layout)[1]]))
 
     @cached_property
     def basis(self) -> np.ndarray:
@@ -112,15 +120,18 @@ class ClosureProblem(PoseProblem):
 
     unit = "m"
     kind = "closures"
-    by_posterior = False  # contacts are fitted beside the effects: the posterior has not been measured on them
+    # contacts are fitted beside the effects: the posterior has not been measured on them
+    by_posterior = False
     groups_independent = True
-    least_elsewhere = Problem.least_share  # places are few and far apart: an effect that hardly helps there is none
+    # places are few and far apart: an effect that hardly helps there is none
+    least_elsewhere = Problem.least_share
 
     def held_out_picture(self, fitted: Fitted) -> None:
         """No target is measured."""
 
     def __init__(self, robot: Robot, data: Dataset, held_out: Dataset, threads: int = 1, seed: int = 0):
-        Problem.__init__(self, robot, touches(data), touches(held_out) if len(held_out) else held_out, threads, seed)
+        Problem.__init__(self, robot, touches(data), touches(held_out) if len(held_out) else held_out,
+                         threads, seed)
         require_geometry(robot)
         self.pulls = Pulls.of(geometry_layout(robot), data.fixture)
 
@@ -129,13 +140,18 @@ class ClosureProblem(PoseProblem):
         return "poses" in effect.kinds and effect.station != Station.DEVICE and effect.keep is Effect.keep
 
     def declared(self) -> Layout:
-        sessions = tuple(sorted({*sessions_of(self.data), *(sessions_of(self.held_out) if len(self.held_out) else ())}))
+        sessions = tuple(
+            sorted({*sessions_of(self.data), *(sessions_of(self.held_out) if len(self.held_out) else ())})
+        )
         own = reestimated_layout(self.robot, self.data)
-        keep = [i for i, effect in enumerate(own.effects) if effect in carried_effects(self.robot, self.data).effects]
+        keep = [i for i, effect in enumerate(own.effects)
+                if effect in carried_effects(self.robot, self.data).effects]
         carried = Layout(tuple(own.effects[i] for i in keep), tuple(own.free[i] for i in keep))
-        return declare_closures(self.robot, self.data, (), self.seed, self.threads, sessions, carried).fit.layout
+        return declare_closures(self.robot, self.data, (), self.seed, self.threads, sessions,
+                                carried).fit.layout
 
-    def fit(self, layout: Layout, weight: np.ndarray | None = None, sigma: np.ndarray | None = None) -> Fitted:
+    def fit(self, layout: Layout, weight: np.ndarray | None = None,
+            sigma: np.ndarray | None = None) -> Fitted:
         fit = fit_closures(
             self.robot, layout, self.data, self.pulls, keep=weight, threads=self.threads, tolerance=_TOLERANCE
         )
@@ -151,7 +167,8 @@ class ClosureProblem(PoseProblem):
 
     def signals(self, fitted: Fitted) -> dict[str, np.ndarray]:
         """Where the target is said to be holds the residual itself: it tells nothing here."""
-        return {name: values for name, values in super().signals(fitted).items() if not name.startswith("position ")}
+        return {name: values for name, values in super().signals(fitted).items()
+                if not name.startswith("position ")}
 
     def space(self, fitted: Fitted) -> None:
         return None
@@ -209,5 +226,8 @@ class ClosureProblem(PoseProblem):
         seen = ", ".join(
             f"axis {axis} {np.degrees(np.ptp(fitted.view.q[:, axis - 1])):.0f} degrees" for axis in axes
         )
-        more = f"turn axis {turned} through more of the range (so far {seen})" if axes else "load the arm differently"
+        more = (
+            f"turn axis {turned} through more of the range (so far {seen})"
+            if axes else "load the arm differently"
+        )
         return f"Touch the same contacts from other sides, and set the fixture up at one more place: {more}."

@@ -1,11 +1,12 @@
 """How many independent numbers the noise of a time series leaves.
 
-Samples of a filtered or drifting signal count as fewer: 1 / (1 + 2 sum rho) each, rho the autocorrelation of the noise
-(Bartlett's taper). Noise is what the surest candidates of the library cannot explain: the residual itself still has
-the causes in it that are searched for, and they would pass for correlation. Many fitted columns take the slow part of
-the noise with them, and the sum over long lags then says that there is none: where a record is short for its noise
-(`short`), an autoregression over the first few lags (Yule and Walker), which are hardly touched by that, has a say
-too, and the smaller share counts. Where the noise drifts
+Samples of a filtered or drifting signal count as fewer: 1 / (1 + 2 sum rho) each, rho the autocorrelation of
+the noise (Bartlett's taper). Noise is what the surest candidates of the library cannot explain: the residual
+itself still has the causes in it that are searched for, and they would pass for correlation. Many fitted
+columns take the slow part of the noise with them, and the sum over long lags then says that there is none:
+where a record is short for its noise
+(`short`), an autoregression over the first few lags (Yule and Walker), which are hardly touched by that, has
+a say too, and the smaller share counts. Where the noise drifts
 (`drifts`), the drift is filtered out first (identify/drifting_noise.py), and the rest is counted.
 """
 
@@ -31,8 +32,9 @@ _STRONGEST, _PAIRED = 10, 5  # candidates
 
 @dataclass(frozen=True)
 class NoiseMemory:
-    """What is known of the noise: share, independent numbers per number; drift; square sum of the residual it was
-    estimated from. It goes from fit to fit as a value, so that a fit depends on what it is given alone."""
+    """What is known of the noise: share, independent numbers per number; drift; square sum of the residual it
+    was estimated from. It goes from fit to fit as a value, so that a fit depends on what it is given
+    alone."""
 
     square: float = np.inf
     share: float = 1.0
@@ -53,12 +55,15 @@ class ColouredNoise:
         """From a fit whose residual has passed no filter."""
         return DriftingNoise.of(self._unexplained(fitted, runs, step), runs)
 
-    def of(self, fitted: Fitted, runs: Sequence[np.ndarray], step: float, drift: DriftingNoise | None = None) -> NoiseMemory:
-        """From a fit (behind the filter of `drift`); `runs`: its rows in the order of time, `step` apart in s."""
+    def of(self, fitted: Fitted, runs: Sequence[np.ndarray], step: float,
+           drift: DriftingNoise | None = None) -> NoiseMemory:
+        """From a fit (behind the filter of `drift`); `runs`: its rows in the order of time, `step` apart in
+        s."""
         share = self._share_of(self._unexplained(fitted, runs, step), runs, step)
         return NoiseMemory(float(np.sum(fitted.residual**2)), share, drift)
 
-    def renewed(self, known: NoiseMemory, fitted: Fitted, runs: Sequence[np.ndarray], step: float) -> NoiseMemory:
+    def renewed(self, known: NoiseMemory, fitted: Fitted, runs: Sequence[np.ndarray],
+                step: float) -> NoiseMemory:
         """What is known, or a new estimate where the residual has become another one."""
         return known if known.holds_for(fitted.residual) else self.of(fitted, runs, step, known.drift)
 
@@ -73,8 +78,9 @@ class ColouredNoise:
     def _unexplained(self, fitted: Fitted, runs: Sequence[np.ndarray], step: float) -> np.ndarray:
         """(N, m) whitened residual without what the declared parameters and the surest candidates explain.
 
-        Candidates come in one by one, or two that hide each other; each pays with the independent numbers that are in
-        what it leaves. So a cause that leaves white noise is sure, and one more curve through slow noise is not.
+        Candidates come in one by one, or two that hide each other; each pays with the independent numbers
+        that are in what it leaves. So a cause that leaves white noise is sure, and one more curve through
+        slow noise is not.
         """
         from exactarm.diagnose.selection import LEAST_EVIDENCE, candidates_for
 
@@ -87,9 +93,13 @@ class ColouredNoise:
         def tried(group: tuple[Candidate, ...]) -> tuple[float, np.ndarray, np.ndarray]:
             added = _added(basis, np.concatenate([columns[c.label] for c in group], axis=1))
             left = residual - added @ (added.T @ residual)
-            count = max(self._share_of(left[:numbers].reshape(shape), runs, step) * (numbers - basis.shape[1]), 1.0)
-            square, price = float(residual @ residual), np.prod([float(c.tried * len(candidates)) for c in group])
-            return log_evidence(square, square - float(left @ left), count, sum(c.free for c in group), price), added, left
+            count = max(self._share_of(left[:numbers].reshape(shape), runs,
+                                       step) * (numbers - basis.shape[1]), 1.0)
+            square, price = float(residual @ residual), np.prod(
+                [float(c.tried * len(candidates)) for c in group]
+            )
+            return log_evidence(square, square - float(left @ left), count, sum(c.free for c in group),
+                                price), added, left
 
         while strongest:
             for groups in ([(c,) for c in strongest], list(combinations(strongest[:_PAIRED], 2))):
@@ -119,7 +129,8 @@ def _share_of(noise: np.ndarray, runs: Sequence[np.ndarray], step: float) -> flo
 
 
 def autoregressive_share(noise: np.ndarray, runs: Sequence[np.ndarray], step: float) -> float:
-    """Independent numbers per number of (N, m) noise: variance over long-run variance, s^2 / (1 - sum phi)^2."""
+    """Independent numbers per number of (N, m) noise: variance over long-run variance, s^2 / (1 - sum
+    phi)^2."""
     lags = int(np.clip(round(_SHORT_S / step), 1, _SHORT_LAGS))
     shares = []
     for a in range(noise.shape[1]):

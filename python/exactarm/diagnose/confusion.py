@@ -31,14 +31,15 @@ def doubtful_places(findings, alternatives) -> tuple[Place, ...]:
     """Every finding that has doubtful rivals, the most doubtful first."""
     places = []
     for finding in findings:
-        rivals = tuple((a.effect, a.probability) for a in alternatives if a.collides and a.instead_of == finding.effect.label)
+        rivals = tuple((a.effect, a.probability)
+                       for a in alternatives if a.collides and a.instead_of == finding.effect.label)
         if rivals:
             places.append(Place(finding.effect, finding.probability, rivals))
     return tuple(sorted(places, key=lambda place: -max(p for _, p in place.rivals)))
 
 
 def next_experiments(problem: Problem, fitted: Fitted, findings, alternatives) -> tuple[str | None, tuple]:
-    """What to measure to part the doubtful causes: in words (None where none is doubtful), and as experiments where
-    the kind of data can plan them, the best first."""
+    """What to measure to part the doubtful causes: in words (None where none is doubtful), and as experiments
+    where the kind of data can plan them, the best first."""
     places = doubtful_places(findings, alternatives)
     return problem.next_experiments(fitted, places) if places else (None, ())

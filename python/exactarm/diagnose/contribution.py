@@ -2,16 +2,19 @@
 
 For every effect, with all others in the model, on the identification rows:
 
-    value (N,) +- half (N,)     what it adds at its station, over its own signal (the signal of its own axis, or of the
-                                measurement, that its value follows best), with the 95 % band of its parameters
+    value (N,) +- half (N,)     what it adds at its station, over its own signal (the signal of its own axis,
+                                or of the measurement, that its value follows best), with the 95 % band of its
+                                    parameters
     without, with_ (N,)         the residual along the effect's own direction without and with it
-    tool (N,)                   size of what it does to the measured position and no other parameter makes up for, m
+    tool (N,)                   size of what it does to the measured position and no other parameter makes up
+                                for, m
 
-An angle error that repeats is known up to a constant, which is the joint's zero: its value has mean zero here.
+An angle error that repeats is known up to a constant, which is the joint's zero: its value has mean zero
+here.
 
-`own signal`: value sorted by a signal differs little from neighbour to neighbour where it is a function of that signal:
-1 - mean square of the differences / (2 variance) (Rice 1984). Orders that turn many times per output revolution are looked
-at over the phase of their own element.
+`own signal`: value sorted by a signal differs little from neighbour to neighbour where it is a function of
+that signal: 1 - mean square of the differences / (2 variance) (Rice 1984). Orders that turn many times per
+output revolution are looked at over the phase of their own element.
 """
 
 from __future__ import annotations
@@ -24,20 +27,23 @@ from exactarm.chain import Layout
 from exactarm.diagnose.problem import Fitted, Problem
 from exactarm.effects.base import Effect, Station
 
-FOLLOWS = 0.9  # share of a value's variance that one signal explains, from which it is drawn as a curve of that signal
+# share of a value's variance that one signal explains, from which it is drawn as a curve of that signal
+FOLLOWS = 0.9
 _HIGH_ORDER = 12.0  # cycles per output revolution: more waves than a plot over the whole turn can show
 _MOST_POINTS = 3000  # of a picture
 _TURN = 2.0 * np.pi
-_UNITS = {"angle": "rad", "motor": "rad", "phase": "rad", "load": "Nm", "time": "s", "position": "m", "speed": "rad/s",
+_UNITS = {"angle": "rad", "motor": "rad", "phase": "rad", "load": "Nm", "time": "s", "position": "m",
+          "speed": "rad/s",
           "acceleration": "rad/s²"}
-_STATION_UNITS = {Station.MOTOR: "rad", Station.GEAR: "rad", Station.SPRING: "rad", Station.LOAD: "Nm", Station.DRIVE: "Nm"}
+_STATION_UNITS = {Station.MOTOR: "rad", Station.GEAR: "rad", Station.SPRING: "rad", Station.LOAD: "Nm",
+                  Station.DRIVE: "Nm"}
 _POSITION = 3  # components of a measured position
 
 
 @dataclass(frozen=True)
 class Contribution:
-    """See the module. `signal` and `direction` are names; `curve`: the value is a function of the signal; unit of value and
-    residual, SI. `tool` (N,) m or None where no position is measured."""
+    """See the module. `signal` and `direction` are names; `curve`: the value is a function of the signal;
+    unit of value and residual, SI. `tool` (N,) m or None where no position is measured."""
 
     effect: Effect
     signal: str
@@ -65,7 +71,8 @@ class Contribution:
 
 
 def contributions(problem: Problem, fitted: Fitted, declared: Layout) -> tuple[Contribution, ...]:
-    """One for every effect of `fitted` beyond the declared model that moves the measurement, in their order."""
+    """One for every effect of `fitted` beyond the declared model that moves the measurement, in their
+    order."""
     found = []
     signals, directions = problem.signals(fitted), problem.directions(fitted)
     for index in range(len(declared.effects), len(fitted.layout.effects)):
@@ -75,7 +82,8 @@ def contributions(problem: Problem, fitted: Fitted, declared: Layout) -> tuple[C
     return tuple(found)
 
 
-def _contribution(fitted: Fitted, index: int, signals: dict, directions: dict, unit: str) -> Contribution | None:
+def _contribution(fitted: Fitted, index: int, signals: dict, directions: dict,
+                  unit: str) -> Contribution | None:
     effect, where = fitted.layout.effects[index], fitted.layout.slices[index]
     columns = fitted.jacobian[:, :, where]
     if not np.any(columns) or not np.any(effect.values):
@@ -99,21 +107,24 @@ def _contribution(fitted: Fitted, index: int, signals: dict, directions: dict, u
     rows = _thinned(named[signal])
     return Contribution(
         effect, signal, _UNITS.get(signal.split()[0], ""), _follows(named[signal], value) > FOLLOWS,
-        named[signal][rows], value[rows], _half(fitted, slopes[rows], covariance), value_unit, direction, before[rows],
+        named[signal][rows], value[rows], _half(fitted, slopes[rows], covariance), value_unit, direction,
+        before[rows],
         after[rows], _at_tool(without, moved) if unit == "m" else None,
         (float(value[high] - value[low]), float(_half(fitted, difference[None], covariance)[0])),
     )
 
 
 def _at_tool(without: Fitted, moved: np.ndarray) -> np.ndarray:
-    """(N,) m of the movement (N, m) that the free parameters of the model without the effect cannot make up for."""
+    """(N,) m of the movement (N, m) that the free parameters of the model without the effect cannot make up
+    for."""
     white = without.whiten(moved[:, :, None])[:, 0]
     left = (white - without.basis @ (without.basis.T @ white))[: without.data_numbers].reshape(moved.shape)
     return np.linalg.norm((left * without.sigma)[:, :_POSITION], axis=1)
 
 
 def _own_direction(fitted: Fitted, without: Fitted, effect: Effect, directions: dict):
-    """Direction in which the effect lowers the residual most, with both residuals (N,); its own axis first."""
+    """Direction in which the effect lowers the residual most, with both residuals (N,); its own axis
+    first."""
     own = [name for name in directions if effect.joint is not None and name.endswith(f"axis {effect.joint}")]
     best, fall = (None, None, None), 0.0
     for name in own or directions:
@@ -132,7 +143,8 @@ def _along(fitted: Fitted, residual: np.ndarray, direction: np.ndarray) -> np.nd
 
 
 def _at_station(fitted: Fitted, index: int, effect: Effect) -> tuple[np.ndarray, np.ndarray, str] | None:
-    """Value (N,), its slopes (N, k) and unit, of an effect that acts on one column of its station; None for others."""
+    """Value (N,), its slopes (N, k) and unit, of an effect that acts on one column of its station; None for
+    others."""
     unit = _STATION_UNITS.get(effect.station)
     if unit is None or effect.only_in_tables:
         return None
@@ -154,14 +166,18 @@ def _at_measurement(fitted: Fitted, moved: np.ndarray, columns: np.ndarray, dire
 
 def _half(fitted: Fitted, slopes: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     """(N,) 95 % half widths from slopes (N, k) and covariance (k, k)."""
-    return np.asarray(fitted.fit.half_width(np.sqrt(np.maximum(np.einsum("nk,kl,nl->n", slopes, covariance, slopes), 0.0))))
+    return np.asarray(
+        fitted.fit.half_width(np.sqrt(np.maximum(np.einsum("nk,kl,nl->n", slopes, covariance, slopes), 0.0)))
+    )
 
 
 def _own_signals(effect: Effect, signals: dict[str, np.ndarray], fitted: Fitted) -> dict[str, np.ndarray]:
-    """The signals of the effect's own axis, of no axis, and the phase of a fast element; all signals for no single axis."""
+    """The signals of the effect's own axis, of no axis, and the phase of a fast element; all signals for no
+    single axis."""
     if effect.joint is None:
         return signals
-    own = {name: values for name, values in signals.items() if "axis" not in name or f"axis {effect.joint}" in name}
+    own = {name: values for name, values in signals.items()
+           if "axis" not in name or f"axis {effect.joint}" in name}
     orders = [effect.value_of(p.name) for p in effect.parameters() if p.name == "order_per_rev"]
     if orders and orders[0] > _HIGH_ORDER:
         ratio = abs(fitted.robot.ratios[effect.index])

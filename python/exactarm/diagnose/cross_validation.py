@@ -1,7 +1,7 @@
 """Held-out error of a candidate by cross-validation over whole poses or runs, in closed form.
 
-In the linear picture around a fitted state, each fold is predicted from the others' normal equations; the error
-is the mean weighted square of the held-out residual (1 = all noise).
+In the linear picture around a fitted state, each fold is predicted from the others' normal equations; the
+error is the mean weighted square of the held-out residual (1 = all noise).
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ def held_out_squares(
 ) -> np.ndarray:
     """(units,) square sum of the held-out residual with the free parameters and `columns` (R, k) refitted.
 
-    prior (k,): standard deviations of the priors of the columns' coefficients, inf = none. units (N,): what the
-    square sum is told by, numbers from 0; absent: the folds.
+    prior (k,): standard deviations of the priors of the columns' coefficients, inf = none. units (N,): what
+    the square sum is told by, numbers from 0; absent: the folds.
     """
     design = np.concatenate([fitted.basis, columns], axis=1)
     penalty = np.zeros(design.shape[1])

@@ -1,10 +1,10 @@
 """Dossier of a residual: which signals it follows beyond chance, whatever the library holds.
 
-Every signal (angles, loads, directions, time, covariates ...) is cut into bins of equal count, or taken by its few
-values; the whitened residual is regressed on the bins along every direction in which something could move
-(joint axes, measured components), with the declared parameters projected out. F-tests; the same on the columns of
-surfaces in several signals; and whether rows that lie close together in a space err alike (smoothness.py). The
-smallest p-value is multiplied by the number of tests (Bonferroni).
+Every signal (angles, loads, directions, time, covariates ...) is cut into bins of equal count, or taken by
+its few values; the whitened residual is regressed on the bins along every direction in which something could
+move (joint axes, measured components), with the declared parameters projected out. F-tests; the same on the
+columns of surfaces in several signals; and whether rows that lie close together in a space err alike
+(smoothness.py). The smallest p-value is multiplied by the number of tests (Bonferroni).
 """
 
 from __future__ import annotations
@@ -54,7 +54,8 @@ class Dossier:
 
 
 def dossier(problem: Problem, fitted: Fitted) -> Dossier:
-    """Tests every signal of the problem along every direction of it; keeps the best direction of each signal."""
+    """Tests every signal of the problem along every direction of it; keeps the best direction of each
+    signal."""
     residual = fitted.whitened
     numbers, freedom = fitted.data_numbers, max(_effective(problem, fitted) - fitted.basis.shape[1], 1.0)
     square = float(residual[:numbers] @ residual[:numbers])
@@ -82,7 +83,9 @@ def indicator(values: np.ndarray) -> np.ndarray:
 
 
 def _effective(problem: Problem, fitted: Fitted) -> float:
-    return problem.correlation_factor(fitted) * float(np.count_nonzero(fitted.whitened[: fitted.data_numbers]))
+    return problem.correlation_factor(fitted) * float(
+        np.count_nonzero(fitted.whitened[: fitted.data_numbers])
+    )
 
 
 def _test(fitted, residual, bins, pattern, square, freedom) -> tuple[float, float]:
@@ -124,4 +127,6 @@ def _over_space(problem: Problem, fitted: Fitted, tests: int) -> list[Follows]:
 
 def _lag_one(fitted: Fitted) -> float:
     rows = fitted.residual / fitted.sigma
-    return float(np.mean(np.sum(rows[1:] * rows[:-1], axis=1)) / max(np.mean(np.sum(rows**2, axis=1)), 1e-300))
+    return float(
+        np.mean(np.sum(rows[1:] * rows[:-1], axis=1)) / max(np.mean(np.sum(rows**2, axis=1)), 1e-300)
+    )

@@ -1,8 +1,8 @@
 """Forms of one cause on one axis: a single order, a run-out, or any repeatable curve of a gear.
 
-Which of them the data asks for is decided by the cross-validated error over whole poses or runs: the form with the
-fewest free parameters whose error is not certainly worse than the best one's (one standard error of the paired
-differences between folds; Breiman et al. 1984).
+Which of them the data asks for is decided by the cross-validated error over whole poses or runs: the form
+with the fewest free parameters whose error is not certainly worse than the best one's (one standard error of
+the paired differences between folds; Breiman et al. 1984).
 """
 
 from __future__ import annotations
@@ -22,7 +22,8 @@ def same_family(one: Effect, other: Effect) -> bool:
     return bool(one.family) and one.family == other.family and one.joint == other.joint
 
 
-def forms_of(without: Fitted, effect: Effect, field: list[Effect], count: float, least: float) -> dict[tuple, Candidate]:
+def forms_of(without: Fitted, effect: Effect, field: list[Effect], count: float,
+             least: float) -> dict[tuple, Candidate]:
     """The forms of `effect` among `field` by name and number of free parameters, each at its best point."""
     forms: dict[tuple, Candidate] = {}
     for form in (other for other in field if same_family(other, effect)):
@@ -33,8 +34,10 @@ def forms_of(without: Fitted, effect: Effect, field: list[Effect], count: float,
     return forms
 
 
-def best_form(problem: Problem, without: Fitted, effect: Effect, field: list[Effect], count: float, least: float) -> Candidate | None:
-    """The form of `effect` among `field` that the data asks for; None where there is nothing to choose between.
+def best_form(problem: Problem, without: Fitted, effect: Effect, field: list[Effect], count: float,
+              least: float) -> Candidate | None:
+    """The form of `effect` among `field` that the data asks for; None where there is nothing to choose
+    between.
 
     without: the fit without the effect; count: independent numbers; least: evidence that a form must have.
     """
@@ -47,9 +50,12 @@ def best_form(problem: Problem, without: Fitted, effect: Effect, field: list[Eff
     if len(able) < 2:
         return forms[able[0]]
     folds = folds_of(problem.groups(), problem.seed)
-    errors = {key: held_out_squares(without, without.columns(forms[key].effect)[:, free_mask(forms[key].effect)], folds,
+    errors = {key: held_out_squares(without,
+                                    without.columns(forms[key].effect)[:, free_mask(forms[key].effect)],
+                                    folds,
                                     prior_of(forms[key].effect)) for key in able}
     best = min(able, key=lambda key: errors[key].sum())
     excess = {key: errors[key] - errors[best] for key in able}
-    as_good = [key for key in able if excess[key].mean() <= excess[key].std(ddof=1) / np.sqrt(len(excess[key]))]
+    as_good = [key
+               for key in able if excess[key].mean() <= excess[key].std(ddof=1) / np.sqrt(len(excess[key]))]
     return forms[min(as_good, key=lambda key: (key[1], errors[key].sum()))]

@@ -1,7 +1,9 @@
-"""Gear runs as a diagnosis problem: residual = reading of the gyroscope (rad/s) or of the link encoders (rad).
+"""Gear runs as a diagnosis problem: residual = reading of the gyroscope (rad/s) or of the link encoders
+(rad).
 
-Re-identified: the coefficients of the declared harmonics per direction, and the constant tilt of the gyroscope or one
-offset per run and axis between two encoders. Judged: the unfiltered residual along the moving axis.
+Re-identified: the coefficients of the declared harmonics per direction, and the constant tilt of the
+gyroscope or one offset per run and axis between two encoders. Judged: the unfiltered residual along the
+moving axis.
 
 Searched and fitted on the thinned runs (thinned_run.py); judged on all samples.
 """
@@ -33,8 +35,10 @@ from exactarm.signals import typical_step, white_noise
 
 _LEAST_SIGMA = 1e-12
 _RUNS_OF_A_SORT = 4
-_LONG_PIECES = 5  # of a run where noise drifts: a slow error, or a resonance that is passed, goes on over shorter ones
-_LEAST_SHARE_OF_WHITE = 0.004  # behind the filter most of the square sum is the encoders' own, whatever the slow part does
+# of a run where noise drifts: a slow error, or a resonance that is passed, goes on over shorter ones
+_LONG_PIECES = 5
+# behind the filter most of the square sum is the encoders' own, whatever the slow part does
+_LEAST_SHARE_OF_WHITE = 0.004
 
 
 @dataclass(frozen=True)
@@ -73,7 +77,8 @@ class GearProblem(Problem):
     def declared(self) -> Layout:
         return declared_gear_layout(self.robot, self.thin, self.record)
 
-    def fit(self, layout: Layout, weight: np.ndarray | None = None, sigma: np.ndarray | None = None) -> Fitted:
+    def fit(self, layout: Layout, weight: np.ndarray | None = None,
+            sigma: np.ndarray | None = None) -> Fitted:
         rows = np.ones(len(self.thin)) if weight is None else weight
         fitted, known = self._fit_with(layout, self._noise.drift, rows), self._noise
         if self.record.encoder_axes and not known.holds_for(fitted.residual):
@@ -89,10 +94,12 @@ class GearProblem(Problem):
         return other
 
     def _fit_with(self, layout: Layout, drift: DriftingNoise | None, rows: np.ndarray) -> GearFitted:
-        """The layout fitted to noise that drifts so; sigma of what lies behind the filter, every row counted."""
+        """The layout fitted to noise that drifts so; sigma of what lies behind the filter, every row
+        counted."""
         weights = rows * np.sqrt(self._noise.share)
         found = fit_gear_runs(
-            self.robot, layout, self.thin, record=self.record, weights=weights, drift=drift, threads=self.threads
+            self.robot, layout, self.thin, record=self.record, weights=weights, drift=drift,
+            threads=self.threads
         )
         prediction = found.prediction
         residual, keep = prediction.residual(), self.record.keep & (rows > 0.0)
@@ -117,8 +124,8 @@ class GearProblem(Problem):
         return replace(fitted, sigma=fitted.sigma / np.sqrt(known.share), fit=widened, noise=known)
 
     def settled(self, fitted: Fitted) -> Fitted:
-        """What drifts between two encoders is as much what no cause explains as it is noise: effects that the filter
-        weakens more than that are estimated again without it, by the error as it is judged."""
+        """What drifts between two encoders is as much what no cause explains as it is noise: effects that the
+        filter weakens more than that are estimated again without it, by the error as it is judged."""
         if fitted.drift is None:
             return fitted
         plain = np.sqrt(np.mean(fitted.residual**2, axis=0)) / np.sqrt(fitted.noise.share)
@@ -128,14 +135,17 @@ class GearProblem(Problem):
             kept = np.sum((fitted.decorrelated(response) / fitted.sigma[:, None]) ** 2)
             slow.append(effect.declared or kept < np.sum((response / plain[:, None]) ** 2))
         masks = [mask & keep for mask, keep in zip(fitted.layout.free, slow)]
-        again = self.knowing(fitted)._fit_with(Layout(fitted.layout.effects, tuple(masks)), None, fitted.weight)
+        again = self.knowing(fitted)._fit_with(Layout(fitted.layout.effects, tuple(masks)), None,
+                                               fitted.weight)
         layout = Layout(again.layout.effects, fitted.layout.free)
         slow = np.concatenate([m[f] for m, f in zip(masks, layout.free)])
-        return replace(again, layout=layout, jacobian=fitted.jacobian, sigma=fitted.sigma, drift=fitted.drift, noise=fitted.noise,
+        return replace(again, layout=layout, jacobian=fitted.jacobian, sigma=fitted.sigma, drift=fitted.drift,
+                       noise=fitted.noise,
                        fit=self._settled_fit(fitted, layout, again, slow))
 
     def _settled_fit(self, fitted: Fitted, layout: Layout, again: GearFitted, slow: np.ndarray) -> Fit:
-        """The fit behind the filter with what was estimated without it; neighbouring samples count as fewer there."""
+        """The fit behind the filter with what was estimated without it; neighbouring samples count as fewer
+        there."""
         share = self._estimator.share_of(again, self.record.runs, self._step)
         covariance = np.where(slow[:, None] | slow, 0.0, fitted.fit.covariance)
         covariance[np.ix_(slow, slow)] = again.fit.covariance * fitted.noise.share / share
@@ -145,7 +155,8 @@ class GearProblem(Problem):
         return np.abs(self._deviations(fitted, data))
 
     def _deviations(self, fitted: Fitted, data: Dataset) -> np.ndarray:
-        """(K,) measured minus predicted along the moving axis, sample by sample; NaN where no model is defined."""
+        """(K,) measured minus predicted along the moving axis, sample by sample; NaN where no model is
+        defined."""
         record = self._record_of(data)
         layout = fitted.layout.joined(self._new_set_up(fitted.layout, data, record))
         prediction = predict_gear_run(
@@ -174,11 +185,13 @@ class GearProblem(Problem):
         else:
             moved = record.sensor_axis
             parts = {int(axis): deviations[moved == axis] for axis in np.unique(moved)}
-        return {axis: float(np.sqrt(np.nanmean(part**2))) for axis, part in parts.items() if np.isfinite(part).any()}
+        return {axis: float(np.sqrt(np.nanmean(part**2))) for axis, part in parts.items()
+                if np.isfinite(part).any()}
 
     def _new_set_up(self, layout: Layout, data: Dataset, record: GearRecord) -> Layout:
         """Alignments (offsets) of sessions, axes or runs that were not among the identification rows."""
-        known = {name for effect in layout.effects for name in map(effect.parameter_label, effect.parameters())}
+        known = {name for effect in layout.effects
+                 for name in map(effect.parameter_label, effect.parameters())}
         new = [e for e in sensor_layout(self.robot, data, record).effects
                if not known & set(map(e.parameter_label, e.parameters()))]
         return Layout.of(tuple(new), estimate=False)
@@ -220,7 +233,8 @@ class GearProblem(Problem):
         return float(np.max(squares[0] / np.maximum(squares[1], 1e-300)))
 
     def units(self, folds: np.ndarray) -> np.ndarray:
-        """Between encoders stretches longer than what the noise remembers; whole runs are long enough as they are."""
+        """Between encoders stretches longer than what the noise remembers; whole runs are long enough as they
+        are."""
         if not self.record.encoder_axes:
             return folds
         return np.arange(len(folds)) // int(np.ceil(1.0 / self._noise.share))
@@ -235,7 +249,8 @@ class GearProblem(Problem):
         view = fitted.view
         signals = {}
         for i in np.flatnonzero(view.moving):
-            signals[f"motor angle of axis {i + 1} within a revolution"] = np.mod(view.theta[:, i], 2.0 * np.pi)
+            signals[f"motor angle of axis {i + 1} within a revolution"] = np.mod(view.theta[:, i],
+                                                                                 2.0 * np.pi)
             signals[f"angle of axis {i + 1}"] = view.q[:, i]
             signals[f"direction of axis {i + 1}"] = view.direction[:, i]
             signals[f"speed of axis {i + 1}"] = view.signals["theta_dot"][:, i] / view.robot.ratios[i]
@@ -260,7 +275,8 @@ class GearProblem(Problem):
         """White part of the unfiltered residual, by its fourth differences."""
         errors = self._deviations(fitted, self.data).reshape(len(self.data), -1)
         runs = self._records["identification"].runs
-        squares = [white_noise(column[np.isfinite(column)]) ** 2 for rows in runs for column in errors[rows].T]
+        squares = [white_noise(column[np.isfinite(column)]) ** 2 for rows in runs
+                   for column in errors[rows].T]
         return float(min(np.sqrt(np.mean(squares) / np.nanmean(errors**2)), 1.0))
 
     def updated_robot(self, fitted: Fitted) -> Robot:
@@ -269,10 +285,12 @@ class GearProblem(Problem):
             if effect.declared:
                 result = effect.bake(result)
         pairs = zip(fitted.layout.names, fitted.fit.interval())
-        set_up = {e.parameter_label(p) for e in fitted.layout.effects if e.station == Station.DEVICE and e.declared
+        set_up = {e.parameter_label(p) for e in fitted.layout.effects
+                  if e.station == Station.DEVICE and e.declared
                   for p in e.parameters()}
         intervals = {name: (float(low), float(high)) for name, (low, high) in pairs if name not in set_up}
-        return replace(result, effects=all_effects(self.robot, self.data, fitted.layout, self.kind), intervals=dict(self.robot.intervals) | intervals)
+        return replace(result, effects=all_effects(self.robot, self.data, fitted.layout, self.kind),
+                       intervals=dict(self.robot.intervals) | intervals)
 
     def separating_experiment(self, fitted: Fitted, one: Effect, other: Effect) -> str:
         return separating_run(self.robot, fitted, self.record, one, other, self.unit)

@@ -1,4 +1,5 @@
-"""Where in space the error sits: error vectors of measured positions before and after, in the robot's base frame."""
+"""Where in space the error sits: error vectors of measured positions before and after, in the robot's base
+frame."""
 
 from __future__ import annotations
 
@@ -13,8 +14,9 @@ from exactarm.robot import Robot
 
 @dataclass(frozen=True)
 class InSpace:
-    """position (N, 3) m of the target, before and after (N, 3) m measured minus predicted, all in the base frame of the robot;
-    arm (n + 2, 3) m: base, joints and target at one of the poses. `which` names the rows: "validation" or "identification"."""
+    """position (N, 3) m of the target, before and after (N, 3) m measured minus predicted, all in the base
+    frame of the robot; arm (n + 2, 3) m: base, joints and target at one of the poses. `which` names the rows:
+    "validation" or "identification"."""
 
     which: str
     arm: np.ndarray
@@ -26,7 +28,8 @@ class InSpace:
 def errors_in_space(robot: Robot, first: Layout, last: Layout, data: Dataset, which: str, used: np.ndarray,
                     threads: int = 1) -> InSpace:
     """From predictions of the rows of `data` by two layouts; rows that are not `used` (N,) are left out."""
-    before, after = (predict_poses(robot, layout, data, tangents=False, threads=threads) for layout in (first, last))
+    before, after = (predict_poses(robot, layout, data, tangents=False, threads=threads)
+                     for layout in (first, last))
     turn = after.view.signals["base_rotation"].reshape(-1, 3, 3)
     into_base = lambda vectors: np.einsum("nji,nj->ni", turn, vectors)
     position = into_base(after.view.signals["target"] - after.view.signals["base_position"])

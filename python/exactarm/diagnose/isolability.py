@@ -1,13 +1,16 @@
-"""Isolability: which causes a planned set of poses could tell, and which it would confuse, before anything is measured.
+"""Isolability: which causes a planned set of poses could tell, and which it would confuse, before anything is
+measured.
 
-With whitened columns C_a of cause a (at its plausible sizes s_a, declared parameters projected out), the response to cause a has
-the expected length
+With whitened columns C_a of cause a (at its plausible sizes s_a, declared parameters projected out), the
+response to cause a has the expected length
 
-    seen(a)     = sqrt(sum_k s_ak^2 |c_ak|^2)                                       standard deviations of the noise
+    seen(a)     = sqrt(sum_k s_ak^2 |c_ak|^2)                                       standard deviations of the
+                noise
     apart(a, b) = min over b's grid of sqrt(sum_k s_ak^2 c_ak' V^-1 c_ak),   V = I + 9 C_b S_b^2 C_b'
 
-that is, of what b cannot imitate at sizes of three times its plausible ones. A cause is seen by the set when its length stands out
-of the noise, and told from b when what b cannot imitate of it does. Forms of one cause on one axis are not held against each other.
+that is, of what b cannot imitate at sizes of three times its plausible ones. A cause is seen by the set when
+its length stands out of the noise, and told from b when what b cannot imitate of it does. Forms of one cause
+on one axis are not held against each other.
 """
 
 from __future__ import annotations
@@ -32,7 +35,8 @@ CLEAR = 4.0  # standard deviations that nobody confuses any more
 
 @dataclass(frozen=True)
 class Isolability:
-    """titles and joints (L,) of the causes; seen (L,) and apart (L, L) in standard deviations of a reading, apart[a, a] infinite."""
+    """titles and joints (L,) of the causes; seen (L,) and apart (L, L) in standard deviations of a reading,
+    apart[a, a] infinite."""
 
     effects: tuple[Effect, ...]
     seen: np.ndarray
@@ -54,7 +58,8 @@ class Isolability:
 
 
 def isolability(robot: Robot, poses: Dataset, noise_m: float, seed: int, threads: int = 1) -> Isolability:
-    """Of measuring `poses` (angles, and the direction of approach where it is planned) with a noise of noise_m a coordinate."""
+    """Of measuring `poses` (angles, and the direction of approach where it is planned) with a noise of
+    noise_m a coordinate."""
     exact = predict_poses(robot, Layout.of(()), poses, tangents=False, threads=threads).position
     position = exact + np.random.default_rng(seed).normal(0.0, noise_m, exact.shape)
     data = replace(poses, position=position, rotation=None, identification=None)
@@ -80,7 +85,8 @@ def _of(picture: Picture) -> Isolability:
     for place, label in enumerate(order):
         for index in np.flatnonzero(which == label):
             block = vocabulary.blocks[index]
-            left = np.maximum(squares - _imitated(picture.columns[:, block.where] * (_WIDE * block.size), signals), 0.0)
+            left = np.maximum(squares - _imitated(picture.columns[:, block.where] * (_WIDE * block.size),
+                                                  signals), 0.0)
             apart[:, place] = np.minimum(apart[:, place], np.bincount(owner, left, len(order)))
     effects = tuple(vocabulary.blocks[i].effect for i in first)
     cause = [(effect.family or effect.label, effect.joint) for effect in effects]
@@ -89,6 +95,7 @@ def _of(picture: Picture) -> Isolability:
 
 
 def _imitated(columns: np.ndarray, signals: np.ndarray) -> np.ndarray:
-    """(p,) square length of signals (R, p) that coefficients of unit variance of `columns` (R, k) account for."""
+    """(p,) square length of signals (R, p) that coefficients of unit variance of `columns` (R, k) account
+    for."""
     onto = columns.T @ signals
     return np.einsum("kp,kp->p", onto, np.linalg.solve(np.eye(columns.shape[1]) + columns.T @ columns, onto))

@@ -1,7 +1,9 @@
-"""Motions as a diagnosis problem: residual = measured minus predicted drive torque of every measured axis, Nm.
+"""Motions as a diagnosis problem: residual = measured minus predicted drive torque of every measured axis,
+Nm.
 
-Re-identified: Coulomb and viscous friction, and base inertial parameters where the robot file declares no masses or has
-estimated ones; of these, what the motion excites. Both sides pass the same low-pass (chain/motion_record.py); judged on its rows.
+Re-identified: Coulomb and viscous friction, and base inertial parameters where the robot file declares no
+masses or has estimated ones; of these, what the motion excites. Both sides pass the same low-pass
+(chain/motion_record.py); judged on its rows.
 """
 
 from __future__ import annotations
@@ -44,7 +46,8 @@ from exactarm.signals import typical_step, white_noise
 
 _COLUMNS_AT_ONCE = 48
 _LEAST_SAMPLES, _LEAST_NOISE, _WHITE = 50, 1e-5, 1.2
-_ROWS_SHARE = 0.5  # of those of an identification: a search over hundreds of candidates costs as many times the rows
+# of those of an identification: a search over hundreds of candidates costs as many times the rows
+_ROWS_SHARE = 0.5
 
 
 @dataclass(frozen=True)
@@ -55,7 +58,8 @@ class MotionFitted(Fitted):
     record: MotionRecord = None
 
     def columns_of(self, effects: list[Effect]) -> list[np.ndarray]:
-        """Effects without any size share runs through the arm; what acts on the reported torque itself needs none."""
+        """Effects without any size share runs through the arm; what acts on the reported torque itself needs
+        none."""
         found: dict[int, np.ndarray] = {}
         together: list[int] = []
         for place, effect in enumerate(effects):
@@ -91,7 +95,8 @@ class MotionProblem(Problem):
     repeat_source = "white noise of the torque above the band of the motion"
 
     def __init__(self, robot: Robot, data: Dataset, held_out: Dataset, threads: int = 1, seed: int = 0):
-        require_geometry(robot)  # without it neither gravity nor inertia: friction alone would be all that is known of the torques
+        # without it neither gravity nor inertia: friction alone would be all that is known of the torques
+        require_geometry(robot)
         inertial = robot.links is None or inertia_was_estimated(robot)
         super().__init__(with_links(robot) if inertial else robot, data, held_out, threads, seed)
         self.inertial = inertial
@@ -112,11 +117,13 @@ class MotionProblem(Problem):
         layout = friction_layout(self.robot, self.record)
         if self.inertial:
             layout = layout.joined(inertial_layout(self.robot, base_parameters(self.robot)))
-        layout, _ = excited_layout(self.robot, layout.joined(carried_layout(self.robot, self.data, "motion")), self.record, self.threads)
+        layout, _ = excited_layout(self.robot, layout.joined(carried_layout(self.robot, self.data, "motion")),
+                                   self.record, self.threads)
         require_enough(layout, self.record)
         return layout
 
-    def fit(self, layout: Layout, weight: np.ndarray | None = None, sigma: np.ndarray | None = None) -> Fitted:
+    def fit(self, layout: Layout, weight: np.ndarray | None = None,
+            sigma: np.ndarray | None = None) -> Fitted:
         record, rows = self.record, np.ones(len(self.record.keep)) if weight is None else weight
         if self._noise.square == np.inf:  # nothing was fitted before
             record = self._turned_over(record, layout)
@@ -134,7 +141,8 @@ class MotionProblem(Problem):
         fitted = MotionFitted(
             robot=self.robot,
             layout=found.layout,
-            fit=replace(found.fit, covariance=found.uncertainty.covariance, freedom=max(int(found.uncertainty.freedom), 1)),
+            fit=replace(found.fit, covariance=found.uncertainty.covariance,
+                        freedom=max(int(found.uncertainty.freedom), 1)),
             residual=residual,
             jacobian=jacobian,
             sigma=found.sigma,
@@ -151,7 +159,8 @@ class MotionProblem(Problem):
         other._noise, other.record = fitted.noise, fitted.record
         return other
 
-    def _estimated(self, layout: Layout, record: MotionRecord, rows: np.ndarray, sigma: np.ndarray | None) -> MotionFit:
+    def _estimated(self, layout: Layout, record: MotionRecord, rows: np.ndarray,
+                   sigma: np.ndarray | None) -> MotionFit:
         weights = rows * np.sqrt(self._noise.share)
         return fit_motion(self.robot, layout, record, weights=weights, sigma=sigma, threads=self.threads)
 
@@ -176,7 +185,9 @@ class MotionProblem(Problem):
 
     def left_out(self) -> tuple[str, ...]:
         silent = [str(axis + 1) for axis in range(self.robot.axes) if axis not in self.record.measured_axes]
-        words = (f"no torque was measured on axis {', '.join(silent)}: nothing is said of it",) if silent else ()
+        words = (
+            (f"no torque was measured on axis {', '.join(silent)}: nothing is said of it",) if silent else ()
+        )
         return words + reversals_left_out([self.record] + ([self._held] if self._held is not None else []))
 
     def groups(self) -> np.ndarray:
@@ -192,7 +203,8 @@ class MotionProblem(Problem):
         view, data, signals = fitted.view, self.record.data, {}
         rate = view.signals["theta_dot"] / view.robot.controller_ratios
         for i in range(view.axes):
-            signals[f"motor angle of axis {i + 1} within a revolution"] = np.mod(view.theta[:, i], 2.0 * np.pi)
+            signals[f"motor angle of axis {i + 1} within a revolution"] = np.mod(view.theta[:, i],
+                                                                                 2.0 * np.pi)
             signals[f"angle of axis {i + 1}"] = view.q[:, i]
             signals[f"direction of axis {i + 1}"] = np.sign(rate[:, i])
             signals[f"speed of axis {i + 1}"] = rate[:, i]
@@ -211,7 +223,8 @@ class MotionProblem(Problem):
         return float(np.sqrt(np.mean(self._residual(fitted, self.data) ** 2)))
 
     def repeat_noise(self, fitted: Fitted) -> float | None:
-        """From the torque as it was logged, above what moves an arm: its white noise, as much as passes the low-pass.
+        """From the torque as it was logged, above what moves an arm: its white noise, as much as passes the
+        low-pass.
 
         None where that noise is not white: then nothing says how much of it lies below.
         """
@@ -220,7 +233,8 @@ class MotionProblem(Problem):
         if not parts:
             return None
         variances = []
-        for axis, sigma in zip(self.record.measured_axes, np.sqrt(np.mean(torque[:, self.record.measured_axes] ** 2, axis=0))):
+        for axis, sigma in zip(self.record.measured_axes,
+                               np.sqrt(np.mean(torque[:, self.record.measured_axes] ** 2, axis=0))):
             each = [[white_noise(torque[rows[::every], axis]) for rows in parts] for every in (1, 2)]
             fine, coarse = (float(np.sqrt(np.mean(np.square(values)))) for values in each)
             if not _LEAST_NOISE * sigma < fine or not 1.0 / _WHITE < coarse / fine < _WHITE:
@@ -236,8 +250,10 @@ class MotionProblem(Problem):
             if effect.declared:
                 result = effect.bake(result)
         pairs = zip(fitted.layout.names, fitted.fit.interval())
-        intervals = dict(self.robot.intervals) | {name: (float(low), float(high)) for name, (low, high) in pairs}
-        return replace(result, effects=all_effects(self.robot, self.data, fitted.layout, self.kind), intervals=intervals)
+        intervals = dict(self.robot.intervals) | {name: (float(low), float(high))
+                                                  for name, (low, high) in pairs}
+        return replace(result, effects=all_effects(self.robot, self.data, fitted.layout, self.kind),
+                       intervals=intervals)
 
     def separating_experiment(self, fitted: Fitted, one: Effect, other: Effect) -> str:
         return separating_motion(self.robot, fitted, fitted.record, one, other)

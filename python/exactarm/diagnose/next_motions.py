@@ -1,7 +1,8 @@
 """Motions that part two effects: the measured motion played slower, faster, or its axes one at a time.
 
-Each variant is predicted with both effects at their best values; the difference is freed of what all other free
-parameters could absorb over the old and the new motion together, and the variant with the most left of it is named.
+Each variant is predicted with both effects at their best values; the difference is freed of what all other
+free parameters could absorb over the old and the new motion together, and the variant with the most left of
+it is named.
 """
 
 from __future__ import annotations
@@ -22,11 +23,13 @@ _TEMPOS = (0.5, 1.0, 1.5)
 
 def separating_motion(
     robot: Robot, fitted: Fitted, record: MotionRecord, one: Effect, other: Effect, *,
-    predict: Callable = predict_motion, columns: np.ndarray | None = None, measured: str = "the torque (RMS over all axes)",
+    predict: Callable = predict_motion, columns: np.ndarray | None = None,
+    measured: str = "the torque (RMS over all axes)",
 ) -> str:
     """One sentence with the best motion and by how much the two effects differ in it.
 
-    predict: (robot, layout, record) -> prediction; columns: those of its jacobian that are measured (default: all torques).
+    predict: (robot, layout, record) -> prediction; columns: those of its jacobian that are measured (default:
+    all torques).
     """
     axes, numbers = record.measured_axes if columns is None else columns, fitted.data_numbers
     values = np.where(free_mask(one), one.values, 0.0)[free_mask(one)]

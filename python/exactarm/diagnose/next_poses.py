@@ -1,8 +1,8 @@
 """The next poses to measure: those that tell most about which cause it is, in bits per minute.
 
-Candidates are random poses inside the joint limits (or the measured range) with the target inside the measured space, each
-approached from both directions, with the flange as it was and with a known payload on it. Poses are chosen one by one
-(cause_information.py) until most of what is open would be known.
+Candidates are random poses inside the joint limits (or the measured range) with the target inside the
+measured space, each approached from both directions, with the flange as it was and with a known payload on
+it. Poses are chosen one by one (cause_information.py) until most of what is open would be known.
 """
 
 from __future__ import annotations
@@ -26,7 +26,8 @@ from exactarm.identify.pose_space import Box, PoseSpace
 from exactarm.robot import Robot
 
 PAYLOAD_KG = 5.0  # of the payload that is proposed, in the flange's centre: what most arms carry
-MINUTES = MappingProxyType({"visit": 0.25, "payload": 5.0})  # to drive to a pose and measure; to mount a payload: assumed
+# to drive to a pose and measure; to mount a payload: assumed
+MINUTES = MappingProxyType({"visit": 0.25, "payload": 5.0})
 _CANDIDATES = 200
 _MOST_POSES = 24
 _ENOUGH = 0.95  # of what is open
@@ -38,7 +39,8 @@ _WIDE = 3.0  # a rival's prior size, times what is plausible or what it was foun
 
 @dataclass(frozen=True)
 class Experiment:
-    """q (K, n) in the controller's angles, rad; each pose is approached from both directions with `payload_kg` on the flange.
+    """q (K, n) in the controller's angles, rad; each pose is approached from both directions with
+    `payload_kg` on the flange.
 
     bits: told about the cause, of `open_bits` that are not known; between: the causes, in words.
     """
@@ -70,19 +72,24 @@ def sentence_of(experiments: Sequence[Experiment]) -> str:
     best = experiments[0]
     told = f"{best.bits:.2f} of {best.open_bits:.2f} bits"
     if not best.parts:
-        return (f"No poses inside the limits tell whether it is {best.between} ({len(best.q)} poses from both directions, with and "
-                f"without {PAYLOAD_KG:g} kg: {told} at most): measure at another temperature or speed, or the gear of the axis alone.")
+        return (f"No poses inside the limits tell whether it is {best.between} ({len(best.q)} poses from "
+                "both directions, with and "
+                f"without {PAYLOAD_KG:g} kg: {told} at most): measure at another temperature or speed, or "
+                "the gear of the axis alone.")
     names = []
     for q in best.q:
         names.append("(" + ", ".join(str(round(float(angle))) for angle in np.rad2deg(q)) + ")")
-    poses = "; ".join(name if names.count(name) == 1 else f"{name} {names.count(name)} times" for name in dict.fromkeys(names))
+    poses = "; ".join(name if names.count(name) == 1 else f"{name} {names.count(name)} times"
+                      for name in dict.fromkeys(names))
     load = f" with {best.payload_kg:g} kg at the flange" if best.payload_kg else ""
-    return (f"Measure q = {poses} degrees{load}, approached from both directions: in some {best.minutes():.0f} minutes this tells "
+    return (f"Measure q = {poses} degrees{load}, approached from both directions: in some "
+            f"{best.minutes():.0f} minutes this tells "
             f"{told} about whether it is {best.between}.")
 
 
 def next_poses(robot: Robot, fitted: Fitted, places: Sequence[Place], seed: int) -> tuple[Experiment, ...]:
-    """The best poses with and without payload, most bits per minute first (those that part the causes before all others)."""
+    """The best poses with and without payload, most bits per minute first (those that part the causes before
+    all others)."""
     q = _candidate_poses(robot, fitted, seed)
     states = [_State.of(fitted, place) for place in places]
     found = []
@@ -94,17 +101,20 @@ def next_poses(robot: Robot, fitted: Fitted, places: Sequence[Place], seed: int)
             bits = _simulated(fields, rows, chosen[:count], seed)
             if bits >= _ENOUGH * unknown:
                 break
-        found.append(Experiment(q[chosen[:count]], payload, bits, unknown, "; ".join(place.titles for place in places)))
+        found.append(Experiment(q[chosen[:count]], payload, bits, unknown,
+                                "; ".join(place.titles for place in places)))
     return tuple(sorted(found, key=lambda e: (not e.parts, -e.bits_per_minute())))
 
 
-def told_by(robot: Robot, fitted: Fitted, places: Sequence[Place], q: np.ndarray, payload_kg: float = 0.0, seed: int = 0) -> float:
+def told_by(robot: Robot, fitted: Fitted, places: Sequence[Place], q: np.ndarray, payload_kg: float = 0.0,
+            seed: int = 0) -> float:
     """The bits that any poses q (K, n) would tell about the causes, approached from both directions."""
     fields, rows = _seen(robot, fitted, [_State.of(fitted, place) for place in places], q, payload_kg)
     return _simulated(fields, rows, list(range(len(q))), seed)
 
 
-def _seen(robot: Robot, fitted: Fitted, states: list[_State], q: np.ndarray, payload_kg: float) -> tuple[list[Field], list[np.ndarray]]:
+def _seen(robot: Robot, fitted: Fitted, states: list[_State], q: np.ndarray,
+          payload_kg: float) -> tuple[list[Field], list[np.ndarray]]:
     """The field of each place, and in its parameters the rows (K, 6, P) of every pose."""
     view = _view(robot, fitted, q, payload_kg)
     fields, rows = [], []
@@ -118,12 +128,14 @@ def _seen(robot: Robot, fitted: Fitted, states: list[_State], q: np.ndarray, pay
 
 def _simulated(fields: list[Field], rows: list[np.ndarray], chosen: list[int], seed: int) -> float:
     rng = np.random.default_rng(seed)
-    return float(sum(field.simulated_bits(each[chosen].reshape(6 * len(chosen), -1), rng) for field, each in zip(fields, rows)))
+    return float(sum(field.simulated_bits(each[chosen].reshape(6 * len(chosen), -1), rng)
+                     for field, each in zip(fields, rows)))
 
 
 @dataclass(frozen=True)
 class _State:
-    """What the data so far know of one place: columns are the declared parameters, then those of every cause of the field.
+    """What the data so far know of one place: columns are the declared parameters, then those of every cause
+    of the field.
 
     information (P, P) and right (P,): normal equations of the data; prior (P,): of the causes' coefficients;
     own: for every cause, which columns are its own.
@@ -153,11 +165,13 @@ class _State:
         columns = np.concatenate([declared, *causes], axis=1)
         prior, own, at = [np.zeros(declared.shape[1])], [], declared.shape[1]
         for effect, cause in zip(effects, causes):
-            sizes = [_WIDE * max(p.plausible, abs(v)) for p, v, free in zip(effect.parameters(), effect.values, free_mask(effect)) if free]
+            sizes = [_WIDE * max(p.plausible, abs(v))
+                     for p, v, free in zip(effect.parameters(), effect.values, free_mask(effect)) if free]
             prior.append(1.0 / np.square(sizes))
             own.append(slice(at, at + cause.shape[1]))
             at += cause.shape[1]
-        return _State(place, keep, effects, probabilities, columns.T @ columns, columns.T @ base.whitened, np.concatenate(prior), tuple(own))
+        return _State(place, keep, effects, probabilities, columns.T @ columns, columns.T @ base.whitened,
+                      np.concatenate(prior), tuple(own))
 
     def rows(self, view: View, fitted: Fitted) -> np.ndarray:
         """(N, 3, P) whitened sensitivities of new rows."""
@@ -177,7 +191,8 @@ class _State:
         for own, probability in zip(self.own, self.probabilities):
             which = declared.copy()
             which[own] = True
-            square = (self.information + np.diag(self.prior))[np.ix_(which, which)] * np.outer(scale[which], scale[which])
+            square = (self.information + np.diag(self.prior))[np.ix_(which, which)] * np.outer(scale[which],
+                                                                                               scale[which])
             inverse = linalg.inv(square + _RIDGE * np.eye(len(square)))
             mean, covariance = np.zeros(len(which)), np.zeros((len(which), len(which)))
             mean[which] = inverse @ (self.right * scale)[which]

@@ -1,9 +1,9 @@
 """Gear runs that part two effects: which axis, how fast, in which posture.
 
-Every axis to and fro over its measured range at a quarter, a half and the whole of its highest speed, the other axes
-where they stood or a right angle further (another load), is predicted with both effects at their best values. The
-difference is freed of what the declared parameters could absorb over old and new runs together; the run with the
-most left of it is named.
+Every axis to and fro over its measured range at a quarter, a half and the whole of its highest speed, the
+other axes where they stood or a right angle further (another load), is predicted with both effects at their
+best values. The difference is freed of what the declared parameters could absorb over old and new runs
+together; the run with the most left of it is named.
 """
 
 from __future__ import annotations
@@ -23,7 +23,8 @@ _ROWS = 1500
 _CERTAIN = 4.0  # standard deviations between two explanations
 
 
-def separating_run(robot: Robot, fitted: Fitted, record: GearRecord, one: Effect, other: Effect, unit: str) -> str:
+def separating_run(robot: Robot, fitted: Fitted, record: GearRecord, one: Effect, other: Effect,
+                   unit: str) -> str:
     """One sentence with the best run and by how much the two effects differ in it."""
     best, best_apart, best_rows = "", -1.0, 1
     old = _difference_on_record(fitted, one, other)
@@ -41,14 +42,17 @@ def separating_run(robot: Robot, fitted: Fitted, record: GearRecord, one: Effect
     ratio = best_apart / noise
     runs = max(1, int(np.ceil((_CERTAIN / max(ratio, 1e-9)) ** 2 / best_rows)))
     if runs > 20:
-        return (f"No run of one axis inside the limits parts {names} (at most {best_apart:.2g} {unit} beside a scatter of "
+        return (f"No run of one axis inside the limits parts {names} (at most {best_apart:.2g} {unit} beside "
+                "a scatter of "
                 f"{noise:.2g}): repeat the runs with another known payload.")
-    return (f"Move {best}, {runs} run{'s' if runs > 1 else ''}: there {names} differ by {best_apart:.2g} {unit} RMS beside a "
+    return (f"Move {best}, {runs} run{'s' if runs > 1 else ''}: there {names} differ by {best_apart:.2g} "
+            f"{unit} RMS beside a "
             f"scatter of {noise:.2g}.")
 
 
 def _planned(robot: Robot, fitted: Fitted, record: GearRecord, axis: int, share: float, turn: float):
-    """A sine-like run of one axis over its measured range whose highest rate is `share` of what the axis can do."""
+    """A sine-like run of one axis over its measured range whose highest rate is `share` of what the axis can
+    do."""
     view, limit = fitted.view, robot.joints[axis].q_dot_max
     output = view.theta[:, axis] / robot.ratios[axis]
     fastest = limit or float(np.max(np.abs(view.signals["theta_dot"][:, axis]))) / abs(robot.ratios[axis])
@@ -85,7 +89,8 @@ def _shared(fitted: Fitted, one: Effect, other: Effect) -> np.ndarray:
 
 
 def _difference_on_record(fitted: Fitted, one: Effect, other: Effect):
-    """The first effect less the best imitation by the second on the record: (R,), coefficients, the others' columns."""
+    """The first effect less the best imitation by the second on the record: (R,), coefficients, the others'
+    columns."""
     numbers = fitted.data_numbers
     first = fitted.columns(one)[:numbers, free_mask(one)] @ np.array(one.values)[free_mask(one)]
     second = fitted.columns(other)[:numbers, free_mask(other)]

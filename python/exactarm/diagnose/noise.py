@@ -1,8 +1,8 @@
 """Noise floor: what no model can explain, in the measure of the errors (Euclidean for poses).
 
-From repeated visits where there are enough, with the rounding of the angles that repeats hide; else from close neighbours in joint space (the residual of poses that
-nearly coincide can differ by noise only: half the mean square of the differences, Rice 1984); else from the
-final fit, which is then an upper bound.
+From repeated visits where there are enough, with the rounding of the angles that repeats hide; else from
+close neighbours in joint space (the residual of poses that nearly coincide can differ by noise only: half the
+mean square of the differences, Rice 1984); else from the final fit, which is then an upper bound.
 """
 
 from __future__ import annotations
@@ -63,8 +63,8 @@ def neighbour_noise(problem: Problem, fitted: Fitted) -> float | None:
 def repeat_scatter(white: np.ndarray, group: np.ndarray) -> float:
     """Standard deviation within groups of rows (N, 3) that repeat each other, of which at least one has two.
 
-    Groups with a gross error in them are left out: a broken beam in one of two visits is no noise of the device, and
-    counted as such it would hide itself and every cause beneath.
+    Groups with a gross error in them are left out: a broken beam in one of two visits is no noise of the
+    device, and counted as such it would hide itself and every cause beneath.
     """
     _, group, counts = np.unique(group, return_inverse=True, return_counts=True)
     means = np.stack([np.bincount(group, white[:, k]) / counts for k in range(3)], axis=1)

@@ -1,4 +1,5 @@
-"""Own share of an effect: of the held-out square sum of the model without it, what it takes away, with all others in the model.
+"""Own share of an effect: of the held-out square sum of the model without it, what it takes away, with all
+others in the model.
 
     share = 1 - S / S_without;  without it, the other parameters are fitted anew (linear picture).
 """

@@ -1,7 +1,8 @@
 """The rounding of reported angles: a noise that repeated visits do not show, because they are rounded alike.
 
-A column is quantised when all differences of its values have a common divisor that is more than a digit's rounding. Rounding to a step s has
-the standard deviation s / sqrt(12) (uniform within half a step); through the arm's Jacobian it moves the measurement.
+A column is quantised when all differences of its values have a common divisor that is more than a digit's
+rounding. Rounding to a step s has the standard deviation s / sqrt(12) (uniform within half a step); through
+the arm's Jacobian it moves the measurement.
 """
 
 from __future__ import annotations
@@ -23,7 +24,8 @@ def step_of(values: np.ndarray) -> float:
     if len(distinct) < _LEAST_VALUES:
         return 0.0
     step = 0.0
-    for place in distinct[1:] - distinct[0]:  # greatest common divisor, by Euclid; the whole range keeps it exact
+    # greatest common divisor, by Euclid; the whole range keeps it exact
+    for place in distinct[1:] - distinct[0]:
         larger, smaller = max(step, place), min(step, place)
         while smaller > _EXACT:
             larger, smaller = smaller, float(np.remainder(larger, smaller))
@@ -33,7 +35,8 @@ def step_of(values: np.ndarray) -> float:
 
 
 def rounding_noise(problem: Problem, fitted: Fitted) -> float:
-    """RMS over the rows of what the rounding of the reported angles moves the measured position (m); 0 for other data."""
+    """RMS over the rows of what the rounding of the reported angles moves the measured position (m); 0 for
+    other data."""
     transfer = fitted.view.transfers.get(Station.GEAR)
     if problem.kind != "poses" or transfer is None:
         return 0.0

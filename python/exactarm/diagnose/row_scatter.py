@@ -1,10 +1,11 @@
 """Evidence by the scatter of the rows themselves: one noise level for all of them is not believed.
 
-What other causes have left makes some rows and some directions noisier than the mean. With columns C~ of a candidate,
-cleared of what the free parameters absorb, its coefficients b, the residual e that they leave and the scores
-s_g = C~_g' e_g of the groups g of rows (visits of one pose) that are independent of each other,
+What other causes have left makes some rows and some directions noisier than the mean. With columns C~ of a
+candidate, cleared of what the free parameters absorb, its coefficients b, the residual e that they leave and
+the scores s_g = C~_g' e_g of the groups g of rows (visits of one pose) that are independent of each other,
 
-    V = (C~'C~)^{-1} (sum_g s_g s_g') (C~'C~)^{-1} G / (G - k),    W = b' V^{-1} b                 (White 1980)
+    V = (C~'C~)^{-1} (sum_g s_g s_g') (C~'C~)^{-1} G / (G - k),    W = b' V^{-1} b                 (White
+    1980)
 
 stands in for the likelihood ratio where it is the smaller one.
 """
@@ -19,8 +20,10 @@ from exactarm.diagnose.scan import Candidate
 _GROUPS_EACH = 5  # groups for each coefficient, below which their scatter is no estimate
 
 
-def robust_evidence(fitted: Fitted, candidate: Candidate, columns: np.ndarray, groups: np.ndarray, count: float) -> float:
-    """The candidate's evidence, less what it owes to noisy rows. columns (R, k) whitened, groups (N,), count: independent numbers."""
+def robust_evidence(fitted: Fitted, candidate: Candidate, columns: np.ndarray, groups: np.ndarray,
+                    count: float) -> float:
+    """The candidate's evidence, less what it owes to noisy rows. columns (R, k) whitened, groups (N,), count:
+    independent numbers."""
     names, group = np.unique(groups, return_inverse=True)
     clear = columns - fitted.basis @ (fitted.basis.T @ columns)
     seen = np.einsum("ij,ij->j", clear, clear) > 1e-6 * np.einsum("ij,ij->j", columns, columns)

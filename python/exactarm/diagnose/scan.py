@@ -6,7 +6,8 @@ the fall of the weighted square sum if the candidate were fitted jointly with ev
 parameters run over their search grids. Evidence (Schwarz 1978; the last two terms pay for what was tried):
     log B = n/2 log(S / (S - gain)) - k/2 log n - log(grid points) - log(candidates) + prior log odds.
 A candidate of many regularised terms (Gaussian priors, standard deviations P) pays by its marginal likelihood
-instead: gain = r'C~ (C~'C~ + P^-2)^{-1} C~'r, and 1/2 log det(I + P C~'C~ P) in place of k/2 log n (MacKay 1992).
+instead: gain = r'C~ (C~'C~ + P^-2)^{-1} C~'r, and 1/2 log det(I + P C~'C~ P) in place of k/2 log n (MacKay
+1992).
 """
 
 from __future__ import annotations
@@ -50,7 +51,8 @@ def log_evidence(square: float, gain: float, count: float, free: int, tried: flo
 def grid(effect: Effect) -> list[Effect]:
     """The effect at every combination of its non-linear parameters' search values."""
     parameters = effect.parameters()
-    searched = [(i, dict.fromkeys((*p.search, effect.values[i]))) for i, p in enumerate(parameters) if p.search]
+    searched = [(i, dict.fromkeys((*p.search, effect.values[i]))) for i, p in enumerate(parameters)
+                if p.search]
     variants = []
     for combination in product(*(values for _, values in searched)):
         values = list(effect.values)
@@ -81,7 +83,8 @@ def scan(
     families = len({effect.label for effect in candidates})
     variants = [(effect, point) for effect in candidates for point in grid(effect)]
     points = Counter(effect.label for effect, _ in variants)
-    tried = {point.label: points[effect.label] for effect, point in variants}  # a searched order may be in the label
+    # a searched order may be in the label
+    tried = {point.label: points[effect.label] for effect, point in variants}
     block: list[Effect] = []
     width = 0
     for place, (_, point) in enumerate(variants):
@@ -99,7 +102,8 @@ def scan(
 
 
 def _excluding(fitted: Fitted, point: Effect, kept: np.ndarray, count: float, families: int) -> Candidate:
-    """An effect that leaves rows out earns their square sum and pays a parameter for every number left out."""
+    """An effect that leaves rows out earns their square sum and pays a parameter for every number left
+    out."""
     rows = fitted.residual * fitted.scale
     out = ~kept & (fitted.weight > 0)
     gain, free = float(np.sum(rows[out] ** 2)), int(out.sum()) * rows.shape[1]
@@ -118,7 +122,9 @@ def _score_block(basis, block, residual, square, count, tried, families, best) -
         where = slice(at, at + k)
         at += k
         normal = stacked[:, where].T @ stacked[:, where] - absorbed[:, where].T @ absorbed[:, where]
-        usable = (np.diag(normal) > _ABSORBED * before[where]) & (np.sqrt(before[where]) * _plausible(point) > _INVISIBLE)
+        usable = (np.diag(normal) > _ABSORBED * before[where]) & (
+            np.sqrt(before[where]) * _plausible(point) > _INVISIBLE
+        )
         prior = prior_of(point)
         if np.isfinite(prior).any():
             gain, values, price = _regularised_gain(normal, onto[where], prior)
@@ -142,7 +148,8 @@ def prior_of(effect: Effect) -> np.ndarray:
     return np.array([p.prior for p, keep in zip(effect.parameters(), free_mask(effect)) if keep])
 
 
-def _regularised_gain(normal: np.ndarray, onto: np.ndarray, prior: np.ndarray) -> tuple[float, np.ndarray, float]:
+def _regularised_gain(normal: np.ndarray, onto: np.ndarray,
+                      prior: np.ndarray) -> tuple[float, np.ndarray, float]:
     """Fall of the penalised square sum, coefficients, and half the log determinant that they cost."""
     scale = np.where(np.isfinite(prior), prior, 1e6)
     system = np.eye(len(onto)) + scale[:, None] * normal * scale

@@ -1,9 +1,11 @@
 """Self-test: how the search behaves on data like the user's: same design, same noise, causes that are known.
 
-    false alarms  residuals e_i s_v, e_i what the final model leaves, s_v = +-1 at random for each pose (wild signs; Wu 1986): the share
-                  of draws in which the posterior odds for one cause or more are above one
-    sets          one cause planted at its plausible size, likewise with wild noise: the share of draws in which the set of causes
-                  that holds 95 % of the posterior of one cause has the planted one in it, of those in which a cause was named
+    false alarms  residuals e_i s_v, e_i what the final model leaves, s_v = +-1 at random for each pose (wild
+                  signs; Wu 1986): the share of draws in which the posterior odds for one cause or more are
+                      above one
+    sets          one cause planted at its plausible size, likewise with wild noise: the share of draws in
+                  which the set of causes that holds 95 % of the posterior of one cause has the planted one in
+                      it, of those in which a cause was named
 
 Everything is linear in the residual, so one product gives all draws.
 """
@@ -22,13 +24,15 @@ from exactarm.diagnose.vocabulary import SCALE_WEIGHTS, SCALES
 DRAWS = 400
 _PLANTED = 200
 _CAUSES = 20  # planted in turn: the ones that this design shows best
-_LEAST_SHOWN = 4.0  # standard deviations by which a planted cause moves all rows together: less, and nobody names it
+# standard deviations by which a planted cause moves all rows together: less, and nobody names it
+_LEAST_SHOWN = 4.0
 _CREDIBLE = 0.95
 
 
 @dataclass(frozen=True)
 class SelfTest:
-    """false_alarms of draws; sets: how many draws with a planted cause were named, share_right of their 95 % sets that hold it."""
+    """false_alarms of draws; sets: how many draws with a planted cause were named, share_right of their 95 %
+    sets that hold it."""
 
     false_alarms: float
     draws: int
@@ -37,7 +41,8 @@ class SelfTest:
 
 
 def self_test(picture: Picture, residual: np.ndarray, visits: np.ndarray, seed: int) -> SelfTest:
-    """picture: at the declared model; residual (R,) whitened, what the final model leaves; visits (N,): poses."""
+    """picture: at the declared model; residual (R,) whitened, what the final model leaves; visits (N,):
+    poses."""
     rng = np.random.default_rng(seed)
     wild = _wild(picture, residual, visits, DRAWS, rng)
     weights = _weights(picture, wild)

@@ -2,10 +2,11 @@
 
     T = e' A e / e' e,    A = P K P,    K_nm = sum_d p_dn' p_dm k_nm  (n != m)
 
-e: residual (rows of m numbers, stacked), P: projection onto what the fitted parameters leave, k: closeness of two
-rows, p_d: patterns along which something could move. For white noise e / |e| is a random direction, so that the first
-three moments of T follow from traces of powers of A; they are matched by a shifted gamma (score test of a variance
-component, Lin 1997). No bins: it works where poses are few and the space has several dimensions.
+e: residual (rows of m numbers, stacked), P: projection onto what the fitted parameters leave, k: closeness of
+two rows, p_d: patterns along which something could move. For white noise e / |e| is a random direction, so
+that the first three moments of T follow from traces of powers of A; they are matched by a shifted gamma
+(score test of a variance component, Lin 1997). No bins: it works where poses are few and the space has
+several dimensions.
 """
 
 from __future__ import annotations
@@ -16,10 +17,12 @@ from scipy import special
 _LEAST_SKEW = 1e-3
 
 
-def follows_space(residual: np.ndarray, basis: np.ndarray, patterns: list[np.ndarray], kernel: np.ndarray) -> tuple[float, float]:
+def follows_space(residual: np.ndarray, basis: np.ndarray, patterns: list[np.ndarray],
+                  kernel: np.ndarray) -> tuple[float, float]:
     """p-value, and the share of the square sum that the smooth part accounts for (method of moments).
 
-    residual (N, m), free of `basis` (N m, b, orthonormal); patterns, each (N, m); kernel (N, N) of unit diagonal.
+    residual (N, m), free of `basis` (N m, b, orthonormal); patterns, each (N, m); kernel (N, N) of unit
+    diagonal.
     """
     apart = kernel - np.diag(np.diag(kernel))
     rows, m = residual.shape
@@ -38,7 +41,8 @@ def follows_space(residual: np.ndarray, basis: np.ndarray, patterns: list[np.nda
     spread = max(second - first * mean, 1e-300)
     deviation = float(e @ a @ e) / square - mean
     variance = 2.0 * spread / (freedom * (freedom + 2.0))
-    skewed = 8.0 * (third - 3.0 * mean * second + 2.0 * mean**2 * first) / (freedom * (freedom + 2.0) * (freedom + 4.0))
+    skewed = 8.0 * (third - 3.0 * mean * second
+                    + 2.0 * mean**2 * first) / (freedom * (freedom + 2.0) * (freedom + 4.0))
     skew = max(skewed / variance**1.5, _LEAST_SKEW)
     shape = 4.0 / skew**2
     at = shape + np.sqrt(shape) * deviation / np.sqrt(variance)
@@ -55,7 +59,8 @@ def closeness(points: np.ndarray, reach: float | np.ndarray) -> np.ndarray:
 
 
 def second_order(angles: np.ndarray) -> np.ndarray:
-    """(N, b) columns of a second-order surface: every angle, its square, and every product of two (Box and Wilson 1951)."""
+    """(N, b) columns of a second-order surface: every angle, its square, and every product of two (Box and
+    Wilson 1951)."""
     scaled = (angles - angles.mean(axis=0)) / np.maximum(np.std(angles, axis=0), 1e-12)
     products = [scaled[:, i] * scaled[:, j] for i in range(scaled.shape[1]) for j in range(i + 1)]
     return np.stack([np.ones(len(scaled)), *scaled.T, *products], axis=1)

@@ -1,12 +1,12 @@
 """Gear runs at the sampling rate that their content needs.
 
-The gears of a run show up to twice the motor's rate of turn (or their highest declared order); beyond, a sensor
-adds noise only. Reading and motor angle pass the same acausal low-pass (Butterworth, eighth order, forwards and
-backwards), flat below, and every k-th sample is taken: a search over hundreds of candidates then costs 1 / k.
-The angles of link encoders are treated as the gyroscope's reading is.
+The gears of a run show up to twice the motor's rate of turn (or their highest declared order); beyond, a
+sensor adds noise only. Reading and motor angle pass the same acausal low-pass (Butterworth, eighth order,
+forwards and backwards), flat below, and every k-th sample is taken: a search over hundreds of candidates then
+costs 1 / k. The angles of link encoders are treated as the gyroscope's reading is.
 
-Past its ends a run goes on as its own point reflection until the low-pass has died out, so that one which is cut in motion
-goes on moving. The reflection turns about a noisy sample: what it reaches is left out.
+Past its ends a run goes on as its own point reflection until the low-pass has died out, so that one which is
+cut in motion goes on moving. The reflection turns about a noisy sample: what it reaches is left out.
 """
 
 from __future__ import annotations
@@ -24,8 +24,10 @@ from exactarm.signals import derivative, typical_step
 _MOTOR_ORDERS, _LEAST_HZ = 2.5, 80.0
 _ROWS_PER_PERIOD = 2.6  # of the low-pass; 2 would be its Nyquist rate
 _ORDER = 8
-_REACH_PERIODS = 1.0  # the low-pass carries what is not defined so far into its neighbours, over the ends of a run too
-_FADED_PERIODS = 12.0  # its slowest pole falls by exp(-2 pi sin(pi / 16)) = 0.29 a period: to 4e-7 of a ramp's slope in these
+# the low-pass carries what is not defined so far into its neighbours, over the ends of a run too
+_REACH_PERIODS = 1.0
+# its slowest pole falls by exp(-2 pi sin(pi / 16)) = 0.29 a period: to 4e-7 of a ramp's slope in these
+_FADED_PERIODS = 12.0
 
 
 def thinned_run(robot: Robot, data: Dataset, record: GearRecord) -> tuple[Dataset, GearRecord]:
@@ -37,7 +39,8 @@ def thinned_run(robot: Robot, data: Dataset, record: GearRecord) -> tuple[Datase
         return data, record
     sections = scipy.signal.butter(_ORDER, cutoff, fs=1.0 / step, output="sos")
     pad = int(np.ceil(_FADED_PERIODS / (cutoff * step)))
-    low_pass = lambda values: scipy.signal.sosfiltfilt(sections, values, axis=0, padlen=min(pad, len(values) - 1))
+    low_pass = lambda values: scipy.signal.sosfiltfilt(sections, values, axis=0,
+                                                       padlen=min(pad, len(values) - 1))
     reach = int(np.ceil(_REACH_PERIODS / (cutoff * step)))
     axes = list(record.encoder_axes)
     reading = data.joints["q"][:, axes] if axes else data.gyro
@@ -52,7 +55,8 @@ def thinned_run(robot: Robot, data: Dataset, record: GearRecord) -> tuple[Datase
     theta, time = theta[chosen], record.time[chosen]
     theta_dot = np.concatenate([derivative(theta[rows], time[rows]) for rows in runs])
     thin = GearRecord(
-        theta, theta_dot, record.direction[chosen], keep[chosen], runs, time, record.cutoff_hz, record.encoder_axes,
+        theta, theta_dot, record.direction[chosen], keep[chosen], runs, time, record.cutoff_hz,
+        record.encoder_axes,
         record.moving, record.furthest,
     )
     return _with_reading(data, axes, smooth).select(chosen), thin

@@ -1,9 +1,10 @@
-"""Pieces of runs that a cross-validation leaves out whole: numbers 0 ... pieces - 1 in every run, in the order of time.
+"""Pieces of runs that a cross-validation leaves out whole: numbers 0 ... pieces - 1 in every run, in the
+order of time.
 
 So each part takes stretches of every run, at the slow and at the fast end of it.
 
-What shows in one group only (the memory of a drive, in the one run that reverses) is learnt nowhere else: for such an effect
-that group is cut into stretches, each with as much of the effect's response as the next.
+What shows in one group only (the memory of a drive, in the one run that reverses) is learnt nowhere else: for
+such an effect that group is cut into stretches, each with as much of the effect's response as the next.
 """
 
 from __future__ import annotations
@@ -12,7 +13,8 @@ import numpy as np
 
 _PIECES = 20
 _RUNS_ENOUGH = 5
-_SEEN_ONCE = 0.9  # of the response in one group: what the others tell of it is ten times less sure than the effect is there
+# of the response in one group: what the others tell of it is ten times less sure than the effect is there
+_SEEN_ONCE = 0.9
 _LEAST_STRETCHES, _ROWS_OF_NOISE = 4, 2.0  # a stretch lasts as long as noise remembers, twice
 
 
@@ -33,7 +35,8 @@ def time_groups(run: np.ndarray, pieces: int = _PIECES) -> np.ndarray:
 def stretches_of_response(groups: np.ndarray, response: np.ndarray, memory_rows: float) -> np.ndarray:
     """`groups` (N,), those of an effect that shows in one of them alone cut into stretches of equal response.
 
-    response (N,): square of what the effect does in each row; memory_rows: so many rows are worth one independent one.
+    response (N,): square of what the effect does in each row; memory_rows: so many rows are worth one
+    independent one.
     """
     names, inverse = np.unique(groups, return_inverse=True)
     shares = np.bincount(inverse, weights=response)

@@ -1,8 +1,8 @@
 """Tracked motions as a diagnosis problem: residual = measured minus predicted path of the target (N, 3), m.
 
-Re-identified as for static poses: geometry, joint offsets, gear ratios and frames, as far as the motion shows them.
-Neighbouring samples share their noise (a swinging arm, a device that wanders): they count as fewer, and whole runs or
-long pieces of them are held out. Fitted and searched on thinned runs, judged on all samples.
+Re-identified as for static poses: geometry, joint offsets, gear ratios and frames, as far as the motion shows
+them. Neighbouring samples share their noise (a swinging arm, a device that wanders): they count as fewer, and
+whole runs or long pieces of them are held out. Fitted and searched on thinned runs, judged on all samples.
 """
 
 from __future__ import annotations
@@ -33,7 +33,8 @@ from exactarm.identify.tracked_fit import (
 )
 from exactarm.robot import Robot
 
-_SAME_PATH_RAD = 1e-3  # a path is played again: its motor angles, over their ratios, differ by less at every sample
+# a path is played again: its motor angles, over their ratios, differ by less at every sample
+_SAME_PATH_RAD = 1e-3
 _LEAST_REPEATED = 100  # samples
 _LEAST_SIGMA = 1e-12
 _SPREAD_ROWS = 300
@@ -57,7 +58,9 @@ class TrackedFitted(Fitted):
             return response
         if effect.station == Station.MOTOR:
             moved = moved / view.robot.ratios[columns, None]
-        return view.signals["identification"].reshape(view.rows, 6, -1)[:, :, 4 : 6 * view.axes : 6][:, :, columns] @ moved
+        return view.signals["identification"].reshape(view.rows,
+                                                      6, -1)[:, :, 4 : 6 * view.axes : 6][:, :,
+                                                                                          columns] @ moved
 
 
 class TrackedProblem(Problem):
@@ -84,16 +87,20 @@ class TrackedProblem(Problem):
 
     def declared(self) -> Layout:
         frames = tracked_frames(self.robot, self.data, self.seed)
-        layout = frames.joined(geometry_layout(self.robot)).joined(carried_layout(self.robot, self.data, KIND))
+        layout = frames.joined(geometry_layout(self.robot)).joined(
+            carried_layout(self.robot, self.data, KIND)
+        )
         still = static_rows(self.data)
         kept, _ = identifiable_layout(self.robot, layout, still, False, threads=self.threads)
         first = self.fit(kept)
         layout = Layout(first.layout.effects, layout.free)
-        # As if every other sample had told nothing new: the sigma of independent rows, at the number of rows used here.
+        # As if every other sample had told nothing new: the sigma of independent rows, at the number of rows
+        # used here.
         sigma = first.sigma[:1] * np.sqrt(len(still) / len(self.record.data))
         return identifiable_layout(self.robot, layout, still, False, sigma, self.threads)[0]
 
-    def fit(self, layout: Layout, weight: np.ndarray | None = None, sigma: np.ndarray | None = None) -> Fitted:
+    def fit(self, layout: Layout, weight: np.ndarray | None = None,
+            sigma: np.ndarray | None = None) -> Fitted:
         share, rows = self._noise.share, np.ones(len(self.record.data)) if weight is None else weight
         start = None if sigma is None else float(sigma[0] * np.sqrt(share))
         found = fit_tracked(
@@ -102,7 +109,9 @@ class TrackedProblem(Problem):
         prediction, clear = found.prediction, ~self.record.at_reversal & (rows > 0.0)
         residual, view = np.where(clear[:, None], prediction.residual(), 0.0), prediction.view
         view.signals["residual"] = residual
-        jacobian = np.zeros((*residual.shape, 0)) if prediction.jacobian is None else prediction.jacobian[:, :3]
+        jacobian = (
+            np.zeros((*residual.shape, 0)) if prediction.jacobian is None else prediction.jacobian[:, :3]
+        )
         fitted = TrackedFitted(
             robot=self.robot, layout=found.layout, fit=found.fit, residual=residual, jacobian=jacobian,
             sigma=np.full(3, max(found.sigma, _LEAST_SIGMA)), weight=clear.astype(float), view=view,
@@ -131,7 +140,8 @@ class TrackedProblem(Problem):
 
     def stretches(self) -> np.ndarray | None:
         run = self.record.data.run
-        return run if np.unique(run).size > 1 else None  # a part of one run says little about the angles of the rest
+        # a part of one run says little about the angles of the rest
+        return run if np.unique(run).size > 1 else None
 
     def spread(self, fitted: Fitted) -> float:
         if "validation" not in self._records:
@@ -168,13 +178,15 @@ class TrackedProblem(Problem):
         view = fitted.view
         columns = view.signals["identification"].reshape(view.rows, 6, -1)[:, :3, 4 : 6 * view.axes : 6]
         turn = {f"a turn of axis {i + 1}": columns[:, :, i] for i in range(view.axes)}
-        return turn | {f"the device's {name} axis": np.tile(np.eye(3)[k], (view.rows, 1)) for k, name in enumerate("xyz")}
+        return turn | {f"the device's {name} axis": np.tile(np.eye(3)[k], (view.rows, 1))
+                       for k, name in enumerate("xyz")}
 
     def error_of_unit_noise(self, fitted: Fitted) -> float:
         return float(np.sqrt(np.mean(np.sum(fitted.residual[~self.record.at_reversal] ** 2, axis=1))))
 
     def repeat_noise(self, fitted: Fitted) -> float | None:
-        """Scatter between runs of one session that played the same path; None where no path was played again."""
+        """Scatter between runs of one session that played the same path; None where no path was played
+        again."""
         motion = fitted.view.theta / self.robot.controller_ratios
         squares, numbers = 0.0, 0
         runs, session = list(self.record.runs), self.record.data.session

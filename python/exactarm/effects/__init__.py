@@ -1,4 +1,5 @@
-"""The library of effects: every module of this folder is looked through once; each subclass registers by its name."""
+"""The library of effects: every module of this folder is looked through once; each subclass registers by its
+name."""
 
 from __future__ import annotations
 
@@ -28,7 +29,8 @@ def _named_subclasses(cls: type[Effect]):
 
 
 def effect_from_table(table: dict) -> Effect:
-    """An effect from its entry in a robot file. Raises KeyError for an unknown name, TypeError for a wrong record."""
+    """An effect from its entry in a robot file. Raises KeyError for an unknown name, TypeError for a wrong
+    record."""
     effect, record = library()[table["effect"]].from_table(table), table.get(RECORD_KEY, [])
     if not isinstance(record, list) or not all(isinstance(entry, str) for entry in record):
         raise TypeError(RECORD_KEY)

@@ -1,6 +1,8 @@
-"""Accepted drafts: the user's own library of effects, a folder of TOML files, each with one entry [[effects]].
+"""Accepted drafts: the user's own library of effects, a folder of TOML files, each with one entry
+[[effects]].
 
-The folder is that of the environment variable EXACTARM_EFFECTS, or `exactarm/effects` in the user's configuration folder.
+The folder is that of the environment variable EXACTARM_EFFECTS, or `exactarm/effects` in the user's
+configuration folder.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Asymmetric friction: an axis that rubs more in one direction than in the other.
 
-torque = coulomb_Nm sign(rate)^2 + viscous_Nm_s |rate|: half the difference between the two directions, for the
-constant and the viscous part (Armstrong-Helouvry et al. 1994, 2.2).
+torque = coulomb_Nm sign(rate)^2 + viscous_Nm_s |rate|: half the difference between the two directions, for
+the constant and the viscous part (Armstrong-Helouvry et al. 1994, 2.2).
 """
 
 from __future__ import annotations

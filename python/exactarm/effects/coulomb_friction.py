@@ -1,4 +1,5 @@
-"""Coulomb friction of a drive: torque_Nm sign(rate), constant in size and against the motion (Coulomb 1785)."""
+"""Coulomb friction of a drive: torque_Nm sign(rate), constant in size and against the motion (Coulomb
+1785)."""
 
 from __future__ import annotations
 

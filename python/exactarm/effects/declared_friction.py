@@ -1,7 +1,7 @@
 """Declared friction: Coulomb and viscous friction of an axis as its tables have them, re-identified.
 
-torque = coulomb_Nm sign(rate) + viscous_Nm_s rate, output side, on the motor's side of the spring; both are 0 or above,
-for friction drives nothing.
+torque = coulomb_Nm sign(rate) + viscous_Nm_s rate, output side, on the motor's side of the spring; both are 0
+or above, for friction drives nothing.
 """
 
 from __future__ import annotations
@@ -22,7 +22,9 @@ class DeclaredFriction(DriveEffect):
 
     name: ClassVar[str] = "declared_friction"
     declared: ClassVar[bool] = True
-    sentence: ClassVar[str] = "axis {joint} has {coulomb_Nm:.3g} Nm of dry and {viscous_Nm_s:.3g} Nm s of viscous friction"
+    sentence: ClassVar[
+        str
+    ] = "axis {joint} has {coulomb_Nm:.3g} Nm of dry and {viscous_Nm_s:.3g} Nm s of viscous friction"
 
     @staticmethod
     def of(robot, index: int) -> DeclaredFriction:

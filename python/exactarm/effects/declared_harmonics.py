@@ -1,7 +1,8 @@
 """Declared harmonics: the coefficients of one direction's gear table, re-identified (thesis (3.5), E5).
 
-theta = Xi(phi), so dphi/da_j = -ratio sin(w_j phi) / (w_j u(phi)) and dphi/db_j = -ratio (cos(w_j phi) - 1) / (w_j u(phi)),
-on the rows in which the axis moves in that direction; at rest (direction 0, the mean of both tables) half of it.
+theta = Xi(phi), so dphi/da_j = -ratio sin(w_j phi) / (w_j u(phi)) and dphi/db_j = -ratio (cos(w_j phi) - 1) /
+(w_j u(phi)), on the rows in which the axis moves in that direction; at rest (direction 0, the mean of both
+tables) half of it.
 """
 
 from __future__ import annotations

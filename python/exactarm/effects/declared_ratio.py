@@ -1,4 +1,5 @@
-"""Declared ratio: the constant gear ratio of an axis without a harmonics table, re-identified (thesis (3.12)).
+"""Declared ratio: the constant gear ratio of an axis without a harmonics table, re-identified (thesis
+(3.12)).
 
 phi = theta / ratio, hence dphi/dratio = -phi / ratio.
 """

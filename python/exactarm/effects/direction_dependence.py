@@ -1,6 +1,7 @@
 """Direction dependence: gear harmonics that change their sign with the direction of motion (thesis 3.1.2).
 
-The tables of both directions differ by twice the effect: f = direction of motion, from -1 to 1 (chain/direction.py).
+The tables of both directions differ by twice the effect: f = direction of motion, from -1 to 1
+(chain/direction.py).
 """
 
 from __future__ import annotations
@@ -23,7 +24,9 @@ class DirectionDependence(HarmonicFamily):
     plain: ClassVar[str] = "gear errors that depend on the direction"
     kinds: ClassVar[tuple[str, ...]] = ("poses", "gear_run", "motion", "tracked_motion")
     compensable: ClassVar[bool] = True
-    sentence: ClassVar[str] = "the harmonic {order_per_rev:.2f} of gear {joint} depends on the direction of motion"
+    sentence: ClassVar[
+        str
+    ] = "the harmonic {order_per_rev:.2f} of gear {joint} depends on the direction of motion"
     source: ClassVar[str] = "thesis 3.1.2, Tables A.6 to A.11"
 
     def factor(self, view):
@@ -35,6 +38,7 @@ class DirectionDependence(HarmonicFamily):
             direction = view.direction[:, index]
             if not np.any(direction > 0) or not np.any(direction < 0):
                 continue
-            orders = (*np.unique(declared_orders(robot, index)), *searched_orders(robot, view, index, lowest=1.0))
+            orders = (*np.unique(declared_orders(robot, index)),
+                      *searched_orders(robot, view, index, lowest=1.0))
             if len(orders):
                 yield cls.zero(index + 1, orders)

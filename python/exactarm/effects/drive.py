@@ -1,7 +1,7 @@
 """What effects of the drive share: they add to the drive torque (output side) and follow the motor's rate.
 
-rate = theta_dot / ratio in rad/s, output side, by the controller's (nominal) ratio: drive friction acts on the
-motor side of the spring. sign(rate) is smoothed to tanh(rate / width) (Andersson et al. 2007), a motor at
+rate = theta_dot / ratio in rad/s, output side, by the controller's (nominal) ratio: drive friction acts on
+the motor side of the spring. sign(rate) is smoothed to tanh(rate / width) (Andersson et al. 2007), a motor at
 rest being in no defined state of friction.
 """
 
@@ -25,8 +25,8 @@ _LEAST_SWING = 1e-3  # of the width
 def smooth_sign(rate: np.ndarray, width=SIGN_WIDTH_RAD_S, swing=0.0) -> tuple[np.ndarray, np.ndarray]:
     """Mean of tanh(rate / width) over rate - swing ... rate + swing, and its slope by the rate.
 
-    swing: how far the rate moves in half a sample. Without it a sharp reversal would jump at a sample, wherever between
-    two of them it is.
+    swing: how far the rate moves in half a sample. Without it a sharp reversal would jump at a sample,
+    wherever between two of them it is.
     """
     width = np.broadcast_to(width, rate.shape)
     swing = np.maximum(np.broadcast_to(swing, rate.shape), _LEAST_SWING * width)

@@ -23,7 +23,8 @@ class Frames(Effect):
     """Base and tool frame of one session; `names`: which of their numbers are parameters."""
 
     session: int = 1
-    names: tuple[str, ...] = tuple(f"base_{axis}" for axis in _AXES) + tuple(f"tool_{axis}" for axis in _AXES[:3])
+    names: tuple[str, ...] = tuple(f"base_{axis}"
+                                   for axis in _AXES) + tuple(f"tool_{axis}" for axis in _AXES[:3])
 
     name: ClassVar[str] = "frames"
     station: ClassVar[Station] = Station.GEOMETRY

@@ -1,7 +1,8 @@
-"""Gear eccentricity: an output wheel off its centre or oval, errors of first and second order per output revolution.
+"""Gear eccentricity: an output wheel off its centre or oval, errors of first and second order per output
+revolution.
 
-change of phi = c1 cos(phi) + s1 sin(phi) + c2 cos(2 phi) + s2 sin(2 phi), amplitudes in rad. Its constant part is
-an offset of the axis (the declared model has it).
+change of phi = c1 cos(phi) + s1 sin(phi) + c2 cos(2 phi) + s2 sin(2 phi), amplitudes in rad. Its constant
+part is an offset of the axis (the declared model has it).
 """
 
 from __future__ import annotations
@@ -35,7 +36,8 @@ class GearEccentricity(Effect):
     source: ClassVar[str] = "Mark, Performance-Based Gear Metrology (2013): run-out"
 
     def orders(self) -> tuple[tuple[float, float], ...]:
-        return tuple((1.0 + k, float(np.hypot(*self.values[2 * k : 2 * k + 2]))) for k in range(len(self.values) // 2))
+        return tuple((1.0 + k, float(np.hypot(*self.values[2 * k : 2 * k + 2])))
+                     for k in range(len(self.values) // 2))
 
     def parameters(self) -> tuple[Parameter, ...]:
         names = ("first_cos_rad", "first_sin_rad", "second_cos_rad", "second_sin_rad")
@@ -44,7 +46,8 @@ class GearEccentricity(Effect):
     def change(self, view) -> Change:
         phi = view.phi[:, self.index]
         shapes = [np.cos(phi), np.sin(phi), np.cos(2.0 * phi), np.sin(2.0 * phi)][: len(self.values)]
-        slopes = [-np.sin(phi), np.cos(phi), -2.0 * np.sin(2.0 * phi), 2.0 * np.cos(2.0 * phi)][: len(self.values)]
+        slopes = [-np.sin(phi), np.cos(phi), -2.0 * np.sin(2.0 * phi),
+                  2.0 * np.cos(2.0 * phi)][: len(self.values)]
         shape, values = np.stack(shapes, axis=1), np.array(self.values)
         by_phi = np.zeros((view.rows, 1, view.axes))
         by_phi[:, 0, self.index] = np.stack(slopes, axis=1) @ values

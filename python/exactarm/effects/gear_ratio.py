@@ -25,7 +25,9 @@ class GearRatio(Effect):
     kinds: ClassVar[tuple[str, ...]] = ("poses", "gear_run", "motion", "tracked_motion")
     compensable: ClassVar[bool] = True
     log_odds: ClassVar[float] = -1.0  # a ratio is a count of teeth; the scale of a sensor is no such thing
-    sentence: ClassVar[str] = "the gear of axis {joint} turns its output by the factor 1 + {scale:.3g} of what is declared"
+    sentence: ClassVar[
+        str
+    ] = "the gear of axis {joint} turns its output by the factor 1 + {scale:.3g} of what is declared"
     source: ClassVar[str] = "thesis (2.11), (3.12)"
 
     def parameters(self) -> tuple[Parameter, ...]:

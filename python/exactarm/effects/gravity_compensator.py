@@ -1,8 +1,8 @@
 """Gravity compensator: a spring beside the drive that carries part of the weight of an axis.
 
 A torsion spring takes stiffness q + preload off the joint torque; a spring on a crank arm, hinged beside
-the axis, cosine cos q + sine sin q (zero free length; Klimchik et al. 2013 give the crank with free length, whose
-first harmonic this is). What the spring carries, the gear does not.
+the axis, cosine cos q + sine sin q (zero free length; Klimchik et al. 2013 give the crank with free length,
+whose first harmonic this is). What the spring carries, the gear does not.
 """
 
 from __future__ import annotations
@@ -27,7 +27,8 @@ class GravityCompensator(Effect):
     kinds: ClassVar[tuple[str, ...]] = ("motion", "tracked_motion")
     compensable: ClassVar[bool] = True
     sentence: ClassVar[str] = (
-        "a spring takes load off axis {joint}: {stiffness_Nm_per_rad:.3g} Nm/rad, preload {preload_Nm:.3g} Nm, "
+        "a spring takes load off axis {joint}: {stiffness_Nm_per_rad:.3g} Nm/rad, preload {preload_Nm:.3g} "
+        "Nm, "
         "crank {cosine_Nm:.3g} and {sine_Nm:.3g} Nm"
     )
     source: ClassVar[str] = "Klimchik, Wu, Dumas, Caro, Furet and Pashkevich 2013"

@@ -1,8 +1,8 @@
 """Gyroscope alignment: the constant tilt of the sensor against the moving axis (thesis (3.3)).
 
-R_x(alpha) R_y(beta) omega_sensor = F omega_nominal, so that the reading is R_y(-beta) R_x(-alpha) F omega_nominal.
-F turns the sensor upside down (half a turn about x) where its z axis points against the moving axis.
-Part of the declared model: re-identified, one pair of angles for each set-up and moving axis.
+R_x(alpha) R_y(beta) omega_sensor = F omega_nominal, so that the reading is R_y(-beta) R_x(-alpha) F
+omega_nominal. F turns the sensor upside down (half a turn about x) where its z axis points against the moving
+axis. Part of the declared model: re-identified, one pair of angles for each set-up and moving axis.
 """
 
 from __future__ import annotations
@@ -29,7 +29,9 @@ class GyroAlignment(Effect):
     station: ClassVar[Station] = Station.DEVICE
     kinds: ClassVar[tuple[str, ...]] = ("gear_run",)
     declared: ClassVar[bool] = True
-    sentence: ClassVar[str] = "the gyroscope is tilted by {alpha_rad:.4g} and {beta_rad:.4g} rad against axis {joint}"
+    sentence: ClassVar[
+        str
+    ] = "the gyroscope is tilted by {alpha_rad:.4g} and {beta_rad:.4g} rad against axis {joint}"
     source: ClassVar[str] = "thesis (3.3)"
 
     def parameters(self) -> tuple[Parameter, ...]:
@@ -87,7 +89,8 @@ def tilt(alpha: float, beta: float) -> np.ndarray:
 
 
 def aligning_angles(axis: np.ndarray) -> tuple[float, float]:
-    """alpha, beta of (3.3) in closed form: the turns that bring the direction `axis` (3,) of the sensor onto z."""
+    """alpha, beta of (3.3) in closed form: the turns that bring the direction `axis` (3,) of the sensor onto
+    z."""
     x, y, z = axis / np.linalg.norm(axis)
     beta = np.arctan2(-x, z)
     return float(np.arctan2(y, np.hypot(x, z))), float(beta)

@@ -1,10 +1,12 @@
 """Gyroscope g-sensitivity: the reading changes with the acceleration that the sensor feels.
 
-change of the reading = K f,   K (3, 3) in rad/s per g, f (3,) the specific force in the sensor's nominal axes in units of g
+change of the reading = K f,   K (3, 3) in rad/s per g, f (3,) the specific force in the sensor's nominal axes
+                               in units of g
 
-Entry zx: what a force along x does to the reading about z. Acceleration other than gravity is left out. A component of f
-that does not vary in the runs at hand, or only as others do, cannot be told from a bias or from them: its column of K is
-held at zero. Either the row of the moving axis alone is estimated, or all three.
+Entry zx: what a force along x does to the reading about z. Acceleration other than gravity is left out. A
+component of f that does not vary in the runs at hand, or only as others do, cannot be told from a bias or
+from them: its column of K is held at zero. Either the row of the moving axis alone is estimated, or all
+three.
 """
 
 from __future__ import annotations
@@ -44,7 +46,10 @@ class GyroGSensitivity(Effect):
 
     def caveat(self, covariance: np.ndarray) -> str:
         held = [f"{'xyz'[column]}" for column in range(3) if column not in self.columns]
-        return f"the runs do not show forces along the sensor's {' and '.join(held)}: held at zero" if held else ""
+        return (
+            f"the runs do not show forces along the sensor's {' and '.join(held)}: held at zero"
+            if held else ""
+        )
 
     def change(self, view) -> Change:
         force = view.signals["specific_force"]
@@ -55,7 +60,8 @@ class GyroGSensitivity(Effect):
 
     @classmethod
     def from_table(cls, table) -> Effect:
-        """Entries that are not given are zero; x, y, z without a row are those of the moving axis, as files used to have."""
+        """Entries that are not given are zero; x, y, z without a row are those of the moving axis, as files
+        used to have."""
         raw = cls(None, ())
         given = {f"z{axis}_rad_s_per_g": f"{axis}_rad_s_per_g" for axis in "xyz"}
         values = [table.get(p.name, table.get(given.get(p.name), 0.0)) for p in raw.parameters()]
@@ -72,7 +78,8 @@ class GyroGSensitivity(Effect):
 
 
 def shown_components(force: np.ndarray) -> tuple[int, ...]:
-    """Components of a force (N, 3) that vary by themselves, the strongest first to be taken; numbers from 0, rising."""
+    """Components of a force (N, 3) that vary by themselves, the strongest first to be taken; numbers from 0,
+    rising."""
     left, found = force - force.mean(axis=0) if len(force) else force, []
     while len(left):
         sizes = np.sqrt(np.mean(left**2, axis=0))

@@ -1,7 +1,7 @@
 """Gyroscope misalignment that is not constant: the mount slipped between two runs.
 
-From run `first_run` on the reading is turned by a small rotation vector (x, y; a turn about z shows nothing while
-z is the moving axis). The constant tilt is part of the declared model (gyro_alignment).
+From run `first_run` on the reading is turned by a small rotation vector (x, y; a turn about z shows nothing
+while z is the moving axis). The constant tilt is part of the declared model (gyro_alignment).
 """
 
 from __future__ import annotations
@@ -26,7 +26,9 @@ class GyroMisalignment(Effect):
     station: ClassVar[Station] = Station.DEVICE
     kinds: ClassVar[tuple[str, ...]] = ("gear_run",)
     per_joint: ClassVar[bool] = False
-    sentence: ClassVar[str] = "from run {first_run:.0f} on the gyroscope is tilted by {about_x_rad:.3g}, {about_y_rad:.3g} rad more"
+    sentence: ClassVar[
+        str
+    ] = "from run {first_run:.0f} on the gyroscope is tilted by {about_x_rad:.3g}, {about_y_rad:.3g} rad more"
     source: ClassVar[str] = "IEEE Std 1431: misalignment"
 
     def parameters(self) -> tuple[Parameter, ...]:

@@ -28,7 +28,8 @@ class GyroScale(Effect):
     def change(self, view) -> Change:
         reading = view.measured
         by_measured = np.broadcast_to(self.values[0] * np.eye(3), (view.rows, 3, 3))
-        return Change((0, 1, 2), self.values[0] * reading, reading[:, :, None].copy(), {"measured": by_measured})
+        return Change((0, 1, 2), self.values[0] * reading, reading[:, :, None].copy(),
+                      {"measured": by_measured})
 
     @classmethod
     def candidates(cls, robot, view) -> Iterable[Effect]:

@@ -1,13 +1,16 @@
-"""Hysteresis: friction inside a drive holds back a part of its wind-up; the joint lags behind in the way it came.
+"""Hysteresis: friction inside a drive holds back a part of its wind-up; the joint lags behind in the way it
+came.
 
 change of q = -size * m,   m in [-1, 1]: the memory of the motion.
 
-Sign: a positive size lags, as friction makes it: an axis that came upwards (approach +1, growing angle) stands at a smaller
-angle than its motor says. A negative size runs ahead, which no friction does: look for approach columns of the other sign.
+Sign: a positive size lags, as friction makes it: an axis that came upwards (approach +1, growing angle)
+stands at a smaller angle than its motor says. A negative size runs ahead, which no friction does: look for
+approach columns of the other sign.
 
-Static poses: m = the approach direction. Time series: m is the stop operator of the output motion with the given
-reach (a spring in series with dry friction: Maxwell-slip element, Al-Bender et al. 2005), m = +-1 after a motion
-of twice the reach. The motion is that of the motor at the nominal ratio, so m does not depend on other parameters.
+Static poses: m = the approach direction. Time series: m is the stop operator of the output motion with the
+given reach (a spring in series with dry friction: Maxwell-slip element, Al-Bender et al. 2005), m = +-1 after
+a motion of twice the reach. The motion is that of the motor at the nominal ratio, so m does not depend on
+other parameters.
 """
 
 from __future__ import annotations
@@ -36,7 +39,9 @@ class Hysteresis(Effect):
     kinds: ClassVar[tuple[str, ...]] = ("poses", "gear_run", "motion", "tracked_motion")
     compensable: ClassVar[bool] = True
     smooth: ClassVar[bool] = False
-    sentence: ClassVar[str] = "axis {joint} stays {size_rad:.3g} rad behind, in the direction from which it comes"
+    sentence: ClassVar[
+        str
+    ] = "axis {joint} stays {size_rad:.3g} rad behind, in the direction from which it comes"
     source: ClassVar[str] = "Al-Bender, Lampaert and Swevers 2005"
 
     def parameters(self) -> tuple[Parameter, ...]:
@@ -80,6 +85,7 @@ class Hysteresis(Effect):
             if np.ptp(view.direction[:, index]) > 0:
                 yield cls(int(index) + 1, (0.0,))
             if view.is_series:
-                # A drive torque shows what turns the joint by its rates: the shape of the memory is nearly lost.
+                # A drive torque shows what turns the joint by its rates: the shape of the memory is nearly
+                # lost.
                 reaches = _REACHES_RAD[::3] if view.kind == "motion" else _REACHES_RAD
                 yield cls(int(index) + 1, (0.0, reaches[0]), search=reaches)

@@ -1,4 +1,5 @@
-"""Joint coupling: the motor of one axis also turns another (bevel gears of a hollow wrist, belts through an arm).
+"""Joint coupling: the motor of one axis also turns another (bevel gears of a hollow wrist, belts through an
+arm).
 
 change of phi of the turned axis = coupling * theta_motor / ratio_motor.
 """
@@ -16,14 +17,17 @@ from exactarm.effects.base import Change, Effect, Parameter, Station
 
 @dataclass(frozen=True)
 class JointCoupling(Effect):
-    """`joint` is the axis that is turned; values: the axis whose motor turns it, and how far per radian of output."""
+    """`joint` is the axis that is turned; values: the axis whose motor turns it, and how far per radian of
+    output."""
 
     name: ClassVar[str] = "joint_coupling"
     plain: ClassVar[str] = "a motor that turns another axis too"
     station: ClassVar[Station] = Station.GEAR
     kinds: ClassVar[tuple[str, ...]] = ("poses", "gear_run", "motion", "tracked_motion")
     compensable: ClassVar[bool] = True
-    sentence: ClassVar[str] = "the motor of axis {motor:.0f} turns axis {joint} by {coupling_rad_per_rad:.3g} rad per rad"
+    sentence: ClassVar[
+        str
+    ] = "the motor of axis {motor:.0f} turns axis {joint} by {coupling_rad_per_rad:.3g} rad per rad"
     source: ClassVar[str] = "Siciliano et al., Robotics (2009), transmission coupling"
 
     @property

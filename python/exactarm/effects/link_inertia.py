@@ -1,7 +1,8 @@
 """Link inertia: some of the inertial parameters of the links, as the tables have them, identified.
 
-pi_i = (m, m cx, m cy, m cz, Ixx, Ixy, Ixz, Iyy, Iyz, Izz) in link frame i, inertia about its origin; the torque is
-linear in them, tau = Y pi (Atkeson, An and Hollerbach 1986). `columns`: which of the 10 n are the values.
+pi_i = (m, m cx, m cy, m cz, Ixx, Ixy, Ixz, Iyy, Iyz, Izz) in link frame i, inertia about its origin; the
+torque is linear in them, tau = Y pi (Atkeson, An and Hollerbach 1986). `columns`: which of the 10 n are the
+values.
 """
 
 from __future__ import annotations
@@ -58,7 +59,8 @@ class LinkInertia(Effect):
         derivative = np.zeros((view.rows, view.axes, len(self.columns)))
         if view.tangents:
             motion = (view.q, view.signals["q_dot"], view.signals["q_ddot"])
-            derivative = _core.dynamics_regressor(view.robot.core, *motion, view.threads)[:, :, list(self.columns)]
+            derivative = _core.dynamics_regressor(view.robot.core, *motion,
+                                                  view.threads)[:, :, list(self.columns)]
         return Change(tuple(range(view.axes)), np.zeros((view.rows, view.axes)), derivative)
 
     @classmethod

@@ -20,7 +20,9 @@ class LoadFriction(DriveEffect):
 
     name: ClassVar[str] = "load_friction"
     plain: ClassVar[str] = "friction that grows with the load"
-    sentence: ClassVar[str] = "friction of axis {joint} grows by {coefficient:.3g} Nm for every Nm that the gear carries"
+    sentence: ClassVar[
+        str
+    ] = "friction of axis {joint} grows by {coefficient:.3g} Nm for every Nm that the gear carries"
     source: ClassVar[str] = "Hamon, Gautier and Garrec 2010"
 
     def parameters(self) -> tuple[Parameter, ...]:

@@ -1,12 +1,14 @@
 """Motor-link coupling: a fast rotor that is carried by moving links is a gyroscope.
 
 The rotor of motor i, on link i - 1, spins about joint axis z_i with J_i theta_dot_i. Its change of angular
-momentum loads the links that carry it, and their angular acceleration its motor (thesis (2.22): U(q), C_1, C_2):
+momentum loads the links that carry it, and their angular acceleration its motor (thesis (2.22): U(q), C_1,
+C_2):
 
     joint j < i:  z_j . (J_i theta_ddot_i z_i + J_i theta_dot_i omega_{i-1} x z_i)
     motor i:      ratio_i J_i z_i . omega_dot_{i-1}     (output side)
 
-`share` times that: 1 for rotors that turn about the joint's own axis and sense. Rotor inertias are the tables'.
+`share` times that: 1 for rotors that turn about the joint's own axis and sense. Rotor inertias are the
+tables'.
 """
 
 from __future__ import annotations
@@ -28,7 +30,9 @@ class MotorLinkCoupling(Effect):
     station: ClassVar[Station] = Station.DRIVE
     kinds: ClassVar[tuple[str, ...]] = ("motion",)
     per_joint: ClassVar[bool] = False
-    sentence: ClassVar[str] = "the spinning rotors load the links that carry them, {share:.3g} of the full coupling"
+    sentence: ClassVar[
+        str
+    ] = "the spinning rotors load the links that carry them, {share:.3g} of the full coupling"
     source: ClassVar[str] = "thesis (2.22); Tomei 1991; De Luca and Book 2016"
 
     def parameters(self) -> tuple[Parameter, ...]:

@@ -1,4 +1,5 @@
-"""Outliers: rows of the record that are wrong by themselves (a broken beam, a wrong row), not by any cause in the arm.
+"""Outliers: rows of the record that are wrong by themselves (a broken beam, a wrong row), not by any cause in
+the arm.
 
 A row is left out when its Euclidean residual exceeds `threshold_m`, set from the robust spread of all rows:
 median / sqrt(median of chi2_3) times sqrt of the chi2_3 quantile that one good row in a hundred sets of
@@ -34,7 +35,9 @@ class Outliers(Effect):
     station: ClassVar[Station] = Station.DEVICE
     kinds: ClassVar[tuple[str, ...]] = ("poses",)
     per_joint: ClassVar[bool] = False
-    sentence: ClassVar[str] = "single rows are wrong by themselves: those with more than {threshold_m:.3g} m are left out"
+    sentence: ClassVar[
+        str
+    ] = "single rows are wrong by themselves: those with more than {threshold_m:.3g} m are left out"
     source: ClassVar[str] = "Rousseeuw and Hubert 2011"
 
     @property
@@ -63,14 +66,16 @@ class Outliers(Effect):
 
     @classmethod
     def candidates(cls, robot, view) -> Iterable[Effect]:
-        """None where the wrong rows lie together, in the order of measurement or in space: that is a structure."""
+        """None where the wrong rows lie together, in the order of measurement or in space: that is a
+        structure."""
         if view.data.position is None or "measured" not in view.signals:
             return ()
         residual = view.data.position - view.measured
         norm = np.linalg.norm(residual, axis=1)
         rows = np.arange(len(norm))
         nearest = cKDTree(view.measured).query(view.measured, k=2)[1]
-        neighbour = np.where(nearest[:, 0] == rows, nearest[:, 1], nearest[:, 0])  # a repeated visit may come first
+        # a repeated visit may come first
+        neighbour = np.where(nearest[:, 0] == rows, nearest[:, 1], nearest[:, 0])
         usual = cls.threshold(residual)
         for limit in (usual, _gap(norm, usual)):
             wrong = norm > limit
@@ -82,18 +87,24 @@ class Outliers(Effect):
 
 
 def _gap(norm: np.ndarray, limit: float) -> float:
-    """A limit between the gross rows and those that they have pulled the fit away from; infinite without a clear gap.
+    """A limit between the gross rows and those that they have pulled the fit away from; infinite without a
+    clear gap.
 
-    Rows pulled out of place lie together around a gross one, but stay far smaller; a structure has no such gap.
+    Rows pulled out of place lie together around a gross one, but stay far smaller; a structure has no such
+    gap.
     """
     above = np.sort(np.append(norm[norm > limit], limit))
     ratio = above[1:] / above[:-1]
     widest = int(np.argmax(ratio)) if len(ratio) else -1
-    return float(np.sqrt(above[widest] * above[widest + 1])) if widest >= 0 and ratio[widest] > _CLEAR_GAP else np.inf
+    return (
+        float(np.sqrt(above[widest] * above[widest + 1])) if widest >= 0 and ratio[widest] > _CLEAR_GAP
+        else np.inf
+    )
 
 
 def _scattered(residual: np.ndarray, wrong: np.ndarray, beside: np.ndarray) -> bool:
-    """Whether wrong rows have neighbours wrong the same way no more often than chance has it (Poisson, 1 in 1,000).
+    """Whether wrong rows have neighbours wrong the same way no more often than chance has it (Poisson, 1 in
+    1,000).
 
     The same way: within 60 degrees. A fit that a wrong row pulls leaves its neighbours wrong the other way.
     """

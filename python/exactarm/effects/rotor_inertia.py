@@ -1,4 +1,5 @@
-"""Rotor inertia: what the motor's own acceleration takes, J ratio theta_ddot on the output side (thesis (2.22)).
+"""Rotor inertia: what the motor's own acceleration takes, J ratio theta_ddot on the output side (thesis
+(2.22)).
 
 inertia_kg_m2 is about the motor shaft, beside what the tables declare.
 """
@@ -20,7 +21,9 @@ class RotorInertia(DriveEffect):
 
     name: ClassVar[str] = "rotor_inertia"
     plain: ClassVar[str] = "a rotor inertia that is not declared"
-    sentence: ClassVar[str] = "the motor of axis {joint} has {inertia_kg_m2:.3g} kg m2 more inertia than declared"
+    sentence: ClassVar[
+        str
+    ] = "the motor of axis {joint} has {inertia_kg_m2:.3g} kg m2 more inertia than declared"
     source: ClassVar[str] = "thesis (2.22), E4"
 
     def parameters(self) -> tuple[Parameter, ...]:

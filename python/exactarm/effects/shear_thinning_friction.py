@@ -1,7 +1,8 @@
 """Shear-thinning friction: viscous friction that grows less than in proportion to the rate.
 
-torque = coefficient (rate^2 + v0^2)^(-1/4) rate, about coefficient sqrt(|rate|) sign(rate): grease thins as it is
-sheared (power-law fluid with exponent 1/2; Reiner 1926; for robot gears Simoni et al. 2015). Smooth at rest.
+torque = coefficient (rate^2 + v0^2)^(-1/4) rate, about coefficient sqrt(|rate|) sign(rate): grease thins as
+it is sheared (power-law fluid with exponent 1/2; Reiner 1926; for robot gears Simoni et al. 2015). Smooth at
+rest.
 """
 
 from __future__ import annotations

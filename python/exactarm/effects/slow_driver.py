@@ -1,8 +1,8 @@
 """What slow drift follows: a measured temperature where there is one, else time, else the order of the rows.
 
-`drivers(data)`: the names to choose from. `slow_signal(data, name)`: (N,) the driver from a fixed reference (20 degC,
-time 0, row 0), the same for every part of a data set: a reference taken from the rows at hand would move between
-the rows that are fitted and those that judge. `unit(name)`: degC, h or row.
+`drivers(data)`: the names to choose from. `slow_signal(data, name)`: (N,) the driver from a fixed reference
+(20 degC, time 0, row 0), the same for every part of a data set: a reference taken from the rows at hand would
+move between the rows that are fitted and those that judge. `unit(name)`: degC, h or row.
 """
 
 from __future__ import annotations
@@ -40,4 +40,6 @@ def slow_signal(data, name: str) -> np.ndarray:
     measured = data.time if name == TIME else data.covariates.get(name)
     if measured is None:
         return np.zeros(len(data.row))
-    return np.asarray(measured, float) / 3600.0 if name == TIME else np.asarray(measured, float) - REFERENCE_DEGC
+    return (
+        np.asarray(measured, float) / 3600.0 if name == TIME else np.asarray(measured, float) - REFERENCE_DEGC
+    )

@@ -1,4 +1,5 @@
-"""Speed dependence: the error of a gear changes with its speed (friction and inertia inside; thesis 1.1.1, 3.1.2).
+"""Speed dependence: the error of a gear changes with its speed (friction and inertia inside; thesis 1.1.1,
+3.1.2).
 
 Either the gear's whole error grows, e -> (1 + relative |phi_dot|) e, or one order has a part of its own
 that is proportional to |phi_dot| (values: order, a, b as in gear_harmonics, per rad/s).

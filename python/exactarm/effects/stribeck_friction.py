@@ -22,7 +22,8 @@ class StribeckFriction(DriveEffect):
     plain: ClassVar[str] = "friction that falls at low speed"
     linear: ClassVar[bool] = False
     sentence: ClassVar[str] = (
-        "axis {joint} has {breakaway_Nm:.3g} Nm more friction near standstill, gone above {velocity_rad_s:.3g} rad/s"
+        "axis {joint} has {breakaway_Nm:.3g} Nm more friction near standstill, gone above "
+        "{velocity_rad_s:.3g} rad/s"
     )
     source: ClassVar[str] = "Stribeck 1902; Bo and Pavelescu 1982; Armstrong-Helouvry et al. 1994"
 

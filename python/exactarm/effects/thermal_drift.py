@@ -2,14 +2,16 @@
 
 Six forms, x the temperature (or time, or row order, where no temperature was measured) from its reference:
 
-    growth     displacement = growth x (flange - base origin): the structure expands (steel 1.2e-5 per K), the tool does not
+    growth     displacement = growth x (flange - base origin): the structure expands (steel 1.2e-5 per K), the
+               tool does not
     target     displacement = drift x: base or tool moves off in one direction
     zero       q_i += drift x: the zero of one axis moves (a warm gear or link turns it)
     sensor     the gyroscope's bias drifts: rate += drift x
     lubricant  viscous friction falls: torque -= fall x viscous rate, on all axes alike
     friction   dry friction with it
 
-Sources: Li and Zhao 2016 (structure), Bittencourt and Axelsson 2014 (friction and temperature), IEEE 952 (gyroscope).
+Sources: Li and Zhao 2016 (structure), Bittencourt and Axelsson 2014 (friction and temperature), IEEE 952
+(gyroscope).
 """
 
 from __future__ import annotations
@@ -76,7 +78,9 @@ class ThermalGrowth(ThermalDrift):
         return (Parameter(f"growth_1_per_{self.unit}", 1e-5),)
 
     def describe(self) -> str:
-        return f"the arm grows by {self.values[0]:.3g} of its length per {self.unit} (it follows {self.driver})"
+        return (
+            f"the arm grows by {self.values[0]:.3g} of its length per {self.unit} (it follows {self.driver})"
+        )
 
     def change(self, view) -> Change:
         x = slow_signal(view.data, self.driver)[:, None]
@@ -133,7 +137,10 @@ class ThermalZeroDrift(ThermalDrift):
         return (Parameter(f"zero_rad_per_{self.unit}", 2e-5),)
 
     def describe(self) -> str:
-        return f"the zero of axis {self.joint} drifts by {self.values[0]:.3g} rad per {self.unit} (it follows {self.driver})"
+        return (
+            f"the zero of axis {self.joint} drifts by {self.values[0]:.3g} rad per {self.unit} (it follows "
+            f"{self.driver})"
+        )
 
     def change(self, view) -> Change:
         x = slow_signal(view.data, self.driver)[:, None]
@@ -155,7 +162,9 @@ class ThermalSensorDrift(ThermalDrift):
 
     def describe(self) -> str:
         size = float(np.linalg.norm(self.values))
-        return f"the bias of the gyroscope drifts by {size:.3g} rad/s per {self.unit} (it follows {self.driver})"
+        return (
+            f"the bias of the gyroscope drifts by {size:.3g} rad/s per {self.unit} (it follows {self.driver})"
+        )
 
     def change(self, view) -> Change:
         x = slow_signal(view.data, self.driver)
@@ -163,7 +172,10 @@ class ThermalSensorDrift(ThermalDrift):
 
     @classmethod
     def of(cls, robot, view) -> Iterable[Effect]:
-        return (cls(None, (0.0,) * 3, driver) for driver in drivers(view.data)) if view.data.gyro is not None else ()
+        return (
+            (cls(None, (0.0,) * 3, driver) for driver in drivers(view.data)) if view.data.gyro is not None
+            else ()
+        )
 
 
 @dataclass(frozen=True)
@@ -176,14 +188,20 @@ class ThermalLubricant(ThermalDrift):
         return (Parameter(f"fall_1_per_{self.unit}", 0.01),)
 
     def describe(self) -> str:
-        return f"viscous friction falls by {self.values[0]:.3g} of itself per {self.unit} (it follows {self.driver})"
+        return (
+            f"viscous friction falls by {self.values[0]:.3g} of itself per {self.unit} (it follows "
+            f"{self.driver})"
+        )
 
     def change(self, view) -> Change:
         x = slow_signal(view.data, self.driver)[:, None]
         torque, slope = self.friction(view)
         column = -x * torque
-        by_rate = -self.values[0] * x[:, :, None] * (slope / view.robot.controller_ratios)[:, :, None] * np.eye(view.axes)
-        return Change(tuple(range(view.axes)), self.values[0] * column, column[:, :, None], {"theta_dot": by_rate})
+        by_rate = -self.values[0] * x[:, :,
+                                      None] * (slope / view.robot.controller_ratios)[:, :,
+                                                                                     None] * np.eye(view.axes)
+        return Change(tuple(range(view.axes)), self.values[0] * column, column[:, :, None],
+                      {"theta_dot": by_rate})
 
     def friction(self, view) -> tuple[np.ndarray, np.ndarray]:
         """(N, n) Nm of what thins out, and its slope by the rate."""
@@ -208,7 +226,9 @@ class ThermalFriction(ThermalDrift):
     change = ThermalLubricant.change
 
     def describe(self) -> str:
-        return f"all friction falls by {self.values[0]:.3g} of itself per {self.unit} (it follows {self.driver})"
+        return (
+            f"all friction falls by {self.values[0]:.3g} of itself per {self.unit} (it follows {self.driver})"
+        )
 
     def friction(self, view) -> tuple[np.ndarray, np.ndarray]:
         torque, slope = ThermalLubricant.friction(self, view)

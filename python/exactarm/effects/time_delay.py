@@ -1,4 +1,5 @@
-"""Time delay: the second signal (gyroscope, link encoder, torque, tracker) is stamped later than the motor encoder.
+"""Time delay: the second signal (gyroscope, link encoder, torque, tracker) is stamped later than the motor
+encoder.
 
 It shows at t what the motor did at t - delay: theta(t) -> theta(t - delay), a cubic spline through each run's
 samples; past its ends the run goes on as a straight line.

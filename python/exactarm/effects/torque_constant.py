@@ -1,4 +1,5 @@
-"""Torque constant: the torque that a drive reports is scaled, its motor's constant or current sensor being off.
+"""Torque constant: the torque that a drive reports is scaled, its motor's constant or current sensor being
+off.
 
 reported = (1 + scale) true drive torque.
 """

@@ -1,8 +1,8 @@
 """Torque ripple: a drive torque that repeats with the motor's revolution.
 
-torque = cosine_Nm cos(order theta) + sine_Nm sin(order theta), output side: cogging, current offsets and phase
-errors of a synchronous motor (Holtz and Springob 1996); `order` in cycles per motor revolution. Orders of
-gear stages before the motor's own are not whole numbers.
+torque = cosine_Nm cos(order theta) + sine_Nm sin(order theta), output side: cogging, current offsets and
+phase errors of a synchronous motor (Holtz and Springob 1996); `order` in cycles per motor revolution. Orders
+of gear stages before the motor's own are not whole numbers.
 """
 
 from __future__ import annotations

@@ -2,8 +2,8 @@
 
 measured += x (shift + turn x measured),   x the time in hours (or the row)
 
-shift (3,) m and turn (3,) rad, about the device's origin, a unit of x. Where the device stood at x = 0 is part of the
-frames of its set-up. Either the shift alone is estimated, or both: a tripod that settles tilts.
+shift (3,) m and turn (3,) rad, about the device's origin, a unit of x. Where the device stood at x = 0 is
+part of the frames of its set-up. Either the shift alone is estimated, or both: a tripod that settles tilts.
 """
 
 from __future__ import annotations
@@ -38,7 +38,8 @@ class TrackerDrift(Effect):
 
     def parameters(self) -> tuple[Parameter, ...]:
         shift = tuple(Parameter(f"{axis}_m_per_{unit(self.driver)}", 1e-4) for axis in "xyz")
-        turn = tuple(Parameter(f"turn_{axis}_rad_per_{unit(self.driver)}", 3e-5, fixed=not self.turn) for axis in "xyz")
+        turn = tuple(Parameter(f"turn_{axis}_rad_per_{unit(self.driver)}", 3e-5, fixed=not self.turn)
+                     for axis in "xyz")
         return (*shift, *turn)
 
     def describe(self) -> str:
@@ -66,9 +67,10 @@ class TrackerDrift(Effect):
         return (cls(None, (0.0,) * 6, driver, turn) for turn in (False, True))
 
 
-def moved_device(measured: np.ndarray, x: np.ndarray, values) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
-    """What a device does to positions measured (N, 3) that shifts and turns by x (N, 1, 1) times `values` (6,): change (N, 3),
-    its derivatives by `values` (N, 3, 6), and by the positions."""
+def moved_device(measured: np.ndarray, x: np.ndarray,
+                 values) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
+    """What a device does to positions measured (N, 3) that shifts and turns by x (N, 1, 1) times `values`
+    (6,): change (N, 3), its derivatives by `values` (N, 3, 6), and by the positions."""
     derivative = np.concatenate([np.broadcast_to(np.eye(3), (len(x), 3, 3)),
                                  np.cross(np.eye(3), measured[:, None, :]).swapaxes(1, 2)], axis=2) * x
     by_measured = x * np.cross(np.asarray(values[3:]), np.eye(3)).T

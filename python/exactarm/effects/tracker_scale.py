@@ -31,7 +31,8 @@ class TrackerScale(Effect):
     source: ClassVar[str] = "ASME B89.4.19 (ranging and angular errors of laser trackers)"
 
     def parameters(self) -> tuple[Parameter, ...]:
-        return tuple(Parameter(f"{axis}_scale", 1e-4, -0.1, 0.1, fixed=axis not in self.axes) for axis in "xyz")
+        return tuple(Parameter(f"{axis}_scale", 1e-4, -0.1, 0.1, fixed=axis not in self.axes)
+                     for axis in "xyz")
 
     def change(self, view) -> Change:
         scale = np.asarray(self.values)

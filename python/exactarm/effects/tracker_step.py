@@ -1,6 +1,7 @@
 """Tracker step: the measuring device was pushed once, and measures from its new place ever since.
 
-measured += shift + turn x measured   on the rows of one session after `at` (time or row), turn in rad about the device's origin.
+measured += shift + turn x measured   on the rows of one session after `at` (time or row), turn in rad about
+                                      the device's origin.
 """
 
 from __future__ import annotations
@@ -23,7 +24,8 @@ _WINDOW = 0.03  # of the rows of the session: so far the place may move when it 
 
 @dataclass(frozen=True)
 class TrackerStep(Effect):
-    """Shift of the device in its own axes, with `turn` its rotation too; of one `session`, after `at` on `driver`."""
+    """Shift of the device in its own axes, with `turn` its rotation too; of one `session`, after `at` on
+    `driver`."""
 
     session: int = 1
     driver: str = ROW
@@ -70,7 +72,9 @@ class TrackerStep(Effect):
 
     def _later(self, data) -> np.ndarray:
         """(N,) 1 after the push, else 0."""
-        return ((data.session == self.session) & (slow_signal(data, self.driver) > self.values[0])).astype(float)
+        return ((data.session == self.session) & (slow_signal(data, self.driver) > self.values[0])).astype(
+            float
+        )
 
     def renewed(self, view) -> Effect:
         """The push where the residual jumps most likely, near its present place."""
@@ -78,7 +82,8 @@ class TrackerStep(Effect):
         if view.data.position is None or rows.size < 2 * _LEAST_ROWS:
             return self
         step = np.asarray(self.values[1:4]) + np.cross(np.asarray(self.values[4:]), view.measured[rows, :3])
-        left, shown = (view.data.position - view.measured[:, :3])[rows], self._later(view.data)[rows, None] * step
+        left, shown = (view.data.position
+                       - view.measured[:, :3])[rows], self._later(view.data)[rows, None] * step
         # The model that was fitted last has the step already, or not yet.
         left = left + shown if np.sum(left * shown) < 0.5 * np.sum(shown**2) else left
         likely = np.cumsum(np.sum((2.0 * left - step) * step, axis=1)[::-1])[::-1]
@@ -96,7 +101,8 @@ class TrackerStep(Effect):
         data = view.data
         if data.position is None or "measured" not in view.signals:
             return
-        clock = data.time is not None and np.ptp(data.time) > 0.0 and not view.is_series  # a run may start its clock anew
+        # a run may start its clock anew
+        clock = data.time is not None and np.ptp(data.time) > 0.0 and not view.is_series
         driver = TIME if clock else ROW
         for session, _ in view.sessions:
             places = _places(view, session, driver)

@@ -18,7 +18,9 @@ class ViscousFriction(DriveEffect):
 
     name: ClassVar[str] = "viscous_friction"
     plain: ClassVar[str] = "viscous friction that is not declared"
-    sentence: ClassVar[str] = "axis {joint} has {coefficient_Nm_s:.3g} Nm s of viscous friction that is not declared"
+    sentence: ClassVar[
+        str
+    ] = "axis {joint} has {coefficient_Nm_s:.3g} Nm s of viscous friction that is not declared"
     source: ClassVar[str] = "Armstrong-Helouvry, Dupont and Canudas de Wit 1994; thesis (2.22)"
 
     def parameters(self) -> tuple[Parameter, ...]:

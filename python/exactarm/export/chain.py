@@ -1,8 +1,11 @@
-"""What a rigid chain can carry of an identified arm: its axes where the controller reports zero, and the flange.
+"""What a rigid chain can carry of an identified arm: its axes where the controller reports zero, and the
+flange.
 
-    p = exp(u_1 q_1) ... exp(u_n q_n) M      q: as the controller reports, u: the identified axes, M: the flange at q = 0
+    p = exp(u_1 q_1) ... exp(u_n q_n) M      q: as the controller reports, u: the identified axes, M: the
+                                             flange at q = 0
 
-In the controller's base frame. Gear harmonics, other gear ratios, springs and effects have no place in it: `lost` says what that costs.
+In the controller's base frame. Gear harmonics, other gear ratios, springs and effects have no place in it:
+`lost` says what that costs.
 """
 
 from __future__ import annotations
@@ -23,7 +26,8 @@ POSES, SEED = 300, 1
 
 @dataclass(frozen=True)
 class ReportedChain:
-    """starts: the frame of each axis at zero (its z, times sign, is the axis); end: the flange; kinds: as in `Joint.type`."""
+    """starts: the frame of each axis at zero (its z, times sign, is the axis); end: the flange; kinds: as in
+    `Joint.type`."""
 
     starts: tuple[Placement, ...]
     end: Placement
@@ -54,7 +58,8 @@ class ReportedChain:
 
 @dataclass(frozen=True)
 class Lost:
-    """Distance (m) of the flange by the exported chain from that of the whole model, over the work space; what is not carried."""
+    """Distance (m) of the flange by the exported chain from that of the whole model, over the work space;
+    what is not carried."""
 
     mean: float
     largest: float
@@ -80,7 +85,8 @@ def reported_chain(robot: Robot) -> ReportedChain:
 
 
 def lost(robot: Robot, poses) -> Lost:
-    """poses: q (N, n) -> Poses of the exported file. Both gear directions' mean, gravity of the declared masses."""
+    """poses: q (N, n) -> Poses of the exported file. Both gear directions' mean, gravity of the declared
+    masses."""
     model = CompensationModel.of(robot.with_controller_frames)
     low, high = np.clip(model.controller.limits, -np.pi, np.pi)
     q = np.random.default_rng(SEED).uniform(low, high, (POSES, robot.axes))

@@ -1,7 +1,9 @@
-"""Joint offsets, base and tool as the pendants of KUKA and ABB show frames: to be typed in by a person, never written into a controller.
+"""Joint offsets, base and tool as the pendants of KUKA and ABB show frames: to be typed in by a person, never
+written into a controller.
 
-Changed link lengths belong into no controller (older ones refuse to start with them, and options of absolute accuracy are closed): they are corrected in
-the programs. An offset is the angle of the real axis where the controller reports zero.
+Changed link lengths belong into no controller (older ones refuse to start with them, and options of absolute
+accuracy are closed): they are corrected in the programs. An offset is the angle of the real axis where the
+controller reports zero.
 """
 
 from __future__ import annotations
@@ -31,7 +33,8 @@ def offsets_text(robot: Robot) -> str:
         )
     lines += [
         "",
-        "A mastering that is changed by such an angle moves every taught point of the robot. Check the sign on one axis first.",
+        "A mastering that is changed by such an angle moves every taught point of the robot. Check the sign "
+        "on one axis first.",
     ]
     for title, placement in (
         ("Robot base in the frame of the measuring device", robot.base),

@@ -1,8 +1,9 @@
-"""The kinematics of `ur_description` (default_kinematics.yaml): x y z in m, true roll, pitch, yaw about fixed axes, for each link.
+"""The kinematics of `ur_description` (default_kinematics.yaml): x y z in m, true roll, pitch, yaw about fixed
+axes, for each link.
 
     origin_i = Trans_x(a_(i-1)) Rot_x(alpha_(i-1)) Rot_y(beta_(i-1)) Rot_z(offset_i) Trans_z(d_i)
-The last frame's a, alpha, beta have no place in it: the flange is that of the description. The hash is made of these numbers; the driver compares it with
-the robot's own, so that of the robot can be given instead.
+The last frame's a, alpha, beta have no place in it: the flange is that of the description. The hash is made
+of these numbers; the driver compares it with the robot's own, so that of the robot can be given instead.
 """
 
 from __future__ import annotations
@@ -26,7 +27,8 @@ def link_origins(robot: Robot) -> list[Placement]:
         joint.type != "revolute" or joint.sign != 1.0 for joint in robot.joints
     ):
         raise InputError(
-            f"robot {robot.name}: expected six turning axes of positive sign, as arms of Universal Robots have",
+            f"robot {robot.name}: expected six turning axes of positive sign, as arms of Universal Robots "
+            "have",
             file=robot.file,
         )
     chain, before, origins = reported_chain(robot), Placement(), []

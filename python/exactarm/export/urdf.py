@@ -1,8 +1,10 @@
-"""A URDF patched in place: the origins of its joints become those of the identified arm, every other byte stays.
+"""A URDF patched in place: the origins of its joints become those of the identified arm, every other byte
+stays.
 
-Names, meshes, collision shapes, transmissions and comments are kept. Each moving link is put onto its identified axis with the least turn
-and shift from where it was; the first fixed joint behind the last axis takes what is left, so that the tip is exact. A xacro file can be patched
-where its joints stand at its root with plain numbers; else it has to be expanded first.
+Names, meshes, collision shapes, transmissions and comments are kept. Each moving link is put onto its
+identified axis with the least turn and shift from where it was; the first fixed joint behind the last axis
+takes what is left, so that the tip is exact. A xacro file can be patched where its joints stand at its root
+with plain numbers; else it has to be expanded first.
 """
 
 from __future__ import annotations
@@ -74,7 +76,8 @@ def _on_axis(
     shift = np.zeros(3) if joint.type == "prismatic" else direction * (direction @ away) - away
     if turn > OTHER_ARM_RAD or np.linalg.norm(shift) > OTHER_ARM_M:
         raise InputError(
-            f"joint {joint.name}: the identified axis is {1e3 * np.linalg.norm(shift):.0f} mm and {np.degrees(turn):.1f} deg away; "
+            f"joint {joint.name}: the identified axis is {1e3 * np.linalg.norm(shift):.0f} mm and "
+            f"{np.degrees(turn):.1f} deg away; "
             "expected the URDF of this arm; another base or tip is chosen by FILE#BASE:TIP",
             file=path,
         )
@@ -95,7 +98,8 @@ def _rewritten(path: Path, origins: dict[str, Placement]) -> bytes:
         ]
         if len(found) != 1:
             raise InputError(
-                f"joint {name} is {len(found)} times in the text; expected once (a xacro has to be expanded first)",
+                f"joint {name} is {len(found)} times in the text; expected once (a xacro has to be expanded "
+                "first)",
                 file=path,
             )
         edits += _origin_edits(found[0], origin)

@@ -1,7 +1,8 @@
 """Base parameters: the combinations of inertial parameters that a motion can show at all (Gautier 1991).
 
-The regressor at random states has dependent columns. Going through the columns in order of preference, one that
-is a combination of those before it is dropped (QR, Gram-Schmidt with reorthogonalisation); what it does is
+The regressor at random states has dependent columns. Going through the columns in order of preference, one
+that is a combination of those before it is dropped (QR, Gram-Schmidt with reorthogonalisation); what it does
+is
 borne by the kept ones:   base = kept + K dropped.   Inertias and first moments are preferred, then masses,
 then rotor inertias, so that the groups read as text books have them.
 """
@@ -75,8 +76,12 @@ def base_parameters(robot: Robot, seed: int = 0) -> BaseParameters:
         rotors[:, i, i] = robot.controller_ratios[i] ** 2 * q_ddot[:, i]
     matrix = np.concatenate([links, rotors], axis=2).reshape(_STATES * n, 11 * n)
     kept, dropped, nothing = _independent(matrix, _preference(n))
-    K = np.linalg.lstsq(matrix[:, kept], matrix[:, dropped], rcond=None)[0] if len(dropped) else np.zeros((len(kept), 0))
-    names = tuple(column_name(c) for c in range(10 * n)) + tuple(f"rotor_inertia_{i + 1}_kg_m2" for i in range(n))
+    K = (
+        np.linalg.lstsq(matrix[:, kept], matrix[:, dropped], rcond=None)[0]
+        if len(dropped) else np.zeros((len(kept), 0))
+    )
+    names = tuple(column_name(c)
+                  for c in range(10 * n)) + tuple(f"rotor_inertia_{i + 1}_kg_m2" for i in range(n))
     return BaseParameters(np.array(kept, int), np.array(dropped, int), np.array(nothing, int), K, names)
 
 
@@ -87,7 +92,8 @@ def _preference(n: int) -> list[int]:
 
 
 def _independent(matrix: np.ndarray, order: list[int]) -> tuple[list[int], list[int], list[int]]:
-    """(kept, dropped, zero) columns, each sorted; a column is dropped when those before it in `order` make it up."""
+    """(kept, dropped, zero) columns, each sorted; a column is dropped when those before it in `order` make it
+    up."""
     size = np.linalg.norm(matrix, axis=0)
     largest = size.max()
     basis = np.zeros((matrix.shape[0], 0))

@@ -1,8 +1,9 @@
 """Clearance: keeps hand and target out of the arm's own body, as far as a skeleton can tell.
 
-The body is the skeleton of the first links: the straight lines between successive frame origins from the base up to
-frame n - 4 (the base column and the upper arm of a six-axis robot). The last four frames move the hand itself and
-are left out. A pose is clear when flange and target stay at least so far away from all these lines.
+The body is the skeleton of the first links: the straight lines between successive frame origins from the base
+up to frame n - 4 (the base column and the upper arm of a six-axis robot). The last four frames move the hand
+itself and are left out. A pose is clear when flange and target stay at least so far away from all these
+lines.
 """
 
 from __future__ import annotations
@@ -21,7 +22,8 @@ def default_clearance(robot: Robot) -> float:
     return _SHARE * sum(abs(joint.a) + abs(joint.d) for joint in robot.joints)
 
 
-def is_clear(robot: _core.Robot, q: np.ndarray, points: tuple[np.ndarray, ...], clearance: float) -> np.ndarray:
+def is_clear(robot: _core.Robot, q: np.ndarray, points: tuple[np.ndarray, ...],
+             clearance: float) -> np.ndarray:
     """(N,) bool for joint angles q (N, n) and points (N, 3), both in the frame of the robot's base."""
     lines = q.shape[1] - _OWN_FRAMES
     clear = np.ones(len(q), bool)

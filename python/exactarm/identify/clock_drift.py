@@ -1,7 +1,8 @@
-"""Do two devices keep the same time? The lag between two signals of one motion, at its beginning and at its end.
+"""Do two devices keep the same time? The lag between two signals of one motion, at its beginning and at its
+end.
 
-Both signals are sampled on one even clock and compared by their normalised cross-correlation in the first and in the last third
-of a run; the peak is refined by a parabola. A lag that changes is a clock that runs faster.
+Both signals are sampled on one even clock and compared by their normalised cross-correlation in the first and
+in the last third of a run; the peak is refined by a parabola. A lag that changes is a clock that runs faster.
 """
 
 from __future__ import annotations
@@ -19,7 +20,8 @@ MOST_SAMPLES = 4000  # of a third
 
 @dataclass(frozen=True)
 class Lags:
-    """Of the second signal behind the first in the first and the last third of a run, s; span: between the two thirds, s."""
+    """Of the second signal behind the first in the first and the last third of a run, s; span: between the
+    two thirds, s."""
 
     first: float
     last: float

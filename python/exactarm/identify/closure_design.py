@@ -1,13 +1,17 @@
 """Design of closures: where to put a fixture of two seats, and in which poses to touch them.
 
-    1. candidate places: points that the target reaches with many orientations, two seats `apart` in a random level direction
-    2. random poses that touch the seats of each candidate (exactarm.measurement.touching), within the joint limits
-    3. places one after the other, each time the one whose poses lower the mean variance of the target's position most,
+    1. candidate places: points that the target reaches with many orientations, two seats `apart` in a random
+        level direction
+    2. random poses that touch the seats of each candidate (exactarm.measurement.touching), within the joint
+        limits
+    3. places one after the other, each time the one whose poses lower the mean variance of the target's
+        position most,
        over random poses of the work space
     4. of the poses of the places chosen, `count` by the same criterion (exactarm.identify.exchange)
 
-The variance is that with contacts, tool and all deviations unknown, the seats' distance known, and the drawing as prior
-(exactarm.identify.closure_fit). Places may be given instead. The target is that of the robot file.
+The variance is that with contacts, tool and all deviations unknown, the seats' distance known, and the
+drawing as prior (exactarm.identify.closure_fit). Places may be given instead. The target is that of the robot
+file.
 """
 
 from __future__ import annotations
@@ -48,7 +52,8 @@ _WORK_SPACE = 500  # poses over which the target's position is to be known
 
 @dataclass(frozen=True)
 class ClosureDesignOptions:
-    """places, count (poses in all); apart: the seats' distance, m; at: centres (3,) m of given places, instead of proposals."""
+    """places, count (poses in all); apart: the seats' distance, m; at: centres (3,) m of given places,
+    instead of proposals."""
 
     places: int = 3
     count: int = 60
@@ -62,9 +67,9 @@ class ClosureDesignOptions:
 
 @dataclass(frozen=True)
 class ClosureDesign:
-    """q (K, n) of the controller with session and socket (K,) int; seats: (session, socket) -> centre (3,) m in the base frame;
-    deviation: expected error of the target over the work space, m, with the drawing alone, with random poses of the same
-    places, and with these."""
+    """q (K, n) of the controller with session and socket (K,) int; seats: (session, socket) -> centre (3,) m
+    in the base frame; deviation: expected error of the target over the work space, m, with the drawing alone,
+    with random poses of the same places, and with these."""
 
     q: np.ndarray
     session: np.ndarray
@@ -84,29 +89,36 @@ class _Place:
 
 
 def design_closures(robot: Robot, options: ClosureDesignOptions = ClosureDesignOptions()) -> ClosureDesign:
-    """The places and poses. Raises InputError where a given place is out of reach or the poses are too few."""
+    """The places and poses. Raises InputError where a given place is out of reach or the poses are too
+    few."""
     require_geometry(robot)
     random = np.random.default_rng(options.seed)
     robot = replace(robot, base=Placement(), effects=())
     space = PoseSpace.of(robot, options.box, options.clearance)
-    places = _given(robot, space, options, random) if options.at else _candidates(robot, space, options, random)
+    places = (
+        _given(robot, space, options, random) if options.at else _candidates(robot, space, options, random)
+    )
     model = _Model(robot, places, options)
     chosen = list(range(len(places))) if options.at else model.choose_places(space, random)
     return model.design(space, chosen, random)
 
 
-def _given(robot: Robot, space: PoseSpace, options: ClosureDesignOptions, random: np.random.Generator) -> list[_Place]:
+def _given(robot: Robot, space: PoseSpace, options: ClosureDesignOptions,
+           random: np.random.Generator) -> list[_Place]:
     places = []
     for number, centre in enumerate(options.at, 1):
         place = _place(robot, space, np.asarray(centre, float), options.apart, random)
         if place is None:
-            raise InputError(f"--at, place {number}: fewer than {_LEAST_POSES} of {_STARTS} random poses reach either seat at "
-                             f"({', '.join(f'{x:g}' for x in centre)}) m; expected a place well inside the reach")
+            raise InputError(f"--at, place {number}: fewer than {_LEAST_POSES} of {_STARTS} random poses "
+                             "reach either seat at "
+                             f"({', '.join(f'{x:g}' for x in centre)}) m; expected a place well inside the "
+                             "reach")
         places.append(place)
     return places
 
 
-def _candidates(robot: Robot, space: PoseSpace, options: ClosureDesignOptions, random: np.random.Generator) -> list[_Place]:
+def _candidates(robot: Robot, space: PoseSpace, options: ClosureDesignOptions,
+                random: np.random.Generator) -> list[_Place]:
     found = []
     for centre in space.target(space.draw(4 * CANDIDATES, random)):
         place = _place(robot, space, centre, options.apart, random)
@@ -115,11 +127,13 @@ def _candidates(robot: Robot, space: PoseSpace, options: ClosureDesignOptions, r
         if len(found) == CANDIDATES:
             break
     if len(found) < options.places:
-        raise ComputationError(f"only {len(found)} of {4 * CANDIDATES} random places are reached in enough poses: enlarge --box")
+        raise ComputationError(f"only {len(found)} of {4 * CANDIDATES} random places are reached in enough "
+                               "poses: enlarge --box")
     return found
 
 
-def _place(robot: Robot, space: PoseSpace, centre: np.ndarray, apart: float, random: np.random.Generator) -> _Place | None:
+def _place(robot: Robot, space: PoseSpace, centre: np.ndarray, apart: float,
+           random: np.random.Generator) -> _Place | None:
     angle = random.uniform(0.0, 2.0 * np.pi)
     half = 0.5 * apart * np.array([np.cos(angle), np.sin(angle), 0.0])
     seats = (centre - half, centre + half)
@@ -141,7 +155,8 @@ def _poses(robot: Robot, space: PoseSpace, seat: np.ndarray, random: np.random.G
 
 @dataclass(frozen=True, eq=False)
 class _MeanVariance(Criterion):
-    """-log tr(M^-1 W): W (m, m) is the mean J'J of what is to be known (I-optimality; Atkinson, Donev and Tobias 2007, 10.6)."""
+    """-log tr(M^-1 W): W (m, m) is the mean J'J of what is to be known (I-optimality; Atkinson, Donev and
+    Tobias 2007, 10.6)."""
 
     weight: np.ndarray
 
@@ -156,17 +171,20 @@ class _MeanVariance(Criterion):
         return self._changes(information, blocks, -1.0)
 
     def _changes(self, information: np.ndarray, blocks: np.ndarray, sign: float) -> np.ndarray:
-        """By (M + s B'B)^-1 = M^-1 - M^-1 B' (s I + B M^-1 B')^-1 B M^-1; the prior keeps M regular whatever is removed."""
+        """By (M + s B'B)^-1 = M^-1 - M^-1 B' (s I + B M^-1 B')^-1 B M^-1; the prior keeps M regular whatever
+        is removed."""
         inverse = np.linalg.inv(information)
         taken = blocks @ inverse
         middle = sign * np.eye(blocks.shape[1]) + taken @ np.swapaxes(blocks, -1, -2)
-        less = np.trace(np.linalg.solve(middle, taken @ self.weight @ np.swapaxes(taken, -1, -2)), axis1=-2, axis2=-1)
+        less = np.trace(np.linalg.solve(middle, taken @ self.weight @ np.swapaxes(taken, -1, -2)), axis1=-2,
+                        axis2=-1)
         before = np.trace(inverse @ self.weight)
         return np.log(before) - np.log(before - less)
 
 
 class _Model:
-    """Information of touches about tool, geometry and the seats of the candidates, in units of the drawing's prior."""
+    """Information of touches about tool, geometry and the seats of the candidates, in units of the drawing's
+    prior."""
 
     def __init__(self, robot: Robot, places: list[_Place], options: ClosureDesignOptions):
         self.robot, self.places, self.options = robot, places, options
@@ -178,7 +196,8 @@ class _Model:
         tool = Target(None, tuple(float(x) for x in robot.tool.position), tuple(sessions), shared=True)
         fixture = Fixture((Distance("socket", (0, 1), options.apart),))
         setup, geometry = Layout.of((*seats, tool)), geometry_layout(robot)
-        touched = [(session, number, q) for session, place in zip(sessions, places) for number, q in enumerate(place.poses)]
+        touched = [(session, number, q) for session, place in zip(sessions, places)
+                   for number, q in enumerate(place.poses)]
         self.q = q = np.concatenate([q for _, _, q in touched])
         self.session = np.concatenate([np.full(len(q), session) for session, _, q in touched])
         self.socket = np.concatenate([np.full(len(q), number) for _, number, q in touched])
@@ -186,7 +205,8 @@ class _Model:
         contacts = rows.contacts | {"socket": self.socket}
         self.data: Dataset = replace(rows, contacts=contacts, session=self.session, fixture=fixture)
         self.layout, self.found = identifiable_closures(robot, setup, geometry, self.data, options.threads)
-        blocks = predict_closures(robot, self.layout, self.data, threads=options.threads).jacobian / SIGMA_POSITION_M
+        blocks = predict_closures(robot, self.layout, self.data,
+                                  threads=options.threads).jacobian / SIGMA_POSITION_M
         plausible = np.minimum([parameter.plausible for parameter in self.layout.parameters], _PLACED_M)
         self.blocks = blocks * plausible
         pull, _ = Pulls.of(geometry, fixture).rows(self.layout)
@@ -195,11 +215,14 @@ class _Model:
         self.weight = self._weight(plausible)
 
     def _weight(self, plausible: np.ndarray) -> np.ndarray:
-        """Mean J'J of the target over the work space, by geometry alone: contacts and tool belong to the fixture."""
+        """Mean J'J of the target over the work space, by geometry alone: contacts and tool belong to the
+        fixture."""
         space = PoseSpace.of(self.robot, self.options.box, self.options.clearance)
         q = space.draw(_WORK_SPACE, np.random.default_rng(self.options.seed))
-        geometry = [i for i, effect in enumerate(self.layout.effects) if not isinstance(effect, (Socket, Target))]
-        free = tuple(mask if i in geometry else np.zeros_like(mask) for i, mask in enumerate(self.layout.free))
+        geometry = [i for i, effect in enumerate(self.layout.effects)
+                    if not isinstance(effect, (Socket, Target))]
+        free = tuple(mask if i in geometry else np.zeros_like(mask)
+                     for i, mask in enumerate(self.layout.free))
         held = Layout(self.layout.effects, free)
         data = replace(pose_data(q), contacts=rows_at(q, None).contacts, position=np.zeros((len(q), 3)))
         columns = predict_closures(self.robot, held, data).jacobian[:, :3]
@@ -215,10 +238,12 @@ class _Model:
     def choose_places(self, space: PoseSpace, random: np.random.Generator) -> list[int]:
         """Greedy: the place that helps most beside those chosen; each brings the same number of poses."""
         each = max(self.options.count // self.options.places, 2)
-        of_place = [information_of(self.blocks[self._some(place, each, random)]) for place in range(len(self.places))]
+        of_place = [information_of(self.blocks[self._some(place, each, random)])
+                    for place in range(len(self.places))]
         chosen, information = [], self.known
         for _ in range(self.options.places):
-            best = min((p for p in range(len(self.places)) if p not in chosen), key=lambda p: self.deviation(information + of_place[p]))
+            best = min((p for p in range(len(self.places)) if p not in chosen),
+                       key=lambda p: self.deviation(information + of_place[p]))
             chosen.append(best)
             information = information + of_place[best]
         return sorted(chosen)
@@ -231,7 +256,8 @@ class _Model:
         """The poses of the chosen places."""
         rows = np.flatnonzero(np.isin(self.session - 1, chosen))
         if len(rows) <= self.options.count:
-            raise InputError(f"--count {self.options.count}: expected fewer poses than the {len(rows)} that were found at these places")
+            raise InputError(f"--count {self.options.count}: expected fewer poses than the {len(rows)} that "
+                             "were found at these places")
         pool = self.blocks[rows]
         start = random.choice(len(rows), self.options.count, replace=False)
         criterion = _MeanVariance(self.weight)
@@ -239,13 +265,15 @@ class _Model:
         picked = rows[exchange(pool, start, random, how, self.known).chosen]
         number = {place: k for k, place in enumerate(chosen, 1)}
         order = np.concatenate([
-            _in_short_way(space, self.q, picked[(self.session[picked] == place + 1) & (self.socket[picked] == seat)])
+            _in_short_way(space, self.q,
+                          picked[(self.session[picked] == place + 1) & (self.socket[picked] == seat)])
             for place in chosen for seat in (0, 1)
         ])
         return ClosureDesign(
             self.q[order], np.array([number[s - 1] for s in self.session[order]]), self.socket[order],
             {(number[place], k): seat for place in chosen for k, seat in enumerate(self.places[place].seats)},
-            tuple(self.deviation(self.known + more) for more in (0.0, information_of(pool[start]), information_of(self.blocks[picked]))),
+            tuple(self.deviation(self.known + more)
+                  for more in (0.0, information_of(pool[start]), information_of(self.blocks[picked]))),
             self.found, space,
         )
 

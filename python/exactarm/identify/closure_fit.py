@@ -1,12 +1,14 @@
-"""Fits a layout to closures: heavy-tailed noise, one standard deviation for each sort of contact, known lengths as data.
+"""Fits a layout to closures: heavy-tailed noise, one standard deviation for each sort of contact, known
+lengths as data.
 
-    minimise  sum_rows rho(|r_i / sigma_class|^2) + sum_known ((L - f) / sigma_L)^2 + sum_geometry ((x - x0) / tau)^2
+    minimise  sum_rows rho(|r_i / sigma_class|^2) + sum_known ((L - f) / sigma_L)^2 + sum_geometry ((x - x0) /
+              tau)^2
 
-rho: Student's t with TAIL_FREEDOM degrees of freedom (Lange, Little, Taylor 1989), by iteratively reweighted least
-squares: a ball that has slipped counts for little. sigma of each class from its share of the redundancy (Förstner
-1979). tau: plausible size of a deviation from the drawing, `Parameter.plausible`: directions that the contacts do not show
-stay at the drawing. Covariance of the M-estimator (Huber 1981, 6.5) beside the prior: (s^2/v J'J + P'P)^{-1} with
-v = K^2 sum psi^2 / freedom, s = mean psi', K = 1 + P / N var(psi') / s^2.
+rho: Student's t with TAIL_FREEDOM degrees of freedom (Lange, Little, Taylor 1989), by iteratively reweighted
+least squares: a ball that has slipped counts for little. sigma of each class from its share of the redundancy
+(Förstner 1979). tau: plausible size of a deviation from the drawing, `Parameter.plausible`: directions that
+the contacts do not show stay at the drawing. Covariance of the M-estimator (Huber 1981, 6.5) beside the
+prior: (s^2/v J'J + P'P)^{-1} with v = K^2 sum psi^2 / freedom, s = mean psi', K = 1 + P / N var(psi') / s^2.
 """
 
 from __future__ import annotations
@@ -30,7 +32,8 @@ _FIRST_SIGMA = (1e-3, 2e-3)  # m, rad
 _LEAST_SIGMA = 1e-9
 _ROUNDS, _SETTLED = 60, 2e-4
 _INNER_STEPS = 12
-_DECREMENT = 1e-2  # of the weighted square sum: a further step would gain less, a tenth of a standard deviation
+# of the weighted square sum: a further step would gain less, a tenth of a standard deviation
+_DECREMENT = 1e-2
 
 
 @dataclass(frozen=True)
@@ -53,8 +56,8 @@ class Noise:
 
 @dataclass(frozen=True)
 class ClosureFit:
-    """The layout at its estimate; `weight` (N,): square roots of the rows' robust weights; `pull` (r, P), `tail` (r,):
-    known lengths and priors as whitened rows and residuals."""
+    """The layout at its estimate; `weight` (N,): square roots of the rows' robust weights; `pull` (r, P),
+    `tail` (r,): known lengths and priors as whitened rows and residuals."""
 
     robot: Robot
     layout: Layout
@@ -88,8 +91,8 @@ class ClosureFit:
 
 @dataclass(frozen=True)
 class Pulls:
-    """What is known beside the rows: lengths of the fixture, and `drawing`: name of a parameter -> (value, standard
-    deviation of its deviation)."""
+    """What is known beside the rows: lengths of the fixture, and `drawing`: name of a parameter -> (value,
+    standard deviation of its deviation)."""
 
     fixture: Fixture = Fixture()
     drawing: Mapping[str, tuple[float, float]] = field(default_factory=dict)
@@ -128,7 +131,8 @@ def fit_closures(
     threads: int = 1,
     tolerance: float = 1e-9,
 ) -> ClosureFit:
-    """Estimates the free parameters of `layout` from all rows of `data` (one device a row). keep (N,): rows to use."""
+    """Estimates the free parameters of `layout` from all rows of `data` (one device a row). keep (N,): rows
+    to use."""
     keep = np.ones(len(data)) if keep is None else np.asarray(keep, float)
     lower = np.array([p.lower for p in layout.parameters])
     upper = np.array([p.upper for p in layout.parameters])
@@ -137,12 +141,14 @@ def fit_closures(
     sigma, weight, settled, fit = noise.of(data, prediction.used), keep, False, None
     for _ in range(_ROUNDS):
         weight = keep * _tail_weights(prediction.residual / sigma, prediction.used)
-        fit = _inner(robot, layout, data, pulls, prediction, weight[:, None] / sigma, (lower, upper), threads, tolerance)
+        fit = _inner(robot, layout, data, pulls, prediction, weight[:, None] / sigma, (lower, upper), threads,
+                     tolerance)
         layout = layout.at(fit.x)
         prediction = predict_closures(robot, layout, data, threads=threads)
         pull, tail = pulls.rows(layout)
         new = _estimated_noise(data, prediction, sigma, keep, pull)
-        change = max(abs(value / noise.by_class.get(key, np.inf) - 1.0) for key, value in new.by_class.items())
+        change = max(abs(value / noise.by_class.get(key, np.inf) - 1.0)
+                     for key, value in new.by_class.items())
         if settled := change < _SETTLED and fit.converged:
             break
         noise, sigma = new, new.of(data, prediction.used)
@@ -156,7 +162,8 @@ def expected_deviations(
     robot: Robot, layout: Layout, data: Dataset, sigma: float, pulls: Pulls, threads: int = 1
 ) -> np.ndarray:
     """(P,) standard deviations of the free parameters that touches good to `sigma` (m or rad) let expect."""
-    jacobian = predict_closures(robot, layout, data, threads=threads).jacobian.reshape(-1, layout.size) / sigma
+    jacobian = predict_closures(robot, layout, data,
+                                threads=threads).jacobian.reshape(-1, layout.size) / sigma
     pull = pulls.rows(layout)[0]
     return np.sqrt(np.diag(_pseudo_inverse(jacobian.T @ jacobian + pull.T @ pull)))
 
@@ -172,13 +179,16 @@ def _inner(robot, layout, data, pulls, prediction, scale, bounds, threads, toler
         residual = np.concatenate([now.residual.ravel(), tail])
         if not with_jacobian:
             return Evaluation(residual, None)
-        jacobian = np.zeros((numbers, layout.size)) if now.jacobian is None else now.jacobian.reshape(numbers, -1)
+        jacobian = (
+            np.zeros((numbers, layout.size)) if now.jacobian is None else now.jacobian.reshape(numbers, -1)
+        )
         return Evaluation(residual, np.concatenate([jacobian, pull]))
 
     rows = len(pulls.rows(layout)[1])
     weights = np.concatenate([(scale * prediction.used).ravel(), np.ones(rows)])
     return least_squares(
-        evaluate, layout.values, weights=weights, bounds=bounds, tolerance=tolerance, most_iterations=_INNER_STEPS
+        evaluate, layout.values, weights=weights, bounds=bounds, tolerance=tolerance,
+        most_iterations=_INNER_STEPS
     )
 
 
@@ -212,7 +222,8 @@ def _estimated_noise(data, prediction: ClosurePrediction, sigma, keep, pull) -> 
     weight = _tail_weights(white, prediction.used)
     leverage = _leverage(prediction, weight[:, None] * used / sigma, pull)
     pairs = prediction.pairs
-    alone = np.where(pairs >= 0, 1.0 - 1.0 / np.maximum(np.bincount(pairs[pairs >= 0], minlength=1)[pairs], 1), 1.0)
+    alone = np.where(pairs >= 0,
+                     1.0 - 1.0 / np.maximum(np.bincount(pairs[pairs >= 0], minlength=1)[pairs], 1), 1.0)
     found = {}
     for k, part in enumerate(_parts(used)):
         for name in np.unique(device):
@@ -241,18 +252,24 @@ def _pseudo_inverse(matrix: np.ndarray) -> np.ndarray:
 
 
 def _finished(fit, layout, prediction, sigma, keep, weight, pull, tail, settled) -> Fit:
-    """The fit with the covariance of the M-estimator and a word on convergence that does not rest on the search's own."""
+    """The fit with the covariance of the M-estimator and a word on convergence that does not rest on the
+    search's own."""
     used = prediction.used & (keep > 0)[:, None]
     square, count = _squares(prediction.residual / sigma, used)
     psi = (keep * weight**2)[:, None] * prediction.residual / sigma * used
     numbers = int(used.sum()) - prediction.projected
     scale = used / sigma
-    jacobian = np.zeros((scale.size, 0)) if prediction.jacobian is None else prediction.jacobian.reshape(scale.size, -1)
+    jacobian = (
+        np.zeros((scale.size, 0)) if prediction.jacobian is None
+        else prediction.jacobian.reshape(scale.size, -1)
+    )
     rows = scale.ravel()[:, None] * jacobian
     redundancy = numbers - float(_leverage(prediction, weight[:, None] * scale, pull).sum())
     freedom = max(int(round(redundancy)), 1)
     tails = TAIL_FREEDOM + square
-    slopes = ((TAIL_FREEDOM + count) * (1.0 / tails - 2.0 * square / np.maximum(count, 1) / tails**2))[keep > 0]
+    slopes = ((TAIL_FREEDOM + count) * (1.0 / tails - 2.0 * square / np.maximum(count, 1) / tails**2))[
+        keep > 0
+    ]
     each = count[keep > 0] / max(int(used.sum()), 1)
     slope = float(slopes @ each)
     # few numbers for each parameter: Huber's correction of the next order (1981, 7.6)

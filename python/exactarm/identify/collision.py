@@ -1,4 +1,5 @@
-"""Why a parameter cannot be identified, in words: which others it collides with and what in the arm makes it so.
+"""Why a parameter cannot be identified, in words: which others it collides with and what in the arm makes it
+so.
 
 The collision itself is a fact of the Jacobian (a combination of other columns gives the same motion of the
 target); the reason is looked up in the geometry: frame i lies between axes i and i + 1, which are parallel
@@ -37,20 +38,30 @@ def no_effect(name: str) -> str:
     if p.group is Group.OFFSET:
         return f"{name} moves nothing that is measured: the target lies on axis {p.axis}"
     if p.group is Group.RATIO:
-        return f"{name} moves nothing that is measured: the target lies on axis {p.axis}, or the axis rests at zero"
+        return (
+            f"{name} moves nothing that is measured: the target lies on axis {p.axis}, or the axis rests at "
+            "zero"
+        )
     return f"{name} changes nothing that is measured in these poses"
 
 
 def move_alike(name: str, partners: Sequence[str], arm: Arm | None) -> str:
     """The sentence for a parameter that a combination of `partners` imitates exactly."""
     reason = _reason(parse_parameter(name), [parse_parameter(p) for p in partners], arm)
-    return f"{name} and {listed(partners)} move the tool alike" + (f": {reason}" if reason else " in these poses")
+    return f"{name} and {listed(partners)} move the tool alike" + (
+        f": {reason}" if reason else " in these poses"
+    )
 
 
-def hardly_differ(name: str, partners: Sequence[str], arm: Arm | None, uncertainty: float, plausible: float) -> str:
-    """The sentence for a parameter that the noise hides: its standard deviation beside its plausible magnitude."""
+def hardly_differ(name: str, partners: Sequence[str], arm: Arm | None, uncertainty: float,
+                  plausible: float) -> str:
+    """The sentence for a parameter that the noise hides: its standard deviation beside its plausible
+    magnitude."""
     unit = " m" if name.endswith("_m") else " rad" if name.endswith("_rad") else ""
-    text = f"{name} is lost in the noise: known to {uncertainty:.2g}{unit} only, plausible is {plausible:.2g}{unit}"
+    text = (
+        f"{name} is lost in the noise: known to {uncertainty:.2g}{unit} only, plausible is "
+        f"{plausible:.2g}{unit}"
+    )
     if not partners:
         return text
     reason = _reason(parse_parameter(name), [parse_parameter(p) for p in partners], arm)
@@ -150,7 +161,8 @@ def _collinear_turn(p: ParameterName, others: list[ParameterName], robot: Robot)
     if p.symbol != "q_offset" or not turns:
         return ""
     near = [axis for axis in turns if deviation_from_parallel(robot, p.axis, axis) < NEARLY_PARALLEL_RAD]
-    if near and all(abs(robot.joints[i].a) < COLLINEAR_M for i in range(min(near[0], p.axis) - 1, max(near[0], p.axis) - 1)):
+    if near and all(abs(robot.joints[i].a) < COLLINEAR_M
+                    for i in range(min(near[0], p.axis) - 1, max(near[0], p.axis) - 1)):
         return _are([near[0], p.axis], robot, "collinear")
     return ""
 
@@ -161,7 +173,9 @@ def _turn_about_parallel_y(p: ParameterName, others: list[ParameterName], robot:
         if q.symbol != "beta" or not any(s.symbol == "q_offset" and s.axis == q.axis for s in r):
             continue
         if abs(np.cos(robot.joints[q.axis - 1].alpha)) < NEARLY_PARALLEL_RAD:
-            return f"alpha_{q.axis} is a right angle, so beta_{q.axis} turns about a parallel of axis {q.axis}"
+            return (
+                f"alpha_{q.axis} is a right angle, so beta_{q.axis} turns about a parallel of axis {q.axis}"
+            )
     return ""
 
 
@@ -198,4 +212,5 @@ def deviation_from_parallel(robot: Robot, one: int, other: int) -> float:
     return max(tilts)
 
 
-_RULES = (_prismatic, _alike_along_parallel_axes, _collinear_turn, _turn_about_parallel_y, _target_on_axis, _one_target)
+_RULES = (_prismatic, _alike_along_parallel_axes, _collinear_turn, _turn_about_parallel_y, _target_on_axis,
+          _one_target)

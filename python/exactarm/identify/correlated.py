@@ -5,7 +5,8 @@ With residuals e_a(t) of axis a, weights 1 / sigma_a^2 and autocorrelation rho_a
     cov = H^{-1} S H^{-1},   H = sum_a J_a' J_a / sigma_a^2,   S = sum_a J_a' R_a J_a / sigma_a^2,
 
 R_a the Toeplitz matrix of rho_a under Bartlett's taper (Newey and West 1987, with the noise stationary). The
-effective number of samples of axis a is N / (1 + 2 sum rho_a), at most what the filter leaves of white noise: a fit
+effective number of samples of axis a is N / (1 + 2 sum rho_a), at most what the filter leaves of white noise:
+a fit
 takes the slow part out of the residuals that it is judged by.
 """
 
@@ -22,7 +23,8 @@ _LAG_S = 0.5  # longer than an arm's swing and a filter's memory
 
 @dataclass(frozen=True)
 class Uncertainty:
-    """covariance (P, P); effective (m,) independent samples per axis; freedom: all of them less the parameters."""
+    """covariance (P, P); effective (m,) independent samples per axis; freedom: all of them less the
+    parameters."""
 
     covariance: np.ndarray
     effective: np.ndarray
@@ -45,8 +47,8 @@ def uncertainty(
 ) -> Uncertainty:
     """jacobian (N, m, P), residual (N, m), sigma (m,); `runs`: row indices in the order of time, `step` in s.
 
-    `filtered_noise(lags)`: autocorrelation (lags + 1,) of white noise behind the filter that the rows have passed;
-    prior (P,): standard deviations of Gaussian priors, inf = none.
+    `filtered_noise(lags)`: autocorrelation (lags + 1,) of white noise behind the filter that the rows have
+    passed; prior (P,): standard deviations of Gaussian priors, inf = none.
     """
     rows, axes, size = jacobian.shape
     shortest = min(len(run) for run in runs)

@@ -98,8 +98,8 @@ def information_of(blocks: np.ndarray) -> np.ndarray:
 
 
 def log_det_change(information: np.ndarray, blocks: np.ndarray, signs: np.ndarray) -> np.ndarray:
-    """(C,) log det(M + B' S B) - log det M by the matrix determinant lemma, S = diag(signs) (r,) added or removed
-    rows; -inf where the matrix turns singular."""
+    """(C,) log det(M + B' S B) - log det M by the matrix determinant lemma, S = diag(signs) (r,) added or
+    removed rows; -inf where the matrix turns singular."""
     whitened = whiten(information, blocks)
     return _log_det(np.eye(blocks.shape[1]) + signs[:, None] * (whitened @ np.swapaxes(whitened, -1, -2)))
 

@@ -1,8 +1,8 @@
 """The declared model of a pose measurement: what a calibration estimates when nothing else is asked for.
 
 Modified DH parameters, joint offsets, gear ratios of axes that have a gear without a harmonics table, and
-base and tool frames of every session. Effects that the robot file carries are in the chain: held at their values, or
-free where an earlier fit has estimated them.
+base and tool frames of every session. Effects that the robot file carries are in the chain: held at their
+values, or free where an earlier fit has estimated them.
 """
 
 from __future__ import annotations
@@ -24,7 +24,8 @@ from exactarm.split import DEFAULT_SEED
 
 def require_geometry(robot: Robot) -> None:
     if not robot.has_geometry:
-        raise InputError(f"robot {robot.name}: expected a declared geometry, found drives only", file=robot.file)
+        raise InputError(f"robot {robot.name}: expected a declared geometry, found drives only",
+                         file=robot.file)
 
 
 def carried_layout(robot: Robot, data: Dataset, kind: str = "poses") -> Layout:
@@ -37,7 +38,8 @@ def carried_layout(robot: Robot, data: Dataset, kind: str = "poses") -> Layout:
 
 
 def all_effects(robot: Robot, data: Dataset, layout: Layout, kind: str = "poses") -> tuple[Effect, ...]:
-    """The effects of the robot file that had no part in this data, and those of `layout` beyond the declared model."""
+    """The effects of the robot file that had no part in this data, and those of `layout` beyond the declared
+    model."""
     carried = carried_layout(robot, data, kind).effects
     apart = tuple(effect for effect in robot.effects if effect not in carried)
     return apart + tuple(effect for effect in layout.effects if not effect.declared)
@@ -46,8 +48,8 @@ def all_effects(robot: Robot, data: Dataset, layout: Layout, kind: str = "poses"
 def reestimated_layout(robot: Robot, data: Dataset, kind: str = "poses") -> Layout:
     """The same effects, those free that were estimated from data before: what has an interval on record.
 
-    An estimate is no declaration: held, it would keep what another cause had lent it. Orders and other searched
-    parameters stay where they were found, parameters at a bound too.
+    An estimate is no declaration: held, it would keep what another cause had lent it. Orders and other
+    searched parameters stay where they were found, parameters at a bound too.
     """
     layout = carried_layout(robot, data, kind)
     free = tuple(
@@ -62,21 +64,25 @@ def _was_estimated(robot: Robot, effect: Effect, parameter: Parameter) -> bool:
     return low < high
 
 
-def frames_layout(robot: Robot, data: Dataset, *, orientation: bool, seed: int = DEFAULT_SEED) -> tuple[Layout, list]:
+def frames_layout(robot: Robot, data: Dataset, *, orientation: bool,
+                  seed: int = DEFAULT_SEED) -> tuple[Layout, list]:
     """Base and tool frames of every session, found from nowhere; and what was found, session by session."""
     found = []
     for session in sorted(set(data.session.tolist())):
-        found.append((session, find_frames(robot, data.select(data.session == session), carried_layout(robot, data), seed)))
+        found.append((session, find_frames(robot, data.select(data.session == session),
+                                           carried_layout(robot, data), seed)))
     frames = tuple(Frames.of(session, f.base, f.tool, orientation) for session, f in found)
     return Layout.of(frames), found
 
 
 def geometry_layout(robot: Robot) -> Layout:
-    """mDH parameters, joint offsets and the gear ratios that are re-identified, as they stand in the tables."""
+    """mDH parameters, joint offsets and the gear ratios that are re-identified, as they stand in the
+    tables."""
     axes = range(robot.axes)
     geometry = tuple(Geometry.of(robot, i) for i in axes)
     offsets = tuple(JointOffset.of(robot, i) for i in axes)
     ratios = tuple(
-        DeclaredRatio.of(robot, i) for i in axes if robot.joints[i].has_gear and not robot.joints[i].has_harmonics
+        DeclaredRatio.of(robot, i) for i in axes
+        if robot.joints[i].has_gear and not robot.joints[i].has_harmonics
     )
     return Layout.of(geometry + offsets + ratios)

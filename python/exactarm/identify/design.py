@@ -4,7 +4,8 @@
     2. extended DETMAX from a random set: candidates must raise O1, the one that raises O4 most is added, the
        one that O1 misses least is removed (exactarm.identify.exchange)
     3. polish: every pose moves a little as long as O1 rises and O4 does not fall (exactarm.identify.polish)
-    4. validation poses: not designed. A design sits where parameters show most, at the rim; an honest judgement
+    4. validation poses: not designed. A design sits where parameters show most, at the rim; an honest
+        judgement
        needs ordinary poses. Of many random sets the one is taken whose poses lie farthest from each other
        and from the identification poses.
 Both sets are put into an order of short ways. All scaling: exactarm.identify.observability.
@@ -51,11 +52,12 @@ class DesignOptions:
 
 @dataclass(frozen=True)
 class Design:
-    """Designed poses q (K, n) and q_validation (V, n) in the controller's angles, and how well they show the model.
+    """Designed poses q (K, n) and q_validation (V, n) in the controller's angles, and how well they show the
+    model.
 
     start: the random set that the search began with; exchanged: after the exchange; history: O1
-    of the best set after each step of the exchange; validation_distance: the smallest distance of a validation pose
-    from any other pose (root mean square over the axes, part of each axis' range).
+    of the best set after each step of the exchange; validation_distance: the smallest distance of a
+    validation pose from any other pose (root mean square over the axes, part of each axis' range).
     """
 
     model: PlannedModel
@@ -91,7 +93,8 @@ def design_poses(robot: Robot, options: DesignOptions = DesignOptions()) -> Desi
         return _scaled(model, identifiability, q, options.threads), space.allowed(q)
 
     keep, add = options.exchange.keep, options.exchange.add
-    q = polish(candidates[exchanged.chosen], space.lower, space.upper, blocks_at, keep, add, rng, options.polish)
+    q = polish(candidates[exchanged.chosen], space.lower, space.upper, blocks_at, keep, add, rng,
+               options.polish)
     q_validation, distance = spread_poses(space, q, options.validation, rng)
     parameters = int(identifiability.kept.sum())
     return Design(
@@ -108,8 +111,10 @@ def design_poses(robot: Robot, options: DesignOptions = DesignOptions()) -> Desi
     )
 
 
-def reference_identifiability(model: PlannedModel, blocks: np.ndarray, count: int | None = None) -> Identifiability:
-    """What random poses with the Jacobian `blocks` (N, r, P) identify; the noise is taken as that of `count` poses."""
+def reference_identifiability(model: PlannedModel, blocks: np.ndarray,
+                              count: int | None = None) -> Identifiability:
+    """What random poses with the Jacobian `blocks` (N, r, P) identify; the noise is taken as that of `count`
+    poses."""
     poses = len(blocks)
     return select_identifiable(
         blocks.reshape(-1, blocks.shape[-1]),
@@ -123,7 +128,8 @@ def reference_identifiability(model: PlannedModel, blocks: np.ndarray, count: in
     )
 
 
-def spread_poses(space: PoseSpace, taken: np.ndarray, count: int, rng: np.random.Generator) -> tuple[np.ndarray, float]:
+def spread_poses(space: PoseSpace, taken: np.ndarray, count: int,
+                 rng: np.random.Generator) -> tuple[np.ndarray, float]:
     """(count, n) random poses apart from each other and from `taken` (K, n), and their smallest distance."""
     if count == 0:
         return np.zeros((0, taken.shape[1])), float("inf")
@@ -154,7 +160,8 @@ def _scale(model: PlannedModel, identifiability: Identifiability) -> np.ndarray:
     return column_scale(model.names, model.plausible)[identifiability.kept]
 
 
-def _scaled(model: PlannedModel, identifiability: Identifiability, q: np.ndarray, threads: int = 1) -> np.ndarray:
+def _scaled(model: PlannedModel, identifiability: Identifiability, q: np.ndarray,
+            threads: int = 1) -> np.ndarray:
     return model.blocks(q, threads)[:, :, identifiability.kept] * _scale(model, identifiability)
 
 

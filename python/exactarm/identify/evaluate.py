@@ -1,6 +1,7 @@
 """The error of a robot file, as it is, on data it has not seen: only what belongs to the set-up is fitted.
 
-Poses and tracked motions: base and tool frames of every session. Closures: contacts and tool. Gear runs: alignment and bias of the gyroscope. One
+Poses and tracked motions: base and tool frames of every session. Closures: contacts and tool. Gear runs:
+alignment and bias of the gyroscope. One
 function a kind of data, found by its name in `EVALUATORS`.
 """
 
@@ -35,17 +36,19 @@ from exactarm.split import DEFAULT_SEED
 RESIDUAL_COLUMNS = ("dx_m", "dy_m", "dz_m", "drx_rad", "dry_rad", "drz_rad")
 
 
-MOST_FITTED = 20000  # rows by which the nine numbers of a set-up are fitted: noise leaves a hundredth of itself in them
+# rows by which the nine numbers of a set-up are fitted: noise leaves a hundredth of itself in them
+MOST_FITTED = 20000
 LEAST_FITTED = 200  # of a session
 BLOCK_ROWS = 20000  # 9 kB a row at work
 
 
 @dataclass(frozen=True)
 class Evaluation:
-    """error (N,) of every row in `unit`; residual (N, m) with its column names; summaries overall and by session.
+    """error (N,) of every row in `unit`; residual (N, m) with its column names; summaries overall and by
+    session.
 
-    warnings: effects that are used where they were never measured. data: the rows, where they are not those of the file
-    (closures); distances: of closures, known distance -> |error| in m.
+    warnings: effects that are used where they were never measured. data: the rows, where they are not those
+    of the file (closures); distances: of closures, known distance -> |error| in m.
     """
 
     unit: str
@@ -62,8 +65,8 @@ class Evaluation:
 def evaluate_poses(robot: Robot, data: Dataset, seed: int = DEFAULT_SEED, threads: int = 1) -> Evaluation:
     """Frames of each session fitted by position alone; everything else as the file says.
 
-    Above `MOST_FITTED` rows the frames are fitted on so many, evenly spread; all rows are judged, in blocks, so that memory does
-    not grow with them by more than the data themselves.
+    Above `MOST_FITTED` rows the frames are fitted on so many, evenly spread; all rows are judged, in blocks,
+    so that memory does not grow with them by more than the data themselves.
     """
     require_geometry(robot)
     fitted = data.select(_spread(data)) if len(data) > MOST_FITTED else data
@@ -86,7 +89,8 @@ def _spread(data: Dataset) -> np.ndarray:
     return np.sort(np.concatenate(parts))
 
 
-def evaluate_tracked_motion(robot: Robot, data: Dataset, seed: int = DEFAULT_SEED, threads: int = 1) -> Evaluation:
+def evaluate_tracked_motion(robot: Robot, data: Dataset, seed: int = DEFAULT_SEED,
+                            threads: int = 1) -> Evaluation:
     """The path of every sample, with the frames of each session fitted."""
     record = tracked_record(data, robot)
     layout = tracked_frames(robot, data, seed).joined(carried_layout(robot, data, "tracked_motion"))
@@ -95,16 +99,23 @@ def evaluate_tracked_motion(robot: Robot, data: Dataset, seed: int = DEFAULT_SEE
     return _of_positions(robot, data, residual, record)
 
 
-def _of_positions(robot: Robot, data: Dataset, residual: np.ndarray, record: MotionRecord | None = None) -> Evaluation:
+def _of_positions(robot: Robot, data: Dataset, residual: np.ndarray,
+                  record: MotionRecord | None = None) -> Evaluation:
     """record: of a motion, whose rows at reversals are not judged."""
-    error, judged = np.linalg.norm(residual, axis=1), np.ones(len(data), bool) if record is None else ~record.at_reversal
-    sessions = tuple((int(s), summarise(error[judged & (data.session == s)])) for s in np.unique(data.session))
-    warnings = (*extrapolations(robot, controller_angles(robot, data)), *(() if record is None else reversals_left_out([record])))
-    return Evaluation("m", error, residual, ("dx_m", "dy_m", "dz_m"), summarise(error[judged]), sessions, warnings)
+    error, judged = (
+        np.linalg.norm(residual, axis=1), np.ones(len(data), bool) if record is None else ~record.at_reversal
+    )
+    sessions = tuple((int(s), summarise(error[judged & (data.session == s)]))
+                     for s in np.unique(data.session))
+    warnings = (*extrapolations(robot, controller_angles(robot, data)),
+                *(() if record is None else reversals_left_out([record])))
+    return Evaluation("m", error, residual, ("dx_m", "dy_m", "dz_m"), summarise(error[judged]), sessions,
+                      warnings)
 
 
 def evaluate_gear_runs(robot: Robot, data: Dataset, seed: int = DEFAULT_SEED, threads: int = 1) -> Evaluation:
-    """The unfiltered rate along the moving axis (or the angle between two encoders), on the rows that count."""
+    """The unfiltered rate along the moving axis (or the angle between two encoders), on the rows that
+    count."""
     found = gear_run_error(robot, data, threads)
     judged = lambda rows: summarise(found.error[rows & found.keep])
     sessions = tuple((int(s), judged(data.session == s)) for s in np.unique(data.session))
@@ -113,7 +124,8 @@ def evaluate_gear_runs(robot: Robot, data: Dataset, seed: int = DEFAULT_SEED, th
 
 
 def evaluate_closures(robot: Robot, data: Dataset, seed: int = 0, threads: int = 1) -> Evaluation:
-    """The distance of every touch from its contact; contacts and tool are fitted, without the known lengths."""
+    """The distance of every touch from its contact; contacts and tool are fitted, without the known
+    lengths."""
     rows = touches(data)
     fit = nominal_closures(robot, rows, carried_effects(robot, rows), seed, threads)
     error, residual = fit.prediction.error(), fit.prediction.residual
@@ -122,7 +134,8 @@ def evaluate_closures(robot: Robot, data: Dataset, seed: int = 0, threads: int =
     if not fit.fit.converged:
         warnings = (*warnings, f"the fit of contacts and tool did not converge ({fit.fit.reason})")
     return Evaluation(
-        "m", error, residual, RESIDUAL_COLUMNS[: residual.shape[1]], summarise(error), sessions, warnings, rows,
+        "m", error, residual, RESIDUAL_COLUMNS[: residual.shape[1]], summarise(error), sessions, warnings,
+        rows,
         set_distance_errors(robot, fit.layout, rows, threads),
     )
 

@@ -2,10 +2,11 @@
 
 Experiment c has the block B_c (r, m) of the Jacobian; a set S has the information M = sum_{c in S} B_c' B_c.
 One step (extended DETMAX: Mitchell 1974; thesis 3.2.2): of randomly drawn candidates those that raise the
-criterion `keep` are admitted, the one of them that raises the criterion `add` most is added, and the member that
+criterion `keep` are admitted, the one of them that raises the criterion `add` most is added, and the member
+that
 `keep` misses least is removed. A tabu list (Daney, Papegay and Madeline 2005) bars what was just removed from
-coming back and what was just added from leaving, so the search may pass through worse sets; the best is returned.
-Information that is there already (earlier measurements) enters as `prior` (m, m).
+coming back and what was just added from leaving, so the search may pass through worse sets; the best is
+returned. Information that is there already (earlier measurements) enters as `prior` (m, m).
 """
 
 from __future__ import annotations
@@ -21,8 +22,8 @@ from exactarm.identify.criterion import Criterion, LogDeterminant, SmallestOverL
 
 @dataclass(frozen=True)
 class ExchangeOptions:
-    """candidates drawn a step; tenure: steps on the tabu list, a quarter of the set at most; the search ends when `patience` steps together
-    raise `keep` by less than `threshold`, or after `most_steps`."""
+    """candidates drawn a step; tenure: steps on the tabu list, a quarter of the set at most; the search ends
+    when `patience` steps together raise `keep` by less than `threshold`, or after `most_steps`."""
 
     candidates: int = 200
     tenure: int = 5
@@ -35,7 +36,8 @@ class ExchangeOptions:
 
 @dataclass(frozen=True)
 class Exchanged:
-    """chosen (K,) indices into the pool; value of `keep` for them; history (steps + 1,) of the best value so far."""
+    """chosen (K,) indices into the pool; value of `keep` for them; history (steps + 1,) of the best value so
+    far."""
 
     chosen: np.ndarray
     value: float
@@ -58,9 +60,11 @@ def exchange(
     least = options.keep.least_gain(len(chosen), pool.shape[-1]) if prior is None else 0.0
     value = options.keep.value(known + information_of(pool[chosen]))
     if not np.isfinite(value):
-        raise ComputationError(f"a set of {len(chosen)} experiments cannot identify {pool.shape[-1]} parameters")
+        raise ComputationError(f"a set of {len(chosen)} experiments cannot identify {pool.shape[-1]} "
+                               "parameters")
     best, history = (value, np.array(chosen)), [value]
-    tenure = min(options.tenure, len(chosen) // 4)  # in a small set the list must leave members to choose from
+    # in a small set the list must leave members to choose from
+    tenure = min(options.tenure, len(chosen) // 4)
     barred: deque[int] = deque(maxlen=2 * tenure)
     draw = _Draw(len(pool), options.candidates, rng)
     for step in range(options.most_steps):
@@ -80,7 +84,8 @@ def exchange(
     return Exchanged(best[1], best[0], np.array(history))
 
 
-def _addition(pool, information, candidates: np.ndarray, options: ExchangeOptions, least: float) -> int | None:
+def _addition(pool, information, candidates: np.ndarray, options: ExchangeOptions,
+              least: float) -> int | None:
     """The candidate that raises `add` most among those that raise `keep` by more than `least`."""
     admitted = candidates[options.keep.gains(information, pool[candidates]) > least]
     if admitted.size == 0:

@@ -24,7 +24,8 @@ from exactarm.split import DEFAULT_SEED
 _STARTS = 12
 _TOOL_REACH_M = 0.5  # spread of the random starts of the tool point
 _STEPS = 40
-_APART_M, _AS_GOOD = 0.01, 1.1  # another end of the search that far off with such a share of the RMS is as good
+# another end of the search that far off with such a share of the RMS is as good
+_APART_M, _AS_GOOD = 0.01, 1.1
 
 
 @dataclass(frozen=True)
@@ -41,7 +42,8 @@ class FoundFrames:
     other_tool: np.ndarray | None = None
 
 
-def find_frames(robot: Robot, data: Dataset, layout: Layout | None = None, seed: int = DEFAULT_SEED) -> FoundFrames:
+def find_frames(robot: Robot, data: Dataset, layout: Layout | None = None,
+                seed: int = DEFAULT_SEED) -> FoundFrames:
     """Frames of one session by the robot as declared (with the effects of `layout`, none free).
 
     Raises InputError with fewer than 4 different poses or when all targets lie on one line.
@@ -52,21 +54,25 @@ def find_frames(robot: Robot, data: Dataset, layout: Layout | None = None, seed:
     distinct = len(np.unique(np.round(points, 9), axis=0))
     if distinct < 4:
         raise InputError(
-            f"different poses of session {data.session[0]} to find its frames by: {distinct}; expected at least 4", file=data.first_file)
+            f"different poses of session {data.session[0]} to find its frames by: {distinct}; expected at "
+            "least 4", file=data.first_file)
     if np.linalg.svd(measured - measured.mean(0), compute_uv=False)[1] < 1e-6:
         raise InputError(
-            f"measured points of session {data.session[0]} lie on one line; expected points in space, to find its frames by",
+            f"measured points of session {data.session[0]} lie on one line; expected points in space, to "
+            "find its frames by",
             file=data.first_file,
         )
     starts = np.random.default_rng(seed).normal(0.0, _TOOL_REACH_M, (_STARTS, 3))
     starts[0] = 0.0
     ends = [_refine(points, rotations, measured, start) for start in starts]
     tool_point, cost = min(ends, key=lambda end: end[1])
-    as_good = (end for end, other in ends if other <= _AS_GOOD**2 * cost and np.linalg.norm(end - tool_point) > _APART_M)
+    as_good = (end for end, other in ends
+               if other <= _AS_GOOD**2 * cost and np.linalg.norm(end - tool_point) > _APART_M)
     base, residual = _procrustes(points + rotations @ tool_point, measured)
     tool_rotation = np.eye(3)
     if data.rotation is not None:
-        tool_rotation = nearest(np.mean(np.swapaxes(base.rotation @ rotations, -1, -2) @ data.rotation, axis=0))
+        tool_rotation = nearest(np.mean(np.swapaxes(base.rotation @ rotations, -1, -2) @ data.rotation,
+                                        axis=0))
     rms = float(np.sqrt(np.mean(np.sum(residual**2, axis=1))))
     scale = _scale(points + rotations @ tool_point, measured)
     return FoundFrames(base, Placement(tool_rotation, tool_point), rms, scale, next(as_good, None))
@@ -102,7 +108,8 @@ def _refine(points, rotations, measured, tool_point) -> tuple[np.ndarray, float]
         jacobian[:, :, 6:] = turned
         rows = jacobian.reshape(-1, 9)
         normal = rows.T @ rows
-        step = np.linalg.lstsq(normal + damping * np.diag(np.diag(normal)), rows.T @ residual.ravel(), rcond=1e-12)[0]
+        step = np.linalg.lstsq(normal + damping * np.diag(np.diag(normal)), rows.T @ residual.ravel(),
+                               rcond=1e-12)[0]
         trial_tool = tool_point + step[6:]
         trial_base, trial_residual = _procrustes(points + rotations @ trial_tool, measured)
         trial_cost = float(np.sum(trial_residual**2))

@@ -1,9 +1,9 @@
 """How sharply dry friction turns over at a reversal, axis by axis: the width w of tanh(rate / w).
 
-No robot file declares it, and a wrong one leaves a peak at every reversal that looks like breakaway torque. Each axis
-takes the width at which its own torque leaves least, with friction, all free parameters and smooth curves of angle,
-rate, acceleration and load fitted (a cause that is not declared must not hide the peaks); the one of the record unless another
-is clearly better.
+No robot file declares it, and a wrong one leaves a peak at every reversal that looks like breakaway torque.
+Each axis takes the width at which its own torque leaves least, with friction, all free parameters and smooth
+curves of angle, rate, acceleration and load fitted (a cause that is not declared must not hide the peaks);
+the one of the record unless another is clearly better.
 """
 
 from __future__ import annotations
@@ -32,11 +32,14 @@ def friction_widths(robot: Robot, layout: Layout, record: MotionRecord, threads:
     near = record.smooth(smooth_sign(rate, record.sign_width, view.swing)[0])
     residual = prediction.residual()
     for axis in rubbed:
-        columns = np.column_stack([prediction.jacobian[keep, axis], record.smooth(_smooth_curves(view, rate, axis))[keep]])
+        columns = np.column_stack([prediction.jacobian[keep, axis],
+                                   record.smooth(_smooth_curves(view, rate, axis))[keep]])
         columns = columns[:, np.any(columns, axis=0)]
-        # What the usual width has explained lies in the span of the columns: only the peaks at reversals are at stake.
+        # What the usual width has explained lies in the span of the columns: only the peaks at reversals are
+        # at stake.
         coulomb = view.robot.joints[axis].coulomb
-        left = [_square(columns, near[keep, axis], sign[keep, axis], residual[keep, axis], coulomb) for sign in (near, *signs)]
+        left = [_square(columns, near[keep, axis], sign[keep, axis], residual[keep, axis], coulomb)
+                for sign in (near, *signs)]
         best = int(np.argmin(left))
         if left[best] < _CLEARLY * left[0]:
             widths[axis] = _WIDTHS_RAD_S[best - 1]
@@ -46,7 +49,8 @@ def friction_widths(robot: Robot, layout: Layout, record: MotionRecord, threads:
 def _smooth_curves(view, rate: np.ndarray, axis: int) -> np.ndarray:
     """(N, c) what a torque may follow without jumping at a reversal."""
     v, q, load = np.abs(rate[:, axis]), view.q[:, axis], view.torque[:, axis]
-    return np.column_stack([np.ones_like(v), v, v * rate[:, axis], view.signals["q_ddot"][:, axis], np.cos(q), np.sin(q), load])
+    return np.column_stack([np.ones_like(v), v, v * rate[:, axis], view.signals["q_ddot"][:, axis], np.cos(q),
+                            np.sin(q), load])
 
 
 def _square(columns, near, sign, residual, coulomb) -> float:

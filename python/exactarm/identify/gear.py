@@ -1,4 +1,5 @@
-"""Gear identification (thesis 3.1.1) from gear runs: ratio, and harmonics per direction of motion, of every moving axis.
+"""Gear identification (thesis 3.1.1) from gear runs: ratio, and harmonics per direction of motion, of every
+moving axis.
 
 1. derivative of the motor encoder, alignment of the gyroscope (3.3), gravity deflection out   gear_samples
 2. kinematic error (E6), both sides filtered alike (3.1), (3.2)                                gear_error
@@ -43,7 +44,8 @@ _SAME_SPEED = 0.1  # runs whose speeds differ by less than this share count as o
 
 @dataclass(frozen=True)
 class HeldOut:
-    """RMS of the kinematic error on the rows of one set, direction and speed (rad/s at the output), by method."""
+    """RMS of the kinematic error on the rows of one set, direction and speed (rad/s at the output), by
+    method."""
 
     joint: int
     side: str
@@ -56,10 +58,11 @@ class HeldOut:
 
 @dataclass(frozen=True)
 class Gear:
-    """One direction of one axis. error_before, error_after (N,) over its samples, NaN on rows that do not count.
+    """One direction of one axis. error_before, error_after (N,) over its samples, NaN on rows that do not
+    count.
 
-    declared: with the robot file's own tables and ratio; rest: as after, with all that was found beside the gear
-    taken out too (delay, wind-up, friction); noise: the part of the error that is white noise.
+    declared: with the robot file's own tables and ratio; rest: as after, with all that was found beside the
+    gear taken out too (delay, wind-up, friction); noise: the part of the error that is white noise.
     """
 
     joint: int
@@ -110,7 +113,8 @@ class GearIdentification:
 
 
 def identify_gears(
-    robot: Robot, data: Dataset, *, method: str = "refined", seed: int = DEFAULT_SEED, threads: int = 1, progress=lambda text: None
+    robot: Robot, data: Dataset, *, method: str = "refined", seed: int = DEFAULT_SEED, threads: int = 1,
+    progress=lambda text: None
 ) -> GearIdentification:
     """Identifies every gear that moves in the data. Raises InputError where nothing can be identified."""
     if method not in METHODS:
@@ -125,7 +129,8 @@ def identify_gears(
         if first is None:
             used = int(np.sum(samples.identification & samples.keep))
             warnings.append(
-                f"axis {axis + 1}: only {used} of its {samples.run.size} rows identify in a steady motion along a range of the "
+                f"axis {axis + 1}: only {used} of its {samples.run.size} rows identify in a steady motion "
+                "along a range of the "
                 "axis, expected some hundreds: its gear is left as declared"
             )
             continue
@@ -147,7 +152,8 @@ def identify_gears(
     for gear in gears:
         intervals[f"ratio_{gear.joint}"] = _interval(gear.estimate.ratio, gear.estimate.ratio_sigma)
     return GearIdentification(
-        replace(result, intervals=intervals), tuple(gears), tuple(held_out), tuple(alignments), method, tuple(warnings)
+        replace(result, intervals=intervals), tuple(gears), tuple(held_out), tuple(alignments), method,
+        tuple(warnings)
     )
 
 
@@ -156,7 +162,8 @@ def _interval(value: float, sigma: float) -> tuple[float, float]:
 
 
 def _with_tables(robot: Robot, axis: int, estimate: GearEstimate) -> Robot:
-    """The robot with the ratio and the tables of the directions that were measured; the controller keeps its constant."""
+    """The robot with the ratio and the tables of the directions that were measured; the controller keeps its
+    constant."""
     tables = {side: estimate.gear_table(side) for side in estimate.tables}
     for side, table in tables.items():
         try:
@@ -188,12 +195,15 @@ def _errors(robot: Robot, estimates: dict[str, GearEstimate], method: str) -> _E
     own = {side: getattr(joint, side) or joint.cw or joint.ccw for side in SIDES}
     error = lambda model, disturbance=sensor, **how: kinematic_error(samples, model, disturbance, **how)
     models = {name: motor_by_tables(samples, each.scale, tables(each)) for name, each in estimates.items()}
-    after = {name: error(models[name], sensor_part(samples, each.disturbance)) for name, each in estimates.items()}
+    after = {name: error(models[name], sensor_part(samples, each.disturbance))
+             for name, each in estimates.items()}
     return _Errors(
         error(samples.motor / chosen.scale),
         after,
-        error(motor_by_tables(samples, 1.0, {side: table for side, table in own.items() if table is not None})),
-        after[method] if np.array_equal(sensor, chosen.disturbance) else error(models[method], chosen.disturbance),
+        error(motor_by_tables(samples, 1.0,
+                              {side: table for side, table in own.items() if table is not None})),
+        after[method] if np.array_equal(sensor, chosen.disturbance)
+        else error(models[method], chosen.disturbance),
         noise_of_error(samples, error(models[method], filtered=False)),
     )
 
@@ -204,8 +214,10 @@ def _gear(estimate: GearEstimate, side: str, errors: _Errors) -> Gear:
     sets = {"identification": rows & samples.identification, "validation": rows & ~samples.identification}
     summary = lambda error: {name: summarise(np.abs(error[mask])) for name, mask in sets.items()}
     return Gear(
-        samples.axis + 1, side, estimate, estimate.gear_table(side), errors.before, after, summary(errors.before),
-        summary(after), summary(errors.declared), summary(errors.rest), errors.noise, _cutoff(samples) if samples.rated else None,
+        samples.axis + 1, side, estimate, estimate.gear_table(side), errors.before, after,
+        summary(errors.before),
+        summary(after), summary(errors.declared), summary(errors.rest), errors.noise,
+        _cutoff(samples) if samples.rated else None,
     )
 
 
@@ -225,7 +237,8 @@ def _held_out(estimate: GearEstimate, errors: _Errors) -> list[HeldOut]:
             for speed in np.unique(speeds[rows]):
                 part = rows & (speeds == speed)
                 after = {name: rms(error, part) for name, error in errors.after.items()}
-                out.append(HeldOut(samples.axis + 1, side, float(speed), fitted, int(part.sum()), rms(errors.before, part), after))
+                out.append(HeldOut(samples.axis + 1, side, float(speed), fitted, int(part.sum()),
+                                   rms(errors.before, part), after))
     return out
 
 
@@ -254,23 +267,33 @@ def _alignments(data: Dataset, samples: GearSamples, setup) -> list[Alignment]:
             rows = samples.rows[samples.side(way) & fast & (data.session[samples.rows] == effect.session)]
             if rows.size:
                 mean = data.gyro[rows].mean(axis=0)
-                out.append(Alignment(effect.joint, side, (effect.values[0], effect.values[1]), mean, turn @ mean))
+                out.append(Alignment(effect.joint, side, (effect.values[0], effect.values[1]), mean,
+                                     turn @ mean))
     return out
 
 
 def _warnings(estimate: GearEstimate):
     joint, samples = estimate.samples.axis + 1, estimate.samples
     if not estimate.converged:
-        yield f"axis {joint}: ratio and harmonics did not settle on each other: check the data for gross errors"
+        yield (
+            f"axis {joint}: ratio and harmonics did not settle on each other: check the data for gross errors"
+        )
     if len(estimate.tables) == 1:
         side = next(iter(estimate.tables))
-        yield f"axis {joint} was measured in one direction ({side}) only: the other direction keeps its declared table"
+        yield (
+            f"axis {joint} was measured in one direction ({side}) only: the other direction keeps its "
+            "declared table"
+        )
     if samples.rated and not np.any(sensor_part(samples, estimate.disturbance)) and len(estimate.tables) == 1:
-        yield f"axis {joint}: one direction at one speed cannot tell the gyroscope's bias from the ratio; it is taken as 0"
+        yield (
+            f"axis {joint}: one direction at one speed cannot tell the gyroscope's bias from the ratio; it "
+            "is taken as 0"
+        )
     longest = max(profile.range_rev for profile in estimate.profiles.values())
     if longest < 0.2:
         yield (
-            f"axis {joint} moves over {360.0 * longest:.0f} deg: orders closer than {1.0 / longest:.0f} per revolution "
+            f"axis {joint} moves over {360.0 * longest:.0f} deg: orders closer than {1.0 / longest:.0f} per "
+            "revolution "
             "cannot be told apart; the table holds on this range only"
         )
     if not estimate.orders.size:
@@ -280,14 +303,16 @@ def _warnings(estimate: GearEstimate):
 def _left_out(data: Dataset, record) -> Iterator[str]:
     """Axes that the file has but the runs do not move: nothing is left out without a word."""
     given = np.flatnonzero(~np.isnan(data.joints["theta"][0]))
-    still = [axis for axis in record.encoder_axes or given if axis not in measured_axes(record) and not record.moving[axis]]
+    still = [axis for axis in record.encoder_axes or given
+             if axis not in measured_axes(record) and not record.moving[axis]]
     if still:
         names = ", ".join(str(axis + 1) for axis in still)
         yield f"axis {names} stands still beside the others in these runs: its gear is left as declared"
 
 
 def _remaining(gears: list[Gear]):
-    """What the validation rows say beside their RMS: rows outside the fitted range, and errors far above the noise."""
+    """What the validation rows say beside their RMS: rows outside the fitted range, and errors far above the
+    noise."""
     outside, loud = [], []
     for gear in gears:
         samples, profile = gear.samples, gear.estimate.profiles[gear.side]
@@ -295,16 +320,21 @@ def _remaining(gears: list[Gear]):
         if not held_out.any():
             continue
         angle = samples.angle[held_out] / gear.estimate.scale
-        share = np.mean((angle < profile.angle.min() - profile.step) | (angle > profile.angle.max() + profile.step))
+        share = np.mean((angle < profile.angle.min() - profile.step)
+                        | (angle > profile.angle.max() + profile.step))
         left = gear.rest["validation"].rms
         if share > _MUCH_OUTSIDE:
             outside.append(f"{100.0 * share:.0f} % of {gear.joint} {gear.side}")
         if gear.noise > 0.0 and left > _FAR_ABOVE * gear.noise:
             loud.append(f"{gear.joint} {gear.side} {left / gear.noise:.1f} times")
     if outside:
-        yield f"validation rows outside the angles that were fitted, where the table is extrapolated: {', '.join(outside)}"
+        yield (
+            "validation rows outside the angles that were fitted, where the table is extrapolated: "
+            f"{', '.join(outside)}"
+        )
     if loud:
         yield (
-            "what remains on held-out rows, even without all that stands beside the gear, is more than the sensor's noise: "
+            "what remains on held-out rows, even without all that stands beside the gear, is more than the "
+            "sensor's noise: "
             f"{', '.join(loud)}; `exactarm diagnose` looks for its cause"
         )

@@ -2,8 +2,9 @@
 
     gyroscope   output = rate / scale * 1 / (1 + s(phi)) + bias
     encoders    output = angle / scale - e(phi) + disturbances (offsets of the runs, delay, wind-up, friction)
-with scale = true ratio over declared ratio. Ratio with disturbances and harmonics are fitted in turn until they rest;
-both directions share the ratio. The bias is left at zero where nothing tells it from the ratio: one direction at
+with scale = true ratio over declared ratio. Ratio with disturbances and harmonics are fitted in turn until
+they rest; both directions share the ratio. The bias is left at zero where nothing tells it from the ratio:
+one direction at
 one speed without a standstill.
 """
 
@@ -23,7 +24,8 @@ from exactarm.identify.gear_samples import GearSamples
 from exactarm.robot import GearTable
 
 _ROUNDS = 3
-_RATIO_RESTS = 0.1  # of its standard deviation: ratio and harmonics, fitted in turn, have settled on each other
+# of its standard deviation: ratio and harmonics, fitted in turn, have settled on each other
+_RATIO_RESTS = 0.1
 _SEARCH_ROUNDS = 2
 _TELLS_BIAS = 1e-4  # share of the bias column that the rate cannot imitate
 _LEAST_CELLS = 64
@@ -59,7 +61,8 @@ class GearEstimate:
 
 @dataclass(frozen=True)
 class FirstLook:
-    """Profiles by side with the first ratio, the band of orders that they can tell, and the whole numbers in it."""
+    """Profiles by side with the first ratio, the band of orders that they can tell, and the whole numbers in
+    it."""
 
     scale: float
     disturbance: np.ndarray
@@ -98,7 +101,9 @@ def identify_axis(samples: GearSamples, method: str, first: FirstLook) -> GearEs
         if turn < _SEARCH_ROUNDS and band[1] > band[0]:
             found = find_orders(sides, band, method, found, None if turn else first.whole)
         else:
-            found = fit_all(sides, np.zeros(0)) if found is None else fit_all(sides, found.orders, found.tables)
+            found = (
+                fit_all(sides, np.zeros(0)) if found is None else fit_all(sides, found.orders, found.tables)
+            )
         before = scale
         scale, disturbance, sigma = _ratio(samples, fitted, dict(zip(profiles, found.tables)), scale)
         settled = abs(scale - before) < _RATIO_RESTS * sigma
@@ -115,15 +120,18 @@ def _require_like(samples: GearSamples, scale: float) -> None:
     if not 1.0 / _LARGEST_FACTOR < scale < _LARGEST_FACTOR:
         sensor = "gyroscope" if samples.rated else "encoder behind the gear"
         raise InputError(
-            f"axis {samples.axis + 1}: motor angle and {sensor} give a gear ratio of {samples.ratio * scale:.4g} where the robot "
-            f"file has {samples.ratio:.4g}; expected less than a factor {_LARGEST_FACTOR:.0f} between them: check units and ratio"
+            f"axis {samples.axis + 1}: motor angle and {sensor} give a gear ratio of "
+            f"{samples.ratio * scale:.4g} where the robot "
+            f"file has {samples.ratio:.4g}; expected less than a factor {_LARGEST_FACTOR:.0f} between them: "
+            "check units and ratio"
         )
 
 
 def _profiles(samples, fitted, scale, disturbance) -> dict[str, AngleProfile]:
     beside = samples.disturbances @ disturbance
     sides = {side: fitted & samples.side(way) for side, way in SIDES.items()}
-    sides = {side: rows for side, rows in sides.items() if rows.sum() >= _LEAST_CELLS and np.ptp(samples.angle[rows]) > 0}
+    sides = {side: rows for side, rows in sides.items()
+             if rows.sum() >= _LEAST_CELLS and np.ptp(samples.angle[rows]) > 0}
     if not sides:
         return {}
     # A first look at the range and the sampling sets the band, the band the width of the cells.

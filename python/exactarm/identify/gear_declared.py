@@ -1,8 +1,9 @@
 """The declared model of a gear run: what is re-identified when nothing else is asked for.
 
-Harmonic coefficients of the declared tables, per direction of motion; the constant tilt of the gyroscope, one pair
-of angles for each set-up and moving axis, started from the closed form of (3.3); with encoders on both sides one
-offset for each run and axis. Not the ratio. Effects that the robot file carries are held at their values.
+Harmonic coefficients of the declared tables, per direction of motion; the constant tilt of the gyroscope, one
+pair of angles for each set-up and moving axis, started from the closed form of (3.3); with encoders on both
+sides one offset for each run and axis. Not the ratio. Effects that the robot file carries are held at their
+values.
 """
 
 from __future__ import annotations
@@ -23,7 +24,10 @@ SIDES = {"cw": -1.0, "ccw": 1.0}
 
 def declared_gear_layout(robot: Robot, data: Dataset, record: GearRecord) -> Layout:
     """Harmonics, sensor, and the effects on file."""
-    return harmonics_layout(robot, data, record).joined(sensor_layout(robot, data, record)).joined(carried_layout(robot, data, "gear_run"))
+    return harmonics_layout(robot, data,
+                            record).joined(sensor_layout(robot, data, record)).joined(
+                                carried_layout(robot, data, "gear_run")
+                            )
 
 
 def harmonics_layout(robot: Robot, data: Dataset, record: GearRecord) -> Layout:
@@ -40,16 +44,18 @@ def harmonics_layout(robot: Robot, data: Dataset, record: GearRecord) -> Layout:
 def sensor_layout(
     robot: Robot, data: Dataset, record: GearRecord, *, bias: bool = False, chosen: np.ndarray | None = None
 ) -> Layout:
-    """What belongs to the set-up: alignment (and bias) of the gyroscope, or the offsets between two encoders; started
-    from the `chosen` rows (N,) alone."""
+    """What belongs to the set-up: alignment (and bias) of the gyroscope, or the offsets between two encoders;
+    started from the `chosen` rows (N,) alone."""
     if record.encoder_axes:
         return _offsets(robot, data, record)
     effects: list = list(alignments(robot, data, record, chosen))
     return Layout.of((*effects, GyroBias(None, (0.0, 0.0, 0.0))) if bias else tuple(effects))
 
 
-def alignments(robot: Robot, data: Dataset, record: GearRecord, chosen: np.ndarray | None = None) -> list[GyroAlignment]:
-    """Closed form of (3.3): the direction of the reading, weighted with the motor's rate (so with its sign), onto z."""
+def alignments(robot: Robot, data: Dataset, record: GearRecord,
+               chosen: np.ndarray | None = None) -> list[GyroAlignment]:
+    """Closed form of (3.3): the direction of the reading, weighted with the motor's rate (so with its sign),
+    onto z."""
     sensor_axis = record.sensor_axis
     usable = np.ones(len(data), bool) if chosen is None else chosen
     found = []

@@ -1,8 +1,9 @@
 """Kinematic error of a gear on any of its samples, before and after (E6, thesis (3.4)).
 
-Both sides pass the same acausal filter (3.1): the difference is filtered, stretch by stretch of rows that count, at
-a cutoff of a few motor revolutions of each run, so that the harmonics stay and the gyroscope's noise does not hide them.
-With encoders on both sides the difference of the angles is taken, less one constant for each run.
+Both sides pass the same acausal filter (3.1): the difference is filtered, stretch by stretch of rows that
+count, at a cutoff of a few motor revolutions of each run, so that the harmonics stay and the gyroscope's
+noise does not hide them. With encoders on both sides the difference of the angles is taken, less one constant
+for each run.
 """
 
 from __future__ import annotations
@@ -21,11 +22,13 @@ _NOISE_SHARE = 1.0645  # equivalent noise bandwidth of the filter over its cutof
 
 
 def cutoff_hz(samples: GearSamples, rows: np.ndarray) -> float:
-    """-3 dB frequency for the kinematic error of one run; Table A.4 has 2.3, 1.5 and 4.9 motor revolutions."""
+    """-3 dB frequency for the kinematic error of one run; Table A.4 has 2.3, 1.5 and 4.9 motor
+    revolutions."""
     kept = rows[samples.keep[rows]]
     speed = float(np.median(np.abs(samples.rate[kept]))) if kept.size else 0.0
     motor_hz = abs(samples.ratio) * speed / (2.0 * np.pi)
-    return float(min(CUTOFF_PER_MOTOR_REV * max(motor_hz, 1e-3), _HIGHEST_SHARE / typical_step(samples.time[rows])))
+    return float(min(CUTOFF_PER_MOTOR_REV * max(motor_hz, 1e-3),
+                     _HIGHEST_SHARE / typical_step(samples.time[rows])))
 
 
 def motor_by_tables(samples: GearSamples, scale: float, tables: dict[str, GearTable]) -> np.ndarray:
@@ -39,7 +42,8 @@ def motor_by_tables(samples: GearSamples, scale: float, tables: dict[str, GearTa
     return model
 
 
-def kinematic_error(samples: GearSamples, model: np.ndarray, disturbance: np.ndarray, filtered: bool = True) -> np.ndarray:
+def kinematic_error(samples: GearSamples, model: np.ndarray, disturbance: np.ndarray,
+                    filtered: bool = True) -> np.ndarray:
     """(N,) motor over ratio (by the tables, `motor_by_tables`) minus output; NaN on rows that do not count.
 
     disturbance (k,): coefficients of the columns that belong to the sensor; none of the others is taken out.

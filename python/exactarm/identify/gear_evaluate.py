@@ -1,7 +1,7 @@
 """The error of a robot's gears, as its file has them, on gear runs that it has not seen.
 
-Only the set-up is fitted: alignment and bias of the gyroscope, or one offset for each run and axis between two
-encoders. The error is the unfiltered rate along the moving axis, or the angle.
+Only the set-up is fitted: alignment and bias of the gyroscope, or one offset for each run and axis between
+two encoders. The error is the unfiltered rate along the moving axis, or the angle.
 """
 
 from __future__ import annotations
@@ -20,7 +20,8 @@ from exactarm.robot import Robot
 
 @dataclass(frozen=True)
 class GearRunError:
-    """error (N,) magnitude along the moving axis (RMS over the axes between encoders), residual (N, m) with names, keep (N,)."""
+    """error (N,) magnitude along the moving axis (RMS over the axes between encoders), residual (N, m) with
+    names, keep (N,)."""
 
     unit: str
     error: np.ndarray
@@ -39,4 +40,5 @@ def gear_run_error(robot: Robot, data: Dataset, threads: int = 1) -> GearRunErro
         columns = tuple(f"dq_{axis + 1}_rad" for axis in record.encoder_axes)
         return GearRunError("rad", np.sqrt(np.mean(residual**2, axis=1)), residual, columns, prediction.keep)
     error = np.abs(np.einsum("ij,ij->i", residual, prediction.along))
-    return GearRunError("rad/s", error, residual, tuple(f"dgyro_{axis}_rad_s" for axis in "xyz"), prediction.keep)
+    return GearRunError("rad/s", error, residual, tuple(f"dgyro_{axis}_rad_s" for axis in "xyz"),
+                        prediction.keep)

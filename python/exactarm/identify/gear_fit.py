@@ -1,7 +1,7 @@
 """Fits a layout to gear runs: weighted least squares of all components of the reading through the chain.
 
-Coefficients of gear tables are drawn towards their declared values with their plausible spread: neighbouring orders
-cannot be told apart on a short range, and would grow without bound against each other.
+Coefficients of gear tables are drawn towards their declared values with their plausible spread: neighbouring
+orders cannot be told apart on a short range, and would grow without bound against each other.
 """
 
 from __future__ import annotations
@@ -23,7 +23,8 @@ _TOLERANCE = 1e-8  # relative fall of the square sum that ends a fit
 
 @dataclass(frozen=True)
 class GearFit:
-    """The layout at its estimate, the fit, the standard deviation (m,) of each component, the last prediction."""
+    """The layout at its estimate, the fit, the standard deviation (m,) of each component, the last
+    prediction."""
 
     robot: Robot
     layout: Layout
@@ -46,7 +47,8 @@ def fit_gear_runs(
     drift: DriftingNoise | None = None,
     threads: int = 1,
 ) -> GearFit:
-    """Estimates the free parameters of `layout`; `weights` (N,) per row, 0 leaves it out; `drift`: of the noise."""
+    """Estimates the free parameters of `layout`; `weights` (N,) per row, 0 leaves it out; `drift`: of the
+    noise."""
     record = gear_record(robot, data) if record is None else record
     used = record.keep.astype(float) if weights is None else record.keep * weights
     white = (lambda values: values) if drift is None else drift.white

@@ -1,7 +1,7 @@
 """Usual mistakes in gear runs: motor and link side, units, signs, axes, time, a clock that drifts.
 
-Between encoders: the slope of theta_i over q_i is the gear ratio. Under a gyroscope: the size of its reading is the rate of the
-moving motor over the ratio. What the slope is instead tells the mistake.
+Between encoders: the slope of theta_i over q_i is the gear ratio. Under a gyroscope: the size of its reading
+is the rate of the moving motor over the ratio. What the slope is instead tells the mistake.
 """
 
 from __future__ import annotations
@@ -50,7 +50,8 @@ def _of_encoders(robot: Robot, data: Dataset) -> list[Suspicion]:
             continue
         found.append(
             Suspicion(
-                f"axis {i + 1}: theta_{i + 1} goes {slope:.4g} times as far as q_{i + 1}, the file's gear ratio is "
+                f"axis {i + 1}: theta_{i + 1} goes {slope:.4g} times as far as q_{i + 1}, the file's gear "
+                "ratio is "
                 f"{robot.ratios[i]:.4g}: {_meant(share, slope * robot.ratios[i], int(i) + 1)}",
                 sentence=True,
             )
@@ -79,7 +80,10 @@ def _other_link(
             and abs(motor @ link) > (1.0 - NEARLY) * np.linalg.norm(motor) * np.linalg.norm(link) > 0.0
         ):
             return f"theta_{axis + 1} follows q_{j + 1}, not q_{axis + 1}: are two axes exchanged?"
-    return f"theta_{axis + 1} and q_{axis + 1} do not follow each other: are columns exchanged, or files of two motions mixed?"
+    return (
+        f"theta_{axis + 1} and q_{axis + 1} do not follow each other: are columns exchanged, or files of two "
+        "motions mixed?"
+    )
 
 
 def _meant(share: float, product: float, axis: int) -> str:
@@ -117,7 +121,8 @@ def _of_gyroscope(robot: Robot, data: Dataset) -> list[Suspicion]:
         if slope > 0.0 and not 1.0 / 1.5 < slope < 1.5:
             mistakes.append(
                 Suspicion(
-                    f"the gyroscope reads {slope:.3g} times the rate of motor {axis + 1} over its ratio: {_reading(slope)}",
+                    f"the gyroscope reads {slope:.3g} times the rate of motor {axis + 1} over its ratio: "
+                    f"{_reading(slope)}",
                     sentence=True,
                 )
             )
@@ -134,7 +139,10 @@ def _smooth(values: np.ndarray) -> np.ndarray:
 def _reading(slope: float) -> str:
     near = lambda goal: abs(slope / goal - 1.0) < NEARLY
     if near(1.0 / _DEGREE):
-        return "is it in deg/s labelled as rad/s, or the motor angle in degrees labelled as radians the other way round?"
+        return (
+            "is it in deg/s labelled as rad/s, or the motor angle in degrees labelled as radians the other "
+            "way round?"
+        )
     if near(_DEGREE):
         return "is it in rad/s labelled as deg/s, or the motor angle in degrees labelled as radians?"
     if near(1e3) or near(1e-3):

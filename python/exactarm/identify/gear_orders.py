@@ -1,11 +1,13 @@
 """Orders of a gear, found one after another in what the ones before leave, and the fit of their coefficients.
 
-`neighbours`  as the source: the highest peak of the coarse FFT, the nearest whole number and its two neighbours.
-`refined`     chirp-z zoom to the peak, then all orders as real numbers with the coefficients eliminated (variable
-              projection, Golub and Pereyra 1973), shared by both directions: one gear, one set of wheels.
-An order enters when noise alone would show such a peak anywhere in the band with a probability below FALSE_ALARM.
-Coefficients: weighted least squares per direction (3.5), drawn to zero with a spread that no gear exceeds, so that
-neighbours which a short range cannot tell apart do not grow against each other.
+`neighbours`  as the source: the highest peak of the coarse FFT, the nearest whole number and its two
+              neighbours.
+`refined`     chirp-z zoom to the peak, then all orders as real numbers with the coefficients eliminated
+              (variable projection, Golub and Pereyra 1973), shared by both directions: one gear, one set of
+                  wheels.
+An order enters when noise alone would show such a peak anywhere in the band with a probability below
+FALSE_ALARM. Coefficients: weighted least squares per direction (3.5), drawn to zero with a spread that no
+gear exceeds, so that neighbours which a short range cannot tell apart do not grow against each other.
 """
 
 from __future__ import annotations
@@ -35,10 +37,11 @@ _OVERSAMPLING = 8
 
 @dataclass(frozen=True)
 class Table:
-    """Coefficients of one direction with their covariance ((2 m, 2 m), a then b) and the residual in the cells.
+    """Coefficients of one direction with their covariance ((2 m, 2 m), a then b) and the residual in the
+    cells.
 
-    level: of the profile, fitted beside them and dropped; it belongs to the ratio, which on a short range the harmonics
-    would otherwise imitate.
+    level: of the profile, fitted beside them and dropped; it belongs to the ratio, which on a short range the
+    harmonics would otherwise imitate.
     """
 
     orders: np.ndarray
@@ -99,21 +102,24 @@ def _drawn(m: int) -> np.ndarray:
     return np.append(np.full(2 * m, 1.0 / _SPREAD**2), 0.0)
 
 
-def fit_all(profiles: list[AngleProfile], orders: np.ndarray, start: tuple[Table, ...] | None = None) -> Found:
+def fit_all(profiles: list[AngleProfile], orders: np.ndarray,
+            start: tuple[Table, ...] | None = None) -> Found:
     """The tables of all profiles at fixed orders."""
     starts = start or (None,) * len(profiles)
     return Found(orders, tuple(fit_table(profile, orders, table) for profile, table in zip(profiles, starts)))
 
 
 def find_orders(
-    profiles: list[AngleProfile], band: tuple[float, float], method: str, start: Found | None = None, whole: Found | None = None
+    profiles: list[AngleProfile], band: tuple[float, float], method: str, start: Found | None = None,
+    whole: Found | None = None
 ) -> Found:
-    """Accepted orders for all directions together; `start`: orders that are in already, from other profiles of the same
-    gear; `whole`: what `whole_orders` found in these profiles.
+    """Accepted orders for all directions together; `start`: orders that are in already, from other profiles
+    of the same gear; `whole`: what `whole_orders` found in these profiles.
 
-    The refined search has two beginnings, its own peaks and the whole numbers of the other method: close orders
-    that nearly cancel each other leave many local minima. Akaike's criterion (1974) decides, which asks for the
-    better prediction; an order that is not estimated but a whole number costs nothing for itself.
+    The refined search has two beginnings, its own peaks and the whole numbers of the other method: close
+    orders that nearly cancel each other leave many local minima. Akaike's criterion (1974) decides, which
+    asks for the better prediction; an order that is not estimated but a whole number costs nothing for
+    itself.
     """
     if start is not None:
         start = fit_all(profiles, start.orders, start.tables)
@@ -123,7 +129,8 @@ def find_orders(
     found = [settle(_one_after_another(profiles, band, start, coarse=False))]
     if start is not None:
         found.append(start)
-    # Between encoders, delay and friction colour what is left: there no criterion can judge lines closer than a cell.
+    # Between encoders, delay and friction colour what is left: there no criterion can judge lines closer than
+    # a cell.
     elif profiles[0].rated or 1.0 / longest_range(profiles) < _WHOLE_NUMBERS_APART:
         whole = whole_orders(profiles, band) if whole is None else whole
         earning = _earning(profiles, whole)
@@ -131,7 +138,8 @@ def find_orders(
     return min(found, key=lambda each: each.criterion)
 
 
-def whole_orders(profiles: list[AngleProfile], band: tuple[float, float], start: Found | None = None) -> Found:
+def whole_orders(profiles: list[AngleProfile], band: tuple[float, float],
+                 start: Found | None = None) -> Found:
     """The nearest whole numbers of the coarse FFT's peaks with their neighbours."""
     return _one_after_another(profiles, band, start, coarse=True)
 
@@ -175,7 +183,8 @@ def _earning(profiles, found: Found) -> Found:
 
 
 def _peaks(profiles, already: Found, band, coarse: bool) -> np.ndarray:
-    """Peaks that pass the test against noise, away from each other and from the orders already in, highest first.
+    """Peaks that pass the test against noise, away from each other and from the orders already in, highest
+    first.
 
     Only those within a factor of the highest are told at once: beside a strong line its side lobes stand.
     """
@@ -204,7 +213,8 @@ def _peaks(profiles, already: Found, band, coarse: bool) -> np.ndarray:
 
 
 def _colour(power: np.ndarray, profiles: int, width: int) -> np.ndarray:
-    """(K,) how far the spectrum around each order lies above white noise (median over the neighbourhood), at least 1.
+    """(K,) how far the spectrum around each order lies above white noise (median over the neighbourhood), at
+    least 1.
 
     What friction and delays leave is not white: without this, its slow part would pass for orders.
     """
@@ -225,7 +235,8 @@ def _summit(grid: np.ndarray, power: np.ndarray, best: int) -> float:
 
 
 def _refine(profiles, found: Found, band, rounds: int = 5) -> Found:
-    """Gauss-Newton on the orders with the coefficients eliminated; a step that does not help is shortened, then dropped."""
+    """Gauss-Newton on the orders with the coefficients eliminated; a step that does not help is shortened,
+    then dropped."""
     orders = found.orders
     if not orders.size:
         return found
@@ -251,7 +262,8 @@ def _refine(profiles, found: Found, band, rounds: int = 5) -> Found:
 
 
 def _projected(profiles, found: Found) -> tuple[np.ndarray, np.ndarray]:
-    """Normal matrix (m, m) and gradient (m,) of the orders with all coefficients eliminated (Schur's complement)."""
+    """Normal matrix (m, m) and gradient (m,) of the orders with all coefficients eliminated (Schur's
+    complement)."""
     m = found.orders.size
     normal, gradient = np.zeros((m, m)), np.zeros(m)
     own, order = slice(0, 2 * m + 1), slice(2 * m + 1, None)

@@ -3,8 +3,8 @@
 The error of a gear depends on its angle, so all runs of a direction fold onto one another. In a cell
     gyroscope:  value = sum rate output / sum rate^2,   model 1 / (1 + s(phi)), s = du/u0 by the harmonics
     encoders:   value = mean (angle - output),          model e(phi)
-with weights sum rate^2 (count), which make the folded fit the fit of all samples as long as a cell is narrow beside
-the shortest period.
+with weights sum rate^2 (count), which make the folded fit the fit of all samples as long as a cell is narrow
+beside the shortest period.
 """
 
 from __future__ import annotations
@@ -24,7 +24,8 @@ FALSE_ALARM = 1e-3
 
 @dataclass(frozen=True)
 class AngleProfile:
-    """Cells of one direction: motor angle over the ratio (M,) rad, value (M,), weight (M,); `step`: cell width.
+    """Cells of one direction: motor angle over the ratio (M,) rad, value (M,), weight (M,); `step`: cell
+    width.
 
     sums over cells are sums over samples; `place` (M,) numbers the cells on the uniform grid.
     """
@@ -42,17 +43,21 @@ class AngleProfile:
     def range_rev(self) -> float:
         return float(np.ptp(self.angle)) / (2.0 * np.pi)
 
-    def normal(self, orders: np.ndarray, x: np.ndarray, with_orders: bool = False) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def normal(self, orders: np.ndarray, x: np.ndarray,
+               with_orders: bool = False) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """J' W J (P, P), J' W r (P,) and the residual r (M,) at x (2 m + 1,): all a, all b, the level.
 
-        P = 2 m + 1, with the derivatives by the orders behind them 3 m + 1 (cpp/exactarm/robot/gear_profile.hpp).
+        P = 2 m + 1, with the derivatives by the orders behind them 3 m + 1
+        (cpp/exactarm/robot/gear_profile.hpp).
         """
         m = orders.size
         return _core.profile_normal(
-            self.angle, self.value, self.weight, self.rated, orders, x[:m], x[m : 2 * m], float(x[-1]), with_orders
+            self.angle, self.value, self.weight, self.rated, orders, x[:m], x[m : 2 * m], float(x[-1]),
+            with_orders
         )
 
-    def spectrum(self, residual: np.ndarray, low: float, high: float, count: int) -> tuple[np.ndarray, np.ndarray]:
+    def spectrum(self, residual: np.ndarray, low: float, high: float,
+                 count: int) -> tuple[np.ndarray, np.ndarray]:
         """Orders and complex weighted sums of residual exp(-i order angle) by the chirp-z zoom."""
         grid = np.zeros(int(self.place.max()) + 1)
         grid[self.place] = self.weight * residual
@@ -63,15 +68,18 @@ class AngleProfile:
         """Residual variance per unit of weight."""
         return float(self.weight @ residual**2) / max(self.angle.size - spent, 1)
 
-    def amplitude(self, residual: np.ndarray, low: float, high: float, count: int) -> tuple[np.ndarray, np.ndarray]:
+    def amplitude(self, residual: np.ndarray, low: float, high: float,
+                  count: int) -> tuple[np.ndarray, np.ndarray]:
         """Orders and the relative amplitude (of the ratio) at each."""
         orders, sums = self.spectrum(residual, low, high, count)
         size = 2.0 * np.abs(sums) / self.weight.sum()
         return orders, size if self.rated else size * orders
 
 
-def angle_profile(samples, chosen: np.ndarray, way: float, highest: float, scale: float, disturbance: np.ndarray):
-    """Profile of the chosen rows; scale: true ratio over declared one; disturbance (N,): what to take out of the output."""
+def angle_profile(samples, chosen: np.ndarray, way: float, highest: float, scale: float,
+                  disturbance: np.ndarray):
+    """Profile of the chosen rows; scale: true ratio over declared one; disturbance (N,): what to take out of
+    the output."""
     fast = np.abs(samples.rate) > _LEAST_SPEED_SHARE * np.max(np.abs(samples.rate), initial=0.0)
     chosen = chosen & (fast if samples.rated else True)
     angle = samples.angle[chosen] / scale
@@ -93,14 +101,16 @@ def angle_profile(samples, chosen: np.ndarray, way: float, highest: float, scale
 
 
 def search_band(profiles: list[AngleProfile], ratio: float, samples) -> tuple[float, float]:
-    """Orders that the data can tell: from two periods within the range to five per motor revolution or Nyquist's."""
+    """Orders that the data can tell: from two periods within the range to five per motor revolution or
+    Nyquist's."""
     spacing = np.median(np.abs(np.diff(samples.angle))[samples.keep[1:]])
     longest = max(profile.range_rev for profile in profiles)
     return 2.0 / longest, min(5.0 * max(abs(ratio), 20.0), 0.8 * np.pi / max(spacing, 1e-12))
 
 
 def false_alarm(power: float, profiles: int, range_rev: float, low: float, high: float) -> float:
-    """Probability that noise alone shows a peak so high somewhere in the band (Scargle 1982; sum over profiles).
+    """Probability that noise alone shows a peak so high somewhere in the band (Scargle 1982; sum over
+    profiles).
 
     power: sum over profiles of |sum w r exp|^2 / (variance sum w), each exponential with mean 1 under noise.
     """

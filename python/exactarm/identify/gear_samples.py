@@ -29,8 +29,8 @@ class GearSamples:
     """Rows of one axis (index from 0), all arrays (N,) over them.
 
     rows: in the data; angle, rate: motor over u0 (the declared ratio), rad and rad/s; output: rad/s or rad;
-    direction -1, +1; keep; run; identification; disturbances (N, k): what may stand in the output beside the gear
-    (unit columns), known by name. `rated`: the output is a rate.
+    direction -1, +1; keep; run; identification; disturbances (N, k): what may stand in the output beside the
+    gear (unit columns), known by name. `rated`: the output is a rate.
     """
 
     axis: int
@@ -79,7 +79,8 @@ def plain_gear(robot: Robot, axis: int) -> Robot:
 def gear_samples(
     robot: Robot, data: Dataset, record: GearRecord, axis: int, identification: np.ndarray, threads: int = 1
 ) -> tuple[GearSamples, Layout]:
-    """Samples of one axis, and the set-up (alignment or offsets) that was found on the identification rows."""
+    """Samples of one axis, and the set-up (alignment or offsets) that was found on the identification
+    rows."""
     here = np.ones(len(data), bool) if record.encoder_axes else record.sensor_axis == axis
     rows = np.flatnonzero(here)
     plain = plain_gear(robot, axis)
@@ -97,7 +98,8 @@ def gear_samples(
         output = data.joints["q"][rows, axis] - robot.offsets[axis] - beside
         disturbances, names = _encoder_disturbances(robot, data, record, rows, axis)
     samples = GearSamples(
-        axis, float(robot.ratios[axis]), rows, data.time[rows], angle, rate, output, record.direction[rows, axis],
+        axis, float(robot.ratios[axis]), rows, data.time[rows], angle, rate, output,
+        record.direction[rows, axis],
         record.keep[rows], data.run[rows], identification[rows], disturbances, names, rated,
     )
     return samples, setup
@@ -134,14 +136,18 @@ def _beside(plain, data, rows, axis, setup, encoders: bool, threads: int) -> np.
     thin = rows[np.concatenate(picked)]
     part = data.select(thin)
     record = gear_record(plain, part)
-    layout = carried_layout(plain, data, "gear_run") if encoders else setup.joined(carried_layout(plain, data, "gear_run"))
+    layout = (
+        carried_layout(plain, data, "gear_run")
+        if encoders else setup.joined(carried_layout(plain, data, "gear_run"))
+    )
     prediction = predict_gear_run(plain, layout, part, record=record, tangents=False, threads=threads)
     ratio = plain.ratios[axis]
     if encoders:
         column = record.encoder_axes.index(axis)
         beside = prediction.measured[:, column] - record.theta[:, axis] / ratio - plain.offsets[axis]
     else:
-        beside = np.einsum("ij,ij->i", prediction.measured, prediction.along) - record.theta_dot[:, axis] / ratio
+        beside = np.einsum("ij,ij->i", prediction.measured,
+                           prediction.along) - record.theta_dot[:, axis] / ratio
     out = np.empty(rows.size)
     ends = np.cumsum([0] + [of.size for of in picked])
     for of, start, end in zip(runs, ends[:-1], ends[1:]):
@@ -150,7 +156,8 @@ def _beside(plain, data, rows, axis, setup, encoders: bool, threads: int) -> np.
 
 
 def _encoder_disturbances(robot, data, record, rows, axis):
-    """Offsets of the runs, delay, wind-up under the measured torque, and the friction by which the output stays behind."""
+    """Offsets of the runs, delay, wind-up under the measured torque, and the friction by which the output
+    stays behind."""
     runs = np.unique(data.run[rows])
     columns = [(data.run[rows] == run).astype(float) for run in runs]
     names = [f"offset of run {run}" for run in runs]

@@ -6,8 +6,8 @@ J (R, P): stacked identification Jacobian (thesis (3.9)), columns scaled to unit
     QR    columns in an order of preference; a column whose part orthogonal to the kept ones vanishes is
           dropped, and its coefficients in the kept ones say with which parameters it collides
 
-Order of preference: the frames of the sessions (every measurement needs them, E8), then geometry axis by axis,
-joint offsets, gear ratios, effects; so of two colliding parameters the one nearer to the base stays.
+Order of preference: the frames of the sessions (every measurement needs them, E8), then geometry axis by
+axis, joint offsets, gear ratios, effects; so of two colliding parameters the one nearer to the base stays.
 With the noise known, a parameter whose standard deviation exceeds its plausible magnitude is dropped too: its
 estimate would be noise (the weakest direction first, in it the parameter that comes last in the order).
 """
@@ -86,10 +86,11 @@ def select_identifiable(
 ) -> Identifiability:
     """Identifiable parameters of `jacobian` (R, P).
 
-    keep_first: the first so many columns come first in the order of preference, as they stand. poses: K of the
-    observability indices (default R / 3). weights (R,): 1 / standard deviation of each row, up to a factor.
-    sigma: standard deviation of a weighted row; together with `plausible` (P,) it drops what the noise hides.
-    robot: its geometry gives the reasons, as do the axes (from 1) that stand `still` in all poses.
+    keep_first: the first so many columns come first in the order of preference, as they stand. poses: K of
+    the observability indices (default R / 3). weights (R,): 1 / standard deviation of each row, up to a
+    factor. sigma: standard deviation of a weighted row; together with `plausible` (P,) it drops what the
+    noise hides. robot: its geometry gives the reasons, as do the axes (from 1) that stand `still` in all
+    poses.
     """
     jacobian, names = np.asarray(jacobian, float), tuple(names)
     arm = None if robot is None else Arm(robot, tuple(still))
@@ -168,12 +169,14 @@ def _ordered_qr(unit: np.ndarray, order: list[int]) -> tuple[list[int], list[tup
 def _participants(share: np.ndarray, columns: list[int], least: float) -> list[int]:
     """The columns with a coefficient worth naming, the largest first."""
     size = np.abs(share)
-    named = [i for i in np.argsort(-np.round(size, 9), kind="stable") if size[i] > least * size.max(initial=0.0)]
+    named = [i for i in np.argsort(-np.round(size, 9), kind="stable")
+             if size[i] > least * size.max(initial=0.0)]
     return [columns[i] for i in named]
 
 
 def _above_noise(unit, length, kept, sigma, plausible, count):
-    """Drops, one by one, what the noise hides. Returns kept, [(dropped, partners, deviation)], deviations (P,)."""
+    """Drops, one by one, what the noise hides. Returns kept, [(dropped, partners, deviation)], deviations
+    (P,)."""
     size = np.full(count, np.inf) if plausible is None else np.asarray(plausible, float)
     kept, hidden = list(kept), []
     deviations = np.full(count, np.nan)
@@ -193,7 +196,8 @@ def _above_noise(unit, length, kept, sigma, plausible, count):
 
 
 def _weakest(unit, length, kept, size, excess) -> tuple[int, list[int]]:
-    """Of the weakest direction (in plausible magnitudes) the hidden parameter last in the order, and its partners."""
+    """Of the weakest direction (in plausible magnitudes) the hidden parameter last in the order, and its
+    partners."""
     finite = np.where(np.isfinite(size[kept]), size[kept], 1.0)
     direction = np.abs(np.linalg.svd(unit[:, kept] * (length[kept] * finite), full_matrices=False)[2][-1])
     part = direction > _WEAK_SHARE * direction.max()

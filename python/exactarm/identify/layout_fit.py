@@ -2,9 +2,10 @@
 
     minimise  sum_ia (w_i e_ia(x) / sigma_a)^2 + sum_p ((x_p - c_p) / s_p)^2     over the parameters' bounds
 
-e (N, m): measured minus predicted; w (N,): square root of the information of a row, 0 leaves it out; sigma (m,) of the
-components, estimated from the residuals until both agree (iterative variance components, Förstner 1979; iterated
-weighted least squares, Swevers, Ganseman, Tukel, De Schutter and Van Brussel 1997); c, s: Gaussian priors, those of
+e (N, m): measured minus predicted; w (N,): square root of the information of a row, 0 leaves it out; sigma
+(m,) of the components, estimated from the residuals until both agree (iterative variance components, Förstner
+1979; iterated weighted least squares, Swevers, Ganseman, Tukel, De Schutter and Van Brussel 1997); c, s:
+Gaussian priors, those of
 many terms that regularise each other. The result depends on the arguments alone.
 """
 
@@ -28,7 +29,8 @@ _LEAST_FREE_SHARE = 0.1  # of the numbers that is left for the noise, however ma
 
 @dataclass(frozen=True)
 class LayoutFit:
-    """The layout at its estimate, the fit, and the standard deviation (m,) of each component of an independent row."""
+    """The layout at its estimate, the fit, and the standard deviation (m,) of each component of an
+    independent row."""
 
     layout: Layout
     fit: Fit
@@ -48,9 +50,10 @@ def fit_layout(
 ) -> LayoutFit:
     """Estimates the free parameters of `layout`.
 
-    predict(layout, with_jacobian): residual (N, m) and Jacobian (N, m, P) of the prediction, or None, of noise that is
-    independent from row to row. sigma (m,): first guess, None = from the residual at the start; alike (m,): number of
-    the variance that a component has, from 0; floor (m,): no sigma is smaller. robust: Huber's loss on whole rows.
+    predict(layout, with_jacobian): residual (N, m) and Jacobian (N, m, P) of the prediction, or None, of
+    noise that is independent from row to row. sigma (m,): first guess, None = from the residual at the start;
+    alike (m,): number of the variance that a component has, from 0; floor (m,): no sigma is smaller. robust:
+    Huber's loss on whole rows.
     """
     parameters, rows = layout.parameters, np.flatnonzero(weight > 0.0)
     bounds = np.array([p.lower for p in parameters]), np.array([p.upper for p in parameters])
@@ -102,7 +105,8 @@ def _spread(residual: np.ndarray, spent: np.ndarray, alike: np.ndarray) -> np.nd
 
 
 def _spent(rows: np.ndarray, pull: np.ndarray, components: int) -> np.ndarray:
-    """(m,) leverage of each component's weighted rows (n m, P): what is measured best pays for most parameters."""
+    """(m,) leverage of each component's weighted rows (n m, P): what is measured best pays for most
+    parameters."""
     scale = np.sqrt(np.sum(rows**2, axis=0) + np.sum(pull**2, axis=0))
     rows, pull = rows[:, scale > 0.0] / scale[scale > 0.0], pull[:, scale > 0.0] / scale[scale > 0.0]
     each = [rows[a::components].T @ rows[a::components] for a in range(components)]
@@ -111,8 +115,9 @@ def _spent(rows: np.ndarray, pull: np.ndarray, components: int) -> np.ndarray:
 
 
 def priors_of(layout: Layout) -> tuple[np.ndarray, np.ndarray]:
-    """Centre and standard deviation (P,) of each free parameter's prior: zero with the spread that it asks for, or the
-    declared value with its plausible spread where the effect is drawn to it; infinite for the others."""
+    """Centre and standard deviation (P,) of each free parameter's prior: zero with the spread that it asks
+    for, or the declared value with its plausible spread where the effect is drawn to it; infinite for the
+    others."""
     centre, spread = np.zeros(layout.size), np.array(layout.prior, float)
     for effect, mask, where in zip(layout.effects, layout.free, layout.slices):
         if effect.drawn_to_declared:

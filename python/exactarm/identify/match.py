@@ -1,8 +1,9 @@
 """Do a robot file and a pose file belong together? Asked before anything is fitted but the frames.
 
-With base and tool fitted, every joint zero of an assembled robot off by a degree moves the target by less than 3 %
-of the reach; what is further off is another robot, other columns or another unit. A free tool point can follow points of any
-spread, so what is meant is found by trying the usual mistakes: the one without which the robot fits is named.
+With base and tool fitted, every joint zero of an assembled robot off by a degree moves the target by less
+than 3 % of the reach; what is further off is another robot, other columns or another unit. A free tool point
+can follow points of any spread, so what is meant is found by trying the usual mistakes: the one without which
+the robot fits is named.
 """
 
 from __future__ import annotations
@@ -19,8 +20,10 @@ from exactarm.split import DEFAULT_SEED
 WORST_SHARE = 0.03  # of the reach, RMS with the frames fitted
 
 
-def require_match(robot: Robot, data: Dataset, found: list[tuple[int, FoundFrames]], carried: Layout, seed: int = DEFAULT_SEED) -> None:
-    """Raises InputError where the robot cannot have moved the target as measured; `found`: frames by session."""
+def require_match(robot: Robot, data: Dataset, found: list[tuple[int, FoundFrames]], carried: Layout,
+                  seed: int = DEFAULT_SEED) -> None:
+    """Raises InputError where the robot cannot have moved the target as measured; `found`: frames by
+    session."""
     for session, frames in found:
         if frames.rms <= WORST_SHARE * reach(robot):
             continue
@@ -30,7 +33,9 @@ def require_match(robot: Robot, data: Dataset, found: list[tuple[int, FoundFrame
         if meant:
             cause = meant[0].text if meant[0].sentence else f"is it {meant[0].words}?"
         raise InputError(
-            f"robot and data do not match: with the best base and tool of session {session}, {robot.name} misses the measured "
-            f"points by {frames.rms:.3g} m (RMS), expected less than {WORST_SHARE * reach(robot):.2g} m: {cause}",
+            f"robot and data do not match: with the best base and tool of session {session}, {robot.name} "
+            "misses the measured "
+            f"points by {frames.rms:.3g} m (RMS), expected less than {WORST_SHARE * reach(robot):.2g} m: "
+            f"{cause}",
             file=rows.first_file,
         )

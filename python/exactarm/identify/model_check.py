@@ -1,9 +1,9 @@
 """Checks the declared model against a set of poses: what they identify, and what the model lacks.
 
-Beside the parameters that the model has, the columns of the d and beta that its frames do not have are looked at
-(a Hayati frame has no d, the others have no beta). One that the poses would show though no declared parameter
-imitates it is a gap: a way in which the arm can be wrong that the model cannot express. For the others it
-is said which declared parameters stand for them.
+Beside the parameters that the model has, the columns of the d and beta that its frames do not have are looked
+at (a Hayati frame has no d, the others have no beta). One that the poses would show though no declared
+parameter imitates it is a gap: a way in which the arm can be wrong that the model cannot express. For the
+others it is said which declared parameters stand for them.
 """
 
 from __future__ import annotations
@@ -33,7 +33,8 @@ class Gap:
 
 @dataclass(frozen=True)
 class ModelCheck:
-    """identifiability of the declared parameters; absent: the d of Hayati frames and what stands for them; gaps."""
+    """identifiability of the declared parameters; absent: the d of Hayati frames and what stands for them;
+    gaps."""
 
     identifiability: Identifiability
     absent: tuple[Dropped, ...]
@@ -49,8 +50,8 @@ def check_model(
     weights: np.ndarray,
     still: tuple[int, ...] = (),
 ) -> ModelCheck:
-    """`blocks_of(layout)` gives the Jacobian (N, r, P) of the poses; weights (r,): 1 / standard deviation of a row;
-    still: axes (from 1) that do not move in them."""
+    """`blocks_of(layout)` gives the Jacobian (N, r, P) of the poses; weights (r,): 1 / standard deviation of
+    a row; still: axes (from 1) that do not move in them."""
     full = with_all_columns(layout, robot)
     blocks = blocks_of(full)
     rows = blocks.reshape(-1, full.size)
@@ -90,10 +91,13 @@ def with_all_columns(layout: Layout, robot: Robot) -> Layout:
 
 def _why_gap(name: str, robot: Robot) -> str:
     p = parse_parameter(name)
-    parallel = p.axis < robot.axes and deviation_from_parallel(robot, p.axis, p.axis + 1) < NEARLY_PARALLEL_RAD
+    parallel = (
+        p.axis < robot.axes and deviation_from_parallel(robot, p.axis, p.axis + 1) < NEARLY_PARALLEL_RAD
+    )
     if p.symbol == "beta" and parallel:
         return (
-            f"axes {p.axis} and {p.axis + 1} are parallel, and frame {p.axis} has no beta: a tilt of axis {p.axis + 1} "
-            f"about y of frame {p.axis} would show in these poses, and no parameter of the model stands for it"
+            f"axes {p.axis} and {p.axis + 1} are parallel, and frame {p.axis} has no beta: a tilt of axis "
+            f"{p.axis + 1} about y of frame {p.axis} would show in these poses, and no parameter of the "
+            "model stands for it"
         )
     return f"{name} would show in these poses, and no parameter of the model stands for it"

@@ -1,11 +1,13 @@
-"""Usual mistakes in motions, each tried on a linear model of the drives: would the torques be explained without it?
+"""Usual mistakes in motions, each tried on a linear model of the drives: would the torques be explained
+without it?
 
     tau = Y(q, q_dot, q_ddot) pi + J ratio^2 q_ddot + coulomb sign(q_dot) + viscous q_dot + constant
 
-Rigid, all of pi, J, friction and constant free (10 n + 4 n unknowns, a trace of ridge for those that the motion does not show),
-every axis weighted by its own torque. Share u_i: RMS of what is left of axis i over that of its torque.
-A mistake is named where, undone, it lowers u without raising any axis'. Friction that drives tells of a wrong sign without any
-comparison: what an axis loses in friction is positive. Declared masses, or the arm's size, tell of a wrong unit of torque.
+Rigid, all of pi, J, friction and constant free (10 n + 4 n unknowns, a trace of ridge for those that the
+motion does not show), every axis weighted by its own torque. Share u_i: RMS of what is left of axis i over
+that of its torque. A mistake is named where, undone, it lowers u without raising any axis'. Friction that
+drives tells of a wrong sign without any comparison: what an axis loses in friction is positive. Declared
+masses, or the arm's size, tell of a wrong unit of torque.
 """
 
 from __future__ import annotations
@@ -38,14 +40,16 @@ _LEAST_OF_DECLARED, _MOST_OF_DECLARED = (
     1.0 / 3.0,
     10.0,
 )  # masses are declared better than that; friction and payload come on top
-# 99 % of the largest torque over reach^3, Nm/m^3: six shipped and simulated arms lie between 20 and 400, and arms of one build go with the cube
+# 99 % of the largest torque over reach^3, Nm/m^3: six shipped and simulated arms lie between 20 and 400, and
+# arms of one build go with the cube
 _LEAST_LOAD_NM_M3, _MOST_LOAD_NM_M3 = 0.5, 5000.0
 
 
 @dataclass(frozen=True)
 class _Samples:
-    """q, q_dot, q_ddot, torque (N, n) of the output sides on some rows; gravity (3,); offset (n,) of q, and how many times as
-    large as on the output side the columns of the file are: of angles and of torques (n,)."""
+    """q, q_dot, q_ddot, torque (N, n) of the output sides on some rows; gravity (3,); offset (n,) of q, and
+    how many times as large as on the output side the columns of the file are: of angles and of torques
+    (n,)."""
 
     q: np.ndarray
     rate: np.ndarray
@@ -72,7 +76,8 @@ class _Samples:
 
 @dataclass(frozen=True)
 class _Explained:
-    """shares (n,) u of every axis; friction (n,): share of an axis' torque that dry friction takes, negative where it drives."""
+    """shares (n,) u of every axis; friction (n,): share of an axis' torque that dry friction takes, negative
+    where it drives."""
 
     shares: np.ndarray
     friction: np.ndarray
@@ -154,7 +159,8 @@ def _explained(robot: Robot, samples: _Samples) -> _Explained:
 
 
 def _fall(now: _Explained, other: _Explained) -> float:
-    """How many times smaller the share of the axis that gains most would be; 0 where the other is no better explanation."""
+    """How many times smaller the share of the axis that gains most would be; 0 where the other is no better
+    explanation."""
     falls = now.shares / np.maximum(other.shares, 1e-9)
     most, product = float(falls.max()), float(np.prod(falls))
     drives = np.sum(other.friction < -_CERTAIN_FRICTION) > np.sum(now.friction < -_CERTAIN_FRICTION)
@@ -218,7 +224,8 @@ def _units(robot: Robot, samples: _Samples) -> Iterator[Suspicion]:
         share = torque / max(declared, 1e-12)
         if not _LEAST_OF_DECLARED < share < _MOST_OF_DECLARED:
             yield Suspicion(
-                f"the torques are {share:.2g} times those of the declared masses: are they in another unit (mNm, N cm), at the motor's "
+                f"the torques are {share:.2g} times those of the declared masses: are they in another unit "
+                "(mNm, N cm), at the motor's "
                 "shaft, or is it the file of another arm?",
                 sentence=True,
             )
@@ -226,7 +233,8 @@ def _units(robot: Robot, samples: _Samples) -> Iterator[Suspicion]:
     size = reach(robot)
     if size > 0.0 and not _LEAST_LOAD_NM_M3 < torque / size**3 < _MOST_LOAD_NM_M3:
         yield Suspicion(
-            f"torques of {torque:.3g} Nm at an arm that reaches {size:.2g} m: are they in another unit (mNm, N cm), or at the motor's "
+            f"torques of {torque:.3g} Nm at an arm that reaches {size:.2g} m: are they in another unit (mNm, "
+            "N cm), or at the motor's "
             "shaft?",
             sentence=True,
         )

@@ -50,7 +50,8 @@ def observability(singular_values: np.ndarray, poses: int) -> Observability:
 
 
 def column_scale(names: Sequence[str], plausible: Sequence[float] | None = None) -> np.ndarray:
-    """(P,) factor of every column: 1 for lengths and angles, 1000 times the plausible magnitude for all else."""
+    """(P,) factor of every column: 1 for lengths and angles, 1000 times the plausible magnitude for all
+    else."""
     if plausible is None:
         return np.ones(len(names))
     pairs = zip(names, plausible)

@@ -28,7 +28,8 @@ class Group(IntEnum):
 
 @dataclass(frozen=True)
 class ParameterName:
-    """`axis` counts from 1, None for a parameter of no single axis; `symbol`: d, a, ..., base, tool, contact."""
+    """`axis` counts from 1, None for a parameter of no single axis; `symbol`: d, a, ..., base, tool,
+    contact."""
 
     text: str
     group: Group

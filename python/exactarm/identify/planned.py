@@ -1,8 +1,8 @@
 """Planned measurements: the identification Jacobian of poses that have not been measured yet.
 
-The parameters are those that a calibration estimates (geometry, joint offsets, gear ratios, joint compliance, and
-base and tool frame of one set-up). Gear ripple and the deflection of declared springs turn a joint by less
-than a milliradian or so; no column notices, so they are left out of the planning.
+The parameters are those that a calibration estimates (geometry, joint offsets, gear ratios, joint compliance,
+and base and tool frame of one set-up). Gear ripple and the deflection of declared springs turn a joint by
+less than a milliradian or so; no column notices, so they are left out of the planning.
 """
 
 from __future__ import annotations
@@ -34,17 +34,20 @@ class PlannedModel:
 
     @staticmethod
     def of(robot: Robot, q: np.ndarray, frames: str = "both", orientation: bool = False) -> PlannedModel:
-        """The model to plan for; `q` (N, n): poses that tell which joints are loaded. `frames`: which are unknown."""
+        """The model to plan for; `q` (N, n): poses that tell which joints are loaded. `frames`: which are
+        unknown."""
         require_geometry(robot)
         placed = Frames.of(1, Placement(), robot.tool, orientation)
         unknown = tuple(name for name in placed.names if frames == "both" or name.startswith(frames))
-        layout = Layout.of((placed,)).without({f"session_1.{name}" for name in placed.names if name not in unknown})
+        layout = Layout.of((placed,)).without({f"session_1.{name}"
+                                               for name in placed.names if name not in unknown})
         layout = layout.joined(geometry_layout(robot)).joined(compliance_layout(robot, pose_data(q)))
         joints = tuple(
             replace(joint, cw=None, ccw=None, spring_linear=None, spring_cubic=0.0) for joint in robot.joints
         )
         loaded = any(name.startswith("joint_compliance") for name in layout.names)
-        plain = replace(robot, joints=joints, effects=(), base=Placement(), links=robot.links if loaded else None)
+        plain = replace(robot, joints=joints, effects=(), base=Placement(),
+                        links=robot.links if loaded else None)
         return PlannedModel(plain, layout, orientation, len(unknown))
 
     @property
@@ -60,7 +63,8 @@ class PlannedModel:
         return pose_blocks(self.robot, self.layout, pose_data(q), self.orientation, threads)
 
 
-def pose_blocks(robot: Robot, layout: Layout, data: Dataset, orientation: bool, threads: int = 1) -> np.ndarray:
+def pose_blocks(robot: Robot, layout: Layout, data: Dataset, orientation: bool,
+                threads: int = 1) -> np.ndarray:
     """(N, 3 or 6, P) Jacobian of each row of `data`: position, and orientation where it is asked for."""
     jacobian = predict_poses(robot, layout, data, threads=threads).jacobian
     return jacobian if orientation else jacobian[:, :3]
@@ -83,5 +87,6 @@ def controller_angles(robot: Robot, data: Dataset) -> np.ndarray:
     if "q" in data.joints:
         q[:] = data.joints["q"]
     if "theta" in data.joints:
-        q = np.where(np.isnan(q), data.joints["theta"] / robot.controller_ratios + robot.controller_offsets, q)
+        q = np.where(np.isnan(q), data.joints["theta"] / robot.controller_ratios + robot.controller_offsets,
+                     q)
     return q

@@ -1,9 +1,9 @@
 """Polish: moves the experiments of a set a little, each on its own, as long as the criterion rises.
 
-The exchange picks from a finite pool; the optimum lies between its members. In every round each of the K settings
-(joint angles of a pose) gets several neighbours within a spread that shrinks from round to round; the swaps
-are tried in the order of what they promise, and kept when they raise the criterion of the set as it is by then
-and leave a second criterion, the guard, no lower than it was at the start.
+The exchange picks from a finite pool; the optimum lies between its members. In every round each of the K
+settings (joint angles of a pose) gets several neighbours within a spread that shrinks from round to round;
+the swaps are tried in the order of what they promise, and kept when they raise the criterion of the set as it
+is by then and leave a second criterion, the guard, no lower than it was at the start.
 """
 
 from __future__ import annotations
@@ -18,7 +18,8 @@ from exactarm.identify.criterion import Criterion, information_of, squared
 
 @dataclass(frozen=True)
 class PolishOptions:
-    """Rounds, neighbours of each setting in a round, spread of the first and last round (part of the range)."""
+    """Rounds, neighbours of each setting in a round, spread of the first and last round (part of the
+    range)."""
 
     rounds: int = 16
     neighbours: int = 10
@@ -36,12 +37,14 @@ def polish(
     rng: np.random.Generator,
     options: PolishOptions = PolishOptions(),
 ) -> np.ndarray:
-    """The moved settings (K, n). `blocks_at(settings)` returns blocks (N, r, m) and which settings are allowed (N,)."""
+    """The moved settings (K, n). `blocks_at(settings)` returns blocks (N, r, m) and which settings are
+    allowed (N,)."""
     settings, count = settings.copy(), len(settings)
     blocks = blocks_at(settings)[0].copy()
     information = information_of(blocks)
     value, least = criterion.value(information), guard.value(information)
-    for spread in np.geomspace(options.first_spread, options.last_spread, max(options.rounds, 1))[: options.rounds]:
+    for spread in np.geomspace(options.first_spread, options.last_spread,
+                               max(options.rounds, 1))[: options.rounds]:
         owner = np.repeat(np.arange(count), options.neighbours)
         moved = settings[owner] + spread * (upper - lower) * _directions(rng, len(owner), settings.shape[1])
         moved = np.clip(moved, lower, upper)

@@ -1,7 +1,9 @@
-"""Usual mistakes in pose data, each undone in one step: what would have been meant, and the data or robot that it means.
+"""Usual mistakes in pose data, each undone in one step: what would have been meant, and the data or robot
+that it means.
 
-Angles: units, signs, exchanged columns, zeros, coupled axes, motor or joint side. Device: units, a mirrored frame, rows beside
-the wrong angles, the convention of the quaternion. Robot: another size, another robot that is shipped.
+Angles: units, signs, exchanged columns, zeros, coupled axes, motor or joint side. Device: units, a mirrored
+frame, rows beside the wrong angles, the convention of the quaternion. Robot: another size, another robot that
+is shipped.
 `pose_mistakes` judges them.
 """
 
@@ -32,8 +34,8 @@ Candidate = tuple[str, Robot, Dataset]
 def candidates(
     robot: Robot, data: Dataset, whole: Dataset, rows: np.ndarray, size: float
 ) -> Iterator[Candidate]:
-    """(what would have been meant, robot, data) of every mistake; `data` are the rows `rows` of `whole`, `size`: how many times
-    as far apart as the robot says the points lie."""
+    """(what would have been meant, robot, data) of every mistake; `data` are the rows `rows` of `whole`,
+    `size`: how many times as far apart as the robot says the points lie."""
     for words, changed in (*_of_angles(robot, data), *_of_device(data), *_of_rows(data, whole, rows)):
         yield words, robot, changed
     if abs(size - 1.0) > ANOTHER_SIZE:
@@ -83,7 +85,10 @@ def _of_angles(robot: Robot, data: Dataset) -> Iterator[tuple[str, Dataset]]:
             )
     for i, j in [(i, i + 1) for i in range(n - 1)] + [(i + 1, i) for i in range(n - 1)]:
         for sign in (1.0, -1.0):
-            words = f"axis {j + 1} counted {'from' if sign > 0 else 'with'} axis {i + 1}, as controllers of coupled arms do"
+            words = (
+                f"axis {j + 1} counted {'from' if sign > 0 else 'with'} axis {i + 1}, as controllers of "
+                "coupled arms do"
+            )
             yield words, with_joints(_coupled(i, j, sign, robot))
     if any(joint.has_gear for joint in robot.joints):
         yield (

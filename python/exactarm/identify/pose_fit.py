@@ -1,6 +1,7 @@
 """Fits a layout to static poses: weighted least squares through the chain, frames of all sessions at once.
 
-Position and orientation carry different noise: two variances, estimated together with the parameters (layout_fit.py).
+Position and orientation carry different noise: two variances, estimated together with the parameters
+(layout_fit.py).
 """
 
 from __future__ import annotations
@@ -20,7 +21,8 @@ _FIRST_SIGMA = 1e-4  # m, rad
 
 @dataclass(frozen=True)
 class PoseFit:
-    """The layout at its estimate, the fit, and the standard deviations (m, rad) of the residual components."""
+    """The layout at its estimate, the fit, and the standard deviations (m, rad) of the residual
+    components."""
 
     robot: Robot
     layout: Layout

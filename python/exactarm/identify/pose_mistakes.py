@@ -1,13 +1,14 @@
 """Usual mistakes in pose data, each tried: would the error be gone without it?
 
-A mistake is undone in the data (signs, columns, units, zeros, the device's axes, the quaternion's convention, rows, the tool, the
-robot file), and the frames are fitted anew. For a candidate this takes two linear least squares: from
+A mistake is undone in the data (signs, columns, units, zeros, the device's axes, the quaternion's convention,
+rows, the tool, the robot file), and the frames are fitted anew. For a candidate this takes two linear least
+squares: from
     R_base' (p_measured - p_base) = p_flange + R_flange p_tool
-with R_base' replaced by any matrix M (15 unknowns), then with the rotation nearest to M (6 unknowns). The second RMS is an upper
-bound of the best one, so that no mistake is named that the frames could not confirm. Orientations are compared with the same
-rotation and the best rotation of the tool.
-A candidate is named where it lowers the error of positions or orientations `FALL` times and the other not by less. It only
-tells: nothing is corrected.
+with R_base' replaced by any matrix M (15 unknowns), then with the rotation nearest to M (6 unknowns). The
+second RMS is an upper bound of the best one, so that no mistake is named that the frames could not confirm.
+Orientations are compared with the same rotation and the best rotation of the tool.
+A candidate is named where it lowers the error of positions or orientations `FALL` times and the other not by
+less. It only tells: nothing is corrected.
 """
 
 from __future__ import annotations
@@ -57,7 +58,8 @@ class Misfit:
     orientation: float = np.nan
 
     def shares(self, other: Misfit) -> tuple[float, float]:
-        """How many times smaller the other is, in position and in orientation (1 where there is nothing to compare)."""
+        """How many times smaller the other is, in position and in orientation (1 where there is nothing to
+        compare)."""
         position = self.position / max(other.position, 1e-12)
         told = self.orientation > _LEAST_ORIENTATION_RAD and np.isfinite(other.orientation)
         return position, self.orientation / max(other.orientation, 1e-9) if told else 1.0
@@ -79,7 +81,8 @@ def pose_mistakes(robot: Robot, data: Dataset, carried: Layout, seed: int = 0) -
     now = replace(now, position=min(now.position, _searched(bare, carried, data, seed)))
     found = []
     for words, other, changed in candidates(bare, data, whole, rows, size):
-        # What was found on this arm says nothing of another one, which may not even have the masses that it needs.
+        # What was found on this arm says nothing of another one, which may not even have the masses that it
+        # needs.
         own = carried if other.name == bare.name else Layout.of(())
         fall = now.fall_to(_misfit(other, own, changed)[0])
         if fall >= FALL:
@@ -90,7 +93,8 @@ def pose_mistakes(robot: Robot, data: Dataset, carried: Layout, seed: int = 0) -
     if not found and now.orientation > _LEAST_ORIENTATION_RAD and now.position < 0.3 * _LEAST_ORIENTATION_RAD:
         found.append(
             Suspicion(
-                f"the measured orientations do not follow the arm ({now.orientation:.2g} rad RMS beside {1e3 * now.position:.2g} mm): "
+                f"the measured orientations do not follow the arm ({now.orientation:.2g} rad RMS beside "
+                f"{1e3 * now.position:.2g} mm): "
                 "are the quaternion's columns in another order, or its rows shuffled?",
                 np.inf,
                 sentence=True,
@@ -147,7 +151,8 @@ def _misfit_of(
 def _linear_frames(
     points: np.ndarray, rotations: np.ndarray, measured: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, float]:
-    """Rotation of the base frame, what is left of every row (N, 3), and the size of the device's points beside the arm's."""
+    """Rotation of the base frame, what is left of every row (N, 3), and the size of the device's points
+    beside the arm's."""
     centred = measured - measured.mean(axis=0)
     scale = max(float(np.sqrt(np.mean(centred**2))), 1e-300)
     columns = np.zeros((len(points), 3, 15))

@@ -1,9 +1,9 @@
 """Pose space: the joint angles that a measurement may use: joint limits and a box for flange and target.
 
-Angles are those that the controller reports, q (N, n) in rad (m for a sliding axis); the box is in the robot's
-base frame, in m. A small part of each axis' range next to its limits is left free: controllers refuse poses that
-touch a limit. Hand and target keep a clearance from the base column and the upper arm (exactarm.identify.clearance);
-obstacles and cables are not known here.
+Angles are those that the controller reports, q (N, n) in rad (m for a sliding axis); the box is in the
+robot's base frame, in m. A small part of each axis' range next to its limits is left free: controllers refuse
+poses that touch a limit. Hand and target keep a clearance from the base column and the upper arm
+(exactarm.identify.clearance); obstacles and cables are not known here.
 """
 
 from __future__ import annotations
@@ -32,7 +32,8 @@ class Box:
 
 @dataclass(frozen=True)
 class PoseSpace:
-    """Limits lower, upper (n,) of the joint angles (margin taken off), box, and clearance from the arm's body in m.
+    """Limits lower, upper (n,) of the joint angles (margin taken off), box, and clearance from the arm's body
+    in m.
 
     assumed: axes (from 1) without declared limits.
     """
@@ -51,9 +52,11 @@ class PoseSpace:
         for number, joint in enumerate(robot.joints, 1):
             if joint.q_min is None or joint.q_max is None:
                 if joint.type == "prismatic":
-                    raise InputError(f"robot {robot.name}: axis {number} slides and needs q_min_m and q_max_m", file=robot.file)
+                    raise InputError(f"robot {robot.name}: axis {number} slides and needs q_min_m and "
+                                     "q_max_m", file=robot.file)
                 assumed.append(number)
-            bounds.append((-np.pi if joint.q_min is None else joint.q_min, np.pi if joint.q_max is None else joint.q_max))
+            bounds.append((-np.pi if joint.q_min is None else joint.q_min,
+                           np.pi if joint.q_max is None else joint.q_max))
         lower, upper = np.array(bounds).T
         margin = _MARGIN * (upper - lower)
         keep = default_clearance(robot) if clearance is None else clearance
@@ -72,11 +75,13 @@ class PoseSpace:
         inside = np.all((q >= self.lower) & (q <= self.upper), axis=1)
         for points in (target, flange):
             inside &= np.all((points >= self.box.lower) & (points <= self.box.upper), axis=1)
-        inside[inside] = is_clear(self.robot.core, angles[inside], (target[inside], flange[inside]), self.clearance)
+        inside[inside] = is_clear(self.robot.core, angles[inside], (target[inside], flange[inside]),
+                                  self.clearance)
         return inside
 
     def draw(self, count: int, rng: np.random.Generator) -> np.ndarray:
-        """(count, n) poses, evenly distributed over the allowed joint angles. Raises ComputationError if hardly any are."""
+        """(count, n) poses, evenly distributed over the allowed joint angles. Raises ComputationError if
+        hardly any are."""
         found, drawn = [np.zeros((0, len(self.lower)))], 0
         while sum(map(len, found)) < count:
             q = self.lower + (self.upper - self.lower) * rng.random((max(_BATCH, count), len(self.lower)))
@@ -90,6 +95,7 @@ class PoseSpace:
         return np.concatenate(found)[:count]
 
     def _joint_angles(self, q: np.ndarray) -> np.ndarray:
-        """What the arm really turns to when the controller reports q (gear ripple and deflection left out)."""
+        """What the arm really turns to when the controller reports q (gear ripple and deflection left
+        out)."""
         theta = (q - self.robot.controller_offsets) * self.robot.controller_ratios
         return theta / self.robot.ratios + self.robot.offsets

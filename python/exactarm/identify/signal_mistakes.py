@@ -1,5 +1,5 @@
-"""What columns by themselves say of usual mistakes: angles beyond the axes' limits, rates that no drive has, time in another
-unit, torques beyond the drives' own, a column that stands still, a cell far off all others.
+"""What columns by themselves say of usual mistakes: angles beyond the axes' limits, rates that no drive has,
+time in another unit, torques beyond the drives' own, a column that stands still, a cell far off all others.
 
 Thresholds leave room: an arm may go a little beyond its limits, but not half a range.
 """
@@ -54,7 +54,8 @@ def cell_mistakes(data: Dataset) -> Iterator[Suspicion]:
         usual, at = float(np.quantile(size, 0.999, method="lower")), int(np.argmax(size))
         if len(size) > 5 and size[at] > FAR_OFF * max(usual, 1e-9):
             yield Suspicion(
-                f"column {name}, {data.place_of(at)}: {values[at]:.3g} is {size[at] / max(usual, 1e-9):.2g} times as large as "
+                f"column {name}, {data.place_of(at)}: {values[at]:.3g} is {size[at] / max(usual, 1e-9):.2g} "
+                "times as large as "
                 "nearly all other cells: is it a gross error?",
                 sentence=True,
             )
@@ -121,7 +122,8 @@ def _rates(robot: Robot, data: Dataset, angles: np.ndarray) -> Iterator[Suspicio
         i = fast[np.argmax(fastest[fast] / limits[fast])]
         meant = "angles in degrees labelled as radians, or a time in seconds labelled as milliseconds"
         yield Suspicion(
-            f"axis {i + 1} turns at {fastest[i]:.3g} rad/s, faster than it can ({limits[i]:.3g} rad/s): is it {meant}?",
+            f"axis {i + 1} turns at {fastest[i]:.3g} rad/s, faster than it can ({limits[i]:.3g} rad/s): is "
+            f"it {meant}?",
             sentence=True,
         )
 
@@ -138,13 +140,15 @@ def _torques(robot: Robot, data: Dataset) -> Iterator[Suspicion]:
             usual = float(np.quantile(size, 0.99))
             if joint.torque_max and usual > TORQUE_BEYOND * joint.torque_max:
                 yield Suspicion(
-                    f"{name}_{i + 1} reaches {usual:.3g} Nm, the drive {joint.torque_max:.3g} Nm: is it another unit, or the motor's side "
+                    f"{name}_{i + 1} reaches {usual:.3g} Nm, the drive {joint.torque_max:.3g} Nm: is it "
+                    "another unit, or the motor's side "
                     "beside the gear's?",
                     sentence=True,
                 )
                 return
             if len(size) > 10 and np.ptp(torque[:, i]) == 0.0 and data.kind != "poses":
                 yield Suspicion(
-                    f"{name}_{i + 1} is {torque[0, i]:.3g} Nm in every row: is it a column that was never measured?",
+                    f"{name}_{i + 1} is {torque[0, i]:.3g} Nm in every row: is it a column that was never "
+                    "measured?",
                     sentence=True,
                 )

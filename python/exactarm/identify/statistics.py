@@ -29,5 +29,6 @@ def summarise(errors: np.ndarray) -> ErrorSummary:
         return ErrorSummary(0, *[float("nan")] * 5)
     rms = float(np.sqrt(np.mean(errors**2)))
     return ErrorSummary(
-        int(errors.size), float(errors.mean()), rms, float(errors.max()), float(errors.min()), float(errors.std())
+        int(errors.size), float(errors.mean()), rms, float(errors.max()), float(errors.min()),
+        float(errors.std())
     )

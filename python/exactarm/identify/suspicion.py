@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-# A mistake in a column moves targets by centimetres, torques by their own size: undone, a fit to usual data falls ten times and
-# more. Three times leaves room for arms that are a centimetre wrong, and no set of poses falls so far by chance.
+# A mistake in a column moves targets by centimetres, torques by their own size: undone, a fit to usual data
+# falls ten times and more. Three times leaves room for arms that are a centimetre wrong, and no set of poses
+# falls so far by chance.
 FALL = 3.0
 _AS_GOOD = 0.7  # of the best one's fall
 _WITHOUT_A_REST = 1e6
@@ -16,7 +17,8 @@ _WITHOUT_A_REST = 1e6
 
 @dataclass(frozen=True)
 class Suspicion:
-    """`words`: what would have been meant; `fall`: how many times smaller the error would be; `sentence`: words say it all."""
+    """`words`: what would have been meant; `fall`: how many times smaller the error would be; `sentence`:
+    words say it all."""
 
     words: str
     fall: float = np.inf
@@ -36,7 +38,8 @@ class Suspicion:
 
 
 def in_order(found: list[Suspicion]) -> list[Suspicion]:
-    """Best first; of those that explain (nearly) as much the one that was tried first, for those are the simplest ones."""
+    """Best first; of those that explain (nearly) as much the one that was tried first, for those are the
+    simplest ones."""
     if not found:
         return []
     best = next(each for each in found if each.fall >= _AS_GOOD * max(other.fall for other in found))

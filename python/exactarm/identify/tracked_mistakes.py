@@ -1,6 +1,7 @@
 """Usual mistakes in tracked motions beyond those of poses: device and controller do not keep the same time.
 
-What is compared needs no frames: the speed of the target as measured, and that of the target by the joint angles.
+What is compared needs no frames: the speed of the target as measured, and that of the target by the joint
+angles.
 """
 
 from __future__ import annotations
@@ -49,7 +50,8 @@ def clock_suspicions(found, run: str, device: str) -> list[Suspicion]:
         share = 1e2 * (found.last - found.first) / found.span
         return [
             Suspicion(
-                f"{run}: {device} lags by {1e3 * found.first:.3g} ms at the beginning and by {1e3 * found.last:.3g} ms in the end: does its "
+                f"{run}: {device} lags by {1e3 * found.first:.3g} ms at the beginning and by "
+                f"{1e3 * found.last:.3g} ms in the end: does its "
                 f"clock run {abs(share):.2g} % {'slower' if share > 0 else 'faster'}?",
                 sentence=True,
             )
@@ -57,7 +59,8 @@ def clock_suspicions(found, run: str, device: str) -> list[Suspicion]:
     if abs(found.first) > MUCH_LAG_S:
         return [
             Suspicion(
-                f"{run}: {device} lags by {found.first:.3g} s throughout: do its samples begin at another instant?",
+                f"{run}: {device} lags by {found.first:.3g} s throughout: do its samples begin at another "
+                "instant?",
                 sentence=True,
             )
         ]

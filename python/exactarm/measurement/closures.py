@@ -2,11 +2,12 @@
 
     q or theta --chain--> x (target in the base frame) --contact--> numbers that a perfect model makes vanish
 
-Entry of the chain: motor angles, as for poses; device: the contact of the row (exactarm.measurement.contacts), the tracker
-where the row has x, y, z, or the other rows of its `pair` (same pose of the target: x - mean x, log(R mean R')).
-The mean of a pair is projected out, so it is no parameter. Row = one touch; a row of the file with two contacts is two rows.
-Residual (N, 3), or (N, 6) where a row gives an orientation too (rotation vector in the base frame): measured minus predicted.
-Source: Bennett and Hollerbach, IEEE Trans. Robot. Autom. 7(5), 1991; Zhuang, Motaghedi, Roth, ICRA 1999 (planes).
+Entry of the chain: motor angles, as for poses; device: the contact of the row
+(exactarm.measurement.contacts), the tracker where the row has x, y, z, or the other rows of its `pair` (same
+pose of the target: x - mean x, log(R mean R')). The mean of a pair is projected out, so it is no parameter.
+Row = one touch; a row of the file with two contacts is two rows. Residual (N, 3), or (N, 6) where a row gives
+an orientation too (rotation vector in the base frame): measured minus predicted. Source: Bennett and
+Hollerbach, IEEE Trans. Robot. Autom. 7(5), 1991; Zhuang, Motaghedi, Roth, ICRA 1999 (planes).
 """
 
 from __future__ import annotations
@@ -28,13 +29,17 @@ PAIR = "pair"
 
 
 def touches(data: Dataset) -> Dataset:
-    """One row for each contact of each row, and one for x, y, z: a row has exactly one of them, `device_of` says which."""
+    """One row for each contact of each row, and one for x, y, z: a row has exactly one of them, `device_of`
+    says which."""
     parts = []
     for name, numbers in data.contacts.items():
         at = np.flatnonzero(numbers >= 0)
-        alone = {other: np.where(other == name, values[at], NO_CONTACT) for other, values in data.contacts.items()}
+        alone = {other: np.where(other == name, values[at], NO_CONTACT)
+                 for other, values in data.contacts.items()}
         bare = replace(data.select(at), contacts=alone)
-        parts.append((at, replace(bare, position=None if data.position is None else np.full((len(at), 3), np.nan))))
+        parts.append(
+            (at, replace(bare, position=None if data.position is None else np.full((len(at), 3), np.nan)))
+        )
     if data.position is not None:
         at = np.flatnonzero(~np.isnan(data.position).any(axis=1))
         none = {name: np.full(len(at), NO_CONTACT) for name in data.contacts}
@@ -86,8 +91,9 @@ def pair_numbers(data: Dataset) -> np.ndarray:
 
 @dataclass(frozen=True)
 class ClosurePrediction:
-    """residual (N, m) measured minus predicted, 0 where a row has no such number; used (N, m) bool; jacobian (N, m, P)
-    of the prediction or None; by_target (N, m, 6): the prediction by a displacement of the target (m, rad)."""
+    """residual (N, m) measured minus predicted, 0 where a row has no such number; used (N, m) bool; jacobian
+    (N, m, P) of the prediction or None; by_target (N, m, 6): the prediction by a displacement of the target
+    (m, rad)."""
 
     residual: np.ndarray
     used: np.ndarray
@@ -97,7 +103,8 @@ class ClosurePrediction:
     pairs: np.ndarray
 
     def error(self) -> np.ndarray:
-        """(N,) m: the distance to the contact, of a pair from the mean, of a tracker's row from the prediction."""
+        """(N,) m: the distance to the contact, of a pair from the mean, of a tracker's row from the
+        prediction."""
         return np.linalg.norm(self.residual[:, :3], axis=1)
 
     def through(self, displacement: np.ndarray) -> np.ndarray:
@@ -105,7 +112,8 @@ class ClosurePrediction:
         return cleared_of_pairs(self.by_target @ displacement, self.pairs)
 
     def response(self, effect: Effect) -> np.ndarray:
-        """(N, m, k): what the parameters of an effect that is not in the layout do to the numbers, to first order."""
+        """(N, m, k): what the parameters of an effect that is not in the layout do to the numbers, to first
+        order."""
         return self.through(self.view.response(effect))
 
     @cached_property
@@ -118,7 +126,8 @@ class ClosurePrediction:
 def predict_closures(
     robot: Robot, layout: Layout, data: Dataset, *, tangents: bool = True, threads: int = 1
 ) -> ClosurePrediction:
-    """Prediction of every row of `data` (one device a row, see `touches`) with effects and contacts of `layout`."""
+    """Prediction of every row of `data` (one device a row, see `touches`) with effects and contacts of
+    `layout`."""
     chain = predict_poses(robot, layout, data, tangents=tangents, threads=threads)
     view, device, pairs = chain.view, device_of(data), pair_numbers(data)
     oriented = (device == PAIR) | ((device == TRACKER) & (data.rotation is not None))
@@ -165,7 +174,8 @@ def cleared_of_pairs(values: np.ndarray, pairs: np.ndarray) -> np.ndarray:
 
 
 def _turns(rotation: np.ndarray, data: Dataset, pairs: np.ndarray, device: np.ndarray) -> np.ndarray:
-    """(N, 3) rad: rotation vectors from the predicted to the measured orientation, or to the mean of the pair."""
+    """(N, 3) rad: rotation vectors from the predicted to the measured orientation, or to the mean of the
+    pair."""
     meant = rotation.copy()
     for pair in np.unique(pairs[pairs >= 0]):
         meant[pairs == pair] = nearest(rotation[pairs == pair].mean(axis=0))

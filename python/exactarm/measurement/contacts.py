@@ -1,12 +1,16 @@
-"""Contacts: what the target touches stands for the device of the chain, at the station where a tracker would measure.
+"""Contacts: what the target touches stands for the device of the chain, at the station where a tracker would
+measure.
 
     socket   p - c                      (3 numbers)      c: centre
-    plane    n'(p - m) - h              (1)              n = n0 + a u + b v, normalised; h; m, n0, u, v: fixed reference
+    plane    n'(p - m) - h              (1)              n = n0 + a u + b v, normalised; h; m, n0, u, v: fixed
+             reference
     sphere   |p - c| - r                (1)              c, r = radius of the sphere + that of the tip
-    bar      |p - c| - l0               (1)              c: far end; l0: the bar's length, or the zero of what is read
+    bar      |p - c| - l0               (1)              c: far end; l0: the bar's length, or the zero of what
+             is read
 
-p (N, 3): target in the robot's base frame, m. A good model makes a contact's numbers vanish (the bar's: equal the
-length that was read). Centres, planes and lengths are nuisances: effects of the declared model, one object a contact and session.
+p (N, 3): target in the robot's base frame, m. A good model makes a contact's numbers vanish (the bar's: equal
+the length that was read). Centres, planes and lengths are nuisances: effects of the declared model, one
+object a contact and session.
 """
 
 from __future__ import annotations
@@ -49,7 +53,8 @@ class Contact(Effect):
         return (data.contacts[self.contact] == self.number) & (data.session == self.session)
 
     def start(self, points: np.ndarray, length: np.ndarray | None) -> Contact:
-        """The contact that fits `points` (K, 3) best, up to outliers; `length` (K,): what was read, or None."""
+        """The contact that fits `points` (K, 3) best, up to outliers; `length` (K,): what was read, or
+        None."""
         raise NotImplementedError
 
     def touch(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -90,14 +95,16 @@ class Socket(Contact):
 
     def touch(self, points):
         count = len(points)
-        return points - np.asarray(self.values), np.tile(np.eye(3), (count, 1, 1)), np.tile(-np.eye(3), (count, 1, 1))
+        return points - np.asarray(self.values), np.tile(np.eye(3),
+                                                         (count, 1, 1)), np.tile(-np.eye(3), (count, 1, 1))
 
 
 @dataclass(frozen=True)
 class Plane(Contact):
     """A flat face; `reference`: point m and orthonormal n0, u, v (4, 3) that the parameters count from."""
 
-    reference: tuple[tuple[float, ...], ...] = ((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+    reference: tuple[tuple[float, ...], ...] = ((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0),
+                                                (0.0, 1.0, 0.0))
 
     contact: ClassVar[str] = "plane"
 
@@ -109,7 +116,8 @@ class Plane(Contact):
         v, u, normal = np.linalg.svd(points - middle, full_matrices=False)[2]
         axes = (middle, normal, u, v)
         height = float(np.median((points - middle) @ normal))
-        return replace(self, values=(0.0, 0.0, height), reference=tuple(tuple(float(x) for x in axis) for axis in axes))
+        return replace(self, values=(0.0, 0.0, height),
+                       reference=tuple(tuple(float(x) for x in axis) for axis in axes))
 
     @property
     def normal(self) -> tuple[np.ndarray, np.ndarray]:
@@ -173,7 +181,8 @@ CONTACT_CLASSES: dict[str, type[Contact]] = {cls.contact: cls for cls in (Socket
 
 
 def _sphere(points: np.ndarray, length: np.ndarray | None) -> np.ndarray:
-    """(4,) centre and radius by linear least squares: 2 c'p + (r^2 - |c|^2) = |p|^2 (- l^2 where lengths are read)."""
+    """(4,) centre and radius by linear least squares: 2 c'p + (r^2 - |c|^2) = |p|^2 (- l^2 where lengths are
+    read)."""
     middle = points.mean(0)
     arm = points - middle
     right = np.sum(arm**2, axis=1) - (0.0 if length is None else length**2)

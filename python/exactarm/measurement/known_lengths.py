@@ -1,13 +1,14 @@
 """Known lengths of a fixture as data: residual L - f(nuisances), with its derivative, one row each.
 
     sockets, spheres, bars   f = |c1 - c2|
-    planes                   f = |n2'(x1 - m2) - h2|     x1: the point of plane 1 next to its touches; plus or minus
+    planes                   f = |n2'(x1 - m2) - h2|     x1: the point of plane 1 next to its touches; plus or
+                             minus
                                                          two tip radii where the ball's radius is known
     radius                   f = r
 
-Planes: the tip's centre keeps one radius outside of the face. Faces that look away from each other (a block that is touched
-from both sides) are nearer to each other than the centres are by two radii; where the ball's radius is not given it
-is taken as zero.
+Planes: the tip's centre keeps one radius outside of the face. Faces that look away from each other (a block
+that is touched from both sides) are nearer to each other than the centres are by two radii; where the ball's
+radius is not given it is taken as zero.
 """
 
 from __future__ import annotations
@@ -23,7 +24,8 @@ from exactarm.measurement.contacts import Contact, Plane
 
 @dataclass(frozen=True)
 class KnownLength:
-    """One row: residual (m), rows (P,) by the free parameters, sigma (m); a distance between contacts or a radius."""
+    """One row: residual (m), rows (P,) by the free parameters, sigma (m); a distance between contacts or a
+    radius."""
 
     name: str
     session: int
@@ -35,7 +37,8 @@ class KnownLength:
 
 def known_lengths(layout: Layout, fixture: Fixture) -> tuple[KnownLength, ...]:
     """Every entry of the fixture that the contacts of the layout can tell, session by session."""
-    places = {(e.contact, e.session, e.number): i for i, e in enumerate(layout.effects) if isinstance(e, Contact)}
+    places = {(e.contact, e.session, e.number): i for i, e in enumerate(layout.effects)
+              if isinstance(e, Contact)}
     sessions = sorted({session for _, session, _ in places})
     found = []
     for entry in fixture.distances:
@@ -43,7 +46,8 @@ def known_lengths(layout: Layout, fixture: Fixture) -> tuple[KnownLength, ...]:
             ends = [places.get((entry.contact, session, number)) for number in entry.between]
             if None not in ends:
                 ball = fixture.radius_of("ball", None, session)
-                length, blocks = _distance(*(layout.effects[i] for i in ends), 0.0 if ball is None else ball.length)
+                length, blocks = _distance(*(layout.effects[i] for i in ends),
+                                           0.0 if ball is None else ball.length)
                 name = f"{entry.contact} {entry.between[0]} to {entry.between[1]} of session {session}"
                 row = _row(layout, dict(zip(ends, blocks)))
                 found.append(KnownLength(name, session, entry.length - length, row, entry.sigma, True))
@@ -54,7 +58,8 @@ def known_lengths(layout: Layout, fixture: Fixture) -> tuple[KnownLength, ...]:
             length = radius.length + (ball.length if ball is not None else 0.0)
             row = _row(layout, {i: np.array([0.0, 0.0, 0.0, 1.0])})
             name = f"radius of {contact} {number} of session {session}"
-            found.append(KnownLength(name, session, length - layout.effects[i].values[3], row, radius.sigma, False))
+            found.append(KnownLength(name, session, length - layout.effects[i].values[3], row, radius.sigma,
+                                     False))
     return tuple(found)
 
 

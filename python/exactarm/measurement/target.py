@@ -1,8 +1,10 @@
-"""Target: where on the flange the touching ball, tip or sensor sits, one point for all sessions that share it.
+"""Target: where on the flange the touching ball, tip or sensor sits, one point for all sessions that share
+it.
 
     x = p_base + R_base (p_flange + R_flange p_tool)
 
-The base frame is no unknown: contacts are wherever the robot touches them. Its rotation is that of the robot file.
+The base frame is no unknown: contacts are wherever the robot touches them. Its rotation is that of the robot
+file.
 """
 
 from __future__ import annotations
@@ -18,7 +20,8 @@ from exactarm.effects.base import Change, Effect, Parameter, Station
 
 @dataclass(frozen=True)
 class Target(Effect):
-    """The tool point (3,) m in the flange frame, at each of `sessions`; `shared`: the only one, named without a session."""
+    """The tool point (3,) m in the flange frame, at each of `sessions`; `shared`: the only one, named without
+    a session."""
 
     sessions: tuple[int, ...] = (1,)
     shared: bool = False
@@ -32,7 +35,10 @@ class Target(Effect):
         return tuple(Parameter(f"{axis}_m", 10.0) for axis in "xyz")
 
     def parameter_label(self, parameter: Parameter) -> str:
-        return f"tool_{parameter.name}" if self.number is None else f"session_{self.number}.tool_{parameter.name}"
+        return (
+            f"tool_{parameter.name}" if self.number is None
+            else f"session_{self.number}.tool_{parameter.name}"
+        )
 
     @property
     def number(self) -> int | None:

@@ -1,4 +1,5 @@
-"""Poses that touch: joint angles at which a target meets a contact, or a pose of the target, exactly or up to a given lack.
+"""Poses that touch: joint angles at which a target meets a contact, or a pose of the target, exactly or up to
+a given lack.
 
     numbers(x(q)) = lack        Gauss-Newton on q from given starts, the shortest step each (Moore-Penrose)
 """
@@ -29,7 +30,8 @@ def rows_at(q: np.ndarray, contact: Contact | None, approach: np.ndarray | None 
     return Dataset.of_arrays("closures", joints, contacts=names, session=np.full(len(q), session), **more)
 
 
-def predicted_at(robot: Robot, layout: Layout, q: np.ndarray, contact: Contact | None, approach=None, **more) -> ClosurePrediction:
+def predicted_at(robot: Robot, layout: Layout, q: np.ndarray, contact: Contact | None, approach=None,
+                 **more) -> ClosurePrediction:
     """What a touch at q lacks, with derivatives; nothing of `layout` is free."""
     # the contact's own columns make the chain carry derivatives
     known = contact if contact is not None else Socket(None, (0.0, 0.0, 0.0), NO_CONTACT, NO_CONTACT)
@@ -44,11 +46,14 @@ def target_at(robot: Robot, layout: Layout, q: np.ndarray) -> np.ndarray:
 
 
 def touching(
-    robot: Robot, layout: Layout, q: np.ndarray, contact: Contact | None, lack: np.ndarray | float = 0.0, approach=None, **more
+    robot: Robot, layout: Layout, q: np.ndarray, contact: Contact | None, lack: np.ndarray | float = 0.0,
+    approach=None, **more
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Angles (N, n) from the starts q, and how far (N,) each still is from touching; joint limits are not looked at.
+    """Angles (N, n) from the starts q, and how far (N,) each still is from touching; joint limits are not
+    looked at.
 
-    lack (N, c): what the numbers are to be instead of zero; more: `length` of a bar, or `position` and `rotation` to reach.
+    lack (N, c): what the numbers are to be instead of zero; more: `length` of a bar, or `position` and
+    `rotation` to reach.
     """
     left = np.full(len(q), np.inf)
     for _ in range(_STEPS):

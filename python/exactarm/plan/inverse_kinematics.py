@@ -40,7 +40,8 @@ def inverse_kinematics(core: _core.Robot, reference: Reference, start: np.ndarra
         if report.status == _core.InverseKinematicsStatus.solved:
             time = float(reference.time[report.conditioning_index])
             near = report.conditioning < NEAR_SINGULAR
-            warning = (f"the path passes near a singular pose at {time:.3f} s (conditioning {report.conditioning:.1e})",)
+            warning = (f"the path passes near a singular pose at {time:.3f} s (conditioning "
+                       f"{report.conditioning:.1e})",)
             return JointPath(q, report.conditioning, time, warning if near else ())
         failures.append((report.index, describe(report, reference)))
     # The branch that came furthest says most.

@@ -1,7 +1,7 @@
 """Limits along a motion: which axis, when, by how much; and the duration from which on a path fits.
 
-Rates of the motors fall with the duration, accelerations with its square, so the shortest duration follows from the
-flat motion theta = Xi(q_d + kappa^{-1}(torque)) of the path at a trial duration in a few passes.
+Rates of the motors fall with the duration, accelerations with its square, so the shortest duration follows
+from the flat motion theta = Xi(q_d + kappa^{-1}(torque)) of the path at a trial duration in a few passes.
 """
 
 from __future__ import annotations
@@ -18,7 +18,8 @@ _PASSES = 12
 
 @dataclass(frozen=True)
 class Violation:
-    """One limit of one joint (from 1) that is exceeded: largest value, limit, and the time of the largest value."""
+    """One limit of one joint (from 1) that is exceeded: largest value, limit, and the time of the largest
+    value."""
 
     joint: int
     quantity: str
@@ -31,13 +32,16 @@ class Violation:
         degrees = self.unit.startswith("rad")
         factor = np.degrees(1.0) if degrees else 1.0
         unit = self.unit.replace("rad", "deg")
-        return (f"joint {self.joint} needs {factor * abs(self.value):.4g} {unit} of {self.quantity} at {self.time:.3f} s, "
-                f"{factor * (abs(self.value) - self.limit):.3g} {unit} beyond its limit of {factor * self.limit:.4g} {unit}")
+        return (f"joint {self.joint} needs {factor * abs(self.value):.4g} {unit} of {self.quantity} at "
+                f"{self.time:.3f} s, "
+                f"{factor * (abs(self.value) - self.limit):.3g} {unit} beyond its limit of "
+                f"{factor * self.limit:.4g} {unit}")
 
 
 def violations(robot: Robot, time: np.ndarray, theta_dot: np.ndarray, theta_ddot: np.ndarray,
                torque: np.ndarray | None = None) -> tuple[Violation, ...]:
-    """Limits that a motor motion (N, n) exceeds, on the output side (E10); torque (N, n) of the drives where known."""
+    """Limits that a motor motion (N, n) exceeds, on the output side (E10); torque (N, n) of the drives where
+    known."""
     checks = [("rate", "rad/s", theta_dot / robot.ratios, "q_dot_max"),
               ("acceleration", "rad/s²", theta_ddot / robot.ratios, "q_ddot_max")]
     if torque is not None:
@@ -52,7 +56,8 @@ def violations(robot: Robot, time: np.ndarray, theta_dot: np.ndarray, theta_ddot
 
 
 def stretch_that_fits(robot: Robot, theta_dot: np.ndarray, theta_ddot: np.ndarray) -> float:
-    """Factor on the duration at which rates and accelerations would meet the limits; below 1 there is room."""
+    """Factor on the duration at which rates and accelerations would meet the limits; below 1 there is
+    room."""
     factor = 0.0
     for values, field, power in ((theta_dot, "q_dot_max", 1.0), (theta_ddot, "q_ddot_max", 0.5)):
         for i, joint in enumerate(robot.joints):
@@ -63,7 +68,8 @@ def stretch_that_fits(robot: Robot, theta_dot: np.ndarray, theta_ddot: np.ndarra
 
 
 def shortest_duration(robot: Robot, duration: float, flat_motion) -> float:
-    """Shortest duration that fits; flat_motion(duration) -> (theta_dot, theta_ddot) of the path at that duration."""
+    """Shortest duration that fits; flat_motion(duration) -> (theta_dot, theta_ddot) of the path at that
+    duration."""
     fitting = None
     for _ in range(_PASSES):
         factor = stretch_that_fits(robot, *flat_motion(duration))

@@ -50,7 +50,8 @@ def _collect(paths: Sequence[PlannedPath], futures: Sequence) -> list[Plan | Pat
     results: list[Plan | PathFailure] = []
     for path, future in zip(paths, futures):
         error = future.exception()
-        results.append(future.result() if error is None else PathFailure(path, f"{type(error).__name__}: {error}"))
+        results.append(future.result() if error is None
+                       else PathFailure(path, f"{type(error).__name__}: {error}"))
     return results
 
 

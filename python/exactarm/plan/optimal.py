@@ -1,8 +1,8 @@
 """Planning: a path of the flange -> the motor motion that puts it there (thesis (4.2), (4.3)).
 
 Inverse kinematics on the accurate model, known functions along the reference (plan/compensation.py), then the
-optimal control problem in the core. The result is checked with KKT errors that are computed outside the solver.
-theta in rad at the motor; N knots, n axes.
+optimal control problem in the core. The result is checked with KKT errors that are computed outside the
+solver. theta in rad at the motor; N knots, n axes.
 """
 
 from __future__ import annotations
@@ -37,7 +37,8 @@ _MEMORY_PASSES = 3  # an effect that remembers the motor's way sees the motor th
 
 @dataclass(frozen=True)
 class PlanOptions:
-    """threads; start: joint angles near the first pose; iterations of the solver; bounds: keep to the robot's limits."""
+    """threads; start: joint angles near the first pose; iterations of the solver; bounds: keep to the robot's
+    limits."""
 
     threads: int = 1
     start: np.ndarray | None = None
@@ -69,7 +70,8 @@ class Tracking:
 
 @dataclass(frozen=True)
 class Plan:
-    """The motor motion: time (N,), theta and its derivatives, q, q_desired (N, n), position (N, 3) of the flange."""
+    """The motor motion: time (N,), theta and its derivatives, q, q_desired (N, n), position (N, 3) of the
+    flange."""
 
     path: PlannedPath
     reference: Reference
@@ -104,7 +106,8 @@ def plan_path(robot: Robot, path: PlannedPath, options: PlanOptions = PlanOption
     broken = violations(model.robot, reference.time, *flat[1:]) if options.bounds else ()
     fits = _fitting_duration(model, path, options) if broken else None
     if model.rigid:
-        return _plan(model, path, reference, joints, known, _rigid_motion(joints, flat, reference.step), broken, fits,
+        return _plan(model, path, reference, joints, known, _rigid_motion(joints, flat, reference.step),
+                     broken, fits,
                      warnings)
     problem = _problem(model, path, reference.step, joints, known, options)
     motion = _core.plan_motion(model.core, problem, _solve_options(path, options))
@@ -116,7 +119,8 @@ def plan_path(robot: Robot, path: PlannedPath, options: PlanOptions = PlanOption
 def _joint_reference(model: PlanningModel, reference: Reference, path: PlannedPath, options: PlanOptions):
     """q_desired (N, n) and the known functions along it; displacements of the flange are aimed against."""
     found = inverse_kinematics(model.core, reference, options.start)
-    along = lambda q, theta=None: known_functions(model, q, reference.step, path.gear_direction, options.threads, theta)
+    along = lambda q, theta=None: known_functions(model, q, reference.step, path.gear_direction,
+                                                  options.threads, theta)
     known = along(found.q)
     for _ in range(_DISPLACEMENT_PASSES if np.any(known.displacement) else 0):
         found = inverse_kinematics(model.core, moved_reference(reference, known.displacement), found.q[0])
@@ -160,7 +164,8 @@ def _problem(model, path, step, q_desired, known, options) -> _core.PlanProblem:
 def _lift(problem: _core.PlanProblem) -> None:
     none, bounds = np.full(problem.q_desired.shape[1], np.inf), problem.bounds
     bounds.q_min = bounds.theta_min = -none
-    bounds.q_max = bounds.theta_max = bounds.q_dot = bounds.theta_dot = bounds.theta_ddot = bounds.theta_dddot = none
+    bounds.q_max = bounds.theta_max = bounds.q_dot = none
+    bounds.theta_dot = bounds.theta_ddot = bounds.theta_dddot = none
 
 
 def _solve_options(path: PlannedPath, options: PlanOptions) -> _core.PlanOptions:
@@ -204,7 +209,10 @@ def _fitting_duration(model: PlanningModel, path: PlannedPath, options: PlanOpti
 def _failure(motion: _core.PlanMotion, broken: tuple[Violation, ...], fits: float | None) -> str:
     if not broken:
         return f"the solver ended with status {motion.status}: {motion.message}"
-    line = f"{motion.status}: no motion within the limits" if motion.status == "infeasible" else f"the solver ended with status {motion.status}"
+    line = (
+        f"{motion.status}: no motion within the limits" if motion.status == "infeasible"
+        else f"the solver ended with status {motion.status}"
+    )
     line += "; " + "; ".join(str(violation) for violation in broken)
     return line + (f"; the shortest duration that fits is {fits:.3f} s" if fits else "")
 
@@ -215,7 +223,8 @@ def _plan(model, path, reference, q_desired, known, motion, broken, fits, warnin
     error = np.linalg.norm(moved - reference.position, axis=1)
     solver = Solver(path.solver, motion.linear_solver, motion.status, motion.iterations, motion.seconds,
                     motion.kkt_error, motion.objective)
-    tracking = Tracking(float(np.sqrt(np.mean(error**2))), float(error.max()), float(np.abs(motion.q - q_desired).max()))
+    tracking = Tracking(float(np.sqrt(np.mean(error**2))), float(error.max()),
+                        float(np.abs(motion.q - q_desired).max()))
     if broken:
         warnings += tuple(f"the reference is faster than the drives: {violation}" for violation in broken)
         warnings += (f"the shortest duration that fits is {fits:.3f} s",) if fits else ()
@@ -223,7 +232,8 @@ def _plan(model, path, reference, q_desired, known, motion, broken, fits, warnin
         warnings += ("the solver stopped at its acceptable level",)
     return Plan(
         path, reference, reference.time, motion.theta, motion.theta_dot, motion.theta_ddot,
-        motion.theta_dddot if path.input == "jerk" and not model.rigid else None, motion.q, motion.q_dot, q_desired, moved, error,
+        motion.theta_dddot if path.input == "jerk" and not model.rigid else None, motion.q, motion.q_dot,
+        q_desired, moved, error,
         solver, tracking, bandwidth(motion.theta_ddot / model.robot.ratios, reference.step), broken, fits,
         tuple(effect.label for effect in model.effects), warnings,
     )

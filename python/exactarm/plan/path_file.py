@@ -79,7 +79,8 @@ class _Reader:
     def path(self, name: str) -> PlannedPath:
         kinds: dict[str, tuple[set[str], Callable[[], Curve]]] = {
             "line": ({"start_m", "end_m"}, self._line),
-            "spiral": ({"centre_m", "radius_max_m", "turns", "angle_start_rad", "z_start_m", "z_end_m"}, self._spiral),
+            "spiral": ({"centre_m", "radius_max_m", "turns", "angle_start_rad", "z_start_m", "z_end_m"},
+                       self._spiral),
             "points": ({"points_m", "times_s"}, self._points),
         }
         kind = self.table.get("kind")
@@ -95,11 +96,13 @@ class _Reader:
             raise self.refuse("duration_s", f"the last of times_s, {curve.times[-1]}")
         rate = self.number("rate_hz", least=0.0, default=1000.0)
         if not 12 <= duration * rate + 1 <= MOST_SAMPLES:
-            raise InputError(f"key rate_hz: {duration * rate + 1:.0f} samples in {duration} s, expected 12 to "
+            raise InputError(f"key rate_hz: {duration * rate + 1:.0f} samples in {duration} s, expected 12 "
+                             "to "
                              f"{MOST_SAMPLES}", file=self.file)
         wxyz = self._orientation(curve)
         chosen = {key: self._choice(key, options) for key, options in CHOICES.items()}
-        return PlannedPath(curve, duration, rate, self.number("nu", least=0.0, default=1e-14), wxyz, name=name, **chosen)
+        return PlannedPath(curve, duration, rate, self.number("nu", least=0.0, default=1e-14), wxyz,
+                           name=name, **chosen)
 
     def number(self, key: str, least: float | None = None, default: float | None = None) -> float:
         value = self.table.get(key, default)
@@ -113,7 +116,8 @@ class _Reader:
     def numbers(self, key: str, shape: tuple[int | None, ...], expected: str) -> np.ndarray:
         if not fits_shape(self.table.get(key), shape):
             raise self.refuse(key, expected)
-        return np.array(self.table[key], dtype=float).reshape([-1 if size is None else size for size in shape])
+        return np.array(self.table[key],
+                        dtype=float).reshape([-1 if size is None else size for size in shape])
 
     def _line(self) -> Line:
         three = "three coordinates in m"

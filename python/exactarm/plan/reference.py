@@ -4,8 +4,8 @@ Time law (thesis (4.4), signs of E9), with s = t / t_e from 0 to 1:
     lambda(s) = 35 s^4 - 84 s^5 + 70 s^6 - 20 s^7
 at rest with zero acceleration and jerk at both ends. Line (4.7); conical spiral (4.8) with its centre (E12):
     x = x_c + r mu cos mu,  y = y_c + r mu sin mu,  z = z(t),   r = radius_max / (2 pi turns)
-where mu and z follow the time law from start to end; via-points on a spline of degree 5 (C4), at rest with zero
-acceleration at both ends. Orientation: constant, interpolated on the sphere (SLERP) between two with the
+where mu and z follow the time law from start to end; via-points on a spline of degree 5 (C4), at rest with
+zero acceleration at both ends. Orientation: constant, interpolated on the sphere (SLERP) between two with the
 time law, or through one per via-point on a C2 rotation spline.
 Lengths in m, time in s, quaternions (w, x, y, z), everything in the robot's base frame.
 """
@@ -111,7 +111,8 @@ class Points:
     def _spline(self, knots: np.ndarray):
         rest = [(1, np.zeros(3)), (2, np.zeros(3))]
         if self.times is None:  # the time law brings the rest; the curve itself ends without curvature
-            return make_interp_spline(knots, self.points, k=5, bc_type=([(2, np.zeros(3)), (3, np.zeros(3))],) * 2)
+            return make_interp_spline(knots, self.points, k=5,
+                                      bc_type=([(2, np.zeros(3)), (3, np.zeros(3))],) * 2)
         return make_interp_spline(knots, self.points, k=5, bc_type=(rest, rest))
 
 
@@ -124,8 +125,10 @@ def time_law(t: np.ndarray, duration: float) -> tuple[np.ndarray, np.ndarray, np
     return law(s), law.deriv(1)(s) / duration, law.deriv(2)(s) / duration**2
 
 
-def sample_reference(curve: Curve, orientation_wxyz: np.ndarray, duration: float, rate_hz: float) -> Reference:
-    """The curve sampled from 0 to `duration`, both ends included; the step is the nearest to 1 / rate that fits."""
+def sample_reference(curve: Curve, orientation_wxyz: np.ndarray, duration: float,
+                     rate_hz: float) -> Reference:
+    """The curve sampled from 0 to `duration`, both ends included; the step is the nearest to 1 / rate that
+    fits."""
     samples = int(round(duration * rate_hz)) + 1
     time = np.linspace(0.0, duration, samples)
     position, velocity, acceleration = curve.motion(duration)(time)

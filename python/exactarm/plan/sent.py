@@ -1,8 +1,10 @@
-"""A plan in the words of a controller: what is sent are the joint angles that the controller reports while the motors follow the plan.
+"""A plan in the words of a controller: what is sent are the joint angles that the controller reports while
+the motors follow the plan.
 
     q_sent = theta / controller_ratio + controller_offset      (not q, the links behind gears and springs)
 
-    joint_trajectory   ROS 2 trajectory_msgs/JointTrajectory, YAML: positions rad, velocities rad/s, time_from_start
+    joint_trajectory   ROS 2 trajectory_msgs/JointTrajectory, YAML: positions rad, velocities rad/s,
+                       time_from_start
     servoj             URScript: one servoj a sample, rad, at the plan's rate
 """
 
@@ -18,7 +20,10 @@ FILES = {"joint_trajectory": "trajectory.yaml", "servoj": "trajectory.script"}
 
 def sent_angles(robot: Robot, plan: Plan) -> tuple[np.ndarray, np.ndarray]:
     """Joint angles (N, n) rad to send, and their rates rad/s."""
-    return plan.theta / robot.controller_ratios + robot.controller_offsets, plan.theta_dot / robot.controller_ratios
+    return (
+        plan.theta / robot.controller_ratios + robot.controller_offsets,
+        plan.theta_dot / robot.controller_ratios
+    )
 
 
 def sent_text(kind: str, robot: Robot, plan: Plan) -> str:

@@ -1,9 +1,11 @@
-"""What a motor motion asks of the drives: spectrum, bandwidth and ringing of its acceleration (N, n), sampled at equal steps.
+"""What a motor motion asks of the drives: spectrum, bandwidth and ringing of its acceleration (N, n), sampled
+at equal steps.
 
     amplitude   single-sided, of the acceleration; it starts and ends at zero, so no window is needed
-    bandwidth   highest frequency at which the amplitude of an axis is above `PEAK_SHARE` of the largest peak of all axes
-    ringing     what alternates from knot to knot: RMS of the fourth difference over 16, which has gain sin^4(pi f step):
-                1 at the Nyquist frequency and 1 % at a tenth of the sample rate
+    bandwidth   highest frequency at which the amplitude of an axis is above `PEAK_SHARE` of the largest peak
+                of all axes
+    ringing     what alternates from knot to knot: RMS of the fourth difference over 16, which has gain
+                sin^4(pi f step): 1 at the Nyquist frequency and 1 % at a tenth of the sample rate
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
 """A report as one HTML file: styles and plots inside it, nothing fetched, readable light, dark and printed.
 
-Names from outside (files, columns, robots) are text here and nothing else: the template escapes them, figures have plain
-names (sections.py), and the page's content security policy lets no script run and nothing be fetched.
+Names from outside (files, columns, robots) are text here and nothing else: the template escapes them, figures
+have plain names (sections.py), and the page's content security policy lets no script run and nothing be
+fetched.
 """
 
 from __future__ import annotations
@@ -43,7 +44,8 @@ def render_html(report: Report, drawings: Sequence[Drawing] = ()) -> str:
 
 
 def render_verdict_html(report: Report) -> str:
-    """Title, verdict, the numbers that matter most and the first table, as a piece of a page (for notebooks)."""
+    """Title, verdict, the numbers that matter most and the first table, as a piece of a page (for
+    notebooks)."""
     parts = [Markup("<p><strong>{}</strong><br>{}</p>").format(report.title, report.verdict)]
     for section in report.sections:
         if isinstance(section, Highlights):
@@ -51,13 +53,16 @@ def render_verdict_html(report: Report) -> str:
                 value, before = highlight_texts(item)
                 text = f"{before} → {value}" if before else value
                 parts.append(Markup("<div>{}: <strong>{}</strong></div>").format(item.label, text))
-    table = next((section for section in report.sections if isinstance(section, Table) and section.rows), None)
+    table = next((section for section in report.sections if isinstance(section, Table) and section.rows),
+                 None)
     if table is not None:
         header, columns, _ = columns_of(table)
         head = Markup("").join(Markup("<th>{}</th>").format(name) for name in header)
         rows = (Markup("").join(Markup("<td>{}</td>").format(cell) for cell in row) for row in zip(*columns))
         body = Markup("").join(Markup("<tr>{}</tr>").format(row) for row in rows)
-        parts.append(Markup("<table><caption>{}</caption><thead><tr>{}</tr></thead><tbody>{}</tbody></table>").format(
+        parts.append(Markup(
+            "<table><caption>{}</caption><thead><tr>{}</tr></thead><tbody>{}</tbody></table>"
+        ).format(
             table.heading, head, body))
     parts += [Markup("<p>warning: {}</p>").format(item) for item in report.warnings]
     return str(Markup("").join(parts))
@@ -68,7 +73,8 @@ def _table(table: Table) -> dict:
     rows = [[_link(cell) if isinstance(cell, Link) else text for cell, text in zip(cells, texts)]
             for cells, texts in zip(table.rows, zip(*columns))]
     short = [max(map(len, column), default=0) <= SHORT_CELL for column in columns]
-    return {"section": table, "header": header, "rows": rows, "numeric": numeric, "short": short, "wide": len(header) >= WIDE_TABLE}
+    return {"section": table, "header": header, "rows": rows, "numeric": numeric, "short": short,
+            "wide": len(header) >= WIDE_TABLE}
 
 
 def _link(cell: Link) -> Markup:

@@ -21,7 +21,8 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Quantity:
-    """A number with its SI unit; None prints as a dash. `exact`: a declared one, with all its digits up to six."""
+    """A number with its SI unit; None prints as a dash. `exact`: a declared one, with all its digits up to
+    six."""
 
     value: float | None
     unit: str = ""
@@ -62,17 +63,18 @@ class Table:
     def __post_init__(self) -> None:
         for number, row in enumerate(self.rows):
             if len(row) != len(self.header):
-                raise ValueError(f"table {self.heading!r}, row {number}: {len(row)} cells, expected {len(self.header)}")
+                raise ValueError(f"table {self.heading!r}, row {number}: {len(row)} cells, expected "
+                                 f"{len(self.header)}")
 
 
 @dataclass(frozen=True)
 class Figure:
     """A plot: `name` is its file stem, `build` draws it, `alt` says in words what it shows.
 
-    The name also becomes part of ids and of a path, so of what it was made from (a path file's name, a column's)
-    only letters, digits, `_` and `-` are kept.
-    panel: draws it on given axes, for a plot of one panel. Both are partial functions of arrays, so that a report can be
-    pickled.
+    The name also becomes part of ids and of a path, so of what it was made from (a path file's name, a
+    column's) only letters, digits, `_` and `-` are kept.
+    panel: draws it on given axes, for a plot of one panel. Both are partial functions of arrays, so that a
+    report can be pickled.
     """
 
     name: str
@@ -129,11 +131,13 @@ class Report:
     verdict: str
     sections: tuple[Section, ...] = ()
     tone: Tone = "plain"
-    details: dict[str, str] = field(default_factory=dict)  # robot, files, seed ...: filled by the command line
+    # robot, files, seed ...: filled by the command line
+    details: dict[str, str] = field(default_factory=dict)
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        return tuple(item for section in self.sections if isinstance(section, Warnings) for item in section.items)
+        return tuple(item for section in self.sections if isinstance(section, Warnings)
+                     for item in section.items)
 
     @property
     def figures(self) -> tuple[Figure, ...]:
@@ -149,4 +153,6 @@ def _renamed(section: Section, seen: dict[str, int]) -> Section:
     if not isinstance(section, Figure):
         return section
     seen[section.name] = seen.get(section.name, 0) + 1
-    return section if seen[section.name] == 1 else replace(section, name=f"{section.name}_{seen[section.name]}")
+    return (
+        section if seen[section.name] == 1 else replace(section, name=f"{section.name}_{seen[section.name]}")
+    )

@@ -21,7 +21,8 @@ def render_verdict(report: Report, most: int, width: int = WIDTH) -> str:
     warnings = [textwrap.shorten(f"warning: {item}", width, placeholder=" ...") for item in report.warnings]
     room = max(most - len(lines), 0)
     if len(warnings) > room:
-        warnings = [*warnings[: max(room - 1, 0)], f"{len(warnings) - max(room - 1, 0)} more warnings in summary()"]
+        warnings = [*warnings[: max(room - 1, 0)],
+                    f"{len(warnings) - max(room - 1, 0)} more warnings in summary()"]
     return "\n".join([*lines, *warnings][:most])
 
 
@@ -35,13 +36,15 @@ def render_text(report: Report, width: int | None = None) -> str:
         elif isinstance(section, Table) and section.rows:
             blocks.append(_table(section, width))
         elif isinstance(section, Text):
-            blocks.append("\n".join([section.heading, *(_wrap(paragraph, width, "  ") for paragraph in section.paragraphs)]))
+            blocks.append("\n".join([section.heading,
+                                     *(_wrap(paragraph, width, "  ") for paragraph in section.paragraphs)]))
     blocks += [_wrap(f"warning: {item}", width, hanging="  ") for item in report.warnings]
     return "\n\n".join(blocks) + "\n"
 
 
 def _wrap(text: str, width: int, indent: str = "", hanging: str = "") -> str:
-    return textwrap.fill(" ".join(text.split()), width, initial_indent=indent, subsequent_indent=indent + hanging,
+    return textwrap.fill(" ".join(text.split()), width, initial_indent=indent,
+                         subsequent_indent=indent + hanging,
                          break_long_words=False, break_on_hyphens=False)
 
 

@@ -1,7 +1,8 @@
 """The virtual robot: a robot file plus declared or hidden effects, measured as the real one would be.
 
-It predicts through the same chain and effect objects as everything else, lets the joint springs swing under the
-motors' motion (plant.py), and reads the result with noisy, counting, late and warming sensors (sensors.py).
+It predicts through the same chain and effect objects as everything else, lets the joint springs swing under
+the motors' motion (plant.py), and reads the result with noisy, counting, late and warming sensors
+(sensors.py).
 `independent.py` is another plant, by another engine, so that the model is never judged only by itself.
 """
 

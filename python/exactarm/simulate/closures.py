@@ -1,7 +1,9 @@
-"""Closures on a virtual robot: poses in which the true target touches a fixture, as a person or a probe would find them.
+"""Closures on a virtual robot: poses in which the true target touches a fixture, as a person or a probe would
+find them.
 
-A place (session) has the fixture somewhere in the robot's reach: two sockets or two spheres apart by a known distance, a
-block with three skew faces and one that is parallel to the first, two far ends of a telescopic bar, or pairs of poses.
+A place (session) has the fixture somewhere in the robot's reach: two sockets or two spheres apart by a known
+distance, a block with three skew faces and one that is parallel to the first, two far ends of a telescopic
+bar, or pairs of poses.
 """
 
 from __future__ import annotations
@@ -23,7 +25,8 @@ from exactarm.simulate.sensors import Sensors, read
 from exactarm.simulate.virtual_robot import VirtualRobot
 
 CONTACTS = ("socket", "plane", "sphere", "bar", PAIR)
-APART_M, RADIUS_M, BAR_M = 0.1, 0.0127, (0.25, 0.45)  # of the fixture; shortest and longest length of the telescopic bar
+# of the fixture; shortest and longest length of the telescopic bar
+APART_M, RADIUS_M, BAR_M = 0.1, 0.0127, (0.25, 0.45)
 SLIP_M = 5e-3  # standard deviation of a contact that has slipped
 _NEAR_M = 0.35  # a search starts this near
 _REACH = (0.25, 0.7)  # of the greatest distance from axis 1, and from the base: where a fixture stands
@@ -35,7 +38,8 @@ _IN_VAIN = 3  # so many pools without a single touch: out of reach
 def measure_closures(
     robot: VirtualRobot, contact: str, places: int, count: int, sensors: Sensors, random: np.random.Generator
 ) -> tuple[Dataset, Fixture]:
-    """`count` touches of every contact at each of `places` (pairs: `count` pairs), and the fixture file's content."""
+    """`count` touches of every contact at each of `places` (pairs: `count` pairs), and the fixture file's
+    content."""
     true = VirtualRobot(robot.nominal, replace(robot.true, base=Placement()))
     parts = []
     for session in range(1, places + 1):
@@ -55,9 +59,11 @@ def fixture_text(fixture: Fixture) -> str:
     """The fixture file."""
     lines = []
     for entry in fixture.distances:
-        lines += ["[[distances]]", f'contact = "{entry.contact}"', f"between = {list(entry.between)}", f"length_mm = {1e3 * entry.length:g}"]
+        lines += ["[[distances]]", f'contact = "{entry.contact}"', f"between = {list(entry.between)}",
+                  f"length_mm = {1e3 * entry.length:g}"]
     for entry in fixture.radii:
-        lines += ["[[radii]]", f'contact = "{entry.contact}"', f"number = {entry.number}", f"radius_mm = {1e3 * entry.length:g}"]
+        lines += ["[[radii]]", f'contact = "{entry.contact}"', f"number = {entry.number}",
+                  f"radius_mm = {1e3 * entry.length:g}"]
     return "\n".join([*lines, ""])
 
 
@@ -83,7 +89,8 @@ def _fixture(contact: str, session: int, middle: np.ndarray, random: np.random.G
     if contact == "sphere":
         return [of(Sphere, k, [*end, RADIUS_M]) for k, end in enumerate(ends)]
     if contact == "bar":
-        return [replace(of(Bar, k, [*end, 0.0]), absolute=True) for k, end in enumerate((middle, middle + 0.4 * turned[0]))]
+        return [replace(of(Bar, k, [*end, 0.0]), absolute=True)
+                for k, end in enumerate((middle, middle + 0.4 * turned[0]))]
     if contact == "plane":
         faces = [(middle, turned[k], turned[(k + 1) % 3], turned[(k + 2) % 3]) for k in (0, 1, 2)]
         faces.append((middle - APART_M * turned[0], turned[0], turned[1], turned[2]))
@@ -92,7 +99,8 @@ def _fixture(contact: str, session: int, middle: np.ndarray, random: np.random.G
     return []
 
 
-def _touched(robot: VirtualRobot, thing: Contact, count: int, sensors: Sensors, random: np.random.Generator) -> Dataset:
+def _touched(robot: VirtualRobot, thing: Contact, count: int, sensors: Sensors,
+             random: np.random.Generator) -> Dataset:
     """`count` rows in which the target touches `thing` up to noise and slips."""
     lower, upper = limit(robot.nominal, "q_min"), limit(robot.nominal, "q_max")
     found, sides, lengths = np.zeros((0, len(lower))), np.zeros((0, len(lower))), np.zeros(0)
@@ -101,11 +109,13 @@ def _touched(robot: VirtualRobot, thing: Contact, count: int, sensors: Sensors, 
         if attempt >= _IN_VAIN and not len(found):
             break
         q = _drawn(robot, _POOL * count, random)
-        q = q[np.linalg.norm(target_at(robot.true, robot.layout, q) - centre, axis=1) < _NEAR_M + (BAR_M[0] if thing.contact == "bar" else 0.0)]
+        q = q[np.linalg.norm(target_at(robot.true, robot.layout, q) - centre, axis=1) < _NEAR_M
+              + (BAR_M[0] if thing.contact == "bar" else 0.0)]
         if not len(q):
             continue
         noise = random.normal(0.0, sensors.position_m, (len(q), 3))
-        noise += (random.random(len(q)) < sensors.wrong_rows)[:, None] * random.normal(0.0, SLIP_M, noise.shape)
+        noise += (random.random(len(q)) < sensors.wrong_rows)[:, None] * random.normal(0.0, SLIP_M,
+                                                                                       noise.shape)
         length = random.uniform(*BAR_M, len(q)) if thing.contact == "bar" else np.zeros(len(q))
         approach = random.choice([-1.0, 1.0], q.shape)
         more = {"length": length} if thing.contact == "bar" else {}
@@ -118,10 +128,12 @@ def _touched(robot: VirtualRobot, thing: Contact, count: int, sensors: Sensors, 
         if len(found) >= count:
             more = {"length": lengths[:count]} if thing.contact == "bar" else {}
             return rows_at(found[:count], thing, sides[:count], **more)
-    raise ComputationError(f"the fixture at ({', '.join(f'{x:.2f}' for x in centre)}) m is out of reach; another seed places it elsewhere")
+    raise ComputationError(f"the fixture at ({', '.join(f'{x:.2f}' for x in centre)}) m is out of reach; "
+                           "another seed places it elsewhere")
 
 
-def _pair(robot: VirtualRobot, session: int, number: int, sensors: Sensors, random: np.random.Generator) -> Dataset:
+def _pair(robot: VirtualRobot, session: int, number: int, sensors: Sensors,
+          random: np.random.Generator) -> Dataset:
     """Two poses of the arm with the same pose of the target, up to noise."""
     lower, upper = limit(robot.nominal, "q_min"), limit(robot.nominal, "q_max")
     for _ in range(_POOL):
@@ -141,7 +153,8 @@ def _pair(robot: VirtualRobot, session: int, number: int, sensors: Sensors, rand
             rows = rows_at(next(both), None, next(both))
             numbers = rows.contacts | {PAIR: np.full(2, number)}
             return replace(rows, contacts=numbers, session=np.full(2, session))
-    raise ComputationError("no second pose of the arm reaches the same pose of the target within the joint limits")
+    raise ComputationError("no second pose of the arm reaches the same pose of the target within the joint "
+                           "limits")
 
 
 def _joined(robot: VirtualRobot, parts: list[Dataset]) -> Dataset:
@@ -150,6 +163,7 @@ def _joined(robot: VirtualRobot, parts: list[Dataset]) -> Dataset:
     length = None if parts[0].length is None else stack(lambda part: part.length)
     return Dataset.of_arrays(
         "closures", {"theta": robot.motor_angles(stack(lambda part: part.joints["q"])),
-                     "approach": stack(lambda part: part.joints["approach"])}, session=stack(lambda part: part.session),
+                     "approach": stack(lambda part: part.joints["approach"])},
+        session=stack(lambda part: part.session),
         contacts={name: stack(lambda part, name=name: part.contacts[name]) for name in used}, length=length,
     )

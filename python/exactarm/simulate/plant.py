@@ -1,15 +1,19 @@
-"""The links behind their springs while the motors follow a given motion: what stiff motor control leaves to chance.
+"""The links behind their springs while the motors follow a given motion: what stiff motor control leaves to
+chance.
 
-    D(q) q_ddot + C q_dot + g = kappa(phi(t) + q_offset - q),   phi(t) the outputs of the gears        (2.23), E4
+    D(q) q_ddot + C q_dot + g = kappa(phi(t) + q_offset - q),   phi(t) the outputs of the gears        (2.23),
+    E4
 
-A stiff oscillator: the wrist swings at hundreds of hertz, the base at ten. It is undamped as the source's model is;
-`damping_s` adds damping_s kappa'(0) (phi_dot - q_dot), as real gears have it (1e-3 s: 3 % of critical at 10 Hz). Integrated by Radau IIA of
-order 5 (Hairer and Wanner 1996) at a fixed step, in the form of inverse dynamics: with stage accelerations a_i,
+A stiff oscillator: the wrist swings at hundreds of hertz, the base at ten. It is undamped as the source's
+model is;
+`damping_s` adds damping_s kappa'(0) (phi_dot - q_dot), as real gears have it (1e-3 s: 3 % of critical at 10
+Hz). Integrated by Radau IIA of order 5 (Hairer and Wanner 1996) at a fixed step, in the form of inverse
+dynamics: with stage accelerations a_i,
 
     v_i = v_0 + h sum_j A_ij a_j,  q_i = q_0 + h sum_j A_ij v_j,  ID(q_i, v_i, a_i) = kappa(output_i - q_i)
 
-and Newton's matrix D + h A C + h^2 A^2 (K + dID/dq) from the core's slopes. Between samples the output is a quintic
-spline. It starts at rest relative to the motors, in the equilibrium of gravity.
+and Newton's matrix D + h A C + h^2 A^2 (K + dID/dq) from the core's slopes. Between samples the output is a
+quintic spline. It starts at rest relative to the motors, in the equilibrium of gravity.
 """
 
 from __future__ import annotations
@@ -58,7 +62,8 @@ def is_elastic(robot: Robot) -> bool:
 def swing(robot: Robot, time: np.ndarray, output: np.ndarray, damping_s: float = 0.0) -> LinkMotion:
     """The links' motion at `time` (N,), the gears' outputs plus offsets being `output` (N, n) rad."""
     if not is_elastic(robot):
-        raise InputError(f"robot {robot.name}: expected a spring on every axis and link masses", file=robot.file)
+        raise InputError(f"robot {robot.name}: expected a spring on every axis and link masses",
+                         file=robot.file)
     path = make_interp_spline(time, output, k=5)
     speed = path.derivative()
     springs = _Springs(robot, damping_s)

@@ -1,6 +1,7 @@
 """Motions that a measurement asks for: constant-speed runs for gears, Fourier series for the dynamics.
 
-Angles are joint angles q of the nominal robot in rad; every motion stays within the declared limits of its axes.
+Angles are joint angles q of the nominal robot in rad; every motion stays within the declared limits of its
+axes.
 """
 
 from __future__ import annotations
@@ -17,7 +18,8 @@ _SHARE = 0.6  # of the largest rate and acceleration
 
 def limit(robot: Robot, name: str) -> np.ndarray:
     """(n,) a declared limit, or a modest one where none is declared."""
-    return np.array([_NO_LIMIT[name] if (value := getattr(joint, name)) is None else value for joint in robot.joints])
+    return np.array([_NO_LIMIT[name] if (value := getattr(joint, name)) is None else value
+                     for joint in robot.joints])
 
 
 def trapezoid(distance: float, speed: float, acceleration: float, rate_hz: float, rest_s: float = 0.1):
@@ -27,12 +29,14 @@ def trapezoid(distance: float, speed: float, acceleration: float, rate_hz: float
     cruise = distance / top - ramp
     time = np.arange(int(np.ceil((2.0 * rest_s + 2.0 * ramp + cruise) * rate_hz))) / rate_hz
     t = np.clip(time - rest_s, 0.0, 2.0 * ramp + cruise)
-    up, flat, down = np.minimum(t, ramp), np.clip(t - ramp, 0.0, cruise), np.clip(t - ramp - cruise, 0.0, ramp)
+    up, flat, down = np.minimum(t, ramp), np.clip(t - ramp, 0.0,
+                                                  cruise), np.clip(t - ramp - cruise, 0.0, ramp)
     return time, 0.5 * acceleration * up**2 + top * (flat + down) - 0.5 * acceleration * down**2
 
 
 def gear_run(robot: Robot, axis: int, speed: float, upwards: bool, rate_hz: float):
-    """time (N,), q (N, n): one axis (from 0) passes through its range at constant speed, the others at mid-range."""
+    """time (N,), q (N, n): one axis (from 0) passes through its range at constant speed, the others at
+    mid-range."""
     low, high = limit(robot, "q_min"), limit(robot, "q_max")
     start, end = low[axis] + _MARGIN * (high - low)[axis], high[axis] - _MARGIN * (high - low)[axis]
     time, way = trapezoid(end - start, speed, float(limit(robot, "q_ddot_max")[axis]), rate_hz)

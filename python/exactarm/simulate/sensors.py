@@ -1,7 +1,7 @@
 """What the sensors make of the truth: noise, counting encoders, wrong rows, warming up.
 
-Delays, misalignment, scales and drifts are effects (effects/time_delay.py, effects/gyro_misalignment.py, ...): they
-are put into the virtual robot like any other.
+Delays, misalignment, scales and drifts are effects (effects/time_delay.py, effects/gyro_misalignment.py,
+...): they are put into the virtual robot like any other.
 """
 
 from __future__ import annotations
@@ -21,9 +21,10 @@ _WARM_UP_SHARE = 0.4  # of the measurement: time constant of the warming
 
 @dataclass(frozen=True)
 class Sensors:
-    """Standard deviations of white noise: position m, orientation rad, gyro rad/s, torque as a share of its RMS per
-    axis (or Nm where `torque_Nm` is given); counts per motor revolution (0: exact; None: COUNTS where a gear is
-    declared); share of wrong rows; temperature in degC at the start and in the end (None: not measured)."""
+    """Standard deviations of white noise: position m, orientation rad, gyro rad/s, torque as a share of its
+    RMS per axis (or Nm where `torque_Nm` is given); counts per motor revolution (0: exact; None: COUNTS where
+    a gear is declared); share of wrong rows; temperature in degC at the start and in the end (None: not
+    measured)."""
 
     position_m: float = 5e-5
     orientation_rad: float = 5e-5
@@ -36,8 +37,8 @@ class Sensors:
 
 
 def read(data: Dataset, sensors: Sensors, random: np.random.Generator, robot: Robot | None = None) -> Dataset:
-    """The data set as the sensors report it. Without `counts`, an axis of no declared gear reports its angle exactly: a count of
-    the motor's encoder would be applied to the output, a hundred times too coarse."""
+    """The data set as the sensors report it. Without `counts`, an axis of no declared gear reports its angle
+    exactly: a count of the motor's encoder would be applied to the output, a hundred times too coarse."""
     changes = {"joints": dict(data.joints)}
     theta = data.joints["theta"]
     geared = [True] * theta.shape[1] if robot is None else [joint.has_gear for joint in robot.joints]

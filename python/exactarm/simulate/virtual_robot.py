@@ -1,7 +1,8 @@
 """The true robot of a simulation: the declared one, deviations of its parameters, and hidden effects.
 
-`nominal` is what the controller and the user believe; `true` is what moves; both turn motor angles into joint angles
-by the same motor, so commanded angles are those of the nominal robot. The truth is written apart from the data.
+`nominal` is what the controller and the user believe; `true` is what moves; both turn motor angles into joint
+angles by the same motor, so commanded angles are those of the nominal robot. The truth is written apart from
+the data.
 """
 
 from __future__ import annotations
@@ -18,7 +19,8 @@ from exactarm.errors import InputError
 from exactarm.robot import Joint, Link, Placement, Robot
 from exactarm.rotation import exp
 
-# Standard deviations of a new arm against its drawing: thesis Table 3.8 in kind; masses and friction as catalogues go.
+# Standard deviations of a new arm against its drawing: thesis Table 3.8 in kind; masses and friction as
+# catalogues go.
 LENGTH_M, ANGLE_RAD, SHARE = 5e-4, 1e-3, 0.1
 _STAND_M, _TOOL_M = 1.5, 0.15  # where a tracker stands, how far a target is off the flange
 
@@ -34,7 +36,8 @@ class VirtualRobot:
     def of(nominal: Robot, effects: Sequence[Effect] = (), true: Robot | None = None) -> VirtualRobot:
         """`true`: the robot with deviated tables, or None for the declared ones; `effects`: hidden ones."""
         true = nominal if true is None else true
-        own = tuple(effect for effect in true.effects if not effect.record)  # what a past record told stays with it
+        # what a past record told stays with it
+        own = tuple(effect for effect in true.effects if not effect.record)
         return VirtualRobot(nominal, replace(true, effects=own + tuple(effects)))
 
     @property
@@ -59,8 +62,8 @@ def deviated(
 ) -> Robot:
     """The robot with random errors `scale` times as large as usual in masses, friction and geometry.
 
-    The controller keeps its own constants. geometry: frames and zeros deviate too (a dynamic identification takes
-    them as calibrated); frames: base and tool at unknown places, as in a real set-up.
+    The controller keeps its own constants. geometry: frames and zeros deviate too (a dynamic identification
+    takes them as calibrated); frames: base and tool at unknown places, as in a real set-up.
     """
     near = lambda value: None if value is None else value * (1.0 + scale * random.normal(0.0, SHARE))
     joints = []
@@ -77,7 +80,8 @@ def deviated(
 
 
 def placed(robot: Robot, random: np.random.Generator) -> Robot:
-    """Base and tool somewhere: a tracker does not know where it stands, nor where on the flange its target sits."""
+    """Base and tool somewhere: a tracker does not know where it stands, nor where on the flange its target
+    sits."""
     base = Placement(exp(random.normal(0.0, 1.0, 3)), random.normal(0.0, _STAND_M, 3))
     return replace(robot, base=base, tool=Placement(np.eye(3), random.uniform(-_TOOL_M, _TOOL_M, 3)))
 
@@ -98,18 +102,21 @@ def one_sided(robot: Robot, gear_direction: str) -> Robot:
 
 
 def _geometry(joint: Joint, scale: float, random: np.random.Generator) -> dict[str, float]:
-    length, angle = (lambda: scale * random.normal(0.0, LENGTH_M)), (lambda: scale * random.normal(0.0, ANGLE_RAD))
+    length, angle = (lambda: scale * random.normal(0.0,
+                                                   LENGTH_M)), (lambda: scale * random.normal(0.0, ANGLE_RAD))
     changes = {"a": joint.a + length(), "alpha": joint.alpha + angle()}
     return changes | ({"d": joint.d + length()} if joint.beta is None else {"beta": joint.beta + angle()})
 
 
 def _link(link: Link, scale: float, random: np.random.Generator) -> Link:
     mass, inertia = (1.0 + scale * random.normal(0.0, SHARE) for _ in range(2))
-    return Link(link.mass * mass, link.centre_of_mass + scale * random.normal(0.0, 0.01, 3), link.inertia * max(inertia, 0.3))
+    return Link(link.mass * mass, link.centre_of_mass + scale * random.normal(0.0, 0.01, 3),
+                link.inertia * max(inertia, 0.3))
 
 
 def parse_effect(text: str, axes: int) -> Effect:
-    """An effect from words: `backlash joint=2 width_rad=4e-4`; numbers that are never estimated may be left out."""
+    """An effect from words: `backlash joint=2 width_rad=4e-4`; numbers that are never estimated may be left
+    out."""
     name, *words = text.split() or [""]
     known = library()
     if name not in known or known[name].declared:
@@ -138,7 +145,8 @@ def _built(cls: type[Effect], table: dict) -> Effect:
             filled.append(str(error.args[0]))
             table = table | {filled[-1]: 0.0}
         except (ValueError, TypeError, StopIteration):
-            raise InputError(f"--effect {cls.name}: {filled[-1] if filled else 'a value'} is missing or wrong") from None
+            raise InputError(f"--effect {cls.name}: {filled[-1] if filled else 'a value'} is missing or "
+                             "wrong") from None
     parameters = {parameter.name: parameter for parameter in effect.parameters()}
     missing = [name for name in filled if name not in parameters or not parameters[name].fixed]
     unknown = set(table) - set(parameters) - set(effect.to_table())

@@ -14,8 +14,10 @@ _PERCENTILE = 98.0  # of the error before, that the longest arrow stands for
 _VIEW = {"elev": 22.0, "azim": -52.0}
 
 
-def arm_with_errors(arm: np.ndarray, points: np.ndarray, before: np.ndarray, after: np.ndarray, unit: str = "m") -> Figure:
-    """arm (n + 1, 3) m, joint by joint; points (N, 3) m of the target; error vectors before and after (N, 3), same scale."""
+def arm_with_errors(arm: np.ndarray, points: np.ndarray, before: np.ndarray, after: np.ndarray,
+                    unit: str = "m") -> Figure:
+    """arm (n + 1, 3) m, joint by joint; points (N, 3) m of the target; error vectors before and after (N, 3),
+    same scale."""
     chosen = np.arange(len(points))[:: max(1, -(-len(points) // _MOST_ARROWS))]
     largest = float(np.percentile(np.linalg.norm(before[chosen], axis=1), _PERCENTILE)) or 1e-9
     size, shown = scaled(np.array([largest]), unit)
@@ -27,10 +29,12 @@ def arm_with_errors(arm: np.ndarray, points: np.ndarray, before: np.ndarray, aft
     colours = Normalize(0.0, largest / size)
     for axes, errors, title in zip(panels, (before, after), ("before", "after")):
         length = np.linalg.norm(errors[chosen], axis=1) / size
-        axes.plot(*arm.T, color="#B9C0C9", linewidth=7.0, solid_capstyle="round", solid_joinstyle="round", zorder=1)
+        axes.plot(*arm.T, color="#B9C0C9", linewidth=7.0, solid_capstyle="round", solid_joinstyle="round",
+                  zorder=1)
         axes.plot(*arm.T, "o", color=INK, markersize=4.0, zorder=2)
         shafts = factor * errors[chosen]
-        drawn = axes.quiver(*points[chosen].T, *shafts.T, array=None, cmap="viridis", arrow_length_ratio=0.25, linewidth=0.9)
+        drawn = axes.quiver(*points[chosen].T, *shafts.T, array=None, cmap="viridis", arrow_length_ratio=0.25,
+                            linewidth=0.9)
         drawn.set_array(np.concatenate([length, np.repeat(length, 2)]))
         drawn.set_norm(colours)
         axes.set_title(f"{title}: RMS {np.sqrt(np.mean(np.sum(errors**2, axis=1))) / size:.3g} {shown}")

@@ -1,4 +1,5 @@
-"""What a compensation moved by how much: arrows in the work space, and the size of each target's correction."""
+"""What a compensation moved by how much: arrows in the work space, and the size of each target's
+correction."""
 
 from __future__ import annotations
 
@@ -23,7 +24,8 @@ ROUND = np.array([1.0, 2.0, 5.0, 10.0])
 
 
 def shift_view(points: np.ndarray, shifts: np.ndarray) -> Figure:
-    """Points (N, 3) m of the flange in the base frame; shifts (N, 3) m of their commands, drawn much longer."""
+    """Points (N, 3) m of the flange in the base frame; shifts (N, 3) m of their commands, drawn much
+    longer."""
     figure = new_figure(4.2)
     panels = figure.subplots(1, 2)
     span = max(float(np.ptp(points, axis=0).max()), 0.2)

@@ -12,14 +12,16 @@ from exactarm.report.plots.style import CYCLE, label_with, legend_above, new_fig
 MOST_POINTS = 2000
 
 
-def curves(x: np.ndarray, traces: Mapping[str, np.ndarray], *, unit: str = "", name: str = "", x_name: str = "time",
+def curves(x: np.ndarray, traces: Mapping[str, np.ndarray], *, unit: str = "", name: str = "",
+           x_name: str = "time",
            x_unit: str = "s", log_x: bool = False, log_y: bool = False, markers: bool = False) -> Figure:
     """Traces label -> (N,) over one abscissa (N,); long ones are thinned to their envelope."""
     size, shown = scaled(np.concatenate([np.ravel(trace) for trace in traces.values()]), unit)
     figure = new_figure(3.4)
     axes = figure.subplots()
     for label, trace in traces.items():
-        axes.plot(*envelope(x, np.asarray(trace) / size), label=label, marker="o" if markers else None, markersize=4)
+        axes.plot(*envelope(x, np.asarray(trace) / size), label=label, marker="o" if markers else None,
+                  markersize=4)
     axes.set(xlabel=label_with(x_name, x_unit), ylabel=label_with(name, shown))
     axes.set_xscale("log" if log_x else "linear")
     axes.set_yscale("log" if log_y else "linear")
@@ -29,7 +31,8 @@ def curves(x: np.ndarray, traces: Mapping[str, np.ndarray], *, unit: str = "", n
     return figure
 
 
-def curves_per_axis(x: np.ndarray, traces: Mapping[str, np.ndarray], *, unit: str, name: str, x_name: str = "time",
+def curves_per_axis(x: np.ndarray, traces: Mapping[str, np.ndarray], *, unit: str, name: str,
+                    x_name: str = "time",
                     x_unit: str = "s", log_x: bool = False, log_y: bool = False,
                     colours: tuple[str, ...] = CYCLE) -> Figure:
     """Traces label -> (N, n): one panel per axis of the robot, all with the same unit."""
@@ -54,15 +57,18 @@ def curves_per_axis(x: np.ndarray, traces: Mapping[str, np.ndarray], *, unit: st
     for row in panels:
         row[0].set_ylabel(label_with(name, shown))
     if len(traces) > 1:
-        figure.legend(*panels.flat[0].get_legend_handles_labels(), loc="outside upper right", ncols=len(traces))
+        figure.legend(*panels.flat[0].get_legend_handles_labels(), loc="outside upper right",
+                      ncols=len(traces))
     return figure
 
 
 def envelope(x: np.ndarray, y: np.ndarray, most: int = MOST_POINTS) -> tuple[np.ndarray, np.ndarray]:
-    """The same curve with at most `most` points: of each block its lowest and highest point, in their order."""
+    """The same curve with at most `most` points: of each block its lowest and highest point, in their
+    order."""
     x, y = np.asarray(x, float), np.asarray(y, float)
     if len(x) <= most:
         return x, y
     blocks = np.array_split(np.arange(len(x)), most // 2)
-    kept = np.unique([index for block in blocks for index in (block[np.argmin(y[block])], block[np.argmax(y[block])])])
+    kept = np.unique([index for block in blocks
+                      for index in (block[np.argmin(y[block])], block[np.argmax(y[block])])])
     return x[kept], y[kept]

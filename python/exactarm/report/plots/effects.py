@@ -1,4 +1,5 @@
-"""What each found effect does: its curve with band over its own signal, and the sizes of all of them at the tool."""
+"""What each found effect does: its curve with band over its own signal, and the sizes of all of them at the
+tool."""
 
 from __future__ import annotations
 
@@ -28,10 +29,11 @@ _SHOWN = 99.0  # percentile of the points that the panel's height holds
 
 @dataclass(frozen=True)
 class EffectPanel:
-    """One effect: its own signal x (N,) sorted, value and half width of its 95 % band (N,), residual without and with it (N,).
+    """One effect: its own signal x (N,) sorted, value and half width of its 95 % band (N,), residual without
+    and with it (N,).
 
-    curve: the value is a function of x; else only the residuals are drawn. same: value and residual are of one quantity,
-    so that the curve lies in the points.
+    curve: the value is a function of x; else only the residuals are drawn. same: value and residual are of
+    one quantity, so that the curve lies in the points.
     """
 
     title: str
@@ -59,8 +61,10 @@ def effect_panels(panels: Sequence[EffectPanel]) -> Figure:
         place.set_visible(False)
     handles: dict[str, object] = {}
     for place in axes:
-        handles |= {label: handle for handle, label in zip(*place.get_legend_handles_labels()) if label not in handles}
-    figure.legend(handles.values(), handles.keys(), loc="outside upper right", ncols=len(handles), markerscale=2.0)
+        handles |= {label: handle for handle, label in zip(*place.get_legend_handles_labels())
+                    if label not in handles}
+    figure.legend(handles.values(), handles.keys(), loc="outside upper right", ncols=len(handles),
+                  markerscale=2.0)
     return figure
 
 
@@ -73,15 +77,20 @@ def _draw(axes: Axes, panel: EffectPanel) -> None:
         axes.plot(x, panel.without / size, ".", color=BEFORE, markersize=3.4, alpha=0.75, markeredgewidth=0.0,
                   rasterized=raster, label="error without it")
     if not panel.curve:
-        axes.plot(x, panel.with_ / size, ".", color=AFTER, markersize=3.0, markeredgewidth=0.0, rasterized=raster,
+        axes.plot(x, panel.with_ / size, ".", color=AFTER, markersize=3.0, markeredgewidth=0.0,
+                  rasterized=raster,
                   label="error with it")
     else:
         _curve(axes, panel, x, size)
-    axes.plot(x, np.zeros_like(x), "|", color=FLOOR, markersize=5, markeredgewidth=0.5, rasterized=raster, label="measured at",
+    axes.plot(x, np.zeros_like(x), "|", color=FLOOR, markersize=5, markeredgewidth=0.5, rasterized=raster,
+              label="measured at",
               transform=axes.get_xaxis_transform(), clip_on=False)
     drawn = np.concatenate([np.abs(panel.without) if panel.same or not panel.curve else np.zeros(1),
                             np.abs(panel.value) + panel.half if panel.curve else np.zeros(1)]) / size
-    top = 1.15 * float(max(np.percentile(drawn, _SHOWN), np.max(np.abs(panel.value)) / size if panel.curve else 0.0)) or 1.0
+    top = (
+        1.15 * float(max(np.percentile(drawn, _SHOWN),
+                         np.max(np.abs(panel.value)) / size if panel.curve else 0.0)) or 1.0
+    )
     before, after = (np.sqrt(np.mean(np.square(values))) for values in (panel.without, panel.with_))
     axes.set(ylim=(-top, top), xlabel=label_with(panel.signal, x_shown), ylabel=f"[{shown}]" if shown else "")
     rms = f": RMS {before / size:.2g} → {after / size:.2g} {shown}" if panel.same else ""
@@ -95,19 +104,23 @@ def _curve(axes: Axes, panel: EffectPanel, x: np.ndarray, size: float) -> None:
         low, high = ((panel.value[rows] + side * panel.half[rows]) / size for side in (-1.0, 1.0))
         axes.fill_between(x[rows], low, high, color=AFTER, alpha=0.25, linewidth=0.0,
                           label="95 % band" if number == 0 else None)
-        axes.plot(x[rows], panel.value[rows] / size, color=AFTER, linewidth=1.4, label="effect" if number == 0 else None)
+        axes.plot(x[rows], panel.value[rows] / size, color=AFTER, linewidth=1.4,
+                  label="effect" if number == 0 else None)
 
 
 def contribution_bars(labels: Sequence[str], sizes_m: np.ndarray, left_m: float | None) -> Figure:
-    """What each effect does at the tool (k,) m, in micrometres, in the order given; a line for what is left."""
+    """What each effect does at the tool (k,) m, in micrometres, in the order given; a line for what is
+    left."""
     figure = new_figure(0.95 + 1.3 * ROW_IN * len(labels))
     axes = figure.subplots()
     rows, sizes = np.arange(len(labels))[::-1], 1e6 * np.asarray(sizes_m)
     axes.barh(rows, sizes, height=0.68, color=AFTER)
     for row, value in zip(rows, sizes):
-        axes.annotate(f"{value:.0f}", (value, row), (5, 0), textcoords="offset points", va="center", fontsize=8.5, color=INK)
+        axes.annotate(f"{value:.0f}", (value, row), (5, 0), textcoords="offset points", va="center",
+                      fontsize=8.5, color=INK)
     if left_m is not None:
-        axes.axvline(1e6 * left_m, color=VALIDATION, linestyle="--", label="left with all of them (held-out RMS)")
+        axes.axvline(1e6 * left_m, color=VALIDATION, linestyle="--",
+                     label="left with all of them (held-out RMS)")
         figure.legend(loc="outside upper right")
     axes.set_yticks(rows, labels)
     axes.set(xlabel="median movement of the target [µm]", ylim=(-0.6, len(labels) - 0.4))

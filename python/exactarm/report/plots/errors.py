@@ -24,14 +24,18 @@ from exactarm.report.plots.style import (
 
 
 def error_per_pose(before: np.ndarray, after: np.ndarray, validation: np.ndarray, unit: str = "m", *,
-                   noise_floor: float | None = None, name: str = "position error", row: str = "pose") -> Figure:
+                   noise_floor: float | None = None, name: str = "position error",
+                   row: str = "pose") -> Figure:
     """Magnitudes before, after (N,) against the row; `validation` (N,) bool marks what was never fitted."""
-    return on_one_panel(partial(error_per_pose_panel, before, after, validation, unit, noise_floor=noise_floor, name=name,
+    return on_one_panel(partial(error_per_pose_panel, before, after, validation, unit,
+                                noise_floor=noise_floor, name=name,
                                 row=row), 3.6)
 
 
-def error_per_pose_panel(before: np.ndarray, after: np.ndarray, validation: np.ndarray, unit: str, axes: Axes, *,
-                         noise_floor: float | None = None, name: str = "position error", row: str = "pose") -> None:
+def error_per_pose_panel(before: np.ndarray, after: np.ndarray, validation: np.ndarray, unit: str, axes: Axes,
+                         *,
+                         noise_floor: float | None = None, name: str = "position error",
+                         row: str = "pose") -> None:
     """The same on given axes."""
     size, shown = scaled(before, unit, after)
     rows = np.arange(1, len(before) + 1)
@@ -39,7 +43,8 @@ def error_per_pose_panel(before: np.ndarray, after: np.ndarray, validation: np.n
     how = {"markersize": dots, "rasterized": len(rows) > RASTER_ABOVE, "linestyle": "none"}
     axes.plot(rows, before / size, marker="o", color=BEFORE, label="before", alpha=0.75, **how)
     axes.plot(rows[fitted], after[fitted] / size, marker="o", color=AFTER, label="after, fitted", **how)
-    axes.plot(rows[~fitted], after[~fitted] / size, marker="D", color=VALIDATION, label="after, not fitted", **how)
+    axes.plot(rows[~fitted], after[~fitted] / size, marker="D", color=VALIDATION, label="after, not fitted",
+              **how)
     if noise_floor is not None:
         axes.axhline(noise_floor / size, color=FLOOR, linestyle="--", label="noise of the measurement")
     axes.set(xlabel=row, ylabel=label_with(name, shown), xlim=(0, len(rows) + 1))
@@ -47,10 +52,12 @@ def error_per_pose_panel(before: np.ndarray, after: np.ndarray, validation: np.n
     legend_above(axes, marker_scale=4.5 / dots)
 
 
-def error_histogram(before: np.ndarray, after: np.ndarray, unit: str = "m", *, noise_floor: float | None = None,
+def error_histogram(before: np.ndarray, after: np.ndarray, unit: str = "m", *,
+                    noise_floor: float | None = None,
                     name: str = "position error", of: str = "validation poses") -> Figure:
     """How many rows have which error, before and after, in the same bins."""
-    return on_one_panel(partial(error_histogram_panel, before, after, unit, noise_floor=noise_floor, name=name, of=of), 3.0)
+    return on_one_panel(partial(error_histogram_panel, before, after, unit, noise_floor=noise_floor,
+                                name=name, of=of), 3.0)
 
 
 def error_histogram_panel(before: np.ndarray, after: np.ndarray, unit: str, axes: Axes, *,

@@ -21,7 +21,8 @@ class Drawing:
     svg: str
 
 
-def draw(figures: Sequence[Figure], place: Callable[[str], Path], progress: Progress = SILENT) -> list[Drawing]:
+def draw(figures: Sequence[Figure], place: Callable[[str], Path],
+         progress: Progress = SILENT) -> list[Drawing]:
     """Writes plots/NAME.svg and plots/NAME.png to `place(name)`; the same figure gives the same bytes."""
     if not figures:
         return []

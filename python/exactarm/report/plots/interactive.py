@@ -1,4 +1,5 @@
-"""Figures of a report for a person at a prompt or in a notebook: made by pyplot, or drawn on axes that exist."""
+"""Figures of a report for a person at a prompt or in a notebook: made by pyplot, or drawn on axes that
+exist."""
 
 from __future__ import annotations
 

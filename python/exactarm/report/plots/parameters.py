@@ -25,8 +25,10 @@ LONG_LABEL = 22
 
 def parameter_forest(labels: Sequence[str], values: np.ndarray, low: np.ndarray, high: np.ndarray,
                      units: Sequence[str]) -> Figure:
-    """Changes of the parameters (k,) with 95 % intervals; one panel per unit, two in a line; zero = as declared."""
-    rows_of = {unit: [index for index, other in enumerate(units) if other == unit] for unit in dict.fromkeys(units)}
+    """Changes of the parameters (k,) with 95 % intervals; one panel per unit, two in a line; zero = as
+    declared."""
+    rows_of = {unit: [index for index, other in enumerate(units) if other == unit]
+               for unit in dict.fromkeys(units)}
     wide = [unit for unit, rows in rows_of.items() if max(len(labels[index]) for index in rows) > LONG_LABEL]
     narrow = [unit for unit in rows_of if unit not in wide]
     lines = [narrow[first:first + 2] for first in range(0, len(narrow), 2)] + [[unit] for unit in wide]
@@ -36,7 +38,8 @@ def parameter_forest(labels: Sequence[str], values: np.ndarray, low: np.ndarray,
     for band, line in zip(bands, lines):
         for axes, unit in zip(band.subplots(1, len(line), squeeze=False)[0], line):
             chosen = rows_of[unit]
-            _forest_panel(axes, [labels[index] for index in chosen], values[chosen], low[chosen], high[chosen], unit)
+            _forest_panel(axes, [labels[index] for index in chosen], values[chosen], low[chosen],
+                          high[chosen], unit)
     return figure
 
 

@@ -26,17 +26,20 @@ BINS = 24
 
 def residual_over_signal(signal: np.ndarray, before: np.ndarray, after: np.ndarray | None, *, unit: str,
                          name: str, signal_name: str, signal_unit: str = "") -> Figure:
-    """Signed residuals (N,) over a signal (N,), before and after side by side, with means of equal-count bins."""
+    """Signed residuals (N,) over a signal (N,), before and after side by side, with means of equal-count
+    bins."""
     size, shown = scaled(before, unit, after)
     x_size, x_shown = scaled(signal, signal_unit)
     figure = new_figure(3.5)
     count = 1 if after is None else 2
     panels = figure.subplots(1, count, sharex=True, sharey=True, squeeze=False)[0]
     for axes, values, title, colour in zip(panels, (before, after), ("before", "after"), (BEFORE, AFTER)):
-        axes.plot(signal / x_size, values / size, "o", color=colour, markersize=0.8 * marker_size(len(signal)),
+        axes.plot(signal / x_size, values / size, "o", color=colour,
+                  markersize=0.8 * marker_size(len(signal)),
                   alpha=0.55, markeredgewidth=0.0, rasterized=len(signal) > RASTER_ABOVE)
         centre, mean, half = binned_mean(signal, values)
-        axes.errorbar(centre / x_size, mean / size, half / size, color=INK, linewidth=1.5, marker="o", markersize=3.5,
+        axes.errorbar(centre / x_size, mean / size, half / size, color=INK, linewidth=1.5, marker="o",
+                      markersize=3.5,
                       capsize=0, elinewidth=1.2, label="mean of a bin, ± 95 %")
         axes.axhline(0.0, color=INK, linewidth=0.7)
         rms = float(np.sqrt(np.mean(np.square(values)))) / size
@@ -47,8 +50,10 @@ def residual_over_signal(signal: np.ndarray, before: np.ndarray, after: np.ndarr
     return figure
 
 
-def binned_mean(signal: np.ndarray, values: np.ndarray, bins: int = BINS) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Centre, mean and half width of its 95 % interval in bins of equal count; few distinct values: one bin each."""
+def binned_mean(signal: np.ndarray, values: np.ndarray,
+                bins: int = BINS) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Centre, mean and half width of its 95 % interval in bins of equal count; few distinct values: one bin
+    each."""
     distinct = np.unique(signal)
     if len(distinct) <= bins // 2:
         groups = [np.flatnonzero(signal == value) for value in distinct]
@@ -62,7 +67,8 @@ def binned_mean(signal: np.ndarray, values: np.ndarray, bins: int = BINS) -> tup
     return centre, mean, half
 
 
-def spectrum(frequency: np.ndarray, before: np.ndarray, after: np.ndarray | None = None, *, unit: str, name: str,
+def spectrum(frequency: np.ndarray, before: np.ndarray, after: np.ndarray | None = None, *, unit: str,
+             name: str,
              frequency_name: str = "order", frequency_unit: str = "per output revolution",
              marks: Sequence[tuple[float, str]] = (), threshold: float | None = None) -> Figure:
     """Amplitudes (N,) over order or frequency; `marks` name peaks, `threshold` is what chance reaches."""
@@ -73,11 +79,13 @@ def spectrum(frequency: np.ndarray, before: np.ndarray, after: np.ndarray | None
     if after is not None:
         axes.plot(frequency, after / size, color=AFTER, linewidth=1.2, label="after")
     if threshold is not None:
-        axes.axhline(threshold / size, color=ORANGE, linestyle="--", linewidth=1.0, label="reached by chance (5 %)")
+        axes.axhline(threshold / size, color=ORANGE, linestyle="--", linewidth=1.0,
+                     label="reached by chance (5 %)")
     top = float(np.nanmax(before)) / size if len(before) else 1.0
     for position, text in _spread(marks, float(np.ptp(frequency)) * 0.05 if len(frequency) else 1.0):
         height = float(np.interp(position[0], frequency, before)) / size
-        axes.annotate(text, (position[0], height), (position[1], top * 1.12), ha="center", va="bottom", fontsize=8.5,
+        axes.annotate(text, (position[0], height), (position[1], top * 1.12), ha="center", va="bottom",
+                      fontsize=8.5,
                       color=VALIDATION, arrowprops={"arrowstyle": "-", "color": VALIDATION, "linewidth": 0.7})
     axes.set(xlabel=label_with(frequency_name, frequency_unit), ylabel=label_with(name, shown),
              ylim=(0.0, top * (1.28 if len(marks) else 1.08) or 1.0))

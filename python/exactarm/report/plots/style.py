@@ -94,7 +94,8 @@ def on_one_panel(panel: Callable[[Axes], None], height: float = HEIGHT_IN) -> Fi
 
 
 def write_picture(picture: Figure, vector: Path, raster: Path) -> None:
-    """SVG and PNG from one layout, drawn once each: `savefig` would draw every one twice and lay it out again."""
+    """SVG and PNG from one layout, drawn once each: `savefig` would draw every one twice and lay it out
+    again."""
     picture.set_dpi(PNG_DOTS_PER_INCH)
     FigureCanvasAgg(picture).print_png(raster, metadata={"Software": None})
     picture.set_layout_engine("none")
@@ -102,7 +103,8 @@ def write_picture(picture: Figure, vector: Path, raster: Path) -> None:
 
 
 def scaled(values: Sequence[float] | np.ndarray, unit: str, *others: np.ndarray | None) -> tuple[float, str]:
-    """Size and name of the unit that suits the largest of all arrays; angles that are large become degrees."""
+    """Size and name of the unit that suits the largest of all arrays; angles that are large become
+    degrees."""
     arrays = [np.ravel(np.asarray(array, dtype=float)) for array in (values, *others) if array is not None]
     numbers = np.concatenate(arrays) if arrays else np.zeros(0)
     finite = np.abs(numbers[np.isfinite(numbers)])
@@ -121,7 +123,8 @@ def legend_above(axes: Axes, side: str = "left", columns: int = 4, marker_scale:
     """The legend over the plot, where it hides no data."""
     handles, labels = axes.get_legend_handles_labels()
     if handles:
-        axes.legend(handles, labels, loc=f"lower {side}", bbox_to_anchor=(float(side == "right"), 1.0), ncols=columns,
+        axes.legend(handles, labels, loc=f"lower {side}", bbox_to_anchor=(float(side == "right"), 1.0),
+                    ncols=columns,
                     borderaxespad=0.2, markerscale=marker_scale)
 
 

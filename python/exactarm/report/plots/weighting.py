@@ -1,4 +1,5 @@
-"""Accuracy against control effort: errors and bandwidths over a weight, trade-off curves, stacked histories, a path in space."""
+"""Accuracy against control effort: errors and bandwidths over a weight, trade-off curves, stacked histories,
+a path in space."""
 
 from __future__ import annotations
 
@@ -27,12 +28,14 @@ _MARKERS = "osDv^P*X"
 
 
 def over_weight(nu: np.ndarray, errors: Mapping[str, np.ndarray], bandwidth_hz: np.ndarray) -> Figure:
-    """Left the errors label -> (K,) m, right the bandwidth (K, n) Hz of each axis (NaN: it does not move), over nu (K,)."""
+    """Left the errors label -> (K,) m, right the bandwidth (K, n) Hz of each axis (NaN: it does not move),
+    over nu (K,)."""
     figure = new_figure(3.5)
     left, right = figure.subplots(1, 2)
     for (label, values), colour, marker in zip(errors.items(), CYCLE, _MARKERS):
         wide = label == next(iter(errors))  # what lies under another curve is drawn wider
-        left.plot(nu, values / MICROMETRE, marker=marker, markersize=7 if wide else 4, color=colour, label=label,
+        left.plot(nu, values / MICROMETRE, marker=marker, markersize=7 if wide else 4, color=colour,
+                  label=label,
                   linewidth=3.4 if wide else 1.3)
     left.set(xscale="log", yscale="log", ylabel="error of the flange [µm]")
     for axis, (column, colour, marker) in enumerate(zip(bandwidth_hz.T, CYCLE, _MARKERS)):
@@ -45,11 +48,13 @@ def over_weight(nu: np.ndarray, errors: Mapping[str, np.ndarray], bandwidth_hz: 
     legend_above(left, columns=3)
     handles, labels = right.get_legend_handles_labels()
     right.legend(handles, [f"axis {label}" if label == "1" else label for label in labels], loc="lower left",
-                 bbox_to_anchor=(0.0, 1.0), ncols=len(labels), borderaxespad=0.2, columnspacing=1.0, handlelength=1.2)
+                 bbox_to_anchor=(0.0, 1.0), ncols=len(labels), borderaxespad=0.2, columnspacing=1.0,
+                 handlelength=1.2)
     return figure
 
 
-def trade_off(paths: Mapping[str, Mapping[str, tuple[np.ndarray, np.ndarray]]], name: str, x_name: str, x_unit: str) -> Figure:
+def trade_off(paths: Mapping[str, Mapping[str, tuple[np.ndarray, np.ndarray]]], name: str, x_name: str,
+              x_unit: str) -> Figure:
     """Per path and label the points (x (K,), error (K,) m) of a family of plans, joined in their order."""
     figure = new_figure(3.4)
     panels = figure.subplots(1, len(paths), squeeze=False, sharey=True)[0]
@@ -64,8 +69,10 @@ def trade_off(paths: Mapping[str, Mapping[str, tuple[np.ndarray, np.ndarray]]], 
     return figure
 
 
-def spectra_per_axis(frequency: np.ndarray, spectra: Mapping[str, np.ndarray], decades: float = 6.0) -> Figure:
-    """Amplitudes label -> (M, n) rad/s^2 over frequency (M,), one panel an axis; the highest of each narrow band is drawn."""
+def spectra_per_axis(frequency: np.ndarray, spectra: Mapping[str, np.ndarray],
+                     decades: float = 6.0) -> Figure:
+    """Amplitudes label -> (M, n) rad/s^2 over frequency (M,), one panel an axis; the highest of each narrow
+    band is drawn."""
     count = next(iter(spectra.values())).shape[1]
     columns = min(count, 3)
     lines = -(-count // columns)
@@ -78,7 +85,8 @@ def spectra_per_axis(frequency: np.ndarray, spectra: Mapping[str, np.ndarray], d
             axes.set_visible(False)
             continue
         for (label, values), colour in zip(spectra.items(), CYCLE):
-            axes.plot(frequency[edges], np.maximum.reduceat(values[:, index], edges), label=label, color=colour, linewidth=1.0)
+            axes.plot(frequency[edges], np.maximum.reduceat(values[:, index], edges), label=label,
+                      color=colour, linewidth=1.0)
         axes.set(xscale="log", yscale="log", title=f"axis {index + 1}")
         axes.set_ylim(top * 10.0**-decades, 2.0 * top)
         if index >= count - columns:
@@ -90,8 +98,10 @@ def spectra_per_axis(frequency: np.ndarray, spectra: Mapping[str, np.ndarray], d
     return figure
 
 
-def histories(time: np.ndarray, panels: Sequence[tuple[str, str, Mapping[str, np.ndarray]]], log_y: bool = False) -> Figure:
-    """Panels (name, unit, label -> (N,)) over one time (N,), one below the other. Panels with the same labels share a legend."""
+def histories(time: np.ndarray, panels: Sequence[tuple[str, str, Mapping[str, np.ndarray]]],
+              log_y: bool = False) -> Figure:
+    """Panels (name, unit, label -> (N,)) over one time (N,), one below the other. Panels with the same labels
+    share a legend."""
     figure = new_figure(1.2 + 1.55 * len(panels))
     rows = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
     shared = all(list(traces) == list(panels[0][2]) for _, _, traces in panels)
@@ -113,8 +123,10 @@ def histories(time: np.ndarray, panels: Sequence[tuple[str, str, Mapping[str, np
     return figure
 
 
-def path_in_space(desired: np.ndarray, calculated: np.ndarray, rotation: np.ndarray, frames: int = 7) -> Figure:
-    """Desired and calculated positions (N, 3) m with the axes of the flange, rotation (N, 3, 3), at some of them."""
+def path_in_space(desired: np.ndarray, calculated: np.ndarray, rotation: np.ndarray,
+                  frames: int = 7) -> Figure:
+    """Desired and calculated positions (N, 3) m with the axes of the flange, rotation (N, 3, 3), at some of
+    them."""
     figure = new_figure(5.0, 6.2)
     axes = figure.add_subplot(projection="3d")
     every = slice(None, None, max(1, len(desired) // MOST_POINTS))
@@ -125,8 +137,10 @@ def path_in_space(desired: np.ndarray, calculated: np.ndarray, rotation: np.ndar
     for row in np.searchsorted(along, np.linspace(0.0, along[-1], frames)).clip(max=len(desired) - 1):
         for k, colour in enumerate(CYCLE[1:4]):
             ends = np.stack([desired[row], desired[row] + length * rotation[row, :, k]])
-            axes.plot(*ends.T, color=colour, linewidth=1.3, label=f"{'xyz'[k]} axis of the flange" if row == 0 else None)
-    axes.set_xlabel("x [m]", labelpad=12), axes.set_ylabel("y [m]", labelpad=12), axes.set_zlabel("z [m]", labelpad=10)
+            axes.plot(*ends.T, color=colour, linewidth=1.3,
+                      label=f"{'xyz'[k]} axis of the flange" if row == 0 else None)
+    axes.set_xlabel("x [m]", labelpad=12), axes.set_ylabel("y [m]",
+                                                           labelpad=12), axes.set_zlabel("z [m]", labelpad=10)
     limits = np.array([axes.get_xlim(), axes.get_ylim(), axes.get_zlim()])
     centre, span = limits.mean(axis=1), np.ptp(limits, axis=1)
     span = np.maximum(span, 0.5 * span.max())  # room for the ticks of a short side

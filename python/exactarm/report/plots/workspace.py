@@ -18,9 +18,11 @@ def poses_view(points: np.ndarray, validation: np.ndarray | None = None) -> Figu
     fitted = np.ones(len(points), bool) if validation is None else ~np.asarray(validation, bool)
     figure, panels = _views()
     for axes, (_, i, j) in zip(panels, VIEWS):
-        axes.plot(points[fitted, i], points[fitted, j], "o", color=AFTER, markersize=4, label="identification")
+        axes.plot(points[fitted, i], points[fitted, j], "o", color=AFTER, markersize=4,
+                  label="identification")
         if not fitted.all():
-            axes.plot(points[~fitted, i], points[~fitted, j], "D", color=VALIDATION, markersize=4, label="validation")
+            axes.plot(points[~fitted, i], points[~fitted, j], "D", color=VALIDATION, markersize=4,
+                      label="validation")
     _finish(figure, panels)
     return figure
 
