@@ -1,30 +1,43 @@
-"""The tutorial runs word for word: its Python and its command lines, in order, in one folder; and it says
-what comes out."""
+"""The tutorials run word for word: their Python and command lines, in order, in one folder; and they say what
+comes out."""
 
 import json
 import re
 import shlex
 from pathlib import Path
 
+import pytest
+
 from exactarm import cli
 
-PAGE = (Path(__file__).parents[2] / "docs" / "tutorial.md").read_text()
+DOCS = Path(__file__).parents[2] / "docs"
 
 
-def test_the_tutorial_runs_and_ends_where_it_says(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    names: dict = {}
-    blocks = re.findall(r"```(python|console)\n(.*?)```", PAGE, flags=re.DOTALL)
-    assert [kind for kind, _ in blocks].count("console") >= 6
-    for kind, block in blocks:
-        if kind == "python":
-            exec(compile(block, "tutorial.md", "exec"), names)
-            continue
-        for line in block.splitlines():
-            prompt, program, *words = shlex.split(line)
-            assert (prompt, program) == ("$", "exactarm")
-            assert cli.main([*words, "--quiet", "--threads", "1"]) == 0, line
-    result = lambda folder: json.loads((tmp_path / folder / "result.json").read_text())
+@pytest.fixture
+def result(tmp_path, monkeypatch):
+    """Runs a page, and reads the result of any of its folders."""
+
+    def run(page: str):
+        monkeypatch.chdir(tmp_path)
+        names: dict = {}
+        blocks = re.findall(r"```(python|console)\n(.*?)```", (DOCS / page).read_text(), flags=re.DOTALL)
+        assert [kind for kind, _ in blocks].count("console") >= 4
+        for kind, block in blocks:
+            if kind == "python":
+                exec(compile(block, page, "exec"), names)
+                continue
+            for line in block.splitlines():
+                prompt, program, *words = shlex.split(line)
+                assert (prompt, program) == ("$", "exactarm")
+                assert cli.main([*words, "--quiet", "--threads", "1"]) == 0, line
+        return lambda folder: json.loads((tmp_path / folder / "result.json").read_text())
+
+    return run
+
+
+@pytest.mark.slow
+def test_the_tutorial_runs_and_ends_where_it_says(result, tmp_path, capsys):
+    result = result("tutorial.md")
     calibrated, diagnosed = result("calibrated"), result("diagnosed")
     assert 1.0e-3 < calibrated["before"]["validation"]["mean"] < 1.2e-3
     assert calibrated["after"]["validation"]["mean"] < 0.15e-3
@@ -32,3 +45,38 @@ def test_the_tutorial_runs_and_ends_where_it_says(tmp_path, monkeypatch, capsys)
     fresh = [result(f"fresh_{name}")["error"]["mean"] for name in ("calibrated", "diagnosed")]
     assert fresh[1] < 0.7 * fresh[0]
     assert (tmp_path / "program" / "targets.csv").exists() and "racer" in capsys.readouterr().out
+
+
+@pytest.mark.slow
+def test_gears_with_a_gyroscope(result):
+    result = result("tutorial-gears.md")
+    diagnosed = result("diagnosed")
+    assert [(e["effect"], e["joint"])
+            for e in diagnosed["effects"]] == [("time_delay", None), ("gear_ratio", 2)]
+    assert diagnosed["effects"][0]["parameters"]["delay_s"]["value"] == pytest.approx(3e-3, rel=0.01)
+    assert diagnosed["before"]["validation"]["rms"] == pytest.approx(11.7e-3, rel=0.05)
+    assert diagnosed["after"]["validation"]["rms"] == pytest.approx(0.88e-3, rel=0.05)
+    assert result("fresh_diagnosed")["error"]["rms"] < 0.1 * result("fresh_declared")["error"]["rms"]
+
+
+@pytest.mark.slow
+def test_without_a_tracker(result):
+    result = result("tutorial-no-tracker.md")
+    calibrated = result("calibrated")
+    assert calibrated["before"]["validation"]["mean"] == pytest.approx(1.6e-3, rel=0.1)
+    assert calibrated["after"]["validation"]["mean"] < 0.1e-3
+    assert result("nominal_judged")["error"]["mean"] == pytest.approx(1.5e-3, rel=0.1)
+    assert result("calibrated_judged")["error"]["mean"] < 0.05e-3
+
+
+@pytest.mark.slow
+def test_torques(result):
+    result = result("tutorial-torques.md")
+    before, after = (result("identified")[when]["validation"]["rms"] for when in ("before", "after"))
+    assert before == pytest.approx(3.9, rel=0.1) and after < 0.3
+    effects = result("diagnosed")["effects"]
+    assert [(e["effect"], e["joint"]) for e in effects] == [("asymmetric_friction", 3)]
+    low, high = effects[0]["parameters"]["coulomb_Nm"]["ci95"]
+    assert low < 3.0 < high
+    fresh = [result(f"fresh_{name}")["error"]["rms"] for name in ("declared", "identified", "diagnosed")]
+    assert fresh[2] < fresh[1] < 0.2 * fresh[0]

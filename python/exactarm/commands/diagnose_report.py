@@ -30,6 +30,8 @@ from exactarm.robot import Robot
 _LESS = 1.02  # of the error with the accepted causes: a rival below leaves no more than they do
 _NEVER = 1e-16  # p-values below are all the same to a reader
 _ROWS = {"poses": "poses", "closures": "touches", "gear_run": "samples", "motion": "samples", "tracked_motion": "samples"}
+_ANEW = {"poses": "Measure some twenty new poses", "closures": "Touch the fixture at another place", "gear_run": "Record the gears once more",
+         "motion": "Record another motion", "tracked_motion": "Track another path"}
 
 
 def report_of(robot: Robot, results: list[Diagnosis], rule: str, skipped: list[str]) -> Report:
@@ -109,7 +111,7 @@ def _next(result: Diagnosis, found: list[tuple[Finding, Contribution | None]]) -
         lines.append("Use `robot.toml` of this folder in place of your robot file: `exactarm plan` with it makes up for "
                      + ", ".join(sorted({f.effect.in_plain_words for f, _ in found if f.effect.compensable})) + ".")
     if found:
-        lines.append("Measure some twenty new poses and run `exactarm evaluate robot.toml NEW.csv`: the error there is the one to trust.")
+        lines.append(f"{_ANEW[result.kind]} and run `exactarm evaluate robot.toml NEW.csv`: the error there is the one to trust.")
     if result.next_experiment:
         lines.append(result.next_experiment + (" `exactarm design --for result.json` writes these poses." if result.experiments else ""))
     if result.verdict == UNEXPLAINED and not result.next_experiment:

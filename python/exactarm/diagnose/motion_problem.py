@@ -188,6 +188,10 @@ class MotionProblem(Problem):
         words = (
             (f"no torque was measured on axis {', '.join(silent)}: nothing is said of it",) if silent else ()
         )
+        if not self.inertial:
+            words += ("masses and inertias are held as the robot file declares them: where they come from a "
+                      "drawing, `exactarm identify` "
+                      "first, or what they lack is taken for a payload",)
         return words + reversals_left_out([self.record] + ([self._held] if self._held is not None else []))
 
     def groups(self) -> np.ndarray:

@@ -1,7 +1,7 @@
 """The error of a robot file, as it is, on data it has not seen: only what belongs to the set-up is fitted.
 
 Poses and tracked motions: base and tool frames of every session. Closures: contacts and tool. Gear runs:
-alignment and bias of the gyroscope. One
+alignment and bias of the gyroscope. Torques: nothing. One
 function a kind of data, found by its name in `EVALUATORS`.
 """
 
@@ -19,6 +19,7 @@ from exactarm.identify.closures import carried_effects, nominal_closures, set_di
 from exactarm.identify.declared import carried_layout, frames_layout, require_geometry
 from exactarm.identify.gear_evaluate import gear_run_error
 from exactarm.identify.match import require_match
+from exactarm.identify.motion_evaluate import motion_error
 from exactarm.identify.planned import controller_angles
 from exactarm.identify.pose_fit import fit_poses
 from exactarm.identify.statistics import ErrorSummary, summarise
@@ -140,7 +141,16 @@ def evaluate_closures(robot: Robot, data: Dataset, seed: int = 0, threads: int =
     )
 
 
+def evaluate_motion(robot: Robot, data: Dataset, seed: int = 0, threads: int = 1) -> Evaluation:
+    """The drive torque; nothing is fitted."""
+    found = motion_error(robot, data, threads)
+    sessions = tuple((int(s), summarise(found.error[found.data.session == s]))
+                     for s in np.unique(found.data.session))
+    return Evaluation("Nm", found.error, found.residual, found.columns, summarise(found.error), sessions,
+                      found.warnings, found.data)
+
+
 EVALUATORS: dict[str, Callable[..., Evaluation]] = {
     "poses": evaluate_poses, "gear_run": evaluate_gear_runs, "tracked_motion": evaluate_tracked_motion,
-    "closures": evaluate_closures,
+    "closures": evaluate_closures, "motion": evaluate_motion,
 }

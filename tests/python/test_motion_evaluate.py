@@ -1,0 +1,33 @@
+"""The torque error of a robot file on a motion: noise for the arm that made it, more for another, refused
+without masses."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import exactarm as ea
+from exactarm.errors import InputError
+from exactarm.identify.motion_evaluate import motion_error
+from exactarm.robot_file import load_robot
+
+
+@pytest.fixture(scope="module")
+def motion():
+    return ea.simulate("racer-7-1.4", measure="motion", runs=2, seconds=4.0, noise=0.5, seed=3).data
+
+
+def test_the_arm_that_made_it_is_off_by_the_noise(motion):
+    robot = load_robot("racer-7-1.4")
+    own = motion_error(robot, motion)
+    last = robot.links[-1]
+    heavier = replace(robot, links=robot.links[:-1] + (replace(last, mass=last.mass + 5.0),))
+    other = motion_error(heavier, motion)
+    assert np.sqrt(np.mean(own.error**2)) < 0.5 < 5.0 < np.sqrt(np.mean(other.error**2))
+    assert own.residual.shape == (len(own.data), 6) and own.columns[0] == "dtau_1_Nm"
+    assert np.allclose(own.error, np.sqrt(np.mean(own.residual**2, axis=1)))
+
+
+def test_a_file_without_masses_is_refused(motion):
+    with pytest.raises(InputError, match="has no masses"):
+        motion_error(replace(load_robot("racer-7-1.4"), links=None), motion)
