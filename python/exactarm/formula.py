@@ -12,7 +12,7 @@ name is carried along (forward differentiation). What is not in the language rai
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -62,6 +62,47 @@ class Formula:
         if missing:
             raise FormulaError(f"{missing[0]} has no value")
         return _evaluate(self.tree, values)
+
+
+def linear_names(formula: Formula, of: Iterable[str]) -> tuple[str, ...]:
+    """Those of the names `of` in which the formula is linear, all of them together: a of a*tanh(x/w), not w."""
+    found: list[str] = []
+    for name in of:
+        if _degree(formula.tree, frozenset([*found, name])) <= 1:
+            found.append(name)
+    return tuple(found)
+
+
+def divisors(formula: Formula) -> frozenset[str]:
+    """Names that something is divided by: they cannot pass through zero."""
+    found: set[str] = set()
+    _collect_divisors(formula.tree, found)
+    return frozenset(found)
+
+
+def _degree(tree: tuple, names: frozenset[str]) -> float:
+    """Of the tree as a polynomial in the names; inf where it is none."""
+    kind = tree[0]
+    if kind in ("number", "name"):
+        return float(kind == "name" and tree[1] in names)
+    if kind == "call":
+        return np.inf if _degree(tree[2], names) else 0.0
+    left, right = _degree(tree[1], names), _degree(tree[2], names)
+    if kind in "+-":
+        return max(left, right)
+    if kind == "*":
+        return left + right
+    return np.inf if right or (kind == "^" and left) else left
+
+
+def _collect_divisors(tree: tuple, found: set[str]) -> None:
+    if tree[0] == "/":
+        names: dict[str, None] = {}
+        _collect(tree[2], names)
+        found.update(names)
+    for part in tree[1:]:
+        if isinstance(part, tuple):
+            _collect_divisors(part, found)
 
 
 def _tokens(text: str) -> list[tuple[str, str]]:

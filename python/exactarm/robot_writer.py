@@ -45,6 +45,11 @@ def effects_text(effects: Iterable[Any]) -> str:
     return "\n\n".join(_effects(effects)) + "\n"
 
 
+def tables_text(head: str, tables: Iterable[tuple[str, Mapping[str, Any]]]) -> str:
+    """(comment, values) of every table under the same head, as TOML."""
+    return "\n\n".join(_lines(head, values, f"# {comment}") for comment, values in tables) + "\n"
+
+
 def _effects(effects: Iterable[Any]) -> list[str]:
     return [_lines("[[effects]]", effect.to_table(), f"# {effect.label}") for effect in effects]
 

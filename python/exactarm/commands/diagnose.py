@@ -17,13 +17,16 @@ from exactarm.commands.result import CommandResult, estimate
 from exactarm.commands.suspicions import suspicions
 from exactarm.diagnose.diagnosis import Diagnosis, Finding
 from exactarm.diagnose.diagnosis import diagnose as find_causes
+from exactarm.diagnose.draft import Draft
 from exactarm.diagnose.verdict import UNEXPLAINED, remains
 from exactarm.errors import InputError
 from exactarm.identify.statistics import summarise
 from exactarm.progress import SILENT, Progress
+from exactarm.robot_writer import tables_text
 from exactarm.split import DEFAULT_SEED
 
 NAME = "diagnose"
+DRAFT_FILE = "draft.toml"
 HELP = "find what the model lacks: residual, cause, new effect, error before and after"
 
 
@@ -74,6 +77,7 @@ def diagnose(
         report=report_of(declared, results, rows.split_rule(), skipped),
         robot=known,
         tables={"residuals.csv": _residuals(first)},
+        texts=_drafted([draft for result in results for draft in result.drafts]),
         asked=asked("diagnose", robot, rows, seed, {"kind": kind}, {"kind": None}),
     ).warned(warnings)
 
@@ -119,7 +123,18 @@ def _json(result: Diagnosis) -> dict[str, Any]:
         "left_out": list(result.left_out),
         "converged": result.converged,
         "warnings": list(result.unconverged),
+        "drafts": [draft.to_table() | {"file": DRAFT_FILE} for draft in result.drafts],
     } | axes | _posterior(result)
+
+
+def _drafted(drafts: list[Draft]) -> dict[str, str]:
+    """draft.toml, where anything was drafted."""
+    if not drafts:
+        return {}
+    head = "# Effects that no library knows yet. Check each formula, change it by hand if need be, then:\n"
+    head += f"#   exactarm accept {DRAFT_FILE}\n\n"
+    entries = [(draft.effect.title, draft.to_table()) for draft in drafts]
+    return {DRAFT_FILE: head + tables_text("[[effects]]", entries)}
 
 
 def _per_axis(result: Diagnosis, errors: np.ndarray) -> dict[str, Any]:

@@ -80,7 +80,7 @@ def _sections(robot: Robot, result: Diagnosis, found: list[tuple[Finding, Contri
     name = "distance to the contact" if result.kind == "closures" else "position error" if unit == "m" else "error"
     row = "pose" if result.kind in STATIC else "sample"
     note = f"Before: the declared model with its own parameters estimated again. {rule}"
-    sections: list = [highlights(result.before, result.after, unit), *_next(result, found)]
+    sections: list = [highlights(result.before, result.after, unit), *_next(result, found), *_drafts(result)]
     if found:
         judged = "validation" if result.after["validation"].n else "identification"
         geared = [joint.has_gear for joint in robot.joints]
@@ -116,7 +116,22 @@ def _next(result: Diagnosis, found: list[tuple[Finding, Contribution | None]]) -
         lines.append(result.next_experiment + (" `exactarm design --for result.json` writes these poses." if result.experiments else ""))
     if result.verdict == UNEXPLAINED and not result.next_experiment:
         lines.append(f"To find what is left, measure more where it shows: {remains(result.dossier_after, result.excess, result.unknown)}.")
+    if result.drafts:
+        lines.append("`draft.toml` holds an effect for what is left. Check it, then `exactarm accept draft.toml` and diagnose again: "
+                     "every command knows it from then on.")
     return [Text("What to do next", tuple(lines))] if lines else []
+
+
+def _drafts(result: Diagnosis) -> list:
+    """What is left, as formulas: draft.toml in words."""
+    if not result.drafts:
+        return []
+    unit = result.unit
+    rows = tuple((draft.effect.title, draft.effect.form if draft.short else "a series of cosines", percent(draft.probability),
+                  *(Quantity(value, unit) for value in draft.held_out)) for draft in result.drafts)
+    header = ("drafted effect", "formula, rad", "probability", "held-out RMS before", "with it")
+    return [Text("Drafted: effects that nobody wrote yet", tuple(draft.sentence for draft in result.drafts)),
+            Table("Drafts", header, rows, "In `draft.toml`; no part of `robot.toml` until they are accepted.")]
 
 
 def _axes_table(result: Diagnosis) -> list[Table]:

@@ -15,6 +15,7 @@ from exactarm.dataset import Dataset
 from exactarm.diagnose.confusion import DOUBT, next_experiments
 from exactarm.diagnose.contribution import Contribution, contributions
 from exactarm.diagnose.dossier import Dossier, dossier
+from exactarm.diagnose.draft import Draft, drafts_of
 from exactarm.diagnose.in_space import InSpace
 from exactarm.diagnose.noise import NoiseFloor, noise_floor
 from exactarm.diagnose.own_share import own_shares
@@ -103,6 +104,7 @@ class Diagnosis:
     in_space: InSpace | None = None
     causes: Causes | None = None
     unconverged: tuple[str, ...] = ()
+    drafts: tuple[Draft, ...] = ()
 
     @property
     def unknown(self) -> tuple[str, ...]:
@@ -151,6 +153,10 @@ def diagnose(
     unconverged = _unconverged(selection)
     if unconverged:
         verdict = UNEXPLAINED
+    drafts = ()
+    if verdict == UNEXPLAINED and problem.by_posterior and not unconverged:
+        progress("drafting what is left")
+        drafts = drafts_of(problem, declared, last)
     return Diagnosis(
         robot=_bound(problem.updated_robot(last), robot, data),
         kind=problem.kind,
@@ -165,6 +171,7 @@ def diagnose(
             verdict, findings, alternatives, before, after, left, excess, unknown),
         causes=causes,
         unconverged=unconverged,
+        drafts=drafts,
         excess=excess,
         next_experiment=words,
         experiments=experiments,

@@ -19,7 +19,7 @@ import numpy as np
 LENGTHS = (0.4, 1.0, 2.4)  # 0.2, 0.5 and 1.2 of the range [-1, 1]
 _TERMS, _TERMS_OF_TWO = 15, 4
 _HALF_WIDTH = 1.3  # L: at the ends of the range the basis is still free
-_AMPLITUDE = 3e-4  # rad of an axis, m of the device: what gears, springs and devices leave
+AMPLITUDE = 3e-4  # rad of an axis, m of the device: what gears, springs and devices leave
 _LEAST_VALUES = 5  # different values of a signal; fewer are levels, not a curve
 _ROWS_A_HAT, _MOST_HATS = 6, 60
 
@@ -74,7 +74,7 @@ def unknown_functions(fitted, signals: dict, directions: dict) -> list[tuple[Unk
     device = [pattern for name, pattern in directions.items() if name.startswith("the device")]
     found = []
     bases = {name: basis_of(values) for name, values in curves.items()}
-    lengths = [_AMPLITUDE * sizes_of(length) for length in LENGTHS]
+    lengths = [AMPLITUDE * sizes_of(length) for length in LENGTHS]
     for name, pattern in turns.items():
         for signal, basis in bases.items():
             found.append((Unknown(name, (signal,)), pattern[:, :, None] * basis[:, None, :], lengths))
@@ -89,7 +89,7 @@ def unknown_functions(fitted, signals: dict, directions: dict) -> list[tuple[Unk
     if order and device:
         hats = _hats(curves[order])
         response = np.concatenate([pattern[:, :, None] * hats[:, None, :] for pattern in device], axis=2)
-        size = np.full(response.shape[2], _AMPLITUDE)
+        size = np.full(response.shape[2], AMPLITUDE)
         found.append((Unknown("the device", (order,), "wandering"), response, [size]))
     return found + _of_two(curves, turns, device)
 
@@ -104,7 +104,7 @@ def _of_place(place: list[np.ndarray], device: list[np.ndarray]) -> tuple:
     product = np.einsum("ni,nj,nk->nijk", *place).reshape(len(place[0]), -1)
     response = np.concatenate([pattern[:, :, None] * product[:, None, :] for pattern in device], axis=2)
     size = sizes_of(LENGTHS[1], _TERMS_OF_TWO)
-    sizes = _AMPLITUDE * np.einsum("i,j,k->ijk", size, size, size).ravel()
+    sizes = AMPLITUDE * np.einsum("i,j,k->ijk", size, size, size).ravel()
     return Unknown("the device", ("position in the workspace",), "of place"), response, [np.tile(sizes, len(device))]
 
 
@@ -113,7 +113,7 @@ def _of_two(curves: dict, turns: dict, device: list) -> list:
     few = {name: few_of(values) for name, values in curves.items() if name.startswith("angle")}
     size = sizes_of(LENGTHS[1], _TERMS_OF_TWO)
     names, found = list(few), []
-    product_size = _AMPLITUDE * np.outer(size, size).ravel()
+    product_size = AMPLITUDE * np.outer(size, size).ravel()
     moved = {direction: [pattern] for direction, pattern in turns.items()} | ({"the device": device} if device else {})
     for i, one in enumerate(names):
         for other in names[i + 1 :]:

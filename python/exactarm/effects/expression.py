@@ -7,6 +7,7 @@ names, linear or not. The formula is read by `formula.py`; nothing of it is run 
 
 from __future__ import annotations
 
+import hashlib
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -18,21 +19,27 @@ import numpy as np
 from exactarm.effects.accepted import accepted_drafts
 from exactarm.effects.base import Change, Effect, Parameter, Station
 from exactarm.effects.slow_driver import TIME, slow_signal
-from exactarm.formula import Formula
+from exactarm.formula import Formula, divisors, linear_names
 
 _OF_AXIS = re.compile(r"(q|theta|torque|approach)_(\d+)$")
+_LONGEST_LABEL = 60  # characters
+_RANGE = 10.0  # times a width that a draft names: as far as a fit may move it
 _SIGNAL = {"q": "phi", "theta": "theta", "torque": "torque"}
 
 
 @dataclass(frozen=True)
 class Expression(Effect):
-    """values: of `names`, the parameters of `form`; `plausible`: their plausible sizes; `of`: the signals it uses."""
+    """values: of `names`, the parameters of `form`; `plausible`: their plausible sizes; `of`: the signals it uses.
+
+    searched: (parameter, values to try it from), of parameters that the formula is not linear in; absent: the value that it has.
+    """
 
     form: str = "0"
     of: tuple[str, ...] = ()
     names: tuple[str, ...] = ()
     plausible: tuple[float, ...] = ()
     heading: str = ""
+    searched: tuple[tuple[str, tuple[float, ...]], ...] = ()
 
     name: ClassVar[str] = "expression"
     station: ClassVar[Station] = Station.SPRING
@@ -43,12 +50,22 @@ class Expression(Effect):
     open_parameters: ClassVar[str] = "the names in its formula that are no signals, each with its plausible size in the draft"
 
     @cached_property
+    def grids(self) -> dict[str, tuple[float, ...]]:
+        return dict(self.searched)
+
+    @cached_property
     def formula(self) -> Formula:
         return Formula.of(self.form)
 
     @property
     def label(self) -> str:
-        return f"{self.name}_{self.joint}: {self.form}"
+        if len(self.form) <= _LONGEST_LABEL:
+            return f"{self.name}_{self.joint}: {self.form}"
+        return f"{self.name}_{self.joint}: series in {', '.join(self.of)} ({hashlib.sha256(self.form.encode()).hexdigest()[:6]})"
+
+    @property
+    def in_plain_words(self) -> str:
+        return f"a formula of {' and '.join(self.of)}" if self.of else self.name
 
     @property
     def title(self) -> str:
@@ -58,11 +75,25 @@ class Expression(Effect):
         numbers = ", ".join(f"{name} = {value:.3g}" for name, value in zip(self.names, self.values))
         return f"axis {self.joint} is off by {self.form} rad ({numbers})"
 
+    @cached_property
+    def linear(self) -> frozenset[str]:
+        """Parameters that the formula is linear in; the others (a width, a place) are searched from where the draft has them."""
+        return frozenset(linear_names(self.formula, self.names))
+
     def parameters(self) -> tuple[Parameter, ...]:
-        return tuple(Parameter(name, size) for name, size in zip(self.names, self.plausible))
+        return tuple(self._parameter(*each) for each in zip(self.names, self.values, self.plausible))
+
+    def _parameter(self, name: str, value: float, size: float) -> Parameter:
+        if name in self.linear:
+            return Parameter(name, size)
+        grid = self.grids.get(name, (value,))
+        if name not in divisors(self.formula):
+            return Parameter(name, size, search=grid)
+        ends = sorted((min(grid, key=abs) / _RANGE, max(grid, key=abs) * _RANGE))
+        return Parameter(name, size, *ends, search=grid)
 
     def change(self, view) -> Change:
-        signals = {signal: self._signal(view, signal) for signal in self.of}
+        signals = {signal: signal_of(view, signal) for signal in self.of}
         numbers = dict(zip(self.names, self.values))
         value, slopes = self.formula({**signals, **{n: np.full(view.rows, v) for n, v in numbers.items()}})
         value = np.broadcast_to(value, (view.rows,))
@@ -76,16 +107,6 @@ class Expression(Effect):
                 factor = by_signal.setdefault(_SIGNAL[match[1]], np.zeros((view.rows, 1, view.axes)))
                 factor[:, 0, int(match[2]) - 1] += slopes[signal]
         return Change((self.index,), value[:, None], derivative, by_signal)
-
-    @staticmethod
-    def _signal(view, signal: str) -> np.ndarray:
-        match = _OF_AXIS.match(signal)
-        if match is None:
-            return slow_signal(view.data, TIME) if signal == "time_h" else np.asarray(view.data.covariates[signal], float)
-        kind, index = match[1], int(match[2]) - 1
-        if kind == "q":
-            return view.phi[:, index] + view.robot.offsets[index]
-        return view.direction[:, index] if kind == "approach" else view.signals[kind][:, index]
 
     def to_table(self):
         table = {"effect": self.name, "joint": self.joint, "title": self.heading, "form": self.form, "of": list(self.of)}
@@ -103,7 +124,9 @@ class Expression(Effect):
                    heading=str(table.get("title", "")))
 
     def emptied(self) -> Expression:
-        return replace(self, values=(0.0,) * len(self.names))
+        """At zero size: linear parameters are zero, the others where the draft has them."""
+        values = (0.0 if name in self.linear else value for name, value in zip(self.names, self.values))
+        return replace(self, values=tuple(values))
 
     @classmethod
     def candidates(cls, robot, view) -> Iterable[Effect]:
@@ -112,6 +135,17 @@ class Expression(Effect):
             effect = cls.from_table(table)
             if effect.joint <= robot.axes and all(_present(view, signal) for signal in effect.of):
                 yield effect.emptied()
+
+
+def signal_of(view, signal: str) -> np.ndarray:
+    """(N,) a signal by the name that it has in formulas."""
+    match = _OF_AXIS.match(signal)
+    if match is None:
+        return slow_signal(view.data, TIME) if signal == "time_h" else np.asarray(view.data.covariates[signal], float)
+    kind, index = match[1], int(match[2]) - 1
+    if kind == "q":
+        return view.phi[:, index] + view.robot.offsets[index]
+    return view.direction[:, index] if kind == "approach" else view.signals[kind][:, index]
 
 
 def _present(view, signal: str) -> bool:

@@ -1,0 +1,317 @@
+"""Draft: an effect that nobody wrote yet, as a formula, where a diagnosis finds something else at work.
+
+1. Unknown functions (unknown.py) are searched once more beside the final model; those that turn an axis are
+   grouped by it.
+2. The formulas of the dictionary in the signals of the strongest axis are compared by the evidence of the
+   linear picture (evidence.py), grids of their non-linear parameters summed over. A further term is added
+   while it is
+   `_LEAST_NATS` more likely.
+   A series takes part, and wins where no short formula fits nearly as well (`_SERIES_COSTS`).
+3. The winner has to lower the cross-validated square sum over whole poses; then everything is fitted together
+   through the chain.
+
+Held-out rows choose nothing. An unknown function of the device is not drafted: a formula turns one axis.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import defaultdict
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from exactarm.chain import Layout
+from exactarm.diagnose.cross_validation import folds_of
+from exactarm.diagnose.dictionary import forms_of, is_series, sum_of
+from exactarm.diagnose.evidence import Members, Picture
+from exactarm.diagnose.problem import Fitted, Problem
+from exactarm.diagnose.search import search
+from exactarm.diagnose.selection import refit
+from exactarm.diagnose.vocabulary import Vocabulary, vocabulary_of
+from exactarm.effects.base import Effect
+from exactarm.effects.expression import Expression, signal_of
+from exactarm.noise.estimate import estimate_noise
+from exactarm.noise.model import NoiseModel
+
+MOST_DRAFTS = 3
+_MOST_TERMS, _MOST_SIGNALS = 3, 3
+_LEAST_NATS = 3.0  # of a further term: twenty to one
+_SERIES_COSTS = 5.0  # nats: a short formula up to 150 times less likely is still the one to read and to check
+_PROBABLE = 0.5  # that an unknown function turns the axis, from which it is worth a draft
+_NOISE_PASSES = 2
+_SIGNALS = {"angle": "q", "load": "torque", "approach": "approach"}
+_PARAMETER = re.compile(r"[abcw]\d*(_\d+)?$")  # what a formula of the dictionary calls its parameters
+_RARE_GAP = 0.01  # chance that evenly scattered values leave one gap as wide
+
+
+@dataclass(frozen=True)
+class Draft:
+    """effect at its fitted values with intervals (k, 2); measured: signal -> (low, high); gaps: signal ->
+    intervals inside without a value; log_bayes over the model without it; held_out: RMS error before and
+    after it, in the unit of the errors; short: a formula, not a series."""
+
+    effect: Expression
+    intervals: np.ndarray
+    measured: dict[str, tuple[float, float]]
+    gaps: dict[str, tuple[tuple[float, float], ...]]
+    log_bayes: float
+    probability: float
+    held_out: tuple[float, float]
+    suspect: str
+    short: bool  # a formula, not a series
+
+    @property
+    def sentence(self) -> str:
+        """Where it acts, what it follows and how, and what may be behind it."""
+        formula = self.effect.form if self.short else "no short formula fits; a series of cosines does"
+        numbers = (
+            ", ".join(f"{name} = {value:.3g}" for name, value in zip(self.effect.names, self.effect.values))
+            if self.short
+            else ""
+        )
+        gaps = [
+            f"{name} from {low:.3g} to {high:.3g}"
+            for name, all_gaps in self.gaps.items()
+            for low, high in all_gaps
+        ]
+        values = f" rad with {numbers}" if numbers else ""
+        return (
+            f"{self.effect.title}: {formula}{values}. Suspect: {self.suspect}."
+            + (f" Not measured: {', '.join(gaps)}." if gaps else "")
+        )
+
+    def to_table(self) -> dict:
+        """An entry [[effects]] of draft.toml."""
+        effect = self.effect
+        table = effect.to_table() | {"station": effect.station.name}
+        table["intervals"] = {
+            name: [float(low), float(high)] for name, (low, high) in zip(effect.names, self.intervals)
+        }
+        table["measured_between"] = {name: list(ends) for name, ends in self.measured.items()}
+        if any(self.gaps.values()):
+            table["gaps"] = {name: [list(gap) for gap in gaps] for name, gaps in self.gaps.items() if gaps}
+        table["evidence"] = {
+            "log_bayes": self.log_bayes,
+            "probability": self.probability,
+            "held_out_rms_m": list(self.held_out),
+        }
+        return table | {"short_formula": self.short, "suspect": self.suspect, "status": "draft"}
+
+
+def drafts_of(problem: Problem, declared: Layout, last: Fitted) -> tuple[Draft, ...]:
+    """Unknown functions that turn an axis beside the model `last`, the strongest first, each as a formula."""
+    found: list[Draft] = []
+    fitted, folds = last, folds_of(problem.groups(), problem.seed)
+    while len(found) < MOST_DRAFTS:
+        noise, probabilities = _unknown_axes(problem, fitted)
+        axes = [
+            axis
+            for axis, (probability, _) in probabilities.items()
+            if probability >= _PROBABLE and all(draft.effect.joint != axis for draft in found)
+        ]
+        if not axes:
+            break
+        axis = max(axes, key=lambda a: probabilities[a][0])
+        probability, names = probabilities[axis]
+        formula, log_bayes = _best_formula(problem, fitted, noise, folds, axis, names)
+        if formula is None:
+            break
+        titled = replace(formula, heading=_title(formula))
+        chosen = [*fitted.layout.effects[len(declared.effects) :], titled]
+        trial = refit(problem, declared, chosen, fitted, noise)
+        if not trial.fit.converged:
+            break
+        found.append(_draft(problem, fitted, trial, log_bayes, probability, not is_series(formula)))
+        fitted = trial
+    return tuple(found)
+
+
+def _unknown_axes(problem: Problem, fitted: Fitted) -> tuple[NoiseModel, dict[int, tuple[float, list[str]]]]:
+    """The noise with unknown functions taken into account; axis -> probability that one turns it, and its
+    signals in the best set."""
+    visits, lost = problem.groups(), fitted.jacobian.shape[2]
+    vocabulary = vocabulary_of(fitted, [], problem.signals(fitted), problem.directions(fitted))
+    noise, left = estimate_noise(fitted.residual, lost, visits), fitted.residual
+    for _ in range(_NOISE_PASSES):
+        picture = Picture.of(
+            vocabulary, fitted.residual, fitted.jacobian, noise, problem.correlation_factor(fitted)
+        )
+        certain, posterior = search(picture)
+        beside = posterior.members[posterior.best]
+        members = Members(certain.blocks + beside.blocks, certain.scales + beside.scales)
+        left = fitted.residual - _taken(picture, members)
+        noise = estimate_noise(left, lost, visits)
+    signals, by_label = defaultdict(list), {}
+    for block in vocabulary.blocks:
+        if block.unknown.direction.startswith("a turn of axis"):
+            by_label[block.label] = int(block.unknown.direction.rsplit(" ", 1)[1])
+    for index in members.blocks:
+        block = vocabulary.blocks[index]
+        if block.label in by_label:
+            signals[by_label[block.label]] += [
+                s for s in block.unknown.signals if s not in signals[by_label[block.label]]
+            ]
+    sure = {by_label.get(vocabulary.blocks[i].label) for i in certain.blocks}
+    found = {}
+    for axis, names in signals.items():
+        mine = {label for label, turned in by_label.items() if turned == axis}
+        found[axis] = (1.0 if axis in sure else posterior.probability(partial(_any_of, mine)), names)
+    return noise, found
+
+
+def _any_of(mine: set[str], labels: tuple[str, ...]) -> bool:
+    return not mine.isdisjoint(labels)
+
+
+def _taken(picture: Picture, members: Members) -> np.ndarray:
+    """(N, m) what the members of a set add to the measurement."""
+    responses = picture.vocabulary.responses
+    taken = np.zeros(responses.shape[:2])
+    for index, value in zip(members.blocks, picture.coefficients(members)):
+        taken += responses[:, :, picture.vocabulary.blocks[index].where] @ value
+    return taken
+
+
+def _best_formula(
+    problem, fitted: Fitted, noise: NoiseModel, folds, axis: int, names: list[str]
+) -> tuple[Expression | None, float]:
+    """The likeliest formula in the signals with these names, its log Bayes factor; None where none holds."""
+    formulas = [formula for formula in map(_in_formulas, names) if formula is not None][:_MOST_SIGNALS]
+    signals = {name: signal_of(fitted.view, name) for name in formulas}
+    if not signals:
+        return None, 0.0
+    best, value, picture, members = _likeliest(problem, fitted, noise, forms_of(axis, signals))
+    for term in range(2, _MOST_TERMS + 1):
+        if best is None or is_series(best):
+            break
+        fixed = replace(best, searched=())
+        further = [sum_of(fixed, form) for form in forms_of(axis, signals, term) if not is_series(form)]
+        more, sum_value, *rest = _likeliest(problem, fitted, noise, further)
+        if more is None or sum_value < value + _LEAST_NATS:
+            break
+        best, value, (picture, members) = more, sum_value, rest
+    if best is None or value <= 0.0:
+        return None, 0.0
+    if picture.held_out(members, folds).sum() >= picture.held_out(Members((), ()), folds).sum():
+        return None, 0.0
+    return best, value
+
+
+def _likeliest(problem, fitted, noise, forms: list[Expression]):
+    """The likeliest of formulas at its best grid point and coefficients, its log Bayes factor (its grid
+    summed over), picture, set."""
+    vocabulary: Vocabulary = vocabulary_of(fitted, forms, {}, {})
+    if not vocabulary.blocks:
+        return None, -np.inf, None, None
+    picture = Picture.of(
+        vocabulary, fitted.residual, fitted.jacobian, noise, problem.correlation_factor(fitted)
+    )
+    additions = picture.additions(Members((), ()))
+    weight = additions.log_weight - picture.log_prior
+    names, which = vocabulary.labels
+    value = np.array(
+        [np.logaddexp.reduce(weight[which == k]) - np.log(np.sum(which == k)) for k in range(len(names))]
+    )
+    series = {block.label for block in vocabulary.blocks if is_series(block.effect)}
+    top = int(np.argmax(value - _SERIES_COSTS * np.isin(names, list(series))))
+    index = int(np.argmax(np.where(which == top, weight, -np.inf)))
+    members = Members((index,), (int(additions.scale[index]),))
+    block = vocabulary.blocks[index]
+    values = np.asarray(block.effect.values, float).copy()
+    values[block.free] = picture.coefficients(members)[0]
+    return block.effect.with_values(values), float(value[top]), picture, members
+
+
+def _draft(
+    problem: Problem, before: Fitted, after: Fitted, log_bayes: float, probability: float, short: bool
+) -> Draft:
+    effect, where, free = after.layout.effects[-1], after.layout.slices[-1], after.layout.free[-1]
+    intervals = np.column_stack([effect.values, effect.values]).astype(float)
+    intervals[free] = after.fit.interval()[where]
+    signals = {name: signal_of(after.view, name) for name in effect.of}
+    data = problem.held_out if len(problem.held_out) else problem.data
+    return Draft(
+        effect,
+        intervals,
+        {name: (float(values.min()), float(values.max())) for name, values in signals.items()},
+        {name: gaps_of(values) for name, values in signals.items()},
+        log_bayes,
+        probability,
+        tuple(float(np.sqrt(np.nanmean(problem.errors(fitted, data) ** 2))) for fitted in (before, after)),
+        _suspect(effect),
+        short,
+    )
+
+
+def gaps_of(values: np.ndarray) -> tuple[tuple[float, float], ...]:
+    """Intervals inside the range of a signal (N,) without a value, wider than evenly scattered values would
+    leave: of N gaps the widest exceeds g with a chance of about N exp(-N g / range)."""
+    sorted_values = np.unique(values)
+    count = len(sorted_values)
+    if count < 2:
+        return ()
+    widest = (sorted_values[-1] - sorted_values[0]) * np.log(count / _RARE_GAP) / count
+    wide = np.flatnonzero(np.diff(sorted_values) > widest)
+    return tuple((float(sorted_values[k]), float(sorted_values[k + 1])) for k in wide)
+
+
+def _in_formulas(name: str) -> str | None:
+    """What a formula calls a signal of a problem; None where it has no name for it."""
+    match = re.match(r"(\w+) of axis (\d+)$", name)
+    if match:
+        return f"{_SIGNALS[match[1]]}_{match[2]}" if match[1] in _SIGNALS else None
+    if name == "time":
+        return "time_h"
+    return (
+        name
+        if re.match(r"[A-Za-z_]\w*$", name) and not _PARAMETER.match(name) and not name.startswith("position")
+        else None
+    )
+
+
+def _title(effect: Expression) -> str:
+    """As a technician says it."""
+    return f"axis {effect.joint} follows {' and '.join(_in_words(signal) for signal in effect.of)}"
+
+
+def _in_words(signal: str) -> str:
+    kind, _, axis = signal.rpartition("_")
+    words = {"q": "the angle of axis", "torque": "the load of axis", "approach": "the direction of axis"}
+    return (
+        f"{words[kind]} {axis}"
+        if kind in words and axis.isdigit()
+        else ("time" if signal == "time_h" else signal)
+    )
+
+
+def _suspect(effect: Effect) -> str:
+    """What may be behind it, in words: a place to look at, not a finding."""
+    found = []
+    for signal in effect.of:
+        kind, _, axis = signal.rpartition("_")
+        own = axis.isdigit() and int(axis) == effect.joint
+        if signal == "time_h":
+            found.append("something that settles, warms up or creeps with time")
+        elif kind == "torque":
+            found.append(
+                "something elastic or slack under its own load"
+                if own
+                else f"something that bends under the load of axis {axis}"
+            )
+        elif kind == "approach":
+            found.append(
+                "friction or play that stays after a motion"
+                if own
+                else f"a mechanical path that the last motion of axis {axis} strains"
+            )
+        elif kind == "q":
+            found.append(
+                "the gear or the encoder of the axis itself"
+                if own
+                else f"a hose, a cable or a linkage that axis {axis} pulls along or winds up"
+            )
+        else:
+            found.append(f"something that changes with {signal}")
+    return "; ".join(dict.fromkeys(found))

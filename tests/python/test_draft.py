@@ -1,0 +1,116 @@
+"""Drafts: an effect that the library lacks is written as a formula, accepted, and found again by its name."""
+
+import json
+import tomllib
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from exactarm import cli
+from exactarm.dataset import write_dataset
+from exactarm.diagnose.diagnosis import diagnose
+from exactarm.diagnose.dictionary import forms_of, is_series
+from exactarm.diagnose.draft import gaps_of
+from exactarm.formula import Formula, divisors, linear_names
+from exactarm.robot_file import load_robot
+from set_ups import measured, true_robot
+
+NOISE_M, POSES = 5e-5, 160
+# Turns of an axis (from 1) that no effect of the library makes: name -> (axis, signals, turn in rad of angles
+# (N, 6) and humidity (N,)).
+FOREIGN = {
+    "square of a sum": (5, {"q_4", "q_6"}, lambda q, h: 3e-4 * (q[:, 3] + q[:, 5]) ** 2),
+    "product": (6, {"q_2", "q_3"}, lambda q, h: 4e-4 * q[:, 1] * q[:, 2]),
+    "second harmonic of another axis": (2, {"q_5"}, lambda q, h: 3e-4 * np.sin(2.0 * q[:, 4] + 0.4)),
+    "saturation over a covariate": (3, {"humidity"}, lambda q, h: 4e-4 * np.tanh((h - 50.0) / 8.0)),
+    "no formula of the dictionary": (
+        4,
+        {"q_2"},
+        lambda q, h: 6e-4 * np.exp(-2.0 * (q[:, 1] - 0.8) ** 2) - 4e-4 * (q[:, 1] < -1.2),
+    ),
+}
+
+
+def poses(turn, axis=1, seed=6):
+    """Poses of a UR10 whose axis is turned further by `turn`; the same noise whatever the turn is."""
+    rng, robot = np.random.default_rng(seed), load_robot("ur10")
+    q, humidity = rng.uniform(-2.5, 2.5, (POSES, 6)), rng.uniform(30.0, 70.0, POSES)
+    true, stands = true_robot(robot, rng, 0.3), q.copy()
+    stands[:, axis - 1] += turn(q, humidity)
+    data = measured(robot, [true], [stands], NOISE_M, rng, covariates={"humidity": humidity})
+    return robot, replace(data, joints={"theta": (q - robot.controller_offsets) * robot.controller_ratios})
+
+
+@pytest.fixture(autouse=True)
+def own_library(tmp_path, monkeypatch):
+    monkeypatch.setenv("EXACTARM_EFFECTS", str(tmp_path / "mine"))
+
+
+@pytest.fixture(scope="module")
+def best():
+    """Held-out RMS error of the same poses with the same noise, and without any cause, m."""
+    return diagnose(*poses(lambda q, h: 0.0)).before["validation"].rms
+
+
+@pytest.mark.parametrize("name", FOREIGN)
+def test_a_foreign_effect_is_drafted_accepted_and_found_by_its_name(name, tmp_path, best):
+    axis, signals, turn = FOREIGN[name]
+    robot, data = poses(turn, axis)
+    write_dataset(tmp_path / "measured.csv", data, robot)
+    call = ["diagnose", "ur10", str(tmp_path / "measured.csv"), "--out"]
+    assert cli.main([*call, str(tmp_path / "first")]) == 0
+    first = json.loads((tmp_path / "first" / "result.json").read_text())
+    assert first["verdict"] == "unexplained"
+    draft = tmp_path / "first" / "draft.toml"
+    entry = tomllib.loads(draft.read_text())["effects"][0]
+    assert (entry["station"], entry["joint"], set(entry["of"]), entry["status"]) == (
+        "SPRING",
+        axis,
+        signals,
+        "draft",
+    )
+    assert (
+        first["drafts"][0]["form"] == entry["form"]
+        and "draft.toml" in (tmp_path / "first" / "report.html").read_text()
+    )
+    assert set(entry["measured_between"]) == signals and entry["suspect"]
+    assert cli.main(["accept", str(draft), "--out", str(tmp_path / "accepted")]) == 0
+    assert cli.main([*call, str(tmp_path / "second")]) == 0
+    second = json.loads((tmp_path / "second" / "result.json").read_text())
+    assert ("expression", axis) in {(e["effect"], e["joint"]) for e in second["effects"]}
+    assert second["after"]["validation"]["rms"] <= 1.10 * best
+    assert second["after"]["validation"]["rms"] < first["after"]["validation"]["rms"]
+    assert not second["drafts"]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_nothing_is_drafted_on_clean_data(seed):
+    assert not diagnose(*poses(lambda q, h: 0.0, seed=20 + seed)).drafts
+
+
+def test_a_gap_is_an_interval_that_even_scatter_would_not_leave():
+    rng = np.random.default_rng(3)
+    even = rng.uniform(-2.0, 2.0, 200)
+    assert gaps_of(even) == ()
+    ((low, high),) = gaps_of(even[(even < 0.3) | (even > 0.9)])
+    assert low == pytest.approx(0.3, abs=0.1) and high == pytest.approx(0.9, abs=0.1)
+
+
+def test_formulas_know_which_parameters_they_are_linear_in():
+    formula = Formula.of("a*tanh((x - c)/w) + b*x + d*b")
+    assert linear_names(formula, ("a", "c", "w", "b", "d")) == ("a", "b")
+    assert {"w"} <= divisors(formula) and not {"a", "b", "c"} & divisors(formula)
+
+
+def test_every_form_of_the_dictionary_is_a_formula_of_plausible_size():
+    rng = np.random.default_rng(1)
+    signals = {"q_2": rng.uniform(-2.0, 1.0, 300), "torque_3": rng.uniform(-90.0, 20.0, 300)}
+    forms = forms_of(4, signals)
+    assert any(is_series(form) for form in forms)
+    for form in forms:
+        numbers = {name: np.full(300, value) for name, value in zip(form.names, form.values)}
+        slopes = form.formula(signals | numbers)[1]
+        for name, size in zip(form.names, form.plausible):
+            if name in form.linear and not is_series(form):
+                assert size * np.std(slopes[name]) == pytest.approx(3e-4, rel=1e-6), form.form
