@@ -10,6 +10,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/pip install --quiet --disable-pip-version-check
 BUILD := build/make
+SANITIZE := build/sanitize
 OUT ?= demo
 export CMAKE_BUILD_PARALLEL_LEVEL ?= 2
 SOURCES := CMakeLists.txt pyproject.toml $(shell find cpp python -type f ! -name '*.so' ! -name '*.pyc')
@@ -18,14 +19,15 @@ CPP_TESTS := $(shell find tests/cpp -type f 2>/dev/null)
 # Not deleted as intermediate files.
 .PRECIOUS: .setup/packages-%
 
-.PHONY: help demo test lint test-cpp test-python robustness limits install bench docs wheel clean
+.PHONY: help demo test lint test-cpp test-python robustness sanitize limits install bench docs wheel clean
 
 help:
 	@echo "make demo     set up everything, run exactarm on the shipped data, say where the report lies"
 	@echo "make test     set up everything, run the linter, the C++ and the Python tests"
 	@echo "make lint     the linter and the types alone"
 	@echo "make install  set up everything: $(BIN)/exactarm"
-	@echo "make robustness  ten thousand spoiled inputs (SEED=N: from that seed on)"
+	@echo "make robustness  ten thousand spoiled inputs, and 200 kills of every command (SEED=N: from that seed on)"
+	@echo "make sanitize C++ tests and one short run of every command under address and undefined-behaviour sanitizers"
 	@echo "make limits   rows, seconds and memory of every command, as measured here"
 	@echo "make bench    the C++ benchmarks"
 	@echo "make docs     the documentation as a site: docs/_site/index.html"
@@ -53,9 +55,21 @@ test-python: .setup/tests
 	@echo "== Python tests"
 	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest
 
-# Spoiled inputs to every reader and command, for a night; failures are told by their seeds.
+# Spoiled inputs to every reader and command, and 200 kills of each command, for a night; seeds are told.
 robustness: .setup/tests
 	@$(BIN)/python tests/robustness/run.py --count 10000 --seed $(or $(SEED),0)
+	@$(BIN)/python tests/robustness/kills.py --count 200 --seed $(or $(SEED),0)
+
+# Addresses, bounds and undefined behaviour: the C++ tests and one short run of every command with sanitizers.
+sanitize: .setup/tests
+	@echo "== building with sanitizers (the first time takes minutes)"
+	@mkdir -p $(SANITIZE)
+	@cmake -S . -B $(SANITIZE) -DCMAKE_BUILD_TYPE=Release -DEXACTARM_SANITIZE=address,undefined -DEXACTARM_TESTS=ON \
+	  -DEXACTARM_MODULE_FOLDER=$(CURDIR)/$(SANITIZE)/core -DPython_EXECUTABLE=$(CURDIR)/$(BIN)/python \
+	  -Dpybind11_DIR=$$($(BIN)/python -m pybind11 --cmakedir) > $(SANITIZE)/configure.log
+	@cmake --build $(SANITIZE) > $(SANITIZE)/build.log || { tail -n 40 $(SANITIZE)/build.log; exit 1; }
+	@$(SANITIZE)/exactarm_tests --gtest_brief=1
+	@$(BIN)/python tests/robustness/sanitized.py $(SANITIZE)
 
 # Rows, seconds and memory of every command: the table of docs/limits.md.
 limits: .setup/install

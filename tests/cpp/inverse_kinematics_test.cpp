@@ -119,7 +119,9 @@ TEST(InverseKinematics, FollowsTheLineOfTheThesisInUnderTwentyMilliseconds) {
   ASSERT_EQ(report.status, Status::solved);
   for (long k = 0; k < q.rows(); k += 100)
     EXPECT_LT((forward_kinematics(robot, q.row(k).transpose()).position - positions.row(k).transpose()).norm(), 1e-12);
+#if !defined(__SANITIZE_ADDRESS__)  // which makes everything several times slower
   EXPECT_LT(seconds, 0.020);
+#endif
   std::printf("2501 poses: %.2f ms, %ld iterations\n", 1e3 * seconds, report.iterations);
 }
 

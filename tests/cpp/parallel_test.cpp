@@ -69,7 +69,9 @@ TEST(Parallel, AnInterruptEndsTheWorkOfAllThreads) {
   for (const int threads : {1, 4}) {
     std::atomic<long> rows{0};
     EXPECT_THROW(parallel_rows(1L << 40, threads, 8, [&](long begin, long end) { rows += end - begin; }), Stop);
-    EXPECT_LT(rows, 1L << 30);
+    // Long before the end. The others go on while the thread that is asked waits for a processor: 3e9 rows were seen
+    // on two busy cores with sanitizers, so the bound is an eighth of all rows, not a thousandth of them.
+    EXPECT_LT(rows, 1L << 37);
     std::this_thread::sleep_for(std::chrono::milliseconds(30));  // until it is asked again
   }
   set_interrupt_check(nullptr);

@@ -1,8 +1,6 @@
 """Runs that are killed at any moment, and two at once: never a result that is not whole, never one run's file
 with another's."""
 
-import hashlib
-import json
 import os
 import subprocess
 import sys
@@ -13,7 +11,13 @@ import numpy as np
 import pytest
 
 from exactarm import cli
+from exactarm.commands.listing import find_commands
 from exactarm.examples import data_path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from robustness.kills import kills, not_whole
+from robustness.short_runs import RUNS, prepare
 
 DATA = [str(data_path("ur10/series_B.csv")), str(data_path("ur10/series_C.csv"))]
 KILLS, SEED = 5, 4  # moments; EXACTARM_KILLS=200 for a night
@@ -30,12 +34,8 @@ def started(out: Path, data: str) -> subprocess.Popen:
 
 def whole(out: Path) -> bool:
     """Whether there is a result; if so, all its files are there and its own."""
-    path = out / "result.json"
-    if not path.exists():
-        return False
-    for name, sha256 in json.loads(path.read_text())["files"].items():
-        assert hashlib.sha256((out / name).read_bytes()).hexdigest() == sha256, name
-    return True
+    assert not_whole(out) == []
+    return (out / "result.json").exists()
 
 
 @pytest.fixture(scope="module")
@@ -71,3 +71,25 @@ def test_of_two_runs_into_one_folder_one_is_refused(out):
     assert whole(out)
     assert sorted(codes) in ([0, 2], [0, 0])  # both, where the machine ran them one after the other
     assert all(("another run is writing here" in text) == (code == 2) for code, text in zip(codes, said))
+
+
+def test_every_command_has_a_short_run():
+    assert set(RUNS) == set(find_commands())
+
+
+def test_a_file_that_is_missing_or_of_another_run_is_seen(tmp_path):
+    (tmp_path / "result.json").write_text('{"files": {"robot.toml": "0"}}')
+    assert len(not_whole(tmp_path)) == 1
+    (tmp_path / "robot.toml").write_text("name = 'other'")
+    assert len(not_whole(tmp_path)) == 1
+    (tmp_path / "result.json").write_text('{"files": {"robot')
+    assert len(not_whole(tmp_path)) == 1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("command", RUNS)
+def test_any_command_killed_at_any_moment_leaves_a_whole_result_or_none(command, tmp_path):
+    prepare(tmp_path)
+    done = list(kills(command, int(os.environ.get("EXACTARM_KILLS", 2)), tmp_path,
+                      np.random.default_rng(SEED)))
+    assert [each for each in done if each.faults] == []

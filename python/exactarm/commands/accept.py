@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import hashlib
+import os
 from pathlib import Path
 
 from exactarm.commands.plain import sha256
@@ -38,11 +39,12 @@ def accept(draft: str | Path) -> CommandResult:
     path = folder / f"{Path(draft).stem}-{hashlib.sha256(text.encode()).hexdigest()[:8]}.toml"
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        path.write_text(text, encoding="utf-8")
+        whole = path.with_suffix(f".{os.getpid()}.new")  # a killed run leaves no half of a file that is read
+        whole.write_text(text, encoding="utf-8")
+        whole.replace(path)
     except OSError as error:
         raise InputError(f"cannot be written ({error.strerror}); expected a folder for your effects, or "
-                         "another one in "
-                         "EXACTARM_EFFECTS", file=str(folder)) from None
+                         "another one in EXACTARM_EFFECTS", file=str(folder)) from None
     titles = [effect.title for effect in effects]
     lines = tuple(f"{effect.title}: {effect.describe()}" for effect in effects)
     return CommandResult(
