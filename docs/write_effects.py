@@ -28,7 +28,8 @@ An effect is given on the command line of `simulate` as words (`--effect "backla
 
 def variants(cls: type[Effect]) -> list[Effect]:
     """The forms in which an effect comes: its subclasses without a name of their own, its switches, its numbers of values."""
-    forms = [sub for sub in cls.__subclasses__() if not vars(sub).get("name")] or [cls]
+    forms = [sub for sub in cls.__subclasses__() if not vars(sub).get("name")]
+    forms = [cls, *forms] if "parameters" in vars(cls) and "change" in vars(cls) or not forms else forms
     found = []
     for form in forms:
         switches = [field.name for field in fields(form) if field.default is not MISSING and field.default in (True, False)

@@ -42,6 +42,7 @@ QUATERNION = ("qw", "qx", "qy", "qz")
 ROTATION_VECTOR = ("rx", "ry", "rz")
 GYRO = ("gyro_x", "gyro_y", "gyro_z")
 CONTACTS = ("socket", "plane", "sphere", "bar", "pair")  # which contact a row belongs to; under these names alone
+PAYLOAD, PAYLOAD_CENTRE = "payload_kg", ("payload_x_m", "payload_y_m", "payload_z_m")  # covariates that are a load too
 SCALAR_UNITS = (
     dict.fromkeys(POSITION, LENGTH)
     | dict.fromkeys(QUATERNION, NO_UNIT)
@@ -62,6 +63,7 @@ _ALL_UNITS = {unit for units in (*JOINT_UNITS.values(), *PRISMATIC_UNITS.values(
 _INDEXED = re.compile(rf"({_JOINT_NAMES})_(\d+)(?:_(.*))?")
 _NO_INDEX = re.compile(rf"({_JOINT_NAMES})(?:_({'|'.join(_ALL_UNITS)}))?")
 _SCALAR = re.compile(rf"({'|'.join(SCALAR_UNITS)})(?:_(.*))?")
+_PAYLOAD_CENTRE = re.compile(rf"(payload_[xyz])(?:_({'|'.join(LENGTH)}))?")
 _LENGTH = re.compile(rf"length_({'|'.join(LENGTH)})")
 
 
@@ -106,6 +108,8 @@ def parse_column(name: str, file: str, prismatic: frozenset[int] = frozenset()) 
         return Column(name, None, name)
     if match := _LENGTH.fullmatch(name):
         return Column("length", None, name, LENGTH[match[1]])
+    if match := _PAYLOAD_CENTRE.fullmatch(name):
+        return Column("covariate", None, f"{match[1]}_m", _factor(match[1], match[2] or "", LENGTH, file, name))
     if match := _SCALAR.fullmatch(name):
         quantity, unit = match[1], match[2] or ""
         return Column(quantity, None, name, _factor(quantity, unit, SCALAR_UNITS[quantity], file, name))

@@ -22,6 +22,8 @@ from exactarm.columns import (
     CONTACTS,
     GYRO,
     MOST,
+    PAYLOAD,
+    PAYLOAD_CENTRE,
     POSITION,
     QUATERNION,
     ROTATION_VECTOR,
@@ -98,6 +100,16 @@ class Dataset:
 
     def __len__(self) -> int:
         return len(self.row)
+
+    @property
+    def payload(self) -> tuple[np.ndarray, np.ndarray] | None:
+        """What the flange carries in each row beside the declared links: mass (N,) kg and centre (N, 3) m in its frame; None
+        where no column payload_kg says so. Without centre it hangs at the flange's origin."""
+        mass = self.covariates.get(PAYLOAD)
+        if mass is None:
+            return None
+        zero = np.zeros(len(self))
+        return mass, np.stack([self.covariates.get(name, zero) for name in PAYLOAD_CENTRE], axis=1)
 
     @property
     def first_file(self) -> str | None:
@@ -266,6 +278,8 @@ def _check_values(path: str, column: Column, numbers: np.ndarray) -> None:
         expected = "a whole number from 0, or -1 (or nothing) where the row has no contact"
     elif column.quantity in ("session", "visit", "run"):
         good, expected = (numbers == np.round(numbers)) & (np.abs(numbers) < LARGEST_MARK), "a whole number"
+    elif column.name == PAYLOAD:
+        good, expected = numbers >= 0.0, "a mass of 0 or more"
     else:
         return
     if not good.all():

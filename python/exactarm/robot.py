@@ -71,6 +71,7 @@ class Joint(Value):
     q_dot_max: float | None = None
     q_ddot_max: float | None = None
     torque_max: float | None = None
+    torque_constant: float | None = None  # Nm/A, motor side
 
     @property
     def has_gear(self) -> bool:
@@ -142,6 +143,7 @@ class Controller(Value):
 class Robot(Value):
     """A robot: joints, links (None where no masses are declared), gravity, tool, effects, record.
 
+    `mass`: of the whole arm, kg, where it is known; `generic_masses`: the links are no declaration but exactarm.generic_masses.
     `has_geometry` is False for a robot of which only the drives are known. `effects` are the causes
     beyond the tables, in the order they were added. `record` tells how the file came about
     (data, date, intervals); `intervals` maps a parameter's name to its 95 % interval. `file`: as the user named it, for messages.
@@ -158,6 +160,8 @@ class Robot(Value):
     intervals: dict[str, tuple[float, float]] = field(default_factory=dict)
     record: dict[str, Any] = field(default_factory=dict)
     controller: Controller = field(default_factory=Controller)
+    mass: float | None = None
+    generic_masses: bool = False
     file: str | None = field(default=None, compare=False)
 
     @property

@@ -30,6 +30,7 @@ from exactarm.robot_keys import (
     MOST_AXES,
     NOT_NEGATIVE,
     OTHER_UNITS,
+    POSITIVE,
 )
 from exactarm.robot_writer import write_robot
 from exactarm.toml_file import fits_shape, is_number, read_toml
@@ -40,7 +41,8 @@ __all__ = ["load_robot", "read_robot", "shipped_robots", "write_robot"]
 SHIPPED = Path(__file__).parent / "data" / "robots"
 ROTATION_TOLERANCE = 1e-6  # a matrix typed by hand has at least seven digits
 
-TOP_KEYS = ("format", "name", "gravity_m_s2", "has_geometry", "record", "base", "tool", "joints", "controller", "links", "effects", "intervals")
+TOP_KEYS = ("format", "name", "gravity_m_s2", "has_geometry", "mass_kg", "generic_masses", "record", "base", "tool", "joints",
+            "controller", "links", "effects", "intervals")
 
 
 def shipped_robots() -> tuple[str, ...]:
@@ -143,6 +145,7 @@ class _Reader:
             optional["controller"] = self.controller(self.take(tables, "controller", dict, "", "a table [controller]"), joints)
         if "links" in tables:
             optional["links"] = self.links(tables, len(joints))
+        optional |= self.masses(tables)
         effects = self.take(tables, "effects", list, "", "[[effects]]") if "effects" in tables else []
         optional["effects"] = tuple(self.effect(e, f"effects[{i}].", len(joints)) for i, e in enumerate(effects, start=1))
         optional["intervals"] = self.intervals(tables)
@@ -258,6 +261,19 @@ class _Reader:
         if len(entries) != axes:
             raise self.refuse("links", f"{len(entries)} links; expected {axes}, one for each axis")
         return tuple(self.link(entry, f"links[{i}].") for i, entry in enumerate(entries, start=1))
+
+    def masses(self, tables: Mapping[str, Any]) -> dict[str, Any]:
+        found: dict[str, Any] = {}
+        if "mass_kg" in tables:
+            (holds, expected), key = POSITIVE, "mass_kg"
+            found["mass"] = self.number(tables[key], key, expected)
+            if not holds(found["mass"]):
+                raise self.refuse(key, f"{found['mass']:g}; expected {expected}")
+        if "generic_masses" in tables:
+            found["generic_masses"] = self.take(tables, "generic_masses", bool, "", "true or false")
+            if found["generic_masses"] and "links" not in tables:
+                raise self.refuse("generic_masses", "true without [[links]]; expected none, they are derived where needed")
+        return found
 
     def link(self, table: Mapping[str, Any], where: str) -> Link:
         self.known(table, ("mass_kg", "centre_of_mass_m", "inertia_kg_m2"), where)

@@ -68,6 +68,7 @@ JOINT_KEYS = (
     Key("q_dot_max", "q_dot_max_rad_s", "q_dot_max_m_s", POSITIVE),
     Key("q_ddot_max", "q_ddot_max_rad_s2", "q_ddot_max_m_s2", POSITIVE),
     Key("torque_max", "torque_max_Nm", "torque_max_N", POSITIVE, "output side"),
+    _same("torque_constant", "torque_constant_Nm_A", NOT_ZERO, "motor side"),
 )
 GEAR_TABLES = {"cw": "the motor angle falls", "ccw": "the motor angle rises"}
 GEAR_KEYS = {"order": "order_per_output_rev", "a": "a", "b": "b"}

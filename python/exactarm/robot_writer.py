@@ -62,7 +62,14 @@ def _top(robot: Robot) -> str:
     values = {"format": FORMAT, "name": robot.name, "gravity_m_s2": robot.gravity}
     if not robot.has_geometry:
         values["has_geometry"] = False
-    comments = {"gravity_m_s2": "in the robot base frame", "has_geometry": "only the drives are known"}
+    if robot.mass is not None:
+        values["mass_kg"] = robot.mass
+    if robot.generic_masses:
+        values["generic_masses"] = True
+    comments = {
+        "gravity_m_s2": "in the robot base frame", "has_geometry": "only the drives are known", "mass_kg": "of the whole arm",
+        "generic_masses": "the links below are no declaration: derived from the geometry, for loads at rest",
+    }
     return "\n".join(_line(key, value, comments.get(key, "")) for key, value in values.items())
 
 

@@ -19,6 +19,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from exactarm.errors import InputError
+from exactarm.generic_masses import with_declared_masses
 from exactarm.mdh_frames import Axis, behind_axis, compose, mdh_chain, relative, rotation_z
 from exactarm.robot import GRAVITY_M_S2, Controller, Joint, Link, Placement, Robot, frame_of
 from exactarm.robot_keys import MOST_AXES
@@ -137,6 +138,7 @@ def urdf_text(robot: Robot) -> str:
     """The content of the URDF file."""
     if not robot.has_geometry:
         raise InputError(f"robot {robot.name} declares no geometry; expected one for a URDF", file=robot.file)
+    robot = with_declared_masses(robot)
     lines = ['<?xml version="1.0"?>', f"<!-- {_comment(robot)} -->", f"<robot name={quoteattr(_xml_text(robot.name))}>"]
     lines += ['  <link name="device"/>', '  <link name="base_link"/>']
     lines += _fixed("device_to_base", "device", "base_link", robot.base)

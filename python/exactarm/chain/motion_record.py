@@ -5,8 +5,8 @@ the angles pass the same at 2.5 f, which leaves the band of the torque untouched
 then thinned to 12.5 f a second (25 f where gear harmonics are declared). The prediction, friction's jumps and all, goes through the low-pass at f too
 (thesis (3.2): both sides alike), so it is never asked for what the measured side has lost.
 
-Torque (N, n) in Nm on the output side: tau, or nominal ratio times tau_motor, or nominal ratio times current
-(no torque constant is declared: 1 Nm/A). Axes whose torque was not measured hold NaN.
+Torque (N, n) in Nm on the output side: tau, or nominal ratio times tau_motor, or nominal ratio times torque constant times
+current (1 Nm/A where no constant is declared). Axes whose torque was not measured hold NaN.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from scipy import linalg, sparse
 
 from exactarm import _core
 from exactarm.chain.direction import direction_of_motion
+from exactarm.chain.rest_load import drive_torque
 from exactarm.chain.view import motor_angles
 from exactarm.dataset import Dataset
 from exactarm.effects.drive import SIGN_WIDTH_RAD_S
@@ -29,6 +30,7 @@ from exactarm.signals import derivative_operator, typical_step
 
 BANDWIDTH_HZ = 20.0  # arms are moved below 5 Hz and swing near 10 Hz
 SLOW_HZ = 5.0
+UNDECLARED_NM_A = 1.0
 _ORDER = 4
 _WIDE = 2.5  # bandwidth of the angles over that of the torque
 _ROWS_PER_PERIOD = 12.5
@@ -209,10 +211,8 @@ def unthinned_record(
 
 def measured_torque(robot: Robot, data: Dataset) -> np.ndarray:
     """(N, n) output-side torque in Nm, NaN where an axis has none."""
-    torque = np.full((len(data), robot.axes), np.nan)
-    for name, factor in (("tau", 1.0), ("tau_motor", robot.controller_ratios), ("current", robot.controller_ratios)):
-        if name in data.joints:
-            torque = np.where(np.isnan(torque), data.joints[name] * factor, torque)
+    constants = np.array([UNDECLARED_NM_A if joint.torque_constant is None else joint.torque_constant for joint in robot.joints])
+    torque = drive_torque(robot, data, constants)
     if np.isnan(torque).all():
         raise InputError("no torque: expected columns tau_i_Nm, tau_motor_i_Nm or current_i_A")
     return torque

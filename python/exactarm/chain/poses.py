@@ -1,6 +1,6 @@
 """The chain for static poses: motor angles in, position and orientation of the target out.
 
-At rest the spring carries the gravity torque (E4): q = phi + q_offset - kappa^{-1}(g(q)), solved by fixed-point
+At rest the spring carries the gravity torque, or what was measured (rest_load.py; E4): q = phi + q_offset - kappa^{-1}(g(q)), solved by fixed-point
 iteration (the deflection is small, each pass gains three digits). The tangent of the fixed point follows from
 the implicit function theorem:
     (I - S G) T_q = T_0 + S T_L,    S = dq/dtorque, G = dg/dq, T_L = direct tangent of the load.
@@ -17,6 +17,7 @@ from exactarm import _core
 from exactarm.chain.gear import declared_output_angle
 from exactarm.chain.layout import Layout
 from exactarm.chain.propagate import pass_station, pass_tangents
+from exactarm.chain.rest_load import RestLoad
 from exactarm.chain.spring import declared_deflection
 from exactarm.chain.view import View, motor_angles
 from exactarm.dataset import Dataset
@@ -70,16 +71,18 @@ def _joint_angles(view: View, layout: Layout, tangents: bool) -> None:
     declared, slope = declared_output_angle(view)
     view.signals["q"] = declared + view.robot.offsets
     view.signals["torque"] = np.zeros((rows, n))
+    view.rest_load = load = RestLoad.of(view.robot, view.data, view.threads)
     for _ in range(_FIXED_POINT_PASSES):
         q_before = view.q
-        if view.has_masses:
-            view.signals["torque"] = _core.gravity_torque(view.robot.core, view.q, view.threads)
+        if load.any:
+            view.signals["torque"] = load.torque(view.q)
         pass_station(view, layout, Station.LOAD, "torque", False)
+        view.signals["torque"] = load.as_measured(view.torque)
         view.signals["phi"] = declared
         pass_station(view, layout, Station.GEAR, "phi", False)
         view.signals["q"] = view.phi + view.robot.offsets + declared_deflection(view.robot, view.torque)[0]
         pass_station(view, layout, Station.SPRING, "q", False)
-        if np.max(np.abs(view.q - q_before), initial=0.0) < _FIXED_POINT_TOLERANCE_RAD or not view.has_masses:
+        if np.max(np.abs(view.q - q_before), initial=0.0) < _FIXED_POINT_TOLERANCE_RAD or not load.any:
             break
     if tangents and size:
         _joint_tangents(view, layout, declared, slope)
@@ -101,7 +104,7 @@ def _joint_tangents(view: View, layout: Layout, declared: np.ndarray, slope: np.
     unit = np.zeros((rows, n, wide))
     unit[:, :, size:] = np.eye(n)
     tangents["torque"], tangents["q"] = unit, np.zeros((rows, n, wide))
-    direct = pass_tangents(view, padded, Station.LOAD, "torque") - unit
+    direct = view.rest_load.unless_measured(pass_tangents(view, padded, Station.LOAD, "torque") - unit)
     tangents["torque"] = unit
     tangents["phi"] = slope[:, :, None] * tangents["theta"]
     view.signals["phi"] = declared
@@ -113,8 +116,8 @@ def _joint_tangents(view: View, layout: Layout, declared: np.ndarray, slope: np.
     by_torque, free = tangents["q"][:, :, size:], tangents["q"][:, :, :size]
     view.signals["deflection_by_torque"] = by_torque.reshape(rows, -1)
     right = free + by_torque @ direct[:, :, :size]
-    if view.has_masses:
-        gravity = _core.gravity_torque_jacobian(view.robot.core, q, view.threads)
+    if view.rest_load.any:
+        gravity = view.rest_load.slope(q)
         if np.any(by_torque):
             right = np.linalg.solve(np.eye(n) - by_torque @ gravity, right)
         tangents["torque"] = gravity @ right + direct[:, :, :size]
@@ -177,7 +180,8 @@ def _transfers(view: View, joint_columns: np.ndarray) -> dict:
         return joint_columns[:, :, columns] @ (derivative / ratios[list(columns), None])
 
     def load(columns, derivative):
-        return joint_columns @ (by_torque[:, :, columns] @ derivative)
+        free = ~view.rest_load.fixed[:, list(columns), None]
+        return joint_columns @ (by_torque[:, :, columns] @ (derivative * free))
 
     def geometry(columns, derivative):
         out = np.zeros((view.rows, 6, derivative.shape[2]))

@@ -14,6 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from exactarm import _core
+from exactarm.chain.rest_load import RestLoad
 from exactarm.dataset import Dataset
 from exactarm.effects.base import Effect, Station
 from exactarm.effects.drive import SIGN_WIDTH_RAD_S
@@ -36,6 +37,7 @@ class View:
     signals: dict[str, np.ndarray] = field(default_factory=dict)
     tangents: dict[str, np.ndarray] = field(default_factory=dict)
     transfers: dict[Station, Transfer] = field(default_factory=dict)
+    rest_load: RestLoad | None = None  # of poses at rest
 
     @property
     def rows(self) -> int:
@@ -162,7 +164,18 @@ class View:
 
     @property
     def has_masses(self) -> bool:
-        return self.robot.links is not None
+        """Whether masses load the joints; generic ones say nothing of drive torques, and have no place beside measured ones."""
+        torques = self.kind in ("gear_run", "motion")
+        return self.robot.links is not None and not (self.robot.generic_masses and torques)
+
+    @cached_property
+    def measured_loads(self) -> np.ndarray:
+        """(n,) bool: axes whose load was measured, in static poses."""
+        return np.zeros(self.axes, bool) if self.rest_load is None else self.rest_load.fixed.all(axis=0)
+
+    def guessed_load(self, index: int) -> bool:
+        """Whether the load of axis `index` (from 0) comes from a generic distribution of masses."""
+        return self.robot.generic_masses and not self.measured_loads[index]
 
 
 def motor_angles(robot: Robot, data: Dataset) -> np.ndarray:

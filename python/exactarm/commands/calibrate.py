@@ -12,6 +12,7 @@ import numpy as np
 from exactarm.commands.arguments import add_files, add_fixture, add_robot
 from exactarm.commands.call import AnyData, AnyFixture, AnyRobot, asked, data_of, robot_of, threads_of
 from exactarm.commands.error_sections import error_figures, error_table, geometry_tables, highlights, unit_of
+from exactarm.commands.load_section import with_load_section
 from exactarm.commands.memory import require_memory
 from exactarm.commands.result import CommandResult, estimate
 from exactarm.commands.suspicions import suspicions
@@ -77,13 +78,14 @@ def calibrate(
     require_memory("calibrate", rows.kind, rows)
     with suspicions(declared, rows) as found:
         result = CALIBRATORS[rows.kind](declared, rows, options)
-    return CommandResult(
+    made = CommandResult(
         json=_json(result),
         report=_report(declared, rows, result, rows.split_rule()),
         robot=result.robot,
         tables={"residuals.csv": residual_table(result.data, result.identification, result.error_before, result.residual_after)},
         asked=asked("calibrate", robot, rows, seed, given, {"use": "auto", "compliance": None, "robust": False}),
     ).warned(found)
+    return with_load_section(made, declared, rows)
 
 
 def run(arguments: argparse.Namespace) -> CommandResult:

@@ -12,6 +12,7 @@ from exactarm.commands.arguments import add_files, add_fixture, add_robot
 from exactarm.commands.call import AnyData, AnyFixture, AnyRobot, asked, data_of, robot_of, threads_of
 from exactarm.commands.design_for import experiment_json
 from exactarm.commands.diagnose_report import report_of
+from exactarm.commands.load_section import with_load_section
 from exactarm.commands.memory import require_memory
 from exactarm.commands.result import CommandResult, estimate
 from exactarm.commands.suspicions import suspicions
@@ -72,7 +73,7 @@ def diagnose(
     first = results[0]
     also: dict[str, Any] = {"also": [_json(other) for other in results[1:]]} if len(results) > 1 else {}
     also |= {"skipped": skipped} if skipped else {}
-    return CommandResult(
+    made = CommandResult(
         json=_json(first) | also,
         report=report_of(declared, results, rows.split_rule(), skipped),
         robot=known,
@@ -80,6 +81,7 @@ def diagnose(
         texts=_drafted([draft for result in results for draft in result.drafts]),
         asked=asked("diagnose", robot, rows, seed, {"kind": kind}, {"kind": None}),
     ).warned(warnings)
+    return with_load_section(made, declared, rows)
 
 
 def run(arguments: argparse.Namespace) -> CommandResult:

@@ -10,6 +10,7 @@ import numpy as np
 
 from exactarm.commands.arguments import add_files, add_fixture, add_robot
 from exactarm.commands.call import AnyData, AnyFixture, AnyRobot, asked, data_of, robot_of, threads_of
+from exactarm.commands.load_section import with_load_section
 from exactarm.commands.memory import require_memory
 from exactarm.commands.result import Column, CommandResult
 from exactarm.commands.suspicions import suspicions
@@ -62,7 +63,7 @@ def evaluate(
     columns: dict[str, Column] = {"file": [files[i] for i in rows.file_index], "row": rows.row, "session": rows.session}
     columns[f"error_{result.unit.replace('/', '_')}"] = result.error
     columns |= {name: result.residual[:, k] for k, name in enumerate(result.columns)}
-    return CommandResult(
+    made = CommandResult(
         json={
             "error": result.overall.to_json(),
             "unit": result.unit,
@@ -74,6 +75,7 @@ def evaluate(
         tables={"residuals.csv": columns},
         asked=asked("evaluate", robot, rows, seed, {}),
     ).warned(found)
+    return with_load_section(made, declared, rows)
 
 
 def run(arguments: argparse.Namespace) -> CommandResult:

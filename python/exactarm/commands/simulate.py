@@ -176,7 +176,7 @@ def _require(arguments: argparse.Namespace, robot: Robot, measure: str, planned:
     _require_numbers(arguments)
     if measure in _AT_REST and not robot.has_geometry:
         raise InputError(f"robot {robot.name} declares no geometry; expected one for measured positions", file=robot.file)
-    if measure == "motion" and robot.links is None:
+    if measure == "motion" and (robot.links is None or robot.generic_masses):
         raise InputError(f"robot {robot.name} declares no link masses; expected them for a motion", file=robot.file)
     if measure == "tracked" and (planned is None or planned.time is None):
         raise InputError("tracked motion: expected a trajectory.csv with time_s and theta_i_rad")

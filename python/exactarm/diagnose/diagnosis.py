@@ -34,6 +34,7 @@ from exactarm.diagnose.verdict import (
     verdict_of_causes,
 )
 from exactarm.effects.base import Effect
+from exactarm.identify.loads import kept_masses
 from exactarm.identify.statistics import ErrorSummary, summarise
 from exactarm.robot import Robot
 from exactarm.split import DEFAULT_SEED
@@ -158,7 +159,7 @@ def diagnose(
         progress("drafting what is left")
         drafts = drafts_of(problem, declared, last)
     return Diagnosis(
-        robot=_bound(problem.updated_robot(last), robot, data),
+        robot=kept_masses(_bound(problem.updated_robot(last), robot, data), robot),
         kind=problem.kind,
         unit=problem.unit,
         noise=noise,

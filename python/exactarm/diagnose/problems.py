@@ -10,6 +10,7 @@ from exactarm.diagnose.pose_problem import PoseProblem
 from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.tracked_problem import TrackedProblem
 from exactarm.errors import InputError
+from exactarm.identify.loads import with_loads
 from exactarm.robot import Robot
 
 PROBLEMS: dict[str, type[Problem]] = {cls.kind: cls for cls in (PoseProblem, GearProblem, MotionProblem, TrackedProblem, ClosureProblem)}
@@ -19,4 +20,4 @@ def problem_for(robot: Robot, data: Dataset, held_out: Dataset, threads: int, se
     """The problem of the data's kind. Raises InputError for a kind that cannot be diagnosed."""
     if data.kind not in PROBLEMS:
         raise InputError(f"diagnosis reads {', '.join(PROBLEMS)}; found {data.kind}")
-    return PROBLEMS[data.kind](robot, data, held_out, threads, seed)
+    return PROBLEMS[data.kind](with_loads(robot, data), data, held_out, threads, seed)

@@ -38,6 +38,7 @@ class Backlash(Effect):
     station: ClassVar[Station] = Station.SPRING
     kinds: ClassVar[tuple[str, ...]] = ("poses", "gear_run", "motion", "tracked_motion")
     compensable: ClassVar[bool] = True
+    by_load: ClassVar[bool] = True
     smooth: ClassVar[bool] = False
     sentence: ClassVar[str] = "axis {joint} has {width_rad:.3g} rad of backlash and rests on the loaded flank"
     source: ClassVar[str] = "Nordin and Gutman 2002"

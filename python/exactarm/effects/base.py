@@ -106,6 +106,7 @@ class Effect(ABC):
     smooth: ClassVar[bool] = True  # a smooth function of the motion: may enter a planner's dynamics
     per_joint: ClassVar[bool] = True
     declared: ClassVar[bool] = False  # part of the declared model: re-identified, never a finding
+    by_load: ClassVar[bool] = False  # its size or side is decided by the load of a joint
     drawn_to_declared: ClassVar[bool] = False  # a Gaussian prior around the declared values, as wide as they are plausible
     repeatable: ClassVar[bool] = False  # several of them may act on one axis (harmonics of different orders)
     log_odds: ClassVar[float] = 0.0  # before any data, beside another cause that would look the same

@@ -24,6 +24,7 @@ class BaseCompliance(Effect):
     station: ClassVar[Station] = Station.GEOMETRY
     kinds: ClassVar[tuple[str, ...]] = ("poses", "tracked_motion")
     compensable: ClassVar[bool] = True
+    by_load: ClassVar[bool] = True
     per_joint: ClassVar[bool] = False
     sentence: ClassVar[str] = (
         "the foundation tilts, or axis 1 bends across itself (the two look alike), by {rad_per_Nm:.3g} rad for every Nm of overturning moment"

@@ -49,10 +49,12 @@ def gravity_moment(view, index: int) -> GravityMoment:
         if revolute[k]:
             axis_by_q[:, :, k] = np.cross(axes[:, k], axis)
     moment, moment_by_q = np.zeros((rows, 3)), np.zeros((rows, 3, n))
-    for j in range(index, n):
-        link = robot.links[j]
-        centre = origins[:, j + 1] + rotations[:, j + 1] @ np.asarray(link.centre_of_mass, float)
-        weight = link.mass * gravity
+    bodies = [(j, link.mass * gravity, np.asarray(link.centre_of_mass, float)) for j, link in enumerate(robot.links) if j >= index]
+    if view.kind == "poses" and view.data.payload is not None:
+        mass, centres = view.data.payload
+        bodies.append((n - 1, mass[:, None] * gravity, centres))
+    for j, weight, inside in bodies:
+        centre = origins[:, j + 1] + (rotations[:, j + 1] @ inside[..., None])[..., 0]
         moment += np.cross(centre - point, weight)
         moment_by_q += np.cross(carried(centre, j) - point_by_q, weight[:, :, None], axis=1)
     return GravityMoment(moment, moment_by_q, point, point_by_q, axis, axis_by_q)

@@ -3,6 +3,11 @@
 change of q = -(linear torque + cubic torque^3), in rad; the joint torque of a static pose is the gravity torque.
 Linear and cubic compliance, as the thesis takes for gears 2 and 3 (1.1.2, (2.18)); E4 for the sign. A declared
 spring stays in the robot's tables; this is what is missing beside it.
+
+Where the masses are generic (exactarm.generic_masses) the load is right in kind, not in size, and its shape is a little wrong:
+    change of q = -(linear torque + tip torque_tip + own torque_own)
+torque_tip: a tenth of the arm's mass at the flange, which makes up for a wrong distribution; torque_own: the links without the
+payload, estimated where known payloads differ from row to row: then `linear` is that of a known weight, in true Nm.
 """
 
 from __future__ import annotations
@@ -31,6 +36,7 @@ class JointCompliance(Effect):
     station: ClassVar[Station] = Station.SPRING
     kinds: ClassVar[tuple[str, ...]] = ("poses", "motion", "tracked_motion")
     compensable: ClassVar[bool] = True
+    by_load: ClassVar[bool] = True
     sentence: ClassVar[str] = "axis {joint} gives way by {linear_rad_per_Nm:.3g} rad for every Nm that it carries"
     source: ClassVar[str] = "thesis 1.1.2, (2.18), E4; Caenen and Angue 1990"
 
@@ -60,6 +66,58 @@ class JointCompliance(Effect):
 
     @classmethod
     def candidates(cls, robot, view) -> Iterable[Effect]:
-        if not view.has_masses:
-            return ()
-        return (cls.none_of(robot, i, cubic) for i in range(robot.axes) for cubic in (False, True))
+        for i in range(robot.axes):
+            if not (view.has_masses or view.measured_loads[i]):
+                continue
+            if view.guessed_load(i):
+                varies = view.rest_load is not None and view.rest_load.payload_varies
+                yield from (RelativeCompliance.none_of(robot, i, tip, varies) for tip in sorted({True, varies}))
+            else:
+                yield from (cls.none_of(robot, i, cubic) for cubic in (False, True))
+
+    @classmethod
+    def from_table(cls, table) -> Effect:
+        return RelativeCompliance.of_table(table) if "tip_rad_per_Nm" in table else super().from_table(table)
+
+
+@dataclass(frozen=True)
+class RelativeCompliance(JointCompliance):
+    """Compliance under a generic load; tip_free, own_free: what is estimated beside the linear term."""
+
+    tip_free: bool = False
+    own_free: bool = False
+
+    kinds: ClassVar[tuple[str, ...]] = ("poses", "tracked_motion")
+    sentence: ClassVar[str] = "axis {joint} gives way by {linear_rad_per_Nm:.3g} rad for every Nm of its load"
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        return (
+            Parameter("linear_rad_per_Nm", 5e-6, -np.inf if self.beside_spring else 0.0),
+            Parameter("tip_rad_per_Nm", 5e-6, fixed=not self.tip_free),
+            Parameter("own_rad_per_Nm", 5e-6, fixed=not self.own_free),
+        )
+
+    def describe(self) -> str:
+        return super().describe() + ("" if self.own_free else ", as a generic distribution of masses has it")
+
+    def change(self, view) -> Change:
+        linear, tip, own = self.values
+        i, (rows, n) = self.index, view.q.shape
+        torque, parts = view.torque[:, i], {} if view.rest_load is None else view.rest_load.parts(view.q)
+        nothing = np.zeros((rows, n)), np.zeros((rows, n, n))
+        (by_tip, tip_slope), (by_own, own_slope) = parts.get("tip", nothing), parts.get("own", nothing)
+        derivative = -np.stack([torque, by_tip[:, i], by_own[:, i]], axis=1)[:, None, :]
+        by_torque = np.zeros((rows, 1, n))
+        by_torque[:, 0, i] = -linear
+        by_q = -(tip * tip_slope[:, i] + own * own_slope[:, i])[:, None, :]
+        value = derivative[:, 0] @ np.array([linear, tip, own])
+        return Change((i,), value[:, None], derivative, {"torque": by_torque, "q": by_q})
+
+    @classmethod
+    def none_of(cls, robot, index: int, tip_free: bool = True, own_free: bool = False) -> "RelativeCompliance":
+        return cls(index + 1, (0.0,) * 3, False, bool(robot.joints[index].spring_linear), tip_free, own_free)
+
+    @classmethod
+    def of_table(cls, table) -> Effect:
+        values = tuple(float(table[f"{name}_rad_per_Nm"]) for name in ("linear", "tip", "own"))
+        return cls(table["joint"], values, tip_free=values[1] != 0.0, own_free=values[2] != 0.0)

@@ -26,6 +26,7 @@ class LinkCompliance(Effect):
     station: ClassVar[Station] = Station.GEOMETRY
     kinds: ClassVar[tuple[str, ...]] = ("poses", "tracked_motion")
     compensable: ClassVar[bool] = True
+    by_load: ClassVar[bool] = True
     sentence: ClassVar[str] = "bearing and link of axis {joint} bend across the axis by {rad_per_Nm:.3g} rad per Nm"
     source: ClassVar[str] = "Abele, Weigold and Rothenbuecher 2007; Klimchik et al. 2013"
 

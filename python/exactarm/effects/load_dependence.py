@@ -36,6 +36,7 @@ class LoadDependence(HarmonicFamily):
     plain: ClassVar[str] = "gear errors that grow with the load"
     kinds: ClassVar[tuple[str, ...]] = ("gear_run", "motion")
     compensable: ClassVar[bool] = True
+    by_load: ClassVar[bool] = True
     repeatable: ClassVar[bool] = False
     unit: ClassVar[str] = "_per_Nm"
     plausible: ClassVar[float] = 1e-5

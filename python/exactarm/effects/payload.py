@@ -32,6 +32,7 @@ class Payload(Effect):
     station: ClassVar[Station] = Station.LOAD
     kinds: ClassVar[tuple[str, ...]] = ("poses", "motion", "tracked_motion")
     compensable: ClassVar[bool] = True
+    by_load: ClassVar[bool] = True
     per_joint: ClassVar[bool] = False
     linear: ClassVar[bool] = False
     source: ClassVar[str] = "Atkeson, An and Hollerbach 1986; Swevers, Verdonck and De Schutter 2007"
@@ -87,7 +88,7 @@ class Payload(Effect):
 
     @classmethod
     def candidates(cls, robot, view) -> Iterable[Effect]:
-        return (cls(None, (0.0,) * 4),) if view.has_masses else ()
+        return (cls(None, (0.0,) * 4),) if view.has_masses and not robot.generic_masses else ()
 
 
 def inertial(values) -> tuple[np.ndarray, np.ndarray]:

@@ -64,7 +64,7 @@ def _joint(robot: Robot, index: int) -> str:
 
 def _inertial(robot: Robot, index: int) -> str:
     """Of link `index`, from its DH frame into the frame of its axis."""
-    link = robot.links[index] if robot.links else None
+    link = robot.links[index] if robot.links and not robot.generic_masses else None
     if link is None or link.mass <= 0.0 or not np.any(link.inertia):
         mass = (
             LEAST

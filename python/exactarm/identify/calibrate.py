@@ -25,6 +25,7 @@ from exactarm.identify.declared import (
     require_geometry,
 )
 from exactarm.identify.identifiability import Identifiability, select_identifiable, still_axes
+from exactarm.identify.loads import kept_masses, with_loads
 from exactarm.identify.match import require_match
 from exactarm.identify.pose_fit import PoseFit, fit_poses
 from exactarm.identify.statistics import ErrorSummary, summarise
@@ -85,6 +86,7 @@ def calibrate(robot: Robot, data: Dataset, options: CalibrationOptions = Calibra
     Raises InputError where the data cannot support a calibration.
     """
     require_geometry(robot)
+    declared, robot = robot, with_loads(robot, data)
     orientation = data.rotation is not None if options.orientation is None else options.orientation
     if orientation and data.rotation is None:
         raise InputError("orientation was asked for, but the data has no qw..qz or rx..rz columns")
@@ -102,7 +104,7 @@ def calibrate(robot: Robot, data: Dataset, options: CalibrationOptions = Calibra
     error_after = np.linalg.norm(residual, axis=1)
     parts = {"identification": identification, "validation": ~identification}
     return Calibration(
-        robot=calibrated_robot(robot, train, fit.layout, fit.fit),
+        robot=kept_masses(calibrated_robot(robot, train, fit.layout, fit.fit), declared),
         fit=fit,
         data=data,
         identification=identification,

@@ -22,6 +22,7 @@ from exactarm.identify.closure_fit import ClosureFit, Pulls, fit_closures
 from exactarm.identify.compliance import compliance_layout
 from exactarm.identify.declared import carried_layout, frames_layout, geometry_layout, require_geometry
 from exactarm.identify.identifiability import Dropped, Identifiability, select_identifiable, still_axes
+from exactarm.identify.loads import kept_masses, with_loads
 from exactarm.identify.match import WORST_SHARE, reach
 from exactarm.identify.parameter_name import parse_parameter
 from exactarm.identify.statistics import summarise
@@ -55,6 +56,7 @@ class DeclaredClosures:
 
 def calibrate_closures(robot: Robot, data: Dataset, options: CalibrationOptions = CalibrationOptions()) -> Calibration:
     """Calibrates on the identification rows and judges on the others. Raises InputError where the data cannot support it."""
+    drawn, robot = robot, with_loads(robot, data)
     identification = data.split(options.seed)
     train = touches(data.select(identification))
     rows = touches(replace(data, identification=identification))
@@ -68,7 +70,7 @@ def calibrate_closures(robot: Robot, data: Dataset, options: CalibrationOptions 
         name: mean_distance_error(robot, layout, rows.select(mask), options.threads) for name, mask in parts.items()
     }
     return Calibration(
-        robot=updated_robot(robot, train, fit),
+        robot=kept_masses(updated_robot(robot, train, fit), drawn),
         fit=fit,
         data=rows,
         identification=rows.identification,

@@ -28,6 +28,7 @@ from exactarm.effects.declared_rotor import DeclaredRotor
 from exactarm.effects.drive import SIGN_WIDTH_RAD_S
 from exactarm.effects.link_inertia import LinkInertia
 from exactarm.errors import InputError
+from exactarm.generic_masses import with_declared_masses
 from exactarm.identify.base_parameters import BaseParameters, base_parameters
 from exactarm.identify.declared import carried_layout, require_geometry
 from exactarm.identify.friction_width import friction_widths
@@ -77,7 +78,7 @@ def identify_dynamics(robot: Robot, data: Dataset, options: DynamicsOptions = Dy
     """Identifies on one part of `data`, judges on the other. Raises InputError where the data cannot support it."""
     require_geometry(robot)
     identification = data.split(options.seed, options.share)
-    start = with_links(robot) if options.inertial else robot
+    start = with_links(robot) if options.inertial else with_declared_masses(robot)
     records = {}
     for name, rows in (("identification", identification), ("validation", ~identification)):
         if np.any(rows):
@@ -117,10 +118,10 @@ def identify_dynamics(robot: Robot, data: Dataset, options: DynamicsOptions = Dy
 
 def with_links(robot: Robot) -> Robot:
     """The robot with masses in its tables: its own, or equal ones at the frames' origins where none are declared."""
-    if robot.links is not None:
+    if robot.links is not None and not robot.generic_masses:
         return robot
     link = Link(_BOOKKEEPING_MASS_KG, np.zeros(3), np.zeros((3, 3)))
-    return replace(robot, links=(link,) * robot.axes)
+    return replace(robot, links=(link,) * robot.axes, generic_masses=False)
 
 
 def friction_layout(robot: Robot, record: MotionRecord, axes=None) -> Layout:

@@ -12,8 +12,10 @@ from collections.abc import Callable
 
 from exactarm.dataset import Dataset
 from exactarm.errors import InputError
+from exactarm.generic_masses import with_declared_masses
 from exactarm.identify.declared import carried_layout
 from exactarm.identify.gear_mistakes import gear_mistakes
+from exactarm.identify.load_mistakes import load_mistakes
 from exactarm.identify.motion_mistakes import motion_mistakes
 from exactarm.identify.pose_mistakes import pose_mistakes
 from exactarm.identify.signal_mistakes import cell_mistakes, limit_mistakes
@@ -40,9 +42,14 @@ def _poses(robot: Robot, data: Dataset) -> list[Suspicion]:
     return pose_mistakes(robot, data, carried_layout(robot, data)) if robot.has_geometry else []
 
 
+def _loads(robot: Robot, data: Dataset) -> list[Suspicion]:
+    return list(load_mistakes(robot, data)) if robot.has_geometry else []
+
+
 _CHECKS: dict[str, tuple[Callable[[Robot, Dataset], list[Suspicion]], ...]] = {
-    "poses": (_poses,),
+    "poses": (_poses, _loads),
+    "closures": (_loads,),
     "tracked_motion": (_poses, tracked_mistakes),
-    "motion": (motion_mistakes,),
+    "motion": (lambda robot, data: motion_mistakes(with_declared_masses(robot), data),),
     "gear_run": (gear_mistakes,),
 }

@@ -18,6 +18,7 @@ from exactarm.chain import (
     track_clear_of_reversals,
 )
 from exactarm.chain.motion_record import unthinned_record
+from exactarm.data_kind import TORQUES
 from exactarm.dataset import Dataset
 from exactarm.errors import InputError
 from exactarm.identify.declared import carried_layout, frames_layout, require_geometry
@@ -92,7 +93,9 @@ def static_rows(data: Dataset) -> Dataset:
     """Some rows of each session, evenly spread, as poses."""
     chosen = [rows[:: max(1, rows.size // _STATIC_ROWS)] for rows in
               (np.flatnonzero(data.session == session) for session in np.unique(data.session))]
-    return replace(data.select(np.concatenate(chosen)), kind="poses")
+    still = data.select(np.concatenate(chosen))
+    joints = {name: values for name, values in still.joints.items() if name not in TORQUES}  # of a motion, not of a load at rest
+    return replace(still, kind="poses", joints=joints)
 
 
 def predict_record(robot: Robot, layout: Layout, record: MotionRecord, *, tangents: bool = True, threads: int = 1):

@@ -58,7 +58,7 @@ def planning_model(robot: Robot) -> PlanningModel:
     if baked.links is None:
         warnings.append("no link masses are declared: planned without dynamics and deflection")
         baked = replace(baked, links=(Link(0.0, np.zeros(3), np.zeros((3, 3))),) * baked.axes)
-    rigid = robot.links is None or not any(joint.spring_linear for joint in baked.joints)
+    rigid = robot.links is None or robot.generic_masses or not any(joint.spring_linear for joint in baked.joints)
     joints = tuple(_with_both_tables(joint) for joint in baked.joints)
     baked = replace(baked, joints=joints, base=Placement(), tool=Placement(), effects=())
     return PlanningModel(baked, used, rigid, tuple(warnings))

@@ -1,0 +1,128 @@
+"""The load of an arm at rest: gravity of its links and of what the flange carries, or the torque that was measured.
+
+    torque(q) = g(links; q) + m g_1(q) + sum_k m c_k (g_k(q) - g_1(q)),     g_1: a unit mass at the flange, g_k: at e_k of it
+
+m (kg) and c (m, flange frame) may differ from row to row (columns payload_kg, payload_x_m ...). An axis whose drive torque
+was measured in static poses carries that torque instead, whatever the model says: tau_i, tau_motor_i, or current_i of a
+motor whose torque constant is declared. Shapes: torque (N, n) Nm, its slope by q (N, n, n).
+Limits: a measured torque is taken for what the spring carries; the dry friction in it is not.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from exactarm import _core
+from exactarm.data_kind import STATIC
+from exactarm.dataset import Dataset
+from exactarm.robot import Link, Robot
+
+TIP_SHARE = 0.1  # of the arm's mass, at the flange: the shape by which a generic distribution may be wrong
+Body = tuple[_core.Robot, np.ndarray]  # a massive arm, and how much of it (N,) each row carries
+
+
+@dataclass(frozen=True)
+class RestLoad:
+    """own: the links, None where none are declared; payload: what the flange carries; measured (N, n): NaN where it was not."""
+
+    robot: Robot
+    own: _core.Robot | None
+    payload: tuple[Body, ...]
+    measured: np.ndarray
+    threads: int = 1
+
+    @staticmethod
+    def of(robot: Robot, data: Dataset, threads: int = 1) -> "RestLoad":
+        own = None if robot.links is None else robot.core
+        payload = carried_bodies(robot, data) if own is not None else ()
+        return RestLoad(robot, own, payload, measured_at_rest(robot, data), threads)
+
+    @cached_property
+    def fixed(self) -> np.ndarray:
+        """(N, n) bool: loads that were measured."""
+        return ~np.isnan(self.measured)
+
+    @property
+    def any(self) -> bool:
+        return self.own is not None or bool(self.fixed.any())
+
+    def torque(self, q: np.ndarray) -> np.ndarray:
+        return self.as_measured(self._gravity(q))
+
+    def _gravity(self, q: np.ndarray) -> np.ndarray:
+        if self.own is None:
+            return np.zeros_like(q)
+        torque = _core.gravity_torque(self.own, q, self.threads)
+        for core, share in self.payload:
+            torque = torque + share[:, None] * _core.gravity_torque(core, q, self.threads)
+        return torque
+
+    def as_measured(self, torque: np.ndarray) -> np.ndarray:
+        """The torque (N, n) with the measured axes as they were measured."""
+        return np.where(self.fixed, self.measured, torque) if self.fixed.any() else torque
+
+    def slope(self, q: np.ndarray) -> np.ndarray:
+        """(N, n, n) of `torque` by q."""
+        if self.own is None:
+            return np.zeros((*q.shape, q.shape[1]))
+        slope = _core.gravity_torque_jacobian(self.own, q, self.threads)
+        for core, share in self.payload:
+            slope = slope + share[:, None, None] * _core.gravity_torque_jacobian(core, q, self.threads)
+        return self.unless_measured(slope)
+
+    def unless_measured(self, tangent: np.ndarray) -> np.ndarray:
+        """A derivative (N, n, ...) of the torque with nothing in the measured axes."""
+        return np.where(self.fixed[:, :, None], 0.0, tangent) if self.fixed.any() else tangent
+
+    def parts(self, q: np.ndarray) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+        """Of a generic distribution: `own`, the links alone, and `tip`, a tenth of their mass at the flange; torque and slope."""
+        share = TIP_SHARE * sum(link.mass for link in self.robot.links)
+        tip = massive(self.robot, share, np.zeros(3))
+        both = {"own": self.own, "tip": tip}
+        return {
+            name: (_core.gravity_torque(core, q, self.threads), _core.gravity_torque_jacobian(core, q, self.threads))
+            for name, core in both.items()
+        }
+
+    @property
+    def payload_varies(self) -> bool:
+        """Whether rows carry different payloads, so that known weights stand beside the unknown ones of the links."""
+        return any(np.ptp(share) > 0.0 for _, share in self.payload)
+
+
+def massive(robot: Robot, mass: float, centre: np.ndarray) -> _core.Robot:
+    """The arm without any mass but one at `centre` of the last frame."""
+    nothing = Link(0.0, np.zeros(3), np.zeros((3, 3)))
+    links = (nothing,) * (robot.axes - 1) + (Link(mass, np.asarray(centre, float), np.zeros((3, 3))),)
+    return replace(robot, links=links).core
+
+
+def carried_bodies(robot: Robot, data: Dataset) -> tuple[Body, ...]:
+    """The payload of the rows, as unit masses at the flange and a metre along its axes."""
+    if data.payload is None:
+        return ()
+    mass, centre = data.payload
+    moments = mass[:, None] * centre
+    shares = [mass - moments.sum(axis=1), *moments.T]
+    points = [np.zeros(3), *np.eye(3)]
+    return tuple((massive(robot, 1.0, point), share) for point, share in zip(points, shares) if np.any(share))
+
+
+def measured_at_rest(robot: Robot, data: Dataset) -> np.ndarray:
+    """(N, n) Nm measured in static poses, NaN where none was; currents only of motors whose constant is declared."""
+    if data.kind not in STATIC:
+        return np.full((len(data), robot.axes), np.nan)
+    constants = [np.nan if joint.torque_constant is None else joint.torque_constant for joint in robot.joints]
+    return drive_torque(robot, data, np.array(constants))
+
+
+def drive_torque(robot: Robot, data: Dataset, constants: np.ndarray) -> np.ndarray:
+    """(N, n) output-side torque in Nm as the drives tell it, NaN where an axis has none; constants (n,): Nm/A of the motors."""
+    torque, ratios = np.full((len(data), robot.axes), np.nan), robot.controller_ratios
+    for name, factor in (("tau", 1.0), ("tau_motor", ratios), ("current", ratios * constants)):
+        if name in data.joints:
+            torque = np.where(np.isnan(torque), data.joints[name] * factor, torque)
+    return torque

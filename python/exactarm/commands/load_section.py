@@ -1,0 +1,25 @@
+"""What a result says of the loads that it rests on: `load` in result.json, a paragraph of the report, a warning where they are guessed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from exactarm.commands.result import CommandResult
+from exactarm.data_kind import STATIC
+from exactarm.dataset import Dataset
+from exactarm.identify.loads import guess_line, load_json, load_lines, with_loads
+from exactarm.report import Text
+from exactarm.robot import Robot
+
+
+def with_load_section(result: CommandResult, robot: Robot, data: Dataset, fitted: Dataset | None = None) -> CommandResult:
+    """The result with the loads of `robot` as declared on `data`; fitted: the rows by which generic masses were scaled."""
+    if data.kind not in STATIC:
+        return result
+    loaded = with_loads(robot, data if fitted is None else fitted)
+    lines = load_lines(loaded, data)
+    report = replace(result.report, sections=(*result.report.sections, Text("Load", lines))) if lines else result.report
+    result = replace(result, json=dict(result.json) | {"load": load_json(loaded, data)}, report=report)
+    effects = robot.effects if result.robot is None else result.robot.effects
+    guess = guess_line(loaded, data)
+    return result.warned([guess]) if guess and any(effect.by_load for effect in effects) else result

@@ -1,0 +1,57 @@
+"""Torques measured at rest that cannot be the load: another sign than gravity's, another unit, a current without its constant.
+
+Against the gravity of the links, declared or generic, with slope b and correlation r of all measured axes together:
+wrong sign where r < -0.5; another unit where |b| is 30 times too small or large (3 with declared masses: friction and
+payload come on top). It never corrects: what is said is said, and the torque is used as it stands.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from exactarm.chain.rest_load import RestLoad
+from exactarm.dataset import Dataset
+from exactarm.generic_masses import with_generic_masses
+from exactarm.identify.loads import joint_angles
+from exactarm.identify.suspicion import Suspicion, listed
+from exactarm.robot import Robot
+
+AGAINST = -0.5  # correlation with gravity, from which on a sign is wrong: friction and noise make none
+OFF_DECLARED, OFF_GENERIC = 3.0, 30.0  # times gravity's size: generic masses are right within a factor of five or so
+
+
+def load_mistakes(robot: Robot, data: Dataset) -> Iterator[Suspicion]:
+    if "current" in data.joints:
+        given = ~np.isnan(data.joints["current"]).all(axis=0)
+        without = np.flatnonzero(given & np.array([joint.torque_constant is None for joint in robot.joints]))
+        if without.size:
+            yield Suspicion(
+                f"currents of {listed(without)} are no load: the robot file declares no torque_constant_Nm_A there", sentence=True
+            )
+    guessed = with_generic_masses(robot)
+    load = RestLoad.of(guessed, data)
+    if guessed.links is None or not load.fixed.any():
+        return
+    gravity, measured = load.parts(joint_angles(guessed, data))["own"][0], load.measured
+    axes = np.flatnonzero(load.fixed.all(axis=0))
+    spread = gravity[:, axes].std(axis=0) if axes.size else np.zeros(0)
+    if not axes.size or not spread.max() > 0.0:
+        return
+    x, y = (values[:, axes] - values[:, axes].mean(axis=0) for values in (gravity, measured))
+    norm = float(np.sqrt(np.sum(x**2) * np.sum(y**2)))
+    together = float(np.sum(x * y)) / norm if norm > 0.0 else 0.0
+    size = float(np.sqrt(np.sum(y**2) / np.sum(x**2)))
+    most = OFF_GENERIC if guessed.generic_masses else OFF_DECLARED
+    if together < AGAINST:
+        yield Suspicion(
+            f"the torques measured at rest run against gravity (correlation {together:.2f}): is their sign that of the load? "
+            "They are used as they stand", sentence=True,
+        )
+    if not 1.0 / most < size < most:
+        unit = "is it Nm, on the output side of the gear?"
+        yield Suspicion(
+            f"the torques measured at rest vary {size:.2g} times as much as gravity does: {unit} They are used as they stand",
+            sentence=True,
+        )

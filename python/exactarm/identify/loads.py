@@ -1,0 +1,103 @@
+"""Where the load of an arm at rest comes from: declared masses, measured torques, known payloads, or generic masses.
+
+An arm without declared masses gets generic ones (exactarm.generic_masses), so that causes that need a load can be
+looked for. Where drive torques were measured at rest, these masses are scaled to them: with g the gravity of the generic links,
+g_t that of a tenth of their mass at the flange, and tau the measured torques of all axes together,
+
+    tau = s g + t g_t,   s, t >= 0   (least squares)
+
+so that a compliance found under measured loads keeps its size where no torque is measured.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.optimize import nnls
+
+from exactarm.chain.rest_load import TIP_SHARE, RestLoad
+from exactarm.chain.view import motor_angles
+from exactarm.data_kind import STATIC
+from exactarm.dataset import Dataset
+from exactarm.generic_masses import with_declared_masses, with_generic_masses
+from exactarm.identify.suspicion import listed
+from exactarm.robot import Robot
+
+LEAST_SHARE = 0.5  # of the square sum of measured torques that gravity must explain, to be the measure of the masses
+
+
+def with_loads(robot: Robot, data: Dataset) -> Robot:
+    """The robot with which data of this kind are analysed: generic masses for arms at rest, declared ones alone in motion."""
+    if data.kind not in STATIC:
+        return with_declared_masses(robot)
+    guessed = with_generic_masses(robot)
+    return _as_measured(guessed, data) if guessed is not robot and guessed.generic_masses else robot
+
+
+def _as_measured(robot: Robot, data: Dataset) -> Robot:
+    """Generic links scaled to the torques that were measured, where gravity explains them."""
+    load = RestLoad.of(robot, data)
+    if not load.fixed.any():
+        return robot
+    q = joint_angles(robot, data)
+    parts = load.parts(q)
+    carried = replace(load, measured=np.full_like(load.measured, np.nan)).torque(q) - parts["own"][0]
+    measured = (load.measured - carried)[load.fixed]
+    columns = np.stack([parts[name][0][load.fixed] for name in ("own", "tip")], axis=1)
+    (own, tip), left = nnls(columns, measured)
+    if own <= 0.0 or left**2 > (1.0 - LEAST_SHARE) * float(measured @ measured):
+        return robot
+    total = sum(link.mass for link in robot.links)
+    links = [replace(link, mass=own * link.mass) for link in robot.links]
+    last, added = links[-1], tip * TIP_SHARE * total
+    links[-1] = replace(last, mass=last.mass + added, centre_of_mass=last.centre_of_mass * last.mass / (last.mass + added))
+    return replace(robot, links=tuple(links))
+
+
+def joint_angles(robot: Robot, data: Dataset) -> np.ndarray:
+    """(N, n) nominal joint angles of the rows."""
+    return motor_angles(robot, data) / robot.ratios + robot.offsets
+
+
+def kept_masses(result: Robot, declared: Robot) -> Robot:
+    """The result of an analysis with the masses that its effects need: generic ones stay only where a load is part of it."""
+    if declared.generic_masses:
+        return result if result.links is not None else replace(result, links=declared.links, generic_masses=True)
+    needed = any(effect.by_load for effect in result.effects)
+    return result if needed else with_declared_masses(result)
+
+
+def load_lines(robot: Robot, data: Dataset) -> tuple[str, ...]:
+    """In words: loads that were measured, and payloads that are known; `robot` as `with_loads` gives it."""
+    load, lines = RestLoad.of(robot, data), []
+    axes = np.flatnonzero(load.fixed.all(axis=0))
+    if axes.size:
+        lines.append(f"the load of {listed(axes)} is the torque that was measured")
+    if load.payload:
+        masses = ", ".join(f"{mass:.3g}" for mass in np.unique(data.payload[0])[:8])
+        lines.append(f"the flange carries the payload of each row ({masses} kg) beside the links")
+    return tuple(lines)
+
+
+def guess_line(robot: Robot, data: Dataset) -> str | None:
+    """In words: loads that are those of generic masses; None where there are none."""
+    measured = RestLoad.of(robot, data).fixed.all(axis=0)
+    if not robot.generic_masses or measured.all():
+        return None
+    by = "scaled to the measured torques" if measured.any() else "of the mass that it declares" if robot.mass else "by its lengths"
+    return (
+        f"the robot file declares no link masses: {'other ' if measured.any() else ''}loads are those of a generic distribution of "
+        f"{sum(link.mass for link in robot.links):.3g} kg ({by}); the size of what depends on a load is relative to it: "
+        "declare [[links]] or give measured torques to make it absolute"
+    )
+
+
+def load_json(robot: Robot, data: Dataset) -> dict:
+    """For result.json: source of the load of every axis, and the mass of the links."""
+    load = RestLoad.of(robot, data)
+    links = None if robot.links is None else "generic" if robot.generic_masses else "declared"
+    total = None if robot.links is None else sum(link.mass for link in robot.links)
+    sources = ["measured" if fixed else links for fixed in load.fixed.all(axis=0)]
+    return {"source": sources, "links_kg": total, "payload": bool(load.payload)}
+

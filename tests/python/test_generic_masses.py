@@ -1,0 +1,97 @@
+"""Generic masses: the law has the shape of real arms' gravity, and is never taken for a declaration."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from three_arms import puma, three_arms
+
+from exactarm import _core
+from exactarm.chain.rest_load import RestLoad
+from exactarm.dataset import Dataset
+from exactarm.errors import InputError
+from exactarm.generic_masses import generic_links, with_declared_masses, with_generic_masses
+from exactarm.robot import Joint, Robot
+from exactarm.robot_file import load_robot, write_robot
+from exactarm.urdf import urdf_text
+
+ALONE, WITH_TIP = 0.15, 0.09  # RMS of what the shape leaves of the gravity of axes 2 and 3, of the whole
+ROWS = 300
+
+
+def bare(robot):
+    return replace(robot, links=None)
+
+
+def left(torque, *columns):
+    """RMS of what a combination of the columns leaves, of the whole."""
+    found = np.stack(columns, axis=1)
+    rest = torque - found @ np.linalg.lstsq(found, torque, rcond=None)[0]
+    return np.sqrt(np.sum(rest**2) / np.sum(torque**2))
+
+
+@pytest.mark.parametrize("robot", three_arms(), ids=lambda robot: robot.name)
+def test_the_law_has_the_shape_of_the_gravity_of_real_arms(robot):
+    q = np.random.default_rng(0).uniform(-2.5, 2.5, (ROWS, robot.axes))
+    real = _core.gravity_torque(robot.core, q, 1)
+    guessed = with_generic_masses(bare(robot))
+    parts = RestLoad.of(guessed, Dataset.of_arrays("poses", {"q": q})).parts(q)
+    for axis in (1, 2):
+        own, tip = parts["own"][0][:, axis], parts["tip"][0][:, axis]
+        assert left(real[:, axis], own) < ALONE
+        assert left(real[:, axis], own, tip) < WITH_TIP
+
+
+def test_the_total_is_that_of_the_robot_file_or_within_a_factor_of_three_of_real_arms():
+    for robot in three_arms():
+        declared = sum(link.mass for link in robot.links)
+        assert 1.0 / 3.0 < sum(link.mass for link in generic_links(bare(robot))) / declared < 3.0
+        known = replace(bare(robot), mass=40.0)
+        assert sum(link.mass for link in generic_links(known)) == pytest.approx(40.0)
+
+
+def test_declared_masses_stay_and_generic_ones_are_taken_back():
+    robot = puma()
+    assert with_generic_masses(robot) is robot and with_declared_masses(robot) is robot
+    guessed = with_generic_masses(bare(robot))
+    assert guessed.generic_masses and with_declared_masses(guessed) == bare(robot)
+
+
+def test_an_arm_without_lengths_gets_none():
+    turntable = Robot("turntable", (Joint(),))
+    assert generic_links(turntable) is None and with_generic_masses(turntable) is turntable
+    assert generic_links(replace(puma(), has_geometry=False)) is None
+
+
+def test_a_sliding_axis_counts_no_length_of_its_own():
+    linear = Joint(type="prismatic", alpha=-np.pi / 2, q_min=0.0, q_max=5.0)
+    arm = bare(puma())
+    with_track = replace(arm, joints=(linear, *arm.joints))
+    masses = lambda robot: np.array([link.mass for link in generic_links(robot)])[-6:]
+    np.testing.assert_allclose(masses(with_track) / masses(with_track).sum(), masses(arm) / masses(arm).sum())
+
+
+def test_the_robot_file_keeps_mass_and_the_mark_of_generic_links(tmp_path):
+    robot = with_generic_masses(replace(bare(puma()), mass=31.5))
+    write_robot(tmp_path / "robot.toml", robot)
+    read = load_robot(tmp_path / "robot.toml")
+    assert read == replace(robot, file=read.file) and read.generic_masses and read.mass == 31.5
+    assert "no declaration" in (tmp_path / "robot.toml").read_text()
+
+
+@pytest.mark.parametrize("line, says", [
+    ("mass_kg = 0.0", "key mass_kg: 0; expected a number above 0"),
+    ("generic_masses = true", "true without"),
+    ("generic_masses = 1", "expected true or false"),
+])
+def test_wrong_keys_are_refused_by_name(tmp_path, line, says):
+    (tmp_path / "robot.toml").write_text(f'name = "a"\n{line}\n[[joints]]\na_m = 1.0\n')
+    with pytest.raises(InputError, match=says):
+        load_robot(tmp_path / "robot.toml")
+
+
+def test_other_programs_and_torques_never_see_generic_masses():
+    guessed = with_generic_masses(bare(puma()))
+    assert urdf_text(guessed) == urdf_text(bare(puma()))
+    with pytest.raises(InputError, match="no link masses"):
+        guessed.inverse_dynamics(np.zeros(6))
