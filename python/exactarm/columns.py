@@ -63,7 +63,7 @@ _ALL_UNITS = {unit for units in (*JOINT_UNITS.values(), *PRISMATIC_UNITS.values(
 _INDEXED = re.compile(rf"({_JOINT_NAMES})_(\d+)(?:_(.*))?")
 _NO_INDEX = re.compile(rf"({_JOINT_NAMES})(?:_({'|'.join(_ALL_UNITS)}))?")
 _SCALAR = re.compile(rf"({'|'.join(SCALAR_UNITS)})(?:_(.*))?")
-_PAYLOAD_CENTRE = re.compile(rf"(payload_[xyz])(?:_({'|'.join(LENGTH)}))?")
+_PAYLOAD_CENTRE = re.compile(r"(payload_[xyz])(?:_(.*))?")
 _LENGTH = re.compile(rf"length_({'|'.join(LENGTH)})")
 
 

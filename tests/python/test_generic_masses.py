@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from three_arms import puma, three_arms
 
 from exactarm import _core
 from exactarm.chain.rest_load import RestLoad
@@ -14,6 +13,7 @@ from exactarm.generic_masses import generic_links, with_declared_masses, with_ge
 from exactarm.robot import Joint, Robot
 from exactarm.robot_file import load_robot, write_robot
 from exactarm.urdf import urdf_text
+from three_arms import puma, three_arms
 
 ALONE, WITH_TIP = 0.15, 0.09  # RMS of what the shape leaves of the gravity of axes 2 and 3, of the whole
 ROWS = 300

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from three_arms import puma
 
 from exactarm import _core
 from exactarm.chain import Layout, predict_poses
@@ -15,6 +14,7 @@ from exactarm.identify.compliance import compliance_layout
 from exactarm.identify.first_aid import first_aid
 from exactarm.identify.load_mistakes import load_mistakes
 from exactarm.identify.loads import guess_line, kept_masses, load_json, load_lines, with_loads
+from three_arms import puma
 
 ROWS = 60
 BARE = replace(puma(), links=None)

@@ -4,9 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from central_difference import assert_derivative
-from six_axis import six_axis
 
+from central_difference import assert_derivative
 from exactarm import _core
 from exactarm.chain import Layout, predict_poses
 from exactarm.chain.rest_load import RestLoad
@@ -17,6 +16,7 @@ from exactarm.effects.frames import Frames
 from exactarm.effects.joint_compliance import JointCompliance, RelativeCompliance
 from exactarm.effects.payload import Payload
 from exactarm.generic_masses import with_generic_masses
+from six_axis import six_axis
 
 ROWS, MASS, CENTRE = 9, 7.0, (0.05, -0.1, 0.2)
 SMALL = 2e-3  # of a column: what a deflection of 1e-3 rad does to the load

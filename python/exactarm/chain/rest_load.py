@@ -35,7 +35,7 @@ class RestLoad:
     threads: int = 1
 
     @staticmethod
-    def of(robot: Robot, data: Dataset, threads: int = 1) -> "RestLoad":
+    def of(robot: Robot, data: Dataset, threads: int = 1) -> RestLoad:
         own = None if robot.links is None else robot.core
         payload = carried_bodies(robot, data) if own is not None else ()
         return RestLoad(robot, own, payload, measured_at_rest(robot, data), threads)

@@ -29,6 +29,11 @@ def add_fixture(parser: argparse.ArgumentParser) -> None:
                         help="known distances and radii of what was touched (.toml), for closures")
 
 
+def add_sessions(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--sessions", metavar="FILE", type=Path,
+                        help="what holds for whole sessions (.csv): session, payload_kg, payload_x_m, ...")
+
+
 def add_common(parser: argparse.ArgumentParser) -> None:
     """What every command has; added by the command line itself."""
     group = parser.add_argument_group("common options")

@@ -5,11 +5,12 @@ from __future__ import annotations
 import argparse
 from collections.abc import Collection, Sequence
 from functools import partial
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
-from exactarm.commands.arguments import add_files, add_fixture, add_robot
+from exactarm.commands.arguments import add_files, add_fixture, add_robot, add_sessions
 from exactarm.commands.call import AnyData, AnyFixture, AnyRobot, asked, data_of, robot_of, threads_of
 from exactarm.commands.error_sections import error_figures, error_table, geometry_tables, highlights, unit_of
 from exactarm.commands.load_section import with_load_section
@@ -39,6 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_robot(parser)
     add_files(parser)
     add_fixture(parser)
+    add_sessions(parser)
     parser.add_argument("--use", choices=("auto", "position", "pose"), default="auto",
                         help="what is fitted: positions alone, or orientations too (default: what was measured)")
     parser.add_argument("--compliance", metavar="AXES", default="auto",
@@ -49,7 +51,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def calibrate(
     robot: AnyRobot, data: AnyData, *, use: Literal["auto", "position", "pose"] = "auto",
     compliance: Sequence[int] | None = None, robust: bool = False, seed: int = DEFAULT_SEED, threads: int | None = None,
-    kind: str | None = None, fixture: AnyFixture = None, progress: Progress = SILENT,
+    kind: str | None = None, fixture: AnyFixture = None, sessions: str | Path | None = None, progress: Progress = SILENT,
 ) -> CommandResult:
     """Identifies geometry, joint offsets, gear ratios and joint springs from measured poses or closures.
 
@@ -61,9 +63,9 @@ def calibrate(
         >>> 0.3e-3 < result.after["validation"].mean < 0.5e-3 < result.before["validation"].mean
         True
     """
-    given = {"use": use, "compliance": compliance, "robust": robust}
+    given = {"use": use, "compliance": compliance, "robust": robust, "sessions": sessions}
     declared = robot_of(robot)
-    rows = require_poses(data_of(data, declared, kind, fixture), CALIBRATORS)
+    rows = require_poses(data_of(data, declared, kind, fixture, sessions), CALIBRATORS)
     wrong = [axis for axis in compliance or () if not 1 <= axis <= declared.axes]
     if wrong:
         raise InputError(f"compliance: axis {wrong[0]} does not exist, expected 1 to {declared.axes}")
@@ -91,7 +93,7 @@ def calibrate(
 def run(arguments: argparse.Namespace) -> CommandResult:
     return calibrate(
         arguments.robot, arguments.files, use=arguments.use, compliance=_axes(arguments.compliance), robust=arguments.robust,
-        seed=arguments.seed, threads=arguments.threads, kind=arguments.kind, fixture=arguments.fixture, progress=arguments.progress,
+        seed=arguments.seed, threads=arguments.threads, kind=arguments.kind, fixture=arguments.fixture, sessions=arguments.sessions, progress=arguments.progress,
     )
 
 

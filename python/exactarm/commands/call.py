@@ -21,6 +21,7 @@ from exactarm.errors import InputError
 from exactarm.fixture import Fixture, load_fixture
 from exactarm.robot import Robot
 from exactarm.robot_file import load_robot
+from exactarm.session_table import with_sessions
 
 AnyRobot = Robot | str | Path
 AnyData = Dataset | str | Path | Sequence[str | Path]
@@ -32,12 +33,16 @@ def robot_of(robot: AnyRobot) -> Robot:
     return robot if isinstance(robot, Robot) else load_robot(robot)
 
 
-def data_of(data: AnyData, robot: Robot, kind: str | None = None, fixture: AnyFixture = None) -> Dataset:
-    """Data as they are, or those of the files; with what is known of their fixture."""
+def data_of(
+    data: AnyData, robot: Robot, kind: str | None = None, fixture: AnyFixture = None, sessions: str | Path | None = None
+) -> Dataset:
+    """Data as they are, or those of the files; with what is known of their fixture and of whole sessions."""
     known = load_fixture(fixture) if isinstance(fixture, (str, Path)) else fixture
-    if isinstance(data, Dataset):
-        return data if known is None else replace(data, fixture=known)
-    return read_dataset(data, robot, kind, known or Fixture())
+    if not isinstance(data, Dataset):
+        data = read_dataset(data, robot, kind, known or Fixture())
+    elif known is not None:
+        data = replace(data, fixture=known)
+    return data if sessions is None else with_sessions(data, sessions)
 
 
 def threads_of(threads: int | None) -> int:

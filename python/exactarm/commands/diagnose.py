@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import argparse
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from exactarm.commands.arguments import add_files, add_fixture, add_robot
+from exactarm.commands.arguments import add_files, add_fixture, add_robot, add_sessions
 from exactarm.commands.call import AnyData, AnyFixture, AnyRobot, asked, data_of, robot_of, threads_of
 from exactarm.commands.design_for import experiment_json
 from exactarm.commands.diagnose_report import report_of
@@ -35,11 +36,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_robot(parser)
     add_files(parser)
     add_fixture(parser)
+    add_sessions(parser)
 
 
 def diagnose(
     robot: AnyRobot, data: AnyData, *, seed: int = DEFAULT_SEED, threads: int | None = None, kind: str | None = None,
-    fixture: AnyFixture = None, progress: Progress = SILENT,
+    fixture: AnyFixture = None, sessions: str | Path | None = None, progress: Progress = SILENT,
 ) -> CommandResult:
     """Finds what the model lacks: the effects behind the residual, their size, certainty, and error before and after.
 
@@ -49,7 +51,7 @@ def diagnose(
         'no_undeclared_effect'
     """
     declared = known = robot_of(robot)
-    rows = data_of(data, declared, kind, fixture)
+    rows = data_of(data, declared, kind, fixture, sessions)
     results: list[Diagnosis] = []
     skipped: list[str] = []
     warnings: list[str] = []
@@ -79,14 +81,14 @@ def diagnose(
         robot=known,
         tables={"residuals.csv": _residuals(first)},
         texts=_drafted([draft for result in results for draft in result.drafts]),
-        asked=asked("diagnose", robot, rows, seed, {"kind": kind}, {"kind": None}),
+        asked=asked("diagnose", robot, rows, seed, {"kind": kind, "sessions": sessions}),
     ).warned(warnings)
     return with_load_section(made, declared, rows)
 
 
 def run(arguments: argparse.Namespace) -> CommandResult:
     return diagnose(arguments.robot, arguments.files, seed=arguments.seed, threads=arguments.threads, kind=arguments.kind,
-                    fixture=arguments.fixture, progress=arguments.progress)
+                    fixture=arguments.fixture, sessions=arguments.sessions, progress=arguments.progress)
 
 
 def _json(result: Diagnosis) -> dict[str, Any]:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import argparse
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from exactarm.commands.arguments import add_files, add_fixture, add_robot
+from exactarm.commands.arguments import add_files, add_fixture, add_robot, add_sessions
 from exactarm.commands.call import AnyData, AnyFixture, AnyRobot, asked, data_of, robot_of, threads_of
 from exactarm.commands.load_section import with_load_section
 from exactarm.commands.memory import require_memory
@@ -37,11 +38,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_robot(parser)
     add_files(parser)
     add_fixture(parser)
+    add_sessions(parser)
 
 
 def evaluate(
     robot: AnyRobot, data: AnyData, *, seed: int = DEFAULT_SEED, threads: int | None = None, kind: str | None = None,
-    fixture: AnyFixture = None, progress: Progress = SILENT,
+    fixture: AnyFixture = None, sessions: str | Path | None = None, progress: Progress = SILENT,
 ) -> CommandResult:
     """The error of a robot as it is: only what belongs to the set-up (frames, contacts, sensor alignment) is fitted.
 
@@ -51,7 +53,7 @@ def evaluate(
         True
     """
     declared = robot_of(robot)
-    rows = data_of(data, declared, kind, fixture)
+    rows = data_of(data, declared, kind, fixture, sessions)
     if rows.kind not in EVALUATORS:
         raise InputError(f"evaluate judges {', '.join(EVALUATORS)}; found {rows.kind}", file=rows.first_file)
     progress.stage("evaluating")
@@ -73,14 +75,14 @@ def evaluate(
         },
         report=_report(declared, rows, result),
         tables={"residuals.csv": columns},
-        asked=asked("evaluate", robot, rows, seed, {}),
+        asked=asked("evaluate", robot, rows, seed, {"sessions": sessions}),
     ).warned(found)
     return with_load_section(made, declared, rows)
 
 
 def run(arguments: argparse.Namespace) -> CommandResult:
     return evaluate(arguments.robot, arguments.files, seed=arguments.seed, threads=arguments.threads, kind=arguments.kind,
-                    fixture=arguments.fixture, progress=arguments.progress)
+                    fixture=arguments.fixture, sessions=arguments.sessions, progress=arguments.progress)
 
 
 def distance_json(distances: dict[str, float] | None) -> dict[str, Any]:

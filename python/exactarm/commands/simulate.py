@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
+from exactarm.columns import PAYLOAD, PAYLOAD_CENTRE
 from exactarm.commands import compare
 from exactarm.commands.arguments import add_files, add_robot
 from exactarm.commands.call import AnyRobot, arguments_of, asked, robot_of, threads_of
@@ -25,6 +26,7 @@ from exactarm.commands.publish import sources
 from exactarm.commands.result import CommandResult
 from exactarm.dataset import Dataset, dataset_columns, read_planned_poses
 from exactarm.errors import InputError
+from exactarm.generic_masses import with_generic_masses
 from exactarm.identify.statistics import summarise
 from exactarm.progress import SILENT, Progress
 from exactarm.report import Highlight, Highlights, Quantity, Report, Text
@@ -55,6 +57,7 @@ HIDDEN_OPTIONS = ("--effect",)  # the truth stands in truth.toml alone
 MEASURES = ("poses", "gear", "motion", "tracked", "closures")
 _AT_REST = ("poses", "tracked", "closures")  # what shows where the target is
 _SPEEDS = (0.4, 0.3)  # of the largest rate, as in the thesis (3.1.2)
+PAYLOADS = (PAYLOAD, *PAYLOAD_CENTRE)
 DEGREE = np.pi / 180.0
 
 
@@ -87,6 +90,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                       help="of the fixture; --count is the number of touches of each contact there (default %(default)s)")
     what.add_argument("--orientation", action="store_true", help="measure orientations too")
     what.add_argument("--joint", metavar="I", type=int, action="append", help="axes of gear runs (default: all with a gear)")
+    what.add_argument("--torques", metavar="SIGMA", type=float, default=None,
+                      help="measure the drive torques of poses too, with this noise in Nm")
     what.add_argument("--speed", metavar="DEG_S", type=float, action="append", help="speeds of gear runs (default: 40 and 30 %% of the largest)")
     what.add_argument("--repeats", metavar="K", type=int, default=2, help="to and fro at each speed (default %(default)s)")
     what.add_argument("--in-motion", action="store_true", help="gear runs begin and end at constant speed, not at rest")
@@ -189,7 +194,7 @@ def _require_numbers(arguments: argparse.Namespace) -> None:
     for name in ("seconds", "rate"):
         if getattr(arguments, name) is not None and not getattr(arguments, name) > 0.0:
             raise InputError(f"--{name} {getattr(arguments, name)}: expected a positive number")
-    for name in ("noise", "deviation", "damping"):
+    for name in ("noise", "deviation", "damping", "torques"):
         if getattr(arguments, name) is not None and not getattr(arguments, name) >= 0.0:
             raise InputError(f"--{name} {getattr(arguments, name)}: expected 0 or more")
 
@@ -199,6 +204,8 @@ def _virtual(arguments: argparse.Namespace, robot: Robot, measure: str, random: 
     true = robot
     if arguments.deviation:
         true = deviated(true, arguments.deviation, random, geometry=measure in _AT_REST, frames=False)
+    if arguments.torques is not None or any(effect.by_load for effect in effects):
+        true = with_generic_masses(true) if measure in _AT_REST else true
     true = one_sided(true, arguments.gear_direction)
     if arguments.frames == "random" and measure in _AT_REST:
         true = placed(true, random)
@@ -209,6 +216,8 @@ def _sensors(arguments: argparse.Namespace) -> Sensors:
     noise = {}
     if arguments.noise is not None:
         noise = {"position_m": arguments.noise, "gyro_rad_s": arguments.noise, "torque_Nm": arguments.noise}
+    if arguments.torques is not None:
+        noise["torque_Nm"] = arguments.torques
     temperature = None if arguments.temperature is None else tuple(arguments.temperature)
     return Sensors(counts=arguments.counts, wrong_rows=arguments.wrong_rows, temperature_degC=temperature, **noise)
 
@@ -221,7 +230,11 @@ def _poses(arguments: argparse.Namespace, virtual: VirtualRobot, planned: Datase
         q = np.where(np.isnan(angles), theta / robot.controller_ratios + robot.controller_offsets, angles)
     else:
         q = random.uniform(limit(robot, "q_min"), limit(robot, "q_max"), (arguments.count, robot.axes))
-    data = measure_poses(virtual, q, _sensors(arguments), random, visits=arguments.visits, orientation=arguments.orientation)
+    carried = {} if planned is None else {name: planned.covariates[name] for name in PAYLOADS if name in planned.covariates}
+    data = measure_poses(
+        virtual, q, _sensors(arguments), random, visits=arguments.visits, orientation=arguments.orientation,
+        session=None if planned is None else planned.session, payload=carried, torques=arguments.torques is not None,
+    )
     return _Played(data, "measured.csv")
 
 

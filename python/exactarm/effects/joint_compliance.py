@@ -114,7 +114,7 @@ class RelativeCompliance(JointCompliance):
         return Change((i,), value[:, None], derivative, {"torque": by_torque, "q": by_q})
 
     @classmethod
-    def none_of(cls, robot, index: int, tip_free: bool = True, own_free: bool = False) -> "RelativeCompliance":
+    def none_of(cls, robot, index: int, tip_free: bool = True, own_free: bool = False) -> RelativeCompliance:
         return cls(index + 1, (0.0,) * 3, False, bool(robot.joints[index].spring_linear), tip_free, own_free)
 
     @classmethod

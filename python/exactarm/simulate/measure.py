@@ -6,7 +6,7 @@ takes the chain's own deflection instead, without ringing.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -32,17 +32,24 @@ _STEADY = 1e-6  # of the full speed: far above the rounding of a sample's step, 
 
 def measure_poses(
     robot: VirtualRobot, q: np.ndarray, sensors: Sensors, random: np.random.Generator, *, visits: int = 1,
-    orientation: bool = False,
+    orientation: bool = False, session: np.ndarray | None = None, payload: Mapping[str, np.ndarray] | None = None,
+    torques: bool = False,
 ) -> Dataset:
-    """The commanded poses q (K, n), each visited `visits` times, approached from random sides."""
+    """The commanded poses q (K, n), each visited `visits` times, approached from random sides; of each pose its session (K,)
+    and columns of its payload (K,); torques: those of the joints are measured too."""
     visit = np.tile(np.arange(1, len(q) + 1), visits)
     theta = np.tile(robot.motor_angles(q), (visits, 1))
     time = _POSE_S * np.arange(len(theta))
     approach = random.choice([-1.0, 1.0], theta.shape)
-    more = {"time": time, "covariates": temperature(time, sensors)} | ({"visit": visit} if visits > 1 else {})
+    carried = {name: np.tile(values, visits) for name, values in (payload or {}).items()}
+    more = {"time": time, "covariates": temperature(time, sensors) | carried} | ({"visit": visit} if visits > 1 else {})
+    if session is not None:
+        more["session"] = np.tile(session, visits)
     data = Dataset.of_arrays("poses", {"theta": theta, "approach": approach}, position=np.zeros((len(theta), 3)), **more)
     prediction = predict_poses(robot.true, robot.layout, data, tangents=False)
     data = replace(data, position=prediction.position)
+    if torques:
+        data = replace(data, joints=data.joints | {"tau": prediction.view.torque})
     if orientation:
         from exactarm.rotation import exp
 

@@ -1,0 +1,40 @@
+"""A table of sessions gives every row what holds for its set-up, and refuses what it cannot mean."""
+
+import numpy as np
+import pytest
+
+from exactarm.dataset import Dataset
+from exactarm.errors import InputError
+from exactarm.session_table import with_sessions
+
+DATA = Dataset.of_arrays("poses", {"q": np.zeros((3, 2))}, session=np.array([2, 1, 2]), covariates={"humidity": np.ones(3)})
+
+
+def given(tmp_path, text):
+    path = tmp_path / "sessions.csv"
+    path.write_text(text)
+    return with_sessions(DATA, path)
+
+
+def test_every_row_gets_the_columns_of_its_session(tmp_path):
+    data = given(tmp_path, "session,payload_kg,payload_z_mm,temperature_degC\n1,0,0,20\n2,5.5,80,23\n3,1,0,9\n")
+    mass, centre = data.payload
+    np.testing.assert_allclose(mass, [5.5, 0.0, 5.5])
+    np.testing.assert_allclose(centre, [[0, 0, 0.08], [0, 0, 0], [0, 0, 0.08]])
+    np.testing.assert_allclose(data.covariates["temperature_degC"], [23.0, 20.0, 23.0])
+    assert DATA.payload is None and "humidity" in data.covariates
+
+
+@pytest.mark.parametrize("text, says", [
+    ("payload_kg\n1\n", "column session: column missing"),
+    ("session,payload_kg\n1,2\n", "session 2 of the data has no line"),
+    ("session,payload_kg\n1,2\n2,3\n1,4\n", "row 3, column session: session 1 a second time"),
+    ("session,payload_kg\n1,2\n2,-3\n", "row 2, column payload_kg: -3; expected a mass"),
+    ("session,humidity\n1,2\n2,3\n", "column humidity: is given already"),
+    ("session,q_1_rad\n1,2\n2,3\n", "column q_1_rad: is measured row by row"),
+    ("session,payload_x_inch\n1,2\n2,3\n", "unknown unit"),
+])
+def test_what_it_cannot_mean_is_refused(tmp_path, text, says):
+    with pytest.raises(InputError) as refused:
+        given(tmp_path, text)
+    assert says in str(refused.value)
