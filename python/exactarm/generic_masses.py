@@ -1,14 +1,15 @@
-"""Generic masses: links of an arm whose file declares none, from its geometry alone. Their size is a guess, their law is not.
+"""Generic masses: links of an arm whose file declares none, from its geometry alone.
 
     tube i between the origins of frames i-1 and i:   mass l_i (L_i + L_{i+1}) / 2, at its middle
     drive of joint i+1, at the origin of frame i:     mass 0.3 L_{i+1} L_1
 
-l_i: length of the tube, L_i: what is left of the arm from joint i on (m), all sliding axes at zero. A beam whose section falls
-linearly towards the flange, and drives by the load behind them. Then all is scaled to the total mass: that of the robot file
-(`mass_kg`), else 15 kg/m^3 L_1^3: like arms weigh as the cube of their size (links as published: Puma 560 24, UR10 6,
-Racer 7-1.4 18; the geometric mean is 14).
-Gravity at axes 2 and 3 of these three arms, as one number times this law: 2 to 14 % RMS off; beside a mass at the flange,
-1 to 8 % (tests/python/test_generic_masses.py). Point masses: no inertia, so good for arms at rest and in slow motion.
+l_i: length of the tube, L_i: what is left of the arm from joint i on (m), all sliding axes at zero. A beam
+whose section falls linearly towards the flange, and drives by the load behind them. Then all is scaled to
+the total mass: that of the robot file (`mass_kg`), else 15 kg/m^3 L_1^3: like arms weigh as the cube of
+their size (links as published: Puma 560 24, UR10 6, Racer 7-1.4 18; the geometric mean is 14).
+Gravity at axes 2 and 3 of these three arms, as one number times this law: 2 to 14 % RMS off; beside a mass
+at the flange, 1 to 8 % (tests/python/test_generic_masses.py). Point masses: no inertia, so good for arms at
+rest.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ DRIVE_SHARE = 0.3  # of a drive's mass to that of a tube: of the shares tried, b
 
 
 def generic_links(robot: Robot, mass: float | None = None) -> tuple[Link, ...] | None:
-    """Links of `mass` kg in all (default: the robot's own, else by its size); None where it has no lengths to go by."""
+    """Links of `mass` kg in all (default: the robot's own, else by its size); None without lengths."""
     steps = _steps(robot) if robot.has_geometry else np.zeros((robot.axes, 3))
     length = np.linalg.norm(steps, axis=1)
     left = np.append(np.cumsum(length[::-1])[::-1], 0.0)
@@ -44,7 +45,7 @@ def generic_links(robot: Robot, mass: float | None = None) -> tuple[Link, ...] |
 
 
 def with_generic_masses(robot: Robot, mass: float | None = None) -> Robot:
-    """The robot with generic links where it declares none; as it is where it has links, or no geometry to go by."""
+    """The robot with generic links where it declares none; as it is where it has links, or no lengths."""
     if robot.links is not None:
         return robot
     links = generic_links(robot, mass)

@@ -1,11 +1,11 @@
-"""A table of sessions: what is the same for every row of a set-up, such as its payload or the temperature of the hall.
+"""A table of sessions: what is the same for every row of a set-up, such as its payload or the temperature.
 
     session,payload_kg,payload_z_mm
     1,0,0
     2,5.2,80
 
-Every column but `session` becomes a column of the data. Refused: a session without a line or with two, a column
-that the data have already or that is measured row by row.
+Every column but `session` becomes a column of the data. Refused: a session without a line or with two, a
+column that the data have already or that is measured row by row.
 """
 
 from __future__ import annotations
@@ -30,11 +30,13 @@ def with_sessions(data: Dataset, path: str | Path) -> Dataset:
     line_of = {}
     for line, number in enumerate(numbers, start=1):
         if number in line_of:
-            raise InputError(f"session {number:g} a second time; expected one line for each", file=path, row=line, column="session")
+            message = f"session {number:g} a second time; expected one line for each"
+            raise InputError(message, file=path, row=line, column="session")
         line_of[number] = line - 1
     missing = sorted(set(data.session.tolist()) - set(line_of))
     if missing:
-        raise InputError(f"session {missing[0]} of the data has no line; expected one", file=path, column="session")
+        message = f"session {missing[0]} of the data has no line; expected one"
+        raise InputError(message, file=path, column="session")
     lines = np.array([line_of[number] for number in data.session.tolist()])
     added: dict[str, np.ndarray] = {}
     for name, values in table.columns.items():
@@ -46,6 +48,7 @@ def with_sessions(data: Dataset, path: str | Path) -> Dataset:
             raise InputError(f"is {problem}; expected what holds for a whole session", file=path, column=name)
         if column.name == PAYLOAD and (values < 0.0).any():
             row = int(np.argmax(values < 0.0))
-            raise InputError(f"{values[row]:g}; expected a mass of 0 or more", file=path, row=row + 1, column=name)
+            message = f"{values[row]:g}; expected a mass of 0 or more"
+            raise InputError(message, file=path, row=row + 1, column=name)
         added[column.name] = (values * column.factor)[lines]
     return replace(data, covariates=data.covariates | added)

@@ -1,4 +1,4 @@
-"""Sag of arms whose file has no masses is found as compliance; payloads and measured torques give its true size."""
+"""Sag of arms without masses is found as compliance; payloads and measured torques give its true size."""
 
 from dataclasses import replace
 
@@ -19,7 +19,8 @@ def bare(robot):
 
 
 def measured(robot, *effects, **options):
-    return ea.simulate(robot, effects=effects, count=POSES, deviation=1, seed=3, noise=NOISE_M, **options).data
+    options = {"count": POSES, "deviation": 1, "seed": 3, "noise": NOISE_M} | options
+    return ea.simulate(robot, effects=effects, **options).data
 
 
 def found(result):
@@ -36,7 +37,8 @@ def with_payloads(robot, masses, folder):
     low, high = ([getattr(joint, name) for joint in robot.joints] for name in ("q_min", "q_max"))
     q = np.random.default_rng(5).uniform(low, high, (POSES, robot.axes))
     session = np.arange(POSES) % len(masses)
-    columns = {"session": session + 1, "payload_kg": np.array(masses)[session], "payload_z_m": np.full(POSES, 0.08)}
+    columns = {"session": session + 1, "payload_kg": np.array(masses)[session]}
+    columns["payload_z_m"] = np.full(POSES, 0.08)
     columns |= {f"q_{i + 1}_rad": q[:, i] for i in range(robot.axes)}
     path = folder / "poses.csv"
     lines = [",".join(columns), *(",".join(map(str, row)) for row in zip(*columns.values()))]
@@ -64,7 +66,8 @@ def test_clean_data_of_an_arm_without_masses_give_no_effect_and_no_masses():
 
 def test_run_out_of_a_gear_is_still_run_out():
     robot = ea.load_robot("ur10")
-    run_out = "gear_eccentricity joint=2 first_cos_rad=2e-4 first_sin_rad=1e-4 second_cos_rad=0 second_sin_rad=0"
+    run_out = "gear_eccentricity joint=2 first_cos_rad=2e-4 first_sin_rad=1e-4 "
+    run_out += "second_cos_rad=0 second_sin_rad=0"
     result = ea.diagnose(bare(robot), measured(robot, run_out), seed=3, threads=1)
     assert found(result) == [("gear_eccentricity", 2)]
 

@@ -75,7 +75,7 @@ def test_what_is_said_names_every_source():
     data = with_torques()
     loaded = with_loads(BARE, data)
     assert guess_line(loaded, data) is None
-    assert load_lines(loaded, data) == ("the load of axes 1, 2, 3, 4, 5 and 6 is the torque that was measured",)
+    assert "axes 1, 2, 3, 4, 5 and 6 is the torque that was measured" in load_lines(loaded, data)[0]
     carried = with_payloads(0.0, 2.5, 5.0)
     assert "0, 2.5, 5 kg" in load_lines(with_loads(BARE, carried), carried)[0]
     assert load_json(loaded, data)["source"] == ["measured"] * 6
@@ -83,14 +83,18 @@ def test_what_is_said_names_every_source():
 
 
 def test_springs_are_estimated_by_themselves_only_under_a_load_that_is_known():
-    axes = lambda robot, data: [effect.joint for effect in compliance_layout(with_loads(robot, data), data).effects]
+    def axes(robot, data):
+        return [effect.joint for effect in compliance_layout(with_loads(robot, data), data).effects]
+
     assert axes(BARE, poses()) == []
     assert axes(BARE, with_torques()) == axes(puma(), poses()) == [2, 3]
     assert axes(BARE, with_payloads(5.0)) == [] and axes(BARE, with_payloads(0.0, 5.0))[:2] == [2, 3]
 
 
 @pytest.mark.parametrize("robot", [puma(), BARE], ids=["declared", "generic"])
-@pytest.mark.parametrize("factor, says", [(1.0, None), (-1.0, "against gravity"), (1000.0, "times as much"), (1e-3, "times as much")])
+@pytest.mark.parametrize("factor, says", [
+    (1.0, None), (-1.0, "against gravity"), (1000.0, "times as much"), (1e-3, "times as much"),
+])
 def test_implausible_torques_are_said_and_good_ones_are_not(robot, factor, says):
     found = [each.text for each in load_mistakes(robot, with_torques(factor, noise=abs(factor)))]
     assert (found == []) if says is None else (len(found) == 1 and says in found[0])

@@ -7,7 +7,9 @@ from exactarm.dataset import Dataset
 from exactarm.errors import InputError
 from exactarm.session_table import with_sessions
 
-DATA = Dataset.of_arrays("poses", {"q": np.zeros((3, 2))}, session=np.array([2, 1, 2]), covariates={"humidity": np.ones(3)})
+DATA = Dataset.of_arrays(
+    "poses", {"q": np.zeros((3, 2))}, session=np.array([2, 1, 2]), covariates={"humidity": np.ones(3)},
+)
 
 
 def given(tmp_path, text):
@@ -17,7 +19,8 @@ def given(tmp_path, text):
 
 
 def test_every_row_gets_the_columns_of_its_session(tmp_path):
-    data = given(tmp_path, "session,payload_kg,payload_z_mm,temperature_degC\n1,0,0,20\n2,5.5,80,23\n3,1,0,9\n")
+    text = "session,payload_kg,payload_z_mm,temperature_degC\n1,0,0,20\n2,5.5,80,23\n3,1,0,9\n"
+    data = given(tmp_path, text)
     mass, centre = data.payload
     np.testing.assert_allclose(mass, [5.5, 0.0, 5.5])
     np.testing.assert_allclose(centre, [[0, 0, 0.08], [0, 0, 0], [0, 0, 0.08]])

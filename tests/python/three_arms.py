@@ -1,4 +1,7 @@
-"""Arms with published masses, for tests: two that ship, and a Puma 560 (Corke and Armstrong-Helouvry 1994; link 1: a guess)."""
+"""Arms with published masses, for tests: two that ship, and a Puma 560.
+
+Puma 560: Corke and Armstrong-Helouvry 1994; its first link, whose weight no joint carries, is a guess.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +18,8 @@ _LINKS = ((13.0, (0.0, -0.3, 0.04)), (17.4, (-0.3638, 0.006, 0.2275)), (4.8, (-0
 
 def puma() -> Robot:
     joints = tuple(Joint(d=d, a=a, alpha=alpha, q_min=-2.2, q_max=2.2) for d, a, alpha in _FRAMES)
-    return Robot("puma", joints, tuple(Link(mass, np.array(centre), np.zeros((3, 3))) for mass, centre in _LINKS))
+    links = tuple(Link(mass, np.array(centre), np.zeros((3, 3))) for mass, centre in _LINKS)
+    return Robot("puma", joints, links)
 
 
 def three_arms() -> list[Robot]:

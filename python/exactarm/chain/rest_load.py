@@ -1,9 +1,10 @@
-"""The load of an arm at rest: gravity of its links and of what the flange carries, or the torque that was measured.
+"""The load of an arm at rest: gravity of its links and of what the flange carries, or the measured torque.
 
-    torque(q) = g(links; q) + m g_1(q) + sum_k m c_k (g_k(q) - g_1(q)),     g_1: a unit mass at the flange, g_k: at e_k of it
+    torque(q) = g(links; q) + m g_1(q) + sum_k m c_k (g_k(q) - g_1(q))
 
-m (kg) and c (m, flange frame) may differ from row to row (columns payload_kg, payload_x_m ...). An axis whose drive torque
-was measured in static poses carries that torque instead, whatever the model says: tau_i, tau_motor_i, or current_i of a
+g_1, g_k: of a unit mass at the flange, and a metre along its axis k. m (kg) and c (m, flange frame) may
+differ from row to row (columns payload_kg, payload_x_m ...). An axis whose drive torque was measured in
+static poses carries that torque instead, whatever the model says: tau_i, tau_motor_i, or current_i of a
 motor whose torque constant is declared. Shapes: torque (N, n) Nm, its slope by q (N, n, n).
 Limits: a measured torque is taken for what the spring carries; the dry friction in it is not.
 """
@@ -26,7 +27,7 @@ Body = tuple[_core.Robot, np.ndarray]  # a massive arm, and how much of it (N,) 
 
 @dataclass(frozen=True)
 class RestLoad:
-    """own: the links, None where none are declared; payload: what the flange carries; measured (N, n): NaN where it was not."""
+    """own: the links, or None; payload: what the flange carries; measured (N, n): NaN where it was not."""
 
     robot: Robot
     own: _core.Robot | None
@@ -78,18 +79,21 @@ class RestLoad:
         return np.where(self.fixed[:, :, None], 0.0, tangent) if self.fixed.any() else tangent
 
     def parts(self, q: np.ndarray) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-        """Of a generic distribution: `own`, the links alone, and `tip`, a tenth of their mass at the flange; torque and slope."""
+        """Torque and slope: `own`, the links, and `tip`, a tenth of their mass at the flange."""
         share = TIP_SHARE * sum(link.mass for link in self.robot.links)
         tip = massive(self.robot, share, np.zeros(3))
         both = {"own": self.own, "tip": tip}
         return {
-            name: (_core.gravity_torque(core, q, self.threads), _core.gravity_torque_jacobian(core, q, self.threads))
+            name: (
+                _core.gravity_torque(core, q, self.threads),
+                _core.gravity_torque_jacobian(core, q, self.threads),
+            )
             for name, core in both.items()
         }
 
     @property
     def payload_varies(self) -> bool:
-        """Whether rows carry different payloads, so that known weights stand beside the unknown ones of the links."""
+        """Whether rows carry different payloads: known weights beside the unknown ones of the links."""
         return any(np.ptp(share) > 0.0 for _, share in self.payload)
 
 
@@ -112,7 +116,7 @@ def carried_bodies(robot: Robot, data: Dataset) -> tuple[Body, ...]:
 
 
 def measured_at_rest(robot: Robot, data: Dataset) -> np.ndarray:
-    """(N, n) Nm measured in static poses, NaN where none was; currents only of motors whose constant is declared."""
+    """(N, n) Nm measured in static poses, NaN where none was; currents only with a declared constant."""
     if data.kind not in STATIC:
         return np.full((len(data), robot.axes), np.nan)
     constants = [np.nan if joint.torque_constant is None else joint.torque_constant for joint in robot.joints]
@@ -120,7 +124,7 @@ def measured_at_rest(robot: Robot, data: Dataset) -> np.ndarray:
 
 
 def drive_torque(robot: Robot, data: Dataset, constants: np.ndarray) -> np.ndarray:
-    """(N, n) output-side torque in Nm as the drives tell it, NaN where an axis has none; constants (n,): Nm/A of the motors."""
+    """(N, n) output-side torque in Nm as the drives tell it, NaN where none; constants (n,): Nm/A."""
     torque, ratios = np.full((len(data), robot.axes), np.nan), robot.controller_ratios
     for name, factor in (("tau", 1.0), ("tau_motor", ratios), ("current", ratios * constants)):
         if name in data.joints:

@@ -1,4 +1,4 @@
-"""What a result says of the loads that it rests on: `load` in result.json, a paragraph of the report, a warning where they are guessed."""
+"""What a result says of its loads: `load` in result.json, a line of the report, a warning of guessed ones."""
 
 from __future__ import annotations
 
@@ -12,13 +12,15 @@ from exactarm.report import Text
 from exactarm.robot import Robot
 
 
-def with_load_section(result: CommandResult, robot: Robot, data: Dataset, fitted: Dataset | None = None) -> CommandResult:
-    """The result with the loads of `robot` as declared on `data`; fitted: the rows by which generic masses were scaled."""
+def with_load_section(result: CommandResult, robot: Robot, data: Dataset) -> CommandResult:
+    """The result with the loads of `robot` as declared on `data`."""
     if data.kind not in STATIC:
         return result
-    loaded = with_loads(robot, data if fitted is None else fitted)
+    loaded = with_loads(robot, data)
     lines = load_lines(loaded, data)
-    report = replace(result.report, sections=(*result.report.sections, Text("Load", lines))) if lines else result.report
+    report = result.report
+    if lines:
+        report = replace(report, sections=(*report.sections, Text("Load", lines)))
     result = replace(result, json=dict(result.json) | {"load": load_json(loaded, data)}, report=report)
     effects = robot.effects if result.robot is None else result.robot.effects
     guess = guess_line(loaded, data)

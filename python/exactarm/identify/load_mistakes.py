@@ -1,8 +1,10 @@
-"""Torques measured at rest that cannot be the load: another sign than gravity's, another unit, a current without its constant.
+"""Torques measured at rest that cannot be the load: of another sign, in another unit, currents without a
+constant.
 
-Against the gravity of the links, declared or generic, with slope b and correlation r of all measured axes together:
-wrong sign where r < -0.5; another unit where |b| is 30 times too small or large (3 with declared masses: friction and
-payload come on top). It never corrects: what is said is said, and the torque is used as it stands.
+Against the gravity of the links, declared or generic, with slope b and correlation r of all measured axes
+together: wrong sign where r < -0.5; another unit where |b| is 30 times too small or large (3 with declared
+masses: friction and payload come on top). It never corrects: what is said is said, and the torque is used
+as it stands.
 """
 
 from __future__ import annotations
@@ -19,7 +21,7 @@ from exactarm.identify.suspicion import Suspicion, listed
 from exactarm.robot import Robot
 
 AGAINST = -0.5  # correlation with gravity, from which on a sign is wrong: friction and noise make none
-OFF_DECLARED, OFF_GENERIC = 3.0, 30.0  # times gravity's size: generic masses are right within a factor of five or so
+OFF_DECLARED, OFF_GENERIC = 3.0, 30.0  # times gravity's size: generic masses are right to a factor of five
 
 
 def load_mistakes(robot: Robot, data: Dataset) -> Iterator[Suspicion]:
@@ -28,7 +30,9 @@ def load_mistakes(robot: Robot, data: Dataset) -> Iterator[Suspicion]:
         without = np.flatnonzero(given & np.array([joint.torque_constant is None for joint in robot.joints]))
         if without.size:
             yield Suspicion(
-                f"currents of {listed(without)} are no load: the robot file declares no torque_constant_Nm_A there", sentence=True
+                f"currents of {listed(without)} are no load: the robot file declares no torque_constant_Nm_A "
+                "there",
+                sentence=True,
             )
     guessed = with_generic_masses(robot)
     load = RestLoad.of(guessed, data)
@@ -46,12 +50,12 @@ def load_mistakes(robot: Robot, data: Dataset) -> Iterator[Suspicion]:
     most = OFF_GENERIC if guessed.generic_masses else OFF_DECLARED
     if together < AGAINST:
         yield Suspicion(
-            f"the torques measured at rest run against gravity (correlation {together:.2f}): is their sign that of the load? "
-            "They are used as they stand", sentence=True,
+            f"the torques measured at rest run against gravity (correlation {together:.2f}): is their sign "
+            "that of the load? They are used as they stand", sentence=True,
         )
     if not 1.0 / most < size < most:
         unit = "is it Nm, on the output side of the gear?"
         yield Suspicion(
-            f"the torques measured at rest vary {size:.2g} times as much as gravity does: {unit} They are used as they stand",
-            sentence=True,
+            f"the torques measured at rest vary {size:.2g} times as much as gravity does: {unit} "
+            "They are used as they stand", sentence=True,
         )

@@ -1,8 +1,9 @@
-"""Where the load of an arm at rest comes from: declared masses, measured torques, known payloads, or generic masses.
+"""Where the load of an arm at rest comes from: declared or generic masses, measured torques, known payloads.
 
-An arm without declared masses gets generic ones (exactarm.generic_masses), so that causes that need a load can be
-looked for. Where drive torques were measured at rest, these masses are scaled to them: with g the gravity of the generic links,
-g_t that of a tenth of their mass at the flange, and tau the measured torques of all axes together,
+An arm without declared masses gets generic ones (exactarm.generic_masses), so that causes that need a load
+can be looked for. Where drive torques were measured at rest, these masses are scaled to them: with g the
+gravity of the generic links, g_t that of a tenth of their mass at the flange, and tau the measured torques
+of all axes together,
 
     tau = s g + t g_t,   s, t >= 0   (least squares)
 
@@ -24,11 +25,11 @@ from exactarm.generic_masses import with_declared_masses, with_generic_masses
 from exactarm.identify.suspicion import listed
 from exactarm.robot import Robot
 
-LEAST_SHARE = 0.5  # of the square sum of measured torques that gravity must explain, to be the measure of the masses
+LEAST_SHARE = 0.5  # of the square sum of measured torques that gravity must explain, to size the masses
 
 
 def with_loads(robot: Robot, data: Dataset) -> Robot:
-    """The robot with which data of this kind are analysed: generic masses for arms at rest, declared ones alone in motion."""
+    """The robot to analyse data with: generic masses for arms at rest, declared ones alone in motion."""
     if data.kind not in STATIC:
         return with_declared_masses(robot)
     guessed = with_generic_masses(robot)
@@ -51,7 +52,8 @@ def _as_measured(robot: Robot, data: Dataset) -> Robot:
     total = sum(link.mass for link in robot.links)
     links = [replace(link, mass=own * link.mass) for link in robot.links]
     last, added = links[-1], tip * TIP_SHARE * total
-    links[-1] = replace(last, mass=last.mass + added, centre_of_mass=last.centre_of_mass * last.mass / (last.mass + added))
+    centre = last.centre_of_mass * last.mass / (last.mass + added)
+    links[-1] = replace(last, mass=last.mass + added, centre_of_mass=centre)
     return replace(robot, links=tuple(links))
 
 
@@ -61,9 +63,11 @@ def joint_angles(robot: Robot, data: Dataset) -> np.ndarray:
 
 
 def kept_masses(result: Robot, declared: Robot) -> Robot:
-    """The result of an analysis with the masses that its effects need: generic ones stay only where a load is part of it."""
+    """The result with the masses that it needs: generic ones stay only where an effect needs a load."""
     if declared.generic_masses:
-        return result if result.links is not None else replace(result, links=declared.links, generic_masses=True)
+        if result.links is not None:
+            return result
+        return replace(result, links=declared.links, generic_masses=True)
     needed = any(effect.by_load for effect in result.effects)
     return result if needed else with_declared_masses(result)
 
@@ -85,10 +89,13 @@ def guess_line(robot: Robot, data: Dataset) -> str | None:
     measured = RestLoad.of(robot, data).fixed.all(axis=0)
     if not robot.generic_masses or measured.all():
         return None
-    by = "scaled to the measured torques" if measured.any() else "of the mass that it declares" if robot.mass else "by its lengths"
+    by = "of the mass that it declares" if robot.mass else "by its lengths"
+    by = "scaled to the measured torques" if measured.any() else by
+    total = sum(link.mass for link in robot.links)
+    other = "other " if measured.any() else ""
     return (
-        f"the robot file declares no link masses: {'other ' if measured.any() else ''}loads are those of a generic distribution of "
-        f"{sum(link.mass for link in robot.links):.3g} kg ({by}); the size of what depends on a load is relative to it: "
+        f"the robot file declares no link masses: {other}loads are those of a generic "
+        f"distribution of {total:.3g} kg ({by}); the size of what depends on a load is relative to it: "
         "declare [[links]] or give measured torques to make it absolute"
     )
 
