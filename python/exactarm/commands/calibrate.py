@@ -27,7 +27,7 @@ from exactarm.identify.identifiability import Dropped
 from exactarm.identify.parameter_name import Group, parse_parameter
 from exactarm.progress import SILENT, Progress
 from exactarm.report import Estimate, Figure, Quantity, Report, Table, Warnings
-from exactarm.report.numbers import quantity
+from exactarm.report.numbers import change, quantity
 from exactarm.report.plots.parameters import parameter_forest
 from exactarm.robot import Robot
 from exactarm.split import DEFAULT_SEED
@@ -165,7 +165,7 @@ def _report(robot: Robot, data: Dataset, result: Calibration, rule: str) -> Repo
     before, after = result.before[judge], result.after[judge]
     who = "poses that were never fitted" if judge == "validation" else "the fitted poses (none were held out)"
     verdict = (
-        f"The mean position error on {who} falls from {quantity(before.mean, 'm')} to {quantity(after.mean, 'm')} "
+        f"The mean position error on {who} {change(before.mean, after.mean, 'm')} "
         f"(largest: {quantity(before.max, 'm')} to {quantity(after.max, 'm')})."
     )
     what, known = "position error", ()

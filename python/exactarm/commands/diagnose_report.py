@@ -23,7 +23,7 @@ from exactarm.diagnose.diagnosis import Diagnosis, Finding
 from exactarm.diagnose.dossier import Dossier
 from exactarm.diagnose.verdict import NOTHING, UNEXPLAINED, remains
 from exactarm.report import Figure, Quantity, Report, Table, Text, Warnings
-from exactarm.report.numbers import quantity
+from exactarm.report.numbers import change, quantity
 from exactarm.report.plots.arm import arm_with_errors
 from exactarm.robot import Robot
 
@@ -63,9 +63,7 @@ def verdict_of(robot: Robot, result: Diagnosis, found: list[tuple[Finding, Contr
         return result.sentence
     before, after = result.before[judged].rms, result.after[judged].rms
     whose = f"{rows} that were never fitted" if judged == "validation" else f"the fitted {rows} (none were held out)"
-    fall = f"falls from {quantity(before, result.unit)} to {quantity(after, result.unit)}" if after < 0.995 * before else (
-        f"stays at {quantity(after, result.unit)}")
-    text = f"The model lacked {causes_in_words(found, robot.axes)}. With this in it the RMS error on {whose} {fall}."
+    text = f"The model lacked {causes_in_words(found, robot.axes)}. With this in it the RMS error on {whose} {change(before, after, result.unit)}."
     doubtful = [a for a in result.alternatives if a.collides]
     if doubtful:
         own = next((f.effect for f in result.findings if f.effect.label == doubtful[0].instead_of), None)

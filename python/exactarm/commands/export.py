@@ -19,6 +19,7 @@ from exactarm.export.offsets import offsets_text
 from exactarm.export.ur_description import kinematics_yaml, link_origins
 from exactarm.export.urdf import patched_urdf
 from exactarm.mdh_frames import behind_axis, compose
+from exactarm.pseudo_inertia import inconsistencies
 from exactarm.report import Highlight, Highlights, Quantity, Report, Text, Warnings
 from exactarm.report.numbers import quantity
 from exactarm.robot import Placement, Robot
@@ -161,6 +162,8 @@ def _flange_poses(robot: Robot, format: str) -> Callable[..., Any]:
 
 
 def _warnings(robot: Robot, format: str, cost: Lost) -> tuple[str, ...]:
+    if format in ("urdf", "mjcf"):
+        return tuple(f"{text}; simulators refuse it (exactarm identify finds links that can exist)" for text in inconsistencies(robot))
     last = behind_axis(robot.joints[-1])
     turned = np.abs(last.rotation - np.eye(3)).max() > 1e-9 or np.abs(last.position[:2]).max() > 1e-9
     if format == "ur_description" and turned:

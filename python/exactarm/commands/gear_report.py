@@ -9,7 +9,7 @@ import numpy as np
 from exactarm.identify.gear import Gear, GearIdentification
 from exactarm.identify.gear_declared import SIDES
 from exactarm.report import Estimate, Figure, Highlight, Highlights, Quantity, Report, Table, Text, Warnings
-from exactarm.report.numbers import quantity
+from exactarm.report.numbers import change, quantity
 from exactarm.report.plots.residual import residual_over_signal, spectrum
 from exactarm.robot import Robot
 
@@ -26,7 +26,7 @@ def gear_report(robot: Robot, result: GearIdentification, rule: str) -> Report:
     error = "transmission error" if unit == "rad" else "kinematic error"
     verdict = (
         f"The {error} on runs that were {'never fitted' if judge == 'validation' else 'fitted (none was held out)'} "
-        f"falls from {quantity(before, unit)} to {quantity(after, unit)} RMS; {_noise_sentence(result.gears)}."
+        f"{change(before, after, unit)} RMS; {_noise_sentence(result.gears)}."
     )
     fall = after < 0.9 * before  # less is no success worth a green verdict
     sections = (

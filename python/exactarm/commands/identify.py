@@ -27,7 +27,7 @@ from exactarm.identify.dynamics import (
 from exactarm.identify.statistics import summarise
 from exactarm.progress import SILENT, Progress
 from exactarm.report import Cell, Figure, Quantity, Report, Table, Warnings
-from exactarm.report.numbers import quantity
+from exactarm.report.numbers import change, quantity
 from exactarm.report.plots.curves import curves_per_axis
 from exactarm.robot import Robot
 from exactarm.split import DEFAULT_SEED
@@ -117,6 +117,7 @@ def _json(result: DynamicsIdentification) -> dict[str, Any]:
         "unit": "Nm",
         "before": {name: torque_summary(result.before.get(name, empty), result.fit.axes) for name in SETS},
         "after": {name: torque_summary(result.after.get(name, empty), result.fit.axes) for name in SETS},
+        "unconstrained": {name: torque_summary(result.unconstrained.get(name, empty), result.fit.axes) for name in SETS},
         "parameters": {name: estimate(float(x), float(low), float(high)) for name, x, (low, high) in pairs},
         "base_parameters": {base.names[column]: base.group(k) for k, column in enumerate(base.kept)},
         "dropped": [{"parameter": entry.name, "why": entry.why} for entry in result.dropped],
@@ -149,9 +150,11 @@ def _report(robot: Robot, result: DynamicsIdentification, rule: str) -> Report:
     before, after = summaries["before"][judge], summaries["after"][judge]
     who = "motion that was never fitted" if judge == "validation" else "the fitted motion (none was held out)"
     verdict = (
-        f"The RMS error of the drive torque on {who} falls from {quantity(before.rms, 'Nm')} to "
-        f"{quantity(after.rms, 'Nm')} over all axes."
+        f"The RMS error of the drive torque on {who} {change(before.rms, after.rms, 'Nm')} over all axes."
     )
+    cost = float(np.sqrt(np.mean(result.unconstrained[judge] ** 2)))
+    if result.inertial:
+        verdict += f" That its links are bodies that can exist is in it; without that it would be {quantity(cost, 'Nm')}."
     band = result.records["identification"].bandwidth_hz
     note = "Before: the robot file as it is. " + rule
     note += f" Measured and predicted torque passed the same low-pass at {band:.3g} Hz." if band else ""
@@ -162,11 +165,12 @@ def _report(robot: Robot, result: DynamicsIdentification, rule: str) -> Report:
             highlights(summaries["before"], summaries["after"], "Nm"),
             error_table(summaries["before"], summaries["after"], "Nm", "Torque error", note),
             _axis_table(result, judge),
+            *_bodies(result),
             _figure(result, judge),
             _parameters(robot, result),
             _groups(result),
             Table("Not identified", ("parameter", "why"), tuple((entry.name, entry.why) for entry in result.dropped),
-                  "These keep their declared values."),
+                  "Friction and rotors keep their declared values; inertial parameters follow the bodies that the links are drawn to."),
             Warnings(result.warnings),
         ),
         "good" if after.rms < before.rms else "caution",
@@ -181,6 +185,22 @@ def _axis_table(result: DynamicsIdentification, judge: str) -> Table:
         for axis, *values in zip(result.fit.axes, np.sqrt(np.mean(torque**2, axis=0)), rms(result.before), rms(result.after))
     )
     return Table(f"Axes, {judge}", ("", "RMS of the torque", "RMS error before", "RMS error after"), rows)
+
+
+def _bodies(result: DynamicsIdentification) -> tuple[Table, ...]:
+    """Mass, centre and principal moments of every link, and the motion that decides them."""
+    if not result.inertial:
+        return ()
+    rows: list[tuple[Cell, ...]] = []
+    for number, link in enumerate(result.robot.links or (), start=1):
+        moments = np.linalg.eigvalsh(link.inertia)
+        centre = (Quantity(float(value), "m") for value in link.centre_of_mass)
+        rows.append((f"link {number}", Quantity(link.mass, "kg"), *centre, *(Quantity(float(value), "kg m²") for value in moments)))
+    drawn_to = "its declared mass, centre and inertia" if result.declared_bodies else (
+        "a plain bar from joint to joint, all of them as heavy together as the motion asks")
+    return (Table("Links as bodies", ("", "mass", "centre x", "y", "z", "principal moments", "", ""), tuple(rows),
+                  "Every link has a positive mass and moments that a body can have (positive definite pseudo-inertia). What the "
+                  f"motion does not show is drawn to {drawn_to}: a possible body, not the true one."),)
 
 
 def _figure(result: DynamicsIdentification, judge: str) -> Figure:
@@ -212,4 +232,5 @@ def _groups(result: DynamicsIdentification) -> Table:
     free = set(result.fit.layout.names)
     rows = tuple((base.names[c], base.group(k)) for k, c in enumerate(base.kept) if base.names[c] in free)
     return Table("What the inertial parameters stand for", ("parameter", "base parameter"), rows,
-                 "A motion shows these sums only; the other members of a sum keep their declared values.")
+                 "A motion shows these sums only; how it is shared out among them follows the bodies "
+                 "that the links are drawn to.")

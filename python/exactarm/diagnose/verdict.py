@@ -95,7 +95,7 @@ def sentence_of(verdict, findings, alternatives, before, after, left: Dossier, e
         more = f" and {len(findings) - 3} more" if len(findings) > 3 else ""
         fall = 1.0 - after[judged].rms / before[judged].rms
         it = "it" if len(findings) == 1 else "them"
-        falls = f"falls by {100 * fall:.0f} %" if fall >= 0.005 else "does not fall"
+        falls = f"{'falls' if fall > 0.0 else 'rises'} by {100 * abs(fall):.0f} %" if abs(fall) >= 0.005 else "does not change"
         text = f"The model lacks {causes}{more}; with {it} the {judged} RMS error {falls}."
         doubtful = [a for a in alternatives if a.collides]
         if doubtful:

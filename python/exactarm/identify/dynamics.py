@@ -2,8 +2,8 @@
 
 1. one filter on both sides (chain/motion_record), 2. base parameters by QR, 3. of these, those that the motion
 excites (pivoted QR of the weighted, scaled regressor), 4. how sharply dry friction turns over at a reversal,
-5. iterated weighted least squares, 6. intervals for correlated samples, 7. the torque error before and after, on the
-rows that were fitted and on those that were not.
+5. iterated weighted least squares, 6. intervals for correlated samples, 7. links that are bodies (consistent.py),
+8. the torque error before and after, on the rows that were fitted and on those that were not, and without step 7.
 Swevers et al. 1997; Gautier 1991; Atkeson, An and Hollerbach 1986.
 """
 
@@ -30,9 +30,11 @@ from exactarm.effects.link_inertia import LinkInertia
 from exactarm.errors import InputError
 from exactarm.generic_masses import with_declared_masses
 from exactarm.identify.base_parameters import BaseParameters, base_parameters
+from exactarm.identify.consistent import consistent_fit
 from exactarm.identify.declared import carried_layout, require_geometry
 from exactarm.identify.friction_width import friction_widths
 from exactarm.identify.motion_fit import MotionFit, fit_motion
+from exactarm.identify.prior_bodies import declares_bodies
 from exactarm.robot import Link, Robot
 from exactarm.split import DEFAULT_SEED
 
@@ -61,7 +63,8 @@ class DroppedParameter:
 
 @dataclass(frozen=True)
 class DynamicsIdentification:
-    """records and residuals (N', m) Nm before and after, by "identification" and "validation"."""
+    """records and residuals (N', m) Nm before and after, by "identification" and "validation"; unconstrained: those
+    after, had the links not to be bodies (the same where no inertia was estimated)."""
 
     robot: Robot
     fit: MotionFit
@@ -70,7 +73,10 @@ class DynamicsIdentification:
     records: dict[str, MotionRecord]
     before: dict[str, np.ndarray]
     after: dict[str, np.ndarray]
+    unconstrained: dict[str, np.ndarray]
     identification: np.ndarray
+    inertial: bool
+    declared_bodies: bool
     warnings: tuple[str, ...]
 
 
@@ -101,18 +107,25 @@ def identify_dynamics(robot: Robot, data: Dataset, options: DynamicsOptions = Dy
     widths = friction_widths(start, layout, train, options.threads)
     records = {name: replace(record, sign_width=widths) for name, record in records.items()}
     fit = fit_motion(start, layout, records["identification"], threads=options.threads)
-    after = {name: fit.residual(record, options.threads) for name, record in records.items()}
+    unconstrained = {name: fit.residual(record, options.threads) for name, record in records.items()}
+    after, unsettled = unconstrained, ""
+    if options.inertial:
+        fit, unsettled = consistent_fit(start, robot, fit, records["identification"], options.threads)
+        after = {name: fit.residual(record, options.threads) for name, record in records.items()}
     dropped = tuple(_structurally(base)) * options.inertial + unexcited
     return DynamicsIdentification(
-        robot=identified_robot(start, fit),
+        robot=identified_robot(fit.robot, fit),
         fit=fit,
         base=base,
         dropped=dropped,
         records=records,
         before=before,
         after=after,
+        unconstrained=unconstrained,
         identification=identification,
-        warnings=(*_warnings(fit, data), *reversals_left_out(records.values())),
+        inertial=options.inertial,
+        declared_bodies=declares_bodies(robot),
+        warnings=(*_warnings(fit, data, unsettled), *reversals_left_out(records.values())),
     )
 
 
@@ -164,7 +177,7 @@ def excited_layout(
     upper, order = linalg.qr(triangle, mode="r", pivoting=True)
     diagonal = np.abs(np.diag(upper))
     weak = np.sort(moving[order[diagonal < diagonal[0] / _WORST_CONDITION]])
-    why = "this motion cannot tell it from the others: it is held at the declared value"
+    why = "this motion cannot tell it from the others"
     dropped += [DroppedParameter(layout.names[k], why) for k in weak]
     return layout.without({entry.name for entry in dropped}), tuple(dropped)
 
@@ -197,7 +210,9 @@ def _structurally(base: BaseParameters):
         yield DroppedParameter(base.names[column], f"only its sum with {', '.join(bearers)} can be told")
 
 
-def _warnings(fit: MotionFit, data: Dataset):
+def _warnings(fit: MotionFit, data: Dataset, unsettled: str):
+    if unsettled:
+        yield f"the links are possible bodies, but not the best ones: {unsettled}"
     if not fit.fit.converged:
         yield f"the fit did not converge ({fit.fit.reason}): check the data for gross errors"
     if fit.uncertainty.freedom < 2 * fit.layout.size:

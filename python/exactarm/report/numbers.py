@@ -15,6 +15,7 @@ from exactarm.report.sections import Cell, Estimate, Link, Quantity
 DASH = "–"
 SIGNIFICANT_DIGITS, INTERVAL_DIGITS, EXACT_DIGITS = 3, 2, 6
 MOST_DECIMALS = 6
+_UNCHANGED = 0.005  # share of an error below which two of them read alike: half a step of the third digit
 
 # SI unit -> (unit to show, its size in SI), from large to small.
 SCALES: dict[str, tuple[tuple[str, float], ...]] = {
@@ -89,6 +90,13 @@ def number(value: float | None, digits: int = SIGNIFICANT_DIGITS) -> str:
 def quantity(value: float | None, unit: str = "") -> str:
     """A number with its unit, for sentences: quantity(0.000382, "m") is "0.382 mm"."""
     return format_cells([Quantity(value, unit)])[0]
+
+
+def change(before: float, after: float, unit: str = "") -> str:
+    """What an error did, for sentences: "falls from 1.93 mm to 0.378 mm", "rises from ...", "stays at 0.378 mm"."""
+    if not abs(after - before) > _UNCHANGED * before:
+        return f"stays at {quantity(after, unit)}"
+    return f"{'falls' if after < before else 'rises'} from {quantity(before, unit)} to {quantity(after, unit)}"
 
 
 def estimate(value: float | None, low: float | None, high: float | None, unit: str = "") -> str:
