@@ -13,7 +13,7 @@ from exactarm.commands.result import estimate
 from exactarm.dataset import Dataset
 from exactarm.identify.statistics import ErrorSummary
 from exactarm.report import Figure, Highlight, Highlights, Quantity, Report, Table, Text, Warnings
-from exactarm.report.numbers import quantity
+from exactarm.report.numbers import change, quantity
 from exactarm.report.plots.errors import error_histogram, error_histogram_panel
 from exactarm.report.plots.style import on_one_panel
 from exactarm.report.plots.workspace_error import distance_error_panel, error_over_workspace
@@ -136,15 +136,13 @@ def certificate(c: Certified) -> Report:
     before, after = c.summaries
     who = f"{c.robot.name}" + (f", serial number {c.about['serial']}" if "serial" in c.about else "")
     verdict = (
-        f"{who}: at {after.n} measured positions that were never fitted the mean error falls from "
-        f"{quantity(before.mean, 'm')} to "
-        f"{quantity(after.mean, 'm')} (largest: {quantity(before.max, 'm')} to {quantity(after.max, 'm')}). "
+        f"{who}: at {after.n} measured positions that were never fitted the mean error "
+        f"{change(before.mean, after.mean, 'm')} "
+        f"(largest: {quantity(before.max, 'm')} to {quantity(after.max, 'm')}). "
         f"The model's position has an "
         f"expanded uncertainty of {quantity(c.budget.expanded, 'm')} a coordinate (k = "
         f"{c.budget.coverage_factor:.2f}, 95 %)."
     )
-    if after.mean > before.mean:
-        verdict = verdict.replace("falls", "rises")
     if not c.rows.unseen:
         verdict = verdict.replace("that were never fitted ", "")
     tone = "bad" if after.mean > before.mean else "caution" if c.rows.warnings else "good"
