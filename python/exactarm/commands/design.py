@@ -14,22 +14,26 @@ import numpy as np
 from exactarm.commands.arguments import add_robot
 from exactarm.commands.call import AnyRobot, asked, robot_of, threads_of
 from exactarm.commands.closure_design import designed_closures
-from exactarm.commands.design_for import designed_for, minutes_of
+from exactarm.commands.design_for import designed_for, minutes_of, pose_columns
 from exactarm.commands.isolability_table import isolability_columns, isolability_json, isolability_table
 from exactarm.commands.planning_arguments import (
     add_planning,
+    add_station,
     box_of,
     clearance_of,
     numbers_of,
+    station_of,
     target_hint,
     tool_of,
 )
 from exactarm.commands.result import CommandResult
+from exactarm.compensate.measuring_program import WRITERS, measuring_program, stops_of
 from exactarm.dataset import Dataset
 from exactarm.diagnose.isolability import isolability
 from exactarm.errors import InputError
 from exactarm.identify.closure_design import ClosureDesignOptions
 from exactarm.identify.design import Design, DesignOptions, design_poses
+from exactarm.identify.line_of_sight import Station
 from exactarm.identify.pose_space import Box
 from exactarm.progress import SILENT, Progress
 from exactarm.report import Figure, Quantity, Report, Section, Table, Text, Warnings
@@ -54,6 +58,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--noise-mm", metavar="MM", type=float, default=NOISE_MM,
                         help="of a measured coordinate, for which causes the poses could tell (default "
                              "%(default)s)")
+    add_station(parser)
+    drive = parser.add_argument_group("how the robot gets there")
+    drive.add_argument("--both-ways", action="store_true",
+                       help="every pose twice, all axes coming from below and from above: shows lost motion")
+    drive.add_argument("--program", choices=tuple(WRITERS),
+                       help="also write a program for this controller that drives to the poses and waits "
+                            "there")
     next_one = parser.add_argument_group("after a diagnosis")
     next_one.add_argument("--for", dest="diagnosis", metavar="RESULT", type=Path,
                           help="result.json of `diagnose`: the poses that tell most about the causes it "
@@ -76,15 +87,18 @@ def design(
     robot: AnyRobot, *, count: int = 50, validation: int = 13,
     tool_m: Sequence[float] | np.ndarray | None = None,
     frames: str = "both", use: Literal["position", "pose"] = "position", box: Box | None = None,
-    clearance_m: float | None = None, noise_mm: float = NOISE_MM, seed: int = DEFAULT_SEED,
+    clearance_m: float | None = None, station: Station | None = None, both_ways: bool = False,
+    program: str | None = None, noise_mm: float = NOISE_MM, seed: int = DEFAULT_SEED,
     threads: int | None = None,
     progress: Progress = SILENT,
 ) -> CommandResult:
     """Measurement poses that show the parameters best, and others to validate with.
 
     tool_m: target on the flange. frames: which frames are unknown ("both", "base", "tool", "none"). box,
-    clearance_m: where flange and target may be. noise_mm: of a measured coordinate, for the table of causes
-    that the poses could tell.
+    clearance_m: where flange and target may be; station: of the tracker that has to see the target.
+    both_ways: every pose twice, from below and from above. program: the language of a controller (krl, rapid,
+    fanuc, urscript, inform). noise_mm: of a measured coordinate, for the table of causes that the poses could
+    tell.
 
         >>> import exactarm as ea
         >>> len(ea.design("ur10", count=20, validation=5).to_dataframe())
@@ -98,8 +112,7 @@ def design(
         raise InputError("--count: expected 1 or more, --validation: 0 or more")
     options = DesignOptions(
         count=count, validation=validation, box=box or Box(), clearance=clearance_of(clearance_m),
-        frames=frames,
-        orientation=use == "pose", seed=seed, threads=threads_of(threads),
+        station=station, frames=frames, orientation=use == "pose", seed=seed, threads=threads_of(threads),
     )
     if not 0.0 < noise_mm < 100.0:
         raise InputError("--noise-mm: expected between 0 and 100")
@@ -108,11 +121,18 @@ def design(
     progress.stage("which causes these poses could tell")
     causes = isolability(arm, Dataset.of_arrays("poses", {"q": found.q}), 1e-3 * noise_mm, seed,
                          threads_of(threads))
+    q, sets, approach = _visits(found, both_ways)
+    texts = {}
+    if program is not None:
+        stops = stops_of(q, approach, found.space.lower, found.space.upper)
+        texts = dict([measuring_program(arm, program, stops)])
     defaults = {"validation": 13, "tool_m": None, "frames": "both", "use": "position"}
     return CommandResult(
         json=_json(found) | {"isolability": isolability_json(causes)},
         report=_report(arm, found, isolability_table(causes, noise_mm)),
-        tables={"poses.csv": _pose_columns(arm, found), "isolability.csv": isolability_columns(causes)},
+        tables={"poses.csv": {"set": sets} | pose_columns(arm, q, approach),
+                "isolability.csv": isolability_columns(causes)},
+        texts=texts,
         asked=asked("design", robot, None, seed, given, defaults),
     )
 
@@ -135,7 +155,8 @@ def _closures(arguments: argparse.Namespace) -> CommandResult:
 
 def run(arguments: argparse.Namespace) -> CommandResult:
     if arguments.diagnosis is not None:
-        return designed_for(robot_of(arguments.robot), arguments.diagnosis, minutes_of(arguments.minutes))
+        return designed_for(robot_of(arguments.robot), arguments.diagnosis, minutes_of(arguments.minutes),
+                            arguments.program)
     if arguments.minutes:
         raise InputError("--minutes acts with --for RESULT only")
     if arguments.contact is not None:
@@ -145,7 +166,9 @@ def run(arguments: argparse.Namespace) -> CommandResult:
         tool_m=tool_of(arguments.tool),
         frames=arguments.frames, use=arguments.use, box=box_of(arguments.box),
         clearance_m=arguments.clearance,
-        noise_mm=arguments.noise_mm, seed=arguments.seed, threads=arguments.threads,
+        station=station_of(arguments.station, arguments.opening, arguments.acceptance),
+        both_ways=arguments.both_ways, program=arguments.program, noise_mm=arguments.noise_mm,
+        seed=arguments.seed, threads=arguments.threads,
         progress=arguments.progress,
     )
 
@@ -161,19 +184,14 @@ def _json(design: Design) -> dict[str, Any]:
     }
 
 
-def _pose_columns(robot: Robot, design: Design) -> dict[str, np.ndarray]:
-    """The angles to command, and the motor angles where a gear is declared, rounded to what no encoder
-    resolves."""
+def _visits(design: Design, both_ways: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+    """q (N, n) in the order of driving, the set of each, and the direction of approach (N, n) where it is
+    planned."""
     q = np.concatenate([design.q, design.q_validation])
-    columns: dict[str, np.ndarray] = {"set": np.repeat(["identification", "validation"],
-                                                       [len(design.q), len(q) - len(design.q)])}
-    for i, joint in enumerate(robot.joints):
-        columns[f"q_{i + 1}_{'m' if joint.type == 'prismatic' else 'rad'}"] = np.round(q[:, i], 9)
-    theta = (q - robot.controller_offsets) * robot.controller_ratios
-    for i, joint in enumerate(robot.joints):
-        if joint.has_gear:
-            columns[f"theta_{i + 1}_rad"] = np.round(theta[:, i], 9)
-    return columns
+    sets = np.repeat(["identification", "validation"], [len(design.q), len(design.q_validation)])
+    if not both_ways:
+        return q, sets, None
+    return np.repeat(q, 2, axis=0), np.repeat(sets, 2), np.tile([[-1], [1]], (len(q), q.shape[1]))
 
 
 def _report(robot: Robot, design: Design, causes: Table) -> Report:

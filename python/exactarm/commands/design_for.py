@@ -10,8 +10,10 @@ from pathlib import Path
 import numpy as np
 
 from exactarm.commands.result import CommandResult
+from exactarm.compensate.measuring_program import measuring_program, stops_of
 from exactarm.diagnose.next_poses import MINUTES, Experiment
 from exactarm.errors import InputError
+from exactarm.identify.pose_space import PoseSpace
 from exactarm.report import Report, Table, Text
 from exactarm.robot import Robot
 
@@ -93,17 +95,18 @@ def minutes_of(words: list[str]) -> dict[str, float]:
     return cost
 
 
-def designed_for(robot: Robot, path: Path, cost: Mapping[str, float]) -> CommandResult:
+def designed_for(robot: Robot, path: Path, cost: Mapping[str, float],
+                 program: str | None = None) -> CommandResult:
     """The experiment with the most bits per minute as `poses.csv`: every pose twice, from below and from
     above."""
     experiments = sorted(read_experiments(path, robot), key=lambda e: (not e.parts, -e.bits_per_minute(cost)))
     best = experiments[0]
-    both, approach = np.repeat(best.q, 2, axis=0), np.tile([-1, 1], len(best.q))
-    columns: dict[str, np.ndarray] = {}
-    for i, joint in enumerate(robot.joints):
-        columns[f"q_{i + 1}_{'m' if joint.type == 'prismatic' else 'rad'}"] = np.round(both[:, i], 9)
-    for i in range(robot.axes):
-        columns[f"approach_{i + 1}"] = approach
+    both = np.repeat(best.q, 2, axis=0)
+    approach = np.tile([[-1], [1]], (len(best.q), robot.axes))
+    texts = {}
+    if program is not None:
+        space = PoseSpace.of(robot)
+        texts = dict([measuring_program(robot, program, stops_of(both, approach, space.lower, space.upper))])
     load = f" with {best.payload_kg:g} kg at the flange" if best.payload_kg else ""
     verdict = (f"{len(best.q)} poses{load}, each approached from both directions: in some "
                f"{best.minutes(cost):.0f} minutes they tell "
@@ -117,5 +120,20 @@ def designed_for(robot: Robot, path: Path, cost: Mapping[str, float]) -> Command
         report=Report(f"The next experiment: {robot.name}", verdict,
                       (experiments_table(tuple(experiments), cost), Text("How", how)),
                       "good" if best.parts else "caution"),
-        tables={"poses.csv": columns},
+        tables={"poses.csv": pose_columns(robot, both, approach)},
+        texts=texts,
     )
+
+
+def pose_columns(robot: Robot, q: np.ndarray, approach: np.ndarray | None) -> dict[str, np.ndarray]:
+    """The angles to command (N, n), the motor angles where a gear is declared, rounded to what no encoder
+    resolves, and from which side each axis comes where that is planned."""
+    columns: dict[str, np.ndarray] = {}
+    for i, joint in enumerate(robot.joints):
+        columns[f"q_{i + 1}_{'m' if joint.type == 'prismatic' else 'rad'}"] = np.round(q[:, i], 9)
+    theta = (q - robot.controller_offsets) * robot.controller_ratios
+    for i, joint in enumerate(robot.joints):
+        if joint.has_gear:
+            columns[f"theta_{i + 1}_rad"] = np.round(theta[:, i], 9)
+    return columns | ({} if approach is None
+                      else {f"approach_{i + 1}": approach[:, i] for i in range(robot.axes)})

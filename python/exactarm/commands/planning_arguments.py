@@ -11,6 +11,7 @@ import numpy as np
 
 from exactarm.errors import InputError
 from exactarm.identify.identifiability import Dropped
+from exactarm.identify.line_of_sight import ACCEPTANCE_RAD, Station
 from exactarm.identify.planned import FRAMES, SIGMA_POSITION_M
 from exactarm.identify.pose_space import Box
 from exactarm.robot import Placement, Robot
@@ -33,6 +34,32 @@ def add_planning(parser: argparse.ArgumentParser) -> None:
                         help="least distance of flange and target from base column and upper arm in m "
                              "(default: a tenth "
                              "of the arm; 0: none)")
+
+
+def add_station(parser: argparse.ArgumentParser) -> None:
+    group = parser.add_argument_group("what the tracker sees")
+    group.add_argument("--station", metavar="X,Y,Z",
+                       help="where the tracker stands, in m in the base frame: the arm's body must not hide "
+                            "the target")
+    group.add_argument("--opening", metavar="X,Y,Z",
+                       help="direction to which the reflector opens, in the flange frame (default: to all "
+                            "sides)")
+    group.add_argument("--acceptance", metavar="DEG", type=float, default=float(np.degrees(ACCEPTANCE_RAD)),
+                       help="half-angle within which the reflector returns the beam (default %(default)g)")
+
+
+def station_of(position: str | None, opening: str | None, acceptance_deg: float) -> Station | None:
+    """Where --station says; None without."""
+    if position is None:
+        if opening is not None:
+            raise InputError("--opening acts with --station X,Y,Z only")
+        return None
+    axis = None if opening is None else numbers_of("--opening", opening, 3)
+    if axis is not None and not np.any(axis):
+        raise InputError(f"--opening {opening}: expected a direction, not zero")
+    if not 0.0 < acceptance_deg <= 180.0:
+        raise InputError(f"--acceptance {acceptance_deg}: expected degrees above 0, 180 at most")
+    return Station(numbers_of("--station", position, 3), axis, float(np.radians(acceptance_deg)))
 
 
 def add_noise(parser: argparse.ArgumentParser) -> None:

@@ -25,15 +25,20 @@ def default_clearance(robot: Robot) -> float:
 def is_clear(robot: _core.Robot, q: np.ndarray, points: tuple[np.ndarray, ...],
              clearance: float) -> np.ndarray:
     """(N,) bool for joint angles q (N, n) and points (N, 3), both in the frame of the robot's base."""
-    lines = q.shape[1] - _OWN_FRAMES
     clear = np.ones(len(q), bool)
-    if clearance <= 0.0 or lines < 1:
-        return clear
-    origins, _ = _core.frame_poses(robot, q)
-    for k in range(lines):
+    for start, end in skeleton(robot, q) if clearance > 0.0 else ():
         for point in points:
-            clear &= _distance(point, origins[:, k], origins[:, k + 1]) >= clearance
+            clear &= _distance(point, start, end) >= clearance
     return clear
+
+
+def skeleton(robot: _core.Robot, q: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+    """The body's lines, each from (N, 3) to (N, 3), for joint angles q (N, n)."""
+    lines = q.shape[1] - _OWN_FRAMES
+    if lines < 1:
+        return []
+    origins, _ = _core.frame_poses(robot, q)
+    return [(origins[:, k], origins[:, k + 1]) for k in range(lines)]
 
 
 def _distance(point: np.ndarray, start: np.ndarray, end: np.ndarray) -> np.ndarray:

@@ -20,6 +20,7 @@ import numpy as np
 from exactarm.errors import InputError
 from exactarm.identify.exchange import ExchangeOptions, exchange
 from exactarm.identify.identifiability import Identifiability, select_identifiable
+from exactarm.identify.line_of_sight import Station
 from exactarm.identify.observability import Observability, column_scale, observability
 from exactarm.identify.planned import PlannedModel, row_weights
 from exactarm.identify.polish import PolishOptions, polish
@@ -42,6 +43,7 @@ class DesignOptions:
     validation: int = 13
     box: Box = field(default_factory=Box)
     clearance: float | None = None
+    station: Station | None = None
     frames: str = "both"
     orientation: bool = False
     seed: int = DEFAULT_SEED
@@ -79,7 +81,7 @@ class Design:
 def design_poses(robot: Robot, options: DesignOptions = DesignOptions()) -> Design:
     """Designs the poses. Raises InputError where `count` poses are too few for the parameters."""
     rng = np.random.default_rng(options.seed)
-    space = PoseSpace.of(robot, options.box, options.clearance)
+    space = PoseSpace.of(robot, options.box, options.clearance, options.station)
     candidates = space.draw(POOL, rng)
     model = PlannedModel.of(robot, candidates[:REFERENCE], options.frames, options.orientation)
     blocks = model.blocks(candidates, options.threads)

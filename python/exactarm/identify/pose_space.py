@@ -15,6 +15,7 @@ import numpy as np
 from exactarm import _core
 from exactarm.errors import ComputationError, InputError
 from exactarm.identify.clearance import default_clearance, is_clear
+from exactarm.identify.line_of_sight import Station
 from exactarm.robot import Placement, Robot
 
 _MARGIN = 0.005  # of the range, at either end
@@ -35,7 +36,7 @@ class PoseSpace:
     """Limits lower, upper (n,) of the joint angles (margin taken off), box, and clearance from the arm's body
     in m.
 
-    assumed: axes (from 1) without declared limits.
+    assumed: axes (from 1) without declared limits; station: of a tracker that has to see the target.
     """
 
     robot: Robot
@@ -44,9 +45,11 @@ class PoseSpace:
     upper: np.ndarray
     clearance: float
     assumed: tuple[int, ...] = ()
+    station: Station | None = None
 
     @staticmethod
-    def of(robot: Robot, box: Box = Box(), clearance: float | None = None) -> PoseSpace:
+    def of(robot: Robot, box: Box = Box(), clearance: float | None = None,
+           station: Station | None = None) -> PoseSpace:
         """A revolute axis without limits gets half a turn either way; a sliding one must declare them."""
         bounds, assumed = [], []
         for number, joint in enumerate(robot.joints, 1):
@@ -61,7 +64,8 @@ class PoseSpace:
         margin = _MARGIN * (upper - lower)
         keep = default_clearance(robot) if clearance is None else clearance
         at_origin = replace(robot, base=Placement())
-        return PoseSpace(at_origin, box, lower + margin, upper - margin, keep, tuple(assumed))
+        return PoseSpace(at_origin, box, lower + margin, upper - margin, keep, tuple(assumed),
+                         station)
 
     def target(self, q: np.ndarray) -> np.ndarray:
         """(N, 3) nominal position of the target in the base frame."""
@@ -77,6 +81,10 @@ class PoseSpace:
             inside &= np.all((points >= self.box.lower) & (points <= self.box.upper), axis=1)
         inside[inside] = is_clear(self.robot.core, angles[inside], (target[inside], flange[inside]),
                                   self.clearance)
+        if self.station is not None:
+            towards = rotation[inside] @ self.robot.tool.rotation.T
+            inside[inside] = self.station.sees(self.robot.core, angles[inside], target[inside], towards,
+                                               self.clearance)
         return inside
 
     def draw(self, count: int, rng: np.random.Generator) -> np.ndarray:
@@ -90,7 +98,8 @@ class PoseSpace:
             if sum(map(len, found)) < _LEAST_SHARE * drawn:
                 raise ComputationError(
                     "fewer than one in a thousand poses within the joint limits is allowed: "
-                    "the box is beyond the reach or too small, or the clearance is too large"
+                    "the box is beyond the reach or too small, the clearance is too large, or the station "
+                    "sees hardly any"
                 )
         return np.concatenate(found)[:count]
 
