@@ -13,6 +13,8 @@ BUILD := build/make
 SANITIZE := build/sanitize
 OUT ?= demo
 export CMAKE_BUILD_PARALLEL_LEVEL ?= 2
+# Tests of one file run in one process, so that what they share is made once.
+IN_PARALLEL := -n $(CMAKE_BUILD_PARALLEL_LEVEL) --dist loadfile
 SOURCES := CMakeLists.txt pyproject.toml $(shell find cpp python -type f ! -name '*.so' ! -name '*.pyc')
 CPP_TESTS := $(shell find tests/cpp -type f 2>/dev/null)
 
@@ -53,7 +55,8 @@ test-cpp: .setup/tests
 
 test-python: .setup/tests
 	@echo "== Python tests"
-	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest
+	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest $(IN_PARALLEL)
+	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest $(IN_PARALLEL) -m slow
 
 # Spoiled inputs to every reader and command, and 200 kills of each command, for a night; seeds are told.
 robustness: .setup/tests
