@@ -1,7 +1,8 @@
 """Joint coupling: the motor of one axis also turns another (bevel gears of a hollow wrist, belts through an
 arm).
 
-change of phi of the turned axis = coupling * theta_motor / ratio_motor.
+change of phi of the turned axis = coupling * theta_motor / ratio_motor, with the ratio that the controller
+takes the motor's gear for: what a calibration finds for that gear is no part of the coupling.
 """
 
 from __future__ import annotations
@@ -44,8 +45,8 @@ class JointCoupling(Effect):
     def change(self, view) -> Change:
         motor = int(self.values[0]) - 1
         by_theta = np.zeros((view.rows, 1, view.axes))
-        by_theta[:, 0, motor] = self.values[1] / view.robot.ratios[motor]
-        turned = view.theta[:, motor] / view.robot.ratios[motor]
+        by_theta[:, 0, motor] = self.values[1] / view.robot.controller_ratios[motor]
+        turned = view.theta[:, motor] / view.robot.controller_ratios[motor]
         derivative = np.zeros((view.rows, 1, 2))
         derivative[:, 0, 1] = turned
         return Change((self.index,), (self.values[1] * turned)[:, None], derivative, {"theta": by_theta})

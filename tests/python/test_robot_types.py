@@ -1,0 +1,105 @@
+"""Every kind of arm that a user may bring, with one hidden cause: it is found, and nothing beside it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import exactarm as ea
+from central_difference import assert_derivative
+from exactarm.chain import Layout, predict_poses
+from exactarm.dataset import Dataset
+from exactarm.effects.declared_ratio import DeclaredRatio
+from exactarm.effects.joint_coupling import JointCoupling
+from exactarm.robot import Joint, Robot
+from three_arms import puma
+
+POSES = 90
+NOISE_M = 2e-5
+
+
+def geared(**fields):
+    return Joint(ratio=100.0, q_min=-2.5, q_max=2.5, **fields)
+
+
+def slide(travel_m: float, **fields) -> Joint:
+    return Joint(type="prismatic", ratio=600.0, q_min=0.0, q_max=travel_m, **fields)
+
+
+def seven_axes() -> Robot:
+    return ea.load_robot("panda")
+
+
+def scara() -> Robot:
+    return Robot("scara", (geared(d=0.4, a=0.35), geared(a=0.3, alpha=np.pi), slide(0.2), geared()))
+
+
+def arm_on_a_track() -> Robot:
+    arm = replace(puma(), links=None)
+    joints = tuple(replace(joint, ratio=100.0) for joint in arm.joints)
+    return Robot("track", (slide(3.0, alpha=-np.pi / 2), *joints))
+
+
+def arm_on_a_turntable() -> Robot:
+    arm = replace(puma(), links=None)
+    joints = tuple(replace(joint, ratio=100.0) for joint in arm.joints)
+    return Robot("turntable", (geared(a=0.6, d=0.2), *joints))
+
+
+def coupled_wrist() -> Robot:
+    """The motor of axis 5 turns axis 6 too, as its robot file declares."""
+    arm = replace(puma(), links=None)
+    joints = tuple(replace(joint, ratio=100.0) for joint in arm.joints)
+    return replace(arm, joints=joints, effects=(JointCoupling(6, (5.0, 0.25)),))
+
+
+def parallelogram() -> Robot:
+    """The motor of axis 2 keeps the forearm upright: it turns axis 3 back."""
+    arm = coupled_wrist()
+    return replace(arm, effects=(JointCoupling(3, (2.0, -1.0)),))
+
+
+RUN_OUT = "gear_eccentricity joint={} first_cos_rad=3e-4 first_sin_rad=-2e-4"
+LAG = "hysteresis joint={} size_rad=2e-4"
+CASES = {
+    "seven axes": (seven_axes, RUN_OUT, "gear_eccentricity", 4),
+    "scara": (scara, LAG, "hysteresis", 2),
+    "track": (arm_on_a_track, RUN_OUT, "gear_eccentricity", 3),
+    "turntable": (arm_on_a_turntable, RUN_OUT, "gear_eccentricity", 1),
+    "coupled wrist": (coupled_wrist, LAG, "hysteresis", 4),
+    "parallelogram": (parallelogram, RUN_OUT, "gear_eccentricity", 2),
+}
+
+
+def test_the_ratio_of_a_motor_is_no_part_of_its_declared_coupling():
+    """Else the calibration of a parallelogram had no derivative of axis 3 by the ratio of axis 2."""
+    robot = parallelogram()
+    layout = Layout.of((DeclaredRatio.of(robot, 1), *robot.effects))
+    theta = np.random.default_rng(2).uniform(-150.0, 150.0, (12, robot.axes))
+    data = Dataset.of_arrays("poses", {"theta": theta}, position=np.zeros((12, 3)))
+    found = predict_poses(robot, layout, data)
+    steps = [1e-3 * p.plausible for p in layout.parameters]
+    function = lambda x: predict_poses(robot, layout.at(x), data, tangents=False).position
+    assert_derivative(function, layout.values, found.jacobian[:, :3], steps)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", CASES)
+def test_the_hidden_cause_of_every_kind_of_arm_is_found(name):
+    build, words, effect, joint = CASES[name]
+    effects = [words.format(joint)]
+    made = ea.simulate(build(), effects=effects, count=POSES, deviation=1, seed=6, noise=NOISE_M)
+    result = ea.diagnose(build(), made.data, seed=6, threads=1)
+    assert [(found["effect"], found["joint"]) for found in result["effects"]] == [(effect, joint)]
+    assert result["verdict"] == "explained" and result["converged"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", CASES)
+def test_an_arm_of_any_kind_that_lacks_nothing_gets_nothing(name):
+    robot = CASES[name][0]()
+    made = ea.simulate(robot, count=POSES, deviation=1, seed=7, noise=NOISE_M)
+    result = ea.diagnose(robot, made.data, seed=7, threads=1)
+    assert result["verdict"] == "no_undeclared_effect" and result["effects"] == []
