@@ -37,7 +37,7 @@ NAMES = {
     "read": "exactarm.commands.call", "example": "exactarm.examples", "Dataset": "exactarm.dataset",
     "write_dataset": "exactarm.dataset", "Result": "exactarm.commands.result",
     "command_of": "exactarm.compensate.law", "actual_of": "exactarm.compensate.law",
-    "Poses": "exactarm.compensate.law",
+    "Poses": "exactarm.compensate.flange_poses",
     "InputError": "exactarm.errors", "ComputationError": "exactarm.errors", "Progress": "exactarm.progress",
 }
 __all__ = [*NAMES, *COMMANDS]  # noqa: PLE0604 (names of both)

@@ -11,7 +11,7 @@ N rows, n axes of the robot; angles in rad, lengths in m, time in s, torque in N
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +23,6 @@ from exactarm.columns import (
     GYRO,
     MOST,
     PAYLOAD,
-    PAYLOAD_CENTRE,
     POSITION,
     QUATERNION,
     ROTATION_VECTOR,
@@ -31,10 +30,12 @@ from exactarm.columns import (
     may_be_empty,
     parse_column,
 )
-from exactarm.data_kind import STATIC, check_joints, data_kinds
 from exactarm.errors import InputError
 from exactarm.fixture import Fixture
+from exactarm.kinds import POSES, data_kinds, kind_of
+from exactarm.kinds.base import check_joints
 from exactarm.robot import Robot
+from exactarm.rows import Rows, Source
 from exactarm.split import pose_split, run_split, split_rule
 from exactarm.table import Table, read_table, write_table
 
@@ -44,111 +45,14 @@ QUATERNION_NORM_TOLERANCE = 0.01  # three decimals per component pass, a wrong c
 
 
 @dataclass(frozen=True)
-class Source:
-    """One file that was read: as named by the user, SHA-256 of its bytes, data rows (None: not a table)."""
-
-    path: str
-    sha256: str
-    rows: int | None = None
-
-
-@dataclass(frozen=True)
-class Dataset:
-    """Measurements in SI units.
-
-    kind, kinds     the kind of data (exactarm.data_kind): the first to analyse, and all in order
-    joints          "theta", "q", "theta_dot", "q_dot", "tau", "tau_motor", "current", "approach": (N, n),
-                    NaN in axes the files do not have; no key where no axis has the quantity
-    position (N, 3), rotation (N, 3, 3), gyro (N, 3), time (N,), visit (N,) int, identification (N,) bool: or None;
-                    beside contacts NaN in rows without a tracker
-    session, run    (N,) int
-    contacts        "socket", "plane", "sphere", "bar", "pair": (N,) int, NO_CONTACT where the row has none
-    length (N,)     read off a bar or wire, m, NaN where none was; None without
-    fixture         what is known of the contacts
-    covariates      name as in the header -> (N,)
-    file_index, row (N,) where each row came from: index into `sources`, row from 1
-    """
-
-    kind: str
-    kinds: tuple[str, ...]
-    axes: int
-    joints: dict[str, np.ndarray]
-    session: np.ndarray
-    run: np.ndarray
-    file_index: np.ndarray
-    row: np.ndarray
-    time: np.ndarray | None = None
-    position: np.ndarray | None = None
-    rotation: np.ndarray | None = None
-    gyro: np.ndarray | None = None
-    visit: np.ndarray | None = None
-    identification: np.ndarray | None = None
-    contacts: dict[str, np.ndarray] = field(default_factory=dict)
-    length: np.ndarray | None = None
-    fixture: Fixture = Fixture()
-    covariates: dict[str, np.ndarray] = field(default_factory=dict)
-    sources: tuple[Source, ...] = ()
-
-    @classmethod
-    def of_arrays(cls, kind: str, joints: Mapping[str, np.ndarray], **arrays: Any) -> Dataset:
-        """A data set from arrays alone (a simulation): one session, one run and no file where not given."""
-        joints = {name: np.asarray(values, dtype=float) for name, values in joints.items()}
-        rows, axes = next(iter(joints.values())).shape
-        ones = np.ones(rows, dtype=int)
-        defaults = {"session": ones, "run": ones, "file_index": np.zeros(rows, dtype=int), "row": 1 + np.arange(rows)}
-        return cls(kind, (kind,), axes, joints, **(defaults | arrays))
-
-    def __len__(self) -> int:
-        return len(self.row)
-
-    @property
-    def payload(self) -> tuple[np.ndarray, np.ndarray] | None:
-        """What the flange carries in each row beside the declared links: mass (N,) kg and centre (N, 3) m in its frame; None
-        where no column payload_kg says so. Without centre it hangs at the flange's origin."""
-        mass = self.covariates.get(PAYLOAD)
-        if mass is None:
-            return None
-        zero = np.zeros(len(self))
-        return mass, np.stack([self.covariates.get(name, zero) for name in PAYLOAD_CENTRE], axis=1)
-
-    @property
-    def first_file(self) -> str | None:
-        """The file that the first row came from, for messages; None where no file was read."""
-        return self.sources[self.file_index[0]].path if self.sources and len(self) else None
-
-    def place_of(self, index: int) -> str:
-        """The row at `index`, as a message names it: its number in its file, and the file's name."""
-        name = f" of {Path(self.sources[self.file_index[index]].path).name}" if self.sources else ""
-        return f"row {self.row[index]}{name}"
-
-    @property
-    def fingerprint(self) -> tuple[str, ...]:
-        """SHA-256 of the files that it was read from, in their order; empty where no file was read."""
-        return tuple(source.sha256 for source in self.sources)
-
-    def select(self, rows: np.ndarray) -> Dataset:
-        """The rows of a mask (N,) bool or of an index array."""
-        changes = {}
-        for item in fields(self):
-            value = getattr(self, item.name)
-            if isinstance(value, np.ndarray):
-                changes[item.name] = value[rows]
-            elif isinstance(value, dict):
-                changes[item.name] = {name: array[rows] for name, array in value.items()}
-        return replace(self, **changes)
-
-    @property
-    def sample_times(self) -> np.ndarray:
-        """(N,) s: the time of each row of a series, which has one (data_kind.py looks)."""
-        if self.time is None:
-            raise ValueError("rows without a time; expected a series")
-        return self.time
+class Dataset(Rows):
+    """Rows, and how they are divided into those that identify and those that judge."""
 
     def split(self, seed: int, fraction: float = 0.7) -> np.ndarray:
         """(N,) bool: the rows to identify with; `split_rule` says in words how they were chosen."""
         if self.identification is not None:
             return self.identification
-        split = pose_split if self.kind in STATIC else run_split
+        split = pose_split if kind_of(self.kind).at_rest else run_split
         return split(self, np.random.default_rng(seed), fraction)
 
     def split_rule(self, fraction: float = 0.7) -> str:
@@ -157,9 +61,11 @@ class Dataset:
 
 
 def read_dataset(
-    paths: str | Path | Sequence[str | Path], robot: Robot, kind: str | None = None, fixture: Fixture = Fixture()
+    paths: str | Path | Sequence[str | Path], robot: Robot, kind: str | None = None,
+    fixture: Fixture = Fixture()
 ) -> Dataset:
-    """One data set from files measured on `robot`. `kind` overrides what the columns say. Raises InputError."""
+    """One data set from files measured on `robot`. `kind` overrides what the columns say. Raises
+    InputError."""
     paths = [paths] if isinstance(paths, (str, Path)) else list(paths)
     if not paths:
         raise InputError("no data file given; expected at least one CSV or Parquet file")
@@ -170,7 +76,8 @@ def read_dataset(
 
 
 def read_planned_poses(paths: str | Path | Sequence[str | Path], robot: Robot) -> Dataset:
-    """Poses that need not have been measured: a design, a list of commands. As `read_dataset`, without x, y, z."""
+    """Poses that need not have been measured: a design, a list of commands. As `read_dataset`, without x, y,
+    z."""
     dataset = read_targets(paths, robot)
     check_joints(dataset, robot)
     return dataset
@@ -181,7 +88,7 @@ def read_targets(paths: str | Path | Sequence[str | Path], robot: Robot) -> Data
     paths = [paths] if isinstance(paths, (str, Path)) else list(paths)
     files = [_read_file(str(path), robot) for path in paths]
     _check_files(files)
-    return replace(_join(files, robot), kind="poses", kinds=("poses",))
+    return replace(_join(files, robot), kind=POSES.name, kinds=(POSES.name,))
 
 
 def write_dataset(path: str | Path, dataset: Dataset, robot: Robot) -> None:
@@ -274,7 +181,9 @@ def _check_values(path: str, column: Column, numbers: np.ndarray) -> None:
     elif column.quantity == "approach":
         good, expected = np.isin(numbers, (-1.0, 0.0, 1.0)), "-1, 0 or 1"
     elif column.quantity in CONTACTS:
-        good = np.isnan(numbers) | ((numbers == np.round(numbers)) & (numbers >= NO_CONTACT) & (numbers < LARGEST_MARK))
+        good = np.isnan(numbers) | (
+            (numbers == np.round(numbers)) & (numbers >= NO_CONTACT) & (numbers < LARGEST_MARK)
+        )
         expected = "a whole number from 0, or -1 (or nothing) where the row has no contact"
     elif column.quantity in ("session", "visit", "run"):
         good, expected = (numbers == np.round(numbers)) & (np.abs(numbers) < LARGEST_MARK), "a whole number"
@@ -310,11 +219,13 @@ def _check_vectors(path: str, columns: Mapping[Any, Column]) -> None:
 
 # -- all files ---------------------------------------------------------------------------------------
 def _check_files(files: Sequence[_File]) -> None:
-    """No file twice; and a quantity that only some files have could be neither used nor dropped without a word."""
+    """No file twice; and a quantity that only some files have could be neither used nor dropped without a
+    word."""
     numbering = {("session", None), ("run", None), ("visit", None)}
     if any((name, None) in file.columns for file in files for name in CONTACTS):
         # files of contacts beside each other, or beside a tracker's: what a file has not, its rows have not
-        numbering |= {(name, None) for name in (*CONTACTS, "length", *POSITION, *QUATERNION, *ROTATION_VECTOR)}
+        numbering |= {(name, None)
+                      for name in (*CONTACTS, "length", *POSITION, *QUATERNION, *ROTATION_VECTOR)}
     seen: dict[str, str] = {}
     for file in files:
         if other := seen.get(file.table.sha256):
@@ -335,11 +246,13 @@ def _join(files: Sequence[_File], robot: Robot) -> Dataset:
     stack = lambda key: files[0].values[key] if one else np.concatenate([held(file, key) for file in files])
     first = {key: column for file in files[::-1] for key, column in file.columns.items()}
     joints: dict[str, np.ndarray] = {}
-    for quantity, axis in ((key[0], key[1]) for key in first if isinstance(key, tuple) and key[1] is not None):
+    for quantity, axis in ((key[0], key[1])
+                           for key in first if isinstance(key, tuple) and key[1] is not None):
         if quantity not in joints:
             joints[quantity] = np.full((sum(rows), robot.axes), np.nan)
         joints[quantity][:, axis - 1] = stack((quantity, axis))
-    vector = lambda names: np.stack([stack((name, None)) for name in names], 1) if (names[0], None) in first else None
+    vector = lambda names: np.stack([stack((name, None)) for name in names],
+                                    1) if (names[0], None) in first else None
     visit = _shared_numbers(files, "visit") if any(file.get("visit") is not None for file in files) else None
     return Dataset(
         kind="",
@@ -357,7 +270,8 @@ def _join(files: Sequence[_File], robot: Robot) -> Dataset:
         visit=visit,
         identification=stack(("set", None)) == "identification" if ("set", None) in first else None,
         contacts={
-            name: np.nan_to_num(stack((name, None)), nan=NO_CONTACT).astype(int) for name in CONTACTS if (name, None) in first
+            name: np.nan_to_num(stack((name, None)), nan=NO_CONTACT).astype(int)
+            for name in CONTACTS if (name, None) in first
         },
         length=stack(("length", None)) if ("length", None) in first else None,
         covariates={key: stack(key) for key in first if isinstance(key, str)},
@@ -365,7 +279,8 @@ def _join(files: Sequence[_File], robot: Robot) -> Dataset:
     )
 
 
-def _rotation(files: Sequence[_File], vector: Callable[[tuple[str, ...]], np.ndarray | None]) -> np.ndarray | None:
+def _rotation(files: Sequence[_File],
+              vector: Callable[[tuple[str, ...]], np.ndarray | None]) -> np.ndarray | None:
     if (vectors := vector(ROTATION_VECTOR)) is not None:
         return Rotation.from_rotvec(np.nan_to_num(vectors)).as_matrix()
     if (quaternions := vector(QUATERNION)) is None:
@@ -382,7 +297,8 @@ def _rotation(files: Sequence[_File], vector: Callable[[tuple[str, ...]], np.nda
 
 
 def _shared_numbers(files: Sequence[_File], quantity: str) -> np.ndarray:
-    """Numbers that mean the same in every file that has the column; a file without it gets a number of its own."""
+    """Numbers that mean the same in every file that has the column; a file without it gets a number of its
+    own."""
     used = [numbers.astype(int) for file in files if (numbers := file.get(quantity)) is not None]
     free = max((int(numbers.max()) for numbers in used), default=0)
     out = []

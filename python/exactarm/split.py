@@ -8,25 +8,20 @@ identification.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from exactarm.data_kind import STATIC
-
-if TYPE_CHECKING:
-    from exactarm.dataset import Dataset
+from exactarm.kinds import kind_of
+from exactarm.rows import Rows
 
 # of an axis' range (about 1e-4 rad): an arm sent to one pose twice reports no more than this
 SAME_POSE = 3e-5
 DEFAULT_SEED = 1  # of every random choice, in Python and on the command line alike
-STANDS_STILL = 0.02  # an axis moves when its range is more than this share of the largest
 
 
-def pose_groups(dataset: Dataset) -> np.ndarray:
+def pose_groups(dataset: Rows) -> np.ndarray:
     """(N,) int from 0: rows with the same number were measured at the same pose of the arm."""
     angles = np.hstack([np.nan_to_num(dataset.joints[name]) for name in ("theta", "q")
                         if name in dataset.joints])
@@ -51,7 +46,7 @@ def pose_groups(dataset: Dataset) -> np.ndarray:
     return np.unique(labels[groups.ravel()], return_inverse=True)[1]
 
 
-def pose_split(dataset: Dataset, random: np.random.Generator, fraction: float) -> np.ndarray:
+def pose_split(dataset: Rows, random: np.random.Generator, fraction: float) -> np.ndarray:
     groups = pose_groups(dataset)
     _, first = np.unique(groups, return_index=True)
     chosen = np.zeros(len(first), dtype=bool)
@@ -62,9 +57,9 @@ def pose_split(dataset: Dataset, random: np.random.Generator, fraction: float) -
     return chosen[groups]
 
 
-def run_split(dataset: Dataset, random: np.random.Generator, fraction: float) -> np.ndarray:
+def run_split(dataset: Rows, random: np.random.Generator, fraction: float) -> np.ndarray:
     mask = np.zeros(len(dataset), dtype=bool)
-    for runs in _alike(dataset):
+    for runs in kind_of(dataset.kind).alike(dataset):
         if len(runs) == 1:
             rows = np.flatnonzero(dataset.run == runs[0])
             rows = rows[np.argsort(dataset.time[rows], kind="stable")]
@@ -74,14 +69,14 @@ def run_split(dataset: Dataset, random: np.random.Generator, fraction: float) ->
     return mask
 
 
-def split_rule(dataset: Dataset, fraction: float) -> str:
+def split_rule(dataset: Rows, fraction: float) -> str:
     """How the rows are chosen, as one sentence for a report."""
     percent = f"{100 * fraction:.0f} %"
     if dataset.identification is not None:
         return "Identification and validation rows are those that the column `set` names."
-    if dataset.kind in STATIC:
+    if kind_of(dataset.kind).at_rest:
         return f"{percent} of the poses of each session, chosen at random, identify; the others validate."
-    counts = [len(runs) for runs in _alike(dataset)]
+    counts = [len(runs) for runs in kind_of(dataset.kind).alike(dataset)]
     cut = f"the first {percent} of the run identify, the rest, later in time, validate"
     if max(counts) == 1:
         return f"There is {'one run' if len(counts) == 1 else 'one run of each sort'}: {cut}."
@@ -92,24 +87,3 @@ def split_rule(dataset: Dataset, fraction: float) -> str:
 def _share(count: int, fraction: float) -> int:
     """How many of `count` identify: neither none nor all, where there is a choice."""
     return count if count < 2 else int(np.clip(round(fraction * count), 1, count - 1))
-
-
-def _alike(dataset: Dataset) -> list[np.ndarray]:
-    """Numbers of the runs, grouped: in gear runs by which axes move and which way, otherwise all together."""
-    runs = np.unique(dataset.run)
-    if dataset.kind != "gear_run":
-        return [runs]
-    theta = np.nan_to_num(dataset.joints["theta"])
-    sorts: dict[tuple[int, ...], list[int]] = {}
-    order = np.argsort(dataset.run, kind="stable")
-    for run, rows in zip(runs, np.split(order, np.flatnonzero(np.diff(dataset.run[order])) + 1)):
-        sorts.setdefault(_sort_of_motion(theta[rows]), []).append(run)
-    return [np.array(members) for _, members in sorted(sorts.items())]
-
-
-def _sort_of_motion(theta: np.ndarray) -> tuple[int, ...]:
-    """Per axis: 0 stands still, 2 to and fro, +1 or -1 one way."""
-    span, net = np.ptp(theta, axis=0), theta[-1] - theta[0]
-    one_way = np.abs(net) > 0.9 * span
-    kind = np.where(one_way, np.sign(net), 2.0)
-    return tuple(int(value) for value in np.where(span > STANDS_STILL * max(span.max(), 1e-12), kind, 0.0))

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from compensation_cell import Cell, identified, reachable
-from exactarm.compensate.law import CompensationModel, Poses, actual_of, command_of, pose_error
+from exactarm.compensate.flange_poses import Poses, pose_error
+from exactarm.compensate.law import CompensationModel, actual_of, command_of
 from exactarm.errors import InputError
 from exactarm.robot import Controller
 

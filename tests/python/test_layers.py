@@ -6,7 +6,12 @@ import re
 import subprocess
 import sys
 import tomllib
+from functools import cache
 from pathlib import Path
+
+import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
 
 import exactarm as ea
 
@@ -14,11 +19,12 @@ TOP = Path(__file__).parents[2]
 PYTHON, CPP = TOP / "python" / "exactarm", TOP / "cpp"
 MOST_LINES = 420
 
-MODEL = {"leaf", "effects", "chain", "robot_file"}
+MODEL = {"leaf", "kinds", "effects", "chain", "robot_file"}
 REPORT = {"errors", "progress", "report"}
 # Room -> rooms that it may import. A module directly in the package is a leaf unless it is named here.
 MAY_IMPORT = {
-    "leaf": {"leaf"},
+    "leaf": {"leaf", "kinds"},
+    "kinds": {"leaf", "kinds"},
     "effects": MODEL - {"robot_file"},
     "chain": MODEL - {"robot_file"},
     "robot_file": MODEL,
@@ -45,6 +51,11 @@ CPP_MAY_INCLUDE = {
     "nlp": {"base", "nlp"},
     "ocp": {"base", "robot", "nlp", "ocp"},
 }
+
+
+@cache
+def syntax_of(path: Path) -> ast.Module:
+    return ast.parse(path.read_text())
 
 
 def python_files():
@@ -89,7 +100,7 @@ def upward_imports(path: Path) -> list[str]:
         return [f"the folder {room} is new: say what it may import"]
     target = lambda name: name.split(".")[1] if room == "report" else room_of(name)
     return [
-        f"{module} imports {name}" for name in imported_modules(ast.parse(path.read_text()))
+        f"{module} imports {name}" for name in imported_modules(syntax_of(path))
         if name not in WHEN_CALLED.get(module, ()) and target(name) not in MAY_IMPORT[room]
     ]
 
@@ -108,6 +119,62 @@ def test_includes_run_downwards():
         for path in (CPP / "exactarm" / room).glob("*.?pp")
         for target in re.findall(r'#include\s+["<]exactarm/(\w+)/', path.read_text()) if target not in allowed
     ]
+
+
+def every_import(path: Path) -> set[str]:
+    """Modules exactarm.x that a file names in any import, those for type checkers and in functions too."""
+    found = set()
+    for node in ast.walk(syntax_of(path)):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            found |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
+    return found
+
+
+def module_of(path: Path) -> str:
+    parts = path.relative_to(PYTHON).with_suffix("").parts
+    return ".".join(("exactarm", *(parts[:-1] if parts[-1] == "__init__" else parts)))
+
+
+def test_circles_of_imports_are_those_that_are_known():
+    """A robot's methods and an effect's annotations name the chain, which knows both; a result saves
+    itself."""
+    modules = {module_of(path): path for path in python_files()}
+    names, order = list(modules), {name: k for k, name in enumerate(modules)}
+    edges = [(order[one], order[other]) for one in names
+             for other in every_import(modules[one]) & order.keys()]
+    rows, columns = np.array(edges).T
+    graph = csr_array((np.ones(len(edges)), (rows, columns)), shape=(len(names), len(names)))
+    _, member = connected_components(graph, connection="strong")
+    circles = [{names[k] for k in np.flatnonzero(member == circle)} for circle in np.unique(member)]
+    circles = [circle for circle in circles if len(circle) > 1]
+    assert len(circles) <= 2
+    rooms = [{room_of(name) for name in circle} for circle in circles]
+    assert sorted(map(sorted, rooms)) == [["chain", "effects", "kinds", "leaf"], ["commands"]]
+    assert {"exactarm.commands.publish", "exactarm.commands.result"} in circles
+
+
+KIND_NAMES = {"poses", "gear_run", "motion", "tracked_motion", "closures"}
+# Where these words stand outside of `kinds`: a direction of gear tables, names of figures, keys, measures.
+# Only ever fewer.
+OTHER_MEANINGS = 28
+# Effects say which kinds show them, and some ask. Only ever fewer.
+IN_EFFECTS = 103
+
+
+def words_of_kinds(path: Path) -> int:
+    return sum(isinstance(node, ast.Constant) and node.value in KIND_NAMES
+               for node in ast.walk(syntax_of(path)))
+
+
+def test_no_other_room_names_a_kind_of_data():
+    in_effects = sum(words_of_kinds(path) for path in (PYTHON / "effects").glob("*.py"))
+    elsewhere = {str(path): words_of_kinds(path) for path in python_files()
+                 if path.parent not in (PYTHON / "effects", PYTHON / "kinds")}
+    assert in_effects <= IN_EFFECTS
+    assert sum(elsewhere.values()) <= OTHER_MEANINGS, {path: count for path, count in elsewhere.items()
+                                                       if count}
 
 
 def test_every_room_of_the_core_has_rules():
@@ -143,14 +210,14 @@ def test_types_are_checked_in_every_module_that_a_user_calls():
 
 def test_every_module_says_what_it_is():
     for path in python_files():
-        assert ast.get_docstring(ast.parse(path.read_text())), path
+        assert ast.get_docstring(syntax_of(path)), path
     for path in (CPP / "exactarm").rglob("*.hpp"):
         assert path.read_text().startswith("//"), path
 
 
 def test_only_the_command_line_prints():
     for path in python_files():
-        calls = [node for node in ast.walk(ast.parse(path.read_text()))
+        calls = [node for node in ast.walk(syntax_of(path))
                  if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "print"]
         assert not calls or path.name == "cli.py", path
 
@@ -158,7 +225,7 @@ def test_only_the_command_line_prints():
 def effect_names():
     names = set()
     for path in (PYTHON / "effects").glob("*.py"):
-        for node in ast.walk(ast.parse(path.read_text())):
+        for node in ast.walk(syntax_of(path)):
             target = node.targets[0] if isinstance(node, ast.Assign) else getattr(node, "target", None)
             value = getattr(node, "value", None)
             if getattr(target, "id", "") == "name" and isinstance(value, ast.Constant) and value.value:
@@ -172,7 +239,7 @@ def test_no_room_treats_an_effect_specially():
     for path in python_files():
         if PYTHON / "effects" in path.parents:
             continue
-        for node in ast.walk(ast.parse(path.read_text())):
+        for node in ast.walk(syntax_of(path)):
             if isinstance(node, (ast.Compare, ast.MatchValue)):
                 words = {part.value for part in ast.walk(node) if isinstance(part, ast.Constant)}
                 assert not words & names, f"{path.name}:{node.lineno} compares with the name of an effect"

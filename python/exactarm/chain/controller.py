@@ -23,6 +23,7 @@ from exactarm.chain.poses import PosePrediction, predict_poses
 from exactarm.dataset import Dataset
 from exactarm.effects.base import Station
 from exactarm.errors import ComputationError, InputError
+from exactarm.kinds import POSES
 from exactarm.robot import Frame, Placement, Point, Robot
 from exactarm.rotation import log
 
@@ -119,7 +120,7 @@ def _placed(robot: Robot, of: Point, seen_from: Frame) -> Robot:
     base = robot.base if seen_from == "device" else Placement()
     tool = robot.tool if of == "target" else Placement()
     effects = tuple(effect for effect in robot.effects
-                    if not effect.record and "poses" in effect.kinds and effect.station != Station.DEVICE)
+                    if not effect.record and POSES.name in effect.kinds and effect.station != Station.DEVICE)
     return replace(robot, base=base, tool=tool, effects=effects)
 
 
@@ -127,7 +128,7 @@ def _predict(robot: Robot, q: np.ndarray, approach: np.ndarray | None) -> PosePr
     joints = {"q": np.ascontiguousarray(q, float)}
     if approach is not None:
         joints["approach"] = np.broadcast_to(np.asarray(approach, float), q.shape)
-    data = Dataset.of_arrays("poses", joints)
+    data = Dataset.of_arrays(POSES.name, joints)
     return predict_poses(robot, Layout.of(robot.effects, estimate=False), data, tangents=False)
 
 

@@ -26,6 +26,8 @@ from exactarm.chain.spring import declared_deflection
 from exactarm.chain.swinging import bending_rate, follows_quietly, swings, widened
 from exactarm.chain.view import View, motor_angles
 from exactarm.dataset import Dataset
+from exactarm.kinds import GEAR_RUN
+from exactarm.kinds.base import STANDS_STILL
 from exactarm.robot import Robot
 from exactarm.signals import (
     block_starts,
@@ -39,7 +41,6 @@ from exactarm.signals import (
     typical_step,
     white_noise,
 )
-from exactarm.split import STANDS_STILL
 
 _ENCODER_SHARE = 0.1  # of the gyroscope's noise that the encoder may add to the predicted rate
 _LOWEST_CUTOFF_HZ, _HIGHEST_SHARE = 15.0, 0.35  # of the sampling rate
@@ -85,7 +86,7 @@ class GearRecord:
 
     def view(self, robot: Robot, data: Dataset, threads: int = 1) -> View:
         """A view of the data with what is known here already."""
-        view = View(robot, data, "gear_run", threads)
+        view = View(robot, data, GEAR_RUN.name, threads)
         view.signals |= {"theta": self.theta.copy(), "theta_dot": self.theta_dot, "direction": self.direction}
         view.signals["keep"] = self.keep.astype(float)
         view.runs, view.moving, view.moving_runs = self.runs, self.moving, tuple(
@@ -115,7 +116,7 @@ def gear_record(robot: Robot, data: Dataset, *, accelerating: bool = False) -> G
     """Prepares all runs of `data`; `accelerating`: keeps what might swing on axes of which the data say that
     they do not."""
     theta = motor_angles(robot, data)
-    view = View(robot, data, "gear_run")
+    view = View(robot, data, GEAR_RUN.name)
     view.signals["theta"] = theta
     runs, moving = view.runs, np.flatnonzero(view.moving)
     encoder_axes = () if data.gyro is not None else _encoder_axes(data)

@@ -27,6 +27,7 @@ from exactarm.chain.spring_response import SpringResponse
 from exactarm.chain.view import View
 from exactarm.effects.base import Effect, Station
 from exactarm.effects.drive import smooth_sign
+from exactarm.kinds import MOTION
 from exactarm.robot import Robot
 
 _RELATIVE_STEP = 1e-4  # of a plausible value, for the slope of dphi/dtheta (exact for effects linear in it)
@@ -109,7 +110,7 @@ def predict_motion(
 
 def motion_view(
     robot: Robot, layout: Layout, record: MotionRecord, *, tangents: bool = True, threads: int = 1,
-    kind: str = "motion",
+    kind: str = MOTION.name,
     bent=None,
 ) -> MotionView:
     """Motor angles, gears, loads, springs and joint angles with their rates: all signals up to the joints."""

@@ -22,6 +22,7 @@ from exactarm.chain.spring import declared_deflection
 from exactarm.chain.view import View, motor_angles
 from exactarm.dataset import Dataset
 from exactarm.effects.base import Station
+from exactarm.kinds import POSES
 from exactarm.robot import Robot
 from exactarm.rotation import exp as rotation_exp
 from exactarm.rotation import log as rotation_log
@@ -58,7 +59,7 @@ def predict_poses(
     """Prediction of every row of `data` with the effects of `layout` in the chain."""
     for effect in layout.effects:
         robot = effect.bake(robot)
-    view = View(robot, data, "poses", threads)
+    view = View(robot, data, POSES.name, threads)
     _joint_angles(view, layout, tangents)
     return predict_target(view, layout, tangents)
 

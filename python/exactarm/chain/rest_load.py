@@ -17,8 +17,8 @@ from functools import cached_property
 import numpy as np
 
 from exactarm import _core
-from exactarm.data_kind import STATIC
 from exactarm.dataset import Dataset
+from exactarm.kinds import kind_of
 from exactarm.robot import Link, Robot
 
 TIP_SHARE = 0.1  # of the arm's mass, at the flange: the shape by which a generic distribution may be wrong
@@ -117,7 +117,7 @@ def carried_bodies(robot: Robot, data: Dataset) -> tuple[Body, ...]:
 
 def measured_at_rest(robot: Robot, data: Dataset) -> np.ndarray:
     """(N, n) Nm measured in static poses, NaN where none was; currents only with a declared constant."""
-    if data.kind not in STATIC:
+    if not kind_of(data.kind).at_rest:
         return np.full((len(data), robot.axes), np.nan)
     constants = [np.nan if joint.torque_constant is None else joint.torque_constant for joint in robot.joints]
     return drive_torque(robot, data, np.array(constants))

@@ -12,6 +12,7 @@ from exactarm.chain.motion import motion_view
 from exactarm.chain.motion_record import MotionRecord, unthinned_record
 from exactarm.chain.poses import PosePrediction, predict_target
 from exactarm.dataset import Dataset
+from exactarm.kinds import TRACKED_MOTION
 from exactarm.robot import Robot
 
 
@@ -28,7 +29,7 @@ def predict_tracked_motion(
     """Prediction of every row of `data`; `record`: of the same data (`unthinned_record`), to save its
     preparation; bent: `MotionView.bent` of the same motion, where that is known."""
     record = unthinned_record(robot, data) if record is None else record
-    view = motion_view(robot, layout, record, tangents=tangents, threads=threads, kind="tracked_motion",
+    view = motion_view(robot, layout, record, tangents=tangents, threads=threads, kind=TRACKED_MOTION.name,
                        bent=bent)
     view.predict = lambda robot, layout, record, threads, bent: predict_tracked_motion(
         robot, layout, record.data, record=record, threads=threads, bent=bent

@@ -18,9 +18,10 @@ from exactarm.chain.rest_load import RestLoad
 from exactarm.dataset import Dataset
 from exactarm.effects.base import Effect, Station
 from exactarm.effects.drive import SIGN_WIDTH_RAD_S
+from exactarm.kinds import GEAR_RUN, MOTION, POSES
+from exactarm.kinds.base import STANDS_STILL
 from exactarm.robot import Robot
 from exactarm.signals import order_of_sampling
-from exactarm.split import STANDS_STILL
 
 # (columns of the station's signal, derivative (N, c, k)) -> what it does to the measurement, (N, m, k).
 Transfer = Callable[[tuple[int, ...], np.ndarray], np.ndarray]
@@ -98,7 +99,7 @@ class View:
     @property
     def is_series(self) -> bool:
         """Whether the rows of a run follow each other in time."""
-        return self.kind != "poses"
+        return self.kind != POSES.name
 
     @property
     def keep(self) -> np.ndarray:
@@ -165,7 +166,7 @@ class View:
     @property
     def has_masses(self) -> bool:
         """Whether masses load the joints; generic ones say nothing of drive torques, and have no place beside measured ones."""
-        torques = self.kind in ("gear_run", "motion")
+        torques = self.kind in (GEAR_RUN.name, MOTION.name)
         return self.robot.links is not None and not (self.robot.generic_masses and torques)
 
     @cached_property

@@ -9,12 +9,12 @@ from pathlib import Path
 
 from exactarm.commands.plain import sha256
 from exactarm.commands.result import Asked, CommandResult
-from exactarm.dataset import Source
 from exactarm.effects import Effect, effect_from_table, library
 from exactarm.effects.accepted import effects_folder
 from exactarm.errors import InputError
 from exactarm.report import Report, Text
 from exactarm.robot_writer import effects_text
+from exactarm.rows import Source
 from exactarm.split import DEFAULT_SEED
 from exactarm.toml_file import read_toml
 

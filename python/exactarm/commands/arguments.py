@@ -6,7 +6,7 @@ import argparse
 import os
 from pathlib import Path
 
-from exactarm.data_kind import KINDS
+from exactarm.kinds import KIND_NAMES
 from exactarm.split import DEFAULT_SEED
 
 
@@ -20,7 +20,7 @@ def add_files(parser: argparse.ArgumentParser, least: int = 1, text: str = "meas
     optional = {} if least else {"default": []}
     parser.add_argument("files", metavar="FILE", nargs="+" if least else "*", type=Path, help=text, **optional)
     if least:
-        parser.add_argument("--kind", choices=KINDS,
+        parser.add_argument("--kind", choices=KIND_NAMES,
                             help="kind of data (default: told by the columns)")
 
 

@@ -25,6 +25,7 @@ from exactarm.identify.closures import calibrate_closures
 from exactarm.identify.declared import geometry_layout
 from exactarm.identify.identifiability import Dropped
 from exactarm.identify.parameter_name import Group, parse_parameter
+from exactarm.kinds import CLOSURES, POSES
 from exactarm.progress import SILENT, Progress
 from exactarm.report import Estimate, Figure, Quantity, Report, Table, Warnings
 from exactarm.report.numbers import change, quantity
@@ -97,10 +98,10 @@ def run(arguments: argparse.Namespace) -> CommandResult:
     )
 
 
-CALIBRATORS = {"poses": identify_geometry, "closures": calibrate_closures}
+CALIBRATORS = {POSES.name: identify_geometry, CLOSURES.name: calibrate_closures}
 
 
-def require_poses(data: Dataset, kinds: Collection[str] = ("poses",)) -> Dataset:
+def require_poses(data: Dataset, kinds: Collection[str] = (POSES.name,)) -> Dataset:
     if data.kind not in kinds:
         how = "; --kind poses takes its rows as poses at rest" if data.position is not None else ""
         raise InputError(f"expected poses (x, y, z at rest), found a {data.kind.replace('_', ' ')}{how}",
@@ -170,7 +171,7 @@ def _report(robot: Robot, data: Dataset, result: Calibration, rule: str) -> Repo
     )
     what, known = "position error", ()
     note = "Before: nominal parameters with only base and tool frames fitted. " + rule
-    if data.kind == "closures":
+    if data.kind == CLOSURES.name:
         what, known = "distance to the contact", _distance_tables(result)
         verdict = verdict.replace("position error", what)
         note = "Before: nominal parameters with only contacts and tool fitted. " + rule

@@ -16,11 +16,12 @@ from typing import Any
 from exactarm.commands.arguments import available_cores
 from exactarm.commands.plain import sha256
 from exactarm.commands.result import Asked
-from exactarm.dataset import Dataset, Source, read_dataset
+from exactarm.dataset import Dataset, read_dataset
 from exactarm.errors import InputError
 from exactarm.fixture import Fixture, load_fixture
 from exactarm.robot import Robot
 from exactarm.robot_file import load_robot
+from exactarm.rows import Source
 from exactarm.session_table import with_sessions
 
 AnyRobot = Robot | str | Path

@@ -25,6 +25,7 @@ from exactarm.commands.result import CommandResult
 from exactarm.dataset import Dataset
 from exactarm.errors import InputError
 from exactarm.identify.statistics import summarise
+from exactarm.kinds import TRACKED_MOTION
 from exactarm.plan.inverse_kinematics import inverse_kinematics
 from exactarm.plan.optimal import PlanOptions, plan_path
 from exactarm.plan.path_file import PlannedPath, load_path
@@ -130,7 +131,7 @@ def play(
     if engine == "pinocchio":
         flange = independent_path(at_flange, time, theta, joints)
     else:
-        data = Dataset.of_arrays("tracked_motion", {"theta": theta}, time=time)
+        data = Dataset.of_arrays(TRACKED_MOTION.name, {"theta": theta}, time=time)
         flange = true_path(at_flange, data, joints, damping_s=damping_s)
     error = np.linalg.norm(flange - path.curve.motion(path.duration)(time)[0], axis=1)
     return Played(method, engine, time, flange, error)

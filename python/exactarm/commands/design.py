@@ -35,6 +35,7 @@ from exactarm.identify.closure_design import ClosureDesignOptions
 from exactarm.identify.design import Design, DesignOptions, design_poses
 from exactarm.identify.line_of_sight import Station
 from exactarm.identify.pose_space import Box
+from exactarm.kinds import POSES
 from exactarm.progress import SILENT, Progress
 from exactarm.report import Figure, Quantity, Report, Section, Table, Text, Warnings
 from exactarm.report.numbers import number
@@ -119,7 +120,7 @@ def design(
     progress.stage("designing")
     found = design_poses(arm, options)
     progress.stage("which causes these poses could tell")
-    causes = isolability(arm, Dataset.of_arrays("poses", {"q": found.q}), 1e-3 * noise_mm, seed,
+    causes = isolability(arm, Dataset.of_arrays(POSES.name, {"q": found.q}), 1e-3 * noise_mm, seed,
                          threads_of(threads))
     q, sets, approach = _visits(found, both_ways)
     texts = {}

@@ -23,6 +23,7 @@ from exactarm.diagnose.draft import Draft
 from exactarm.diagnose.verdict import UNEXPLAINED, remains
 from exactarm.errors import InputError
 from exactarm.identify.statistics import summarise
+from exactarm.kinds import MOTION
 from exactarm.progress import SILENT, Progress
 from exactarm.robot_writer import tables_text
 from exactarm.split import DEFAULT_SEED
@@ -143,7 +144,7 @@ def _drafted(drafts: list[Draft]) -> dict[str, str]:
 
 def _per_axis(result: Diagnosis, errors: np.ndarray) -> dict[str, Any]:
     """A summary of each axis, in motions, where every sample holds a number for each."""
-    if result.axes is None or result.kind != "motion":
+    if result.axes is None or result.kind != MOTION.name:
         return {}
     columns = errors.reshape(-1, len(result.axes)).T
     return {"axes": [{"joint": axis["joint"]} | summarise(column).to_json() for axis, column in zip(result.axes, columns)]}

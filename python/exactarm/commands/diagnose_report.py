@@ -17,11 +17,11 @@ from exactarm.commands.effect_sections import (
     sizes_figure,
 )
 from exactarm.commands.error_sections import error_figures, error_table, highlights
-from exactarm.data_kind import STATIC
 from exactarm.diagnose.contribution import Contribution
 from exactarm.diagnose.diagnosis import Diagnosis, Finding
 from exactarm.diagnose.dossier import Dossier
 from exactarm.diagnose.verdict import NOTHING, UNEXPLAINED, remains
+from exactarm.kinds import kind_of
 from exactarm.report import Figure, Quantity, Report, Table, Text, Warnings
 from exactarm.report.numbers import change, quantity
 from exactarm.report.plots.arm import arm_with_errors
@@ -29,9 +29,6 @@ from exactarm.robot import Robot
 
 _LESS = 1.02  # of the error with the accepted causes: a rival below leaves no more than they do
 _NEVER = 1e-16  # p-values below are all the same to a reader
-_ROWS = {"poses": "poses", "closures": "touches", "gear_run": "samples", "motion": "samples", "tracked_motion": "samples"}
-_ANEW = {"poses": "Measure some twenty new poses", "closures": "Touch the fixture at another place", "gear_run": "Record the gears once more",
-         "motion": "Record another motion", "tracked_motion": "Track another path"}
 
 
 def report_of(robot: Robot, results: list[Diagnosis], rule: str, skipped: list[str]) -> Report:
@@ -58,7 +55,7 @@ def found_effects(result: Diagnosis) -> list[tuple[Finding, Contribution | None]
 def verdict_of(robot: Robot, result: Diagnosis, found: list[tuple[Finding, Contribution | None]]) -> str:
     """The verdict in a technician's words."""
     judged = "validation" if result.after["validation"].n else "identification"
-    rows = _ROWS.get(result.kind, "rows")
+    rows = kind_of(result.kind).rows
     if not found:
         return result.sentence
     before, after = result.before[judged].rms, result.after[judged].rms
@@ -75,8 +72,7 @@ def verdict_of(robot: Robot, result: Diagnosis, found: list[tuple[Finding, Contr
 
 def _sections(robot: Robot, result: Diagnosis, found: list[tuple[Finding, Contribution | None]], rule: str) -> list:
     unit = result.unit
-    name = "distance to the contact" if result.kind == "closures" else "position error" if unit == "m" else "error"
-    row = "pose" if result.kind in STATIC else "sample"
+    name, row = kind_of(result.kind).error, kind_of(result.kind).row
     note = f"Before: the declared model with its own parameters estimated again. {rule}"
     sections: list = [highlights(result.before, result.after, unit), *_next(result, found), *_drafts(result)]
     if found:
@@ -109,7 +105,7 @@ def _next(result: Diagnosis, found: list[tuple[Finding, Contribution | None]]) -
         lines.append("Use `robot.toml` of this folder in place of your robot file: `exactarm plan` with it makes up for "
                      + ", ".join(sorted({f.effect.in_plain_words for f, _ in found if f.effect.compensable})) + ".")
     if found:
-        lines.append(f"{_ANEW[result.kind]} and run `exactarm evaluate robot.toml NEW.csv`: the error there is the one to trust.")
+        lines.append(f"{kind_of(result.kind).anew} and run `exactarm evaluate robot.toml NEW.csv`: the error there is the one to trust.")
     if result.next_experiment:
         lines.append(result.next_experiment + (" `exactarm design --for result.json` writes these poses." if result.experiments else ""))
     if result.verdict == UNEXPLAINED and not result.next_experiment:

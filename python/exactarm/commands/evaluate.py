@@ -18,6 +18,7 @@ from exactarm.commands.suspicions import suspicions
 from exactarm.dataset import Dataset
 from exactarm.errors import InputError
 from exactarm.identify.evaluate import EVALUATORS, Evaluation
+from exactarm.kinds import kind_of
 from exactarm.progress import SILENT, Progress
 from exactarm.report import Cell, Figure, Highlight, Highlights, Quantity, Report, Table, Warnings
 from exactarm.report.numbers import quantity
@@ -103,7 +104,7 @@ def _report(robot: Robot, data: Dataset, result: Evaluation) -> Report:
         mean = float(np.mean(list(result.distances.values())))
         verdict += f" Known distances are missed by {quantity(mean, unit)} on average."
         known = (Table("Known distances", ("distance", "error"), tuple((k, Quantity(v, unit)) for k, v in result.distances.items())),)
-    name = {"poses": "position error", "closures": "distance to the contact"}.get(data.kind, "error")
+    name = kind_of(data.kind).error
     rows: tuple[tuple[Cell, ...], ...] = tuple(
         (str(session), e.n, *(Quantity(v, unit) for v in (e.mean, e.rms, e.max, e.std)))
         for session, e in result.sessions

@@ -18,6 +18,7 @@ from exactarm.dataset import Dataset
 from exactarm.errors import InputError
 from exactarm.identify.gear import Gear, GearIdentification, identify_gears
 from exactarm.identify.gear_orders import METHODS
+from exactarm.kinds import GEAR_RUN
 from exactarm.progress import SILENT, Progress
 from exactarm.split import DEFAULT_SEED
 
@@ -48,11 +49,11 @@ def gear(
     """
     declared = robot_of(robot)
     rows = data_of(data, declared, kind)
-    if "gear_run" not in rows.kinds:
+    if GEAR_RUN.name not in rows.kinds:
         raise InputError(f"expected gear runs (gyroscope, or encoders on both sides), found {rows.kind}",
                          file=rows.first_file)
-    require_memory("gear", "gear_run", rows)
-    with suspicions(declared, replace(rows, kind="gear_run", kinds=("gear_run",))) as found:
+    require_memory("gear", GEAR_RUN.name, rows)
+    with suspicions(declared, replace(rows, kind=GEAR_RUN.name, kinds=(GEAR_RUN.name,))) as found:
         result = identify_gears(declared, rows, method=method, seed=seed, threads=threads_of(threads),
                                 progress=progress.stage)
     return CommandResult(

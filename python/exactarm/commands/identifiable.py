@@ -39,6 +39,7 @@ from exactarm.identify.model_check import ModelCheck, check_model
 from exactarm.identify.parameter_name import parse_parameter
 from exactarm.identify.planned import PlannedModel, controller_angles, pose_blocks, pose_data, row_weights
 from exactarm.identify.pose_space import PoseSpace
+from exactarm.kinds import CLOSURES
 from exactarm.measurement.closures import touches
 from exactarm.report import Figure, Quantity, Report, Section, Table, Text, Warnings
 from exactarm.report.numbers import number
@@ -108,7 +109,7 @@ def _touches(robot: Robot, arguments: argparse.Namespace) -> Dataset | None:
     if data is None or not data.contacts:
         return None
     fixture = Fixture() if arguments.fixture is None else load_fixture(arguments.fixture)
-    return touches(replace(data, kind="closures", kinds=("closures",), fixture=fixture))
+    return touches(replace(data, kind=CLOSURES.name, kinds=(CLOSURES.name,), fixture=fixture))
 
 
 def _closures(robot: Robot, data: Dataset, noise: float,

@@ -25,6 +25,7 @@ from exactarm.identify.dynamics import (
     with_links,
 )
 from exactarm.identify.statistics import summarise
+from exactarm.kinds import MOTION
 from exactarm.progress import SILENT, Progress
 from exactarm.report import Cell, Figure, Quantity, Report, Table, Warnings
 from exactarm.report.numbers import change, quantity
@@ -64,7 +65,7 @@ def identify(
         threads=threads_of(threads),
     )
     progress.stage("identifying")
-    require_memory("identify", "motion", rows)
+    require_memory("identify", MOTION.name, rows)
     with suspicions(declared, rows) as found:
         result = identify_dynamics(declared, rows, options)
     return CommandResult(
@@ -85,7 +86,7 @@ def run(arguments: argparse.Namespace) -> CommandResult:
 
 
 def require_motion(data: Dataset) -> Dataset:
-    if "motion" not in data.kinds:
+    if MOTION.name not in data.kinds:
         raise InputError(f"expected a motion (torques or currents over time), found {data.kind.replace('_', ' ')}",
                          file=data.sources[0].path if data.sources else None)
     return data

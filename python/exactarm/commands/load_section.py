@@ -5,16 +5,16 @@ from __future__ import annotations
 from dataclasses import replace
 
 from exactarm.commands.result import CommandResult
-from exactarm.data_kind import STATIC
 from exactarm.dataset import Dataset
 from exactarm.identify.loads import guess_line, load_json, load_lines, with_loads
+from exactarm.kinds import kind_of
 from exactarm.report import Text
 from exactarm.robot import Robot
 
 
 def with_load_section(result: CommandResult, robot: Robot, data: Dataset) -> CommandResult:
     """The result with the loads of `robot` as declared on `data`."""
-    if data.kind not in STATIC:
+    if not kind_of(data.kind).at_rest:
         return result
     loaded = with_loads(robot, data)
     lines = load_lines(loaded, data)

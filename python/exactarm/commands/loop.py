@@ -23,6 +23,7 @@ from exactarm.errors import InputError
 from exactarm.identify.calibrate import CalibrationOptions, calibrate
 from exactarm.identify.declared import frames_layout
 from exactarm.identify.statistics import ErrorSummary, summarise
+from exactarm.kinds import TRACKED_MOTION
 from exactarm.plan.optimal import PlanOptions, plan_path
 from exactarm.plan.path_file import PlannedPath, load_path
 from exactarm.plan.reference import Reference
@@ -142,7 +143,7 @@ def _execute(name: str, model: Robot, drawn: Robot, virtual: VirtualRobot, path:
     offset = held @ (model.tool.position - drawn.tool.position)
     moved = replace(path, curve=_Moved(path.curve, turn, origin, offset), orientation_wxyz=_quaternion(held))
     plan = plan_path(model, moved, PlanOptions(threads=threads))
-    series = Dataset.of_arrays("tracked_motion", {"theta": plan.theta}, time=plan.time)
+    series = Dataset.of_arrays(TRACKED_MOTION.name, {"theta": plan.theta}, time=plan.time)
     measured = true_path(virtual, series, plan.q_desired, damping_s=_DAMPING_S)
     error = np.linalg.norm(measured - _in_tracker(desired, drawn), axis=1)
     return _Round(name, model, error, summarise(error))

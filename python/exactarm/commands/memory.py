@@ -10,6 +10,7 @@ from pathlib import Path
 
 from exactarm.dataset import Dataset
 from exactarm.errors import InputError
+from exactarm.kinds import GEAR_RUN, MOTION, POSES
 
 GIGABYTE = 2.0**30
 MEMINFO = Path("/proc/meminfo")
@@ -18,11 +19,11 @@ BASE_BYTES = 0.3 * GIGABYTE  # of the libraries and the figures
 # command, kind of data -> bytes a row; None: it does not grow with the rows by more than the data (blocks,
 # thinned runs)
 BYTES_A_ROW = {
-    ("calibrate", "poses"): 65e3,
-    ("diagnose", "poses"): 1.3e6,
-    ("evaluate", "poses"): 1.5e3,
-    ("identify", "motion"): 3e3,
-    ("gear", "gear_run"): 5e3,
+    ("calibrate", POSES.name): 65e3,
+    ("diagnose", POSES.name): 1.3e6,
+    ("evaluate", POSES.name): 1.5e3,
+    ("identify", MOTION.name): 3e3,
+    ("gear", GEAR_RUN.name): 5e3,
 }
 
 

@@ -15,7 +15,6 @@ import exactarm
 from exactarm.commands.output import OutputFolder
 from exactarm.commands.plain import plain, rows_of, sha256
 from exactarm.commands.result import Asked, CommandResult
-from exactarm.dataset import Source
 from exactarm.errors import ComputationError, InputError
 from exactarm.progress import SILENT, Progress
 from exactarm.report.html import render_html
@@ -24,6 +23,7 @@ from exactarm.report.printing import print_page
 from exactarm.report.sections import Report
 from exactarm.report.terminal import render_text
 from exactarm.robot import Robot
+from exactarm.rows import Source
 
 _SHORT_HASH = 12  # characters of a SHA-256 that are shown; result.json has all
 _NUMERICS = ("numpy", "scipy")

@@ -20,11 +20,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from exactarm.commands.plain import plain
-from exactarm.dataset import Source
 from exactarm.errors import InputError
 from exactarm.identify.statistics import ErrorSummary
 from exactarm.report.sections import Figure, Report, Warnings
 from exactarm.robot import Robot
+from exactarm.rows import Source
 
 if TYPE_CHECKING:
     import pandas

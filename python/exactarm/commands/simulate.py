@@ -28,6 +28,7 @@ from exactarm.dataset import Dataset, dataset_columns, read_planned_poses
 from exactarm.errors import InputError
 from exactarm.generic_masses import with_generic_masses
 from exactarm.identify.statistics import summarise
+from exactarm.kinds import GEAR_RUN, TRACKED_MOTION
 from exactarm.progress import SILENT, Progress
 from exactarm.report import Highlight, Highlights, Quantity, Report, Text
 from exactarm.report.numbers import quantity
@@ -274,7 +275,7 @@ def _joined(parts: list[Dataset]) -> Dataset:
     stack = lambda pick: np.concatenate([pick(part) for part in parts])
     covariates = {name: stack(lambda part, name=name: part.covariates[name]) for name in parts[0].covariates}
     return Dataset.of_arrays(
-        "gear_run", {"theta": stack(lambda part: part.joints["theta"])}, time=stack(lambda part: part.time),
+        GEAR_RUN.name, {"theta": stack(lambda part: part.joints["theta"])}, time=stack(lambda part: part.time),
         run=np.concatenate(first), gyro=stack(lambda part: part.gyro), covariates=covariates,
     )
 
@@ -302,7 +303,7 @@ def _tracked(arguments: argparse.Namespace, virtual: VirtualRobot, planned: Data
         raise ValueError("expected a planned trajectory")
     time, theta, joints = _resampled(planned, virtual.nominal, arguments.rate)
     how = {"quasi_static": arguments.quasi_static, "damping_s": arguments.damping or 0.0}
-    series = Dataset.of_arrays("tracked_motion", {"theta": theta}, time=time)
+    series = Dataset.of_arrays(TRACKED_MOTION.name, {"theta": theta}, time=time)
     at_flange = VirtualRobot(virtual.nominal, unplaced(virtual.true))
     if arguments.engine == "pinocchio":
         flange = independent_path(at_flange, time, theta, joints)

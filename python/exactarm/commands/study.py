@@ -9,18 +9,19 @@ knots and between them. The weight of the jerk is nu / (100 rad/s)^2: at 16 Hz b
 from __future__ import annotations
 
 import argparse
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from exactarm.commands.arguments import add_robot
-from exactarm.commands.compare import BETWEEN, Motion, Played, play
+from exactarm.commands.compare import BETWEEN, Motion, play
 from exactarm.commands.result import CommandResult
+from exactarm.commands.study_case import Case
 from exactarm.commands.study_report import study_report
 from exactarm.errors import InputError
 from exactarm.identify.statistics import summarise
-from exactarm.plan.optimal import Plan, PlanOptions, plan_path
+from exactarm.plan.optimal import PlanOptions, plan_path
 from exactarm.plan.path_file import PlannedPath, load_path, shipped_paths
 from exactarm.plan.spectrum import PEAK_SHARE, peak_bandwidth, ringing
 from exactarm.robot import Robot
@@ -35,22 +36,6 @@ WEIGHTS = tuple(10.0**k for k in range(-14, -5))
 SAME_COST_RAD_S = 100.0  # where a jerk costs what an acceleration does
 # of the acceleration; above it the flange leaves the path by a tenth of a millimetre and more
 MOST_JERK_WEIGHT = 1e-10
-
-
-@dataclass(frozen=True)
-class Case:
-    """One plan, nu the weight of the acceleration it compares with, and how it went on the virtual robot."""
-
-    nu: float
-    plan: Plan
-    played: Played
-    bandwidth: tuple[float | None, ...]  # Hz per axis, plan/spectrum.py
-    ringing: np.ndarray  # (n,) rad/s^2, output side
-
-    @property
-    def widest(self) -> float:
-        """Hz: the largest bandwidth of an axis."""
-        return max((value for value in self.bandwidth if value is not None), default=0.0)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

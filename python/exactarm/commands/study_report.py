@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from exactarm import _core
+from exactarm.commands.study_case import Case
 from exactarm.identify.statistics import summarise
 from exactarm.plan.compensation import planning_model
 from exactarm.plan.spectrum import PEAK_SHARE, amplitude
@@ -16,10 +16,7 @@ from exactarm.report.numbers import quantity
 from exactarm.report.plots.weighting import histories, over_weight, path_in_space, spectra_per_axis, trade_off
 from exactarm.robot import Robot
 
-if TYPE_CHECKING:
-    from exactarm.commands.study import Case
-
-Study = dict[str, list["Case"]]
+Study = dict[str, list[Case]]
 _LEAST_SHOWN_M = 1e-10
 _INPUTS = {"acceleration": "acceleration", "jerk": "jerk"}
 

@@ -10,16 +10,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import product
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from exactarm import _core
+from exactarm.compensate.flange_poses import Poses, pose_error, pseudo_inverse
 from exactarm.errors import InputError
 from exactarm.robot import Robot, frame_of
-
-if TYPE_CHECKING:
-    from exactarm.compensate.law import Poses
 
 STEPS = 8  # from an error of 1e-3 rad, the Jacobian of the start for all
 SAME_BRANCH_RAD = 1.0  # two branches of an arm differ by more in one axis, unless it is close to singular
@@ -68,14 +66,10 @@ class ControllerChain:
 
     def poses(self, q: np.ndarray) -> Poses:
         """Of the flange, for joint angles (N, n)."""
-        from exactarm.compensate.law import Poses
-
         return Poses(*_core.forward_kinematics(self.core, q))
 
     def joints(self, targets: Poses, near: np.ndarray) -> np.ndarray:
         """Joint angles (N, n) of poses close to those of `near` (N, n)."""
-        from exactarm.compensate.law import pose_error, pseudo_inverse
-
         q = np.array(near, dtype=float)
         inverse = pseudo_inverse(_core.geometric_jacobian(self.core, q))
         for _ in range(STEPS):

@@ -16,7 +16,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from exactarm.compensate.approach import approaches
-from exactarm.compensate.law import NEAR_SINGULAR, CompensationModel, Poses, pose_error
+from exactarm.compensate.flange_poses import Poses, pose_error
+from exactarm.compensate.law import NEAR_SINGULAR, CompensationModel
 from exactarm.compensate.program import Edit, Program, Target
 from exactarm.compensate.straightness import Bend, bends
 from exactarm.errors import InputError

@@ -21,13 +21,15 @@ from pathlib import Path
 
 import numpy as np
 
-from exactarm.compensate.law import CompensationModel, Poses, pose_error
+from exactarm.compensate.flange_poses import Poses, pose_error
+from exactarm.compensate.law import CompensationModel
 from exactarm.dataset import read_dataset
 from exactarm.errors import InputError
+from exactarm.kinds import POSES
 from exactarm.robot import Placement, Robot
 from exactarm.rotation import exp, log, skew
 
-POSES, SEED, STEPS = 200, 1, 6
+SAMPLES, SEED, STEPS = 200, 1, 6
 LEVER_M = 0.2  # an orientation error counts as the shift of a tool of that length
 TOUCHED_M = 5e-5  # a reference point is touched, or a reflector measured, to about that
 PLAUSIBLE_M, PLAUSIBLE_RAD = 5e-3, 5e-3  # how far base and flange may be from where the tables have them
@@ -79,13 +81,13 @@ def _closest(robot: Robot, threads: int) -> tuple[Placement, Placement]:
     model = CompensationModel.of(robot)
     low, high = model.controller.limits
     low, high = np.where(np.isfinite(low), low, -np.pi), np.where(np.isfinite(high), high, np.pi)
-    q = np.random.default_rng(SEED).uniform(low, high, (POSES, model.actual.axes))
+    q = np.random.default_rng(SEED).uniform(low, high, (SAMPLES, model.actual.axes))
     wanted, reached = model.controller.poses(q), model.reached(q, threads=threads)
     base, flange = Placement(), Placement()
     for _ in range(STEPS):
         placed = _placed(reached, base, flange)
         error = pose_error(wanted, placed)
-        jacobian = np.zeros((POSES, 6, 12))
+        jacobian = np.zeros((SAMPLES, 6, 12))
         jacobian[:, :3, :3] = jacobian[:, 3:, 3:6] = np.eye(3)
         jacobian[:, :3, 3:6] = -skew(placed.position)
         jacobian[:, :3, 6:9] = jacobian[:, 3:, 9:] = placed.rotation
@@ -98,7 +100,7 @@ def _closest(robot: Robot, threads: int) -> tuple[Placement, Placement]:
 
 
 def _by_points(robot: Robot, path: Path, tip: Placement, threads: int) -> CellFrames:
-    data = read_dataset(path, robot, "poses")
+    data = read_dataset(path, robot, POSES.name)
     if (
         len(data) < LEAST_POINTS
         or np.linalg.svd(data.position - data.position.mean(0), compute_uv=False)[1] < 1e-2

@@ -20,11 +20,12 @@ import numpy as np
 from exactarm import _core
 from exactarm.chain import Layout, predict_poses
 from exactarm.compensate.controller import ControllerChain
+from exactarm.compensate.flange_poses import Poses, pose_error, pseudo_inverse
 from exactarm.dataset import Dataset
 from exactarm.effects.payload import Payload
+from exactarm.kinds import POSES
 from exactarm.mdh_frames import compose
 from exactarm.robot import Placement, Robot
-from exactarm.rotation import log as rotation_log
 
 STEPS = (
     8  # three gain nine digits of a millimetre; more close to a singular pose, or where a flank changes side
@@ -34,20 +35,6 @@ REACHED = 1e-10  # m and rad: a hundredth of the last digit that any program car
 # Frobenius norm of J^-1 (rad per m or rad): 1 mrad, the orientation error of an arm as delivered, turns an
 # axis by 0.1 rad.
 NEAR_SINGULAR = 100.0
-
-
-@dataclass(frozen=True)
-class Poses:
-    """Poses of the flange in the controller's base frame: position (N, 3) m, rotation (N, 3, 3)."""
-
-    position: np.ndarray
-    rotation: np.ndarray
-
-    def __len__(self) -> int:
-        return len(self.position)
-
-    def rows(self, index: np.ndarray) -> Poses:
-        return Poses(self.position[index], self.rotation[index])
 
 
 @dataclass(frozen=True)
@@ -99,7 +86,7 @@ class CompensationModel:
         """Where the flange really goes: q (N, n) as commanded, approach (N, n) from -1 to 1 in the motors'
         sense."""
         joints = {"q": q} if approach is None else {"q": q, "approach": approach}
-        data = Dataset.of_arrays("poses", joints)
+        data = Dataset.of_arrays(POSES.name, joints)
         prediction = predict_poses(self.actual, self.layout, data, tangents=False, threads=threads)
         return Poses(prediction.position, prediction.rotation)
 
@@ -127,30 +114,6 @@ class CompensationModel:
             q[rows], error[rows] = trial[better], left[better]
             left_over[rows] = np.linalg.norm(left[better], axis=1)
         return Commands(q, left_over, amplification)
-
-
-def pose_error(targets: Poses, reached: Poses) -> np.ndarray:
-    """(N, 6): what is missing to the targets, m and rad (rotation vector in the base frame)."""
-    turn = rotation_log(targets.rotation @ np.swapaxes(reached.rotation, -1, -2))
-    return np.concatenate([targets.position - reached.position, turn], axis=1)
-
-
-def pseudo_inverse(jacobian: np.ndarray) -> np.ndarray:
-    """(N, n, 6) of Jacobians (N, 6, n): the least step for more axes than six, least squares for fewer.
-
-    A singular one becomes infinite, never an exception.
-    """
-    n, turned = jacobian.shape[2], np.swapaxes(jacobian, -1, -2)
-    try:
-        if n == 6:
-            return np.linalg.inv(jacobian)
-        return (
-            turned @ np.linalg.inv(jacobian @ turned) if n > 6 else np.linalg.inv(turned @ jacobian) @ turned
-        )
-    except np.linalg.LinAlgError:  # one of them is singular to the last bit
-        if len(jacobian) == 1:
-            return np.full((1, n, 6), np.inf)
-        return np.concatenate([pseudo_inverse(row[None]) for row in jacobian])
 
 
 def command_of(

@@ -14,7 +14,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
 from exactarm import _core
-from exactarm.compensate.law import CompensationModel, Poses
+from exactarm.compensate.flange_poses import Poses
+from exactarm.compensate.law import CompensationModel
 from exactarm.compensate.program import Edit, Program
 from exactarm.mdh_frames import compose, relative
 from exactarm.robot import Placement

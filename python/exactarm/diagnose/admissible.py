@@ -10,8 +10,8 @@ import numpy as np
 
 from exactarm.chain import View
 from exactarm.diagnose.problem import Fitted
+from exactarm.kinds.base import STANDS_STILL
 from exactarm.robot import Robot
-from exactarm.split import STANDS_STILL
 
 LEAST_PROBABILITY = 0.5  # of an effect in the model, among all that could stand in its place
 

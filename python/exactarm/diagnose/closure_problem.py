@@ -33,6 +33,7 @@ from exactarm.identify.closures import (
     updated_robot,
 )
 from exactarm.identify.declared import geometry_layout, reestimated_layout, require_geometry
+from exactarm.kinds import CLOSURES, POSES
 from exactarm.measurement.closures import ClosurePrediction, contact_keys, touches, turn_of_axis
 from exactarm.measurement.contacts import Contact
 from exactarm.robot import Robot
@@ -119,7 +120,7 @@ class ClosureProblem(PoseProblem):
     """Rows have one device each (`touches`)."""
 
     unit = "m"
-    kind = "closures"
+    kind = CLOSURES.name
     # contacts are fitted beside the effects: the posterior has not been measured on them
     by_posterior = False
     groups_independent = True
@@ -137,7 +138,7 @@ class ClosureProblem(PoseProblem):
 
     def shows(self, effect: type[Effect]) -> bool:
         """What acts before the device acts here too; slipped contacts are the noise's tail."""
-        return "poses" in effect.kinds and effect.station != Station.DEVICE and effect.keep is Effect.keep
+        return POSES.name in effect.kinds and effect.station != Station.DEVICE and effect.keep is Effect.keep
 
     def declared(self) -> Layout:
         sessions = tuple(

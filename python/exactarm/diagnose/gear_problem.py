@@ -29,6 +29,7 @@ from exactarm.identify.declared import all_effects
 from exactarm.identify.drifting_noise import DriftingNoise
 from exactarm.identify.gear_declared import declared_gear_layout, sensor_layout
 from exactarm.identify.gear_fit import fit_gear_runs
+from exactarm.kinds import GEAR_RUN
 from exactarm.regression import Fit
 from exactarm.robot import Robot
 from exactarm.signals import typical_step, white_noise
@@ -54,7 +55,7 @@ class GearFitted(Fitted):
 class GearProblem(Problem):
     """Runs of one axis at a time under a gyroscope, or of all axes together between encoders."""
 
-    kind = "gear_run"
+    kind = GEAR_RUN.name
     unit = "rad/s"
     repeat_source = "high frequencies of the residual"
 

@@ -41,6 +41,7 @@ from exactarm.identify.dynamics import (
 )
 from exactarm.identify.friction_width import friction_widths
 from exactarm.identify.motion_fit import MotionFit, fit_motion
+from exactarm.kinds import MOTION
 from exactarm.robot import Robot
 from exactarm.signals import typical_step, white_noise
 
@@ -91,7 +92,7 @@ class MotionProblem(Problem):
     """One or several runs of all axes together."""
 
     unit = "Nm"
-    kind = "motion"
+    kind = MOTION.name
     repeat_source = "white noise of the torque above the band of the motion"
 
     def __init__(self, robot: Robot, data: Dataset, held_out: Dataset, threads: int = 1, seed: int = 0):
@@ -117,7 +118,8 @@ class MotionProblem(Problem):
         layout = friction_layout(self.robot, self.record)
         if self.inertial:
             layout = layout.joined(inertial_layout(self.robot, base_parameters(self.robot)))
-        layout, _ = excited_layout(self.robot, layout.joined(carried_layout(self.robot, self.data, "motion")),
+        layout, _ = excited_layout(self.robot,
+                                   layout.joined(carried_layout(self.robot, self.data, MOTION.name)),
                                    self.record, self.threads)
         require_enough(layout, self.record)
         return layout

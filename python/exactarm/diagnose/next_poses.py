@@ -23,6 +23,7 @@ from exactarm.diagnose.scan import free_mask
 from exactarm.effects.base import Effect
 from exactarm.effects.payload import Payload
 from exactarm.identify.pose_space import Box, PoseSpace
+from exactarm.kinds import POSES
 from exactarm.robot import Robot
 
 PAYLOAD_KG = 5.0  # of the payload that is proposed, in the flange's centre: what most arms carry
@@ -205,7 +206,7 @@ def _view(robot: Robot, fitted: Fitted, q: np.ndarray, payload_kg: float) -> Vie
     """Every pose from both directions, (2 K) rows."""
     data, both_ways = fitted.view.data, np.repeat(q, 2, axis=0)
     new = Dataset.of_arrays(
-        "poses",
+        POSES.name,
         {"q": both_ways, "approach": np.tile([[-1.0], [1.0]], (len(q), robot.axes))},
         session=np.full(len(both_ways), data.session[0]),
         position=np.zeros((len(both_ways), 3)),

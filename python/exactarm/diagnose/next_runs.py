@@ -15,6 +15,7 @@ from exactarm.dataset import Dataset
 from exactarm.diagnose.problem import Fitted, orthonormal
 from exactarm.diagnose.scan import free_mask
 from exactarm.effects.base import Effect
+from exactarm.kinds import GEAR_RUN
 from exactarm.robot import Robot
 
 _SPEED_SHARES = (0.25, 0.5, 1.0)
@@ -76,7 +77,7 @@ def _planned(robot: Robot, fitted: Fitted, record: GearRecord, axis: int, share:
         more["gyro"] = np.zeros((_ROWS, 3))
     where = {"session": np.full(_ROWS, view.data.session[0]), "run": np.full(_ROWS, view.data.run[0])}
     covariates = {name: np.full(_ROWS, values.mean()) for name, values in view.data.covariates.items()}
-    return Dataset.of_arrays("gear_run", joints, time=time, covariates=covariates, **where, **more), speed
+    return Dataset.of_arrays(GEAR_RUN.name, joints, time=time, covariates=covariates, **where, **more), speed
 
 
 def _shared(fitted: Fitted, one: Effect, other: Effect) -> np.ndarray:

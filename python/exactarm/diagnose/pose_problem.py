@@ -27,6 +27,7 @@ from exactarm.identify.declared import (
 )
 from exactarm.identify.match import require_match
 from exactarm.identify.pose_fit import fit_poses
+from exactarm.kinds import POSES
 from exactarm.robot import Robot
 from exactarm.split import pose_groups, pose_split
 
@@ -41,7 +42,7 @@ class PoseProblem(Problem):
     """`orientation` residuals are used where every row has them."""
 
     unit = "m"
-    kind = "poses"
+    kind = POSES.name
     groups_independent = True
     by_posterior = True
 

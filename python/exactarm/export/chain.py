@@ -14,7 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from exactarm.compensate.law import CompensationModel, Poses
+from exactarm.compensate.flange_poses import Poses
+from exactarm.compensate.law import CompensationModel
 from exactarm.errors import InputError
 from exactarm.mdh_frames import behind_axis, compose, rotation_z
 from exactarm.robot import Placement, Robot

@@ -29,6 +29,7 @@ from exactarm.identify.loads import kept_masses, with_loads
 from exactarm.identify.match import require_match
 from exactarm.identify.pose_fit import PoseFit, fit_poses
 from exactarm.identify.statistics import ErrorSummary, summarise
+from exactarm.kinds import POSES
 from exactarm.regression import Fit
 from exactarm.robot import Placement, Robot
 from exactarm.split import DEFAULT_SEED
@@ -189,7 +190,7 @@ def require_enough(layout: Layout, data: Dataset, orientation: bool) -> None:
         )
 
 
-def calibrated_robot(robot: Robot, data: Dataset, layout: Layout, fit: Fit, kind: str = "poses") -> Robot:
+def calibrated_robot(robot: Robot, data: Dataset, layout: Layout, fit: Fit, kind: str = POSES.name) -> Robot:
     """The robot with the estimates in its tables, found effects beside them, and the intervals on record."""
     result = robot.with_controller_frames
     for effect in layout.effects:

@@ -18,6 +18,7 @@ from exactarm.effects.geometry import Geometry
 from exactarm.effects.joint_offset import JointOffset
 from exactarm.errors import InputError
 from exactarm.identify.frames import find_frames
+from exactarm.kinds import POSES
 from exactarm.robot import Robot
 from exactarm.split import DEFAULT_SEED
 
@@ -28,7 +29,7 @@ def require_geometry(robot: Robot) -> None:
                          file=robot.file)
 
 
-def carried_layout(robot: Robot, data: Dataset, kind: str = "poses") -> Layout:
+def carried_layout(robot: Robot, data: Dataset, kind: str = POSES.name) -> Layout:
     """The robot file's own effects that show in this kind of data, none of them free.
 
     Those that tell of another record (a tracker that was pushed there) have no part in it.
@@ -37,7 +38,7 @@ def carried_layout(robot: Robot, data: Dataset, kind: str = "poses") -> Layout:
     return Layout.of(own, estimate=False)
 
 
-def all_effects(robot: Robot, data: Dataset, layout: Layout, kind: str = "poses") -> tuple[Effect, ...]:
+def all_effects(robot: Robot, data: Dataset, layout: Layout, kind: str = POSES.name) -> tuple[Effect, ...]:
     """The effects of the robot file that had no part in this data, and those of `layout` beyond the declared
     model."""
     carried = carried_layout(robot, data, kind).effects
@@ -45,7 +46,7 @@ def all_effects(robot: Robot, data: Dataset, layout: Layout, kind: str = "poses"
     return apart + tuple(effect for effect in layout.effects if not effect.declared)
 
 
-def reestimated_layout(robot: Robot, data: Dataset, kind: str = "poses") -> Layout:
+def reestimated_layout(robot: Robot, data: Dataset, kind: str = POSES.name) -> Layout:
     """The same effects, those free that were estimated from data before: what has an interval on record.
 
     An estimate is no declaration: held, it would keep what another cause had lent it. Orders and other

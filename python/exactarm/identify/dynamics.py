@@ -35,6 +35,7 @@ from exactarm.identify.declared import carried_layout, require_geometry
 from exactarm.identify.friction_width import friction_widths
 from exactarm.identify.motion_fit import MotionFit, fit_motion
 from exactarm.identify.prior_bodies import declares_bodies
+from exactarm.kinds import MOTION
 from exactarm.robot import Link, Robot
 from exactarm.split import DEFAULT_SEED
 
@@ -93,7 +94,7 @@ def identify_dynamics(robot: Robot, data: Dataset, options: DynamicsOptions = Dy
             records[name] = motion_clear_of_reversals(start, record, part, options.threads)
     train = records["identification"]
     axes = train.measured_axes
-    carried = carried_layout(robot, data, "motion")
+    carried = carried_layout(robot, data, MOTION.name)
     before = {
         name: predict_motion(robot, carried, record, tangents=False).residual()[record.keep][:, axes]
         for name, record in records.items()

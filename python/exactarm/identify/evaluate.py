@@ -30,6 +30,7 @@ from exactarm.identify.tracked_fit import (
     tracked_frames,
     tracked_record,
 )
+from exactarm.kinds import CLOSURES, GEAR_RUN, MOTION, POSES, TRACKED_MOTION
 from exactarm.measurement.closures import touches
 from exactarm.robot import Robot
 from exactarm.split import DEFAULT_SEED
@@ -94,7 +95,7 @@ def evaluate_tracked_motion(robot: Robot, data: Dataset, seed: int = DEFAULT_SEE
                             threads: int = 1) -> Evaluation:
     """The path of every sample, with the frames of each session fitted."""
     record = tracked_record(data, robot)
-    layout = tracked_frames(robot, data, seed).joined(carried_layout(robot, data, "tracked_motion"))
+    layout = tracked_frames(robot, data, seed).joined(carried_layout(robot, data, TRACKED_MOTION.name))
     fit = fit_tracked(robot, layout, thinned_record(record, robot), threads=threads)
     residual = predict_record(robot, fit.layout, record, tangents=False, threads=threads).residual()
     return _of_positions(robot, data, residual, record)
@@ -151,6 +152,7 @@ def evaluate_motion(robot: Robot, data: Dataset, seed: int = 0, threads: int = 1
 
 
 EVALUATORS: dict[str, Callable[..., Evaluation]] = {
-    "poses": evaluate_poses, "gear_run": evaluate_gear_runs, "tracked_motion": evaluate_tracked_motion,
-    "closures": evaluate_closures, "motion": evaluate_motion,
+    POSES.name: evaluate_poses, GEAR_RUN.name: evaluate_gear_runs,
+    TRACKED_MOTION.name: evaluate_tracked_motion,
+    CLOSURES.name: evaluate_closures, MOTION.name: evaluate_motion,
 }

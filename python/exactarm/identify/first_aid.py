@@ -21,6 +21,7 @@ from exactarm.identify.pose_mistakes import pose_mistakes
 from exactarm.identify.signal_mistakes import cell_mistakes, limit_mistakes
 from exactarm.identify.suspicion import Suspicion
 from exactarm.identify.tracked_mistakes import tracked_mistakes
+from exactarm.kinds import CLOSURES, GEAR_RUN, MOTION, POSES, TRACKED_MOTION
 from exactarm.robot import Robot
 
 
@@ -47,9 +48,9 @@ def _loads(robot: Robot, data: Dataset) -> list[Suspicion]:
 
 
 _CHECKS: dict[str, tuple[Callable[[Robot, Dataset], list[Suspicion]], ...]] = {
-    "poses": (_poses, _loads),
-    "closures": (_loads,),
-    "tracked_motion": (_poses, tracked_mistakes),
-    "motion": (lambda robot, data: motion_mistakes(with_declared_masses(robot), data),),
-    "gear_run": (gear_mistakes,),
+    POSES.name: (_poses, _loads),
+    CLOSURES.name: (_loads,),
+    TRACKED_MOTION.name: (_poses, tracked_mistakes),
+    MOTION.name: (lambda robot, data: motion_mistakes(with_declared_masses(robot), data),),
+    GEAR_RUN.name: (gear_mistakes,),
 }

@@ -17,6 +17,7 @@ from exactarm.effects.encoder_offset import EncoderOffset
 from exactarm.effects.gyro_alignment import GyroAlignment, aligning_angles
 from exactarm.effects.gyro_bias import GyroBias
 from exactarm.identify.declared import carried_layout
+from exactarm.kinds import GEAR_RUN
 from exactarm.robot import Robot
 
 SIDES = {"cw": -1.0, "ccw": 1.0}
@@ -26,7 +27,7 @@ def declared_gear_layout(robot: Robot, data: Dataset, record: GearRecord) -> Lay
     """Harmonics, sensor, and the effects on file."""
     return harmonics_layout(robot, data,
                             record).joined(sensor_layout(robot, data, record)).joined(
-                                carried_layout(robot, data, "gear_run")
+                                carried_layout(robot, data, GEAR_RUN.name)
                             )
 
 

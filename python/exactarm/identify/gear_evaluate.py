@@ -15,6 +15,7 @@ from exactarm.dataset import Dataset
 from exactarm.identify.declared import carried_layout
 from exactarm.identify.gear_declared import sensor_layout
 from exactarm.identify.gear_fit import fit_gear_runs
+from exactarm.kinds import GEAR_RUN
 from exactarm.robot import Robot
 
 
@@ -33,7 +34,7 @@ class GearRunError:
 def gear_run_error(robot: Robot, data: Dataset, threads: int = 1) -> GearRunError:
     """Fits the set-up on all rows that count and returns what is left on every row."""
     record = gear_record(robot, data)
-    layout = sensor_layout(robot, data, record, bias=True).joined(carried_layout(robot, data, "gear_run"))
+    layout = sensor_layout(robot, data, record, bias=True).joined(carried_layout(robot, data, GEAR_RUN.name))
     prediction = fit_gear_runs(robot, layout, data, record=record, threads=threads).prediction
     residual = prediction.residual()
     if prediction.along is None:

@@ -17,6 +17,7 @@ from exactarm.chain import GearRecord, Layout, gear_record, predict_gear_run
 from exactarm.dataset import Dataset
 from exactarm.identify.declared import carried_layout
 from exactarm.identify.gear_declared import sensor_layout
+from exactarm.kinds import GEAR_RUN
 from exactarm.robot import Robot
 from exactarm.signals import typical_step
 
@@ -137,8 +138,8 @@ def _beside(plain, data, rows, axis, setup, encoders: bool, threads: int) -> np.
     part = data.select(thin)
     record = gear_record(plain, part)
     layout = (
-        carried_layout(plain, data, "gear_run")
-        if encoders else setup.joined(carried_layout(plain, data, "gear_run"))
+        carried_layout(plain, data, GEAR_RUN.name)
+        if encoders else setup.joined(carried_layout(plain, data, GEAR_RUN.name))
     )
     prediction = predict_gear_run(plain, layout, part, record=record, tangents=False, threads=threads)
     ratio = plain.ratios[axis]

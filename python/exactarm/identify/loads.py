@@ -19,10 +19,10 @@ from scipy.optimize import nnls
 
 from exactarm.chain.rest_load import TIP_SHARE, RestLoad
 from exactarm.chain.view import motor_angles
-from exactarm.data_kind import STATIC
 from exactarm.dataset import Dataset
 from exactarm.generic_masses import with_declared_masses, with_generic_masses
 from exactarm.identify.suspicion import listed
+from exactarm.kinds import kind_of
 from exactarm.robot import Robot
 
 LEAST_SHARE = 0.5  # of the square sum of measured torques that gravity must explain, to size the masses
@@ -30,7 +30,7 @@ LEAST_SHARE = 0.5  # of the square sum of measured torques that gravity must exp
 
 def with_loads(robot: Robot, data: Dataset) -> Robot:
     """The robot to analyse data with: generic masses for arms at rest, declared ones alone in motion."""
-    if data.kind not in STATIC:
+    if not kind_of(data.kind).at_rest:
         return with_declared_masses(robot)
     guessed = with_generic_masses(robot)
     return _as_measured(guessed, data) if guessed is not robot and guessed.generic_masses else robot

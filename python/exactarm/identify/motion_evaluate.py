@@ -23,6 +23,7 @@ from exactarm.errors import InputError
 from exactarm.identify.declared import carried_layout, require_geometry
 from exactarm.identify.dynamics import friction_layout
 from exactarm.identify.friction_width import friction_widths
+from exactarm.kinds import MOTION
 from exactarm.robot import Robot
 
 
@@ -46,7 +47,7 @@ def motion_error(robot: Robot, data: Dataset, threads: int = 1) -> MotionError:
                          "`exactarm identify` writes it",
                          file=data.first_file)
     record: MotionRecord = motion_clear_of_reversals(robot, motion_record(robot, data, None), data, threads)
-    carried = carried_layout(robot, data, "motion")
+    carried = carried_layout(robot, data, MOTION.name)
     layout = friction_layout(robot, record).joined(carried)
     record = replace(record, sign_width=friction_widths(robot, layout, record, threads))
     axes, keep = record.measured_axes, record.keep

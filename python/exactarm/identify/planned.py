@@ -16,6 +16,7 @@ from exactarm.dataset import Dataset
 from exactarm.effects.frames import Frames
 from exactarm.identify.compliance import compliance_layout
 from exactarm.identify.declared import geometry_layout, require_geometry
+from exactarm.kinds import POSES
 from exactarm.robot import Placement, Robot
 
 FRAMES = ("both", "base", "tool", "none")
@@ -78,7 +79,7 @@ def row_weights(orientation: bool, sigma_position: float = SIGMA_POSITION_M) -> 
 
 def pose_data(q: np.ndarray) -> Dataset:
     """Poses that nobody has measured."""
-    return Dataset.of_arrays("poses", {"q": q})
+    return Dataset.of_arrays(POSES.name, {"q": q})
 
 
 def controller_angles(robot: Robot, data: Dataset) -> np.ndarray:

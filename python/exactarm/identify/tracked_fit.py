@@ -18,17 +18,18 @@ from exactarm.chain import (
     track_clear_of_reversals,
 )
 from exactarm.chain.motion_record import unthinned_record
-from exactarm.data_kind import TORQUES
 from exactarm.dataset import Dataset
 from exactarm.errors import InputError
 from exactarm.identify.declared import carried_layout, frames_layout, require_geometry
 from exactarm.identify.layout_fit import fit_layout
 from exactarm.identify.match import require_match
+from exactarm.kinds import POSES, TRACKED_MOTION
+from exactarm.kinds.motion import TORQUES
 from exactarm.regression import Fit
 from exactarm.robot import Robot
 from exactarm.split import DEFAULT_SEED
 
-KIND = "tracked_motion"
+KIND = TRACKED_MOTION.name
 _ROWS = 2000  # that a fit works on, as long as they do not stand further apart than
 _LONGEST_STEP_S, _SHAKEN_STEP_S = 0.04, 0.01  # the second where declared gear errors shake declared springs
 _STATIC_ROWS = 400  # from which frames are found, as if the arm stood still in them
@@ -95,7 +96,7 @@ def static_rows(data: Dataset) -> Dataset:
               (np.flatnonzero(data.session == session) for session in np.unique(data.session))]
     still = data.select(np.concatenate(chosen))
     joints = {name: values for name, values in still.joints.items() if name not in TORQUES}  # of a motion, not of a load at rest
-    return replace(still, kind="poses", joints=joints)
+    return replace(still, kind=POSES.name, joints=joints)
 
 
 def predict_record(robot: Robot, layout: Layout, record: MotionRecord, *, tangents: bool = True, threads: int = 1):

@@ -22,6 +22,7 @@ from typing import ClassVar
 import numpy as np
 
 from exactarm.effects.base import Change, Effect, Parameter, Station
+from exactarm.kinds import CLOSURES, POSES
 
 _CENTRE = tuple(Parameter(f"{axis}_m", 10.0) for axis in "xyz")
 _UNSEEN_M = 1e-9  # a centre nearer than this to the target has no direction
@@ -37,7 +38,7 @@ class Contact(Effect):
     contact: ClassVar[str] = ""
     numbers: ClassVar[int] = 1
     station: ClassVar[Station] = Station.DEVICE
-    kinds: ClassVar[tuple[str, ...]] = ("poses", "closures")
+    kinds: ClassVar[tuple[str, ...]] = (POSES.name, CLOSURES.name)
     declared: ClassVar[bool] = True
     per_joint: ClassVar[bool] = False
 

@@ -16,6 +16,7 @@ from typing import ClassVar
 import numpy as np
 
 from exactarm.effects.base import Change, Effect, Parameter, Station
+from exactarm.kinds import CLOSURES, POSES
 
 
 @dataclass(frozen=True)
@@ -27,7 +28,7 @@ class Target(Effect):
     shared: bool = False
 
     station: ClassVar[Station] = Station.GEOMETRY
-    kinds: ClassVar[tuple[str, ...]] = ("poses", "closures")
+    kinds: ClassVar[tuple[str, ...]] = (POSES.name, CLOSURES.name)
     declared: ClassVar[bool] = True
     per_joint: ClassVar[bool] = False
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from exactarm.chain import Layout
 from exactarm.dataset import NO_CONTACT, Dataset
+from exactarm.kinds import CLOSURES
 from exactarm.measurement.closures import PAIR, ClosurePrediction, predict_closures, turn_of_axis
 from exactarm.measurement.contacts import CONTACT_CLASSES, Contact, Socket
 from exactarm.robot import Robot
@@ -27,7 +28,7 @@ def rows_at(q: np.ndarray, contact: Contact | None, approach: np.ndarray | None 
         names[contact.contact] = np.full(len(q), contact.number)
         session = contact.session
     joints = {"q": q} | ({} if approach is None else {"approach": approach})
-    return Dataset.of_arrays("closures", joints, contacts=names, session=np.full(len(q), session), **more)
+    return Dataset.of_arrays(CLOSURES.name, joints, contacts=names, session=np.full(len(q), session), **more)
 
 
 def predicted_at(robot: Robot, layout: Layout, q: np.ndarray, contact: Contact | None, approach=None,

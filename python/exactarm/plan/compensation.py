@@ -23,6 +23,7 @@ from exactarm.chain.spring import declared_deflection
 from exactarm.chain.view import View
 from exactarm.dataset import Dataset
 from exactarm.effects.base import Effect, Station
+from exactarm.kinds import TRACKED_MOTION
 from exactarm.plan.reference import Reference
 from exactarm.robot import Link, Placement, Robot
 from exactarm.rotation import exp as rotation_exp
@@ -134,7 +135,7 @@ def _view(
     phi = q - robot.offsets - declared_deflection(robot, torque)[0]
     theta = phi * robot.ratios if theta is None else theta
     time = step * np.arange(len(q))
-    data = Dataset.of_arrays("tracked_motion", {"theta": theta}, time=time)
+    data = Dataset.of_arrays(TRACKED_MOTION.name, {"theta": theta}, time=time)
     rows = len(q)
     signals = {
         "theta": theta, "theta_dot": q_dot * robot.ratios, "theta_ddot": q_ddot * robot.ratios, "phi": phi,
@@ -142,4 +143,4 @@ def _view(
         "base_position": np.zeros((rows, 3)), "base_rotation": np.tile(np.eye(3).ravel(), (rows, 1)),
         "displacement": np.zeros((rows, 6)),
     }
-    return View(robot, data, "tracked_motion", threads, signals=signals)
+    return View(robot, data, TRACKED_MOTION.name, threads, signals=signals)

@@ -15,6 +15,7 @@ import numpy as np
 from exactarm.dataset import Dataset
 from exactarm.errors import ComputationError
 from exactarm.fixture import Distance, Fixture, Radius
+from exactarm.kinds import CLOSURES
 from exactarm.measurement.closures import PAIR
 from exactarm.measurement.contacts import Bar, Contact, Plane, Socket, Sphere
 from exactarm.measurement.touching import TOUCHES_M, predicted_at, rows_at, target_at, touching
@@ -162,7 +163,7 @@ def _joined(robot: VirtualRobot, parts: list[Dataset]) -> Dataset:
     used = [name for name in CONTACTS if np.any(stack(lambda part, name=name: part.contacts[name]) >= 0)]
     length = None if parts[0].length is None else stack(lambda part: part.length)
     return Dataset.of_arrays(
-        "closures", {"theta": robot.motor_angles(stack(lambda part: part.joints["q"])),
+        CLOSURES.name, {"theta": robot.motor_angles(stack(lambda part: part.joints["q"])),
                      "approach": stack(lambda part: part.joints["approach"])},
         session=stack(lambda part: part.session),
         contacts={name: stack(lambda part, name=name: part.contacts[name]) for name in used}, length=length,

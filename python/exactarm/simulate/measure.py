@@ -21,6 +21,7 @@ from exactarm.chain.propagate import pass_station
 from exactarm.chain.spring import declared_deflection
 from exactarm.dataset import Dataset
 from exactarm.effects import Station
+from exactarm.kinds import GEAR_RUN, MOTION, POSES, TRACKED_MOTION
 from exactarm.simulate.plant import is_elastic, swing
 from exactarm.simulate.profiles import gear_run
 from exactarm.simulate.sensors import Sensors, read, temperature
@@ -45,7 +46,7 @@ def measure_poses(
     more = {"time": time, "covariates": temperature(time, sensors) | carried} | ({"visit": visit} if visits > 1 else {})
     if session is not None:
         more["session"] = np.tile(session, visits)
-    data = Dataset.of_arrays("poses", {"theta": theta, "approach": approach}, position=np.zeros((len(theta), 3)), **more)
+    data = Dataset.of_arrays(POSES.name, {"theta": theta, "approach": approach}, position=np.zeros((len(theta), 3)), **more)
     prediction = predict_poses(robot.true, robot.layout, data, tangents=False)
     data = replace(data, position=prediction.position)
     if torques:
@@ -76,7 +77,7 @@ def measure_gear_runs(
     time, run = np.concatenate(time), np.concatenate(run)
     clock = (run - 1) * np.max(time) + time
     data = Dataset.of_arrays(
-        "gear_run", {"theta": theta}, time=time, run=run, gyro=np.zeros((theta.shape[0], 3)),
+        GEAR_RUN.name, {"theta": theta}, time=time, run=run, gyro=np.zeros((theta.shape[0], 3)),
         covariates=temperature(clock, sensors),
     )
     prediction = predict_gear_run(robot.true, robot.layout, data, tangents=False)
@@ -100,7 +101,7 @@ def measure_motion(
     run: np.ndarray | None = None, joints: np.ndarray | None = None, quasi_static: bool = False, damping_s: float = 0.0,
 ) -> Dataset:
     """Drive torques while the motors follow theta (N, n) at `time` (N,), run by run; `joints` as in `joint_motion`."""
-    data = _series("motion", time, theta, run, sensors)
+    data = _series(MOTION.name, time, theta, run, sensors)
     view = joint_motion(robot, data, joints, quasi_static=quasi_static, damping_s=damping_s)
     predict_drive(view, robot.true, robot.layout, False)
     return read(replace(data, joints=data.joints | {"tau": view.signals["measured"]}), sensors, random, robot.nominal)
@@ -111,7 +112,7 @@ def measure_tracked_motion(
     run: np.ndarray | None = None, joints: np.ndarray | None = None, quasi_static: bool = False, damping_s: float = 0.0,
 ) -> Dataset:
     """The target's path under a tracker while the motors follow theta (N, n) at `time` (N,); `joints` as in `joint_motion`."""
-    data = _series("tracked_motion", time, theta, run, sensors)
+    data = _series(TRACKED_MOTION.name, time, theta, run, sensors)
     position = true_path(robot, data, joints, quasi_static=quasi_static, damping_s=damping_s)
     return read(replace(data, position=position), sensors, random, robot.nominal)
 

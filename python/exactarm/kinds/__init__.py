@@ -1,0 +1,52 @@
+"""Kinds of data: which of them a file holds, told by its columns (each in a file of its own).
+
+    closures, poses                     stand alone, in this order
+    gear_run, motion, tracked_motion    several may be in one file; the first is analysed first
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from exactarm.errors import InputError
+from exactarm.kinds.base import Kind, file_of
+from exactarm.kinds.closures import CLOSURES
+from exactarm.kinds.gear_run import GEAR_RUN
+from exactarm.kinds.motion import MOTION
+from exactarm.kinds.poses import POSES
+from exactarm.kinds.tracked_motion import TRACKED_MOTION
+from exactarm.robot import Robot
+from exactarm.rows import Rows
+
+_IN_ORDER = (CLOSURES, POSES, GEAR_RUN, MOTION, TRACKED_MOTION)
+_BY_NAME = {kind.name: kind for kind in (POSES, GEAR_RUN, MOTION, TRACKED_MOTION, CLOSURES)}
+KIND_NAMES = tuple(_BY_NAME)
+__all__ = ["CLOSURES", "GEAR_RUN", "KIND_NAMES", "MOTION", "POSES", "TRACKED_MOTION", "Kind", "data_kinds",
+           "kind_of"]
+
+
+def kind_of(name: str) -> Kind:
+    """The kind of that name."""
+    return _BY_NAME[name]
+
+
+def data_kinds(data: Rows, robot: Robot, name: str | None = None) -> dict[str, Any]:
+    """`{"kind": ..., "kinds": ...}` of a data set; raises InputError where the columns do not admit one."""
+    if name is not None and name not in _BY_NAME:
+        raise InputError(f"unknown kind of data {name!r}; expected one of {', '.join(KIND_NAMES)}")
+    kinds = (_BY_NAME[name],) if name is not None else _from_columns(data)
+    for kind in kinds:
+        kind.check(data, robot)
+    return {"kind": kinds[0].name, "kinds": tuple(kind.name for kind in kinds)}
+
+
+def _from_columns(data: Rows) -> tuple[Kind, ...]:
+    held = [kind for kind in _IN_ORDER if kind.held_by(data)]
+    if not held:
+        raise InputError(
+            "no measured quantity; expected x, y, z (poses), socket, plane, sphere, bar or pair (closures), "
+            "gyro_x, gyro_y, gyro_z or theta_i beside q_i "
+            "(gear run), or tau_i, tau_motor_i or current_i (motion)",
+            file=file_of(data),
+        )
+    return (held[0],) if held[0].alone else tuple(held)

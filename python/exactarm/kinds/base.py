@@ -1,0 +1,124 @@
+"""What every kind of data says of itself; one file of this folder a kind, one object each.
+
+    held_by       whether the columns hold it
+    check         what it needs; raises InputError
+    alike         runs that are repetitions of one another: the groups that are split between identification
+                  and validation
+
+A time series: `time` rises in nearly equal steps within each run. Poses measured one after the other may
+carry a time as well, so beside x, y, z steps count as a time series only up to a second and without columns
+that only static poses have (`visit`, `approach`).
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+
+from exactarm.errors import InputError
+from exactarm.robot import Robot
+from exactarm.rows import Rows
+
+STANDS_STILL = 0.02  # an axis moves when its range is more than this share of the largest
+NEARLY_EQUAL = 0.5  # a step may differ from the median by this share ...
+NEARLY_ALL = 0.9  # ... in this share of all steps, at least: logs lose samples
+LEAST_SAMPLES = 8  # of a run: fewer have no derivative that is more than rounding
+LONGEST_STEP_S = 1.0  # a robot's motion cannot be followed in longer steps
+
+
+class Kind:
+    """A kind of data: its name in files and results, and words for reports."""
+
+    name: ClassVar[str]
+    at_rest: ClassVar[bool] = False  # rows are poses at rest, no samples of a motion
+    alone: ClassVar[bool] = False  # a file that holds it is of no other kind
+    rows: ClassVar[str] = "samples"
+    row: ClassVar[str] = "sample"
+    error: ClassVar[str] = "error"
+    anew: ClassVar[str]  # what to measure so that a new model is judged by new data
+
+    def held_by(self, data: Rows) -> bool:
+        raise NotImplementedError
+
+    def check(self, data: Rows, robot: Robot) -> None:
+        raise NotImplementedError
+
+    def alike(self, data: Rows) -> list[np.ndarray]:
+        """Numbers of the runs, grouped by what they repeat."""
+        return [np.unique(data.run)]
+
+
+def has(values: np.ndarray | None) -> np.ndarray | bool:
+    """(n,) which axes the files have."""
+    return False if values is None else ~np.isnan(values[0])
+
+
+def rows_of_runs(data: Rows) -> list[np.ndarray]:
+    """Row indices of each run, in the order of the file."""
+    order = np.argsort(data.run, kind="stable")
+    return np.split(order, np.flatnonzero(np.diff(data.run[order])) + 1)
+
+
+def file_of(data: Rows, index: int = 0) -> str | None:
+    return data.sources[index].path if data.sources else None
+
+
+def is_a_series(data: Rows) -> bool:
+    """Whether the rows follow a motion; what only static poses have says that they do not."""
+    if data.time is None or data.visit is not None or "approach" in data.joints:
+        return False
+    steps = np.concatenate([np.diff(data.time[rows]) for rows in rows_of_runs(data)])
+    if steps.size == 0:
+        return False
+    median = np.median(steps)
+    if not 0.0 < median <= LONGEST_STEP_S:
+        return False
+    return bool(np.mean(np.abs(steps - median) <= NEARLY_EQUAL * median) >= NEARLY_ALL)
+
+
+def check_time(data: Rows) -> None:
+    if data.time is None:
+        raise InputError("column missing; expected the time of each sample", file=file_of(data),
+                         column="time_s")
+    for rows in rows_of_runs(data):
+        if rows.size < LEAST_SAMPLES:
+            place = {"file": file_of(data, data.file_index[rows[0]]), "row": int(data.row[rows[0]])}
+            raise InputError(f"run {data.run[rows[0]]} has {rows.size} rows; expected at least "
+                             f"{LEAST_SAMPLES} samples of a motion", column="run", **place)
+        time = data.time[rows]
+        fallen = np.flatnonzero(np.diff(time) <= 0.0)
+        if fallen.size:
+            at = rows[fallen[0] + 1]
+            message = f"time {data.time[at]:.9g} s does not rise; expected more than {time[fallen[0]]:.9g} s"
+            file = file_of(data, data.file_index[at])
+            raise InputError(message, file=file, row=int(data.row[at]), column="time_s")
+
+
+def check_joints(data: Rows, robot: Robot) -> None:
+    """Every axis needs an angle that the robot can turn into a joint angle."""
+    q, theta = (has(data.joints.get(name)) & np.ones(robot.axes, dtype=bool) for name in ("q", "theta"))
+    for index, joint in enumerate(robot.joints):
+        unit = "m" if joint.type == "prismatic" else "rad"
+        own = f"q_{index + 1}_{unit}"
+        if theta[index] and not q[index] and not joint.has_gear:
+            message = f"robot {robot.name} declares no gear ratio for axis {index + 1}; expected {own}"
+            raise InputError(message, file=file_of(data), column=f"theta_{index + 1}")
+        if not (q[index] or theta[index]):
+            expected = f"{own} or theta_{index + 1}_rad" if joint.has_gear else own
+            message = f"column missing; robot {robot.name} has {robot.axes} axes, expected {expected}"
+            raise InputError(message, file=file_of(data), column=own)
+
+
+def check_geometry(robot: Robot) -> None:
+    if not robot.has_geometry:
+        raise InputError(f"robot {robot.name} declares no geometry; expected one for data with x, y, z",
+                         file=robot.file)
+
+
+def check_positions(data: Rows, robot: Robot) -> None:
+    """What a target needs that a tracker follows."""
+    if data.position is None:
+        raise InputError("column missing; expected x, y, z for poses", file=file_of(data), column="x_m")
+    check_geometry(robot)
+    check_joints(data, robot)

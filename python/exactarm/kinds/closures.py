@@ -1,0 +1,40 @@
+"""Closures: poses in which the tool touches something fixed (columns socket, plane, sphere, bar, pair)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from exactarm.errors import InputError
+from exactarm.kinds.base import Kind, check_geometry, check_joints, file_of
+from exactarm.robot import Robot
+from exactarm.rows import Rows
+
+
+class _Closures(Kind):
+    name, at_rest, alone = "closures", True, True
+    rows, row, error = "touches", "pose", "distance to the contact"
+    anew = "Touch the fixture at another place"
+
+    def held_by(self, data: Rows) -> bool:
+        return bool(data.contacts)
+
+    def check(self, data: Rows, robot: Robot) -> None:
+        if not data.contacts:
+            message = "column missing; expected socket, plane, sphere, bar or pair for closures"
+            raise InputError(message, file=file_of(data), column="socket")
+        check_geometry(robot)
+        check_joints(data, robot)
+        touched = np.any([numbers >= 0 for numbers in data.contacts.values()], axis=0)
+        tracked = np.zeros(len(data), bool)
+        if data.position is not None:
+            tracked = ~np.isnan(data.position).any(axis=1)
+        if not (touched | tracked).all():
+            at = int(np.argmin(touched | tracked))
+            raise InputError(
+                "neither a contact nor x, y, z; expected one of them in every row",
+                file=file_of(data, data.file_index[at]), row=int(data.row[at]),
+                column=next(iter(data.contacts)),
+            )
+
+
+CLOSURES = _Closures()

@@ -1,0 +1,28 @@
+"""Motions with the torques of the drives: a time series with tau_i, tau_motor_i or current_i."""
+
+from __future__ import annotations
+
+from exactarm.errors import InputError
+from exactarm.kinds.base import Kind, check_joints, check_time, file_of
+from exactarm.robot import Robot
+from exactarm.rows import Rows
+
+TORQUES = ("tau", "tau_motor", "current")
+
+
+class _Motion(Kind):
+    name = "motion"
+    anew = "Record another motion"
+
+    def held_by(self, data: Rows) -> bool:
+        return any(name in data.joints for name in TORQUES)
+
+    def check(self, data: Rows, robot: Robot) -> None:
+        if not self.held_by(data):
+            message = "column missing; expected tau_i, tau_motor_i or current_i for a motion"
+            raise InputError(message, file=file_of(data), column="tau_1_Nm")
+        check_joints(data, robot)
+        check_time(data)
+
+
+MOTION = _Motion()

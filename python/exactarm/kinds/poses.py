@@ -1,0 +1,22 @@
+"""Poses at rest, each seen by a tracker: x, y, z (with or without an orientation), no time series."""
+
+from __future__ import annotations
+
+from exactarm.kinds.base import Kind, check_positions, is_a_series
+from exactarm.robot import Robot
+from exactarm.rows import Rows
+
+
+class _Poses(Kind):
+    name, at_rest, alone = "poses", True, True
+    rows, row, error = "poses", "pose", "position error"
+    anew = "Measure some twenty new poses"
+
+    def held_by(self, data: Rows) -> bool:
+        return data.position is not None and not is_a_series(data)
+
+    def check(self, data: Rows, robot: Robot) -> None:
+        check_positions(data, robot)
+
+
+POSES = _Poses()

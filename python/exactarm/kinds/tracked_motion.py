@@ -1,0 +1,22 @@
+"""Tracked motions: a time series in which a tracker follows the target, x, y, z."""
+
+from __future__ import annotations
+
+from exactarm.kinds.base import Kind, check_positions, check_time
+from exactarm.robot import Robot
+from exactarm.rows import Rows
+
+
+class _TrackedMotion(Kind):
+    name, error = "tracked_motion", "position error"
+    anew = "Track another path"
+
+    def held_by(self, data: Rows) -> bool:
+        return data.position is not None
+
+    def check(self, data: Rows, robot: Robot) -> None:
+        check_positions(data, robot)
+        check_time(data)
+
+
+TRACKED_MOTION = _TrackedMotion()
