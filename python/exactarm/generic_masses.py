@@ -1,13 +1,13 @@
 """Generic masses: links of an arm whose file declares none, from its geometry alone.
 
     tube i between the origins of frames i-1 and i:   mass l_i (L_i + L_{i+1}) / 2, at its middle
-    drive of joint i+1, at the origin of frame i:     mass 0.3 L_{i+1} L_1
+    drive of joint i+1, at the origin of frame i:     mass 0.2 L_{i+1} L_1
 
 l_i: length of the tube, L_i: what is left of the arm from joint i on (m), all sliding axes at zero. A beam
 whose section falls linearly towards the flange, and drives by the load behind them. Then all is scaled to
-the total mass: that of the robot file (`mass_kg`), else 15 kg/m^3 L_1^3: like arms weigh as the cube of
-their size (links as published: Puma 560 24, UR10 6, Racer 7-1.4 18; the geometric mean is 14).
-Gravity at axes 2 and 3 of these three arms, as one number times this law: 2 to 14 % RMS off; beside a mass
+the total mass: that of the robot file (`mass_kg`), else 9 kg/m^3 L_1^3: like arms weigh as the cube of
+their size (links as published: Puma 560 7, UR10 6, Racer 7-1.4 18; the geometric mean is 9).
+Gravity at axes 2 and 3 of these three arms, as one number times this law: 1 to 15 % RMS off; beside a mass
 at the flange, 1 to 8 % (tests/python/test_generic_masses.py). Point masses: no inertia, so good for arms at
 rest.
 """
@@ -21,8 +21,8 @@ import numpy as np
 from exactarm import _core
 from exactarm.robot import Link, Placement, Robot
 
-KG_PER_CUBIC_METRE = 15.0  # of the cube of the arm's length
-DRIVE_SHARE = 0.3  # of a drive's mass to that of a tube: of the shares tried, best on the three arms together
+KG_PER_CUBIC_METRE = 9.0  # of the cube of the arm's length
+DRIVE_SHARE = 0.2  # of a drive's mass to that of a tube: 0.1 to 0.3 are alike on the three arms
 
 
 def generic_links(robot: Robot, mass: float | None = None) -> tuple[Link, ...] | None:
