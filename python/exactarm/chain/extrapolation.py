@@ -1,7 +1,8 @@
 """Where a robot file is used at joint angles at which what it holds was never measured.
 
-A curve of a gear says nothing about angles between which it was not estimated; there it keeps the value of its nearer
-end, and whoever reads a result must know.
+A curve of a gear says nothing about angles at which it was not estimated, beyond its ends or in a gap between them; there the
+arm is taken as without the curve (files of earlier versions: with the value of the nearer end), and whoever reads a result must
+know.
 """
 
 from __future__ import annotations
@@ -23,6 +24,6 @@ def extrapolations(robot: Robot, q: np.ndarray, what: str = "rows") -> tuple[str
             low, high = np.rad2deg(effect.angles_measured) + np.rad2deg(robot.offsets[effect.index])
             told.append(
                 f"the curve of {effect.name} of axis {effect.joint} was measured from {low:.0f} to {high:.0f} deg; "
-                f"{np.sum(~inside):,} of {len(q):,} {what} lie beyond, where it keeps its end value"
+                f"{np.sum(~inside):,} of {len(q):,} {what} lie beyond or in a gap, where the arm is taken as without it"
             )
     return tuple(told)

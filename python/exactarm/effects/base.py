@@ -222,6 +222,11 @@ class Effect(ABC):
         """The effect with what it takes from the residual itself taken anew (a threshold); others stay as they are."""
         return self
 
+    def after_fit(self, phi: np.ndarray, covariance: np.ndarray) -> Effect:
+        """The effect as it goes into a robot file: with what a fit on output angles phi (N, n), rad, has left open;
+        covariance (k, k) of all parameters, zero for those that were held."""
+        return self
+
     # -- what it tells of -------------------------------------------------------------------------
     @property
     def of_record(self) -> bool:

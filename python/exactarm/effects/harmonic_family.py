@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from exactarm.effects.base import Change, Effect, Parameter, Station
+from exactarm.effects.known_curve import KnownCurve
 from exactarm.harmonics import delivered_angle, waves
 from exactarm.signals import strongest_orders
 
@@ -34,12 +35,14 @@ class HarmonicFamily(Effect):
 
     `search`: orders to be tried; empty once the order is known. `curve_rad` > 0: all orders together as one smooth
     curve of the angle, each term regularised by a Gaussian prior of that amplitude that falls above `_CURVE_KNEE`.
-    `seen`: output angles (rad) between which a curve was measured; beyond, it keeps the value of the nearer end.
+    `seen`: output angles (rad) between which a curve was measured. `known`: how well, angle by angle, and what it falls
+    back to; without it (a file of an earlier version, a fit under way) it keeps the value of the nearer end beyond `seen`.
     """
 
     search: tuple[float, ...] = ()
     curve_rad: float = 0.0
     seen: tuple[float, float] | None = None
+    known: KnownCurve | None = None
 
     station = Station.GEAR
     repeatable = True
@@ -62,7 +65,39 @@ class HarmonicFamily(Effect):
         return cls(joint, (1.0,) + (0.0, 0.0) * multiples, (), amplitude_rad, seen)
 
     def measured(self, phi: np.ndarray) -> np.ndarray | None:
+        if self.known is not None:
+            return self.known.measured(phi[:, self.index])
         return None if self.seen is None else self._looked_up(phi[:, self.index])[1]
+
+    def with_values(self, values: Iterable[float]) -> HarmonicFamily:
+        """What is known belongs to one estimate: other values begin without it."""
+        return replace(self, values=tuple(float(value) for value in values), known=None)
+
+    def after_fit(self, phi: np.ndarray, covariance: np.ndarray) -> Effect:
+        if self.curve_rad == 0.0:
+            return self
+        orders = self.values[0] * np.arange(1, self.multiples + 1)
+
+        def basis(angle: np.ndarray) -> np.ndarray:
+            sine, cosine = waves(angle, orders)
+            columns = np.zeros((len(angle), len(self.values)))
+            columns[:, 1::2], columns[:, 2::2] = -sine / orders, -(cosine - 1.0) / orders
+            return columns
+
+        prior = float(np.linalg.norm(self._priors() / orders))
+        known = KnownCurve.of(basis, np.asarray(self.values, float), covariance, prior, phi[:, self.index])
+        return replace(self, known=known)
+
+    def _drawn_back(self, change: Change, phi: np.ndarray) -> Change:
+        """The change with the curve only as far as it is known."""
+        if self.known is None:
+            return change
+        weight, slope = self.known.weight(phi)
+        above = change.value - self.known.level
+        by_signal = {name: weight[:, None, None] * each for name, each in change.by_signal.items()}
+        by_signal["phi"][:, 0, self.index] += slope * above[:, 0]
+        value = self.known.level + weight[:, None] * above
+        return Change(change.columns, value, weight[:, None, None] * change.by_parameters, by_signal)
 
     @property
     def angles_measured(self) -> tuple[float, float] | None:
@@ -70,7 +105,7 @@ class HarmonicFamily(Effect):
 
     def _looked_up(self, phi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The angle (N,) at which the error is looked up, and which rows (N,) lie where it was measured."""
-        if self.seen is None:
+        if self.seen is None or self.known is not None:
             return phi, np.ones(phi.shape, bool)
         low, high = self.seen
         turned = low + np.mod(phi - low, 2.0 * np.pi)
@@ -131,18 +166,23 @@ class HarmonicFamily(Effect):
         by_phi = np.zeros((view.rows, 1, view.axes))
         by_phi[:, 0, self.index] = np.where(inside, inverse - 1.0, 0.0)
         by_signal = {name: -(error * inverse)[:, None, None] * row[:, None, :] for name, row in by_factor.items()}
-        return Change((self.index,), (x - phi)[:, None], derivative, {"phi": by_phi} | by_signal)
+        change = Change((self.index,), (x - phi)[:, None], derivative, {"phi": by_phi} | by_signal)
+        return self._drawn_back(change, view.phi[:, self.index])
 
     def to_table(self):
-        curve = {} if self.seen is None else {"seen_from_rad": self.seen[0], "seen_to_rad": self.seen[1], "each_order_rad": self.curve_rad}
-        return super().to_table() | curve
+        table = super().to_table()
+        if self.seen is not None:
+            table |= {"seen_from_rad": self.seen[0], "seen_to_rad": self.seen[1], "each_order_rad": self.curve_rad}
+        return table if self.known is None else table | self.known.to_table()
 
     @classmethod
     def from_table(cls, table: Mapping[str, float | int | str]) -> Effect:
         multiples = sum(1 for name in table if name.startswith("a_"))
         seen = (float(table["seen_from_rad"]), float(table["seen_to_rad"])) if "seen_from_rad" in table else None
-        raw = cls(table.get("joint"), (1.0,) + (0.0, 0.0) * multiples, curve_rad=float(table.get("each_order_rad", 0.0)), seen=seen)
-        return raw.with_values(table[parameter.name] for parameter in raw.parameters())
+        order = float(table.get("each_order_rad", 0.0))
+        raw = cls(table.get("joint"), (1.0,) + (0.0, 0.0) * multiples, curve_rad=order, seen=seen)
+        found = raw.with_values(table[parameter.name] for parameter in raw.parameters())
+        return replace(found, known=KnownCurve.from_table(table))
 
 
 def searched_orders(robot, view, index: int, lowest: float = 3.0) -> tuple[float, ...]:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from exactarm.chain import Layout, predict_poses
+from exactarm.chain.view import motor_angles
 from exactarm.dataset import Dataset
 from exactarm.effects.frames import Frames
 from exactarm.errors import InputError
@@ -200,9 +201,22 @@ def calibrated_robot(robot: Robot, data: Dataset, layout: Layout, fit: Fit, kind
     base, tool = robot.base, robot.tool
     if sessions:
         base, tool = sessions[0].place(sessions[0].session, Placement(), Placement())
+    layout = _after_fit(robot, data, layout, fit)
     pairs = zip(layout.names, fit.interval())
     intervals = dict(robot.intervals) | {name: (float(low), float(high)) for name, (low, high) in pairs}
     return replace(result, base=base, tool=tool, effects=all_effects(robot, data, layout, kind), intervals=intervals)
+
+
+def _after_fit(robot: Robot, data: Dataset, layout: Layout, fit: Fit) -> Layout:
+    """The layout whose fitted effects know what the fit has left open."""
+    phi, effects = motor_angles(robot, data) / robot.ratios, []
+    for effect, free, where in zip(layout.effects, layout.free, layout.slices):
+        if free.any() and not effect.declared:
+            covariance = np.zeros((free.size, free.size))
+            covariance[np.ix_(free, free)] = fit.covariance[where, where]
+            effect = effect.after_fit(phi, covariance)
+        effects.append(effect)
+    return Layout(tuple(effects), layout.free)
 
 
 def _warnings(fit: PoseFit, data: Dataset, found: list):
