@@ -9,6 +9,7 @@ from exactarm.chain import Layout, predict_poses
 from exactarm.dataset import Dataset
 from exactarm.diagnose.isolability import isolability
 from exactarm.diagnose.pose_problem import PoseProblem
+from exactarm.effects.joint_coupling import JointCoupling
 from exactarm.identify.pose_space import PoseSpace
 from exactarm.robot import Placement
 from exactarm.robot_file import load_robot
@@ -68,3 +69,11 @@ def test_a_narrow_axis_confuses_its_spring_with_its_gear():
         return table.apart[labels.index(("joint_compliance", 2)), labels.index(("gear_harmonics", 2))]
 
     assert apart(narrow) < 1.0 < 4.0 < apart(wide)
+
+
+def test_what_the_robot_file_declares_is_no_unknown():
+    """A declared coupling moves the arm that is planned, too: without it no frames would fit."""
+    robot = replace(load_robot("ur10"), effects=(JointCoupling(3, (2.0, 1.0)),))
+    poses = Dataset.of_arrays("poses", {"q": PoseSpace.of(robot).draw(40, np.random.default_rng(1))})
+    table = isolability(robot, poses, NOISE_M, 0)
+    assert ("joint_coupling", 3) not in [(e.name, e.joint) for e in table.effects if e.values[0] == 2.0]

@@ -19,13 +19,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from exactarm.chain import Layout, predict_poses
+from exactarm.chain import predict_poses
 from exactarm.dataset import Dataset
 from exactarm.diagnose.evidence import Picture
 from exactarm.diagnose.pose_problem import PoseProblem
 from exactarm.diagnose.selection import candidates_for
 from exactarm.diagnose.vocabulary import Vocabulary, vocabulary_of
 from exactarm.effects.base import Effect
+from exactarm.identify.declared import carried_layout
 from exactarm.noise.estimate import normal_noise
 from exactarm.robot import Robot
 
@@ -60,7 +61,8 @@ class Isolability:
 def isolability(robot: Robot, poses: Dataset, noise_m: float, seed: int, threads: int = 1) -> Isolability:
     """Of measuring `poses` (angles, and the direction of approach where it is planned) with a noise of
     noise_m a coordinate."""
-    exact = predict_poses(robot, Layout.of(()), poses, tangents=False, threads=threads).position
+    exact = predict_poses(robot, carried_layout(robot, poses), poses, tangents=False,
+                          threads=threads).position
     position = exact + np.random.default_rng(seed).normal(0.0, noise_m, exact.shape)
     data = replace(poses, position=position, rotation=None, identification=None)
     problem = PoseProblem(robot, data, data.select(np.zeros(len(data), bool)), threads, seed)
