@@ -6,9 +6,10 @@
     B, C        measured poses of a UR10 that come with the package, two set-ups
     both        B and C in one run, 4,268 poses
     many        12,000 simulated poses, the causes of `few`
+    motion      measured torques of a TX40 that come with the package
     encoders    a minute of 1 kHz between two encoders, simulated by bench/blind, a delay and a run-out hidden
 
-Without CASE: few, B, C, encoders. Each diagnosis is a process of its own, `python -m exactarm diagnose
+Without CASE: all but both and many. Each diagnosis is a process of its own, `python -m exactarm diagnose
 ...`, with one thread; what is counted is the whole of it, from the start of Python to the written report,
 as the system accounts for it (user and system seconds, largest resident set). With --beside the two
 programs take turns on each case; printed are medians and the ratio beside / this.
@@ -42,7 +43,7 @@ HIDDEN = (
     "gear_eccentricity joint=1 first_cos_rad=2e-4 first_sin_rad=1e-4",
 )
 RATE_HZ, RUN_S, RUNS, ENCODERS, ENCODER_NOISE_RAD = 1000.0, 10.0, 6, 2, 1e-5
-USUAL, LARGE = ("few", "B", "C", "encoders"), ("both", "many")
+USUAL, LARGE = ("few", "B", "C", "motion", "encoders"), ("both", "many")
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 
 
@@ -109,6 +110,8 @@ def words_of(case: str, folder: Path) -> list[str]:
     """ROBOT and FILES of a case, its data written into `folder` where they are simulated."""
     if case in ("few", "many"):
         return simulated_poses(folder, {"few": 140, "many": 12_000}[case])
+    if case == "motion":
+        return ["tx40", str(DATA / "examples" / "tx40" / "motion.parquet")]
     return between_encoders(folder) if case == "encoders" else shipped(*{"both": "BC"}.get(case, case))
 
 

@@ -27,6 +27,7 @@ from exactarm.trust_region import Model, Step, bounded_step
 
 HUBER = 1.345  # 95 % efficiency at the normal distribution
 CONVERGED = "converged"
+_STUCK = "no step lowers the square sum"
 _GOOD, _POOR, _LEAST_RATIO = 0.9, 0.25, 1e-4  # actual fall beside the promised one: grow, shrink, refuse
 _FIRST = 10.0  # first radius beside the size of parameters and data
 _GROWTH = 2.5  # of the radius after a good step, beside its length
@@ -38,6 +39,10 @@ _ROUNDING = 1e-15  # of the size of the predicted values: a step of no effect
 # no convergence.
 _UNSEEN = 0.5
 _HIDDEN = 1e-12  # of the size of the predicted values: so much may rounding hide of exact data
+_KINK = 8  # steps in a row that fall short of their promise: a smooth model keeps it at 2^-8 of a step
+# Steps that together gain less than _UNSEEN, where all that is promised is worth less than two standard
+# deviations: going on would take hundreds of steps for nothing that counts.
+_CRAWL, _NEAR = 40, 2.0
 _LEAST_PROMISE = 1e-4  # standard deviations: no shorter step is tried
 
 
@@ -100,6 +105,7 @@ def least_squares(
     robust: bool = False,
     group: int = 1,
     data_rows: int | None = None,
+    numbers: float | None = None,
     tolerance: float = 1e-10,
     most_iterations: int = 200,
 ) -> Fit:
@@ -107,7 +113,8 @@ def least_squares(
 
     weights (R,): square roots of the inverse variances; `group`: consecutive residuals that share one robust
     weight (3 for a position); `data_rows`: the first so many residuals are data, the rest pseudo-observations
-    of a prior, which no robust loss touches. `tolerance`: converged where the linear model, inside the bounds
+    of a prior, which no robust loss touches; `numbers`: independent numbers that the residuals are worth (as
+    many as there are). `tolerance`: converged where the linear model, inside the bounds
     and without any radius, promises a fall of the square sum by less than this share of it.
     """
     x = np.array(start, float)
@@ -117,6 +124,9 @@ def least_squares(
     w = np.ones_like(now.residual) if weights is None else weights
     data = len(w) if data_rows is None else data_rows
     soft = _robust_weights(w * now.residual, group, data) if robust else np.ones_like(w)
+    numbers = len(w) if numbers is None else numbers
+    shrunk, least = 0, np.inf  # steps in a row that shrank the radius; square sum where the past was left
+    squares: list[float] = []
     radius, scale, reason = np.inf, np.zeros(x.size), f"stopped at the limit of {most_iterations} iterations"
     for iteration in range(1, most_iterations + 1):  # noqa: B007 (told at the end)
         weight = w * soft
@@ -138,14 +148,21 @@ def least_squares(
             reason = CONVERGED
             break
         radius = _FIRST * max(size, np.sqrt(square)) if radius == np.inf else radius
-        trial, radius = _descend(evaluate, model, whole, x, now, weight, unit, (lower, upper), radius)
-        if trial is None and np.any(scale > norms):
-            scale, radius = norms, np.inf  # the past holds columns too short: once more without it
+        hidden, before, trial = max(_UNSEEN**2 * square / numbers, (_HIDDEN * size) ** 2), radius, None
+        squares.append(square)
+        near = not robust and fall < _NEAR**2 * square / numbers
+        crawls = near and len(squares) > _CRAWL and squares[-1 - _CRAWL] - square < hidden
+        if shrunk < _KINK and not crawls:
+            trial, radius = _descend(evaluate, model, whole, x, now, weight, unit, (lower, upper), radius)
+        if trial is None and not crawls and np.any(scale > norms) and least - square > hidden:
+            # The past holds columns too short: once more without it, where the last time was worth it.
+            scale, radius, shrunk, least = norms, np.inf, 0, square
             continue
         if trial is None:
-            hidden = max(_UNSEEN**2 * square / len(w), (_HIDDEN * size) ** 2)
-            reason = CONVERGED if fall <= hidden else "no step lowers the square sum"
+            short = f"{_CRAWL} steps lower the square sum by less than noise does" if crawls else _STUCK
+            reason = CONVERGED if fall <= hidden else short
             break
+        shrunk = shrunk + 1 if radius < before else 0
         x, now = trial, evaluate(trial, True)
         if robust:
             soft = _robust_weights(w * now.residual, group, data)

@@ -7,8 +7,10 @@ import pytest
 
 from exactarm import _core
 from exactarm.commands.diagnose import _json
+from exactarm.dataset import read_dataset
 from exactarm.diagnose.diagnosis import diagnose
 from exactarm.diagnose.verdict import EXPLAINED, NOTHING
+from exactarm.examples import data_path
 from exactarm.identify.dynamics import identify_dynamics, inertia_was_estimated
 from exactarm.robot_file import load_robot
 from motions import fourier_motion, motion_data
@@ -75,3 +77,12 @@ def test_what_identify_lent_to_the_masses_is_given_back(racer):
     result = diagnose(estimated, data)
     assert (result.findings[0].effect.name, result.findings[0].effect.joint) == ("asymmetric_friction", 2)
     assert result.after["validation"].rms < 1.2 * NOISE_NM
+
+
+@pytest.mark.slow
+def test_the_real_arm_comes_to_a_verdict():
+    """Staubli TX40: load friction has a kink wherever a load changes its sign, and the fits arrive."""
+    robot = load_robot("tx40")
+    result = diagnose(robot, read_dataset([data_path("tx40/motion.parquet")], robot))
+    assert result.converged and len(result.findings) >= 5
+    assert result.after["validation"].rms < 2.05 < result.before["validation"].rms

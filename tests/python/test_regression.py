@@ -125,6 +125,29 @@ def test_wrong_derivatives_are_not_called_converged():
     assert not fit.converged and fit.reason == "no step lowers the square sum"
 
 
+def kinked(height):
+    """200 data of a line in x_1, and one of 1 + |x_0 - x_1|: no gradient vanishes at the minimum."""
+    along, noise = np.linspace(-1.0, 1.0, 200), np.random.default_rng(7).normal(size=200)
+
+    def evaluate(x, with_jacobian):
+        apart = x[0] - x[1]
+        residual = np.concatenate([noise - along * x[1], [-height * (1.0 + abs(apart) + 0.1 * apart)]])
+        slope = height * (np.sign(apart) + 0.1)
+        jacobian = np.concatenate([np.column_stack([0.0 * along, along]), [[slope, -slope]]])
+        return Evaluation(residual, jacobian if with_jacobian else None)
+
+    return evaluate
+
+
+@pytest.mark.parametrize("height, numbers, arrives", [(0.3, None, 1), (0.6, None, 0), (0.6, 40.0, 1)])
+def test_a_minimum_at_a_kink_is_found_in_few_steps(height, numbers, arrives):
+    """There the linear model still promises height^2: convergence where that is worth less than half
+    a standard deviation, which is more where the data are worth fewer numbers."""
+    fit = least_squares(kinked(height), np.array([0.3, 0.2]), numbers=numbers)
+    assert fit.iterations < 60 and fit.converged == arrives
+    assert abs(fit.x[0] - fit.x[1]) < 1e-2
+
+
 def test_the_limit_of_iterations_is_said():
     time = np.linspace(0.0, 4.0, 40)
     fit = least_squares(exponential(time, 3.0 * np.exp(-1.7 * time)), np.array([1.0, 0.1]), most_iterations=2)

@@ -130,9 +130,10 @@ def motion_view(
     if tangents:
         view.tangents["q"] = view.tangents["phi"]
     _load(view, layout, record, tangents)  # of the undeflected motion: what bends gears and springs
-    pass_station(view, layout, Station.GEAR, "phi", tangents)
-    _joints(view, layout, tangents)
-    _load(view, layout, record, tangents)
+    if any(effect.station in (Station.GEAR, Station.SPRING) for effect in layout.effects):
+        pass_station(view, layout, Station.GEAR, "phi", tangents)
+        _joints(view, layout, tangents)
+        _load(view, layout, record, tangents)
     if view.has_masses and any(joint.spring_linear for joint in baked.joints):
         _bend(view, layout, record, tangents)
     return view

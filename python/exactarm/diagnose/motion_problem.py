@@ -8,8 +8,9 @@ masses or has estimated ones; of these, what the motion excites. Both sides pass
 
 from __future__ import annotations
 
+import pickle
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -86,6 +87,7 @@ def _in_parts(places: list[int], widths: list[int]) -> list[list[int]]:
     """`places` in their order, cut so that each part has about `_COLUMNS_AT_ONCE` columns."""
     part_of = np.cumsum(widths) // _COLUMNS_AT_ONCE
     return [[places[k] for k in np.flatnonzero(part_of == part)] for part in np.unique(part_of)]
+_FITS_KEPT = 6  # contest and alternatives ask for the same rivals; a fit is some ten megabytes
 
 
 class MotionProblem(Problem):
@@ -104,6 +106,7 @@ class MotionProblem(Problem):
         self.record = self._new_record(data)
         self._held = self._new_record(held_out, self.record.bandwidth_hz) if len(held_out) else None
         self._estimator, self._noise = ColouredNoise(self), NoiseMemory()
+        self._fits: dict[tuple, MotionFit] = {}  # shared with the problems that come of this one
 
     def _record_of(self, data: Dataset) -> MotionRecord:
         if data is self.data or data is self.held_out:
@@ -164,7 +167,16 @@ class MotionProblem(Problem):
     def _estimated(self, layout: Layout, record: MotionRecord, rows: np.ndarray,
                    sigma: np.ndarray | None) -> MotionFit:
         weights = rows * np.sqrt(self._noise.share)
-        return fit_motion(self.robot, layout, record, weights=weights, sigma=sigma, threads=self.threads)
+        # What a fit hangs on; the robot and the torque are those that the kept fit holds.
+        effects = [(e.name, *(getattr(e, field.name) for field in fields(e))) for e in layout.effects]
+        about = (effects, layout.free, record.sign_width, weights, sigma)
+        asked = (id(self.robot), id(record.torque), pickle.dumps(about))
+        if asked not in self._fits:
+            found = fit_motion(self.robot, layout, record, weights=weights, sigma=sigma, threads=self.threads)
+            for old in list(self._fits)[: 1 - _FITS_KEPT]:
+                del self._fits[old]
+            self._fits[asked] = found
+        return self._fits[asked]
 
     def _turned_over(self, record: MotionRecord, layout: Layout) -> MotionRecord:
         """The record with the widths over which dry friction turns over with `layout`."""

@@ -79,11 +79,13 @@ def fit_layout(
         start = evaluate(x, False).residual[: rows.size * components].reshape(-1, components)
         sigma = np.maximum(_spread(start, np.zeros(components), alike), floor)
     one_scale = not drawn.size and np.unique(alike).size == 1  # which no estimate hangs on
+    numbers = float(np.sum(np.minimum(weight[rows] ** 2, 1.0))) * components + drawn.size
     for _ in range(_ROUNDS):
         each = (weight[rows, None] / sigma).ravel()
         fit = least_squares(
             evaluate, x, weights=np.concatenate([each, np.ones(drawn.size)]), bounds=bounds, robust=robust,
-            group=_group(alike), data_rows=each.size, tolerance=tolerance,
+            group=_group(alike), data_rows=each.size,
+            numbers=numbers, tolerance=tolerance,
         )
         spent = _spent((each[:, None] * latest[0])[:, ~fit.at_bound], pull[:, ~fit.at_bound], components)
         new = np.maximum(_spread(fit.clipped[: each.size].reshape(-1, components), spent, alike), floor)
