@@ -25,7 +25,7 @@ from typing import Any
 __version__ = "0.1.0"
 
 COMMANDS = (
-    "accept", "batch", "calibrate", "certify", "compensate", "design", "diagnose", "evaluate", "export",
+    "accept", "batch", "calibrate", "certify", "check", "compensate", "design", "diagnose", "evaluate", "export",
     "gear", "identify",
     "plan", "simulate",
 )

@@ -68,7 +68,7 @@ def find_frames(robot: Robot, data: Dataset, layout: Layout | None = None,
     tool_point, cost = min(ends, key=lambda end: end[1])
     as_good = (end for end, other in ends
                if other <= _AS_GOOD**2 * cost and np.linalg.norm(end - tool_point) > _APART_M)
-    base, residual = _procrustes(points + rotations @ tool_point, measured)
+    base, residual = procrustes(points + rotations @ tool_point, measured)
     tool_rotation = np.eye(3)
     if data.rotation is not None:
         tool_rotation = nearest(np.mean(np.swapaxes(base.rotation @ rotations, -1, -2) @ data.rotation,
@@ -78,7 +78,7 @@ def find_frames(robot: Robot, data: Dataset, layout: Layout | None = None,
     return FoundFrames(base, Placement(tool_rotation, tool_point), rms, scale, next(as_good, None))
 
 
-def _procrustes(source: np.ndarray, target: np.ndarray) -> tuple[Placement, np.ndarray]:
+def procrustes(source: np.ndarray, target: np.ndarray) -> tuple[Placement, np.ndarray]:
     """The rigid motion that takes `source` to `target` (N, 3) best, and the residual (N, 3)."""
     source_mean, target_mean = source.mean(0), target.mean(0)
     rotation = nearest((target - target_mean).T @ (source - source_mean))
@@ -94,7 +94,7 @@ def _scale(source: np.ndarray, target: np.ndarray) -> float:
 
 def _refine(points, rotations, measured, tool_point) -> tuple[np.ndarray, float]:
     """Gauss-Newton on base increment and tool point; the base is projected out anew at every step."""
-    base, residual = _procrustes(points + rotations @ tool_point, measured)
+    base, residual = procrustes(points + rotations @ tool_point, measured)
     cost, damping = float(np.sum(residual**2)), 1e-9
     for _ in range(_STEPS):
         turned = base.rotation @ rotations
@@ -111,7 +111,7 @@ def _refine(points, rotations, measured, tool_point) -> tuple[np.ndarray, float]
         step = np.linalg.lstsq(normal + damping * np.diag(np.diag(normal)), rows.T @ residual.ravel(),
                                rcond=1e-12)[0]
         trial_tool = tool_point + step[6:]
-        trial_base, trial_residual = _procrustes(points + rotations @ trial_tool, measured)
+        trial_base, trial_residual = procrustes(points + rotations @ trial_tool, measured)
         trial_cost = float(np.sum(trial_residual**2))
         if trial_cost < cost:
             small = cost - trial_cost < 1e-12 * cost

@@ -1,0 +1,334 @@
+"""`exactarm check`: a few poses a day: has something moved, which parameter, since when."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from exactarm.commands.arguments import add_robot
+from exactarm.commands.calibrate import require_poses
+from exactarm.commands.call import AnyData, AnyRobot, asked, data_of, robot_of
+from exactarm.commands.error_sections import unit_of
+from exactarm.commands.result import CommandResult, estimate
+from exactarm.dataset import Dataset, Source
+from exactarm.errors import InputError
+from exactarm.progress import SILENT, Progress
+from exactarm.report import Estimate, Figure, Highlight, Highlights, Quantity, Report, Table, Text, Warnings
+from exactarm.report.numbers import quantity
+from exactarm.report.plots.change import statistic_over_days
+from exactarm.robot import Robot
+from exactarm.split import DEFAULT_SEED
+from exactarm.verify.change import Cause, Change, detect, detectable
+from exactarm.verify.daily import Daily, daily
+
+NAME = "check"
+HELP = "a few poses a day: has something moved, which parameter, since when"
+DAYS_A_YEAR = 250.0  # working days on which the poses are measured
+FEW_DAYS = 5  # within which a change is to be seen, for the table of what the check can see
+UNEXPLAINED = 0.01  # p-value below which no single one of the parameters explains the change
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    add_robot(parser)
+    parser.add_argument(
+        "before", metavar="BEFORE", type=Path, help="the poses when all was well, on several days if possible"
+    )
+    parser.add_argument(
+        "files",
+        metavar="NEW",
+        nargs="+",
+        type=Path,
+        help="the same poses later: a file a day, or a column `day`",
+    )
+    parser.add_argument(
+        "--days-per-year",
+        metavar="N",
+        type=float,
+        default=DAYS_A_YEAR,
+        help="days on which the poses are measured; one false alarm in so many days (default %(default)g)",
+    )
+
+
+def check(
+    robot: AnyRobot,
+    before: AnyData,
+    new: AnyData | Sequence[Any],
+    *,
+    days_per_year: float = DAYS_A_YEAR,
+    seed: int = DEFAULT_SEED,
+    progress: Progress = SILENT,
+) -> CommandResult:
+    """Whether an arm has moved since `before`: a sequential test over days with one false alarm in
+    `days_per_year` days.
+
+    before, new: files or data of poses; each file of `new` is a day, unless it has a column `day` or a time
+    over days.
+    """
+    if not 1.0 < days_per_year <= 366.0:
+        raise InputError(
+            f"--days-per-year {days_per_year:g}; expected days of measurement in a year, more than 1 and at "
+            f"most 366"
+        )
+    arm = robot_of(robot)
+    reference = require_poses(data_of(before, arm, "poses"))
+    files = [new] if isinstance(new, (str, Path, Dataset)) else list(new)
+    if not files:
+        raise InputError("no data of later days; expected at least one file", file=reference.first_file)
+    days = [
+        (_label(each, i), require_poses(data_of(each, arm, "poses"))) for i, each in enumerate(files, start=1)
+    ]
+    progress.stage("checking")
+    _require_new(reference, days)
+    series = daily(arm, reference, days, seed)
+    change = detect(series.before, series.days, series.hypotheses, days_per_year)
+    options = {"days_per_year": days_per_year}
+    told = asked("check", robot, None, seed, options, {"days_per_year": DAYS_A_YEAR})
+    sources = tuple(source for data in (reference, *(data for _, data in days)) for source in data.sources)
+    return CommandResult(
+        json=_json(series, change, days_per_year),
+        report=_report(arm, series, change, days_per_year),
+        tables={"days.csv": _table(series, change)},
+        asked=replace(
+            told, line=_line(robot, before, files, days_per_year, seed), files=(*told.files, *sources)
+        ),
+    )
+
+
+def run(arguments: argparse.Namespace) -> CommandResult:
+    return check(
+        arguments.robot,
+        arguments.before,
+        arguments.files,
+        days_per_year=arguments.days_per_year,
+        seed=arguments.seed,
+        progress=arguments.progress,
+    )
+
+
+def _label(data: Any, number: int) -> str:
+    return Path(data).stem if isinstance(data, (str, Path)) else f"day {number}"
+
+
+def _line(robot: Any, before: Any, files: Sequence[Any], days_per_year: float, seed: int) -> str:
+    word = lambda value: (
+        repr(str(value))
+        if isinstance(value, (str, Path))
+        else "data"
+        if isinstance(value, Dataset)
+        else "robot"
+    )
+    changed = f", days_per_year={days_per_year:g}" if days_per_year != DAYS_A_YEAR else ""
+    new = ", ".join(map(word, files))
+    return f"exactarm.check({word(robot)}, {word(before)}, [{new}]{changed}, seed={seed})"
+
+
+def _require_new(before: Dataset, days: Sequence[tuple[str, Dataset]]) -> None:
+    """Every file once: a day that is counted twice would be evidence that nobody measured."""
+    seen: list[Source] = list(before.sources)
+    for _, data in days:
+        for source in data.sources:
+            if other := next((known for known in seen if known.sha256 == source.sha256), None):
+                raise InputError(
+                    f"the same content as {other.path}; expected each file once", file=source.path
+                )
+            seen.append(source)
+
+
+# -- what it says ----------------------------------------------------------------------------------------
+def _json(series: Daily, change: Change, days_per_year: float) -> dict[str, Any]:
+    best = change.causes[0]
+    moved = change.alarm is not None
+    return {
+        "moved": moved,
+        "verdict": _verdict_key(change),
+        "alarm": series.labels[change.alarm] if change.alarm is not None else None,
+        "since": _since(series, best) if moved else None,
+        "causes": [_cause(cause, series) for cause in change.causes if moved and _named(cause, change)],
+        "cannot_be_told_apart": [best.name, *change.apart] if moved and change.apart else [],
+        "unexplained_p": change.unexplained if moved else None,
+        "noise_m": change.sigma,
+        "noise_degrees_of_freedom": change.freedom,
+        "noise_source": series.noise,
+        "boundary": change.boundary,
+        "days_per_year": days_per_year,
+        "days": [
+            {"day": label, "statistic": float(value)}
+            for label, value in zip(series.labels, change.statistic, strict=True)
+        ],
+        "poses": len(series.poses),
+        "detectable": [
+            {"parameter": name, "within_days": FEW_DAYS, "size": size}
+            for name, size in _detectable(series, change)
+        ],
+        "warnings": list(series.warnings),
+    }
+
+
+def _verdict_key(change: Change) -> str:
+    if change.alarm is None:
+        return "nothing_moved"
+    return "moved_unexplained" if change.unexplained < UNEXPLAINED else "moved"
+
+
+def _named(cause: Cause, change: Change) -> bool:
+    return cause is change.causes[0] or cause.name in change.apart
+
+
+def _since(series: Daily, cause: Cause) -> dict[str, Any]:
+    first, last = cause.days
+    return {"day": series.labels[cause.first_day], "ci95": [series.labels[first], series.labels[last]]}
+
+
+def _cause(cause: Cause, series: Daily) -> dict[str, Any]:
+    values = zip(cause.parameters, cause.estimate, cause.intervals, strict=True)
+    return {
+        "cause": cause.name,
+        "probability": cause.probability,
+        "since": _since(series, cause),
+        "parameters": {
+            name: estimate(float(value), float(low), float(high)) for name, value, (low, high) in values
+        },
+    }
+
+
+def _detectable(series: Daily, change: Change) -> list[tuple[str, float]]:
+    """Size of each parameter's change (rad, m) that is seen within `FEW_DAYS` days on the mean."""
+    return [
+        (
+            name,
+            change.sigma
+            * detectable(h, i, series.occasions, FEW_DAYS, change.boundary, len(series.hypotheses)),
+        )
+        for h in series.hypotheses
+        for i, name in enumerate(h.parameters)
+    ]
+
+
+def _table(series: Daily, change: Change) -> dict[str, Any]:
+    columns: dict[str, Any] = {"day": list(series.labels), "statistic": change.statistic}
+    for k in range(len(series.poses)):
+        columns |= {f"moved_{k + 1}_{axis}_m": series.moved[:, k, i] for i, axis in enumerate("xyz")}
+    return columns
+
+
+def _sentence(series: Daily, change: Change, days_per_year: float) -> str:
+    rate = f"one false alarm in {days_per_year:g} days"
+    if change.alarm is None:
+        return f"Nothing has moved, as far as {len(series.labels)} days tell (the test allows {rate})."
+    best = change.causes[0]
+    since = _since(series, best)
+    span = (
+        since["day"]
+        if since["ci95"][0] == since["ci95"][1]
+        else f"{since['day']} (95 %: {since['ci95'][0]} to {since['ci95'][1]})"
+    )
+    if change.unexplained < UNEXPLAINED:
+        return (
+            f"Something has moved since {span}, and no single one of the zeros, base or tool explains it; "
+            f"nearest: {best.name}. "
+            f"Alarm on {series.labels[change.alarm]} ({rate})."
+        )
+    names = " or ".join([best.name, *change.apart])
+    what = f"The {names}" + (" (these poses cannot tell them apart)" if change.apart else "")
+    return f"{what} has moved since {span}{_size(best)}. Alarm on {series.labels[change.alarm]} ({rate})."
+
+
+def _size(cause: Cause) -> str:
+    if len(cause.parameters) == 1:
+        low, high = cause.intervals[0]
+        unit = unit_of(cause.parameters[0])
+        size, least, most = (quantity(float(value), unit) for value in (cause.estimate[0], low, high))
+        return f" by {size} ({least} to {most})"
+    return f" by {quantity(float(np.linalg.norm(cause.estimate[:3])), 'm')}"
+
+
+def _report(robot: Robot, series: Daily, change: Change, days_per_year: float) -> Report:
+    moved = change.alarm is not None
+    best = change.causes[0]
+    distance = np.linalg.norm(series.moved, axis=2)
+    last = distance[-1][np.isfinite(distance[-1])]
+    sections: list[Any] = [
+        Warnings(series.warnings),
+        Highlights(
+            (
+                Highlight(
+                    "last day, largest move of a pose",
+                    Quantity(float(last.max()) if last.size else None, "m"),
+                ),
+                Highlight("noise of a coordinate", Quantity(change.sigma, "m")),
+                Highlight("statistic (alarm at the boundary)", Quantity(float(change.statistic[-1]), "")),
+                Highlight("boundary", Quantity(change.boundary, "", exact=True)),
+            )
+        ),
+    ]
+    if moved:
+        rows = [
+            (
+                cause.name,
+                name,
+                Estimate(float(value), float(low), float(high), unit_of(name)),
+                f"{cause.probability:.3f}",
+                series.labels[cause.first_day],
+            )
+            for cause in change.causes
+            if _named(cause, change)
+            for name, value, (low, high) in zip(
+                cause.parameters, cause.estimate, cause.intervals, strict=True
+            )
+        ]
+        sections.append(
+            Table(
+                "What has moved",
+                ("cause", "parameter", "change (95 %)", "probability", "since"),
+                tuple(rows),
+                "Causes that explain the days equally well stand below each other." if change.apart else "",
+            )
+        )
+    since = best.days if moved else None
+    sections += [
+        Figure(
+            "days",
+            "Day by day",
+            partial(
+                statistic_over_days,
+                change.statistic,
+                change.boundary,
+                distance,
+                float(np.sqrt(3.0)) * change.sigma,
+                change.alarm,
+                since,
+            ),
+            "Above: the evidence that something has changed on this or an earlier day, with the boundary of "
+            "the alarm. Below: how far "
+            "each pose lies from where BEFORE had it, and the noise of a day.",
+            "statistic and moves of the poses by day",
+        ),
+        Table(
+            "What this check can see",
+            ("parameter", f"seen within {FEW_DAYS} days"),
+            tuple((name, Quantity(size, unit_of(name))) for name, size in _detectable(series, change)),
+            "A change of this size raises the alarm within so many days, with noise at its mean.",
+        ),
+        Text(
+            "How it is tested",
+            (
+                f"{len(series.poses)} poses, {len(series.labels)} days. Noise from {series.noise}. The "
+                f"statistic is a sum of likelihood ratios over "
+                f"all first days and causes; while nothing moves it grows by one a day on the mean, so that "
+                f"it passes {change.boundary:g} once in "
+                f"{days_per_year:g} days at the most.",
+            ),
+        ),
+    ]
+    return Report(
+        f"Check of {robot.name}",
+        _sentence(series, change, days_per_year),
+        tuple(sections),
+        "bad" if moved else "good",
+    )

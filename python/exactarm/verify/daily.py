@@ -1,0 +1,326 @@
+"""Measurements of the same few poses before and on later days, as numbers for the sequential test
+(change.py).
+
+The residual of every row against the robot file, with base and tool frame as BEFORE shows them, averaged over
+the visits of a pose on a day, in the robot's base frame. Its level in BEFORE is what the model errs there and
+counts for nothing; its scatter there is the noise. Rows of another `session` than BEFORE's are seen from
+another place: the base is found anew that day, by the points of the check as one rigid body, and the numbers
+that this takes are left out. Positions alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import special
+
+from exactarm.chain import Layout, predict_poses
+from exactarm.dataset import Dataset
+from exactarm.effects.frames import Frames
+from exactarm.effects.joint_offset import JointOffset
+from exactarm.errors import InputError
+from exactarm.identify.declared import carried_layout, frames_layout, require_geometry
+from exactarm.identify.frames import procrustes
+from exactarm.identify.match import require_match
+from exactarm.identify.planned import controller_angles
+from exactarm.identify.pose_fit import PoseFit, fit_poses
+from exactarm.robot import Placement, Robot
+from exactarm.split import DEFAULT_SEED
+from exactarm.verify.change import RANK, Evidence, Hypothesis
+
+SAME_POSE_RAD = (
+    5e-3  # a pose of the check is taught once; the residual is taken at the angles that were reported
+)
+LEAST_FREEDOM = (
+    6  # numbers beyond the level of each pose that must tell the noise: its size then is known to a third
+)
+TOGETHER = 0.01  # p-value below which poses that move together are told
+DAY_S = 86400.0
+BASE = ("x_m", "y_m", "z_m", "rx_rad", "ry_rad", "rz_rad")
+
+
+@dataclass(frozen=True)
+class Daily:
+    """before, days: as `detect` takes them; labels of the days; hypotheses; poses (K, n) controller's angles.
+
+    occasions: of a pose in BEFORE, the fewest; noise: where it comes from; moved (T, K, 3): residual of each
+    day less its level in BEFORE, m, NaN where a pose was not measured or BEFORE does not know it.
+    """
+
+    before: Evidence
+    days: tuple[tuple[np.ndarray, np.ndarray], ...]
+    labels: tuple[str, ...]
+    hypotheses: tuple[Hypothesis, ...]
+    poses: np.ndarray
+    occasions: int
+    noise: str
+    warnings: tuple[str, ...]
+    moved: np.ndarray
+
+
+def daily(
+    robot: Robot, before: Dataset, new: Sequence[tuple[str, Dataset]], seed: int = DEFAULT_SEED
+) -> Daily:
+    """new: label and rows of each file of later days, in their order."""
+    require_geometry(robot)
+    if len(np.unique(before.session)) > 1:
+        raise InputError(
+            f"BEFORE holds {len(np.unique(before.session))} set-ups; expected one (column session), the one "
+            f"of the check",
+            file=before.first_file,
+        )
+    fit = _frames_of(robot, before, seed)
+    labels, measured = _days(new)
+    poses = _poses(robot, measured)
+    cells = [_cells(robot, data, poses) for data in measured]
+    known = _cells(robot, before, poses, strict=False)
+    visits = min(int(np.unique(cell, return_counts=True)[1].min()) for cell in cells)
+    level, evidence, occasions, noise, warnings = _reference(robot, fit, before, known, len(poses), visits)
+    first = [_first_row(cells, k) for k in range(len(poses))]
+    rows = [measured[i].select(np.array([row])) for i, row in first]
+    hypotheses = _hypotheses(robot, fit, rows, before)
+    base = next(hypothesis.columns for hypothesis in hypotheses if hypothesis.name == "base")
+    days, moved = [], np.full((len(cells), len(poses), 3), np.nan)
+    for number, (data, cell) in enumerate(zip(measured, cells, strict=True)):
+        y, seen, value = _day(fit, data, cell, base, visits, int(before.session[0]))
+        days.append((y, seen))
+        moved[number] = value - level
+    if any(np.unique(cell).size < len(poses) for cell in cells):
+        warnings.append("not every pose was measured on every day")
+    if any(np.any(data.session != before.session[0]) for data in measured):
+        warnings.append(
+            "some days are another set-up (session) than BEFORE: where the base stands is found anew on "
+            "each, so "
+            "that a move of the base cannot be seen on them; the tool is taken as the same"
+        )
+    return Daily(evidence, tuple(days), labels, hypotheses, poses, occasions, noise, tuple(warnings), moved)
+
+
+def _in_base(fit: PoseFit, data: Dataset, vectors: np.ndarray) -> np.ndarray:
+    """Vectors (N, 3, ...) of the device's frame in the robot's base frame, which no set-up turns."""
+    out = np.empty_like(vectors)
+    for session in np.unique(data.session):
+        base = Placement()
+        for effect in fit.layout.effects:
+            base = effect.place(int(session), base, Placement())[0]
+        here = data.session == session
+        out[here] = np.einsum("ji,nj...->ni...", base.rotation, vectors[here])
+    return out
+
+
+def _frames_of(robot: Robot, data: Dataset, seed: int) -> PoseFit:
+    layout, found = frames_layout(robot, data, orientation=False, seed=seed)
+    require_match(robot, data, found, carried_layout(robot, data), seed)
+    return fit_poses(robot, layout.joined(carried_layout(robot, data)), data)
+
+
+# -- days and poses ------------------------------------------------------------------------------------
+def _days(new: Sequence[tuple[str, Dataset]]) -> tuple[tuple[str, ...], list[Dataset]]:
+    """Each file is a day, unless a column `day`, or `time_s` over more than a day, says otherwise."""
+    labels, measured = [], []
+    for label, data in new:
+        number = day_numbers(data)
+        if number is None:
+            labels.append(label)
+            measured.append(data)
+            continue
+        for day in np.unique(number):
+            labels.append(f"day {day:g}" if len(new) == 1 else f"{label}, day {day:g}")
+            measured.append(data.select(number == day))
+    return tuple(labels), measured
+
+
+def day_numbers(data: Dataset) -> np.ndarray | None:
+    """(N,) the day of each row by the column `day`, or by days of 24 h from the first row on; None: one
+    occasion."""
+    if "day" in data.covariates:
+        return data.covariates["day"]
+    if data.time is None or np.ptp(data.time) < DAY_S:
+        return None
+    return np.floor((data.time - data.time.min()) / DAY_S) + 1.0
+
+
+def _poses(robot: Robot, measured: Sequence[Dataset]) -> np.ndarray:
+    """(K, n) the different poses of all days, in the order in which they were first measured."""
+    poses: list[np.ndarray] = []
+    for data in measured:
+        for q in controller_angles(robot, data):
+            if not any(np.max(np.abs(q - pose)) < SAME_POSE_RAD for pose in poses):
+                poses.append(q)
+    return np.array(poses)
+
+
+def _cells(robot: Robot, data: Dataset, poses: np.ndarray, strict: bool = True) -> np.ndarray:
+    """(N,) which of the poses a row is at, -1: none of them."""
+    q = controller_angles(robot, data)
+    cell = np.full(len(data), -1)
+    for k, pose in enumerate(poses):
+        cell[np.max(np.abs(q - pose), axis=1) < SAME_POSE_RAD] = k
+    return cell
+
+
+def _first_row(cells: Sequence[np.ndarray], pose: int) -> tuple[int, int]:
+    return next(
+        (i, int(np.flatnonzero(cell == pose)[0])) for i, cell in enumerate(cells) if np.any(cell == pose)
+    )
+
+
+# -- BEFORE --------------------------------------------------------------------------------------------
+def _reference(
+    robot: Robot, fit: PoseFit, before: Dataset, cell: np.ndarray, count: int, visits: int
+) -> tuple[np.ndarray, Evidence, int, str, list[str]]:
+    """Level (K, 3) and evidence of BEFORE, the fewest occasions of a pose, the source of the noise,
+    warnings."""
+    residual = _in_base(fit, before, fit.residual(before))
+    occasions = _occasions(before, cell, visits)
+    evidence, sums, seen = Evidence.none(3 * count), np.zeros((count, 3)), np.zeros(count, int)
+    whole = []
+    for number in range(occasions.max(initial=-1) + 1):
+        y, here = np.zeros((count, 3)), np.zeros(count, bool)
+        for k in np.unique(cell[occasions == number]):
+            y[k] = residual[(occasions == number) & (cell == k)][:visits].mean(axis=0)
+            here[k] = True
+        evidence = evidence.with_day(y.ravel(), np.diag(np.repeat(here.astype(float), 3)))
+        whole += [y] if here.all() else []
+        sums += np.where(here[:, None], y, 0.0)
+        seen += here
+    level = np.where(seen[:, None] > 0, sums / np.maximum(seen, 1)[:, None], np.nan)
+    freedom = evidence.numbers - 3 * int(np.count_nonzero(seen))
+    warnings = []
+    if freedom >= LEAST_FREEDOM:
+        if not seen.all():
+            warnings.append(
+                f"{int(np.sum(seen == 0))} of {count} poses are not in BEFORE: on them only later days "
+                f"compare"
+            )
+        if day_numbers(before) is None:
+            warnings.append(
+                "BEFORE tells of one day (no column `day`, no `time_s` over more than one): what changes "
+                "from day to day "
+                "without anything having moved, as warmth, is not in the noise"
+            )
+        warnings += _moving_together(np.array(whole))
+        known = f"{freedom} numbers of repeated poses in BEFORE"
+        return level, evidence, int(seen[seen > 0].min()), known, warnings
+    return _by_the_model(fit, before, residual, evidence, sums, seen, warnings)
+
+
+def _moving_together(occasions: np.ndarray) -> list[str]:
+    """A warning where all poses (D, K, 3) move alike from occasion to occasion: the test takes them as
+    independent."""
+    if len(occasions) < 3 or occasions.shape[1] < 2:
+        return []
+    apart = occasions - occasions.mean(axis=0)
+    shared = apart.mean(axis=1)
+    own = apart - shared[:, None]
+    freedom = 3 * (len(occasions) - 1)
+    others = freedom * (occasions.shape[1] - 1)
+    ratio = occasions.shape[1] * np.sum(shared**2) / freedom / max(np.sum(own**2) / others, 1e-300)
+    if special.fdtrc(freedom, others, ratio) > TOGETHER:
+        return []
+    size = float(np.sqrt(np.sum(shared**2) / freedom))
+    return [
+        f"in BEFORE all poses move together from occasion to occasion, by {1e3 * size:.2g} mm a coordinate "
+        f"(warmth, or the stand of "
+        "the instrument): the test takes poses as independent, so that alarms may be more frequent than "
+        "stated"
+    ]
+
+
+def _by_the_model(
+    fit: PoseFit,
+    before: Dataset,
+    residual: np.ndarray,
+    evidence: Evidence,
+    sums: np.ndarray,
+    seen: np.ndarray,
+    warnings: list[str],
+) -> tuple[np.ndarray, Evidence, int, str, list[str]]:
+    """Without repeated poses what the model leaves in BEFORE stands for noise and level alike: larger, so
+    safe."""
+    freedom = fit.fit.freedom
+    if freedom < LEAST_FREEDOM:
+        raise InputError(
+            f"BEFORE holds {len(before)} rows, too few to tell the noise; expected the same poses on two "
+            f"occasions or more",
+            file=before.first_file,
+        )
+    new = np.repeat((seen == 0).astype(float), 3)  # the model says zero there, as well as it says anything
+    evidence = evidence.with_day(np.zeros(new.size), np.diag(new))
+    evidence = evidence.with_scatter(float(np.sum(residual**2)), freedom)
+    warnings.append(
+        "BEFORE does not hold the poses of the check twice: the noise is what the model leaves there, and "
+        "smaller changes "
+        "stay unseen; measure these poses on several days before"
+    )
+    level = np.where(seen[:, None] > 0, sums / np.maximum(seen, 1)[:, None], 0.0)
+    return level, evidence, 1, f"what the model leaves in the {len(before)} rows of BEFORE", warnings
+
+
+def _occasions(data: Dataset, cell: np.ndarray, visits: int) -> np.ndarray:
+    """(N,) the occasion of each row at a pose of the check, from 0: its day, else every `visits` rows of the
+    pose; -1: none."""
+    occasion = np.full(len(data), -1)
+    number = day_numbers(data)
+    if number is not None:
+        occasion[cell >= 0] = np.unique(number, return_inverse=True)[1].ravel()[cell >= 0]
+        return occasion
+    for k in np.unique(cell[cell >= 0]):
+        rows = np.flatnonzero(cell == k)
+        whole = rows[: max(rows.size // visits, 1) * visits]
+        occasion[whole] = np.arange(whole.size) // visits
+    return occasion
+
+
+# -- one day -------------------------------------------------------------------------------------------
+def _day(
+    fit: PoseFit, data: Dataset, cell: np.ndarray, base: np.ndarray, visits: int, session: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """y (3 K,), what the day shows of it (3 K, 3 K), and the residuals (K, 3), NaN where there is none.
+
+    base (3 K, 6): how the check poses follow the base frame; session: BEFORE's.
+    """
+    count = len(base) // 3
+    here, y = np.isin(np.arange(count), cell), np.full((count, 3), np.nan)
+    known = replace(data, session=np.full(len(data), session))
+    residual = fit.residual(known)
+    seen = np.diag(np.repeat(here.astype(float), 3))
+    if np.any(data.session != session):  # a set-up of its own: where the base stands is no news
+        placed, apart = procrustes(data.position - residual, data.position)
+        residual = apart @ placed.rotation
+        free = seen @ base
+        u, values, _ = np.linalg.svd(
+            free / np.maximum(np.linalg.norm(free, axis=0), 1e-300), full_matrices=False
+        )
+        u = u[:, values > RANK * values.max(initial=1e-300)]
+        seen = seen - u @ u.T
+    residual = _in_base(fit, known, residual)
+    for k in np.flatnonzero(here):
+        y[k] = residual[cell == k][:visits].mean(axis=0)
+    return np.nan_to_num(y).ravel(), seen, y
+
+
+def _hypotheses(
+    robot: Robot, fit: PoseFit, rows: Sequence[Dataset], before: Dataset
+) -> tuple[Hypothesis, ...]:
+    """The zero of every axis, the base, the tool: derivative of the check poses' positions, seen as in
+    BEFORE."""
+    offsets = Layout.of(tuple(JointOffset.of(robot, i) for i in range(robot.axes)))
+    session = int(before.session[0])
+    frames = next(e for e in fit.layout.effects if isinstance(e, Frames) and e.session == session)
+    layout = offsets.joined(Layout.of((frames,))).joined(carried_layout(robot, before))
+    blocks = []
+    for row in rows:
+        seen = replace(row, session=np.array([session]))
+        blocks.append(_in_base(fit, seen, predict_poses(robot, layout, seen).jacobian[:, :3])[0])
+    columns = np.concatenate(blocks)
+    n = robot.axes
+    found = [
+        Hypothesis(f"zero of axis {i + 1}", columns[:, i : i + 1], (offsets.names[i],)) for i in range(n)
+    ]
+    base, tool = columns[:, n : n + 6], columns[:, n + 6 : n + 9]
+    found.append(Hypothesis("base", base, tuple(f"base_{axis}" for axis in BASE)))
+    found.append(Hypothesis("tool", tool, tuple(f"tool_{axis}" for axis in BASE[:3])))
+    return tuple(found)
