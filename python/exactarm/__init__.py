@@ -25,8 +25,8 @@ from typing import Any
 __version__ = "0.1.0"
 
 COMMANDS = (
-    "accept", "batch", "calibrate", "certify", "check", "compensate", "design", "diagnose", "evaluate", "export",
-    "gear", "identify",
+    "accept", "batch", "calibrate", "certify", "check", "compensate", "design", "diagnose", "evaluate",
+    "export", "gear", "identify",
     "plan", "simulate",
 )
 NAMES = {
