@@ -214,7 +214,7 @@ def test_the_command_certifies_by_rows_that_were_never_fitted(certified):
             and value["ci95"][0] < summary["mean"] < value["ci95"][1]
         )
     iso = result["iso_9283"]
-    assert iso["AP_after_max_m"] < 3e-4 < iso["AP_before_max_m"] and len(iso["poses"]) == 10  # from two sides
+    assert iso["AP_after_max_m"] < 3e-4 < iso["AP_before_max_m"] and len(iso["pose_tests"]) == 10
     expected = NOISE_M * (
         np.sqrt(8.0 / np.pi) + 3.0 * np.sqrt(3.0 - 8.0 / np.pi)
     )  # of Maxwell's distribution

@@ -105,7 +105,7 @@ def _freedom(value: float) -> float | None:
 def _iso_json(iso: Iso9283) -> dict[str, Any]:
     out: dict[str, Any] = {"missing": iso.missing}
     if iso.poses:
-        out["poses"] = [
+        out["pose_tests"] = [
             {
                 "visits": t.visits,
                 "AP_before_m": t.accuracy_before,

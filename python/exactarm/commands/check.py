@@ -18,6 +18,7 @@ from exactarm.commands.error_sections import unit_of
 from exactarm.commands.result import CommandResult, estimate
 from exactarm.dataset import Dataset, Source
 from exactarm.errors import InputError
+from exactarm.kinds import POSES
 from exactarm.progress import SILENT, Progress
 from exactarm.report import Estimate, Figure, Highlight, Highlights, Quantity, Report, Table, Text, Warnings
 from exactarm.report.numbers import quantity
@@ -76,12 +77,13 @@ def check(
             f"most 366"
         )
     arm = robot_of(robot)
-    reference = require_poses(data_of(before, arm, "poses"))
+    reference = require_poses(data_of(before, arm, POSES.name))
     files = [new] if isinstance(new, (str, Path, Dataset)) else list(new)
     if not files:
         raise InputError("no data of later days; expected at least one file", file=reference.first_file)
     days = [
-        (_label(each, i), require_poses(data_of(each, arm, "poses"))) for i, each in enumerate(files, start=1)
+        (_label(each, i), require_poses(data_of(each, arm, POSES.name)))
+        for i, each in enumerate(files, start=1)
     ]
     progress.stage("checking")
     _require_new(reference, days)
@@ -161,7 +163,7 @@ def _json(series: Daily, change: Change, days_per_year: float) -> dict[str, Any]
             {"day": label, "statistic": float(value)}
             for label, value in zip(series.labels, change.statistic, strict=True)
         ],
-        "poses": len(series.poses),
+        "check_poses": len(series.poses),
         "detectable": [
             {"parameter": name, "within_days": FEW_DAYS, "size": size}
             for name, size in _detectable(series, change)
