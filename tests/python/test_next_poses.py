@@ -82,7 +82,10 @@ def test_chosen_poses_tell_more_than_random_ones(experiments):
 def test_sentence_names_poses_causes_bits_and_minutes(experiments):
     robot, fitted, found = experiments
     text = sentence_of(found)
-    assert text.startswith("Measure q = (") and "joint compliance of axis 2 or gear ratio of axis 2" in text
+    assert (
+        text.startswith(f"Measure {len(found[0].q)} poses") and "design --for" in text
+        and "joint compliance of axis 2 or gear ratio of axis 2" in text
+    )
     assert "of 1.00 bits" in text and "minutes" in text
     assert text == sentence_of(next_poses(robot, fitted,
                                           [Place(fitted.layout.effects[-1], 0.5, ((RATIO, 0.5),))], 0))

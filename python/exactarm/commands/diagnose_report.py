@@ -107,7 +107,7 @@ def _next(result: Diagnosis, found: list[tuple[Finding, Contribution | None]]) -
     if found:
         lines.append(f"{kind_of(result.kind).anew} and run `exactarm evaluate robot.toml NEW.csv`: the error there is the one to trust.")
     if result.next_experiment:
-        lines.append(result.next_experiment + (" `exactarm design --for result.json` writes these poses." if result.experiments else ""))
+        lines.append(result.next_experiment)
     if result.verdict == UNEXPLAINED and not result.next_experiment:
         lines.append(f"To find what is left, measure more where it shows: {remains(result.dossier_after, result.excess, result.unknown)}.")
     if result.drafts:

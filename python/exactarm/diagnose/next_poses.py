@@ -29,6 +29,7 @@ from exactarm.robot import Robot
 PAYLOAD_KG = 5.0  # of the payload that is proposed, in the flange's centre: what most arms carry
 # to drive to a pose and measure; to mount a payload: assumed
 MINUTES = MappingProxyType({"visit": 0.25, "payload": 5.0})
+_LISTED = 4  # poses in a sentence
 _CANDIDATES = 200
 _MOST_POSES = 24
 _ENOUGH = 0.95  # of what is open
@@ -77,15 +78,23 @@ def sentence_of(experiments: Sequence[Experiment]) -> str:
                 "both directions, with and "
                 f"without {PAYLOAD_KG:g} kg: {told} at most): measure at another temperature or speed, or "
                 "the gear of the axis alone.")
-    names = []
-    for q in best.q:
-        names.append("(" + ", ".join(str(round(float(angle))) for angle in np.rad2deg(q)) + ")")
-    poses = "; ".join(name if names.count(name) == 1 else f"{name} {names.count(name)} times"
-                      for name in dict.fromkeys(names))
     load = f" with {best.payload_kg:g} kg at the flange" if best.payload_kg else ""
-    return (f"Measure q = {poses} degrees{load}, approached from both directions: in some "
-            f"{best.minutes():.0f} minutes this tells "
-            f"{told} about whether it is {best.between}.")
+    return (
+        f"Measure {_named(best.q)}{load}, approached from both directions: in some {best.minutes():.0f} "
+        "minutes this "
+        f"tells {told} about whether it is {best.between}. `exactarm design --for result.json` writes these "
+        "poses."
+    )
+
+
+def _named(q: np.ndarray) -> str:
+    """Few poses by their angles, many by their number."""
+    names = ["(" + ", ".join(str(round(float(angle))) for angle in np.rad2deg(each)) + ")" for each in q]
+    different = list(dict.fromkeys(names))
+    if len(different) > _LISTED:
+        return f"{len(names)} poses"
+    counted = (name if names.count(name) == 1 else f"{name} {names.count(name)} times" for name in different)
+    return f"q = {'; '.join(counted)} degrees"
 
 
 def next_poses(robot: Robot, fitted: Fitted, places: Sequence[Place], seed: int) -> tuple[Experiment, ...]:
