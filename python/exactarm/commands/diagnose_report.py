@@ -1,4 +1,5 @@
-"""The report of a diagnosis: verdict, what to do next, the causes one line each, their curves, then the evidence."""
+"""The report of a diagnosis: verdict, what to do next, the causes one line each, their curves, then the
+evidence."""
 
 from __future__ import annotations
 
@@ -20,7 +21,7 @@ from exactarm.commands.error_sections import error_figures, error_table, highlig
 from exactarm.diagnose.contribution import Contribution
 from exactarm.diagnose.diagnosis import Diagnosis, Finding
 from exactarm.diagnose.dossier import Dossier
-from exactarm.diagnose.verdict import NOTHING, UNEXPLAINED, remains
+from exactarm.diagnose.verdict import UNEXPLAINED, remains
 from exactarm.kinds import kind_of
 from exactarm.report import Figure, Quantity, Report, Table, Text, Warnings
 from exactarm.report.numbers import change, quantity
@@ -38,12 +39,21 @@ def report_of(robot: Robot, results: list[Diagnosis], rule: str, skipped: list[s
     for result in results:
         found = found_effects(result)
         if len(results) > 1:
-            sections.append(Text(f"Data read as {result.kind.replace('_', ' ')}", (verdict_of(robot, result, found),)))
+            sections.append(Text(f"Data read as {result.kind.replace('_', ' ')}",
+                                 (verdict_of(robot, result, found),)))
         sections += _sections(robot, result, found, rule)
     if skipped:
         sections.append(Warnings(tuple(skipped)))
-    tone = {NOTHING: "good", UNEXPLAINED: "caution"}.get(first.verdict, "good")
-    return Report(f"Diagnosis of {robot.name}", verdict_of(robot, first, found_effects(first)), tuple(sections), tone)
+    good = first.verdict != UNEXPLAINED and (not first.findings or _pays(first))
+    tone = "good" if good else "caution"
+    return Report(f"Diagnosis of {robot.name}", verdict_of(robot, first, found_effects(first)),
+                  tuple(sections), tone)
+
+
+def _pays(result: Diagnosis) -> bool:
+    """Whether the causes found lower the error of rows that were never fitted."""
+    judged = "validation" if result.after["validation"].n else "identification"
+    return result.after[judged].rms < result.before[judged].rms
 
 
 def found_effects(result: Diagnosis) -> list[tuple[Finding, Contribution | None]]:
@@ -59,18 +69,30 @@ def verdict_of(robot: Robot, result: Diagnosis, found: list[tuple[Finding, Contr
     if not found:
         return result.sentence
     before, after = result.before[judged].rms, result.after[judged].rms
-    whose = f"{rows} that were never fitted" if judged == "validation" else f"the fitted {rows} (none were held out)"
-    text = f"The model lacked {causes_in_words(found, robot.axes)}. With this in it the RMS error on {whose} {change(before, after, result.unit)}."
+    whose = (
+        f"{rows} that were never fitted" if judged == "validation"
+        else f"the fitted {rows} (none were held out)"
+    )
+    text = (
+        f"The model lacked {causes_in_words(found, robot.axes)}. With this in it the RMS error on {whose} "
+        f"{change(before, after, result.unit)}."
+    )
     doubtful = [a for a in result.alternatives if a.collides]
     if doubtful:
         own = next((f.effect for f in result.findings if f.effect.label == doubtful[0].instead_of), None)
-        text += f" These data cannot tell {own.title} from {doubtful[0].effect.title}." if own is not None else ""
+        text += (
+            f" These data cannot tell {own.title} from {doubtful[0].effect.title}." if own is not None else ""
+        )
     if result.verdict == UNEXPLAINED:
-        text += f" Something is left that no known cause explains: {remains(result.dossier_after, result.excess, result.unknown)}."
+        text += (
+            " Something is left that no known cause explains: "
+            f"{remains(result.dossier_after, result.excess, result.unknown)}."
+        )
     return text
 
 
-def _sections(robot: Robot, result: Diagnosis, found: list[tuple[Finding, Contribution | None]], rule: str) -> list:
+def _sections(robot: Robot, result: Diagnosis, found: list[tuple[Finding, Contribution | None]],
+              rule: str) -> list:
     unit = result.unit
     name, row = kind_of(result.kind).error, kind_of(result.kind).row
     note = f"Before: the declared model with its own parameters estimated again. {rule}"
@@ -78,9 +100,11 @@ def _sections(robot: Robot, result: Diagnosis, found: list[tuple[Finding, Contri
     if found:
         judged = "validation" if result.after["validation"].n else "identification"
         geared = [joint.has_gear for joint in robot.joints]
-        sections += [effects_table(result, found), *curves_figure(found), orders_table(found, robot.ratios, geared),
+        sections += [effects_table(result, found), *curves_figure(found),
+                     orders_table(found, robot.ratios, geared),
                      *sizes_figure(found, result.after[judged].rms), parameters_table(found)]
-    sections += [error_table(result.before, result.after, unit, name.capitalize(), note), *_axes_table(result), *_arm(result)]
+    sections += [error_table(result.before, result.after, unit, name.capitalize(), note),
+                 *_axes_table(result), *_arm(result)]
     sections += _error_figures(result, name, row)
     if result.alternatives:
         sections.append(_rivals(result))
@@ -92,7 +116,9 @@ def _sections(robot: Robot, result: Diagnosis, found: list[tuple[Finding, Contri
         _dossier_table("What the error follows, before", result.dossier_before),
         _dossier_table("What the error still follows, after", result.dossier_after),
     ]
-    outliers = (f"{result.excluded} identification rows were left out as outliers",) if result.excluded else ()
+    outliers = (
+        (f"{result.excluded} identification rows were left out as outliers",) if result.excluded else ()
+    )
     if outliers or result.left_out or result.unconverged:
         sections.append(Warnings((*result.unconverged, *outliers, *result.left_out)))
     return sections
@@ -101,17 +127,26 @@ def _sections(robot: Robot, result: Diagnosis, found: list[tuple[Finding, Contri
 def _next(result: Diagnosis, found: list[tuple[Finding, Contribution | None]]) -> list[Text]:
     """What the reader does with this page."""
     lines = []
-    if any(finding.effect.compensable for finding, _ in found):
-        lines.append("Use `robot.toml` of this folder in place of your robot file: `exactarm plan` with it makes up for "
-                     + ", ".join(sorted({f.effect.in_plain_words for f, _ in found if f.effect.compensable})) + ".")
+    if found and not _pays(result):
+        lines.append("The causes are probable by the fitted rows, but do not lower the error of the others: "
+                     "keep your robot file "
+                     "until a new measurement decides.")
+    elif any(finding.effect.compensable for finding, _ in found):
+        lines.append("Use `robot.toml` of this folder in place of your robot file: `exactarm plan` with it "
+                     "makes up for "
+                     + ", ".join(sorted({f.effect.in_plain_words for f, _ in found if f.effect.compensable}))
+                     + ".")
     if found:
-        lines.append(f"{kind_of(result.kind).anew} and run `exactarm evaluate robot.toml NEW.csv`: the error there is the one to trust.")
+        lines.append(f"{kind_of(result.kind).anew} and run `exactarm evaluate robot.toml NEW.csv`: the error "
+                     "there is the one to trust.")
     if result.next_experiment:
         lines.append(result.next_experiment)
     if result.verdict == UNEXPLAINED and not result.next_experiment:
-        lines.append(f"To find what is left, measure more where it shows: {remains(result.dossier_after, result.excess, result.unknown)}.")
+        lines.append("To find what is left, measure more where it shows: "
+                     f"{remains(result.dossier_after, result.excess, result.unknown)}.")
     if result.drafts:
-        lines.append("`draft.toml` holds an effect for what is left. Check it, then `exactarm accept draft.toml` and diagnose again: "
+        lines.append("`draft.toml` holds an effect for what is left. Check it, then `exactarm accept "
+                     "draft.toml` and diagnose again: "
                      "every command knows it from then on.")
     return [Text("What to do next", tuple(lines))] if lines else []
 
@@ -121,11 +156,13 @@ def _drafts(result: Diagnosis) -> list:
     if not result.drafts:
         return []
     unit = result.unit
-    rows = tuple((draft.effect.title, draft.effect.form if draft.short else "a series of cosines", percent(draft.probability),
+    rows = tuple((draft.effect.title, draft.effect.form if draft.short else "a series of cosines",
+                  percent(draft.probability),
                   *(Quantity(value, unit) for value in draft.held_out)) for draft in result.drafts)
     header = ("drafted effect", "formula, rad", "probability", "held-out RMS before", "with it")
     return [Text("Drafted: effects that nobody wrote yet", tuple(draft.sentence for draft in result.drafts)),
-            Table("Drafts", header, rows, "In `draft.toml`; no part of `robot.toml` until they are accepted.")]
+            Table("Drafts", header, rows,
+                  "In `draft.toml`; no part of `robot.toml` until they are accepted.")]
 
 
 def _axes_table(result: Diagnosis) -> list[Table]:
@@ -144,8 +181,10 @@ def _arm(result: Diagnosis) -> list[Figure]:
     space = result.in_space
     if space is None:
         return []
-    return [Figure("arm", "Where in space", partial(arm_with_errors, space.arm, space.position, space.before, space.after),
-                   f"{space.which.capitalize()} poses in the robot's base frame; the arm stands at one of them.",
+    return [Figure("arm", "Where in space",
+                   partial(arm_with_errors, space.arm, space.position, space.before, space.after),
+                   f"{space.which.capitalize()} poses in the robot's base frame; the arm stands at one of "
+                   "them.",
                    "the arm with an arrow for the error of every pose, before and after")]
 
 
@@ -154,12 +193,16 @@ def _rivals(result: Diagnosis) -> Table:
     judged = "validation" if result.after["validation"].n else "identification"
     reached = result.after[judged].rms
     rows = tuple(
-        (a.effect.title, titles.get(a.instead_of, a.instead_of), Quantity(a.rms_after, result.unit), percent(a.probability),
+        (a.effect.title, titles.get(a.instead_of, a.instead_of), Quantity(a.rms_after, result.unit),
+         percent(a.probability),
          _why(a, reached))
         for a in result.alternatives
     )
     header = ("runner-up", "instead of", f"{judged} RMS with it", "probability", "why it was not chosen")
-    note = f"With the causes found: {quantity(reached, result.unit)}. Held-out rows choose nothing: the fitted rows decide."
+    note = (
+        f"With the causes found: {quantity(reached, result.unit)}. Held-out rows choose nothing: the fitted "
+        "rows decide."
+    )
     return Table("Runners-up", header, rows, note if judged == "validation" else "")
 
 
@@ -173,7 +216,8 @@ def _why(rival, reached: float) -> str:
 
 def _dossier_table(heading: str, dossier: Dossier) -> Table:
     rows = tuple(
-        (f.signal, f.direction, f"{100 * f.share:.1f} %", f"{f.p_value:.1e}" if f.p_value > _NEVER else f"< {_NEVER:g}", "yes" if f.significant else "no")
+        (f.signal, f.direction, f"{100 * f.share:.1f} %",
+         f"{f.p_value:.1e}" if f.p_value > _NEVER else f"< {_NEVER:g}", "yes" if f.significant else "no")
         for f in dossier.follows[:8]
     )
     note = (f"Share of the square sum explained by bins of the signal; p-values corrected for all tests. "
@@ -186,5 +230,6 @@ def _error_figures(result: Diagnosis, name: str, row: str) -> tuple:
     before = np.concatenate([result.errors_before[s] for s in sets])
     after = np.concatenate([result.errors_after[s] for s in sets])
     used = np.isfinite(after)
-    identification = np.concatenate([np.full(len(result.errors_before[s]), s == "identification") for s in sets])
+    identification = np.concatenate([np.full(len(result.errors_before[s]), s == "identification")
+                                     for s in sets])
     return error_figures(before[used], after[used], identification[used], result.unit, name, row)
