@@ -4,18 +4,29 @@ import numpy as np
 import pytest
 
 from exactarm.diagnose.evidence import Members, Picture
-from exactarm.diagnose.search import search, weight_of
-from exactarm.diagnose.unknown import basis_of, sizes_of
+from exactarm.diagnose.search import _richer, search, weight_of
+from exactarm.diagnose.unknown import Unknown, basis_of, sizes_of
 from exactarm.diagnose.vocabulary import SCALE_WEIGHTS, SCALES, Block, Vocabulary
+from exactarm.effects.gear_eccentricity import GearEccentricity
+from exactarm.effects.gear_harmonics import GearHarmonics
 from exactarm.noise.estimate import normal_noise
 
 ROWS, COMPONENTS = 60, 3
 SHARE = 0.01
 
 
+class Cause:
+    """What a named block asks of its effect: nothing that another one includes."""
+
+    family, joint, any_curve = "", None, False
+
+    def includes(self, other):
+        return False
+
+
 def block(number, columns, at, positive=False):
     """A named cause of `columns` coefficients; the effect itself is never asked."""
-    return Block(f"cause_{number}", object(), None, slice(at, at + columns), np.full(columns, 0.5),
+    return Block(f"cause_{number}", Cause(), None, slice(at, at + columns), np.full(columns, 0.5),
                  np.full(columns, positive), float(np.log(SHARE)), False)
 
 
@@ -102,3 +113,37 @@ def test_unknown_functions_have_unit_variance_on_the_average():
     for length in (0.4, 1.0, 2.4):
         variance = np.sum((basis_of(s) * sizes_of(length)) ** 2, axis=1)
         assert 0.6 < variance.mean() < 1.3
+
+
+def gear_curve_picture(seed):
+    """One axis whose error is a run-out and ten more orders: as a run-out, as single orders, as one curve, as an unknown function."""
+    rng = np.random.default_rng(seed)
+    phi = rng.uniform(-2.5, 2.5, 300)
+    waves = np.stack([f(k * phi) / k for k in range(1, 13) for f in (np.sin, np.cos)], axis=1)[:, None, :]
+    curve = GearHarmonics.curve(1, 12, 1e-4, (-2.5, 2.5))
+    run_out, fifth = GearEccentricity(1, (0.0,) * 4), GearHarmonics(1, (5.0, 0.0, 0.0))
+    own = Unknown("a turn of axis 1", ("angle of axis 1",))
+    responses = np.concatenate([waves, waves[:, :, :4], waves[:, :, 8:10], basis_of(phi)[:, None, :]], axis=2)
+    sizes, at, blocks = [np.full(24, 1.0), np.full(4, 1.0), np.full(2, 1.0), sizes_of(1.0)], 0, []
+    for effect, unknown, size in zip((curve, run_out, fifth, None), (None, None, None, own), sizes):
+        label = unknown.label if effect is None else effect.label
+        blocks.append(Block(label, effect, unknown, slice(at, at + len(size)), size, np.zeros(len(size), bool), np.log(0.1), False))
+        at += len(size)
+    residual = waves @ rng.standard_normal(24) + 0.1 * rng.standard_normal((300, 1))
+    declared = np.ones((300, 1, 1))
+    return Picture.of(Vocabulary(tuple(blocks), responses), residual, declared, normal_noise(np.full((300, 1), 0.1)))
+
+
+def test_a_curve_takes_the_place_of_its_poorer_forms():
+    """However large the run-out in it is: it is one cause, and neither a run-out nor an unknown function stands beside it."""
+    pic = gear_curve_picture(11)
+    assert pic.vocabulary.forms_of(0) == {0, 1, 2, 3}
+    assert 2 not in pic.vocabulary.forms_of(1)  # teeth are no form of a run-out
+    certain, posterior = search(pic)
+    assert [*certain.blocks, *posterior.members[posterior.best].blocks] == [0]
+    assert len(pic.vocabulary.beside([pic.vocabulary.blocks[0].effect]).blocks) == 0
+
+
+def test_certain_poorer_forms_give_way_to_the_curve_that_includes_them():
+    pic = gear_curve_picture(12)
+    assert _richer(pic, Members((1, 2), (2, 2))).blocks == (0,)

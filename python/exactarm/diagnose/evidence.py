@@ -80,7 +80,8 @@ class Picture:
         residual = self.residual - u @ (shrink[:, 0] * (u.T @ self.residual))
         blocks = self.vocabulary.blocks
         taken = {blocks[i].label for i in members.blocks if not blocks[i].repeatable}
-        closed = frozenset(self.closed | {i for i, b in enumerate(blocks) if b.label in taken} | set(members.blocks))
+        forms = frozenset().union(*(self.vocabulary.forms_of(i) for i in members.blocks))
+        closed = frozenset(self.closed | {i for i, b in enumerate(blocks) if b.label in taken} | forms)
         return Picture(self.vocabulary, self.declared, columns, residual, self.count, closed)
 
     @cached_property

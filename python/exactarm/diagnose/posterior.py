@@ -113,7 +113,7 @@ def find_causes(problem: Problem, declared: Layout, progress: Progress = lambda 
     fits, chosen, places, unknown = [first], [], [], ()
     visits = problem.groups()
     folds = folds_of(visits, problem.seed)
-    vocabulary = _vocabulary(problem, first)
+    whole = vocabulary = _vocabulary(problem, first)
     nothing = something = None
     noise = None
     for turn in range(_ROUNDS):
@@ -131,8 +131,7 @@ def find_causes(problem: Problem, declared: Layout, progress: Progress = lambda 
         chosen = [*fit.layout.effects[len(declared.effects) :]]
         places += kept
         fits.append(fit)
-        taken = {p.label for p in places if not p.effect.repeatable}
-        vocabulary = vocabulary.without(taken)
+        vocabulary = whole.beside(chosen)
     wrong = _wrong_rows(problem, declared, chosen, fits[-1], noise)
     if wrong is not None:
         place, fit = wrong
@@ -141,11 +140,11 @@ def find_causes(problem: Problem, declared: Layout, progress: Progress = lambda 
         fits.append(fit)
     places = [replace(place, effect=effect) for place, effect in zip(places, chosen)]
     return Causes(tuple(fits), tuple(places), unknown, nothing, something, noise,
-                  _tested(problem, first, found.left, noise, visits))
+                  _tested(problem, first, whole, found.left, noise, visits))
 
 
-def _tested(problem: Problem, first: Fitted, left: np.ndarray, noise: NoiseModel, visits: np.ndarray) -> SelfTest:
-    picture = Picture.of(_vocabulary(problem, first), first.residual, first.jacobian, noise, problem.correlation_factor(first))
+def _tested(problem: Problem, first: Fitted, vocabulary: Vocabulary, left: np.ndarray, noise: NoiseModel, visits: np.ndarray) -> SelfTest:
+    picture = Picture.of(vocabulary, first.residual, first.jacobian, noise, problem.correlation_factor(first))
     return self_test(picture, noise.whiten(left[:, :, None])[:, 0], visits, problem.seed)
 
 

@@ -81,8 +81,29 @@ def search(picture: Picture, most: int = MOST_CAUSES) -> tuple[Members, Posterio
         if max(rivals, default=-np.inf) > value - CERTAIN:
             break
         certain = Members((*certain.blocks, index), (*certain.scales, scale))
+        richer = _richer(picture, certain)
+        if richer is not None:
+            certain = richer
+            beyond = picture.beside(certain)
+            after = _scored(beyond)
         at, scored = beyond, after
     return certain, _Search(at, max(most - len(certain.blocks), 0)).run(Members((), ()))
+
+
+def _richer(picture: Picture, members: Members) -> Members | None:
+    """The set with one form that includes members of it in their place, where it is heavier so; None where it is not."""
+    blocks, found, heaviest = picture.vocabulary.blocks, None, weight_of(picture, members)
+    forms = {form for i in members.blocks if blocks[i].effect is not None for form in picture.vocabulary.forms_of(i)}
+    for form in sorted(forms - set(members.blocks) - picture.closed):
+        if blocks[form].effect is None:
+            continue
+        kept = [k for k, i in enumerate(members.blocks) if form not in picture.vocabulary.forms_of(i)]
+        for scale in range(len(SCALE_WEIGHTS)):
+            trial = Members((*(members.blocks[k] for k in kept), form), (*(members.scales[k] for k in kept), scale))
+            weight = weight_of(picture, trial)
+            if weight > heaviest:
+                found, heaviest = trial, weight
+    return found
 
 
 def _scored(picture: Picture) -> list[tuple[float, str, int, int]]:
@@ -142,6 +163,19 @@ class _Search:
             weight = weight_of(self.picture, fewer)
             self._offer(labels_of(self.picture, fewer), weight, fewer)
             self._grow(fewer, weight)
+        for fewer in self._without_families(members):
+            self._grow(fewer, weight_of(self.picture, fewer))
+
+    def _without_families(self, members: Members) -> list[Members]:
+        """The set without all of its members of one family on one axis, so that one richer form may take their place."""
+        blocks = self.picture.vocabulary.blocks
+        effects = [blocks[i].effect for i in members.blocks]
+        families = [(e.family, e.joint) if e is not None and e.family else None for e in effects]
+        found = []
+        for family in {f for f in families if f is not None and families.count(f) > 1}:
+            kept = [k for k, own in enumerate(families) if own != family]
+            found.append(Members(tuple(members.blocks[k] for k in kept), tuple(members.scales[k] for k in kept)))
+        return found
 
     def _grow(self, members: Members, base: float) -> None:
         """The set with every further cause: weights summed over the blocks of a label; members for the best few labels."""
@@ -166,7 +200,8 @@ class _Search:
         blocks = self.picture.vocabulary.blocks
         weight = additions.log_weight.copy()
         taken = {blocks[i].label for i in members.blocks}
-        weight[list(members.blocks)] = -np.inf
+        for index in members.blocks:
+            weight[list(self.picture.vocabulary.forms_of(index))] = -np.inf
         names, label_of = self.picture.vocabulary.labels
         closed = np.array([name in taken and name not in self.picture.vocabulary.repeatable for name in names], bool)
         weight[closed[label_of]] = -np.inf

@@ -43,6 +43,12 @@ class Unknown:
         return len(self.signals) == 1 and self.signals[0].endswith(f"of axis {axis}")
 
     @property
+    def curve_of_axis(self) -> int | None:
+        """The axis that it turns as a function of that axis's own angle; None for all others."""
+        axis = self.direction.rsplit("axis ", 1)[-1]
+        return int(axis) if self.described and self.signals == (f"angle of axis {axis}",) else None
+
+    @property
     def title(self) -> str:
         """As a technician says it."""
         return f"{self.direction} follows {' and '.join('the ' + s for s in self.signals)}"

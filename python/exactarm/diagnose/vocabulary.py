@@ -55,6 +55,12 @@ class Block:
     def free(self) -> np.ndarray:
         return free_mask(self.effect)
 
+    def is_form_of(self, effect: Effect) -> bool:
+        """Whether it stands for the same cause as an effect: one of them has every term of the other."""
+        if self.effect is not None:
+            return self.effect.includes(effect) or effect.includes(self.effect)
+        return effect.any_curve and self.unknown.curve_of_axis == effect.joint
+
 
 @dataclass(frozen=True)
 class Vocabulary:
@@ -78,8 +84,26 @@ class Vocabulary:
         """Labels of the unknown functions."""
         return frozenset(block.label for block in self.blocks if block.unknown is not None)
 
-    def without(self, labels: set[str]) -> Vocabulary:
-        return Vocabulary(tuple(block for block in self.blocks if block.label not in labels), self.responses)
+    @cached_property
+    def _forms(self) -> dict[int, frozenset[int]]:
+        return {}
+
+    def forms_of(self, index: int) -> frozenset[int]:
+        """The blocks (itself too) that stand for the same cause as one block: no set holds two of them."""
+        if index not in self._forms:
+            own, same = self.blocks[index], {index}
+            if own.effect is not None:
+                same |= {i for i, block in enumerate(self.blocks) if block.is_form_of(own.effect)}
+            elif own.unknown.curve_of_axis is not None:
+                same |= {i for i, block in enumerate(self.blocks) if block.effect is not None and own.is_form_of(block.effect)}
+            self._forms[index] = frozenset(same)
+        return self._forms[index]
+
+    def beside(self, effects: list[Effect]) -> Vocabulary:
+        """Without the causes that these effects stand for already."""
+        taken = {effect.label for effect in effects if not effect.repeatable}
+        return Vocabulary(tuple(block for block in self.blocks if block.label not in taken
+                                and not any(block.is_form_of(effect) for effect in effects)), self.responses)
 
 
 def vocabulary_of(fitted, effects: list[Effect], signals: dict, directions: dict) -> Vocabulary:

@@ -110,7 +110,7 @@ class Effect(ABC):
     drawn_to_declared: ClassVar[bool] = False  # a Gaussian prior around the declared values, as wide as they are plausible
     repeatable: ClassVar[bool] = False  # several of them may act on one axis (harmonics of different orders)
     log_odds: ClassVar[float] = 0.0  # before any data, beside another cause that would look the same
-    family: ClassVar[str] = ""  # effects of one family on one axis are forms of one cause: cross-validation chooses
+    family: ClassVar[str] = ""  # effects of one family on one axis may be forms of one cause (`includes`)
     sentence: ClassVar[str] = ""  # format string: {joint} and the parameters' names
     plain: ClassVar[str] = ""  # a noun phrase that a technician uses, without the axis; empty: the name
     source: ClassVar[str] = ""
@@ -151,6 +151,18 @@ class Effect(ABC):
     def orders(self) -> tuple[tuple[float, float], ...]:
         """(cycles per output revolution, amplitude in rad) of an angle error that repeats; empty for other effects."""
         return ()
+
+    @property
+    def any_curve(self) -> bool:
+        """Whether it can take the shape of any smooth function of its axis's angle."""
+        return False
+
+    def includes(self, other: "Effect") -> bool:
+        """Whether `other` is a form of the same cause with no term that this one lacks: the two are one cause, never two."""
+        if not self.family or self.family != other.family or self.joint != other.joint:
+            return False
+        own = {round(order, 6) for order, _ in self.orders()}
+        return all(round(order, 6) in own for order, _ in other.orders())
 
     def parameter_label(self, parameter: Parameter) -> str:
         """Unique name of one of its parameters within a robot: `backlash_2.width_rad`."""
