@@ -20,6 +20,7 @@ from exactarm.commands.suspicions import suspicions
 from exactarm.diagnose.diagnosis import Diagnosis, Finding
 from exactarm.diagnose.diagnosis import diagnose as find_causes
 from exactarm.diagnose.draft import Draft
+from exactarm.diagnose.posterior import Causes
 from exactarm.diagnose.verdict import UNEXPLAINED, remains
 from exactarm.errors import InputError
 from exactarm.identify.statistics import summarise
@@ -191,7 +192,18 @@ def _posterior(result: Diagnosis) -> dict[str, Any]:
         "probability_something_else": causes.probability_something_else,
         "false_alarm_rate": causes.test.false_alarms,
         "self_test": {"sets": causes.test.sets, "share_right": causes.test.share_right, "draws": causes.test.draws},
-        "noise": {"family": causes.noise.family, "degrees_of_freedom": causes.noise.freedom if np.isfinite(causes.noise.freedom) else None},
+        "noise": _noise(causes),
+    }
+
+
+def _noise(causes: Causes) -> dict:
+    """The law of the noise, and what neighbouring rows share of it."""
+    noise, wandering = causes.noise, causes.noise.wandering
+    return {
+        "family": noise.family,
+        "degrees_of_freedom": noise.freedom if np.isfinite(noise.freedom) else None,
+        "shared_by_neighbours": 0.0 if wandering is None else wandering.ratio / (1.0 + wandering.ratio),
+        "memory_rows": None if wandering is None else wandering.memory,
     }
 
 
@@ -203,7 +215,8 @@ def _unknown(result: Diagnosis) -> dict[str, Any]:
     probability = 1.0 - (signal.p_value if signal else 0.0)
     unknown = result.unknown
     if unknown and result.causes is not None:
-        probability, share = result.causes.probability_something_else, ""
+        causes, share = result.causes, ""
+        probability = causes.probability_something_else if causes.unknown else causes.wandering_probability
     return {
         "effect": "unknown", "joint": None, "parameters": {},
         "validation_rms_before": rms, "validation_rms_after": rms,

@@ -110,7 +110,7 @@ class Diagnosis:
     @property
     def unknown(self) -> tuple[str, ...]:
         """What is known of causes that the library lacks, in words."""
-        return () if self.causes is None else self.causes.unknown
+        return () if self.causes is None else self.causes.unknown + self.causes.wanders
 
     @property
     def converged(self) -> bool:
@@ -148,7 +148,7 @@ def diagnose(
         verdict = verdict_by_rules(problem, before, after, noise, left, bool(findings), spread, excess)
     else:
         verdict = verdict_of_causes(causes, after, noise, excess)
-    unknown = causes.unknown if causes is not None else ()
+    unknown = causes.unknown + causes.wanders if causes is not None else ()
     if verdict == NOTHING and not noise.measured and problem.share_of_measured(last) > MUCH_LEFT:
         verdict = UNEXPLAINED  # a floor that comes from the fit proves nothing by itself
     unconverged = _unconverged(selection)

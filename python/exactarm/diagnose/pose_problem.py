@@ -36,6 +36,7 @@ _TOLERANCE = 1e-7  # relative fall of the square sum that ends a fit: a thousand
 _SEARCH_POSES = 600  # enough to find every large cause in good time; the smallest may need more poses
 
 LEAST_REPEATS = 10
+_APART = 1e4  # rows between sessions: the device was set up anew
 
 
 class PoseProblem(Problem):
@@ -100,6 +101,13 @@ class PoseProblem(Problem):
 
     def groups(self) -> np.ndarray:
         return pose_groups(self.data)
+
+    def order(self) -> np.ndarray:
+        time = self.data.time if self.data.time is not None else np.arange(len(self.data), dtype=float)
+        session = np.unique(self.data.session, return_inverse=True)[1]
+        step = np.diff(time[np.lexsort((time, session))])
+        typical = float(np.median(step[step > 0.0])) if np.any(step > 0.0) else 1.0
+        return (time - time.min()) / typical + session * (np.ptp(time) / typical + _APART)
 
     def signals(self, fitted: Fitted) -> dict[str, np.ndarray]:
         view, data = fitted.view, self.data

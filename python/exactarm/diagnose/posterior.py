@@ -2,8 +2,8 @@
 
 1. The declared model is fitted, and every cause linearised there once (vocabulary.py): relinearising at a clearance lies, because
    other columns then pass through its steep flank.
-2. Search (search.py) under a noise model (noise/), which is estimated anew with the causes found, from two starts: one normal
-   law, and the family that the declared fit's residual asks for. The start whose likelihood, prior and price are better wins.
+2. Search (search.py) under a noise model (noise/), which is estimated anew with the causes found, from up to three starts: one
+   normal law, the family that the declared fit's residual asks for, the same with what rows share in time. The start whose likelihood, prior and price are better wins.
 3. The best set is confirmed by the joint non-linear fit through the chain; a set whose fit takes less than half of the gain that
    was promised loses its weakest members. Then what is left is searched once more beside it.
 """
@@ -14,16 +14,17 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy import special
 
 from exactarm.chain import Layout
 from exactarm.diagnose.cross_validation import folds_of
-from exactarm.diagnose.evidence import Members, Picture
+from exactarm.diagnose.evidence import Members, Picture, orthonormal_columns
 from exactarm.diagnose.problem import Fitted, Problem
 from exactarm.diagnose.scan import Candidate
-from exactarm.diagnose.search import CERTAIN, Posterior, search, weight_of
+from exactarm.diagnose.search import CERTAIN, Posterior, prior_of, search, weight_of
 from exactarm.diagnose.selection import Accepted, Selection, candidates_for, refit
 from exactarm.diagnose.self_test import SelfTest, self_test
-from exactarm.diagnose.vocabulary import Block, Vocabulary, at_values, vocabulary_of
+from exactarm.diagnose.vocabulary import SCALES, Block, Vocabulary, at_values, vocabulary_of
 from exactarm.effects.base import Effect
 from exactarm.noise.estimate import estimate_noise, log_likelihood_under, normal_noise
 from exactarm.noise.model import NoiseModel
@@ -31,6 +32,7 @@ from exactarm.noise.model import NoiseModel
 NAMED_AT = 0.5  # probability from which a cause is named: more likely than not
 WRONG_ROW_FALSE_ALARM = 0.01  # of a whole data set: what the threshold of the effect is set for
 MOST_AT_ONCE = 5  # causes and unknown functions together: of more, on measured arms, the sum fits its own rows only (UR10: eleven)
+WANDERS_AT = 2.0  # times the noise without it: a device that stands still would halve what is left
 UNKNOWN = "unknown"  # in the place of a name, for a cause that the library lacks
 _CREDIBLE = 0.95
 _ROUNDS = 4  # of search beside what has been found
@@ -70,6 +72,20 @@ class Causes:
     probability_something_else: float
     noise: NoiseModel
     test: SelfTest
+
+    @property
+    def wandering_probability(self) -> float:
+        """That neighbouring rows share something, by the likelihood that pays for its two parameters."""
+        w = self.noise.wandering
+        return 0.0 if w is None else float(special.expit(w.gain - np.log(len(self.noise.order))))
+
+    @property
+    def wanders(self) -> tuple[str, ...]:
+        """In words: the device wanders, where that is as much as all other noise."""
+        if self.noise.wander_over_rest < WANDERS_AT:
+            return ()
+        return (f"the device wanders or jumps: neighbouring rows share {self.noise.wander_over_rest**2 - 1.0:.0f} times the variance "
+                f"of one row alone, for about {self.noise.wandering.memory:.0f} rows",)
 
 
 @dataclass(frozen=True)
@@ -193,13 +209,16 @@ def _vocabulary(problem: Problem, fitted: Fitted) -> Vocabulary:
 
 
 def _round(problem: Problem, fitted: Fitted, vocabulary: Vocabulary, visits: np.ndarray, noise: NoiseModel | None) -> _Found | None:
-    """The best of two starts, one normal law and the family of the present residual; of one, where the noise is known.
+    """The best of the starts: one normal law, the family of the present residual, the same with what neighbours share; of one,
+    where the noise is known.
 
     None where every start asks for too many causes at once."""
     if noise is not None:
         return _settled(problem, fitted, vocabulary, visits, noise)
-    asked = estimate_noise(fitted.residual, fitted.jacobian.shape[2], visits)
-    starts = [normal_noise(fitted.residual)] + ([asked] if asked.family != "gauss" else [])
+    asked = estimate_noise(fitted.residual, fitted.jacobian.shape[2], visits, problem.order())
+    starts = [normal_noise(fitted.residual)]
+    starts += [replace(asked, wandering=None)] if asked.family != "gauss" else []
+    starts += [asked] if asked.wandering is not None else []
     found = [f for f in (_settled(problem, fitted, vocabulary, visits, start) for start in starts) if f is not None]
     return max(found, key=lambda f: f.score) if found else None
 
@@ -215,18 +234,32 @@ def _settled(problem: Problem, fitted: Fitted, vocabulary: Vocabulary, visits: n
             return None
         residual = fitted.residual - _prediction(picture, members, fitted, noise)
         lost = fitted.jacobian.shape[2] + sum(found.block(i).columns for i in members.blocks) * _COLUMN_COSTS
-        before, noise = noise, estimate_noise(residual, lost, visits)
+        before, noise = noise, estimate_noise(residual, lost, visits, problem.order())
         if _alike(before, noise):
             break
+    return replace(found, noise=noise, left=residual, score=_score(found, fitted, residual, noise))
+
+
+def _score(found: _Found, fitted: Fitted, left: np.ndarray, noise: NoiseModel) -> float:
+    """Log of likelihood times priors of the best set and its noise, declared parameters integrated out (restricted likelihood):
+    what two starts are compared by. left (N, m): residual with the set and the declared parameters at their best values."""
+    picture, members = found.picture, found.members
     log_det, _ = picture.quadratic(members)
-    price = picture.log_prior[list(members.blocks)].sum() - (0.0 if noise.family == "gauss" else _LEAST_NATS)
-    return replace(found, noise=noise, left=residual, score=log_likelihood_under(noise, residual) - 0.5 * log_det + price)
+    standard = [value / (SCALES[scale] * found.block(i).size)
+                for i, scale, value in zip(members.blocks, members.scales, picture.coefficients(members))]
+    declared = orthonormal_columns(fitted.jacobian.reshape(-1, fitted.jacobian.shape[2])).reshape(*left.shape, -1)
+    white = noise.whiten(declared)
+    score = log_likelihood_under(noise, left) - 0.5 * log_det - 0.5 * sum(float(b @ b) for b in standard)
+    score += prior_of(picture, members) - 0.5 * float(np.linalg.slogdet(white.T @ white)[1])
+    score -= 0.0 if noise.family == "gauss" else _LEAST_NATS
+    return score - (0.0 if noise.wandering is None else _LEAST_NATS + np.log(len(left)))  # of its two parameters
 
 
 def _alike(one: NoiseModel, other: NoiseModel) -> bool:
     """Whether two noise models weigh the rows alike, so that a search under either finds the same."""
     apart = np.sqrt(one.weight)[:, None] / one.sigma / (np.sqrt(other.weight)[:, None] / other.sigma + 1e-300)
-    return one.family == other.family and abs(one.shared - other.shared) < 0.2 and float(np.max(np.abs(apart - 1.0))) < _SAME_SCALE
+    kept = one.family == other.family and abs(one.shared - other.shared) < 0.2 and one.wanders_like(other)
+    return kept and float(np.max(np.abs(apart - 1.0))) < _SAME_SCALE
 
 
 def _prediction(picture: Picture, members: Members, fitted: Fitted, noise: NoiseModel) -> np.ndarray:

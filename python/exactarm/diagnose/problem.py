@@ -192,6 +192,11 @@ class Problem(ABC):
     def groups(self) -> np.ndarray:
         """(N,) int: identification rows that must not be parted in a cross-validation."""
 
+    def order(self) -> np.ndarray | None:
+        """(N,) places of the identification rows in the order in which they were measured, in typical distances between neighbours,
+        sessions far apart; None where neighbours are dealt with otherwise."""
+        return None
+
     def groups_for(self, response: np.ndarray) -> np.ndarray:
         """The groups by which an effect is judged whose response has the square (N,) in each row."""
         return self.groups()

@@ -113,8 +113,13 @@ def _scored(picture: Picture) -> list[tuple[float, str, int, int]]:
 
 def weight_of(picture: Picture, members: Members) -> float:
     """log w of one set at its grid points and scales."""
+    return picture.log_likelihood(members) + prior_of(picture, members)
+
+
+def prior_of(picture: Picture, members: Members) -> float:
+    """log prior of one set at its grid points and scales."""
     prior = sum(picture.log_prior[i] + np.log(SCALE_WEIGHTS[s]) for i, s in zip(members.blocks, members.scales))
-    return picture.log_likelihood(members) + prior + log_prior_of_count(len(members.blocks))
+    return float(prior) + log_prior_of_count(len(members.blocks))
 
 
 def labels_of(picture: Picture, members: Members) -> tuple[str, ...]:

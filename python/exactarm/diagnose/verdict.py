@@ -28,7 +28,7 @@ def verdict_of_causes(causes: Causes, after, noise: NoiseFloor, excess: float) -
     """From the posterior; held-out rows and repeated visits may only object."""
     judged = "validation" if after["validation"].n else "identification"
     far = noise.measured and after[judged].rms > _FAR_ABOVE_NOISE * noise.value
-    if causes.probability_something_else >= NAMED_AT or excess > _CARRIES_OVER or far:
+    if causes.probability_something_else >= NAMED_AT or causes.wanders or excess > _CARRIES_OVER or far:
         return UNEXPLAINED
     return EXPLAINED if causes.places else NOTHING
 

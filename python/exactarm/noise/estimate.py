@@ -11,10 +11,13 @@ each with one scale for all components of a kind (positions, orientations), or o
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from scipy import special
 
 from exactarm.noise.model import NoiseModel
+from exactarm.noise.wandering import gain_of, wandering_of
 
 FREEDOMS = (30.0, 10.0, 5.0, 3.0)
 GROSS = 30.0  # times the noise; a smaller ratio swallows causes that only some rows show
@@ -24,8 +27,11 @@ _PASSES = 60
 _LEAST_ROWS_A_VISIT = 10  # rows beyond the first of their pose, below which nothing is said of what visits share
 
 
-def estimate_noise(residual: np.ndarray, lost: float = 0.0, visits: np.ndarray | None = None) -> NoiseModel:
-    """The best family for residuals (N, m); lost: parameters that were fitted to them; visits (N,): numbers of poses."""
+def estimate_noise(
+    residual: np.ndarray, lost: float = 0.0, visits: np.ndarray | None = None, order: np.ndarray | None = None
+) -> NoiseModel:
+    """The best family for residuals (N, m); lost: parameters that were fitted to them; visits (N,): numbers of poses;
+    order (N,): places of the rows in the order in which they were measured."""
     rows, m = residual.shape
     blow = np.sqrt(rows * m / max(rows * m - lost, 1.0))  # a fit leaves less than the noise
     e = residual * blow
@@ -36,12 +42,37 @@ def estimate_noise(residual: np.ndarray, lost: float = 0.0, visits: np.ndarray |
             scales = len(kinds) - len(_kinds(residual)) + np.isfinite(nu)
             further += [scales, scales + 2.0]  # share and width of the gross rows
     price = 0.5 * np.log(rows) * np.array(further)
-    best = found[int(np.argmax([model.log_likelihood for model in found] - price))]
-    if visits is None:
+    values = np.array([model.log_likelihood for model in found]) - price
+    best = _with_visits(found[int(np.argmax(values))], e, visits)
+    if order is None:
         return best
+    # Jumps of an instrument look like heavy tails as long as nothing is known of them: a normal law is tried beside the best.
+    normal = max((k for k, model in enumerate(found) if model.family == "gauss"), key=lambda k: values[k])
+    tried = {int(np.argmax(values)): best} | {normal: _with_visits(found[normal], e, visits)}
+    wandering = {k: _wandering(model, e, order) for k, model in tried.items()}
+    gain = {k: values[k] + (model.wandering.gain if model.wandering is not None else 0.0) for k, model in wandering.items()}
+    return wandering[max(gain, key=lambda k: gain[k])]
+
+
+def _with_visits(noise: NoiseModel, e: np.ndarray, visits: np.ndarray | None) -> NoiseModel:
+    """With what visits of one pose share."""
+    if visits is None:
+        return noise
     numbers = np.unique(visits, return_inverse=True)[1]
-    shared, within = _shared(e / best.sigma, best.weight, numbers)
-    return NoiseModel(best.sigma * np.sqrt(within), best.weight, best.family, best.freedom, best.log_likelihood, numbers, shared)
+    shared, within = _shared(e / noise.sigma, noise.weight, numbers)
+    return replace(noise, sigma=noise.sigma * np.sqrt(within), visits=numbers, shared=shared)
+
+
+def _wandering(noise: NoiseModel, e: np.ndarray, order: np.ndarray) -> NoiseModel:
+    """With what neighbours in the order of the rows share, where they share anything."""
+    found = wandering_of(_white(noise, e), order, noise.seen)
+    if found is None:
+        return noise
+    return replace(noise, sigma=noise.sigma * np.sqrt(found.scale), wandering=found, order=order)
+
+
+def _white(noise: NoiseModel, e: np.ndarray) -> np.ndarray:
+    return noise.whiten(e[:, :, None]).reshape(e.shape)
 
 
 def normal_noise(residual: np.ndarray) -> NoiseModel:
@@ -55,7 +86,15 @@ def _kinds(residual: np.ndarray) -> np.ndarray:
 
 
 def log_likelihood_under(model: NoiseModel, residual: np.ndarray) -> float:
-    """Of other residuals (N, m) under the family of a model, its scales refitted."""
+    """Of other residuals (N, m) under the family of a model, its scales refitted; what rows share in time as it is there."""
+    alone = _log_likelihood_alone(model, residual)
+    if model.wandering is None:
+        return alone
+    base = replace(model, wandering=None)
+    return alone + gain_of(_white(base, residual), model.order, base.seen, model.wandering.ratio, model.wandering.memory)
+
+
+def _log_likelihood_alone(model: NoiseModel, residual: np.ndarray) -> float:
     kinds = _kinds(residual)
     if np.ptp(model.sigma[:3]) > 0.0:
         kinds = np.ones(residual.shape[1], int)

@@ -1,7 +1,8 @@
 """The noise of independent rows: a scale for each component, a family of tails, an error that repeated visits share.
 
-    row i, visit v:  e_i = sigma (z_i / sqrt(w_i) + t_v),   z_i normal, w_i the row's weight (Student: (nu + m) / (nu + |z|^2)),
-    t_v normal with variance `shared`: what every visit of one pose has in common.
+    row i, visit v:  e_i = sigma (z_i / sqrt(w_i) + t_v + u_i),   z_i normal, w_i the row's weight (Student: (nu + m) / (nu + |z|^2)),
+    t_v normal with variance `shared`: what every visit of one pose has in common; u_i what rows share that were measured one after
+    another (wandering.py).
 
 `whiten` turns any columns (N, m, k) of the measurement into numbers of unit variance that are independent of each other.
 """
@@ -9,8 +10,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
+from scipy import linalg
+
+from exactarm.noise.wandering import Wandering, kernel
 
 
 @dataclass(frozen=True)
@@ -18,6 +23,7 @@ class NoiseModel:
     """sigma (m,) per component; weight (N,), 0 for rows that are wrong by themselves; family: `gauss`, `student` or `gross`.
 
     visits (N,): numbers of the poses; shared: variance that visits of one pose have in common, in units of sigma^2.
+    wandering: what neighbours in the order (N,) of the rows have in common.
     """
 
     sigma: np.ndarray
@@ -27,6 +33,8 @@ class NoiseModel:
     log_likelihood: float = 0.0
     visits: np.ndarray | None = None
     shared: float = 0.0
+    wandering: Wandering | None = None
+    order: np.ndarray | None = None
 
     @property
     def numbers(self) -> int:
@@ -44,7 +52,38 @@ class NoiseModel:
         white = columns * scale[:, :, None]
         if self.shared > 0.0 and self.visits is not None:
             white = self._parted(white)
+        if self.wandering is not None:
+            rows = white.reshape(len(white), -1)
+            white = linalg.solve_triangular(self._root, rows, lower=True, check_finite=False).reshape(white.shape)
         return white.reshape(-1, columns.shape[2])
+
+    @cached_property
+    def _root(self) -> np.ndarray:
+        """(N, N) lower: the covariance of rows that `whiten` would leave without the wandering."""
+        return np.linalg.cholesky(np.eye(len(self.order)) + self.wandering.ratio * self.seen(kernel(self.order, self.wandering.memory)))
+
+    def seen(self, covariance: np.ndarray) -> np.ndarray:
+        """A covariance (N, N) of rows as their weights, and what visits share, let it through."""
+        once = self._rows_alone(covariance)
+        return self._rows_alone(once.T)
+
+    def _rows_alone(self, columns: np.ndarray) -> np.ndarray:
+        """(N, k) weighted, and cleared of what visits share; sigma apart."""
+        white = (np.sqrt(self.weight)[:, None] * columns)[:, None, :]
+        if self.shared > 0.0 and self.visits is not None:
+            white = self._parted(white)
+        return white[:, 0]
+
+    def wanders_like(self, other: "NoiseModel") -> bool:
+        """Whether two models weigh what neighbours share alike."""
+        if self.wandering is None or other.wandering is None:
+            return self.wandering is other.wandering
+        return self.wandering.memory == other.wandering.memory and 0.5 < self.wandering.ratio / other.wandering.ratio < 2.0
+
+    @property
+    def wander_over_rest(self) -> float:
+        """How many times larger the noise is with the wandering than without."""
+        return 1.0 if self.wandering is None else float(np.sqrt(1.0 + self.wandering.ratio))
 
     def _parted(self, white: np.ndarray) -> np.ndarray:
         """Takes from the mean of each pose's visits what they share: covariance 1 + shared u u', u the root of the weights."""
