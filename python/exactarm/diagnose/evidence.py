@@ -25,6 +25,7 @@ from exactarm.diagnose.vocabulary import SCALE_WEIGHTS, SCALES, Vocabulary
 _ABSORBED = 1e-6  # share of a column's square sum left after projection, below which the declared model explains it
 
 _MOST_PRODUCTS = 40  # of a block's columns with all others, kept: a few hundred MB at most
+_STRIP = 512  # columns worked on at once
 _INVISIBLE = 1e-3  # whitened length of a block at its plausible size, below which it is rounding
 
 
@@ -55,6 +56,7 @@ class Picture:
         self.declared = declared  # (R, d) orthonormal
         self.square = float(residual @ residual)
         self._product: dict[int, np.ndarray] = {}  # C_g'C of blocks that have been members
+        self._grams: dict[tuple[int, int], np.ndarray] = {}  # C_g'C_h of two of them
 
     @staticmethod
     def of(vocabulary: Vocabulary, residual: np.ndarray, declared: np.ndarray, noise, share: float = 1.0) -> Picture:
@@ -76,7 +78,10 @@ class Picture:
         b = self.basis(members)
         u, sizes, _ = np.linalg.svd(b, full_matrices=False)
         shrink = (1.0 - 1.0 / np.sqrt(1.0 + sizes**2))[:, None]
-        columns = self.columns - u @ (shrink * (u.T @ self.columns))
+        columns = self.columns.copy()
+        for start in range(0, columns.shape[1], _STRIP):  # no second matrix of this size
+            part = columns[:, start : start + _STRIP]
+            part -= u @ (shrink * (u.T @ part))
         residual = self.residual - u @ (shrink[:, 0] * (u.T @ self.residual))
         blocks = self.vocabulary.blocks
         taken = {blocks[i].label for i in members.blocks if not blocks[i].repeatable}
@@ -157,12 +162,23 @@ class Picture:
 
     def quadratic(self, members: Members) -> tuple[float, float]:
         """log|V| and r' V^-1 r of a set."""
-        b = self.basis(members)
-        if not b.shape[1]:
+        if not members.blocks:
             return 0.0, self.square
-        lower = np.linalg.cholesky(np.eye(b.shape[1]) + b.T @ b)
-        onto = linalg.solve_triangular(lower, b.T @ self.residual, lower=True, check_finite=False)
+        blocks = [self.vocabulary.blocks[i] for i in members.blocks]
+        size = np.concatenate([SCALES[s] * block.size for block, s in zip(blocks, members.scales)])
+        right = size * np.concatenate([self.onto[block.where] for block in blocks])
+        gram = np.concatenate([np.concatenate([self._gram(one.where, other.where) for other in blocks], axis=1) for one in blocks])
+        lower = np.linalg.cholesky(np.eye(len(size)) + size[:, None] * gram * size)
+        onto = linalg.solve_triangular(lower, right, lower=True, check_finite=False)
         return 2.0 * float(np.sum(np.log(np.diag(lower)))), self.square - float(onto @ onto)
+
+    def _gram(self, one: slice, other: slice) -> np.ndarray:
+        """C_g'C_h of two blocks, kept."""
+        key = (one.start, other.start)
+        if key not in self._grams:
+            self._grams[key] = self.columns[:, one].T @ self.columns[:, other]
+            self._grams[key[::-1]] = self._grams[key].T
+        return self._grams[key]
 
     def log_likelihood(self, members: Members) -> float:
         """log p(r | M) less that of the empty set."""

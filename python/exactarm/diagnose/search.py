@@ -82,7 +82,7 @@ def search(picture: Picture, most: int = MOST_CAUSES) -> tuple[Members, Posterio
             break
         certain = Members((*certain.blocks, index), (*certain.scales, scale))
         richer = _richer(picture, certain)
-        if richer is not None:
+        if richer is not None:  # the others are worked out anew beside it
             certain = richer
             beyond = picture.beside(certain)
             after = _scored(beyond)
@@ -92,12 +92,10 @@ def search(picture: Picture, most: int = MOST_CAUSES) -> tuple[Members, Posterio
 
 def _richer(picture: Picture, members: Members) -> Members | None:
     """The set with one form that includes members of it in their place, where it is heavier so; None where it is not."""
-    blocks, found, heaviest = picture.vocabulary.blocks, None, weight_of(picture, members)
-    forms = {form for i in members.blocks if blocks[i].effect is not None for form in picture.vocabulary.forms_of(i)}
-    for form in sorted(forms - set(members.blocks) - picture.closed):
-        if blocks[form].effect is None:
-            continue
-        kept = [k for k, i in enumerate(members.blocks) if form not in picture.vocabulary.forms_of(i)]
+    vocabulary, found, heaviest = picture.vocabulary, None, weight_of(picture, members)
+    richer = {form for i in members.blocks for form in vocabulary.richer_than(i)}
+    for form in sorted(richer - picture.closed):
+        kept = [k for k, i in enumerate(members.blocks) if form not in vocabulary.forms_of(i)]
         for scale in range(len(SCALE_WEIGHTS)):
             trial = Members((*(members.blocks[k] for k in kept), form), (*(members.scales[k] for k in kept), scale))
             weight = weight_of(picture, trial)

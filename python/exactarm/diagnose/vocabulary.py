@@ -99,7 +99,12 @@ class Vocabulary:
             self._forms[index] = frozenset(same)
         return self._forms[index]
 
-    def beside(self, effects: list[Effect]) -> Vocabulary:
+    def richer_than(self, index: int) -> list[int]:
+        """The named forms of the same cause that have every term of a block, and more of them."""
+        own = self.blocks[index]
+        return [i for i in self.forms_of(index) if self.blocks[i].effect is not None and self.blocks[i].columns > own.columns]
+
+    def beside(self, effects: list[Effect]) -> "Vocabulary":
         """Without the causes that these effects stand for already."""
         taken = {effect.label for effect in effects if not effect.repeatable}
         return Vocabulary(tuple(block for block in self.blocks if block.label not in taken
