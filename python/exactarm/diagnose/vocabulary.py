@@ -104,7 +104,7 @@ class Vocabulary:
         own = self.blocks[index]
         return [i for i in self.forms_of(index) if self.blocks[i].effect is not None and self.blocks[i].columns > own.columns]
 
-    def beside(self, effects: list[Effect]) -> "Vocabulary":
+    def beside(self, effects: list[Effect]) -> Vocabulary:
         """Without the causes that these effects stand for already."""
         taken = {effect.label for effect in effects if not effect.repeatable}
         return Vocabulary(tuple(block for block in self.blocks if block.label not in taken

@@ -157,7 +157,7 @@ class Effect(ABC):
         """Whether it can take the shape of any smooth function of its axis's angle."""
         return False
 
-    def includes(self, other: "Effect") -> bool:
+    def includes(self, other: Effect) -> bool:
         """Whether `other` is a form of the same cause with no term that this one lacks: the two are one cause, never two."""
         if not self.family or self.family != other.family or self.joint != other.joint:
             return False

@@ -74,7 +74,7 @@ class NoiseModel:
             white = self._parted(white)
         return white[:, 0]
 
-    def wanders_like(self, other: "NoiseModel") -> bool:
+    def wanders_like(self, other: NoiseModel) -> bool:
         """Whether two models weigh what neighbours share alike."""
         if self.wandering is None or other.wandering is None:
             return self.wandering is other.wandering

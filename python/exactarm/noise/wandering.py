@@ -2,8 +2,9 @@
 
     cov(e_i, e_k) = base + sigma^2 ratio exp(-|t_i - t_k| / memory),   t the order of the rows, sessions far apart
 
-(Ornstein and Uhlenbeck 1930: what a first-order autoregression is where rows are missing). ratio and memory by likelihood over a grid,
-from residuals that the base has made independent; accepted where the likelihood pays for both and for the search.
+(Uhlenbeck and Ornstein 1930: what a first-order autoregression is where rows are missing). ratio and memory by
+likelihood over a grid, from residuals that the base has made independent; accepted where the likelihood pays for
+both and for the search.
 """
 
 from __future__ import annotations
@@ -36,16 +37,19 @@ def kernel(order: np.ndarray, memory: float) -> np.ndarray:
 
 
 def wandering_of(white: np.ndarray, order: np.ndarray, through) -> Wandering | None:
-    """From (N, m) residuals of unit variance; through(K): the kernel as the same whitening sees it. None where rows share nothing."""
+    """From (N, m) residuals of unit variance; through(K): the kernel as the same whitening sees it.
+
+    None where rows share nothing."""
     if not _neighbours_agree(white, order):
         return None
-    best = max((_fitted(white, through(kernel(order, memory)), memory) for memory in MEMORIES), key=lambda w: w.gain)
+    each = [_fitted(white, through(kernel(order, memory)), memory) for memory in MEMORIES]
+    best = max(each, key=lambda wandering: wandering.gain)
     least = 0.5 * _PARAMETERS * np.log(len(white)) + _LEAST_NATS
     return best if best.gain > least else None
 
 
 def gain_of(white: np.ndarray, order: np.ndarray, through, ratio: float, memory: float) -> float:
-    """Log likelihood of (N, m) residuals with a known wandering, less that without; the scale fitted in both."""
+    """Log likelihood of (N, m) residuals with a known wandering, less that without; scale fitted in both."""
     values, turned = _turned(white, through(kernel(order, memory)))
     return float(_gain(turned, values, np.array([ratio]), white)[0])
 
@@ -70,7 +74,7 @@ def _turned(white: np.ndarray, correlation: np.ndarray) -> tuple[np.ndarray, np.
 
 
 def _gain(square: np.ndarray, values: np.ndarray, ratios: np.ndarray, white: np.ndarray) -> np.ndarray:
-    """For each ratio; square (N,): square sums of the residuals along the kernel's eigenvectors. Every component alike."""
+    """For each ratio; square (N,): square sums of the residuals along the kernel's eigenvectors."""
     seen = 1.0 + ratios[:, None] * values
     scale = np.sum(square / seen, axis=1) / np.sum(square)
     rows = np.count_nonzero(np.any(white, axis=1))
