@@ -196,7 +196,7 @@ def _posterior(result: Diagnosis) -> dict[str, Any]:
     }
 
 
-def _noise(causes: Causes) -> dict:
+def _noise(causes: Causes) -> dict[str, Any]:
     """The law of the noise, and what neighbouring rows share of it."""
     noise, wandering = causes.noise, causes.noise.wandering
     return {

@@ -1,10 +1,10 @@
 """Noise that neighbouring rows share: an instrument that wanders or jumps from time to time.
 
-    cov(e_i, e_k) = base + sigma^2 ratio exp(-|t_i - t_k| / memory),   t the order of the rows, sessions far apart
+    cov(e_i, e_k) = base + sigma^2 ratio exp(-|t_i - t_k| / memory)
 
-(Uhlenbeck and Ornstein 1930: what a first-order autoregression is where rows are missing). ratio and memory by
-likelihood over a grid, from residuals that the base has made independent; accepted where the likelihood pays for
-both and for the search.
+t: the order of the rows, sessions far apart (Uhlenbeck and Ornstein 1930: a first-order autoregression where
+rows are missing). ratio and memory by likelihood over a grid, from residuals that the base has made
+independent; accepted where the likelihood pays for both and for the search.
 """
 
 from __future__ import annotations
