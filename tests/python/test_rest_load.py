@@ -14,6 +14,7 @@ from exactarm.effects import effect_from_table, library
 from exactarm.effects.base_compliance import BaseCompliance
 from exactarm.effects.frames import Frames
 from exactarm.effects.joint_compliance import JointCompliance, RelativeCompliance
+from exactarm.effects.link_compliance import LinkCompliance
 from exactarm.effects.payload import Payload
 from exactarm.generic_masses import with_generic_masses
 from six_axis import six_axis
@@ -132,7 +133,7 @@ def test_relative_compliance_survives_the_robot_file_and_says_what_it_is_relativ
     assert "generic" in effect.describe()
 
 
-@pytest.mark.parametrize("name", ["joint_compliance", "link_compliance", "base_compliance", "backlash"])
+@pytest.mark.parametrize("name", ["joint_compliance", "base_compliance", "backlash"])
 def test_causes_that_need_a_load_are_candidates_under_generic_masses(rng, name):
     robot = replace(six_axis(), links=None)
     guessed = with_generic_masses(robot)
@@ -142,7 +143,8 @@ def test_causes_that_need_a_load_are_candidates_under_generic_masses(rng, name):
     assert not candidates(robot) and candidates(guessed)
 
 
-def test_a_payload_is_no_candidate_where_the_masses_are_guessed(rng):
+def test_what_hangs_on_the_distribution_of_masses_is_no_candidate_where_they_are_guessed(rng):
     guessed = with_generic_masses(replace(six_axis(), links=None))
     view = predict_poses(guessed, Layout.of(()), poses(guessed, rng)).view
-    assert not list(Payload.candidates(guessed, view))
+    for effect in (Payload, LinkCompliance):
+        assert not list(effect.candidates(guessed, view)) and list(effect.candidates(six_axis(), view))

@@ -45,7 +45,8 @@ class LinkCompliance(Effect):
 
     @classmethod
     def candidates(cls, robot, view) -> Iterable[Effect]:
-        """Of every axis but the first, whose bending is that of the base."""
-        if not view.has_masses:
+        """Of every axis but the first, whose bending is that of the base. Not under generic masses: what loads a
+        bearing across its axis hangs on how they are distributed, and nothing here makes up for that."""
+        if not view.has_masses or robot.generic_masses:
             return ()
         return (cls(i + 1, (0.0,)) for i in range(1, robot.axes) if robot.joints[i].type == "revolute")
