@@ -24,6 +24,7 @@ from exactarm.diagnose.selection import select
 from exactarm.examples import data_path
 from exactarm.fixture import load_fixture
 from exactarm.identify.closures import declare_closures, sessions_of
+from exactarm.identify.loads import with_loads
 from exactarm.measurement.closures import predict_closures, touches
 from exactarm.robot import Robot
 from exactarm.robot_file import load_robot
@@ -57,12 +58,12 @@ def leave_one_place_out(name: str) -> tuple[list[str], list[str]]:
         train, held = data.select(data.session != place), data.select(data.session == place)
         train = replace(train, identification=np.ones(len(train), bool))
         declared = declare_closures(robot, train, sessions=sessions_of(data))
-        problem = ClosureProblem(robot, train, held.select(np.zeros(len(held), bool)))
+        problem = ClosureProblem(with_loads(robot, train), train, held.select(np.zeros(len(held), bool)))
         fits = select(problem, declared.fit.layout).fits
         names += [effect.label for effect in fits[-1].layout.effects[len(declared.fit.layout.effects) :]]
         layouts = (declared.nominal.layout, declared.fit.layout, fits[-1].layout)
         for key, layout in zip(found, layouts):
-            found[key].append(judged(robot, layout, held))
+            found[key].append(judged(problem.robot, layout, held))
     cells = [
         f"{1e3 * np.concatenate([spread for spread, _ in each]).mean():.2f} / "
         f"{1e3 * np.mean([d for _, ds in each for d in ds]):.2f}"
