@@ -10,6 +10,7 @@ from __future__ import annotations
 import difflib
 import math
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from exactarm.errors import InputError
@@ -133,3 +134,13 @@ def _factor(quantity: str, unit: str, units: dict[str, float], file: str, name: 
     expected = " or ".join(f"{quantity}_{known}" if known else quantity for known in units)
     found = f"unknown unit {unit!r}" if unit else "no unit"
     raise InputError(f"{found}; expected {expected}", file=file, column=name)
+
+
+def renamed(names: list[str], given: Mapping[str, str], file: str) -> list[str]:
+    """The names of a file's columns with those that `given` maps in place of the file's own."""
+    missing = next((name for name in given if name not in names), None)
+    if missing is not None:
+        close = difflib.get_close_matches(missing, names, n=1)
+        expected = f"did you mean {close[0]}?" if close else f"expected one of {', '.join(names)}"
+        raise InputError(f"--map names a column that is not there; {expected}", file=file, column=missing)
+    return [given.get(name, name) for name in names]

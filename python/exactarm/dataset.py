@@ -29,6 +29,7 @@ from exactarm.columns import (
     Column,
     may_be_empty,
     parse_column,
+    renamed,
 )
 from exactarm.errors import InputError
 from exactarm.fixture import Fixture
@@ -62,14 +63,14 @@ class Dataset(Rows):
 
 def read_dataset(
     paths: str | Path | Sequence[str | Path], robot: Robot, kind: str | None = None,
-    fixture: Fixture = Fixture()
+    fixture: Fixture = Fixture(), columns: Mapping[str, str] | None = None,
 ) -> Dataset:
-    """One data set from files measured on `robot`. `kind` overrides what the columns say. Raises
-    InputError."""
+    """One data set from files measured on `robot`. `kind` overrides what the columns say. columns: the files'
+    names -> ours, as {"J1": "q_1_deg"}. Raises InputError."""
     paths = [paths] if isinstance(paths, (str, Path)) else list(paths)
     if not paths:
         raise InputError("no data file given; expected at least one CSV or Parquet file")
-    files = [_read_file(str(path), robot) for path in paths]
+    files = [_read_file(str(path), robot, columns) for path in paths]
     _check_files(files)
     dataset = replace(_join(files, robot), fixture=fixture)
     return replace(dataset, **data_kinds(dataset, robot, kind))
@@ -152,13 +153,17 @@ class _File:
         return self.values.get((quantity, None))
 
 
-def _read_file(path: str, robot: Robot) -> _File:
+def _read_file(path: str, robot: Robot, given: Mapping[str, str] | None = None) -> _File:
     prismatic = frozenset(i for i, joint in enumerate(robot.joints, start=1) if joint.type == "prismatic")
     table = read_table(path, ("set",), may_be_empty)
     columns: dict[tuple[str, int | None] | str, Column] = {}
     values: dict[tuple[str, int | None] | str, np.ndarray] = {}
-    for name, numbers in table.columns.items():
-        column = parse_column(name, path, prismatic)
+    ours = renamed(list(table.columns), given or {}, path)
+    for name, (told, numbers) in zip(ours, table.columns.items(), strict=True):
+        try:
+            column = parse_column(name, path, prismatic)
+        except InputError as error:
+            raise InputError(error.message, file=path, column=told if told == name else f"{told} ({name})") from None
         if column.key in columns:
             message = f"the same quantity as column {columns[column.key].name}; expected it once"
             raise InputError(message, file=path, column=name)

@@ -24,6 +24,7 @@ import pyarrow as pa
 import pyarrow.csv
 import pyarrow.parquet
 
+from exactarm.csv_dialect import Dialect, dialect_of, split_header
 from exactarm.errors import InputError
 
 LARGEST_NUMBER = 1e30  # its square and the square's sum over all rows are still numbers
@@ -105,30 +106,34 @@ def _read_bytes(path: str | Path) -> bytes:
 
 # -- CSV ---------------------------------------------------------------------------------------------
 def _csv(path: str | Path, content: bytes, text: Collection[str], may_be_empty: Callable) -> pa.Table:
-    names, start = _csv_header(path, content)
+    names, delimiter, start = _csv_header(path, content)
     _check_names(path, names)
     body = pa.py_buffer(content)[start:]
     if not _NOT_BLANK.search(body):
         raise InputError("no data rows below the header; expected at least one", file=path)
     types = {name: pa.string() if name in text else pa.float64() for name in names}
+    dialect = dialect_of(delimiter, body)
     try:
-        return _parse_csv(body, names, types)
+        return _parse_csv(body, names, types, dialect)
     except pa.ArrowInvalid as error:
-        return _csv_cell_by_cell(path, body, names, text, may_be_empty(names), error)
+        return _csv_cell_by_cell(path, body, names, text, may_be_empty(names), dialect, error)
 
 
-def _parse_csv(body: pa.Buffer, names: list[str], types: Mapping[str, pa.DataType]) -> pa.Table:
+def _parse_csv(
+    body: pa.Buffer, names: list[str], types: Mapping[str, pa.DataType], dialect: Dialect
+) -> pa.Table:
     return pa.csv.read_csv(
         pa.BufferReader(body),
+        parse_options=pa.csv.ParseOptions(delimiter=dialect.delimiter),
         read_options=pa.csv.ReadOptions(column_names=names, block_size=1 << 23),
         # An empty cell is a fault to be named, not a missing value.
         convert_options=pa.csv.ConvertOptions(column_types=dict(types), null_values=[],
-                                              strings_can_be_null=False),
+                                              strings_can_be_null=False, decimal_point=dialect.decimal),
     )
 
 
-def _csv_header(path: str | Path, content: bytes) -> tuple[list[str], int]:
-    """Names in the first line, and where the data start."""
+def _csv_header(path: str | Path, content: bytes) -> tuple[list[str], str, int]:
+    """Names in the first line, what parts them, and where the data start."""
     bom = 3 if content.startswith(b"\xef\xbb\xbf") else 0
     end = content.find(b"\n", bom)
     end = len(content) if end < 0 else end + 1
@@ -141,12 +146,10 @@ def _csv_header(path: str | Path, content: bytes) -> tuple[list[str], int]:
     if "\r" in line.rstrip("\r\n"):
         raise InputError("lines end in a carriage return alone; expected a line feed", file=path)
     try:
-        names = [name.strip() for name in next(csv.reader(io.StringIO(line)), [])]
+        names, delimiter = split_header(line)
     except csv.Error as error:
         raise InputError(f"first line is no header row: {error}", file=path) from None
-    if len(names) == 1 and (";" in line or "\t" in line):
-        raise InputError("no comma in the header; expected columns separated by commas", file=path)
-    return names, end
+    return names, delimiter, end
 
 
 def _check_names(path: str | Path, names: list[str]) -> None:
@@ -165,33 +168,34 @@ def _check_names(path: str | Path, names: list[str]) -> None:
 
 def _csv_cell_by_cell(
     path: str | Path, body: pa.Buffer, names: list[str], text: Collection[str], gaps: Collection[str],
-    error: pa.ArrowInvalid
+    dialect: Dialect, error: pa.ArrowInvalid
 ) -> pa.Table:
     """The slow way, taken when the fast one failed: finds the row and the cell that are to blame."""
     try:
-        strings = _parse_csv(body, names, {name: pa.string() for name in names})
+        strings = _parse_csv(body, names, {name: pa.string() for name in names}, dialect)
     except pa.ArrowInvalid:
-        _refuse_ragged(path, body, names)
+        _refuse_ragged(path, body, names, dialect)
         raise InputError(f"is no CSV file: {str(error).splitlines()[0]}", file=path) from None
     columns = {}
     for name in names:
         cells = strings.column(name)
         if name not in text:
             cells = [
-                np.nan if name in gaps and not cell.strip() else _number(path, name, row, cell)
+                np.nan if name in gaps and not cell.strip() else _number(path, name, row, dialect.plain(cell))
                 for row, cell in enumerate(cells.to_pylist(), start=1)
             ]
         columns[name] = cells
     return pa.table(columns)
 
 
-def _refuse_ragged(path: str | Path, body: pa.Buffer, names: list[str]) -> None:
+def _refuse_ragged(path: str | Path, body: pa.Buffer, names: list[str], dialect: Dialect) -> None:
     try:
         content = bytes(body).decode()
     except UnicodeDecodeError as error:
         row = bytes(body)[: error.start].count(b"\n") + 1
         raise InputError("is not UTF-8 text", file=path, row=row) from None
-    rows, row = (cells for cells in csv.reader(io.StringIO(content, newline="")) if cells), 0
+    reader = csv.reader(io.StringIO(content, newline=""), delimiter=dialect.delimiter)
+    rows, row = (cells for cells in reader if cells), 0
     try:
         for row, cells in enumerate(rows, start=1):
             if len(cells) < len(names):

@@ -14,7 +14,8 @@ def add_robot(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("robot", metavar="ROBOT", help="robot file (.toml, .urdf) or the name of a shipped robot")
 
 
-def add_files(parser: argparse.ArgumentParser, least: int = 1, text: str = "measured data (.csv, .parquet)") -> None:
+def add_files(parser: argparse.ArgumentParser, least: int = 1, text: str = "measured data (.csv, .parquet)",
+              columns: bool = True) -> None:
     """FILES: at least one, measured, of a kind that --kind may name; or any number with `least` = 0. They are recorded
     as the inputs of the run."""
     optional = {} if least else {"default": []}
@@ -22,6 +23,19 @@ def add_files(parser: argparse.ArgumentParser, least: int = 1, text: str = "meas
     if least:
         parser.add_argument("--kind", choices=KIND_NAMES,
                             help="kind of data (default: told by the columns)")
+    if least and columns:
+        parser.add_argument("--map", metavar="THEIRS=OURS", action="append", default=[], type=_mapping,
+                            help="a column by another name, as J1=q_1_deg; may be given again")
+
+
+def _mapping(text: str) -> tuple[str, str]:
+    theirs, equals, ours = text.rpartition("=")
+    if not equals or not theirs.strip() or not ours.strip():
+        raise argparse.ArgumentTypeError(f"{text!r}, expected the file's name and ours, as J1=q_1_deg")
+    return theirs.strip(), ours.strip()
+
+
+_mapping.__name__ = "column map"
 
 
 def add_fixture(parser: argparse.ArgumentParser) -> None:

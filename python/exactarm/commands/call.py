@@ -86,13 +86,18 @@ def _word(path: Any) -> str:
 
 
 def read(
-    files: str | Path | Sequence[str | Path], robot: AnyRobot, *, kind: str | None = None, fixture: AnyFixture = None
+    files: str | Path | Sequence[str | Path], robot: AnyRobot, *, kind: str | None = None,
+    fixture: AnyFixture = None, columns: Mapping[str, str] | None = None,
 ) -> Dataset:
-    """Measured data of one or more CSV or Parquet files, in SI units. fixture: what is known of touched contacts.
+    """Measured data of one or more CSV or Parquet files, in SI units. fixture: what is known of touched
+    contacts. columns: the files' names -> ours, as {"J1": "q_1_deg"}.
 
         >>> import exactarm as ea
         >>> data = ea.read(ea.example("ur10/series_B"), "ur10")
         >>> data.kind, data.position.shape
         ('poses', (1495, 3))
     """
-    return data_of(files, robot_of(robot), kind, fixture)
+    arm = robot_of(robot)
+    if columns is None:
+        return data_of(files, arm, kind, fixture)
+    return data_of(read_dataset(files, arm, kind, columns=columns), arm, kind, fixture)

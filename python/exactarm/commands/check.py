@@ -16,7 +16,7 @@ from exactarm.commands.calibrate import require_poses
 from exactarm.commands.call import AnyData, AnyRobot, asked, data_of, robot_of
 from exactarm.commands.error_sections import unit_of
 from exactarm.commands.result import CommandResult, estimate
-from exactarm.dataset import Dataset, Source
+from exactarm.dataset import Dataset
 from exactarm.errors import InputError
 from exactarm.kinds import POSES
 from exactarm.progress import SILENT, Progress
@@ -24,6 +24,7 @@ from exactarm.report import Estimate, Figure, Highlight, Highlights, Quantity, R
 from exactarm.report.numbers import quantity
 from exactarm.report.plots.change import statistic_over_days
 from exactarm.robot import Robot
+from exactarm.rows import Source
 from exactarm.split import DEFAULT_SEED
 from exactarm.verify.change import Cause, Change, detect, detectable
 from exactarm.verify.daily import Daily, daily

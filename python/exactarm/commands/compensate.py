@@ -37,6 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         parser,
         text="programs (.src with .dat, .mod, .ls, .script, .jbi, .yaml) or tables of targets (.csv, "
              ".parquet)",
+        columns=False,
     )
     parser.add_argument(
         "--frames",

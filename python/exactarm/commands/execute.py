@@ -16,6 +16,7 @@ from exactarm.commands.arguments import add_common
 from exactarm.commands.output import OutputFolder
 from exactarm.commands.publish import Published, publish, sources
 from exactarm.commands.result import Asked, CommandResult
+from exactarm.dataset import read_dataset
 from exactarm.errors import InputError
 from exactarm.progress import Progress
 
@@ -82,6 +83,18 @@ def _main_input(arguments: argparse.Namespace) -> Any:
     return next(iter(files), None) or getattr(arguments, "path", None) or getattr(arguments, "robot", None)
 
 
+def _with_columns(arguments: argparse.Namespace) -> argparse.Namespace:
+    """The same with the data of FILES in place of their names, where --map gives columns other names."""
+    given = dict(getattr(arguments, "map", None) or [])
+    if not given:
+        return arguments
+    from exactarm.commands.call import robot_of
+
+    robot = robot_of(arguments.robot)
+    data = read_dataset(arguments.files, robot, arguments.kind, columns=given)
+    return argparse.Namespace(**(vars(arguments) | {"files": data}))
+
+
 def execute(module: Any, arguments: argparse.Namespace, progress: Progress,
             width: int | None = None) -> Published:
     """Does the work and writes all results; on any failure nothing is left half written."""
@@ -89,7 +102,7 @@ def execute(module: Any, arguments: argparse.Namespace, progress: Progress,
     started = time.perf_counter()
     with OutputFolder(arguments.out) as folder:
         try:
-            result = module.run(arguments)
+            result = module.run(_with_columns(arguments))
         except InputError as error:
             raise error.within(_main_input(arguments)) from error
         except InvalidArgument as error:

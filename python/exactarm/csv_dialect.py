@@ -1,0 +1,44 @@
+"""How a CSV file parts its columns and writes its numbers: comma, semicolon or tab; a decimal point or comma.
+
+The header decides about the columns: what it holds of the three. Numbers have a decimal comma where columns
+are not parted by commas and the rows hold commas; then a point in a number is refused, for 1.234 could mean
+either.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+from dataclasses import dataclass
+
+DELIMITERS = (",", ";", "\t")  # in this order: a header with commas is parted by them
+
+
+@dataclass(frozen=True)
+class Dialect:
+    """delimiter between cells; decimal mark of numbers."""
+
+    delimiter: str = ","
+    decimal: str = "."
+
+    def plain(self, cell: str) -> str:
+        """A number's cell with a decimal point; what would be ambiguous becomes no number."""
+        if self.decimal == "." or ("." not in cell and "," not in cell):
+            return cell
+        return cell.replace(",", ".") if "." not in cell else f"{cell} (decimal commas elsewhere)"
+
+
+def split_header(line: str) -> tuple[list[str], str]:
+    """Names in a header line, and the delimiter that parts them; raises csv.Error."""
+    best: tuple[list[str], str] = ([], DELIMITERS[0])
+    for delimiter in DELIMITERS:
+        names = [name.strip() for name in next(csv.reader(io.StringIO(line), delimiter=delimiter), [])]
+        if len(names) > 1:
+            return names, delimiter
+        best = best if best[0] else (names, delimiter)
+    return best
+
+
+def dialect_of(delimiter: str, body: bytes | memoryview) -> Dialect:
+    """The dialect of the rows below a header."""
+    return Dialect(delimiter, "," if delimiter != "," and b"," in bytes(body) else ".")
