@@ -252,7 +252,7 @@ def quadrants(table: pd.DataFrame) -> np.ndarray:
 
 def measured_rows(series: list[str], splits: list[str], threads: int):
     """Yields (series, split, errors by method)."""
-    tables = {name: pd.read_csv(DATA / f"series_{name}.csv") for name in ("B", "C")}
+    tables = {"B": pd.read_csv(DATA / "series_B.csv"), "C": pd.read_parquet(DATA / "series_C.parquet")}
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
         for name in series:

@@ -37,6 +37,7 @@ from blind.gear_effects import GearEccentricity, TimeDelay  # noqa: E402
 from blind.gear_runs import OVERSAMPLING, Runs, sense, to_and_fro  # noqa: E402
 
 DATA = TOP / "python" / "exactarm" / "data"
+SERIES = {name: next((DATA / "examples" / "ur10").glob(f"series_{name}.*")) for name in "BC"}
 HIDDEN = (
     "backlash joint=2 width_rad=4e-4",
     "joint_compliance joint=3 linear_rad_per_Nm=5e-6",
@@ -65,7 +66,7 @@ def simulated_poses(folder: Path, count: int) -> list[str]:
 
 
 def shipped(*series: str) -> list[str]:
-    return ["ur10", *(str(DATA / "examples" / "ur10" / f"series_{name}.csv") for name in series)]
+    return ["ur10", *(str(SERIES[name]) for name in series)]
 
 
 def between_encoders(folder: Path) -> list[str]:

@@ -26,7 +26,7 @@ import numpy as np
 
 from exactarm.dataset import Dataset, read_dataset
 from exactarm.errors import ComputationError, InputError
-from exactarm.examples import data_path
+from exactarm.examples import example
 from exactarm.identify.calibrate import calibrate
 from exactarm.identify.criterion import Criterion
 from exactarm.identify.design import reference_identifiability
@@ -119,7 +119,7 @@ def error_of(robot: Robot, data: Dataset, pool: np.ndarray, rows: np.ndarray) ->
 
 def measured(series: str, counts: list[int], sets: int) -> dict:
     robot = load_robot("ur10")
-    data = read_dataset([str(data_path(f"ur10/series_{series}.csv"))], robot)
+    data = read_dataset([str(example(f"ur10/series_{series}"))], robot)
     pool = np.flatnonzero(data.split(SEED))
     planned_for = planned(robot, data.joints["q"][pool])
     every = error_of(robot, data, pool, pool)

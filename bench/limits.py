@@ -56,7 +56,7 @@ def motion(folder: Path, rows: int) -> list[str]:
 
 
 def gear(folder: Path, rows: int) -> list[str]:
-    one = pd.read_csv(data_path("kr300/run_A.csv"))
+    one = pd.read_parquet(data_path("kr300/run_A.parquet"))
     parts = [one.assign(run=number + 1) for number in range(rows // len(one) + 1)]
     pd.concat(parts)[: max(rows, len(one))].to_parquet(folder / "runs.parquet", index=False)
     return [str(folder / "runs.parquet"), "--kind", "gear_run"]

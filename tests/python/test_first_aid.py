@@ -43,7 +43,7 @@ def tx40():
 def kr300():
     robot = load_robot("kr300")
     return robot, read_dataset(
-        [data_path("kr300/run_A.csv"), data_path("kr300/run_B.csv")], robot, "gear_run"
+        [data_path("kr300/run_A.parquet"), data_path("kr300/run_B.parquet")], robot, "gear_run"
     )
 
 
@@ -330,7 +330,7 @@ def test_a_clock_that_drifts_is_told(tracked, share, words):
 
 
 @pytest.mark.parametrize(
-    "files", [["ur10/series_B.csv"], ["ur10/series_C.csv"], ["ur10/series_B.csv", "ur10/series_C.csv"]]
+    "files", [["ur10/series_B.csv"], ["ur10/series_C.parquet"], ["ur10/series_B.csv", "ur10/series_C.parquet"]]
 )
 def test_good_poses_are_not_suspected(files):
     robot = load_robot("ur10")

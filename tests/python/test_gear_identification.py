@@ -184,7 +184,7 @@ def test_declared_model_is_refitted_within_its_intervals(racer):
 
 def test_kr300_tells_what_a_constant_ratio_leaves():
     robot = load_robot("kr300")
-    data = read_dataset([data_path("kr300/run_A.csv"), data_path("kr300/run_B.csv")], robot)
+    data = read_dataset([data_path("kr300/run_A.parquet"), data_path("kr300/run_B.parquet")], robot)
     result = identify_gears(robot, data)
     assert {gear.joint for gear in result.gears} == {1, 2, 3} and result.gears[0].unit == "rad"
     for gear in result.gears:

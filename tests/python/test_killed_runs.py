@@ -19,7 +19,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from robustness.kills import kills, not_whole
 from robustness.short_runs import RUNS, prepare
 
-DATA = [str(data_path("ur10/series_B.csv")), str(data_path("ur10/series_C.csv"))]
+DATA = [str(data_path("ur10/series_B.csv")), str(data_path("ur10/series_C.parquet"))]
 KILLS, SEED = 5, 4  # moments; EXACTARM_KILLS=200 for a night
 LONGEST_S = 3.0  # about what the command takes
 

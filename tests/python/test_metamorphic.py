@@ -99,7 +99,7 @@ def test_units_of_a_file_mean_nothing(poses, tmp_path):
 
 
 def test_the_order_of_files_means_nothing():
-    files = [data_path("ur10/series_B.csv"), data_path("ur10/series_C.csv")]
+    files = [data_path("ur10/series_B.csv"), data_path("ur10/series_C.parquet")]
     one, other = (evaluate("ur10", order, threads=1) for order in (files, files[::-1]))
     for a, b in zip(one["sessions"], other["sessions"]):
         assert a["session"] == b["session"] and a["rms"] == pytest.approx(b["rms"], rel=SAME)

@@ -7,7 +7,7 @@ import pytest
 from exactarm import _core
 from exactarm.dataset import read_dataset, read_planned_poses
 from exactarm.errors import InputError
-from exactarm.examples import data_path
+from exactarm.examples import data_path, example
 from exactarm.robot_file import load_robot, shipped_robots, write_robot
 
 RACER = load_robot("racer-7-1.4")
@@ -114,7 +114,7 @@ def test_ur10_is_the_published_one():
 
 def test_ur10_agrees_with_its_tracker_to_a_few_millimetres():
     robot = load_robot("ur10")
-    data = read_dataset([data_path(f"ur10/series_{name}.csv") for name in "BC"], robot)
+    data = read_dataset([example(f"ur10/series_{name}") for name in "BC"], robot)
     assert data.kinds == ("poses",) and list(np.unique(data.session)) == [2, 3] and len(data) == 4268
     position, _ = _core.forward_kinematics(robot.core, data.joints["q"])
     # Distances between positions do not depend on where tracker and robot stand; the probe does, a little.
@@ -127,7 +127,7 @@ def test_ur10_agrees_with_its_tracker_to_a_few_millimetres():
 def test_kr300_joints_follow_its_motors():
     robot = load_robot("kr300")
     assert not robot.has_geometry
-    runs = read_dataset([data_path(f"kr300/run_{name}.csv") for name in "AB"], robot)
+    runs = read_dataset([example(f"kr300/run_{name}") for name in "AB"], robot)
     assert runs.kinds == ("gear_run", "motion") and list(np.unique(runs.run)) == [1, 2]
     error = (runs.joints["q"] - runs.joints["theta"] / robot.ratios)[:, :3]
     assert np.isnan(runs.joints["q"][:, 3:]).all()
@@ -178,3 +178,30 @@ def test_shipped_data_carry_their_licences():
         assert data_path(name).stat().st_size > 300
     with pytest.raises(InputError, match="ur10/series_B.csv"):
         data_path("ur5")
+
+
+def digits_of(values, count):
+    """The same numbers, read again from their first `count` significant digits."""
+    return np.array([float(f"{value:.{count}g}") for value in values])
+
+
+@pytest.mark.parametrize("name, count", [("kr300/run_A", 8), ("kr300/run_B", 8), ("ur10/series_C", 8)])
+def test_parquet_holds_the_decimals_of_the_source(name, count):
+    table = pd.read_parquet(example(name))
+    for column in table.columns:
+        values = table[column].to_numpy(float)
+        np.testing.assert_array_equal(digits_of(values, count), values)
+
+
+def test_single_precision_gives_the_five_digits_of_the_motion_back():
+    """Half a step of the fifth digit is at least 5e-6 of a number; single precision keeps 6e-8."""
+    table = pd.read_parquet(example("tx40/motion"))
+    singles = [column for column in table.columns if table[column].dtype == np.float32]
+    assert len(singles) == 12 and table["time_s"].dtype == np.float64
+    for column in singles:
+        values = table[column].to_numpy()
+        np.testing.assert_array_equal(digits_of(values, 5).astype(np.float32), values)
+
+
+def test_the_examples_are_small():
+    assert sum(path.stat().st_size for path in data_path().rglob("*")) < 2.5e6

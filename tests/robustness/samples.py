@@ -71,7 +71,7 @@ def samples() -> dict[str, bytes]:
     """File name -> content."""
     poses = pd.read_csv(data_path("ur10/series_B.csv")).iloc[:: 1495 // ROWS][:ROWS]
     motion = pd.read_parquet(data_path("tx40/motion.parquet")).iloc[::20][:1200]
-    runs = pd.read_csv(data_path("kr300/run_A.csv"))[:1500:3]
+    runs = pd.read_parquet(data_path("kr300/run_A.parquet"))[:1500:3]
     closures = poses.drop(columns=["x_mm", "y_mm", "z_mm", "qw", "qx", "qy",
                                    "qz"]).assign(socket=np.arange(len(poses)) % 3)
     time = np.arange(60) / 50.0
