@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from exactarm import _core
+from exactarm.covariance import ParameterCovariance
 from exactarm.value import Value
 
 if TYPE_CHECKING:
@@ -146,7 +147,7 @@ class Robot(Value):
     `mass`: of the whole arm, kg, where it is known; `generic_masses`: the links are no declaration but exactarm.generic_masses.
     `has_geometry` is False for a robot of which only the drives are known. `effects` are the causes
     beyond the tables, in the order they were added. `record` tells how the file came about
-    (data, date, intervals); `intervals` maps a parameter's name to its 95 % interval. `file`: as the user named it, for messages.
+    (data, date, intervals); `intervals` maps a parameter's name to its 95 % interval, `covariance` says how the estimates hang together. `file`: as the user named it, for messages.
     """
 
     name: str
@@ -159,6 +160,7 @@ class Robot(Value):
     effects: tuple[Effect, ...] = ()
     intervals: dict[str, tuple[float, float]] = field(default_factory=dict)
     record: dict[str, Any] = field(default_factory=dict)
+    covariance: ParameterCovariance | None = None
     controller: Controller = field(default_factory=Controller)
     mass: float | None = None
     generic_masses: bool = False

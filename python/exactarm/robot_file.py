@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from exactarm.covariance import ParameterCovariance
 from exactarm.effects import Effect, effect_from_table, library
 from exactarm.errors import InputError
 from exactarm.robot import Controller, GearTable, Joint, Link, Placement, Robot
@@ -42,7 +43,7 @@ SHIPPED = Path(__file__).parent / "data" / "robots"
 ROTATION_TOLERANCE = 1e-6  # a matrix typed by hand has at least seven digits
 
 TOP_KEYS = ("format", "name", "gravity_m_s2", "has_geometry", "mass_kg", "generic_masses", "record", "base", "tool", "joints",
-            "controller", "links", "effects", "intervals")
+            "controller", "links", "effects", "intervals", "covariance")
 
 
 def shipped_robots() -> tuple[str, ...]:
@@ -149,6 +150,11 @@ class _Reader:
         effects = self.take(tables, "effects", list, "", "[[effects]]") if "effects" in tables else []
         optional["effects"] = tuple(self.effect(e, f"effects[{i}].", len(joints)) for i, e in enumerate(effects, start=1))
         optional["intervals"] = self.intervals(tables)
+        if "covariance" in tables:
+            try:
+                optional["covariance"] = ParameterCovariance.from_table(tables["covariance"])
+            except (KeyError, TypeError, ValueError) as error:
+                raise self.refuse("covariance", f"does not fit ({error}); expected names, noise_m and factor") from None
         if "record" in tables:
             optional["record"] = self.take(tables, "record", dict, "", "a table [record]")
         return Robot(name, joints, **optional)

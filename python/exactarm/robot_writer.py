@@ -37,6 +37,8 @@ def robot_text(robot: Robot) -> str:
     blocks += [_link(number, link) for number, link in enumerate(robot.links or (), start=1)]
     blocks += _effects(robot.effects)
     blocks += _table("intervals", {name: list(pair) for name, pair in robot.intervals.items()}, "95 % intervals.")
+    if robot.covariance is not None:
+        blocks += _table("covariance", robot.covariance.to_table(), "Covariance of the estimates: factor times its transpose.")
     return "\n\n".join(blocks) + "\n"
 
 

@@ -9,15 +9,19 @@ from typing import Any
 
 import numpy as np
 
+from exactarm.chain.extrapolation import extrapolations
 from exactarm.commands.arguments import add_files, add_fixture, add_robot, add_sessions
 from exactarm.commands.call import AnyData, AnyFixture, AnyRobot, asked, data_of, robot_of, threads_of
+from exactarm.commands.certified import with_uncertainty
 from exactarm.commands.load_section import with_load_section
 from exactarm.commands.memory import require_memory
 from exactarm.commands.result import Column, CommandResult
 from exactarm.commands.suspicions import suspicions
-from exactarm.dataset import Dataset
+from exactarm.dataset import Dataset, read_planned_poses
 from exactarm.errors import InputError
 from exactarm.identify.evaluate import EVALUATORS, Evaluation
+from exactarm.identify.planned import controller_angles
+from exactarm.identify.pose_uncertainty import pose_uncertainty
 from exactarm.kinds import kind_of
 from exactarm.progress import SILENT, Progress
 from exactarm.report import Cell, Figure, Highlight, Highlights, Quantity, Report, Table, Warnings
@@ -40,13 +44,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_files(parser)
     add_fixture(parser)
     add_sessions(parser)
+    parser.add_argument("--at", metavar="POSES", type=Path,
+                        help="poses (.csv, joint angles) at which the 95 %% ellipsoid of the error is to be given")
 
 
 def evaluate(
     robot: AnyRobot, data: AnyData, *, seed: int = DEFAULT_SEED, threads: int | None = None, kind: str | None = None,
-    fixture: AnyFixture = None, sessions: str | Path | None = None, progress: Progress = SILENT,
+    fixture: AnyFixture = None, sessions: str | Path | None = None,
+    at: str | Path | None = None, progress: Progress = SILENT,
 ) -> CommandResult:
     """The error of a robot as it is: only what belongs to the set-up (frames, contacts, sensor alignment) is fitted.
+
+    at: poses at which the 95 % ellipsoid of the target's error is given as well (data of kind poses).
 
         >>> import exactarm as ea
         >>> result = ea.evaluate("ur10", ea.example("ur10/series_B"))
@@ -76,14 +85,28 @@ def evaluate(
         },
         report=_report(declared, rows, result),
         tables={"residuals.csv": columns},
-        asked=asked("evaluate", robot, rows, seed, {"sessions": sessions}),
+        asked=asked("evaluate", robot, rows, seed, {"sessions": sessions, "at": None if at is None else str(at)}),
+        inputs=() if at is None else (at,),
     ).warned(found)
+    if at is not None:
+        made = _certified(made, declared, rows, result, at, seed, threads_of(threads))
     return with_load_section(made, declared, rows)
+
+
+def _certified(
+    made: CommandResult, robot: Robot, rows: Dataset, result: Evaluation, at: str | Path, seed: int, threads: int
+) -> CommandResult:
+    if result.frames is None:
+        raise InputError(f"--at needs poses, found {rows.kind}", file=rows.first_file)
+    poses = read_planned_poses(at, robot)
+    unseen = extrapolations(robot, controller_angles(robot, poses), "poses asked for")
+    found = pose_uncertainty(robot, result.frames, rows, result.residual, poses, seed, threads)
+    return with_uncertainty(made, found, poses).warned(list(unseen))
 
 
 def run(arguments: argparse.Namespace) -> CommandResult:
     return evaluate(arguments.robot, arguments.files, seed=arguments.seed, threads=arguments.threads, kind=arguments.kind,
-                    fixture=arguments.fixture, sessions=arguments.sessions, progress=arguments.progress)
+                    fixture=arguments.fixture, sessions=arguments.sessions, at=arguments.at, progress=arguments.progress)
 
 
 def distance_json(distances: dict[str, float] | None) -> dict[str, Any]:

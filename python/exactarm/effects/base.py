@@ -234,6 +234,10 @@ class Effect(ABC):
         """The effect with what it takes from the residual itself taken anew (a threshold); others stay as they are."""
         return self
 
+    def deviation(self, phi: np.ndarray) -> np.ndarray | None:
+        """(N,) rad: standard deviation of a curve of its axis at output angles phi (N, n); None: no such curve."""
+        return None
+
     def after_fit(self, phi: np.ndarray, covariance: np.ndarray) -> Effect:
         """The effect as it goes into a robot file: with what a fit on output angles phi (N, n), rad, has left open;
         covariance (k, k) of all parameters, zero for those that were held."""

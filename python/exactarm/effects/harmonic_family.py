@@ -89,6 +89,9 @@ class HarmonicFamily(Effect):
         known = KnownCurve.of(basis, np.asarray(self.values, float), covariance, prior, phi[:, self.index])
         return replace(self, known=known)
 
+    def deviation(self, phi: np.ndarray) -> np.ndarray | None:
+        return None if self.known is None else self.known.deviation(phi[:, self.index])
+
     def _drawn_back(self, change: Change, phi: np.ndarray) -> Change:
         """The change with the curve only as far as it is known."""
         if self.known is None:

@@ -14,6 +14,7 @@ import numpy as np
 
 from exactarm.chain import Layout, predict_poses
 from exactarm.chain.view import motor_angles
+from exactarm.covariance import ParameterCovariance
 from exactarm.dataset import Dataset
 from exactarm.effects.frames import Frames
 from exactarm.errors import InputError
@@ -204,7 +205,22 @@ def calibrated_robot(robot: Robot, data: Dataset, layout: Layout, fit: Fit, kind
     layout = _after_fit(robot, data, layout, fit)
     pairs = zip(layout.names, fit.interval())
     intervals = dict(robot.intervals) | {name: (float(low), float(high)) for name, (low, high) in pairs}
-    return replace(result, base=base, tool=tool, effects=all_effects(robot, data, layout, kind), intervals=intervals)
+    return replace(result, base=base, tool=tool, effects=all_effects(robot, data, layout, kind), intervals=intervals,
+                   covariance=_covariance(robot, data, layout, fit) if kind == "poses" else None)
+
+
+def _covariance(robot: Robot, data: Dataset, layout: Layout, fit: Fit) -> ParameterCovariance | None:
+    """Of what describes the arm: not of frames, which are found anew, nor of curves, which carry their own."""
+    if data.position is None:
+        return None
+    mine = np.concatenate([np.full(int(free.sum()), not isinstance(effect, Frames) and not effect.of_record)
+                           for effect, free in zip(layout.effects, layout.free)])
+    mine &= np.isinf(layout.prior)
+    left = predict_poses(robot, layout, data, tangents=False).residual()[:, :3]
+    freedom = max(left.size - layout.size, 1)
+    noise = float(np.sqrt(np.sum(left**2) / freedom))
+    names = tuple(name for name, keep in zip(layout.names, mine) if keep)
+    return ParameterCovariance.of(names, fit.covariance[np.ix_(mine, mine)], noise)
 
 
 def _after_fit(robot: Robot, data: Dataset, layout: Layout, fit: Fit) -> Layout:

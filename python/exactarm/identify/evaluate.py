@@ -8,11 +8,11 @@ function a kind of data, found by its name in `EVALUATORS`.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from exactarm.chain import MotionRecord, reversals_left_out
+from exactarm.chain import Layout, MotionRecord, reversals_left_out
 from exactarm.chain.extrapolation import extrapolations
 from exactarm.dataset import Dataset
 from exactarm.identify.closures import carried_effects, nominal_closures, set_distance_errors
@@ -62,6 +62,7 @@ class Evaluation:
     warnings: tuple[str, ...] = ()
     data: Dataset | None = None
     distances: dict[str, float] | None = None
+    frames: Layout | None = None  # as fitted, of poses
 
 
 def evaluate_poses(robot: Robot, data: Dataset, seed: int = DEFAULT_SEED, threads: int = 1) -> Evaluation:
@@ -77,7 +78,9 @@ def evaluate_poses(robot: Robot, data: Dataset, seed: int = DEFAULT_SEED, thread
     fit = fit_poses(robot, frames.joined(carried_layout(robot, data)), fitted, threads=threads)
     starts = range(0, len(data), BLOCK_ROWS)
     blocks = (data.select(np.arange(start, min(start + BLOCK_ROWS, len(data)))) for start in starts)
-    return _of_positions(robot, data, np.concatenate([fit.residual(block, threads) for block in blocks]))
+    found = _of_positions(robot, data, np.concatenate([fit.residual(block, threads) for block in blocks]))
+    count = len(frames.effects)
+    return replace(found, frames=Layout(fit.layout.effects[:count], fit.layout.free[:count]))
 
 
 def _spread(data: Dataset) -> np.ndarray:
