@@ -61,7 +61,7 @@ def _sections(found: PoseUncertainty) -> tuple[Table | Figure, ...]:
     radius = found.radius
     which = "validation rows of the robot's own data" if found.own else "rows that the robot has not seen"
     rows: tuple[tuple[Cell, ...], ...] = (
-        ("poses", len(radius)),
+        ("poses asked for", len(radius)),
         ("radius that holds 95 %, median", Quantity(float(np.median(radius)), "m")),
         ("smallest", Quantity(float(radius.min()), "m")),
         ("largest", Quantity(float(radius.max()), "m")),

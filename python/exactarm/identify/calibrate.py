@@ -205,8 +205,9 @@ def calibrated_robot(robot: Robot, data: Dataset, layout: Layout, fit: Fit, kind
     layout = _after_fit(robot, data, layout, fit)
     pairs = zip(layout.names, fit.interval())
     intervals = dict(robot.intervals) | {name: (float(low), float(high)) for name, (low, high) in pairs}
+    at_rest = kind == POSES.name and bool(sessions)  # the only kind whose rows the covariance is certified by
     return replace(result, base=base, tool=tool, effects=all_effects(robot, data, layout, kind), intervals=intervals,
-                   covariance=_covariance(robot, data, layout, fit) if kind == "poses" else None)
+                   covariance=_covariance(robot, data, layout, fit) if at_rest else None)
 
 
 def _covariance(robot: Robot, data: Dataset, layout: Layout, fit: Fit) -> ParameterCovariance | None:
