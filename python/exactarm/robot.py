@@ -160,10 +160,10 @@ class Robot(Value):
     effects: tuple[Effect, ...] = ()
     intervals: dict[str, tuple[float, float]] = field(default_factory=dict)
     record: dict[str, Any] = field(default_factory=dict)
-    covariance: ParameterCovariance | None = None
     controller: Controller = field(default_factory=Controller)
     mass: float | None = None
     generic_masses: bool = False
+    covariance: ParameterCovariance | None = None
     file: str | None = field(default=None, compare=False)
 
     @property
