@@ -35,6 +35,7 @@ from exactarm.robot_keys import (
 )
 from exactarm.robot_writer import write_robot
 from exactarm.toml_file import fits_shape, is_number, read_toml
+from exactarm.ur_calibration import read_ur_calibration
 from exactarm.urdf import read_urdf
 
 __all__ = ["load_robot", "read_robot", "shipped_robots", "write_robot"]
@@ -58,6 +59,13 @@ def load_robot(name_or_path: str | Path) -> Robot:
         return replace(read_robot(SHIPPED / f"{text}.toml"), file=text)
     if text.partition("#")[0].lower().endswith(".urdf"):
         return replace(read_urdf(path), file=text)
+    if path.suffix.lower() == ".xacro":
+        raise InputError("is a xacro; expected it expanded to a URDF: xacro FILE > robot.urdf", file=text)
+    file, _, nominal = text.partition("#")
+    if file.lower().endswith(".conf"):
+        if not nominal:
+            raise InputError("holds deltas alone; expected the nominal arm behind it, as calibration.conf#ur10", file=text)
+        return replace(read_ur_calibration(file, load_robot(nominal)), file=text)
     if path.suffix.lower() == ".toml" or path.exists() or len(path.parts) > 1:
         return read_robot(path)
     close = difflib.get_close_matches(text.lower(), shipped_robots(), n=1, cutoff=0.5)

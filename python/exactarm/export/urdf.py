@@ -31,10 +31,26 @@ OTHER_ARM_RAD, OTHER_ARM_M = (
 def patched_urdf(robot: Robot, source: str) -> bytes:
     """The bytes of `source` (FILE, FILE#TIP or FILE#BASE:TIP) with new origins."""
     path, _, ends = source.partition("#")
+    _refuse_macros(path)
     base, tip = ends.split(":", 1) if ":" in ends else (None, ends or None)
     way = read_tree(path).chain(base, tip)
     origins = new_origins(reported_chain(robot), way, path)
     return _rewritten(Path(path), origins)
+
+
+def _refuse_macros(path: str) -> None:
+    """A macro's joints are not in the text: there is nothing to patch in place."""
+    try:
+        text = Path(path).read_text(encoding="latin-1")
+    except OSError:
+        return  # the reader says it
+    plain = re.sub(r"<!--.*?-->", lambda match: re.sub(r"[^\n]", " ", match[0]), text, flags=re.S)
+    found = re.search(r"<xacro:(?!property\b|arg\b)(\w+)", plain)
+    if found:
+        raise InputError(
+            f"<xacro:{found[1]}> is not expanded here; expected a URDF, as by: xacro FILE > robot.urdf",
+            file=path, line=plain.count("\n", 0, found.start()) + 1,
+        )
 
 
 def new_origins(chain: ReportedChain, way: tuple[UrdfJoint, ...], path: str) -> dict[str, Placement]:
