@@ -72,6 +72,7 @@ def test_run_out_of_a_gear_is_still_run_out():
     assert found(result) == [("gear_eccentricity", 2)]
 
 
+@pytest.mark.slow
 def test_measured_torques_give_the_true_stiffness_to_an_arm_without_masses():
     robot = ea.load_robot("ur10")
     data = measured(robot, SAG, torques=0.5)
@@ -83,6 +84,7 @@ def test_measured_torques_give_the_true_stiffness_to_an_arm_without_masses():
     assert without < 1.5 * with_torque
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("masses", [True, False], ids=["declared", "generic"])
 def test_three_payloads_in_three_sessions_give_one_stiffness(tmp_path, masses):
     robot = ea.load_robot("ur10")
