@@ -4,7 +4,8 @@
     hidden, pose_effects, device_effects, foreign_effects, gear_effects, motion_effects, tracked_effects
                               the causes that are hidden, each with physics of its own
     conditions, noise, passage, pose_sets
-                              what else a case may be like: noise, cut runs, reversals, still axes, the robot file
+                              what else a case may be like: noise, cut runs, reversals, still axes, the robot
+                                  file
     poses, gear_runs, motion  measured data of one kind from an arm with hidden causes
     ..._scenario              one drawn case: robot file, data file, truth file
     scorer, marks, run        diagnosis of many scenarios against their truth

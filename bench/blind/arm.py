@@ -21,7 +21,8 @@ DEFAULT_RANGE_RAD = 2.6  # where a robot file gives no limits
 
 @dataclass(frozen=True)
 class Table:
-    """Harmonics of one gear in one direction: order (cycles per output revolution), a and b relative to the ratio."""
+    """Harmonics of one gear in one direction: order (cycles per output revolution), a and b relative to the
+    ratio."""
 
     order: np.ndarray
     a: np.ndarray
@@ -34,7 +35,8 @@ class Table:
 
 @dataclass(frozen=True)
 class Arm:
-    """The tables of n axes. ratio is NaN where no gear, linear 0 where no spring, mass None where no link is declared."""
+    """The tables of n axes. ratio is NaN where no gear, linear 0 where no spring, mass None where no link is
+    declared."""
 
     name: str
     sign: np.ndarray
@@ -78,7 +80,8 @@ class Arm:
 
 @dataclass(frozen=True)
 class Posture:
-    """Where everything is, in the robot's base frame: origins (N, n + 1, 3), rotations (N, n + 1, 3, 3), axes (N, n, 3)."""
+    """Where everything is, in the robot's base frame: origins (N, n + 1, 3), rotations (N, n + 1, 3, 3), axes
+    (N, n, 3)."""
 
     origin: np.ndarray
     rotation: np.ndarray
@@ -95,7 +98,8 @@ def read_arm(path: str | Path) -> Arm:
     table = tomllib.loads(Path(path).read_text())
     joints, links = table["joints"], table.get("links")
     column = lambda key, default=0.0: np.array([float(joint.get(key, default)) for joint in joints])
-    gears = tuple({side: _table(joint[f"gear_{side}"]) for side in ("cw", "ccw") if f"gear_{side}" in joint} for joint in joints)
+    gears = tuple({side: _table(joint[f"gear_{side}"]) for side in ("cw", "ccw") if f"gear_{side}" in joint}
+                  for joint in joints)
     bodies = {}
     if links is not None:
         bodies = {
@@ -104,7 +108,8 @@ def read_arm(path: str | Path) -> Arm:
             "inertia": np.array([link.get("inertia_kg_m2", np.zeros((3, 3))) for link in links]),
         }
     return Arm(
-        table["name"], column("sign", 1.0), column("zero_rad"), column("d_m"), column("a_m"), column("alpha_rad"),
+        table["name"], column("sign", 1.0), column("zero_rad"), column("d_m"), column("a_m"),
+        column("alpha_rad"),
         column("beta_rad"), np.array(["beta_rad" in joint for joint in joints]), column("q_offset_rad"),
         column("ratio", np.nan), column("spring_linear_Nm_rad"), column("spring_cubic_Nm_rad3"),
         column("q_min_rad", -DEFAULT_RANGE_RAD), column("q_max_rad", DEFAULT_RANGE_RAD),
@@ -151,7 +156,9 @@ def posture(arm: Arm, q: np.ndarray, stretch: np.ndarray | float = 1.0) -> Postu
         turned = rotation[:, i] @ rotation_about(2, arm.sign[i] * q[:, i] + arm.zero[i])
         origin[:, i + 1] = origin[:, i] + stretch[:, None] * (turned @ np.array([arm.a[i], 0.0, arm.d[i]]))
         rotation[:, i + 1] = turned @ (rotation_about(0, arm.alpha[i]) @ rotation_about(1, arm.beta[i]))
-    centre = None if arm.mass is None else origin[:, 1:] + np.einsum("nkij,kj->nki", rotation[:, 1:], arm.centre)
+    centre = (
+        None if arm.mass is None else origin[:, 1:] + np.einsum("nkij,kj->nki", rotation[:, 1:], arm.centre)
+    )
     return Posture(origin, rotation, axis, centre)
 
 
@@ -178,13 +185,15 @@ def spring_deflection(arm: Arm, torque: np.ndarray) -> np.ndarray:
     for i in np.flatnonzero(arm.linear):
         e = torque[:, i] / arm.linear[i]
         for _ in range(20 if arm.cubic[i] else 0):
-            e = e - (arm.linear[i] * e + arm.cubic[i] * e**3 - torque[:, i]) / (arm.linear[i] + 3.0 * arm.cubic[i] * e**2)
+            e = e - (arm.linear[i] * e + arm.cubic[i] * e**3
+                     - torque[:, i]) / (arm.linear[i] + 3.0 * arm.cubic[i] * e**2)
         out[:, i] = e
     return out
 
 
 def output_angle(arm: Arm, theta: np.ndarray, direction: np.ndarray) -> np.ndarray:
-    """(N, n) what the declared gears deliver; direction (N, n) of the motor: -1 cw, +1 ccw, 0 the mean of both tables."""
+    """(N, n) what the declared gears deliver; direction (N, n) of the motor: -1 cw, +1 ccw, 0 the mean of
+    both tables."""
     phi = theta / arm.motor_per_output
     for i, tables in enumerate(arm.tables):
         if not tables:

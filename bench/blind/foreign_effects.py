@@ -30,7 +30,8 @@ class WorkspaceBump(Foreign):
         spread = float(np.sqrt(np.trace(np.cov(points.T)) / 3.0))
         way = random.normal(size=3)
         centre = points[random.integers(len(points))]
-        return cls(size=1e-3, centre=tuple(centre), reach=random.uniform(0.5, 1.0) * spread, way=tuple(way / np.linalg.norm(way)))
+        return cls(size=1e-3, centre=tuple(centre), reach=random.uniform(0.5, 1.0) * spread,
+                   way=tuple(way / np.linalg.norm(way)))
 
     def structure(self, arm, at, target, rows):
         far = np.sum((target - np.array(self.centre)) ** 2, axis=1) / self.reach**2
@@ -79,7 +80,8 @@ class CrossedAngle(Foreign):
     @classmethod
     def draw(cls, random, setting: Setting):
         joint, other = (int(v) + 1 for v in random.permutation(setting.arm.axes)[:2])
-        return cls(joint=joint, other=other, size=3e-4, order=float(random.integers(2, 5)), phase=random.uniform(0, 6.28),
+        return cls(joint=joint, other=other, size=3e-4, order=float(random.integers(2, 5)),
+                   phase=random.uniform(0, 6.28),
                    detail={"other": other})
 
     def spring(self, arm, q, torque, rows):

@@ -82,7 +82,8 @@ class Wave(GearCause):
         declared = [t.order for t in (state.arm.tables[axis] if state.arm.tables else {}).values()]
         if declared and np.abs(np.concatenate(declared) - order).min() < 2.5:
             return None
-        return cls(joint=axis + 1, size=1e-3, order=order, phase=random.uniform(0, 6.28), detail={"order": order}, **more)
+        return cls(joint=axis + 1, size=1e-3, order=order, phase=random.uniform(0, 6.28),
+                   detail={"order": order}, **more)
 
 
 @dataclass(frozen=True)
@@ -118,7 +119,8 @@ class SpeedDependence(Wave):
         cause = cls.draw_orders(random, state)
         if cause is None:
             return None
-        speeds = [np.abs(cause.of(state, "rate")[state.runs.run == r]).max() for r in np.unique(state.runs.run)]
+        speeds = [np.abs(cause.of(state, "rate")[state.runs.run == r]).max()
+                  for r in np.unique(state.runs.run)]
         return cause if max(speeds) > 1.5 * min(speeds) else None
 
     def gear(self, state):
@@ -151,7 +153,8 @@ class GearEccentricity(GearCause):
 
     @classmethod
     def draw(cls, random, state):
-        return replace(super().draw(random, state), size=1e-3, phase=random.uniform(0, 6.28), oval=random.choice((0.0, 0.7)))
+        return replace(super().draw(random, state), size=1e-3, phase=random.uniform(0, 6.28),
+                       oval=random.choice((0.0, 0.7)))
 
     def gear(self, state):
         x = self.of(state, "phi")
@@ -160,7 +163,8 @@ class GearEccentricity(GearCause):
     def parameters(self):
         first = self.size * np.exp(1j * self.phase)
         return {"first_cos_rad": first.imag, "first_sin_rad": first.real} | (
-            {"second_cos_rad": self.oval * first.real, "second_sin_rad": -self.oval * first.imag} if self.oval else {}
+            {"second_cos_rad": self.oval * first.real, "second_sin_rad": -self.oval * first.imag}
+            if self.oval else {}
         )
 
 
@@ -191,12 +195,15 @@ class JointCoupling(GearCause):
         return cls(joint=joint + 1, size=1e-3, motor_axis=motor + 1, detail={"motor": motor + 1})
 
     def gear(self, state):
-        return self.on_axis(state, state.theta[:, self.motor_axis - 1] / state.arm.motor_per_output[self.motor_axis - 1])
+        return self.on_axis(state,
+                            state.theta[:, self.motor_axis - 1]
+                            / state.arm.motor_per_output[self.motor_axis - 1])
 
 
 @dataclass(frozen=True)
 class Backlash(GearCause):
-    """Loaded flank: the sign of gravity's torque plus friction against the motion, through a narrow transition."""
+    """Loaded flank: the sign of gravity's torque plus friction against the motion, through a narrow
+    transition."""
 
     name: str = "backlash"
     measures = "width_rad"
@@ -217,7 +224,8 @@ class Backlash(GearCause):
 
 @dataclass(frozen=True)
 class Hysteresis(GearCause):
-    """Friction inside the drive: a spring of a given reach that slips (forward Euler of a stick-slip element)."""
+    """Friction inside the drive: a spring of a given reach that slips (forward Euler of a stick-slip
+    element)."""
 
     name: str = "hysteresis"
     reach: float = 1e-3
@@ -226,10 +234,12 @@ class Hysteresis(GearCause):
     def draw(cls, random, state):
         if not state.runs.encoder_axes:
             return None
-        return replace(super().draw(random, state), size=2e-4, reach=float(np.exp(random.uniform(np.log(1e-3), np.log(5e-2)))))
+        return replace(super().draw(random, state), size=2e-4,
+                       reach=float(np.exp(random.uniform(np.log(1e-3), np.log(5e-2)))))
 
     def spring(self, state):
-        x, out = self.of(state, "theta") / state.arm.motor_per_output[self.joint - 1], np.zeros(len(state.theta))
+        x, out = self.of(state,
+                         "theta") / state.arm.motor_per_output[self.joint - 1], np.zeros(len(state.theta))
         for number in np.unique(state.runs.run):
             rows = np.flatnonzero(state.runs.run == number)
             z = 0.0
@@ -345,7 +355,8 @@ class HeatedGear(GearCause):
 
     def gear(self, state):
         x = self.of(state, "phi")
-        return self.on_axis(state, np.sin(23.0 * x + 5.0 * np.sin(2.0 * np.pi * 1.7 * state.runs.time)) / 23.0)
+        return self.on_axis(state,
+                            np.sin(23.0 * x + 5.0 * np.sin(2.0 * np.pi * 1.7 * state.runs.time)) / 23.0)
 
 
 @dataclass(frozen=True)
@@ -361,7 +372,8 @@ class FloorVibration(GyroCause):
 
 
 GEAR_EFFECTS = (
-    GearHarmonics, DirectionDependence, SpeedDependence, LoadDependence, GearEccentricity, GearRatio, JointCoupling,
+    GearHarmonics, DirectionDependence, SpeedDependence, LoadDependence, GearEccentricity, GearRatio,
+    JointCoupling,
     Backlash, Hysteresis, TimeDelay, GyroScale, GyroBias, GyroGSensitivity, GyroMisalignment, ThermalDrift,
 )
 GEAR_FOREIGN = (HeatedGear, FloorVibration)

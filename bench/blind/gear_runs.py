@@ -1,11 +1,13 @@
-"""Gear runs of a true arm with hidden causes: motor angles beside a gyroscope behind the gear, or link encoders.
+"""Gear runs of a true arm with hidden causes: motor angles beside a gyroscope behind the gear, or link
+encoders.
 
     theta(t) --gear of the run's direction--> phi --own cause--> --gravity on springs--> q(t)
-    gyroscope on the link behind axis j:  R_tilt' S' sum_{k <= j} z_k dq_k/dt        S: nominal axes, z along axis j
+    gyroscope on the link behind axis j:  R_tilt' S' sum_{k <= j} z_k dq_k/dt        S: nominal axes, z along
+                                          axis j
     link encoders:                        q of the axes that have one, each run with an offset of its own
 
-Everything is computed `OVERSAMPLING` times as finely as it is recorded; rates are fourth-order differences there.
-Quasi-static: the arm does not swing.
+Everything is computed `OVERSAMPLING` times as finely as it is recorded; rates are fourth-order differences
+there. Quasi-static: the arm does not swing.
 """
 
 from __future__ import annotations
@@ -22,7 +24,8 @@ LOADED_PASSES = 4  # the load bends the arm, and the bent arm has another load
 
 @dataclass(frozen=True)
 class Runs:
-    """Commands on the fine grid: time (N,), theta (N, n), direction (N, n) of each run, run (N,), moved axis (N,) from 0.
+    """Commands on the fine grid: time (N,), theta (N, n), direction (N, n) of each run, run (N,), moved axis
+    (N,) from 0.
 
     logged (N,): which of it was recorded, where a run is cut; None: all of it.
     """
@@ -43,7 +46,8 @@ class Runs:
 
 @dataclass(frozen=True)
 class GearState:
-    """What a cause may follow, on the fine grid; joints (N, n); force (N, 3): gravity's reaction in the sensor's axes, g."""
+    """What a cause may follow, on the fine grid; joints (N, n); force (N, 3): gravity's reaction in the
+    sensor's axes, g."""
 
     arm: Arm
     runs: Runs
@@ -78,7 +82,8 @@ class Reading:
 def sense(arm: Arm, runs: Runs, causes, tilt: np.ndarray) -> Reading:
     """What the sensors say, without noise."""
     theta = runs.theta
-    state = GearState(arm, runs, theta, theta / arm.motor_per_output, slope(theta, runs) / arm.motor_per_output, 0.0 * theta)
+    state = GearState(arm, runs, theta, theta / arm.motor_per_output,
+                      slope(theta, runs) / arm.motor_per_output, 0.0 * theta)
     for cause in causes:
         theta = theta + cause.motor(state)
     phi = output_angle(arm, theta, runs.direction)
@@ -94,7 +99,8 @@ def sense(arm: Arm, runs: Runs, causes, tilt: np.ndarray) -> Reading:
         return Reading(q[np.ix_(picked, runs.encoder_axes)], state, picked)
     rates = slope(q, runs)[picked]
     reading, force = _gyroscope(arm, runs, q[picked], rates, picked)
-    at_samples = GearState(arm, _only(runs, picked), theta[picked], phi[picked], state.rate[picked], torque[picked], force)
+    at_samples = GearState(arm, _only(runs, picked), theta[picked], phi[picked], state.rate[picked],
+                           torque[picked], force)
     for cause in causes:
         reading = reading + cause.device(reading, at_samples)
     return Reading(reading @ tilt, state, picked)
@@ -107,7 +113,8 @@ def _picked(runs: Runs) -> np.ndarray:
 
 
 def _only(runs: Runs, picked: np.ndarray) -> Runs:
-    return Runs(runs.time[picked], runs.theta[picked], runs.direction[picked], runs.run[picked], runs.moved[picked],
+    return Runs(runs.time[picked], runs.theta[picked], runs.direction[picked], runs.run[picked],
+                runs.moved[picked],
                 runs.temperature[picked], runs.encoder_axes)
 
 
@@ -128,11 +135,13 @@ def _gyroscope(arm: Arm, runs: Runs, q, rates, picked):
 
 
 def ramped(distance: float, speed: float, ramp_s: float, step: float, rest_s: float = 0.1) -> np.ndarray:
-    """(N,) path from 0 to `distance`: rest, a ramp with smooth acceleration (sin^2), constant speed, ramp, rest."""
+    """(N,) path from 0 to `distance`: rest, a ramp with smooth acceleration (sin^2), constant speed, ramp,
+    rest."""
     cruise = max(distance / speed - ramp_s, 0.1)
     top = distance / (cruise + ramp_s)
     t = np.arange(0.0, 2.0 * rest_s + 2.0 * ramp_s + cruise, step)
-    up = lambda s: np.clip(s / ramp_s, 0.0, 1.0) - np.sin(2.0 * np.pi * np.clip(s / ramp_s, 0.0, 1.0)) / (2.0 * np.pi)
+    up = lambda s: np.clip(s / ramp_s, 0.0,
+                           1.0) - np.sin(2.0 * np.pi * np.clip(s / ramp_s, 0.0, 1.0)) / (2.0 * np.pi)
     rate = top * (up(t - rest_s) - up(t - rest_s - ramp_s - cruise))
     return np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1])) * step])
 
@@ -143,5 +152,6 @@ def to_and_fro(half: float, duration: float, step: float, random) -> np.ndarray:
     window = np.clip(np.minimum(t, duration - t) / 0.5, 0.0, 1.0)
     window = window * window * (3.0 - 2.0 * window)
     waves = sum(a * np.sin(2.0 * np.pi * f * t + p) for a, f, p in
-                zip((0.6, 0.3, 0.1), random.uniform((0.1, 0.2, 0.4), (0.2, 0.4, 0.8)), random.uniform(0, 6.28, 3)))
+                zip((0.6, 0.3, 0.1), random.uniform((0.1, 0.2, 0.4), (0.2, 0.4, 0.8)),
+                    random.uniform(0, 6.28, 3)))
     return half * window * waves

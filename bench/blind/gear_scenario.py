@@ -1,7 +1,7 @@
 """One drawn case of a gear run: arm, runs, hidden cause scaled to a wanted error, sensor noise, files.
 
-What the declared model can still absorb is taken out by a linear fit of our own: harmonics of the declared orders
-per direction, the constant tilt of the gyroscope, an offset per run of a link encoder.
+What the declared model can still absorb is taken out by a linear fit of our own: harmonics of the declared
+orders per direction, the constant tilt of the gyroscope, an offset per run of a link encoder.
 """
 
 from __future__ import annotations
@@ -29,7 +29,8 @@ CUT_FURTHER = 0.15  # share of a run that is cut off beyond its ramp, at most
 LARGEST_RATE_SHARE, LARGEST_ANGLE_RAD = 0.3, 5e-3  # that a cause of plausible size changes
 
 
-def draw_case(folder: Path, seed: int, robots: Path, theme: str | None = None, conditions: str = TODAY) -> Case:
+def draw_case(folder: Path, seed: int, robots: Path, theme: str | None = None,
+              conditions: str = TODAY) -> Case:
     """Writes robot.toml, gear.csv and truth.json. theme and conditions as in `pose_scenario.draw_case`."""
     random, drawn = np.random.default_rng(seed), draw_conditions(conditions, "gear_run", seed)
     folder.mkdir(parents=True, exist_ok=True)
@@ -79,7 +80,8 @@ def _rest(arm, random) -> np.ndarray:
 
 
 def _gyroscope_runs(arm, random, drawn: Conditions) -> Runs:
-    """One or two axes, one after the other, to one side and back, at one or two speeds, two or three times each.
+    """One or two axes, one after the other, to one side and back, at one or two speeds, two or three times
+    each.
 
     There and back are two runs; where a passage between the tables is to be seen, one.
     """
@@ -118,7 +120,8 @@ def _there_and_back(one, other):
 
 
 def _logged(count: int, step: float, ramp_s: float, random, drawn: Conditions) -> np.ndarray:
-    """(count,) which samples are recorded: all, or none before (after) the ramp is over (begins) and a little more."""
+    """(count,) which samples are recorded: all, or none before (after) the ramp is over (begins) and a little
+    more."""
     at, logged = np.arange(count) * step, np.ones(count, bool)
     for cut, elapsed in zip(drawn.cut, (at, at[::-1])):
         if cut:
@@ -188,7 +191,8 @@ def _absorbed(arm, reading: Reading, error: np.ndarray) -> np.ndarray:
         orders = np.unique(np.concatenate([t.order for t in tables.values()])) if tables else ()
         speed = 1.0 if encoders else rate
         for order in orders:
-            columns += [f(order * phi) * (direction * side > 0) * speed for f in (np.cos, np.sin) for side in (-1, 1)]
+            columns += [f(order * phi) * (direction * side > 0) * speed for f in (np.cos, np.sin)
+                        for side in (-1, 1)]
         if not encoders:
             # A constant tilt turns the reading across the axis into nothing that shows along it.
             across = error[rows, 0:2]
@@ -231,19 +235,23 @@ def _write(folder, robot, arm, runs, tilt, causes, random, seed, drawn: Conditio
     limit = LARGEST_ANGLE_RAD if encoders else LARGEST_RATE_SHARE * np.abs(clean.sensor).max()
     if causes and change > limit:
         return None
-    noise = draw_noise(drawn, reading.sensor.shape, random, runs.run[reading.picked], 1.0 / (OVERSAMPLING * runs.step))
+    noise = draw_noise(drawn, reading.sensor.shape, random, runs.run[reading.picked],
+                       1.0 / (OVERSAMPLING * runs.step))
     sensor = reading.sensor + sigma * share * noise
     left = _judged(_absorbed(arm, clean, sensor - clean.sensor), encoders)
     picked = reading.picked
     numbers = np.unique(runs.run)
     record = {
-        "kind": "gear_run", "seed": seed, "effects": [cause.truth() for cause in causes], "noise": sigma, "best": sigma,
+        "kind": "gear_run", "seed": seed, "effects": [cause.truth() for cause in causes], "noise": sigma,
+        "best": sigma,
         "declared": left, "raised": left / sigma, "arm": arm.name, "rows": len(picked), "encoders": encoders,
-        "has": ["encoders" if encoders else "gyroscope", f"axis {runs.moved[0] + 1}"], "conditions": drawn.truth(),
+        "has": ["encoders" if encoders else "gyroscope", f"axis {runs.moved[0] + 1}"],
+        "conditions": drawn.truth(),
     }
     columns: dict[str, np.ndarray] = {"time_s": runs.time[picked], "run": runs.run[picked]}
     if random.random() < 0.5 and len(numbers) >= 3:
-        each = [numbers[[runs.moved[runs.run == number][0] == axis for number in numbers]] for axis in np.unique(runs.moved)]
+        each = [numbers[[runs.moved[runs.run == number][0] == axis for number in numbers]]
+                for axis in np.unique(runs.moved)]
         held = numbers[-1:] if encoders else np.concatenate([own[-2:] for own in each])
         columns["set"] = np.where(np.isin(runs.run[picked], held), "validation", "identification")
     step = 2.0 * np.pi / 2**16

@@ -22,9 +22,11 @@ from blind.arm import Arm, Posture
 
 @dataclass(frozen=True)
 class Rows:
-    """What a controller and a clock report, row by row: commands (N, n), approach directions, session, time, temperature.
+    """What a controller and a clock report, row by row: commands (N, n), approach directions, session, time,
+    temperature.
 
-    `order`: a number per row, in the order of measurement; rate, acceleration (N, n) of the joints: where the arm moves.
+    `order`: a number per row, in the order of measurement; rate, acceleration (N, n) of the joints: where the
+    arm moves.
     """
 
     command: np.ndarray
@@ -45,7 +47,9 @@ class Rows:
     def part(self, chosen: np.ndarray) -> Rows:
         """The rows of an index array."""
         arrays = {item.name: getattr(self, item.name) for item in fields(self)}
-        return replace(self, **{name: value[chosen] for name, value in arrays.items() if isinstance(value, np.ndarray)})
+        return replace(self,
+                       **{name: value[chosen] for name, value in arrays.items()
+                          if isinstance(value, np.ndarray)})
 
 
 @dataclass(frozen=True)
@@ -85,7 +89,8 @@ class Hidden:
     def stretch(self, rows: Rows) -> np.ndarray | float:
         return 1.0
 
-    def structure(self, arm: Arm, at: Posture, target: np.ndarray, rows: Rows) -> tuple[np.ndarray, np.ndarray] | None:
+    def structure(self, arm: Arm, at: Posture, target: np.ndarray,
+                  rows: Rows) -> tuple[np.ndarray, np.ndarray] | None:
         return None
 
     def device(self, measured: np.ndarray, rows: Rows) -> np.ndarray | float:
@@ -115,4 +120,7 @@ class Setting:
     def loaded_axes(self) -> np.ndarray:
         """Axes from 0 that carry a load that varies."""
         spread = np.ptp(self.torque, axis=0)
-        return np.flatnonzero(spread > 0.02 * max(spread.max(), 1e-9)) if self.arm.mass is not None else np.zeros(0, int)
+        return (
+            np.flatnonzero(spread > 0.02 * max(spread.max(), 1e-9)) if self.arm.mass is not None
+            else np.zeros(0, int)
+        )

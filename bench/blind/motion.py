@@ -1,12 +1,16 @@
-"""Motion of a true arm with hidden causes: joint angles and torques of an excitation, computed from the link back to the motor.
+"""Motion of a true arm with hidden causes: joint angles and torques of an excitation, computed from the link
+back to the motor.
 
     q(t) -> link torque (recursive Newton-Euler) -> phi = q - offset + deflection -> theta = ratio phi
-    tau  =  T' link torque + rotor ratio d2 theta/dt2 + friction(d theta/dt) + causes        output side, convention of docs/method.md
-    T: turn of every output by every motor over the nominal ratio (virtual work); hidden gears change it, and declared
-    tables where a `direction` says which of them holds: theta / ratio = phi + error(phi), link torque / (1 + d error / d phi)
+    tau  =  T' link torque + rotor ratio d2 theta/dt2 + friction(d theta/dt) + causes        output side,
+         convention of docs/method.md
+    T: turn of every output by every motor over the nominal ratio (virtual work); hidden gears change it, and
+        declared
+    tables where a `direction` says which of them holds: theta / ratio = phi + error(phi),
+    link torque / (1 + d error / d phi)
 
-Newton-Euler as in Luh, Walker and Paul 1980: velocities and accelerations outwards, with the base accelerated by -g,
-forces and moments inwards, all in the base frame.
+Newton-Euler as in Luh, Walker and Paul 1980: velocities and accelerations outwards, with the base accelerated
+by -g, forces and moments inwards, all in the base frame.
 """
 
 from __future__ import annotations
@@ -22,7 +26,8 @@ SMOOTH_RAD_S = 5e-3  # friction turns over in this rate
 
 @dataclass(frozen=True)
 class Drive:
-    """Fine grid of one record: time (N,), run (N,), joint angles with rates and accelerations (N, n), temperature (N,).
+    """Fine grid of one record: time (N,), run (N,), joint angles with rates and accelerations (N, n),
+    temperature (N,).
 
     direction (N, n), -1 to 1: which of its tables each gear follows; None: the gears have none.
     """
@@ -37,7 +42,8 @@ class Drive:
 
     def part(self, rows: np.ndarray) -> Drive:
         """The samples of an index array."""
-        return Drive(*(None if (value := getattr(self, item.name)) is None else value[rows] for item in fields(self)))
+        return Drive(*(None if (value := getattr(self, item.name)) is None else value[rows]
+                       for item in fields(self)))
 
 
 def inverse_dynamics(arm: Arm, q: np.ndarray, rate: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
@@ -56,7 +62,8 @@ def inverse_dynamics(arm: Arm, q: np.ndarray, rate: np.ndarray, acceleration: np
         inertia = at.rotation[:, i + 1] @ arm.inertia[i] @ np.swapaxes(at.rotation[:, i + 1], 1, 2)
         spin = np.einsum("nij,nj->ni", inertia, omega)
         force[i] = arm.mass[i] * at_centre
-        moment[i] = np.einsum("nij,nj->ni", inertia, alpha) + np.cross(omega, spin) + np.cross(to_centre, force[i])
+        moment[i] = np.einsum("nij,nj->ni", inertia,
+                              alpha) + np.cross(omega, spin) + np.cross(to_centre, force[i])
         linear = linear + np.cross(alpha, arms) + np.cross(omega, np.cross(omega, arms))
     torque = np.zeros_like(q)
     carried_force, carried_moment = np.zeros((rows, 3)), np.zeros((rows, 3))
@@ -88,7 +95,8 @@ def play(arm: Arm, drive: Drive, causes) -> Played:
     bent = spring_deflection(arm, link)
     error, gain = _table_error(arm, phi + bent, drive.direction)
     ahead = bent + error - sum(cause.gear(arm, drive, phi) for cause in causes)
-    rate, acceleration = drive.rate + slope(ahead, drive), drive.acceleration + slope(slope(ahead, drive), drive)
+    rate, acceleration = drive.rate + slope(ahead,
+                                            drive), drive.acceleration + slope(slope(ahead, drive), drive)
     carried = link / (1.0 + gain) + sum(cause.carried(arm, drive, phi, link) for cause in causes)
     rotor = ratio**2 * arm.rotor * acceleration
     friction = arm.coulomb * np.tanh(rate / SMOOTH_RAD_S) + arm.viscous * rate
@@ -99,8 +107,10 @@ def play(arm: Arm, drive: Drive, causes) -> Played:
     return replace(state, tau=tau)
 
 
-def _table_error(arm: Arm, phi: np.ndarray, direction: np.ndarray | None) -> tuple[np.ndarray | float, np.ndarray | float]:
-    """(N, n) error of the declared gears at the output angle phi, and its slope; of both tables by their share."""
+def _table_error(arm: Arm, phi: np.ndarray,
+                 direction: np.ndarray | None) -> tuple[np.ndarray | float, np.ndarray | float]:
+    """(N, n) error of the declared gears at the output angle phi, and its slope; of both tables by their
+    share."""
     if direction is None:
         return 0.0, 0.0
     error, gain = np.zeros_like(phi), np.zeros_like(phi)
@@ -125,7 +135,8 @@ def slope(values: np.ndarray, drive: Drive) -> np.ndarray:
 
 
 def excitation(arm: Arm, middle: np.ndarray, seconds: float, step: float, runs: int, random) -> Drive:
-    """Runs of one sort: Fourier series of a base frequency, one sinusoid an axis, or moves from point to point."""
+    """Runs of one sort: Fourier series of a base frequency, one sinusoid an axis, or moves from point to
+    point."""
     shape = (_series, _sinusoids, _moves)[random.choice(3, p=(0.5, 0.25, 0.25))]
     half = random.uniform(0.4, 0.8, arm.axes) * 0.5 * np.minimum(arm.upper - arm.lower, 4.0)
     time = np.arange(0.0, seconds, step)
@@ -158,7 +169,8 @@ def _sinusoids(time, half, random):
 
 
 def _moves(time, half, random):
-    """All axes together from one drawn point to the next, sin^2 profiles of the acceleration's integral, short rests."""
+    """All axes together from one drawn point to the next, sin^2 profiles of the acceleration's integral,
+    short rests."""
     angle, rate, acceleration = np.zeros((3, len(time), len(half)))
     start, at = random.uniform(-half, half), 0.0
     while at < time[-1] + 1.0:

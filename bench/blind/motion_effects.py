@@ -74,7 +74,8 @@ class Stribeck(MotionCause):
 
     @classmethod
     def draw(cls, random, arm, drive, played):
-        return replace(super().draw(random, arm, drive, played), fades=float(np.exp(random.uniform(np.log(0.02), np.log(0.2)))))
+        return replace(super().draw(random, arm, drive, played),
+                       fades=float(np.exp(random.uniform(np.log(0.02), np.log(0.2)))))
 
     def torque(self, arm, drive, played):
         v = self.of(drive.rate)
@@ -123,7 +124,8 @@ class TorqueRipple(MotionCause):
     @classmethod
     def draw(cls, random, arm, drive, played):
         order = float(random.choice((1.0, 2.0, 6.0)))
-        return replace(super().draw(random, arm, drive, played), order=order, phase=random.uniform(0, 6.28), detail={"order": order})
+        return replace(super().draw(random, arm, drive, played), order=order, phase=random.uniform(0, 6.28),
+                       detail={"order": order})
 
     def torque(self, arm, drive, played):
         return self.on_axis(drive, np.sin(self.order * self.of(played.theta) + self.phase))
@@ -270,7 +272,8 @@ class GearEccentricity(GearWave):
 
 @dataclass(frozen=True)
 class MotorLinkCoupling(MotionCause):
-    """Spinning rotors on moving links: the rate of their momentum loads the links, the links' turn loads the rotors."""
+    """Spinning rotors on moving links: the rate of their momentum loads the links, the links' turn loads the
+    rotors."""
 
     name: str = "motor_link_coupling"
     measures = "share"
@@ -339,7 +342,9 @@ class FloorShock(MotionCause):
     foreign = True
 
     def torque(self, arm, drive, played):
-        return self.on_axis(drive, np.sin(2.0 * np.pi * 3.3 * drive.time) * (1.0 + 0.5 * np.sin(2.0 * np.pi * 0.21 * drive.time)))
+        return self.on_axis(drive,
+                            np.sin(2.0 * np.pi * 3.3 * drive.time)
+                            * (1.0 + 0.5 * np.sin(2.0 * np.pi * 0.21 * drive.time)))
 
 
 @dataclass(frozen=True)
@@ -354,7 +359,8 @@ class CableBundle(MotionCause):
 
 
 MOTION_EFFECTS = (
-    Stribeck, Asymmetric, LoadFriction, TorqueRipple, TorqueConstant, RotorInertia, GravityCompensator, Payload, TimeDelay,
+    Stribeck, Asymmetric, LoadFriction, TorqueRipple, TorqueConstant, RotorInertia, GravityCompensator,
+    Payload, TimeDelay,
     GearRatio, JointCoupling, GearHarmonics, GearEccentricity, MotorLinkCoupling, ThermalDrift,
 )
 MOTION_FOREIGN = (FloorShock, CableBundle)

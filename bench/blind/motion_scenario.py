@@ -1,8 +1,10 @@
-"""One drawn case of a motion: arm with declared links and friction, excitation, hidden cause, torque noise, files.
+"""One drawn case of a motion: arm with declared links and friction, excitation, hidden cause, torque noise,
+files.
 
-Of the declared model only friction is re-identified; a linear fit of our own (sign and rate of every axis) takes out
-what it can absorb, and the inertial parameters of all links where the file declares none. Gear tables are declared only
-where the conditions say in what time a gear passes from one to the other: at a reversal they leave the motion undefined.
+Of the declared model only friction is re-identified; a linear fit of our own (sign and rate of every axis)
+takes out what it can absorb, and the inertial parameters of all links where the file declares none. Gear
+tables are declared only where the conditions say in what time a gear passes from one to the other: at a
+reversal they leave the motion undefined.
 """
 
 from __future__ import annotations
@@ -38,7 +40,8 @@ SIZING_ROWS = 1500  # that inertial parameters are taken out on
 LARGEST_SHARE = 0.6  # of the largest torque that a cause of plausible size makes
 
 
-def draw_case(folder: Path, seed: int, robots: Path, theme: str | None = None, conditions: str = TODAY) -> Case:
+def draw_case(folder: Path, seed: int, robots: Path, theme: str | None = None,
+              conditions: str = TODAY) -> Case:
     """Writes robot.toml, motion.csv and truth.json. theme and conditions as in `pose_scenario.draw_case`."""
     random, drawn = np.random.default_rng(seed), draw_conditions(conditions, "motion", seed)
     folder.mkdir(parents=True, exist_ok=True)
@@ -46,12 +49,15 @@ def draw_case(folder: Path, seed: int, robots: Path, theme: str | None = None, c
     for _ in range(TRIES):
         robot = _robot_file(folder, random, robots, seed, drawn)
         arm = declare(robot, read_arm(robot), drawn)
-        if arm is None or arm.mass is None or not arm.has_gear.all() or (drawn.passage_s and not any(arm.tables)):
+        if arm is None or arm.mass is None or not arm.has_gear.all() or (
+            drawn.passage_s and not any(arm.tables)
+        ):
             continue
         middle = 0.5 * (arm.lower + arm.upper) + random.uniform(-0.2, 0.2, arm.axes)
         rate = float(random.choice((100.0, 250.0, 500.0, 1000.0)))
         every = int(np.ceil(FINE_HZ / rate)) if drawn.passage_s else 1
-        drive = excitation(arm, middle, random.uniform(8.0, 14.0), 1.0 / (rate * every), int(random.integers(2, 5)), random)
+        drive = excitation(arm, middle, random.uniform(8.0, 14.0), 1.0 / (rate * every),
+                           int(random.integers(2, 5)), random)
         drive = _conditioned(arm, drive, middle, random, drawn)
         cause = _draw_cause(theme, random, arm, drive)
         case = None if cause is None else _write(folder, robot, arm, drive, cause, random, seed, drawn, every)
@@ -71,11 +77,13 @@ def _robot_file(folder: Path, random, robots: Path, seed: int, drawn: Conditions
         rotors = random.random() < 0.5
         more = lambda match: match[0] + "".join(
             f"{key} = {float(value)!r}\n" for key, value in zip(
-                ("coulomb_Nm", "viscous_Nm_s_rad", "rotor_inertia_kg_m2")[: 3 if rotors else 2], (next(friction), 8.0, 2e-4)
+                ("coulomb_Nm", "viscous_Nm_s_rad", "rotor_inertia_kg_m2")[: 3 if rotors else 2],
+                (next(friction), 8.0, 2e-4)
             )
         )
         text = re.sub(r"\[\[joints\]\]\n", more, text)
-    # An axis that stands still holds its motor still; a spring behind it would have the motor follow the load.
+    # An axis that stands still holds its motor still; a spring behind it would have the motor follow the
+    # load.
     text = without_springs(text) if drawn.still else text
     tables = "" if drawn.passage_s else r"\[joints\.gear_c?cw\][^\n]*\n(?:[a-z_]+ = [^\n]*\n)+"
     path.write_text(re.sub(tables, "", text) if tables else text)
@@ -89,7 +97,8 @@ def _conditioned(arm: Arm, drive: Drive, middle, random, drawn: Conditions) -> D
     if not drawn.passage_s:
         return drive
     direction = np.sign(drive.rate) * np.sign(arm.motor_per_output)
-    return replace(drive, direction=passed(direction, drive.run, drive.time[1] - drive.time[0], drawn.passage_s))
+    return replace(drive,
+                   direction=passed(direction, drive.run, drive.time[1] - drive.time[0], drawn.passage_s))
 
 
 def _draw_cause(theme: str, random, arm: Arm, drive: Drive):
@@ -104,7 +113,8 @@ def _draw_cause(theme: str, random, arm: Arm, drive: Drive):
 
 
 def _inertial(arm: Arm, drive: Drive, rows: np.ndarray) -> np.ndarray:
-    """(len(rows), n, 10 n) torque of every inertial parameter of the links, by differences of masses, centres, inertias."""
+    """(len(rows), n, 10 n) torque of every inertial parameter of the links, by differences of masses,
+    centres, inertias."""
     n = arm.axes
 
     def torque(link: int, mass: float, centre=np.zeros(3), inertia=np.zeros((3, 3))) -> np.ndarray:
@@ -128,7 +138,10 @@ def _left_by_links(drive: Drive, error: np.ndarray, inertial: np.ndarray, rows: 
     n = error.shape[1]
     friction = np.zeros((len(rows), n, 2 * n))
     for i in range(n):
-        friction[:, i, 2 * i], friction[:, i, 2 * i + 1] = np.tanh(drive.rate[rows, i] / SMOOTH_RAD_S), drive.rate[rows, i]
+        friction[:, i, 2 * i], friction[:, i,
+                                        2 * i + 1] = np.tanh(drive.rate[rows, i] / SMOOTH_RAD_S), drive.rate[
+                                            rows, i
+                                        ]
     design = np.concatenate([inertial, friction], axis=2).reshape(len(rows) * n, -1)
     design = design / np.maximum(np.linalg.norm(design, axis=0), 1e-9)
     values = error[rows].ravel()
@@ -175,7 +188,8 @@ def _write(folder, robot, arm, drive, causes, random, seed, drawn: Conditions, e
     tau = played.tau + noise * sigma
     numbers = np.unique(drive.run)
     record = {
-        "kind": "motion", "seed": seed, "effects": [cause.truth() for cause in causes], "noise": level, "best": level,
+        "kind": "motion", "seed": seed, "effects": [cause.truth() for cause in causes], "noise": level,
+        "best": level,
         "declared": left(tau - clean.tau), "arm": arm.name, "rows": len(tau), "has": [f"{len(numbers)} runs"],
         "conditions": drawn.truth(),
     }
@@ -192,7 +206,8 @@ def _write(folder, robot, arm, drive, causes, random, seed, drawn: Conditions, e
     reported = 0 if drawn.passage_s else reported
     for i in range(arm.axes):
         q = theta[:, i] / arm.motor_per_output[i] + arm.offset[i]
-        columns |= (({f"theta_{i + 1}_rad": theta[:, i]}, {f"q_{i + 1}_rad": q}, {f"q_{i + 1}_deg": np.rad2deg(q)})[reported])
+        columns |= (({f"theta_{i + 1}_rad": theta[:, i]}, {f"q_{i + 1}_rad": q},
+                     {f"q_{i + 1}_deg": np.rad2deg(q)})[reported])
     if any(cause.name == "thermal_drift" for cause in causes) or random.random() < 0.2:
         columns["temperature_degC"] = drive.temperature
     motor_side = random.random() < 0.5

@@ -22,7 +22,8 @@ def pick(random: np.random.Generator, values) -> int | None:
 
 @dataclass(frozen=True)
 class Backlash(Hidden):
-    """The link hangs on the flank that the load presses; Coulomb friction holds the other one at small loads."""
+    """The link hangs on the flank that the load presses; Coulomb friction holds the other one at small
+    loads."""
 
     name: str = "backlash"
     measures = "width_rad"
@@ -120,10 +121,13 @@ class GearEccentricity(Hidden):
 
     def gear(self, arm, phi, rows):
         x = phi[:, self.index]
-        return self.at_joint(np.sin(x + self.phase[0]) + self.oval * np.sin(2.0 * x + self.phase[1]), arm.axes)
+        return self.at_joint(np.sin(x + self.phase[0]) + self.oval * np.sin(2.0 * x + self.phase[1]),
+                             arm.axes)
 
     def parameters(self):
-        first, second = self.size * np.exp(1j * self.phase[0]), self.size * self.oval * np.exp(1j * self.phase[1])
+        first, second = self.size * np.exp(1j * self.phase[0]), self.size * self.oval * np.exp(
+            1j * self.phase[1]
+        )
         return {"first_cos_rad": first.imag, "first_sin_rad": first.real} | (
             {"second_cos_rad": second.imag, "second_sin_rad": second.real} if self.oval else {}
         )
@@ -131,8 +135,8 @@ class GearEccentricity(Hidden):
 
 @dataclass(frozen=True)
 class GearHarmonics(Hidden):
-    """A wheel inside the gear or the encoder: an order of 3 and more per output revolution, or that of the motor; at times
-    with its first overtone."""
+    """A wheel inside the gear or the encoder: an order of 3 and more per output revolution, or that of the
+    motor; at times with its first overtone."""
 
     name: str = "gear_harmonics"
     order: float = 3.0
@@ -150,7 +154,8 @@ class GearHarmonics(Hidden):
         declared = [table.order for table in setting.arm.tables[i].values()] if setting.arm.tables else []
         if declared and np.abs(np.concatenate(declared) - order).min() < 1.5:
             return None
-        return cls(joint=i + 1, size=2e-4, order=order, phase=random.uniform(0, 2 * np.pi), detail={"order": order},
+        return cls(joint=i + 1, size=2e-4, order=order, phase=random.uniform(0, 2 * np.pi),
+                   detail={"order": order},
                    overtone=random.uniform(0.3, 0.8) if random.random() < 0.35 else 0.0)
 
     def gear(self, arm, phi, rows):
@@ -160,7 +165,8 @@ class GearHarmonics(Hidden):
 
 @dataclass(frozen=True)
 class DirectionDependence(Hidden):
-    """A gear error that has another sign in the other direction of motion; nought at angle 0, as both tables are."""
+    """A gear error that has another sign in the other direction of motion; nought at angle 0, as both tables
+    are."""
 
     name: str = "direction_dependence"
     order: float = 3.0
@@ -171,9 +177,11 @@ class DirectionDependence(Hidden):
         if "approach" not in setting.rows.has:
             return None
         i = pick(random, range(setting.arm.axes))
-        orders = [o for table in (setting.arm.tables[i] if setting.arm.tables else {}).values() for o in table.order]
+        orders = [o for table in (setting.arm.tables[i] if setting.arm.tables else {}).values()
+                  for o in table.order]
         order = float(orders[random.integers(len(orders))]) if orders else float(random.integers(3, 100))
-        return cls(joint=i + 1, size=3e-4, order=order, phase=random.uniform(0, 2 * np.pi), detail={"order": order})
+        return cls(joint=i + 1, size=3e-4, order=order, phase=random.uniform(0, 2 * np.pi),
+                   detail={"order": order})
 
     def gear(self, arm, phi, rows):
         wave = np.cos(self.order * phi[:, self.index] + self.phase) - np.cos(self.phase)
@@ -313,6 +321,8 @@ class ThermalZero(Hidden):
 
 
 POSE_EFFECTS = (
-    Backlash, JointCompliance, LinkCompliance, BaseCompliance, GearEccentricity, GearHarmonics, DirectionDependence,
-    GearRatio, JointCoupling, Hysteresis, Payload, ThermalGrowth, ThermalShift, ThermalZero, TrackerScale, TrackerDrift, TrackerStep, Outliers,
+    Backlash, JointCompliance, LinkCompliance, BaseCompliance, GearEccentricity, GearHarmonics,
+    DirectionDependence,
+    GearRatio, JointCoupling, Hysteresis, Payload, ThermalGrowth, ThermalShift, ThermalZero, TrackerScale,
+    TrackerDrift, TrackerStep, Outliers,
 )

@@ -1,7 +1,8 @@
-"""One drawn case of static poses: arm, commands, set-up, hidden causes scaled to a wanted error, noise, files.
+"""One drawn case of static poses: arm, commands, set-up, hidden causes scaled to a wanted error, noise,
+files.
 
-The size of a cause is chosen so that the declared model, identified anew, is left with `raised` times the error that
-the true model would be left with on the validation rows.
+The size of a cause is chosen so that the declared model, identified anew, is left with `raised` times the
+error that the true model would be left with on the validation rows.
 """
 
 from __future__ import annotations
@@ -39,7 +40,8 @@ class Case:
     truth: dict
 
 
-def draw_case(folder: Path, seed: int, robots: Path, theme: str | None = None, conditions: str = TODAY) -> Case:
+def draw_case(folder: Path, seed: int, robots: Path, theme: str | None = None,
+              conditions: str = TODAY) -> Case:
     """Writes robot.toml, poses.csv and truth.json into `folder`.
 
     theme: "clean", "foreign", "pair", a name, or drawn; conditions: one of `conditions.NAMES`.
@@ -85,7 +87,8 @@ def draw_set_up(declared: Arm, random, sessions: int, drawn: Conditions = Condit
     shape = lambda sigma: random.normal(0.0, sigma, n)
     off, turned, zero = drawn.geometry_m, 5e-4 * drawn.angles, 1e-3 * drawn.angles
     arm = declared.with_values(
-        a=declared.a + shape(off), d=declared.d + shape(off) * ~declared.hayati, alpha=declared.alpha + shape(turned),
+        a=declared.a + shape(off), d=declared.d + shape(off) * ~declared.hayati,
+        alpha=declared.alpha + shape(turned),
         beta=declared.beta + shape(turned) * declared.hayati, offset=declared.offset + shape(zero),
     )
     tables = arm.tables or ({},) * n
@@ -95,14 +98,18 @@ def draw_set_up(declared: Arm, random, sessions: int, drawn: Conditions = Condit
     for s in range(sessions):
         base[s, :3] = random.normal(size=3) * (2.0, 2.0, 0.7)
         level = random.random() < 0.6
-        base[s, 3:] = (*random.normal(0.0, 0.01, 2), random.uniform(-np.pi, np.pi)) if level else random.normal(0.0, 1.0, 3)
+        base[s, 3:] = (
+            (*random.normal(0.0, 0.01, 2), random.uniform(-np.pi, np.pi))
+            if level else random.normal(0.0, 1.0, 3)
+        )
         tool[s, :3] = random.uniform((-0.15, -0.15, 0.03), (0.15, 0.15, 0.3))
         tool[s, 3:] = random.normal(0.0, 0.8, 3)
     return Truth(arm, Setup(base, tool), (), declared)
 
 
 def _rows(arm: Arm, random, drawn: Conditions) -> Rows:
-    """Commands within the limits and above the floor, in one to three sessions, with or without repeated visits."""
+    """Commands within the limits and above the floor, in one to three sessions, with or without repeated
+    visits."""
     sessions = random.choice((1, 1, 1, 1, 2, 2, 3))
     total = int(random.integers(max(80, 60 * sessions), 301))
     repeats = int(random.choice((1, 1, 2, 3)))
@@ -123,12 +130,14 @@ def _rows(arm: Arm, random, drawn: Conditions) -> Rows:
     time = np.cumsum(random.uniform(15.0, 60.0, len(visit)))
     warm = random.uniform(2.0, 12.0) * (1.0 - np.exp(-time / random.uniform(1800.0, 7200.0)))
     swing = random.uniform(0.0, 3.0) * np.sin(time / random.uniform(600.0, 4000.0) + random.uniform(0, 6.28))
-    has = {name for name, chance in (("approach", 0.6), ("time", 0.5), ("temperature", 0.4), ("orientation", 0.3)) if random.random() < chance}
+    has = {name for name, chance in (("approach", 0.6), ("time", 0.5), ("temperature", 0.4),
+                                     ("orientation", 0.3)) if random.random() < chance}
     if repeats > 1 and random.random() < 0.7:
         has.add("visit")
     held = random.permutation(distinct) < int(round(0.3 * distinct))
     direction = direction if "approach" in has else np.zeros_like(direction)
-    return Rows(command, direction, session, np.arange(len(visit), dtype=float), time, 20.0 + warm + swing, visit + 1, ~held[visit], frozenset(has))
+    return Rows(command, direction, session, np.arange(len(visit), dtype=float), time, 20.0 + warm + swing,
+                visit + 1, ~held[visit], frozenset(has))
 
 
 def _setting(truth: Truth, rows: Rows) -> Setting:
@@ -162,7 +171,9 @@ def _write(folder, robot, truth, rows, causes, random, seed, drawn: Conditions) 
         cause = _to_size(cause, truth, rows, raised, sigma, sigma_turn)
         if cause is None:
             return None
-        sized.append(cause.scaled(cause.size * (1.0 if len(causes) == 1 else np.sqrt(random.uniform(0.4, 1.0)))))
+        sized.append(
+            cause.scaled(cause.size * (1.0 if len(causes) == 1 else np.sqrt(random.uniform(0.4, 1.0))))
+        )
     truth = replace(truth, hidden=tuple(sized))
     position, rotation = measure(truth, rows)
     shift = np.linalg.norm(position - clean, axis=1)
@@ -170,7 +181,10 @@ def _write(folder, robot, truth, rows, causes, random, seed, drawn: Conditions) 
         return None
     position, rotation = position + noise, turn(turned) @ rotation
     best = fit_left(truth, rows, position, rotation, sigma, sigma_turn)
-    declared = fit_left(replace(truth, hidden=()), rows, position, rotation, sigma, sigma_turn, steps=4) if causes else best
+    declared = (
+        fit_left(replace(truth, hidden=()), rows, position, rotation, sigma, sigma_turn, steps=4)
+        if causes else best
+    )
     record = {
         "kind": "poses", "seed": seed, "effects": [cause.truth() for cause in truth.hidden],
         "noise": float(np.sqrt(3.0) * sigma), "best": best.validation, "declared": declared.validation,
@@ -185,8 +199,8 @@ def _write(folder, robot, truth, rows, causes, random, seed, drawn: Conditions) 
 
 
 def _noise(truth: Truth, rows: Rows, sigma: float, random, drawn: Conditions) -> np.ndarray:
-    """(N, 3) of RMS sigma per component: even; or with an axis of its own; or growing with the distance; or partly the
-    repeatability of the joints, which does not come back at the next visit."""
+    """(N, 3) of RMS sigma per component: even; or with an axis of its own; or growing with the distance; or
+    partly the repeatability of the joints, which does not come back at the next visit."""
     noise = draw_noise(drawn, (len(rows), 3), random, joined=True)
     kind = random.choice(("even", "axes", "distance", "joints"), p=(0.55, 0.15, 0.15, 0.15))
     if kind == "axes":
@@ -202,8 +216,10 @@ def _noise(truth: Truth, rows: Rows, sigma: float, random, drawn: Conditions) ->
     return sigma * noise / np.sqrt(np.mean(noise**2))
 
 
-def _to_size(cause: Hidden, truth: Truth, rows: Rows, raised: float, sigma: float, sigma_turn) -> Hidden | None:
-    """The cause at the size that makes the declared model's error `raised` times the noise, as if there were none."""
+def _to_size(cause: Hidden, truth: Truth, rows: Rows, raised: float, sigma: float,
+             sigma_turn) -> Hidden | None:
+    """The cause at the size that makes the declared model's error `raised` times the noise, as if there were
+    none."""
     if cause.spoiled(rows) is not None:
         return cause.scaled(np.sqrt(3.0) * sigma)
     for _ in range(3):

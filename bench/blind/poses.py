@@ -1,10 +1,13 @@
-"""Poses of a true arm with hidden causes, at rest or on the move: what the device reads, and what a fit of the true model leaves.
+"""Poses of a true arm with hidden causes, at rest or on the move: what the device reads, and what a fit of
+the true model leaves.
 
-    theta -> phi -> q <- gravity -> flange, tool, base -> device,   fixed point of q and its own gravity torque
+    theta -> phi -> q <- gravity -> flange, tool, base -> device,   fixed point of q and its own gravity
+    torque
 
-`fit_left`: Gauss-Newton on the identification rows from the true values, with forward differences and a wide prior
-around the truth for what the data cannot tell; the RMS on the validation rows. With the hidden causes in the model that is the best that anybody can reach, without them it is the
-error that the declared model is left with.
+`fit_left`: Gauss-Newton on the identification rows from the true values, with forward differences and a wide
+prior around the truth for what the data cannot tell; the RMS on the validation rows. With the hidden causes
+in the model that is the best that anybody can reach, without them it is the error that the declared model is
+left with.
 """
 
 from __future__ import annotations
@@ -25,7 +28,8 @@ _PASSES, _SETTLED_RAD = 12, 1e-12
 
 @dataclass(frozen=True)
 class Setup:
-    """Where the arm stands and what it carries, per session: base (S, 6) and tool (S, 6), metres and rotation vectors."""
+    """Where the arm stands and what it carries, per session: base (S, 6) and tool (S, 6), metres and rotation
+    vectors."""
 
     base: np.ndarray
     tool: np.ndarray
@@ -49,7 +53,10 @@ def measure(truth: Truth, rows: Rows) -> tuple[np.ndarray, np.ndarray]:
     phi = output_angle(arm, rows.command, rows.direction)
     phi = phi + sum(cause.gear(arm, phi, rows) for cause in truth.hidden)
     q = phi + arm.offset
-    moves_under_load = arm.mass is not None and (np.any(arm.linear) or any(type(c).spring is not Hidden.spring for c in truth.hidden))
+    moves_under_load = (
+        arm.mass is not None
+        and (np.any(arm.linear) or any(type(c).spring is not Hidden.spring for c in truth.hidden))
+    )
     for _ in range(_PASSES if moves_under_load else 1):
         before = q
         torque = load(arm, q, rows)
@@ -57,7 +64,8 @@ def measure(truth: Truth, rows: Rows) -> tuple[np.ndarray, np.ndarray]:
         q = rest + sum(cause.spring(arm, q, torque, rows) for cause in truth.hidden)
         if np.max(np.abs(q - before)) < _SETTLED_RAD:
             break
-    stretch = np.prod([np.broadcast_to(cause.stretch(rows), len(rows)) for cause in truth.hidden] + [np.ones(len(rows))], axis=0)
+    stretch = np.prod([np.broadcast_to(cause.stretch(rows), len(rows)) for cause in truth.hidden]
+                      + [np.ones(len(rows))], axis=0)
     at = posture(arm, q, stretch)
     which = np.unique(rows.session, return_inverse=True)[1]
     base, tool = truth.setup.base[which], truth.setup.tool[which]
@@ -112,14 +120,17 @@ def _moved(truth: Truth, field: str, index: tuple, by: float) -> Truth:
 
 @dataclass(frozen=True)
 class Fit:
-    """RMS (m) of the Euclidean position error after the fit, spoiled rows left out when the model knows of them."""
+    """RMS (m) of the Euclidean position error after the fit, spoiled rows left out when the model knows of
+    them."""
 
     identification: float
     validation: float
 
 
-def fit_left(truth: Truth, rows: Rows, position, rotation, sigma: float, sigma_turn: float | None, steps: int = 2) -> Fit:
-    """Fits what the declared model re-identifies, and the size of every cause in `truth`, from the true values."""
+def fit_left(truth: Truth, rows: Rows, position, rotation, sigma: float, sigma_turn: float | None,
+             steps: int = 2) -> Fit:
+    """Fits what the declared model re-identifies, and the size of every cause in `truth`, from the true
+    values."""
     use = rows.identification & ~spoiled(truth, rows)
     numbers = _free_numbers(truth)
 
@@ -137,7 +148,8 @@ def fit_left(truth: Truth, rows: Rows, position, rotation, sigma: float, sigma_t
         sizes = [1e-3 * cause.size for cause in truth.hidden]
         for k, (cause, step) in enumerate(zip(truth.hidden, sizes)):
             columns.append((residual(_resized(truth, k, cause.size + step)) - now)[use].ravel() / step)
-        prior = np.concatenate([np.full(len(numbers), 1.0 / _PRIOR), np.array([1e-3 / abs(s) for s in sizes])])
+        prior = np.concatenate([np.full(len(numbers), 1.0 / _PRIOR),
+                                np.array([1e-3 / abs(s) for s in sizes])])
         stacked = np.concatenate([np.stack(columns, axis=1), np.diag(prior)])
         scale = np.linalg.norm(stacked, axis=0)
         right = np.concatenate([now[use].ravel(), np.zeros(len(prior))])
@@ -161,5 +173,6 @@ def _resized(truth: Truth, index: int, size: float) -> Truth:
 def _rotation_vector(rotation: np.ndarray) -> np.ndarray:
     """(N, 3) of small turns: the antisymmetric part."""
     return 0.5 * np.stack(
-        [rotation[:, 2, 1] - rotation[:, 1, 2], rotation[:, 0, 2] - rotation[:, 2, 0], rotation[:, 1, 0] - rotation[:, 0, 1]], axis=1
+        [rotation[:, 2, 1] - rotation[:, 1, 2], rotation[:, 0, 2] - rotation[:, 2, 0],
+         rotation[:, 1, 0] - rotation[:, 0, 1]], axis=1
     )

@@ -1,4 +1,5 @@
-"""Random serial arms of six or seven axes as robot files: elbow arms, arms with an offset wrist, seven-axis arms.
+"""Random serial arms of six or seven axes as robot files: elbow arms, arms with an offset wrist, seven-axis
+arms.
 
 Masses, springs and gears are declared at random: an engineer's file knows more or less about the arm.
 """

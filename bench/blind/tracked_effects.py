@@ -27,7 +27,8 @@ class TimeDelay(Hidden):
 
 @dataclass(frozen=True)
 class WindUp(Hidden):
-    """Dry friction behind the gear (Dahl 1968): the lag follows the motion and settles within `reach` after a reversal."""
+    """Dry friction behind the gear (Dahl 1968): the lag follows the motion and settles within `reach` after a
+    reversal."""
 
     name: str = "hysteresis"
     time: tuple = ()

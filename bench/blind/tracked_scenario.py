@@ -1,10 +1,11 @@
-"""One drawn case of a tracked motion: arm, set-up, runs of smooth excitation, hidden cause scaled to a wanted error, noise.
+"""One drawn case of a tracked motion: arm, set-up, runs of smooth excitation, hidden cause scaled to a wanted
+error, noise.
 
-The cause is sized on a few hundred rows, by the fit that static poses are sized by; loads are those of the moving arm.
-A held-out run may leave the angles of the others: a cause that they hardly show may be large there. So it is sized, and
-called clear, by the smaller of its two traces, on the rows that are fitted and on those that are held out. The best
-possible and the declared model's error count what the noise does to the fit: each row stands for a block of samples
-and carries the mean of their noise.
+The cause is sized on a few hundred rows, by the fit that static poses are sized by; loads are those of the
+moving arm. A held-out run may leave the angles of the others: a cause that they hardly show may be large
+there. So it is sized, and called clear, by the smaller of its two traces, on the rows that are fitted and on
+those that are held out. The best possible and the declared model's error count what the noise does to the
+fit: each row stands for a block of samples and carries the mean of their noise.
 """
 
 from __future__ import annotations
@@ -39,7 +40,8 @@ TRIES = 60
 SIZING_ROWS = 300
 
 
-def draw_case(folder: Path, seed: int, robots: Path, theme: str | None = None, conditions: str = TODAY) -> Case:
+def draw_case(folder: Path, seed: int, robots: Path, theme: str | None = None,
+              conditions: str = TODAY) -> Case:
     """Writes robot.toml, tracked.csv and truth.json. theme and conditions as in `pose_scenario.draw_case`."""
     random, drawn = np.random.default_rng(seed), draw_conditions(conditions, "tracked_motion", seed)
     folder.mkdir(parents=True, exist_ok=True)
@@ -61,7 +63,8 @@ def draw_case(folder: Path, seed: int, robots: Path, theme: str | None = None, c
 def _robot_file(folder: Path, random, robots: Path, seed: int, drawn: Conditions) -> Path:
     """A shipped or a drawn arm without gear tables: at a reversal they leave the motion undefined.
 
-    With them, and then without springs that they would shake, where the conditions define the passage at a reversal.
+    With them, and then without springs that they would shake, where the conditions define the passage at a
+    reversal.
     """
     path = pose_robot_file(folder, random, robots, seed)
     if drawn.passage_s:
@@ -123,22 +126,28 @@ def _write(folder, robot, truth, rows, causes, random, seed, drawn: Conditions) 
         return None
     noise = _noise(rows, random, drawn) * sigma
     best = _left(truth, some, exact, noise, block, rows.identification, sigma)
-    declared = _left(replace(truth, hidden=()), some, exact, noise, block, rows.identification, sigma) if causes else best
+    declared = (
+        _left(replace(truth, hidden=()), some, exact, noise, block, rows.identification, sigma)
+        if causes else best
+    )
     record = {
         "kind": "tracked_motion", "seed": seed, "effects": [cause.truth() for cause in truth.hidden],
-        "noise": float(np.sqrt(np.mean(np.sum(noise**2, axis=1)))), "best": best.validation, "declared": declared.validation,
+        "noise": float(np.sqrt(np.mean(np.sum(noise**2, axis=1)))), "best": best.validation,
+        "declared": declared.validation,
         "raised": min(declared.validation / best.validation, declared.identification / best.identification),
         "arm": truth.declared.name, "rows": len(rows), "has": sorted(rows.has) + [f"{rows.visit.max()} runs"],
         "conditions": drawn.truth(),
     }
     data = folder / "tracked.csv"
-    _table(truth.declared, rows, measure(truth, rows)[0] + noise).to_csv(data, index=False, float_format="%.10g")
+    _table(truth.declared, rows,
+           measure(truth, rows)[0] + noise).to_csv(data, index=False, float_format="%.10g")
     (folder / "truth.json").write_text(json.dumps(record, indent=1))
     return Case(robot, data, record)
 
 
 def _to_size(cause: Hidden, truth: Truth, some: Rows, raised: float, sigma: float) -> Hidden | None:
-    """The cause at the size that makes the declared model's error `raised` times the noise, as if there were none."""
+    """The cause at the size that makes the declared model's error `raised` times the noise, as if there were
+    none."""
     for _ in range(2):
         left = fit_left(truth, some, *measure(replace(truth, hidden=(cause,)), some), sigma, None, steps=1)
         shown = min(left.identification, left.validation)
@@ -168,13 +177,15 @@ def _left(model: Truth, some: Rows, exact, noise, block, identification, sigma) 
     mean = np.stack([np.bincount(block, noise[:, k]) / count for k in range(3)], axis=1)
     fit = fit_left(model, some, exact[0] + mean, exact[1], sigma, None)
     square = lambda values, rows: float(np.mean(np.sum(values[rows] ** 2, axis=1)))
-    level = lambda left, of_blocks, rows: np.sqrt(max(left**2 - square(mean, of_blocks), 0.0) + square(noise, rows))
+    level = lambda left, of_blocks, rows: np.sqrt(max(left**2 - square(mean, of_blocks), 0.0)
+                                                  + square(noise, rows))
     return Fit(level(fit.identification, some.identification, identification),
                level(fit.validation, ~some.identification, ~identification))
 
 
 def _noise(rows: Rows, random, drawn: Conditions) -> np.ndarray:
-    """(N, 3) of unit variance: white, or in half of the cases of a memory of some milliseconds to tenths of a second."""
+    """(N, 3) of unit variance: white, or in half of the cases of a memory of some milliseconds to tenths of a
+    second."""
     per_second = 1.0 / np.median(np.diff(rows.time))
     noise = draw_noise(drawn, (len(rows), 3), random, rows.visit, per_second)
     if random.random() < 0.5:
@@ -183,7 +194,8 @@ def _noise(rows: Rows, random, drawn: Conditions) -> np.ndarray:
 
 
 def _table(arm, rows: Rows, position) -> pd.DataFrame:
-    columns = {"time_s": rows.time, "run": rows.visit, "set": np.where(rows.identification, "identification", "validation")}
+    columns = {"time_s": rows.time, "run": rows.visit,
+               "set": np.where(rows.identification, "identification", "validation")}
     reports_joint = not arm.has_gear.any()
     for i in range(arm.axes):
         values = rows.command[:, i] + (arm.offset[i] if reports_joint else 0.0)
