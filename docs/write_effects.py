@@ -27,12 +27,14 @@ An effect is given on the command line of `simulate` as words (`--effect "backla
 
 
 def variants(cls: type[Effect]) -> list[Effect]:
-    """The forms in which an effect comes: its subclasses without a name of their own, its switches, its numbers of values."""
+    """The forms in which an effect comes: its subclasses without a name of their own, its switches, its
+    numbers of values."""
     forms = [sub for sub in cls.__subclasses__() if not vars(sub).get("name")]
     forms = [cls, *forms] if "parameters" in vars(cls) and "change" in vars(cls) or not forms else forms
     found = []
     for form in forms:
-        switches = [field.name for field in fields(form) if field.default is not MISSING and field.default in (True, False)
+        switches = [field.name for field in fields(form)
+                    if field.default is not MISSING and field.default in (True, False)
                     and isinstance(field.default, bool)]
         for values, setting in product(SHAPES, product((False, True), repeat=len(switches))):
             effect = replace(form(1 if form.per_joint else None, values), **dict(zip(switches, setting)))
@@ -60,7 +62,8 @@ def kinds(cls: type[Effect]) -> str:
 
 def overview(classes: dict[str, type[Effect]]) -> list[str]:
     marks = ("poses", "gear_run", "motion", "tracked_motion")
-    lines = ["| effect | station | " + " | ".join(mark.replace("_", " ") for mark in marks) + " | planner |", "| --- | --- |" + " --- |" * 5]
+    lines = ["| effect | station | " + " | ".join(mark.replace("_", " ") for mark in marks) + " | planner |",
+             "| --- | --- |" + " --- |" * 5]
     for name, cls in classes.items():
         shown = " | ".join("x" if mark in cls.kinds else "" for mark in marks)
         how = "tables" if cls.bake is not Effect.bake else "path" if cls.smooth else "path, eased"
@@ -72,7 +75,8 @@ def overview(classes: dict[str, type[Effect]]) -> list[str]:
 def entry(name: str, cls: type[Effect]) -> list[str]:
     document = sys.modules[cls.__module__].__doc__.strip()
     scope = "one axis" if cls.per_joint else "the whole arm or device"
-    lines = [f"### {name}", "", "```", document, "```", "", f"Acts at {cls.station.name}, on {scope}; shown by: {kinds(cls)}."]
+    lines = [f"### {name}", "", "```", document, "```", "",
+             f"Acts at {cls.station.name}, on {scope}; shown by: {kinds(cls)}."]
     if cls.source:
         lines[-1] += f" Source: {cls.source}."
     known = parameters(cls)
@@ -82,7 +86,8 @@ def entry(name: str, cls: type[Effect]) -> list[str]:
     for parameter, fixed in known.values():
         bounded = np.isfinite(parameter.lower) or np.isfinite(parameter.upper)
         bounds = f"{parameter.lower:g} to {parameter.upper:g}" if bounded else ""
-        lines.append(f"| `{parameter.name}` | {parameter.plausible:g} | {bounds} | {'set, not estimated' if fixed else ''} |")
+        lines.append(f"| `{parameter.name}` | {parameter.plausible:g} | {bounds} | "
+                     f"{'set, not estimated' if fixed else ''} |")
     return [*lines, ""]
 
 
@@ -91,7 +96,8 @@ def page() -> str:
     causes = {name: cls for name, cls in effects.items() if not cls.declared}
     tables = {name: cls for name, cls in effects.items() if cls.declared}
     lines = [HEAD, "## Causes that a diagnosis looks for", "",
-             "`planner`: how a plan compensates it: in its tables of the robot, as a known function along the path, and eased at reversals where it jumps.", "", *overview(causes), ""]
+             "`planner`: how a plan compensates it: in its tables of the robot, as a known function along "
+             "the path, and eased at reversals where it jumps.", "", *overview(causes), ""]
     for name, cls in causes.items():
         lines += entry(name, cls)
     lines += ["## Parameters of the declared model", "",
@@ -99,7 +105,8 @@ def page() -> str:
     for name, cls in tables.items():
         lines += entry(name, cls)
     lines += ["## unknown", "",
-              "A structure that no candidate explains. It is no entry of the library but a verdict, `unexplained`; the evidence names the signal that the "
+              "A structure that no candidate explains. It is no entry of the library but a verdict, "
+              "`unexplained`; the evidence names the signal that the "
               "residual follows best.", ""]
     return "\n".join(lines).rstrip() + "\n"
 

@@ -42,8 +42,10 @@ POSITION = ("x", "y", "z")
 QUATERNION = ("qw", "qx", "qy", "qz")
 ROTATION_VECTOR = ("rx", "ry", "rz")
 GYRO = ("gyro_x", "gyro_y", "gyro_z")
-CONTACTS = ("socket", "plane", "sphere", "bar", "pair")  # which contact a row belongs to; under these names alone
-PAYLOAD, PAYLOAD_CENTRE = "payload_kg", ("payload_x_m", "payload_y_m", "payload_z_m")  # covariates that are a load too
+# which contact a row belongs to; under these names alone
+CONTACTS = ("socket", "plane", "sphere", "bar", "pair")
+# covariates that are a load too
+PAYLOAD, PAYLOAD_CENTRE = "payload_kg", ("payload_x_m", "payload_y_m", "payload_z_m")
 SCALAR_UNITS = (
     dict.fromkeys(POSITION, LENGTH)
     | dict.fromkeys(QUATERNION, NO_UNIT)
@@ -55,7 +57,8 @@ SCALAR_UNITS = (
 
 # Beyond these no arm, drive or device measures anything, whatever its unit was meant to be (SI units).
 MOST = {
-    "theta": 1e8, "q": 1e5, "theta_dot": 1e8, "q_dot": 1e5, "tau": 1e8, "tau_motor": 1e8, "current": 1e7, "time": 1e13,
+    "theta": 1e8, "q": 1e5, "theta_dot": 1e8, "q_dot": 1e5, "tau": 1e8, "tau_motor": 1e8, "current": 1e7,
+    "time": 1e13,
 } | dict.fromkeys(POSITION, 1e6) | dict.fromkeys(ROTATION_VECTOR, 1e3) | dict.fromkeys(GYRO, 1e5)
 
 _ALMOST = 0.75  # share of matching letters: one wrong or swapped letter of five, not another word
@@ -69,7 +72,8 @@ _LENGTH = re.compile(rf"length_({'|'.join(LENGTH)})")
 
 
 def may_be_empty(names: list[str]) -> set[str]:
-    """Columns whose cells may be empty: a row without a contact, and in a file with contacts a row without a tracker."""
+    """Columns whose cells may be empty: a row without a contact, and in a file with contacts a row without a
+    tracker."""
     if not set(CONTACTS) & set(names):
         return set()
     vectors = (*POSITION, *QUATERNION, *ROTATION_VECTOR)
@@ -110,7 +114,8 @@ def parse_column(name: str, file: str, prismatic: frozenset[int] = frozenset()) 
     if match := _LENGTH.fullmatch(name):
         return Column("length", None, name, LENGTH[match[1]])
     if match := _PAYLOAD_CENTRE.fullmatch(name):
-        return Column("covariate", None, f"{match[1]}_m", _factor(match[1], match[2] or "", LENGTH, file, name))
+        return Column("covariate", None, f"{match[1]}_m",
+                      _factor(match[1], match[2] or "", LENGTH, file, name))
     if match := _SCALAR.fullmatch(name):
         quantity, unit = match[1], match[2] or ""
         return Column(quantity, None, name, _factor(quantity, unit, SCALAR_UNITS[quantity], file, name))
@@ -120,7 +125,8 @@ def parse_column(name: str, file: str, prismatic: frozenset[int] = frozenset()) 
 
 
 def _misspelt(name: str) -> str | None:
-    """The joint's quantity that a name with axis and unit of one almost spells: thta_2_rad is no covariate."""
+    """The joint's quantity that a name with axis and unit of one almost spells: thta_2_rad is no
+    covariate."""
     match = re.fullmatch(rf"([a-z_]+)_(\d+)_({'|'.join(_ALL_UNITS)})", name, flags=re.IGNORECASE)
     if match is None:
         return None

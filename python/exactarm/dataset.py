@@ -163,7 +163,8 @@ def _read_file(path: str, robot: Robot, given: Mapping[str, str] | None = None) 
         try:
             column = parse_column(name, path, prismatic)
         except InputError as error:
-            raise InputError(error.message, file=path, column=told if told == name else f"{told} ({name})") from None
+            raise InputError(error.message, file=path,
+                             column=told if told == name else f"{told} ({name})") from None
         if column.key in columns:
             message = f"the same quantity as column {columns[column.key].name}; expected it once"
             raise InputError(message, file=path, column=name)

@@ -1,12 +1,14 @@
-"""Formulas: a small language for one number from named ones, with exact derivatives. Nothing of it is ever run as code.
+"""Formulas: a small language for one number from named ones, with exact derivatives. Nothing of it is ever
+run as code.
 
     sum      = product (("+" | "-") product)*
     product  = power (("*" | "/") power)*
     power    = ("-" | "+") power | atom ("^" power)?
     atom     = number | name | function "(" sum ")" | "(" sum ")"
 
-Functions: sin cos tan exp log sqrt abs sign tanh atan step (0 below zero, 1 above). Values are arrays (N,); the derivative by every
-name is carried along (forward differentiation). What is not in the language raises FormulaError, which says where.
+Functions: sin cos tan exp log sqrt abs sign tanh atan step (0 below zero, 1 above). Values are arrays (N,);
+the derivative by every name is carried along (forward differentiation). What is not in the language raises
+FormulaError, which says where.
 """
 
 from __future__ import annotations
@@ -51,7 +53,8 @@ class Formula:
         tokens = _tokens(text)
         tree, at = _sum(tokens, 0, 0)
         if at < len(tokens):
-            raise FormulaError(f"{tokens[at][1]!r} is not expected after {' '.join(t for _, t in tokens[:at])!r}")
+            raise FormulaError(f"{tokens[at][1]!r} is not expected after "
+                               f"{' '.join(t for _, t in tokens[:at])!r}")
         names: dict[str, None] = {}
         _collect(tree, names)
         return Formula(text, tuple(names), tree)
@@ -65,7 +68,8 @@ class Formula:
 
 
 def linear_names(formula: Formula, of: Iterable[str]) -> tuple[str, ...]:
-    """Those of the names `of` in which the formula is linear, all of them together: a of a*tanh(x/w), not w."""
+    """Those of the names `of` in which the formula is linear, all of them together: a of a*tanh(x/w), not
+    w."""
     found: list[str] = []
     for name in of:
         if _degree(formula.tree, frozenset([*found, name])) <= 1:
@@ -113,7 +117,8 @@ def _tokens(text: str) -> list[tuple[str, str]]:
     while at < len(text):
         match = _TOKEN.match(text, at)
         if match is None:
-            raise FormulaError(f"{text[at]!r} at character {at + 1}; expected a number, a name, an operator or a bracket")
+            raise FormulaError(f"{text[at]!r} at character {at + 1}; expected a number, a name, an operator "
+                               "or a bracket")
         number, name, operator = match.groups()
         kind = "number" if number else "name" if name else "operator"
         found.append((kind, number or name or operator))

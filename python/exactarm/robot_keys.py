@@ -31,7 +31,8 @@ SIGN: Rule = (lambda value: value in (-1.0, 1.0), "1 or -1")
 
 @dataclass(frozen=True)
 class Key:
-    """One number of a joint: field of `Joint`, key for a revolute and for a prismatic axis, rule, note in the file."""
+    """One number of a joint: field of `Joint`, key for a revolute and for a prismatic axis, rule, note in the
+    file."""
 
     field: str
     revolute: str
@@ -55,9 +56,11 @@ JOINT_KEYS = (
     _same("alpha", "alpha_rad"),
     _same("beta", "beta_rad", note="Hayati: beta is a parameter of this frame, d is not"),
     Key("q_offset", "q_offset_rad", "q_offset_m", note="q = output angle of the gear + offset"),
-    Key("controller_offset", "controller_offset_rad", "controller_offset_m", note="what the controller takes it for"),
+    Key("controller_offset", "controller_offset_rad", "controller_offset_m",
+        note="what the controller takes it for"),
     Key("ratio", "ratio", "ratio_rad_m", NOT_ZERO, "motor angle / output angle"),
-    Key("controller_ratio", "controller_ratio", "controller_ratio_rad_m", NOT_ZERO, "what the controller takes it for"),
+    Key("controller_ratio", "controller_ratio", "controller_ratio_rad_m", NOT_ZERO,
+        "what the controller takes it for"),
     Key("spring_linear", "spring_linear_Nm_rad", "spring_linear_N_m", POSITIVE),
     Key("spring_cubic", "spring_cubic_Nm_rad3", "spring_cubic_N_m3"),
     _same("rotor_inertia", "rotor_inertia_kg_m2", NOT_NEGATIVE, "motor side"),
@@ -73,4 +76,5 @@ JOINT_KEYS = (
 GEAR_TABLES = {"cw": "the motor angle falls", "ccw": "the motor angle rises"}
 GEAR_KEYS = {"order": "order_per_output_rev", "a": "a", "b": "b"}
 FRAME_FIELDS = ("sign", "zero", "d", "a", "alpha", "beta")  # of Joint: its geometry
-CONTROLLER_KEYS = ("chain", "absolute_accuracy", "coupling", "pulses_per_rad", "joint_names", "base", "flange", "frames")
+CONTROLLER_KEYS = ("chain", "absolute_accuracy", "coupling", "pulses_per_rad", "joint_names", "base",
+                   "flange", "frames")

@@ -1,13 +1,14 @@
 """URDF -> Robot and back.
 
-    read_urdf("robot.urdf" or "robot.urdf#tip" or "robot.urdf#base:tip") -> Robot        write_urdf(path, robot)
+    read_urdf("robot.urdf" or "robot.urdf#tip" or "robot.urdf#base:tip") -> Robot        write_urdf(path,
+    robot)
 
-In: the serial chain from base to tip, fixed joints merged, everything that hangs on a link with its mass; frames
-by `mdh_chain`. `robot.base` keeps the place of DH frame 0 in the base link, `robot.tool` what lies behind frame n,
-so that the pose of the tip in the base link is exactly that of the URDF.
-Out: root `device` (the measuring device), `base_link` (DH frame 0), `link_i`, `flange` (DH frame n), `tool` (the
-target). The joint angle of the written file is the one that the controller reports, so calibrated offsets stand in
-the joints' origins. What URDF cannot carry is listed in a comment.
+In: the serial chain from base to tip, fixed joints merged, everything that hangs on a link with its mass;
+frames by `mdh_chain`. `robot.base` keeps the place of DH frame 0 in the base link, `robot.tool` what lies
+behind frame n, so that the pose of the tip in the base link is exactly that of the URDF.
+Out: root `device` (the measuring device), `base_link` (DH frame 0), `link_i`, `flange` (DH frame n), `tool`
+(the target). The joint angle of the written file is the one that the controller reports, so calibrated
+offsets stand in the joints' origins. What URDF cannot carry is listed in a comment.
 """
 
 from __future__ import annotations
@@ -40,7 +41,8 @@ def read_urdf(path: str | Path, base: str | None = None, tip: str | None = None)
     places = _places(tree, way[0].parent)
     axes, moving = [], [joint for joint in way if joint.type in MOVING]
     if len(moving) > MOST_AXES:
-        raise InputError(f"{len(moving)} joints move between base and tip; expected at most {MOST_AXES}", file=file)
+        raise InputError(f"{len(moving)} joints move between base and tip; expected at most {MOST_AXES}",
+                         file=file)
     for joint in moving:
         place = places[joint.child]
         kind = "prismatic" if joint.type == "prismatic" else "revolute"
@@ -106,7 +108,8 @@ def _links(
     if not any(link in tree.inertials for body in bodies for link in body):
         return None
     return tuple(
-        merged_link((tree.inertials[link], relative(frame, places[link])) for link in body if link in tree.inertials)
+        merged_link((tree.inertials[link], relative(frame, places[link]))
+                    for link in body if link in tree.inertials)
         for body, frame in zip(bodies, frames)
     )
 
@@ -114,7 +117,8 @@ def _links(
 def merged_link(parts: Iterable[tuple[Link, Placement]]) -> Link:
     """Several rigid bodies as one: mass properties of each in its own frame, and that frame's placement."""
     moved = [
-        Link(part.mass, place.rotation @ part.centre_of_mass + place.position, place.rotation @ part.inertia @ place.rotation.T)
+        Link(part.mass, place.rotation @ part.centre_of_mass + place.position,
+             place.rotation @ part.inertia @ place.rotation.T)
         for part, place in parts
     ]
     mass = sum(part.mass for part in moved)
@@ -139,7 +143,8 @@ def urdf_text(robot: Robot) -> str:
     if not robot.has_geometry:
         raise InputError(f"robot {robot.name} declares no geometry; expected one for a URDF", file=robot.file)
     robot = with_declared_masses(robot)
-    lines = ['<?xml version="1.0"?>', f"<!-- {_comment(robot)} -->", f"<robot name={quoteattr(_xml_text(robot.name))}>"]
+    lines = ['<?xml version="1.0"?>', f"<!-- {_comment(robot)} -->",
+             f"<robot name={quoteattr(_xml_text(robot.name))}>"]
     lines += ['  <link name="device"/>', '  <link name="base_link"/>']
     lines += _fixed("device_to_base", "device", "base_link", robot.base)
     before, parent = Placement(), "base_link"
@@ -157,7 +162,8 @@ def urdf_text(robot: Robot) -> str:
 
 def _xml_text(text: str) -> str:
     """Without the characters that XML cannot hold, however they are written."""
-    return "".join(char if char in "\t\n\r" or " " <= char < "\ufffe" or char > "\uffff" else "?" for char in text)
+    return "".join(char if char in "\t\n\r" or " " <= char < "\ufffe" or char > "\uffff" else "?"
+                   for char in text)
 
 
 def reported_shift(robot: Robot, index: int) -> float:
@@ -187,7 +193,8 @@ def _moving(number: int, joint: Joint, robot: Robot, before: Placement, parent: 
         numbers = {"lower": -NOT_DECLARED, "upper": NOT_DECLARED} | numbers
     lines.append(f"    <limit {_attributes(numbers)}/>")
     if joint.coulomb is not None or joint.viscous is not None:
-        lines.append(f"    <dynamics {_attributes({'damping': joint.viscous or 0.0, 'friction': joint.coulomb or 0.0})}/>")
+        lines.append("    <dynamics "
+                     f"{_attributes({'damping': joint.viscous or 0.0, 'friction': joint.coulomb or 0.0})}/>")
     return [*lines, "  </joint>"]
 
 
@@ -220,7 +227,8 @@ def _transmission(number: int, joint: Joint) -> list[str]:
         f'  <transmission name="gear_{number}">',
         "    <type>transmission_interface/SimpleTransmission</type>",
         f'    <joint name="joint_{number}"/>',
-        f'    <actuator name="motor_{number}"><mechanicalReduction>{float(joint.ratio)!r}</mechanicalReduction></actuator>',
+        '    <actuator '
+        f'name="motor_{number}"><mechanicalReduction>{float(joint.ratio)!r}</mechanicalReduction></actuator>',
         "  </transmission>",
     ]
 
@@ -236,7 +244,8 @@ def _origin(placement: Placement) -> str:
 
 
 def roll_pitch_yaw(rotation: np.ndarray) -> tuple[float, float, float]:
-    """Angles with Rot_z(yaw) Rot_y(pitch) Rot_x(roll) = rotation, to rounding also where pitch is +-90 degrees."""
+    """Angles with Rot_z(yaw) Rot_y(pitch) Rot_x(roll) = rotation, to rounding also where pitch is +-90
+    degrees."""
     yaw = np.arctan2(rotation[1, 0], rotation[0, 0])
     # The other two are taken from what yaw leaves, so an arbitrary yaw at +-90 degrees costs no accuracy.
     rest = rotation_z(yaw).T @ rotation
@@ -245,7 +254,8 @@ def roll_pitch_yaw(rotation: np.ndarray) -> tuple[float, float, float]:
 
 def _comment(robot: Robot) -> str:
     lost = [f"effect {effect.label}" for effect in robot.effects]
-    for number, (joint, ratio, known) in enumerate(zip(robot.joints, robot.ratios, robot.controller_ratios), start=1):
+    for number, (joint, ratio, known) in enumerate(zip(robot.joints, robot.ratios, robot.controller_ratios),
+                                                   start=1):
         lost += [f"gear harmonics of joint {number}"] if joint.has_harmonics else []
         lost += [f"spring of joint {number}"] if joint.spring_linear is not None else []
         lost += [f"rotor inertia of joint {number}"] if joint.rotor_inertia is not None else []

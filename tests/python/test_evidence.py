@@ -64,7 +64,8 @@ def test_additions_are_the_difference_of_two_likelihoods():
     members = Members((4,), (3,))
     found = pic.additions(members)
     for index in (0, 3, 6):
-        each = [pic.log_likelihood(Members((4, index), (3, s))) - pic.log_likelihood(members) + np.log(SCALE_WEIGHTS[s])
+        each = [pic.log_likelihood(Members((4, index), (3, s))) - pic.log_likelihood(members)
+                + np.log(SCALE_WEIGHTS[s])
                 for s in range(len(SCALES))]
         expected = np.logaddexp.reduce(each) + np.log(SHARE)
         assert found.log_weight[index] == pytest.approx(expected, abs=1e-8)
@@ -83,7 +84,8 @@ def test_causes_in_the_noise_leave_the_same_differences():
 
 def test_a_coefficient_that_cannot_be_negative_is_believed_on_one_side_only():
     for size, better in ((1.5, True), (-1.5, False)):
-        free, bounded = (picture(4, planted=(1,), positive=p, size=size).additions(Members((), ())).log_weight[1] for p in (False, True))
+        free, bounded = (picture(4, planted=(1,), positive=p,
+                                 size=size).additions(Members((), ())).log_weight[1] for p in (False, True))
         assert (bounded > free) == better
 
 
@@ -105,7 +107,10 @@ def test_probabilities_of_sets_sum_to_one_and_inclusion_follows():
 
 def test_weight_of_a_set_pays_for_each_cause():
     pic = picture(8)
-    assert weight_of(pic, Members((0, 1), (2, 2))) < weight_of(pic, Members((0,), (2,))) < weight_of(pic, Members((), ()))
+    assert weight_of(pic,
+                     Members((0, 1), (2, 2))) < weight_of(pic,
+                                                          Members((0,), (2,))) < weight_of(pic,
+                                                                                           Members((), ()))
 
 
 def test_unknown_functions_have_unit_variance_on_the_average():
@@ -116,7 +121,8 @@ def test_unknown_functions_have_unit_variance_on_the_average():
 
 
 def gear_curve_picture(seed):
-    """One axis whose error is a run-out and ten more orders: as a run-out, as single orders, as one curve, as an unknown function."""
+    """One axis whose error is a run-out and ten more orders: as a run-out, as single orders, as one curve, as
+    an unknown function."""
     rng = np.random.default_rng(seed)
     phi = rng.uniform(-2.5, 2.5, 300)
     waves = np.stack([f(k * phi) / k for k in range(1, 13) for f in (np.sin, np.cos)], axis=1)[:, None, :]
@@ -127,15 +133,18 @@ def gear_curve_picture(seed):
     sizes, at, blocks = [np.full(24, 1.0), np.full(4, 1.0), np.full(2, 1.0), sizes_of(1.0)], 0, []
     for effect, unknown, size in zip((curve, run_out, fifth, None), (None, None, None, own), sizes):
         label = unknown.label if effect is None else effect.label
-        blocks.append(Block(label, effect, unknown, slice(at, at + len(size)), size, np.zeros(len(size), bool), np.log(0.1), False))
+        blocks.append(Block(label, effect, unknown, slice(at, at + len(size)), size,
+                            np.zeros(len(size), bool), np.log(0.1), False))
         at += len(size)
     residual = waves @ rng.standard_normal(24) + 0.1 * rng.standard_normal((300, 1))
     declared = np.ones((300, 1, 1))
-    return Picture.of(Vocabulary(tuple(blocks), responses), residual, declared, normal_noise(np.full((300, 1), 0.1)))
+    return Picture.of(Vocabulary(tuple(blocks), responses), residual, declared,
+                      normal_noise(np.full((300, 1), 0.1)))
 
 
 def test_a_curve_takes_the_place_of_its_poorer_forms():
-    """However large the run-out in it is: it is one cause, and neither a run-out nor an unknown function stands beside it."""
+    """However large the run-out in it is: it is one cause, and neither a run-out nor an unknown function
+    stands beside it."""
     pic = gear_curve_picture(11)
     assert pic.vocabulary.forms_of(0) == {0, 1, 2, 3}
     assert 2 not in pic.vocabulary.forms_of(1)  # teeth are no form of a run-out

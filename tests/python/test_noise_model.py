@@ -1,4 +1,5 @@
-"""The noise of independent rows: its family is recognised, weights and scales come back, whitening makes unit covariance."""
+"""The noise of independent rows: its family is recognised, weights and scales come back, whitening makes unit
+covariance."""
 
 import numpy as np
 import pytest
@@ -37,7 +38,8 @@ def test_a_few_gross_rows_are_wrong_by_themselves():
 
 
 def test_gross_rows_are_told_from_the_tails_of_the_others():
-    """Components of unequal noise look heavy-tailed together; a row ten times as far out is wrong all the same."""
+    """Components of unequal noise look heavy-tailed together; a row ten times as far out is wrong all the
+    same."""
     residual = normal(9) * np.array([2.5, 1.0, 0.6])
     residual[17] += 2e-3
     noise = estimate_noise(residual)
@@ -70,7 +72,8 @@ def test_whitened_noise_has_unit_covariance():
 
 
 def wandering(seed, ratio, memory, gaps=True):
-    """Residuals that share a wandering of `ratio` times the variance of a row alone, a third of the rows missing."""
+    """Residuals that share a wandering of `ratio` times the variance of a row alone, a third of the rows
+    missing."""
     rng = np.random.default_rng(seed)
     order = np.sort(rng.choice(600, 400, replace=False)).astype(float) if gaps else np.arange(400.0)
     root = np.linalg.cholesky(np.exp(-np.abs(order[:, None] - order) / memory) + 1e-12 * np.eye(400))
@@ -84,13 +87,20 @@ def test_what_neighbours_share_is_found_whatever_the_order_of_the_rows(ratio, me
     residual, order = wandering(11, ratio, memory)
     noise = estimate_noise(residual, 0.0, None, order)
     assert noise.wandering.memory == pytest.approx(memory, rel=1.01)
-    assert noise.wandering.ratio == pytest.approx(ratio, rel=0.8) and noise.sigma == pytest.approx(SIGMA, rel=0.15)
+    assert (
+        noise.wandering.ratio == pytest.approx(ratio, rel=0.8)
+        and noise.sigma == pytest.approx(SIGMA, rel=0.15)
+    )
     white = noise.whiten(residual[:, :, None]).reshape(-1, 3)[np.argsort(order)]
-    assert abs(np.sum(white[1:] * white[:-1]) / np.sum(white**2)) < 0.09 and np.std(white) == pytest.approx(1.0, rel=0.06)
+    assert (
+        abs(np.sum(white[1:] * white[:-1]) / np.sum(white**2)) < 0.09
+        and np.std(white) == pytest.approx(1.0, rel=0.06)
+    )
 
 
 def test_rows_that_share_nothing_get_no_memory():
-    named = [estimate_noise(normal(100 + seed), 0.0, None, np.arange(float(ROWS))).wandering is not None for seed in range(40)]
+    named = [estimate_noise(normal(100 + seed), 0.0, None, np.arange(float(ROWS))).wandering is not None
+             for seed in range(40)]
     assert sum(named) == 0
 
 
@@ -98,8 +108,10 @@ def test_memory_and_visits_whiten_together():
     rng = np.random.default_rng(12)
     visits, order = np.array([0, 1, 2, 0, 1, 2]), np.arange(6.0)
     weight = rng.uniform(0.3, 1.0, 6)
-    noise = NoiseModel(np.full(3, SIGMA), weight, visits=visits, shared=0.7, wandering=Wandering(2.0, 4.0, 0.0), order=order)
-    covariance = SIGMA**2 * (np.diag(1.0 / weight) + 0.7 * (visits[:, None] == visits) + 2.0 * kernel(order, 4.0))
+    noise = NoiseModel(np.full(3, SIGMA), weight, visits=visits, shared=0.7,
+                       wandering=Wandering(2.0, 4.0, 0.0), order=order)
+    covariance = SIGMA**2 * (np.diag(1.0 / weight) + 0.7 * (visits[:, None] == visits)
+                             + 2.0 * kernel(order, 4.0))
     columns = np.repeat(np.linalg.cholesky(covariance)[:, None, :], 3, axis=1)
     white = noise.whiten(columns).reshape(6, 3, 6)[:, 0]
     assert white @ white.T == pytest.approx(np.eye(6), abs=1e-10)

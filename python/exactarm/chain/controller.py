@@ -1,14 +1,15 @@
 """The arm at the angles that its controller reports: kinematics and torques through the whole chain.
 
-    q_controller -> theta = (q - controller_offset) controller_ratio -> gears, springs, effects -> joints -> flange
+    q_controller -> theta = (q - controller_offset) controller_ratio
+    -> gears, springs, effects -> joints -> flange
 
-A calibration leaves the controller's own constants as they are and puts what it found into offsets, geometry, gears
-and springs; so the pose at the angles a controller shows is not that of the joint angles. All functions take
-q (n,) or (N, n) in rad (m for a prismatic joint) at rest, and return one result or N of them.
-Reference points: "flange", or "target" (the tool frame of the robot file). Frames: "base", or "device" (where the
-measuring device stands).
-Limits: at rest, in a direction that `approach` says (-1, 0, +1 an axis; 0 takes the mean of both). Effects of the
-measuring device, and those that tell of one record, are no part of where the arm is.
+A calibration leaves the controller's own constants as they are and puts what it found into offsets, geometry,
+gears and springs; so the pose at the angles a controller shows is not that of the joint angles. All functions
+take q (n,) or (N, n) in rad (m for a prismatic joint) at rest, and return one result or N of them.
+Reference points: "flange", or "target" (the tool frame of the robot file). Frames: "base", or "device" (where
+the measuring device stands).
+Limits: at rest, in a direction that `approach` says (-1, 0, +1 an axis; 0 takes the mean of both). Effects of
+the measuring device, and those that tell of one record, are no part of where the arm is.
 """
 
 from __future__ import annotations
@@ -68,10 +69,11 @@ def inverse(robot: Robot, position: np.ndarray, rotation: np.ndarray, start: np.
             seen_from: Frame) -> np.ndarray:
     """(n,) the controller's angles that put the point at position (3,) with rotation (3, 3).
 
-    Damped Gauss-Newton on the whole chain from `start`; without one, from every branch of the rigid arm within the
-    limits, nearest to their middle first. Raises ComputationError where none ends at the pose.
+    Damped Gauss-Newton on the whole chain from `start`; without one, from every branch of the rigid arm
+    within the limits, nearest to their middle first. Raises ComputationError where none ends at the pose.
     """
-    for q0 in [np.asarray(start, float)] if start is not None else _branches(robot, position, rotation, of, seen_from):
+    for q0 in [np.asarray(start, float)] if start is not None else _branches(robot, position, rotation, of,
+                                                                             seen_from):
         q = _newton(robot, position, rotation, q0, of, seen_from)
         if q is not None:
             return q
@@ -92,16 +94,20 @@ def _newton(robot: Robot, position: np.ndarray, rotation: np.ndarray, q: np.ndar
     return None
 
 
-def _branches(robot: Robot, position: np.ndarray, rotation: np.ndarray, of: Point, seen_from: Frame) -> list[np.ndarray]:
+def _branches(robot: Robot, position: np.ndarray, rotation: np.ndarray, of: Point,
+              seen_from: Frame) -> list[np.ndarray]:
     """Controller angles of the rigid arm's solutions."""
     core = _placed(robot, of, seen_from).core
-    found = _core.inverse_kinematics_branches(core, _core.Pose(np.asarray(rotation, float), np.asarray(position, float)))
+    found = _core.inverse_kinematics_branches(core,
+                                              _core.Pose(np.asarray(rotation, float),
+                                                         np.asarray(position, float)))
     shift = robot.offsets - robot.controller_offsets
     return [np.asarray(q) - shift for q in found]
 
 
 def inverse_dynamics(robot: Robot, q: np.ndarray, q_dot: np.ndarray, q_ddot: np.ndarray) -> np.ndarray:
-    """(N, n) joint torques in Nm, link side, without friction: D q_ddot + C q_dot + g at the joints behind q (N, n)."""
+    """(N, n) joint torques in Nm, link side, without friction: D q_ddot + C q_dot + g at the joints behind q
+    (N, n)."""
     if robot.links is None or robot.generic_masses:
         raise InputError(f"robot {robot.name} declares no link masses; expected them for torques")
     placed = _placed(robot, "flange", "base")

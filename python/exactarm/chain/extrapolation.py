@@ -1,8 +1,8 @@
 """Where a robot file is used at joint angles at which what it holds was never measured.
 
-A curve of a gear says nothing about angles at which it was not estimated, beyond its ends or in a gap between them; there the
-arm is taken as without the curve (files of earlier versions: with the value of the nearer end), and whoever reads a result must
-know.
+A curve of a gear says nothing about angles at which it was not estimated, beyond its ends or in a gap between
+them; there the arm is taken as without the curve (files of earlier versions: with the value of the nearer
+end), and whoever reads a result must know.
 """
 
 from __future__ import annotations
@@ -15,7 +15,8 @@ _LEAST_SHARE = 0.01  # of the rows; deflections move single rows across an end
 
 
 def extrapolations(robot: Robot, q: np.ndarray, what: str = "rows") -> tuple[str, ...]:
-    """One sentence for each effect of the robot that is used beyond its angles; q (N, n) in rad, NaN where not logged."""
+    """One sentence for each effect of the robot that is used beyond its angles; q (N, n) in rad, NaN where
+    not logged."""
     q = q[~np.isnan(q).any(axis=1)]
     told = []
     for effect in robot.effects:
@@ -23,7 +24,9 @@ def extrapolations(robot: Robot, q: np.ndarray, what: str = "rows") -> tuple[str
         if inside is not None and np.mean(~inside) > _LEAST_SHARE:
             low, high = np.rad2deg(effect.angles_measured) + np.rad2deg(robot.offsets[effect.index])
             told.append(
-                f"the curve of {effect.name} of axis {effect.joint} was measured from {low:.0f} to {high:.0f} deg; "
-                f"{np.sum(~inside):,} of {len(q):,} {what} lie beyond or in a gap, where the arm is taken as without it"
+                f"the curve of {effect.name} of axis {effect.joint} was measured from {low:.0f} to "
+                f"{high:.0f} deg; "
+                f"{np.sum(~inside):,} of {len(q):,} {what} lie beyond or in a gap, where the arm is taken as "
+                "without it"
             )
     return tuple(told)

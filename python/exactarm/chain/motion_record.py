@@ -1,12 +1,13 @@
 """A motion log made ready for prediction: one filter on both sides, angles with rates, fewer rows.
 
-The measured torque passes an acausal Butterworth low-pass (fourth order, forwards and backwards) at the bandwidth f;
-the angles pass the same at 2.5 f, which leaves the band of the torque untouched, and are differentiated. Rows are
-then thinned to 12.5 f a second (25 f where gear harmonics are declared). The prediction, friction's jumps and all, goes through the low-pass at f too
-(thesis (3.2): both sides alike), so it is never asked for what the measured side has lost.
+The measured torque passes an acausal Butterworth low-pass (fourth order, forwards and backwards) at the
+bandwidth f; the angles pass the same at 2.5 f, which leaves the band of the torque untouched, and are
+differentiated. Rows are then thinned to 12.5 f a second (25 f where gear harmonics are declared). The
+prediction, friction's jumps and all, goes through the low-pass at f too (thesis (3.2): both sides alike), so
+it is never asked for what the measured side has lost.
 
-Torque (N, n) in Nm on the output side: tau, or nominal ratio times tau_motor, or nominal ratio times torque constant times
-current (1 Nm/A where no constant is declared). Axes whose torque was not measured hold NaN.
+Torque (N, n) in Nm on the output side: tau, or nominal ratio times tau_motor, or nominal ratio times torque
+constant times current (1 Nm/A where no constant is declared). Axes whose torque was not measured hold NaN.
 """
 
 from __future__ import annotations
@@ -43,12 +44,13 @@ _EDGE_PERIODS = 3.0  # of the bandwidth, left out at both ends of a run
 
 @dataclass(frozen=True)
 class MotionRecord:
-    """theta, theta_dot, theta_ddot, torque (N, n); inside (N,) bool: rows away from the ends of their run; at_reversal (N,)
-    bool: rows that hang on what no model defines (chain/passage.py); keep: inside and not at_reversal.
+    """theta, theta_dot, theta_ddot, torque (N, n); inside (N,) bool: rows away from the ends of their run;
+    at_reversal (N,) bool: rows that hang on what no model defines (chain/passage.py); keep: inside and not
+    at_reversal.
 
     direction (N, n): of the motor's motion, -1 to 1 (chain/direction.py).
-    data: the thinned rows; runs: row indices in the order of time; bandwidth_hz: None where nothing was filtered;
-    step, logged_step: s between its rows and between those of the log;
+    data: the thinned rows; runs: row indices in the order of time; bandwidth_hz: None where nothing was
+    filtered; step, logged_step: s between its rows and between those of the log;
     sign_width (n,) rad/s, output side: within it dry friction turns over (identify/friction_width.py).
     """
 
@@ -97,8 +99,12 @@ class MotionRecord:
         return self._low_passed(values, _WIDE)
 
     def slow(self, values: np.ndarray) -> np.ndarray:
-        """(N, ...) behind a low-pass that leaves what arms are moved by; as it is where nothing was filtered."""
-        return values if self.bandwidth_hz is None else self._low_passed(values, min(SLOW_HZ / self.bandwidth_hz, 1.0))
+        """(N, ...) behind a low-pass that leaves what arms are moved by; as it is where nothing was
+        filtered."""
+        return (
+            values if self.bandwidth_hz is None
+            else self._low_passed(values, min(SLOW_HZ / self.bandwidth_hz, 1.0))
+        )
 
     def _low_passed(self, values: np.ndarray, wider: float) -> np.ndarray:
         if self.bandwidth_hz is None or wider * self.bandwidth_hz >= _LARGEST / self.step:
@@ -109,7 +115,8 @@ class MotionRecord:
         return out
 
     def white_share(self, step: float) -> float:
-        """Share of the variance of white noise, sampled every `step` s, that passes the low-pass of the torque."""
+        """Share of the variance of white noise, sampled every `step` s, that passes the low-pass of the
+        torque."""
         if self.bandwidth_hz is None:
             return 1.0
         frequency = np.linspace(0.0, 0.5 / step, 4096)
@@ -125,9 +132,10 @@ class MotionRecord:
         return found / found[0]
 
 
-def motion_record(robot: Robot, data: Dataset, bandwidth_hz: float | None = None, rows_share: float = 1.0) -> MotionRecord:
-    """The record of a motion; `bandwidth_hz`: None = `default_bandwidth`, or no filter where the log is too slow for one.
-    rows_share: of the usual rows, where fewer will do.
+def motion_record(robot: Robot, data: Dataset, bandwidth_hz: float | None = None,
+                  rows_share: float = 1.0) -> MotionRecord:
+    """The record of a motion; `bandwidth_hz`: None = `default_bandwidth`, or no filter where the log is too
+    slow for one. rows_share: of the usual rows, where fewer will do.
 
     Raises InputError where torque, angles or time are missing or a run is too short.
     """
@@ -141,7 +149,9 @@ def motion_record(robot: Robot, data: Dataset, bandwidth_hz: float | None = None
         step = typical_step(data.time[rows]) if rows.size > 1 else np.inf
         steps.append(step)
         filtered = bandwidth < _LARGEST / step
-        parts.append(_Run(rows, step, filtered, rows_share * _rows_per_period(robot)).thinned(theta, rates, torque, data.time, bandwidth))
+        parts.append(_Run(rows, step, filtered,
+                          rows_share * _rows_per_period(robot)).thinned(theta, rates, torque, data.time,
+                                                                        bandwidth))
     filtered = all(bandwidth < _LARGEST / step for step in steps)
     if not filtered and any(bandwidth < _LARGEST / step for step in steps):
         raise InputError("runs of one motion were logged at very different rates; expected one sampling rate")
@@ -171,13 +181,17 @@ def default_bandwidth(robot: Robot, data: Dataset) -> float:
 
     Near it, what the drives feel hangs on a damping that nobody declared.
     """
-    shaken = any(joint.has_harmonics for joint in robot.joints) and all(joint.spring_linear for joint in robot.joints)
+    shaken = (
+        any(joint.has_harmonics for joint in robot.joints)
+        and all(joint.spring_linear for joint in robot.joints)
+    )
     if not shaken or robot.links is None:
         return BANDWIDTH_HZ
     rows = np.linspace(0, len(data) - 1, min(_SAMPLED_ROWS, len(data))).astype(int)
     q = motor_angles(robot, data.select(rows)) / robot.ratios + robot.offsets
     stiffness = np.diag([joint.spring_linear for joint in robot.joints])
-    softest = min(linalg.eigh(stiffness, mass, eigvals_only=True)[0] for mass in _core.mass_matrix(robot.core, q))
+    softest = min(linalg.eigh(stiffness, mass, eigvals_only=True)[0]
+                  for mass in _core.mass_matrix(robot.core, q))
     return float(np.clip(_BELOW_RESONANCE * np.sqrt(softest) / (2.0 * np.pi), _SLOWEST_HZ, BANDWIDTH_HZ))
 
 
@@ -188,9 +202,11 @@ def _rows_per_period(robot: Robot) -> float:
 def unthinned_record(
     robot: Robot, data: Dataset, bandwidth_hz: float = BANDWIDTH_HZ, joints: np.ndarray | None = None
 ) -> MotionRecord:
-    """Every row of `data`, angles as they are and nothing measured: only their rates pass the low-pass of the angles.
+    """Every row of `data`, angles as they are and nothing measured: only their rates pass the low-pass of the
+    angles.
 
-    `joints` (N, n): joint angles whose motion tells the direction, where they are known (default: the motors').
+    `joints` (N, n): joint angles whose motion tells the direction, where they are known (default: the
+    motors').
     """
     theta = motor_angles(robot, data)
     turned = theta / np.abs(robot.ratios) if joints is None else joints * np.sign(robot.ratios)
@@ -200,18 +216,21 @@ def unthinned_record(
     filtered = _WIDE * bandwidth_hz < _LARGEST / step
     for rows in runs:
         derivative = derivative_operator(data.time[rows])
-        rate[rows] = derivative @ (_low_pass(theta[rows], _WIDE * bandwidth_hz, step) if filtered else theta[rows])
+        rate[rows] = derivative @ (_low_pass(theta[rows], _WIDE * bandwidth_hz, step)
+                                   if filtered else theta[rows])
         acceleration[rows] = derivative @ rate[rows]
         direction[rows] = direction_of_motion(data.time[rows], turned[rows])
     band = bandwidth_hz if bandwidth_hz < _LARGEST / step else None
     torque = np.full_like(theta, np.nan)
     inside, width = np.ones(len(data), bool), np.full(robot.axes, SIGN_WIDTH_RAD_S)
-    return MotionRecord(data, theta, rate, acceleration, torque, direction, inside, tuple(runs), band, step, step, width, ~inside)
+    return MotionRecord(data, theta, rate, acceleration, torque, direction, inside, tuple(runs), band, step,
+                        step, width, ~inside)
 
 
 def measured_torque(robot: Robot, data: Dataset) -> np.ndarray:
     """(N, n) output-side torque in Nm, NaN where an axis has none."""
-    constants = np.array([UNDECLARED_NM_A if joint.torque_constant is None else joint.torque_constant for joint in robot.joints])
+    constants = np.array([UNDECLARED_NM_A if joint.torque_constant is None else joint.torque_constant
+                          for joint in robot.joints])
     torque = drive_torque(robot, data, constants)
     if np.isnan(torque).all():
         raise InputError("no torque: expected columns tau_i_Nm, tau_motor_i_Nm or current_i_A")
@@ -233,7 +252,8 @@ def _given_rates(robot: Robot, data: Dataset) -> np.ndarray | None:
 
 
 def runs_of(data: Dataset) -> list[np.ndarray]:
-    return [rows[np.argsort(data.time[rows], kind="stable")] for rows in (np.flatnonzero(data.run == r) for r in np.unique(data.run))]
+    return [rows[np.argsort(data.time[rows], kind="stable")]
+            for rows in (np.flatnonzero(data.run == r) for r in np.unique(data.run))]
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,8 @@
 """The chain for static poses: motor angles in, position and orientation of the target out.
 
-At rest the spring carries the gravity torque, or what was measured (rest_load.py; E4): q = phi + q_offset - kappa^{-1}(g(q)), solved by fixed-point
-iteration (the deflection is small, each pass gains three digits). The tangent of the fixed point follows from
-the implicit function theorem:
+At rest the spring carries the gravity torque, or what was measured (rest_load.py; E4): q = phi + q_offset -
+kappa^{-1}(g(q)), solved by fixed-point iteration (the deflection is small, each pass gains three digits). The
+tangent of the fixed point follows from the implicit function theorem:
     (I - S G) T_q = T_0 + S T_L,    S = dq/dtorque, G = dg/dq, T_L = direct tangent of the load.
 Left out of the tangents: that geometry changes the gravity torque too (below 1 % of a geometry column).
 """
@@ -44,7 +44,8 @@ class PosePrediction:
     view: View
 
     def residual(self, orientation: bool = False) -> np.ndarray:
-        """(N, 3) or (N, 6): measured minus predicted; orientation as a rotation vector in the measuring frame."""
+        """(N, 3) or (N, 6): measured minus predicted; orientation as a rotation vector in the measuring
+        frame."""
         data = self.view.data
         position = data.position - self.position
         if not orientation:
@@ -110,7 +111,8 @@ def _joint_tangents(view: View, layout: Layout, declared: np.ndarray, slope: np.
     tangents["phi"] = slope[:, :, None] * tangents["theta"]
     view.signals["phi"] = declared
     pass_station(view, padded, Station.GEAR, "phi", True)
-    tangents["q"] = tangents["phi"] + declared_deflection(view.robot, view.torque)[1][:, :, None] * tangents["torque"]
+    tangents["q"] = tangents["phi"] + declared_deflection(view.robot,
+                                                          view.torque)[1][:, :, None] * tangents["torque"]
     view.signals["q"] = view.phi + view.robot.offsets + declared_deflection(view.robot, view.torque)[0]
     pass_station(view, padded, Station.SPRING, "q", True)
     view.signals["torque"], view.signals["q"] = torque, q

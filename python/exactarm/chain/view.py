@@ -29,7 +29,8 @@ Transfer = Callable[[tuple[int, ...], np.ndarray], np.ndarray]
 
 @dataclass
 class View:
-    """Workspace of one evaluation. `robot` has the effects' table values baked in; `threads` bounds the cores."""
+    """Workspace of one evaluation. `robot` has the effects' table values baked in; `threads` bounds the
+    cores."""
 
     robot: Robot
     data: Dataset
@@ -75,8 +76,9 @@ class View:
 
     @property
     def direction(self) -> np.ndarray:
-        """(N, n) direction of the motor's motion from -1 to 1: in a time series as in chain/direction.py, the approach of
-        a static pose; 0 where unknown. The motor's own sense: with a negative ratio the output turns the other way."""
+        """(N, n) direction of the motor's motion from -1 to 1: in a time series as in chain/direction.py, the
+        approach of a static pose; 0 where unknown. The motor's own sense: with a negative ratio the output
+        turns the other way."""
         if "direction" in self.signals:
             return self.signals["direction"]
         if "theta_dot" in self.signals:
@@ -93,7 +95,8 @@ class View:
 
     @property
     def swing(self) -> np.ndarray:
-        """(N, n) rad/s, output side: how far the motors' rates move to either side among the samples that a row stands for."""
+        """(N, n) rad/s, output side: how far the motors' rates move to either side among the samples that a
+        row stands for."""
         return np.zeros((self.rows, self.axes))
 
     @property
@@ -143,7 +146,8 @@ class View:
         return tuple((int(s), np.flatnonzero(self.data.session == s)) for s in np.unique(self.data.session))
 
     def frames(self) -> tuple[np.ndarray, np.ndarray]:
-        """Positions (N, n + 1, 3) m and rotations (N, n + 1, 3, 3) of base and frames, in the robot base frame."""
+        """Positions (N, n + 1, 3) m and rotations (N, n + 1, 3, 3) of base and frames, in the robot base
+        frame."""
         return _core.frame_poses(self.robot_at_origin, self.q)
 
     @cached_property
@@ -156,16 +160,19 @@ class View:
         return replace(self.robot, base=Placement(), tool=Placement()).core
 
     def response(self, effect: Effect) -> np.ndarray:
-        """(N, m, k) what the effect's parameters do to the measurement, from its station downstream, to first order.
+        """(N, m, k) what the effect's parameters do to the measurement, from its station downstream, to first
+        order.
 
-        The chain must have been evaluated with tangents; the feedback of the deflection on the load is left out.
+        The chain must have been evaluated with tangents; the feedback of the deflection on the load is left
+        out.
         """
         change = effect.change(self)
         return self.transfers[effect.station](change.columns, change.by_parameters)
 
     @property
     def has_masses(self) -> bool:
-        """Whether masses load the joints; generic ones say nothing of drive torques, and have no place beside measured ones."""
+        """Whether masses load the joints; generic ones say nothing of drive torques, and have no place beside
+        measured ones."""
         torques = self.kind in (GEAR_RUN.name, MOTION.name)
         return self.robot.links is not None and not (self.robot.generic_masses and torques)
 

@@ -11,15 +11,17 @@ from exactarm.split import DEFAULT_SEED
 
 
 def add_robot(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("robot", metavar="ROBOT", help="robot file (.toml, .urdf) or the name of a shipped robot")
+    parser.add_argument("robot", metavar="ROBOT",
+                        help="robot file (.toml, .urdf) or the name of a shipped robot")
 
 
 def add_files(parser: argparse.ArgumentParser, least: int = 1, text: str = "measured data (.csv, .parquet)",
               columns: bool = True) -> None:
-    """FILES: at least one, measured, of a kind that --kind may name; or any number with `least` = 0. They are recorded
-    as the inputs of the run."""
+    """FILES: at least one, measured, of a kind that --kind may name; or any number with `least` = 0. They are
+    recorded as the inputs of the run."""
     optional = {} if least else {"default": []}
-    parser.add_argument("files", metavar="FILE", nargs="+" if least else "*", type=Path, help=text, **optional)
+    parser.add_argument("files", metavar="FILE", nargs="+" if least else "*", type=Path, help=text,
+                        **optional)
     if least:
         parser.add_argument("--kind", choices=KIND_NAMES,
                             help="kind of data (default: told by the columns)")
@@ -51,7 +53,8 @@ def add_sessions(parser: argparse.ArgumentParser) -> None:
 def add_common(parser: argparse.ArgumentParser) -> None:
     """What every command has; added by the command line itself."""
     group = parser.add_argument_group("common options")
-    group.add_argument("--out", metavar="DIR", type=_folder, required=True, help="folder for all results (made if missing)")
+    group.add_argument("--out", metavar="DIR", type=_folder, required=True,
+                       help="folder for all results (made if missing)")
     group.add_argument("--seed", metavar="N", type=_whole_number, default=DEFAULT_SEED,
                        help="makes every random choice repeatable (default %(default)s)")
     group.add_argument("--threads", metavar="N", type=_positive, default=available_cores(),

@@ -43,21 +43,25 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_fixture(parser)
     add_sessions(parser)
     parser.add_argument("--use", choices=("auto", "position", "pose"), default="auto",
-                        help="what is fitted: positions alone, or orientations too (default: what was measured)")
+                        help="what is fitted: positions alone, or orientations too (default: what was "
+                             "measured)")
     parser.add_argument("--compliance", metavar="AXES", default="auto",
-                        help="axes whose joint compliance is estimated, as 2,3; none; default: those under load")
+                        help="axes whose joint compliance is estimated, as 2,3; none; default: those under "
+                             "load")
     parser.add_argument("--robust", action="store_true", help="Huber's loss: gross errors weigh less")
 
 
 def calibrate(
     robot: AnyRobot, data: AnyData, *, use: Literal["auto", "position", "pose"] = "auto",
-    compliance: Sequence[int] | None = None, robust: bool = False, seed: int = DEFAULT_SEED, threads: int | None = None,
-    kind: str | None = None, fixture: AnyFixture = None, sessions: str | Path | None = None, progress: Progress = SILENT,
+    compliance: Sequence[int] | None = None, robust: bool = False, seed: int = DEFAULT_SEED,
+    threads: int | None = None,
+    kind: str | None = None, fixture: AnyFixture = None, sessions: str | Path | None = None,
+    progress: Progress = SILENT,
 ) -> CommandResult:
     """Identifies geometry, joint offsets, gear ratios and joint springs from measured poses or closures.
 
-    use: positions alone, or orientations too ("auto": what was measured). compliance: axes from 1 whose spring is
-    estimated (None: those under load). robust: Huber's loss. threads: None is all cores.
+    use: positions alone, or orientations too ("auto": what was measured). compliance: axes from 1 whose
+    spring is estimated (None: those under load). robust: Huber's loss. threads: None is all cores.
 
         >>> import exactarm as ea
         >>> result = ea.calibrate("ur10", ea.example("ur10/series_B"), compliance=())
@@ -85,16 +89,20 @@ def calibrate(
         json=_json(result),
         report=_report(declared, rows, result, rows.split_rule()),
         robot=result.robot,
-        tables={"residuals.csv": residual_table(result.data, result.identification, result.error_before, result.residual_after)},
-        asked=asked("calibrate", robot, rows, seed, given, {"use": "auto", "compliance": None, "robust": False}),
+        tables={"residuals.csv": residual_table(result.data, result.identification, result.error_before,
+                                                result.residual_after)},
+        asked=asked("calibrate", robot, rows, seed, given,
+                    {"use": "auto", "compliance": None, "robust": False}),
     ).warned(found)
     return with_load_section(made, declared, rows)
 
 
 def run(arguments: argparse.Namespace) -> CommandResult:
     return calibrate(
-        arguments.robot, arguments.files, use=arguments.use, compliance=_axes(arguments.compliance), robust=arguments.robust,
-        seed=arguments.seed, threads=arguments.threads, kind=arguments.kind, fixture=arguments.fixture, sessions=arguments.sessions, progress=arguments.progress,
+        arguments.robot, arguments.files, use=arguments.use, compliance=_axes(arguments.compliance),
+        robust=arguments.robust,
+        seed=arguments.seed, threads=arguments.threads, kind=arguments.kind, fixture=arguments.fixture,
+        sessions=arguments.sessions, progress=arguments.progress,
     )
 
 
@@ -145,7 +153,8 @@ def _summaries(summaries: dict[str, Any], distances: dict[str, float | None]) ->
     return {name: summary.to_json() | beside(name) for name, summary in summaries.items()}
 
 
-def residual_table(data: Dataset, identification: np.ndarray, before: np.ndarray, after: np.ndarray) -> dict[str, Any]:
+def residual_table(data: Dataset, identification: np.ndarray, before: np.ndarray,
+                   after: np.ndarray) -> dict[str, Any]:
     """Columns of residuals.csv: where the row came from, its set, error before, residual after."""
     files = [source.path for source in data.sources] or [""]
     return {
@@ -184,11 +193,13 @@ def _report(robot: Robot, data: Dataset, result: Calibration, rule: str) -> Repo
         dropped_table(result.identifiability.dropped),
         Warnings(result.warnings),
     )
-    return Report(f"Calibration of {robot.name}", verdict, sections, "good" if after.mean < before.mean else "caution")
+    return Report(f"Calibration of {robot.name}", verdict, sections,
+                  "good" if after.mean < before.mean else "caution")
 
 
 def _distance_tables(result: Calibration) -> tuple[Any, ...]:
-    """The known distances before and after; on the validation rows, with the contacts fitted to these rows alone."""
+    """The known distances before and after; on the validation rows, with the contacts fitted to these rows
+    alone."""
     rows = tuple(
         (name, Quantity(result.distances_before[name], "m"), Quantity(value, "m"))
         for name, value in result.distances_after.items() if value is not None
@@ -221,8 +232,10 @@ def _parameter_sections(robot: Robot, result: Calibration) -> tuple[Any, ...]:
     frames = tuple(
         Table(heading, ("parameter", "estimate (95 %)"), tuple(
             (name, Estimate(float(value) / size, float(low) / size, float(high) / size, shown))
-            for name, value, (low, high), own in zip(frames_names, frames_x, frames_intervals, frames_units) if own == unit))
-        for unit, heading, shown, size in (("m", "Frames: positions", "mm", 1e-3), ("rad", "Frames: rotations", "deg", np.pi / 180.0))
+            for name, value, (low, high), own in zip(frames_names, frames_x, frames_intervals, frames_units)
+            if own == unit))
+        for unit, heading, shown, size in (("m", "Frames: positions", "mm", 1e-3),
+                                           ("rad", "Frames: rotations", "deg", np.pi / 180.0))
     )
     return figure, *tables, *frames
 

@@ -1,4 +1,5 @@
-"""What the functions of the package take: a robot or its name, data or their files; and how a call is written down.
+"""What the functions of the package take: a robot or its name, data or their files; and how a call is written
+down.
 
 Every command is one function here and on the command line: `exactarm.calibrate(robot, data, robust=True)` is
 `exactarm calibrate ROBOT DATA --robust`, with the same options, the same default seed and the same result.
@@ -35,7 +36,8 @@ def robot_of(robot: AnyRobot) -> Robot:
 
 
 def data_of(
-    data: AnyData, robot: Robot, kind: str | None = None, fixture: AnyFixture = None, sessions: str | Path | None = None
+    data: AnyData, robot: Robot, kind: str | None = None, fixture: AnyFixture = None,
+    sessions: str | Path | None = None
 ) -> Dataset:
     """Data as they are, or those of the files; with what is known of their fixture and of whole sessions."""
     known = load_fixture(fixture) if isinstance(fixture, (str, Path)) else fixture
@@ -67,9 +69,11 @@ def asked(command: str, robot: AnyRobot, data: AnyData | None, seed: int, option
     return Asked(command, f"exactarm.{command}({call})", name, read, seed)
 
 
-def arguments_of(add_arguments: Callable[[argparse.ArgumentParser], None], robot: AnyRobot, files: Sequence[Any],
+def arguments_of(add_arguments: Callable[[argparse.ArgumentParser], None], robot: AnyRobot,
+                 files: Sequence[Any],
                  options: Mapping[str, Any], apart: Sequence[str] = ()) -> argparse.Namespace:
-    """The arguments of a command that has many options, with their defaults; `apart`: those that its function names."""
+    """The arguments of a command that has many options, with their defaults; `apart`: those that its function
+    names."""
     parser = argparse.ArgumentParser(add_help=False)
     add_arguments(parser)
     known = vars(parser.parse_args(["robot", *map(str, files)]))
@@ -77,7 +81,8 @@ def arguments_of(add_arguments: Callable[[argparse.ArgumentParser], None], robot
     for name in options:
         if name not in free:
             close = difflib.get_close_matches(name, free, n=1)
-            raise InputError(f"no option {name!r}; expected {close[0] if close else 'one of ' + ', '.join(sorted(free))}")
+            raise InputError(f"no option {name!r}; expected "
+                             f"{close[0] if close else 'one of ' + ', '.join(sorted(free))}")
     return argparse.Namespace(**(known | dict(options) | {"robot": robot}))
 
 

@@ -42,10 +42,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def diagnose(
-    robot: AnyRobot, data: AnyData, *, seed: int = DEFAULT_SEED, threads: int | None = None, kind: str | None = None,
+    robot: AnyRobot, data: AnyData, *, seed: int = DEFAULT_SEED, threads: int | None = None,
+    kind: str | None = None,
     fixture: AnyFixture = None, sessions: str | Path | None = None, progress: Progress = SILENT,
 ) -> CommandResult:
-    """Finds what the model lacks: the effects behind the residual, their size, certainty, and error before and after.
+    """Finds what the model lacks: the effects behind the residual, their size, certainty, and error before
+    and after.
 
         >>> import exactarm as ea
         >>> made = ea.simulate("ur10", count=40, counts=0, noise=1e-5)
@@ -65,10 +67,12 @@ def diagnose(
                 result = find_causes(known, replace(rows, kind=each), seed=seed, threads=threads_of(threads),
                                      progress=progress.stage)
         except InputError as error:
-            # The same file may hold more than this robot's tables can judge, as torques of an arm without geometry.
+            # The same file may hold more than this robot's tables can judge, as torques of an arm without
+            # geometry.
             if not results:
                 raise
-            skipped.append(f"the file also holds {each.replace('_', ' ')} data, which was not diagnosed: {error}")
+            skipped.append(f"the file also holds {each.replace('_', ' ')} data, which was not diagnosed: "
+                           f"{error}")
             continue
         # What the first kind of data has found is part of the model that the next kind judges.
         known = result.robot
@@ -89,7 +93,8 @@ def diagnose(
 
 
 def run(arguments: argparse.Namespace) -> CommandResult:
-    return diagnose(arguments.robot, arguments.files, seed=arguments.seed, threads=arguments.threads, kind=arguments.kind,
+    return diagnose(arguments.robot, arguments.files, seed=arguments.seed, threads=arguments.threads,
+                    kind=arguments.kind,
                     fixture=arguments.fixture, sessions=arguments.sessions, progress=arguments.progress)
 
 
@@ -99,7 +104,8 @@ def _json(result: Diagnosis) -> dict[str, Any]:
         effects.append(_unknown(result))
     rows = {"identification": result.problem.data, "validation": result.problem.held_out}
     sets = lambda summaries, errors, fitted: {
-        name: summary.to_json() | _per_axis(result, errors[name]) | result.problem.also_judged(fitted, rows[name])
+        name: summary.to_json() | _per_axis(result, errors[name])
+        | result.problem.also_judged(fitted, rows[name])
         for name, summary in summaries.items()
     }
     after = sets(result.after, result.errors_after, result.selection.fits[-1])
@@ -118,7 +124,8 @@ def _json(result: Diagnosis) -> dict[str, Any]:
         "alternatives": [
             {
                 "effect": a.effect.name, "joint": a.effect.joint, "instead_of": a.instead_of,
-                "validation_rms_after": a.rms_after, "probability": a.probability, "cannot_be_told_apart": a.collides,
+                "validation_rms_after": a.rms_after, "probability": a.probability,
+                "cannot_be_told_apart": a.collides,
             }
             for a in result.alternatives
         ],
@@ -148,7 +155,8 @@ def _per_axis(result: Diagnosis, errors: np.ndarray) -> dict[str, Any]:
     if result.axes is None or result.kind != MOTION.name:
         return {}
     columns = errors.reshape(-1, len(result.axes)).T
-    return {"axes": [{"joint": axis["joint"]} | summarise(column).to_json() for axis, column in zip(result.axes, columns)]}
+    return {"axes": [{"joint": axis["joint"]} | summarise(column).to_json()
+                     for axis, column in zip(result.axes, columns)]}
 
 
 def _effect(finding: Finding, result: Diagnosis) -> dict[str, Any]:
@@ -173,7 +181,8 @@ def _own(finding: Finding, result: Diagnosis) -> dict[str, Any]:
     """What the effect does by itself, and what could stand in its place."""
     found: dict[str, Any] = {}
     if finding.credible_set:
-        found["set"] = [{"effect": name, "joint": joint, "probability": p} for name, joint, p in finding.credible_set]
+        found["set"] = [{"effect": name, "joint": joint, "probability": p}
+                        for name, joint, p in finding.credible_set]
     if finding.own_share is not None:
         found["own_share"] = finding.own_share
     at_tool = next((c.at_tool for c in result.contributions if c.effect.label == finding.effect.label), None)
@@ -186,12 +195,14 @@ def _posterior(result: Diagnosis) -> dict[str, Any]:
     """Probabilities that nothing is missing, and that something else is."""
     causes = result.causes
     if causes is None:
-        return dict.fromkeys(("probability_nothing", "probability_something_else", "false_alarm_rate", "self_test"))
+        return dict.fromkeys(("probability_nothing", "probability_something_else", "false_alarm_rate",
+                              "self_test"))
     return {
         "probability_nothing": causes.probability_nothing,
         "probability_something_else": causes.probability_something_else,
         "false_alarm_rate": causes.test.false_alarms,
-        "self_test": {"sets": causes.test.sets, "share_right": causes.test.share_right, "draws": causes.test.draws},
+        "self_test": {"sets": causes.test.sets, "share_right": causes.test.share_right,
+                      "draws": causes.test.draws},
         "noise": _noise(causes),
     }
 
@@ -210,7 +221,10 @@ def _noise(causes: Causes) -> dict[str, Any]:
 def _unknown(result: Diagnosis) -> dict[str, Any]:
     left = result.dossier_after
     signal = left.strongest if left.structure else None
-    share = f" ({100 * signal.share:.0f} % of the remaining square sum, p = {signal.p_value:.1e})" if signal else ""
+    share = (
+        f" ({100 * signal.share:.0f} % of the remaining square sum, p = {signal.p_value:.1e})"
+        if signal else ""
+    )
     rms = result.after["validation" if result.after["validation"].n else "identification"].rms
     probability = 1.0 - (signal.p_value if signal else 0.0)
     unknown = result.unknown

@@ -1,4 +1,5 @@
-"""`exactarm export`: the identified arm in the format of another program, with the accuracy that the format loses."""
+"""`exactarm export`: the identified arm in the format of another program, with the accuracy that the format
+loses."""
 
 from __future__ import annotations
 
@@ -37,7 +38,10 @@ def _urdf(robot: Robot, source: str | None, given_hash: str | None) -> tuple[str
 
 
 def _parameters(robot: Robot, *_: Any) -> tuple[str, bytes]:
-    head = "joint,type,sign,zero_rad,d_m,a_m,alpha_rad,beta_rad,q_offset_rad,controller_offset_rad,ratio,controller_ratio"
+    head = (
+        "joint,type,sign,zero_rad,d_m,a_m,alpha_rad,beta_rad,q_offset_rad,"
+        "controller_offset_rad,ratio,controller_ratio"
+    )
     rows = []
     for i, joint in enumerate(robot.joints):
         numbers = (
@@ -101,7 +105,8 @@ def export(
     name, content = FORMATS[format](arm, None if source is None else str(source), hash)
     cost = lost(arm, _flange_poses(arm, format))
     verdict = (
-        f"{name} is written. By what the format cannot carry, the flange is off by {quantity(cost.mean, 'm')} on average and "
+        f"{name} is written. By what the format cannot carry, the flange is off by "
+        f"{quantity(cost.mean, 'm')} on average and "
         f"{quantity(cost.largest, 'm')} at most, against the whole model over the work space."
     )
     carried = (
@@ -145,7 +150,8 @@ def run(arguments: argparse.Namespace) -> CommandResult:
             raise InputError("--source: is patched as URDF alone; expected --format urdf")
         if Path(arguments.source.partition("#")[0]).resolve().parent == Path(arguments.out).resolve():
             raise InputError("lies in the folder of results; expected another --out", file=arguments.source)
-    return export(arguments.robot, format=arguments.format, source=arguments.source, hash=arguments.hash, seed=arguments.seed)
+    return export(arguments.robot, format=arguments.format, source=arguments.source, hash=arguments.hash,
+                  seed=arguments.seed)
 
 
 def _flange_poses(robot: Robot, format: str) -> Callable[..., Any]:
@@ -154,7 +160,8 @@ def _flange_poses(robot: Robot, format: str) -> Callable[..., Any]:
         return reported_chain(robot).poses
     from dataclasses import replace
 
-    # the file's last link stands on the last axis; its flange is that of the description, without a, alpha, beta of the last frame
+    # the file's last link stands on the last axis; its flange is that of the description, without a, alpha,
+    # beta of the last frame
     chain, place = reported_chain(robot), Placement()
     for origin in link_origins(robot):
         place = compose(place, origin)
@@ -163,12 +170,14 @@ def _flange_poses(robot: Robot, format: str) -> Callable[..., Any]:
 
 def _warnings(robot: Robot, format: str, cost: Lost) -> tuple[str, ...]:
     if format in ("urdf", "mjcf"):
-        return tuple(f"{text}; simulators refuse it (exactarm identify finds links that can exist)" for text in inconsistencies(robot))
+        return tuple(f"{text}; simulators refuse it (exactarm identify finds links that can exist)"
+                     for text in inconsistencies(robot))
     last = behind_axis(robot.joints[-1])
     turned = np.abs(last.rotation - np.eye(3)).max() > 1e-9 or np.abs(last.position[:2]).max() > 1e-9
     if format == "ur_description" and turned:
         return (
-            "the last frame's a, alpha and beta have no place in this format: the flange is that of the description",
+            "the last frame's a, alpha and beta have no place in this format: the flange is that of the "
+            "description",
         )
     if format == "offsets":
         return ("numbers for a person: changed masterings move all taught points",)

@@ -1,4 +1,5 @@
-"""What the report of `exactarm gear` shows: errors before and after, spectra, tables, both methods on held-out runs."""
+"""What the report of `exactarm gear` shows: errors before and after, spectra, tables, both methods on
+held-out runs."""
 
 from __future__ import annotations
 
@@ -25,7 +26,8 @@ def gear_report(robot: Robot, result: GearIdentification, rule: str) -> Report:
     unit = result.gears[0].unit
     error = "transmission error" if unit == "rad" else "kinematic error"
     verdict = (
-        f"The {error} on runs that were {'never fitted' if judge == 'validation' else 'fitted (none was held out)'} "
+        f"The {error} on runs that were "
+        f"{'never fitted' if judge == 'validation' else 'fitted (none was held out)'} "
         f"{change(before, after, unit)} RMS; {_noise_sentence(result.gears)}."
     )
     fall = after < 0.9 * before  # less is no success worth a green verdict
@@ -63,10 +65,14 @@ def _error_table(gears, error: str, rule: str) -> Table:
             if before.n:
                 fall = f"{100.0 * (1.0 - after.rms / before.rms):.0f} %"
                 numbers = (Quantity(before.rms, gear.unit), Quantity(after.rms, gear.unit), fall)
-                rows.append((f"{gear.joint} {gear.side}", name, before.n, *numbers, Quantity(gear.noise, gear.unit),
+                rows.append((f"{gear.joint} {gear.side}", name, before.n, *numbers,
+                             Quantity(gear.noise, gear.unit),
                              Quantity(gear.declared[name].rms, gear.unit)))
     cutoffs = sorted({f"{gear.cutoff_hz:.0f} Hz" for gear in gears if gear.cutoff_hz})
-    filtered = f" Both sides filtered alike, -3 dB at {', '.join(cutoffs)}." if cutoffs else " One offset for each run taken out."
+    filtered = (
+        f" Both sides filtered alike, -3 dB at {', '.join(cutoffs)}."
+        if cutoffs else " One offset for each run taken out."
+    )
     note = f"RMS. Before: the constant ratio that was identified.{filtered} {rule}"
     header = ("gear", "set", "rows", "before", "after", "fall", "noise", "as the file has it")
     return Table(error.capitalize(), header, tuple(rows), note)
@@ -75,12 +81,14 @@ def _error_table(gears, error: str, rule: str) -> Table:
 def _method_table(result: GearIdentification, unit: str) -> Table:
     methods = tuple(result.held_out[0].after) if result.held_out else ()
     rows = tuple(
-        (f"{h.joint} {h.side}", Quantity(h.speed, "rad/s"), "identification" if h.fitted else "validation", h.rows,
+        (f"{h.joint} {h.side}", Quantity(h.speed, "rad/s"), "identification" if h.fitted else "validation",
+         h.rows,
          Quantity(h.before, unit), *(Quantity(h.after[name], unit) for name in methods))
         for h in result.held_out
     )
     note = (
-        "refined: orders are real numbers, from a zoom and variable projection. neighbours: the nearest whole numbers "
+        "refined: orders are real numbers, from a zoom and variable projection. neighbours: the nearest "
+        "whole numbers "
         f"of the coarse FFT with their neighbours, as the source has it. The robot file has: {result.method}."
     )
     header = ("gear", "speed at the output", "set", "rows", "before", *methods)
@@ -93,11 +101,14 @@ def _alignment_table(result: GearIdentification) -> tuple[Table, ...]:
     rows = []
     for entry in result.alignments:
         for axis, before, after in zip("xyz", entry.before, entry.after):
-            rows.append((f"{entry.joint} {entry.side}", axis, Quantity(float(before), "rad/s"), Quantity(float(after), "rad/s")))
+            rows.append((f"{entry.joint} {entry.side}", axis, Quantity(float(before), "rad/s"),
+                         Quantity(float(after), "rad/s")))
     angles = {(e.joint, e.angles) for e in result.alignments}
     turn = lambda angle: f"{1e3 * angle:.2f} mrad".replace("-0.00", "0.00")
-    note = "; ".join(f"axis {joint}: {turn(alpha)} about x, {turn(beta)} about y" for joint, (alpha, beta) in sorted(angles))
-    return (Table("Alignment of the gyroscope: mean reading", ("gear", "sensor axis", "before", "after"), tuple(rows), note),)
+    note = "; ".join(f"axis {joint}: {turn(alpha)} about x, {turn(beta)} about y"
+                     for joint, (alpha, beta) in sorted(angles))
+    return (Table("Alignment of the gyroscope: mean reading", ("gear", "sensor axis", "before", "after"),
+                  tuple(rows), note),)
 
 
 def _ratio_and_disturbances(robot: Robot, gears) -> tuple:
@@ -106,7 +117,8 @@ def _ratio_and_disturbances(robot: Robot, gears) -> tuple:
         if gear.unit == "rad":
             numbers = (Quantity(gear.after[name].rms, gear.unit) for name in ("identification", "validation"))
             left = (Quantity(gear.rest[name].rms, gear.unit) for name in ("identification", "validation"))
-            rest.append((f"{gear.joint} {gear.side}", *(cell for pair in zip(numbers, left) for cell in pair)))
+            rest.append((f"{gear.joint} {gear.side}",
+                         *(cell for pair in zip(numbers, left) for cell in pair)))
     for gear in gears:
         if gear.joint in seen:
             continue
@@ -117,12 +129,14 @@ def _ratio_and_disturbances(robot: Robot, gears) -> tuple:
                      Estimate(e.ratio, e.ratio - _LEVEL * e.ratio_sigma, e.ratio + _LEVEL * e.ratio_sigma)))
         for name, value in zip(gear.samples.disturbance_names, e.disturbance):
             if value and not name.startswith("offset"):
-                beside.append((str(gear.joint), name, Quantity(float(value), _disturbance_unit(name, gear.unit))))
+                beside.append((str(gear.joint), name,
+                               Quantity(float(value), _disturbance_unit(name, gear.unit))))
     tables: list = [Table("Ratio", ("axis", "declared", "identified (95 %)"), tuple(rows))]
     if beside:
         tables.append(Table(
             "Beside the gear", ("axis", "what", "size"), tuple(beside),
-            "Fitted together with the harmonics so that they do not bend them; not taken out of the errors above "
+            "Fitted together with the harmonics so that they do not bend them; not taken out of the errors "
+            "above "
             "(but for the bias) and not in the robot file: `exactarm diagnose` names such effects.",
         ))
     if rest:
@@ -138,9 +152,13 @@ def _disturbance_unit(name: str, unit: str) -> str:
 
 def _gear_sections(gear: Gear, error: str) -> tuple:
     e, unit = gear.estimate, gear.unit
-    title = f"axis {gear.joint}, {'clockwise (the motor angle falls)' if gear.side == 'cw' else 'counter-clockwise'}"
+    title = (
+        f"axis {gear.joint}, "
+        f"{'clockwise (the motor angle falls)' if gear.side == 'cw' else 'counter-clockwise'}"
+    )
     if not gear.table.order.size:
-        return (Text(f"Gear of {title}", ("No order stands out of the noise: the constant ratio is all that was found.",)),)
+        return (Text(f"Gear of {title}", ("No order stands out of the noise: the constant ratio is all that "
+                                          "was found.",)),)
     chosen = gear.samples.side(SIDES[gear.side])
     if np.any(chosen & ~gear.samples.identification):
         chosen = chosen & ~gear.samples.identification
@@ -151,11 +169,14 @@ def _gear_sections(gear: Gear, error: str) -> tuple:
     stem = f"gear_{gear.joint}_{gear.side}"
     figures = (
         Figure(f"{stem}_spectrum", f"Spectrum of the {error}, {title}", partial(_spectrum, gear),
-               "Relative amplitude of the ratio over the order, before and after.", f"spectrum of gear {gear.joint}"),
+               "Relative amplitude of the ratio over the order, before and after.",
+               f"spectrum of gear {gear.joint}"),
         Figure(f"{stem}_error", f"{error.capitalize()} over the angle, {title}",
-               partial(residual_over_signal, angle, before, after, unit=unit, name=error, signal_name="angle of the output",
+               partial(residual_over_signal, angle, before, after, unit=unit, name=error,
+                       signal_name="angle of the output",
                                             signal_unit="rad"),
-               "Before (constant ratio) and after (with the harmonics).", f"{error} of gear {gear.joint} over the angle"),
+               "Before (constant ratio) and after (with the harmonics).",
+               f"{error} of gear {gear.joint} over the angle"),
     )
     fit, m = e.tables[gear.side], gear.table.order.size
     sigma = _LEVEL * np.sqrt(np.diag(fit.covariance))
@@ -165,8 +186,12 @@ def _gear_sections(gear: Gear, error: str) -> tuple:
          around(gear.table.b[k], sigma[m + k]), Quantity(float(np.hypot(gear.table.a[k], gear.table.b[k]))))
         for k in range(m)
     )
-    note = "u = ratio (1 + sum a cos(order phi) - b sin(order phi)); estimates with 95 % intervals, relative to the ratio."
-    return (*figures, Table(f"Harmonics, {title}", ("order per output revolution", "a", "b", "amplitude"), rows, note))
+    note = (
+        "u = ratio (1 + sum a cos(order phi) - b sin(order phi)); estimates with 95 % intervals, relative to "
+        "the ratio."
+    )
+    return (*figures,
+            Table(f"Harmonics, {title}", ("order per output revolution", "a", "b", "amplitude"), rows, note))
 
 
 def _spectrum(gear: Gear):

@@ -41,21 +41,25 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_robot(parser)
     add_files(parser)
     parser.add_argument("--bandwidth", metavar="HZ", type=float, default=None,
-                        help="low-pass on measurement and prediction alike (default: 20 Hz, none for slow logs)")
+                        help="low-pass on measurement and prediction alike (default: 20 Hz, none for slow "
+                             "logs)")
     parser.add_argument("--share", metavar="PART", type=float, default=0.7,
-                        help="part of the rows that is fitted, where the data do not say (default %(default)s)")
+                        help="part of the rows that is fitted, where the data do not say (default "
+                             "%(default)s)")
     parser.add_argument("--friction-only", action="store_true",
                         help="keep masses and rotors as declared, estimate Coulomb and viscous friction")
 
 
 def identify(
-    robot: AnyRobot, data: AnyData, *, bandwidth_hz: float | None = None, share: float = 0.7, friction_only: bool = False,
-    seed: int = DEFAULT_SEED, threads: int | None = None, kind: str | None = None, progress: Progress = SILENT,
+    robot: AnyRobot, data: AnyData, *, bandwidth_hz: float | None = None, share: float = 0.7,
+    friction_only: bool = False,
+    seed: int = DEFAULT_SEED, threads: int | None = None, kind: str | None = None,
+    progress: Progress = SILENT,
 ) -> CommandResult:
     """Identifies inertial parameters, rotors and friction from motions with torques or currents.
 
-    bandwidth_hz: low-pass on measurement and prediction (None: 20 Hz, none for slow logs). share: part of the rows that
-    is fitted, where the data do not say. friction_only: masses and rotors stay as declared.
+    bandwidth_hz: low-pass on measurement and prediction (None: 20 Hz, none for slow logs). share: part of the
+    rows that is fitted, where the data do not say. friction_only: masses and rotors stay as declared.
     """
     given = {"bandwidth_hz": bandwidth_hz, "share": share, "friction_only": friction_only}
     declared = robot_of(robot)
@@ -73,21 +77,24 @@ def identify(
         report=_report(declared, result, rows.split_rule(options.share)),
         robot=result.robot,
         tables={"residuals.csv": residual_table(result)},
-        asked=asked("identify", robot, rows, seed, given, {"bandwidth_hz": None, "share": 0.7, "friction_only": False}),
+        asked=asked("identify", robot, rows, seed, given,
+                    {"bandwidth_hz": None, "share": 0.7, "friction_only": False}),
     ).warned(found)
 
 
 def run(arguments: argparse.Namespace) -> CommandResult:
     return identify(
         arguments.robot, arguments.files, bandwidth_hz=arguments.bandwidth, share=arguments.share,
-        friction_only=arguments.friction_only, seed=arguments.seed, threads=arguments.threads, kind=arguments.kind,
+        friction_only=arguments.friction_only, seed=arguments.seed, threads=arguments.threads,
+        kind=arguments.kind,
         progress=arguments.progress,
     )
 
 
 def require_motion(data: Dataset) -> Dataset:
     if MOTION.name not in data.kinds:
-        raise InputError(f"expected a motion (torques or currents over time), found {data.kind.replace('_', ' ')}",
+        raise InputError("expected a motion (torques or currents over time), found "
+                         f"{data.kind.replace('_', ' ')}",
                          file=data.sources[0].path if data.sources else None)
     return data
 
@@ -106,7 +113,8 @@ def _share(value: float) -> float:
 
 def torque_summary(residual: np.ndarray, axes: np.ndarray) -> dict[str, Any]:
     """S over all samples and axes of a residual (N, m), with a list of S per axis."""
-    rows = [{"joint": int(axis) + 1} | summarise(np.abs(residual[:, k])).to_json() for k, axis in enumerate(axes)]
+    rows = [{"joint": int(axis) + 1} | summarise(np.abs(residual[:, k])).to_json()
+            for k, axis in enumerate(axes)]
     return summarise(np.abs(residual).ravel()).to_json() | {"axes": rows}
 
 
@@ -118,7 +126,8 @@ def _json(result: DynamicsIdentification) -> dict[str, Any]:
         "unit": "Nm",
         "before": {name: torque_summary(result.before.get(name, empty), result.fit.axes) for name in SETS},
         "after": {name: torque_summary(result.after.get(name, empty), result.fit.axes) for name in SETS},
-        "unconstrained": {name: torque_summary(result.unconstrained.get(name, empty), result.fit.axes) for name in SETS},
+        "unconstrained": {name: torque_summary(result.unconstrained.get(name, empty), result.fit.axes)
+                          for name in SETS},
         "parameters": {name: estimate(float(x), float(low), float(high)) for name, x, (low, high) in pairs},
         "base_parameters": {base.names[column]: base.group(k) for k, column in enumerate(base.kept)},
         "dropped": [{"parameter": entry.name, "why": entry.why} for entry in result.dropped],
@@ -155,7 +164,10 @@ def _report(robot: Robot, result: DynamicsIdentification, rule: str) -> Report:
     )
     cost = float(np.sqrt(np.mean(result.unconstrained[judge] ** 2)))
     if result.inertial:
-        verdict += f" That its links are bodies that can exist is in it; without that it would be {quantity(cost, 'Nm')}."
+        verdict += (
+            " That its links are bodies that can exist is in it; without that it would be "
+            f"{quantity(cost, 'Nm')}."
+        )
     band = result.records["identification"].bandwidth_hz
     note = "Before: the robot file as it is. " + rule
     note += f" Measured and predicted torque passed the same low-pass at {band:.3g} Hz." if band else ""
@@ -170,8 +182,10 @@ def _report(robot: Robot, result: DynamicsIdentification, rule: str) -> Report:
             _figure(result, judge),
             _parameters(robot, result),
             _groups(result),
-            Table("Not identified", ("parameter", "why"), tuple((entry.name, entry.why) for entry in result.dropped),
-                  "Friction and rotors keep their declared values; inertial parameters follow the bodies that the links are drawn to."),
+            Table("Not identified", ("parameter", "why"),
+                  tuple((entry.name, entry.why) for entry in result.dropped),
+                  "Friction and rotors keep their declared values; inertial parameters follow the bodies "
+                  "that the links are drawn to."),
             Warnings(result.warnings),
         ),
         "good" if after.rms < before.rms else "caution",
@@ -183,7 +197,8 @@ def _axis_table(result: DynamicsIdentification, judge: str) -> Table:
     torque = result.records[judge].torque[result.records[judge].keep][:, result.fit.axes]
     rows: tuple[tuple[Cell, ...], ...] = tuple(
         (f"axis {axis + 1}", *(Quantity(float(value), "Nm") for value in values))
-        for axis, *values in zip(result.fit.axes, np.sqrt(np.mean(torque**2, axis=0)), rms(result.before), rms(result.after))
+        for axis, *values in zip(result.fit.axes, np.sqrt(np.mean(torque**2, axis=0)), rms(result.before),
+                                 rms(result.after))
     )
     return Table(f"Axes, {judge}", ("", "RMS of the torque", "RMS error before", "RMS error after"), rows)
 
@@ -196,11 +211,14 @@ def _bodies(result: DynamicsIdentification) -> tuple[Table, ...]:
     for number, link in enumerate(result.robot.links or (), start=1):
         moments = np.linalg.eigvalsh(link.inertia)
         centre = (Quantity(float(value), "m") for value in link.centre_of_mass)
-        rows.append((f"link {number}", Quantity(link.mass, "kg"), *centre, *(Quantity(float(value), "kg m²") for value in moments)))
+        rows.append((f"link {number}", Quantity(link.mass, "kg"), *centre,
+                     *(Quantity(float(value), "kg m²") for value in moments)))
     drawn_to = "its declared mass, centre and inertia" if result.declared_bodies else (
         "a plain bar from joint to joint, all of them as heavy together as the motion asks")
-    return (Table("Links as bodies", ("", "mass", "centre x", "y", "z", "principal moments", "", ""), tuple(rows),
-                  "Every link has a positive mass and moments that a body can have (positive definite pseudo-inertia). What the "
+    return (Table("Links as bodies", ("", "mass", "centre x", "y", "z", "principal moments", "", ""),
+                  tuple(rows),
+                  "Every link has a positive mass and moments that a body can have (positive definite "
+                  "pseudo-inertia). What the "
                   f"motion does not show is drawn to {drawn_to}: a possible body, not the true one."),)
 
 
@@ -221,7 +239,8 @@ def _figure(result: DynamicsIdentification, judge: str) -> Figure:
 
 def _parameters(robot: Robot, result: DynamicsIdentification) -> Table:
     start = with_links(robot)
-    declared = friction_layout(start, result.records["identification"]).joined(inertial_layout(start, result.base))
+    declared = friction_layout(start,
+                               result.records["identification"]).joined(inertial_layout(start, result.base))
     values = dict(zip(declared.names, declared.values))
     names = result.fit.layout.names
     return parameter_table(names, [values[name] for name in names], result.fit.fit.x, result.fit.intervals,

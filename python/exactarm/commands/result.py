@@ -116,7 +116,9 @@ class CommandResult:
         names = ErrorSummary.__dataclass_fields__
         nan = float("nan")
         return {
-            name: ErrorSummary(**{key: nan if s[key] is None else s[key] for key in names})  # type: ignore[arg-type]
+            name: ErrorSummary(**{  # type: ignore[arg-type]
+                key: nan if s[key] is None else s[key] for key in names
+            })
             for name, s in plain(sets).items()
         }
 

@@ -1,10 +1,10 @@
 """`exactarm simulate`: a virtual robot, measured as the real one would be.
 
     exactarm simulate racer-7-1.4 trajectory.csv --out played
-    exactarm simulate racer-7-1.4 --measure motion --effect "payload mass_kg=3 moment_x_kg_m=0.2 ..." --out log
+    exactarm simulate racer-7-1.4 --measure motion --effect "payload mass_kg=3 ..." --out log
     exactarm simulate racer-7-1.4 --compare line --out worth
-    exactarm simulate panda --measure closures --contact socket --places 3 --count 20 --deviation 1 --out touched
-    exactarm simulate ur10 poses.csv --measure poses --deviation 1 --effect "joint_compliance joint=2 ..." --out poses
+    exactarm simulate panda --measure closures --contact socket --places 3 --count 20 --out touched
+    exactarm simulate ur10 poses.csv --measure poses --effect "joint_compliance joint=2 ..." --out poses
 """
 
 from __future__ import annotations
@@ -68,44 +68,65 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--measure", choices=MEASURES, default=None,
                         help="what is measured (default: tracked for a trajectory, else poses)")
     parser.add_argument("--compare", metavar="PATH", default=None,
-                        help="what a plan is worth: plays rigid motions and exactarm's for a path file, line or spiral")
+                        help="what a plan is worth: plays rigid motions and exactarm's for a path file, line "
+                             "or spiral")
     truth = parser.add_argument_group("truth, written to truth.toml alone")
     truth.add_argument("--effect", metavar="WORDS", action="append", default=[],
                        help='a hidden effect, as "backlash joint=2 width_rad=4e-4"; may be repeated')
     truth.add_argument("--deviation", metavar="SCALE", type=float, default=None,
-                       help="random errors of masses, friction and, for positions, geometry: 1 = as usual (default 0, to compare 1)")
+                       help="random errors of masses, friction and, for positions, geometry: 1 = as usual "
+                            "(default 0, to compare 1)")
     truth.add_argument("--frames", choices=("random", "declared"), default="random",
-                       help="where tracker and target are, for poses and tracked motion (default %(default)s)")
+                       help="where tracker and target are, for poses and tracked motion (default "
+                            "%(default)s)")
     truth.add_argument("--quasi-static", action="store_true", help="springs follow the load without swinging")
     truth.add_argument("--gear-direction", choices=("motion", "cw", "ccw"), default="motion",
-                       help="gear tables of the direction of motion, or one throughout, as a plan may assume (default %(default)s)")
+                       help="gear tables of the direction of motion, or one throughout, as a plan may assume "
+                            "(default %(default)s)")
     truth.add_argument("--damping", metavar="S", type=float, default=None,
-                       help="damping of the springs over their stiffness (default: 1e-3 for motion, 0 for tracked)")
+                       help="damping of the springs over their stiffness (default: 1e-3 for motion, 0 for "
+                            "tracked)")
     truth.add_argument("--engine", choices=("own", "pinocchio"), default=None,
-                       help="plant of a tracked motion: ours, or an independent one (needs the package pin); default ours, to compare both")
+                       help="plant of a tracked motion: ours, or an independent one (needs the package pin); "
+                            "default ours, to compare both")
     what = parser.add_argument_group("measurement")
-    what.add_argument("--count", metavar="K", type=int, default=63, help="random poses, without a file (default %(default)s)")
-    what.add_argument("--visits", metavar="K", type=int, default=1, help="how often each pose is visited (default %(default)s)")
-    what.add_argument("--contact", choices=CONTACTS, default="socket", help="what closures touch (default %(default)s)")
+    what.add_argument("--count", metavar="K", type=int, default=63,
+                      help="random poses, without a file (default %(default)s)")
+    what.add_argument("--visits", metavar="K", type=int, default=1,
+                      help="how often each pose is visited (default %(default)s)")
+    what.add_argument("--contact", choices=CONTACTS, default="socket",
+                      help="what closures touch (default %(default)s)")
     what.add_argument("--places", metavar="K", type=int, default=3,
-                      help="of the fixture; --count is the number of touches of each contact there (default %(default)s)")
+                      help="of the fixture; --count is the number of touches of each contact there (default "
+                           "%(default)s)")
     what.add_argument("--orientation", action="store_true", help="measure orientations too")
-    what.add_argument("--joint", metavar="I", type=int, action="append", help="axes of gear runs (default: all with a gear)")
+    what.add_argument("--joint", metavar="I", type=int, action="append",
+                      help="axes of gear runs (default: all with a gear)")
     what.add_argument("--torques", metavar="SIGMA", type=float, default=None,
                       help="measure the drive torques of poses too, with this noise in Nm")
-    what.add_argument("--speed", metavar="DEG_S", type=float, action="append", help="speeds of gear runs (default: 40 and 30 %% of the largest)")
-    what.add_argument("--repeats", metavar="K", type=int, default=2, help="to and fro at each speed (default %(default)s)")
-    what.add_argument("--in-motion", action="store_true", help="gear runs begin and end at constant speed, not at rest")
-    what.add_argument("--runs", metavar="K", type=int, default=3, help="motions, without a file (default %(default)s)")
-    what.add_argument("--seconds", metavar="S", type=float, default=10.0, help="length of a motion (default %(default)s)")
-    what.add_argument("--rate", metavar="HZ", type=float, default=None, help="samples per second (default: the file's, else 1000, motion 500)")
+    what.add_argument("--speed", metavar="DEG_S", type=float, action="append",
+                      help="speeds of gear runs (default: 40 and 30 %% of the largest)")
+    what.add_argument("--repeats", metavar="K", type=int, default=2,
+                      help="to and fro at each speed (default %(default)s)")
+    what.add_argument("--in-motion", action="store_true",
+                      help="gear runs begin and end at constant speed, not at rest")
+    what.add_argument("--runs", metavar="K", type=int, default=3,
+                      help="motions, without a file (default %(default)s)")
+    what.add_argument("--seconds", metavar="S", type=float, default=10.0,
+                      help="length of a motion (default %(default)s)")
+    what.add_argument("--rate", metavar="HZ", type=float, default=None,
+                      help="samples per second (default: the file's, else 1000, motion 500)")
     sensors = parser.add_argument_group("sensors")
     sensors.add_argument("--noise", metavar="SIGMA", type=float, default=None,
-                         help="of position in m (5e-5), gyroscope in rad/s (8.7e-4), torque in Nm (1 %% of each axis)")
+                         help="of position in m (5e-5), gyroscope in rad/s (8.7e-4), torque in Nm (1 %% of "
+                              "each axis)")
     sensors.add_argument("--counts", metavar="K", type=int, default=None,
-                         help="encoder counts per revolution of the motor (default: 65536, exact where no gear ratio is declared; 0: exact)")
-    sensors.add_argument("--wrong-rows", metavar="SHARE", type=float, default=0.0, help="share of rows with gross errors")
-    sensors.add_argument("--temperature", metavar="DEGC", type=float, nargs=2, default=None, help="at the start and in the end")
+                         help="encoder counts per revolution of the motor (default: 65536, exact where no "
+                              "gear ratio is declared; 0: exact)")
+    sensors.add_argument("--wrong-rows", metavar="SHARE", type=float, default=0.0,
+                         help="share of rows with gross errors")
+    sensors.add_argument("--temperature", metavar="DEGC", type=float, nargs=2, default=None,
+                         help="at the start and in the end")
 
 
 @dataclass(frozen=True)
@@ -119,10 +140,12 @@ class _Played:
 
 
 def simulate(
-    robot: AnyRobot, file: str | Path | None = None, *, measure: str | None = None, effects: Sequence[str] = (),
+    robot: AnyRobot, file: str | Path | None = None, *, measure: str | None = None,
+    effects: Sequence[str] = (),
     seed: int = DEFAULT_SEED, threads: int | None = None, progress: Progress = SILENT, **options: Any,
 ) -> CommandResult:
-    """Plays a trajectory or measures poses, gears and motions on a virtual robot; `result.data` are the measured rows.
+    """Plays a trajectory or measures poses, gears and motions on a virtual robot; `result.data` are the
+    measured rows.
 
     file: trajectory.csv to play or poses.csv to measure. effects: hidden causes in words. options: those of
     `exactarm simulate --help` with their names (deviation=1, count=80, noise=2e-5, counts=0, ...).
@@ -132,7 +155,8 @@ def simulate(
         >>> len(made.data), made.data.kind
         (30, 'poses')
     """
-    given = {"measure": measure, "effect": list(effects), "seed": seed, "threads": threads_of(threads), "progress": progress}
+    given = {"measure": measure, "effect": list(effects), "seed": seed, "threads": threads_of(threads),
+             "progress": progress}
     arguments = arguments_of(add_arguments, robot_of(robot), [] if file is None else [file], options,
                              apart=("measure", "effect", "compare"))
     vars(arguments).update(given)
@@ -172,7 +196,8 @@ def _require_comparison(arguments: argparse.Namespace, robot: Robot) -> None:
     if arguments.quasi_static:
         raise InputError("--compare lets the springs swing: expected no --quasi-static")
     if arguments.engine == "pinocchio" and (arguments.effect or arguments.damping):
-        raise InputError("--engine pinocchio knows neither hidden effects nor damping: expected no --effect and no --damping")
+        raise InputError("--engine pinocchio knows neither hidden effects nor damping: expected no --effect "
+                         "and no --damping")
     _require_numbers(arguments)
     if not robot.has_geometry:
         raise InputError(f"robot {robot.name} declares no geometry; expected one for a path", file=robot.file)
@@ -181,15 +206,18 @@ def _require_comparison(arguments: argparse.Namespace, robot: Robot) -> None:
 def _require(arguments: argparse.Namespace, robot: Robot, measure: str, planned: Dataset | None) -> None:
     _require_numbers(arguments)
     if measure in _AT_REST and not robot.has_geometry:
-        raise InputError(f"robot {robot.name} declares no geometry; expected one for measured positions", file=robot.file)
+        raise InputError(f"robot {robot.name} declares no geometry; expected one for measured positions",
+                         file=robot.file)
     if measure == "motion" and (robot.links is None or robot.generic_masses):
-        raise InputError(f"robot {robot.name} declares no link masses; expected them for a motion", file=robot.file)
+        raise InputError(f"robot {robot.name} declares no link masses; expected them for a motion",
+                         file=robot.file)
     if measure == "tracked" and (planned is None or planned.time is None):
         raise InputError("tracked motion: expected a trajectory.csv with time_s and theta_i_rad")
 
 
 def _require_numbers(arguments: argparse.Namespace) -> None:
-    for name, least in (("count", 1), ("places", 1), ("visits", 1), ("repeats", 1), ("runs", 1), ("counts", 0)):
+    for name, least in (("count", 1), ("places", 1), ("visits", 1), ("repeats", 1), ("runs", 1),
+                        ("counts", 0)):
         if getattr(arguments, name) is not None and getattr(arguments, name) < least:
             raise InputError(f"--{name} {getattr(arguments, name)}: expected {least} or more")
     for name in ("seconds", "rate"):
@@ -200,7 +228,8 @@ def _require_numbers(arguments: argparse.Namespace) -> None:
             raise InputError(f"--{name} {getattr(arguments, name)}: expected 0 or more")
 
 
-def _virtual(arguments: argparse.Namespace, robot: Robot, measure: str, random: np.random.Generator) -> VirtualRobot:
+def _virtual(arguments: argparse.Namespace, robot: Robot, measure: str,
+             random: np.random.Generator) -> VirtualRobot:
     effects = [parse_effect(text, robot.axes) for text in arguments.effect]
     true = robot
     if arguments.deviation:
@@ -220,10 +249,12 @@ def _sensors(arguments: argparse.Namespace) -> Sensors:
     if arguments.torques is not None:
         noise["torque_Nm"] = arguments.torques
     temperature = None if arguments.temperature is None else tuple(arguments.temperature)
-    return Sensors(counts=arguments.counts, wrong_rows=arguments.wrong_rows, temperature_degC=temperature, **noise)
+    return Sensors(counts=arguments.counts, wrong_rows=arguments.wrong_rows, temperature_degC=temperature,
+                   **noise)
 
 
-def _poses(arguments: argparse.Namespace, virtual: VirtualRobot, planned: Dataset | None, random: np.random.Generator) -> _Played:
+def _poses(arguments: argparse.Namespace, virtual: VirtualRobot, planned: Dataset | None,
+           random: np.random.Generator) -> _Played:
     robot = virtual.nominal
     if planned is not None:
         angles = planned.joints.get("q", np.full((len(planned), robot.axes), np.nan))
@@ -231,35 +262,46 @@ def _poses(arguments: argparse.Namespace, virtual: VirtualRobot, planned: Datase
         q = np.where(np.isnan(angles), theta / robot.controller_ratios + robot.controller_offsets, angles)
     else:
         q = random.uniform(limit(robot, "q_min"), limit(robot, "q_max"), (arguments.count, robot.axes))
-    carried = {} if planned is None else {name: planned.covariates[name] for name in PAYLOADS if name in planned.covariates}
+    carried = (
+        {} if planned is None
+        else {name: planned.covariates[name] for name in PAYLOADS if name in planned.covariates}
+    )
     data = measure_poses(
         virtual, q, _sensors(arguments), random, visits=arguments.visits, orientation=arguments.orientation,
-        session=None if planned is None else planned.session, payload=carried, torques=arguments.torques is not None,
+        session=None if planned is None else planned.session, payload=carried,
+        torques=arguments.torques is not None,
     )
     return _Played(data, "measured.csv")
 
 
-def _closures(arguments: argparse.Namespace, virtual: VirtualRobot, planned: Dataset | None, random: np.random.Generator) -> _Played:
+def _closures(arguments: argparse.Namespace, virtual: VirtualRobot, planned: Dataset | None,
+              random: np.random.Generator) -> _Played:
     data, fixture = measure_closures(
         virtual, arguments.contact, arguments.places, arguments.count, _sensors(arguments), random
     )
     return _Played(data, "closures.csv", texts={"fixture.toml": fixture_text(fixture)})
 
 
-def _gear(arguments: argparse.Namespace, virtual: VirtualRobot, planned: Dataset | None, random: np.random.Generator) -> _Played:
+def _gear(arguments: argparse.Namespace, virtual: VirtualRobot, planned: Dataset | None,
+          random: np.random.Generator) -> _Played:
     robot = virtual.nominal
     axes = [i for i, joint in enumerate(robot.joints) if joint.has_gear]
     if not axes:
-        raise InputError(f"robot {robot.name} declares no gear ratio; expected one for a gear run", file=robot.file)
+        raise InputError(f"robot {robot.name} declares no gear ratio; expected one for a gear run",
+                         file=robot.file)
     if arguments.joint:
         wrong = [axis for axis in arguments.joint if axis - 1 not in axes]
         if wrong:
-            raise InputError(f"--joint {wrong[0]}: expected an axis with a gear, one of {[i + 1 for i in axes]}")
+            raise InputError(f"--joint {wrong[0]}: expected an axis with a gear, one of "
+                             f"{[i + 1 for i in axes]}")
         axes = [axis - 1 for axis in arguments.joint]
     parts = []
     for axis in axes:
         top = float(limit(robot, "q_dot_max")[axis])
-        speeds = [speed * DEGREE for speed in arguments.speed] if arguments.speed else [share * top for share in _SPEEDS]
+        speeds = (
+            [speed * DEGREE for speed in arguments.speed]
+            if arguments.speed else [share * top for share in _SPEEDS]
+        )
         parts.append(measure_gear_runs(
             virtual, [axis], speeds, arguments.repeats, _sensors(arguments), random, arguments.rate or 1000.0,
             in_motion=arguments.in_motion,
@@ -275,12 +317,14 @@ def _joined(parts: list[Dataset]) -> Dataset:
     stack = lambda pick: np.concatenate([pick(part) for part in parts])
     covariates = {name: stack(lambda part, name=name: part.covariates[name]) for name in parts[0].covariates}
     return Dataset.of_arrays(
-        GEAR_RUN.name, {"theta": stack(lambda part: part.joints["theta"])}, time=stack(lambda part: part.time),
+        GEAR_RUN.name, {"theta": stack(lambda part: part.joints["theta"])},
+        time=stack(lambda part: part.time),
         run=np.concatenate(first), gyro=stack(lambda part: part.gyro), covariates=covariates,
     )
 
 
-def _motion(arguments: argparse.Namespace, virtual: VirtualRobot, planned: Dataset | None, random: np.random.Generator) -> _Played:
+def _motion(arguments: argparse.Namespace, virtual: VirtualRobot, planned: Dataset | None,
+            random: np.random.Generator) -> _Played:
     joints = None
     if planned is None:
         pieces = []
@@ -298,7 +342,8 @@ def _motion(arguments: argparse.Namespace, virtual: VirtualRobot, planned: Datas
     return _Played(data, "motion.parquet")
 
 
-def _tracked(arguments: argparse.Namespace, virtual: VirtualRobot, planned: Dataset | None, random: np.random.Generator) -> _Played:
+def _tracked(arguments: argparse.Namespace, virtual: VirtualRobot, planned: Dataset | None,
+             random: np.random.Generator) -> _Played:
     if planned is None:
         raise ValueError("expected a planned trajectory")
     time, theta, joints = _resampled(planned, virtual.nominal, arguments.rate)
@@ -317,7 +362,8 @@ def _tracked(arguments: argparse.Namespace, virtual: VirtualRobot, planned: Data
     return _Played(data, "tracked.csv", tracking)
 
 
-def _resampled(planned: Dataset, robot: Robot, rate_hz: float | None) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+def _resampled(planned: Dataset, robot: Robot,
+               rate_hz: float | None) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
     """time, motor angles and joint angles (as planned, None if not in the file).
 
     By a quintic spline where another rate is asked for (the controller's interpolation).
@@ -353,7 +399,8 @@ def _json(played: _Played, measure: str) -> dict[str, Any]:
     result = {"data_kind": played.data.kind, "file": played.name, "rows": len(played.data)}
     if played.tracking is not None:
         summary = summarise(played.tracking).to_json()
-        result["tracking"] = {"position_rms_m": summary["rms"], "position_max_m": summary["max"], "error": summary}
+        result["tracking"] = {"position_rms_m": summary["rms"], "position_max_m": summary["max"],
+                              "error": summary}
     return result
 
 
@@ -369,5 +416,5 @@ def _report(robot: Robot, played: _Played, measure: str) -> Report:
             Highlight(f"flange error, {name}", Quantity(summary[key], "m"), None)
             for name, key in (("mean", "mean"), ("RMS", "rms"), ("maximum", "max"))
         )))
-    sections.append(Text("Truth", ("What the virtual robot really is stands in truth.toml and nowhere else.",)))
+    sections.append(Text("Truth", ("What the virtual robot is stands in truth.toml and nowhere else.",)))
     return Report(f"Virtual {robot.name}", verdict, tuple(sections), "plain")

@@ -1,7 +1,7 @@
 """Diagnosis: from data to a verdict.
 
-The declared model re-identified, the effects that the residual asks for, what they earn on rows that chose nothing,
-who else could have explained it, and what is still unexplained.
+The declared model re-identified, the effects that the residual asks for, what they earn on rows that chose
+nothing, who else could have explained it, and what is still unexplained.
 """
 
 from __future__ import annotations
@@ -46,11 +46,12 @@ _MANY_PARAMETERS = 200  # above it, only the strongest rival is fitted in the ot
 
 @dataclass(frozen=True)
 class Finding:
-    """One effect that was added: values with 95 % intervals (k, 2), certainty, and the validation RMS before and after
-    the round that added it (independent causes are added in one round).
+    """One effect that was added: values with 95 % intervals (k, 2), certainty, and the validation RMS before
+    and after the round that added it (independent causes are added in one round).
 
-    derived: numbers that follow from the values, name -> (value, low, high). credible_set: (effect, joint, probability) of the causes
-    that hold 95 % of what could stand in its place, with everything else in the model; own_share of the held-out square sum.
+    derived: numbers that follow from the values, name -> (value, low, high). credible_set: (effect, joint,
+    probability) of the causes that hold 95 % of what could stand in its place, with everything else in the
+    model; own_share of the held-out square sum.
     """
 
     effect: Effect
@@ -66,7 +67,8 @@ class Finding:
 
 @dataclass(frozen=True)
 class Alternative:
-    """A rival of a finding: what it would leave on the validation rows, and whether this data can tell them apart."""
+    """A rival of a finding: what it would leave on the validation rows, and whether this data can tell them
+    apart."""
 
     effect: Effect
     instead_of: str
@@ -119,7 +121,8 @@ class Diagnosis:
 
 
 def diagnose(
-    robot: Robot, data: Dataset, *, seed: int = DEFAULT_SEED, threads: int = 1, progress: Progress = lambda text: None
+    robot: Robot, data: Dataset, *, seed: int = DEFAULT_SEED, threads: int = 1,
+    progress: Progress = lambda text: None
 ) -> Diagnosis:
     """Finds what the model of `robot` lacks on `data` (of one kind); validation rows choose nothing."""
     identification = data.split(seed)
@@ -204,11 +207,13 @@ def _bound(updated: Robot, robot: Robot, data: Dataset) -> Robot:
 
 
 def _search(problem: Problem, declared: Layout, progress: Progress) -> tuple[Selection, Causes | None]:
-    """Selection on as many rows as it takes; first and last model are then fitted to all identification rows."""
+    """Selection on as many rows as it takes; first and last model are then fitted to all identification
+    rows."""
     rows = problem.search_rows()
     part = problem
     if rows is not None:
-        part = type(problem)(problem.robot, problem.data.select(rows), problem.held_out, problem.threads, problem.seed)
+        part = type(problem)(problem.robot, problem.data.select(rows), problem.held_out, problem.threads,
+                             problem.seed)
     causes = find_causes(part, declared, progress) if problem.by_posterior else None
     if causes is None:
         found = select(part, declared, progress)
@@ -286,7 +291,8 @@ def _alternatives(problem: Problem, declared: Layout, selection: Selection) -> t
     found = []
     for rival, place in strongest[: _RIVALS if last.layout.size < _MANY_PARAMETERS else 1]:
         accepted = selection.accepted[place]
-        fitted = problem.settled(refit(problem, declared, chosen[:place] + [rival.effect] + chosen[place + 1 :], last))
+        fitted = problem.settled(refit(problem, declared,
+                                       chosen[:place] + [rival.effect] + chosen[place + 1 :], last))
         left = _rms(_judged(_errors(problem, fitted)))
         probability = float(np.exp(min(rival.evidence - accepted.evidence, 0.0)) * accepted.probability)
         found.append(Alternative(

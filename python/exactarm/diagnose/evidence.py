@@ -1,14 +1,16 @@
-"""Evidence: marginal likelihood of sets of causes in the linear picture around a fit, noise variance integrated out.
+"""Evidence: marginal likelihood of sets of causes in the linear picture around a fit, noise variance
+integrated out.
 
-r (R,) whitened residual and C (R, p) whitened columns of the vocabulary, both cleared of what the declared parameters D can
-absorb (flat prior): C~ = C - Q Q'C, r~ = r - Q Q'r. With B the columns of a set M times their prior sizes, V = I + B B':
+r (R,) whitened residual and C (R, p) whitened columns of the vocabulary, both cleared of what the declared
+parameters D can absorb (flat prior): C~ = C - Q Q'C, r~ = r - Q Q'r. With B the columns of a set M times
+their prior sizes, V = I + B B':
 
     log p(r | M) = -1/2 log|V| - n/2 log(r' V^-1 r) + const,      n = independent numbers - rank(D)
     adding a block g:  H = S C_g' V^-1 C_g S,  y = S C_g' V^-1 r:
         log|V| += log|I + s^2 H|,   r' V^-1 r -= y' s^2 (I + s^2 H)^-1 y
 
-All blocks of one width are scored at once by the eigenvectors of H. A coefficient that cannot be negative multiplies by
-P(b > 0 | r) / P(b > 0).
+All blocks of one width are scored at once by the eigenvectors of H. A coefficient that cannot be negative
+multiplies by P(b > 0 | r) / P(b > 0).
 """
 
 from __future__ import annotations
@@ -22,7 +24,8 @@ from scipy import linalg, special
 
 from exactarm.diagnose.vocabulary import SCALE_WEIGHTS, SCALES, Vocabulary
 
-_ABSORBED = 1e-6  # share of a column's square sum left after projection, below which the declared model explains it
+# share of a column's square sum left after projection, below which the declared model explains it
+_ABSORBED = 1e-6
 
 _MOST_PRODUCTS = 40  # of a block's columns with all others, kept: a few hundred MB at most
 _STRIP = 512  # columns worked on at once
@@ -31,7 +34,8 @@ _INVISIBLE = 1e-3  # whitened length of a block at its plausible size, below whi
 
 @dataclass(frozen=True)
 class Additions:
-    """For each block g: log weight (G,) of the set with it, less that of the set, summed over scales; best scale (G,) index."""
+    """For each block g: log weight (G,) of the set with it, less that of the set, summed over scales; best
+    scale (G,) index."""
 
     log_weight: np.ndarray
     scale: np.ndarray
@@ -40,7 +44,8 @@ class Additions:
 
 @dataclass(frozen=True)
 class Members:
-    """Blocks in a set with their scales, and the factor of V: `basis` (R, K) with B = basis, `inverse` = (I + B'B)^-1."""
+    """Blocks in a set with their scales, and the factor of V: `basis` (R, K) with B = basis, `inverse` = (I +
+    B'B)^-1."""
 
     blocks: tuple[int, ...]
     scales: tuple[int, ...]
@@ -49,7 +54,8 @@ class Members:
 class Picture:
     """The linear picture of one fit: columns, residual and count of independent numbers. Immutable by use."""
 
-    def __init__(self, vocabulary: Vocabulary, declared: np.ndarray, columns: np.ndarray, residual: np.ndarray, count: float,
+    def __init__(self, vocabulary: Vocabulary, declared: np.ndarray, columns: np.ndarray,
+                 residual: np.ndarray, count: float,
                  closed: frozenset[int] = frozenset()):
         self.closed = closed  # blocks that are not to be added
         self.vocabulary, self.columns, self.residual, self.count = vocabulary, columns, residual, count
@@ -59,8 +65,10 @@ class Picture:
         self._grams: dict[tuple[int, int], np.ndarray] = {}  # C_g'C_h of two of them
 
     @staticmethod
-    def of(vocabulary: Vocabulary, residual: np.ndarray, declared: np.ndarray, noise, share: float = 1.0) -> Picture:
-        """residual (N, m), declared (N, m, P): columns that are free under a flat prior; noise.whiten; share: independent
+    def of(vocabulary: Vocabulary, residual: np.ndarray, declared: np.ndarray, noise,
+           share: float = 1.0) -> Picture:
+        """residual (N, m), declared (N, m, P): columns that are free under a flat prior; noise.whiten; share:
+        independent
         numbers for each number of data."""
         r = noise.whiten(residual[:, :, None])[:, 0]
         d = noise.whiten(declared)
@@ -74,7 +82,8 @@ class Picture:
         return Picture(vocabulary, basis, c, r, max(share * noise.numbers - basis.shape[1], 1.0))
 
     def beside(self, members: Members) -> Picture:
-        """The picture in which a set is part of the noise: r and C times V^-1/2, its labels left out of the vocabulary."""
+        """The picture in which a set is part of the noise: r and C times V^-1/2, its labels left out of the
+        vocabulary."""
         b = self.basis(members)
         u, sizes, _ = np.linalg.svd(b, full_matrices=False)
         shrink = (1.0 - 1.0 / np.sqrt(1.0 + sizes**2))[:, None]
@@ -167,7 +176,8 @@ class Picture:
         blocks = [self.vocabulary.blocks[i] for i in members.blocks]
         size = np.concatenate([SCALES[s] * block.size for block, s in zip(blocks, members.scales)])
         right = size * np.concatenate([self.onto[block.where] for block in blocks])
-        gram = np.concatenate([np.concatenate([self._gram(one.where, other.where) for other in blocks], axis=1) for one in blocks])
+        gram = np.concatenate([np.concatenate([self._gram(one.where, other.where) for other in blocks],
+                                              axis=1) for one in blocks])
         lower = np.linalg.cholesky(np.eye(len(size)) + size[:, None] * gram * size)
         onto = linalg.solve_triangular(lower, right, lower=True, check_finite=False)
         return 2.0 * float(np.sum(np.log(np.diag(lower)))), self.square - float(onto @ onto)
@@ -188,7 +198,9 @@ class Picture:
     def coefficients(self, members: Members) -> list[np.ndarray]:
         """Posterior mean of the coefficients of every member, in units of the parameters."""
         b = self.basis(members)
-        scaled = np.linalg.solve(np.eye(b.shape[1]) + b.T @ b, b.T @ self.residual) if b.shape[1] else np.zeros(0)
+        scaled = (
+            np.linalg.solve(np.eye(b.shape[1]) + b.T @ b, b.T @ self.residual) if b.shape[1] else np.zeros(0)
+        )
         found, at = [], 0
         for index, scale in zip(members.blocks, members.scales):
             block = self.vocabulary.blocks[index]
@@ -197,19 +209,22 @@ class Picture:
         return found
 
     def held_out(self, members: Members, folds: np.ndarray) -> np.ndarray:
-        """(folds,) square sum of the whitened residual of every fold, predicted from the others; folds (N,) of the rows.
+        """(folds,) square sum of the whitened residual of every fold, predicted from the others; folds (N,)
+        of the rows.
 
         The declared parameters are fitted anew without the fold too: `declared` columns under a flat prior.
         """
         b = np.concatenate([self.declared, self.basis(members)], axis=1)
-        prior = np.concatenate([np.full(self.declared.shape[1], 1e-8), np.ones(b.shape[1] - self.declared.shape[1])])
+        prior = np.concatenate([np.full(self.declared.shape[1], 1e-8),
+                                np.ones(b.shape[1] - self.declared.shape[1])])
         normal, right = b.T @ b + np.diag(prior), b.T @ self.residual
         of_number = np.repeat(folds, len(self.residual) // len(folds))
         squares = np.empty(int(folds.max()) + 1)
         for fold in range(len(squares)):
             mine = of_number == fold
             part, answer = b[mine], self.residual[mine]
-            values = np.linalg.solve(normal - part.T @ part + 1e-9 * np.eye(len(normal)), right - part.T @ answer)
+            values = np.linalg.solve(normal - part.T @ part + 1e-9 * np.eye(len(normal)),
+                                     right - part.T @ answer)
             squares[fold] = np.sum((answer - part @ values) ** 2)
         return squares
 

@@ -1,4 +1,5 @@
-"""Static poses as a diagnosis problem: residual = position (and orientation) of the target, all sessions at once."""
+"""Static poses as a diagnosis problem: residual = position (and orientation) of the target, all sessions at
+once."""
 
 from __future__ import annotations
 
@@ -62,7 +63,8 @@ class PoseProblem(Problem):
         fit, _ = fit_identifiable(self.robot, layout, self.data, self.orientation, options)
         return fit.layout
 
-    def fit(self, layout: Layout, weight: np.ndarray | None = None, sigma: np.ndarray | None = None) -> Fitted:
+    def fit(self, layout: Layout, weight: np.ndarray | None = None,
+            sigma: np.ndarray | None = None) -> Fitted:
         weight = np.ones(len(self.data)) if weight is None else weight
         result = fit_poses(
             self.robot, layout, self.data, orientation=self.orientation, weights=weight, threads=self.threads,
@@ -74,7 +76,8 @@ class PoseProblem(Problem):
         view = prediction.view
         view.signals["residual"] = residual
         jacobian = prediction.jacobian[:, : residual.shape[1]]
-        return Fitted(self.robot, result.layout, result.fit, residual, jacobian, np.array(sigma), weight, view)
+        return Fitted(self.robot, result.layout, result.fit, residual, jacobian, np.array(sigma), weight,
+                      view)
 
     def errors(self, fitted: Fitted, data: Dataset) -> np.ndarray:
         prediction = predict_poses(self.robot, fitted.layout, data, tangents=False, threads=self.threads)
@@ -112,9 +115,11 @@ class PoseProblem(Problem):
     def signals(self, fitted: Fitted) -> dict[str, np.ndarray]:
         view, data = fitted.view, self.data
         signals = {f"angle of axis {i + 1}": view.q[:, i] for i in range(view.axes)}
-        signals |= {f"load of axis {i + 1}": view.torque[:, i] for i in range(view.axes) if np.ptp(view.torque[:, i]) > 0}
+        signals |= {f"load of axis {i + 1}": view.torque[:, i] for i in range(view.axes)
+                    if np.ptp(view.torque[:, i]) > 0}
         directions = view.direction
-        signals |= {f"approach of axis {i + 1}": directions[:, i] for i in range(view.axes) if np.ptp(directions[:, i]) > 0}
+        signals |= {f"approach of axis {i + 1}": directions[:, i] for i in range(view.axes)
+                    if np.ptp(directions[:, i]) > 0}
         position = view.signals["target"]
         signals |= {f"position {axis}": position[:, k] for k, axis in enumerate("xyz")}
         order = data.time if data.time is not None else np.arange(len(data), dtype=float)
@@ -134,15 +139,18 @@ class PoseProblem(Problem):
     def directions(self, fitted: Fitted) -> dict[str, np.ndarray]:
         view, m = fitted.view, fitted.residual.shape[1]
         unit = np.ones((view.rows, 1, 1))
-        turn = {f"a turn of axis {i + 1}": view.transfers[Station.GEAR]((i,), unit)[:, :m, 0] for i in range(view.axes)}
+        turn = {f"a turn of axis {i + 1}": view.transfers[Station.GEAR]((i,), unit)[:, :m, 0]
+                for i in range(view.axes)}
         axes = np.eye(m)[:3]
-        return turn | {f"the device's {name} axis": np.tile(axes[k], (view.rows, 1)) for k, name in enumerate("xyz")}
+        return turn | {f"the device's {name} axis": np.tile(axes[k], (view.rows, 1))
+                       for k, name in enumerate("xyz")}
 
     def error_of_unit_noise(self, fitted: Fitted) -> float:
         return float(np.sqrt(np.sum(fitted.sigma[:3] ** 2)))
 
     def repeat_noise(self, fitted: Fitted) -> float | None:
-        """Pure error of rows measured at the same commanded pose in the same session, those left out excepted."""
+        """Pure error of rows measured at the same commanded pose in the same session, those left out
+        excepted."""
         used = fitted.weight > 0
         groups = (self.groups() * (1 + self.data.session.max()) + self.data.session)[used]
         if len(groups) - len(np.unique(groups)) < LEAST_REPEATS:

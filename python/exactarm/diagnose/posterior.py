@@ -1,10 +1,14 @@
 """Which causes the data ask for: one posterior over sets of named causes and unknown functions.
 
-1. The declared model is fitted, and every cause linearised there once (vocabulary.py): relinearising at a clearance lies, because
+1. The declared model is fitted, and every cause linearised there once (vocabulary.py): relinearising at a
+clearance lies, because
    other columns then pass through its steep flank.
-2. Search (search.py) under a noise model (noise/), which is estimated anew with the causes found, from up to three starts: one
-   normal law, the family that the declared fit's residual asks for, the same with what rows share in time. The start whose likelihood, prior and price are better wins.
-3. The best set is confirmed by the joint non-linear fit through the chain; a set whose fit takes less than half of the gain that
+2. Search (search.py) under a noise model (noise/), which is estimated anew with the causes found, from up to
+three starts: one
+   normal law, the family that the declared fit's residual asks for, the same with what rows share in time.
+   The start whose likelihood, prior and price are better wins.
+3. The best set is confirmed by the joint non-linear fit through the chain; a set whose fit takes less than
+half of the gain that
    was promised loses its weakest members. Then what is left is searched once more beside it.
 """
 
@@ -31,7 +35,9 @@ from exactarm.noise.model import NoiseModel
 
 NAMED_AT = 0.5  # probability from which a cause is named: more likely than not
 WRONG_ROW_FALSE_ALARM = 0.01  # of a whole data set: what the threshold of the effect is set for
-MOST_AT_ONCE = 5  # causes and unknown functions together: of more, on measured arms, the sum fits its own rows only (UR10: eleven)
+# causes and unknown functions together: of more, on measured arms, the sum fits its own rows only (UR10:
+# eleven)
+MOST_AT_ONCE = 5
 WANDERS_AT = 2.0  # times the noise without it: a device that stands still would halve what is left
 UNKNOWN = "unknown"  # in the place of a name, for a cause that the library lacks
 _CREDIBLE = 0.95
@@ -39,7 +45,8 @@ _ROUNDS = 4  # of search beside what has been found
 _NOISE_PASSES = 3
 _COLUMN_COSTS = 0.5  # of a degree of freedom, for a column under a prior
 _CONFIRMED = 0.5  # of the promised gain
-_SAME_SCALE = 0.3  # relative change of a row's scale that moves no probability much: sizes are known to a factor of three
+# relative change of a row's scale that moves no probability much: sizes are known to a factor of three
+_SAME_SCALE = 0.3
 _LEAST_NATS = 3.0  # in likelihood, below which another family of noise is not worth a start of its own
 
 Progress = Callable[[str], None]
@@ -47,10 +54,11 @@ Progress = Callable[[str], None]
 
 @dataclass(frozen=True)
 class Place:
-    """One cause in the best set: its effect as fitted, its probability, and the labels that could stand in its place.
+    """One cause in the best set: its effect as fitted, its probability, and the labels that could stand in
+    its place.
 
-    rivals: (label, effect or None for an unknown function, probability), the most probable first, without the cause itself;
-    log_odds: of the set with it against the set without it.
+    rivals: (label, effect or None for an unknown function, probability), the most probable first, without the
+    cause itself; log_odds: of the set with it against the set without it.
     """
 
     label: str
@@ -63,7 +71,8 @@ class Place:
 
 @dataclass(frozen=True)
 class Causes:
-    """What the posterior says. fits[0]: declared; fits[i]: after i rounds; unknown: titles of unknown functions in the best set."""
+    """What the posterior says. fits[0]: declared; fits[i]: after i rounds; unknown: titles of unknown
+    functions in the best set."""
 
     fits: tuple[Fitted, ...]
     places: tuple[Place, ...]
@@ -84,14 +93,15 @@ class Causes:
         """In words: the device wanders, where that is as much as all other noise."""
         if self.noise.wander_over_rest < WANDERS_AT:
             return ()
-        return (f"the device wanders or jumps: neighbouring rows share {self.noise.wander_over_rest**2 - 1.0:.0f} times the variance "
+        return ("the device wanders or jumps: neighbouring rows share "
+                f"{self.noise.wander_over_rest**2 - 1.0:.0f} times the variance "
                 f"of one row alone, for about {self.noise.wandering.memory:.0f} rows",)
 
 
 @dataclass(frozen=True)
 class _Found:
-    """One round: the picture, the causes that are certain, the posterior over what acts beside them, the noise, and the
-    residual (N, m) that the best set leaves in the linear picture."""
+    """One round: the picture, the causes that are certain, the posterior over what acts beside them, the
+    noise, and the residual (N, m) that the best set leaves in the linear picture."""
 
     picture: Picture
     certain: Members
@@ -124,7 +134,8 @@ class _Found:
 
 
 def find_causes(problem: Problem, declared: Layout, progress: Progress = lambda text: None) -> Causes | None:
-    """Named causes and unknown functions, from the declared model on; None where too many act at once for one linear picture."""
+    """Named causes and unknown functions, from the declared model on; None where too many act at once for one
+    linear picture."""
     first = problem.fit(declared)
     fits, chosen, places, unknown = [first], [], [], ()
     visits = problem.groups()
@@ -159,19 +170,22 @@ def find_causes(problem: Problem, declared: Layout, progress: Progress = lambda 
                   _tested(problem, first, whole, found.left, noise, visits))
 
 
-def _tested(problem: Problem, first: Fitted, vocabulary: Vocabulary, left: np.ndarray, noise: NoiseModel, visits: np.ndarray) -> SelfTest:
+def _tested(problem: Problem, first: Fitted, vocabulary: Vocabulary, left: np.ndarray, noise: NoiseModel,
+            visits: np.ndarray) -> SelfTest:
     picture = Picture.of(vocabulary, first.residual, first.jacobian, noise, problem.correlation_factor(first))
     return self_test(picture, noise.whiten(left[:, :, None])[:, 0], visits, problem.seed)
 
 
 def _wrong_rows(problem, declared, chosen, fitted: Fitted, noise: NoiseModel):
-    """The effect that leaves out rows that are wrong by themselves, where the noise has such rows and they are scattered."""
+    """The effect that leaves out rows that are wrong by themselves, where the noise has such rows and they
+    are scattered."""
     if not noise.wrong.any():
         return None
     for effect in candidates_for(problem, fitted):
         if type(effect).keep is Effect.keep:
             continue
-        trial = refit(problem, declared, [*chosen, effect], fitted, replace(noise, weight=np.ones(len(noise.weight))))
+        trial = refit(problem, declared, [*chosen, effect], fitted,
+                      replace(noise, weight=np.ones(len(noise.weight))))
         if trial.weight.all():
             continue
         return Place(effect.label, effect, 1.0 - WRONG_ROW_FALSE_ALARM, np.inf, (), 0), trial
@@ -183,16 +197,19 @@ def selection_of(causes: Causes) -> Selection:
     accepted = []
     for place in causes.places:
         rivals = tuple(
-            Candidate(effect, 0.0, 0, 1, place.log_odds + float(np.log(max(p, 1e-300) / max(place.probability, 1e-300))))
+            Candidate(effect, 0.0, 0, 1,
+                      place.log_odds + float(np.log(max(p, 1e-300) / max(place.probability, 1e-300))))
             for _, effect, p in place.rivals if effect is not None
         )
-        accepted.append(Accepted(place.effect, place.log_odds, place.probability, rivals, place.round, _credible(place)))
+        accepted.append(Accepted(place.effect, place.log_odds, place.probability, rivals, place.round,
+                                 _credible(place)))
     return Selection(causes.fits, tuple(accepted), (), ())
 
 
 def _credible(place: Place) -> tuple[tuple[str, int | None, float], ...]:
     """(effect, joint, probability): the smallest set of causes in this place that holds 95 %."""
-    field = sorted([(place.effect, place.probability), *((e, p) for _, e, p in place.rivals)], key=lambda f: -f[1])
+    field = sorted([(place.effect, place.probability), *((e, p) for _, e, p in place.rivals)],
+                   key=lambda f: -f[1])
     found, total = [], 0.0
     for effect, probability in field:
         name, joint = (UNKNOWN, None) if effect is None else (effect.name, effect.joint)
@@ -208,9 +225,10 @@ def _vocabulary(problem: Problem, fitted: Fitted) -> Vocabulary:
     return vocabulary_of(fitted, effects, problem.signals(fitted), problem.directions(fitted))
 
 
-def _round(problem: Problem, fitted: Fitted, vocabulary: Vocabulary, visits: np.ndarray, noise: NoiseModel | None) -> _Found | None:
-    """The best of the starts: one normal law, the family of the present residual, the same with what neighbours share; of one,
-    where the noise is known.
+def _round(problem: Problem, fitted: Fitted, vocabulary: Vocabulary, visits: np.ndarray,
+           noise: NoiseModel | None) -> _Found | None:
+    """The best of the starts: one normal law, the family of the present residual, the same with what
+    neighbours share; of one, where the noise is known.
 
     None where every start asks for too many causes at once."""
     if noise is not None:
@@ -219,11 +237,13 @@ def _round(problem: Problem, fitted: Fitted, vocabulary: Vocabulary, visits: np.
     starts = [normal_noise(fitted.residual)]
     starts += [replace(asked, wandering=None)] if asked.family != "gauss" else []
     starts += [asked] if asked.wandering is not None else []
-    found = [f for f in (_settled(problem, fitted, vocabulary, visits, start) for start in starts) if f is not None]
+    found = [f for f in (_settled(problem, fitted, vocabulary, visits, start) for start in starts)
+             if f is not None]
     return max(found, key=lambda f: f.score) if found else None
 
 
-def _settled(problem: Problem, fitted: Fitted, vocabulary: Vocabulary, visits: np.ndarray, noise: NoiseModel) -> _Found | None:
+def _settled(problem: Problem, fitted: Fitted, vocabulary: Vocabulary, visits: np.ndarray,
+             noise: NoiseModel) -> _Found | None:
     """Search and noise in turn, until neither changes; None where it asks for too many causes at once."""
     share = problem.correlation_factor(fitted)
     for _ in range(_NOISE_PASSES):
@@ -241,18 +261,21 @@ def _settled(problem: Problem, fitted: Fitted, vocabulary: Vocabulary, visits: n
 
 
 def _score(found: _Found, fitted: Fitted, left: np.ndarray, noise: NoiseModel) -> float:
-    """Log of likelihood times priors of the best set and its noise, declared parameters integrated out (restricted likelihood):
-    what two starts are compared by. left (N, m): residual with the set and the declared parameters at their best values."""
+    """Log of likelihood times priors of the best set and its noise, declared parameters integrated out
+    (restricted likelihood): what two starts are compared by. left (N, m): residual with the set and the
+    declared parameters at their best values."""
     picture, members = found.picture, found.members
     log_det, _ = picture.quadratic(members)
     standard = [value / (SCALES[scale] * found.block(i).size)
                 for i, scale, value in zip(members.blocks, members.scales, picture.coefficients(members))]
-    declared = orthonormal_columns(fitted.jacobian.reshape(-1, fitted.jacobian.shape[2])).reshape(*left.shape, -1)
+    declared = orthonormal_columns(fitted.jacobian.reshape(-1,
+                                                           fitted.jacobian.shape[2])).reshape(*left.shape, -1)
     white = noise.whiten(declared)
     score = log_likelihood_under(noise, left) - 0.5 * log_det - 0.5 * sum(float(b @ b) for b in standard)
     score += prior_of(picture, members) - 0.5 * float(np.linalg.slogdet(white.T @ white)[1])
     score -= 0.0 if noise.family == "gauss" else _LEAST_NATS
-    return score - (0.0 if noise.wandering is None else _LEAST_NATS + np.log(len(left)))  # of its two parameters
+    # of its two parameters
+    return score - (0.0 if noise.wandering is None else _LEAST_NATS + np.log(len(left)))
 
 
 def _alike(one: NoiseModel, other: NoiseModel) -> bool:
@@ -263,7 +286,8 @@ def _alike(one: NoiseModel, other: NoiseModel) -> bool:
 
 
 def _prediction(picture: Picture, members: Members, fitted: Fitted, noise: NoiseModel) -> np.ndarray:
-    """(N, m) what the set and the declared parameters, moved along, take from the residual (linear picture)."""
+    """(N, m) what the set and the declared parameters, moved along, take from the residual (linear
+    picture)."""
     responses = picture.vocabulary.responses
     taken = np.zeros_like(fitted.residual)
     for index, value in zip(members.blocks, picture.coefficients(members)):
@@ -284,18 +308,23 @@ def _places(found: _Found, turn: int) -> list[Place]:
         block = found.block(index)
         if block.effect is None:
             continue
-        rest = Members(members.blocks[:k] + members.blocks[k + 1 :], members.scales[:k] + members.scales[k + 1 :])
+        rest = Members(members.blocks[:k] + members.blocks[k + 1 :],
+                       members.scales[:k] + members.scales[k + 1 :])
         log_odds = whole - weight_of(found.picture, rest)
         if k < len(found.certain.blocks):
-            places.append(Place(block.label, at_values(block, value), 1.0 - np.exp(-CERTAIN), log_odds, (), turn))
+            places.append(Place(block.label, at_values(block, value), 1.0 - np.exp(-CERTAIN), log_odds, (),
+                                turn))
             continue
         others = list(found.posterior.best)
         others.remove(block.label)
         field = _slot(found.posterior, tuple(others))
         total = np.logaddexp.reduce([weight for _, weight in field])
-        rivals = sorted(((label, weight) for label, weight in field if label not in (None, block.label)), key=lambda e: -e[1])
-        named = tuple((label, _effect_at(found, others, label), float(np.exp(weight - total))) for label, weight in rivals[:8])
-        places.append(Place(block.label, at_values(block, value), min(inclusion[block.label], 1.0), log_odds, named, turn))
+        rivals = sorted(((label, weight) for label, weight in field if label not in (None, block.label)),
+                        key=lambda e: -e[1])
+        named = tuple((label, _effect_at(found, others, label), float(np.exp(weight - total)))
+                      for label, weight in rivals[:8])
+        places.append(Place(block.label, at_values(block, value), min(inclusion[block.label], 1.0), log_odds,
+                            named, turn))
     return sorted(places, key=lambda p: -p.log_odds)
 
 
@@ -314,7 +343,8 @@ def _slot(posterior: Posterior, others: tuple[str, ...]) -> list[tuple[str | Non
 
 
 def _effect_at(found: _Found, others: list[str], label: str) -> Effect | None:
-    """The rival in the best set's place, at its values; None for an unknown function or where it was never worked out."""
+    """The rival in the best set's place, at its values; None for an unknown function or where it was never
+    worked out."""
     members = found.posterior.members.get(tuple(sorted([*others, label])))
     if members is None:
         return None
@@ -326,7 +356,8 @@ def _effect_at(found: _Found, others: list[str], label: str) -> Effect | None:
 
 
 def _one_each(places: list[Place]) -> list[Place]:
-    """The surest of each label: an order between two points of the grid shows at both, until the joint fit has moved it."""
+    """The surest of each label: an order between two points of the grid shows at both, until the joint fit
+    has moved it."""
     found: dict[str, Place] = {}
     for place in places:
         found.setdefault(place.label, place)
@@ -334,7 +365,8 @@ def _one_each(places: list[Place]) -> list[Place]:
 
 
 def _holding(found: _Found, places: list[Place], folds: np.ndarray) -> list[Place]:
-    """Those that lower the held-out square sum of a cross-validation over whole poses or runs, beside all others that do.
+    """Those that lower the held-out square sum of a cross-validation over whole poses or runs, beside all
+    others that do.
 
     Evidence trusts its noise model; what only fits its own rows does not pass here, whatever the noise is.
     """
@@ -354,11 +386,13 @@ def _holding(found: _Found, places: list[Place], folds: np.ndarray) -> list[Plac
 
 
 def _confirmed(problem, declared, chosen, fitted, found: _Found, places: list[Place]):
-    """The joint non-linear fit with the new effects; the weakest is left out while less than half of the gain comes true."""
+    """The joint non-linear fit with the new effects; the weakest is left out while less than half of the gain
+    comes true."""
     while places:
         effects = [*chosen, *(place.effect for place in places)]
         trial = refit(problem, declared, effects, fitted, found.noise)
-        before, after = _weighted_square(found.noise, fitted.residual), _weighted_square(found.noise, trial.residual)
+        before, after = _weighted_square(found.noise,
+                                         fitted.residual), _weighted_square(found.noise, trial.residual)
         functions, labels = _only(found, ()), tuple(p.label for p in places)
         promised = found.picture.quadratic(functions)[1] - found.picture.quadratic(_only(found, labels))[1]
         if before - after >= _CONFIRMED * promised:

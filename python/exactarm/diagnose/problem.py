@@ -27,8 +27,8 @@ class Fitted:
     """A layout at its estimate on the identification rows.
 
     residual (N, m) measured minus predicted; jacobian (N, m, P) of the prediction; sigma (m,) standard
-    deviation of each component; weight (N,) 0 for rows that are left out, 1 otherwise; noise: what else is known of
-    the noise, in the terms of the problem, for the next fit to begin with.
+    deviation of each component; weight (N,) 0 for rows that are left out, 1 otherwise; noise: what else is
+    known of the noise, in the terms of the problem, for the next fit to begin with.
     """
 
     robot: Robot
@@ -69,9 +69,11 @@ class Fitted:
         keep[where] = False
         effects = self.layout.effects[:index] + self.layout.effects[index + 1 :]
         layout = Layout(effects, self.layout.free[:index] + self.layout.free[index + 1 :])
-        # A non-linear parameter (an order) is no part of what the effect has moved: its linear ones have moved it all.
+        # A non-linear parameter (an order) is no part of what the effect has moved: its linear ones have
+        # moved it all.
         linear = np.array([not p.search for p in self.layout.parameters[where]], bool)
-        residual = self.residual + self.jacobian[:, :, where] @ np.where(linear, self.layout.values[where], 0.0)
+        residual = self.residual + self.jacobian[:, :,
+                                                 where] @ np.where(linear, self.layout.values[where], 0.0)
         return replace(self, layout=layout, residual=residual, jacobian=self.jacobian[:, :, keep])
 
     @property
@@ -80,7 +82,8 @@ class Fitted:
         return self.residual.size
 
     def decorrelated(self, values: np.ndarray) -> np.ndarray:
-        """(N, m, ...) behind the filter that makes the noise of neighbouring rows independent; here there is none."""
+        """(N, m, ...) behind the filter that makes the noise of neighbouring rows independent; here there is
+        none."""
         return values
 
     def standard(self, values: np.ndarray) -> np.ndarray:
@@ -106,7 +109,8 @@ class Fitted:
         return [self.whiten(self.view.response(effect)[:, : self.residual.shape[1]]) for effect in effects]
 
     def whiten(self, response: np.ndarray) -> np.ndarray:
-        """(N m + r, k) of a response (N, m, k), in units of the noise, with nothing in the rows of the priors."""
+        """(N m + r, k) of a response (N, m, k), in units of the noise, with nothing in the rows of the
+        priors."""
         data = self.standard(response)
         return np.concatenate([data, np.zeros((len(self.prior_rows), data.shape[1]))])
 
@@ -122,10 +126,11 @@ def rows_kept(layout: Layout, view: View) -> np.ndarray:
 
 
 def orthonormal(columns: np.ndarray) -> np.ndarray:
-    """Orthonormal basis (R, b) of the span of `columns`: Cholesky QR, twice for accuracy (Yamamoto et al. 2015).
+    """Orthonormal basis (R, b) of the span of `columns`: Cholesky QR, twice for accuracy (Yamamoto et al.
+    2015).
 
-    Far faster than a rank-revealing factorisation for tall matrices. Where the columns are nearly dependent, the
-    eigenvectors of their Gram matrix serve, without the directions weaker than 1e-6.
+    Far faster than a rank-revealing factorisation for tall matrices. Where the columns are nearly dependent,
+    the eigenvectors of their Gram matrix serve, without the directions weaker than 1e-6.
     """
     norm = np.linalg.norm(columns, axis=0)
     basis = columns[:, norm > 0] / norm[norm > 0]
@@ -157,7 +162,8 @@ class Problem(ABC):
     by_posterior = False  # whether causes are found by the posterior over sets of them
     groups_independent = False  # whether the residuals of different groups of rows are
     least_share = 0.02  # of the cross-validated square sum that an effect must take away
-    least_elsewhere = 0.0  # share of the square sum that it must take away in stretches it has not learnt from
+    # share of the square sum that it must take away in stretches it has not learnt from
+    least_elsewhere = 0.0
     share_left = 0.10  # of the square sum that a signal still has to explain to count as structure
 
     def __init__(self, robot: Robot, data: Dataset, held_out: Dataset, threads: int = 1, seed: int = 0):
@@ -165,7 +171,8 @@ class Problem(ABC):
         self.threads, self.seed = threads, seed
 
     def in_space(self, first: Fitted, last: Fitted) -> InSpace | None:
-        """Error vectors at the measured positions with both fits; None where no position at rest is measured."""
+        """Error vectors at the measured positions with both fits; None where no position at rest is
+        measured."""
         return None
 
     @abstractmethod
@@ -173,9 +180,10 @@ class Problem(ABC):
         """The declared model, ready to be re-identified; parameters that the data cannot tell are held."""
 
     @abstractmethod
-    def fit(self, layout: Layout, weight: np.ndarray | None = None, sigma: np.ndarray | None = None) -> Fitted:
-        """Estimates the free parameters of `layout` on the identification rows (weight (N,) 0 or 1). Leaves no trace:
-        the same problem, layout and weights give the same bits, whatever was fitted before.
+    def fit(self, layout: Layout, weight: np.ndarray | None = None,
+            sigma: np.ndarray | None = None) -> Fitted:
+        """Estimates the free parameters of `layout` on the identification rows (weight (N,) 0 or 1). Leaves
+        no trace: the same problem, layout and weights give the same bits, whatever was fitted before.
 
         sigma (m,): first guess of the standard deviations of the components, from an earlier fit.
         """
@@ -193,8 +201,8 @@ class Problem(ABC):
         """(N,) int: identification rows that must not be parted in a cross-validation."""
 
     def order(self) -> np.ndarray | None:
-        """(N,) places of the identification rows in the order in which they were measured, in typical distances between neighbours,
-        sessions far apart; None where neighbours are dealt with otherwise."""
+        """(N,) places of the identification rows in the order in which they were measured, in typical
+        distances between neighbours, sessions far apart; None where neighbours are dealt with otherwise."""
         return None
 
     def groups_for(self, response: np.ndarray) -> np.ndarray:
@@ -210,12 +218,14 @@ class Problem(ABC):
         return {}
 
     def space(self, fitted: Fitted) -> tuple[str, np.ndarray] | None:
-        """Name and points (N, d): a space over which the residual along the device's axes might vary smoothly."""
+        """Name and points (N, d): a space over which the residual along the device's axes might vary
+        smoothly."""
         return None
 
     @abstractmethod
     def directions(self, fitted: Fitted) -> dict[str, np.ndarray]:
-        """Named patterns (N, m) along which something could move: a unit turn of each joint, each component."""
+        """Named patterns (N, m) along which something could move: a unit turn of each joint, each
+        component."""
 
     @abstractmethod
     def error_of_unit_noise(self, fitted: Fitted) -> float:
@@ -223,10 +233,12 @@ class Problem(ABC):
 
     @abstractmethod
     def repeat_noise(self, fitted: Fitted) -> float | None:
-        """Standard deviation of a residual component, in units of sigma, from repeated visits; None without."""
+        """Standard deviation of a residual component, in units of sigma, from repeated visits; None
+        without."""
 
     def share_of_measured(self, fitted: Fitted) -> float:
-        """RMS of what is left over that of what was measured, where that starts at nothing (torques); else 0."""
+        """RMS of what is left over that of what was measured, where that starts at nothing (torques); else
+        0."""
         return 0.0
 
     @abstractmethod
@@ -234,7 +246,8 @@ class Problem(ABC):
         """The robot with the re-identified parameters and the found effects."""
 
     def next_experiments(self, fitted: Fitted, places: tuple) -> tuple[str, tuple]:
-        """What parts the doubtful causes of `places` best: in words, and as experiments where this kind can plan them."""
+        """What parts the doubtful causes of `places` best: in words, and as experiments where this kind can
+        plan them."""
         first = places[0]
         return self.separating_experiment(fitted, first.effect, first.rivals[0][0]), ()
 
@@ -243,7 +256,8 @@ class Problem(ABC):
         raise NotImplementedError
 
     def held_out_picture(self, fitted: Fitted) -> tuple[np.ndarray, np.ndarray] | None:
-        """Residual (K, m) and its Jacobian (K, m, P) on held-out rows, where the measurement is of a target; else None."""
+        """Residual (K, m) and its Jacobian (K, m, P) on held-out rows, where the measurement is of a target;
+        else None."""
         return None
 
     def left_out(self) -> tuple[str, ...]:
@@ -251,7 +265,8 @@ class Problem(ABC):
         return ()
 
     def search_rows(self) -> np.ndarray | None:
-        """(N,) bool: the identification rows that are enough to search with, where there are many; None = all.
+        """(N,) bool: the identification rows that are enough to search with, where there are many; None =
+        all.
 
         What is found is fitted to all of them afterwards.
         """
@@ -262,16 +277,18 @@ class Problem(ABC):
         return fitted
 
     def judged_share(self, fitted: Fitted, effect: Effect) -> float:
-        """How much an effect at its values changes, beside the square sum as it is judged, where the search weighs it otherwise."""
+        """How much an effect at its values changes, beside the square sum as it is judged, where the search
+        weighs it otherwise."""
         return 1.0
 
     def units(self, folds: np.ndarray) -> np.ndarray:
-        """(N,) int from 0: rows whose held-out errors scatter independently of each other's; the folds, to be safe."""
+        """(N,) int from 0: rows whose held-out errors scatter independently of each other's; the folds, to be
+        safe."""
         return folds
 
     def stretches(self) -> np.ndarray | None:
-        """(N,) int: large parts of the data, each in a place of its own; what an effect learns on all but one of them
-        has to hold there. None = `groups` are enough."""
+        """(N,) int: large parts of the data, each in a place of its own; what an effect learns on all but one
+        of them has to hold there. None = `groups` are enough."""
         return None
 
     def also_judged(self, fitted: Fitted, data: Dataset) -> dict[str, float]:
@@ -279,7 +296,8 @@ class Problem(ABC):
         return {}
 
     def elsewhere(self, fitted: Fitted) -> Fitted:
-        """The state by which a stretch that is left out is judged: without what is fitted anew there in any case."""
+        """The state by which a stretch that is left out is judged: without what is fitted anew there in any
+        case."""
         return fitted
 
     def shows(self, effect: type[Effect]) -> bool:
@@ -287,7 +305,8 @@ class Problem(ABC):
         return self.kind in effect.kinds
 
     def spread(self, fitted: Fitted) -> float:
-        """Mean square of the errors of the validation rows that the uncertainty of the parameters alone explains."""
+        """Mean square of the errors of the validation rows that the uncertainty of the parameters alone
+        explains."""
         return 0.0
 
     def axes(self, before: Fitted, after: Fitted) -> list | None:

@@ -13,7 +13,9 @@ from exactarm.errors import InputError
 from exactarm.identify.loads import with_loads
 from exactarm.robot import Robot
 
-PROBLEMS: dict[str, type[Problem]] = {cls.kind: cls for cls in (PoseProblem, GearProblem, MotionProblem, TrackedProblem, ClosureProblem)}
+PROBLEMS: dict[str, type[Problem]] = {cls.kind: cls
+                                      for cls in (PoseProblem, GearProblem, MotionProblem, TrackedProblem,
+                                                  ClosureProblem)}
 
 
 def problem_for(robot: Robot, data: Dataset, held_out: Dataset, threads: int, seed: int) -> Problem:

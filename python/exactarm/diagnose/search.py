@@ -1,7 +1,9 @@
-"""Search: posterior probabilities of sets of causes, best first with add, drop and swap (Hans, Dobra and West 2007).
+"""Search: posterior probabilities of sets of causes, best first with add, drop and swap (Hans, Dobra and West
+2007).
 
-A state is a set of causes with the best grid point and scale of each. Expanding it scores the set with every further block,
-and without each of its members. Weights of label sets are summed over grid points and scales of the cause that came last:
+A state is a set of causes with the best grid point and scale of each. Expanding it scores the set with every
+further block, and without each of its members. Weights of label sets are summed over grid points and scales
+of the cause that came last:
 
     log w(M) = log p(r | M) + log 0.4 + K log 0.6 + log K! + sum of the blocks' log priors.
 """
@@ -21,7 +23,8 @@ MOST_CAUSES = 16  # in one set
 _STOP, _MORE = 0.4, 0.6  # geometric law of the number of causes: 0.4 x 0.6^K, a mean of 1.5
 CERTAIN = 20.0  # nats: 1 in 5e8
 _KEPT_NATS = 9.0  # below the best set: 1 in 8,000
-_EXPANSIONS, _SCORED = 24, 60  # sets looked around, and sets scored with every further cause: more changed no marks
+# sets looked around, and sets scored with every further cause: more changed no marks
+_EXPANSIONS, _SCORED = 24, 60
 _CHILDREN = 6
 _RECORDED_NATS = 20.0  # lighter sets count for nothing in any probability that is printed
 
@@ -67,8 +70,8 @@ def log_prior_of_count(count: int) -> float:
 def search(picture: Picture, most: int = MOST_CAUSES) -> tuple[Members, Posterior]:
     """Causes that are certain, one after another, and the posterior over all that could act beside them.
 
-    A cause is certain where every other one that explains the same (its weight falls by half beside it) is `CERTAIN` nats less
-    likely: it then becomes part of the noise, and the sets stay small.
+    A cause is certain where every other one that explains the same (its weight falls by half beside it) is
+    `CERTAIN` nats less likely: it then becomes part of the noise, and the sets stay small.
     """
     certain, at = Members((), ()), picture
     scored = _scored(at)
@@ -77,7 +80,8 @@ def search(picture: Picture, most: int = MOST_CAUSES) -> tuple[Members, Posterio
         beyond = at.beside(Members((index,), (scale,)))
         after = _scored(beyond)
         left = {name: weight for weight, name, *_ in after}
-        rivals = [weight for weight, name, *_ in scored[1:] if weight > 0.0 and left.get(name, 0.0) < 0.5 * weight]
+        rivals = [weight for weight, name, *_ in scored[1:]
+                  if weight > 0.0 and left.get(name, 0.0) < 0.5 * weight]
         if max(rivals, default=-np.inf) > value - CERTAIN:
             break
         certain = Members((*certain.blocks, index), (*certain.scales, scale))
@@ -91,13 +95,15 @@ def search(picture: Picture, most: int = MOST_CAUSES) -> tuple[Members, Posterio
 
 
 def _richer(picture: Picture, members: Members) -> Members | None:
-    """The set with one form that includes members of it in their place, where it is heavier so; None where it is not."""
+    """The set with one form that includes members of it in their place, where it is heavier so; None where it
+    is not."""
     vocabulary, found, heaviest = picture.vocabulary, None, weight_of(picture, members)
     richer = {form for i in members.blocks for form in vocabulary.richer_than(i)}
     for form in sorted(richer - picture.closed):
         kept = [k for k, i in enumerate(members.blocks) if form not in vocabulary.forms_of(i)]
         for scale in range(len(SCALE_WEIGHTS)):
-            trial = Members((*(members.blocks[k] for k in kept), form), (*(members.scales[k] for k in kept), scale))
+            trial = Members((*(members.blocks[k] for k in kept), form),
+                            (*(members.scales[k] for k in kept), scale))
             weight = weight_of(picture, trial)
             if weight > heaviest:
                 found, heaviest = trial, weight
@@ -116,7 +122,8 @@ def weight_of(picture: Picture, members: Members) -> float:
 
 def prior_of(picture: Picture, members: Members) -> float:
     """log prior of one set at its grid points and scales."""
-    prior = sum(picture.log_prior[i] + np.log(SCALE_WEIGHTS[s]) for i, s in zip(members.blocks, members.scales))
+    prior = sum(picture.log_prior[i] + np.log(SCALE_WEIGHTS[s])
+                for i, s in zip(members.blocks, members.scales))
     return float(prior) + log_prior_of_count(len(members.blocks))
 
 
@@ -162,7 +169,8 @@ class _Search:
         if len(members.blocks) < self.most:
             self._grow(members, base)
         for place in range(len(members.blocks)):
-            fewer = Members(members.blocks[:place] + members.blocks[place + 1 :], members.scales[:place] + members.scales[place + 1 :])
+            fewer = Members(members.blocks[:place] + members.blocks[place + 1 :],
+                            members.scales[:place] + members.scales[place + 1 :])
             weight = weight_of(self.picture, fewer)
             self._offer(labels_of(self.picture, fewer), weight, fewer)
             self._grow(fewer, weight)
@@ -170,18 +178,21 @@ class _Search:
             self._grow(fewer, weight_of(self.picture, fewer))
 
     def _without_families(self, members: Members) -> list[Members]:
-        """The set without all of its members of one family on one axis, so that one richer form may take their place."""
+        """The set without all of its members of one family on one axis, so that one richer form may take
+        their place."""
         blocks = self.picture.vocabulary.blocks
         effects = [blocks[i].effect for i in members.blocks]
         families = [(e.family, e.joint) if e is not None and e.family else None for e in effects]
         found = []
         for family in {f for f in families if f is not None and families.count(f) > 1}:
             kept = [k for k, own in enumerate(families) if own != family]
-            found.append(Members(tuple(members.blocks[k] for k in kept), tuple(members.scales[k] for k in kept)))
+            found.append(Members(tuple(members.blocks[k] for k in kept),
+                                 tuple(members.scales[k] for k in kept)))
         return found
 
     def _grow(self, members: Members, base: float) -> None:
-        """The set with every further cause: weights summed over the blocks of a label; members for the best few labels."""
+        """The set with every further cause: weights summed over the blocks of a label; members for the best
+        few labels."""
         first = members not in self.known
         if first:
             self.known[members] = (labels_of(self.picture, members), self.children(members), -np.inf)
@@ -198,7 +209,8 @@ class _Search:
             self._offer(tuple(sorted((*own, label))), base + value, grown)
 
     def children(self, members: Members) -> list[tuple[float, str, int, int]]:
-        """(log weight over that of the set, label, best block, its scale) of every further cause, the heaviest first."""
+        """(log weight over that of the set, label, best block, its scale) of every further cause, the
+        heaviest first."""
         additions = self.picture.additions(members)
         blocks = self.picture.vocabulary.blocks
         weight = additions.log_weight.copy()
@@ -206,13 +218,16 @@ class _Search:
         for index in members.blocks:
             weight[list(self.picture.vocabulary.forms_of(index))] = -np.inf
         names, label_of = self.picture.vocabulary.labels
-        closed = np.array([name in taken and name not in self.picture.vocabulary.repeatable for name in names], bool)
+        closed = np.array([name in taken and name not in self.picture.vocabulary.repeatable
+                           for name in names], bool)
         weight[closed[label_of]] = -np.inf
         top = np.full(len(names), -np.inf)
         np.maximum.at(top, label_of, weight)
         finite = np.isfinite(top)
         total = np.zeros(len(names))
-        np.add.at(total, label_of, np.exp(np.where(np.isfinite(weight), weight - np.where(finite, top, 0.0)[label_of], -np.inf)))
+        np.add.at(total, label_of,
+                  np.exp(np.where(np.isfinite(weight),
+                                  weight - np.where(finite, top, 0.0)[label_of], -np.inf)))
         with np.errstate(divide="ignore"):
             value = np.where(finite, top + np.log(total), -np.inf)
         best = {}

@@ -1,13 +1,16 @@
-"""Unknown functions: "something else" as candidates, smooth functions of one or two signals that move one axis or the device.
+"""Unknown functions: "something else" as candidates, smooth functions of one or two signals that move one
+axis or the device.
 
-The measurement moves by d g(s), d (N, m) the response to a unit movement along a direction (a turn of axis j, the device's
-axes), s a signal. g is a Gaussian process with a Matern kernel (smoothness 5/2), in the basis of Solin and Sarkka (2020) on
-[-L, L], s scaled to [-1, 1]:
+The measurement moves by d g(s), d (N, m) the response to a unit movement along a direction (a turn of axis j,
+the device's axes), s a signal. g is a Gaussian process with a Matern kernel (smoothness 5/2), in the basis of
+Solin and Sarkka (2020) on [-L, L], s scaled to [-1, 1]:
 
-    g(s) = sum_i b_i sin(w_i (s + L)) / sqrt(L),   w_i = pi i / (2 L),   b_i ~ N(0, amplitude^2 S(w_i) / sum_j S(w_j))
+    g(s) = sum_i b_i sin(w_i (s + L)) / sqrt(L),   w_i = pi i / (2 L),
+                                                   b_i ~ N(0, amplitude^2 S(w_i) / sum_j S(w_j))
     S(w) proportional to (5 / l^2 + w^2)^-3,   lengths l of 0.2, 0.5 and 1.2 of the signal's range.
 
-Functions of two signals: products of few of them. In time, a device may also wander faster than that: hat functions.
+Functions of two signals: products of few of them. In time, a device may also wander faster than that: hat
+functions.
 """
 
 from __future__ import annotations
@@ -34,11 +37,14 @@ class Unknown:
 
     @property
     def label(self) -> str:
-        return f"{self.direction} by {' and '.join(self.signals)}" + (" (wandering)" if self.form == "wandering" else "")
+        return f"{self.direction} by {' and '.join(self.signals)}" + (
+            " (wandering)" if self.form == "wandering" else ""
+        )
 
     @property
     def described(self) -> bool:
-        """A turn of an axis by its own angle or load: what the library's gear curves and springs describe already."""
+        """A turn of an axis by its own angle or load: what the library's gear curves and springs describe
+        already."""
         axis = self.direction.rsplit("axis ", 1)[-1]
         return len(self.signals) == 1 and self.signals[0].endswith(f"of axis {axis}")
 
@@ -62,7 +68,8 @@ def basis_of(values: np.ndarray, terms: int = _TERMS) -> np.ndarray:
 
 
 def sizes_of(length: float, terms: int = _TERMS) -> np.ndarray:
-    """(terms,) standard deviations of the coefficients, for a process of unit variance (on the average over the range)."""
+    """(terms,) standard deviations of the coefficients, for a process of unit variance (on the average over
+    the range)."""
     w = np.pi * np.arange(1, terms + 1) / (2.0 * _HALF_WIDTH)
     density = (5.0 / length**2 + w**2) ** -3
     return np.sqrt(density / density.sum() * _HALF_WIDTH * 2.0)
@@ -73,8 +80,10 @@ def _scaled(values: np.ndarray) -> np.ndarray:
     return (2.0 * values - low - high) / max(high - low, 1e-300)
 
 
-def unknown_functions(fitted, signals: dict, directions: dict) -> list[tuple[Unknown, np.ndarray, list[np.ndarray]]]:
-    """(what, response (N, m, k), sizes of the coefficients for each length) of every unknown function worth trying."""
+def unknown_functions(fitted, signals: dict,
+                      directions: dict) -> list[tuple[Unknown, np.ndarray, list[np.ndarray]]]:
+    """(what, response (N, m, k), sizes of the coefficients for each length) of every unknown function worth
+    trying."""
     curves = {name: values for name, values in signals.items() if len(np.unique(values)) >= _LEAST_VALUES}
     turns = {name: pattern for name, pattern in directions.items() if not name.startswith("the device")}
     device = [pattern for name, pattern in directions.items() if name.startswith("the device")]
@@ -84,10 +93,12 @@ def unknown_functions(fitted, signals: dict, directions: dict) -> list[tuple[Unk
     for name, pattern in turns.items():
         for signal, basis in bases.items():
             found.append((Unknown(name, (signal,)), pattern[:, :, None] * basis[:, None, :], lengths))
-    whole = {name: basis for name, basis in bases.items() if not name.startswith(("angle", "load", "approach"))}
+    whole = {name: basis for name, basis in bases.items()
+             if not name.startswith(("angle", "load", "approach"))}
     for signal, basis in whole.items() if device else ():
         response = np.concatenate([pattern[:, :, None] * basis[:, None, :] for pattern in device], axis=2)
-        found.append((Unknown("the device", (signal,)), response, [np.tile(size, len(device)) for size in lengths]))
+        found.append((Unknown("the device", (signal,)), response,
+                      [np.tile(size, len(device)) for size in lengths]))
     place = [few_of(curves[name]) for name in curves if name.startswith("position")]
     if device and len(place) == 3:
         found.append(_of_place(place, device))
@@ -111,7 +122,8 @@ def _of_place(place: list[np.ndarray], device: list[np.ndarray]) -> tuple:
     response = np.concatenate([pattern[:, :, None] * product[:, None, :] for pattern in device], axis=2)
     size = sizes_of(LENGTHS[1], _TERMS_OF_TWO)
     sizes = AMPLITUDE * np.einsum("i,j,k->ijk", size, size, size).ravel()
-    return Unknown("the device", ("position in the workspace",), "of place"), response, [np.tile(sizes, len(device))]
+    return Unknown("the device", ("position in the workspace",),
+                   "of place"), response, [np.tile(sizes, len(device))]
 
 
 def _of_two(curves: dict, turns: dict, device: list) -> list:
@@ -120,13 +132,16 @@ def _of_two(curves: dict, turns: dict, device: list) -> list:
     size = sizes_of(LENGTHS[1], _TERMS_OF_TWO)
     names, found = list(few), []
     product_size = AMPLITUDE * np.outer(size, size).ravel()
-    moved = {direction: [pattern] for direction, pattern in turns.items()} | ({"the device": device} if device else {})
+    moved = {direction: [pattern]
+             for direction, pattern in turns.items()} | ({"the device": device} if device else {})
     for i, one in enumerate(names):
         for other in names[i + 1 :]:
             product = (few[one][:, :, None] * few[other][:, None, :]).reshape(len(few[one]), -1)
             for direction, patterns in moved.items():
-                response = np.concatenate([pattern[:, :, None] * product[:, None, :] for pattern in patterns], axis=2)
-                found.append((Unknown(direction, (one, other), "of two"), response, [np.tile(product_size, len(patterns))]))
+                response = np.concatenate([pattern[:, :, None] * product[:, None, :] for pattern in patterns],
+                                          axis=2)
+                found.append((Unknown(direction, (one, other), "of two"), response,
+                              [np.tile(product_size, len(patterns))]))
     return found
 
 

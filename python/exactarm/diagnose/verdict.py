@@ -2,8 +2,9 @@
 
     explained              effects were found, and what is left is noise
     no_undeclared_effect   nothing was found, and nothing is missing
-    unexplained            something else is at work: its posterior probability is above one half, the error on held-out rows is far
-                           above what the fit lets expect, or repeated visits scatter far less than the model errs
+    unexplained            something else is at work: its posterior probability is above one half, the error
+                           on held-out rows is far above what the fit lets expect, or repeated visits scatter
+                               far less than the model errs
 """
 
 from __future__ import annotations
@@ -18,10 +19,13 @@ EXPLAINED, NOTHING, UNEXPLAINED = "explained", "no_undeclared_effect", "unexplai
 _NOISE_REACHED = 1.25  # RMS after, beside the noise floor
 _FAR_ABOVE_NOISE = 1.5  # RMS after, beside a measured noise floor: something is left, whatever it follows
 _SHARE_EXPLAINED = 0.5  # of the square sum above the noise; less, and the cause is not found
-_CARRIES_OVER, _WRONG_SHARE = 1.6, 0.1  # held-out error beside the expected one; share of rows that may be wrong by themselves
-_SHARE_STRAY = 0.25  # of what the held-out error had above noise and spread of the fit; more, and the structure left counts
+# held-out error beside the expected one; share of rows that may be wrong by themselves
+_CARRIES_OVER, _WRONG_SHARE = 1.6, 0.1
+# of what the held-out error had above noise and spread of the fit; more, and the structure left counts
+_SHARE_STRAY = 0.25
 
-MUCH_LEFT = 0.5  # of the RMS of a torque: drives are noisy, but a model that leaves half of it has not explained it
+# of the RMS of a torque: drives are noisy, but a model that leaves half of it has not explained it
+MUCH_LEFT = 0.5
 
 
 def verdict_of_causes(causes: Causes, after, noise: NoiseFloor, excess: float) -> str:
@@ -38,20 +42,25 @@ def _rms(values: np.ndarray) -> float:
 
 
 def held_out_excess(errors: dict[str, np.ndarray], unit: float, spread: float = 0.0) -> float:
-    """How many times more the model errs on held-out rows than its fit lets expect; 1 where nothing is held out.
+    """How many times more the model errs on held-out rows than its fit lets expect; 1 where nothing is held
+    out.
 
-    RMS of the two sets (N,), each without its worst tenth (wrong rows are no lack of the model). A fit with few degrees of freedom
-    errs less on its own rows, and more on others, than the noise `unit`: by about the same factor.
-    spread: mean square of the held-out errors that the uncertainty of the parameters may explain.
+    RMS of the two sets (N,), each without its worst tenth (wrong rows are no lack of the model). A fit with
+    few degrees of freedom errs less on its own rows, and more on others, than the noise `unit`: by about the
+    same factor. spread: mean square of the held-out errors that the uncertainty of the parameters may
+    explain.
     """
-    held, fitted = (np.sort(np.abs(values[np.isfinite(values)])) for values in (errors["validation"], errors["identification"]))
+    held, fitted = (np.sort(np.abs(values[np.isfinite(values)]))
+                    for values in (errors["validation"], errors["identification"]))
     if not held.size or not fitted.size:
         return 1.0
     most = lambda values: _rms(values[: max(1, int((1.0 - _WRONG_SHARE) * len(values)))])
-    return float(np.sqrt(max(most(held) ** 2 - spread, 0.0)) / max(most(fitted), 1e-300) / max(1.0, unit / max(_rms(fitted), 1e-300)) ** 2)
+    return float(np.sqrt(max(most(held) ** 2 - spread, 0.0)) / max(most(fitted), 1e-300)
+                 / max(1.0, unit / max(_rms(fitted), 1e-300)) ** 2)
 
 
-def verdict_by_rules(problem, before, after, noise: NoiseFloor, left: Dossier, found: bool, spread: float, excess: float) -> str:
+def verdict_by_rules(problem, before, after, noise: NoiseFloor, left: Dossier, found: bool, spread: float,
+                     excess: float) -> str:
     if excess > _CARRIES_OVER:
         return UNEXPLAINED
     judged = "validation" if after["validation"].n else "identification"
@@ -67,7 +76,9 @@ def verdict_by_rules(problem, before, after, noise: NoiseFloor, left: Dossier, f
         # What follows the signal is structure, the rest at most noise.
         structure = strongest.share * rms_after**2
         taken = max(rms_before**2 - rms_after**2, 0.0)
-        still = strongest.share > _SHARE_EXPLAINED or structure > (1.0 - _SHARE_EXPLAINED) * (taken + structure)
+        still = (
+            strongest.share > _SHARE_EXPLAINED or structure > (1.0 - _SHARE_EXPLAINED) * (taken + structure)
+        )
         still = still or (spread > 0.0 and remaining - spread > _SHARE_STRAY * max(above - spread, 1e-300))
     if still:
         return UNEXPLAINED
@@ -83,11 +94,14 @@ def remains(left: Dossier, excess: float, unknown: tuple[str, ...] = ()) -> str:
     else:
         known = "it follows no single signal beyond chance"
     if excess > _CARRIES_OVER:
-        known += f", and on rows that were not fitted the error is {excess:.1f} times what the fit lets expect"
+        known += (
+            f", and on rows that were not fitted the error is {excess:.1f} times what the fit lets expect"
+        )
     return known
 
 
-def sentence_of(verdict, findings, alternatives, before, after, left: Dossier, excess: float, unknown: tuple[str, ...] = ()) -> str:
+def sentence_of(verdict, findings, alternatives, before, after, left: Dossier, excess: float,
+                unknown: tuple[str, ...] = ()) -> str:
     """The verdict in one sentence that a technician understands."""
     judged = "validation" if after["validation"].n else "identification"
     if findings:
@@ -95,7 +109,10 @@ def sentence_of(verdict, findings, alternatives, before, after, left: Dossier, e
         more = f" and {len(findings) - 3} more" if len(findings) > 3 else ""
         fall = 1.0 - after[judged].rms / before[judged].rms
         it = "it" if len(findings) == 1 else "them"
-        falls = f"{'falls' if fall > 0.0 else 'rises'} by {100 * abs(fall):.0f} %" if abs(fall) >= 0.005 else "does not change"
+        falls = (
+            f"{'falls' if fall > 0.0 else 'rises'} by {100 * abs(fall):.0f} %"
+            if abs(fall) >= 0.005 else "does not change"
+        )
         text = f"The model lacks {causes}{more}; with {it} the {judged} RMS error {falls}."
         doubtful = [a for a in alternatives if a.collides]
         if doubtful:
@@ -103,17 +120,25 @@ def sentence_of(verdict, findings, alternatives, before, after, left: Dossier, e
             own = next(f.effect for f in findings if f.effect.label == a.instead_of)
             text += f" This data cannot tell {own.title} from {a.effect.title}."
         if verdict == UNEXPLAINED:
-            text += f" A structure is left that nothing in the library explains; {remains(left, excess, unknown)}."
+            text += (
+                " A structure is left that nothing in the library explains; "
+                f"{remains(left, excess, unknown)}."
+            )
         return text
     if verdict == UNEXPLAINED:
-        return f"The residual has a structure that nothing in the library explains; {remains(left, excess, unknown)}."
+        return (
+            "The residual has a structure that nothing in the library explains; "
+            f"{remains(left, excess, unknown)}."
+        )
     if left.structure:
-        return (f"No effect of the library earns its place: the residual follows the {left.strongest.signal} beyond chance, "
+        return (f"No effect of the library earns its place: the residual follows the {left.strongest.signal} "
+                "beyond chance, "
                 f"but this is {100 * left.strongest.share:.0f} % of its square sum.")
     return "Nothing is missing: the residual of the declared model cannot be told from noise."
 
 
 def no_verdict(unconverged: tuple[str, ...]) -> str:
     """The sentence where a fit that the verdict would rest on has not arrived."""
-    return (f"No verdict can rest on this: {unconverged[0]}. Check the data for gross errors, and the poses for what they "
+    return (f"No verdict can rest on this: {unconverged[0]}. Check the data for gross errors, and the poses "
+            "for what they "
             "can tell (exactarm identifiable).")

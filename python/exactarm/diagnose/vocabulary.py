@@ -1,14 +1,16 @@
-"""Vocabulary of a diagnosis: every cause that could be missing, as a block of columns with a prior on its size.
+"""Vocabulary of a diagnosis: every cause that could be missing, as a block of columns with a prior on its
+size.
 
-A block is an effect of the library at one point of the grid of its non-linear parameters, or an unknown function of one
-or two signals that moves one axis or the device. Its coefficients b (k,) have the prior
+A block is an effect of the library at one point of the grid of its non-linear parameters, or an unknown
+function of one or two signals that moves one axis or the device. Its coefficients b (k,) have the prior
 
     b ~ N(0, s^2 diag(size)^2),   s in SCALES with the weights of a log-normal law of standard deviation ln 3,
 
 size the plausible magnitude of each parameter. Prior probability of a block as the next cause:
 
     named     0.8 / (names x axes of the name x points of its grid)
-    unknown   0.2 / (number of unknown functions x lengths), a tenth of it where the library has named forms of the same function
+    unknown   0.2 / (number of unknown functions x lengths), a tenth of it where the library has named forms
+              of the same function
 """
 
 from __future__ import annotations
@@ -23,7 +25,9 @@ from exactarm.diagnose.scan import free_mask, grid
 from exactarm.diagnose.unknown import Unknown, unknown_functions
 from exactarm.effects.base import Effect
 
-UNKNOWN_MASS = 0.2  # prior probability that a cause is none of the library's: one cause in five was, over the first sets of others
+# prior probability that a cause is none of the library's: one cause in five was, over the first sets of
+# others
+UNKNOWN_MASS = 0.2
 DESCRIBED = 0.1  # odds of a function that the library has named forms for, beside one that it has none for
 SCALES = np.array([0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0])  # times plausible; the largest cost 5 and 9 nats
 SCALE_WEIGHTS = np.exp(-0.5 * (np.log(SCALES) / np.log(3.0)) ** 2)
@@ -34,8 +38,9 @@ SCALE_WEIGHTS = SCALE_WEIGHTS / SCALE_WEIGHTS.sum()
 class Block:
     """Columns `where` of the vocabulary's matrix, the prior of their coefficients, and what they stand for.
 
-    effect: with its linear parameters at zero (None: an unknown function); label: the cause, whatever the grid point;
-    free (k,): which of the effect's parameters the columns belong to; positive (k,): coefficients that cannot fall below zero.
+    effect: with its linear parameters at zero (None: an unknown function); label: the cause, whatever the
+    grid point; free (k,): which of the effect's parameters the columns belong to; positive (k,): coefficients
+    that cannot fall below zero.
     """
 
     label: str
@@ -95,14 +100,16 @@ class Vocabulary:
             if own.effect is not None:
                 same |= {i for i, block in enumerate(self.blocks) if block.is_form_of(own.effect)}
             elif own.unknown.curve_of_axis is not None:
-                same |= {i for i, block in enumerate(self.blocks) if block.effect is not None and own.is_form_of(block.effect)}
+                same |= {i for i, block in enumerate(self.blocks)
+                         if block.effect is not None and own.is_form_of(block.effect)}
             self._forms[index] = frozenset(same)
         return self._forms[index]
 
     def richer_than(self, index: int) -> list[int]:
         """The named forms of the same cause that have every term of a block, and more of them."""
         own = self.blocks[index]
-        return [i for i in self.forms_of(index) if self.blocks[i].effect is not None and self.blocks[i].columns > own.columns]
+        return [i for i in self.forms_of(index)
+                if self.blocks[i].effect is not None and self.blocks[i].columns > own.columns]
 
     def beside(self, effects: list[Effect]) -> Vocabulary:
         """Without the causes that these effects stand for already."""
@@ -112,9 +119,11 @@ class Vocabulary:
 
 
 def vocabulary_of(fitted, effects: list[Effect], signals: dict, directions: dict) -> Vocabulary:
-    """All candidate `effects` at every point of their grids, and unknown functions of `signals` along `directions`."""
+    """All candidate `effects` at every point of their grids, and unknown functions of `signals` along
+    `directions`."""
     m = fitted.residual.shape[1]
-    points = [(effect, point) for effect in effects for point in grid(effect) if point.keep(fitted.view) is None]
+    points = [(effect, point) for effect in effects for point in grid(effect)
+              if point.keep(fitted.view) is None]
     counts = Counter(point.label for _, point in points)
     axes = defaultdict(set)
     for _, point in points:
@@ -131,7 +140,8 @@ def vocabulary_of(fitted, effects: list[Effect], signals: dict, directions: dict
         size = np.array([min(p.plausible, p.prior) for p in parameters])
         positive = np.array([p.lower == 0.0 for p in parameters])
         where = slice(at, at + response.shape[2])
-        blocks.append(Block(point.label, point, None, where, size, positive, np.log(share) + point.log_odds, point.repeatable))
+        blocks.append(Block(point.label, point, None, where, size, positive, np.log(share) + point.log_odds,
+                            point.repeatable))
         parts.append(response)
         at = where.stop
     functions = unknown_functions(fitted, signals, directions)
@@ -140,7 +150,8 @@ def vocabulary_of(fitted, effects: list[Effect], signals: dict, directions: dict
         where = slice(at, at + response.shape[2])
         for size in sizes:
             blocks.append(Block(unknown.label, None, unknown, where, size, np.zeros(len(size), bool),
-                                np.log(UNKNOWN_MASS / number * (DESCRIBED if unknown.described else 1.0)), False))
+                                np.log(UNKNOWN_MASS / number * (DESCRIBED if unknown.described else 1.0)),
+                                False))
         parts.append(response)
         at = where.stop
     rows = fitted.residual.shape[0]
@@ -153,7 +164,8 @@ def emptied(effect: Effect) -> Effect:
 
 
 def at_values(block: Block, values: np.ndarray) -> Effect:
-    """The effect of a named block with its coefficients at `values`, inside their bounds; searched values are known now."""
+    """The effect of a named block with its coefficients at `values`, inside their bounds; searched values are
+    known now."""
     found = np.asarray(block.effect.values, float).copy()
     found[block.free] = values
     parameters = block.effect.parameters()

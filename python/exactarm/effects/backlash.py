@@ -2,10 +2,11 @@
 
 change of q = -width / 2 * s,   s = tanh((torque + friction * direction) / transition)
 
-torque is what the joint carries (the spring's torque, E4; in motions as the drives tell it, view.signals["carried"]: the
-angles that the model takes it from have been bent by the gap itself), friction the joint's Coulomb friction against
-the direction of motion: it decides where the load is small. transition = friction / 5, so that friction alone
-presses the flanks together. Two-state model of Nordin and Gutman 2002, at rest on either flank.
+torque is what the joint carries (the spring's torque, E4; in motions as the drives tell it,
+view.signals["carried"]: the angles that the model takes it from have been bent by the gap itself), friction
+the joint's Coulomb friction against the direction of motion: it decides where the load is small. transition =
+friction / 5, so that friction alone presses the flanks together. Two-state model of Nordin and Gutman 2002,
+at rest on either flank.
 """
 
 from __future__ import annotations
@@ -20,15 +21,17 @@ from exactarm.effects.base import Change, Effect, Parameter, Station
 
 _TRANSITION_SHARE = 0.2
 _FRICTION_SHARE = 0.02  # of the largest load, where no friction is declared
-_FRICTION_SHARES = (0.003, 0.005, 0.0075, 0.011, 0.016, 0.023, 0.033, 0.048, 0.07, 0.1, 0.15, 0.22, 0.33)  # to choose from, where the device shows the flank itself
+# to choose from, where the device shows the flank itself
+_FRICTION_SHARES = (0.003, 0.005, 0.0075, 0.011, 0.016, 0.023, 0.033, 0.048, 0.07, 0.1, 0.15, 0.22, 0.33)
 _LEAST_FRICTION_NM = 0.1
-_CERTAIN = 3.0  # deviations of the measured load that the flank takes to change: less, and noise would turn it over
+# deviations of the measured load that the flank takes to change: less, and noise would turn it over
+_CERTAIN = 3.0
 
 
 @dataclass(frozen=True)
 class Backlash(Effect):
-    """values: width of the clearance at the output, and the friction that decides at small loads, chosen from `search`;
-    with `least_Nm` above zero it is estimated from there, and not below that."""
+    """values: width of the clearance at the output, and the friction that decides at small loads, chosen from
+    `search`; with `least_Nm` above zero it is estimated from there, and not below that."""
 
     search: tuple[float, ...] = ()
     least_Nm: float = 0.0
@@ -52,7 +55,10 @@ class Backlash(Effect):
         friction = max(self.values[1], _LEAST_FRICTION_NM)
         transition = _TRANSITION_SHARE * friction
         modelled, direction = view.torque[:, self.index], view.direction[:, self.index]
-        carried = view.signals["carried"][:, self.index] if "carried" in view.signals else np.full_like(modelled, np.nan)
+        carried = (
+            view.signals["carried"][:, self.index] if "carried" in view.signals
+            else np.full_like(modelled, np.nan)
+        )
         measured = ~np.isnan(carried)
         load = np.where(measured, carried, modelled)
         s = np.tanh((load + friction * direction) / transition)
@@ -83,11 +89,14 @@ class Backlash(Effect):
             if view.kind == "poses" and load <= small:
                 continue  # at rest only friction would press the flanks, which is hysteresis by another name
             if view.kind == "motion":
-                # A drive torque shows the flank while it changes sides, by the rates: few places to start from are enough.
+                # A drive torque shows the flank while it changes sides, by the rates: few places to start
+                # from are enough.
                 shares = [small] + ([joint.coulomb] if joint.coulomb else [])
             else:
-                shares = [share * load for share in _FRICTION_SHARES] + ([joint.coulomb] if joint.coulomb else [])
-            # In static poses the flank is seen on either side of the change, and next to never while it changes.
+                shares = [share * load
+                          for share in _FRICTION_SHARES] + ([joint.coulomb] if joint.coulomb else [])
+            # In static poses the flank is seen on either side of the change, and next to never while it
+            # changes.
             shares = sorted({min(max(value, least), max(load, small)) for value in shares})
             estimated = view.is_series and bool(np.any(view.direction[:, index]))
             yield cls(index + 1, (0.0, shares[0]), tuple(shares), least if estimated else 0.0)

@@ -1,6 +1,7 @@
 """Base compliance: the whole robot tilts on its foundation under the overturning moment of its weight.
 
-The base turns by rad_per_Nm M_across, M the moment of gravity about the base origin, across the base's z axis.
+The base turns by rad_per_Nm M_across, M the moment of gravity about the base origin, across the base's z
+axis.
 """
 
 from __future__ import annotations
@@ -27,7 +28,8 @@ class BaseCompliance(Effect):
     by_load: ClassVar[bool] = True
     per_joint: ClassVar[bool] = False
     sentence: ClassVar[str] = (
-        "the foundation tilts, or axis 1 bends across itself (the two look alike), by {rad_per_Nm:.3g} rad for every Nm of overturning moment"
+        "the foundation tilts, or axis 1 bends across itself (the two look alike), by {rad_per_Nm:.3g} rad "
+        "for every Nm of overturning moment"
     )
     source: ClassVar[str] = "Abele, Weigold and Rothenbuecher 2007"
 

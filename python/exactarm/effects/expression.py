@@ -1,8 +1,9 @@
 """Expression: an effect that nobody wrote in this library, as a formula of signals, which turns one axis.
 
-change of q_joint = form(signals, values), rad. Signals: q_i (output angle of gear i plus the joint's zero, rad), theta_i (motor, rad),
-torque_i (joint, Nm), approach_i (direction of motion, -1 to 1), time_h, and every covariate by its name. Parameters: all other
-names, linear or not. The formula is read by `formula.py`; nothing of it is run as code.
+change of q_joint = form(signals, values), rad. Signals: q_i (output angle of gear i plus the joint's zero,
+rad), theta_i (motor, rad), torque_i (joint, Nm), approach_i (direction of motion, -1 to 1), time_h, and every
+covariate by its name. Parameters: all other names, linear or not. The formula is read by `formula.py`;
+nothing of it is run as code.
 """
 
 from __future__ import annotations
@@ -29,9 +30,11 @@ _SIGNAL = {"q": "phi", "theta": "theta", "torque": "torque"}
 
 @dataclass(frozen=True)
 class Expression(Effect):
-    """values: of `names`, the parameters of `form`; `plausible`: their plausible sizes; `of`: the signals it uses.
+    """values: of `names`, the parameters of `form`; `plausible`: their plausible sizes; `of`: the signals it
+    uses.
 
-    searched: (parameter, values to try it from), of parameters that the formula is not linear in; absent: the value that it has.
+    searched: (parameter, values to try it from), of parameters that the formula is not linear in; absent: the
+    value that it has.
     """
 
     form: str = "0"
@@ -47,7 +50,9 @@ class Expression(Effect):
     compensable: ClassVar[bool] = True
     repeatable: ClassVar[bool] = True
     source: ClassVar[str] = "a draft that was accepted"
-    open_parameters: ClassVar[str] = "the names in its formula that are no signals, each with its plausible size in the draft"
+    open_parameters: ClassVar[
+        str
+    ] = "the names in its formula that are no signals, each with its plausible size in the draft"
 
     @cached_property
     def grids(self) -> dict[str, tuple[float, ...]]:
@@ -61,7 +66,10 @@ class Expression(Effect):
     def label(self) -> str:
         if len(self.form) <= _LONGEST_LABEL:
             return f"{self.name}_{self.joint}: {self.form}"
-        return f"{self.name}_{self.joint}: series in {', '.join(self.of)} ({hashlib.sha256(self.form.encode()).hexdigest()[:6]})"
+        return (
+            f"{self.name}_{self.joint}: series in {', '.join(self.of)} "
+            f"({hashlib.sha256(self.form.encode()).hexdigest()[:6]})"
+        )
 
     @property
     def in_plain_words(self) -> str:
@@ -77,7 +85,8 @@ class Expression(Effect):
 
     @cached_property
     def linear(self) -> frozenset[str]:
-        """Parameters that the formula is linear in; the others (a width, a place) are searched from where the draft has them."""
+        """Parameters that the formula is linear in; the others (a width, a place) are searched from where the
+        draft has them."""
         return frozenset(linear_names(self.formula, self.names))
 
     def parameters(self) -> tuple[Parameter, ...]:
@@ -109,7 +118,8 @@ class Expression(Effect):
         return Change((self.index,), value[:, None], derivative, by_signal)
 
     def to_table(self):
-        table = {"effect": self.name, "joint": self.joint, "title": self.heading, "form": self.form, "of": list(self.of)}
+        table = {"effect": self.name, "joint": self.joint, "title": self.heading, "form": self.form,
+                 "of": list(self.of)}
         table["values"] = dict(zip(self.names, self.values))
         return table | {"plausible": dict(zip(self.names, self.plausible))}
 
@@ -119,7 +129,8 @@ class Expression(Effect):
         formula, of = Formula.of(str(table["form"])), tuple(str(signal) for signal in table["of"])
         names = tuple(name for name in formula.names if name not in of)
         values, sizes = table["values"], table.get("plausible", {})
-        return cls(int(table["joint"]), tuple(float(values[name]) for name in names), form=formula.text, of=of, names=names,
+        return cls(int(table["joint"]), tuple(float(values[name]) for name in names), form=formula.text,
+                   of=of, names=names,
                    plausible=tuple(abs(float(sizes.get(name, values[name]))) or 1.0 for name in names),
                    heading=str(table.get("title", "")))
 
@@ -141,7 +152,10 @@ def signal_of(view, signal: str) -> np.ndarray:
     """(N,) a signal by the name that it has in formulas."""
     match = _OF_AXIS.match(signal)
     if match is None:
-        return slow_signal(view.data, TIME) if signal == "time_h" else np.asarray(view.data.covariates[signal], float)
+        return (
+            slow_signal(view.data, TIME)
+            if signal == "time_h" else np.asarray(view.data.covariates[signal], float)
+        )
     kind, index = match[1], int(match[2]) - 1
     if kind == "q":
         return view.phi[:, index] + view.robot.offsets[index]

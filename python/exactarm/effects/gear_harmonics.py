@@ -1,7 +1,9 @@
-"""Gear harmonics: orders of the non-constant gear ratio that the declared tables lack (thesis (2.9) to (2.14), E5).
+"""Gear harmonics: orders of the non-constant gear ratio that the declared tables lack (thesis (2.9) to
+(2.14), E5).
 
-Or, where many orders act together (an encoder disc, the teeth of a strain wave gear on both sides), all of them as one
-regularised curve of the output angle: between poses, a free Fourier series would explode. The same in both directions of motion. Orders of one rotating element and its multiples belong together.
+Or, where many orders act together (an encoder disc, the teeth of a strain wave gear on both sides), all of
+them as one regularised curve of the output angle: between poses, a free Fourier series would explode. The
+same in both directions of motion. Orders of one rotating element and its multiples belong together.
 """
 
 from __future__ import annotations
@@ -29,7 +31,9 @@ class GearHarmonics(HarmonicFamily):
     kinds: ClassVar[tuple[str, ...]] = ("poses", "gear_run", "motion", "tracked_motion")
     compensable: ClassVar[bool] = True
     family: ClassVar[str] = "gear curve"
-    sentence: ClassVar[str] = "the ratio of gear {joint} swings {order_per_rev:.2f} times per output revolution"
+    sentence: ClassVar[
+        str
+    ] = "the ratio of gear {joint} swings {order_per_rev:.2f} times per output revolution"
     source: ClassVar[str] = "thesis 2.2.1, E5"
 
     @classmethod
@@ -43,13 +47,15 @@ class GearHarmonics(HarmonicFamily):
                 yield cls.zero(index + 1, own, multiples=2)
             if view.kind == "poses":
                 seen = (float(view.phi[:, index].min()), float(view.phi[:, index].max()))
-                yield from (cls.curve(index + 1, _CURVE_ORDERS, amplitude, seen) for amplitude in _CURVE_AMPLITUDES_RAD)
+                yield from (cls.curve(index + 1, _CURVE_ORDERS, amplitude, seen)
+                            for amplitude in _CURVE_AMPLITUDES_RAD)
 
     def describe(self) -> str:
         if self.seen is None:
             return super().describe()
         angle = np.linspace(*self.seen, _CURVE_POINTS)
         orders = self.values[0] * np.arange(1, self.multiples + 1)
-        error = delivered_angle(angle, orders, self.values[1::2], self.values[2::2], np.ones(_CURVE_POINTS)) - angle
+        error = delivered_angle(angle, orders, self.values[1::2], self.values[2::2],
+                                np.ones(_CURVE_POINTS)) - angle
         return (f"the output of gear {self.joint} is off by a curve that repeats with every revolution, "
                 f"{1e6 * np.std(error):.0f} µrad RMS over the angles measured")

@@ -49,7 +49,8 @@ def gravity_moment(view, index: int) -> GravityMoment:
         if revolute[k]:
             axis_by_q[:, :, k] = np.cross(axes[:, k], axis)
     moment, moment_by_q = np.zeros((rows, 3)), np.zeros((rows, 3, n))
-    bodies = [(j, link.mass * gravity, np.asarray(link.centre_of_mass, float)) for j, link in enumerate(robot.links) if j >= index]
+    bodies = [(j, link.mass * gravity, np.asarray(link.centre_of_mass, float))
+              for j, link in enumerate(robot.links) if j >= index]
     if view.kind == "poses" and view.data.payload is not None:
         mass, centres = view.data.payload
         bodies.append((n - 1, mass[:, None] * gravity, centres))
@@ -60,14 +61,17 @@ def gravity_moment(view, index: int) -> GravityMoment:
     return GravityMoment(moment, moment_by_q, point, point_by_q, axis, axis_by_q)
 
 
-def bending(view, rotation: np.ndarray, rotation_by_q: np.ndarray, at: GravityMoment) -> tuple[np.ndarray, np.ndarray]:
-    """Displacement (N, 6) of the target when all beyond `at.point` turns by the small `rotation` (N, 3) about it,
-    and its derivative (N, 6, n) by q; without the identification Jacobian the arm counts as fixed in it."""
+def bending(view, rotation: np.ndarray, rotation_by_q: np.ndarray,
+            at: GravityMoment) -> tuple[np.ndarray, np.ndarray]:
+    """Displacement (N, 6) of the target when all beyond `at.point` turns by the small `rotation` (N, 3) about
+    it, and its derivative (N, 6, n) by q; without the identification Jacobian the arm counts as fixed in
+    it."""
     arm = view.signals["target"] - at.point
     arm_by_q = -at.point_by_q
     if "identification" in view.signals:
         columns = view.signals["identification"].reshape(view.rows, 6, -1)
         arm_by_q = columns[:, :3, 4 : 6 * view.axes : 6] + arm_by_q
     value = np.concatenate([np.cross(rotation, arm), rotation], axis=1)
-    turned = np.cross(rotation_by_q, arm[:, :, None], axis=1) + np.cross(rotation[:, :, None], arm_by_q, axis=1)
+    turned = np.cross(rotation_by_q, arm[:, :, None],
+                      axis=1) + np.cross(rotation[:, :, None], arm_by_q, axis=1)
     return value, np.concatenate([turned, rotation_by_q], axis=1)

@@ -1,13 +1,15 @@
 """Joint compliance: the drive train of an axis gives way under the torque that it carries.
 
-change of q = -(linear torque + cubic torque^3), in rad; the joint torque of a static pose is the gravity torque.
-Linear and cubic compliance, as the thesis takes for gears 2 and 3 (1.1.2, (2.18)); E4 for the sign. A declared
-spring stays in the robot's tables; this is what is missing beside it.
+change of q = -(linear torque + cubic torque^3), in rad; the joint torque of a static pose is the gravity
+torque. Linear and cubic compliance, as the thesis takes for gears 2 and 3 (1.1.2, (2.18)); E4 for the sign. A
+declared spring stays in the robot's tables; this is what is missing beside it.
 
-Where the masses are generic (exactarm.generic_masses) the load is right in kind, not in size, and its shape is a little wrong:
+Where the masses are generic (exactarm.generic_masses) the load is right in kind, not in size, and its shape
+is a little wrong:
     change of q = -(linear torque + tip torque_tip + own torque_own)
-torque_tip: a tenth of the arm's mass at the flange, which makes up for a wrong distribution; torque_own: the links without the
-payload, estimated where known payloads differ from row to row: then `linear` is that of a known weight, in true Nm.
+torque_tip: a tenth of the arm's mass at the flange, which makes up for a wrong distribution; torque_own: the
+links without the payload, estimated where known payloads differ from row to row: then `linear` is that of a
+known weight, in true Nm.
 """
 
 from __future__ import annotations
@@ -37,7 +39,9 @@ class JointCompliance(Effect):
     kinds: ClassVar[tuple[str, ...]] = ("poses", "motion", "tracked_motion")
     compensable: ClassVar[bool] = True
     by_load: ClassVar[bool] = True
-    sentence: ClassVar[str] = "axis {joint} gives way by {linear_rad_per_Nm:.3g} rad for every Nm that it carries"
+    sentence: ClassVar[
+        str
+    ] = "axis {joint} gives way by {linear_rad_per_Nm:.3g} rad for every Nm that it carries"
     source: ClassVar[str] = "thesis 1.1.2, (2.18), E4; Caenen and Angue 1990"
 
     def parameters(self) -> tuple[Parameter, ...]:
@@ -71,7 +75,8 @@ class JointCompliance(Effect):
                 continue
             if view.guessed_load(i):
                 varies = view.rest_load is not None and view.rest_load.payload_varies
-                yield from (RelativeCompliance.none_of(robot, i, tip, varies) for tip in sorted({True, varies}))
+                yield from (RelativeCompliance.none_of(robot, i, tip, varies)
+                            for tip in sorted({True, varies}))
             else:
                 yield from (cls.none_of(robot, i, cubic) for cubic in (False, True))
 

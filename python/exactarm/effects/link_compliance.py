@@ -1,6 +1,7 @@
 """Link compliance: an axis bends across itself under the moment that its bearing carries.
 
-All beyond joint i turns by  rad_per_Nm (M - z (z . M)),  M the moment of gravity at the joint, z its axis: the
+All beyond joint i turns by  rad_per_Nm (M - z (z . M)),
+                             M the moment of gravity at the joint, z its axis: the
 part of the joint stiffness matrix across the axis that a torsion spring about it does not have (Abele,
 Weigold and Rothenbuecher 2007; Klimchik et al. 2013).
 """
@@ -27,7 +28,9 @@ class LinkCompliance(Effect):
     kinds: ClassVar[tuple[str, ...]] = ("poses", "tracked_motion")
     compensable: ClassVar[bool] = True
     by_load: ClassVar[bool] = True
-    sentence: ClassVar[str] = "bearing and link of axis {joint} bend across the axis by {rad_per_Nm:.3g} rad per Nm"
+    sentence: ClassVar[
+        str
+    ] = "bearing and link of axis {joint} bend across the axis by {rad_per_Nm:.3g} rad per Nm"
     source: ClassVar[str] = "Abele, Weigold and Rothenbuecher 2007; Klimchik et al. 2013"
 
     def parameters(self) -> tuple[Parameter, ...]:
@@ -38,15 +41,19 @@ class LinkCompliance(Effect):
         at = gravity_moment(view, self.index)
         along = np.sum(at.axis * at.moment, axis=1)
         across = at.moment - at.axis * along[:, None]
-        along_by_q = np.einsum("ni,nij->nj", at.axis, at.moment_by_q) + np.einsum("ni,nij->nj", at.moment, at.axis_by_q)
-        across_by_q = at.moment_by_q - at.axis_by_q * along[:, None, None] - at.axis[:, :, None] * along_by_q[:, None, :]
+        along_by_q = np.einsum("ni,nij->nj", at.axis,
+                               at.moment_by_q) + np.einsum("ni,nij->nj", at.moment, at.axis_by_q)
+        across_by_q = at.moment_by_q - at.axis_by_q * along[:, None,
+                                                            None] - at.axis[:, :, None] * along_by_q[:, None,
+                                                                                                     :]
         value, by_q = bending(view, across, across_by_q, at)
         return Change(tuple(range(6)), compliance * value, value[:, :, None], {"q": compliance * by_q})
 
     @classmethod
     def candidates(cls, robot, view) -> Iterable[Effect]:
-        """Of every axis but the first, whose bending is that of the base. Not under generic masses: what loads a
-        bearing across its axis hangs on how they are distributed, and nothing here makes up for that."""
+        """Of every axis but the first, whose bending is that of the base. Not under generic masses: what
+        loads a bearing across its axis hangs on how they are distributed, and nothing here makes up for
+        that."""
         if not view.has_masses or robot.generic_masses:
             return ()
         return (cls(i + 1, (0.0,)) for i in range(1, robot.axes) if robot.joints[i].type == "revolute")

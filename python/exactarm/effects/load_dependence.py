@@ -1,10 +1,10 @@
 """Load dependence: the error of a gear changes with the torque that it carries (wind-up, meshing under load).
 
 Either the delivered angle gives way, change = -linear torque; or the gear's whole error grows,
-e -> (1 + relative |torque|) e; or one order has a part proportional to the torque (values: order, a, b per Nm).
-A measured torque is the drive's: what its dry friction holds never reaches the gear, so that
-change = -linear torque + friction sign(rate), friction = linear times the torque of that friction (torque and sign
-behind the same low-pass; no friction where the load comes from declared masses).
+e -> (1 + relative |torque|) e; or one order has a part proportional to the torque (values: order, a, b per
+Nm). A measured torque is the drive's: what its dry friction holds never reaches the gear, so that
+change = -linear torque + friction sign(rate), friction = linear times the torque of that friction (torque and
+sign behind the same low-pass; no friction where the load comes from declared masses).
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ _LEAST_SPREAD_SIGN = 0.5
 
 @dataclass(frozen=True)
 class LoadDependence(HarmonicFamily):
-    """One value: wind-up, or with `of_declared` the growth of the gear's error; two: wind-up and the friction of the
-    drive; three: an order of its own.
+    """One value: wind-up, or with `of_declared` the growth of the gear's error; two: wind-up and the friction
+    of the drive; three: an order of its own.
 
     beside_spring: only there may the wind-up be negative, where the declared spring is too soft."""
 
@@ -54,7 +54,8 @@ class LoadDependence(HarmonicFamily):
         if self.of_declared:
             return (Parameter("relative_per_Nm", 5e-3, -1.0, 1.0),)
         lower = -np.inf if self.beside_spring else 0.0
-        return (Parameter("linear_rad_per_Nm", 5e-6, lower), Parameter("friction_rad", 1e-4))[: len(self.values)]
+        return (Parameter("linear_rad_per_Nm", 5e-6, lower),
+                Parameter("friction_rad", 1e-4))[: len(self.values)]
 
     def parameter_label(self, parameter: Parameter) -> str:
         return f"{self.label}.{parameter.name}"
@@ -77,7 +78,10 @@ class LoadDependence(HarmonicFamily):
 
     def _sign(self, view) -> np.ndarray:
         """(N,) shape of the drive's friction in the load; 0 where the load is the arm's own."""
-        return view.signals["friction_sign"][:, self.index] if "friction_sign" in view.signals else np.zeros(view.rows)
+        return (
+            view.signals["friction_sign"][:, self.index] if "friction_sign" in view.signals
+            else np.zeros(view.rows)
+        )
 
     @classmethod
     def from_table(cls, table) -> Effect:
@@ -94,7 +98,10 @@ class LoadDependence(HarmonicFamily):
             if np.std(view.torque[:, index]) < _LEAST_SPREAD_NM:
                 continue
             # A measured torque always has the friction of the drive in it.
-            rubs = "friction_sign" in view.signals and np.ptp(view.signals["friction_sign"][:, index]) > _LEAST_SPREAD_SIGN
+            rubs = (
+                "friction_sign" in view.signals
+                and np.ptp(view.signals["friction_sign"][:, index]) > _LEAST_SPREAD_SIGN
+            )
             spring = bool(robot.joints[index].spring_linear)
             yield cls(index + 1, (0.0, 0.0) if rubs else (0.0,), beside_spring=spring)
             if robot.joints[index].has_harmonics:

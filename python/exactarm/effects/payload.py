@@ -3,8 +3,8 @@
     pi_n += (m, s, I),  s = m c the first moment in the flange frame,
     I = m / (m^2 + m0^2) (|s|^2 1 - s s')     about the flange: that of a point mass at c for m >> m0
 
-Mass and first moment are the parameters, so that no mass is not a singular point (m0 = 1 g); the centre of mass is
-c = s / m. The derivative of the joint torque is the regressor's (Atkeson, An and Hollerbach 1986).
+Mass and first moment are the parameters, so that no mass is not a singular point (m0 = 1 g); the centre of
+mass is c = s / m. The derivative of the joint torque is the regressor's (Atkeson, An and Hollerbach 1986).
 """
 
 from __future__ import annotations
@@ -19,13 +19,15 @@ from exactarm import _core
 from exactarm.effects.base import Change, Effect, Parameter, Station
 
 _MASS_FLOOR_KG = 1e-3
-_CERTAIN = 2.0  # standard deviations that the mass must be away from zero, so that a moment over it has a meaning
+# standard deviations that the mass must be away from zero, so that a moment over it has a meaning
+_CERTAIN = 2.0
 _SYMMETRIC = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))  # the order of the six inertias
 
 
 @dataclass(frozen=True)
 class Payload(Effect):
-    """Mass (kg) and first moment (kg m, flange frame) of what the flange carries beside the declared links."""
+    """Mass (kg) and first moment (kg m, flange frame) of what the flange carries beside the declared
+    links."""
 
     name: ClassVar[str] = "payload"
     plain: ClassVar[str] = "a payload that is not as declared"
@@ -49,7 +51,10 @@ class Payload(Effect):
 
     def describe(self) -> str:
         x, y, z = 1e3 * self.centre_of_mass
-        return f"the flange carries {self.values[0]:.3g} kg more than declared, centred at ({x:.0f}, {y:.0f}, {z:.0f}) mm"
+        return (
+            f"the flange carries {self.values[0]:.3g} kg more than declared, centred at ({x:.0f}, {y:.0f}, "
+            f"{z:.0f}) mm"
+        )
 
     def derived(self, covariance):
         """Centre of mass s / m, by the delta method: d(s / m) = (ds - c dm) / m."""
@@ -66,7 +71,9 @@ class Payload(Effect):
     def caveat(self, covariance):
         if self._weighs(covariance):
             return ""
-        return "this data tells its moment but not its mass apart from the lever arm: no centre of mass is given"
+        return (
+            "this data tells its moment but not its mass apart from the lever arm: no centre of mass is given"
+        )
 
     def _weighs(self, covariance) -> bool:
         return abs(self.values[0]) > max(_CERTAIN * np.sqrt(covariance[0, 0]), _MASS_FLOOR_KG)
@@ -121,4 +128,5 @@ def with_added(link, pi: np.ndarray):
     if total == 0.0:  # only then is there no centre; the moments are zero with the mass in any real body
         return replace(link, mass=0.0, centre_of_mass=np.zeros(3), inertia=about_origin + added)
     new_centre = moment / total
-    return replace(link, mass=total, centre_of_mass=new_centre, inertia=about_origin + added - moved(total, new_centre))
+    return replace(link, mass=total, centre_of_mass=new_centre,
+                   inertia=about_origin + added - moved(total, new_centre))

@@ -1,7 +1,8 @@
-"""MuJoCo's MJCF: the identified chain as bodies with hinges and slides, masses where they are declared, a site at the flange.
+"""MuJoCo's MJCF: the identified chain as bodies with hinges and slides, masses where they are declared, a
+site at the flange.
 
-Joint positions are those that the controller reports. Rotor inertia becomes `armature`, friction `frictionloss` and `damping`. A link without
-declared mass gets the least that MuJoCo takes.
+Joint positions are those that the controller reports. Rotor inertia becomes `armature`, friction
+`frictionloss` and `damping`. A link without declared mass gets the least that MuJoCo takes.
 """
 
 from __future__ import annotations
@@ -76,7 +77,10 @@ def _inertial(robot: Robot, index: int) -> str:
     turn = behind_axis(robot.joints[index]).rotation
     inertia = turn @ link.inertia @ turn.T
     full = [inertia[0, 0], inertia[1, 1], inertia[2, 2], inertia[0, 1], inertia[0, 2], inertia[1, 2]]
-    return f'<inertial pos="{_numbers(_behind(robot, index, link.centre_of_mass))}" mass="{float(link.mass)!r}" fullinertia="{_numbers(full)}"/>'
+    return (
+        f'<inertial pos="{_numbers(_behind(robot, index, link.centre_of_mass))}" mass="{float(link.mass)!r}" '
+        f'fullinertia="{_numbers(full)}"/>'
+    )
 
 
 def _behind(robot: Robot, index: int, point: np.ndarray) -> np.ndarray:

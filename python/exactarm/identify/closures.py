@@ -1,9 +1,11 @@
-"""Calibration and judgement from closures: contacts, tool and geometry together, the contacts integrated out of the intervals.
+"""Calibration and judgement from closures: contacts, tool and geometry together, the contacts integrated out
+of the intervals.
 
-1. tool and contacts by the robot as declared, 2. which parameters the closures can tell, 3. all of them with known
-lengths and the drawing as data (exactarm.identify.closure_fit), 4. the error of rows that were not fitted.
-One tool serves all sessions unless the rows say otherwise by more than it costs (Schwarz 1978).
-Without a known length nothing tells a robot and its surroundings from a model of both at another scale: one length is held.
+1. tool and contacts by the robot as declared, 2. which parameters the closures can tell, 3. all of them with
+known lengths and the drawing as data (exactarm.identify.closure_fit), 4. the error of rows that were not
+fitted. One tool serves all sessions unless the rows say otherwise by more than it costs (Schwarz 1978).
+Without a known length nothing tells a robot and its surroundings from a model of both at another scale: one
+length is held.
 """
 
 from __future__ import annotations
@@ -34,18 +36,22 @@ from exactarm.robot import Robot
 
 _STARTS = 12
 _TOOL_REACH_M = 0.3  # spread of the random starts of the tool point
-_LEAST_TOUCHES = {"socket": 1, "plane": 3, "sphere": 4, "bar": 4}  # below, a contact is wherever it was touched
+# below, a contact is wherever it was touched
+_LEAST_TOUCHES = {"socket": 1, "plane": 3, "sphere": 4, "bar": 4}
 SLIPPED = 0.35  # square root of a weight: beyond some 7 standard deviations
-_MOUNTED_ANEW = 3.0  # times Schwarz' price: what is left of an arm's own error buys up to 1.6 times with one and the same tool
+# times Schwarz' price: what is left of an arm's own error buys up to 1.6 times with one and the same tool
+_MOUNTED_ANEW = 3.0
 _AS_ONE = ("d", "q_offset")  # of axis 1: they move the arm along and about it
 AS_ONE = "the robot and everything that it touches may move as one: the contacts absorb it"
-SCALE = "all lengths times a common factor fit as well: give one distance, radius or bar length of the fixture"
+SCALE = (
+    "all lengths times a common factor fit as well: give one distance, radius or bar length of the fixture"
+)
 
 
 @dataclass(frozen=True)
 class DeclaredClosures:
-    """The declared model of closures: its layout (frames, contacts and tool first), what is known beside the rows, what
-    was dropped, the fit of contacts and tool alone, and the fit of everything."""
+    """The declared model of closures: its layout (frames, contacts and tool first), what is known beside the
+    rows, what was dropped, the fit of contacts and tool alone, and the fit of everything."""
 
     layout: Layout
     pulls: Pulls
@@ -54,20 +60,24 @@ class DeclaredClosures:
     fit: ClosureFit
 
 
-def calibrate_closures(robot: Robot, data: Dataset, options: CalibrationOptions = CalibrationOptions()) -> Calibration:
-    """Calibrates on the identification rows and judges on the others. Raises InputError where the data cannot support it."""
+def calibrate_closures(robot: Robot, data: Dataset,
+                       options: CalibrationOptions = CalibrationOptions()) -> Calibration:
+    """Calibrates on the identification rows and judges on the others. Raises InputError where the data cannot
+    support it."""
     drawn, robot = robot, with_loads(robot, data)
     identification = data.split(options.seed)
     train = touches(data.select(identification))
     rows = touches(replace(data, identification=identification))
-    declared = declare_closures(robot, train, options.compliance, options.seed, options.threads, sessions_of(rows))
+    declared = declare_closures(robot, train, options.compliance, options.seed, options.threads,
+                                sessions_of(rows))
     fit = declared.fit
     before, after = (
         closure_errors(robot, each.layout, rows, options.threads) for each in (declared.nominal, fit)
     )
     parts = {"identification": rows.identification, "validation": ~rows.identification}
     judge = lambda layout: {
-        name: mean_distance_error(robot, layout, rows.select(mask), options.threads) for name, mask in parts.items()
+        name: mean_distance_error(robot, layout, rows.select(mask), options.threads)
+        for name, mask in parts.items()
     }
     return Calibration(
         robot=kept_masses(updated_robot(robot, train, fit), drawn),
@@ -91,20 +101,24 @@ def declare_closures(
     robot: Robot, data: Dataset, compliance: tuple[int, ...] | None = (), seed: int = 0, threads: int = 1,
     sessions: tuple[int, ...] = (), carried: Layout | None = None,
 ) -> DeclaredClosures:
-    """The declared model fitted to all rows of `data` (one device a row); `sessions`: those that share the tool too."""
+    """The declared model fitted to all rows of `data` (one device a row); `sessions`: those that share the
+    tool too."""
     require_geometry(robot)
     carried = carried_effects(robot, data) if carried is None else carried
     nominal = nominal_closures(robot, data, carried, seed, threads, sessions or sessions_of(data))
     geometry = geometry_layout(robot)
     start = nominal.layout.at(nominal.layout.values)
-    setup = Layout(start.effects[: len(start.effects) - len(carried.effects)], start.free[: len(start.free) - len(carried.free)])
+    setup = Layout(start.effects[: len(start.effects) - len(carried.effects)],
+                   start.free[: len(start.free) - len(carried.free)])
 
     def fitted(setup: Layout) -> tuple[Layout, Pulls, Identifiability, ClosureFit]:
         beside = geometry.joined(compliance_layout(robot, data, compliance)).joined(carried)
         layout, found = identifiable_closures(robot, setup, beside, data, threads)
         pulls = Pulls.of(geometry, data.fixture)
         fit = fit_closures(robot, layout, data, pulls, threads=threads)
-        return layout, pulls, found, fit if scale_is_known(layout, data) else _with_scale_in_doubt(fit, geometry)
+        return (
+            layout, pulls, found, fit if scale_is_known(layout, data) else _with_scale_in_doubt(fit, geometry)
+        )
 
     one = fitted(setup)
     apart = _with_tools_apart(setup, data)
@@ -118,14 +132,17 @@ def declare_closures(
 
 
 def nominal_closures(
-    robot: Robot, data: Dataset, carried: Layout, seed: int = 0, threads: int = 1, sessions: tuple[int, ...] = ()
+    robot: Robot, data: Dataset, carried: Layout, seed: int = 0, threads: int = 1,
+    sessions: tuple[int, ...] = ()
 ) -> ClosureFit:
-    """Contacts, tool and frames alone, by the robot as declared; known lengths are not used. Raises InputError where they do not fit."""
+    """Contacts, tool and frames alone, by the robot as declared; known lengths are not used. Raises
+    InputError where they do not fit."""
     device = device_of(data)
     tracked = device == TRACKER
     frames = Layout.of(())
     if tracked.any():
-        frames, _ = frames_layout(robot, data.select(tracked), orientation=data.rotation is not None, seed=seed)
+        frames, _ = frames_layout(robot, data.select(tracked), orientation=data.rotation is not None,
+                                  seed=seed)
     framed = {effect.session for effect in frames.effects}
     shared = tuple(s for s in (sessions or sessions_of(data)) if s not in framed)
     touched = np.isin(data.session, shared) & (device != PAIR)
@@ -134,7 +151,10 @@ def nominal_closures(
         starts += list(np.random.default_rng(seed).normal(0.0, _TOOL_REACH_M, (_STARTS, 3)))
     best = None
     for tool in starts:
-        target = Layout.of((Target(None, tuple(float(v) for v in tool), shared, shared=len(shared) > 1),), estimate=bool(touched.any())) if shared else Layout.of(())
+        target = (
+            Layout.of((Target(None, tuple(float(v) for v in tool), shared, shared=len(shared) > 1),),
+                      estimate=bool(touched.any())) if shared else Layout.of(())
+        )
         layout = with_contacts(robot, frames.joined(target).joined(carried), data, threads)
         fit = fit_closures(robot, layout, data, Pulls(), threads=threads)
         error = float(np.median(fit.prediction.error()))
@@ -144,17 +164,21 @@ def nominal_closures(
             break
     if best[0] > WORST_SHARE * reach(robot):
         raise InputError(
-            f"robot and data do not match: with the best tool and contacts {robot.name} misses the contacts by {best[0]:.3g} m "
-            f"(median), expected less than {WORST_SHARE * reach(robot):.2g} m: is it another robot, are axes exchanged or "
+            f"robot and data do not match: with the best tool and contacts {robot.name} misses the contacts "
+            f"by {best[0]:.3g} m "
+            f"(median), expected less than {WORST_SHARE * reach(robot):.2g} m: is it another robot, are axes "
+            "exchanged or "
             "are angles in another unit?", file=data.first_file,
         )
     return best[1]
 
 
 def with_contacts(robot: Robot, layout: Layout, data: Dataset, threads: int = 1) -> Layout:
-    """The layout with every contact of `data` that it lacks, where the target is; contacts come behind frames and before the rest.
+    """The layout with every contact of `data` that it lacks, where the target is; contacts come behind frames
+    and before the rest.
 
-    A contact with too few touches is left out, and with it its rows. Only the contacts are refined, nothing else moves.
+    A contact with too few touches is left out, and with it its rows. Only the contacts are refined, nothing
+    else moves.
     """
     known = {(e.contact, e.session, e.number) for e in layout.effects if isinstance(e, Contact)}
     prediction = predict_closures(robot, layout.held, data, tangents=False, threads=threads)
@@ -176,7 +200,8 @@ def with_contacts(robot: Robot, layout: Layout, data: Dataset, threads: int = 1)
 
 
 def closure_errors(robot: Robot, layout: Layout, data: Dataset, threads: int = 1):
-    """Prediction of any rows; contacts that the layout does not have are fitted to the rows themselves, nothing else is."""
+    """Prediction of any rows; contacts that the layout does not have are fitted to the rows themselves,
+    nothing else is."""
     complete = with_contacts(robot, layout.held, data, threads)
     if complete.size:
         complete = fit_closures(robot, complete, data, Pulls(), threads=threads).layout
@@ -184,7 +209,8 @@ def closure_errors(robot: Robot, layout: Layout, data: Dataset, threads: int = 1
 
 
 def mean_distance_error(robot: Robot, layout: Layout, data: Dataset, threads: int = 1) -> float | None:
-    """Mean absolute error of the known distances, m, with the contacts fitted anew to these rows alone; None without any."""
+    """Mean absolute error of the known distances, m, with the contacts fitted anew to these rows alone; None
+    without any."""
     errors = list(set_distance_errors(robot, layout, data, threads).values())
     return float(np.mean(errors)) if errors else None
 
@@ -204,18 +230,22 @@ def set_distance_errors(robot: Robot, layout: Layout, data: Dataset, threads: in
 def identifiable_closures(
     robot: Robot, setup: Layout, beside: Layout, data: Dataset, threads: int = 1
 ) -> tuple[Layout, Identifiability]:
-    """`setup` (frames, contacts, tool) and what of `beside` these closures can tell; the scale is held where nothing gives it."""
-    whole = tuple(name for name in beside.names if (p := parse_parameter(name)).axis == 1 and p.symbol in _AS_ONE)
+    """`setup` (frames, contacts, tool) and what of `beside` these closures can tell; the scale is held where
+    nothing gives it."""
+    whole = tuple(name for name in beside.names
+                  if (p := parse_parameter(name)).axis == 1 and p.symbol in _AS_ONE)
     layout = setup.joined(beside.without(set(whole)))
     prediction = predict_closures(robot, layout, data, threads=threads)
     rows = prediction.jacobian[prediction.used]
     known = known_lengths(layout, data.fixture)
     rows = np.concatenate([rows, np.array([k.row for k in known]).reshape(len(known), layout.size)])
     found = select_identifiable(
-        rows, layout.names, keep_first=setup.size, poses=len(data), plausible=[p.plausible for p in layout.parameters],
+        rows, layout.names, keep_first=setup.size, poses=len(data),
+        plausible=[p.plausible for p in layout.parameters],
         robot=robot, still=still_axes(prediction.view.q),
     )
-    found = replace(found, dropped=(*(Dropped(name, f"{name}: {AS_ONE}", (), True) for name in whole), *found.dropped))
+    found = replace(found, dropped=(*(Dropped(name, f"{name}: {AS_ONE}", (), True) for name in whole),
+                                    *found.dropped))
     held = set(found.dropped_names)
     if not scale_is_known(layout, data):
         longest = _longest(layout, held, setup.size)
@@ -247,10 +277,12 @@ def _longest(layout: Layout, held: set[str], first: int) -> str:
 def _with_scale_in_doubt(fit: ClosureFit, geometry: Layout) -> ClosureFit:
     """The fit whose intervals know that the length which holds the scale is only as good as a drawing."""
     free = set(fit.layout.names)
-    held = {name: abs(value) for name, value in zip(geometry.names, geometry.values) if name.endswith("_m") and name not in free}
+    held = {name: abs(value) for name, value in zip(geometry.names, geometry.values)
+            if name.endswith("_m") and name not in free}
     longest = max(held, key=lambda name: held[name])
     doubt = geometry.parameters[geometry.names.index(longest)].plausible / max(held[longest], 1e-9)
-    grows = np.array([name.endswith("_m") and not name.endswith("_h_m") for name in fit.layout.names])  # a face's h counts from its own point
+    # a face's h counts from its own point
+    grows = np.array([name.endswith("_m") and not name.endswith("_h_m") for name in fit.layout.names])
     growth = np.where(grows, fit.layout.values, 0.0)
     covariance = fit.fit.covariance + doubt**2 * np.outer(growth, growth)
     return replace(fit, fit=replace(fit.fit, covariance=covariance))
@@ -264,7 +296,8 @@ def carried_effects(robot: Robot, data: Dataset) -> Layout:
 
 
 def updated_robot(robot: Robot, data: Dataset, fit: ClosureFit) -> Robot:
-    """The robot with the estimates in its tables and the tool of the first session; the base stays as declared."""
+    """The robot with the estimates in its tables and the tool of the first session; the base stays as
+    declared."""
     result = calibrated_robot(robot, data, fit.layout, fit.fit)
     tool = robot.tool
     for effect in fit.layout.effects:
@@ -283,7 +316,8 @@ def without_known_lengths(data: Dataset) -> Dataset:
 
 
 def _with_tools_apart(setup: Layout, data: Dataset) -> Layout | None:
-    """The same with a tool for each session of `data`, others with the first; None where there is only one."""
+    """The same with a tool for each session of `data`, others with the first; None where there is only
+    one."""
     at = next((i for i, e in enumerate(setup.effects) if isinstance(e, Target) and setup.free[i].any()), None)
     if at is None:
         return None
@@ -294,19 +328,26 @@ def _with_tools_apart(setup: Layout, data: Dataset) -> Layout | None:
     rest = tuple(session for session in tool.sessions if session not in here)
     groups = [(here[0], *rest), *((session,) for session in here[1:])]
     each = Layout.of(tuple(replace(tool, sessions=group, shared=False) for group in groups))
-    before, after = (Layout(setup.effects[part], setup.free[part]) for part in (slice(0, at), slice(at + 1, None)))
+    before, after = (Layout(setup.effects[part], setup.free[part])
+                     for part in (slice(0, at), slice(at + 1, None)))
     return before.joined(each).joined(after)
 
 
 def _warnings(declared: DeclaredClosures, data: Dataset):
     fit = declared.fit
     if not fit.fit.converged:
-        yield f"the fit did not converge ({fit.fit.reason}): check the data for gross errors, or for contacts with the wrong number"
+        yield (
+            f"the fit did not converge ({fit.fit.reason}): check the data for gross errors, or for contacts "
+            "with the wrong number"
+        )
     if not scale_is_known(fit.layout, data):
         yield SCALE
     slipped = int(np.sum(fit.weight < SLIPPED))
     if slipped:
-        yield f"{slipped} of {len(data)} rows lie far beside their contact and count for little: slipped, or wrongly numbered"
+        yield (
+            f"{slipped} of {len(data)} rows lie far beside their contact and count for little: slipped, or "
+            "wrongly numbered"
+        )
     tools = sum(isinstance(effect, Target) for effect in fit.layout.effects)
     if tools > 1:
         yield f"the {tools} sessions have a tool each: one for all of them fits far worse"

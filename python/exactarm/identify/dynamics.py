@@ -1,10 +1,12 @@
 """Identification of the dynamics from motion data: base inertial parameters, rotors, friction.
 
-1. one filter on both sides (chain/motion_record), 2. base parameters by QR, 3. of these, those that the motion
-excites (pivoted QR of the weighted, scaled regressor), 4. how sharply dry friction turns over at a reversal,
-5. iterated weighted least squares, 6. intervals for correlated samples, 7. links that are bodies (consistent.py),
-8. the torque error before and after, on the rows that were fitted and on those that were not, and without step 7.
-Swevers et al. 1997; Gautier 1991; Atkeson, An and Hollerbach 1986.
+1. one filter on both sides (chain/motion_record), 2. base parameters by QR, 3. of these, those that the
+motion excites (pivoted QR of the weighted, scaled regressor), 4. how sharply dry friction turns over at a
+reversal,
+5. iterated weighted least squares, 6. intervals for correlated samples, 7. links that are bodies
+(consistent.py),
+8. the torque error before and after, on the rows that were fitted and on those that were not, and without
+step 7. Swevers et al. 1997; Gautier 1991; Atkeson, An and Hollerbach 1986.
 """
 
 from __future__ import annotations
@@ -45,7 +47,8 @@ _BOOKKEEPING_MASS_KG = 5.0  # of links without a declared mass: no motion tells 
 
 @dataclass(frozen=True)
 class DynamicsOptions:
-    """share: of the rows, for fitting, where the data do not say; inertial: identify masses, not friction alone."""
+    """share: of the rows, for fitting, where the data do not say; inertial: identify masses, not friction
+    alone."""
 
     bandwidth_hz: float | None = None
     share: float = 0.7
@@ -64,7 +67,8 @@ class DroppedParameter:
 
 @dataclass(frozen=True)
 class DynamicsIdentification:
-    """records and residuals (N', m) Nm before and after, by "identification" and "validation"; unconstrained: those
+    """records and residuals (N', m) Nm before and after, by "identification" and "validation"; unconstrained:
+    those
     after, had the links not to be bodies (the same where no inertia was estimated)."""
 
     robot: Robot
@@ -81,8 +85,10 @@ class DynamicsIdentification:
     warnings: tuple[str, ...]
 
 
-def identify_dynamics(robot: Robot, data: Dataset, options: DynamicsOptions = DynamicsOptions()) -> DynamicsIdentification:
-    """Identifies on one part of `data`, judges on the other. Raises InputError where the data cannot support it."""
+def identify_dynamics(robot: Robot, data: Dataset,
+                      options: DynamicsOptions = DynamicsOptions()) -> DynamicsIdentification:
+    """Identifies on one part of `data`, judges on the other. Raises InputError where the data cannot support
+    it."""
     require_geometry(robot)
     identification = data.split(options.seed, options.share)
     start = with_links(robot) if options.inertial else with_declared_masses(robot)
@@ -131,7 +137,8 @@ def identify_dynamics(robot: Robot, data: Dataset, options: DynamicsOptions = Dy
 
 
 def with_links(robot: Robot) -> Robot:
-    """The robot with masses in its tables: its own, or equal ones at the frames' origins where none are declared."""
+    """The robot with masses in its tables: its own, or equal ones at the frames' origins where none are
+    declared."""
     if robot.links is not None and not robot.generic_masses:
         return robot
     link = Link(_BOOKKEEPING_MASS_KG, np.zeros(3), np.zeros((3, 3)))
@@ -139,7 +146,8 @@ def with_links(robot: Robot) -> Robot:
 
 
 def friction_layout(robot: Robot, record: MotionRecord, axes=None) -> Layout:
-    """Coulomb and viscous friction of the axes that move and report a torque (or of those of `axes`, from 0)."""
+    """Coulomb and viscous friction of the axes that move and report a torque (or of those of `axes`, from
+    0)."""
     rate = np.abs(record.theta_dot / robot.controller_ratios)
     moving = np.flatnonzero(np.max(rate, axis=0) > SIGN_WIDTH_RAD_S)
     chosen = [i for i in moving if i in record.measured_axes and (axes is None or i in axes)]
@@ -153,11 +161,12 @@ def inertial_layout(robot: Robot, base: BaseParameters) -> Layout:
 
 
 def inertia_was_estimated(robot: Robot) -> bool:
-    """Whether the file has an interval on record for an inertial parameter: an estimate is no declaration, and held it would
-    keep what another cause had lent it."""
+    """Whether the file has an interval on record for an inertial parameter: an estimate is no declaration,
+    and held it would keep what another cause had lent it."""
     if robot.links is None:
         return False
-    bounds = [robot.intervals.get(name, (0.0, 0.0)) for name in inertial_layout(robot, base_parameters(robot)).names]
+    bounds = [robot.intervals.get(name, (0.0, 0.0))
+              for name in inertial_layout(robot, base_parameters(robot)).names]
     return any(low < high for low, high in bounds)
 
 
@@ -172,7 +181,8 @@ def excited_layout(
     columns = columns.reshape(-1, layout.size)
     size = np.linalg.norm(columns, axis=0)
     still = size <= 1e-9 * size.max()
-    dropped = [DroppedParameter(layout.names[k], "this motion does not excite it") for k in np.flatnonzero(still)]
+    dropped = [DroppedParameter(layout.names[k], "this motion does not excite it")
+               for k in np.flatnonzero(still)]
     moving = np.flatnonzero(~still)
     triangle = np.linalg.qr(columns[:, moving] / size[moving], mode="r")
     upper, order = linalg.qr(triangle, mode="r", pivoting=True)
@@ -223,6 +233,11 @@ def _warnings(fit: MotionFit, data: Dataset, unsettled: str):
         )
     for name, bound in zip(fit.layout.names, fit.fit.at_bound):
         if bound:
-            yield f"{name} lies at its bound, 0: the data ask for a negative one, so something else in them acts as it does"
+            yield (
+                f"{name} lies at its bound, 0: the data ask for a negative one, so something else in them "
+                "acts as it does"
+            )
     if "current" in data.joints and not {"tau", "tau_motor"} & set(data.joints):
-        yield "no torque constant is declared: the currents were taken at 1 Nm/A, and all results scale with it"
+        yield (
+            "no torque constant is declared: the currents were taken at 1 Nm/A, and all results scale with it"
+        )

@@ -1,9 +1,10 @@
 """First aid before every identification: which usual mistake of the user would explain the data better?
 
-    first_aid(robot, data) -> warnings, one line each, the likeliest mistake of every sort; empty where nothing is suspicious
+    first_aid(robot, data) -> warnings, one line each, the likeliest mistake of every sort; empty where
+        nothing is suspicious
 
-A wrong sign or unit is rarely refused by a fit: it is absorbed by parameters that then mean nothing. So the mistakes are
-tried on some rows first. It never corrects anything, and takes a fraction of a second.
+A wrong sign or unit is rarely refused by a fit: it is absorbed by parameters that then mean nothing. So the
+mistakes are tried on some rows first. It never corrects anything, and takes a fraction of a second.
 """
 
 from __future__ import annotations

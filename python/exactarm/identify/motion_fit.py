@@ -1,6 +1,7 @@
 """Fits a layout to motions: weighted least squares of the drive torque, each axis with its own noise.
 
-Weights and parameters are estimated together (layout_fit.py); the intervals count filtered samples as what they are.
+Weights and parameters are estimated together (layout_fit.py); the intervals count filtered samples as what
+they are.
 """
 
 from __future__ import annotations
@@ -39,7 +40,8 @@ class MotionFit:
 
     def residual(self, record: MotionRecord, threads: int = 1) -> np.ndarray:
         """(N', m) measured minus predicted on the rows of any record that count."""
-        return predict_motion(self.robot, self.layout, record, tangents=False, threads=threads).residual()[record.keep][
+        return predict_motion(self.robot, self.layout, record, tangents=False,
+                              threads=threads).residual()[record.keep][
             :, self.axes
         ]
 
@@ -48,14 +50,18 @@ def fit_motion(
     robot: Robot, layout: Layout, record: MotionRecord, *, weights: np.ndarray | None = None,
     sigma: np.ndarray | None = None, threads: int = 1,
 ) -> MotionFit:
-    """Estimates the free parameters of `layout` on the rows of `record` (weights (N,) per row, 0 leaves it out)."""
+    """Estimates the free parameters of `layout` on the rows of `record` (weights (N,) per row, 0 leaves it
+    out)."""
     axes = record.measured_axes
     weight = record.keep.astype(float) * (1.0 if weights is None else weights)
     rows = np.flatnonzero(weight)
 
     def predict(at: Layout, with_jacobian: bool):
         prediction = predict_motion(robot, at, record, tangents=with_jacobian, threads=threads)
-        return prediction.residual()[:, axes], prediction.jacobian[:, axes] if with_jacobian and at.size else None
+        return (
+            prediction.residual()[:, axes],
+            prediction.jacobian[:, axes] if with_jacobian and at.size else None
+        )
 
     torque = np.sqrt(np.mean(record.torque[np.ix_(rows, axes)] ** 2, axis=0))
     floor = np.maximum(_LEAST_SHARE * torque, max(_LEAST_OF_ALL * torque.max(), _LEAST_NM))
@@ -75,7 +81,8 @@ def _uncertainty(prediction, residual, sigma, rows, axes, record, layout, held) 
     place = np.full(len(record.keep), -1)
     place[rows] = np.arange(len(rows))
     runs = [place[run][place[run] >= 0] for run in record.runs]
-    found = uncertainty(jacobian[:, :, ~held], residual, sigma, [run for run in runs if run.size], record.step,
+    found = uncertainty(jacobian[:, :, ~held], residual, sigma, [run for run in runs if run.size],
+                        record.step,
                         record.noise_autocorrelation, priors_of(layout)[1][~held])
     covariance = np.zeros((layout.size, layout.size))
     covariance[np.ix_(~held, ~held)] = found.covariance

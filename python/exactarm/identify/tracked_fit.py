@@ -1,7 +1,7 @@
 """Fits a layout to tracked motions: weighted least squares of the target's path (x, y, z) through the chain.
 
-Runs are thinned to every k-th sample, which is enough for what moves with the arm; rates are taken before that, from
-all samples. Positions only: an orientation that the device may have measured too is left aside.
+Runs are thinned to every k-th sample, which is enough for what moves with the arm; rates are taken before
+that, from all samples. Positions only: an orientation that the device may have measured too is left aside.
 """
 
 from __future__ import annotations
@@ -34,14 +34,16 @@ _ROWS = 2000  # that a fit works on, as long as they do not stand further apart 
 _LONGEST_STEP_S, _SHAKEN_STEP_S = 0.04, 0.01  # the second where declared gear errors shake declared springs
 _STATIC_ROWS = 400  # from which frames are found, as if the arm stood still in them
 _LEAST_ROWS = 30  # of a run
-_STILL_S = 0.15  # from the start of a run: its accelerations are not known well enough to tell how the springs swing
+# from the start of a run: its accelerations are not known well enough to tell how the springs swing
+_STILL_S = 0.15
 _FIRST_SIGMA_M = 1e-4
 _TOLERANCE = 1e-7  # relative fall of the square sum that ends a fit
 
 
 @dataclass(frozen=True)
 class TrackedFit:
-    """The layout at its estimate; sigma: standard deviation of a component, m, of independent rows; prediction of the fitted rows."""
+    """The layout at its estimate; sigma: standard deviation of a component, m, of independent rows;
+    prediction of the fitted rows."""
 
     layout: Layout
     fit: Fit
@@ -55,7 +57,8 @@ def tracked_record(data: Dataset, robot: Robot) -> MotionRecord:
     runs, counts = np.unique(data.run, return_counts=True)
     if counts.size and counts.min() < _LEAST_ROWS:
         raise InputError(
-            f"run {runs[counts.argmin()]} of a tracked motion has {counts.min()} samples; expected at least {_LEAST_ROWS}",
+            f"run {runs[counts.argmin()]} of a tracked motion has {counts.min()} samples; expected at least "
+            f"{_LEAST_ROWS}",
             file=data.sources[0].path if data.sources else None,
         )
     record = unthinned_record(robot, data)
@@ -67,7 +70,10 @@ def tracked_record(data: Dataset, robot: Robot) -> MotionRecord:
 
 def thinned_record(record: MotionRecord, robot: Robot) -> MotionRecord:
     """Every k-th row of each run, with the rates that all rows gave."""
-    shaken = any(joint.spring_linear for joint in robot.joints) and any(joint.has_harmonics for joint in robot.joints)
+    shaken = (
+        any(joint.spring_linear for joint in robot.joints)
+        and any(joint.has_harmonics for joint in robot.joints)
+    )
     longest = _SHAKEN_STEP_S if shaken else _LONGEST_STEP_S
     every = max(1, min(len(record.data) // _ROWS, int(longest / record.step)))
     if every == 1:
@@ -76,7 +82,8 @@ def thinned_record(record: MotionRecord, robot: Robot) -> MotionRecord:
     ends = np.cumsum([0] + [rows[::every].size for rows in record.runs])
     values = {item.name: getattr(record, item.name) for item in fields(record)}
     rows = len(record.data)
-    by_row = {name: value[chosen] for name, value in values.items() if isinstance(value, np.ndarray) and len(value) == rows}
+    by_row = {name: value[chosen] for name, value in values.items()
+              if isinstance(value, np.ndarray) and len(value) == rows}
     return replace(
         record, data=record.data.select(chosen), step=every * record.step,
         runs=tuple(np.arange(a, b) for a, b in zip(ends[:-1], ends[1:])), **by_row,
@@ -95,20 +102,24 @@ def static_rows(data: Dataset) -> Dataset:
     chosen = [rows[:: max(1, rows.size // _STATIC_ROWS)] for rows in
               (np.flatnonzero(data.session == session) for session in np.unique(data.session))]
     still = data.select(np.concatenate(chosen))
-    joints = {name: values for name, values in still.joints.items() if name not in TORQUES}  # of a motion, not of a load at rest
+    # of a motion, not of a load at rest
+    joints = {name: values for name, values in still.joints.items() if name not in TORQUES}
     return replace(still, kind=POSES.name, joints=joints)
 
 
-def predict_record(robot: Robot, layout: Layout, record: MotionRecord, *, tangents: bool = True, threads: int = 1):
-    return predict_tracked_motion(robot, layout, record.data, record=record, tangents=tangents, threads=threads)
+def predict_record(robot: Robot, layout: Layout, record: MotionRecord, *, tangents: bool = True,
+                   threads: int = 1):
+    return predict_tracked_motion(robot, layout, record.data, record=record, tangents=tangents,
+                                  threads=threads)
 
 
 def fit_tracked(
     robot: Robot, layout: Layout, record: MotionRecord, *, weights: np.ndarray | None = None,
     sigma: float | None = None, threads: int = 1,
 ) -> TrackedFit:
-    """Estimates the free parameters of `layout`. weights (N,): square root of the independent numbers that a row's number
-    is worth (correlated noise counts less). Rows at reversals that no model defines count for nothing."""
+    """Estimates the free parameters of `layout`. weights (N,): square root of the independent numbers that a
+    row's number is worth (correlated noise counts less). Rows at reversals that no model defines count for
+    nothing."""
 
     def predict(at: Layout, with_jacobian: bool):
         prediction = predict_record(robot, at, record, tangents=with_jacobian, threads=threads)

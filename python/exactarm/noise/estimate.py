@@ -4,9 +4,11 @@ Families, by their likelihood (each further parameter pays half the logarithm of
 
     gauss    one normal law
     student  multivariate t with 30, 10, 5 or 3 degrees of freedom (Lange, Little and Taylor 1989)
-    gross    either of them, and a few rows (at most a fifth) from a law GROSS times as wide: broken beams, exchanged rows
+    gross    either of them, and a few rows (at most a fifth) from a law GROSS times as wide: broken beams,
+             exchanged rows
 
-each with one scale for all components of a kind (positions, orientations), or one for every component. A row of the last family is wrong by itself where that is more than 99 % probable; its weight is zero.
+each with one scale for all components of a kind (positions, orientations), or one for every component. A row
+of the last family is wrong by itself where that is more than 99 % probable; its weight is zero.
 """
 
 from __future__ import annotations
@@ -24,14 +26,15 @@ GROSS = 30.0  # times the noise; a smaller ratio swallows causes that only some 
 _MOST_WRONG = 0.2
 _SURELY_WRONG = 0.99
 _PASSES = 60
-_LEAST_ROWS_A_VISIT = 10  # rows beyond the first of their pose, below which nothing is said of what visits share
+# rows beyond the first of their pose, below which nothing is said of what visits share
+_LEAST_ROWS_A_VISIT = 10
 
 
 def estimate_noise(
     residual: np.ndarray, lost: float = 0.0, visits: np.ndarray | None = None, order: np.ndarray | None = None
 ) -> NoiseModel:
-    """The best family for residuals (N, m); lost: parameters that were fitted to them; visits (N,): numbers of poses;
-    order (N,): places of the rows in the order in which they were measured."""
+    """The best family for residuals (N, m); lost: parameters that were fitted to them; visits (N,): numbers
+    of poses; order (N,): places of the rows in the order in which they were measured."""
     rows, m = residual.shape
     blow = np.sqrt(rows * m / max(rows * m - lost, 1.0))  # a fit leaves less than the noise
     e = residual * blow
@@ -46,11 +49,13 @@ def estimate_noise(
     best = _with_visits(found[int(np.argmax(values))], e, visits)
     if order is None:
         return best
-    # Jumps of an instrument look like heavy tails as long as nothing is known of them: a normal law is tried beside the best.
+    # Jumps of an instrument look like heavy tails as long as nothing is known of them: a normal law is tried
+    # beside the best.
     normal = max((k for k, model in enumerate(found) if model.family == "gauss"), key=lambda k: values[k])
     tried = {int(np.argmax(values)): best} | {normal: _with_visits(found[normal], e, visits)}
     wandering = {k: _wandering(model, e, order) for k, model in tried.items()}
-    gain = {k: values[k] + (model.wandering.gain if model.wandering is not None else 0.0) for k, model in wandering.items()}
+    gain = {k: values[k] + (model.wandering.gain if model.wandering is not None else 0.0)
+            for k, model in wandering.items()}
     return wandering[max(gain, key=lambda k: gain[k])]
 
 
@@ -86,12 +91,14 @@ def _kinds(residual: np.ndarray) -> np.ndarray:
 
 
 def log_likelihood_under(model: NoiseModel, residual: np.ndarray) -> float:
-    """Of other residuals (N, m) under the family of a model, its scales refitted; what rows share in time as it is there."""
+    """Of other residuals (N, m) under the family of a model, its scales refitted; what rows share in time as
+    it is there."""
     alone = _log_likelihood_alone(model, residual)
     if model.wandering is None:
         return alone
     base = replace(model, wandering=None)
-    return alone + gain_of(_white(base, residual), model.order, base.seen, model.wandering.ratio, model.wandering.memory)
+    return alone + gain_of(_white(base, residual), model.order, base.seen, model.wandering.ratio,
+                           model.wandering.memory)
 
 
 def _log_likelihood_alone(model: NoiseModel, residual: np.ndarray) -> float:
@@ -138,7 +145,8 @@ def _robust(e: np.ndarray, kinds: np.ndarray) -> np.ndarray:
 
 
 def _gross(e: np.ndarray, kinds: np.ndarray, nu: float) -> NoiseModel:
-    """A share of the rows from a law GROSS times as wide as the others', which are normal or Student with nu degrees of freedom."""
+    """A share of the rows from a law GROSS times as wide as the others', which are normal or Student with nu
+    degrees of freedom."""
     rows, m = e.shape
     sigma, share = _robust(e, kinds), 0.02
     for _ in range(_PASSES):
@@ -158,7 +166,8 @@ def _gross(e: np.ndarray, kinds: np.ndarray, nu: float) -> NoiseModel:
 
 
 def _log_density(square: np.ndarray, m: int, nu: float) -> np.ndarray:
-    """(N,) log density of m components of unit scale, from their square sums; nu degrees of freedom, infinite: normal."""
+    """(N,) log density of m components of unit scale, from their square sums; nu degrees of freedom,
+    infinite: normal."""
     if not np.isfinite(nu):
         return -0.5 * m * np.log(2.0 * np.pi) - 0.5 * square
     constant = special.gammaln(0.5 * (nu + m)) - special.gammaln(0.5 * nu) - 0.5 * m * np.log(nu * np.pi)
@@ -170,7 +179,8 @@ def _row_weight(square: np.ndarray, m: int, nu: float) -> np.ndarray:
 
 
 def _shared(white: np.ndarray, weight: np.ndarray, visits: np.ndarray) -> tuple[float, float]:
-    """Variance that the visits of a pose share, in units of that within, and that within (analysis of variance, by moments)."""
+    """Variance that the visits of a pose share, in units of that within, and that within (analysis of
+    variance, by moments)."""
     counts = np.bincount(visits, weights=(weight > 0.0).astype(float))
     within_freedom = float(np.sum(np.maximum(counts - 1.0, 0.0)))
     if within_freedom < _LEAST_ROWS_A_VISIT:

@@ -1,10 +1,14 @@
-"""The noise of independent rows: a scale for each component, a family of tails, an error that repeated visits share.
+"""The noise of independent rows: a scale for each component, a family of tails, an error that repeated visits
+share.
 
-    row i, visit v:  e_i = sigma (z_i / sqrt(w_i) + t_v + u_i),   z_i normal, w_i the row's weight (Student: (nu + m) / (nu + |z|^2)),
-    t_v normal with variance `shared`: what every visit of one pose has in common; u_i what rows share that were measured one after
+    row i, visit v:  e_i = sigma (z_i / sqrt(w_i) + t_v + u_i),
+                     z_i normal, w_i the row's weight (Student: (nu + m) / (nu + |z|^2)),
+    t_v normal with variance `shared`: what every visit of one pose has in common; u_i what rows share that
+        were measured one after
     another (wandering.py).
 
-`whiten` turns any columns (N, m, k) of the measurement into numbers of unit variance that are independent of each other.
+`whiten` turns any columns (N, m, k) of the measurement into numbers of unit variance that are independent of
+each other.
 """
 
 from __future__ import annotations
@@ -20,10 +24,11 @@ from exactarm.noise.wandering import Wandering, kernel
 
 @dataclass(frozen=True)
 class NoiseModel:
-    """sigma (m,) per component; weight (N,), 0 for rows that are wrong by themselves; family: `gauss`, `student` or `gross`.
+    """sigma (m,) per component; weight (N,), 0 for rows that are wrong by themselves; family: `gauss`,
+    `student` or `gross`.
 
-    visits (N,): numbers of the poses; shared: variance that visits of one pose have in common, in units of sigma^2.
-    wandering: what neighbours in the order (N,) of the rows have in common.
+    visits (N,): numbers of the poses; shared: variance that visits of one pose have in common, in units of
+    sigma^2. wandering: what neighbours in the order (N,) of the rows have in common.
     """
 
     sigma: np.ndarray
@@ -54,13 +59,16 @@ class NoiseModel:
             white = self._parted(white)
         if self.wandering is not None:
             rows = white.reshape(len(white), -1)
-            white = linalg.solve_triangular(self._root, rows, lower=True, check_finite=False).reshape(white.shape)
+            white = linalg.solve_triangular(self._root, rows, lower=True,
+                                            check_finite=False).reshape(white.shape)
         return white.reshape(-1, columns.shape[2])
 
     @cached_property
     def _root(self) -> np.ndarray:
         """(N, N) lower: the covariance of rows that `whiten` would leave without the wandering."""
-        return np.linalg.cholesky(np.eye(len(self.order)) + self.wandering.ratio * self.seen(kernel(self.order, self.wandering.memory)))
+        return np.linalg.cholesky(np.eye(len(self.order))
+                                  + self.wandering.ratio
+                                  * self.seen(kernel(self.order, self.wandering.memory)))
 
     def seen(self, covariance: np.ndarray) -> np.ndarray:
         """A covariance (N, N) of rows as their weights, and what visits share, let it through."""
@@ -78,7 +86,10 @@ class NoiseModel:
         """Whether two models weigh what neighbours share alike."""
         if self.wandering is None or other.wandering is None:
             return self.wandering is other.wandering
-        return self.wandering.memory == other.wandering.memory and 0.5 < self.wandering.ratio / other.wandering.ratio < 2.0
+        return (
+            self.wandering.memory == other.wandering.memory
+            and 0.5 < self.wandering.ratio / other.wandering.ratio < 2.0
+        )
 
     @property
     def wander_over_rest(self) -> float:
@@ -86,7 +97,8 @@ class NoiseModel:
         return 1.0 if self.wandering is None else float(np.sqrt(1.0 + self.wandering.ratio))
 
     def _parted(self, white: np.ndarray) -> np.ndarray:
-        """Takes from the mean of each pose's visits what they share: covariance 1 + shared u u', u the root of the weights."""
+        """Takes from the mean of each pose's visits what they share: covariance 1 + shared u u', u the root
+        of the weights."""
         root = np.sqrt(self.weight)
         square = np.bincount(self.visits, weights=self.weight)
         factor = (1.0 - 1.0 / np.sqrt(1.0 + self.shared * square)) / np.maximum(square, 1e-300)

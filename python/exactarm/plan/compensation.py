@@ -1,14 +1,17 @@
-"""What the planner knows of the robot beyond the tables of the solver: effects and gear directions along a reference.
+"""What the planner knows of the robot beyond the tables of the solver: effects and gear directions along a
+reference.
 
 Every effect of the robot that is `compensable` enters. What lives in tables (`bake`: payload, gear ratio,
-geometry) goes into the tables; every other change is evaluated along the reference and enters the equation of motion
-as a known function of time, a shift of the gear's output angle,
-    phi + q_offset + phi_shift - q = kappa^{-1}(torque),   phi_shift = gear + spring - kappa^{-1} by the load's change
-exact but for the tracking error (about 1e-7 rad). A displacement of the flange moves the desired pose the other way.
+geometry) goes into the tables; every other change is evaluated along the reference and enters the equation of
+motion as a known function of time, a shift of the gear's output angle,
+    phi + q_offset + phi_shift - q = kappa^{-1}(torque),
+    phi_shift = gear + spring - kappa^{-1} by the load's change
+exact but for the tracking error (about 1e-7 rad). A displacement of the flange moves the desired pose the
+other way.
 
-The gear's table is the one of the direction in which the axis moves along the reference, and passes into the other's at a
-reversal as chain/direction.py says: never a jump in the motor angle. Effects see that direction too; what else jumps in
-them (a flank that changes with the load) is eased with the same kernel.
+The gear's table is the one of the direction in which the axis moves along the reference, and passes into the
+other's at a reversal as chain/direction.py says: never a jump in the motor angle. Effects see that direction
+too; what else jumps in them (a flank that changes with the load) is eased with the same kernel.
 """
 
 from __future__ import annotations
@@ -28,7 +31,8 @@ from exactarm.plan.reference import Reference
 from exactarm.robot import Link, Placement, Robot
 from exactarm.rotation import exp as rotation_exp
 
-RIGID_SHARE = 100.0  # stiffness for a rigid joint, in inertias per square sample; its deflection is taken out again
+# stiffness for a rigid joint, in inertias per square sample; its deflection is taken out again
+RIGID_SHARE = 100.0
 
 
 @dataclass(frozen=True)
@@ -59,7 +63,9 @@ def planning_model(robot: Robot) -> PlanningModel:
     if baked.links is None:
         warnings.append("no link masses are declared: planned without dynamics and deflection")
         baked = replace(baked, links=(Link(0.0, np.zeros(3), np.zeros((3, 3))),) * baked.axes)
-    rigid = robot.links is None or robot.generic_masses or not any(joint.spring_linear for joint in baked.joints)
+    rigid = (
+        robot.links is None or robot.generic_masses or not any(joint.spring_linear for joint in baked.joints)
+    )
     joints = tuple(_with_both_tables(joint) for joint in baked.joints)
     baked = replace(baked, joints=joints, base=Placement(), tool=Placement(), effects=())
     return PlanningModel(baked, used, rigid, tuple(warnings))
@@ -71,7 +77,8 @@ def _with_both_tables(joint):
 
 @dataclass(frozen=True)
 class KnownFunctions:
-    """Along a reference: direction (N, n) between the gear tables, shift of the output angle (N, n), displacement (N, 6) of the flange."""
+    """Along a reference: direction (N, n) between the gear tables, shift of the output angle (N, n),
+    displacement (N, 6) of the flange."""
 
     direction: np.ndarray
     phi_shift: np.ndarray
@@ -79,9 +86,11 @@ class KnownFunctions:
 
 
 def known_functions(
-    model: PlanningModel, q: np.ndarray, step: float, gear_direction: str, threads: int, theta: np.ndarray | None = None
+    model: PlanningModel, q: np.ndarray, step: float, gear_direction: str, threads: int,
+    theta: np.ndarray | None = None
 ) -> KnownFunctions:
-    """Evaluated where the links follow q (N, n), sampled at equal steps; theta (N, n): the motors, where known already."""
+    """Evaluated where the links follow q (N, n), sampled at equal steps; theta (N, n): the motors, where
+    known already."""
     robot = model.robot
     direction = direction_of_motion(step * np.arange(len(q)), q * np.sign(robot.ratios))
     view = _view(model, q, step, direction, theta, threads)
@@ -125,7 +134,8 @@ def moved_reference(reference: Reference, displacement: np.ndarray) -> Reference
 
 
 def _view(
-    model: PlanningModel, q: np.ndarray, step: float, direction: np.ndarray, theta: np.ndarray | None, threads: int
+    model: PlanningModel, q: np.ndarray, step: float, direction: np.ndarray, theta: np.ndarray | None,
+    threads: int
 ) -> View:
     """The chain's signals along the reference."""
     robot = model.robot

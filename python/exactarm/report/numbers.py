@@ -29,7 +29,8 @@ SCALES: dict[str, tuple[tuple[str, float], ...]] = {
     "m/N": (("mm/N", 1e-3), ("µm/N", 1e-6), ("nm/N", 1e-9)),
     "Hz": (("kHz", 1e3), ("Hz", 1.0)),
 }
-# From which size a unit is used, in itself: 0.4 mm stays mm, but so does 2500 mm; and angles are rad only when large.
+# From which size a unit is used, in itself: 0.4 mm stays mm, but so does 2500 mm; and angles are rad only
+# when large.
 LEAST = {"m": 10.0, "mm": 0.1, "µm": 0.1, "rad": 0.1, "mrad": 0.1, "rad/s": 0.1, "mrad/s": 0.1, "s": 0.1}
 
 
@@ -93,10 +94,13 @@ def quantity(value: float | None, unit: str = "") -> str:
 
 
 def change(before: float, after: float, unit: str = "") -> str:
-    """What an error did, for sentences: "falls from 1.93 mm to 0.378 mm", "rises from ...", "stays at 0.378 mm"."""
+    """What an error did, for sentences: "falls from 1.93 mm to 0.378 mm", "rises from ...", "stays at 0.378
+    mm"."""
     if not abs(after - before) > _UNCHANGED * before:
         return f"stays at {quantity(after, unit)}"
-    return f"{'falls' if after < before else 'rises'} from {quantity(before, unit)} to {quantity(after, unit)}"
+    return (
+        f"{'falls' if after < before else 'rises'} from {quantity(before, unit)} to {quantity(after, unit)}"
+    )
 
 
 def estimate(value: float | None, low: float | None, high: float | None, unit: str = "") -> str:
@@ -116,7 +120,8 @@ def common_unit(cells: Sequence[Cell]) -> str | None:
 def format_cells(cells: Sequence[Cell], with_unit: bool = True) -> list[str]:
     """The cells of one column as text; `with_unit` = False where the header has the unit.
 
-    Numbers of one unit share prefix and decimals. A column of several units is read row by row: each has its own.
+    Numbers of one unit share prefix and decimals. A column of several units is read row by row: each has its
+    own.
     """
     units = {cell.unit for cell in cells if isinstance(cell, (Quantity, Estimate))}
     if len(units) > 1:

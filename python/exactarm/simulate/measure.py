@@ -1,7 +1,8 @@
-"""Measures a virtual robot: static poses, gear runs, motions, tracked motions -> Dataset, as a file would hold them.
+"""Measures a virtual robot: static poses, gear runs, motions, tracked motions -> Dataset, as a file would
+hold them.
 
-All predictions are the chain's. Motions let the springs swing where every axis has one (plant.py); `quasi_static`
-takes the chain's own deflection instead, without ringing.
+All predictions are the chain's. Motions let the springs swing where every axis has one (plant.py);
+`quasi_static` takes the chain's own deflection instead, without ringing.
 """
 
 from __future__ import annotations
@@ -33,20 +34,23 @@ _STEADY = 1e-6  # of the full speed: far above the rounding of a sample's step, 
 
 def measure_poses(
     robot: VirtualRobot, q: np.ndarray, sensors: Sensors, random: np.random.Generator, *, visits: int = 1,
-    orientation: bool = False, session: np.ndarray | None = None, payload: Mapping[str, np.ndarray] | None = None,
+    orientation: bool = False, session: np.ndarray | None = None,
+    payload: Mapping[str, np.ndarray] | None = None,
     torques: bool = False,
 ) -> Dataset:
-    """The commanded poses q (K, n), each visited `visits` times, approached from random sides; of each pose its session (K,)
-    and columns of its payload (K,); torques: those of the joints are measured too."""
+    """The commanded poses q (K, n), each visited `visits` times, approached from random sides; of each pose
+    its session (K,) and columns of its payload (K,); torques: those of the joints are measured too."""
     visit = np.tile(np.arange(1, len(q) + 1), visits)
     theta = np.tile(robot.motor_angles(q), (visits, 1))
     time = _POSE_S * np.arange(len(theta))
     approach = random.choice([-1.0, 1.0], theta.shape)
     carried = {name: np.tile(values, visits) for name, values in (payload or {}).items()}
-    more = {"time": time, "covariates": temperature(time, sensors) | carried} | ({"visit": visit} if visits > 1 else {})
+    more = {"time": time,
+            "covariates": temperature(time, sensors) | carried} | ({"visit": visit} if visits > 1 else {})
     if session is not None:
         more["session"] = np.tile(session, visits)
-    data = Dataset.of_arrays(POSES.name, {"theta": theta, "approach": approach}, position=np.zeros((len(theta), 3)), **more)
+    data = Dataset.of_arrays(POSES.name, {"theta": theta, "approach": approach},
+                             position=np.zeros((len(theta), 3)), **more)
     prediction = predict_poses(robot.true, robot.layout, data, tangents=False)
     data = replace(data, position=prediction.position)
     if torques:
@@ -97,28 +101,36 @@ def _at_full_speed(data: Dataset) -> np.ndarray:
 
 
 def measure_motion(
-    robot: VirtualRobot, time: np.ndarray, theta: np.ndarray, sensors: Sensors, random: np.random.Generator, *,
-    run: np.ndarray | None = None, joints: np.ndarray | None = None, quasi_static: bool = False, damping_s: float = 0.0,
+    robot: VirtualRobot, time: np.ndarray, theta: np.ndarray, sensors: Sensors, random: np.random.Generator,
+    *,
+    run: np.ndarray | None = None, joints: np.ndarray | None = None, quasi_static: bool = False,
+    damping_s: float = 0.0,
 ) -> Dataset:
-    """Drive torques while the motors follow theta (N, n) at `time` (N,), run by run; `joints` as in `joint_motion`."""
+    """Drive torques while the motors follow theta (N, n) at `time` (N,), run by run; `joints` as in
+    `joint_motion`."""
     data = _series(MOTION.name, time, theta, run, sensors)
     view = joint_motion(robot, data, joints, quasi_static=quasi_static, damping_s=damping_s)
     predict_drive(view, robot.true, robot.layout, False)
-    return read(replace(data, joints=data.joints | {"tau": view.signals["measured"]}), sensors, random, robot.nominal)
+    return read(replace(data, joints=data.joints | {"tau": view.signals["measured"]}), sensors, random,
+                robot.nominal)
 
 
 def measure_tracked_motion(
-    robot: VirtualRobot, time: np.ndarray, theta: np.ndarray, sensors: Sensors, random: np.random.Generator, *,
-    run: np.ndarray | None = None, joints: np.ndarray | None = None, quasi_static: bool = False, damping_s: float = 0.0,
+    robot: VirtualRobot, time: np.ndarray, theta: np.ndarray, sensors: Sensors, random: np.random.Generator,
+    *,
+    run: np.ndarray | None = None, joints: np.ndarray | None = None, quasi_static: bool = False,
+    damping_s: float = 0.0,
 ) -> Dataset:
-    """The target's path under a tracker while the motors follow theta (N, n) at `time` (N,); `joints` as in `joint_motion`."""
+    """The target's path under a tracker while the motors follow theta (N, n) at `time` (N,); `joints` as in
+    `joint_motion`."""
     data = _series(TRACKED_MOTION.name, time, theta, run, sensors)
     position = true_path(robot, data, joints, quasi_static=quasi_static, damping_s=damping_s)
     return read(replace(data, position=position), sensors, random, robot.nominal)
 
 
 def true_path(
-    robot: VirtualRobot, data: Dataset, joints: np.ndarray | None = None, *, quasi_static: bool = False, damping_s: float = 0.0
+    robot: VirtualRobot, data: Dataset, joints: np.ndarray | None = None, *, quasi_static: bool = False,
+    damping_s: float = 0.0
 ) -> np.ndarray:
     """(N, 3) m where the target really goes, in the measuring frame."""
     view = joint_motion(robot, data, joints, quasi_static=quasi_static, damping_s=damping_s)
@@ -126,14 +138,16 @@ def true_path(
 
 
 def joint_motion(
-    robot: VirtualRobot, data: Dataset, joints: np.ndarray | None = None, *, quasi_static: bool = False, damping_s: float = 0.0
+    robot: VirtualRobot, data: Dataset, joints: np.ndarray | None = None, *, quasi_static: bool = False,
+    damping_s: float = 0.0
 ) -> MotionView:
     """All signals up to the joints: the chain's, with the springs left to swing where all axes have one.
 
-    What load and spring effects add to the deflection along the motion without ringing, moves what the links swing
-    behind: the springs are in series with it. What jumps there passes as a plan lets it pass (chain/direction.py).
-    `joints` (N, n): how the joints are to move; reversals and loads of effects are those of this motion. Without it they
-    are the motors', which a plan lets make up for gears and clearances.
+    What load and spring effects add to the deflection along the motion without ringing, moves what the links
+    swing behind: the springs are in series with it. What jumps there passes as a plan lets it pass
+    (chain/direction.py).
+    `joints` (N, n): how the joints are to move; reversals and loads of effects are those of this motion.
+    Without it they are the motors', which a plan lets make up for gears and clearances.
     """
     layout: Layout = robot.layout
     record = unthinned_record(robot.true, data, joints=joints)
@@ -174,7 +188,9 @@ def _added_deflection(
     return added
 
 
-def _series(kind: str, time: np.ndarray, theta: np.ndarray, run: np.ndarray | None, sensors: Sensors) -> Dataset:
+def _series(kind: str, time: np.ndarray, theta: np.ndarray, run: np.ndarray | None,
+            sensors: Sensors) -> Dataset:
     run = np.ones(time.size, int) if run is None else run
     clock = (run - 1) * (np.max(time) if time.size else 0.0) + time
-    return Dataset.of_arrays(kind, {"theta": theta}, time=time, run=run, covariates=temperature(clock, sensors))
+    return Dataset.of_arrays(kind, {"theta": theta}, time=time, run=run,
+                             covariates=temperature(clock, sensors))
