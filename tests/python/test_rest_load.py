@@ -7,7 +7,7 @@ import pytest
 
 from central_difference import assert_derivative
 from exactarm import _core
-from exactarm.chain import Layout, predict_poses
+from exactarm.chain import Layout, predict_gear_run, predict_poses
 from exactarm.chain.rest_load import RestLoad
 from exactarm.dataset import Dataset
 from exactarm.effects import effect_from_table, library
@@ -96,6 +96,25 @@ def test_torques_of_the_motor_side_pass_the_gear(rng, name, constant, factor):
 def test_a_current_without_a_torque_constant_is_no_load(rng):
     robot = six_axis()
     assert not RestLoad.of(robot, poses(robot, rng, current=rng.normal(0.0, 2.0, (ROWS, 6)))).fixed.any()
+
+
+@pytest.mark.parametrize("constant", [0.3, None])
+def test_a_gear_run_knows_the_load_by_a_current_only_with_the_torque_constant(rng, constant):
+    robot = replace(six_axis(), links=None).with_joint(1, torque_constant=constant)
+    time = 0.001 * np.arange(400)
+    theta = np.zeros((400, 6))
+    theta[:, 1] = 40.0 * time
+    values = np.full((400, 6), np.nan)
+    values[:, 1] = 1.0 + np.sin(3.0 * time)
+
+    def load(**joints):
+        gyro = np.zeros((400, 3))
+        data = Dataset.of_arrays("gear_run", {"theta": theta} | joints, time=time, gyro=gyro)
+        return predict_gear_run(robot, Layout.of(()), data, tangents=False).view.torque
+
+    known = load(tau_motor=(constant or 0.0) * values)
+    np.testing.assert_allclose(load(current=values), known, atol=1e-12)
+    assert bool(np.any(known)) is (constant is not None)
 
 
 def test_in_motion_a_measured_torque_is_no_static_load(rng):

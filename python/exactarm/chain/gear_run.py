@@ -24,6 +24,7 @@ from exactarm.chain.gear import declared_output_angle
 from exactarm.chain.gear_record import GearRecord, gear_record
 from exactarm.chain.layout import Layout
 from exactarm.chain.propagate import acts
+from exactarm.chain.rest_load import declared_constants
 from exactarm.chain.run_tangents import Recorded, device_map, joint_tangents, moved
 from exactarm.chain.sensor_link import sensor_rates
 from exactarm.chain.spring import declared_deflection
@@ -165,8 +166,9 @@ def _measured_load(view: View) -> np.ndarray:
     the drive's dry friction takes of it: view.signals["friction_sign"] (N, n) is the shape of that part
     behind the same low-pass.
     """
-    torque = np.zeros((view.rows, view.axes))
-    for name, factor in (("tau_motor", view.robot.ratios), ("tau", 1.0)):
+    torque, ratios = np.zeros((view.rows, view.axes)), view.robot.ratios
+    constants = declared_constants(view.robot)
+    for name, factor in (("current", ratios * constants), ("tau_motor", ratios), ("tau", 1.0)):
         if name in view.data.joints:
             measured = view.data.joints[name] * factor
             torque = np.where(np.isnan(measured), torque, measured)

@@ -21,7 +21,7 @@ from scipy import linalg, sparse
 
 from exactarm import _core
 from exactarm.chain.direction import direction_of_motion
-from exactarm.chain.rest_load import drive_torque
+from exactarm.chain.rest_load import declared_constants, drive_torque
 from exactarm.chain.view import motor_angles
 from exactarm.dataset import Dataset
 from exactarm.effects.drive import SIGN_WIDTH_RAD_S
@@ -229,9 +229,7 @@ def unthinned_record(
 
 def measured_torque(robot: Robot, data: Dataset) -> np.ndarray:
     """(N, n) output-side torque in Nm, NaN where an axis has none."""
-    constants = np.array([UNDECLARED_NM_A if joint.torque_constant is None else joint.torque_constant
-                          for joint in robot.joints])
-    torque = drive_torque(robot, data, constants)
+    torque = drive_torque(robot, data, declared_constants(robot, UNDECLARED_NM_A))
     if np.isnan(torque).all():
         raise InputError("no torque: expected columns tau_i_Nm, tau_motor_i_Nm or current_i_A")
     return torque

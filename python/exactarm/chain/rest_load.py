@@ -119,8 +119,13 @@ def measured_at_rest(robot: Robot, data: Dataset) -> np.ndarray:
     """(N, n) Nm measured in static poses, NaN where none was; currents only with a declared constant."""
     if not kind_of(data.kind).at_rest:
         return np.full((len(data), robot.axes), np.nan)
-    constants = [np.nan if joint.torque_constant is None else joint.torque_constant for joint in robot.joints]
-    return drive_torque(robot, data, np.array(constants))
+    return drive_torque(robot, data, declared_constants(robot))
+
+
+def declared_constants(robot: Robot, otherwise: float = np.nan) -> np.ndarray:
+    """(n,) Nm/A of the motors; `otherwise` where none is declared."""
+    declared = (joint.torque_constant for joint in robot.joints)
+    return np.array([otherwise if constant is None else constant for constant in declared])
 
 
 def drive_torque(robot: Robot, data: Dataset, constants: np.ndarray) -> np.ndarray:
