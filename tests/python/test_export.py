@@ -14,6 +14,7 @@ from exactarm.compensate.law import CompensationModel
 from exactarm.errors import InputError
 from exactarm.export.chain import lost, reported_chain
 from exactarm.export.mjcf import mjcf_text
+from exactarm.export.robodk import station_script
 from exactarm.export.ur_description import kinematics_yaml, link_origins
 from exactarm.export.urdf import patched_urdf
 from exactarm.robot_file import load_robot, write_robot
@@ -134,7 +135,7 @@ def test_mujoco_builds_the_identified_arm():
 @pytest.mark.parametrize("format, name", [
     ("urdf", "robot.urdf"), ("ur_description", "default_kinematics.yaml"), ("mjcf", "robot.xml"),
     ("csv", "parameters.csv"),
-    ("offsets", "offsets.txt"),
+    ("offsets", "offsets.txt"), ("robodk", "station.py"),
 ])
 def test_the_command_writes_the_file_and_what_it_loses(tmp_path, format, name):
     write_robot(tmp_path / "robot.toml", deviated(load_robot("ur10")))
@@ -143,3 +144,62 @@ def test_the_command_writes_the_file_and_what_it_loses(tmp_path, format, name):
     result = json.loads((tmp_path / "out/result.json").read_text())
     assert code == 0 and (tmp_path / "out" / name).read_text() and result["file"] == name
     assert result["lost_max_m"] < (5e-3 if format == "ur_description" else 1e-9)
+
+
+class _Item:
+    """As much of an item of RoboDK as the script calls."""
+
+    def __init__(self, station, name, chain=None):
+        self.station, self.name, self.chain, self.pose = station, name, chain, None
+
+    def Valid(self):
+        return True
+
+    def Parent(self):
+        return "base"
+
+    def setPose(self, pose):
+        self.pose = np.array(pose.rows)
+
+    def SolveFK(self, joints):
+        matrix = np.eye(4)
+        matrix[:3, 3] = 1e3 * self.chain.poses(np.radians([joints])).position[0] + [0.0, 0.0, 0.5]
+        return _Mat(matrix)
+
+
+class _Mat:
+    def __init__(self, rows):
+        self.rows = rows
+
+    def Pos(self):
+        return [row[3] for row in self.rows][:3]
+
+
+def test_the_station_script_shows_the_identified_axes_and_measures_the_model(capsys, monkeypatch):
+    """Run against a stand-in for RoboDK whose flange is half a millimetre off."""
+    import sys
+    from types import ModuleType
+
+    robot = bare(identified(effects=False))
+    chain, frames = reported_chain(robot), []
+
+    class Station:
+        def Item(self, name, kind):
+            return _Item(self, name, chain)
+
+        def AddFrame(self, name, parent):
+            frames.append(_Item(self, name))
+            return frames[-1]
+
+    link, maths = ModuleType("robodk.robolink"), ModuleType("robodk.robomath")
+    link.ITEM_TYPE_ROBOT, link.Robolink, maths.Mat = 2, Station, _Mat
+    modules = {"robodk": ModuleType("robodk"), "robodk.robolink": link, "robodk.robomath": maths}
+    for name, module in modules.items():
+        monkeypatch.setitem(sys.modules, name, module)
+    exec(compile(station_script(robot), "station.py", "exec"), {"__name__": "__main__"})
+    assert "by 0.500 mm on average, 0.500 mm at most" in capsys.readouterr().out
+    axes = [f"identified axis {i} at zero" for i in range(1, 7)]
+    assert [frame.name for frame in frames] == [*axes, "identified flange at zero"]
+    for frame, start, direction in zip(frames, chain.starts, chain.directions(), strict=False):
+        np.testing.assert_allclose(frame.pose[:3, 2], direction, atol=1e-12)
+        np.testing.assert_allclose(frame.pose[:3, 3], 1e3 * start.position, atol=1e-9)

@@ -17,6 +17,7 @@ from exactarm.errors import InputError
 from exactarm.export.chain import Lost, lost, reported_chain
 from exactarm.export.mjcf import mjcf_text
 from exactarm.export.offsets import offsets_text
+from exactarm.export.robodk import station_script
 from exactarm.export.ur_description import kinematics_yaml, link_origins
 from exactarm.export.urdf import patched_urdf
 from exactarm.mdh_frames import behind_axis, compose
@@ -28,7 +29,7 @@ from exactarm.split import DEFAULT_SEED
 from exactarm.urdf import urdf_text
 
 NAME = "export"
-HELP = "the identified arm as URDF (patched in place), ur_description, MJCF, table or offsets"
+HELP = "the identified arm as URDF (patched in place), ur_description, MJCF, table, offsets or RoboDK script"
 
 
 def _urdf(robot: Robot, source: str | None, given_hash: str | None) -> tuple[str, bytes]:
@@ -69,6 +70,7 @@ FORMATS: dict[str, Callable[..., tuple[str, bytes]]] = {
     "mjcf": lambda robot, *_: ("robot.xml", mjcf_text(robot).encode()),
     "csv": _parameters,
     "offsets": lambda robot, *_: ("offsets.txt", offsets_text(robot).encode()),
+    "robodk": lambda robot, *_: ("station.py", station_script(robot).encode()),
 }
 
 
@@ -181,4 +183,9 @@ def _warnings(robot: Robot, format: str, cost: Lost) -> tuple[str, ...]:
         )
     if format == "offsets":
         return ("numbers for a person: changed masterings move all taught points",)
+    if format == "robodk":
+        return (
+            "the script shows the identified axes and measures how far RoboDK's model is off; no documented call of its API "
+            "changes the kinematics of a robot, and it has not been run against RoboDK here",
+        )
     return ()
