@@ -32,3 +32,28 @@ def test_what_is_sent_turns_the_motors_as_planned(tmp_path, send, name):
 def test_an_unknown_controller_is_refused():
     with pytest.raises(InputError, match="joint_trajectory"):
         ea.plan("racer-7-1.4", "line", rate_hz=100, send="morse")
+
+
+def test_points_for_krl_lie_on_the_plan_in_degrees(tmp_path):
+    """At most 200, the last one in the plan's time; the comment is right about the spline through them."""
+    from scipy.interpolate import CubicSpline
+
+    robot = ea.load_robot("racer-7-1.4").with_joint(1, controller_offset=0.01, controller_ratio=80.0)
+    ea.plan(robot, "line", rate_hz=100, send="krl", threads=1).save(tmp_path / "out")
+    text = (tmp_path / "out" / "trajectory.src").read_text()
+    table = pandas.read_csv(tmp_path / "out/trajectory.csv")
+    theta = table[[f"theta_{i + 1}_rad" for i in range(6)]].to_numpy()
+    sent = np.degrees(theta / robot.controller_ratios + robot.controller_offsets)
+    points = np.array([[float(word.split()[1]) for word in row.split(",")]
+                       for row in re.findall(r"S?PTP \{(.*?)\}", text)])
+    assert 100 < len(points) <= 200
+    away = np.abs(points[:, None] - sent[None]).max(axis=2)
+    assert away.min(axis=1).max() < 1e-6
+    kept = away.argmin(axis=1)
+    assert kept[0] == 0 and kept[-1] == len(sent) - 1 and np.all(np.diff(kept) > 0)
+    told = float(re.search(r"is off the plan by (\S+) deg", text)[1])
+    off = np.abs(CubicSpline(table["time_s"][kept], sent[kept])(table["time_s"]) - sent).max()
+    assert told == pytest.approx(off, rel=0.1)
+    parts = [float(part) for part in re.findall(r"PART = (\S+)", text)]
+    assert len(parts) == len(points) - 2 and sum(parts) < 100.0
+    assert float(re.search(r"END = (\S+)", text)[1]) == pytest.approx(table["time_s"].iloc[-1])

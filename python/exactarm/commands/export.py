@@ -185,7 +185,7 @@ def _warnings(robot: Robot, format: str, cost: Lost) -> tuple[str, ...]:
         return ("numbers for a person: changed masterings move all taught points",)
     if format == "robodk":
         return (
-            "the script shows the identified axes and measures how far RoboDK's model is off; no documented call "
-            "of its API changes the kinematics of a robot, and it has not been run against RoboDK here",
+            "the script shows the identified axes and measures how far RoboDK's model is off; no documented "
+            "call of its API changes the kinematics of a robot, and it has not been run against RoboDK here",
         )
     return ()

@@ -58,7 +58,7 @@ def plan(
     solver: str | None = None,
     linear_solver: str | None = None, start_rad: Sequence[float] | np.ndarray | None = None,
     format: Literal["csv", "parquet"] = "csv",
-    send: Literal["joint_trajectory", "servoj"] | None = None, seed: int = DEFAULT_SEED,
+    send: Literal["joint_trajectory", "servoj", "krl"] | None = None, seed: int = DEFAULT_SEED,
     threads: int | None = None,
     progress: Progress = SILENT,
 ) -> CommandResult:

@@ -6,16 +6,23 @@ the motors follow the plan.
     joint_trajectory   ROS 2 trajectory_msgs/JointTrajectory, YAML: positions rad, velocities rad/s,
                        time_from_start
     servoj             URScript: one servoj a sample, rad, at the plan's rate
+    krl                KUKA KRL: a PTP_SPLINE block of SPTP points, deg, thinned to at most `MOST_POINTS`,
+                       with TIME_BLOCK parts; the controller plans the time between them anew. Written from
+                       descriptions in public use, not run on a controller
 """
 
 from __future__ import annotations
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
+from exactarm.errors import InputError
 from exactarm.plan.optimal import Plan
 from exactarm.robot import Robot
 
-FILES = {"joint_trajectory": "trajectory.yaml", "servoj": "trajectory.script"}
+FILES = {"joint_trajectory": "trajectory.yaml", "servoj": "trajectory.script", "krl": "trajectory.src"}
+KRL_AXES = ("A1", "A2", "A3", "A4", "A5", "A6")
+MOST_POINTS = 200  # of a spline block: a controller plans all of it before it moves
 
 
 def sent_angles(robot: Robot, plan: Plan) -> tuple[np.ndarray, np.ndarray]:
@@ -28,7 +35,7 @@ def sent_angles(robot: Robot, plan: Plan) -> tuple[np.ndarray, np.ndarray]:
 
 def sent_text(kind: str, robot: Robot, plan: Plan) -> str:
     """The file's text; kind as in FILES."""
-    return {"joint_trajectory": _joint_trajectory, "servoj": _servoj}[kind](robot, plan)
+    return {"joint_trajectory": _joint_trajectory, "servoj": _servoj, "krl": _krl}[kind](robot, plan)
 
 
 def _joint_trajectory(robot: Robot, plan: Plan) -> str:
@@ -48,6 +55,31 @@ def _servoj(robot: Robot, plan: Plan) -> str:
     lines = ["def exactarm_trajectory():", f"  movej({_list(q[0])})"]
     lines += [f"  servoj({_list(angles)}, t={step:.6g}, lookahead_time=0.03, gain=2000)" for angles in q]
     return "\n".join([*lines, "  stopj(2.0)", "end", "exactarm_trajectory()", ""])
+
+
+def _krl(robot: Robot, plan: Plan) -> str:
+    if robot.axes > len(KRL_AXES) or any(joint.type != "revolute" for joint in robot.joints):
+        raise InputError(f"robot {robot.name}: expected at most six turning axes for KRL points",
+                         file=robot.file)
+    q, _ = sent_angles(robot, plan)
+    degrees = np.degrees(q)
+    kept = np.unique(np.linspace(0, len(q) - 1, min(len(q), MOST_POINTS)).round().astype(int))
+    between = CubicSpline(plan.time[kept], degrees[kept])(plan.time)
+    off = float(np.max(np.abs(between - degrees)))
+    share = np.diff(plan.time[kept]) / (plan.time[-1] - plan.time[0])
+    lines = ["DEF EXACTARM_TRAJECTORY()",
+             f"; {len(kept)} of {len(q)} points; a cubic spline through them is off the plan by {off:.2g} deg "
+             "at most",
+             f"PTP {_axis_angles(degrees[0])}", "PTP_SPLINE", "  TIME_BLOCK START"]
+    for point, part in zip(degrees[kept[1:]], share):
+        lines += [f"  SPTP {_axis_angles(point)}", f"  TIME_BLOCK PART = {100.0 * part:.6g}"]
+    lines[-1] = f"  TIME_BLOCK END = {float(plan.time[-1] - plan.time[0]):.6g}"
+    return "\n".join([*lines, "ENDSPLINE", "END", ""])
+
+
+def _axis_angles(degrees: np.ndarray) -> str:
+    """Axes that a robot has not stay where they are."""
+    return "{" + ",".join(f"{name} {value:.6f}" for name, value in zip(KRL_AXES, degrees.tolist())) + "}"
 
 
 def _list(values: np.ndarray) -> str:
