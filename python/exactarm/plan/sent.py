@@ -68,8 +68,8 @@ def _krl(robot: Robot, plan: Plan) -> str:
     off = float(np.max(np.abs(between - degrees)))
     share = np.diff(plan.time[kept]) / (plan.time[-1] - plan.time[0])
     lines = ["DEF EXACTARM_TRAJECTORY()",
-             f"; {len(kept)} of {len(q)} points; a cubic spline through them is off the plan by {off:.2g} deg "
-             "at most",
+             f"; {len(kept)} of {len(q)} points; a cubic spline through them is off the plan by {off:.2g} "
+             "deg at most",
              f"PTP {_axis_angles(degrees[0])}", "PTP_SPLINE", "  TIME_BLOCK START"]
     for point, part in zip(degrees[kept[1:]], share):
         lines += [f"  SPTP {_axis_angles(point)}", f"  TIME_BLOCK PART = {100.0 * part:.6g}"]
