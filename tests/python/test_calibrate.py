@@ -12,7 +12,7 @@ from exactarm.dataset import read_dataset, read_planned_poses, write_dataset
 from exactarm.effects.frames import Frames
 from exactarm.effects.joint_compliance import JointCompliance
 from exactarm.errors import InputError
-from exactarm.examples import data_path
+from exactarm.examples import data_path, example
 from exactarm.identify.calibrate import CalibrationOptions, calibrate
 from exactarm.identify.declared import geometry_layout
 from exactarm.identify.evaluate import evaluate_poses
@@ -261,6 +261,6 @@ def test_bad_data_end_with_one_line(arm, tmp_path, capsys, fault, words):
 def test_ur10_under_a_tracker(series, most_m):
     """Held-out mean with geometry and compliance; position and orientation fitted, frames per session."""
     ur10 = load_robot("ur10")
-    data = read_dataset([data_path(f"ur10/series_{name}.csv") for name in series], ur10)
+    data = read_dataset([example(f"ur10/series_{name}") for name in series], ur10)
     result = calibrate(ur10, data)
     assert result.after["validation"].mean <= most_m

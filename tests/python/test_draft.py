@@ -97,6 +97,16 @@ def test_a_gap_is_an_interval_that_even_scatter_would_not_leave():
     assert low == pytest.approx(0.3, abs=0.1) and high == pytest.approx(0.9, abs=0.1)
 
 
+def test_long_names_of_signals_leave_formulas_that_can_be_read():
+    rng = np.random.default_rng(1)
+    names = ("torque_3", "temperature_of_the_room_degC", "s" * 900)
+    forms = forms_of(4, {name: rng.uniform(-93.1, 21.7, 300) for name in names})
+    assert {"torque_3", "temperature_of_the_room_degC"} <= {name for form in forms for name in form.of}
+    for form in forms:
+        assert Formula.of(form.form)
+    assert any(is_series(form) and len(form.of) == 2 for form in forms)
+
+
 def test_formulas_know_which_parameters_they_are_linear_in():
     formula = Formula.of("a*tanh((x - c)/w) + b*x + d*b")
     assert linear_names(formula, ("a", "c", "w", "b", "d")) == ("a", "b")

@@ -26,7 +26,7 @@ import numpy as np
 
 from exactarm.diagnose.unknown import AMPLITUDE, LENGTHS, sizes_of
 from exactarm.effects.expression import Expression
-from exactarm.formula import Formula, linear_names
+from exactarm.formula import LONGEST, Formula, linear_names
 
 _HARMONICS = range(1, 7)
 _PLACES = (
@@ -62,7 +62,7 @@ def forms_of(joint: int, signals: dict[str, np.ndarray], term: int = 0) -> list[
         found += _of_one(joint, name, values, term)
     for (s, x), (t, y) in combinations(signals.items(), 2):
         found += _of_two(joint, s, x, t, y, term)
-    return found
+    return [form for form in found if len(form.form) <= LONGEST]
 
 
 def is_series(effect: Expression) -> bool:
@@ -118,6 +118,8 @@ def _of_two(joint: int, s: str, x: np.ndarray, t: str, y: np.ndarray, term: int)
 def _expression(joint, text: str, signals: dict, grids: dict, term: int) -> Expression | None:
     """The formula at zero size with the plausible sizes of its coefficients; None where the signals never
     move it."""
+    if len(text) > LONGEST:
+        return None  # names of signals that no formula can hold
     start = {name: grid[len(grid) // 2] for name, grid in grids.items()}
     formula = Formula.of(text)
     names = tuple(name for name in formula.names if name not in signals)
@@ -145,8 +147,15 @@ def _expression(joint, text: str, signals: dict, grids: dict, term: int) -> Expr
 
 
 def _series(joint: int, signals: dict[str, np.ndarray], term: int) -> Expression:
-    """Cosines of half waves over the range of the signals; products where there are two."""
-    count = _TERMS if len(signals) == 1 else _TERMS_OF_TWO
+    """Cosines of half waves over the range of the signals; products where there are two, fewer where their
+    names are too long for a formula."""
+    if len(signals) == 1:
+        return _series_of(joint, signals, term, _TERMS)
+    series = _series_of(joint, signals, term, _TERMS_OF_TWO)
+    return series if len(series.form) <= LONGEST else _series_of(joint, signals, term, _TERMS_OF_TWO - 1)
+
+
+def _series_of(joint: int, signals: dict[str, np.ndarray], term: int, count: int) -> Expression:
     factors = []
     for name, values in signals.items():
         low, high = float(values.min()), float(values.max())

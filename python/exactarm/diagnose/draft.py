@@ -32,6 +32,7 @@ from exactarm.diagnose.selection import refit
 from exactarm.diagnose.vocabulary import Vocabulary, vocabulary_of
 from exactarm.effects.base import Effect
 from exactarm.effects.expression import Expression, signal_of
+from exactarm.formula import LONGEST
 from exactarm.noise.estimate import estimate_noise
 from exactarm.noise.model import NoiseModel
 
@@ -40,6 +41,7 @@ _MOST_TERMS, _MOST_SIGNALS = 3, 3
 _LEAST_NATS = 3.0  # of a further term: twenty to one
 _SERIES_COSTS = 5.0  # nats: a short formula up to 150 times less likely is still the one to read and to check
 _PROBABLE = 0.5  # that an unknown function turns the axis, from which it is worth a draft
+_MOST_FUNCTIONS = 6  # searched for at once: twice what is drafted
 _NOISE_PASSES = 2
 _SIGNALS = {"angle": "q", "load": "torque", "approach": "approach"}
 _PARAMETER = re.compile(r"[abcw]\d*(_\d+)?$")  # what a formula of the dictionary calls its parameters
@@ -138,7 +140,7 @@ def _unknown_axes(problem: Problem, fitted: Fitted) -> tuple[NoiseModel, dict[in
         picture = Picture.of(
             vocabulary, fitted.residual, fitted.jacobian, noise, problem.correlation_factor(fitted)
         )
-        certain, posterior = search(picture)
+        certain, posterior = search(picture, _MOST_FUNCTIONS)
         beside = posterior.members[posterior.best]
         members = Members(certain.blocks + beside.blocks, certain.scales + beside.scales)
         left = fitted.residual - _taken(picture, members)
@@ -187,7 +189,8 @@ def _best_formula(
         if best is None or is_series(best):
             break
         fixed = replace(best, searched=())
-        further = [sum_of(fixed, form) for form in forms_of(axis, signals, term) if not is_series(form)]
+        sums = [sum_of(fixed, form) for form in forms_of(axis, signals, term) if not is_series(form)]
+        further = [form for form in sums if len(form.form) <= LONGEST]
         more, sum_value, *rest = _likeliest(problem, fitted, noise, further)
         if more is None or sum_value < value + _LEAST_NATS:
             break
