@@ -10,7 +10,7 @@ from exactarm.commands.calibrate import calibrate
 from exactarm.commands.gear import gear
 from exactarm.commands.plain import plain
 from exactarm.dataset import Dataset, read_dataset
-from exactarm.examples import data_path
+from exactarm.examples import data_path, example
 from exactarm.robot import Robot
 from exactarm.robot_file import load_robot
 from exactarm.simulate import Sensors, VirtualRobot, measure_gear_runs, measure_poses
@@ -124,6 +124,6 @@ def test_intervals_of_a_gear_grow_with_the_noise():
 
 def test_threads_mean_nothing_to_a_gear():
     robot = load_robot("kr300")
-    files = [data_path("kr300/run_A.csv"), data_path("kr300/run_B.csv")]
+    files = [example("kr300/run_A"), example("kr300/run_B")]
     data = read_dataset(files, robot, "gear_run").select(np.arange(0, 5002, 4))
     assert gear(robot, data, threads=1) == gear(robot, data, threads=2)

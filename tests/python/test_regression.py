@@ -6,7 +6,7 @@ from scipy import optimize
 
 from exactarm.chain import predict_poses
 from exactarm.dataset import read_dataset
-from exactarm.examples import data_path
+from exactarm.examples import example
 from exactarm.identify.calibrate import identifiable_layout
 from exactarm.identify.declared import frames_layout, geometry_layout
 from exactarm.regression import HUBER, Evaluation, least_squares
@@ -71,7 +71,7 @@ def test_real_poses_of_a_narrow_cube_converge_in_tens_of_iterations(series, half
     damping took 245 iterations for the first and 1,776 for the second; scipy's `lm` takes 103 and 144
     evaluations for the same square sum."""
     robot = load_robot("ur10")
-    data = read_dataset([data_path(f"ur10/series_{series}.csv")], robot)
+    data = read_dataset([example(f"ur10/series_{series}")], robot)
     data = data.select(data.session == data.session[0])
     near = [np.all(np.abs(data.position - point) < half_m, axis=1) for point in data.position]
     data = data.select(near[int(np.argmax([mask.sum() for mask in near]))])

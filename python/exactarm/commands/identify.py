@@ -35,6 +35,7 @@ from exactarm.split import DEFAULT_SEED
 
 NAME = "identify"
 HELP = "identify masses, rotors and friction from motion data"
+_NANOMETRE = 9  # decimals of a metre: a centre on an axis is there but for rounding
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -210,12 +211,12 @@ def _bodies(result: DynamicsIdentification) -> tuple[Table, ...]:
     rows: list[tuple[Cell, ...]] = []
     for number, link in enumerate(result.robot.links or (), start=1):
         moments = np.linalg.eigvalsh(link.inertia)
-        centre = (Quantity(float(value), "m") for value in link.centre_of_mass)
+        centre = (Quantity(round(float(value), _NANOMETRE), "m") for value in link.centre_of_mass)
         rows.append((f"link {number}", Quantity(link.mass, "kg"), *centre,
                      *(Quantity(float(value), "kg m²") for value in moments)))
     drawn_to = "its declared mass, centre and inertia" if result.declared_bodies else (
         "a plain bar from joint to joint, all of them as heavy together as the motion asks")
-    return (Table("Links as bodies", ("", "mass", "centre x", "y", "z", "principal moments", "", ""),
+    return (Table("Links as bodies", ("", "mass", "centre x", "y", "z", "moment: least", "middle", "largest"),
                   tuple(rows),
                   "Every link has a positive mass and moments that a body can have (positive definite "
                   "pseudo-inertia). What the "

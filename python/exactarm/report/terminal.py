@@ -77,23 +77,70 @@ def columns_of(table: Table) -> tuple[list[str], list[list[str]], list[bool]]:
 
 
 def _table(table: Table, width: int) -> str:
+    """The table in `width` columns: headers and texts wrap; what is still too wide continues below, each part
+    with the first column."""
     header, columns, numeric = columns_of(table)
-    columns = [column[:MOST_ROWS] for column in columns]
-    widths = [max(len(text) for text in [name, *column]) for name, column in zip(header, columns)]
-    if not numeric[-1]:  # a last column of text is wrapped in its own place
-        widths[-1] = min(widths[-1], max(width - sum(widths[:-1]) - 2 * len(widths), LEAST_TEXT_WIDTH))
-
-    def line(cells: list[str]) -> str:
-        last = textwrap.wrap(cells[-1], max(widths[-1], 1), break_long_words=False) or [""]
-        padded = [f"{text:>{size}}" if right else f"{text:<{size}}"
-                  for text, size, right in zip([*cells[:-1], last[0]], widths, numeric)]
-        indent = " " * (sum(widths[:-1]) + 2 * len(widths))
-        return "\n".join([("  " + "  ".join(padded)).rstrip(), *(indent + text for text in last[1:])])
-
-    lines = [table.heading, line(header), *(line(list(row)) for row in zip(*columns))]
+    texts = [[name, *column[:MOST_ROWS]] for name, column in zip(header, columns)]
+    lines = [table.heading]
+    for part in _parts(texts, numeric, width):
+        lines += _lines([texts[k] for k in part], [numeric[k] for k in part], width)
     left_out = len(table.rows) - MOST_ROWS
     if left_out > 0:
         lines.append(f"  ... {left_out} more in report.html")
     if table.note:
         lines.append(_wrap(table.note, width, "  "))
     return "\n".join(lines)
+
+
+def _least(texts: list[str], numeric: bool) -> int:
+    """Width below which a column would break a word, or a number."""
+    whole = texts[1:] if numeric else []
+    words = [word for text in ([texts[0]] if numeric else texts) for word in text.split()]
+    return max((len(text) for text in [*whole, *words]), default=0)
+
+
+def _taken(widths: list[int]) -> int:
+    return sum(widths) + 2 * len(widths)
+
+
+def _parts(texts: list[list[str]], numeric: list[bool], width: int) -> list[list[int]]:
+    """Columns that stand side by side, the first in every part."""
+    least = [_least(column, number) for column, number in zip(texts, numeric)]
+    parts = [[0]]
+    for k in range(1, len(texts)):
+        if len(parts[-1]) > 1 and _taken([least[j] for j in [*parts[-1], k]]) > width:
+            parts.append([0])
+        parts[-1].append(k)
+    return parts
+
+
+def _widths(texts: list[list[str]], numeric: list[bool], width: int) -> list[int]:
+    """Of the columns: as wide as they are; else a last column of text gives way first, then the widest."""
+    widths = [max(len(text) for text in column) for column in texts]
+    least = [_least(column, number) for column, number in zip(texts, numeric)]
+    if not numeric[-1]:
+        room = width - _taken(widths) + widths[-1]
+        widths[-1] = min(widths[-1], max(room, LEAST_TEXT_WIDTH, least[-1]))
+    while _taken(widths) > width:
+        loose = [k for k in range(len(widths)) if widths[k] > least[k]]
+        if not loose:
+            break
+        widths[max(loose, key=lambda k: widths[k])] -= 1
+    return widths
+
+
+def _lines(texts: list[list[str]], numeric: list[bool], width: int) -> list[str]:
+    widths = _widths(texts, numeric, width)
+    lines = []
+    for row, cells in enumerate(zip(*texts)):
+        wrapped = [textwrap.wrap(cell, max(size, 1), break_long_words=False, break_on_hyphens=False)
+                   for cell, size in zip(cells, widths)]
+        height = max(max(map(len, wrapped)), 1)
+        for k in range(height):
+            # a header stands on its column, a text begins at its row
+            at = [k - height + len(cell) if row == 0 else k for cell in wrapped]
+            shown = [cell[i] if 0 <= i < len(cell) else "" for cell, i in zip(wrapped, at)]
+            padded = [f"{text:>{size}}" if right else f"{text:<{size}}"
+                      for text, size, right in zip(shown, widths, numeric)]
+            lines.append(("  " + "  ".join(padded)).rstrip())
+    return lines
