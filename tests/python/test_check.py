@@ -340,3 +340,11 @@ def test_wrong_input_is_refused_in_one_line(files, tmp_path, capsys):
     assert "two.csv: BEFORE holds 2 set-ups; expected one" in error
     assert "kr300" in refused(capsys, ["check", "kr300", *names(files, 1)[1:], *out])
     assert not (tmp_path / "o" / "result.json").exists()
+
+
+def test_a_day_of_many_poses_is_drawn():
+    arm, truth, _, random = an_arm_for(15)
+    q = joints_in_limits(arm, 20, random)
+    result = ea.check(arm, before_of(truth, q, random, arm, 3), days_of(truth, q, random, 2, arm))
+    assert result["check_poses"] == 20 and len(result.plot(what="days")) == 2
+    assert "at most one false alarm in 250 days" in result.verdict

@@ -221,7 +221,7 @@ def _table(series: Daily, change: Change) -> dict[str, Any]:
 
 
 def _sentence(series: Daily, change: Change, days_per_year: float) -> str:
-    rate = f"one false alarm in {days_per_year:g} days"
+    rate = f"at most one false alarm in {days_per_year:g} days"
     if change.alarm is None:
         return f"Nothing has moved, as far as {len(series.labels)} days tell (the test allows {rate})."
     best = change.causes[0]

@@ -11,6 +11,7 @@ from exactarm.report.plots.style import AFTER, FLOOR, VALIDATION, label_with, le
 
 LEAST = 1e-3  # of the statistic that is drawn
 MOST = 1e12
+MOST_NAMED = 8  # poses with a colour of their own
 
 
 def statistic_over_days(
@@ -63,8 +64,14 @@ def _moved(moved: np.ndarray, noise: float, since: tuple[int, int] | None, axes:
             linewidth=0.0,
             label="began here (95 %)",
         )
+    many = moved.shape[1] > MOST_NAMED
     for k, values in enumerate(moved.T):
-        axes.plot(days, values / size, "o-", markersize=3.0, linewidth=1.0, label=f"pose {k + 1}")
+        look = (
+            {"color": AFTER, "alpha": 0.4, "label": "every pose" if k == 0 else None}
+            if many
+            else {"label": f"pose {k + 1}"}
+        )
+        axes.plot(days, values / size, "o-", markersize=3.0, linewidth=1.0, **look)
     axes.axhline(noise / size, color=FLOOR, linestyle="--", label="noise")
     axes.set(xlabel="day of NEW", ylabel=label_with("moved since BEFORE", unit))
     axes.set_ylim(bottom=0.0)
