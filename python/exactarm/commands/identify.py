@@ -166,7 +166,7 @@ def _report(robot: Robot, result: DynamicsIdentification, rule: str) -> Report:
     cost = float(np.sqrt(np.mean(result.unconstrained[judge] ** 2)))
     if result.inertial:
         verdict += (
-            " That its links are bodies that can exist is in it; without that it would be "
+            " The links are physically consistent; without that constraint it would be "
             f"{quantity(cost, 'Nm')}."
         )
     band = result.records["identification"].bandwidth_hz
