@@ -21,7 +21,7 @@ CPP_TESTS := $(shell find tests/cpp -type f 2>/dev/null)
 # Not deleted as intermediate files.
 .PRECIOUS: .setup/packages-%
 
-.PHONY: help demo test lint test-cpp test-python robustness sanitize limits install bench docs wheel clean
+.PHONY: fuzz help demo test lint test-cpp test-python robustness sanitize limits install bench docs wheel clean
 
 help:
 	@echo "make demo     set up everything, run exactarm on the shipped data, say where the report lies"
@@ -30,6 +30,7 @@ help:
 	@echo "make install  set up everything: $(BIN)/exactarm"
 	@echo "make robustness  ten thousand spoiled inputs, and 200 kills of every command (SEED=N: from that seed on)"
 	@echo "make sanitize C++ tests and one short run of every command under address and undefined-behaviour sanitizers"
+	@echo "make fuzz     coverage-guided fuzzing of the readers, ten minutes each (SECONDS_EACH=N)"
 	@echo "make limits   rows, seconds and memory of every command, as measured here"
 	@echo "make bench    the C++ benchmarks"
 	@echo "make docs     the documentation as a site: docs/_site/index.html"
@@ -73,6 +74,10 @@ sanitize: .setup/tests
 	@cmake --build $(SANITIZE) > $(SANITIZE)/build.log || { tail -n 40 $(SANITIZE)/build.log; exit 1; }
 	@$(SANITIZE)/exactarm_tests --gtest_brief=1
 	@$(BIN)/python tests/robustness/sanitized.py $(SANITIZE)
+
+# Coverage-guided fuzzing of the readers, SECONDS each; what was found is kept in build/fuzz for the next run.
+fuzz: .setup/tests .setup/packages-fuzz
+	@$(BIN)/python tests/robustness/coverage_guided.py --seconds $(or $(SECONDS_EACH),600)
 
 # Rows, seconds and memory of every command: the table of docs/limits.md.
 limits: .setup/install

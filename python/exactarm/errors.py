@@ -4,6 +4,9 @@ Both carry one line that a person can act on. An `InputError` names the file, th
 data row) or line, the column and what was expected, as far as they are known.
 """
 
+import re
+
+_BROKEN = re.compile(r"[\x00-\x1f\x7f\x85\u2028\u2029]+")  # ends of lines, and what a terminal would obey
 LONGEST_MESSAGE = 900  # characters: a list of all effects' names fits, a cell of a megabyte does not
 
 
@@ -13,6 +16,7 @@ class InputError(ValueError):
     def __init__(self, message: str, *, file: object = None, row: int | None = None,
                  column: str | None = None,
                  line: int | None = None):
+        message = _BROKEN.sub(" ", message)  # what a file holds may stand in it
         message = message if len(message) <= LONGEST_MESSAGE else message[:LONGEST_MESSAGE - 3] + "..."
         self.message, self.file, self.row, self.column = message, file, row, column
         place = [str(file)] if file is not None else []

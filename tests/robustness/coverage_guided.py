@@ -1,0 +1,145 @@
+"""Coverage-guided fuzzing of the readers (atheris): inputs that reach new lines are kept and changed further.
+
+    python tests/robustness/coverage_guided.py [TARGET ...] [--seconds 600] [--corpus build/fuzz]
+
+Each target has a process and a corpus of its own (CORPUS/TARGET), which the next run begins with. The
+property is that of the trials: an input is read, or refused by InputError in one line that names the file.
+What breaks it is left beside the corpus as
+`crash-...`, and a run that found anything ends with exit 1. `--one FILE TARGET` does a single input again.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import subprocess
+import sys
+import tempfile
+import warnings
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+    os.environ.setdefault(variable, "1")
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+LONGEST = 20_000  # bytes of an input
+SLOWEST_S, MOST_MB = 20, 4096
+DIALECTS = ("rapid", "fanuc", "inform")  # whose samples our own measuring programs are
+
+
+def _targets() -> dict[str, tuple[bytes, Callable[[Path], object]]]:
+    """Name of the file -> a valid content, and its reader."""
+    import numpy as np
+
+    from exactarm.commands.accept import accept
+    from exactarm.compensate.formats import jobs
+    from exactarm.compensate.measuring_program import Stop, measuring_program
+    from exactarm.compensate.setting import Setting
+    from exactarm.errors import InputError
+    from exactarm.formula import Formula, FormulaError
+    from exactarm.robot_file import load_robot
+    from robustness.samples import samples
+    from robustness.trials import READERS
+
+    valid = samples()
+    found = {name: (valid[name], read) for name, read in READERS.items()
+             if not name.endswith((".parquet", ".src"))}
+    robot = load_robot("racer-7-1.4")
+    robot = replace(robot, controller=replace(robot.controller, coupling=(), pulses_per_rad=(1e5,) * 6))
+    stop = Stop(np.linspace(0.1, 0.6, 6), np.linspace(0.05, 0.55, 6))
+    for dialect in DIALECTS:
+        name, text = measuring_program(robot, dialect, [stop, stop])
+        found[name] = (text.encode(), lambda path: [job.read(Setting(robot)) for job in jobs([path])])
+
+    def formula(path: Path) -> object:
+        try:
+            parsed = Formula.of(path.read_text(errors="replace"))
+        except FormulaError as error:
+            raise InputError(str(error), file=path) from None
+        with np.errstate(all="ignore"):
+            return parsed({name: np.array([-1.3, 0.0, 0.7]) for name in parsed.names})
+
+    found["formula.txt"] = (b"a*(q_4 + q_6)^2 + b*sin(3*q_1)", formula)
+    found["draft.toml"] = (DRAFT.encode(), accept)
+    return found
+
+
+DRAFT = """\
+[[effects]]
+effect = "expression"
+title = "axis 5 is off by a square"
+joint = 5
+of = ["q_4", "q_6"]
+form = "a*(q_4 + q_6)^2"
+values = { a = 3.1e-4 }
+plausible = { a = 3e-4 }
+"""
+
+
+def _fuzz(target: str, corpus: Path, seconds: int, one: Path | None) -> None:
+    """In a process of its own; ends by itself."""
+    import atheris
+
+    with atheris.instrument_imports(include=["exactarm"]):
+        import exactarm.commands.accept
+        import exactarm.compensate.formats
+        import exactarm.dataset
+        import exactarm.fixture
+        import exactarm.formula
+        import exactarm.plan.path_file
+        import exactarm.robot_file  # noqa: F401
+        from exactarm.errors import InputError
+    os.environ["EXACTARM_EFFECTS"] = tempfile.mkdtemp(prefix="exactarm-effects-")
+    content, read = _targets()[target]
+    folder = Path(tempfile.mkdtemp(prefix="exactarm-fuzz-"))
+    path = folder / target
+
+    def once(data: bytes) -> None:
+        path.write_bytes(data)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            try:
+                read(path)
+            except InputError as error:
+                said = str(error.within(path))
+                assert len(said.splitlines()) == 1 and path.name in said, f"refused by {said!r}"
+
+    if one is not None:
+        once(one.read_bytes())
+        return
+    corpus.mkdir(parents=True, exist_ok=True)
+    (corpus / "valid").write_bytes(content)
+    options = ["-len_control=0", f"-max_total_time={seconds}", f"-max_len={LONGEST}", f"-timeout={SLOWEST_S}",
+               f"-rss_limit_mb={MOST_MB}",
+               f"-artifact_prefix={corpus.parent}/{target}-", "-print_final_stats=0"]
+    atheris.Setup([sys.argv[0], *options, str(corpus)], once)
+    atheris.Fuzz()
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("targets", metavar="TARGET", nargs="*")
+    parser.add_argument("--seconds", type=int, default=600, help="of each target")
+    parser.add_argument("--corpus", type=Path, default=Path("build/fuzz"))
+    parser.add_argument("--one", type=Path, help="a single input, done again")
+    parser.add_argument("--inside", action="store_true", help=argparse.SUPPRESS)
+    arguments = parser.parse_args()
+    if arguments.inside or arguments.one:
+        _fuzz(arguments.targets[0], arguments.corpus / arguments.targets[0], arguments.seconds, arguments.one)
+        return 0
+    failed = []
+    for target in arguments.targets or _targets():
+        words = [target, "--inside", "--seconds", str(arguments.seconds), "--corpus", str(arguments.corpus)]
+        done = subprocess.run([sys.executable, __file__, *words], capture_output=True, text=True,
+                              errors="replace")
+        print(f"{target}: {'held' if done.returncode == 0 else 'BROKEN'}", flush=True)
+        if done.returncode:
+            failed.append(target)
+            print((done.stdout + done.stderr)[-2000:], flush=True)
+    return 1 if failed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
