@@ -27,6 +27,7 @@ RUNS: dict[str, tuple[str, ...]] = {
     "batch": ("manifest.csv",),
     "calibrate": ("ur10", "poses.csv"),
     "certify": ("ur10", "poses.csv"),
+    "check": ("ur10", "poses.csv", "day.csv"),
     "compensate": ("ur10", "part.script", "--points", "calculated",
                    "--keep-refused"),
     "demo": ("--steps", "racer_plan"),
@@ -50,6 +51,7 @@ def prepare(folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     made = {"draft.toml": DRAFT, "manifest.csv": MANIFEST}
     contents = samples() | {name: text.encode() for name, text in made.items()}
+    contents["day.csv"] = b"\n".join(contents["poses.csv"].splitlines()[:6]) + b"\n"
     for name, content in contents.items():
         (folder / name).write_bytes(content)
 
