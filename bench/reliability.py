@@ -190,7 +190,7 @@ def printed(cases: list[dict]) -> str:
     error = sum(b["n"] * abs(b["right"] / b["n"] - b["stated"]) for b in bins) / max(total, 1)
     lines = [f"{len(cases)} cases, {total} statements, expected calibration error {error:.3f}"]
     lines += [
-        f"{b['from']:5.3f} to {b['to']:5.3f}: {b['right']:3d} of {b['n']:3d} right, stated {b['stated']:.3f}, "
+        f"{b['from']:5.3f} to {b['to']:5.3f}: {b['right']:3d} of {b['n']:3d} right, mean {b['stated']:.3f}, "
         f"interval {b['interval'][0]:.2f} to {b['interval'][1]:.2f}"
         for b in bins
     ]
