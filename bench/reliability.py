@@ -217,19 +217,12 @@ def draw(cases: list[dict], path: Path) -> None:
     axes, bins = figure.subplots(), reliability(cases)
     stated, share = ([b["stated"] for b in bins], [b["right"] / b["n"] for b in bins])
     reach = np.abs(np.array([b["interval"] for b in bins]).T - share)
-    axes.plot([0.5, 1.0], [0.5, 1.0], color="0.6", linewidth=1.0, label="as stated")
-    axes.errorbar(
-        stated, share, yerr=reach, fmt="o", color="#1f5fa8", capsize=3, label="right, 95 % interval"
-    )
-    for b, x, y in zip(bins, stated, share):
-        words = f"{b['right']} of {b['n']}"
-        axes.annotate(words, (x, y), textcoords="offset points", xytext=(-6, -4), ha="right", fontsize=8)
-    axes.set(
-        xlabel="stated probability of a cause",
-        ylabel="share that is right",
-        xlim=(0.45, 1.02),
-        ylim=(0.0, 1.05),
-    )
+    place = np.arange(len(bins))
+    axes.plot(place, stated, "_", color="0.4", markersize=22, label="as stated")
+    axes.errorbar(place, share, yerr=reach, fmt="o", color="#1f5fa8", capsize=3, label="right, 95 % interval")
+    names = [f"{b['from']:g} to {b['to']:g}\n{b['right']} of {b['n']}" for b in bins]
+    axes.set_xticks(place, names, fontsize=8)
+    axes.set(xlabel="stated probability of a cause", ylabel="share that is right", ylim=(0.0, 1.05))
     axes.legend(loc="lower left", frameon=False)
     figure.savefig(path, metadata={"Date": None})
 
