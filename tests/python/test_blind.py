@@ -84,6 +84,7 @@ def test_cases_are_repeatable(tmp_path):
     assert one.robot.read_bytes() == two.robot.read_bytes()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "seed, theme",
     [(6, "joint_compliance"), (9, "gear_harmonics"), (4, "tracker_scale"), (1, "joint_coupling"),
@@ -102,6 +103,7 @@ def test_hidden_effect_is_named(tmp_path, seed, theme):
     assert record["after"] <= record["before"] * (1.0 + 1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed, theme", [(6, "time_delay"), (6, "tracker_scale")])
 def test_hidden_effect_of_a_tracked_motion_is_named(tmp_path, seed, theme):
     case = tracked_scenario.draw_case(tmp_path, seed, ROBOTS, theme)

@@ -56,6 +56,7 @@ HIDDEN = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", HIDDEN)
 def test_names_what_the_gear_does(racer, name):
     joint, shape = HIDDEN[name]
@@ -69,6 +70,7 @@ def test_names_what_the_gear_does(racer, name):
     assert (name, joint) in found
 
 
+@pytest.mark.slow
 def test_names_what_the_gyroscope_does(racer):
     clean = runs(racer)
     biased = diagnose(racer, replace(clean, gyro=clean.gyro + np.array([0.0, 1e-3, 2e-3])))
