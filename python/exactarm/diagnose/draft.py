@@ -136,6 +136,8 @@ def _unknown_axes(problem: Problem, fitted: Fitted) -> tuple[NoiseModel, dict[in
     visits, lost = problem.groups(), fitted.jacobian.shape[2]
     vocabulary = vocabulary_of(fitted, [], problem.signals(fitted), problem.directions(fitted))
     noise, left = estimate_noise(fitted.residual, lost, visits), fitted.residual
+    if not vocabulary.blocks:
+        return noise, {}
     for _ in range(_NOISE_PASSES):
         picture = Picture.of(
             vocabulary, fitted.residual, fitted.jacobian, noise, problem.correlation_factor(fitted)

@@ -24,7 +24,7 @@ from exactarm.formula import Formula, divisors, linear_names
 
 _OF_AXIS = re.compile(r"(q|theta|torque|approach)_(\d+)$")
 _LONGEST_LABEL = 60  # characters
-_RANGE = 10.0  # times a width that a draft names: as far as a fit may move it
+_RANGE = 3.0  # times a width that a draft names: as far as a fit may move it; exp(s/w) does not overflow
 _SIGNAL = {"q": "phi", "theta": "theta", "torque": "torque"}
 
 
