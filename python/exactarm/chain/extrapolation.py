@@ -1,8 +1,7 @@
 """Where a robot file is used at joint angles at which what it holds was never measured.
 
-A curve of a gear says nothing about angles at which it was not estimated, beyond its ends or in a gap between
-them; there the arm is taken as without the curve (files of earlier versions: with the value of the nearer
-end), and whoever reads a result must know.
+A curve of a gear says nothing about angles at which it was not estimated. Beyond its ends it keeps the value
+of the nearer one, in a gap it is what its prior makes of it, and whoever reads a result must know.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ def extrapolations(robot: Robot, q: np.ndarray, what: str = "rows") -> tuple[str
             told.append(
                 f"the curve of {effect.name} of axis {effect.joint} was measured from {low:.0f} to "
                 f"{high:.0f} deg; "
-                f"{np.sum(~inside):,} of {len(q):,} {what} lie beyond or in a gap, where the arm is taken as "
-                "without it"
+                f"{np.sum(~inside):,} of {len(q):,} {what} lie beyond, where it keeps its end value, "
+                "or in a gap"
             )
     return tuple(told)

@@ -36,8 +36,8 @@ class HarmonicFamily(Effect):
 
     `search`: orders to be tried; empty once the order is known. `curve_rad` > 0: all orders together as one smooth
     curve of the angle, each term regularised by a Gaussian prior of that amplitude that falls above `_CURVE_KNEE`.
-    `seen`: output angles (rad) between which a curve was measured. `known`: how well, angle by angle, and what it falls
-    back to; without it (a file of an earlier version, a fit under way) it keeps the value of the nearer end beyond `seen`.
+    `seen`: output angles (rad) between which a curve was measured; beyond, it keeps the value of the nearer end.
+    `known`: how well it is known, angle by angle; None in files of earlier versions and in a fit under way.
     """
 
     search: tuple[float, ...] = ()
@@ -86,22 +86,11 @@ class HarmonicFamily(Effect):
             return columns
 
         prior = float(np.linalg.norm(self._priors() / orders))
-        known = KnownCurve.of(basis, np.asarray(self.values, float), covariance, prior, phi[:, self.index])
+        known = KnownCurve.of(basis, covariance, prior, phi[:, self.index])
         return replace(self, known=known)
 
     def deviation(self, phi: np.ndarray) -> np.ndarray | None:
         return None if self.known is None else self.known.deviation(phi[:, self.index])
-
-    def _drawn_back(self, change: Change, phi: np.ndarray) -> Change:
-        """The change with the curve only as far as it is known."""
-        if self.known is None:
-            return change
-        weight, slope = self.known.weight(phi)
-        above = change.value - self.known.level
-        by_signal = {name: weight[:, None, None] * each for name, each in change.by_signal.items()}
-        by_signal["phi"][:, 0, self.index] += slope * above[:, 0]
-        value = self.known.level + weight[:, None] * above
-        return Change(change.columns, value, weight[:, None, None] * change.by_parameters, by_signal)
 
     @property
     def angles_measured(self) -> tuple[float, float] | None:
@@ -109,7 +98,7 @@ class HarmonicFamily(Effect):
 
     def _looked_up(self, phi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The angle (N,) at which the error is looked up, and which rows (N,) lie where it was measured."""
-        if self.seen is None or self.known is not None:
+        if self.seen is None:
             return phi, np.ones(phi.shape, bool)
         low, high = self.seen
         turned = low + np.mod(phi - low, 2.0 * np.pi)
@@ -175,8 +164,7 @@ class HarmonicFamily(Effect):
         by_phi = np.zeros((view.rows, 1, view.axes))
         by_phi[:, 0, self.index] = np.where(inside, inverse - 1.0, 0.0)
         by_signal = {name: -(error * inverse)[:, None, None] * row[:, None, :] for name, row in by_factor.items()}
-        change = Change((self.index,), (x - phi)[:, None], derivative, {"phi": by_phi} | by_signal)
-        return self._drawn_back(change, view.phi[:, self.index])
+        return Change((self.index,), (x - phi)[:, None], derivative, {"phi": by_phi} | by_signal)
 
     def to_table(self):
         table = super().to_table()
