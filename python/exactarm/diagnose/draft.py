@@ -161,7 +161,8 @@ def _unknown_axes(problem: Problem, fitted: Fitted) -> tuple[NoiseModel, dict[in
     found = {}
     for axis, names in signals.items():
         mine = {label for label, turned in by_label.items() if turned == axis}
-        found[axis] = (1.0 if axis in sure else min(posterior.probability(partial(_any_of, mine)), 1.0), names)
+        probability = 1.0 if axis in sure else posterior.probability(partial(_any_of, mine))
+        found[axis] = (min(probability, 1.0), names)
     return noise, found
 
 
