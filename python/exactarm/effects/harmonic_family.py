@@ -26,7 +26,6 @@ _LEAST_ORDER, _BELOW_SEARCH = 0.2, 0.8  # a fit that drifts far below the orders
 _MOST_MULTIPLES = 2  # of an element whose order was searched
 _MOTOR_MULTIPLES = (1.0, 2.0)  # that motions are searched for
 _REFINED, _BESIDE = 3, (-0.5, -0.25, 0.25, 0.5)  # peaks, and steps in cells of resolution
-_RUN_OUT_RAD, _RUN_OUT_ORDERS = 2e-4, 2.0  # a wheel runs out of true whatever else its curve does (gear_eccentricity.py)
 _CURVE_KNEE = 25.0  # order above which the amplitudes of a gear or encoder curve fall (cycles per revolution)
 
 
@@ -139,8 +138,7 @@ class HarmonicFamily(Effect):
         if self.curve_rad == 0.0:
             return np.full(self.multiples, np.inf)
         orders = self.values[0] * np.arange(1, self.multiples + 1)
-        amplitude = self.curve_rad / np.maximum(1.0, orders / _CURVE_KNEE) ** 1.5
-        return orders * np.hypot(amplitude, np.where(orders <= _RUN_OUT_ORDERS, _RUN_OUT_RAD, 0.0))
+        return self.curve_rad * orders / np.maximum(1.0, orders / _CURVE_KNEE) ** 1.5
 
     def parameter_label(self, parameter: Parameter) -> str:
         return f"{self.label}_order_{self.values[0]:.0f}.{parameter.name}"
