@@ -266,7 +266,7 @@ class _Run:
     def thinned(self, theta, rates, torque, time, bandwidth):
         """(kept rows, theta, theta_dot, theta_ddot, torque, keep) of the run."""
         rows, step = self.rows, self.step
-        edge = int(np.ceil(_EDGE_PERIODS / (bandwidth * step))) if self.filtered else 4
+        edge = int(np.ceil(_EDGE_PERIODS / (bandwidth * step) - 1e-9)) if self.filtered else 4
         if rows.size < 2 * edge + 10:
             raise InputError(f"a run of {rows.size} samples is too short; expected at least {2 * edge + 10}")
         angle, moment = theta[rows], torque[rows]

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import ast
 import importlib
+import threading
 from pathlib import Path
 from typing import Any
 
 COMMANDS = "exactarm.commands"
+_PARSING = threading.Lock()  # Python 3.11 counts the depth of all threads' trees together, and gives up
 
 
 def find_commands(package: str = COMMANDS) -> dict[str, tuple[str, str]]:
@@ -29,7 +31,9 @@ def import_command(name: str, package: str = COMMANDS) -> Any:
 def _string_literals(path: Path) -> dict[str, str]:
     """The module's assignments NAME = "text" at its top level."""
     literals = {}
-    for node in ast.parse(path.read_text(encoding="utf-8")).body:
+    with _PARSING:
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+    for node in tree.body:
         if isinstance(node, ast.Assign) and isinstance(node.value,
                                                        ast.Constant) and isinstance(node.value.value, str):
             literals.update({target.id: node.value.value for target in node.targets

@@ -202,11 +202,11 @@ class MotionProblem(Problem):
         words = (
             (f"no torque was measured on axis {', '.join(silent)}: nothing is said of it",) if silent else ()
         )
+        words += reversals_left_out([self.record] + ([self._held] if self._held is not None else []))
         if not self.inertial:
             words += ("masses and inertias are held as the robot file declares them: where they come from a "
-                      "drawing, `exactarm identify` "
-                      "first, or what they lack is taken for a payload",)
-        return words + reversals_left_out([self.record] + ([self._held] if self._held is not None else []))
+                      "drawing, `exactarm identify` first, or what they lack is taken for a payload",)
+        return words
 
     def groups(self) -> np.ndarray:
         return run_groups(self.record.data.run)
