@@ -24,7 +24,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import subprocess
 import sys
 import tempfile
@@ -50,10 +49,9 @@ BLOCKED_AXES = (1, 2)  # from 0
 
 
 def exactarm(command: str, robot, files: list[Path], out: Path, threads: int) -> Path:
-    """The folder of one run of the program of this checkout."""
-    environment = os.environ | {"PYTHONPATH": str(TOP / "python")}
+    """The folder of one run of the program that this Python finds."""
     words = [command, str(robot), *map(str, files), "--out", str(out), "--threads", str(threads), "--quiet"]
-    subprocess.run([sys.executable, "-m", "exactarm", *words], env=environment, check=True)
+    subprocess.run([sys.executable, "-m", "exactarm", *words], check=True)
     return out
 
 

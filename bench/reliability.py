@@ -28,7 +28,7 @@ import numpy as np
 from scipy import stats
 
 TOP = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(TOP / "bench"), str(TOP / "python")]
+sys.path.insert(0, str(TOP / "bench"))
 
 from blind.random_arms import write_random_arm  # noqa: E402
 from exactarm.chain import Layout, predict_poses  # noqa: E402
