@@ -133,17 +133,18 @@ def _is(tokens, at: int, texts: str) -> bool:
 
 
 def _sum(tokens, at: int, depth: int):
-    left, at = _product(tokens, at, depth)
-    while _is(tokens, at, "+-"):
-        right, after = _product(tokens, at + 1, depth)
-        left, at = (tokens[at][1], left, right), after
-    return left, at
+    return _chain(tokens, at, depth, "+-", _product)
 
 
 def _product(tokens, at: int, depth: int):
-    left, at = _power(tokens, at, depth)
-    while _is(tokens, at, "*/"):
-        right, after = _power(tokens, at + 1, depth)
+    return _chain(tokens, at, depth, "*/", _power)
+
+
+def _chain(tokens, at: int, depth: int, signs: str, part):
+    """Parts with operators of one rank between them, from left to right."""
+    left, at = part(tokens, at, depth)
+    while _is(tokens, at, signs):
+        right, after = part(tokens, at + 1, depth)
         left, at = (tokens[at][1], left, right), after
     return left, at
 
