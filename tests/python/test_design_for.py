@@ -3,6 +3,7 @@
 import json
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from exactarm.cli import main
@@ -49,6 +50,20 @@ def test_minutes_of_the_user_choose(result, tmp_path):
     assert main(words) == 0
     said = json.loads((tmp_path / "out" / "result.json").read_text())
     assert said["experiments"][0]["payload_kg"] == 5.0 and said["minutes"] == {"visit": 1.0, "payload": 0.0}
+
+
+def test_loaded_poses_say_their_load_and_go_with_the_first_file(result, tmp_path):
+    words = ["design", "ur10", "--for", str(result), "--minutes", "payload=0", "--out", str(tmp_path / "out"),
+             "--quiet"]
+    assert main(words) == 0
+    loaded = pd.read_csv(tmp_path / "out" / "poses.csv").assign(x_m=0.1, y_m=0.2, z_m=0.3)
+    first = loaded.assign(payload_kg=0.0, **{f"approach_{i}": 0 for i in range(1, 7)})
+    paths = [tmp_path / "first.csv", tmp_path / "loaded.csv"]
+    for path, table in zip(paths, (first, loaded)):
+        table.to_csv(path, index=False)
+    data = read_dataset(paths, load_robot("ur10"))
+    mass, centre = data.payload
+    assert list(mass) == [0.0, 0.0, 5.0, 5.0] and not centre.any()
 
 
 @pytest.mark.parametrize("word", ["payload", "payload=-1", "visit=0", "coffee=5", "visit=nan"])

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from exactarm.columns import PAYLOAD
 from exactarm.commands.result import CommandResult
 from exactarm.compensate.measuring_program import measuring_program, stops_of
 from exactarm.diagnose.next_poses import MINUTES, Experiment
@@ -103,6 +104,7 @@ def designed_for(robot: Robot, path: Path, cost: Mapping[str, float],
     best = experiments[0]
     both = np.repeat(best.q, 2, axis=0)
     approach = np.tile([[-1], [1]], (len(best.q), robot.axes))
+    carried = {PAYLOAD: np.full(len(both), best.payload_kg)} if best.payload_kg else {}
     texts = {}
     if program is not None:
         space = PoseSpace.of(robot)
@@ -111,16 +113,21 @@ def designed_for(robot: Robot, path: Path, cost: Mapping[str, float],
     verdict = (f"{len(best.q)} poses{load}, each approached from both directions: in some "
                f"{best.minutes(cost):.0f} minutes they tell "
                f"{best.bits:.2f} of {best.open_bits:.2f} bits about whether it is {best.between}.")
-    how = ("Drive to each pose in such a way that every axis moves upwards (approach 1) or downwards (-1) at "
-           "the end, add the measured "
-           "positions to poses.csv as x_m, y_m, z_m, and diagnose it together with the first file.",)
+    how = (
+        "Drive to each pose in such a way that every axis moves upwards (approach 1) or downwards (-1) at "
+        "the "
+        "end, add the measured positions to poses.csv as x_m, y_m, z_m, and diagnose it together with the "
+        "first "
+        "file. Both need the same columns: give the first one approach_i (0 where it is not known)"
+        + (" and payload_kg (0)." if best.payload_kg else "."),
+    )
     return CommandResult(
         json={"experiments": [experiment_json(e) for e in experiments], "minutes": dict(cost),
               "poses": len(both)},
         report=Report(f"The next experiment: {robot.name}", verdict,
                       (experiments_table(tuple(experiments), cost), Text("How", how)),
                       "good" if best.parts else "caution"),
-        tables={"poses.csv": pose_columns(robot, both, approach)},
+        tables={"poses.csv": pose_columns(robot, both, approach) | carried},
         texts=texts,
     )
 

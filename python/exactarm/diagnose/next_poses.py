@@ -15,13 +15,13 @@ import numpy as np
 from scipy import linalg
 
 from exactarm.chain import View, predict_poses
+from exactarm.columns import PAYLOAD, PAYLOAD_CENTRE
 from exactarm.dataset import Dataset
 from exactarm.diagnose.cause_information import Field, Hypothesis, chosen_for
 from exactarm.diagnose.confusion import Place
 from exactarm.diagnose.problem import Fitted
 from exactarm.diagnose.scan import free_mask
 from exactarm.effects.base import Effect
-from exactarm.effects.payload import Payload
 from exactarm.identify.pose_space import Box, PoseSpace
 from exactarm.kinds import POSES
 from exactarm.robot import Robot
@@ -214,15 +214,18 @@ class _State:
 def _view(robot: Robot, fitted: Fitted, q: np.ndarray, payload_kg: float) -> View:
     """Every pose from both directions, (2 K) rows."""
     data, both_ways = fitted.view.data, np.repeat(q, 2, axis=0)
+    means = {name: float(values.mean()) for name, values in data.covariates.items()}
+    if payload_kg:  # in place of what the rows carried, at the flange's origin
+        means = {name: mean for name, mean in means.items() if name not in PAYLOAD_CENTRE}
+        means[PAYLOAD] = payload_kg
     new = Dataset.of_arrays(
         POSES.name,
         {"q": both_ways, "approach": np.tile([[-1.0], [1.0]], (len(q), robot.axes))},
         session=np.full(len(both_ways), data.session[0]),
         position=np.zeros((len(both_ways), 3)),
-        covariates={name: np.full(len(both_ways), values.mean()) for name, values in data.covariates.items()},
+        covariates={name: np.full(len(both_ways), mean) for name, mean in means.items()},
     )
-    carrying = Payload(None, (payload_kg, 0.0, 0.0, 0.0)).bake(robot) if payload_kg else robot
-    return predict_poses(carrying, fitted.layout, new).view
+    return predict_poses(robot, fitted.layout, new).view
 
 
 def _candidate_poses(robot: Robot, fitted: Fitted, seed: int) -> np.ndarray:
