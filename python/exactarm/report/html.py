@@ -82,8 +82,9 @@ def _link(cell: Link) -> Markup:
 
 
 def _prose(text: str) -> Markup:
-    """Text with its `code` marked."""
-    return Markup(re.sub(r"`([^`]+)`", r"<code>\1</code>", str(escape(text))))
+    """Text with its `code` marked, and a hash that no line end cuts."""
+    marked = re.sub(r"`([^`]+)`", r"<code>\1</code>", str(escape(text)))
+    return Markup(re.sub(r"\bSHA-256( [0-9a-f]+)?", r'<span class="whole">\g<0></span>', marked))
 
 
 def _inline_svg(svg: str, figure: Figure) -> Markup:
