@@ -31,8 +31,8 @@ COMMANDS = (
 )
 NAMES = {
     "load_robot": "exactarm.robot_file", "write_robot": "exactarm.robot_file",
-    "shipped_robots": "exactarm.robot_file",
-    "Robot": "exactarm.robot", "Joint": "exactarm.robot", "Link": "exactarm.robot",
+    "shipped_robots": "exactarm.robot_file", "Robot": "exactarm.robot_file",
+    "Joint": "exactarm.robot", "Link": "exactarm.robot",
     "Placement": "exactarm.robot",
     "read": "exactarm.commands.call", "example": "exactarm.examples", "Dataset": "exactarm.dataset",
     "write_dataset": "exactarm.dataset", "Result": "exactarm.commands.result",

@@ -14,9 +14,10 @@ Units: m, rad, kg, Nm, s. Gear coefficients are relative to the ratio (E5).
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,9 +25,6 @@ from numpy.typing import ArrayLike
 from exactarm import _core
 from exactarm.covariance import ParameterCovariance
 from exactarm.value import Value
-
-if TYPE_CHECKING:
-    from exactarm.effects.base import Effect
 
 GRAVITY_M_S2 = 9.81
 Point = Literal["flange", "target"]
@@ -157,7 +155,7 @@ class Robot(Value):
     base: Placement = field(default_factory=Placement)
     tool: Placement = field(default_factory=Placement)
     has_geometry: bool = True
-    effects: tuple[Effect, ...] = ()
+    effects: tuple[Any, ...] = ()  # each an exactarm.effects.Effect, which lies above a robot
     intervals: dict[str, tuple[float, float]] = field(default_factory=dict)
     record: dict[str, Any] = field(default_factory=dict)
     controller: Controller = field(default_factory=Controller)
@@ -221,10 +219,8 @@ class Robot(Value):
             >>> pose.position.round(3).tolist()
             [-0.708, -0.17, 0.622]
         """
-        from exactarm.chain import controller
-
         rows = np.atleast_2d(np.asarray(q, float))
-        position, rotation = controller.forward(self, rows, of, seen_from)
+        position, rotation = at_reported_angles().forward(self, rows, of, seen_from)
         return Placement(rotation, position) if np.ndim(q) == 2 else Placement(rotation[0], position[0])
 
     def ik(self, pose: Placement | ArrayLike, *, start: ArrayLike | None = None, of: Point = "flange",
@@ -238,27 +234,45 @@ class Robot(Value):
             >>> bool(np.allclose(robot.ik(robot.fk(q), start=q + 0.1), q))
             True
         """
-        from exactarm.chain import controller
-
         goal = pose if isinstance(pose, Placement) else Placement.of_matrix(np.asarray(pose))
         near = None if start is None else np.asarray(start, float)
-        return controller.inverse(self, goal.position, goal.rotation, near, of, seen_from)
+        return at_reported_angles().inverse(self, goal.position, goal.rotation, near, of, seen_from)
 
     def jacobian(self, q: ArrayLike, *, of: Point = "flange", seen_from: Frame = "base") -> np.ndarray:
         """(6, n) or (N, 6, n): change of position (m) and orientation (rad) with the controller's angles."""
-        from exactarm.chain import controller
-
-        found = controller.jacobian(self, np.atleast_2d(np.asarray(q, float)), of, seen_from)
+        found = at_reported_angles().jacobian(self, np.atleast_2d(np.asarray(q, float)), of, seen_from)
         return found if np.ndim(q) == 2 else found[0]
 
     def inverse_dynamics(self, q: ArrayLike, q_dot: ArrayLike | None = None, q_ddot: ArrayLike | None = None) -> np.ndarray:
         """(n,) or (N, n) joint torques in Nm without friction, at the controller's angles; gravity alone without rates."""
-        from exactarm.chain import controller
-
         rows = np.atleast_2d(np.asarray(q, float))
         rates = [np.zeros_like(rows) if each is None else np.atleast_2d(np.asarray(each, float)) for each in (q_dot, q_ddot)]
-        found = controller.inverse_dynamics(self, rows, *rates)
+        found = at_reported_angles().inverse_dynamics(self, rows, *rates)
         return found if np.ndim(q) == 2 else found[0]
+
+
+class ReportedAngles(Protocol):
+    """Kinematics and torques at the angles that a controller reports: chain/controller.py, which lies above a robot."""
+
+    def forward(self, robot: Robot, q: np.ndarray, of: Point, seen_from: Frame) -> tuple[np.ndarray, np.ndarray]: ...
+    def jacobian(self, robot: Robot, q: np.ndarray, of: Point, seen_from: Frame) -> np.ndarray: ...
+    def inverse(self, robot: Robot, position: np.ndarray, rotation: np.ndarray, start: np.ndarray | None, of: Point,
+                seen_from: Frame) -> np.ndarray: ...
+    def inverse_dynamics(self, robot: Robot, q: np.ndarray, q_dot: np.ndarray, q_ddot: np.ndarray) -> np.ndarray: ...
+
+
+_provided: list[Callable[[], ReportedAngles]] = []
+
+
+def provide(source: Callable[[], ReportedAngles]) -> None:
+    """Called once, by a module above the chain (robot_file.py); `source` imports what it gives when it is called."""
+    _provided.append(source)
+
+
+def at_reported_angles() -> ReportedAngles:
+    if not _provided:
+        raise RuntimeError("nothing gives kinematics at the controller's angles; expected exactarm.robot_file to be imported")
+    return _provided[-1]()
 
 
 def frame_of(joint: Joint) -> Joint:

@@ -20,7 +20,7 @@ import numpy as np
 from exactarm.covariance import ParameterCovariance
 from exactarm.effects import Effect, effect_from_table, library
 from exactarm.errors import InputError
-from exactarm.robot import Controller, GearTable, Joint, Link, Placement, Robot
+from exactarm.robot import Controller, GearTable, Joint, Link, Placement, ReportedAngles, Robot, provide
 from exactarm.robot_keys import (
     CONTROLLER_KEYS,
     FORMAT,
@@ -38,13 +38,23 @@ from exactarm.toml_file import fits_shape, is_number, read_toml
 from exactarm.ur_calibration import read_ur_calibration
 from exactarm.urdf import read_urdf
 
-__all__ = ["load_robot", "read_robot", "shipped_robots", "write_robot"]
+__all__ = ["Robot", "load_robot", "read_robot", "shipped_robots", "write_robot"]
 
 SHIPPED = Path(__file__).parent / "data" / "robots"
 ROTATION_TOLERANCE = 1e-6  # a matrix typed by hand has at least seven digits
 
 TOP_KEYS = ("format", "name", "gravity_m_s2", "has_geometry", "mass_kg", "generic_masses", "record", "base", "tool", "joints",
             "controller", "links", "effects", "intervals", "covariance")
+
+
+def _at_reported_angles() -> ReportedAngles:
+    """Imported at its first use: the chain takes half a second."""
+    from exactarm.chain import controller
+
+    return controller
+
+
+provide(_at_reported_angles)
 
 
 def shipped_robots() -> tuple[str, ...]:

@@ -7,9 +7,9 @@ import pytest
 from exactarm import _core
 from exactarm.chain.direction import LEAST_TURN_RAD, TRANSITION_S, direction_of_motion, eased, reversals
 from exactarm.chain.gear import declared_output_angle
-from exactarm.chain.view import View
 from exactarm.dataset import Dataset
 from exactarm.robot_file import load_robot
+from exactarm.view import View
 
 TIME = np.linspace(0.0, 2.0, 2001)
 

@@ -7,9 +7,10 @@ import numpy as np
 
 from exactarm import _core
 from exactarm.chain import motion_record
-from exactarm.effects.drive import SIGN_WIDTH_RAD_S, smooth_sign, smooth_square
+from exactarm.effects.drive import smooth_sign, smooth_square
 from exactarm.identify.dynamics import friction_layout
 from exactarm.identify.friction_width import friction_widths
+from exactarm.view import SIGN_WIDTH_RAD_S
 from motions import fourier_motion, motion_data
 from six_axis import six_axis
 

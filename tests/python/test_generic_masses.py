@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from exactarm import _core
-from exactarm.chain.rest_load import RestLoad
 from exactarm.dataset import Dataset
 from exactarm.errors import InputError
 from exactarm.generic_masses import generic_links, with_declared_masses, with_generic_masses
+from exactarm.rest_load import RestLoad
 from exactarm.robot import Joint, Robot
 from exactarm.robot_file import load_robot, write_robot
 from exactarm.urdf import urdf_text

@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from exactarm.commands.outcome import Asked
 from exactarm.commands.publish import save
-from exactarm.commands.result import Asked, CommandResult
+from exactarm.commands.result import CommandResult
 from exactarm.effects import library
 from exactarm.errors import ComputationError
 from exactarm.identify.dynamics import DynamicsOptions, identify_dynamics

@@ -8,7 +8,6 @@ import pytest
 from central_difference import assert_derivative
 from exactarm import _core
 from exactarm.chain import Layout, predict_gear_run, predict_poses
-from exactarm.chain.rest_load import RestLoad
 from exactarm.dataset import Dataset
 from exactarm.effects import effect_from_table, library
 from exactarm.effects.base_compliance import BaseCompliance
@@ -17,6 +16,7 @@ from exactarm.effects.joint_compliance import JointCompliance, RelativeComplianc
 from exactarm.effects.link_compliance import LinkCompliance
 from exactarm.effects.payload import Payload
 from exactarm.generic_masses import with_generic_masses
+from exactarm.rest_load import RestLoad
 from six_axis import six_axis
 
 ROWS, MASS, CENTRE = 9, 7.0, (0.05, -0.1, 0.2)

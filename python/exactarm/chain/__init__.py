@@ -13,7 +13,7 @@ from exactarm.chain.motion_record import MotionRecord, motion_record
 from exactarm.chain.passage import motion_clear_of_reversals, reversals_left_out, track_clear_of_reversals
 from exactarm.chain.poses import PosePrediction, predict_poses
 from exactarm.chain.tracked_motion import predict_tracked_motion
-from exactarm.chain.view import View
+from exactarm.view import View
 
 __all__ = [
     "GearRecord",

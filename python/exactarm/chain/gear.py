@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 
 from exactarm import _core
-from exactarm.chain.view import View
 from exactarm.robot import GearTable, Joint
+from exactarm.view import View
 
 _NEWTON_STEPS = 4  # from an error of the two tables' difference, 1e-3 rad
 

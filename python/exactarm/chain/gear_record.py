@@ -24,7 +24,6 @@ from exactarm import _core
 from exactarm.chain.gear import declared_output_angle, differs_with_direction
 from exactarm.chain.spring import declared_deflection
 from exactarm.chain.swinging import bending_rate, follows_quietly, swings, widened
-from exactarm.chain.view import View, motor_angles
 from exactarm.dataset import Dataset
 from exactarm.kinds import GEAR_RUN
 from exactarm.kinds.base import STANDS_STILL
@@ -41,6 +40,7 @@ from exactarm.signals import (
     typical_step,
     white_noise,
 )
+from exactarm.view import View, motor_angles
 
 _ENCODER_SHARE = 0.1  # of the gyroscope's noise that the encoder may add to the predicted rate
 _LOWEST_CUTOFF_HZ, _HIGHEST_SHARE = 15.0, 0.35  # of the sampling rate

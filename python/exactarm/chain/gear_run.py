@@ -24,16 +24,16 @@ from exactarm.chain.gear import declared_output_angle
 from exactarm.chain.gear_record import GearRecord, gear_record
 from exactarm.chain.layout import Layout
 from exactarm.chain.propagate import acts
-from exactarm.chain.rest_load import declared_constants
 from exactarm.chain.run_tangents import Recorded, device_map, joint_tangents, moved
 from exactarm.chain.sensor_link import sensor_rates
 from exactarm.chain.spring import declared_deflection
-from exactarm.chain.view import View
 from exactarm.dataset import Dataset
 from exactarm.effects.base import Station
 from exactarm.effects.drive import smooth_sign
+from exactarm.rest_load import declared_constants
 from exactarm.robot import Robot
 from exactarm.signals import gaussian_filter, typical_step
+from exactarm.view import View
 
 _FIXED_POINT_TOLERANCE_RAD = 1e-13
 _FIXED_POINT_PASSES = 30

@@ -21,13 +21,12 @@ from scipy import linalg, sparse
 
 from exactarm import _core
 from exactarm.chain.direction import direction_of_motion
-from exactarm.chain.rest_load import declared_constants, drive_torque
-from exactarm.chain.view import motor_angles
 from exactarm.dataset import Dataset
-from exactarm.effects.drive import SIGN_WIDTH_RAD_S
 from exactarm.errors import InputError
+from exactarm.rest_load import declared_constants, drive_torque
 from exactarm.robot import Robot
 from exactarm.signals import derivative_operator, typical_step
+from exactarm.view import SIGN_WIDTH_RAD_S, motor_angles
 
 BANDWIDTH_HZ = 20.0  # arms are moved below 5 Hz and swing near 10 Hz
 SLOW_HZ = 5.0

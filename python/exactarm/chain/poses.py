@@ -17,15 +17,15 @@ from exactarm import _core
 from exactarm.chain.gear import declared_output_angle
 from exactarm.chain.layout import Layout
 from exactarm.chain.propagate import pass_station, pass_tangents
-from exactarm.chain.rest_load import RestLoad
 from exactarm.chain.spring import declared_deflection
-from exactarm.chain.view import View, motor_angles
 from exactarm.dataset import Dataset
 from exactarm.effects.base import Station
 from exactarm.kinds import POSES
+from exactarm.rest_load import RestLoad
 from exactarm.robot import Robot
 from exactarm.rotation import exp as rotation_exp
 from exactarm.rotation import log as rotation_log
+from exactarm.view import View, motor_angles
 
 _FIXED_POINT_TOLERANCE_RAD = 1e-13
 _FIXED_POINT_PASSES = 30

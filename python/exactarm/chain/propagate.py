@@ -11,8 +11,8 @@ from __future__ import annotations
 import numpy as np
 
 from exactarm.chain.layout import Layout
-from exactarm.chain.view import View
 from exactarm.effects.base import Change, Effect, Station
+from exactarm.view import View
 
 
 def acts(effect: Effect, view: View, station: Station) -> bool:

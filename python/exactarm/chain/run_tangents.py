@@ -13,8 +13,8 @@ import numpy as np
 
 from exactarm import _core
 from exactarm.chain.layout import Layout
-from exactarm.chain.view import View
 from exactarm.effects.base import Change, Station
+from exactarm.view import View
 
 _NO_FEEDBACK = 1e-15
 

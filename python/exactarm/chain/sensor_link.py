@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 
 from exactarm import _core
-from exactarm.chain.view import View
 from exactarm.robot import GRAVITY_M_S2
+from exactarm.view import View
 
 
 def sensor_rates(view: View, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -7,8 +7,9 @@ import hashlib
 import os
 from pathlib import Path
 
+from exactarm.commands.outcome import Asked
 from exactarm.commands.plain import sha256
-from exactarm.commands.result import Asked, CommandResult
+from exactarm.commands.result import CommandResult
 from exactarm.effects import Effect, effect_from_table, library
 from exactarm.effects.accepted import effects_folder
 from exactarm.errors import InputError

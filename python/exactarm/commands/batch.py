@@ -26,9 +26,10 @@ from typing import Any
 import exactarm
 from exactarm.commands.execute import execute, parse
 from exactarm.commands.listing import find_commands, import_command
+from exactarm.commands.outcome import Asked
 from exactarm.commands.plain import sha256
 from exactarm.commands.publish import save, sources
-from exactarm.commands.result import Asked, CommandResult
+from exactarm.commands.result import CommandResult
 from exactarm.errors import ComputationError, InputError
 from exactarm.progress import SILENT, Progress
 from exactarm.report import Cell, Highlight, Highlights, Link, Quantity, Report, Table

@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import Any
 
 from exactarm.commands.arguments import available_cores
+from exactarm.commands.outcome import Asked
 from exactarm.commands.plain import sha256
-from exactarm.commands.result import Asked
 from exactarm.dataset import Dataset, read_dataset
 from exactarm.errors import InputError
 from exactarm.fixture import Fixture, load_fixture

@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from exactarm.commands.result import Column, CommandResult
+from exactarm.commands.outcome import Column
+from exactarm.commands.result import CommandResult
 from exactarm.dataset import Dataset
 from exactarm.identify.pose_uncertainty import PoseUncertainty
 from exactarm.report import Cell, Figure, Quantity, Table

@@ -15,7 +15,8 @@ from exactarm.commands.call import AnyData, AnyFixture, AnyRobot, asked, data_of
 from exactarm.commands.certified import with_uncertainty
 from exactarm.commands.load_section import with_load_section
 from exactarm.commands.memory import require_memory
-from exactarm.commands.result import Column, CommandResult
+from exactarm.commands.outcome import Column
+from exactarm.commands.result import CommandResult
 from exactarm.commands.suspicions import suspicions
 from exactarm.dataset import Dataset, read_planned_poses
 from exactarm.errors import InputError

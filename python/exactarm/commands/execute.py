@@ -13,9 +13,10 @@ from typing import Any, NoReturn
 
 from exactarm._core import InvalidArgument
 from exactarm.commands.arguments import add_common
+from exactarm.commands.outcome import Asked
 from exactarm.commands.output import OutputFolder
 from exactarm.commands.publish import Published, publish, sources
-from exactarm.commands.result import Asked, CommandResult
+from exactarm.commands.result import CommandResult
 from exactarm.dataset import read_dataset
 from exactarm.errors import InputError
 from exactarm.progress import Progress

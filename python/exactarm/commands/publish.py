@@ -1,4 +1,4 @@
-"""From a `CommandResult` to the files of a run and the text on the terminal."""
+"""From a `Outcome` to the files of a run and the text on the terminal."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import Any
 
 import exactarm
+from exactarm.commands.outcome import Asked, Outcome
 from exactarm.commands.output import OutputFolder
 from exactarm.commands.plain import plain, rows_of, sha256
-from exactarm.commands.result import Asked, CommandResult
 from exactarm.errors import ComputationError, InputError
 from exactarm.progress import SILENT, Progress
 from exactarm.report.html import render_html
@@ -33,13 +33,13 @@ _NUMERICS = ("numpy", "scipy")
 class Published:
     """A run that is done: its result, its result.json, its report as written, and what the terminal shows."""
 
-    result: CommandResult
+    result: Outcome
     json: dict[str, Any]
     report: Report
     text: str
 
 
-def save(result: CommandResult, folder: str | Path, progress: Progress = SILENT) -> Path:
+def save(result: Outcome, folder: str | Path, progress: Progress = SILENT) -> Path:
     """Writes a result that Python holds; returns the path of its report."""
     started = time.perf_counter()
     with OutputFolder(Path(folder)) as place:
@@ -47,7 +47,7 @@ def save(result: CommandResult, folder: str | Path, progress: Progress = SILENT)
     return Path(folder) / "report.html"
 
 
-def publish(result: CommandResult, folder: OutputFolder, started: float, progress: Progress = SILENT,
+def publish(result: Outcome, folder: OutputFolder, started: float, progress: Progress = SILENT,
             width: int | None = None) -> Published:
     """Writes everything, `result.json` last."""
     asked = result.asked or Asked("computed", "")

@@ -13,69 +13,31 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from exactarm.commands.outcome import Asked, Column, Outcome
 from exactarm.commands.plain import plain
+from exactarm.commands.publish import save
 from exactarm.errors import InputError
 from exactarm.identify.statistics import ErrorSummary
-from exactarm.report.sections import Figure, Report, Warnings
-from exactarm.robot import Robot
-from exactarm.rows import Source
+from exactarm.report.sections import Figure, Warnings
 
 if TYPE_CHECKING:
     import pandas
     from matplotlib.axes import Axes
 
-Column = Sequence[Any] | np.ndarray
 WORSE = 1.05  # RMS of held-out rows, after over before: chance moves it by less
 PRINTED_LINES = 10
 PRINTED_WIDTH = 100
 
 
-@dataclass(frozen=True)
-class Asked:
-    """What was asked: the command, the line that asks for it again, robot, files read, seed."""
-
-    command: str
-    line: str
-    robot: str | None = None
-    files: tuple[Source, ...] = ()
-    seed: int = 0
-
-
 @dataclass(frozen=True, eq=False)
-class CommandResult:
-    """All results of one command.
-
-    json        the command's own keys of result.json (SI units; arrays, NaN, objects with to_json() may be in
-                it)
-    report      goes to the terminal, to report.html and, its figures, to plots/
-    robot       written as robot.toml
-    tables      file name -> columns (name with unit -> (N,) values); .csv or .parquet by the name
-    texts       file name -> text written as it is (a .urdf, a .toml)
-    contents    file name -> bytes written as they are (a robot program)
-    inputs      further files that were read, beside the robot file and FILES
-    asked       what was asked, for the report's last lines
-    data        measured rows that a simulation made, ready for the next command; else None
-    pdf         name of the report printed as PDF beside report.html, where a browser is there to print; None:
-                not asked for
-    """
-
-    json: Mapping[str, Any]
-    report: Report
-    robot: Robot | None = None
-    tables: Mapping[str, Mapping[str, Column]] = field(default_factory=dict)
-    texts: Mapping[str, str] = field(default_factory=dict)
-    contents: Mapping[str, bytes] = field(default_factory=dict)
-    inputs: tuple[Any, ...] = ()
-    exit_code: int = 0
-    asked: Asked | None = None
-    data: Any = None
-    pdf: str | None = None
+class CommandResult(Outcome):
+    """All results of one command."""
 
     # -- what it says -------------------------------------------------------------------------------
     @property
@@ -182,8 +144,6 @@ class CommandResult:
 
     def save(self, folder: str | Path) -> Path:
         """Writes everything into `folder` as the command line does; returns the path of the report."""
-        from exactarm.commands.publish import save
-
         return save(self, folder)
 
     def warned(self, found: Sequence[str]) -> CommandResult:

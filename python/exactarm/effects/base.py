@@ -25,27 +25,16 @@ from __future__ import annotations
 from abc import ABC
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from enum import IntEnum
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
+from exactarm.station import Station
+
 if TYPE_CHECKING:
-    from exactarm.chain import View
     from exactarm.dataset import Dataset
     from exactarm.robot import Placement, Robot
-
-
-class Station(IntEnum):
-    """Where an effect acts, in the order in which a signal passes."""
-
-    MOTOR = 1
-    GEAR = 2
-    LOAD = 3
-    SPRING = 4
-    GEOMETRY = 5
-    DEVICE = 6
-    DRIVE = 7
+    from exactarm.view import View
 
 
 RECORD_KEY = "data_sha256"  # of a robot file

@@ -15,9 +15,7 @@ from typing import ClassVar
 import numpy as np
 
 from exactarm.effects.base import Change, Effect, Station
-
-SIGN_WIDTH_RAD_S = 0.02  # output side; a robot that moves at all moves ten times as fast
-
+from exactarm.view import SIGN_WIDTH_RAD_S
 
 _LEAST_SWING = 1e-3  # of the width
 

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from exactarm.effects.base import Change, Parameter
-from exactarm.effects.drive import SIGN_WIDTH_RAD_S, DriveEffect
+from exactarm.effects.drive import DriveEffect
+from exactarm.view import SIGN_WIDTH_RAD_S
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from exactarm.chain import Layout, predict_poses
-from exactarm.chain.view import motor_angles
 from exactarm.covariance import ParameterCovariance
 from exactarm.dataset import Dataset
 from exactarm.effects.frames import Frames
@@ -35,6 +34,7 @@ from exactarm.kinds import POSES
 from exactarm.regression import Fit
 from exactarm.robot import Placement, Robot
 from exactarm.split import DEFAULT_SEED
+from exactarm.view import motor_angles
 
 if TYPE_CHECKING:
     from exactarm.identify.closure_fit import ClosureFit

@@ -27,7 +27,6 @@ from exactarm.chain import (
 from exactarm.dataset import Dataset
 from exactarm.effects.declared_friction import DeclaredFriction
 from exactarm.effects.declared_rotor import DeclaredRotor
-from exactarm.effects.drive import SIGN_WIDTH_RAD_S
 from exactarm.effects.link_inertia import LinkInertia
 from exactarm.errors import InputError
 from exactarm.generic_masses import with_declared_masses
@@ -40,6 +39,7 @@ from exactarm.identify.prior_bodies import declares_bodies
 from exactarm.kinds import MOTION
 from exactarm.robot import Link, Robot
 from exactarm.split import DEFAULT_SEED
+from exactarm.view import SIGN_WIDTH_RAD_S
 
 _WORST_CONDITION = 1e3  # of scaled columns: a parameter behind it would carry noise, not mass
 _BOOKKEEPING_MASS_KG = 5.0  # of links without a declared mass: no motion tells how a group is shared out

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from exactarm.chain.view import motor_angles
 from exactarm.dataset import Dataset
 from exactarm.identify.clock_drift import lags
 from exactarm.identify.suspicion import Suspicion
 from exactarm.identify.tracked_mistakes import clock_suspicions
 from exactarm.kinds.base import STANDS_STILL
 from exactarm.robot import Robot
+from exactarm.view import motor_angles
 
 RATIO_TOLERANCE = 0.03  # teeth are counted; a gear's error is below a thousandth
 NEARLY = 0.1  # for a slope that is meant to be some other number

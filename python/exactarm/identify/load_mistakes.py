@@ -13,11 +13,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from exactarm.chain.rest_load import RestLoad
 from exactarm.dataset import Dataset
 from exactarm.generic_masses import with_generic_masses
 from exactarm.identify.loads import joint_angles
 from exactarm.identify.suspicion import Suspicion, listed
+from exactarm.rest_load import RestLoad
 from exactarm.robot import Robot
 
 AGAINST = -0.5  # correlation with gravity, from which on a sign is wrong: friction and noise make none

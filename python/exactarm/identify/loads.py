@@ -17,13 +17,13 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import nnls
 
-from exactarm.chain.rest_load import TIP_SHARE, RestLoad
-from exactarm.chain.view import motor_angles
 from exactarm.dataset import Dataset
 from exactarm.generic_masses import with_declared_masses, with_generic_masses
 from exactarm.identify.suspicion import listed
 from exactarm.kinds import kind_of
+from exactarm.rest_load import TIP_SHARE, RestLoad
 from exactarm.robot import Robot
+from exactarm.view import motor_angles
 
 LEAST_SHARE = 0.5  # of the square sum of measured torques that gravity must explain, to size the masses
 

@@ -20,13 +20,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from exactarm.chain import Layout, predict_poses
-from exactarm.chain.view import View
 from exactarm.dataset import Dataset
 from exactarm.effects.base import Station
 from exactarm.effects.frames import Frames
 from exactarm.errors import InputError
 from exactarm.identify.declared import carried_layout, geometry_layout
 from exactarm.robot import Robot
+from exactarm.view import View
 
 LEVEL = 0.95
 CHI_SQUARE = 7.814727903251179  # its quantile for three degrees of freedom: that of the scores if S is right

@@ -23,13 +23,13 @@ import numpy as np
 from exactarm import _core
 from exactarm.chain.direction import direction_of_motion, eased
 from exactarm.chain.spring import declared_deflection
-from exactarm.chain.view import View
 from exactarm.dataset import Dataset
 from exactarm.effects.base import Effect, Station
 from exactarm.kinds import TRACKED_MOTION
 from exactarm.plan.reference import Reference
 from exactarm.robot import Link, Placement, Robot
 from exactarm.rotation import exp as rotation_exp
+from exactarm.view import View
 
 # stiffness for a rigid joint, in inertias per square sample; its deflection is taken out again
 RIGID_SHARE = 100.0

@@ -8,21 +8,22 @@ is the derivative (N, m, P) of a signal with respect to the P free parameters of
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from exactarm import _core
-from exactarm.chain.rest_load import RestLoad
 from exactarm.dataset import Dataset
-from exactarm.effects.base import Effect, Station
-from exactarm.effects.drive import SIGN_WIDTH_RAD_S
 from exactarm.kinds import GEAR_RUN, MOTION, POSES
 from exactarm.kinds.base import STANDS_STILL
-from exactarm.robot import Robot
+from exactarm.rest_load import RestLoad
+from exactarm.robot import Placement, Robot
 from exactarm.signals import order_of_sampling
+from exactarm.station import Station
 
+SIGN_WIDTH_RAD_S = 0.02  # output side; a robot that moves at all moves ten times as fast
 # (columns of the station's signal, derivative (N, c, k)) -> what it does to the measurement, (N, m, k).
 Transfer = Callable[[tuple[int, ...], np.ndarray], np.ndarray]
 
@@ -153,13 +154,9 @@ class View:
     @cached_property
     def robot_at_origin(self) -> _core.Robot:
         """The core robot with base and tool frames at identity."""
-        from dataclasses import replace
-
-        from exactarm.robot import Placement
-
         return replace(self.robot, base=Placement(), tool=Placement()).core
 
-    def response(self, effect: Effect) -> np.ndarray:
+    def response(self, effect: Any) -> np.ndarray:
         """(N, m, k) what the effect's parameters do to the measurement, from its station downstream, to first
         order.
 
