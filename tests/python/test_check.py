@@ -311,6 +311,23 @@ def test_one_file_with_a_column_day_is_as_many_days(files):
     np.testing.assert_array_equal(day_numbers(timed), np.repeat(np.arange(1.0, 7.0), 5))
 
 
+def test_columns_by_other_names_are_read_in_every_file(files, tmp_path):
+    theirs = {"X": "x_m", "M3": "theta_3_rad"}
+    for path in sorted(files.glob("*.csv")):
+        head, rest = path.read_text().split("\n", 1)
+        for name, ours in theirs.items():
+            head = ",".join(name if word == ours else word for word in head.split(","))
+        (tmp_path / path.name).write_text(head + "\n" + rest)
+    (tmp_path / "robot.toml").write_bytes((files / "robot.toml").read_bytes())
+    maps = [word for name, ours in theirs.items() for word in ("--map", f"{name}={ours}")]
+    for place, more in ((files, []), (tmp_path, maps)):
+        out = tmp_path / f"out_{len(more)}"
+        words = ["check", *names(place, 1, 2, 3, 4), *more, "--out", str(out), "--quiet"]
+        assert cli.main(words) == 0
+    one, other = (json.loads((tmp_path / f"out_{n}/result.json").read_text()) for n in (0, 4))
+    assert one["days"] == other["days"] and one["causes"] == other["causes"]
+
+
 def refused(capsys, words):
     assert cli.main(words) == 2
     error = capsys.readouterr().err.strip()

@@ -26,8 +26,13 @@ def add_files(parser: argparse.ArgumentParser, least: int = 1, text: str = "meas
         parser.add_argument("--kind", choices=KIND_NAMES,
                             help="kind of data (default: told by the columns)")
     if least and columns:
-        parser.add_argument("--map", metavar="THEIRS=OURS", action="append", default=[], type=_mapping,
-                            help="a column by another name, as J1=q_1_deg; may be given again")
+        add_map(parser)
+
+
+def add_map(parser: argparse.ArgumentParser, destination: str = "map") -> None:
+    """--map, kept under `destination`: "map" has FILES read with it before the command runs."""
+    parser.add_argument("--map", metavar="THEIRS=OURS", action="append", default=[], type=_mapping,
+                        dest=destination, help="a column by another name, as J1=q_1_deg; may be given again")
 
 
 def _mapping(text: str) -> tuple[str, str]:

@@ -37,12 +37,13 @@ def robot_of(robot: AnyRobot) -> Robot:
 
 def data_of(
     data: AnyData, robot: Robot, kind: str | None = None, fixture: AnyFixture = None,
-    sessions: str | Path | None = None
+    sessions: str | Path | None = None, columns: Mapping[str, str] | None = None,
 ) -> Dataset:
-    """Data as they are, or those of the files; with what is known of their fixture and of whole sessions."""
+    """Data as they are, or those of the files; with what is known of their fixture and of whole sessions.
+    columns: the files' names -> ours."""
     known = load_fixture(fixture) if isinstance(fixture, (str, Path)) else fixture
     if not isinstance(data, Dataset):
-        data = read_dataset(data, robot, kind, known or Fixture())
+        data = read_dataset(data, robot, kind, known or Fixture(), columns)
     elif known is not None:
         data = replace(data, fixture=known)
     return data if sessions is None else with_sessions(data, sessions)
@@ -102,7 +103,4 @@ def read(
         >>> data.kind, data.position.shape
         ('poses', (1495, 3))
     """
-    arm = robot_of(robot)
-    if columns is None:
-        return data_of(files, arm, kind, fixture)
-    return data_of(read_dataset(files, arm, kind, columns=columns), arm, kind, fixture)
+    return data_of(files, robot_of(robot), kind, fixture, columns=columns)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from exactarm.commands.arguments import add_robot
+from exactarm.commands.arguments import add_map, add_robot
 from exactarm.commands.calibrate import require_poses
 from exactarm.commands.call import AnyData, AnyRobot, asked, data_of, robot_of
 from exactarm.commands.error_sections import unit_of
@@ -55,6 +55,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=DAYS_A_YEAR,
         help="days on which the poses are measured; one false alarm in so many days (default %(default)g)",
     )
+    add_map(parser, "columns")
 
 
 def check(
@@ -63,6 +64,7 @@ def check(
     new: AnyData | Sequence[Any],
     *,
     days_per_year: float = DAYS_A_YEAR,
+    columns: Mapping[str, str] | None = None,
     seed: int = DEFAULT_SEED,
     progress: Progress = SILENT,
 ) -> CommandResult:
@@ -70,7 +72,7 @@ def check(
     `days_per_year` days.
 
     before, new: files or data of poses; each file of `new` is a day, unless it has a column `day` or a time
-    over days.
+    over days. columns: the files' names of columns -> ours.
     """
     if not 1.0 < days_per_year <= 366.0:
         raise InputError(
@@ -78,14 +80,12 @@ def check(
             f"most 366"
         )
     arm = robot_of(robot)
-    reference = require_poses(data_of(before, arm, POSES.name))
+    poses = lambda each: require_poses(data_of(each, arm, POSES.name, columns=columns))
+    reference = poses(before)
     files = [new] if isinstance(new, (str, Path, Dataset)) else list(new)
     if not files:
         raise InputError("no data of later days; expected at least one file", file=reference.first_file)
-    days = [
-        (_label(each, i), require_poses(data_of(each, arm, POSES.name)))
-        for i, each in enumerate(files, start=1)
-    ]
+    days = [(_label(each, i), poses(each)) for i, each in enumerate(files, start=1)]
     progress.stage("checking")
     _require_new(reference, days)
     series = daily(arm, reference, days, seed)
@@ -98,7 +98,7 @@ def check(
         report=_report(arm, series, change, days_per_year),
         tables={"days.csv": _table(series, change)},
         asked=replace(
-            told, line=_line(robot, before, files, days_per_year, seed), files=(*told.files, *sources)
+            told, line=_line(robot, before, files, days_per_year, columns, seed), files=(*told.files, *sources)
         ),
     )
 
@@ -109,6 +109,7 @@ def run(arguments: argparse.Namespace) -> CommandResult:
         arguments.before,
         arguments.files,
         days_per_year=arguments.days_per_year,
+        columns=dict(arguments.columns),
         seed=arguments.seed,
         progress=arguments.progress,
     )
@@ -118,7 +119,10 @@ def _label(data: Any, number: int) -> str:
     return Path(data).stem if isinstance(data, (str, Path)) else f"day {number}"
 
 
-def _line(robot: Any, before: Any, files: Sequence[Any], days_per_year: float, seed: int) -> str:
+def _line(
+    robot: Any, before: Any, files: Sequence[Any], days_per_year: float,
+    columns: Mapping[str, str] | None, seed: int,
+) -> str:
     word = lambda value: (
         repr(str(value))
         if isinstance(value, (str, Path))
@@ -127,6 +131,7 @@ def _line(robot: Any, before: Any, files: Sequence[Any], days_per_year: float, s
         else "robot"
     )
     changed = f", days_per_year={days_per_year:g}" if days_per_year != DAYS_A_YEAR else ""
+    changed += f", columns={dict(columns)!r}" if columns else ""
     new = ", ".join(map(word, files))
     return f"exactarm.check({word(robot)}, {word(before)}, [{new}]{changed}, seed={seed})"
 
