@@ -26,8 +26,7 @@ __version__ = "0.1.0"
 
 COMMANDS = (
     "accept", "batch", "calibrate", "certify", "check", "compensate", "design", "diagnose", "evaluate",
-    "export", "gear", "identify",
-    "plan", "simulate",
+    "export", "gear", "identify", "merge", "plan", "simulate",
 )
 NAMES = {
     "load_robot": "exactarm.robot_file", "write_robot": "exactarm.robot_file",

@@ -92,6 +92,21 @@ def read_targets(paths: str | Path | Sequence[str | Path], robot: Robot) -> Data
     return replace(_join(files, robot), kind=POSES.name, kinds=(POSES.name,))
 
 
+def read_joint_log(
+    path: str | Path, robot: Robot, columns: Mapping[str, str] | None = None, text: Sequence[str] = ()
+) -> tuple[Dataset, dict[str, list[str]]]:
+    """Joint angles without measured positions, and the columns of text that are named in `text`, by our
+    names."""
+    file = _read_file(str(path), robot, columns, text)
+    data = replace(_join([file], robot), kind=POSES.name, kinds=(POSES.name,))
+    if data.position is not None:
+        raise InputError("holds x, y, z already; expected joint angles alone", file=path, column="x")
+    if not {"q", "theta"} & data.joints.keys():
+        raise InputError("no joint angles; expected columns q_i or theta_i", file=path)
+    check_joints(data, robot)
+    return data, file.text
+
+
 def write_dataset(path: str | Path, dataset: Dataset, robot: Robot) -> None:
     """Write `dataset` to a CSV or Parquet file that `read_dataset` reads back; whole or not at all."""
     write_table(path, dataset_columns(dataset, robot))
@@ -148,18 +163,26 @@ class _File:
     table: Table
     columns: dict[tuple[str, int | None] | str, Column]
     values: dict[tuple[str, int | None] | str, np.ndarray]
+    text: dict[str, list[str]]
 
     def get(self, quantity: str) -> np.ndarray | None:
         return self.values.get((quantity, None))
 
 
-def _read_file(path: str, robot: Robot, given: Mapping[str, str] | None = None) -> _File:
+def _read_file(
+    path: str, robot: Robot, given: Mapping[str, str] | None = None, text: Sequence[str] = ()
+) -> _File:
     prismatic = frozenset(i for i, joint in enumerate(robot.joints, start=1) if joint.type == "prismatic")
-    table = read_table(path, ("set",), may_be_empty)
+    words = {*text, *(theirs for theirs, ours in (given or {}).items() if ours in text)}
+    table = read_table(path, ("set", *words), may_be_empty)
+    kept: dict[str, list[str]] = {}
     columns: dict[tuple[str, int | None] | str, Column] = {}
     values: dict[tuple[str, int | None] | str, np.ndarray] = {}
     ours = renamed(list(table.columns), given or {}, path)
     for name, (told, numbers) in zip(ours, table.columns.items(), strict=True):
+        if name in text:
+            kept[name] = [str(word).strip() for word in numbers]
+            continue
         try:
             column = parse_column(name, path, prismatic)
         except InputError as error:
@@ -176,7 +199,7 @@ def _read_file(path: str, robot: Robot, given: Mapping[str, str] | None = None) 
         values[column.key] = numbers if column.factor == 1.0 else numbers * column.factor
         _check_size(path, column, values[column.key])
     _check_vectors(path, columns)
-    return _File(path, table, columns, values)
+    return _File(path, table, columns, values, kept)
 
 
 def _check_values(path: str, column: Column, numbers: np.ndarray) -> None:

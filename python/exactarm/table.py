@@ -61,6 +61,14 @@ def read_table(
     return Table(columns, hashlib.sha256(content).hexdigest(), arrow.num_rows)
 
 
+def column_names(path: str | Path) -> list[str]:
+    """The names in the header of a table."""
+    content = _read_bytes(path)
+    if _is_parquet(path):
+        return _parquet_table(path, content).column_names
+    return _csv_header(path, content)[0]
+
+
 def write_table(path: str | Path, columns: Mapping[str, np.ndarray]) -> None:
     """Write columns of one length, as Parquet or CSV after the name's ending; whole or not at all."""
     table = pa.table({name: pa.array(np.asarray(values)) for name, values in columns.items()})
@@ -224,11 +232,15 @@ def _number(path: str | Path, name: str, row: int, cell: str) -> float:
 
 
 # -- Parquet -----------------------------------------------------------------------------------------
-def _parquet(path: str | Path, content: bytes, text: Collection[str]) -> pa.Table:
+def _parquet_table(path: str | Path, content: bytes) -> pa.Table:
     try:
-        table = pa.parquet.read_table(pa.BufferReader(content))
+        return pa.parquet.read_table(pa.BufferReader(content))
     except (pa.ArrowException, OSError) as error:
         raise InputError(f"is no Parquet file: {str(error).splitlines()[0]}", file=path) from None
+
+
+def _parquet(path: str | Path, content: bytes, text: Collection[str]) -> pa.Table:
+    table = _parquet_table(path, content)
     # Row labels that pandas adds are not measured.
     names = [name for name in table.column_names if not name.startswith("__index_level_")]
     _check_names(path, names)

@@ -22,6 +22,8 @@ name,command,robot,files
 one,evaluate,ur10,poses.csv
 two,calibrate,ur10,poses.csv
 """
+JOINT_LOG = "name,q_1_deg,q_2_deg,q_3_deg,q_4_deg,q_5_deg,q_6_deg\np1,1,2,3,4,5,6\np2,6,5,4,3,2,1\n"
+POINTS = "// points\nmonday p1 1000.0 20.0 300.0\nmonday p2 900.0 10.0 310.5\n"
 RUNS: dict[str, tuple[str, ...]] = {
     "accept": ("draft.toml",),
     "batch": ("manifest.csv",),
@@ -40,6 +42,7 @@ RUNS: dict[str, tuple[str, ...]] = {
     "identify": ("tx40", "motion.csv"),
     "loop": ("racer-7-1.4", "--path", "path.toml", "--count", "40",
              "--effect", "gear_ratio joint=2 scale=3e-4"),
+    "merge": ("ur10", "log.csv", "points.txt", "--unit", "mm"),
     "plan": ("racer-7-1.4", "path.toml"),
     "simulate": ("racer-7-1.4", "--measure", "motion", "--runs", "1", "--seconds", "2"),
     "study": ("racer-7-1.4", "path.toml", "--nu", "1e-12,1e-9"),
@@ -49,7 +52,7 @@ RUNS: dict[str, tuple[str, ...]] = {
 def prepare(folder: Path) -> None:
     """Writes all files that the runs read."""
     folder.mkdir(parents=True, exist_ok=True)
-    made = {"draft.toml": DRAFT, "manifest.csv": MANIFEST}
+    made = {"draft.toml": DRAFT, "manifest.csv": MANIFEST, "log.csv": JOINT_LOG, "points.txt": POINTS}
     contents = samples() | {name: text.encode() for name, text in made.items()}
     contents["day.csv"] = b"\n".join(contents["poses.csv"].splitlines()[:6]) + b"\n"
     for name, content in contents.items():

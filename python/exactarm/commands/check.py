@@ -98,7 +98,8 @@ def check(
         report=_report(arm, series, change, days_per_year),
         tables={"days.csv": _table(series, change)},
         asked=replace(
-            told, line=_line(robot, before, files, days_per_year, columns, seed), files=(*told.files, *sources)
+            told, line=_line(robot, before, files, days_per_year, columns, seed),
+            files=(*told.files, *sources),
         ),
     )
 
