@@ -75,7 +75,8 @@ def effects_table(result: Diagnosis, found: Sequence[tuple[Finding, Contribution
             "model makes up for. "
             if any(c is not None and c.tool is not None for _, c in found) else "")
     if any(getattr(finding, "own_share", None) is not None for finding, _ in found):
-        note += "Own share: of the held-out square sum, with all others in the model."
+        note += ("Own share: a model without this effect alone, the others estimated again, has a larger "
+                 "held-out square sum; so much of it goes with the effect.")
     return Table("Causes found", tuple(header[k] for k in kept),
                  tuple(tuple(row[k] for k in kept) for row in rows), note)
 

@@ -1,7 +1,8 @@
 """Own share of an effect: of the held-out square sum of the model without it, what it takes away, with all
 others in the model.
 
-    share = 1 - S / S_without;  without it, the other parameters are fitted anew (linear picture).
+    share = 1 - S / S_without;  without it, the other parameters are fitted anew (linear picture, with their
+    priors: curves that the data hold in check only by them would run away on rows that were not fitted).
 """
 
 from __future__ import annotations
@@ -19,7 +20,8 @@ def own_shares(problem: Problem, fitted: Fitted, first: int) -> tuple[float, ...
     residual, jacobian = judged
     scale = fitted.sigma
     square = float(np.sum((residual / scale) ** 2))
-    design = fitted.standard(fitted.jacobian)
+    design = np.concatenate([fitted.standard(fitted.jacobian), fitted.prior_rows])
+    rows = fitted.data_numbers
     found = []
     for place in range(first, len(fitted.layout.effects)):
         where = fitted.layout.slices[place]
@@ -27,7 +29,9 @@ def own_shares(problem: Problem, fitted: Fitted, first: int) -> tuple[float, ...
         values = np.where(linear, fitted.layout.values[where], 0.0)
         rest = np.delete(np.arange(fitted.layout.size), np.arange(where.start, where.stop))
         norm = np.maximum(np.linalg.norm(design[:, rest], axis=0), 1e-300)
-        step = np.linalg.lstsq(design[:, rest] / norm, design[:, where] @ values, rcond=1e-10)[0] / norm
+        moved = np.zeros(len(design))
+        moved[:rows] = design[:rows, where] @ values
+        step = np.linalg.lstsq(design[:, rest] / norm, moved, rcond=1e-10)[0] / norm
         without = residual + jacobian[:, :, where] @ values - jacobian[:, :, rest] @ step
         found.append(1.0 - square / max(float(np.sum((without / scale) ** 2)), 1e-300))
     return tuple(found)
