@@ -9,7 +9,8 @@ relative offset of Bates and Watts 1981), not where one step happened to be shor
 step is short.
 
 Covariance: s^2 (J' W J)^{-1} with s^2 from N - P degrees of freedom (frames and all other free parameters
-counted), intervals by Student's t. Under the robust loss s^2 is taken from the clipped residuals psi over
+counted), intervals by Student's t, one-sided where a bound cuts them off (`bounded_interval`). Under the
+robust loss s^2 is taken from the clipped residuals psi over
 their mean slope, sum psi^2 / mean(psi')^2, and J keeps its plain weights (Huber 1973), so that gross errors
 widen nothing.
 """
@@ -17,7 +18,7 @@ widen nothing.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -43,6 +44,7 @@ _KINK = 8  # steps in a row that fall short of their promise: a smooth model kee
 # Steps that together gain less than _UNSEEN, where all that is promised is worth less than two standard
 # deviations: going on would take hundreds of steps for nothing that counts.
 _CRAWL, _NEAR = 40, 2.0
+_UNTOLD = 1e-10  # share of a column's square sum beside all others, below which nothing is known of it
 _LEAST_PROMISE = 1e-4  # standard deviations: no shorter step is tried
 
 
@@ -60,7 +62,8 @@ class Fit:
     reason: why the search ended; offset: share of the square sum that a linear step from x would still take
     off, computed anew from the last residual and Jacobian. at_bound (P,) bool; weights (R,) of the robust
     loss, square roots (1 without); slope: mean slope of the clipped residual; cost = half the weighted square
-    sum.
+    sum. bounds (2, P); unbounded (2, P): estimate and standard deviation of each parameter were it alone free
+    of its bounds (x and the root of the covariance where no bound holds it).
     """
 
     x: np.ndarray
@@ -75,6 +78,8 @@ class Fit:
     residual: np.ndarray
     slope: float
     offset: float
+    bounds: np.ndarray
+    unbounded: np.ndarray
 
     @property
     def converged(self) -> bool:
@@ -87,13 +92,65 @@ class Fit:
         return self.weights**2 * self.residual / self.slope
 
     def interval(self, level: float = 0.95) -> np.ndarray:
-        """(P, 2) confidence intervals."""
-        half = self.half_width(np.sqrt(np.diag(self.covariance)), level)
-        return np.stack([self.x - half, self.x + half], axis=1)
+        """(P, 2) confidence intervals, inside the bounds."""
+        spread = np.sqrt(np.diag(self.covariance))
+        centre, sigma = np.where(self.at_bound, self.unbounded, [self.x, spread])
+        return bounded_interval(centre, sigma, self.bounds, self.freedom, level)
+
+    def known_by(self, covariance: np.ndarray, freedom: float) -> Fit:
+        """With another covariance (P, P) of the free parameters and its degrees of freedom; what a bound
+        holds is as much less certain as they are in the median."""
+        own, other = np.sqrt(np.diag(self.covariance)), np.sqrt(np.diag(covariance))
+        seen = ~self.at_bound & (own > 0.0)
+        wider = float(np.median(other[seen] / own[seen])) if seen.any() else 1.0
+        return replace(self, covariance=covariance, freedom=freedom,
+                       unbounded=self.unbounded * [[1.0], [wider]])
 
     def half_width(self, sigma: np.ndarray | float, level: float = 0.95) -> np.ndarray | float:
         """Of the confidence interval of any number with the standard deviation `sigma`."""
         return special.stdtrit(max(self.freedom, 1), 0.5 + 0.5 * level) * sigma
+
+
+def bounded_interval(centre: np.ndarray, sigma: np.ndarray, bounds: np.ndarray, freedom: float,
+                     level: float = 0.95) -> np.ndarray:
+    """(P, 2) intervals of numbers between bounds (2, P), whose estimates without them are centre (P,).
+
+    An estimate inside has the common interval, cut off at the bounds: none of what is cut off could be true.
+    One beyond a bound has the one-sided interval of the normal (Student's t) posterior that the bound
+    truncates: it reaches `level` of what is left of it. The two are the same at the bound itself, and neither
+    holds a true value inside the bounds less often than the common interval does.
+    """
+    lower, upper = bounds
+    freedom = max(freedom, 1.0)
+    half = special.stdtrit(freedom, 0.5 + 0.5 * level) * sigma
+    low, high = centre - half, centre + half
+    unit = np.where(sigma > 0.0, sigma, 1.0)
+    with np.errstate(invalid="ignore"):
+        inside_low, inside_high = ((centre - lower) / unit, (upper - centre) / unit)
+    beyond = lambda inside: -special.stdtrit(freedom, (1.0 - level) * special.stdtr(freedom, inside))
+    high = np.where(centre < lower, np.maximum(centre + unit * beyond(inside_low), lower), high)
+    low = np.where(centre > upper, np.minimum(centre - unit * beyond(inside_high), upper), low)
+    return np.stack([np.clip(low, lower, upper), np.clip(high, lower, upper)], axis=1)
+
+
+def beyond_bounds(estimate: np.ndarray, gram: np.ndarray, downhill: np.ndarray, at_bound: np.ndarray,
+                  variance: float) -> np.ndarray:
+    """(2, P) values and standard deviations, those at a bound replaced by what the linear model would have
+    without it, the free ones moved along and the others at bounds held; infinite where nothing is known.
+
+    gram (P, P) = J'J, downhill (P,): J' times the residual, variance of the residual.
+    """
+    found, free = estimate.copy(), ~at_bound
+    scale = np.sqrt(np.where(np.diag(gram) > 0.0, np.diag(gram), 1.0))
+    gram, downhill = gram / np.outer(scale, scale), downhill / scale
+    inner = _inverse(gram[np.ix_(free, free)])
+    for i in np.flatnonzero(at_bound):
+        moved = inner @ gram[free, i]
+        left = gram[i, i] - float(gram[i, free] @ moved)
+        known = left > _UNTOLD
+        found[0, i] += (downhill[i] - float(moved @ downhill[free])) / (left * scale[i]) if known else 0.0
+        found[1, i] = np.sqrt(variance / left) / scale[i] if known else np.inf
+    return found
 
 
 def least_squares(
@@ -276,10 +333,16 @@ def _finish(now, weight, soft, slope, x, lower, upper, reason, iterations) -> Fi
     gram, scale = _scaled_gram(jacobian[:, free])
     inverse = _inverse(gram)
     covariance[np.ix_(free, free)] = variance * inverse / np.outer(scale, scale)
+    spread = np.sqrt(np.diag(covariance))
+    unbounded = np.stack([x, spread])
+    if at_bound.any():
+        whole = weight[:, None] * now.jacobian
+        downhill = whole.T @ (weight * soft**2 * now.residual / slope)
+        unbounded = beyond_bounds(unbounded, whole.T @ whole, downhill, at_bound, variance)
     return Fit(
         x=x, covariance=covariance, sigma=float(np.sqrt(variance)), freedom=freedom, reason=reason,
         iterations=iterations, cost=0.5 * square, at_bound=at_bound, weights=soft, residual=now.residual,
-        slope=slope,
+        slope=slope, bounds=np.stack([lower, upper]), unbounded=unbounded,
         offset=_offset(soft[:, None] * jacobian, weight * soft * now.residual, free),
     )
 

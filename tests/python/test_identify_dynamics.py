@@ -16,6 +16,7 @@ from exactarm.examples import data_path
 from exactarm.identify.base_parameters import base_parameters
 from exactarm.identify.correlated import autocorrelation, uncertainty
 from exactarm.identify.dynamics import DynamicsOptions, identify_dynamics
+from exactarm.regression import bounded_interval
 from exactarm.robot import Link
 from exactarm.robot_file import load_robot, write_robot
 from exactarm.simulate import Sensors, VirtualRobot, deviated, measure_motion
@@ -181,7 +182,8 @@ def test_intervals_count_correlated_samples():
         mean = moving.mean()
         found = uncertainty(jacobian, (moving - mean)[:, None], moving.std(keepdims=True), [np.arange(4000)],
                             0.01)
-        low, high = found.interval(np.array([mean]))[0]
+        low, high = bounded_interval(np.array([mean]), np.sqrt(np.diag(found.covariance)),
+                                     np.array([[-np.inf], [np.inf]]), found.freedom)[0]
         spans.append(low <= 0.0 <= high)
         wide.append(found.effective[0])
     assert 4000 / 40 < np.mean(wide) < 4000 / 18

@@ -2,14 +2,14 @@
 
 import numpy as np
 import pytest
-from scipy import optimize
+from scipy import optimize, stats
 
 from exactarm.chain import predict_poses
 from exactarm.dataset import read_dataset
 from exactarm.examples import example
 from exactarm.identify.calibrate import identifiable_layout
 from exactarm.identify.declared import frames_layout, geometry_layout
-from exactarm.regression import HUBER, Evaluation, least_squares
+from exactarm.regression import HUBER, Evaluation, bounded_interval, least_squares
 from exactarm.robot_file import load_robot
 
 
@@ -250,3 +250,43 @@ def test_robust_intervals_hold_the_truth_beside_gross_errors(gross):
         sigmas.append(fit.sigma)
     assert 0.92 < np.mean(inside) < 0.98
     assert 0.009 < np.mean(sigmas) < 0.013
+
+
+@pytest.mark.parametrize("standards", [0.0, 0.5, 1.0, 2.0, 3.0])
+@pytest.mark.parametrize("count", [12, 60])
+def test_intervals_hold_a_size_at_or_near_its_bound(count, standards):
+    """A size that cannot be negative, its truth so many standard deviations above zero, beside a free
+    parameter that looks like it: no interval is empty, negative, or off zero where the estimate is there."""
+    rng, inside = np.random.default_rng(12), []
+    columns = rng.normal(size=(count, 2)) @ np.array([[1.0, 0.6], [0.0, 0.8]])
+    sigma = np.sqrt(np.linalg.inv(columns.T @ columns)[0, 0])
+    truth = np.array([standards * sigma, 1.0])
+    bounds = np.array([0.0, -np.inf]), np.full(2, np.inf)
+    for _ in range(600):
+        measured = columns @ truth + rng.normal(size=count)
+        fit = least_squares(linear(columns, measured), np.ones(2), bounds=bounds)
+        low, high = fit.interval()[0]
+        assert 0.0 <= low <= fit.x[0] < high and (low == 0.0 or not fit.at_bound[0])
+        inside.append(low <= truth[0] <= high)
+    assert np.mean(inside) > 0.95 - 3.0 * np.sqrt(0.95 * 0.05 / 600)
+    assert standards > 0.0 or np.mean(inside) < 0.995
+
+
+def test_an_interval_beyond_a_bound_is_that_of_the_truncated_normal():
+    """Its end holds 95 % of what the bound leaves, and it meets the common one at the bound."""
+    far = stats.truncnorm(1.5, np.inf, loc=-3.0, scale=2.0)
+    bounds = np.array([[0.0], [np.inf]])
+    found = bounded_interval(np.array([-3.0]), np.array([2.0]), bounds, 1e9)
+    np.testing.assert_allclose(found, [[0.0, far.ppf(0.95)]], rtol=1e-6)
+    mirrored = bounded_interval(np.array([3.0]), np.array([2.0]), -bounds[::-1], 1e9)
+    np.testing.assert_allclose(mirrored, -found[:, ::-1])
+    either = [bounded_interval(np.array([at]), np.ones(1), bounds, 20.0)[0, 1] for at in (-1e-9, 1e-9)]
+    np.testing.assert_allclose(either[0], either[1], rtol=1e-6)
+
+
+def test_a_parameter_at_its_bound_that_nothing_shows_has_no_end():
+    columns = np.random.default_rng(13).normal(size=(30, 1))
+    columns = np.column_stack([columns, columns])
+    bounds = np.array([-np.inf, 0.0]), np.full(2, np.inf)
+    fit = least_squares(linear(columns, columns[:, 0]), np.array([1.0, 0.0]), bounds=bounds)
+    assert fit.at_bound[1] and fit.interval()[1].tolist() == [0.0, np.inf]

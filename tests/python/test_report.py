@@ -63,6 +63,10 @@ def test_an_estimate_has_the_digits_that_its_interval_allows(value, half, unit, 
     assert estimate(value, value - half, value + half, unit) == text
 
 
+def test_an_estimate_at_its_bound_shows_the_ends_of_its_interval():
+    assert estimate(0.0, 0.0, 1.2e-4, "rad") == "0 (0 to 120) µrad"
+
+
 @pytest.mark.parametrize("name, unit", [
     ("width_rad", "rad"), ("linear_rad_per_Nm", "rad/Nm"), ("cubic_rad_per_Nm3", "rad/Nm³"),
     ("rad_per_Nm", "rad/Nm"),

@@ -24,7 +24,7 @@ from exactarm.dataset import Dataset
 from exactarm.fixture import Fixture
 from exactarm.measurement.closures import ClosurePrediction, device_of, predict_closures
 from exactarm.measurement.known_lengths import known_lengths
-from exactarm.regression import Evaluation, Fit, least_squares
+from exactarm.regression import Evaluation, Fit, beyond_bounds, least_squares
 from exactarm.robot import Robot
 
 TAIL_FREEDOM = 4.0  # a slip of 10 sigma counts 7 %; normal noise is used to 95 %
@@ -279,11 +279,14 @@ def _finished(fit, layout, prediction, sigma, keep, weight, pull, tail, settled)
     covariance = _pseudo_inverse(information + pull.T @ pull)
     gradient = jacobian.T @ (scale * psi).ravel() + pull.T @ tail
     free = ~fit.at_bound
-    hessian = (slope * rows.T @ rows + pull.T @ pull)[np.ix_(free, free)]
-    decrement = float(gradient[free] @ _pseudo_inverse(hessian) @ gradient[free]) if free.any() else 0.0
+    hessian = slope * rows.T @ rows + pull.T @ pull
+    inner = _pseudo_inverse(hessian[np.ix_(free, free)])
+    decrement = float(gradient[free] @ inner @ gradient[free]) if free.any() else 0.0
+    unbounded = np.stack([fit.x, np.sqrt(np.diag(covariance))])
+    unbounded = beyond_bounds(unbounded, hessian, gradient, fit.at_bound, spread / slope)
     covariance[fit.at_bound] = 0.0
     covariance[:, fit.at_bound] = 0.0
     reason = fit.reason if settled or not fit.converged else "noise and fit did not settle on each other"
     if fit.converged and settled and decrement >= _DECREMENT:
         reason = f"a step would still lower the objective by {decrement:.1e}"
-    return replace(fit, covariance=covariance, freedom=freedom, sigma=1.0, reason=reason)
+    return replace(fit, covariance=covariance, freedom=freedom, sigma=1.0, reason=reason, unbounded=unbounded)

@@ -16,7 +16,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import linalg, signal, stats
+from scipy import linalg, signal
 
 _LAG_S = 0.5  # longer than an arm's swing and a filter's memory
 
@@ -29,11 +29,6 @@ class Uncertainty:
     covariance: np.ndarray
     effective: np.ndarray
     freedom: float
-
-    def interval(self, x: np.ndarray, level: float = 0.95) -> np.ndarray:
-        """(P, 2) by Student's t."""
-        half = stats.t.ppf(0.5 + 0.5 * level, max(self.freedom, 1.0)) * np.sqrt(np.diag(self.covariance))
-        return np.stack([x - half, x + half], axis=1)
 
 
 def uncertainty(

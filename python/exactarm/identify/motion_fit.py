@@ -36,7 +36,7 @@ class MotionFit:
     @property
     def intervals(self) -> np.ndarray:
         """(P, 2) 95 %, correlated samples counted as such."""
-        return self.uncertainty.interval(self.fit.x)
+        return self.fit.known_by(self.uncertainty.covariance, self.uncertainty.freedom).interval()
 
     def residual(self, record: MotionRecord, threads: int = 1) -> np.ndarray:
         """(N', m) measured minus predicted on the rows of any record that count."""

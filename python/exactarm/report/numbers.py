@@ -15,6 +15,7 @@ from exactarm.report.sections import Cell, Estimate, Link, Quantity
 DASH = "–"
 SIGNIFICANT_DIGITS, INTERVAL_DIGITS, EXACT_DIGITS = 3, 2, 6
 MOST_DECIMALS = 6
+_LOPSIDED = 0.05  # of the half-width: what two digits of it show
 _UNCHANGED = 0.005  # share of an error below which two of them read alike: half a step of the third digit
 
 # SI unit -> (unit to show, its size in SI), from large to small.
@@ -165,6 +166,9 @@ def _format(cell: Quantity | Estimate, scale: Scale, decimals: int | None) -> st
         places = decimals_for(half, INTERVAL_DIGITS)
         if half < 10.0**-MOST_DECIMALS or half >= 1e7 or abs(value) >= 1e7:
             return f"{number(value)} ± {number(half, INTERVAL_DIGITS)}"
+        low, high = cell.low / scale.size, cell.high / scale.size
+        if abs(value - 0.5 * (low + high)) > _LOPSIDED * half:
+            return f"{fixed(value, places)} ({fixed(low, places)} to {fixed(high, places)})"
         return f"{fixed(value, places)} ± {fixed(half, places)}"
     if cell.exact:
         return f"{value + 0.0:.{EXACT_DIGITS}g}".replace("-", "−")
