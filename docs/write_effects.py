@@ -12,7 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-from exactarm.effects import KINDS, Effect, Parameter, library
+from exactarm.effects import Effect, Parameter, library
+from exactarm.kinds import ALL_KINDS
 
 PAGE = Path(__file__).with_name("effects.md")
 SHAPES = ((), (0.0,), (1.0, 0.0, 0.0))  # of the values, where the parameters depend on how many there are
@@ -59,7 +60,7 @@ def parameters(cls: type[Effect]) -> dict[str, tuple[Parameter, bool]]:
 
 
 def kinds(cls: type[Effect]) -> str:
-    return ", ".join(kind.replace("_", " ") for kind in KINDS if kind in cls.kinds)
+    return ", ".join(kind.replace("_", " ") for kind in ALL_KINDS if kind in cls.kinds)
 
 
 def overview(classes: dict[str, type[Effect]]) -> list[str]:

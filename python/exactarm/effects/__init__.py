@@ -8,9 +8,9 @@ import pkgutil
 from dataclasses import replace
 from functools import cache
 
-from exactarm.effects.base import KINDS, RECORD_KEY, Change, Effect, Parameter, Station
+from exactarm.effects.base import RECORD_KEY, Change, Effect, Parameter, Station
 
-__all__ = ["KINDS", "Change", "Effect", "Parameter", "Station", "effect_from_table", "library"]
+__all__ = ["Change", "Effect", "Parameter", "Station", "effect_from_table", "library"]
 
 
 @cache

@@ -18,6 +18,7 @@ from typing import ClassVar
 import numpy as np
 
 from exactarm.effects.base import Change, Effect, Parameter, Station
+from exactarm.kinds import ALL_KINDS, MOTION, POSES
 
 _TRANSITION_SHARE = 0.2
 _FRICTION_SHARE = 0.02  # of the largest load, where no friction is declared
@@ -39,7 +40,7 @@ class Backlash(Effect):
     name: ClassVar[str] = "backlash"
     plain: ClassVar[str] = "play in the gear"
     station: ClassVar[Station] = Station.SPRING
-    kinds: ClassVar[tuple[str, ...]] = ("poses", "gear_run", "motion", "tracked_motion")
+    kinds: ClassVar[tuple[str, ...]] = ALL_KINDS
     compensable: ClassVar[bool] = True
     by_load: ClassVar[bool] = True
     smooth: ClassVar[bool] = False
@@ -79,16 +80,17 @@ class Backlash(Effect):
         for index, joint in enumerate(robot.joints):
             load = np.max(np.abs(view.torque[:, index]), initial=0.0)
             # Without a load the flank is that of the direction alone: hysteresis, in a static pose.
-            if load < _LEAST_FRICTION_NM and (view.kind == "poses" or not np.any(view.direction[:, index])):
+            sided = view.kind != POSES.name and np.any(view.direction[:, index])
+            if load < _LEAST_FRICTION_NM and not sided:
                 continue
             least = _LEAST_FRICTION_NM
             if "carried_noise" in view.signals:
                 noise = float(np.nan_to_num(view.signals["carried_noise"][index]))
                 least = max(least, _CERTAIN * noise / _TRANSITION_SHARE)
             small = max(_FRICTION_SHARE * load, least)
-            if view.kind == "poses" and load <= small:
+            if view.kind == POSES.name and load <= small:
                 continue  # at rest only friction would press the flanks, which is hysteresis by another name
-            if view.kind == "motion":
+            if view.kind == MOTION.name:
                 # A drive torque shows the flank while it changes sides, by the rates: few places to start
                 # from are enough.
                 shares = [small] + ([joint.coulomb] if joint.coulomb else [])

@@ -38,7 +38,6 @@ if TYPE_CHECKING:
 
 
 RECORD_KEY = "data_sha256"  # of a robot file
-KINDS = ("poses", "gear_run", "motion", "tracked_motion")
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ import numpy as np
 
 from exactarm.effects.base import Change, Effect, Parameter, Station
 from exactarm.effects.gravity_moment import bending, gravity_moment
+from exactarm.kinds import WITH_TARGET
 
 
 @dataclass(frozen=True)
@@ -23,7 +24,7 @@ class BaseCompliance(Effect):
     name: ClassVar[str] = "base_compliance"
     plain: ClassVar[str] = "a base that gives way under load"
     station: ClassVar[Station] = Station.GEOMETRY
-    kinds: ClassVar[tuple[str, ...]] = ("poses", "tracked_motion")
+    kinds: ClassVar[tuple[str, ...]] = WITH_TARGET
     compensable: ClassVar[bool] = True
     by_load: ClassVar[bool] = True
     per_joint: ClassVar[bool] = False

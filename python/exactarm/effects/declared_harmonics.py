@@ -15,6 +15,7 @@ import numpy as np
 
 from exactarm.effects.base import Change, Effect, Parameter, Station
 from exactarm.harmonics import basis
+from exactarm.kinds import GEAR_RUN
 from exactarm.robot import GearTable
 
 _PLAUSIBLE = 3e-3
@@ -30,7 +31,7 @@ class DeclaredHarmonics(Effect):
     drawn_to_declared: ClassVar[bool] = True
     name: ClassVar[str] = "declared_harmonics"
     station: ClassVar[Station] = Station.GEAR
-    kinds: ClassVar[tuple[str, ...]] = ("gear_run",)
+    kinds: ClassVar[tuple[str, ...]] = (GEAR_RUN.name,)
     compensable: ClassVar[bool] = True
     declared: ClassVar[bool] = True
     sentence: ClassVar[str] = "harmonics of gear {joint}"

@@ -13,6 +13,7 @@ from typing import ClassVar
 import numpy as np
 
 from exactarm.effects.base import Change, Effect, Parameter, Station
+from exactarm.kinds import WITH_TARGET
 
 
 @dataclass(frozen=True)
@@ -21,7 +22,7 @@ class DeclaredRatio(Effect):
 
     name: ClassVar[str] = "declared_ratio"
     station: ClassVar[Station] = Station.GEAR
-    kinds: ClassVar[tuple[str, ...]] = ("poses", "tracked_motion")
+    kinds: ClassVar[tuple[str, ...]] = WITH_TARGET
     compensable: ClassVar[bool] = True
     declared: ClassVar[bool] = True
     sentence: ClassVar[str] = "axis {joint} has the gear ratio {ratio:.6g}"

@@ -14,6 +14,7 @@ import numpy as np
 
 from exactarm.effects.base import Effect
 from exactarm.effects.harmonic_family import HarmonicFamily, declared_orders, searched_orders
+from exactarm.kinds import ALL_KINDS
 
 
 @dataclass(frozen=True)
@@ -22,7 +23,7 @@ class DirectionDependence(HarmonicFamily):
 
     name: ClassVar[str] = "direction_dependence"
     plain: ClassVar[str] = "gear errors that depend on the direction"
-    kinds: ClassVar[tuple[str, ...]] = ("poses", "gear_run", "motion", "tracked_motion")
+    kinds: ClassVar[tuple[str, ...]] = ALL_KINDS
     compensable: ClassVar[bool] = True
     sentence: ClassVar[
         str

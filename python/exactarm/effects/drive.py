@@ -15,6 +15,7 @@ from typing import ClassVar
 import numpy as np
 
 from exactarm.effects.base import Change, Effect, Station
+from exactarm.kinds import MOTION
 from exactarm.view import SIGN_WIDTH_RAD_S
 
 _LEAST_SWING = 1e-3  # of the width
@@ -51,7 +52,7 @@ class DriveEffect(Effect, ABC):
     """Adds to the drive torque of one axis, Nm on the output side."""
 
     station: ClassVar[Station] = Station.DRIVE
-    kinds: ClassVar[tuple[str, ...]] = ("motion",)
+    kinds: ClassVar[tuple[str, ...]] = (MOTION.name,)
     compensable: ClassVar[bool] = False  # changes the torque that is needed, not where the arm goes
 
     def rate(self, view) -> np.ndarray:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from exactarm.effects.base import Change, Effect, Parameter, Station
+from exactarm.kinds import GEAR_RUN
 
 
 @dataclass(frozen=True)
@@ -18,7 +19,7 @@ class EncoderOffset(Effect):
 
     name: ClassVar[str] = "encoder_offset"
     station: ClassVar[Station] = Station.DEVICE
-    kinds: ClassVar[tuple[str, ...]] = ("gear_run",)
+    kinds: ClassVar[tuple[str, ...]] = (GEAR_RUN.name,)
     declared: ClassVar[bool] = True
     sentence: ClassVar[str] = "the encoders of axis {joint} differ by {offset_rad:.4g} rad in one run"
 

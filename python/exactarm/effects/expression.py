@@ -21,6 +21,7 @@ from exactarm.effects.accepted import accepted_drafts
 from exactarm.effects.base import Change, Effect, Parameter, Station
 from exactarm.effects.slow_driver import TIME, slow_signal
 from exactarm.formula import Formula, divisors, linear_names
+from exactarm.kinds import ALL_KINDS
 
 _OF_AXIS = re.compile(r"(q|theta|torque|approach)_(\d+)$")
 _LONGEST_LABEL = 60  # characters
@@ -46,7 +47,7 @@ class Expression(Effect):
 
     name: ClassVar[str] = "expression"
     station: ClassVar[Station] = Station.SPRING
-    kinds: ClassVar[tuple[str, ...]] = ("poses", "gear_run", "motion", "tracked_motion")
+    kinds: ClassVar[tuple[str, ...]] = ALL_KINDS
     compensable: ClassVar[bool] = True
     repeatable: ClassVar[bool] = True
     source: ClassVar[str] = "a draft that was accepted"

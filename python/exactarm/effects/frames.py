@@ -13,6 +13,7 @@ from typing import ClassVar
 import numpy as np
 
 from exactarm.effects.base import Change, Effect, Parameter, Station
+from exactarm.kinds import WITH_TARGET
 from exactarm.rotation import exp, left_jacobian, log
 
 _AXES = ("x_m", "y_m", "z_m", "rx_rad", "ry_rad", "rz_rad")
@@ -28,7 +29,7 @@ class Frames(Effect):
 
     name: ClassVar[str] = "frames"
     station: ClassVar[Station] = Station.GEOMETRY
-    kinds: ClassVar[tuple[str, ...]] = ("poses", "tracked_motion")
+    kinds: ClassVar[tuple[str, ...]] = WITH_TARGET
     declared: ClassVar[bool] = True
     per_joint: ClassVar[bool] = False
     sentence: ClassVar[str] = "base and tool frames of a set-up"

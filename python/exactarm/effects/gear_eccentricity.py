@@ -14,6 +14,7 @@ from typing import ClassVar
 import numpy as np
 
 from exactarm.effects.base import Change, Effect, Parameter, Station
+from exactarm.kinds import ALL_KINDS
 
 _SPREAD_RAD = 1e-3  # of real gears; on a part of a revolution, larger terms would imitate any slow curve
 
@@ -29,7 +30,7 @@ class GearEccentricity(Effect):
     name: ClassVar[str] = "gear_eccentricity"
     plain: ClassVar[str] = "run-out (once and twice a turn)"
     station: ClassVar[Station] = Station.GEAR
-    kinds: ClassVar[tuple[str, ...]] = ("poses", "gear_run", "motion", "tracked_motion")
+    kinds: ClassVar[tuple[str, ...]] = ALL_KINDS
     compensable: ClassVar[bool] = True
     family: ClassVar[str] = "gear curve"
     sentence: ClassVar[str] = "the output of gear {joint} runs out of true, once and twice per revolution"

@@ -13,6 +13,7 @@ from typing import ClassVar
 import numpy as np
 
 from exactarm.effects.base import Change, Effect, Parameter, Station
+from exactarm.kinds import ALL_KINDS
 
 
 @dataclass(frozen=True)
@@ -22,7 +23,7 @@ class GearRatio(Effect):
     name: ClassVar[str] = "gear_ratio"
     plain: ClassVar[str] = "a wrong gear ratio"
     station: ClassVar[Station] = Station.GEAR
-    kinds: ClassVar[tuple[str, ...]] = ("poses", "gear_run", "motion", "tracked_motion")
+    kinds: ClassVar[tuple[str, ...]] = ALL_KINDS
     compensable: ClassVar[bool] = True
     log_odds: ClassVar[float] = -1.0  # a ratio is a count of teeth; the scale of a sensor is no such thing
     sentence: ClassVar[

@@ -13,6 +13,7 @@ from typing import ClassVar
 import numpy as np
 
 from exactarm.effects.base import Change, Effect, Parameter, Station
+from exactarm.kinds import WITH_TARGET
 
 _COLUMN = {"d_m": 0, "a_m": 1, "alpha_rad": 2, "beta_rad": 3}
 
@@ -25,7 +26,7 @@ class Geometry(Effect):
 
     name: ClassVar[str] = "geometry"
     station: ClassVar[Station] = Station.GEOMETRY
-    kinds: ClassVar[tuple[str, ...]] = ("poses", "tracked_motion")
+    kinds: ClassVar[tuple[str, ...]] = WITH_TARGET
     compensable: ClassVar[bool] = True
     declared: ClassVar[bool] = True
     sentence: ClassVar[str] = "frame {joint} deviates from its drawing"

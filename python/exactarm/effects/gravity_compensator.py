@@ -14,6 +14,7 @@ from typing import ClassVar
 import numpy as np
 
 from exactarm.effects.base import Change, Effect, Parameter, Station
+from exactarm.kinds import MOTION, TRACKED_MOTION
 
 
 @dataclass(frozen=True)
@@ -24,7 +25,7 @@ class GravityCompensator(Effect):
 
     name: ClassVar[str] = "gravity_compensator"
     station: ClassVar[Station] = Station.LOAD
-    kinds: ClassVar[tuple[str, ...]] = ("motion", "tracked_motion")
+    kinds: ClassVar[tuple[str, ...]] = (MOTION.name, TRACKED_MOTION.name)
     compensable: ClassVar[bool] = True
     sentence: ClassVar[str] = (
         "a spring takes load off axis {joint}: {stiffness_Nm_per_rad:.3g} Nm/rad, preload {preload_Nm:.3g} "

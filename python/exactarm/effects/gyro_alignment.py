@@ -14,6 +14,7 @@ from typing import ClassVar
 import numpy as np
 
 from exactarm.effects.base import Change, Effect, Parameter, Station
+from exactarm.kinds import GEAR_RUN
 
 _UPSIDE_DOWN = np.diag([1.0, -1.0, -1.0])
 
@@ -27,7 +28,7 @@ class GyroAlignment(Effect):
 
     name: ClassVar[str] = "gyro_alignment"
     station: ClassVar[Station] = Station.DEVICE
-    kinds: ClassVar[tuple[str, ...]] = ("gear_run",)
+    kinds: ClassVar[tuple[str, ...]] = (GEAR_RUN.name,)
     declared: ClassVar[bool] = True
     sentence: ClassVar[
         str

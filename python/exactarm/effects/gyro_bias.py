@@ -9,6 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from exactarm.effects.base import Change, Effect, Parameter, Station
+from exactarm.kinds import GEAR_RUN
 
 
 @dataclass(frozen=True)
@@ -17,7 +18,7 @@ class GyroBias(Effect):
 
     name: ClassVar[str] = "gyro_bias"
     station: ClassVar[Station] = Station.DEVICE
-    kinds: ClassVar[tuple[str, ...]] = ("gear_run",)
+    kinds: ClassVar[tuple[str, ...]] = (GEAR_RUN.name,)
     per_joint: ClassVar[bool] = False
     sentence: ClassVar[str] = "the gyroscope reads {z_rad_s:.3g} rad/s at rest along the moving axis"
     source: ClassVar[str] = "IEEE Std 1431: bias"

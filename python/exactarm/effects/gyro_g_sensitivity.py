@@ -18,6 +18,7 @@ from typing import ClassVar
 import numpy as np
 
 from exactarm.effects.base import Change, Effect, Parameter, Station
+from exactarm.kinds import GEAR_RUN
 
 _ENTRIES = tuple((row, column) for row in range(3) for column in range(3))
 _LEAST_G = 0.05  # RMS that a component must vary beyond a constant and the others: 3 degrees of tilt
@@ -32,7 +33,7 @@ class GyroGSensitivity(Effect):
 
     name: ClassVar[str] = "gyro_g_sensitivity"
     station: ClassVar[Station] = Station.DEVICE
-    kinds: ClassVar[tuple[str, ...]] = ("gear_run",)
+    kinds: ClassVar[tuple[str, ...]] = (GEAR_RUN.name,)
     per_joint: ClassVar[bool] = False
     sentence: ClassVar[str] = "the gyroscope's reading follows gravity as the sensor turns in it"
     source: ClassVar[str] = "IEEE Std 1431: g-sensitive drift"

@@ -14,6 +14,7 @@ import numpy as np
 
 from exactarm.effects.base import Change, Effect, Parameter, Station
 from exactarm.effects.gyro_alignment import about_x, about_y, slope_x, slope_y
+from exactarm.kinds import GEAR_RUN
 
 
 @dataclass(frozen=True)
@@ -24,7 +25,7 @@ class GyroMisalignment(Effect):
 
     name: ClassVar[str] = "gyro_misalignment"
     station: ClassVar[Station] = Station.DEVICE
-    kinds: ClassVar[tuple[str, ...]] = ("gear_run",)
+    kinds: ClassVar[tuple[str, ...]] = (GEAR_RUN.name,)
     per_joint: ClassVar[bool] = False
     sentence: ClassVar[
         str

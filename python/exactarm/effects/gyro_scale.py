@@ -9,6 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from exactarm.effects.base import Change, Effect, Parameter, Station
+from exactarm.kinds import GEAR_RUN
 
 
 @dataclass(frozen=True)
@@ -17,7 +18,7 @@ class GyroScale(Effect):
 
     name: ClassVar[str] = "gyro_scale"
     station: ClassVar[Station] = Station.DEVICE
-    kinds: ClassVar[tuple[str, ...]] = ("gear_run",)
+    kinds: ClassVar[tuple[str, ...]] = (GEAR_RUN.name,)
     per_joint: ClassVar[bool] = False
     sentence: ClassVar[str] = "the gyroscope reads 1 + {scale:.3g} times the rate"
     source: ClassVar[str] = "IEEE Std 1431: scale factor error"

@@ -23,6 +23,7 @@ import numpy as np
 
 from exactarm import _core
 from exactarm.effects.base import Change, Effect, Parameter, Station
+from exactarm.kinds import ALL_KINDS, MOTION
 
 _REACHES_RAD = (3e-5, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1)
 
@@ -36,7 +37,7 @@ class Hysteresis(Effect):
     name: ClassVar[str] = "hysteresis"
     plain: ClassVar[str] = "an angle that stays behind, by the side from which it comes"
     station: ClassVar[Station] = Station.SPRING
-    kinds: ClassVar[tuple[str, ...]] = ("poses", "gear_run", "motion", "tracked_motion")
+    kinds: ClassVar[tuple[str, ...]] = ALL_KINDS
     compensable: ClassVar[bool] = True
     smooth: ClassVar[bool] = False
     sentence: ClassVar[
@@ -87,5 +88,5 @@ class Hysteresis(Effect):
             if view.is_series:
                 # A drive torque shows what turns the joint by its rates: the shape of the memory is nearly
                 # lost.
-                reaches = _REACHES_RAD[::3] if view.kind == "motion" else _REACHES_RAD
+                reaches = _REACHES_RAD[::3] if view.kind == MOTION.name else _REACHES_RAD
                 yield cls(int(index) + 1, (0.0, reaches[0]), search=reaches)

@@ -21,6 +21,7 @@ from typing import ClassVar
 import numpy as np
 
 from exactarm.effects.base import Change, Effect, Parameter, Station
+from exactarm.kinds import MOTION, POSES, TRACKED_MOTION, WITH_TARGET
 
 
 @dataclass(frozen=True)
@@ -36,7 +37,7 @@ class JointCompliance(Effect):
     name: ClassVar[str] = "joint_compliance"
     plain: ClassVar[str] = "a joint that gives way under load"
     station: ClassVar[Station] = Station.SPRING
-    kinds: ClassVar[tuple[str, ...]] = ("poses", "motion", "tracked_motion")
+    kinds: ClassVar[tuple[str, ...]] = (POSES.name, MOTION.name, TRACKED_MOTION.name)
     compensable: ClassVar[bool] = True
     by_load: ClassVar[bool] = True
     sentence: ClassVar[
@@ -92,7 +93,7 @@ class RelativeCompliance(JointCompliance):
     tip_free: bool = False
     own_free: bool = False
 
-    kinds: ClassVar[tuple[str, ...]] = ("poses", "tracked_motion")
+    kinds: ClassVar[tuple[str, ...]] = WITH_TARGET
     sentence: ClassVar[str] = "axis {joint} gives way by {linear_rad_per_Nm:.3g} rad for every Nm of its load"
 
     def parameters(self) -> tuple[Parameter, ...]:

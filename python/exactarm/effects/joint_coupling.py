@@ -14,6 +14,7 @@ from typing import ClassVar
 import numpy as np
 
 from exactarm.effects.base import Change, Effect, Parameter, Station
+from exactarm.kinds import ALL_KINDS
 
 
 @dataclass(frozen=True)
@@ -24,7 +25,7 @@ class JointCoupling(Effect):
     name: ClassVar[str] = "joint_coupling"
     plain: ClassVar[str] = "a motor that turns another axis too"
     station: ClassVar[Station] = Station.GEAR
-    kinds: ClassVar[tuple[str, ...]] = ("poses", "gear_run", "motion", "tracked_motion")
+    kinds: ClassVar[tuple[str, ...]] = ALL_KINDS
     compensable: ClassVar[bool] = True
     sentence: ClassVar[
         str

@@ -9,6 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from exactarm.effects.base import Change, Effect, Parameter, Station
+from exactarm.kinds import WITH_TARGET
 
 
 @dataclass(frozen=True)
@@ -17,7 +18,7 @@ class JointOffset(Effect):
 
     name: ClassVar[str] = "joint_offset"
     station: ClassVar[Station] = Station.SPRING
-    kinds: ClassVar[tuple[str, ...]] = ("poses", "tracked_motion")
+    kinds: ClassVar[tuple[str, ...]] = WITH_TARGET
     compensable: ClassVar[bool] = True
     declared: ClassVar[bool] = True
     sentence: ClassVar[str] = "axis {joint} has its zero at {q_offset_rad:.5f} rad"

@@ -16,6 +16,7 @@ import numpy as np
 
 from exactarm.effects.base import Change, Effect, Parameter, Station
 from exactarm.effects.gravity_moment import bending, gravity_moment
+from exactarm.kinds import WITH_TARGET
 
 
 @dataclass(frozen=True)
@@ -25,7 +26,7 @@ class LinkCompliance(Effect):
     name: ClassVar[str] = "link_compliance"
     plain: ClassVar[str] = "a link or bearing that bends under load"
     station: ClassVar[Station] = Station.GEOMETRY
-    kinds: ClassVar[tuple[str, ...]] = ("poses", "tracked_motion")
+    kinds: ClassVar[tuple[str, ...]] = WITH_TARGET
     compensable: ClassVar[bool] = True
     by_load: ClassVar[bool] = True
     sentence: ClassVar[

@@ -15,6 +15,7 @@ import numpy as np
 
 from exactarm import _core
 from exactarm.effects.base import Change, Effect, Parameter, Station
+from exactarm.kinds import MOTION
 from exactarm.robot import Link
 
 SYMBOLS = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz")
@@ -30,7 +31,7 @@ class LinkInertia(Effect):
 
     name: ClassVar[str] = "link_inertia"
     station: ClassVar[Station] = Station.LOAD
-    kinds: ClassVar[tuple[str, ...]] = ("motion",)
+    kinds: ClassVar[tuple[str, ...]] = (MOTION.name,)
     declared: ClassVar[bool] = True
     per_joint: ClassVar[bool] = False
     sentence: ClassVar[str] = "inertial parameters of the links"

@@ -17,6 +17,7 @@ import numpy as np
 
 from exactarm.effects.base import Change, Effect, Parameter
 from exactarm.effects.harmonic_family import HarmonicFamily, declared_orders, growing_error, searched_orders
+from exactarm.kinds import GEAR_RUN, MOTION
 
 _LEAST_SPREAD_NM = 1e-3
 _LEAST_SPREAD_SIGN = 0.5
@@ -34,7 +35,7 @@ class LoadDependence(HarmonicFamily):
 
     name: ClassVar[str] = "load_dependence"
     plain: ClassVar[str] = "gear errors that grow with the load"
-    kinds: ClassVar[tuple[str, ...]] = ("gear_run", "motion")
+    kinds: ClassVar[tuple[str, ...]] = (GEAR_RUN.name, MOTION.name)
     compensable: ClassVar[bool] = True
     by_load: ClassVar[bool] = True
     repeatable: ClassVar[bool] = False

@@ -20,6 +20,7 @@ from typing import ClassVar
 import numpy as np
 
 from exactarm.effects.base import Change, Effect, Parameter, Station
+from exactarm.kinds import MOTION
 
 
 @dataclass(frozen=True)
@@ -28,7 +29,7 @@ class MotorLinkCoupling(Effect):
 
     name: ClassVar[str] = "motor_link_coupling"
     station: ClassVar[Station] = Station.DRIVE
-    kinds: ClassVar[tuple[str, ...]] = ("motion",)
+    kinds: ClassVar[tuple[str, ...]] = (MOTION.name,)
     per_joint: ClassVar[bool] = False
     sentence: ClassVar[
         str

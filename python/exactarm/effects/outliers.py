@@ -17,6 +17,7 @@ from scipy import special
 from scipy.spatial import cKDTree
 
 from exactarm.effects.base import Change, Effect, Parameter, Station
+from exactarm.kinds import POSES
 
 _LARGEST_SHARE = 0.2  # more than that is no longer a few wrong rows
 _FALSE_ALARM = 0.01  # of a whole data set
@@ -33,7 +34,7 @@ class Outliers(Effect):
     name: ClassVar[str] = "outliers"
     plain: ClassVar[str] = "single wrong measurements"
     station: ClassVar[Station] = Station.DEVICE
-    kinds: ClassVar[tuple[str, ...]] = ("poses",)
+    kinds: ClassVar[tuple[str, ...]] = (POSES.name,)
     per_joint: ClassVar[bool] = False
     sentence: ClassVar[
         str

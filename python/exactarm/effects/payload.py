@@ -17,6 +17,7 @@ import numpy as np
 
 from exactarm import _core
 from exactarm.effects.base import Change, Effect, Parameter, Station
+from exactarm.kinds import MOTION, POSES, TRACKED_MOTION
 
 _MASS_FLOOR_KG = 1e-3
 # standard deviations that the mass must be away from zero, so that a moment over it has a meaning
@@ -32,7 +33,7 @@ class Payload(Effect):
     name: ClassVar[str] = "payload"
     plain: ClassVar[str] = "a payload that is not as declared"
     station: ClassVar[Station] = Station.LOAD
-    kinds: ClassVar[tuple[str, ...]] = ("poses", "motion", "tracked_motion")
+    kinds: ClassVar[tuple[str, ...]] = (POSES.name, MOTION.name, TRACKED_MOTION.name)
     compensable: ClassVar[bool] = True
     by_load: ClassVar[bool] = True
     per_joint: ClassVar[bool] = False

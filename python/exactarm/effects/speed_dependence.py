@@ -15,6 +15,7 @@ import numpy as np
 
 from exactarm.effects.base import Change, Effect, Parameter
 from exactarm.effects.harmonic_family import HarmonicFamily, declared_orders, growing_error, searched_orders
+from exactarm.kinds import GEAR_RUN, MOTION
 
 
 @dataclass(frozen=True)
@@ -23,7 +24,7 @@ class SpeedDependence(HarmonicFamily):
 
     name: ClassVar[str] = "speed_dependence"
     plain: ClassVar[str] = "gear errors that change with the speed"
-    kinds: ClassVar[tuple[str, ...]] = ("gear_run", "motion")
+    kinds: ClassVar[tuple[str, ...]] = (GEAR_RUN.name, MOTION.name)
     compensable: ClassVar[bool] = True
     smooth: ClassVar[bool] = False
     repeatable: ClassVar[bool] = False

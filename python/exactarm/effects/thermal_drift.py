@@ -25,6 +25,7 @@ import numpy as np
 from exactarm.effects.base import Change, Effect, Parameter, Station
 from exactarm.effects.drive import smooth_sign
 from exactarm.effects.slow_driver import ROW, drivers, slow_signal, temperatures, unit
+from exactarm.kinds import ALL_KINDS, GEAR_RUN, MOTION, WITH_TARGET
 
 
 @dataclass(frozen=True)
@@ -36,7 +37,7 @@ class ThermalDrift(Effect):
     name: ClassVar[str] = "thermal_drift"
     plain: ClassVar[str] = "drift with temperature or time"
     station: ClassVar[Station] = Station.GEOMETRY
-    kinds: ClassVar[tuple[str, ...]] = ("poses", "gear_run", "motion", "tracked_motion")
+    kinds: ClassVar[tuple[str, ...]] = ALL_KINDS
     per_joint: ClassVar[bool] = False
     source: ClassVar[str] = "Li and Zhao 2016; Bittencourt and Axelsson 2014; IEEE 952"
     form: ClassVar[str] = ""
@@ -71,7 +72,7 @@ class ThermalDrift(Effect):
 
 @dataclass(frozen=True)
 class ThermalGrowth(ThermalDrift):
-    kinds: ClassVar[tuple[str, ...]] = ("poses", "tracked_motion")
+    kinds: ClassVar[tuple[str, ...]] = WITH_TARGET
     form: ClassVar[str] = "growth"
 
     def parameters(self) -> tuple[Parameter, ...]:
@@ -102,7 +103,7 @@ class ThermalGrowth(ThermalDrift):
 
 @dataclass(frozen=True)
 class ThermalTargetDrift(ThermalDrift):
-    kinds: ClassVar[tuple[str, ...]] = ("poses", "tracked_motion")
+    kinds: ClassVar[tuple[str, ...]] = WITH_TARGET
     form: ClassVar[str] = "target"
 
     def parameters(self) -> tuple[Parameter, ...]:
@@ -125,7 +126,7 @@ class ThermalTargetDrift(ThermalDrift):
 @dataclass(frozen=True)
 class ThermalZeroDrift(ThermalDrift):
     station: ClassVar[Station] = Station.SPRING
-    kinds: ClassVar[tuple[str, ...]] = ("poses", "tracked_motion")
+    kinds: ClassVar[tuple[str, ...]] = WITH_TARGET
     per_joint: ClassVar[bool] = True
     form: ClassVar[str] = "zero"
 
@@ -154,7 +155,7 @@ class ThermalZeroDrift(ThermalDrift):
 @dataclass(frozen=True)
 class ThermalSensorDrift(ThermalDrift):
     station: ClassVar[Station] = Station.DEVICE
-    kinds: ClassVar[tuple[str, ...]] = ("gear_run",)
+    kinds: ClassVar[tuple[str, ...]] = (GEAR_RUN.name,)
     form: ClassVar[str] = "sensor"
 
     def parameters(self) -> tuple[Parameter, ...]:
@@ -181,7 +182,7 @@ class ThermalSensorDrift(ThermalDrift):
 @dataclass(frozen=True)
 class ThermalLubricant(ThermalDrift):
     station: ClassVar[Station] = Station.DRIVE
-    kinds: ClassVar[tuple[str, ...]] = ("motion",)
+    kinds: ClassVar[tuple[str, ...]] = (MOTION.name,)
     form: ClassVar[str] = "lubricant"
 
     def parameters(self) -> tuple[Parameter, ...]:
@@ -219,7 +220,7 @@ class ThermalLubricant(ThermalDrift):
 @dataclass(frozen=True)
 class ThermalFriction(ThermalDrift):
     station: ClassVar[Station] = Station.DRIVE
-    kinds: ClassVar[tuple[str, ...]] = ("motion",)
+    kinds: ClassVar[tuple[str, ...]] = (MOTION.name,)
     form: ClassVar[str] = "friction"
 
     parameters = ThermalLubricant.parameters

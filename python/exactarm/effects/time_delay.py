@@ -15,6 +15,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from exactarm.effects.base import Change, Effect, Parameter, Station
+from exactarm.kinds import IN_TIME
 
 
 @dataclass(frozen=True)
@@ -24,7 +25,7 @@ class TimeDelay(Effect):
     name: ClassVar[str] = "time_delay"
     plain: ClassVar[str] = "a delay between two signals"
     station: ClassVar[Station] = Station.MOTOR
-    kinds: ClassVar[tuple[str, ...]] = ("gear_run", "motion", "tracked_motion")
+    kinds: ClassVar[tuple[str, ...]] = IN_TIME
     per_joint: ClassVar[bool] = False
     sentence: ClassVar[str] = "the measured signal comes {delay_s:.4g} s after the motor encoder"
     source: ClassVar[str] = "sampling: signals of two devices, one clock"

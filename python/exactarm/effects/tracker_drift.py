@@ -16,6 +16,7 @@ import numpy as np
 
 from exactarm.effects.base import Change, Effect, Parameter, Station
 from exactarm.effects.slow_driver import ROW, TIME, slow_signal, unit
+from exactarm.kinds import WITH_TARGET
 
 
 @dataclass(frozen=True)
@@ -28,7 +29,7 @@ class TrackerDrift(Effect):
     name: ClassVar[str] = "tracker_drift"
     plain: ClassVar[str] = "a tracker that drifts"
     station: ClassVar[Station] = Station.DEVICE
-    kinds: ClassVar[tuple[str, ...]] = ("poses", "tracked_motion")
+    kinds: ClassVar[tuple[str, ...]] = WITH_TARGET
     per_joint: ClassVar[bool] = False
     source: ClassVar[str] = "ISO 10360-10 (stability of laser trackers)"
 

@@ -12,6 +12,7 @@ from typing import ClassVar
 import numpy as np
 
 from exactarm.effects.base import Change, Effect, Parameter, Station
+from exactarm.kinds import WITH_TARGET
 
 
 @dataclass(frozen=True)
@@ -23,7 +24,7 @@ class TrackerScale(Effect):
     name: ClassVar[str] = "tracker_scale"
     plain: ClassVar[str] = "a wrong scale of the tracker"
     station: ClassVar[Station] = Station.DEVICE
-    kinds: ClassVar[tuple[str, ...]] = ("poses", "tracked_motion")
+    kinds: ClassVar[tuple[str, ...]] = WITH_TARGET
     per_joint: ClassVar[bool] = False
     sentence: ClassVar[str] = (
         "the measuring device stretches its axes by {x_scale:.3g}, {y_scale:.3g} and {z_scale:.3g} (x, y, z)"

@@ -15,6 +15,7 @@ import numpy as np
 from exactarm.effects.base import Change, Effect, Parameter, Station
 from exactarm.effects.slow_driver import ROW, TIME, slow_signal, unit
 from exactarm.effects.tracker_drift import moved_device
+from exactarm.kinds import WITH_TARGET
 
 _LEAST_ROWS = 5  # on either side
 _EVENLY, _PEAKS = 20, 8  # places to try: evenly spread, and where the residual seems to jump
@@ -35,7 +36,7 @@ class TrackerStep(Effect):
     name: ClassVar[str] = "tracker_step"
     plain: ClassVar[str] = "a tracker that was pushed"
     station: ClassVar[Station] = Station.DEVICE
-    kinds: ClassVar[tuple[str, ...]] = ("poses", "tracked_motion")
+    kinds: ClassVar[tuple[str, ...]] = WITH_TARGET
     per_joint: ClassVar[bool] = False
     source: ClassVar[str] = "ISO 10360-10 (stability of laser trackers)"
 

@@ -21,8 +21,12 @@ from exactarm.rows import Rows
 _IN_ORDER = (CLOSURES, POSES, GEAR_RUN, MOTION, TRACKED_MOTION)
 _BY_NAME = {kind.name: kind for kind in (POSES, GEAR_RUN, MOTION, TRACKED_MOTION, CLOSURES)}
 KIND_NAMES = tuple(_BY_NAME)
-__all__ = ["CLOSURES", "GEAR_RUN", "KIND_NAMES", "MOTION", "POSES", "TRACKED_MOTION", "Kind", "data_kinds",
-           "kind_of"]
+# Which kinds show an effect, by name; closures show what poses show.
+WITH_TARGET = (POSES.name, TRACKED_MOTION.name)  # the place of a target is measured
+IN_TIME = (GEAR_RUN.name, MOTION.name, TRACKED_MOTION.name)  # rows follow each other in time
+ALL_KINDS = (POSES.name, *IN_TIME)
+__all__ = ["ALL_KINDS", "CLOSURES", "GEAR_RUN", "IN_TIME", "KIND_NAMES", "MOTION", "POSES", "TRACKED_MOTION",
+           "WITH_TARGET", "Kind", "data_kinds", "kind_of"]
 
 
 def kind_of(name: str) -> Kind:
