@@ -22,11 +22,14 @@ from exactarm.commands.suspicions import suspicions
 from exactarm.dataset import Dataset
 from exactarm.errors import InputError
 from exactarm.identify.statistics import summarise
+from exactarm.kinds import TRACKED_MOTION
 from exactarm.progress import SILENT, Progress
 from exactarm.robot import Placement, Robot
 from exactarm.split import DEFAULT_SEED
 from exactarm.verify.held_out import Judged, choose_rows, judge, nominal_robot
 from exactarm.verify.iso_9283 import iso_9283
+from exactarm.verify.iso_orientation import iso_orientation
+from exactarm.verify.iso_path import path_tests
 from exactarm.verify.uncertainty import budget, by_region
 
 NAME = "certify"
@@ -42,6 +45,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="ROBOT",
         help="the model to compare with (default: the chain that the controller works with)",
     )
+    parser.add_argument(
+        "--path", metavar="FILE", type=Path, action="append", default=[],
+        help="tracked motion along a path, several cycles (AT, RT), in the poses' set-up; may be repeated",
+    )
     add_about(parser)
 
 
@@ -50,6 +57,7 @@ def certify(
     data: AnyData,
     *,
     before: AnyRobot | None = None,
+    path: AnyData = (),
     about: str | Path | Mapping[str, Any] | None = None,
     seed: int = DEFAULT_SEED,
     threads: int | None = None,
@@ -60,7 +68,8 @@ def certify(
     """Judges an identified robot on poses that were never fitted, beside the nominal one, with a budget of
     uncertainty.
 
-    before: another model to compare with. about: a file or mapping of what the certificate says of arm and
+    before: another model to compare with. path: tracked motions along a path, several cycles, in the
+    set-up of the poses. about: a file or mapping of what the certificate says of arm and
     instrument (`serial`, `instrument`, `instrument_u_mm`, `measured`, ...); each may also be given by name.
 
         >>> import exactarm as ea
@@ -79,12 +88,14 @@ def certify(
         raise InputError(
             f"--before: {earlier.axes} axes, the robot has {arm.axes}; expected a model of the same arm"
         )
+    followed = _followed(path, arm)
     progress.stage("certifying")
     require_memory("evaluate", rows.kind, rows)
     with suspicions(arm, rows) as found:
-        certified = _certify(arm, earlier, rows, told, seed, threads_of(threads))
-    inputs = [path for path in (about, before) if isinstance(path, (str, Path)) and Path(path).is_file()]
-    options = {"before": before, "about": about, **details}
+        certified = _certify(arm, earlier, rows, followed, told, seed, threads_of(threads))
+    read = (about, before, *(source.path for each in followed for source in each.sources))
+    inputs = [file for file in read if isinstance(file, (str, Path)) and Path(file).is_file()]
+    options = {"before": before, "path": path or None, "about": about, **details}
     json = results_of(certified)
     json["robot_sha256"] = sha256(robot) if isinstance(robot, (str, Path)) and Path(robot).is_file() else None
     return CommandResult(
@@ -102,6 +113,7 @@ def run(arguments: argparse.Namespace) -> CommandResult:
         arguments.robot,
         arguments.files,
         before=arguments.before,
+        path=arguments.path,
         about=arguments.about,
         seed=arguments.seed,
         threads=arguments.threads,
@@ -111,8 +123,15 @@ def run(arguments: argparse.Namespace) -> CommandResult:
     )
 
 
+def _followed(path: AnyData, arm: Robot) -> tuple[Dataset, ...]:
+    """Tracked motions, file by file: a file without a column `session` was measured in the poses' set-up."""
+    files = [path] if isinstance(path, (str, Path, Dataset)) else list(path)
+    return tuple(data_of(file, arm, TRACKED_MOTION.name) for file in files)
+
+
 def _certify(
-    arm: Robot, earlier: Robot, data: Dataset, told: dict[str, Any], seed: int, threads: int
+    arm: Robot, earlier: Robot, data: Dataset, followed: tuple[Dataset, ...], told: dict[str, Any], seed: int,
+    threads: int,
 ) -> Certified:
     rows = choose_rows((arm, earlier), data, seed)
     before, after = (judge(each, data, rows, seed, threads) for each in (earlier, arm))
@@ -130,6 +149,9 @@ def _certify(
         points=points,
         summaries=(summarise(before.error), summarise(after.error)),
         iso=iso_9283(judged, before.residual, after.residual, after.predicted, before.predicted, seed),
+        orientation=None if before.turn is None or after.turn is None
+        else iso_orientation(judged, before.turn, after.turn, after.base),
+        paths=path_tests((earlier, arm), (before, after), followed),
         budget=budget(judged, after, None if instrument is None else 1e-3 * instrument),
         regions=by_region(points, before.error, after.error),
     )

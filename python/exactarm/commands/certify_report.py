@@ -19,7 +19,9 @@ from exactarm.report.plots.style import on_one_panel
 from exactarm.report.plots.workspace_error import distance_error_panel, error_over_workspace
 from exactarm.robot import Robot
 from exactarm.verify.held_out import Judged, Rows
-from exactarm.verify.iso_9283 import STANDARD_VISITS, Distances, Iso9283
+from exactarm.verify.iso_9283 import LEAST_VISITS, STANDARD_VISITS, Distances, Iso9283
+from exactarm.verify.iso_orientation import AXES, Orientation
+from exactarm.verify.iso_path import LEAST_CYCLES, STANDARD_CYCLES, PathTest
 from exactarm.verify.uncertainty import MANY, Budget, mean_with_interval
 
 FEW_VISITS = "the standard asks for {} visits of a pose; here are {} at the least"
@@ -41,8 +43,25 @@ class Certified:
     points: np.ndarray
     summaries: tuple[ErrorSummary, ErrorSummary]
     iso: Iso9283
+    orientation: Orientation | None
+    paths: tuple[PathTest, ...]
     budget: Budget
     regions: list[tuple[str, ErrorSummary, ErrorSummary]]
+
+    @property
+    def missing(self) -> dict[str, str]:
+        """Measures of the standard that the rows do not allow, with the reason."""
+        out = dict(self.iso.missing)
+        if self.orientation is None:
+            out["orientation accuracy and repeatability"] = "the data have no columns qw ... qz or rx, ry, rz"
+        elif not self.orientation.poses:
+            out["orientation accuracy and repeatability"] = (
+                f"no judged pose was visited {LEAST_VISITS} times from one direction")
+        if not self.paths:
+            out["path accuracy AT and repeatability RT"] = "no path was given (--path)"
+        elif not any(test.cycles >= LEAST_CYCLES for test in self.paths):
+            out["path repeatability RT"] = f"no path was driven {LEAST_CYCLES} times"
+        return out
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -52,6 +71,9 @@ class Certified:
             out.append(f"not said: {', '.join(absent)} (options of the same names, or keys of --about)")
         if self.iso.poses and self.iso.visits < STANDARD_VISITS:
             out.append(FEW_VISITS.format(STANDARD_VISITS, self.iso.visits))
+        if self.paths and min(test.cycles for test in self.paths) < STANDARD_CYCLES:
+            least = min(test.cycles for test in self.paths)
+            out.append(f"the standard asks for {STANDARD_CYCLES} cycles of a path; here are {least} at least")
         for when, judged in (("before", self.before), ("after", self.after)):
             if not judged.fit.fit.converged:
                 out.append(f"the fit of the frames {when} did not converge ({judged.fit.fit.reason})")
@@ -69,7 +91,8 @@ def results_of(c: Certified) -> dict[str, Any]:
             "after": estimate(*mean_with_interval(c.data, c.after.error)),
         },
         "rows": {"judged": int(c.rows.judged.sum()), "frames": int(c.rows.frames.sum()), "why": c.rows.why},
-        "iso_9283": _iso_json(c.iso),
+        "iso_9283": _iso_json(c.iso) | _orientation_json(c.orientation) | _path_json(c.paths)
+        | {"missing": c.missing},
         "uncertainty": {
             "budget": [
                 {
@@ -103,7 +126,7 @@ def _freedom(value: float) -> float | None:
 
 
 def _iso_json(iso: Iso9283) -> dict[str, Any]:
-    out: dict[str, Any] = {"missing": iso.missing}
+    out: dict[str, Any] = {}
     if iso.poses:
         out["pose_tests"] = [
             {
@@ -131,6 +154,27 @@ def _iso_json(iso: Iso9283) -> dict[str, Any]:
     return out
 
 
+def _orientation_json(found: Orientation | None) -> dict[str, Any]:
+    if found is None:
+        return {}
+    out: dict[str, Any] = {"mean_error_rad": {"before": found.error[0], "after": found.error[1]},
+                           "poses": found.poses}
+    if found.poses:
+        out |= {"AP_before_max_rad": found.accuracy_before, "AP_after_max_rad": found.accuracy_after,
+                "RP_max_rad": found.repeatability}
+    if found.directions:
+        out["vAP_before_rad"], out["vAP_after_rad"] = found.directions
+    return {"orientation": out}
+
+
+def _path_json(paths: tuple[PathTest, ...]) -> dict[str, Any]:
+    return {} if not paths else {"paths": [
+        {"session": t.session, "cycles": t.cycles, "length_m": t.length, "speed_m_s": t.speed,
+         "AT_before_m": t.accuracy_before, "AT_after_m": t.accuracy_after, "RT_m": t.repeatability}
+        for t in paths
+    ]}
+
+
 def certificate(c: Certified) -> Report:
     """The page."""
     before, after = c.summaries
@@ -152,7 +196,10 @@ def certificate(c: Certified) -> Report:
         _about(c),
         _held_out(c),
         _iso(c.iso),
-        Text("Not evaluated", tuple(f"{measure}: {why}." for measure, why in c.iso.missing.items())),
+        *([_orientation(c.orientation)] if c.orientation is not None else []),
+        *([_paths(c.paths)] if c.paths else []),
+        *([Text("Not evaluated", tuple(f"{measure}: {why}." for measure, why in c.missing.items()))]
+          if c.missing else []),
         _budget(c.budget),
         Text(
             "What was compared",
@@ -266,6 +313,35 @@ def _iso(iso: Iso9283) -> Table:
         "base frame."
     )
     return Table("Performance in the terms of ISO 9283", ("", "before", "after", "from"), tuple(rows), note)
+
+
+def _orientation(found: Orientation) -> Table:
+    angle = lambda value: Quantity(float(value), "rad")
+    rows: list[tuple] = [("all rows, mean angle", *map(angle, found.error), "")]
+    add = lambda name, before, after, of: rows.extend(
+        (name.format(axis), angle(one), angle(other), of) for axis, one, other in zip(AXES, before, after))
+    if found.poses:
+        of = f"{found.poses} poses"
+        add("orientation accuracy AP_{}, largest", found.accuracy_before, found.accuracy_after, of)
+        add("orientation repeatability RP_{}, largest", found.repeatability, found.repeatability, of)
+    if found.directions:
+        add("variation between directions vAP_{}", *found.directions, "")
+    note = ("About x (a), y (b) and z (c) of the robot's base, against the model with base and tool frame "
+            "fitted. RP is the arm's own.")
+    return Table("Orientation in the terms of ISO 9283", ("", "before", "after", "from"), tuple(rows), note)
+
+
+def _paths(paths: tuple[PathTest, ...]) -> Table:
+    rows = tuple(
+        (number, t.cycles, Quantity(t.length, "m"), Quantity(t.speed, "m/s"),
+         *(Quantity(value, "m") for value in (t.accuracy_before, t.accuracy_after, t.repeatability)))
+        for number, t in enumerate(paths, start=1)
+    )
+    note = ("Against the path that the model at rest takes at the angles that the controller reports, with "
+            "the frames of the poses: what speed does counts as an error. RT is the arm's own; the ends are "
+            "left out.")
+    header = ("path", "cycles", "length", "mean speed", "AT before", "AT after", "RT")
+    return Table("Paths in the terms of ISO 9283", header, rows, note)
 
 
 def _budget(b: Budget) -> Table:

@@ -13,8 +13,9 @@ import numpy as np
 
 from exactarm.commands.arguments import add_map, add_robot
 from exactarm.commands.call import AnyRobot, asked, robot_of
+from exactarm.commands.outcome import Column
 from exactarm.commands.plain import sha256
-from exactarm.commands.result import Column, CommandResult
+from exactarm.commands.result import CommandResult
 from exactarm.dataset import Dataset, dataset_columns, read_dataset, read_joint_log
 from exactarm.errors import InputError
 from exactarm.kinds import POSES

@@ -20,7 +20,8 @@ from exactarm.errors import InputError
 from exactarm.identify.declared import carried_layout, frames_layout, require_geometry
 from exactarm.identify.match import require_match
 from exactarm.identify.pose_fit import PoseFit, fit_poses
-from exactarm.robot import Joint, Robot, frame_of
+from exactarm.robot import Joint, Placement, Robot, frame_of
+from exactarm.rotation import log, nearest
 from exactarm.split import DEFAULT_SEED, pose_groups
 
 FRAME_POSES = 12  # different poses that find the nine numbers of a set-up: four times as many numbers
@@ -46,7 +47,9 @@ class Judged:
 
     residual (M, 3): measured minus predicted, m; predicted (M, 3) in the device's frame; frames (M,):
     variance of one coordinate of the prediction from the uncertainty of the frames, mean over the three, m^2;
-    freedom: of the fit of the frames.
+    freedom: of the fit of the frames. base (M, 3, 3): rotation of the robot's base in the device's frame;
+    turn (M, 3): measured beyond predicted orientation, rotation vector in the base's axes, rad, None where no
+    orientation is measured.
     """
 
     residual: np.ndarray
@@ -54,6 +57,8 @@ class Judged:
     frames: np.ndarray
     freedom: int
     fit: PoseFit
+    base: np.ndarray
+    turn: np.ndarray | None
 
     @property
     def error(self) -> np.ndarray:
@@ -188,13 +193,43 @@ def judge(robot: Robot, data: Dataset, rows: Rows, seed: int = DEFAULT_SEED, thr
     require_match(robot, finding, found, carried_layout(robot, finding), seed)
     fit = fit_poses(robot, layout.joined(carried_layout(robot, data)), finding, threads=threads)
     variance, predicted = np.empty(len(judged)), np.empty((len(judged), 3))
+    rotation = np.empty((len(judged), 3, 3))
     for start in range(0, len(judged), BLOCK_ROWS):
         block = np.arange(start, min(start + BLOCK_ROWS, len(judged)))
         prediction = predict_poses(robot, fit.layout, judged.select(block), threads=threads)
         tangent = prediction.jacobian[:, :3]
         variance[block] = np.einsum("nip,pq,niq->n", tangent, fit.fit.covariance, tangent) / 3.0
-        predicted[block] = prediction.position
-    return Judged(judged.position - predicted, predicted, variance, fit.fit.freedom, fit)
+        predicted[block], rotation[block] = prediction.position, prediction.rotation
+    base = _base_rotation(fit, judged)
+    turn = None
+    if judged.rotation is not None:
+        rotation = rotation @ _tool_rotation(fit, finding, judged, threads)
+        turn = log(base.transpose(0, 2, 1) @ judged.rotation @ rotation.transpose(0, 2, 1) @ base)
+    return Judged(judged.position - predicted, predicted, variance, fit.fit.freedom, fit, base, turn)
+
+
+def _base_rotation(fit: PoseFit, data: Dataset) -> np.ndarray:
+    """(N, 3, 3) of the fitted base of each row's session."""
+    out = np.empty((len(data), 3, 3))
+    for session in np.unique(data.session):
+        base = Placement()
+        for effect in fit.layout.effects:
+            base = effect.place(int(session), base, Placement())[0]
+        out[data.session == session] = base.rotation
+    return out
+
+
+def _tool_rotation(fit: PoseFit, finding: Dataset, judged: Dataset, threads: int) -> np.ndarray:
+    """(M, 3, 3) turn of the measured target in the last frame, by the rows that find the frames: positions do
+    not show it. It is the mean over them, so that the frames of the positions stay as they are."""
+    assert finding.rotation is not None
+    out = np.tile(np.eye(3), (len(judged), 1, 1))
+    for session in np.unique(judged.session):
+        rows = finding.select(finding.session == session)
+        predicted = predict_poses(fit.robot, fit.layout, rows, tangents=False, threads=threads).rotation
+        out[judged.session == session] = nearest(
+            (predicted.transpose(0, 2, 1) @ rows.rotation).mean(axis=0))
+    return out
 
 
 BLOCK_ROWS = 5000

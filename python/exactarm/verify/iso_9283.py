@@ -6,12 +6,13 @@ Of a pose that is visited n times, with attained positions p_j, their mean p, an
     l_j = |p_j - p|,  RP = mean l + 3 S_l      pose repeatability (S_l: standard deviation of l, n - 1)
     vAP = max |p_g - p_h|              variation between directions of approach g, h
     dAP, dRP = max |AP_1 - AP_t|, max |RP_1 - RP_t|     drift over blocks of visits in time
-    AD = mean D_j - D_c,  RD = 3 S_D   distance accuracy and repeatability, D = |p_a - p_b| of two poses
+    AD = mean D_j - D_c,  RD = 3 S_D   distance accuracy and repeatability, D_j = |p_aj - p_bj| of two poses
 
 All m. c is the model's prediction at the angles that the controller reports, with base and tool frame fitted
-(held_out.py): what AP means depends on it, RP does not. The standard asks for five poses on a plane of a cube
-in the work space, 30 visits, rated load and speed: the rows say how often and where, the operator has to say
-the rest. A measure that the rows do not allow is named in `missing` with the reason.
+(held_out.py): what AP means depends on it, RP does not. D_c is the model's distance at the same visits.
+Orientation is in iso_orientation.py, paths are in iso_path.py. The standard asks for five poses on a plane of
+a cube in the work space, 30 visits, rated load and speed: the rows say how often and where, the operator has
+to say the rest. A measure that the rows do not allow is named in `missing` with the reason.
 """
 
 from __future__ import annotations
@@ -80,7 +81,7 @@ def iso_9283(
     seed: int,
 ) -> Iso9283:
     """Of the judged rows: residuals before and after (M, 3) and predicted positions (M, 3) of both models."""
-    groups = _pose_and_session(data)
+    groups = pose_and_session(data)
     tests = _pose_tests(data, groups, before, after)
     directions, drift = _directions(data, groups, before, after), _drift(data, groups, before, after)
     distances = _distances(data, groups, predicted_before, predicted, seed)
@@ -107,8 +108,6 @@ def iso_9283(
         missing["distance accuracy AD"] = "no session has two different judged poses"
     elif distances.repeatability is None:
         missing["distance repeatability RD"] = f"no two poses were each visited {LEAST_VISITS} times"
-    missing["path accuracy AT and repeatability RT"] = "the rows are poses at rest"
-    missing["orientation"] = "positions alone are judged"
     return Iso9283(tests, directions, drift, distances, missing)
 
 
@@ -118,21 +117,21 @@ def repeatability(points: np.ndarray) -> float:
     return float(length.mean() + 3.0 * length.std(ddof=1))
 
 
-def _pose_and_session(data: Dataset) -> np.ndarray:
+def pose_and_session(data: Dataset) -> np.ndarray:
     """(M,) int: the same pose of one session; poses of two sessions are seen from two places."""
     return np.unique(np.stack([data.session, pose_groups(data)], axis=1), axis=0, return_inverse=True)[
         1
     ].ravel()
 
 
-def _direction(data: Dataset) -> np.ndarray:
+def direction_of_approach(data: Dataset) -> np.ndarray:
     """(M,) int: rows of the same direction of approach; all alike where none is given."""
     if "approach" not in data.joints:
         return np.zeros(len(data), int)
     return np.unique(np.nan_to_num(data.joints["approach"]), axis=0, return_inverse=True)[1].ravel()
 
 
-def _members(groups: np.ndarray, least: int) -> list[np.ndarray]:
+def members(groups: np.ndarray, least: int) -> list[np.ndarray]:
     """Rows of each group that has at least `least`, in order."""
     order = np.argsort(groups, kind="stable")
     parts = np.split(order, np.flatnonzero(np.diff(groups[order])) + 1)
@@ -142,7 +141,8 @@ def _members(groups: np.ndarray, least: int) -> list[np.ndarray]:
 def _pose_tests(
     data: Dataset, groups: np.ndarray, before: np.ndarray, after: np.ndarray
 ) -> tuple[PoseTest, ...]:
-    each = np.unique(np.stack([groups, _direction(data)], axis=1), axis=0, return_inverse=True)[1].ravel()
+    direction = direction_of_approach(data)
+    each = np.unique(np.stack([groups, direction], axis=1), axis=0, return_inverse=True)[1].ravel()
     accuracy = lambda residual, rows: float(np.linalg.norm(residual[rows].mean(axis=0)))
     return tuple(
         PoseTest(
@@ -152,7 +152,7 @@ def _pose_tests(
             accuracy(after, rows),
             repeatability(data.position[rows]),
         )
-        for rows in _members(each, LEAST_VISITS)
+        for rows in members(each, LEAST_VISITS)
     )
 
 
@@ -161,9 +161,9 @@ def _directions(
 ) -> tuple[float, float, int] | None:
     """vAP: largest distance between the mean errors of one pose's directions; what a model predicts of it
     counts for it."""
-    direction, found = _direction(data), []
-    for rows in _members(groups, 2 * LEAST_VISITS):
-        parts = [rows[part] for part in _members(direction[rows], LEAST_VISITS)]
+    direction, found = direction_of_approach(data), []
+    for rows in members(groups, 2 * LEAST_VISITS):
+        parts = [rows[part] for part in members(direction[rows], LEAST_VISITS)]
         if len(parts) > 1:
             found.append(
                 [
@@ -184,7 +184,7 @@ def _drift(
     if data.time is None:
         return None
     found = []
-    for rows in _members(groups, 2 * DRIFT_BLOCK):
+    for rows in members(groups, 2 * DRIFT_BLOCK):
         rows = rows[np.argsort(data.time[rows], kind="stable")]
         span = float(data.time[rows[-1]] - data.time[rows[0]])
         if span < DRIFT_SPAN_S:
@@ -201,25 +201,26 @@ def _drift(
 def _distances(
     data: Dataset, groups: np.ndarray, predicted_before: np.ndarray, predicted: np.ndarray, seed: int
 ) -> Distances | None:
-    """Of pairs of poses in one session, by the mean of their visits; no base frame enters."""
-    parts = _members(groups, 1)
+    """Of pairs of poses in one session, visit by visit; no base frame enters."""
+    parts = members(groups, 1)
     session = np.array([data.session[rows[0]] for rows in parts])
     first, second = _pairs(session, np.random.default_rng(seed))
     if not first.size:
         return None
-    mean = lambda points: np.array([points[rows].mean(axis=0) for rows in parts])
-    length = lambda points: np.linalg.norm(points[first] - points[second], axis=1)
-    measured = length(mean(data.position))
-    errors = [measured - length(mean(points)) for points in (predicted_before, predicted)]
-    spread = [
-        3.0
-        * float(
-            np.std(np.linalg.norm(data.position[parts[a]][:n] - data.position[parts[b]][:n], axis=1), ddof=1)
-        )
-        for a, b in zip(first, second)
-        if (n := min(parts[a].size, parts[b].size)) >= LEAST_VISITS
-    ]
-    return Distances(measured, *errors, max(spread, default=None))
+    visits = np.array([part.size for part in parts])
+    common = np.minimum(visits[first], visits[second])
+    lengths = np.zeros((3, first.size))  # measured, by both models: mean over the visits that both poses have
+    places, spread = (data.position, predicted_before, predicted), 0.0
+    for n in np.unique(common):
+        pairs = np.flatnonzero(common == n)
+        rows = [np.array([part[:n] if part.size >= n else np.resize(part, n) for part in parts])[ends[pairs]]
+                for ends in (first, second)]
+        each = [np.linalg.norm(points[rows[0]] - points[rows[1]], axis=2) for points in places]
+        lengths[:, pairs] = [length.mean(axis=1) for length in each]
+        if n >= LEAST_VISITS:
+            spread = max(spread, 3.0 * float(each[0].std(axis=1, ddof=1).max()))
+    enough = bool(np.any(common >= LEAST_VISITS))
+    return Distances(lengths[0], lengths[0] - lengths[1], lengths[0] - lengths[2], spread if enough else None)
 
 
 def _pairs(session: np.ndarray, random: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
