@@ -158,7 +158,7 @@ def _orientation_json(found: Orientation | None) -> dict[str, Any]:
     if found is None:
         return {}
     out: dict[str, Any] = {"mean_error_rad": {"before": found.error[0], "after": found.error[1]},
-                           "poses": found.poses}
+                           "tested_poses": found.poses}
     if found.poses:
         out |= {"AP_before_max_rad": found.accuracy_before, "AP_after_max_rad": found.accuracy_after,
                 "RP_max_rad": found.repeatability}

@@ -6,10 +6,10 @@ through c_i across the path, and their mean p_i:
     AT = max_i |p_i - c_i|                              path accuracy
     l_ij = |p_ij - p_i|,  RT = max_i (mean l_i + 3 S_li)      path repeatability (S: n - 1)
 
-m. The commanded path is the model's at the angles that the controller reports, mean over the cycles at
-equal shares of its length, with the base and tool frame of the certificate's poses: one set-up, one session.
-The model is that of an arm at rest, so what speed does counts as an error. Both ends (EDGE of the length) are left
-out: there the arm starts and stops beside the planes. Positions alone. The standard asks for 10 cycles,
+m. The commanded path is the model's at the angles that the controller reports, mean over the cycles at equal
+shares of its length, with the base and tool frame of the certificate's poses: one set-up, one session. The
+model is that of an arm at rest, so what speed does counts as an error. Both ends (EDGE of the length) are
+left out: there the arm starts and stops beside the planes. Positions alone. The standard asks for 10 cycles,
 straight lines and circles in a plane of its cube, three speeds: the rows say which path and how fast.
 """
 
@@ -74,7 +74,8 @@ def path_tests(
         if int(session) not in sessions:
             raise InputError(
                 f"session {session} is not among those of the poses "
-                f"({', '.join(map(str, sorted(sessions)))}); expected a path measured in the same set-up", file=rows.first_file,
+                f"({', '.join(map(str, sorted(sessions)))}); expected a path measured in the same set-up",
+                file=rows.first_file,
             )
         cycles.append(_cycle(robots, judged, rows))
     return tuple(_test(group) for group in _grouped(cycles))
