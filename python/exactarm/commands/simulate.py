@@ -11,61 +11,43 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.interpolate import make_interp_spline
 
-from exactarm.columns import PAYLOAD, PAYLOAD_CENTRE
 from exactarm.commands import compare
 from exactarm.commands.arguments import add_files, add_robot
 from exactarm.commands.call import AnyRobot, arguments_of, asked, robot_of, threads_of
 from exactarm.commands.publish import sources
 from exactarm.commands.result import CommandResult
+from exactarm.commands.virtual_measurements import MEASURES, SHOW_THE_TARGET, Played
 from exactarm.dataset import Dataset, dataset_columns, read_planned_poses
 from exactarm.errors import InputError
 from exactarm.generic_masses import with_generic_masses
 from exactarm.identify.statistics import summarise
-from exactarm.kinds import GEAR_RUN, TRACKED_MOTION
+from exactarm.kinds import MOTION, POSES, TRACKED_MOTION
 from exactarm.progress import SILENT, Progress
 from exactarm.report import Highlight, Highlights, Quantity, Report, Text
 from exactarm.report.numbers import quantity
 from exactarm.robot import Robot
 from exactarm.robot_writer import robot_text
-from exactarm.simulate import (
-    Sensors,
-    VirtualRobot,
-    deviated,
-    measure_gear_runs,
-    measure_motion,
-    measure_poses,
-    measure_tracked_motion,
-    parse_effect,
-)
-from exactarm.simulate.closures import CONTACTS, fixture_text, measure_closures
-from exactarm.simulate.independent import independent_path
-from exactarm.simulate.measure import true_path
-from exactarm.simulate.profiles import excitation, limit
-from exactarm.simulate.virtual_robot import one_sided, placed, unplaced
+from exactarm.simulate import VirtualRobot, deviated, parse_effect
+from exactarm.simulate.closures import CONTACTS
+from exactarm.simulate.virtual_robot import one_sided, placed
 from exactarm.split import DEFAULT_SEED
 
 NAME = "simulate"
 HELP = "play a trajectory or measure poses, gears and motions on a virtual robot"
 
 HIDDEN_OPTIONS = ("--effect",)  # the truth stands in truth.toml alone
-MEASURES = ("poses", "gear", "motion", "tracked", "closures")
-_AT_REST = ("poses", "tracked", "closures")  # what shows where the target is
-_SPEEDS = (0.4, 0.3)  # of the largest rate, as in the thesis (3.1.2)
-PAYLOADS = (PAYLOAD, *PAYLOAD_CENTRE)
-DEGREE = np.pi / 180.0
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_robot(parser)
     add_files(parser, least=0, text="trajectory.csv to play, or poses.csv to measure")
-    parser.add_argument("--measure", choices=MEASURES, default=None,
+    parser.add_argument("--measure", choices=tuple(MEASURES), default=None,
                         help="what is measured (default: tracked for a trajectory, else poses)")
     parser.add_argument("--compare", metavar="PATH", default=None,
                         help="what a plan is worth: plays rigid motions and exactarm's for a path file, line "
@@ -129,16 +111,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                          help="at the start and in the end")
 
 
-@dataclass(frozen=True)
-class _Played:
-    """What was measured, under which file name, and for a played trajectory the flange's error (N,) in m."""
-
-    data: Dataset
-    name: str
-    tracking: np.ndarray | None = None
-    texts: dict[str, str] = field(default_factory=dict)
-
-
 def simulate(
     robot: AnyRobot, file: str | Path | None = None, *, measure: str | None = None,
     effects: Sequence[str] = (),
@@ -174,12 +146,13 @@ def run(arguments: argparse.Namespace) -> CommandResult:
         return compare.run(arguments, robot)
     planned = read_planned_poses(arguments.files, robot) if arguments.files else None
     series = planned is not None and planned.time is not None
-    measure = arguments.measure or ("tracked" if series else "poses")
+    measure = arguments.measure or (TRACKED_MOTION if series else POSES).measured_as
     _require(arguments, robot, measure, planned)
     random = np.random.default_rng(arguments.seed)
     virtual = _virtual(arguments, robot, measure, random)
     arguments.progress.stage(f"measuring {measure}")
-    played = _MEASURE[measure](arguments, virtual, planned if series or measure == "poses" else None, random)
+    given = planned if series or measure == POSES.measured_as else None
+    played = MEASURES[measure](arguments, virtual, given, random)
     truth = virtual.true
     return CommandResult(
         json=_json(played, measure),
@@ -205,13 +178,13 @@ def _require_comparison(arguments: argparse.Namespace, robot: Robot) -> None:
 
 def _require(arguments: argparse.Namespace, robot: Robot, measure: str, planned: Dataset | None) -> None:
     _require_numbers(arguments)
-    if measure in _AT_REST and not robot.has_geometry:
+    if measure in SHOW_THE_TARGET and not robot.has_geometry:
         raise InputError(f"robot {robot.name} declares no geometry; expected one for measured positions",
                          file=robot.file)
-    if measure == "motion" and (robot.links is None or robot.generic_masses):
+    if measure == MOTION.measured_as and (robot.links is None or robot.generic_masses):
         raise InputError(f"robot {robot.name} declares no link masses; expected them for a motion",
                          file=robot.file)
-    if measure == "tracked" and (planned is None or planned.time is None):
+    if measure == TRACKED_MOTION.measured_as and (planned is None or planned.time is None):
         raise InputError("tracked motion: expected a trajectory.csv with time_s and theta_i_rad")
 
 
@@ -233,169 +206,16 @@ def _virtual(arguments: argparse.Namespace, robot: Robot, measure: str,
     effects = [parse_effect(text, robot.axes) for text in arguments.effect]
     true = robot
     if arguments.deviation:
-        true = deviated(true, arguments.deviation, random, geometry=measure in _AT_REST, frames=False)
+        true = deviated(true, arguments.deviation, random, geometry=measure in SHOW_THE_TARGET, frames=False)
     if arguments.torques is not None or any(effect.by_load for effect in effects):
-        true = with_generic_masses(true) if measure in _AT_REST else true
+        true = with_generic_masses(true) if measure in SHOW_THE_TARGET else true
     true = one_sided(true, arguments.gear_direction)
-    if arguments.frames == "random" and measure in _AT_REST:
+    if arguments.frames == "random" and measure in SHOW_THE_TARGET:
         true = placed(true, random)
     return VirtualRobot.of(robot, effects, true)
 
 
-def _sensors(arguments: argparse.Namespace) -> Sensors:
-    noise = {}
-    if arguments.noise is not None:
-        noise = {"position_m": arguments.noise, "gyro_rad_s": arguments.noise, "torque_Nm": arguments.noise}
-    if arguments.torques is not None:
-        noise["torque_Nm"] = arguments.torques
-    temperature = None if arguments.temperature is None else tuple(arguments.temperature)
-    return Sensors(counts=arguments.counts, wrong_rows=arguments.wrong_rows, temperature_degC=temperature,
-                   **noise)
-
-
-def _poses(arguments: argparse.Namespace, virtual: VirtualRobot, planned: Dataset | None,
-           random: np.random.Generator) -> _Played:
-    robot = virtual.nominal
-    if planned is not None:
-        angles = planned.joints.get("q", np.full((len(planned), robot.axes), np.nan))
-        theta = planned.joints.get("theta", np.full_like(angles, np.nan))
-        q = np.where(np.isnan(angles), theta / robot.controller_ratios + robot.controller_offsets, angles)
-    else:
-        q = random.uniform(limit(robot, "q_min"), limit(robot, "q_max"), (arguments.count, robot.axes))
-    carried = (
-        {} if planned is None
-        else {name: planned.covariates[name] for name in PAYLOADS if name in planned.covariates}
-    )
-    data = measure_poses(
-        virtual, q, _sensors(arguments), random, visits=arguments.visits, orientation=arguments.orientation,
-        session=None if planned is None else planned.session, payload=carried,
-        torques=arguments.torques is not None,
-    )
-    return _Played(data, "measured.csv")
-
-
-def _closures(arguments: argparse.Namespace, virtual: VirtualRobot, planned: Dataset | None,
-              random: np.random.Generator) -> _Played:
-    data, fixture = measure_closures(
-        virtual, arguments.contact, arguments.places, arguments.count, _sensors(arguments), random
-    )
-    return _Played(data, "closures.csv", texts={"fixture.toml": fixture_text(fixture)})
-
-
-def _gear(arguments: argparse.Namespace, virtual: VirtualRobot, planned: Dataset | None,
-          random: np.random.Generator) -> _Played:
-    robot = virtual.nominal
-    axes = [i for i, joint in enumerate(robot.joints) if joint.has_gear]
-    if not axes:
-        raise InputError(f"robot {robot.name} declares no gear ratio; expected one for a gear run",
-                         file=robot.file)
-    if arguments.joint:
-        wrong = [axis for axis in arguments.joint if axis - 1 not in axes]
-        if wrong:
-            raise InputError(f"--joint {wrong[0]}: expected an axis with a gear, one of "
-                             f"{[i + 1 for i in axes]}")
-        axes = [axis - 1 for axis in arguments.joint]
-    parts = []
-    for axis in axes:
-        top = float(limit(robot, "q_dot_max")[axis])
-        speeds = (
-            [speed * DEGREE for speed in arguments.speed]
-            if arguments.speed else [share * top for share in _SPEEDS]
-        )
-        parts.append(measure_gear_runs(
-            virtual, [axis], speeds, arguments.repeats, _sensors(arguments), random, arguments.rate or 1000.0,
-            in_motion=arguments.in_motion,
-        ))
-    return _Played(_joined(parts), "gear_runs.parquet")
-
-
-def _joined(parts: list[Dataset]) -> Dataset:
-    first, runs = [], 0
-    for part in parts:
-        first.append(part.run + runs)
-        runs += int(part.run.max())
-    stack = lambda pick: np.concatenate([pick(part) for part in parts])
-    covariates = {name: stack(lambda part, name=name: part.covariates[name]) for name in parts[0].covariates}
-    return Dataset.of_arrays(
-        GEAR_RUN.name, {"theta": stack(lambda part: part.joints["theta"])},
-        time=stack(lambda part: part.time),
-        run=np.concatenate(first), gyro=stack(lambda part: part.gyro), covariates=covariates,
-    )
-
-
-def _motion(arguments: argparse.Namespace, virtual: VirtualRobot, planned: Dataset | None,
-            random: np.random.Generator) -> _Played:
-    joints = None
-    if planned is None:
-        pieces = []
-        for _ in range(arguments.runs):
-            time, q = excitation(virtual.nominal, arguments.seconds, arguments.rate or 500.0, random)
-            pieces.append((time, virtual.motor_angles(q)))
-        time, theta = (np.concatenate([piece[k] for piece in pieces]) for k in (0, 1))
-        run = np.repeat(np.arange(1, len(pieces) + 1), [len(piece[0]) for piece in pieces])
-    else:
-        time, theta, joints = _resampled(planned, virtual.nominal, arguments.rate)
-        run = np.ones(time.size, int)
-    damping = 1e-3 if arguments.damping is None else arguments.damping
-    data = measure_motion(virtual, time, theta, _sensors(arguments), random, run=run, joints=joints,
-                          quasi_static=arguments.quasi_static, damping_s=damping)
-    return _Played(data, "motion.parquet")
-
-
-def _tracked(arguments: argparse.Namespace, virtual: VirtualRobot, planned: Dataset | None,
-             random: np.random.Generator) -> _Played:
-    if planned is None:
-        raise ValueError("expected a planned trajectory")
-    time, theta, joints = _resampled(planned, virtual.nominal, arguments.rate)
-    how = {"quasi_static": arguments.quasi_static, "damping_s": arguments.damping or 0.0}
-    series = Dataset.of_arrays(TRACKED_MOTION.name, {"theta": theta}, time=time)
-    at_flange = VirtualRobot(virtual.nominal, unplaced(virtual.true))
-    if arguments.engine == "pinocchio":
-        flange = independent_path(at_flange, time, theta, joints)
-    else:
-        flange = true_path(at_flange, series, joints, **how)
-    data = measure_tracked_motion(virtual, time, theta, _sensors(arguments), random, joints=joints, **how)
-    tracking = None
-    if planned.position is not None:
-        desired = make_interp_spline(planned.sample_times, planned.position, k=5)(time)
-        tracking = np.linalg.norm(flange - desired, axis=1)
-    return _Played(data, "tracked.csv", tracking)
-
-
-def _resampled(planned: Dataset, robot: Robot,
-               rate_hz: float | None) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
-    """time, motor angles and joint angles (as planned, None if not in the file).
-
-    By a quintic spline where another rate is asked for (the controller's interpolation).
-    """
-    angles, joints = planned.joints.get("theta"), _planned_joints(planned, robot)
-    if angles is None or np.isnan(angles).any():
-        angles = (planned.joints["q"] - robot.controller_offsets) * robot.controller_ratios
-    given = planned.sample_times
-    if len(planned) < 6 or np.any(np.diff(given) <= 0.0):
-        raise InputError("a trajectory needs at least 6 rows whose time_s rises")
-    if rate_hz is None:
-        return given, angles, joints
-    time = np.arange(given[0], given[-1] + 0.5 / rate_hz, 1.0 / rate_hz)
-    time = time[time <= given[-1] + 1e-12]
-    at = lambda values: make_interp_spline(given, values, k=5)(time)
-    return time, at(angles), None if joints is None else at(joints)
-
-
-def _planned_joints(planned: Dataset, robot: Robot) -> np.ndarray | None:
-    """(N, n) the joint angles that a trajectory is for, else those that it reaches."""
-    desired = [planned.covariates.get(f"q_desired_{i + 1}_rad") for i in range(robot.axes)]
-    found = [column for column in desired if column is not None]
-    if len(found) == robot.axes:
-        return np.column_stack(found)
-    reached = planned.joints.get("q")
-    return None if reached is None or np.isnan(reached).any() else reached
-
-
-_MEASURE = {"poses": _poses, "gear": _gear, "motion": _motion, "tracked": _tracked, "closures": _closures}
-
-
-def _json(played: _Played, measure: str) -> dict[str, Any]:
+def _json(played: Played, measure: str) -> dict[str, Any]:
     result = {"data_kind": played.data.kind, "file": played.name, "rows": len(played.data)}
     if played.tracking is not None:
         summary = summarise(played.tracking).to_json()
@@ -404,7 +224,7 @@ def _json(played: _Played, measure: str) -> dict[str, Any]:
     return result
 
 
-def _report(robot: Robot, played: _Played, measure: str) -> Report:
+def _report(robot: Robot, played: Played, measure: str) -> Report:
     runs = len(np.unique(played.data.run))
     rows = f"{len(played.data)} rows" + (f" in {runs} runs" if runs > 1 else "")
     verdict = f"{played.name} holds {rows}, as a virtual {robot.name} would have been measured ({measure})."

@@ -36,6 +36,7 @@ class Kind:
     rows: ClassVar[str] = "samples"
     row: ClassVar[str] = "sample"
     error: ClassVar[str] = "error"
+    measured_as: ClassVar[str]  # by `exactarm simulate --measure`
     anew: ClassVar[str]  # what to measure so that a new model is judged by new data
 
     def held_by(self, data: Rows) -> bool:

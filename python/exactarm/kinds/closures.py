@@ -13,6 +13,7 @@ from exactarm.rows import Rows
 class _Closures(Kind):
     name, at_rest, alone = "closures", True, True
     rows, row, error = "touches", "pose", "distance to the contact"
+    measured_as = "closures"
     anew = "Touch the fixture at another place"
 
     def held_by(self, data: Rows) -> bool:

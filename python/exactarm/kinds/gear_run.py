@@ -18,6 +18,7 @@ def has_both_encoders(data: Rows) -> bool:
 
 class _GearRun(Kind):
     name = "gear_run"
+    measured_as = "gear"
     anew = "Record the gears once more"
 
     def held_by(self, data: Rows) -> bool:

@@ -12,6 +12,7 @@ TORQUES = ("tau", "tau_motor", "current")
 
 class _Motion(Kind):
     name = "motion"
+    measured_as = "motion"
     anew = "Record another motion"
 
     def held_by(self, data: Rows) -> bool:

@@ -10,6 +10,7 @@ from exactarm.rows import Rows
 class _Poses(Kind):
     name, at_rest, alone = "poses", True, True
     rows, row, error = "poses", "pose", "position error"
+    measured_as = "poses"
     anew = "Measure some twenty new poses"
 
     def held_by(self, data: Rows) -> bool:

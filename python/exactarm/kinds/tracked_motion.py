@@ -9,6 +9,7 @@ from exactarm.rows import Rows
 
 class _TrackedMotion(Kind):
     name, error = "tracked_motion", "position error"
+    measured_as = "tracked"
     anew = "Track another path"
 
     def held_by(self, data: Rows) -> bool:
