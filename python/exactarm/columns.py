@@ -18,6 +18,7 @@ from exactarm.errors import InputError
 ANGLE = {"rad": 1.0, "deg": math.pi / 180.0}
 ANGULAR_RATE = {"rad_s": 1.0, "deg_s": math.pi / 180.0}
 LENGTH = {"m": 1.0, "mm": 1e-3}
+ACCELERATION = {"m_s2": 1.0}
 TIME = {"s": 1.0, "ms": 1e-3}
 TORQUE = {"Nm": 1.0}
 FORCE = {"N": 1.0}
@@ -44,6 +45,9 @@ ROTATION_VECTOR = ("rx", "ry", "rz")
 GYRO = ("gyro_x", "gyro_y", "gyro_z")
 # which contact a row belongs to; under these names alone
 CONTACTS = ("socket", "plane", "sphere", "bar", "pair")
+# of a sensor on the flange, at rest: angles of its x and y axes above the horizon; specific force
+TILT = ("tilt_x", "tilt_y")
+ACCEL = ("accel_x", "accel_y", "accel_z")
 # covariates that are a load too
 PAYLOAD, PAYLOAD_CENTRE = "payload_kg", ("payload_x_m", "payload_y_m", "payload_z_m")
 SCALAR_UNITS = (
@@ -51,6 +55,8 @@ SCALAR_UNITS = (
     | dict.fromkeys(QUATERNION, NO_UNIT)
     | dict.fromkeys(ROTATION_VECTOR, ANGLE)
     | dict.fromkeys(GYRO, ANGULAR_RATE)
+    | dict.fromkeys(TILT, ANGLE)
+    | dict.fromkeys(ACCEL, ACCELERATION)
     | {"time": TIME}
     | dict.fromkeys(("session", "visit", "run", "set"), NO_UNIT)
 )
@@ -59,7 +65,8 @@ SCALAR_UNITS = (
 MOST = {
     "theta": 1e8, "q": 1e5, "theta_dot": 1e8, "q_dot": 1e5, "tau": 1e8, "tau_motor": 1e8, "current": 1e7,
     "time": 1e13,
-} | dict.fromkeys(POSITION, 1e6) | dict.fromkeys(ROTATION_VECTOR, 1e3) | dict.fromkeys(GYRO, 1e5)
+} | dict.fromkeys(TILT, 0.5 * math.pi) | dict.fromkeys(ACCEL, 1e4)
+MOST |= dict.fromkeys(POSITION, 1e6) | dict.fromkeys(ROTATION_VECTOR, 1e3) | dict.fromkeys(GYRO, 1e5)
 
 _ALMOST = 0.75  # share of matching letters: one wrong or swapped letter of five, not another word
 _JOINT_NAMES = "|".join(sorted(JOINT_UNITS, key=len, reverse=True))
@@ -74,11 +81,12 @@ _LENGTH = re.compile(rf"length_({'|'.join(LENGTH)})")
 def may_be_empty(names: list[str]) -> set[str]:
     """Columns whose cells may be empty: a row without a contact, and in a file with contacts a row without a
     tracker."""
-    if not set(CONTACTS) & set(names):
+    scalars = {name: match[1] for name in names if (match := _SCALAR.fullmatch(name))}
+    if not set(CONTACTS) & set(names) and not {*TILT, *ACCEL} & set(scalars.values()):
         return set()
-    vectors = (*POSITION, *QUATERNION, *ROTATION_VECTOR)
-    return {name for name in names if name in CONTACTS or _LENGTH.fullmatch(name)
-            or ((match := _SCALAR.fullmatch(name)) and match[1] in vectors)}
+    vectors = (*POSITION, *QUATERNION, *ROTATION_VECTOR, *TILT, *ACCEL)
+    return {name for name in names
+            if name in CONTACTS or _LENGTH.fullmatch(name) or scalars.get(name) in vectors}
 
 
 @dataclass(frozen=True)

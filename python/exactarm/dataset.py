@@ -19,6 +19,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from exactarm.columns import (
+    ACCEL,
     CONTACTS,
     GYRO,
     MOST,
@@ -26,6 +27,7 @@ from exactarm.columns import (
     POSITION,
     QUATERNION,
     ROTATION_VECTOR,
+    TILT,
     Column,
     may_be_empty,
     parse_column,
@@ -34,7 +36,7 @@ from exactarm.columns import (
 from exactarm.errors import InputError
 from exactarm.fixture import Fixture
 from exactarm.kinds import POSES, data_kinds, kind_of
-from exactarm.kinds.base import check_joints
+from exactarm.kinds.base import check_joints, is_a_series
 from exactarm.robot import Robot
 from exactarm.rows import Rows, Source
 from exactarm.split import pose_split, run_split, split_rule
@@ -137,7 +139,11 @@ def dataset_columns(dataset: Dataset, robot: Robot) -> dict[str, np.ndarray]:
         columns |= {name: quaternion[:, i] for i, name in enumerate(QUATERNION)}
     if dataset.gyro is not None:
         columns |= {f"{name}_rad_s": dataset.gyro[:, i] for i, name in enumerate(GYRO)}
-    columns |= dataset.contacts
+    columns |= {name: dataset.contacts[name] for name in CONTACTS if name in dataset.contacts}
+    if dataset.tilt is not None:
+        columns |= {f"{name}_rad": dataset.tilt[:, i] for i, name in enumerate(TILT)}
+    if dataset.accel is not None:
+        columns |= {f"{name}_m_s2": dataset.accel[:, i] for i, name in enumerate(ACCEL)}
     if dataset.length is not None:
         columns["length_m"] = dataset.length
     return columns | dataset.covariates
@@ -228,14 +234,14 @@ def _check_values(path: str, column: Column, numbers: np.ndarray) -> None:
 def _check_size(path: str, column: Column, values: np.ndarray) -> None:
     """A cell that no device measures is no measurement; one alone would carry any fit with it."""
     most = MOST.get(column.quantity, np.inf)
-    if column.quantity in MOST and np.max(np.abs(values), initial=0.0) > most:
-        row = int(np.argmax(np.abs(values)))
+    if column.quantity in MOST and np.nanmax(np.abs(values), initial=0.0) > most:
+        row = int(np.nanargmax(np.abs(values)))
         message = f"{values[row]:.6g} in SI units; expected at most {most:g} in size"
         raise InputError(message, file=path, row=row + 1, column=column.name)
 
 
 def _check_vectors(path: str, columns: Mapping[Any, Column]) -> None:
-    for vector in (POSITION, QUATERNION, ROTATION_VECTOR, GYRO):
+    for vector in (POSITION, QUATERNION, ROTATION_VECTOR, GYRO, TILT, ACCEL):
         missing = [name for name in vector if (name, None) not in columns]
         if missing and len(missing) < len(vector):
             found = next(name for name in vector if name not in missing)
@@ -251,10 +257,11 @@ def _check_files(files: Sequence[_File]) -> None:
     """No file twice; and a quantity that only some files have could be neither used nor dropped without a
     word."""
     numbering = {("session", None), ("run", None), ("visit", None)}
-    if any((name, None) in file.columns for file in files for name in CONTACTS):
+    if any((name, None) in file.columns for file in files for name in (*CONTACTS, TILT[0], ACCEL[0])):
         # files of contacts beside each other, or beside a tracker's: what a file has not, its rows have not
         numbering |= {(name, None)
-                      for name in (*CONTACTS, "length", *POSITION, *QUATERNION, *ROTATION_VECTOR)}
+                      for name in (*CONTACTS, "length", *POSITION, *QUATERNION, *ROTATION_VECTOR, *TILT,
+                                   *ACCEL)}
     seen: dict[str, str] = {}
     for file in files:
         if other := seen.get(file.table.sha256):
@@ -283,7 +290,7 @@ def _join(files: Sequence[_File], robot: Robot) -> Dataset:
     vector = lambda names: np.stack([stack((name, None)) for name in names],
                                     1) if (names[0], None) in first else None
     visit = _shared_numbers(files, "visit") if any(file.get("visit") is not None for file in files) else None
-    return Dataset(
+    return _with_gravity_sensor(Dataset(
         kind="",
         kinds=(),
         axes=robot.axes,
@@ -305,7 +312,26 @@ def _join(files: Sequence[_File], robot: Robot) -> Dataset:
         length=stack(("length", None)) if ("length", None) in first else None,
         covariates={key: stack(key) for key in first if isinstance(key, str)},
         sources=tuple(Source(file.path, file.table.sha256, file.table.rows) for file in files),
-    )
+        tilt=vector(TILT),
+        accel=vector(ACCEL),
+    ))
+
+
+def _with_gravity_sensor(data: Dataset) -> Dataset:
+    """Rows at rest with a reading are touches of the sensor; in a motion the columns are covariates."""
+    sensors = {"tilt": (data.tilt, TILT, "rad"), "accel": (data.accel, ACCEL, "m_s2")}
+    held = {name: entry for name, entry in sensors.items() if entry[0] is not None}
+    if not held or not is_a_series(data):
+        marks = {name: np.where(np.isnan(values).any(axis=1), NO_CONTACT, 0)
+                 for name, (values, _, _) in held.items()}
+        return replace(data, contacts=data.contacts | marks)
+    columns = {f"{name}_{unit}": values[:, k] for values, names, unit in held.values()
+               for k, name in enumerate(names)}
+    for name, values in columns.items():
+        if (empty := np.flatnonzero(np.isnan(values))).size:
+            raise InputError("empty cell; expected a number in every row of a motion", column=name,
+                             file=data.first_file, row=int(data.row[empty[0]]))
+    return replace(data, tilt=None, accel=None, covariates=data.covariates | columns)
 
 
 def _rotation(files: Sequence[_File],

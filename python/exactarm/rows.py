@@ -37,7 +37,9 @@ class Rows:
     None;
                     beside contacts NaN in rows without a tracker
     session, run    (N,) int
-    contacts        "socket", "plane", "sphere", "bar", "pair": (N,) int, NO_CONTACT where the row has none
+    contacts        "socket", "plane", "sphere", "bar", "pair": (N,) int, NO_CONTACT where the row has none;
+                    "tilt", "accel": 0 where the sensor on the flange was read
+    tilt (N, 2)     rad, accel (N, 3) m/s^2: its readings at rest, NaN where there is none; None without
     length (N,)     read off a bar or wire, m, NaN where none was; None without
     fixture         what is known of the contacts
     covariates      name as in the header -> (N,)
@@ -60,6 +62,8 @@ class Rows:
     identification: np.ndarray | None = None
     contacts: dict[str, np.ndarray] = field(default_factory=dict)
     length: np.ndarray | None = None
+    tilt: np.ndarray | None = None
+    accel: np.ndarray | None = None
     fixture: Fixture = Fixture()
     covariates: dict[str, np.ndarray] = field(default_factory=dict)
     sources: tuple[Source, ...] = ()

@@ -11,7 +11,7 @@ from exactarm.errors import InputError
 from exactarm.fixture import Distance, Fixture, Radius, load_fixture
 from exactarm.identify.declared import geometry_layout
 from exactarm.measurement.closures import cleared_of_pairs, device_of, predict_closures, touches
-from exactarm.measurement.contacts import CONTACT_CLASSES, Bar, Plane, Socket, Sphere
+from exactarm.measurement.contacts import TOUCHED, Bar, Plane, Socket, Sphere
 from exactarm.measurement.known_lengths import known_lengths
 from exactarm.measurement.target import Target
 from exactarm.robot_file import load_robot
@@ -84,7 +84,7 @@ def test_the_width_between_two_faces_is_that_of_the_tip_centres_less_two_radii()
     assert abs(known_lengths(layout, fixture)[0].residual) < 1e-15
 
 
-@pytest.mark.parametrize("cls", CONTACT_CLASSES.values())
+@pytest.mark.parametrize("cls", TOUCHED.values())
 def test_a_contact_starts_where_it_was_touched(cls):
     direction = RANDOM.normal(size=(60, 3))
     direction /= np.linalg.norm(direction, axis=1)[:, None]

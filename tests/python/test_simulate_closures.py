@@ -9,11 +9,11 @@ from exactarm.cli import main
 from exactarm.dataset import read_dataset
 from exactarm.fixture import load_fixture
 from exactarm.measurement.closures import predict_closures
-from exactarm.measurement.contacts import CONTACT_CLASSES
+from exactarm.measurement.contacts import TOUCHED
 from exactarm.robot_file import load_robot
 
 
-@pytest.mark.parametrize("contact", [*CONTACT_CLASSES, "pair"])
+@pytest.mark.parametrize("contact", [*TOUCHED, "pair"])
 def test_the_true_target_touches_within_the_noise(tmp_path, contact):
     words = ["simulate", "panda", "--measure", "closures", "--contact", contact, "--places", "2", "--count",
              "5",
@@ -33,7 +33,7 @@ def test_the_true_target_touches_within_the_noise(tmp_path, contact):
         return
     for session in (1, 2):
         for number in np.unique(data.contacts[contact]):
-            thing = CONTACT_CLASSES[contact](None, (), session, int(number))
+            thing = TOUCHED[contact](None, (), session, int(number))
             at = thing.rows(data)
             length = None if data.length is None else data.length[at]
             lack = thing.start(points[at], length).touch(points[at])[0]

@@ -130,8 +130,8 @@ def _axes(text: str) -> tuple[int, ...] | None:
 
 def _json(result: Calibration) -> dict[str, Any]:
     return {
-        "before": _summaries(result.before, result.distances_before),
-        "after": _summaries(result.after, result.distances_after),
+        "before": _summaries(result.before, result.distances_before, result.tilts_before),
+        "after": _summaries(result.after, result.distances_after, result.tilts_after),
         "parameters": {
             name: estimate(float(value), float(low), float(high))
             for name, value, (low, high) in zip(result.names, result.fit.fit.x, result.intervals)
@@ -147,10 +147,16 @@ def _json(result: Calibration) -> dict[str, Any]:
     }
 
 
-def _summaries(summaries: dict[str, Any], distances: dict[str, float | None]) -> dict[str, Any]:
-    """Each set's summary, of closures with the mean error of the known distances beside it."""
-    beside = lambda name: {"distance_error_m": distances[name]} if distances.get(name) is not None else {}
-    return {name: summary.to_json() | beside(name) for name, summary in summaries.items()}
+def _summaries(summaries: dict[str, Any], distances: dict[str, float | None],
+               tilts: dict[str, float | None]) -> dict[str, Any]:
+    """Each set's summary, of closures with the mean errors of known distances and of gravity's direction
+    beside it."""
+    beside = {"distance_error_m": distances, "tilt_error_rad": tilts}
+    return {
+        name: summary.to_json() | {key: values[name] for key, values in beside.items()
+                                   if values.get(name) is not None}
+        for name, summary in summaries.items()
+    }
 
 
 def residual_table(data: Dataset, identification: np.ndarray, before: np.ndarray,
@@ -205,7 +211,16 @@ def _distance_tables(result: Calibration) -> tuple[Any, ...]:
         for name, value in result.distances_after.items() if value is not None
     )
     note = "Mean absolute error. The scatter about contacts cannot show a wrong scale; a known distance does."
-    return (Table("Known distances", ("rows", "before", "after"), rows, note),) if rows else ()
+    tilts = tuple(
+        (name, Quantity(result.tilts_before[name], "rad"), Quantity(value, "rad"))
+        for name, value in result.tilts_after.items() if value is not None
+    )
+    tables = (
+        Table("Known distances", ("rows", "before", "after"), rows, note),
+        Table("Direction of gravity", ("rows", "before", "after"), tilts,
+              "Mean angle. In plots, 1 mrad stands as 1 mm: what it makes at a lever of 1 m."),
+    )
+    return tuple(table for table in tables if table.rows)
 
 
 def _parameter_sections(robot: Robot, result: Calibration) -> tuple[Any, ...]:

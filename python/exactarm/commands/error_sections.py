@@ -112,5 +112,5 @@ def unit_of(name: str) -> str:
 _BELOW = {"Nm": "Nm", "Nm3": "Nm³", "N": "N", "rad": "rad", "g": "g", "h": "h", "row": "row", "degC": "°C"}
 _UNITS = {
     "_rad_s": "rad/s", "_Nm_s": "Nm s", "_Nm_sqrt_s": "Nm √s", "_kg_m2": "kg m²", "_kg_m": "kg m",
-    "_rad": "rad", "_Nm": "Nm", "_kg": "kg", "_m": "m", "_s": "s",
+    "_m_s2": "m/s²", "_rad": "rad", "_Nm": "Nm", "_kg": "kg", "_m": "m", "_s": "s",
 }

@@ -81,6 +81,7 @@ def evaluate(
             "error": result.overall.to_json(),
             "unit": result.unit,
             **distance_json(result.distances),
+            **({} if result.tilt is None else {"tilt_error_rad": result.tilt}),
             "sessions": [{"session": session} | summary.to_json() for session, summary in result.sessions],
             "warnings": list(result.warnings),
         },
@@ -128,6 +129,8 @@ def _report(robot: Robot, data: Dataset, result: Evaluation) -> Report:
         mean = float(np.mean(list(result.distances.values())))
         verdict += f" Known distances are missed by {quantity(mean, unit)} on average."
         known = (Table("Known distances", ("distance", "error"), tuple((k, Quantity(v, unit)) for k, v in result.distances.items())),)
+    if result.tilt is not None:
+        verdict += f" The direction of gravity is missed by {quantity(result.tilt, 'rad')} on average."
     name = kind_of(data.kind).error
     rows: tuple[tuple[Cell, ...], ...] = tuple(
         (str(session), e.n, *(Quantity(v, unit) for v in (e.mean, e.rms, e.max, e.std)))

@@ -25,8 +25,10 @@ from exactarm.errors import InputError
 from exactarm.fixture import Fixture, load_fixture
 from exactarm.identify.closure_fit import Pulls, expected_deviations
 from exactarm.identify.closures import (
+    GRAVITY_ALONE,
     SCALE,
     carried_effects,
+    gravity_alone,
     identifiable_closures,
     nominal_closures,
     scale_is_known,
@@ -122,6 +124,7 @@ def _closures(robot: Robot, data: Dataset, noise: float,
     known = dict(zip(layout.names, deviations))
     found = replace(found, sigma_parameter=np.array([known.get(name, np.nan) for name in found.names]))
     warnings = () if scale_is_known(layout, data) else (SCALE,)
+    warnings += (GRAVITY_ALONE,) if gravity_alone(data) else ()
     poses = _Poses(robot, layout, data, False, nominal.layout.size, f"{len(data)} touches", warnings)
     return ModelCheck(found, (), ()), poses
 

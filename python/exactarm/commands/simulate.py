@@ -100,8 +100,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                       help="samples per second (default: the file's, else 1000, motion 500)")
     sensors = parser.add_argument_group("sensors")
     sensors.add_argument("--noise", metavar="SIGMA", type=float, default=None,
-                         help="of position in m (5e-5), gyroscope in rad/s (8.7e-4), torque in Nm (1 %% of "
-                              "each axis)")
+                         help="of position in m (5e-5), gravity's direction in rad (5e-5), gyroscope in rad"
+                              "/s (8.7e-4), torque in Nm (1 %% of each axis)")
     sensors.add_argument("--counts", metavar="K", type=int, default=None,
                          help="encoder counts per revolution of the motor (default: 65536, exact where no "
                               "gear ratio is declared; 0: exact)")

@@ -7,7 +7,7 @@ and a random generator, and gives the rows as a file of that kind holds them.
 from __future__ import annotations
 
 import argparse
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.interpolate import make_interp_spline
@@ -80,9 +80,9 @@ def _poses(arguments: argparse.Namespace, virtual: VirtualRobot, planned: Datase
 
 def _closures(arguments: argparse.Namespace, virtual: VirtualRobot, planned: Dataset | None,
               random: np.random.Generator) -> Played:
-    data, fixture = measure_closures(
-        virtual, arguments.contact, arguments.places, arguments.count, _sensors(arguments), random
-    )
+    noise = {} if arguments.noise is None else {"orientation_rad": arguments.noise}
+    data, fixture = measure_closures(virtual, arguments.contact, arguments.places, arguments.count,
+                                     replace(_sensors(arguments), **noise), random)
     return Played(data, "closures.csv", texts={"fixture.toml": fixture_text(fixture)})
 
 

@@ -30,12 +30,19 @@ from exactarm.identify.closures import (
     declare_closures,
     mean_distance_error,
     sessions_of,
+    tilt_error,
     updated_robot,
 )
 from exactarm.identify.declared import geometry_layout, reestimated_layout, require_geometry
 from exactarm.kinds import CLOSURES, POSES
-from exactarm.measurement.closures import ClosurePrediction, contact_keys, touches, turn_of_axis
-from exactarm.measurement.contacts import Contact
+from exactarm.measurement.closures import (
+    ClosurePrediction,
+    contact_keys,
+    shows_a_place,
+    touches,
+    turn_of_axis,
+)
+from exactarm.measurement.contact import Contact
 from exactarm.robot import Robot
 
 _TOLERANCE = 1e-7  # relative fall of the square sum that ends a fit: a thousandth of what evidence can notice
@@ -160,11 +167,15 @@ class ClosureProblem(PoseProblem):
         return ClosureFitted.of(fit, self.pulls)
 
     def errors(self, fitted: Fitted, data: Dataset) -> np.ndarray:
-        return closure_errors(self.robot, fitted.layout, data, self.threads).error()
+        error = closure_errors(self.robot, fitted.layout, data, self.threads).error()
+        return np.where(shows_a_place(data), error, np.nan)
 
     def also_judged(self, fitted: Fitted, data: Dataset) -> dict[str, float]:
-        error = mean_distance_error(self.robot, fitted.layout, data, self.threads)
-        return {} if error is None else {"distance_error_m": error}
+        found = {
+            "distance_error_m": mean_distance_error(self.robot, fitted.layout, data, self.threads),
+            "tilt_error_rad": tilt_error(closure_errors(self.robot, fitted.layout, data, self.threads)),
+        }
+        return {name: error for name, error in found.items() if error is not None}
 
     def signals(self, fitted: Fitted) -> dict[str, np.ndarray]:
         """Where the target is said to be holds the residual itself: it tells nothing here."""
@@ -200,12 +211,14 @@ class ClosureProblem(PoseProblem):
 
     def error_of_unit_noise(self, fitted: Fitted) -> float:
         """RMS error of the rows that have not slipped, for the degrees of freedom that the fit has taken."""
-        error = fitted.prediction.error()[fitted.weight > SLIPPED]
+        place = shows_a_place(self.data)
+        error = fitted.prediction.error()[place & (fitted.weight > SLIPPED)]
         used = int(fitted.prediction.used.sum())
         return float(np.sqrt(np.mean(error**2) * used / max(fitted.fit.freedom, 1)))
 
     def repeat_noise(self, fitted: Fitted) -> float | None:
         used = (fitted.weight > SLIPPED) & fitted.prediction.used[:, :3].all(axis=1)
+        used &= shows_a_place(self.data)
         groups = (self.groups() * (1 + self.data.session.max()) + self.data.session)[used]
         if len(groups) - len(np.unique(groups)) < LEAST_REPEATS:
             return None

@@ -55,7 +55,8 @@ class CalibrationOptions:
 class Calibration:
     """Result of a calibration; errors in m, per row of `data`.
 
-    distances_before, distances_after: of closures, set -> mean absolute error of the known distances, m, or None.
+    distances_before, distances_after: of closures, set -> mean absolute error of the known distances, m, or None;
+    tilts_before, tilts_after: mean angle by which gravity's direction is missed, rad, or None.
     """
 
     robot: Robot
@@ -72,6 +73,8 @@ class Calibration:
     warnings: tuple[str, ...] = field(default=())
     distances_before: dict[str, float | None] = field(default_factory=dict)
     distances_after: dict[str, float | None] = field(default_factory=dict)
+    tilts_before: dict[str, float | None] = field(default_factory=dict)
+    tilts_after: dict[str, float | None] = field(default_factory=dict)
 
     @property
     def names(self) -> tuple[str, ...]:

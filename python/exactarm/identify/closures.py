@@ -28,8 +28,18 @@ from exactarm.identify.loads import kept_masses, with_loads
 from exactarm.identify.match import WORST_SHARE, reach
 from exactarm.identify.parameter_name import parse_parameter
 from exactarm.identify.statistics import summarise
-from exactarm.measurement.closures import PAIR, TRACKER, contact_keys, device_of, predict_closures, touches
-from exactarm.measurement.contacts import CONTACT_CLASSES, Contact
+from exactarm.measurement.closures import (
+    PAIR,
+    TRACKER,
+    ClosurePrediction,
+    contact_keys,
+    device_of,
+    predict_closures,
+    shows_a_place,
+    touches,
+)
+from exactarm.measurement.contact import Contact
+from exactarm.measurement.contacts import CONTACT_CLASSES, SENSORS
 from exactarm.measurement.known_lengths import distance_errors, known_lengths
 from exactarm.measurement.target import Target
 from exactarm.robot import Robot
@@ -37,7 +47,7 @@ from exactarm.robot import Robot
 _STARTS = 12
 _TOOL_REACH_M = 0.3  # spread of the random starts of the tool point
 # below, a contact is wherever it was touched
-_LEAST_TOUCHES = {"socket": 1, "plane": 3, "sphere": 4, "bar": 4}
+_LEAST_TOUCHES = {"socket": 1, "plane": 3, "sphere": 4, "bar": 4, "tilt": 6, "accel": 4}
 SLIPPED = 0.35  # square root of a weight: beyond some 7 standard deviations
 # times Schwarz' price: what is left of an arm's own error buys up to 1.6 times with one and the same tool
 _MOUNTED_ANEW = 3.0
@@ -45,6 +55,10 @@ _AS_ONE = ("d", "q_offset")  # of axis 1: they move the arm along and about it
 AS_ONE = "the robot and everything that it touches may move as one: the contacts absorb it"
 SCALE = (
     "all lengths times a common factor fit as well: give one distance, radius or bar length of the fixture"
+)
+GRAVITY_ALONE = (
+    "gravity's direction alone shows no length, nothing of the first axis but its tilt, and no turn about "
+    "the vertical: track the target, or touch a fixture, in some poses as well"
 )
 
 
@@ -75,6 +89,7 @@ def calibrate_closures(robot: Robot, data: Dataset,
         closure_errors(robot, each.layout, rows, options.threads) for each in (declared.nominal, fit)
     )
     parts = {"identification": rows.identification, "validation": ~rows.identification}
+    place = shows_a_place(rows)
     judge = lambda layout: {
         name: mean_distance_error(robot, layout, rows.select(mask), options.threads)
         for name, mask in parts.items()
@@ -87,12 +102,14 @@ def calibrate_closures(robot: Robot, data: Dataset,
         error_before=before.error(),
         error_after=after.error(),
         residual_after=after.residual,
-        before={name: summarise(before.error()[mask]) for name, mask in parts.items()},
-        after={name: summarise(after.error()[mask]) for name, mask in parts.items()},
+        before={name: summarise(before.error()[mask & place]) for name, mask in parts.items()},
+        after={name: summarise(after.error()[mask & place]) for name, mask in parts.items()},
         identifiability=declared.identifiability,
         orientation=fit.prediction.used.shape[1] == 6,
         distances_before=judge(declared.nominal.layout),
         distances_after=judge(fit.layout),
+        tilts_before={name: tilt_error(before, mask) for name, mask in parts.items()},
+        tilts_after={name: tilt_error(after, mask) for name, mask in parts.items()},
         warnings=tuple(_warnings(declared, train)),
     )
 
@@ -145,7 +162,7 @@ def nominal_closures(
                                   seed=seed)
     framed = {effect.session for effect in frames.effects}
     shared = tuple(s for s in (sessions or sessions_of(data)) if s not in framed)
-    touched = np.isin(data.session, shared) & (device != PAIR)
+    touched = np.isin(data.session, shared) & ~np.isin(device, [PAIR, *SENSORS])
     starts = [robot.tool.position]
     if touched.any():
         starts += list(np.random.default_rng(seed).normal(0.0, _TOOL_REACH_M, (_STARTS, 3)))
@@ -181,31 +198,32 @@ def with_contacts(robot: Robot, layout: Layout, data: Dataset, threads: int = 1)
     else moves.
     """
     known = {(e.contact, e.session, e.number) for e in layout.effects if isinstance(e, Contact)}
-    prediction = predict_closures(robot, layout.held, data, tangents=False, threads=threads)
-    points = prediction.view.signals["target"] + prediction.view.signals["displacement"][:, :3]
+    view = predict_closures(robot, layout.held, data, tangents=False, threads=threads).view
     found = []
     for name, session, number in contact_keys(data):
         if (name, session, number) in known:
             continue
         contact = CONTACT_CLASSES[name](None, (), session, number)
-        rows = contact.rows(data)
-        length = None if data.length is None or name != "bar" else data.length[rows]
-        if length is not None and np.isnan(length).any():
-            length = None
-        if name == "bar":
-            contact = replace(contact, absolute=length is not None and number not in data.fixture.free_bars)
-        if rows.sum() >= _LEAST_TOUCHES[name]:
-            found.append(contact.start(points[rows], length))
+        rows = np.flatnonzero(contact.rows(data))
+        if len(rows) >= _LEAST_TOUCHES[name]:
+            found.append(contact.started(view, rows))
     return Layout.of(tuple(found)).joined(layout)
 
 
-def closure_errors(robot: Robot, layout: Layout, data: Dataset, threads: int = 1):
+def closure_errors(robot: Robot, layout: Layout, data: Dataset, threads: int = 1) -> ClosurePrediction:
     """Prediction of any rows; contacts that the layout does not have are fitted to the rows themselves,
     nothing else is."""
     complete = with_contacts(robot, layout.held, data, threads)
     if complete.size:
         complete = fit_closures(robot, complete, data, Pulls(), threads=threads).layout
     return predict_closures(robot, complete, data, tangents=False, threads=threads)
+
+
+def tilt_error(prediction: ClosurePrediction, rows: np.ndarray | None = None) -> float | None:
+    """Mean angle, rad, by which gravity's direction is missed on some rows; None where none measures it."""
+    at = np.isin(device_of(prediction.view.data), list(SENSORS))
+    at = at if rows is None else at & rows
+    return float(prediction.error()[at].mean()) if at.any() else None
 
 
 def mean_distance_error(robot: Robot, layout: Layout, data: Dataset, threads: int = 1) -> float | None:
@@ -244,7 +262,8 @@ def identifiable_closures(
         plausible=[p.plausible for p in layout.parameters],
         robot=robot, still=still_axes(prediction.view.q),
     )
-    found = replace(found, dropped=(*(Dropped(name, f"{name}: {AS_ONE}", (), True) for name in whole),
+    why = GRAVITY_ALONE if gravity_alone(data) else AS_ONE
+    found = replace(found, dropped=(*(Dropped(name, f"{name}: {why}", (), True) for name in whole),
                                     *found.dropped))
     held = set(found.dropped_names)
     if not scale_is_known(layout, data):
@@ -259,10 +278,17 @@ def identifiable_closures(
 
 
 def scale_is_known(layout: Layout, data: Dataset) -> bool:
-    """Whether a known length, an absolute bar or a tracker tells the size of things."""
+    """Whether a known length, an absolute bar or a tracker tells the size of things, or nothing has any."""
+    if gravity_alone(data):
+        return True
     tracked = data.position is not None and bool(np.isfinite(data.position).any())
     read = data.length is not None and bool(np.isfinite(data.length).any())
     return tracked or read or bool(known_lengths(layout, data.fixture))
+
+
+def gravity_alone(data: Dataset) -> bool:
+    """Whether no row of `touches` shows a length."""
+    return bool(np.isin(device_of(data), list(SENSORS)).all())
 
 
 def _longest(layout: Layout, held: set[str], first: int) -> str:
@@ -342,6 +368,8 @@ def _warnings(declared: DeclaredClosures, data: Dataset):
         )
     if not scale_is_known(fit.layout, data):
         yield SCALE
+    if gravity_alone(data):
+        yield GRAVITY_ALONE
     slipped = int(np.sum(fit.weight < SLIPPED))
     if slipped:
         yield (

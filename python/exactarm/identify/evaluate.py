@@ -15,7 +15,7 @@ import numpy as np
 from exactarm.chain import Layout, MotionRecord, reversals_left_out
 from exactarm.chain.extrapolation import extrapolations
 from exactarm.dataset import Dataset
-from exactarm.identify.closures import carried_effects, nominal_closures, set_distance_errors
+from exactarm.identify.closures import carried_effects, nominal_closures, set_distance_errors, tilt_error
 from exactarm.identify.declared import carried_layout, frames_layout, require_geometry
 from exactarm.identify.gear_evaluate import gear_run_error
 from exactarm.identify.match import require_match
@@ -31,7 +31,7 @@ from exactarm.identify.tracked_fit import (
     tracked_record,
 )
 from exactarm.kinds import CLOSURES, GEAR_RUN, MOTION, POSES, TRACKED_MOTION
-from exactarm.measurement.closures import touches
+from exactarm.measurement.closures import shows_a_place, touches
 from exactarm.robot import Robot
 from exactarm.split import DEFAULT_SEED
 
@@ -50,7 +50,8 @@ class Evaluation:
     session.
 
     warnings: effects that are used where they were never measured. data: the rows, where they are not those
-    of the file (closures); distances: of closures, known distance -> |error| in m.
+    of the file (closures); distances: of closures, known distance -> |error| in m;
+    tilt: mean angle in rad by which gravity's direction is missed.
     """
 
     unit: str
@@ -63,6 +64,7 @@ class Evaluation:
     data: Dataset | None = None
     distances: dict[str, float] | None = None
     frames: Layout | None = None  # as fitted, of poses
+    tilt: float | None = None
 
 
 def evaluate_poses(robot: Robot, data: Dataset, seed: int = DEFAULT_SEED, threads: int = 1) -> Evaluation:
@@ -133,15 +135,15 @@ def evaluate_closures(robot: Robot, data: Dataset, seed: int = 0, threads: int =
     lengths."""
     rows = touches(data)
     fit = nominal_closures(robot, rows, carried_effects(robot, rows), seed, threads)
-    error, residual = fit.prediction.error(), fit.prediction.residual
-    sessions = tuple((int(s), summarise(error[rows.session == s])) for s in np.unique(rows.session))
+    error, residual, place = fit.prediction.error(), fit.prediction.residual, shows_a_place(rows)
+    sessions = tuple((int(s), summarise(error[place & (rows.session == s)])) for s in np.unique(rows.session))
     warnings = extrapolations(robot, controller_angles(robot, rows))
     if not fit.fit.converged:
         warnings = (*warnings, f"the fit of contacts and tool did not converge ({fit.fit.reason})")
     return Evaluation(
-        "m", error, residual, RESIDUAL_COLUMNS[: residual.shape[1]], summarise(error), sessions, warnings,
-        rows,
-        set_distance_errors(robot, fit.layout, rows, threads),
+        "m", error, residual, RESIDUAL_COLUMNS[: residual.shape[1]], summarise(error[place]), sessions,
+        warnings, rows, set_distance_errors(robot, fit.layout, rows, threads),
+        tilt=tilt_error(fit.prediction),
     )
 
 

@@ -48,7 +48,8 @@ def _from_columns(data: Rows) -> tuple[Kind, ...]:
     held = [kind for kind in _IN_ORDER if kind.held_by(data)]
     if not held:
         raise InputError(
-            "no measured quantity; expected x, y, z (poses), socket, plane, sphere, bar or pair (closures), "
+            "no measured quantity; expected x, y, z (poses), socket, plane, sphere, bar, pair, "
+            "tilt_x_rad or accel_x_m_s2 (closures), "
             "gyro_x, gyro_y, gyro_z or theta_i beside q_i "
             "(gear run), or tau_i, tau_motor_i or current_i (motion)",
             file=file_of(data),

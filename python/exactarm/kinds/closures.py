@@ -1,4 +1,5 @@
-"""Closures: poses in which the tool touches something fixed (columns socket, plane, sphere, bar, pair)."""
+"""Closures: poses in which the tool touches something fixed (columns socket, plane, sphere, bar, pair) or a
+sensor on the flange feels gravity (tilt_x, tilt_y; accel_x, accel_y, accel_z)."""
 
 from __future__ import annotations
 
@@ -21,10 +22,17 @@ class _Closures(Kind):
 
     def check(self, data: Rows, robot: Robot) -> None:
         if not data.contacts:
-            message = "column missing; expected socket, plane, sphere, bar or pair for closures"
+            message = ("column missing; expected socket, plane, sphere, bar, pair, tilt_x_rad or "
+                       "accel_x_m_s2 for closures")
             raise InputError(message, file=file_of(data), column="socket")
         check_geometry(robot)
         check_joints(data, robot)
+        for name, values in (("tilt", data.tilt), ("accel", data.accel)):
+            if values is not None and (half := np.isnan(values).any(1) & ~np.isnan(values).all(1)).any():
+                at = int(np.argmax(half))
+                raise InputError("a reading of one axis alone; expected all axes of the sensor or none",
+                                 file=file_of(data, data.file_index[at]), row=int(data.row[at]),
+                                 column=f"{name}_x")
         touched = np.any([numbers >= 0 for numbers in data.contacts.values()], axis=0)
         tracked = np.zeros(len(data), bool)
         if data.position is not None:

@@ -20,7 +20,9 @@ import numpy as np
 from exactarm.chain import Layout, View, predict_poses
 from exactarm.dataset import NO_CONTACT, Dataset
 from exactarm.effects.base import Effect, Station
-from exactarm.measurement.contacts import CONTACT_CLASSES, Contact
+from exactarm.effects.frames import Frames
+from exactarm.measurement.contact import Contact
+from exactarm.measurement.contacts import CONTACT_CLASSES, SENSORS
 from exactarm.robot import Robot
 from exactarm.rotation import log, nearest
 
@@ -69,6 +71,12 @@ def device_of(data: Dataset) -> np.ndarray:
     return device
 
 
+def shows_a_place(data: Dataset) -> np.ndarray:
+    """(N,) bool: the rows whose error is a distance; all of them where gravity alone was measured."""
+    place = ~np.isin(device_of(data), list(SENSORS))
+    return place if place.any() else np.ones(len(data), bool)
+
+
 def contact_keys(data: Dataset) -> list[tuple[str, int, int]]:
     """(contact, session, number) of every contact touched, pairs excepted."""
     found = set()
@@ -104,7 +112,7 @@ class ClosurePrediction:
 
     def error(self) -> np.ndarray:
         """(N,) m: the distance to the contact, of a pair from the mean, of a tracker's row from the
-        prediction."""
+        prediction; of gravity's direction what it makes at a lever of 1 m (mm/m, as levels are marked)."""
         return np.linalg.norm(self.residual[:, :3], axis=1)
 
     def through(self, displacement: np.ndarray) -> np.ndarray:
@@ -139,25 +147,34 @@ def predict_closures(
         at = device == TRACKER
         residual[at, :3] += data.position[at]
     by_target = np.tile(np.eye(6)[:m], (rows, 1, 1))
-    points = view.signals["target"] + view.signals["displacement"][:, :3]
     for effect in layout.effects:
         if isinstance(effect, Contact):
             at = np.flatnonzero(effect.rows(data))
             used[at, : effect.numbers] = True
             by_target[at] = 0.0
-            by_target[at, : effect.numbers, :3] = effect.touch(points[at])[1]
+            by_target[at, : effect.numbers] = effect.numbers_at(view, at)[1]
+            residual[at, : effect.numbers] += effect.reading(data, at)
     used[(device == PAIR) | (device == TRACKER), :3] = True
-    if data.length is not None:
-        at = (device == "bar") & ~np.isnan(data.length)
-        residual[at, 0] += data.length[at]
     if m == 6:
         residual[:, 3:], used[:, 3:] = _turns(chain.rotation, data, pairs, device), oriented[:, None]
         by_target[~oriented, 3:] = 0.0
     residual = cleared_of_pairs(residual, pairs)
     jacobian = None
     if chain.jacobian is not None:
+        _clear_device_frames(layout, chain.jacobian, np.isin(device, list(SENSORS)))
         jacobian = cleared_of_pairs(np.where(used[:, :, None], chain.jacobian[:, :m], 0.0), pairs)
     return ClosurePrediction(np.where(used, residual, 0.0), used, jacobian, by_target, view, pairs)
+
+
+def _clear_device_frames(layout: Layout, jacobian: np.ndarray, sensors: np.ndarray) -> None:
+    """A tracker's frame turns with the base in it, gravity does not: no derivative by it there."""
+    if not sensors.any():
+        return
+    for place, effect in enumerate(layout.effects):
+        if isinstance(effect, Frames):
+            base = np.array([name.startswith("base_") for name in effect.names])
+            columns = np.arange(layout.size)[layout.slices[place]][base[layout.free[place]]]
+            jacobian[np.ix_(sensors, range(6), columns)] = 0.0
 
 
 def cleared_of_pairs(values: np.ndarray, pairs: np.ndarray) -> np.ndarray:

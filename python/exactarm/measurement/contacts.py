@@ -15,45 +15,23 @@ object a contact and session.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
 
-from exactarm.effects.base import Change, Effect, Parameter, Station
-from exactarm.kinds import CLOSURES, POSES
+from exactarm.effects.base import Parameter
+from exactarm.measurement.contact import Contact
+from exactarm.measurement.gravity_sensors import Accelerometer, Inclinometer
 
 _CENTRE = tuple(Parameter(f"{axis}_m", 10.0) for axis in "xyz")
 _UNSEEN_M = 1e-9  # a centre nearer than this to the target has no direction
 
-
 @dataclass(frozen=True)
-class Contact(Effect):
-    """One contact of one session. `numbers`: how many numbers a touch gives."""
+class Touched(Contact):
+    """A contact that shows where the target is, not how it is turned."""
 
-    session: int = 1
-    number: int = 0
-
-    contact: ClassVar[str] = ""
-    numbers: ClassVar[int] = 1
-    station: ClassVar[Station] = Station.DEVICE
-    kinds: ClassVar[tuple[str, ...]] = (POSES.name, CLOSURES.name)
-    declared: ClassVar[bool] = True
-    per_joint: ClassVar[bool] = False
-
-    @property
-    def title(self) -> str:
-        return f"{self.contact} {self.number} of session {self.session}"
-
-    def parameter_label(self, parameter: Parameter) -> str:
-        return f"session_{self.session}.{self.contact}_{self.number}_{parameter.name}"
-
-    def rows(self, data) -> np.ndarray:
-        """(N,) bool: the rows that touch it."""
-        return (data.contacts[self.contact] == self.number) & (data.session == self.session)
-
-    def start(self, points: np.ndarray, length: np.ndarray | None) -> Contact:
+    def start(self, points: np.ndarray, length: np.ndarray | None) -> Touched:
         """The contact that fits `points` (K, 3) best, up to outliers; `length` (K,): what was read, or
         None."""
         raise NotImplementedError
@@ -62,27 +40,16 @@ class Contact(Effect):
         """Numbers (K, c) of a touch at `points`, by point (K, c, 3), by the parameters (K, c, k)."""
         raise NotImplementedError
 
-    def change(self, view) -> Change:
-        rows, c = self.rows(view.data), self.numbers
-        at = np.flatnonzero(rows)
-        numbers, by_point, by_values = self.touch(view.measured[at])
-        value = np.zeros((view.rows, 3))
-        value[at] = -view.measured[at]
-        value[at, :c] += numbers
-        by_parameters = np.zeros((view.rows, 3, len(self.values)))
-        by_parameters[at, :c] = by_values
-        by_signal = np.zeros((view.rows, 3, 3))
-        by_signal[at] = -np.eye(3)
-        by_signal[at, :c] += by_point
-        return Change((0, 1, 2), value, by_parameters, {"measured": by_signal})
+    def started(self, view, at):
+        return self.start(_points(view, at), None)
 
-    @classmethod
-    def candidates(cls, robot, view) -> Iterable[Effect]:
-        return ()
+    def numbers_at(self, view, at):
+        numbers, by_point, by_values = self.touch(_points(view, at))
+        return numbers, np.concatenate([by_point, np.zeros_like(by_point)], axis=2), by_values
 
 
 @dataclass(frozen=True)
-class Socket(Contact):
+class Socket(Touched):
     """A seat that holds the ball's centre at one point."""
 
     contact: ClassVar[str] = "socket"
@@ -101,7 +68,7 @@ class Socket(Contact):
 
 
 @dataclass(frozen=True)
-class Plane(Contact):
+class Plane(Touched):
     """A flat face; `reference`: point m and orthonormal n0, u, v (4, 3) that the parameters count from."""
 
     reference: tuple[tuple[float, ...], ...] = ((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0),
@@ -142,7 +109,7 @@ class Plane(Contact):
 
 
 @dataclass(frozen=True)
-class Sphere(Contact):
+class Sphere(Touched):
     """A ball of unknown place touched from outside: all touches are at one distance from its centre."""
 
     contact: ClassVar[str] = "sphere"
@@ -172,13 +139,29 @@ class Bar(Sphere):
     def parameters(self) -> tuple[Parameter, ...]:
         return (*_CENTRE, Parameter("zero_m", 1.0, fixed=self.absolute))
 
+    def started(self, view, at):
+        length = None if view.data.length is None else view.data.length[at]
+        length = None if length is None or np.isnan(length).any() else length
+        known = length is not None and self.number not in view.data.fixture.free_bars
+        return replace(self, absolute=known).start(_points(view, at), length)
+
+    def reading(self, data, at):
+        return super().reading(data, at) if data.length is None else np.nan_to_num(data.length[at])[:, None]
+
     def start(self, points, length):
         if length is None:
             return self.with_values(_sphere(points, None))
         return self.with_values([*_sphere(points, length)[:3], 0.0])
 
 
-CONTACT_CLASSES: dict[str, type[Contact]] = {cls.contact: cls for cls in (Socket, Plane, Sphere, Bar)}
+TOUCHED: dict[str, type[Touched]] = {cls.contact: cls for cls in (Socket, Plane, Sphere, Bar)}
+SENSORS: dict[str, type[Contact]] = {cls.contact: cls for cls in (Inclinometer, Accelerometer)}
+CONTACT_CLASSES: dict[str, type[Contact]] = TOUCHED | SENSORS
+
+
+def _points(view, at: np.ndarray) -> np.ndarray:
+    """(K, 3) m: the target of the rows `at`."""
+    return view.signals["target"][at] + view.signals["displacement"][at, :3]
 
 
 def _sphere(points: np.ndarray, length: np.ndarray | None) -> np.ndarray:

@@ -19,7 +19,8 @@ import numpy as np
 
 from exactarm.chain.layout import Layout
 from exactarm.fixture import Fixture
-from exactarm.measurement.contacts import Contact, Plane
+from exactarm.measurement.contact import Contact
+from exactarm.measurement.contacts import Plane
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,8 @@ from exactarm.chain import Layout
 from exactarm.dataset import NO_CONTACT, Dataset
 from exactarm.kinds import CLOSURES
 from exactarm.measurement.closures import PAIR, ClosurePrediction, predict_closures, turn_of_axis
-from exactarm.measurement.contacts import CONTACT_CLASSES, Contact, Socket
+from exactarm.measurement.contact import Contact
+from exactarm.measurement.contacts import CONTACT_CLASSES, Socket
 from exactarm.robot import Robot
 
 TOUCHES_M = 1e-9  # nearer than any device notices

@@ -3,7 +3,7 @@ find them.
 
 A place (session) has the fixture somewhere in the robot's reach: two sockets or two spheres apart by a known
 distance, a block with three skew faces and one that is parallel to the first, two far ends of a telescopic
-bar, or pairs of poses.
+bar, or pairs of poses. A gravity sensor on the flange needs no fixture: a place is the arm set up once.
 """
 
 from __future__ import annotations
@@ -17,18 +17,21 @@ from exactarm.errors import ComputationError
 from exactarm.fixture import Distance, Fixture, Radius
 from exactarm.kinds import CLOSURES
 from exactarm.measurement.closures import PAIR
-from exactarm.measurement.contacts import Bar, Contact, Plane, Socket, Sphere
+from exactarm.measurement.contact import Contact
+from exactarm.measurement.contacts import SENSORS, TOUCHED, Bar, Plane, Socket, Sphere
 from exactarm.measurement.touching import TOUCHES_M, predicted_at, rows_at, target_at, touching
-from exactarm.robot import Placement
+from exactarm.robot import GRAVITY_M_S2, Placement
 from exactarm.rotation import exp
 from exactarm.simulate.profiles import limit
 from exactarm.simulate.sensors import Sensors, read
 from exactarm.simulate.virtual_robot import VirtualRobot
 
-CONTACTS = ("socket", "plane", "sphere", "bar", PAIR)
+CONTACTS = (*TOUCHED, PAIR, *SENSORS)
 # of the fixture; shortest and longest length of the telescopic bar
 APART_M, RADIUS_M, BAR_M = 0.1, 0.0127, (0.25, 0.45)
 SLIP_M = 5e-3  # standard deviation of a contact that has slipped
+# standard deviations of an ordinary gravity sensor: base tilt, zero, gain, bias; range of a tilt
+_LEANS_RAD, _ZERO_RAD, _GAIN, _BIAS_M_S2, _RANGE_RAD = 3e-3, 3e-3, 5e-3, 0.1, 1.0
 _NEAR_M = 0.35  # a search starts this near
 _REACH = (0.25, 0.7)  # of the greatest distance from axis 1, and from the base: where a fixture stands
 _OTHERWISE_RAD = 0.3  # nearer poses of the arm are one
@@ -48,12 +51,37 @@ def measure_closures(
             parts.append(_touched(true, thing, count, sensors, random))
         if contact == PAIR:
             parts += [_pair(true, session, number, sensors, random) for number in range(count)]
+        if contact in SENSORS:
+            parts.append(_gravity(true, contact, session, count, sensors, random))
     data = _joined(robot, parts)
     distances = (Distance(contact, (0, 1), APART_M),) if contact in ("socket", "sphere") else ()
     distances += (Distance(contact, (0, 3), APART_M),) if contact == "plane" else ()
     radii = tuple(Radius(contact, number, RADIUS_M) for number in (0, 1)) if contact == "sphere" else ()
     fixture = Fixture(distances, radii)
     return read(replace(data, fixture=fixture), sensors, random), fixture
+
+
+def _gravity(robot: VirtualRobot, contact: str, session: int, count: int, sensors: Sensors,
+             random: np.random.Generator) -> Dataset:
+    """`count` random poses in which a sensor on the flange is read; its noise is that of an orientation."""
+    sensor = SENSORS[contact](None, (), session)
+    c, tilts = sensor.numbers, contact == "tilt"
+    values = np.concatenate([
+        np.zeros(3), random.normal(0.0, _LEANS_RAD, 2), random.normal(0.0, _GAIN, c),
+        random.normal(0.0, _ZERO_RAD if tilts else _BIAS_M_S2, c),
+    ])
+    mounting = exp(random.normal(0.0, 1.0, 3))
+    sensor = replace(sensor.with_values(values), reference=tuple(tuple(map(float, row)) for row in mounting))
+    q = _drawn(robot, _POOL * count if tilts else count, random)
+    approach = random.choice([-1.0, 1.0], q.shape)
+    unread = {contact: np.zeros((len(q), c))}
+    numbers = -predicted_at(robot.true, robot.layout, q, sensor, approach, **unread).residual[:, :c]
+    good = np.flatnonzero(np.abs(numbers).max(axis=1) < (_RANGE_RAD if tilts else np.inf))[:count]
+    noisy = numbers[good] + random.normal(0.0, sensors.orientation_rad, (len(good), c))
+    wrong = random.random(len(good)) < sensors.wrong_rows
+    noisy += wrong[:, None] * random.normal(0.0, 30.0 * sensors.orientation_rad, noisy.shape)
+    reading = {contact: noisy if tilts else GRAVITY_M_S2 * noisy}
+    return rows_at(q[good], sensor, approach[good], **reading)
 
 
 def fixture_text(fixture: Fixture) -> str:
@@ -161,10 +189,11 @@ def _pair(robot: VirtualRobot, session: int, number: int, sensors: Sensors,
 def _joined(robot: VirtualRobot, parts: list[Dataset]) -> Dataset:
     stack = lambda pick: np.concatenate([pick(part) for part in parts])
     used = [name for name in CONTACTS if np.any(stack(lambda part, name=name: part.contacts[name]) >= 0)]
-    length = None if parts[0].length is None else stack(lambda part: part.length)
+    more = {name: stack(lambda part, name=name: getattr(part, name))
+            for name in ("length", *SENSORS) if getattr(parts[0], name) is not None}
     return Dataset.of_arrays(
         CLOSURES.name, {"theta": robot.motor_angles(stack(lambda part: part.joints["q"])),
                      "approach": stack(lambda part: part.joints["approach"])},
         session=stack(lambda part: part.session),
-        contacts={name: stack(lambda part, name=name: part.contacts[name]) for name in used}, length=length,
+        contacts={name: stack(lambda part, name=name: part.contacts[name]) for name in used}, **more,
     )
