@@ -130,10 +130,10 @@ class UrdfTree:
         return ends[0]
 
 
-def read_tree(path: str | Path) -> UrdfTree:
-    """The tree of a URDF file."""
+def read_tree(path: str | Path, content: bytes | None = None) -> UrdfTree:
+    """The tree of a URDF file; content: what stands for the file's own."""
     try:
-        robot = xml.fromstring(Path(path).read_bytes())
+        robot = xml.fromstring(Path(path).read_bytes() if content is None else content)
     except FileNotFoundError:
         raise InputError("no such file; expected a robot file (.urdf)", file=path) from None
     except OSError as error:

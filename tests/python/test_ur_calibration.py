@@ -93,12 +93,12 @@ def test_a_missing_key_or_nominal_arm_is_named(tmp_path):
         ea.load_robot(written(tmp_path, small()).partition("#")[0])
 
 
-def test_a_xacro_is_refused_with_the_line_of_its_macro(tmp_path):
+def test_a_xacro_that_cannot_be_expanded_is_refused_with_the_line_of_its_include(tmp_path):
     text = (
         '<robot xmlns:xacro="x" name="a">\n<!-- <xacro:macro> -->\n<xacro:include filename="b"/>\n</robot>\n'
     )
     (tmp_path / "a.urdf.xacro").write_text(text)
-    with pytest.raises(InputError, match=r"a.urdf.xacro, line 3: <xacro:include> is not expanded here"):
+    with pytest.raises(InputError, match=r"a.urdf.xacro, line 3: xacro cannot expand it: No such file"):
         ea.export("ur10", format="urdf", source=tmp_path / "a.urdf.xacro")
     with pytest.raises(InputError, match="is a xacro; expected it expanded"):
         ea.load_robot(tmp_path / "a.urdf.xacro")

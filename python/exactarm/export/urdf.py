@@ -3,8 +3,8 @@ stays.
 
 Names, meshes, collision shapes, transmissions and comments are kept. Each moving link is put onto its
 identified axis with the least turn and shift from where it was; the first fixed joint behind the last axis
-takes what is left, so that the tip is exact. A xacro file can be patched where its joints stand at its root
-with plain numbers; else it has to be expanded first.
+takes what is left, so that the tip is exact. Of a xacro the elements of the joints are patched
+(xacro_source.py).
 """
 
 from __future__ import annotations
@@ -16,6 +16,15 @@ import numpy as np
 
 from exactarm.errors import InputError
 from exactarm.export.chain import ReportedChain, reported_chain
+from exactarm.export.xacro_source import (
+    elements,
+    expanded,
+    is_xacro,
+    require_own_element,
+    require_patched,
+    stands_for_several,
+    without_comments,
+)
 from exactarm.mdh_frames import compose, relative
 from exactarm.robot import Placement, Robot
 from exactarm.rotation import exp
@@ -29,28 +38,21 @@ OTHER_ARM_RAD, OTHER_ARM_M = (
 
 
 def patched_urdf(robot: Robot, source: str) -> bytes:
-    """The bytes of `source` (FILE, FILE#TIP or FILE#BASE:TIP) with new origins."""
+    """The bytes of `source` (FILE, FILE#TIP or FILE#BASE:TIP; a URDF or a xacro) with new origins."""
     path, _, ends = source.partition("#")
-    _refuse_macros(path)
     base, tip = ends.split(":", 1) if ":" in ends else (None, ends or None)
-    way = read_tree(path).chain(base, tip)
-    origins = new_origins(reported_chain(robot), way, path)
-    return _rewritten(Path(path), origins)
-
-
-def _refuse_macros(path: str) -> None:
-    """A macro's joints are not in the text: there is nothing to patch in place."""
     try:
-        text = Path(path).read_text(encoding="latin-1")
-    except OSError:
-        return  # the reader says it
-    plain = re.sub(r"<!--.*?-->", lambda match: re.sub(r"[^\n]", " ", match[0]), text, flags=re.S)
-    found = re.search(r"<xacro:(?!property\b|arg\b)(\w+)", plain)
-    if found:
-        raise InputError(
-            f"<xacro:{found[1]}> is not expanded here; expected a URDF, as by: xacro FILE > robot.urdf",
-            file=path, line=plain.count("\n", 0, found.start()) + 1,
-        )
+        content = Path(path).read_bytes()
+    except OSError as error:
+        raise InputError(f"cannot be read ({error.strerror}); expected a URDF or xacro", file=path) from None
+    macros = is_xacro(content)
+    tree = read_tree(path, expanded(path, content) if macros else content)
+    origins = new_origins(reported_chain(robot), tree.chain(base, tip), path)
+    patched = _rewritten(path, content, origins)
+    if macros:
+        text = without_comments(content.decode("latin-1"))
+        require_patched(path, text, tree, read_tree(path, expanded(path, patched)), origins)
+    return patched
 
 
 def new_origins(chain: ReportedChain, way: tuple[UrdfJoint, ...], path: str) -> dict[str, Placement]:
@@ -100,25 +102,16 @@ def _on_axis(
     return Placement(rotation, nominal.position + shift)
 
 
-def _rewritten(path: Path, origins: dict[str, Placement]) -> bytes:
-    content = path.read_bytes()
+def _rewritten(path: str, content: bytes, origins: dict[str, Placement]) -> bytes:
     text = content.decode("latin-1")
-    plain = re.sub(r"<!--.*?-->", lambda match: " " * len(match[0]), text, flags=re.S)
-    edits = []
+    plain = without_comments(text)
+    edits, owners = [], {}
     for name, origin in origins.items():
-        found = [
-            match
-            for match in re.finditer(r"<joint\b([^>]*)(?<!/)>(.*?)</joint\s*>", plain, re.S)
-            if re.search(rf"\bname\s*=\s*[\"']{re.escape(name)}[\"']", match[1])
-            and re.search(r"\btype\s*=", match[1])
-        ]
-        if len(found) != 1:
-            raise InputError(
-                f"joint {name} is {len(found)} times in the text; expected once (a xacro has to be expanded "
-                "first)",
-                file=path,
-            )
-        edits += _origin_edits(found[0], origin)
+        element = require_own_element(path, plain, name, elements(plain, name))
+        other = owners.setdefault(element.start(), name)
+        if other != name:
+            raise stands_for_several(path, plain, element, f"{other} and {name}")
+        edits += _origin_edits(element, origin)
     for start, end, new in sorted(edits, reverse=True):
         text = text[:start] + new + text[end:]
     return text.encode("latin-1")
