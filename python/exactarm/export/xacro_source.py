@@ -1,10 +1,10 @@
 """A xacro file as the URDF that it stands for, and which of its joint elements stand for which joints.
 
-Expanded by the package `xacro` (properties, arguments with their defaults, includes, macros, conditions), as
-a robot's launch does. A joint is patched where its element stands in this very file, once, and for itself: its
-origin becomes numbers, whatever expression stood there. Everything is checked by expanding the patched text
-again: the joints that were meant have the new origins, and no other joint has moved. What fails is refused by
-the line of its element, include or macro.
+Expanded by the package `xacro` (properties, arguments with their defaults, includes, macros, conditions),
+as a robot's launch does. A joint is patched where its element stands in this very file, once, and for
+itself: its origin becomes numbers, whatever expression stood there. Everything is checked by expanding the
+patched text again: the joints that were meant have the new origins, and no other joint has moved. What
+fails is refused by the line of its element, include or macro.
 """
 
 from __future__ import annotations
