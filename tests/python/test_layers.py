@@ -17,7 +17,16 @@ import exactarm as ea
 
 TOP = Path(__file__).parents[2]
 PYTHON, CPP = TOP / "python" / "exactarm", TOP / "cpp"
-MOST_LINES = 420
+MOST_LINES = 400
+# Files that are longer still, and how long they may be. Only ever fewer.
+LONGER = {
+    "python/exactarm/diagnose/posterior.py": 420,
+    "python/exactarm/diagnose/selection.py": 420,
+    "tests/python/test_dataset.py": 416,
+    "tests/python/test_first_aid.py": 419,
+    "tests/python/test_report.py": 407,
+    "tests/python/test_simulate.py": 401,
+}
 
 MODEL = {"leaf", "kinds", "effects", "chain", "robot_file"}
 REPORT = {"errors", "progress", "report"}
@@ -178,7 +187,7 @@ def test_the_core_knows_no_python():
 def test_files_are_small():
     lines = {str(path.relative_to(TOP)): len(path.read_text().splitlines()) for path in own_files()}
     assert len(lines) > 300
-    assert not {path: count for path, count in lines.items() if count > MOST_LINES}
+    assert not {path: count for path, count in lines.items() if count > LONGER.get(path, MOST_LINES)}
 
 
 def test_files_are_named_for_a_concept():

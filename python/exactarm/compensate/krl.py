@@ -20,7 +20,8 @@ import numpy as np
 
 from exactarm.compensate.angles import from_zyx, to_zyx
 from exactarm.compensate.configuration import ZERO_RAD, sign_bits, signs_fit
-from exactarm.compensate.program import Edit, Motion, Number, Program, SourceText, Target, in_range
+from exactarm.compensate.krl_data import AGGREGATE, ASSIGNED, Aggregate, Declarations
+from exactarm.compensate.program import Edit, Motion, Program, SourceText, Target, in_range
 from exactarm.compensate.setting import Setting
 from exactarm.errors import InputError
 from exactarm.robot import Placement
@@ -28,24 +29,8 @@ from exactarm.robot import Placement
 NAME, SUFFIXES = "KRL", (".src", ".dat")
 MM_DECIMALS, DEG_DECIMALS = 5, 7  # 1e-8 m and 2e-9 rad: below a micrometre at any reach
 CARTESIAN = ("X", "Y", "Z", "A", "B", "C")
-ELSEWHERE = (
-    "XHOME",
-    "HOME",
-    "$H_POS",
-    "$AXIS_ACT",
-    "$AXIS_RET",
-    "$AXIS_FOR",
-    "$POS_ACT",
-)  # of the controller itself
-
-_AGGREGATE = re.compile(r"\{([^{}]*)\}")
-_ASSIGNED = re.compile(
-    r"(?im)^[ \t]*((?:(?:global|decl|const)[ \t]+)*(?:[a-z]\w*[ \t]+)?)(\$?[a-z_]\w*)[ "
-    r"\t]*(\[[^\]\r\n]*\])?(\.\w+)?[ \t]*=(?!=)[ \t]*"
-)
 _MOTION = re.compile(r"(?im)^[ \t]*(S?PTP|S?LIN|S?CIRC|SPL)(_REL)?\b[ \t]*([^\r\n]*)")
 _BAS = re.compile(r"(?im)^[ \t]*BAS[ \t]*\([ \t]*#(TOOL|BASE|FRAMES)[ \t]*(?:,[ \t]*([^)\r\n]*))?\)")
-_NAME = re.compile(r"(?i)\$?[a-z_]\w*$")
 KINDS = {
     "PTP": "joint",
     "SPTP": "joint",
@@ -55,15 +40,6 @@ KINDS = {
     "CIRC": "circular",
     "SCIRC": "circular",
 }
-
-
-@dataclass(frozen=True)
-class _Aggregate:
-    """`{X 1, Y 2}` of file `file`: field -> its text and place, and numbers of those that are numbers."""
-
-    file: int
-    start: int
-    fields: dict[str, tuple[str, int]]
 
 
 @dataclass(frozen=True)
@@ -84,113 +60,23 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
     )
 
 
-class _Reader:
+class _Reader(Declarations):
     def __init__(self, sources: tuple[SourceText, ...], setting: Setting):
-        self.sources, self.setting = sources, setting
-        self.texts = [source.without(r";[^\r\n]*", r'"[^"\r\n]*"') for source in sources]
+        super().__init__(sources)
+        self.setting = setting
         self.targets: list[Target] = []
         self.motions: list[Motion] = []
-        self.warnings: list[str] = []
         self.used: dict[tuple, int] = {}
-        self.values: dict[
-            str, list[tuple[int, int, _Aggregate | None]]
-        ] = {}  # NAME or NAME[i] -> (file, place, aggregate)
-        self.parts: dict[str, tuple[int, int]] = {}  # NAME of which a component is set -> (file, place)
         if not any(source.path.suffix.lower() == ".src" for source in sources):
             raise InputError(
                 "a data list without its .src: the motions are there; give both", file=sources[0].path
             )
-        for index in range(len(sources)):
-            self.declarations_of(index)
-
-    # -- values --------------------------------------------------------------------------------------
-    def declarations_of(self, index: int) -> None:
-        source, text = self.sources[index], self.texts[index]
-        if match := re.search(r"(?i)\$ABS_ACCUR(?![ \t]*=[ \t]*FALSE)", text):
-            raise source.refuse(
-                match.start(),
-                "$ABS_ACCUR: the controller corrects this program by itself; it must not be corrected twice",
-            )
-        for match in _ASSIGNED.finditer(text):
-            _, name, subscript, component = match.groups()
-            key = name.upper() + re.sub(r"\s", "", subscript or "")
-            if component:
-                self.parts.setdefault(key, (index, match.start(2)))
-                continue
-            aggregate = _AGGREGATE.match(text, match.end())
-            try:
-                found = None if aggregate is None else self.aggregate(index, aggregate)
-            except InputError:  # other records than points; a point among them is refused where it is used
-                found = None
-            self.values.setdefault(key, []).append((index, match.start(2), found))
-
-    def aggregate(self, index: int, match: re.Match) -> _Aggregate:
-        """Fields of `{TYPE: NAME VALUE, ...}`."""
-        inner, at = match[1], match.start(1)
-        head = re.match(r"\s*\w+\s*:", inner)
-        if head:
-            inner, at = inner[head.end() :], at + head.end()
-        fields: dict[str, tuple[str, int]] = {}
-        for part in inner.split(","):
-            word = re.match(r"\s*([A-Za-z_]\w*)(\[\])?\s*", part)
-            if word is None:
-                raise self.sources[index].refuse(
-                    at, f"found {part.strip()[:30]!r}; expected a field and its value"
-                )
-            key = word[1].upper()
-            if key in fields:
-                raise self.sources[index].refuse(at, f"{key} is given twice")
-            fields[key] = (part[word.end() :], at + word.end())
-            at += len(part) + 1
-        return _Aggregate(index, match.start(), fields)
-
-    def number(self, aggregate: _Aggregate, key: str) -> Number:
-        text, place = aggregate.fields[key]
-        return Number.read(self.sources[aggregate.file], text, place)
-
-    def point(self, index: int, text: str, place: int) -> tuple[str, _Aggregate] | None:
-        """Name and fields of a point that stands in a motion; None for one of the controller's own."""
-        source, word = self.sources[index], text.strip()
-        place += len(text) - len(text.lstrip())
-        if word.startswith("{"):
-            match = _AGGREGATE.fullmatch(word)
-            if match is None:
-                raise source.refuse(place, f"found {word[:40]!r}; expected one {{...}}")
-            return f"line {source.line(place)}", self.aggregate(
-                index, _AGGREGATE.match(self.texts[index], place)
-            )
-        if not _NAME.match(word):
-            raise source.refuse(place, f"the point {word[:40]!r} is computed; expected a name or numbers")
-        name, known = word.upper(), self.values.get(word.upper(), [])
-        if not known and name in ELSEWHERE:
-            self.warnings.append(f"{word} stands in the controller and stays as it is")
-            return None
-        if not known:
-            raise source.refuse(
-                place,
-                f"point {word} is not in {' or '.join(s.path.name for s in self.sources)}; expected it in "
-                "the data list",
-            )
-        if len(known) > 1:
-            lines = ", ".join(
-                f"{self.sources[f].path.name} line {self.sources[f].line(p)}" for f, p, _ in known
-            )
-            raise source.refuse(place, f"point {word} is given {len(known)} times ({lines}); expected once")
-        if name in self.parts:
-            file, where = self.parts[name]
-            raise self.sources[file].refuse(
-                where, f"a component of point {word} is set by the program; expected numbers alone"
-            )
-        file, where, found = known[0]
-        if found is None:
-            raise self.sources[file].refuse(where, f"point {word} is computed; expected numbers")
-        return word, found
 
     # -- motions -------------------------------------------------------------------------------------
     def motions_of(self, index: int) -> None:
         text = self.texts[index]
-        events = [*_MOTION.finditer(text), *_BAS.finditer(text), *_ASSIGNED.finditer(text)]
-        state: dict[str, str | _Aggregate | None] = {"$TOOL": None, "$BASE": None, "$IPO_MODE": "#BASE"}
+        events = [*_MOTION.finditer(text), *_BAS.finditer(text), *ASSIGNED.finditer(text)]
+        state: dict[str, str | Aggregate | None] = {"$TOOL": None, "$BASE": None, "$IPO_MODE": "#BASE"}
         inline: str | None = None
         for match in sorted(events, key=lambda match: match.start()):
             if match.re is _BAS:
@@ -199,13 +85,13 @@ class _Reader:
                 state["$" + match[1].upper()] = (
                     f"{'TOOL' if match[1].upper() == 'TOOL' else 'BASE'}_DATA[{(match[2] or '').strip()}]"
                 )
-            elif match.re is _ASSIGNED:
+            elif match.re is ASSIGNED:
                 name = match[2].upper()
                 rest = re.split(r"[\r\n]", text[match.end() :], maxsplit=1)[0].strip()
                 if name == "FDAT_ACT":
                     inline = rest.upper()
                 elif name in state:
-                    aggregate = _AGGREGATE.match(text, match.end())
+                    aggregate = AGGREGATE.match(text, match.end())
                     state[name] = (
                         self.aggregate(index, aggregate) if aggregate else re.sub(r"\s", "", rest.upper())
                     )
@@ -241,7 +127,7 @@ class _Reader:
         self.motions.append(Motion(KINDS[kind], places[-1], line, via))
 
     def target(
-        self, index: int, name: str, point: _Aggregate, state: dict, inline: str | None, kind: str
+        self, index: int, name: str, point: Aggregate, state: dict, inline: str | None, kind: str
     ) -> int:
         key = (point.file, point.start)
         is_axis = "A1" in point.fields
@@ -262,7 +148,7 @@ class _Reader:
         self.used[key] = len(self.targets) - 1
         return self.used[key]
 
-    def axes(self, name: str, point: _Aggregate) -> Target:
+    def axes(self, name: str, point: Aggregate) -> Target:
         source, n = self.sources[point.file], self.setting.robot.axes
         wanted = [f"A{i}" for i in range(1, n + 1)]
         self.complete(point, wanted)
@@ -278,7 +164,7 @@ class _Reader:
         q = self.setting.joints(np.radians([number.value for number in numbers]))
         return Target(name, point.file, source.line(point.start), encode, joints=q)
 
-    def pose(self, name: str, point: _Aggregate, frames: _Frames, kind: str) -> Target:
+    def pose(self, name: str, point: Aggregate, frames: _Frames, kind: str) -> Target:
         source, n = self.sources[point.file], self.setting.robot.axes
         self.complete(point, CARTESIAN)
         for key in (f"E{i}" for i in range(1, 7)):
@@ -329,7 +215,7 @@ class _Reader:
             refusal=unknown,
         )
 
-    def complete(self, point: _Aggregate, wanted) -> None:
+    def complete(self, point: Aggregate, wanted) -> None:
         missing = [key for key in wanted if key not in point.fields]
         if missing:
             raise self.sources[point.file].refuse(
@@ -359,10 +245,10 @@ class _Reader:
             return _Frames("the tool stands still and the arm holds the part (#TCP)", Placement())
         return _Frames(self.frame("TOOL", state["$TOOL"]), self.frame("BASE", state["$BASE"]))
 
-    def frame(self, which: str, value: str | _Aggregate | None) -> Placement | str:
+    def frame(self, which: str, value: str | Aggregate | None) -> Placement | str:
         """The placement of a frame: literal, by number or by name; else why it is not known."""
         given = self.setting.tool if which == "TOOL" else self.setting.base
-        if isinstance(value, _Aggregate):
+        if isinstance(value, Aggregate):
             self.complete(value, CARTESIAN)
             return placement([self.number(value, key).value for key in CARTESIAN])
         number = (re.fullmatch(rf"{which}_DATA\[(\d+)\]", value or "") or [None, None])[1]

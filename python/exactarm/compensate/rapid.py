@@ -13,13 +13,13 @@ objects, tools at rest, external axes.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 
 import numpy as np
 
 from exactarm.compensate.angles import from_quaternion, to_quaternion
 from exactarm.compensate.configuration import EDGE_RAD, in_quadrant, quadrants
 from exactarm.compensate.program import Edit, Motion, Number, Program, SourceText, Target, in_range
+from exactarm.compensate.rapid_data import Datum, Declarations, Literal
 from exactarm.compensate.setting import Setting
 from exactarm.mdh_frames import compose
 from exactarm.robot import Placement
@@ -31,12 +31,7 @@ FRAME_NUMBERS = 7
 FLY_BY = "z1"  # the zone at points in between: the arm does not stop there
 NORM_TOLERANCE = 1e-2  # of a quaternion typed with three decimals
 
-_DATA = re.compile(
-    r"(?i)\b(?:CONST|PERS|VAR|TASK\s+PERS)\s+(robtarget|jointtarget|tooldata|wobjdata)\s+"
-    r"(\w+)\s*(\{[^}]*\})?\s*:=\s*"
-)
 _MOVE = re.compile(r"(?i)\b(Move(?:L|J|C|AbsJ)|TriggL|TriggJ|TriggC|SearchL)(DO|Sync|AO|GO)?\b\s*(?![\w:=(])")
-_ASSIGNED = re.compile(r"(?im)(?:^|;)\s*(\w+)(?:\.[\w.{}]+)?\s*:=")
 KINDS = {
     "movel": "linear",
     "movej": "joint",
@@ -46,23 +41,6 @@ KINDS = {
     "triggj": "joint",
     "triggc": "circular",
 }
-
-
-@dataclass(frozen=True)
-class _Literal:
-    """A bracketed aggregate: nested lists of (text, place)."""
-
-    parts: list
-    start: int
-    end: int
-
-
-@dataclass(frozen=True)
-class _Datum:
-    kind: str
-    literal: _Literal | None  # None: computed, or an array
-    file: int
-    place: int
 
 
 def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
@@ -77,83 +55,13 @@ def placement(numbers) -> Placement:
     return Placement(from_quaternion(np.array(numbers[3:7])), 1e-3 * np.array(numbers[:3], float))
 
 
-class _Reader:
+class _Reader(Declarations):
     def __init__(self, sources: tuple[SourceText, ...], setting: Setting):
-        self.sources, self.setting = sources, setting
-        self.texts = [source.without(r'"[^"\r\n]*"', r"![^\r\n]*") for source in sources]
+        super().__init__(sources)
+        self.setting = setting
         self.targets: list[Target] = []
         self.motions: list[Motion] = []
         self.used: dict[tuple[int, int], int] = {}
-        self.data: dict[str, list[_Datum]] = {}
-        self.assigned: dict[str, tuple[int, int]] = {}
-        for index, text in enumerate(self.texts):
-            for match in _DATA.finditer(text):
-                literal = None if match[3] else self.literal(index, match.end())
-                self.data.setdefault(match[2].lower(), []).append(
-                    _Datum(match[1].lower(), literal, index, match.start(2))
-                )
-            for match in _ASSIGNED.finditer(text):
-                self.assigned.setdefault(match[1].lower(), (index, match.start(1)))
-
-    # -- data ----------------------------------------------------------------------------------------
-    def literal(self, index: int, place: int) -> _Literal | None:
-        """The aggregate that starts at `place`; None where none does."""
-        text = self.texts[index]
-        place += len(text[place:]) - len(text[place:].lstrip())
-        if text[place : place + 1] != "[":
-            return None
-        stack: list[list] = [[]]
-        start = place + 1
-        for i in range(place, len(text)):
-            letter = text[i]
-            if letter == "[":
-                stack.append([])
-                start = i + 1
-            elif letter in ",]":
-                behind_list = bool(stack[-1]) and isinstance(stack[-1][-1], list)
-                if text[start:i].strip() or (letter == "," and not behind_list):
-                    stack[-1].append((text[start:i], start))
-                start = i + 1
-                if letter == "]":
-                    done = stack.pop()
-                    stack[-1].append(done)
-                    if len(stack) == 1:
-                        return _Literal(done, place, i + 1)
-            elif letter == ";":
-                break
-        raise self.sources[index].refuse(place, "a bracket is not closed; expected ]")
-
-    def numbers(
-        self, index: int, literal: _Literal, where: int, count: int | None, what: str
-    ) -> list[Number]:
-        """Those of the list at `where` of an aggregate."""
-        source = self.sources[index]
-        parts = literal.parts[where] if where < len(literal.parts) else None
-        if not isinstance(parts, list) or not all(isinstance(part, tuple) for part in parts):
-            raise source.refuse(literal.start, f"{what} is missing; expected it as list {where + 1}")
-        if count is not None and len(parts) != count:
-            raise source.refuse(literal.start, f"{what}: {len(parts)} numbers; expected {count}")
-        return [Number.read(source, text, place) for text, place in parts]
-
-    def datum(self, index: int, name: str, place: int, kinds: tuple[str, ...]) -> _Datum:
-        """The one declaration of a name, with numbers."""
-        found = self.data.get(name.lower(), [])
-        if len(found) != 1:
-            times = "not in these files" if not found else f"given {len(found)} times"
-            raise self.sources[index].refuse(place, f"{name} is {times}; expected it once")
-        datum = found[0]
-        if datum.kind not in kinds:
-            raise self.sources[index].refuse(
-                place, f"{name} is a {datum.kind}; expected a {' or '.join(kinds)}"
-            )
-        if datum.literal is None:
-            raise self.sources[datum.file].refuse(
-                datum.place, f"{name} is computed, or an array; expected numbers"
-            )
-        if name.lower() in self.assigned:
-            file, where = self.assigned[name.lower()]
-            raise self.sources[file].refuse(where, f"{name} is set by the program; expected numbers alone")
-        return datum
 
     # -- motions -------------------------------------------------------------------------------------
     def motions_of(self, index: int) -> None:
@@ -254,7 +162,7 @@ class _Reader:
         self.used[key] = len(self.targets) - 1
         return self.used[key]
 
-    def joints(self, name: str, file: int, literal: _Literal, tool: str, index: int, place: int) -> Target:
+    def joints(self, name: str, file: int, literal: Literal, tool: str, index: int, place: int) -> Target:
         source, n = self.sources[file], self.setting.robot.axes
         numbers = self.numbers(file, literal, 0, None, "the joint angles")[:n]
         if len(numbers) != n:
@@ -270,7 +178,7 @@ class _Reader:
         return Target(name, file, source.line(literal.start), encode, joints=q, load=load)
 
     def pose(
-        self, name: str, file: int, literal: _Literal, tool: str, wobj: str, index: int, place: int
+        self, name: str, file: int, literal: Literal, tool: str, wobj: str, index: int, place: int
     ) -> Target:
         source = self.sources[file]
         position = self.numbers(file, literal, 0, 3, "the position")
@@ -372,8 +280,8 @@ class _Reader:
             return Placement(), f"{name} is held or moved; expected wobjdata with FALSE, TRUE"
         return compose(self.frame(datum, parts[3]), self.frame(datum, parts[4])), ""
 
-    def frame(self, datum: _Datum, parts) -> Placement:
-        literal = _Literal(parts if isinstance(parts, list) else [], datum.literal.start, datum.literal.end)
+    def frame(self, datum: Datum, parts) -> Placement:
+        literal = Literal(parts if isinstance(parts, list) else [], datum.literal.start, datum.literal.end)
         numbers = self.numbers(datum.file, literal, 0, 3, "the position") + self.numbers(
             datum.file, literal, 1, 4, "the orientation"
         )

@@ -1,0 +1,138 @@
+"""What KRL files declare: names with their records `{X 1, Y 2}`, as text with the place of every number.
+
+    NAME or NAME[i] -> (file, place, fields)     a point of a motion: its name, or a record in the line itself
+
+A name is refused where it is used, not where it stands: given twice, computed, or with a component that the
+program sets. Comments and strings are blank in `texts`; places are those of the files.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+from exactarm.compensate.program import Number, SourceText
+from exactarm.errors import InputError
+
+ELSEWHERE = (
+    "XHOME",
+    "HOME",
+    "$H_POS",
+    "$AXIS_ACT",
+    "$AXIS_RET",
+    "$AXIS_FOR",
+    "$POS_ACT",
+)  # of the controller itself
+
+AGGREGATE = re.compile(r"\{([^{}]*)\}")
+ASSIGNED = re.compile(
+    r"(?im)^[ \t]*((?:(?:global|decl|const)[ \t]+)*(?:[a-z]\w*[ \t]+)?)(\$?[a-z_]\w*)[ "
+    r"\t]*(\[[^\]\r\n]*\])?(\.\w+)?[ \t]*=(?!=)[ \t]*"
+)
+_NAME = re.compile(r"(?i)\$?[a-z_]\w*$")
+
+
+@dataclass(frozen=True)
+class Aggregate:
+    """`{X 1, Y 2}` of file `file`: field -> its text and place, and numbers of those that are numbers."""
+
+    file: int
+    start: int
+    fields: dict[str, tuple[str, int]]
+
+
+class Declarations:
+    """Of the files of one program; `warnings` grow as points are looked up."""
+
+    def __init__(self, sources: tuple[SourceText, ...]):
+        self.sources = sources
+        self.texts = [source.without(r";[^\r\n]*", r'"[^"\r\n]*"') for source in sources]
+        self.warnings: list[str] = []
+        self.values: dict[
+            str, list[tuple[int, int, Aggregate | None]]
+        ] = {}  # NAME or NAME[i] -> (file, place, aggregate)
+        self.parts: dict[str, tuple[int, int]] = {}  # NAME of which a component is set -> (file, place)
+        for index in range(len(sources)):
+            self.declarations_of(index)
+
+    def declarations_of(self, index: int) -> None:
+        source, text = self.sources[index], self.texts[index]
+        if match := re.search(r"(?i)\$ABS_ACCUR(?![ \t]*=[ \t]*FALSE)", text):
+            raise source.refuse(
+                match.start(),
+                "$ABS_ACCUR: the controller corrects this program by itself; it must not be corrected twice",
+            )
+        for match in ASSIGNED.finditer(text):
+            _, name, subscript, component = match.groups()
+            key = name.upper() + re.sub(r"\s", "", subscript or "")
+            if component:
+                self.parts.setdefault(key, (index, match.start(2)))
+                continue
+            aggregate = AGGREGATE.match(text, match.end())
+            try:
+                found = None if aggregate is None else self.aggregate(index, aggregate)
+            except InputError:  # other records than points; a point among them is refused where it is used
+                found = None
+            self.values.setdefault(key, []).append((index, match.start(2), found))
+
+    def aggregate(self, index: int, match: re.Match) -> Aggregate:
+        """Fields of `{TYPE: NAME VALUE, ...}`."""
+        inner, at = match[1], match.start(1)
+        head = re.match(r"\s*\w+\s*:", inner)
+        if head:
+            inner, at = inner[head.end() :], at + head.end()
+        fields: dict[str, tuple[str, int]] = {}
+        for part in inner.split(","):
+            word = re.match(r"\s*([A-Za-z_]\w*)(\[\])?\s*", part)
+            if word is None:
+                raise self.sources[index].refuse(
+                    at, f"found {part.strip()[:30]!r}; expected a field and its value"
+                )
+            key = word[1].upper()
+            if key in fields:
+                raise self.sources[index].refuse(at, f"{key} is given twice")
+            fields[key] = (part[word.end() :], at + word.end())
+            at += len(part) + 1
+        return Aggregate(index, match.start(), fields)
+
+    def number(self, aggregate: Aggregate, key: str) -> Number:
+        text, place = aggregate.fields[key]
+        return Number.read(self.sources[aggregate.file], text, place)
+
+    def point(self, index: int, text: str, place: int) -> tuple[str, Aggregate] | None:
+        """Name and fields of a point that stands in a motion; None for one of the controller's own."""
+        source, word = self.sources[index], text.strip()
+        place += len(text) - len(text.lstrip())
+        if word.startswith("{"):
+            match = AGGREGATE.fullmatch(word)
+            if match is None:
+                raise source.refuse(place, f"found {word[:40]!r}; expected one {{...}}")
+            return f"line {source.line(place)}", self.aggregate(
+                index, AGGREGATE.match(self.texts[index], place)
+            )
+        if not _NAME.match(word):
+            raise source.refuse(place, f"the point {word[:40]!r} is computed; expected a name or numbers")
+        name, known = word.upper(), self.values.get(word.upper(), [])
+        if not known and name in ELSEWHERE:
+            self.warnings.append(f"{word} stands in the controller and stays as it is")
+            return None
+        if not known:
+            raise source.refuse(
+                place,
+                f"point {word} is not in {' or '.join(s.path.name for s in self.sources)}; expected it in "
+                "the data list",
+            )
+        if len(known) > 1:
+            lines = ", ".join(
+                f"{self.sources[f].path.name} line {self.sources[f].line(p)}" for f, p, _ in known
+            )
+            raise source.refuse(place, f"point {word} is given {len(known)} times ({lines}); expected once")
+        if name in self.parts:
+            file, where = self.parts[name]
+            raise self.sources[file].refuse(
+                where, f"a component of point {word} is set by the program; expected numbers alone"
+            )
+        file, where, found = known[0]
+        if found is None:
+            raise self.sources[file].refuse(where, f"point {word} is computed; expected numbers")
+        return word, found

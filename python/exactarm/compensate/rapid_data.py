@@ -1,0 +1,114 @@
+"""What RAPID modules declare: targets, tools and work objects, as text with the place of every number.
+
+    name -> its declarations        a literal `[[x, y, z], [...]]` -> nested lists of (text, place)
+
+A name is refused where it is used, not where it stands: given twice, computed, an array, or set by the
+program. Comments and strings are blank in `texts`; places are those of the files.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+from exactarm.compensate.program import Number, SourceText
+
+_DATA = re.compile(
+    r"(?i)\b(?:CONST|PERS|VAR|TASK\s+PERS)\s+(robtarget|jointtarget|tooldata|wobjdata)\s+"
+    r"(\w+)\s*(\{[^}]*\})?\s*:=\s*"
+)
+_ASSIGNED = re.compile(r"(?im)(?:^|;)\s*(\w+)(?:\.[\w.{}]+)?\s*:=")
+
+
+@dataclass(frozen=True)
+class Literal:
+    """A bracketed aggregate: nested lists of (text, place)."""
+
+    parts: list
+    start: int
+    end: int
+
+
+@dataclass(frozen=True)
+class Datum:
+    kind: str
+    literal: Literal | None  # None: computed, or an array
+    file: int
+    place: int
+
+
+class Declarations:
+    """Of the modules of one program."""
+
+    def __init__(self, sources: tuple[SourceText, ...]):
+        self.sources = sources
+        self.texts = [source.without(r'"[^"\r\n]*"', r"![^\r\n]*") for source in sources]
+        self.data: dict[str, list[Datum]] = {}
+        self.assigned: dict[str, tuple[int, int]] = {}
+        for index, text in enumerate(self.texts):
+            for match in _DATA.finditer(text):
+                literal = None if match[3] else self.literal(index, match.end())
+                self.data.setdefault(match[2].lower(), []).append(
+                    Datum(match[1].lower(), literal, index, match.start(2))
+                )
+            for match in _ASSIGNED.finditer(text):
+                self.assigned.setdefault(match[1].lower(), (index, match.start(1)))
+
+    def literal(self, index: int, place: int) -> Literal | None:
+        """The aggregate that starts at `place`; None where none does."""
+        text = self.texts[index]
+        place += len(text[place:]) - len(text[place:].lstrip())
+        if text[place : place + 1] != "[":
+            return None
+        stack: list[list] = [[]]
+        start = place + 1
+        for i in range(place, len(text)):
+            letter = text[i]
+            if letter == "[":
+                stack.append([])
+                start = i + 1
+            elif letter in ",]":
+                behind_list = bool(stack[-1]) and isinstance(stack[-1][-1], list)
+                if text[start:i].strip() or (letter == "," and not behind_list):
+                    stack[-1].append((text[start:i], start))
+                start = i + 1
+                if letter == "]":
+                    done = stack.pop()
+                    stack[-1].append(done)
+                    if len(stack) == 1:
+                        return Literal(done, place, i + 1)
+            elif letter == ";":
+                break
+        raise self.sources[index].refuse(place, "a bracket is not closed; expected ]")
+
+    def numbers(
+        self, index: int, literal: Literal, where: int, count: int | None, what: str
+    ) -> list[Number]:
+        """Those of the list at `where` of an aggregate."""
+        source = self.sources[index]
+        parts = literal.parts[where] if where < len(literal.parts) else None
+        if not isinstance(parts, list) or not all(isinstance(part, tuple) for part in parts):
+            raise source.refuse(literal.start, f"{what} is missing; expected it as list {where + 1}")
+        if count is not None and len(parts) != count:
+            raise source.refuse(literal.start, f"{what}: {len(parts)} numbers; expected {count}")
+        return [Number.read(source, text, place) for text, place in parts]
+
+    def datum(self, index: int, name: str, place: int, kinds: tuple[str, ...]) -> Datum:
+        """The one declaration of a name, with numbers."""
+        found = self.data.get(name.lower(), [])
+        if len(found) != 1:
+            times = "not in these files" if not found else f"given {len(found)} times"
+            raise self.sources[index].refuse(place, f"{name} is {times}; expected it once")
+        datum = found[0]
+        if datum.kind not in kinds:
+            raise self.sources[index].refuse(
+                place, f"{name} is a {datum.kind}; expected a {' or '.join(kinds)}"
+            )
+        if datum.literal is None:
+            raise self.sources[datum.file].refuse(
+                datum.place, f"{name} is computed, or an array; expected numbers"
+            )
+        if name.lower() in self.assigned:
+            file, where = self.assigned[name.lower()]
+            raise self.sources[file].refuse(where, f"{name} is set by the program; expected numbers alone")
+        return datum
