@@ -1,5 +1,6 @@
 """What rows cost in memory is said before the work, and evaluations do it in blocks."""
 
+import json
 import re
 from dataclasses import replace
 
@@ -15,6 +16,13 @@ from exactarm.identify import evaluate as evaluation
 from exactarm.robot_file import load_robot
 
 
+class Said:
+    """Keeps what a progress is told."""
+
+    def __init__(self, stages: list):
+        self.stage = stages.append
+
+
 @pytest.fixture(scope="module")
 def ur10():
     robot = load_robot("ur10")
@@ -26,10 +34,10 @@ def test_too_many_rows_are_refused_with_the_number_that_fits(ur10, monkeypatch):
     monkeypatch.setattr(memory, "free_bytes", lambda: 1.0 * memory.GIGABYTE)
     with pytest.raises(InputError,
                        match="series_B.csv: 1495 rows need about 2.11 GB of memory, 1 GB are free") as error:
-        memory.require_memory("diagnose", "poses", data)
+        memory.within_memory("diagnose", "poses", data)
     most = int(re.search(r"at most (\d+) rows", str(error.value))[1])
-    memory.require_memory("diagnose", "poses", data.select(np.arange(most)))
-    memory.require_memory("evaluate", "poses", data)
+    memory.within_memory("diagnose", "poses", data.select(np.arange(most)))
+    memory.within_memory("evaluate", "poses", data)
 
 
 def test_the_command_says_so_before_it_works(monkeypatch, tmp_path, capsys):
@@ -39,10 +47,43 @@ def test_the_command_says_so_before_it_works(monkeypatch, tmp_path, capsys):
     assert "rows need about" in capsys.readouterr().err
 
 
+def test_more_rows_than_are_worked_at_once_are_thinned_evenly_and_said(ur10, monkeypatch):
+    _, data = ur10
+    two = replace(data, session=np.where(np.arange(len(data)) < 60, 1, 2))
+    monkeypatch.setitem(memory.COSTS, ("calibrate", "poses"), memory.Cost(65e3, 0.0, 300))
+    said = []
+    some, (warning,) = memory.within_memory("calibrate", "poses", two, Said(said))
+    assert warning.startswith(f"1,495 rows are more than calibrate takes at once: it works on {len(some)}")
+    assert 300 <= len(some) <= 350 and np.sum(some.session == 1) == memory.LEAST_OF_A_SESSION
+    assert np.diff(some.row[some.session == 2]).max() <= 6 and some.row[-1] == data.row[-1]
+    assert said and "of 1,495 rows" in said[0]
+    assert memory.within_memory("calibrate", "poses", some.select(np.arange(300)), Said(said))[1] == ()
+
+
+def test_a_long_command_says_how_long_before_it_works(ur10, monkeypatch):
+    _, data = ur10
+    said = []
+    memory.within_memory("diagnose", "poses", data, Said(said))
+    assert len(said) == (1495 * memory.COSTS["diagnose", "poses"].seconds_a_row > memory.WORTH_SAYING_S)
+    monkeypatch.setitem(memory.COSTS, ("diagnose", "poses"), memory.Cost(1e3, 1.0))
+    memory.within_memory("diagnose", "poses", data, Said(said))
+    assert said[-1] == "1,495 of 1,495 rows: about 25 min of a processor and 0.3 GB"
+
+
+@pytest.mark.parametrize("command", ["calibrate", "diagnose"])
+def test_a_command_on_some_of_the_rows_warns_in_its_result(ur10, monkeypatch, tmp_path, command):
+    monkeypatch.setitem(memory.COSTS, (command, "poses"), memory.Cost(65e3, 0.0, 60))
+    assert cli.main([command, "ur10", str(data_path("ur10/series_B.csv")), "--out", str(tmp_path), "--quiet",
+                     "--threads", "1"]) == 0
+    result = json.loads((tmp_path / "result.json").read_text())
+    assert f"1,495 rows are more than {command} takes at once" in result["warnings"][0]
+    assert result["before"]["identification"]["n"] + result["before"]["validation"]["n"] == 60
+
+
 def test_a_system_that_does_not_say_refuses_nothing(ur10, monkeypatch, tmp_path):
     monkeypatch.setattr(memory, "MEMINFO", tmp_path / "nothing")
     assert memory.free_bytes() is None
-    memory.require_memory("diagnose", "poses", ur10[1])
+    memory.within_memory("diagnose", "poses", ur10[1])
 
 
 def test_free_memory_is_read(tmp_path, monkeypatch):

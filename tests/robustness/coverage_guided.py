@@ -62,20 +62,8 @@ def _targets() -> dict[str, tuple[bytes, Callable[[Path], object]]]:
             return parsed({name: np.array([-1.3, 0.0, 0.7]) for name in parsed.names})
 
     found["formula.txt"] = (b"a*(q_4 + q_6)^2 + b*sin(3*q_1)", formula)
-    found["draft.toml"] = (DRAFT.encode(), accept)
+    found["draft.toml"] = (valid["draft.toml"], accept)
     return found
-
-
-DRAFT = """\
-[[effects]]
-effect = "expression"
-title = "axis 5 is off by a square"
-joint = 5
-of = ["q_4", "q_6"]
-form = "a*(q_4 + q_6)^2"
-values = { a = 3.1e-4 }
-plausible = { a = 3e-4 }
-"""
 
 
 def _fuzz(target: str, corpus: Path, seconds: int, one: Path | None) -> None:

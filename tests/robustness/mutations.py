@@ -7,10 +7,18 @@ ends.
 
 from __future__ import annotations
 
+import argparse
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
+
+OPTION_VALUES = ["", " ", "0", "-1", "1", "2", "3.5", "nan", "inf", "-inf", "1e-300", "1e300", "99999999999",
+                 "-99999999999", "1e9", "1,2", "1,,2", ",", "x", "joint=1", "joint=99", "backlash", "all", "none",
+                 "line", "no.csv", "no.toml", "/", ".", "/dev/null", "/dev/zero", "poses.csv", "path.toml",
+                 "ur10.toml", "runs.csv", "fixture.toml", "draft.toml", "part.script", "ur10", "kr300", "tx40",
+                 "racer-7-1.4", "../x", "µé漢", "a=b", "=", "q_1=q_2", "--", "-", "5/mm", "9" * 400]
+KEPT = ("--out", "--threads", "--quiet", "--debug", "--help", "-h", "--workers")  # the trial's own
 
 WORDS = [b"", b",", b"\n", b"\r", b"\r\n", b"nan", b"inf", b"1e999", b"-", b'"', b"\xff", b"\0", b"[", b"]",
          b"{", b"=", b"<", b"/>", b"_",
@@ -117,3 +125,27 @@ def spoiled(content: bytes, random: np.random.Generator) -> bytes:
     for _ in range(random.integers(1, 4)):
         content = WAYS[random.integers(len(WAYS))](content, random)
     return content
+
+
+def spoiled_words(words: Sequence[str], parser: argparse.ArgumentParser,
+                  random: np.random.Generator) -> list[str]:
+    """The words of a command line with one to three of them left out, doubled, exchanged or replaced, or with
+    options of `parser` that have hostile values."""
+    spoilt = list(words)
+    options = [action for action in parser._actions
+               if action.option_strings and action.option_strings[-1] not in KEPT]
+    for _ in range(random.integers(1, 4)):
+        kind, at = random.integers(6), int(random.integers(len(spoilt) + 1))
+        value = OPTION_VALUES[random.integers(len(OPTION_VALUES))]
+        if kind == 0:
+            del spoilt[at : at + 1]
+        elif kind == 1:
+            spoilt.insert(at, value)
+        elif kind == 2:
+            spoilt[at : at + 1] = [value]
+        elif options:
+            action = options[random.integers(len(options))]
+            choices = [*(action.choices or [value])]
+            given = [value] if random.random() < 0.6 else [str(choices[random.integers(len(choices))])]
+            spoilt += [action.option_strings[-1], *(given if action.nargs != 0 else [])]
+    return spoilt

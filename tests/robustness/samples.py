@@ -56,6 +56,25 @@ def part():
 end
 """
 
+DRAFT = """\
+[[effects]]
+effect = "expression"
+title = "axis 5 is off by a square"
+station = "GEAR"
+joint = 5
+of = ["q_4", "q_6"]
+form = "a*(q_4 + q_6)^2"
+values = { a = 3.1e-4 }
+plausible = { a = 3e-4 }
+"""
+MANIFEST = """\
+name,command,robot,files
+one,evaluate,ur10,poses.csv
+two,calibrate,ur10,poses.csv
+"""
+JOINT_LOG = "name,q_1_deg,q_2_deg,q_3_deg,q_4_deg,q_5_deg,q_6_deg\np1,1,2,3,4,5,6\np2,6,5,4,3,2,1\n"
+POINTS = "// points\nmonday p1 1000.0 20.0 300.0\nmonday p2 900.0 10.0 310.5\n"
+
 
 def _rows(frame: pd.DataFrame) -> bytes:
     return frame.to_csv(index=False).encode()
@@ -79,6 +98,7 @@ def samples() -> dict[str, bytes]:
                               | {f"theta_{i}_rad": 3.0 * np.sin(time + i) for i in range(1, 7)})
     return {
         "poses.csv": _rows(poses),
+        "day.csv": _rows(poses[:5]),
         "poses.parquet": _parquet(poses),
         "motion.csv": _rows(motion),
         "runs.csv": _rows(runs),
@@ -93,4 +113,8 @@ def samples() -> dict[str, bytes]:
         "part.src": KRL.encode(),
         "part.dat": KRL_DATA.encode(),
         "part.script": URSCRIPT.encode(),
+        "draft.toml": DRAFT.encode(),
+        "manifest.csv": MANIFEST.encode(),
+        "log.csv": JOINT_LOG.encode(),
+        "points.txt": POINTS.encode(),
     }

@@ -8,22 +8,6 @@ from pathlib import Path
 
 from robustness.samples import samples
 
-DRAFT = """\
-[[effects]]
-effect = "expression"
-station = "GEAR"
-joint = 1
-of = ["q_1"]
-form = "a*cos(q_1)"
-values = { a = 1e-4 }
-"""
-MANIFEST = """\
-name,command,robot,files
-one,evaluate,ur10,poses.csv
-two,calibrate,ur10,poses.csv
-"""
-JOINT_LOG = "name,q_1_deg,q_2_deg,q_3_deg,q_4_deg,q_5_deg,q_6_deg\np1,1,2,3,4,5,6\np2,6,5,4,3,2,1\n"
-POINTS = "// points\nmonday p1 1000.0 20.0 300.0\nmonday p2 900.0 10.0 310.5\n"
 RUNS: dict[str, tuple[str, ...]] = {
     "accept": ("draft.toml",),
     "batch": ("manifest.csv",),
@@ -52,10 +36,7 @@ RUNS: dict[str, tuple[str, ...]] = {
 def prepare(folder: Path) -> None:
     """Writes all files that the runs read."""
     folder.mkdir(parents=True, exist_ok=True)
-    made = {"draft.toml": DRAFT, "manifest.csv": MANIFEST, "log.csv": JOINT_LOG, "points.txt": POINTS}
-    contents = samples() | {name: text.encode() for name, text in made.items()}
-    contents["day.csv"] = b"\n".join(contents["poses.csv"].splitlines()[:6]) + b"\n"
-    for name, content in contents.items():
+    for name, content in samples().items():
         (folder / name).write_bytes(content)
 
 

@@ -1,10 +1,11 @@
 """One trial: a spoiled file given to a reader or to a command, and what must hold then.
 
     readers    the file is read, or refused by InputError, in one line that names it
+    words      a command line with words left out, exchanged, or options with hostile values
     commands   exit 0 with a result that is finite and that our own readers accept, or exit 1 or 2 with one
                line on stderr that is no "fault in exactarm", names a file or an option (2), and leaves no
                    result
-Within bounds of time; a trial is told by its seed alone.
+What holds for commands holds for words. Within bounds of time; a trial is told by its seed alone.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import contextlib
 import io
 import json
 import math
+import os
 import shutil
 import signal
 import time
@@ -24,6 +26,9 @@ from pathlib import Path
 import numpy as np
 
 from exactarm import cli
+from exactarm.commands.accept import accept
+from exactarm.commands.execute import parser_of
+from exactarm.commands.listing import import_command
 from exactarm.compensate.formats import jobs
 from exactarm.compensate.setting import Setting
 from exactarm.dataset import read_dataset, read_planned_poses
@@ -31,11 +36,14 @@ from exactarm.errors import InputError
 from exactarm.fixture import load_fixture
 from exactarm.plan.path_file import load_path
 from exactarm.robot_file import load_robot, read_robot
-from robustness.mutations import spoiled
+from robustness.mutations import spoiled, spoiled_words
 from robustness.samples import samples
+from robustness.short_runs import RUNS
 
 MOST_SECONDS = 60.0  # of a trial; the slowest valid one takes three
 SHARE_OF_COMMANDS = 0.1
+SHARE_OF_WORDS = 0.5  # of the trials of commands
+SLOW = ("demo", "loop")  # minutes on spoiled input are no fault of theirs
 
 READERS: dict[str, Callable[[Path], object]] = {
     "poses.csv": lambda path: read_dataset(path, load_robot("ur10")),
@@ -50,6 +58,7 @@ READERS: dict[str, Callable[[Path], object]] = {
     "path.toml": load_path,
     "line.toml": load_path,
     "fixture.toml": load_fixture,
+    "draft.toml": accept,
     "part.src": lambda path: [job.read(Setting(load_robot("ur10")))
                               for job in jobs([path, path.with_suffix(".dat")])],
     "part.script": lambda path: [job.read(Setting(load_robot("ur10"))) for job in jobs([path])],
@@ -68,6 +77,12 @@ COMMANDS: tuple[tuple[str, ...], ...] = (
     ("simulate", "racer-7-1.4", "*trajectory.csv", "--measure", "poses"),
     ("compensate", "*ur10.toml", "part.script"),
     ("compensate", "ur10", "*part.script"),
+    ("accept", "*draft.toml"), ("batch", "*manifest.csv"), ("batch", "manifest.csv", "*poses.csv"),
+    ("certify", "ur10", "*poses.csv"), ("certify", "*ur10.toml", "poses.csv"),
+    ("check", "ur10", "*poses.csv", "day.csv"), ("check", "ur10", "poses.csv", "*day.csv"),
+    ("design", "*racer.toml", "--count", "12", "--validation", "4"),
+    ("diagnose", "ur10", "*poses.csv"), ("export", "*ur10.toml", "--format", "urdf"),
+    ("study", "*racer.toml", "path.toml", "--nu", "1e-12,1e-9"),
 )
 
 
@@ -114,7 +129,9 @@ def run_trial(seed: int, folder: Path, valid: dict[str, bytes] | None = None,
     try:
         with _limited(MOST_SECONDS), warnings.catch_warnings():
             warnings.simplefilter("ignore")  # as the command itself does
-            if as_command:
+            if as_command and random.random() < SHARE_OF_WORDS:
+                what, code, failure = _words(folder, valid, random)
+            elif as_command:
                 words = COMMANDS[random.integers(len(COMMANDS))]
                 what = " ".join(words)
                 code, failure = _command(words, folder, valid, random)
@@ -128,6 +145,7 @@ def run_trial(seed: int, folder: Path, valid: dict[str, bytes] | None = None,
 
 def _reader(name: str, folder: Path, valid: dict[str, bytes], random: np.random.Generator) -> str:
     path = folder / name
+    os.environ["EXACTARM_EFFECTS"] = str(folder / "effects")
     if name == "part.src":
         (folder / "part.dat").write_bytes(spoiled(valid["part.dat"], random))
     path.write_bytes(spoiled(valid[name], random))
@@ -153,23 +171,48 @@ def _command(words: tuple[str, ...], folder: Path, valid: dict[str, bytes],
             (folder / name).write_bytes(spoiled(valid[name], random) if word != name else valid[name])
             name = str(folder / name)
         line.append(name)
+    return _run(line, folder)
+
+
+def _words(folder: Path, valid: dict[str, bytes],
+           random: np.random.Generator) -> tuple[str, int, str]:
+    """A spoiled command line of any command on valid files."""
+    for name, content in valid.items():
+        (folder / name).write_bytes(content)
+    names = sorted(set(RUNS) - set(SLOW))
+    command = names[random.integers(len(names))]
+    words = spoiled_words(RUNS[command], parser_of(import_command(command)), random)
+    line = [command, *(str(folder / word) if word in valid else word for word in words)]
+    return (f"words {line}", *_run(line, folder))
+
+
+def _run(line: list[str], folder: Path) -> tuple[int, str]:
     out = folder / "out"
+    os.environ["EXACTARM_EFFECTS"] = str(folder / "effects")
     told, errors = io.TextIOWrapper(io.BytesIO(), "utf-8"), io.TextIOWrapper(io.BytesIO(), "utf-8")
     with contextlib.redirect_stdout(told), contextlib.redirect_stderr(errors):
         code = cli.main([*line, "--out", str(out), "--threads", "1", "--quiet"])
     errors.flush()
     said = errors.buffer.getvalue().decode()
-    return code, _of_done(out, said) if code == 0 else _of_failed(code, out, said, folder)
+    return code, _of_done(out, said) if code == 0 else _of_failed(code, out, said, line)
 
 
-def _of_failed(code: int, out: Path, said: str, folder: Path) -> str:
+def _of_failed(code: int, out: Path, said: str, line: list[str]) -> str:
     if code not in (1, 2) or said.count("\n") != 1 or not said.startswith("exactarm: error: "):
         return f"exit {code} with {said!r}"
     if "a fault in exactarm" in said:
         return said.strip()
-    if code == 2 and not any(name in said for name in (str(folder), "--", "ur10", "kr300", "tx40", "racer")):
+    if code == 2 and not _named(said.removeprefix("exactarm: error: "), line):
         return f"exit 2 names no file: {said.strip()}"
     return "a result beside an error" if (out / "result.json").exists() else ""
+
+
+def _named(said: str, line: list[str]) -> bool:
+    """Whether a refusal says what it is about: a word of the command line in front, or an option."""
+    options = ("argument ", "unrecognized arguments", "the following arguments")
+    return said.startswith(options) or "--" in said or any(
+        said.startswith((f"{word}: ", f"{word}, ", f"{Path(word).parent}/")) for word in line if len(word) > 0
+    )
 
 
 def _of_done(out: Path, said: str) -> str:

@@ -14,7 +14,7 @@ from exactarm.commands.arguments import add_files, add_fixture, add_robot, add_s
 from exactarm.commands.call import AnyData, AnyFixture, AnyRobot, asked, data_of, robot_of, threads_of
 from exactarm.commands.error_sections import error_figures, error_table, geometry_tables, highlights, unit_of
 from exactarm.commands.load_section import with_load_section
-from exactarm.commands.memory import require_memory
+from exactarm.commands.memory import within_memory
 from exactarm.commands.result import CommandResult, estimate
 from exactarm.commands.suspicions import suspicions
 from exactarm.dataset import Dataset
@@ -82,7 +82,7 @@ def calibrate(
         threads=threads_of(threads),
     )
     progress.stage("calibrating")
-    require_memory("calibrate", rows.kind, rows)
+    rows, told = within_memory("calibrate", rows.kind, rows, progress)
     with suspicions(declared, rows) as found:
         result = CALIBRATORS[rows.kind](declared, rows, options)
     made = CommandResult(
@@ -93,7 +93,7 @@ def calibrate(
                                                 result.residual_after)},
         asked=asked("calibrate", robot, rows, seed, given,
                     {"use": "auto", "compliance": None, "robust": False}),
-    ).warned(found)
+    ).warned([*told, *found])
     return with_load_section(made, declared, rows)
 
 

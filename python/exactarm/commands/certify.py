@@ -15,7 +15,7 @@ from exactarm.commands.arguments import add_files, add_robot
 from exactarm.commands.calibrate import require_poses
 from exactarm.commands.call import AnyData, AnyRobot, asked, data_of, robot_of, threads_of
 from exactarm.commands.certify_report import Certified, certificate, results_of
-from exactarm.commands.memory import require_memory
+from exactarm.commands.memory import within_memory
 from exactarm.commands.plain import sha256
 from exactarm.commands.result import CommandResult
 from exactarm.commands.suspicions import suspicions
@@ -90,7 +90,7 @@ def certify(
         )
     followed = _followed(path, arm)
     progress.stage("certifying")
-    require_memory("evaluate", rows.kind, rows)
+    within_memory("evaluate", rows.kind, rows)
     with suspicions(arm, rows) as found:
         certified = _certify(arm, earlier, rows, followed, told, seed, threads_of(threads))
     read = (about, before, *(source.path for each in followed for source in each.sources))

@@ -14,7 +14,7 @@ from exactarm.commands.call import AnyData, AnyFixture, AnyRobot, asked, data_of
 from exactarm.commands.design_for import experiment_json
 from exactarm.commands.diagnose_report import report_of
 from exactarm.commands.load_section import with_load_section
-from exactarm.commands.memory import require_memory
+from exactarm.commands.memory import within_memory
 from exactarm.commands.result import CommandResult, estimate
 from exactarm.commands.suspicions import suspicions
 from exactarm.diagnose.diagnosis import Diagnosis, Finding
@@ -61,11 +61,11 @@ def diagnose(
     warnings: list[str] = []
     for each in (rows.kind,) if kind else rows.kinds:
         progress.stage(f"diagnosing {each.replace('_', ' ')}")
-        require_memory("diagnose", each, rows)
+        worked, told = within_memory("diagnose", each, rows, progress)
         try:
-            with suspicions(known, replace(rows, kind=each, kinds=(each,))) as found:
-                result = find_causes(known, replace(rows, kind=each), seed=seed, threads=threads_of(threads),
-                                     progress=progress.stage)
+            with suspicions(known, replace(worked, kind=each, kinds=(each,))) as found:
+                result = find_causes(known, replace(worked, kind=each), seed=seed,
+                                     threads=threads_of(threads), progress=progress.stage)
         except InputError as error:
             # The same file may hold more than this robot's tables can judge, as torques of an arm without
             # geometry.
@@ -77,7 +77,7 @@ def diagnose(
         # What the first kind of data has found is part of the model that the next kind judges.
         known = result.robot
         results.append(result)
-        warnings += [line for line in found if line not in warnings]
+        warnings += [line for line in (*told, *found) if line not in warnings]
     first = results[0]
     also: dict[str, Any] = {"also": [_json(other) for other in results[1:]]} if len(results) > 1 else {}
     also |= {"skipped": skipped} if skipped else {}

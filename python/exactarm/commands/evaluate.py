@@ -14,7 +14,7 @@ from exactarm.commands.arguments import add_files, add_fixture, add_robot, add_s
 from exactarm.commands.call import AnyData, AnyFixture, AnyRobot, asked, data_of, robot_of, threads_of
 from exactarm.commands.certified import with_uncertainty
 from exactarm.commands.load_section import with_load_section
-from exactarm.commands.memory import require_memory
+from exactarm.commands.memory import within_memory
 from exactarm.commands.outcome import Column
 from exactarm.commands.result import CommandResult
 from exactarm.commands.suspicions import suspicions
@@ -68,7 +68,7 @@ def evaluate(
     if rows.kind not in EVALUATORS:
         raise InputError(f"evaluate judges {', '.join(EVALUATORS)}; found {rows.kind}", file=rows.first_file)
     progress.stage("evaluating")
-    require_memory("evaluate", rows.kind, rows)
+    within_memory("evaluate", rows.kind, rows)
     with suspicions(declared, rows) as found:
         result = EVALUATORS[rows.kind](declared, rows, seed, threads_of(threads))
     rows = rows if result.data is None else result.data

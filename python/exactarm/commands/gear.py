@@ -11,7 +11,7 @@ import numpy as np
 from exactarm.commands.arguments import add_files, add_robot
 from exactarm.commands.call import AnyData, AnyRobot, asked, data_of, robot_of, threads_of
 from exactarm.commands.gear_report import gear_report
-from exactarm.commands.memory import require_memory
+from exactarm.commands.memory import within_memory
 from exactarm.commands.result import CommandResult, estimate
 from exactarm.commands.suspicions import suspicions
 from exactarm.dataset import Dataset
@@ -52,7 +52,7 @@ def gear(
     if GEAR_RUN.name not in rows.kinds:
         raise InputError(f"expected gear runs (gyroscope, or encoders on both sides), found {rows.kind}",
                          file=rows.first_file)
-    require_memory("gear", GEAR_RUN.name, rows)
+    within_memory("gear", GEAR_RUN.name, rows)
     with suspicions(declared, replace(rows, kind=GEAR_RUN.name, kinds=(GEAR_RUN.name,))) as found:
         result = identify_gears(declared, rows, method=method, seed=seed, threads=threads_of(threads),
                                 progress=progress.stage)

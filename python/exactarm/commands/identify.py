@@ -11,7 +11,7 @@ import numpy as np
 from exactarm.commands.arguments import add_files, add_robot
 from exactarm.commands.call import AnyData, AnyRobot, asked, data_of, robot_of, threads_of
 from exactarm.commands.error_sections import SETS, error_table, highlights, parameter_table, unit_of
-from exactarm.commands.memory import require_memory
+from exactarm.commands.memory import within_memory
 from exactarm.commands.result import CommandResult, estimate
 from exactarm.commands.suspicions import suspicions
 from exactarm.dataset import Dataset
@@ -70,7 +70,7 @@ def identify(
         threads=threads_of(threads),
     )
     progress.stage("identifying")
-    require_memory("identify", MOTION.name, rows)
+    within_memory("identify", MOTION.name, rows)
     with suspicions(declared, rows) as found:
         result = identify_dynamics(declared, rows, options)
     return CommandResult(

@@ -1,44 +1,83 @@
-"""Memory before the work: what a command will need for so many rows, beside what the machine has free.
+"""Memory and time before the work: what a command will need for so many rows, beside what the machine has free.
 
-Bytes a row are measured (`bench/limits.py`; docs/limits.md); what a row takes is work, so it grows in
-proportion. A command that would be killed by the system is refused with the number of rows that fit.
+Bytes and seconds a row are measured (`bench/limits.py`; docs/limits.md); what a row takes is work, so both
+grow in proportion. Above `Cost.most` rows a command works on that many, evenly spread over the sessions, and
+says so: more rows of the same poses narrow the intervals and change nothing else. A command that the system
+would kill is refused with the number of rows that fit.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
+
+import numpy as np
 
 from exactarm.dataset import Dataset
 from exactarm.errors import InputError
 from exactarm.kinds import GEAR_RUN, MOTION, POSES
+from exactarm.progress import SILENT, Progress
 
 GIGABYTE = 2.0**30
 MEMINFO = Path("/proc/meminfo")
 SHARE = 0.9  # of what is free that one command may take
 BASE_BYTES = 0.3 * GIGABYTE  # of the libraries and the figures
-# command, kind of data -> bytes a row; None: it does not grow with the rows by more than the data (blocks,
-# thinned runs)
-BYTES_A_ROW = {
-    ("calibrate", POSES.name): 65e3,
-    ("diagnose", POSES.name): 1.3e6,
-    ("evaluate", POSES.name): 1.5e3,
-    ("identify", MOTION.name): 3e3,
-    ("gear", GEAR_RUN.name): 5e3,
+WORTH_SAYING_S = 60.0  # a command that takes longer says so before it works
+LEAST_OF_A_SESSION = 50  # rows that a session keeps, however many there are of others
+
+
+@dataclass(frozen=True)
+class Cost:
+    """What a row costs; most: rows that are worked on, None where blocks or thinned runs bound the memory."""
+
+    bytes_a_row: float
+    seconds_a_row: float = 0.0
+    most: int | None = None
+
+
+COSTS = {
+    ("calibrate", POSES.name): Cost(65e3, 4e-4, 50_000),
+    ("diagnose", POSES.name): Cost(1.3e6, 5e-2, 4_000),
+    ("evaluate", POSES.name): Cost(1.5e3),
+    ("identify", MOTION.name): Cost(3e3),
+    ("gear", GEAR_RUN.name): Cost(5e3),
 }
 
 
-def require_memory(command: str, kind: str, data: Dataset) -> None:
-    """Raises InputError where the rows need more than the machine has free."""
-    each, free = BYTES_A_ROW.get((command, kind)), free_bytes()
-    if each is None or free is None:
-        return
-    needed, most = BASE_BYTES + each * len(data), SHARE * free
-    if needed > most:
-        rows = max(int((most - BASE_BYTES) / each), 0)
+def within_memory(command: str, kind: str, data: Dataset,
+                  progress: Progress = SILENT) -> tuple[Dataset, tuple[str, ...]]:
+    """The rows that are worked on, and a warning where these are not all; raises InputError where they need
+    more than the machine has free."""
+    cost, free = COSTS.get((command, kind)), free_bytes()
+    if cost is None:
+        return data, ()
+    rows, told = _evenly(data, cost.most), ()
+    if len(rows) < len(data):
+        told = (f"{len(data):,} rows are more than {command} takes at once: it works on {len(rows):,}, evenly "
+                f"spread over the {kind.replace('_', ' ')} of every session",)
+    needed, seconds = BASE_BYTES + cost.bytes_a_row * len(rows), cost.seconds_a_row * len(rows)
+    if free is not None and needed > SHARE * free:
+        most = max(int((SHARE * free - BASE_BYTES) / cost.bytes_a_row), 0)
         raise InputError(
-            f"{len(data)} rows need about {needed / GIGABYTE:.3g} GB of memory, {free / GIGABYTE:.3g} GB are "
-            "free; expected at most "
-            f"{rows} rows: leave out rows, evenly, or take the sessions one by one", file=data.first_file)
+            f"{len(rows)} rows need about {needed / GIGABYTE:.3g} GB of memory, {free / GIGABYTE:.3g} GB are "
+            f"free; expected at most {most} rows: leave out rows, evenly, or take the sessions one by one",
+            file=data.first_file)
+    if seconds > WORTH_SAYING_S or told:
+        progress.stage(f"{len(rows):,} of {len(data):,} rows: about {max(seconds / 60.0, 1.0):.0f} min of a "
+                       f"processor and {needed / GIGABYTE:.1f} GB")
+    return rows, told
+
+
+def _evenly(data: Dataset, most: int | None) -> Dataset:
+    """At most about `most` rows, every session in proportion."""
+    if most is None or len(data) <= most:
+        return data
+    kept = []
+    for session in np.unique(data.session):
+        rows = np.flatnonzero(data.session == session)
+        count = min(len(rows), max(LEAST_OF_A_SESSION, most * len(rows) // len(data)))
+        kept.append(rows[np.linspace(0, len(rows) - 1, count).astype(int)])
+    return data.select(np.sort(np.concatenate(kept)))
 
 
 def free_bytes() -> float | None:
