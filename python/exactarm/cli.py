@@ -139,6 +139,9 @@ def _run(words: list[str], progress: Progress, package: str) -> int:
     published = execute(module, arguments, progress, _width())
     if not arguments.quiet:
         print(visible(published.text), end="")
+    if published.result.exit_code:  # a whole result, of parts that failed
+        progress.close()
+        print(visible(f"exactarm: error: {arguments.out}: {published.report.verdict}"), file=sys.stderr)
     return published.result.exit_code
 
 

@@ -100,6 +100,11 @@ def test_a_folder_without_a_name_is_refused(package, capsys, out):  # noqa: F811
     assert "argument --out: is empty, expected a folder" in capsys.readouterr().err
 
 
+def test_a_robot_or_file_without_a_name_is_refused(tmp_path, capsys):
+    assert cli.main(["evaluate", "", DATA, "--out", str(tmp_path / "out")]) == 2
+    assert capsys.readouterr().err == "exactarm: error: argument '': is empty, expected a name or a file\n"
+
+
 @pytest.mark.parametrize("folder", ["/proc/exactarm", "/dev/null/exactarm"])
 def test_a_folder_that_cannot_be_made_is_bad_input(package, capsys, folder):  # noqa: F811
     assert run(package, "weigh", "nobody", "--out", folder) == 2

@@ -1,0 +1,106 @@
+"""What holds for every command, by its short run: the same bits on any number of threads and for any order of
+Python's sets, no file outside its folders, no network, no program; one owner of a folder; a full disk is one line."""
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from exactarm import cli
+from exactarm.commands.output import OutputFolder
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from robustness.short_runs import RUNS, environment, prepare, words_of
+
+PACKAGE, WATCHED = Path(cli.__file__).parents[1], Path(__file__).parents[1] / "robustness/watched.py"
+LONG = ("demo", "diagnose", "loop")  # over five seconds of a processor each
+COMMANDS = [pytest.param(name, marks=pytest.mark.slow if name in LONG else ()) for name in RUNS]
+CHANGES = ("run", "seconds", "files", "asked", "pdf")  # keys of result.json that a second run has anew
+LEAST_FILE = 4096  # bytes that a file may have on the full disk
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    made = tmp_path_factory.mktemp("commands")
+    prepare(made)
+    (made / "tmp").mkdir()
+    return made
+
+
+def run(command: str, folder: Path, out: Path, program: list[str], threads: int, **variables: str):
+    words = words_of(command, folder, out)
+    words[words.index("--threads") + 1] = str(threads)
+    return subprocess.run(
+        [sys.executable, *program, *words], env=environment(PACKAGE, folder) | variables, text=True,
+        capture_output=True, timeout=600,
+    )
+
+
+def lasting(value: object) -> object:
+    """The same without what a second run has anew."""
+    if isinstance(value, dict):
+        return {key: lasting(item) for key, item in value.items() if key not in CHANGES}
+    return [lasting(item) for item in value] if isinstance(value, list) else value
+
+
+def content(out: Path) -> dict[str, object]:
+    """Every file below `out` that another run has to give again, without times."""
+    found: dict[str, object] = {}
+    for path in sorted(out.rglob("*")):
+        name = str(path.relative_to(out))
+        if path.name == "result.json":
+            found[name] = lasting(json.loads(path.read_text().replace(str(out), "OUT")))
+        elif path.suffix in (".csv", ".svg", ".src", ".script", ".urdf"):
+            found[name] = path.read_bytes()
+        elif path.suffix == ".toml":
+            text = path.read_text().replace(str(out), "OUT")
+            found[name] = re.sub(r'(date|run|sha256) = "[^"]*"', r"\1", text)
+    return found
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_a_command_gives_the_same_bits_and_touches_nothing_else(command, folder, tmp_path):
+    program = [str(WATCHED), f"{folder}{os.pathsep}{tmp_path}"]
+    found = []
+    for threads in (1, 2):
+        done = run(command, folder, tmp_path / "out", program, threads, PYTHONHASHSEED=str(threads),
+                   TMPDIR=str(folder / "tmp"))
+        assert (done.returncode, done.stderr) == (0, "")
+        found.append(content(tmp_path / "out"))
+        shutil.rmtree(tmp_path / "out")
+    assert len(found[0]) > 0 and found[0].keys() == found[1].keys()
+    assert [name for name in found[0] if found[0][name] != found[1][name]] == []
+
+
+def test_the_watch_sees_what_leaves_the_folder(folder, tmp_path):
+    done = run("accept", folder, tmp_path / "out", [str(WATCHED), str(tmp_path)], 1)
+    assert done.returncode == 3 and str(folder / "effects") in done.stderr
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_a_full_disk_is_one_line_and_no_result(command, folder, tmp_path):
+    limited = (f"import resource, sys; resource.setrlimit(resource.RLIMIT_FSIZE, ({LEAST_FILE},) * 2)\n"
+               "from exactarm.cli import main; sys.exit(main())")
+    done = run(command, folder, tmp_path / "out", ["-c", limited], 1)
+    assert done.returncode == 1 and done.stderr.count("\n") == 1
+    assert done.stderr.startswith("exactarm: error: ") and "fault" not in done.stderr
+    if command != "batch":  # its result, were it small enough, would tell of the jobs that failed
+        assert not list((tmp_path / "out").rglob("result.json"))
+
+
+@pytest.mark.parametrize("command", RUNS)
+def test_a_folder_of_another_run_or_one_that_is_read_only_is_refused(command, folder, tmp_path, capsys):
+    with OutputFolder(tmp_path / "out"):
+        assert cli.main(words_of(command, folder, tmp_path / "out")) == 2
+    assert capsys.readouterr().err == (f"exactarm: error: {tmp_path}/out: another run is writing here; expected a "
+                                       "folder of its own\n")
+    assert cli.main(words_of(command, folder, Path("/proc/exactarm"))) == 2
+    assert capsys.readouterr().err.startswith("exactarm: error: /proc/exactarm: cannot write here")
+
+
