@@ -1,5 +1,6 @@
-"""What holds for every command, by its short run: the same bits on any number of threads and for any order of
-Python's sets, no file outside its folders, no network, no program; one owner of a folder; a full disk is one line."""
+"""What holds for every command, by its short run: the same bits on any number of threads and for any order
+of Python's sets, no file outside its folders, no network, no program; one owner of a folder; a full disk is
+one line."""
 
 import json
 import os
@@ -98,8 +99,8 @@ def test_a_full_disk_is_one_line_and_no_result(command, folder, tmp_path):
 def test_a_folder_of_another_run_or_one_that_is_read_only_is_refused(command, folder, tmp_path, capsys):
     with OutputFolder(tmp_path / "out"):
         assert cli.main(words_of(command, folder, tmp_path / "out")) == 2
-    assert capsys.readouterr().err == (f"exactarm: error: {tmp_path}/out: another run is writing here; expected a "
-                                       "folder of its own\n")
+    assert capsys.readouterr().err == (f"exactarm: error: {tmp_path}/out: another run is writing here; "
+                                       "expected a folder of its own\n")
     assert cli.main(words_of(command, folder, Path("/proc/exactarm"))) == 2
     assert capsys.readouterr().err.startswith("exactarm: error: /proc/exactarm: cannot write here")
 

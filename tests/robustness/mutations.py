@@ -14,10 +14,11 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 OPTION_VALUES = ["", " ", "0", "-1", "1", "2", "3.5", "nan", "inf", "-inf", "1e-300", "1e300", "99999999999",
-                 "-99999999999", "1e9", "1,2", "1,,2", ",", "x", "joint=1", "joint=99", "backlash", "all", "none",
-                 "line", "no.csv", "no.toml", "/", ".", "/dev/null", "/dev/zero", "poses.csv", "path.toml",
-                 "ur10.toml", "runs.csv", "fixture.toml", "draft.toml", "part.script", "ur10", "kr300", "tx40",
-                 "racer-7-1.4", "../x", "µé漢", "a=b", "=", "q_1=q_2", "--", "-", "5/mm", "9" * 400]
+                 "-99999999999", "1e9", "1,2", "1,,2", ",", "x", "joint=1", "joint=99", "backlash", "all",
+                 "none", "line", "no.csv", "no.toml", "/", ".", "/dev/null", "/dev/zero", "poses.csv",
+                 "path.toml",
+                 "ur10.toml", "runs.csv", "fixture.toml", "draft.toml", "part.script", "ur10", "kr300",
+                 "tx40", "racer-7-1.4", "../x", "µé漢", "a=b", "=", "q_1=q_2", "--", "-", "5/mm", "9" * 400]
 KEPT = ("--out", "--threads", "--quiet", "--debug", "--help", "-h", "--workers")  # the trial's own
 
 WORDS = [b"", b",", b"\n", b"\r", b"\r\n", b"nan", b"inf", b"1e999", b"-", b'"', b"\xff", b"\0", b"[", b"]",

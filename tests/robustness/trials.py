@@ -78,6 +78,7 @@ COMMANDS: tuple[tuple[str, ...], ...] = (
     ("simulate", "racer-7-1.4", "*trajectory.csv", "--measure", "poses"),
     ("compensate", "*ur10.toml", "part.script"),
     ("compensate", "ur10", "*part.script"),
+    ("merge", "ur10", "*log.csv", "points.txt"), ("merge", "ur10", "log.csv", "*points.txt", "--unit", "mm"),
     ("accept", "*draft.toml"), ("batch", "*manifest.csv"), ("batch", "manifest.csv", "*poses.csv"),
     ("certify", "ur10", "*poses.csv"), ("certify", "*ur10.toml", "poses.csv"),
     ("check", "ur10", "*poses.csv", "day.csv"), ("check", "ur10", "poses.csv", "*day.csv"),

@@ -17,8 +17,8 @@ from pathlib import Path
 
 REFUSED = 3
 WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
-CHANGES = ("os.remove", "os.rename", "os.mkdir", "os.rmdir", "os.link", "os.symlink", "os.truncate", "os.chmod",
-           "shutil.rmtree", "shutil.copyfile", "shutil.move")
+CHANGES = ("os.remove", "os.rename", "os.mkdir", "os.rmdir", "os.link", "os.symlink", "os.truncate",
+           "os.chmod", "shutil.rmtree", "shutil.copyfile", "shutil.move")
 NETWORK = ("socket.connect", "socket.bind", "socket.getaddrinfo", "socket.sendto", "urllib.Request")
 PROGRAMS = ("subprocess.Popen", "os.system", "os.exec", "os.posix_spawn", "os.startfile", "pty.spawn")
 CODE = ("pickle.find_class",)  # what is read as code and not as data
@@ -38,7 +38,7 @@ def watch(folders: list[Path], refused: list[str], printer: str | None) -> None:
             path, mode, flags = arguments
             writing = isinstance(flags, int) and flags & WRITING
             bad = writing and not belongs(path)
-        elif event in ("os.remove", "os.rmdir") and arguments[1] >= 0:  # of shutil.rmtree, which was asked before
+        elif event in ("os.remove", "os.rmdir") and arguments[1] >= 0:  # of shutil.rmtree, asked before
             bad = False
         elif event in CHANGES:
             paths = arguments[:2] if event in ("os.rename", "os.link", "shutil.move") else arguments[:1]

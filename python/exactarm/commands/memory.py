@@ -1,4 +1,4 @@
-"""Memory and time before the work: what a command will need for so many rows, beside what the machine has free.
+"""Memory and time before the work: what a command will need for so many rows, beside what is free.
 
 Bytes and seconds a row are measured (`bench/limits.py`; docs/limits.md); what a row takes is work, so both
 grow in proportion. Above `Cost.most` rows a command works on that many, evenly spread over the sessions, and
@@ -53,8 +53,8 @@ def within_memory(command: str, kind: str, data: Dataset,
         return data, ()
     rows, told = _evenly(data, cost.most), ()
     if len(rows) < len(data):
-        told = (f"{len(data):,} rows are more than {command} takes at once: it works on {len(rows):,}, evenly "
-                f"spread over the {kind.replace('_', ' ')} of every session",)
+        told = (f"{len(data):,} rows are more than {command} takes at once: it works on {len(rows):,}, "
+                f"evenly spread over the {kind.replace('_', ' ')} of every session",)
     needed, seconds = BASE_BYTES + cost.bytes_a_row * len(rows), cost.seconds_a_row * len(rows)
     if free is not None and needed > SHARE * free:
         most = max(int((SHARE * free - BASE_BYTES) / cost.bytes_a_row), 0)
