@@ -126,7 +126,10 @@ def dataset_columns(dataset: Dataset, robot: Robot) -> dict[str, np.ndarray]:
         columns["set"] = np.where(dataset.identification, "identification", "validation")
     units = {"theta": "rad", "q": "rad", "theta_dot": "rad_s", "q_dot": "rad_s", "current": "A"}
     units |= {"tau": "Nm", "tau_motor": "Nm"}
-    for quantity, values in _with_gears_only(dataset, robot).items():
+    written = _with_gears_only(dataset, robot)
+    reported = {name: robot.controller.reported(written[name]) for name in _of_controller(
+        replace(dataset, joints=written), robot)}
+    for quantity, values in (written | reported).items():
         for index in np.flatnonzero(~np.isnan(values).all(axis=0)):
             line = robot.joints[index].type == "prismatic"
             unit = {"q": "m", "tau": "N"}.get(quantity, units.get(quantity)) if line else units.get(quantity)
@@ -290,7 +293,7 @@ def _join(files: Sequence[_File], robot: Robot) -> Dataset:
     vector = lambda names: np.stack([stack((name, None)) for name in names],
                                     1) if (names[0], None) in first else None
     visit = _shared_numbers(files, "visit") if any(file.get("visit") is not None for file in files) else None
-    return _with_gravity_sensor(Dataset(
+    data = Dataset(
         kind="",
         kinds=(),
         axes=robot.axes,
@@ -314,7 +317,18 @@ def _join(files: Sequence[_File], robot: Robot) -> Dataset:
         sources=tuple(Source(file.path, file.table.sha256, file.table.rows) for file in files),
         tilt=vector(TILT),
         accel=vector(ACCEL),
-    ))
+    )
+    angles = {name: data.joints[name] for name in _of_controller(data, robot)}
+    joints = {name: robot.controller.joints(values) for name, values in angles.items()}
+    return _with_gravity_sensor(replace(data, joints=data.joints | joints))
+
+
+def _of_controller(data: Dataset, robot: Robot) -> tuple[str, ...]:
+    """Quantities that a controller reports whose axes are coupled; beside motor angles, in a motion, q_i is
+    what an encoder behind the gear measures."""
+    if not robot.controller.coupling or ("theta" in data.joints and is_a_series(data)):
+        return ()
+    return tuple(name for name in ("q", "q_dot") if name in data.joints)
 
 
 def _with_gravity_sensor(data: Dataset) -> Dataset:

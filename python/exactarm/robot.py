@@ -137,6 +137,20 @@ class Controller(Value):
     pulses_per_rad: tuple[float, ...] = ()
     joint_names: tuple[str, ...] = ()
 
+    def joints(self, reported: np.ndarray) -> np.ndarray:
+        """q (..., n) of what a controller reports whose axes are coupled."""
+        q = np.array(reported, float)
+        for i, j, factor in self.coupling or ():
+            q[..., i - 1] += factor * reported[..., j - 1]
+        return q
+
+    def reported(self, q: np.ndarray) -> np.ndarray:
+        """The inverse of `joints`: couplings are to axes that are not coupled themselves."""
+        reported = np.array(q, float)
+        for i, j, factor in self.coupling or ():
+            reported[..., i - 1] -= factor * q[..., j - 1]
+        return reported
+
 
 @dataclass(frozen=True, eq=False)
 class Robot(Value):

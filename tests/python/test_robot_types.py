@@ -10,10 +10,11 @@ import pytest
 import exactarm as ea
 from central_difference import assert_derivative
 from exactarm.chain import Layout, predict_poses
-from exactarm.dataset import Dataset
+from exactarm.dataset import Dataset, dataset_columns, read_dataset, read_planned_poses
 from exactarm.effects.declared_ratio import DeclaredRatio
 from exactarm.effects.joint_coupling import JointCoupling
 from exactarm.robot import Joint, Robot
+from exactarm.table import write_table
 from three_arms import puma
 
 POSES = 90
@@ -83,6 +84,38 @@ def test_the_ratio_of_a_motor_is_no_part_of_its_declared_coupling():
     steps = [1e-3 * p.plausible for p in layout.parameters]
     function = lambda x: predict_poses(robot, layout.at(x), data, tangents=False).position
     assert_derivative(function, layout.values, found.jacobian[:, :3], steps)
+
+
+def counted_from_axis_2() -> Robot:
+    """Its controller counts axis 3 from the horizon, as Fanuc's do; no gear ratios are known."""
+    arm = replace(puma(), links=None)
+    joints = tuple(replace(joint, q_min=-1.5, q_max=1.5) for joint in arm.joints)
+    return replace(arm, joints=joints, controller=replace(arm.controller, coupling=((3, 2, 1.0),)))
+
+
+def test_measured_angles_of_coupled_axes_are_those_that_the_controller_reports(tmp_path):
+    """Simulated, written, read, calibrated: the coupling is in the file and out of the geometry."""
+    robot = counted_from_axis_2()
+    made = ea.simulate(robot, count=60, deviation=1, seed=8, noise=NOISE_M)
+    write_table(tmp_path / "measured.csv", dataset_columns(made.data, robot))
+    data = read_dataset(tmp_path / "measured.csv", robot)
+    plain = replace(robot, controller=replace(robot.controller, coupling=()))
+    told = read_dataset(tmp_path / "measured.csv", plain)
+    q = data.joints["q"]
+    np.testing.assert_allclose(told.joints["q"][:, 2], q[:, 2] - q[:, 1], atol=1e-12)
+    np.testing.assert_allclose(np.delete(told.joints["q"], 2, 1), np.delete(q, 2, 1), atol=1e-12)
+    result = ea.calibrate(robot, data, seed=8, threads=1)
+    assert result.after["validation"].mean < 2.5 * NOISE_M  # the noise's own mean: 1.6
+
+
+def test_designed_poses_of_coupled_axes_are_written_as_the_controller_counts_them(tmp_path):
+    robot = counted_from_axis_2()
+    table = ea.design(robot, count=20, validation=4).tables["poses.csv"]
+    write_table(tmp_path / "poses.csv", table)
+    planned = read_planned_poses(tmp_path / "poses.csv", robot)
+    q = planned.joints["q"]
+    np.testing.assert_allclose(q[:, 2] - q[:, 1], table["q_3_rad"], atol=2e-9)
+    assert np.ptp(q[:, 1]) > 0.5
 
 
 @pytest.mark.slow

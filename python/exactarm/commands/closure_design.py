@@ -17,8 +17,9 @@ def designed_closures(robot: Robot, options: ClosureDesignOptions) -> CommandRes
     distance."""
     found = design_closures(robot, options)
     columns = {"session": found.session, "socket": found.socket}
+    reported = robot.controller.reported(found.q)
     for i, joint in enumerate(robot.joints):
-        columns[f"q_{i + 1}_{'m' if joint.type == 'prismatic' else 'rad'}"] = np.round(found.q[:, i], 9)
+        columns[f"q_{i + 1}_{'m' if joint.type == 'prismatic' else 'rad'}"] = np.round(reported[:, i], 9)
     alone, random, chosen = found.deviation
     fixture = f'[[distances]]\ncontact = "socket"\nbetween = [0, 1]\nlength_mm = {1e3 * options.apart:g}\n'
     return CommandResult(

@@ -135,9 +135,9 @@ def designed_for(robot: Robot, path: Path, cost: Mapping[str, float],
 def pose_columns(robot: Robot, q: np.ndarray, approach: np.ndarray | None) -> dict[str, np.ndarray]:
     """The angles to command (N, n), the motor angles where a gear is declared, rounded to what no encoder
     resolves, and from which side each axis comes where that is planned."""
-    columns: dict[str, np.ndarray] = {}
+    columns, reported = {}, robot.controller.reported(q)
     for i, joint in enumerate(robot.joints):
-        columns[f"q_{i + 1}_{'m' if joint.type == 'prismatic' else 'rad'}"] = np.round(q[:, i], 9)
+        columns[f"q_{i + 1}_{'m' if joint.type == 'prismatic' else 'rad'}"] = np.round(reported[:, i], 9)
     theta = (q - robot.controller_offsets) * robot.controller_ratios
     for i, joint in enumerate(robot.joints):
         if joint.has_gear:

@@ -36,17 +36,11 @@ class Setting:
 
     def joints(self, reported: np.ndarray) -> np.ndarray:
         """q (n,) of what a controller reports whose axes are coupled."""
-        q = np.array(reported, float)
-        for i, j, factor in self.robot.controller.coupling or ():
-            q[i - 1] += factor * reported[j - 1]
-        return q
+        return self.robot.controller.joints(np.asarray(reported, float))
 
     def reported(self, q: np.ndarray) -> np.ndarray:
-        """The inverse of `joints`: couplings are to axes that are not coupled themselves."""
-        reported = np.array(q, float)
-        for i, j, factor in self.robot.controller.coupling or ():
-            reported[i - 1] -= factor * q[j - 1]
-        return reported
+        """The inverse of `joints`."""
+        return self.robot.controller.reported(np.asarray(q, float))
 
 
 def _named(frames: dict[str, tuple[float, ...]], name: str) -> tuple[float, ...] | None:

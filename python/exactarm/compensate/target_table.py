@@ -81,6 +81,7 @@ def read_commands(sources: tuple[SourceText, ...], setting: Setting) -> Program:
     (source,) = sources
     table = _parquet(source) if _is_parquet(source) else pa.csv.read_csv(io.BytesIO(source.content))
     q = np.column_stack([table.column(_name(setting.robot, i)).to_numpy() for i in range(setting.robot.axes)])
+    q = setting.robot.controller.joints(q)
     targets = tuple(
         Target(f"row {i}", 0, i + 1, lambda *_: [], joints=row) for i, row in enumerate(q, start=1)
     )
@@ -133,7 +134,7 @@ def placement(numbers) -> Placement:
 # -- out ---------------------------------------------------------------------------------------------
 def _finish(source: SourceText, robot: Robot, contents: list[bytes], commands: np.ndarray) -> list[bytes]:
     write = _write_parquet if _is_parquet(source) else _write_csv
-    return [write(source, robot, commands)]
+    return [write(source, robot, robot.controller.reported(commands))]
 
 
 def _is_parquet(source: SourceText) -> bool:
