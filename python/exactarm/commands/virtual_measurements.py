@@ -73,6 +73,7 @@ def _poses(arguments: argparse.Namespace, virtual: VirtualRobot, planned: Datase
     data = measure_poses(
         virtual, q, _sensors(arguments), random, visits=arguments.visits, orientation=arguments.orientation,
         session=None if planned is None else planned.session, payload=carried,
+        approach=None if planned is None else planned.joints.get("approach"),
         torques=arguments.torques is not None,
     )
     return Played(data, "measured.csv")

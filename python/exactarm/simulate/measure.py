@@ -36,20 +36,25 @@ def measure_poses(
     robot: VirtualRobot, q: np.ndarray, sensors: Sensors, random: np.random.Generator, *, visits: int = 1,
     orientation: bool = False, session: np.ndarray | None = None,
     payload: Mapping[str, np.ndarray] | None = None,
+    approach: np.ndarray | None = None,
     torques: bool = False,
 ) -> Dataset:
-    """The commanded poses q (K, n), each visited `visits` times, approached from random sides; of each pose
-    its session (K,) and columns of its payload (K,); torques: those of the joints are measured too."""
+    """The commanded poses q (K, n), each visited `visits` times; of each pose its session (K,), columns of
+    its payload (K,), and from which side each axis comes (K, n), random where that is None or NaN; torques:
+    those of the joints are measured too."""
     visit = np.tile(np.arange(1, len(q) + 1), visits)
     theta = np.tile(robot.motor_angles(q), (visits, 1))
     time = _POSE_S * np.arange(len(theta))
-    approach = random.choice([-1.0, 1.0], theta.shape)
+    side = random.choice([-1.0, 1.0], theta.shape)
+    if approach is not None:
+        given = np.tile(approach, (visits, 1))
+        side = np.where(np.isnan(given), side, given)
     carried = {name: np.tile(values, visits) for name, values in (payload or {}).items()}
     more = {"time": time,
             "covariates": temperature(time, sensors) | carried} | ({"visit": visit} if visits > 1 else {})
     if session is not None:
         more["session"] = np.tile(session, visits)
-    data = Dataset.of_arrays(POSES.name, {"theta": theta, "approach": approach},
+    data = Dataset.of_arrays(POSES.name, {"theta": theta, "approach": side},
                              position=np.zeros((len(theta), 3)), **more)
     prediction = predict_poses(robot.true, robot.layout, data, tangents=False)
     data = replace(data, position=prediction.position)
