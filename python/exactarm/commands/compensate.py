@@ -13,6 +13,7 @@ import numpy as np
 from exactarm.commands.arguments import add_files, add_robot
 from exactarm.commands.call import AnyRobot, arguments_of, asked, robot_of, threads_of
 from exactarm.commands.compensate_report import compensation_table, report_of, summary_of
+from exactarm.commands.model_trust import trust_json, trust_text
 from exactarm.commands.publish import sources
 from exactarm.commands.result import CommandResult
 from exactarm.compensate.correction import correct
@@ -21,6 +22,7 @@ from exactarm.compensate.frames import cell_frames, with_nominal
 from exactarm.compensate.law import CompensationModel
 from exactarm.compensate.setting import Setting, chosen_points, read_frames, read_numbers
 from exactarm.errors import InputError
+from exactarm.identify.pose_uncertainty import model_uncertainty
 from exactarm.progress import SILENT, Progress
 from exactarm.robot import Placement, Robot
 from exactarm.robot_file import load_robot
@@ -163,10 +165,12 @@ def run(arguments: argparse.Namespace) -> CommandResult:
     )
     if not used:
         raise InputError(f"--points {arguments.points}: no point of these programs has such a name")
+    q_after = np.concatenate([c.q_after for c in corrections])
+    radius = model_uncertainty(robot, q_after, arguments.threads)
     return CommandResult(
-        json=summary_of(corrections, frames, model),
-        report=report_of(robot, corrections, frames, model),
-        tables={"compensation.csv": compensation_table(corrections)},
+        json=summary_of(corrections, frames, model) | {"model_uncertainty": trust_json(radius)},
+        report=report_of(robot, corrections, frames, model, trust_text(radius, "at the targets")),
+        tables={"compensation.csv": compensation_table(corrections, radius)},
         contents={
             source.path.name: content
             for c in corrections

@@ -16,8 +16,8 @@ from exactarm.report.plots.compensation import shift_per_target, shift_view
 from exactarm.robot import Robot
 
 
-def compensation_table(corrections: Sequence[Correction]) -> dict:
-    """Columns of compensation.csv: one row a target."""
+def compensation_table(corrections: Sequence[Correction], radius: np.ndarray | None) -> dict:
+    """Columns of compensation.csv: one row a target. radius: (T,) m, where the robot file tells it."""
     stack = lambda pick: np.concatenate([np.asarray(pick(c), float) for c in corrections])
     targets = [
         (c.program.files[target.file].path.name, target) for c in corrections for target in c.program.targets
@@ -31,6 +31,7 @@ def compensation_table(corrections: Sequence[Correction]) -> dict:
     columns |= {f"dq_{i + 1}_rad": turn[:, i] for i in range(turn.shape[1])}
     columns |= {f"d{axis}_mm": 1e3 * moved[:, i] for i, axis in enumerate("xyz")}
     columns |= {f"dr{axis}_rad": moved[:, 3 + i] for i, axis in enumerate("xyz")}
+    columns |= {} if radius is None else {"radius95_mm": 1e3 * radius}
     return columns | {"why": [why for c in corrections for why in c.why]}
 
 
@@ -95,7 +96,7 @@ def _warnings(corrections: Sequence[Correction], frames: CellFrames, model: Comp
 
 
 def report_of(
-    robot: Robot, corrections: Sequence[Correction], frames: CellFrames, model: CompensationModel
+    robot: Robot, corrections: Sequence[Correction], frames: CellFrames, model: CompensationModel, trust: Text
 ) -> Report:
     sizes = _sizes(corrections)
     count = sum(len(correction.program.targets) for correction in corrections)
@@ -128,6 +129,7 @@ def report_of(
         _largest_rows(corrections),
         _left(corrections),
         Text("What was compensated", (_effects(robot, model),)),
+        trust,
         Warnings(tuple(_warnings(corrections, frames, model))),
     ]
     return Report(f"Compensation by {robot.name}", verdict, tuple(sections), tone)

@@ -14,9 +14,11 @@ import numpy as np
 from exactarm.chain.direction import TRANSITION_S, reversals
 from exactarm.commands.arguments import add_robot
 from exactarm.commands.call import AnyRobot, asked, robot_of, threads_of
+from exactarm.commands.model_trust import thinned, trust_json, trust_text
 from exactarm.commands.result import CommandResult
 from exactarm.errors import InputError
 from exactarm.identify.declared import require_geometry
+from exactarm.identify.pose_uncertainty import model_uncertainty
 from exactarm.plan.optimal import ENERGY_SHARE, Plan, PlanOptions, plan_path
 from exactarm.plan.path_file import CHOICES, MOST_SAMPLES, PlannedPath, load_path, shipped_paths
 from exactarm.plan.sent import FILES, sent_text
@@ -82,11 +84,12 @@ def plan(
     progress.stage("planning")
     start = None if start_rad is None else np.asarray(start_rad, float)
     result = plan_path(declared, follow, PlanOptions(threads=threads_of(threads), start=start))
+    radius = model_uncertainty(declared, thinned(result.q_desired), threads_of(threads))
     file = [] if isinstance(path, PlannedPath) or str(path) in shipped_paths() else [Path(path)]
     name = follow.name if isinstance(path, PlannedPath) else str(path)
     return CommandResult(
-        json=_json(result),
-        report=_report(declared, result),
+        json=_json(result) | {"model_uncertainty": trust_json(radius)},
+        report=_report(declared, result, trust_text(radius, "along the path")),
         tables={f"trajectory.{format}": trajectory_table(result)},
         texts={} if send is None else {FILES[send]: sent_text(send, declared, result)},
         inputs=tuple(file),
@@ -159,7 +162,7 @@ def _json(plan: Plan) -> dict[str, Any]:
     }
 
 
-def _report(robot: Robot, plan: Plan) -> Report:
+def _report(robot: Robot, plan: Plan, trust: Text) -> Report:
     tracking, solver = plan.tracking, plan.solver
     verdict = ("On the planner's model the flange keeps to the path within "
                f"{quantity(tracking.position_max, 'm')} "
@@ -177,7 +180,7 @@ def _report(robot: Robot, plan: Plan) -> Report:
     ]
     if plan.compensated:
         sections.append(Text("Compensated effects", (", ".join(plan.compensated) + ".",)))
-    sections += [*_figures(robot, plan), Warnings(plan.warnings)]
+    sections += [trust, *_figures(robot, plan), Warnings(plan.warnings)]
     return Report(f"Plan for {robot.name}: {plan.path.name}", verdict, tuple(sections),
                   "caution" if plan.warnings else "good")
 

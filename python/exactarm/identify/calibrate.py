@@ -214,11 +214,13 @@ def calibrated_robot(robot: Robot, data: Dataset, layout: Layout, fit: Fit, kind
 
 
 def _covariance(robot: Robot, data: Dataset, layout: Layout, fit: Fit) -> ParameterCovariance | None:
-    """Of what describes the arm: not of frames, which are found anew, nor of curves, which carry their own."""
+    """Of what the file describes, the frames of its first set-up with it: not of further frames, which are found
+    anew, nor of curves, which carry their own."""
     if data.position is None:
         return None
-    mine = np.concatenate([np.full(int(free.sum()), not isinstance(effect, Frames) and not effect.of_record)
-                           for effect, free in zip(layout.effects, layout.free)])
+    first = next(effect for effect in layout.effects if isinstance(effect, Frames))
+    told = [effect is first or not (isinstance(effect, Frames) or effect.of_record) for effect in layout.effects]
+    mine = np.concatenate([np.full(int(free.sum()), mine) for mine, free in zip(told, layout.free)])
     mine &= np.isinf(layout.prior)
     left = predict_poses(robot, layout, data, tangents=False).residual()[:, :3]
     freedom = max(left.size - layout.size, 1)

@@ -11,6 +11,9 @@ Conformal (Vovk, Gammerman and Shafer 2005): with scores s_i = e_i' S_i^-1 e_i o
 the ellipsoid e' S^-1 e <= s_(k), k = ceil((m + 1) 0.95), holds a further error of the same kind with a
 probability of 95 % or a little more, whatever S is. It holds for poses like the judged ones; elsewhere S
 alone carries it. The error is measured minus predicted: the device's noise is in it.
+
+Without any measured rows (`model_uncertainty`, for plans and programs) S is that of the identification alone,
+in the frame of the measuring device of its first set-up: base and tool frame are among its parameters.
 """
 
 from __future__ import annotations
@@ -25,6 +28,7 @@ from exactarm.effects.base import Station
 from exactarm.effects.frames import Frames
 from exactarm.errors import InputError
 from exactarm.identify.declared import carried_layout, geometry_layout
+from exactarm.identify.planned import pose_data
 from exactarm.robot import Robot
 from exactarm.view import View
 
@@ -32,6 +36,7 @@ LEVEL = 0.95
 CHI_SQUARE = 7.814727903251179  # its quantile for three degrees of freedom: that of the scores if S is right
 LEAST_ROWS = 19  # (m + 1) 0.95 <= m: with fewer rows no finite ellipsoid holds 95 %
 _LEAST_NOISE_M = 1e-9  # keeps the covariance of a simulation without noise invertible
+_OF_POSITION = 9  # parameters of base and tool frame that positions can show
 MOST_ROWS = 4000  # that the frames are moved along by: 1 kB a row at work
 
 
@@ -80,6 +85,31 @@ int = 1 ) -> PoseUncertainty:
         covariance * quantile / CHI_SQUARE, np.sqrt(values * quantile), position, len(judged),
         quantile / CHI_SQUARE, half_coverage(scores, seed), own, robot.covariance is not None,
     )
+
+
+def model_uncertainty(robot: Robot, q: np.ndarray, threads: int = 1) -> np.ndarray | None:
+    """(K,) m: radius that holds 95 % of the target's errors at joint angles q (K, n), by the covariance, the
+    curves and the remaining noise that the robot file carries. None where it carries no covariance of its
+    frames. Rows with NaN stay NaN."""
+    known = robot.covariance
+    placed = [name for name in (known.names if known else ()) if name.startswith("session_")]
+    if known is None or not placed:
+        return None
+    session = int(placed[0].partition(".")[0].removeprefix("session_"))
+    frames = Layout.of((Frames.of(session, robot.base, robot.tool, len(placed) > _OF_POSITION),))
+    radius = np.full(len(q), np.nan)
+    good = np.flatnonzero(np.isfinite(q).all(axis=1))
+    for rows in np.array_split(good, max(1, -(-len(good) // MOST_ROWS))):
+        if rows.size:
+            data = replace(pose_data(q[rows]), session=np.full(len(rows), session))
+            layout = _open(frames.joined(geometry_layout(robot)).joined(carried_layout(robot, data)),
+                           set(known.names))
+            prediction = predict_poses(robot, layout, data, threads=threads)
+            factor = known.matrix()[[known.names.index(name) for name in layout.names]]
+            parts = [prediction.jacobian[:, :3] @ factor, *_curves(layout, prediction.view)]
+            covariance = sum(part @ part.transpose(0, 2, 1) for part in parts) + known.noise_m**2 * np.eye(3)
+            radius[rows] = np.sqrt(CHI_SQUARE * np.linalg.eigvalsh(covariance)[:, -1])
+    return radius
 
 
 def conformal_quantile(scores: np.ndarray) -> float:
