@@ -241,24 +241,27 @@ def test_limits_and_singular_poses_are_refused_or_kept(tmp_path, capsys):
 
 
 def straight_programs(cell, q):
-    """One long straight motion in the two dialects that take points in between."""
+    """One long straight motion in the three dialects that take points in between."""
     ur, abb = cells.urscript(cell, q), cells.rapid(cell, q)
     ur["prog.script"] = ur["prog.script"].replace(b"movej(p[", b"movel(p[")
     lines = [line.replace(b"MoveJ [[", b"MoveL [[") for line in abb["prog.mod"].split(b"\n")]
-    return ur, {"prog.mod": b"\n".join(lines)}
+    krl = cells.krl(cell, q, linear=True)
+    frames = b"$TOOL=TOOL_DATA[1]\r\n  $BASE=BASE_DATA[2]\r\n  PTP XHOME"
+    krl["prog.src"] = krl["prog.src"].replace(b"PTP XHOME", frames)
+    return {"urscript": ur, "rapid": {"prog.mod": b"\n".join(lines)}, "krl": krl}
 
 
-@pytest.mark.parametrize("dialect", ["urscript", "rapid"])
+@pytest.mark.parametrize("dialect", ["urscript", "rapid", "krl"])
 def test_points_in_between_keep_the_real_tip_on_its_line(tmp_path, dialect):
     rippled = identified(effects=False, chain="calibrated")
     robot = replace(rippled, joints=tuple(replace(joint, cw=None, ccw=None) for joint in rippled.joints))
     cell = Cell(robot, base=Placement()) if dialect == "urscript" else Cell(robot)
     start = nearby(robot, 1)
     q = np.vstack([start, start + 0.3])
-    files = straight_programs(cell, q)[dialect == "rapid"]
-    *_, plain = compensate(tmp_path, robot, files, "--points", "calculated", "--tolerance-mm", "100")
-    code, written, result = compensate(tmp_path, robot, files, "--points", "calculated", "--tolerance-mm",
-                                       "0.03")
+    files, options = straight_programs(cell, q)[dialect], FRAMES if dialect == "krl" else []
+    limit = lambda mm: ["--points", "calculated", "--tolerance-mm", mm, *options]
+    *_, plain = compensate(tmp_path, robot, files, *limit("100"))
+    code, written, result = compensate(tmp_path, robot, files, *limit("0.03"))
     (bend,) = result["programs"][0]["straight_motions"]
     assert (
         code == 0 and bend["off_line_m"] > 5e-5 and bend["points_in_between"] >= 1
@@ -266,15 +269,34 @@ def test_points_in_between_keep_the_real_tip_on_its_line(tmp_path, dialect):
     )
     assert plain["programs"][0]["straight_motions"][0]["off_line_m"] == bend["off_line_m"]
     name = next(iter(files))
-    more = [line for line in written[name].splitlines() if b"r=0.001" in line or b",z1," in line]
+    marks = (b"r=0.001", b",z1,", b"C_DIS")
+    more = [line for line in written[name].splitlines() if any(mark in line for mark in marks)]
     assert len(written[name].splitlines()) - len(files[name].splitlines()) == len(more) == bend[
         "points_in_between"
     ]
     # jumps of a flank and ripple of a gear within a few degrees are more than points in between can follow:
     # told
-    *_, rough = compensate(tmp_path, rippled, files, "--points", "calculated", "--tolerance-mm", "0.03")
+    *_, rough = compensate(tmp_path, rippled, files, *limit("0.03"))
     assert any("leave their line" in warning for warning in rough["warnings"])
     # the new program is one that can be read, and its points in between are what a compensation of them would
     # give
-    _, again, _ = compensate(tmp_path, robot, written, "--points", "taught")
+    _, again, _ = compensate(tmp_path, robot, written, "--points", "taught", *options)
     assert again == written
+
+
+@pytest.mark.parametrize("what", ["fold", "trigger", "tool"])
+def test_no_points_are_put_where_a_program_would_not_take_them(tmp_path, what):
+    rippled = identified(effects=False)
+    robot = replace(rippled, joints=tuple(replace(joint, cw=None, ccw=None) for joint in rippled.joints))
+    cell, start = Cell(robot), nearby(robot, 1)
+    files = straight_programs(cell, np.vstack([start, start + 0.3]))["krl"]
+    old, new = {
+        "fold": (b"  LIN XP2", b";FOLD LIN P2 %{PE}\r\n  LIN XP2"),
+        "trigger": (b"  LIN XP2", b"  TRIGGER WHEN DISTANCE=0 DELAY=0 DO $OUT[1]=TRUE\r\n  LIN XP2"),
+        "tool": (b"$TOOL=TOOL_DATA[1]", b"$TOOL=TOOL_DATA[9]"),
+    }[what]
+    files = changed(files, "prog.src", old, new)
+    code, written, result = compensate(tmp_path, robot, files, "--points", "calculated", "--tolerance-mm",
+                                       "0.03", *FRAMES)
+    assert code == 0 and len(written["prog.src"].splitlines()) == len(files["prog.src"].splitlines())
+    assert any("where no points in between can be put (KRL): XP2" in text for text in result["warnings"])

@@ -140,18 +140,24 @@ def correct(
 
 
 def _told(program: Program, found: list[Bend], tolerance: float | None) -> list[str]:
-    """A straight motion that no points in between keep on its line."""
+    """Straight motions that no points in between keep on their line, and why."""
     left = [bend for bend in found if bend.after > tolerance]
+    return [
+        f"straight motions that leave their line by more than the tolerance{why}: {_named(program, those)}"
+        for why, those in (
+            ("", [bend for bend in left if bend.open]),
+            (f", where no points in between can be put ({program.dialect})",
+             [bend for bend in left if not bend.open]),
+        ) if those
+    ]
+
+
+def _named(program: Program, found: list[Bend]) -> str:
     names = [
         f"{program.targets[bend.target].name} (line {bend.line}, {1e3 * bend.after:.3f} mm)"
-        for bend in left[:5]
+        for bend in found[:5]
     ]
-    more = f" and {len(left) - 5} more" if len(left) > 5 else ""
-    return (
-        [f"straight motions that leave their line by more than the tolerance: {', '.join(names)}{more}"]
-        if left
-        else []
-    )
+    return ", ".join(names) + (f" and {len(found) - 5} more" if len(found) > 5 else "")
 
 
 def _filled(q: np.ndarray, rows: np.ndarray, found: np.ndarray) -> np.ndarray:

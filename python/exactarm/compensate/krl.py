@@ -124,7 +124,41 @@ class _Reader(Declarations):
                 None if found is None else self.target(index, found[0], found[1], state, inline, kind)
             )
         via = places[0] if len(places) == 2 else None
-        self.motions.append(Motion(KINDS[kind], places[-1], line, via))
+        insert = None if inline is not None else self.insertion(index, match, state, places[-1])
+        self.motions.append(Motion(KINDS[kind], places[-1], line, via, insert=insert))
+
+    def insertion(self, index: int, match: re.Match, state: dict, place: int | None):
+        """Points before a LIN that stands alone, outside of folds (an inline form would be written anew from
+        its comment), in the $TOOL and $BASE of its point; passed with C_DIS."""
+        source, text = self.sources[index], self.texts[index]
+        start = max(text.rfind("\n", 0, match.start()), text.rfind("\r", 0, match.start())) + 1
+        newline = re.search(r"\r\n|\n|\r", source.text)
+        folds = len(re.findall(r"(?im)^[ \t]*;FOLD\b", source.text[:start])) - len(
+            re.findall(r"(?im)^[ \t]*;ENDFOLD\b", source.text[:start]))
+        earlier = text[:start].split()
+        last = text[:start].rstrip().rpartition("\n")[2].split() if earlier else []
+        if (
+            match[1].upper() != "LIN" or place is None or newline is None or folds != 0
+            or (last and last[0].upper() == "TRIGGER")
+        ):
+            return None
+        here, target = self.frames(index, "", state, None), self.targets[place]
+        if isinstance(here.tool, str) or isinstance(here.base, str) or (here.tool, here.base) != (
+            target.tool, target.base
+        ):
+            return None
+        indent = source.text[start : match.start(1)]
+
+        def insert(points):
+            lines = []
+            for _, tip in points:
+                values = [*(1e3 * tip.position), *np.degrees(to_zyx(tip.rotation, np.zeros(3)))]
+                digits = [MM_DECIMALS] * 3 + [DEG_DECIMALS] * 3
+                fields = ",".join(f"{key} {value:.{n}f}" for key, value, n in zip(CARTESIAN, values, digits))
+                lines.append(f"{indent}LIN {{{fields}}} C_DIS{newline[0]}")
+            return Edit(index, start, start, "".join(lines).encode("latin-1"))
+
+        return insert
 
     def target(
         self, index: int, name: str, point: Aggregate, state: dict, inline: str | None, kind: str

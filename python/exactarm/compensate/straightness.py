@@ -30,7 +30,8 @@ LIMIT = 0.99  # of the tolerance: the points in between are rounded too
 @dataclass(frozen=True)
 class Bend:
     """One straight motion: target (index), its file and line, largest distance (m) of the real tip from the
-    line with corrected ends, and, with `points` in between, what is left of it."""
+    line with corrected ends, and, with `points` in between, what is left of it. open: points in between can
+    be put before it."""
 
     target: int
     line: int
@@ -38,6 +39,7 @@ class Bend:
     after: float
     points: int
     edit: Edit | None = None
+    open: bool = True
 
 
 @dataclass(frozen=True)
@@ -88,7 +90,7 @@ def _bend(model: CompensationModel, line: _Line, motion, tolerance: float) -> Be
     if count == 0 or left >= first:
         return Bend(motion.target, motion.line, first, first, 0)
     if motion.insert is None:
-        return Bend(motion.target, motion.line, first, first, 0)
+        return Bend(motion.target, motion.line, first, first, 0, open=False)
     tips = [
         compose(relative(line.base, pose), line.tool) for pose in _placements(model.controller.poses(q[1:-1]))
     ]
