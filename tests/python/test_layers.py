@@ -241,3 +241,18 @@ def test_no_room_treats_an_effect_specially():
             if isinstance(node, (ast.Compare, ast.MatchValue)):
                 words = {part.value for part in ast.walk(node) if isinstance(part, ast.Constant)}
                 assert not words & names, f"{path.name}:{node.lineno} compares with the name of an effect"
+
+
+def test_no_room_asks_for_the_class_of_an_effect():
+    """What an effect is said to be is a property that any effect may have."""
+    files = [path for path in (PYTHON / "effects").glob("*.py") if path.stem != "base"]
+    classes = {node.name for path in files for node in ast.walk(syntax_of(path))
+               if isinstance(node, ast.ClassDef)}
+    assert {"Frames", "Payload"} <= classes
+    asks = [
+        f"{path.name}:{node.lineno}" for path in python_files() if PYTHON / "effects" not in path.parents
+        for node in ast.walk(syntax_of(path))
+        if isinstance(node, ast.Call) and getattr(node.func, "id", "") in ("isinstance", "issubclass")
+        and {part.id for part in ast.walk(node.args[1]) if isinstance(part, ast.Name)} & classes
+    ]
+    assert not asks

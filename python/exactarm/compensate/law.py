@@ -76,7 +76,7 @@ class CompensationModel:
         frame."""
         flange = self.actual.controller.flange
         moment = mass * (flange.rotation @ centre + flange.position)
-        others = tuple(effect for effect in self.layout.effects if not isinstance(effect, Payload))
+        others = tuple(effect for effect in self.layout.effects if not effect.carried)
         effects = (*others, Payload(None, (mass, *map(float, moment))))
         return replace(
             self, actual=replace(self.actual, effects=effects), layout=Layout.of(effects, estimate=False)

@@ -24,7 +24,6 @@ from exactarm.diagnose.scan import free_mask
 from exactarm.diagnose.thinned_run import thinned_run
 from exactarm.diagnose.time_groups import stretches_of_response, time_groups
 from exactarm.effects.base import Effect, Station
-from exactarm.effects.encoder_offset import EncoderOffset
 from exactarm.identify.declared import all_effects
 from exactarm.identify.drifting_noise import DriftingNoise
 from exactarm.identify.gear_declared import declared_gear_layout, sensor_layout
@@ -166,7 +165,7 @@ class GearProblem(Problem):
         residual = prediction.residual()
         if prediction.along is not None:
             return np.where(record.keep, np.einsum("ij,ij->i", residual, prediction.along), np.nan)
-        known = {effect.run for effect in fitted.layout.effects if isinstance(effect, EncoderOffset)}
+        known = {effect.zero_of for effect in fitted.layout.effects}
         for rows in prediction.view.runs:
             # A run that was not fitted has an offset of its own, which belongs to the set-up.
             if data.run[rows[0]] not in known:

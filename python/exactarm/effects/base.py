@@ -98,6 +98,9 @@ class Effect(ABC):
     drawn_to_declared: ClassVar[bool] = False  # a Gaussian prior around the declared values, as wide as they are plausible
     repeatable: ClassVar[bool] = False  # several of them may act on one axis (harmonics of different orders)
     log_odds: ClassVar[float] = 0.0  # before any data, beside another cause that would look the same
+    reverses: ClassVar[bool] = False  # dry friction in the tables: jumps where the motor turns back
+    carried: ClassVar[bool] = False  # what the flange carries
+    inertia_of: ClassVar[str] = ""  # "links" or "rotor": masses in the tables
     family: ClassVar[str] = ""  # effects of one family on one axis may be forms of one cause (`includes`)
     sentence: ClassVar[str] = ""  # format string: {joint} and the parameters' names
     plain: ClassVar[str] = ""  # a noun phrase that a technician uses, without the axis; empty: the name
@@ -159,6 +162,24 @@ class Effect(ABC):
     def bake(self, robot: Robot) -> Robot:
         """The robot with those of the effect's values in its tables that live there (geometry, frames, masses)."""
         return robot
+
+    def from_tables(self, robot: Robot) -> Effect:
+        """The inverse of `bake`: the effect with the robot's values; one that is not declared stays as it is."""
+        return type(self).of(robot, self.index) if self.declared else self
+
+    def with_all_columns(self, robot: Robot) -> Effect:
+        """The effect with every parameter that a frame could have, at the values of the robot's tables."""
+        return self
+
+    @property
+    def frames_of(self) -> int | None:
+        """The session of which it is base and tool frame."""
+        return None
+
+    @property
+    def zero_of(self) -> int | None:
+        """The run of which it is the zero of a sensor."""
+        return None
 
     @property
     def only_in_tables(self) -> bool:

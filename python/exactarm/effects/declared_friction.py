@@ -22,6 +22,7 @@ class DeclaredFriction(DriveEffect):
 
     name: ClassVar[str] = "declared_friction"
     declared: ClassVar[bool] = True
+    reverses: ClassVar[bool] = True
     sentence: ClassVar[
         str
     ] = "axis {joint} has {coulomb_Nm:.3g} Nm of dry and {viscous_Nm_s:.3g} Nm s of viscous friction"

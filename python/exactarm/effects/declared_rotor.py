@@ -21,6 +21,7 @@ class DeclaredRotor(DriveEffect):
 
     name: ClassVar[str] = "declared_rotor"
     declared: ClassVar[bool] = True
+    inertia_of: ClassVar[str] = "rotor"
     sentence: ClassVar[str] = "the motor of axis {joint} has {inertia_kg_m2:.3g} kg m2 about its shaft"
 
     @staticmethod

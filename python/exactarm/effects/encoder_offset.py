@@ -23,6 +23,10 @@ class EncoderOffset(Effect):
     declared: ClassVar[bool] = True
     sentence: ClassVar[str] = "the encoders of axis {joint} differ by {offset_rad:.4g} rad in one run"
 
+    @property
+    def zero_of(self) -> int:
+        return self.run
+
     def parameters(self) -> tuple[Parameter, ...]:
         return (Parameter("offset_rad", 1.0),)
 

@@ -41,6 +41,10 @@ class Frames(Effect):
         count = 12 if orientation else 9
         return Frames(None, tuple(float(v) for v in numbers[:count]), session, names[:count])
 
+    @property
+    def frames_of(self) -> int:
+        return self.session
+
     def parameters(self) -> tuple[Parameter, ...]:
         return tuple(Parameter(name, 10.0 if name.endswith("_m") else np.pi) for name in self.names)
 

@@ -48,6 +48,10 @@ class Geometry(Effect):
         symbol, unit = parameter.name.rsplit("_", 1)
         return f"{symbol}_{self.joint}_{unit}"
 
+    def with_all_columns(self, robot) -> Geometry:
+        joint = robot.joints[self.index]
+        return Geometry(self.joint, (joint.d, joint.a, joint.alpha, joint.beta or 0.0), tuple(_COLUMN))
+
     def bake(self, robot):
         fields = {name.rsplit("_", 1)[0]: value for name, value in zip(self.names, self.values)}
         return robot.with_joint(self.index, **fields)

@@ -33,6 +33,7 @@ class LinkInertia(Effect):
     station: ClassVar[Station] = Station.LOAD
     kinds: ClassVar[tuple[str, ...]] = (MOTION.name,)
     declared: ClassVar[bool] = True
+    inertia_of: ClassVar[str] = "links"
     per_joint: ClassVar[bool] = False
     sentence: ClassVar[str] = "inertial parameters of the links"
 
@@ -46,6 +47,9 @@ class LinkInertia(Effect):
 
     def parameter_label(self, parameter: Parameter) -> str:
         return parameter.name
+
+    def from_tables(self, robot) -> LinkInertia:
+        return LinkInertia.of(robot, self.columns)
 
     def bake(self, robot):
         pi = np.array(_core.inertial_parameters(robot.core))

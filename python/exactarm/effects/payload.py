@@ -36,6 +36,7 @@ class Payload(Effect):
     kinds: ClassVar[tuple[str, ...]] = (POSES.name, MOTION.name, TRACKED_MOTION.name)
     compensable: ClassVar[bool] = True
     by_load: ClassVar[bool] = True
+    carried: ClassVar[bool] = True
     per_joint: ClassVar[bool] = False
     linear: ClassVar[bool] = False
     source: ClassVar[str] = "Atkeson, An and Hollerbach 1986; Swevers, Verdonck and De Schutter 2007"

@@ -15,7 +15,6 @@ import numpy as np
 from exactarm.chain import Layout, predict_poses
 from exactarm.covariance import ParameterCovariance
 from exactarm.dataset import Dataset
-from exactarm.effects.frames import Frames
 from exactarm.errors import InputError
 from exactarm.identify.compliance import compliance_layout
 from exactarm.identify.declared import (
@@ -201,10 +200,10 @@ def calibrated_robot(robot: Robot, data: Dataset, layout: Layout, fit: Fit, kind
     for effect in layout.effects:
         if effect.declared:
             result = effect.bake(result)
-    sessions = [effect for effect in layout.effects if isinstance(effect, Frames)]
+    sessions = [effect for effect in layout.effects if effect.frames_of is not None]
     base, tool = robot.base, robot.tool
     if sessions:
-        base, tool = sessions[0].place(sessions[0].session, Placement(), Placement())
+        base, tool = sessions[0].place(sessions[0].frames_of, Placement(), Placement())
     layout = _after_fit(robot, data, layout, fit)
     pairs = zip(layout.names, fit.interval())
     intervals = dict(robot.intervals) | {name: (float(low), float(high)) for name, (low, high) in pairs}
@@ -218,8 +217,9 @@ def _covariance(robot: Robot, data: Dataset, layout: Layout, fit: Fit) -> Parame
     anew, nor of curves, which carry their own."""
     if data.position is None:
         return None
-    first = next(effect for effect in layout.effects if isinstance(effect, Frames))
-    told = [effect is first or not (isinstance(effect, Frames) or effect.of_record) for effect in layout.effects]
+    first = next(effect for effect in layout.effects if effect.frames_of is not None)
+    told = [effect is first or not (effect.frames_of is not None or effect.of_record)
+            for effect in layout.effects]
     mine = np.concatenate([np.full(int(free.sum()), mine) for mine, free in zip(told, layout.free)])
     mine &= np.isinf(layout.prior)
     left = predict_poses(robot, layout, data, tangents=False).residual()[:, :3]

@@ -69,7 +69,7 @@ def consistent_fit(
     baked = _baked(robot, fit.layout)
     blocks = [_Block(np.arange(10 * i, 10 * i + 10), BASIS, Q) for i, Q in enumerate(prior_bodies(declared))]
     others = [
-        (e, mask) for e, mask in zip(fit.layout.effects, fit.layout.free) if not isinstance(e, LinkInertia)
+        (e, mask) for e, mask in zip(fit.layout.effects, fit.layout.free) if e.inertia_of != "links"
     ]
     others = [(e, mask) for e, mask in others if mask.any() or not e.declared]
     lent = _lent_rotors(baked, fit.layout)
@@ -101,7 +101,7 @@ def consistent_fit(
 
 def _lent_rotors(robot: Robot, layout: Layout) -> tuple[DeclaredRotor, ...]:
     """Rotors that are not estimated but may share what the links show: those of a sum, and declared ones."""
-    asked = [(e, mask) for e, mask in zip(layout.effects, layout.free) if isinstance(e, DeclaredRotor)]
+    asked = [(e, mask) for e, mask in zip(layout.effects, layout.free) if e.inertia_of == "rotor"]
     estimated = {e.index for e, mask in asked if mask.any()}
     still = {e.index for e, mask in asked if not mask.any() and not robot.joints[e.index].rotor_inertia}
     return tuple(DeclaredRotor.of(robot, i) for i in range(robot.axes) if i not in estimated | still)
@@ -214,16 +214,9 @@ def _baked(robot: Robot, layout: Layout) -> Robot:
     return robot
 
 
-def _read(effect, robot: Robot):
-    """The effect with the values of the robot's tables, where it lives there."""
-    if not effect.declared:
-        return effect
-    return effect.of(robot, effect.columns if isinstance(effect, LinkInertia) else effect.index)
-
-
 def _at(fit: MotionFit, robot: Robot, record: MotionRecord, threads: int) -> MotionFit:
     """The fit in the robot with bodies: the same free parameters, at the values of its tables."""
-    layout = Layout(tuple(_read(e, robot) for e in fit.layout.effects), fit.layout.free)
+    layout = Layout(tuple(e.from_tables(robot) for e in fit.layout.effects), fit.layout.free)
     x = layout.values
     lower, upper = (np.array([getattr(p, side) for p in layout.parameters]) for side in ("lower", "upper"))
     at_bound = (x <= lower) | (x >= upper)

@@ -11,7 +11,6 @@ from __future__ import annotations
 import numpy as np
 
 from exactarm.chain import Layout, MotionRecord, predict_motion
-from exactarm.effects.declared_friction import DeclaredFriction
 from exactarm.effects.drive import smooth_sign
 from exactarm.robot import Robot
 from exactarm.view import SIGN_WIDTH_RAD_S
@@ -23,7 +22,7 @@ _CLEARLY = 0.99  # of the square sum
 def friction_widths(robot: Robot, layout: Layout, record: MotionRecord, threads: int = 1) -> np.ndarray:
     """(n,) rad/s on the output side; `layout`: what is identified."""
     widths = record.sign_width.copy()
-    rubbed = [e.index for e in layout.effects if isinstance(e, DeclaredFriction)]
+    rubbed = [e.index for e in layout.effects if e.reverses]
     if not rubbed:
         return widths
     prediction = predict_motion(robot, layout, record, threads=threads)

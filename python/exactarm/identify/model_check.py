@@ -14,13 +14,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from exactarm.chain import Layout
-from exactarm.effects.geometry import Geometry
 from exactarm.identify.collision import NEARLY_PARALLEL_RAD, deviation_from_parallel
 from exactarm.identify.identifiability import Dropped, Identifiability, select_identifiable
 from exactarm.identify.parameter_name import parse_parameter
 from exactarm.robot import Robot
-
-_ALL = ("d_m", "a_m", "alpha_rad", "beta_rad")
 
 
 @dataclass(frozen=True)
@@ -80,12 +77,9 @@ def with_all_columns(layout: Layout, robot: Robot) -> Layout:
     """The layout with d, a, alpha and beta of every frame free."""
     effects, free = [], []
     for effect, mask in zip(layout.effects, layout.free):
-        if isinstance(effect, Geometry):
-            joint = robot.joints[effect.index]
-            effect = Geometry(effect.joint, (joint.d, joint.a, joint.alpha, joint.beta or 0.0), _ALL)
-            mask = np.ones(len(_ALL), bool)
-        effects.append(effect)
-        free.append(mask)
+        whole = effect.with_all_columns(robot)
+        effects.append(whole)
+        free.append(mask if whole is effect else np.ones(len(whole.values), bool))
     return replace(layout, effects=tuple(effects), free=tuple(free))
 
 

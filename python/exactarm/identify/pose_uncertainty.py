@@ -25,7 +25,6 @@ import numpy as np
 from exactarm.chain import Layout, predict_poses
 from exactarm.dataset import Dataset
 from exactarm.effects.base import Station
-from exactarm.effects.frames import Frames
 from exactarm.errors import InputError
 from exactarm.identify.declared import carried_layout, geometry_layout
 from exactarm.identify.planned import pose_data
@@ -156,7 +155,7 @@ class _Moved:
         known = robot.covariance
         names = {} if known is None else {name: place for place, name in enumerate(known.names)}
         layout = frames.joined(_open(geometry_layout(robot).joined(carried_layout(robot, data)), set(names)))
-        of_frames = np.concatenate([np.full(int(free.sum()), isinstance(effect, Frames))
+        of_frames = np.concatenate([np.full(int(free.sum()), effect.frames_of is not None)
                                     for effect, free in zip(layout.effects, layout.free)])
         prediction = predict_poses(robot, layout, data, threads=threads)
         jacobian = prediction.jacobian[:, :3].reshape(-1, layout.size)

@@ -20,7 +20,6 @@ import numpy as np
 from exactarm.chain import Layout, View, predict_poses
 from exactarm.dataset import NO_CONTACT, Dataset
 from exactarm.effects.base import Effect, Station
-from exactarm.effects.frames import Frames
 from exactarm.measurement.contact import Contact
 from exactarm.measurement.contacts import CONTACT_CLASSES, SENSORS
 from exactarm.robot import Robot
@@ -171,8 +170,8 @@ def _clear_device_frames(layout: Layout, jacobian: np.ndarray, sensors: np.ndarr
     if not sensors.any():
         return
     for place, effect in enumerate(layout.effects):
-        if isinstance(effect, Frames):
-            base = np.array([name.startswith("base_") for name in effect.names])
+        if effect.frames_of is not None:
+            base = np.array([parameter.name.startswith("base_") for parameter in effect.parameters()])
             columns = np.arange(layout.size)[layout.slices[place]][base[layout.free[place]]]
             jacobian[np.ix_(sensors, range(6), columns)] = 0.0
 

@@ -18,7 +18,6 @@ from scipy import special
 
 from exactarm.chain import Layout, predict_poses
 from exactarm.dataset import Dataset
-from exactarm.effects.frames import Frames
 from exactarm.effects.joint_offset import JointOffset
 from exactarm.errors import InputError
 from exactarm.identify.declared import carried_layout, frames_layout, require_geometry
@@ -309,7 +308,7 @@ def _hypotheses(
     BEFORE."""
     offsets = Layout.of(tuple(JointOffset.of(robot, i) for i in range(robot.axes)))
     session = int(before.session[0])
-    frames = next(e for e in fit.layout.effects if isinstance(e, Frames) and e.session == session)
+    frames = next(e for e in fit.layout.effects if e.frames_of == session)
     layout = offsets.joined(Layout.of((frames,))).joined(carried_layout(robot, before))
     blocks = []
     for row in rows:

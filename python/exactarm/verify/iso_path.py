@@ -23,7 +23,6 @@ import numpy as np
 from exactarm.chain import predict_poses
 from exactarm.chain.direction import direction_of_motion
 from exactarm.dataset import Dataset
-from exactarm.effects.frames import Frames
 from exactarm.errors import InputError
 from exactarm.kinds import POSES
 from exactarm.robot import Robot
@@ -67,7 +66,7 @@ def path_tests(
     robots: tuple[Robot, Robot], judged: tuple[Judged, Judged], files: Sequence[Dataset]
 ) -> tuple[PathTest, ...]:
     """Of tracked motions, file by file: robots and their fits before and after."""
-    sessions = {effect.session for effect in judged[1].fit.layout.effects if isinstance(effect, Frames)}
+    sessions = {effect.frames_of for effect in judged[1].fit.layout.effects}
     cycles = []
     for data, session, run in _runs(files):
         rows = data.select((data.session == session) & (data.run == run))
