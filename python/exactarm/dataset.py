@@ -334,7 +334,8 @@ def _of_controller(data: Dataset, robot: Robot) -> tuple[str, ...]:
 def _with_gravity_sensor(data: Dataset) -> Dataset:
     """Rows at rest with a reading are touches of the sensor; in a motion the columns are covariates."""
     sensors = {"tilt": (data.tilt, TILT, "rad"), "accel": (data.accel, ACCEL, "m_s2")}
-    held = {name: entry for name, entry in sensors.items() if entry[0] is not None}
+    held = {name: (values, names, unit) for name, (values, names, unit) in sensors.items()
+            if values is not None}
     if not held or not is_a_series(data):
         marks = {name: np.where(np.isnan(values).any(axis=1), NO_CONTACT, 0)
                  for name, (values, _, _) in held.items()}
