@@ -43,6 +43,7 @@ class Rows:
     length (N,)     read off a bar or wire, m, NaN where none was; None without
     fixture         what is known of the contacts
     covariates      name as in the header -> (N,)
+    unweighed       sessions whose payload is not known: zero in `payload`, to be estimated
     file_index, row (N,) where each row came from: index into `sources`, row from 1
     """
 
@@ -67,6 +68,7 @@ class Rows:
     fixture: Fixture = Fixture()
     covariates: dict[str, np.ndarray] = field(default_factory=dict)
     sources: tuple[Source, ...] = ()
+    unweighed: tuple[int, ...] = ()
 
     @classmethod
     def of_arrays(cls, kind: str, joints: Mapping[str, np.ndarray], **arrays: Any) -> Self:

@@ -4,8 +4,9 @@
     1,0,0
     2,5.2,80
 
-Every column but `session` becomes a column of the data. Refused: a session without a line or with two, a
-column that the data have already or that is measured row by row.
+Every column but `session` becomes a column of the data. An empty payload_kg is a payload that nobody has
+weighed: zero in the data, and its session is kept in `Rows.unweighed`. Refused: a session without a line or
+with two, a column that the data have already or that is measured row by row.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from exactarm.table import read_table
 
 def with_sessions(data: Dataset, path: str | Path) -> Dataset:
     """The data with the columns of the table at `path` as covariates. Raises InputError."""
-    table = read_table(path)
+    table = read_table(path, may_be_empty=lambda names: {PAYLOAD} & set(names))
     if "session" not in table.columns:
         raise InputError("column missing; expected the number of the set-up", file=path, column="session")
     numbers = table.columns["session"]
@@ -39,6 +40,7 @@ def with_sessions(data: Dataset, path: str | Path) -> Dataset:
         raise InputError(message, file=path, column="session")
     lines = np.array([line_of[number] for number in data.session.tolist()])
     added: dict[str, np.ndarray] = {}
+    unweighed: list[int] = []
     for name, values in table.columns.items():
         if name == "session":
             continue
@@ -50,5 +52,8 @@ def with_sessions(data: Dataset, path: str | Path) -> Dataset:
             row = int(np.argmax(values < 0.0))
             message = f"{values[row]:g}; expected a mass of 0 or more"
             raise InputError(message, file=path, row=row + 1, column=name)
-        added[column.name] = (values * column.factor)[lines]
-    return replace(data, covariates=data.covariates | added)
+        if column.name == PAYLOAD:
+            empty = set(numbers[np.isnan(values)].astype(int).tolist())
+            unweighed = sorted(empty & set(data.session.tolist()))
+        added[column.name] = (np.nan_to_num(values) * column.factor)[lines]
+    return replace(data, covariates=data.covariates | added, unweighed=tuple(unweighed))

@@ -25,6 +25,7 @@ from exactarm.identify.closures import calibrate_closures
 from exactarm.identify.declared import geometry_layout
 from exactarm.identify.identifiability import Dropped
 from exactarm.identify.parameter_name import Group, parse_parameter
+from exactarm.identify.session_payloads import payload_columns
 from exactarm.kinds import CLOSURES, POSES
 from exactarm.progress import SILENT, Progress
 from exactarm.report import Estimate, Figure, Quantity, Report, Table, Warnings
@@ -70,7 +71,7 @@ def calibrate(
     """
     given = {"use": use, "compliance": compliance, "robust": robust, "sessions": sessions}
     declared = robot_of(robot)
-    rows = require_poses(data_of(data, declared, kind, fixture, sessions), CALIBRATORS)
+    rows = require_poses(data_of(data, declared, kind, fixture, sessions, weighs=True), CALIBRATORS)
     wrong = [axis for axis in compliance or () if not 1 <= axis <= declared.axes]
     if wrong:
         raise InputError(f"compliance: axis {wrong[0]} does not exist, expected 1 to {declared.axes}")
@@ -90,7 +91,8 @@ def calibrate(
         report=_report(declared, rows, result, rows.split_rule()),
         robot=result.robot,
         tables={"residuals.csv": residual_table(result.data, result.identification, result.error_before,
-                                                result.residual_after)},
+                                                result.residual_after)}
+        | ({"payloads.csv": payload_columns(result.payloads)} if result.payloads else {}),
         asked=asked("calibrate", robot, rows, seed, given,
                     {"use": "auto", "compliance": None, "robust": False}),
     ).warned([*told, *found])
@@ -144,7 +146,10 @@ def _json(result: Calibration) -> dict[str, Any]:
         "noise": {"position_m": result.fit.sigma_position, "orientation_rad": result.fit.sigma_orientation},
         "converged": result.fit.fit.converged,
         "warnings": list(result.warnings),
-    }
+    } | ({"payloads": [
+        {"session": p.session, "mass_kg": estimate(p.mass, *p.interval), "centre_m": p.centre.tolist(),
+         "estimated": p.estimated} for p in result.payloads
+    ]} if result.payloads else {})
 
 
 def _summaries(summaries: dict[str, Any], distances: dict[str, float | None],
@@ -196,11 +201,21 @@ def _report(robot: Robot, data: Dataset, result: Calibration, rule: str) -> Repo
         *known,
         *error_figures(result.error_before, result.error_after, result.identification, "m", what, "pose"),
         *_parameter_sections(robot, result),
+        *_payload_table(result),
         dropped_table(result.identifiability.dropped),
         Warnings(result.warnings),
     )
     return Report(f"Calibration of {robot.name}", verdict, sections,
                   "good" if after.mean < before.mean else "caution")
+
+
+def _payload_table(result: Calibration) -> tuple[Table, ...]:
+    rows = tuple(
+        (str(p.session), Estimate(p.mass, *p.interval, "kg") if p.estimated else Quantity(p.mass, "kg"),
+         "estimated" if p.estimated else "as given") for p in result.payloads
+    )
+    note = "One stiffness for all sessions. payloads.csv is a table for --sessions with these masses."
+    return (Table("Payload of each session", ("session", "mass (95 %)", ""), rows, note),) if rows else ()
 
 
 def _distance_tables(result: Calibration) -> tuple[Any, ...]:

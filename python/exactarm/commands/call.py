@@ -14,12 +14,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from exactarm.columns import PAYLOAD
 from exactarm.commands.arguments import available_cores
 from exactarm.commands.outcome import Asked
 from exactarm.commands.plain import sha256
 from exactarm.dataset import Dataset, read_dataset
 from exactarm.errors import InputError
 from exactarm.fixture import Fixture, load_fixture
+from exactarm.kinds import POSES
 from exactarm.robot import Robot
 from exactarm.robot_file import load_robot
 from exactarm.rows import Source
@@ -37,16 +39,23 @@ def robot_of(robot: AnyRobot) -> Robot:
 
 def data_of(
     data: AnyData, robot: Robot, kind: str | None = None, fixture: AnyFixture = None,
-    sessions: str | Path | None = None, columns: Mapping[str, str] | None = None,
+    sessions: str | Path | None = None, columns: Mapping[str, str] | None = None, *, weighs: bool = False,
 ) -> Dataset:
     """Data as they are, or those of the files; with what is known of their fixture and of whole sessions.
-    columns: the files' names -> ours."""
+    columns: the files' names -> ours; weighs: the command estimates payloads that are not known."""
     known = load_fixture(fixture) if isinstance(fixture, (str, Path)) else fixture
     if not isinstance(data, Dataset):
         data = read_dataset(data, robot, kind, known or Fixture(), columns)
     elif known is not None:
         data = replace(data, fixture=known)
-    return data if sessions is None else with_sessions(data, sessions)
+    data = data if sessions is None else with_sessions(data, sessions)
+    if data.unweighed and not (weighs and data.kind == POSES.name):
+        raise InputError(
+            f"session {data.unweighed[0]}: no mass; expected one: `exactarm calibrate` of poses estimates it "
+            "and writes payloads.csv for --sessions", file=None if sessions is None else str(sessions),
+            column=PAYLOAD,
+        )
+    return data
 
 
 def threads_of(threads: int | None) -> int:

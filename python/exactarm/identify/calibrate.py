@@ -28,8 +28,10 @@ from exactarm.identify.identifiability import Identifiability, select_identifiab
 from exactarm.identify.loads import kept_masses, with_loads
 from exactarm.identify.match import require_match
 from exactarm.identify.pose_fit import PoseFit, fit_poses
+from exactarm.identify.session_payloads import EstimatedPayload, payload_layout, session_payloads
 from exactarm.identify.statistics import ErrorSummary, summarise
 from exactarm.kinds import POSES
+from exactarm.measurement.session_payload import SessionPayload
 from exactarm.regression import Fit
 from exactarm.robot import Placement, Robot
 from exactarm.split import DEFAULT_SEED
@@ -74,6 +76,7 @@ class Calibration:
     distances_after: dict[str, float | None] = field(default_factory=dict)
     tilts_before: dict[str, float | None] = field(default_factory=dict)
     tilts_after: dict[str, float | None] = field(default_factory=dict)
+    payloads: tuple[EstimatedPayload, ...] = ()  # of each session, where some were not weighed
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -104,6 +107,10 @@ def calibrate(robot: Robot, data: Dataset, options: CalibrationOptions = Calibra
     layout = frames.joined(geometry_layout(robot)).joined(compliance_layout(robot, train, options.compliance))
     layout = layout.joined(carried_layout(robot, train))
     fit, identifiability = fit_identifiable(robot, layout, train, orientation, options)
+    carried = payload_layout(train)
+    if carried.size:
+        layout = Layout(fit.layout.effects, layout.free).joined(carried)
+        fit, identifiability = fit_identifiable(robot, layout, train, orientation, options)
     error_before = before.error(data, options.threads)
     residual = fit.residual(data, options.threads)
     error_after = np.linalg.norm(residual, axis=1)
@@ -121,6 +128,7 @@ def calibrate(robot: Robot, data: Dataset, options: CalibrationOptions = Calibra
         identifiability=identifiability,
         orientation=orientation,
         warnings=tuple(_warnings(fit, train, found)),
+        payloads=session_payloads(data, fit.layout, fit.fit) if data.unweighed else (),
     )
 
 
@@ -218,8 +226,8 @@ def _covariance(robot: Robot, data: Dataset, layout: Layout, fit: Fit) -> Parame
     if data.position is None:
         return None
     first = next(effect for effect in layout.effects if effect.frames_of is not None)
-    told = [effect is first or not (effect.frames_of is not None or effect.of_record)
-            for effect in layout.effects]
+    apart = lambda e: e.frames_of is not None or e.of_record or isinstance(e, SessionPayload)
+    told = [effect is first or not apart(effect) for effect in layout.effects]
     mine = np.concatenate([np.full(int(free.sum()), mine) for mine, free in zip(told, layout.free)])
     mine &= np.isinf(layout.prior)
     left = predict_poses(robot, layout, data, tangents=False).residual()[:, :3]

@@ -1,0 +1,67 @@
+"""Payloads that nobody has weighed: one for each session, estimated with the springs that they bend.
+
+A payload moves nothing where no spring is known, and the springs' estimate needs loads. So first everything
+else is estimated as if nothing were carried there; from these springs on, all of it together.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from exactarm.chain import Layout
+from exactarm.columns import PAYLOAD, PAYLOAD_CENTRE
+from exactarm.dataset import Dataset
+from exactarm.measurement.session_payload import SessionPayload
+from exactarm.regression import Fit
+
+_KNOWN_CENTRE = PAYLOAD_CENTRE[0]
+
+
+def payload_layout(data: Dataset) -> Layout:
+    """The payload of every unweighed session of `data`, at no mass; its centre is the data's, if any."""
+    found = []
+    for session in data.unweighed:
+        rows = np.flatnonzero(data.session == session)
+        if rows.size:
+            centre = data.payload[1][rows[0]] if _KNOWN_CENTRE in data.covariates else None
+            known = None if centre is None else tuple(float(x) for x in centre)
+            found.append(SessionPayload(None, (0.0,) * (4 if known is None else 1), session, known))
+    return Layout.of(tuple(found))
+
+
+@dataclass(frozen=True)
+class EstimatedPayload:
+    """mass in kg with its 95 % interval, centre (3,) m in the flange frame; estimated: not as declared."""
+
+    session: int
+    mass: float
+    interval: tuple[float, float]
+    centre: np.ndarray
+    estimated: bool
+
+
+def session_payloads(data: Dataset, layout: Layout, fit: Fit) -> tuple[EstimatedPayload, ...]:
+    """What the flange carries in each session; one whose mass the data cannot tell is left out."""
+    intervals = dict(zip(layout.names, fit.interval()))
+    fitted = {effect.session: effect for effect in layout.effects if isinstance(effect, SessionPayload)}
+    found = []
+    for session in np.unique(data.session).tolist():
+        effect = fitted.get(session)
+        if effect is not None:
+            interval = intervals.get(effect.parameter_label(effect.parameters()[0]))
+            if interval is not None:
+                found.append(EstimatedPayload(session, effect.values[0], tuple(map(float, interval)),
+                                              effect.centre_of_mass(), True))
+        elif session not in data.unweighed:
+            row = int(np.argmax(data.session == session))
+            mass, centre = data.payload[0][row], data.payload[1][row]
+            found.append(EstimatedPayload(session, float(mass), (float(mass),) * 2, centre, False))
+    return tuple(found)
+
+
+def payload_columns(payloads: tuple[EstimatedPayload, ...]) -> dict[str, list[float]]:
+    """Columns of a table for --sessions."""
+    columns = {"session": [p.session for p in payloads], PAYLOAD: [p.mass for p in payloads]}
+    return columns | {name: [float(p.centre[k]) for p in payloads] for k, name in enumerate(PAYLOAD_CENTRE)}
