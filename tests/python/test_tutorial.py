@@ -47,6 +47,8 @@ def test_the_tutorial_runs_and_ends_where_it_says(result, tmp_path, capsys):
     assert fresh[1] < 0.7 * fresh[0]
     assert (tmp_path / "design" / "measure.src").read_text().count("WAIT SEC") == 100
     assert (tmp_path / "certificate" / "report.html").exists()
+    merged = result("merged")
+    assert merged["by"] == "name" and merged["rows"] == 100 and not merged["warnings"]
     assert (tmp_path / "program" / "targets.csv").exists() and "racer" in capsys.readouterr().out
 
 

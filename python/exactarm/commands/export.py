@@ -186,6 +186,6 @@ def _warnings(robot: Robot, format: str, cost: Lost) -> tuple[str, ...]:
     if format == "robodk":
         return (
             "the script shows the identified axes and measures how far RoboDK's model is off; no documented "
-            "call of its API changes the kinematics of a robot, and it has not been run against RoboDK here",
+            "call of its API takes the deviations of axes, and it has not been run in RoboDK itself",
         )
     return ()

@@ -2,9 +2,11 @@
 
 It adds the identified chain beside a robot of the station: a frame on each identified axis at reported zero,
 and one at the flange; and it compares RoboDK's own flange with the identified one at some joint angles. It
-uses calls that the API documents: Item, ItemUserPick, AddFrame, setPose, setParent, SolveFK. No documented
-call gives a robot of the library other lengths and angles, so that the script shows and measures, and changes
-no kinematics. Not run against RoboDK here: with another version of the API, read what it prints with care.
+uses calls that the API documents: Item, ItemUserPick, Valid, Parent, AddFrame, setPose, SolveFK; their names
+and arguments were compared with the package robodk 6.0.2. BuildMechanism, the only documented call that gives
+a robot lengths, takes seven of them and angles between axes that are exactly parallel or square, in the order
+of a dialog, with the bodies of all links: the deviations of an identified arm have no place in it. So the
+script shows and measures, and changes no kinematics. Not run against RoboDK itself here.
 """
 
 from __future__ import annotations
