@@ -1,6 +1,7 @@
 """A plan as a controller takes it: the angles that it reports while the motors follow the plan."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pandas
@@ -57,3 +58,26 @@ def test_points_for_krl_lie_on_the_plan_in_degrees(tmp_path):
     parts = [float(part) for part in re.findall(r"PART = (\S+)", text)]
     assert len(parts) == len(points) - 2 and sum(parts) < 100.0
     assert float(re.search(r"END = (\S+)", text)[1]) == pytest.approx(table["time_s"].iloc[-1])
+
+
+def test_a_table_holds_what_the_controller_shows_in_degrees_and_in_pulses(tmp_path):
+    robot = ea.load_robot("racer-7-1.4").with_joint(1, controller_offset=0.01, controller_ratio=80.0)
+    pulses = (1e5, 1e5, -2e5, 3e4, 3e4, 3e4)
+    robot = replace(robot, controller=replace(robot.controller, coupling=((3, 2, 1.0),),
+                                              pulses_per_rad=pulses))
+    for kind in ("csv", "pulses"):
+        result = ea.plan(robot, "line", rate_hz=100, send=kind, threads=1)
+        result.save(tmp_path / kind)
+    assert "They stand in sent_pulses.csv" in result.summary()
+    theta = pandas.read_csv(tmp_path / "csv/trajectory.csv")
+    q = (theta[[f"theta_{i + 1}_rad" for i in range(6)]] / robot.controller_ratios
+         + robot.controller_offsets).to_numpy()
+    q[:, 2] -= q[:, 1]  # J3 is counted from the horizon
+    sent = pandas.read_csv(tmp_path / "csv/sent.csv")
+    assert sent.columns.tolist() == ["time_s", *(f"q_{i + 1}_deg" for i in range(6))]
+    np.testing.assert_allclose(sent["time_s"], theta["time_s"], atol=1e-12)
+    np.testing.assert_allclose(np.radians(sent.to_numpy()[:, 1:]), q, atol=1e-10)
+    counts = pandas.read_csv(tmp_path / "pulses/sent_pulses.csv").to_numpy()[:, 1:]
+    np.testing.assert_array_equal(counts, np.round(q * pulses))
+    with pytest.raises(InputError, match="pulses_per_rad"):
+        ea.plan("racer-7-1.4", "line", rate_hz=100, send="pulses", threads=1)

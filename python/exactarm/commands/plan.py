@@ -60,7 +60,8 @@ def plan(
     solver: str | None = None,
     linear_solver: str | None = None, start_rad: Sequence[float] | np.ndarray | None = None,
     format: Literal["csv", "parquet"] = "csv",
-    send: Literal["joint_trajectory", "servoj", "krl"] | None = None, seed: int = DEFAULT_SEED,
+    send: Literal["joint_trajectory", "servoj", "krl", "csv", "pulses"] | None = None,
+    seed: int = DEFAULT_SEED,
     threads: int | None = None,
     progress: Progress = SILENT,
 ) -> CommandResult:
@@ -89,7 +90,7 @@ def plan(
     name = follow.name if isinstance(path, PlannedPath) else str(path)
     return CommandResult(
         json=_json(result) | {"model_uncertainty": trust_json(radius)},
-        report=_report(declared, result, trust_text(radius, "along the path")),
+        report=_report(declared, result, trust_text(radius, "along the path"), send),
         tables={f"trajectory.{format}": trajectory_table(result)},
         texts={} if send is None else {FILES[send]: sent_text(send, declared, result)},
         inputs=tuple(file),
@@ -162,7 +163,17 @@ def _json(plan: Plan) -> dict[str, Any]:
     }
 
 
-def _report(robot: Robot, plan: Plan, trust: Text) -> Report:
+def _sent(send: str | None) -> Text:
+    """Which column is sent: neither of the two that a reader would take."""
+    file = (f"They stand in {FILES[send]}." if send
+            else "They are written by --send " + ", ".join(FILES) + ".")
+    return Text("What is sent", (
+        "trajectory holds theta_i, the motors, and q_i, the links behind gears and springs. A controller "
+        "takes neither: it takes the joint angles that it reports, theta_i / controller_ratio + offset. "
+        f"{file}",))
+
+
+def _report(robot: Robot, plan: Plan, trust: Text, send: str | None = None) -> Report:
     tracking, solver = plan.tracking, plan.solver
     verdict = ("On the planner's model the flange keeps to the path within "
                f"{quantity(tracking.position_max, 'm')} "
@@ -180,7 +191,7 @@ def _report(robot: Robot, plan: Plan, trust: Text) -> Report:
     ]
     if plan.compensated:
         sections.append(Text("Compensated effects", (", ".join(plan.compensated) + ".",)))
-    sections += [trust, *_figures(robot, plan), Warnings(plan.warnings)]
+    sections += [_sent(send), trust, *_figures(robot, plan), Warnings(plan.warnings)]
     return Report(f"Plan for {robot.name}: {plan.path.name}", verdict, tuple(sections),
                   "caution" if plan.warnings else "good")
 

@@ -1,7 +1,8 @@
 """A plan in the words of a controller: what is sent are the joint angles that the controller reports while
 the motors follow the plan.
 
-    q_sent = theta / controller_ratio + controller_offset      (not q, the links behind gears and springs)
+    q_sent = theta / controller_ratio + controller_offset      (not q, the links behind gears and springs),
+             and what it reports of them where axes are coupled ([controller] coupling)
 
     joint_trajectory   ROS 2 trajectory_msgs/JointTrajectory, YAML: positions rad, velocities rad/s,
                        time_from_start
@@ -9,6 +10,8 @@ the motors follow the plan.
     krl                KUKA KRL: a PTP_SPLINE block of SPTP points, deg, thinned to at most `MOST_POINTS`,
                        with TIME_BLOCK parts; the controller plans the time between them anew. Written from
                        descriptions in public use, not run on a controller
+    csv                a table, one row a sample at the plan's rate: time_s, q_i_deg (sliding axes: q_i_mm)
+    pulses             the same in whole pulses: time_s, pulses_i ([controller] pulses_per_rad)
 """
 
 from __future__ import annotations
@@ -20,22 +23,47 @@ from exactarm.errors import InputError
 from exactarm.plan.optimal import Plan
 from exactarm.robot import Robot
 
-FILES = {"joint_trajectory": "trajectory.yaml", "servoj": "trajectory.script", "krl": "trajectory.src"}
+FILES = {"joint_trajectory": "trajectory.yaml", "servoj": "trajectory.script", "krl": "trajectory.src",
+         "csv": "sent.csv", "pulses": "sent_pulses.csv"}
 KRL_AXES = ("A1", "A2", "A3", "A4", "A5", "A6")
 MOST_POINTS = 200  # of a spline block: a controller plans all of it before it moves
 
 
 def sent_angles(robot: Robot, plan: Plan) -> tuple[np.ndarray, np.ndarray]:
     """Joint angles (N, n) rad to send, and their rates rad/s."""
-    return (
-        plan.theta / robot.controller_ratios + robot.controller_offsets,
-        plan.theta_dot / robot.controller_ratios
-    )
+    shown = robot.controller.reported
+    return (shown(plan.theta / robot.controller_ratios + robot.controller_offsets),
+            shown(plan.theta_dot / robot.controller_ratios))
 
 
 def sent_text(kind: str, robot: Robot, plan: Plan) -> str:
     """The file's text; kind as in FILES."""
-    return {"joint_trajectory": _joint_trajectory, "servoj": _servoj, "krl": _krl}[kind](robot, plan)
+    write = {"joint_trajectory": _joint_trajectory, "servoj": _servoj, "krl": _krl, "csv": _csv,
+             "pulses": _pulses}
+    return write[kind](robot, plan)
+
+
+def _csv(robot: Robot, plan: Plan) -> str:
+    q, _ = sent_angles(robot, plan)
+    sliding = np.array([joint.type == "prismatic" for joint in robot.joints])
+    values = np.where(sliding, 1e3 * q, np.degrees(q))
+    names = [f"q_{i + 1}_{'mm' if slides else 'deg'}" for i, slides in enumerate(sliding)]
+    return _table(plan, names, [[f"{value:.9f}" for value in row] for row in values.tolist()])
+
+
+def _pulses(robot: Robot, plan: Plan) -> str:
+    scale = np.array(robot.controller.pulses_per_rad)
+    if not scale.size:
+        raise InputError(f"robot {robot.name} declares no pulses; expected [controller] pulses_per_rad",
+                         file=robot.file)
+    counts = np.round(sent_angles(robot, plan)[0] * scale).astype(int)
+    return _table(plan, [f"pulses_{i + 1}" for i in range(robot.axes)], counts.astype(str).tolist())
+
+
+def _table(plan: Plan, names: list[str], rows: list[list[str]]) -> str:
+    lines = [",".join(["time_s", *names])]
+    lines += [",".join([f"{time:.9g}", *row]) for time, row in zip(plan.time.tolist(), rows)]
+    return "\n".join(lines) + "\n"
 
 
 def _joint_trajectory(robot: Robot, plan: Plan) -> str:
