@@ -13,8 +13,8 @@ BUILD := build/make
 SANITIZE := build/sanitize
 OUT ?= demo
 export CMAKE_BUILD_PARALLEL_LEVEL ?= 2
-# `make test IN_PARALLEL="-n 2 --dist loadfile"`: the Python tests in two processes, file by file.
-IN_PARALLEL ?=
+# Tests of one file run in one process, so that what they share is made once; IN_PARALLEL= runs all in one.
+IN_PARALLEL ?= -n $(CMAKE_BUILD_PARALLEL_LEVEL) --dist loadfile
 SOURCES := CMakeLists.txt pyproject.toml $(shell find cpp python -type f ! -name '*.so' ! -name '*.pyc')
 CPP_TESTS := $(shell find tests/cpp -type f 2>/dev/null)
 

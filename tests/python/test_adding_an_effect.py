@@ -51,6 +51,7 @@ def test_its_derivatives_pass_the_shared_check(hose_bundle):
     assert_derivative(position, layout.values, predict_poses(robot, layout, data).jacobian[:, :3], 1e-4)
 
 
+@pytest.mark.slow
 def test_the_commands_of_the_page_hide_it_and_find_it(hose_bundle, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for line in re.findall(r"^exactarm (.*)$", PAGE, re.MULTILINE):

@@ -49,6 +49,7 @@ def motion_through_a_gap(robot, joint, width):
     return motion_data(robot, time, angle + gap, torque)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("joint, width", [(2, 1e-3)])
 def test_a_drive_torque_tells_the_gap_with_its_sign_and_size(rigid, joint, width):
     found = diagnose(rigid, motion_through_a_gap(rigid, joint, width))
@@ -71,6 +72,7 @@ def test_noise_of_the_measured_torque_does_not_pass_for_a_gap(rigid, noise_Nm):
     assert max(c.evidence for c in scan(fitted, gaps, 0.5 * fitted.data_numbers)) < 0.0
 
 
+@pytest.mark.slow
 def test_friction_of_the_flank_is_estimated_in_a_gear_run():
     robot = load_robot("racer-7-1.4")
     virtual = VirtualRobot.of(robot, [parse_effect("backlash joint=2 width_rad=6e-4 friction_Nm=12", 6)])
@@ -93,6 +95,7 @@ def test_derivative_by_the_friction():
                       1e-4 * layout.values, relative=1e-5)
 
 
+@pytest.mark.slow
 def test_friction_of_a_fifth_of_the_load_is_found_in_poses():
     clearance = effect_from_table(HIDDEN["backlash"] | {"width_rad": 5e-4, "friction_Nm": 20.0})
     found = diagnose(ur10(), data_with((clearance,), 201)[0])

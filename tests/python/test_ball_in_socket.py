@@ -22,6 +22,7 @@ def measured(name: str, fixture=FIXTURE):
     return robot, read_dataset(FOLDER / f"{name}.csv", robot, fixture=fixture)
 
 
+@pytest.mark.slow
 def test_a_place_that_was_not_fitted_is_met_within_a_tenth_of_nominal():
     """One of three places is held out; tool and seats of its own are fitted there, the arm is not."""
     robot, data = measured("panda_6")
@@ -51,6 +52,7 @@ def test_without_a_known_length_the_scale_is_held_and_said():
     assert SCALE in result.warnings and not result.distances_after["validation"]
 
 
+@pytest.mark.slow
 def test_the_commands_take_closures_as_any_kind(tmp_path):
     file, fixture = str(FOLDER / "panda_7.csv"), str(FOLDER / "fixture.toml")
     assert main(["calibrate", "panda", file, "--fixture", fixture, "--out", str(tmp_path / "c"),
@@ -68,12 +70,14 @@ def test_the_commands_take_closures_as_any_kind(tmp_path):
     assert judged["unit"] == "m" and judged["distance_error_m"] < 3e-4 and judged["error"]["n"] == 120
 
 
+@pytest.mark.slow
 def test_another_robot_is_refused(tmp_path, capsys):
     file = FOLDER / "dinova_1.csv"
     assert main(["calibrate", "ur10", str(file), "--out", str(tmp_path), "--quiet"]) == 2
     assert "robot and data do not match" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["panda_7", "dinova_1"])
 def test_the_same_seed_gives_the_same_answer(name):
     robot, data = measured(name)

@@ -22,6 +22,7 @@ def manifest(tmp_path):
     return path
 
 
+@pytest.mark.slow
 def test_a_failed_job_stops_no_other_and_the_summary_tells_of_all(manifest, tmp_path, capsys):
     assert cli.main(["batch", str(manifest), "--out", str(tmp_path / "fleet"), "--quiet"]) == 1
     said = capsys.readouterr().err
@@ -38,6 +39,7 @@ def test_a_failed_job_stops_no_other_and_the_summary_tells_of_all(manifest, tmp_
     )
 
 
+@pytest.mark.slow
 def test_what_has_not_changed_is_kept_and_what_has_is_computed(tmp_path):
     rows = [{"name": "one", "command": "evaluate", "robot": "ur10", "files": SERIES}]
     first = ea.batch(rows, tmp_path)
@@ -48,6 +50,7 @@ def test_what_has_not_changed_is_kept_and_what_has_is_computed(tmp_path):
     assert ea.batch(rows, tmp_path, seed=2)["done"] == 1
 
 
+@pytest.mark.slow
 def test_any_executor_runs_the_jobs(manifest, tmp_path):
     with ThreadPoolExecutor(2) as pool:
         fleet = ea.batch(manifest, tmp_path / "fleet", executor=pool)

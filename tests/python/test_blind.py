@@ -58,6 +58,7 @@ def test_newton_and_euler_agree_with_the_core():
     np.testing.assert_allclose(inverse_dynamics(arm, q, rate, acceleration), expected, atol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scenario", [gear_scenario, motion_scenario, tracked_scenario],
                          ids=["gear", "motion", "tracked"])
 def test_time_series_are_read_as_what_they_are(tmp_path, scenario):
@@ -77,6 +78,7 @@ def test_only_the_scorer_knows_the_package():
         assert known <= allowed, path.name
 
 
+@pytest.mark.slow
 def test_cases_are_repeatable(tmp_path):
     one, two = (draw_case(tmp_path / name, 11, ROBOTS) for name in "ab")
     assert one.truth == two.truth
@@ -115,6 +117,7 @@ def test_hidden_effect_of_a_tracked_motion_is_named(tmp_path, seed, theme):
     assert record["after"] <= NOISE * case.truth["best"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [8104, 8110], ids=["soft springs", "tables that do not meet at a reversal"])
 def test_clean_runs_between_two_encoders_lack_nothing(tmp_path, seed):
     case = gear_scenario.draw_case(tmp_path, seed, ROBOTS, "clean")

@@ -47,6 +47,7 @@ def test_wide_draws_every_condition_of_its_kind_and_no_other():
         assert seen == set(names)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", OF_KIND)
 def test_wide_cases_are_repeatable(tmp_path, kind):
     one, two = (SCENARIOS[kind].draw_case(tmp_path / name, 23, ROBOTS, "clean", "wide") for name in "ab")
@@ -160,6 +161,7 @@ def test_some_axes_stand_still(tmp_path, kind):
     assert 0 < np.count_nonzero(moved) < len(moved)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["poses", "motion"])
 def test_arm_without_masses_in_its_file_weighs_all_the_same(tmp_path, kind):
     case = SCENARIOS[kind].draw_case(

@@ -64,6 +64,7 @@ def test_compliance_is_never_negative_and_its_bound_is_told(arm):
                for warning in result.warnings)
 
 
+@pytest.mark.slow
 def test_truth_lies_in_19_of_20_intervals(arm):
     rng = np.random.default_rng(40)
     q = joints_in_limits(arm, 60, rng)

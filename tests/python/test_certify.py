@@ -203,6 +203,7 @@ def certified(tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 def test_the_command_certifies_by_rows_that_were_never_fitted(certified):
     result = json.loads((certified / "out" / "result.json").read_text())
     before, after = (result[when]["validation"] for when in ("before", "after"))

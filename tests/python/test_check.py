@@ -181,6 +181,7 @@ def test_what_has_moved_is_named_with_its_day_and_size(what, size, name):
         )
 
 
+@pytest.mark.slow
 def test_intervals_of_the_change_cover():
     """95 % of 60: fewer than 50 or so would be a fault."""
     held = 0

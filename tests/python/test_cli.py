@@ -225,6 +225,7 @@ def test_what_is_misspelt_is_answered_with_what_was_meant(tmp_path, monkeypatch,
     assert line in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_a_shell_completes_commands_and_their_options(capsys):
     assert cli.main(["--completion", "bash"]) == 0
     script = capsys.readouterr().out

@@ -56,6 +56,7 @@ def covered(robot: VirtualRobot, result) -> list[bool]:
     return [bool(low <= truth[name] <= high) for name, (low, high) in pairs if name in truth]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("contact", "count", "left"), [
     ("socket", 25, 2.0), ("plane", 25, 1.2), ("sphere", 40, 1.2), ("bar", 40, 1.2), ("pair", 40, 1.5),
 ])
@@ -71,6 +72,7 @@ def test_every_contact_recovers_the_arm(contact, count, left):
     assert len(inside) >= 20 and np.mean(inside) >= 0.8  # 22 intervals of 95 %: fewer than 18 once in 1,000
 
 
+@pytest.mark.slow
 def test_intervals_cover_at_the_rate_that_they_claim():
     """Six arms, every twentieth touch slipped by millimetres."""
     inside = []
@@ -87,6 +89,7 @@ def test_slipped_contacts_count_for_little():
     assert median(slipped) < 1.25 * median(clean)
 
 
+@pytest.mark.slow
 def test_without_a_known_length_the_intervals_know_that_the_scale_is_in_doubt():
     robot, data = touched("panda", "pair", 2, count=40)
     result = calibrate_closures(robot.nominal, data)
@@ -95,6 +98,7 @@ def test_without_a_known_length_the_intervals_know_that_the_scale_is_in_doubt():
     assert widths["d_3_m"] > 5e-3 > widths["a_1_m"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "contact", "count", "effect", "label"), [
     ("panda", "socket", 25, ECCENTRICITY, "gear_eccentricity_2"),
     ("ur10", "socket", 30, "joint_compliance joint=3 linear_rad_per_Nm=6e-6 cubic_rad_per_Nm3=0",
@@ -109,6 +113,7 @@ def test_a_hidden_cause_is_named(name, contact, count, effect, label):
         assert low - 0.3 * (high - low) <= value <= high + 0.3 * (high - low)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("contact", "count", "slipped"), [("socket", 25, 0.05), ("plane", 30, 0.0)])
 def test_nothing_is_invented(contact, count, slipped):
     robot, data = touched("panda", contact, 4, count=count, slipped=slipped)
@@ -116,6 +121,7 @@ def test_nothing_is_invented(contact, count, slipped):
     assert result.verdict == NOTHING and not result.findings
 
 
+@pytest.mark.slow
 def test_a_tracker_and_planes_are_one_estimate_and_a_tracker_judges_the_planes():
     """Planes alone: at most 1.5 times the error of the tracker's own; both together: no worse than the
     tracker's."""
@@ -169,6 +175,7 @@ def test_a_design_touches_its_seats_and_expects_less_error_than_random_poses():
     assert design.space.allowed(design.q).all()
 
 
+@pytest.mark.slow
 def test_proposed_places_help_beside_each_other():
     robot = replace(load_robot("ur10"), tool=Placement(np.eye(3), np.array([0.03, 0.02, 0.1])))
     one, three = (design_closures(robot, ClosureDesignOptions(places=places, count=30)).deviation[2]

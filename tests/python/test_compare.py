@@ -26,6 +26,7 @@ def compare(tmp_path, *words):
     return code, out
 
 
+@pytest.mark.slow
 def test_a_plan_is_worth_three_orders_of_magnitude_on_both_engines(tmp_path, capsys):
     code, out = compare(tmp_path)
     assert code == 0

@@ -107,6 +107,7 @@ def test_an_arm_at_the_edge_of_what_bodies_can_be_is_found_within_the_noise(decl
     assert np.sqrt(np.mean((found - true) ** 2)) < 0.02 * np.sqrt(np.mean(true**2))
 
 
+@pytest.mark.slow
 def test_what_the_motion_shows_is_not_moved_by_the_prior():
     """Nominal masses of a third and of three times: base parameters stay inside each other's interval."""
     data = log_of(true_arm(), 20.0, 2)
@@ -168,6 +169,7 @@ def test_the_identified_real_arm_loads_in_simulators_and_costs_little(tmp_path):
         np.testing.assert_allclose(pin.rnea(model, model.createData(), turned, v, a), expected, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_the_command_says_what_consistency_costs(tmp_path):
     write_robot(tmp_path / "arm.toml", bare_arm())
     write_dataset(tmp_path / "log.parquet", log_of(hollow_arm(), 12.0, 3), six_axis())

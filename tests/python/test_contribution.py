@@ -21,6 +21,7 @@ def result():
     return diagnose(ea.load_robot("racer-7-1.4"), made.data)
 
 
+@pytest.mark.slow
 def test_every_picture_has_its_own_axis_on_the_abscissa_and_lowers_its_own_error(result):
     assert {c.effect.joint for c in result.contributions} >= {3}
     for c in result.contributions:

@@ -25,6 +25,7 @@ def test_the_attack_knows_every_function_of_the_core():
     assert [kind for _, kind in found["gear_ratio"][0]][1] == "exactarm._core.GearTable"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2])
 def test_wrong_arguments_never_crash_the_core(seed, tmp_path):
     log = tmp_path / "calls.txt"

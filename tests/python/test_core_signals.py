@@ -87,6 +87,7 @@ def test_the_interpreter_ends_cleanly_while_a_daemon_thread_is_in_the_core():
     assert (child.returncode, words) == (0, "")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("delay", [0.0, 0.01, 0.03, 0.1])
 def test_ctrl_c_never_aborts(delay):
     """Once in some 25 times the run ended with "Fatal Python error: finalizing, Aborted"."""

@@ -87,6 +87,7 @@ def test_a_wrong_map_is_refused_by_its_column(tmp_path, names, said):
         ea.read(path, TWO, columns=names)
 
 
+@pytest.mark.slow
 def test_the_command_maps_columns_and_tells_the_file(tmp_path, capsys):
     rows = ea.example("ur10/series_B").read_text().splitlines()[:400]
     theirs = [f"J{i}" for i in range(1, 7)]

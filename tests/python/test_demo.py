@@ -23,6 +23,7 @@ def test_every_step_names_a_command_and_files_that_exist():
         folders.add(step.folder)
 
 
+@pytest.mark.slow
 def test_a_failed_step_is_told_and_the_others_run(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(demo, "STEPS", (
         Step("broken", "A robot that nobody has", ("evaluate", "nobody", "{example/ur10/series_B.csv}")),

@@ -173,6 +173,7 @@ def shipped_racer(frames):
     return robot, design
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("frames", ["both", "none"])
 def test_marks_better_than_the_source_and_than_random_sets(frames):
     robot, design = shipped_racer(frames)

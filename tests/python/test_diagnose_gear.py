@@ -43,6 +43,7 @@ def on_axis(joint, shape):
                            if moving == joint else 0.0 * phi)
 
 
+@pytest.mark.slow
 def test_clean_runs_have_no_undeclared_effect(racer):
     result = diagnose(racer, runs(racer))
     assert result.verdict == NOTHING and not result.findings
@@ -80,6 +81,7 @@ def test_names_what_the_gyroscope_does(racer):
     assert low < bias < high and bias == pytest.approx(2e-3, abs=1e-4)
 
 
+@pytest.mark.slow
 def test_runs_of_another_axis_do_not_hide_what_one_gear_does(racer):
     """Half of the runs show the cause, the fast ones far more than the slow ones."""
     wave = on_axis(2, lambda time, phi, direction: 1e-3 * np.sin(23.0 * phi) / 23.0)

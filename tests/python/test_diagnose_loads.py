@@ -46,6 +46,7 @@ def with_payloads(robot, masses, folder):
     return ea.simulate(robot, path, measure="poses", effects=[SAG], deviation=1, seed=3, noise=NOISE_M).data
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["ur10", "puma"])
 def test_sag_without_masses_is_compliance_of_the_axis_and_nothing_else(name):
     robot = puma() if name == "puma" else ea.load_robot(name)
@@ -57,6 +58,7 @@ def test_sag_without_masses_is_compliance_of_the_axis_and_nothing_else(name):
     assert result.robot.generic_masses
 
 
+@pytest.mark.slow
 def test_clean_data_of_an_arm_without_masses_give_no_effect_and_no_masses():
     robot = ea.load_robot("ur10")
     result = ea.diagnose(bare(robot), measured(robot), seed=3, threads=1)
@@ -64,6 +66,7 @@ def test_clean_data_of_an_arm_without_masses_give_no_effect_and_no_masses():
     assert result.robot.links is None
 
 
+@pytest.mark.slow
 def test_run_out_of_a_gear_is_still_run_out():
     robot = ea.load_robot("ur10")
     run_out = "gear_eccentricity joint=2 first_cos_rad=2e-4 first_sin_rad=1e-4 "

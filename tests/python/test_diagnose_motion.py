@@ -65,6 +65,7 @@ def test_names_a_rotor(racer):
         assert sum(entry["n"] for entry in summary["axes"]) == summary["n"]
 
 
+@pytest.mark.slow
 def test_what_identify_lent_to_the_masses_is_given_back(racer):
     """Friction of one way only: masses estimated without it take a part, and are estimated again."""
 

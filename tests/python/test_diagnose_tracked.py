@@ -50,6 +50,7 @@ def tracked(effect, seed, runs=3, seconds=10.0):
     return replace(data, position=path + noise)
 
 
+@pytest.mark.slow
 def test_clean_path_lacks_nothing():
     result = diagnose(ur10(), tracked(None, 3))
     assert result.kind == "tracked_motion" and result.unit == "m"
@@ -64,6 +65,7 @@ HIDDEN = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", HIDDEN)
 def test_hidden_cause_is_named(name):
     effect = effect_from_table(HIDDEN[name])
@@ -79,6 +81,7 @@ def test_hidden_cause_is_named(name):
     assert name in {e.name for e in result.robot.effects}
 
 
+@pytest.mark.slow
 def test_a_structure_that_no_effect_has_is_unexplained():
     """A push that grows with two angles together, on the held-out run as on the others."""
     data = tracked(None, 3)
@@ -88,6 +91,7 @@ def test_a_structure_that_no_effect_has_is_unexplained():
     assert result.after["validation"].rms > 1.5 * result.noise.value or result.dossier_after.structure
 
 
+@pytest.mark.slow
 def test_an_error_that_shows_on_held_out_rows_alone_is_unexplained():
     """The fitted runs are clean; on the last one the tracker stretches. No fit can see it, the verdict
     does."""
@@ -121,6 +125,7 @@ def test_arm_without_masses_is_diagnosed_too():
     assert result.verdict == "no_undeclared_effect" and not result.findings
 
 
+@pytest.mark.slow
 def test_played_again_the_scatter_is_the_noise_floor():
     """The same path twice: what differs between the runs is noise, whatever the model leaves."""
     data = tracked(None, 7, runs=1)
@@ -152,6 +157,7 @@ def test_evaluate_leaves_the_noise_and_sees_what_is_hidden():
     assert clean.overall.n == 1800 and delayed.overall.rms > 2.0 * clean.overall.rms
 
 
+@pytest.mark.slow
 def test_commands_read_it_or_say_why_not(tmp_path, capsys):
     write_dataset(tmp_path / "path.csv", tracked(None, 3, runs=2), ur10())
     assert cli.main(["evaluate", "ur10", str(tmp_path / "path.csv"), "--out", str(tmp_path / "judged"),

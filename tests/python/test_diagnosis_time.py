@@ -22,6 +22,7 @@ def test_a_command_is_measured_as_the_system_accounts_for_it():
     assert 0.0 < used["processor_seconds"] < 60.0 and 5.0 < used["peak_MB"] < 2000.0
 
 
+@pytest.mark.slow
 def test_a_command_that_fails_ends_the_measurement():
     with pytest.raises(SystemExit, match="ended with 2"):
         diagnosis_time.run(TOP, ["diagnose", "no such robot", "nothing.csv", "--out", "nowhere"])

@@ -28,6 +28,7 @@ def narrow():
     return robot, ea.diagnose(robot, replace(poses, position=position), threads=1)
 
 
+@pytest.mark.slow
 def test_the_doubt_is_said_and_an_experiment_planned(narrow, tmp_path):
     robot, result = narrow
     names = {result["effects"][0]["effect"],

@@ -53,6 +53,7 @@ def best():
     return diagnose(*poses(lambda q, h: 0.0)).before["validation"].rms
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FOREIGN)
 def test_a_foreign_effect_is_drafted_accepted_and_found_by_its_name(name, tmp_path, best):
     axis, signals, turn = FOREIGN[name]

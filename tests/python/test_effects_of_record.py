@@ -43,6 +43,7 @@ def read(folder):
     return json.loads((folder / "result.json").read_text())
 
 
+@pytest.mark.slow
 def test_a_push_stays_with_its_data(tmp_path):
     files(tmp_path)
     pushed, still = tmp_path / "pushed.csv", tmp_path / "still.csv"

@@ -63,6 +63,7 @@ def test_tables_survive_the_way_through_a_robot_file():
     assert effect_from_table(effect.to_table()) == effect
 
 
+@pytest.mark.slow
 def test_an_accepted_draft_is_diagnosed_like_any_effect(tmp_path, monkeypatch):
     monkeypatch.setenv("EXACTARM_EFFECTS", str(tmp_path / "mine"))
     draft = tmp_path / "draft.toml"

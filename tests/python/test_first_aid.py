@@ -352,6 +352,7 @@ def test_a_warning_stands_in_result_and_report_and_nothing_is_corrected(ur10, tm
     assert "gross error" in (tmp_path / "out/report.html").read_text()
 
 
+@pytest.mark.slow
 def test_a_refusal_says_what_is_suspected(kr300, tmp_path, capsys):
     robot, data = kr300
     swapped = GEAR["motor and link exchanged"][0](data)

@@ -22,6 +22,7 @@ TRUTHS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("truth", TRUTHS)
 def test_form_is_that_of_the_truth(truth):
     hidden, name, (fewest, most) = TRUTHS[truth]

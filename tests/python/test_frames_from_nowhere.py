@@ -23,6 +23,7 @@ def nominal(name):
     return six_axis(placed=False) if name == "six axis" else load_robot(name)
 
 
+@pytest.mark.slow
 def test_calibration_reaches_the_noise_in_every_random_set_up():
     """15 to 60 poses, a model wrong by mm, a tool up to half a metre off: what is left is chi-squared
     noise."""

@@ -199,6 +199,7 @@ def test_kr300_tells_what_a_constant_ratio_leaves():
     assert np.min(np.abs(second.table.order / robot.joints[1].ratio - 3.095)) < 0.01
 
 
+@pytest.mark.slow
 def test_command(racer, tmp_path, capsys):
     data = runs_of(racer, GearRuns(joint=1, speed=88.0 * DEGREE, runs=4))
     data = replace(data, identification=data.run <= 2)
@@ -235,6 +236,7 @@ def test_quick_wrist_axes_are_left_with_the_noise(racer, joint):
     assert abs(estimate.ratio - racer.joints[joint - 1].ratio) < 4.0 * estimate.ratio_sigma
 
 
+@pytest.mark.slow
 def test_stamps_that_are_rounded_or_jitter_put_nothing_into_the_rate(racer):
     """3 kHz with stamps in whole microseconds, and a logger that scatters its stamps by a tenth of a step."""
     rounded = runs_of(racer, GearRuns(joint=1, speed=120.0 * DEGREE, runs=4, rate_hz=3000.0))

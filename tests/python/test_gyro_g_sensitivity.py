@@ -23,6 +23,7 @@ def test_components_that_are_constant_or_follow_others_are_not_shown():
     assert shown_components(np.zeros((0, 3))) == ()
 
 
+@pytest.mark.slow
 def test_every_term_that_a_run_shows_is_found_and_the_others_stay_zero():
     robot = load_robot("racer-7-1.4")
     true = GyroGSensitivity(None, tuple(MATRIX.ravel()))

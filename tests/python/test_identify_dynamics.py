@@ -92,6 +92,7 @@ def test_groups_read_as_sums():
     assert first.startswith("mx_2_kg_m + 0.59 m_2_kg + 0.59 m_3_kg")
 
 
+@pytest.mark.slow
 def test_truth_within_the_intervals():
     """Masses, rotors and friction 30 % off: all come back, and 95 % intervals hold about 95 % of them."""
     truth = true_arm()
@@ -125,6 +126,7 @@ def test_friction_that_jumps_at_a_reversal():
     assert np.all(np.sqrt(np.mean(result.after["validation"] ** 2, axis=0)) < 0.6 * NOISE_NM)
 
 
+@pytest.mark.slow
 def test_shipped_arm_with_springs_and_gear_errors():
     """The Racer, its springs swinging under its gear errors: masses and friction 10 % off come back in their
     intervals."""
@@ -201,6 +203,7 @@ def test_real_arm():
     assert np.all(rms < [2.26, 4.4, 1.2, 1.0, 1.16, 1.06])
 
 
+@pytest.mark.slow
 def test_command(tmp_path):
     truth = true_arm()
     robot = six_axis()

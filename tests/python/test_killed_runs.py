@@ -47,6 +47,7 @@ def out(tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 def test_a_run_killed_at_any_moment_leaves_a_whole_result_or_none(out):
     random = np.random.default_rng(SEED)
     for number in range(int(os.environ.get("EXACTARM_KILLS", KILLS))):
@@ -62,6 +63,7 @@ def test_a_run_killed_at_any_moment_leaves_a_whole_result_or_none(out):
     assert not (out / ".partial").exists()
 
 
+@pytest.mark.slow
 def test_of_two_runs_into_one_folder_one_is_refused(out):
     pair = [started(out, data) for data in DATA]
     codes, said = [], []

@@ -58,6 +58,7 @@ def test_the_reflector_opens_towards_the_station(robot):
     assert np.sum(flange_x * back, axis=1).min() >= np.cos(np.radians(40.0)) - 1e-9
 
 
+@pytest.mark.slow
 def test_a_design_keeps_the_line_of_sight_and_writes_what_drives_there(tmp_path):
     words = ["design", "ur10", "--count", "40", "--validation", "5", "--tool", "0.05,0,0.1", "--station",
              "3,0.5,1",

@@ -2,9 +2,12 @@
 
 import json
 
+import pytest
+
 from exactarm.cli import main
 
 
+@pytest.mark.slow
 def test_the_loop_closes(tmp_path):
     words = ["loop", "racer-7-1.4", "--effect",
              "gear_eccentricity joint=2 first_cos_rad=3e-4 first_sin_rad=1e-4",

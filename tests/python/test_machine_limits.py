@@ -132,6 +132,7 @@ def test_too_little_memory_is_one_line(package, tmp_path, capsys, monkeypatch): 
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "stream, code, lines",
     [(">&-", 0, 0), (">/dev/full", 1, 1), (">&- 2>&-", 0, 0), ("2>/dev/full >/dev/null", 0, 0)],
@@ -142,11 +143,13 @@ def test_streams_that_are_closed_or_full_give_no_traceback(tmp_path, stream, cod
     assert (tmp_path / "out/result.json").exists()
 
 
+@pytest.mark.slow
 def test_a_reader_that_leaves_is_no_fault(tmp_path):
     done = shell(f"EXACTARM evaluate ur10 {DATA} --out {tmp_path}/out | true; exit ${{PIPESTATUS[0]}}")
     assert done.returncode in (0, 1) and done.stderr == ""
 
 
+@pytest.mark.slow
 def test_a_path_that_is_no_text_is_refused_in_one_line(tmp_path):
     done = shell(
         rf"cp {DATA} $'{tmp_path}/\xff.csv'; EXACTARM evaluate ur10 $'{tmp_path}/\xff.csv' --out "
@@ -157,6 +160,7 @@ def test_a_path_that_is_no_text_is_refused_in_one_line(tmp_path):
     assert r"\udcff.csv: is no UTF-8 text" in done.stderr
 
 
+@pytest.mark.slow
 def test_an_error_line_stands_alone_where_the_home_cannot_be_written(tmp_path):
     home = tmp_path / "home"
     home.write_text("no folder")

@@ -127,6 +127,7 @@ def test_a_shifted_clock_gives_the_same_dynamics(motion):
     )
 
 
+@pytest.mark.slow
 def test_scaled_torques_give_scaled_parameters(motion):
     robot, data = motion
     twice = replace(data, joints=data.joints | {"tau_motor": 2.0 * data.joints["tau_motor"]})
@@ -135,6 +136,7 @@ def test_scaled_torques_give_scaled_parameters(motion):
     assert rms(other) == pytest.approx(2.0 * rms(one), rel=1e-3)
 
 
+@pytest.mark.slow
 def test_a_moved_tracker_gives_the_same_diagnosis():
     robot = load_robot("ur10")
     random = np.random.default_rng(8)

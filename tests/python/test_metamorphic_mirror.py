@@ -90,6 +90,7 @@ def test_the_mirror_image_of_an_arm_has_the_mirror_image_of_its_errors():
     assert after[1] == pytest.approx(after[0], rel=1e-6)
 
 
+@pytest.mark.slow
 def test_intervals_of_a_calibration_grow_with_the_noise():
     robot = load_robot("ur10")
     one, other = (estimates(calibrate(robot, poses(noise), threads=1)) for noise in (2e-5, 6e-5))

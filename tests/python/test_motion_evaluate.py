@@ -17,6 +17,7 @@ def motion():
     return ea.simulate("racer-7-1.4", measure="motion", runs=2, seconds=4.0, noise=0.5, seed=3).data
 
 
+@pytest.mark.slow
 def test_the_arm_that_made_it_is_off_by_the_noise(motion):
     robot = load_robot("racer-7-1.4")
     own = motion_error(robot, motion)

@@ -67,6 +67,7 @@ def test_gears_of_one_table_leave_every_row_in(rigid, monkeypatch):
     assert motion_clear_of_reversals(even, record, data) is record and not reversals_left_out([record])
 
 
+@pytest.mark.slow
 def test_diagnosis_of_motions_fits_and_judges_without_them(rigid, monkeypatch):
     data = measured(rigid, measure_motion, monkeypatch)
     problem = MotionProblem(rigid, data, data.select(np.zeros(0, int)))
@@ -85,6 +86,7 @@ def test_an_axis_without_a_torque_is_said(rigid, monkeypatch):
     assert words[0] == "no torque was measured on axis 4: nothing is said of it" and len(words) == 3
 
 
+@pytest.mark.slow
 def test_tracked_motions_are_fitted_and_judged_without_them(rigid, monkeypatch):
     data = measured(rigid, measure_tracked_motion, monkeypatch)
     record = tracked_record(data, rigid)

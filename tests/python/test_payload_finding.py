@@ -3,6 +3,7 @@
 import json
 
 import numpy as np
+import pytest
 
 from exactarm import cli
 from exactarm.chain import Layout
@@ -13,6 +14,7 @@ from set_ups import joints_in_limits, measured, true_robot
 from six_axis import six_axis
 
 
+@pytest.mark.slow
 def test_centre_of_mass_is_reported(tmp_path):
     rng = np.random.default_rng(31)
     robot = six_axis(springs=True, placed=False)

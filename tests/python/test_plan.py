@@ -60,6 +60,7 @@ def test_both_solvers_and_any_number_of_threads_give_the_same_motion():
     assert own.solver.objective == pytest.approx(ipopt.solver.objective, rel=1e-8)
 
 
+@pytest.mark.slow
 def test_both_solvers_agree_far_from_the_reference():
     """At this weight the flange leaves the spiral by centimetres, and Newton's full steps go round in
     circles."""

@@ -15,6 +15,7 @@ def run(tmp_path, *words):
     return code, json.loads(result.read_text()) if result.exists() else None
 
 
+@pytest.mark.slow
 def test_plan_writes_trajectory_result_report_and_plots(tmp_path):
     code, result = run(tmp_path, "racer-7-1.4", "line", "--rate", "250")
     assert code == 0
@@ -30,6 +31,7 @@ def test_plan_writes_trajectory_result_report_and_plots(tmp_path):
     )
 
 
+@pytest.mark.slow
 def test_options_replace_those_of_the_path_and_parquet_is_written(tmp_path):
     code, result = run(tmp_path, "racer-7-1.4", "spiral", "--rate", "100", "--duration", "4", "--nu", "1e-10",
                        "--gear-direction", "cw", "--solver", "ipopt", "--format", "parquet")

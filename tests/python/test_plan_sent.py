@@ -12,6 +12,7 @@ import exactarm as ea
 from exactarm.errors import InputError
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("send, name",
                          [("joint_trajectory", "trajectory.yaml"), ("servoj", "trajectory.script")])
 def test_what_is_sent_turns_the_motors_as_planned(tmp_path, send, name):

@@ -82,6 +82,7 @@ def test_designed_poses_are_read_back_by_identifiable(tmp_path):
     assert code == 0 and seen["poses"] == 24 and seen["identifiable"] == result["identifiable"]
 
 
+@pytest.mark.slow
 def test_a_target_on_the_last_axis_is_pointed_out(tmp_path, capsys):
     for command in ("design", "identifiable"):
         main([command, "racer-7-1.4", "--count", "30", "--out", str(tmp_path / command)])

@@ -75,6 +75,7 @@ def bits(fitted):
             fitted.residual.tobytes()]
 
 
+@pytest.mark.slow
 def test_two_orders_of_calls_give_identical_bits(problem_and_effect):
     problem, effect = problem_and_effect
     declared = problem.declared()
@@ -87,6 +88,7 @@ def test_two_orders_of_calls_give_identical_bits(problem_and_effect):
     assert bits(problem.fit(richer)) == bits(better)
 
 
+@pytest.mark.slow
 def test_rows_without_weight_have_no_say(problem_and_effect):
     problem, _ = problem_and_effect
     declared = problem.declared()

@@ -20,6 +20,7 @@ def test_an_exact_column_and_few_chosen_values_are_not_rounded():
     assert step_of(np.tile([0.0, 0.5, 1.0], 20)) == 0.0
 
 
+@pytest.mark.slow
 def test_the_noise_floor_knows_of_rounding_that_repeats_hide():
     """65,536 counts at the output of a UR10, each pose visited twice: 96 urad that repeats do not show."""
     made = ea.simulate("ur10", count=60, visits=2, noise=5e-6, counts=65536, seed=3)

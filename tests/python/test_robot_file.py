@@ -113,6 +113,7 @@ def controllers(draw, axes, place) -> Controller:
     )
 
 
+@pytest.mark.slow
 @many
 @given(robot=robots())
 def test_writing_and_reading_keeps_every_bit(tmp_path, robot):

@@ -52,6 +52,7 @@ def test_spoiled_files_are_read_or_refused_in_one_line(valid, tmp_path):
     assert [f"seed {trial.seed}, {trial.what}: {trial.failure}" for trial in trials if trial.failure] == []
 
 
+@pytest.mark.slow
 def test_commands_on_spoiled_files_end_well_or_in_one_line(valid, tmp_path):
     trials = [run_trial(FIRST_SEED + k, tmp_path / "trial", valid, commands=1.0)
               for k in range(COMMAND_TRIALS)]

@@ -46,6 +46,7 @@ def first(data, calibrated):
     return diagnose(calibrated, data)
 
 
+@pytest.mark.slow
 def test_what_a_calibration_has_lent_to_springs_is_given_back(calibrated, first):
     assert any(effect.name == "joint_compliance" for effect in calibrated.effects)
     found = first.findings[0]

@@ -147,6 +147,7 @@ def test_a_pair_whose_search_ends_under_another_label_is_still_a_pair(monkeypatc
             for effects in asked] == [["order 3 of axis 2", "order 7 of axis 2"]]
 
 
+@pytest.mark.slow
 def test_an_unconverged_fit_takes_the_verdict_away(monkeypatch):
     """The search is stopped after one step: whatever the residual looks like, nothing is called explained."""
     from exactarm.identify import layout_fit

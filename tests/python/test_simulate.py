@@ -343,6 +343,7 @@ def test_command_plays_a_trajectory(arm, tmp_path):
     assert fine["tracking"]["position_rms_m"] == pytest.approx(errors[0], rel=1e-2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("direction", ["motion", "cw"])
 def test_command_plays_a_plan_as_the_planner_meant_it(direction, tmp_path):
     """Reversals are those of q_desired; a plan that keeps one table is played on a robot that does."""

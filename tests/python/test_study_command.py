@@ -8,6 +8,7 @@ import pytest
 from exactarm.cli import main
 
 
+@pytest.mark.slow
 def test_a_smaller_weight_follows_better_and_asks_for_more_bandwidth(tmp_path):
     words = ["study", "racer-7-1.4", "line", "--rate", "100", "--nu", "1e-8,1e-13", "--out", str(tmp_path),
              "--quiet"]

@@ -39,6 +39,7 @@ def test_all_else_is_judged_by_whole_groups(response, memory):
     assert stretches_of_response(RUNS, response, memory) is RUNS
 
 
+@pytest.mark.slow
 def test_hysteresis_is_found_in_the_one_run_that_reverses():
     robot, axis = load_robot("racer-7-1.4"), 1
     virtual = VirtualRobot.of(robot, [parse_effect("hysteresis joint=2 size_rad=3e-4 reach_rad=3e-3", 6)])

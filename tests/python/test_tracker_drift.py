@@ -49,6 +49,7 @@ def test_files_of_a_shift_alone_are_read():
         effect_from_table({key: value for key, value in old.items() if not key.startswith("z")})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("turn", [np.zeros(3), TURN])
 def test_a_drift_is_named_and_turns_only_where_the_device_does(turn):
     robot, data = poses(3, turn)

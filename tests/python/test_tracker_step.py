@@ -52,6 +52,7 @@ def test_table_gives_the_effect_back(turn):
     assert effect_from_table(effect.to_table()) == effect
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("turn", [np.zeros(3), np.array([1e-4, -1e-4, 5e-5])])
 def test_a_push_is_named_with_its_place(turn):
     robot, data = poses(3, 83, turn)
@@ -65,12 +66,14 @@ def test_a_push_is_named_with_its_place(turn):
     assert result.after["validation"].rms < 0.7 * result.before["validation"].rms
 
 
+@pytest.mark.slow
 def test_only_the_session_that_was_pushed_jumps():
     robot, data = poses(4, 40, sessions=2)
     first = diagnose(robot, data).findings[0].effect
     assert (first.name, first.session) == ("tracker_step", 2)
 
 
+@pytest.mark.slow
 def test_drift_is_no_push():
     robot, data = poses(5, COUNT)
     drifting = data.position + (data.row / COUNT)[:, None] * np.array([3e-4, 2e-4, 0.0])
