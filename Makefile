@@ -21,7 +21,7 @@ CPP_TESTS := $(shell find tests/cpp -type f 2>/dev/null)
 # Not deleted as intermediate files.
 .PRECIOUS: .setup/packages-%
 
-.PHONY: fuzz help demo test lint test-cpp test-python robustness sanitize limits install bench docs wheel clean
+.PHONY: fuzz fuzz-core sanitize-threads help demo test lint test-cpp test-python robustness sanitize limits install bench docs wheel clean
 
 help:
 	@echo "make demo     set up everything, run exactarm on the shipped data, say where the report lies"
@@ -30,6 +30,8 @@ help:
 	@echo "make install  set up everything: $(BIN)/exactarm"
 	@echo "make robustness  ten thousand spoiled inputs, and 200 kills of every command (SEED=N: from that seed on)"
 	@echo "make sanitize C++ tests and one short run of every command under address and undefined-behaviour sanitizers"
+	@echo "make sanitize-threads  the C++ tests under the thread sanitizer"
+	@echo "make fuzz-core  coverage-guided fuzzing of the C++ core by clang, ten minutes each (SECONDS_EACH=N)"
 	@echo "make fuzz     coverage-guided fuzzing of the readers, ten minutes each (SECONDS_EACH=N)"
 	@echo "make limits   rows, seconds and memory of every command, as measured here"
 	@echo "make bench    the C++ benchmarks"
@@ -75,13 +77,32 @@ sanitize: .setup/tests
 	@$(SANITIZE)/exactarm_tests --gtest_brief=1
 	@$(BIN)/python tests/robustness/sanitized.py $(SANITIZE)
 
+# Data races: the C++ tests, those of the planner's threads among them. Without the interpreter, which is not built so.
+sanitize-threads: .setup/system
+	@mkdir -p $(SANITIZE)-threads
+	@cmake -S . -B $(SANITIZE)-threads -DCMAKE_BUILD_TYPE=Release -DEXACTARM_SANITIZE=thread -DEXACTARM_TESTS=ON \
+	  -DEXACTARM_PYTHON=OFF > $(SANITIZE)-threads/configure.log
+	@cmake --build $(SANITIZE)-threads > $(SANITIZE)-threads/build.log || { tail -n 40 $(SANITIZE)-threads/build.log; exit 1; }
+	@$(SANITIZE)-threads/exactarm_tests --gtest_brief=1
+
+# Coverage-guided fuzzing of the core (libFuzzer) with address and undefined-behaviour sanitizers; the corpus stays.
+CORE_FUZZ := build/fuzz-core
+fuzz-core: .setup/system .setup/fuzz
+	@mkdir -p $(CORE_FUZZ)
+	@cmake -S . -B $(CORE_FUZZ) -DCMAKE_BUILD_TYPE=Release -DCMAKE_CXX_COMPILER=clang++-14 -DEXACTARM_FUZZ=ON \
+	  -DEXACTARM_SANITIZE=address,undefined -DEXACTARM_PYTHON=OFF > $(CORE_FUZZ)/configure.log
+	@cmake --build $(CORE_FUZZ) > $(CORE_FUZZ)/build.log || { tail -n 40 $(CORE_FUZZ)/build.log; exit 1; }
+	@for fuzzer in robot_fuzz plan_fuzz; do mkdir -p $(CORE_FUZZ)/$$fuzzer-corpus; \
+	  $(CORE_FUZZ)/$$fuzzer -max_total_time=$(or $(SECONDS_EACH),600) -timeout=20 -rss_limit_mb=2048 -max_len=4096 \
+	    -artifact_prefix=$(CORE_FUZZ)/ $(CORE_FUZZ)/$$fuzzer-corpus || exit 1; done
+
 # Coverage-guided fuzzing of the readers, SECONDS each; what was found is kept in build/fuzz for the next run.
 fuzz: .setup/tests .setup/packages-fuzz
 	@$(BIN)/python tests/robustness/coverage_guided.py --seconds $(or $(SECONDS_EACH),600)
 
-# Rows, seconds and memory of every command: the table of docs/limits.md.
+# Rows, seconds and memory of every command, into the table of docs/limits.md.
 limits: .setup/install
-	@$(BIN)/python bench/limits.py
+	@$(BIN)/python bench/limits.py --write docs/limits.md
 
 install: .setup/install
 
@@ -103,6 +124,9 @@ wheel: .setup/system
 
 .setup/bench: setup/system.sh setup/packages-bench.txt .setup/system
 	@bash setup/system.sh setup/packages-bench.txt && mkdir -p build && touch $@
+
+.setup/fuzz: setup/system.sh setup/packages-fuzz.txt .setup/system
+	@bash setup/system.sh setup/packages-fuzz.txt && touch $@
 
 .setup/venv: setup/venv.sh .setup/system
 	@bash setup/venv.sh $(VENV) && touch $@

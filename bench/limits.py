@@ -1,9 +1,10 @@
 """Rows, processor seconds and peak memory of every command, each in its own process: docs/limits.md.
 
-    python bench/limits.py [--most 100000] [--only evaluate,gear]
+    python bench/limits.py [--most 100000] [--only evaluate,gear] [--write docs/limits.md]
 
 Data are the shipped and simulated ones, repeated to the number of rows; a command is not asked for more rows
-once it has taken longer than `PATIENCE_S` or more than `MOST_GB`.
+once it has taken longer than `PATIENCE_S` or more than `MOST_GB`. `--write` puts what was measured
+into the page's table; the lines of commands that were not asked for stay.
 """
 
 from __future__ import annotations
@@ -22,7 +23,10 @@ import pandas as pd
 from exactarm.examples import data_path
 
 PATIENCE_S, MOST_GB = 120.0, 6.0
+PATH_RATE_HZ = 250.0
 GIGABYTE = 2**30
+HEAD = "| command | rows | processor time | peak memory | |"
+RULE = "| --- | ---: | ---: | ---: | --- |"
 RUNNER = """
 import resource, sys, time
 from exactarm.cli import main
@@ -62,12 +66,57 @@ def gear(folder: Path, rows: int) -> list[str]:
     return [str(folder / "runs.parquet"), "--kind", "gear_run"]
 
 
+def two_days(folder: Path, rows: int) -> list[str]:
+    """Poses of before, and the same on a day with other noise."""
+    [before] = poses(folder, rows)
+    table = pd.read_parquet(before)
+    for name in ("x_mm", "y_mm", "z_mm"):
+        table[name] += np.random.default_rng(2).normal(0.0, 0.03, rows)
+    table.to_parquet(folder / "day.parquet", index=False)
+    return [before, str(folder / "day.parquet")]
+
+
+def path(folder: Path, rows: int) -> list[str]:
+    """A path through three points with so many samples."""
+    seconds = (rows - 1) / PATH_RATE_HZ
+    text = f"""kind = "points"
+points_m = [[0.9, 0.1, 0.6], [0.95, -0.1, 0.65], [0.9, -0.2, 0.7]]
+times_s = [0.0, {seconds / 2}, {seconds}]
+rate_hz = {PATH_RATE_HZ}
+nu = 1e-10
+orientation_wxyz = [0, 0, 1, 0]
+"""
+    (folder / "path.toml").write_text(text)
+    return [str(folder / "path.toml")]
+
+
+def program(folder: Path, rows: int) -> list[str]:
+    """A URScript program of so many straight motions."""
+    random = np.random.default_rng(3)
+    lines = [f"  movel(p[{x:.4f}, {y:.4f}, {z:.4f}, 0.0, 3.14, 0.0], a=1.2, v=0.25)"
+             for x, y, z in random.uniform([0.4, -0.2, 0.2], [0.7, 0.2, 0.5], (rows, 3))]
+    start = "  movej([0.1, -1.2, 1.3, -0.4, 1.5, 0.2], a=1.4, v=1.05)"
+    (folder / "part.script").write_text("\n".join(["def part():", start, *lines, "end", ""]))
+    return [str(folder / "part.script"), "--keep-refused", "--points", "calculated"]
+
+
+def count(folder: Path, rows: int) -> list[str]:
+    return ["--count", str(rows)]
+
+
 CASES = {
     "evaluate": (("evaluate", "ur10"), poses, (1000, 10000, 100000, 1000000)),
-    "calibrate": (("calibrate", "ur10"), poses, (1000, 4000, 16000, 64000)),
-    "diagnose poses": (("diagnose", "ur10"), poses, (500, 1500, 4000)),
+    "calibrate": (("calibrate", "ur10"), poses, (1000, 4000, 16000, 100000)),
+    "diagnose poses": (("diagnose", "ur10"), poses, (500, 1500, 16000)),
+    "certify": (("certify", "ur10"), poses, (1000, 10000, 100000)),
+    "check": (("check", "ur10"), two_days, (100, 1000, 10000)),
+    "identifiable": (("identifiable", "ur10"), poses, (1000, 10000)),
     "identify": (("identify", "tx40"), motion, (45000, 180000, 720000)),
     "gear": (("gear", "kr300"), gear, (2500, 25000, 250000)),
+    "design": (("design", "ur10"), count, (20, 100)),
+    "simulate": (("simulate", "ur10"), count, (1000, 10000, 100000)),
+    "plan": (("plan", "racer-7-1.4"), path, (500, 2000, 8000)),
+    "compensate": (("compensate", "ur10"), program, (100, 1000)),
 }
 
 
@@ -91,22 +140,39 @@ def measured(words: tuple[str, ...], make, rows: int, folder: Path) -> tuple[str
     return how, float(seconds), float(memory)
 
 
+def written(page: str, rows: dict[str, list[str]]) -> str:
+    """The page with these lines of its table in place of those of the same commands."""
+    lines = page.splitlines()
+    head = lines.index(HEAD)
+    end = next((k for k in range(head, len(lines)) if not lines[k].startswith("|")), len(lines))
+    old: dict[str, list[str]] = {}
+    for line in lines[head + 2 : end]:
+        old.setdefault(line.split("`")[1], []).append(line)
+    kept = {name: rows.get(name) or old.get(name, []) for name in CASES}
+    table = [line for each in kept.values() for line in each]
+    return "\n".join([*lines[: head + 2], *table, *lines[end:], ""])
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--most", type=int, default=1000000, help="rows")
     parser.add_argument("--only", default="", help="names of cases with commas between")
+    parser.add_argument("--write", type=Path, help="the page whose table takes the rows")
     arguments = parser.parse_args()
     chosen = arguments.only.split(",") if arguments.only else list(CASES)
-    print("| command | rows | processor time | peak memory | |\n| --- | ---: | ---: | ---: | --- |")
+    print(f"{HEAD}\n{RULE}")
     for name in chosen:
         words, make, counts = CASES[name]
-        for rows in (count for count in counts if count <= arguments.most):
+        told: list[str] = []
+        for rows in (each for each in counts if each <= arguments.most):
             with tempfile.TemporaryDirectory() as folder:
                 how, seconds, memory = measured(words, make, rows, Path(folder))
-            print(f"| `{name}` | {rows:,} | {seconds:.1f} s | {memory / GIGABYTE:.2f} GB | {how} |",
-                  flush=True)
+            told.append(f"| `{name}` | {rows:,} | {seconds:.1f} s | {memory / GIGABYTE:.2f} GB | {how} |")
+            print(told[-1], flush=True)
             if seconds > PATIENCE_S or not memory < MOST_GB * GIGABYTE or how != "done":
                 break
+        if arguments.write:
+            arguments.write.write_text(written(arguments.write.read_text(), {name: told}))
 
 
 if __name__ == "__main__":

@@ -4,12 +4,14 @@
 
 Several files become one data set. Without a column `session` (`run`, `visit`) each file has its own
 numbers; with it, equal sessions and visits in different files mean the same thing, and runs are numbered
-anew so that they stay distinct. All files must hold the same quantities.
+anew so that they stay distinct. All files must hold the same quantities. They are read in the order of their
+names (day2 before day10), however they are given.
 N rows, n axes of the robot; angles in rad, lengths in m, time in s, torque in Nm.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -68,14 +70,20 @@ def read_dataset(
     fixture: Fixture = Fixture(), columns: Mapping[str, str] | None = None,
 ) -> Dataset:
     """One data set from files measured on `robot`. `kind` overrides what the columns say. columns: the files'
-    names -> ours, as {"J1": "q_1_deg"}. Raises InputError."""
-    paths = [paths] if isinstance(paths, (str, Path)) else list(paths)
+    names -> ours, as {"J1": "q_1_deg"}. The order in which several are given means nothing: they are read in
+    that of their names. Raises InputError."""
+    paths = [paths] if isinstance(paths, (str, Path)) else sorted(paths, key=_by_name)
     if not paths:
         raise InputError("no data file given; expected at least one CSV or Parquet file")
     files = [_read_file(str(path), robot, columns) for path in paths]
     _check_files(files)
     dataset = replace(_join(files, robot), fixture=fixture)
     return replace(dataset, **data_kinds(dataset, robot, kind))
+
+
+def _by_name(path: str | Path) -> list[tuple[int, str]]:
+    """day2 before day10."""
+    return [(int(part), "") if part.isdigit() else (-1, part) for part in re.split(r"([0-9]+)", str(path))]
 
 
 def read_planned_poses(paths: str | Path | Sequence[str | Path], robot: Robot) -> Dataset:

@@ -98,11 +98,27 @@ def test_units_of_a_file_mean_nothing(poses, tmp_path):
     assert two["error"]["rms"] == pytest.approx(one["error"]["rms"], rel=1e-9)
 
 
-def test_the_order_of_files_means_nothing():
-    files = [data_path("ur10/series_B.csv"), data_path("ur10/series_C.parquet")]
-    one, other = (evaluate("ur10", order, threads=1) for order in (files, files[::-1]))
-    for a, b in zip(one["sessions"], other["sessions"]):
-        assert a["session"] == b["session"] and a["rms"] == pytest.approx(b["rms"], rel=SAME)
+@pytest.fixture(scope="module")
+def two_files(tmp_path_factory):
+    """A tenth of each of two series, with names whose numbers have one and two digits."""
+    folder, robot, names = tmp_path_factory.mktemp("two"), load_robot("ur10"), ("day2.csv", "day10.csv")
+    for name, series in zip(names, ("ur10/series_B.csv", "ur10/series_C.parquet")):
+        data = read_dataset(data_path(series), robot)
+        write_dataset(folder / name, data.select(np.arange(0, len(data), 12)), robot)
+    return [folder / name for name in names]
+
+
+@pytest.mark.parametrize("command", [evaluate, calibrate, pytest.param(diagnose, marks=pytest.mark.slow)])
+def test_the_order_of_files_means_nothing(two_files, command):
+    one, other = (command("ur10", order, threads=1) for order in (two_files, two_files[::-1]))
+    assert one.json == other.json and one.robot == other.robot
+    for name, table in one.tables.items():
+        assert pd.DataFrame(table).equals(pd.DataFrame(other.tables[name]))
+
+
+def test_files_are_read_in_the_order_of_their_numbers(two_files):
+    data = read_dataset(two_files[::-1], load_robot("ur10"))
+    assert [source.path for source in data.sources] == [str(path) for path in two_files]
 
 
 def test_two_threads_give_the_same_bits(poses, motion):
