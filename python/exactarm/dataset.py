@@ -11,7 +11,6 @@ N rows, n axes of the robot; angles in rad, lengths in m, time in s, torque in N
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -40,7 +39,7 @@ from exactarm.fixture import Fixture
 from exactarm.kinds import POSES, data_kinds, kind_of
 from exactarm.kinds.base import check_joints, is_a_series
 from exactarm.robot import Robot
-from exactarm.rows import Rows, Source
+from exactarm.rows import Rows, Source, by_name
 from exactarm.split import pose_split, run_split, split_rule
 from exactarm.table import Table, read_table, write_table
 
@@ -72,18 +71,13 @@ def read_dataset(
     """One data set from files measured on `robot`. `kind` overrides what the columns say. columns: the files'
     names -> ours, as {"J1": "q_1_deg"}. The order in which several are given means nothing: they are read in
     that of their names. Raises InputError."""
-    paths = [paths] if isinstance(paths, (str, Path)) else sorted(paths, key=_by_name)
+    paths = [paths] if isinstance(paths, (str, Path)) else sorted(paths, key=by_name)
     if not paths:
         raise InputError("no data file given; expected at least one CSV or Parquet file")
     files = [_read_file(str(path), robot, columns) for path in paths]
     _check_files(files)
     dataset = replace(_join(files, robot), fixture=fixture)
     return replace(dataset, **data_kinds(dataset, robot, kind))
-
-
-def _by_name(path: str | Path) -> list[tuple[int, str]]:
-    """day2 before day10."""
-    return [(int(part), "") if part.isdigit() else (-1, part) for part in re.split(r"([0-9]+)", str(path))]
 
 
 def read_planned_poses(paths: str | Path | Sequence[str | Path], robot: Robot) -> Dataset:

@@ -6,6 +6,7 @@ adds how rows are divided, `exactarm.kinds` what they can show.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
@@ -24,6 +25,11 @@ class Source:
     path: str
     sha256: str
     rows: int | None = None
+
+
+def by_name(path: str | Path) -> list[tuple[int, str]]:
+    """A sort key for files, however they are given: day2 before day10."""
+    return [(int(part), "") if part.isdigit() else (-1, part) for part in re.split(r"([0-9]+)", str(path))]
 
 
 @dataclass(frozen=True)
