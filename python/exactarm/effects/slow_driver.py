@@ -29,6 +29,20 @@ def drivers(data) -> list[str]:
     return [TIME] if data.time is not None and np.ptp(data.time) > 0.0 else [ROW]
 
 
+def clock_of(view) -> str:
+    """Time where the rows of a set-up have one clock (a run may start its own anew), else their order."""
+    data = view.data
+    return TIME if data.time is not None and np.ptp(data.time) > 0.0 and not view.is_series else ROW
+
+
+def in_order(data, session: int, driver: str) -> tuple[np.ndarray, np.ndarray]:
+    """Rows of a session in the order of the driver, and its values there."""
+    rows = np.flatnonzero(data.session == session)
+    x = slow_signal(data, driver)[rows]
+    order = np.argsort(x, kind="stable")
+    return rows[order], x[order]
+
+
 def unit(name: str) -> str:
     return {TIME: "h", ROW: "row"}.get(name, "degC")
 

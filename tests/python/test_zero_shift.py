@@ -1,0 +1,69 @@
+"""Zero shift: derivatives, robot file, axis, place and size of a zero that moved once, and what it is not."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from central_difference import assert_derivative
+from exactarm.chain import Layout, predict_poses
+from exactarm.diagnose.diagnosis import diagnose
+from exactarm.effects import effect_from_table
+from exactarm.effects.zero_shift import ZeroShift
+from exactarm.robot_file import load_robot
+from set_ups import joints_in_limits, measured, true_robot
+
+NOISE_M, COUNT, SHIFT_RAD = 5e-5, 150, 5e-4
+
+
+def poses(seed, joint, until, sessions=1):
+    """Poses in the order of measurement, every fourth for validation; `joint` stood off up to row `until`."""
+    rng = np.random.default_rng(seed)
+    robot = load_robot("ur10")
+    truth = true_robot(robot, rng, 0.5)
+    q = [np.clip(joints_in_limits(robot, COUNT // sessions, rng), -2.2, 2.2) for _ in range(sessions)]
+    place = np.arange(COUNT) if sessions == 1 else np.tile(np.arange(COUNT // sessions), sessions)
+    count = len(place)
+    off = ZeroShift(joint, (until, SHIFT_RAD), 1 if sessions == 1 else sessions - 1)
+    data = measured(robot, [truth] * sessions, q, NOISE_M, rng, identification=np.arange(count) % 4 != 0,
+                    layout=Layout.of((off,), estimate=False), row=1 + place)
+    return robot, data
+
+
+def test_derivatives():
+    robot, data = poses(1, 2, 60.5)
+    layout = Layout.of((ZeroShift(2, (60.5, 1e-4)),))
+    assert layout.size == 1
+    predict = lambda x: predict_poses(robot, layout.at(x), data, tangents=False).position
+    analytic = predict_poses(robot, layout, data).jacobian[:, :3]
+    assert_derivative(predict, layout.values, analytic, np.array([1e-5]))
+
+
+def test_table_gives_the_effect_back():
+    effect = ZeroShift(3, (0.5, 1e-4), 2, "time")
+    assert effect_from_table(effect.to_table()) == effect
+
+
+@pytest.mark.parametrize("joint, until", [(2, 83.5), (4, 40.5)])
+def test_a_shift_is_named_with_axis_place_and_size(joint, until):
+    robot, data = poses(3, joint, until)
+    result = diagnose(robot, data)
+    (first,) = result.findings
+    assert (first.effect.name, first.effect.joint, result.verdict) == ("zero_shift", joint, "explained")
+    assert abs(first.effect.values[0] - until) < 4.0
+    low, high = first.intervals[1]
+    assert low < SHIFT_RAD < high and first.effect.of_record
+    assert result.after["validation"].rms < 0.8 * result.before["validation"].rms
+
+
+def test_between_two_sessions():
+    robot, data = poses(5, 3, 1e9, sessions=2)
+    (first,) = diagnose(robot, data).findings
+    assert (first.effect.name, first.effect.joint, first.effect.session) == ("zero_shift", 3, 1)
+
+
+def test_a_steady_drift_is_no_shift():
+    robot, data = poses(6, 2, -1.0)
+    drifting = data.position + (data.row / COUNT)[:, None] * np.array([3e-4, 2e-4, 0.0])
+    result = diagnose(robot, replace(data, position=drifting))
+    assert [finding.effect.name for finding in result.findings] == ["tracker_drift"]
