@@ -12,6 +12,7 @@ from exactarm import _core
 from exactarm.chain import gear_record
 from exactarm.cli import main
 from exactarm.dataset import Dataset, read_dataset, write_dataset
+from exactarm.effects.time_delay import TimeDelay
 from exactarm.errors import InputError
 from exactarm.examples import data_path
 from exactarm.identify.evaluate import EVALUATORS
@@ -114,6 +115,25 @@ def test_both_methods_are_compared_on_held_out_runs(racer):
     for entry in held_out:
         assert set(entry.after) == {"refined", "neighbours"}
         assert max(entry.after.values()) < 0.15 * entry.before
+
+
+@pytest.mark.parametrize(("on_file_s", "meets"), [(0.005, True), (0.0, False)])
+def test_a_delay_on_file_is_taken_out_at_every_speed(racer, on_file_s, meets):
+    """5 ms turn order 101 by 0.8 rad at one speed and 0.4 at the other: without them no table fits both."""
+    late = 2
+    parts = []
+    for first, speed in ((1, 88.0), (5, 44.0)):
+        part = runs_of(racer, GearRuns(1, speed * DEGREE, 4, rate_hz=400.0, seed=first, first_run=first))
+        for run in np.unique(part.run):
+            rows = np.flatnonzero(part.run == run)
+            one = part.select(rows[late:])
+            parts.append(replace(one, gyro=part.gyro[rows[:-late]]))
+    data = joined(*parts)
+    data = replace(data, identification=data.run % 4 < 2)
+    robot = replace(racer.with_joint(0, cw=None, ccw=None), effects=(TimeDelay(None, (on_file_s,)),))
+    gears = identify_gears(robot, data).gears
+    after = max(gear.after["validation"].rms / gear.noise for gear in gears)
+    assert len(gears) == 2 and (after < 1.25) == meets
 
 
 def test_no_order_is_invented():

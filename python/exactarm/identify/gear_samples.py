@@ -3,7 +3,8 @@
 Gyroscope: the reading along the aligned axis (3.3), less what gravity bends (the chain without this gear's
 harmonics, on a thinned record: it is smooth), against the motor's rate at the ratio u0.
 Encoders on both sides: the output angle less offset and bending against the motor angle over u0.
-Kinematic error (E6): motor over ratio minus output.
+Kinematic error (E6): motor over ratio minus output. What the robot file carries (a delay, found effects of
+this and other axes) comes from the effects of the chain.
 """
 
 from __future__ import annotations
@@ -14,12 +15,14 @@ from functools import cached_property
 import numpy as np
 
 from exactarm.chain import GearRecord, Layout, gear_record, predict_gear_run
+from exactarm.chain.propagate import acts, pass_station
 from exactarm.dataset import Dataset
 from exactarm.identify.declared import carried_layout
 from exactarm.identify.gear_declared import sensor_layout
 from exactarm.kinds import GEAR_RUN
 from exactarm.robot import Robot
 from exactarm.signals import typical_step
+from exactarm.station import Station
 
 _THIN_ROWS = 10000
 _THINNEST_STEP_S = 0.02
@@ -87,9 +90,10 @@ def gear_samples(
     plain = plain_gear(robot, axis)
     fitted = here if record.encoder_axes else _setup_rows(data, here, identification)
     setup = sensor_layout(plain, data, record, chosen=fitted)
-    angle = record.theta[rows, axis] / robot.ratios[axis]
-    rate = record.theta_dot[rows, axis] / robot.ratios[axis]
-    beside = _beside(plain, data, rows, axis, setup, bool(record.encoder_axes), threads)
+    carried = carried_layout(plain, data, GEAR_RUN.name)
+    theta, theta_dot = _at_the_gear(plain, data, record, carried, threads)
+    angle, rate = theta[rows, axis] / robot.ratios[axis], theta_dot[rows, axis] / robot.ratios[axis]
+    beside = _beside(plain, data, rows, axis, setup, carried, threads)
     rated = not record.encoder_axes
     if rated:
         along = _axis_in_sensor(setup, data.session[rows])
@@ -97,7 +101,7 @@ def gear_samples(
         disturbances, names = np.ones((rows.size, 1)), ("bias",)
     else:
         output = data.joints["q"][rows, axis] - robot.offsets[axis] - beside
-        disturbances, names = _encoder_disturbances(robot, data, record, rows, axis)
+        disturbances, names = _encoder_disturbances(data, record, rows, axis, rate)
     samples = GearSamples(
         axis, float(robot.ratios[axis]), rows, data.time[rows], angle, rate, output,
         record.direction[rows, axis],
@@ -127,7 +131,20 @@ def _axis_in_sensor(setup: Layout, sessions: np.ndarray) -> np.ndarray:
     return along
 
 
-def _beside(plain, data, rows, axis, setup, encoders: bool, threads: int) -> np.ndarray:
+def _at_the_gear(
+    plain: Robot, data: Dataset, record: GearRecord, carried: Layout, threads: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """(N, n) motor angles and rates as the gears receive them: with what the robot file knows of the motors'
+    side (a delay), by the effects of the chain."""
+    view = record.view(plain, data, threads)
+    before = [effect for effect in carried.effects if acts(effect, view, Station.MOTOR)]
+    if not before:
+        return record.theta, record.theta_dot
+    pass_station(view, Layout.of(tuple(before), estimate=False), Station.MOTOR, "theta", tangents=False)
+    return view.theta, record.rate(view.theta)
+
+
+def _beside(plain, data, rows, axis, setup, carried: Layout, threads: int) -> np.ndarray:
     """(N,) what the chain puts into the output beside this gear, on thinned rows, interpolated in time."""
     stride, runs = 1, rows_by_number(data.run[rows])
     if rows.size > _THIN_ROWS:
@@ -137,18 +154,15 @@ def _beside(plain, data, rows, axis, setup, encoders: bool, threads: int) -> np.
     thin = rows[np.concatenate(picked)]
     part = data.select(thin)
     record = gear_record(plain, part)
-    layout = (
-        carried_layout(plain, data, GEAR_RUN.name)
-        if encoders else setup.joined(carried_layout(plain, data, GEAR_RUN.name))
-    )
+    layout = carried if record.encoder_axes else setup.joined(carried)
     prediction = predict_gear_run(plain, layout, part, record=record, tangents=False, threads=threads)
-    ratio = plain.ratios[axis]
-    if encoders:
+    theta, theta_dot = (motor[:, axis] / plain.ratios[axis]
+                        for motor in _at_the_gear(plain, part, record, carried, threads))
+    if record.encoder_axes:
         column = record.encoder_axes.index(axis)
-        beside = prediction.measured[:, column] - record.theta[:, axis] / ratio - plain.offsets[axis]
+        beside = prediction.measured[:, column] - theta - plain.offsets[axis]
     else:
-        beside = np.einsum("ij,ij->i", prediction.measured,
-                           prediction.along) - record.theta_dot[:, axis] / ratio
+        beside = np.einsum("ij,ij->i", prediction.measured, prediction.along) - theta_dot
     out = np.empty(rows.size)
     ends = np.cumsum([0] + [of.size for of in picked])
     for of, start, end in zip(runs, ends[:-1], ends[1:]):
@@ -156,13 +170,13 @@ def _beside(plain, data, rows, axis, setup, encoders: bool, threads: int) -> np.
     return out
 
 
-def _encoder_disturbances(robot, data, record, rows, axis):
+def _encoder_disturbances(data, record, rows, axis, rate):
     """Offsets of the runs, delay, wind-up under the measured torque, and the friction by which the output
     stays behind."""
     runs = np.unique(data.run[rows])
     columns = [(data.run[rows] == run).astype(float) for run in runs]
     names = [f"offset of run {run}" for run in runs]
-    columns.append(-record.theta_dot[rows, axis] / robot.ratios[axis])
+    columns.append(-rate)
     names.append("delay")
     for name in ("tau", "tau_motor"):
         torque = data.joints.get(name)
