@@ -80,9 +80,11 @@ int main(int argc, char** argv) {
                   blocks[6].data()};
   KnotBatch first = batch;
   first.lambda = nullptr;
-  batch_row("knot_inverse_dynamics", [&] { inverse_dynamics_batch(model, q, q_dot, q_ddot, rows.data(), 1); });
+  batch_row("knot_inverse_dynamics",
+            [&] { inverse_dynamics_batch(model, q, q_dot, q_ddot, rows.data(), 1); });
   batch_row("knot_mass_matrix", [&] { mass_matrix_batch(model, q, rows.data(), 1); });
-  batch_row("knot_first_derivatives", [&] { inverse_dynamics_knots(model, knots, first, 0, bench::kStates); });
+  batch_row("knot_first_derivatives",
+            [&] { inverse_dynamics_knots(model, knots, first, 0, bench::kStates); });
   batch_row("knot_first_and_second_derivatives",
             [&] { inverse_dynamics_knots(model, knots, batch, 0, bench::kStates); });
   batch_row("knot_regressor", [&] { dynamics_regressor_batch(robot, q, q_dot, q_ddot, rows.data(), 1); });

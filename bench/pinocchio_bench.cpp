@@ -1,4 +1,5 @@
-// The rows of dynamics_bench.cpp by Pinocchio: the same robot, the same states, its usual calls with a reused Data.
+// The rows of dynamics_bench.cpp by Pinocchio: the same robot,
+// the same states, its usual calls with a reused Data.
 #include <pinocchio/multibody.hpp>
 // After the model, which the algorithms need.
 #include <pinocchio/algorithm/crba.hpp>
@@ -20,7 +21,8 @@ namespace {
 using exactarm::Frame;
 using exactarm::Robot;
 
-// Revolute axes about +z: the fastest joint type of the library that fits (all axes of the robot have sign +1).
+// Revolute axes about +z: the fastest joint type of the
+// library that fits (all axes of the robot have sign +1).
 pinocchio::Model pinocchio_model(const Robot& robot) {
   pinocchio::Model model;
   model.gravity.linear() = robot.gravity();
@@ -30,7 +32,8 @@ pinocchio::Model pinocchio_model(const Robot& robot) {
     const Frame& frame = robot.joint(i).frame;
     exactarm::require_size("sign of every axis", static_cast<long>(frame.sign), 1);
     const pinocchio::SE3 zero(exactarm::rotation_z(frame.zero), Eigen::Vector3d::Zero());
-    parent = model.addJoint(parent, pinocchio::JointModelRZ(), link_in_parent * zero, "joint_" + std::to_string(i + 1));
+    parent = model.addJoint(parent, pinocchio::JointModelRZ(), link_in_parent * zero,
+                            "joint_" + std::to_string(i + 1));
     const pinocchio::SE3 link(exactarm::rotation_x(frame.alpha) * exactarm::rotation_y(frame.beta),
                               Eigen::Vector3d(frame.a, 0.0, frame.d));
     const auto& mass = robot.link(i);
@@ -42,8 +45,8 @@ pinocchio::Model pinocchio_model(const Robot& robot) {
 
 }  // namespace
 
-// Largest difference between the two libraries' torques, mass matrices, first and contracted second derivatives,
-// relative to the largest entry: what is timed must be the same numbers.
+// Largest difference between the two libraries' torques, mass matrices, first and contracted second
+// derivatives, relative to the largest entry: what is timed must be the same numbers.
 double largest_difference(const Robot& robot, const exactarm::bench::States& s) {
   const pinocchio::Model model = pinocchio_model(robot);
   pinocchio::Data data(model);
@@ -93,7 +96,8 @@ void register_pinocchio(const Robot& robot, const exactarm::bench::States& s) {
       }
     });
   };
-  row("pinocchio/forward_kinematics", [=, &s](long k) { pinocchio::forwardKinematics(*model, *data, s.q.col(k)); });
+  row("pinocchio/forward_kinematics",
+      [=, &s](long k) { pinocchio::forwardKinematics(*model, *data, s.q.col(k)); });
   row("pinocchio/inverse_dynamics",
       [=, &s](long k) { pinocchio::rnea(*model, *data, s.q.col(k), s.q_dot.col(k), s.q_ddot.col(k)); });
   row("pinocchio/gravity_torque",

@@ -53,7 +53,8 @@ int main(int argc, char** argv) {
   const double guess = least_seconds([&] { initial_guess(model, z.data()); });
   const double first = least_seconds([&] { model.derivatives(z.data(), nullptr, workspace, derivatives); });
   const Vector lambda = Vector::Constant(knots * 6, 1e-3);
-  const double second = least_seconds([&] { model.derivatives(z.data(), lambda.data(), workspace, derivatives); });
+  const double second =
+      least_seconds([&] { model.derivatives(z.data(), lambda.data(), workspace, derivatives); });
   const double factorise = least_seconds([&] { kkt->factorise(derivatives, diagonal); });
   const double solve = least_seconds([&] { kkt->solve(right, solution); });
   nlp::Solution answer;
@@ -65,7 +66,9 @@ int main(int argc, char** argv) {
     processor = std::min(processor, double(std::clock() - begin) / CLOCKS_PER_SEC);
   });
   std::printf(
-      "{\"knots\": %ld, \"threads\": %d, \"guess\": %.5f, \"first_derivatives\": %.5f, \"second_derivatives\": %.5f, "
-      "\"factorise\": %.5f, \"solve\": %.5f, \"all\": %.5f, \"all_processor\": %.5f, \"iterations\": %d, \"status\": \"%s\"}\n",
-      knots, threads, guess, first, second, factorise, solve, all, processor, answer.iterations, nlp::status_name(answer.status));
+      "{\"knots\": %ld, \"threads\": %d, \"guess\": %.5f, \"first_derivatives\": %.5f, "
+      "\"second_derivatives\": %.5f, \"factorise\": %.5f, \"solve\": %.5f, \"all\": %.5f, "
+      "\"all_processor\": %.5f, \"iterations\": %d, \"status\": \"%s\"}\n",
+      knots, threads, guess, first, second, factorise, solve, all, processor, answer.iterations,
+      nlp::status_name(answer.status));
 }

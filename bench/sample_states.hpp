@@ -18,7 +18,8 @@ inline Matrix states(long n, long count, double bound, unsigned seed) {
   return values;
 }
 
-constexpr long kStates = 512;  // enough that no branch is learnt by heart, few enough for the first-level cache
+// Enough that no branch is learnt by heart, few enough for the first-level cache.
+constexpr long kStates = 512;
 
 struct States {
   explicit States(long n)

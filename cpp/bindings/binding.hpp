@@ -12,8 +12,9 @@ namespace exactarm::bindings {
 
 namespace py = pybind11;
 
-// Lets other Python threads run while the core works, as pybind11's gil_scoped_release does. A thread that wants to go
-// back to an interpreter which is ending waits for that end: Python would unwind it through C++ (as of 3.14 it waits, too).
+// Lets other Python threads run while the core works, as pybind11's gil_scoped_release does. A thread that
+// wants to go back to an interpreter which is ending waits for that end: Python would unwind it through C++
+// (as of 3.14 it waits, too).
 class ReleasedGil {
  public:
   ReleasedGil() : state_(PyEval_SaveThread()) {}

@@ -7,7 +7,8 @@ namespace exactarm::bindings {
 void bind_dynamics(py::module_& module) {
   module.def(
       "inverse_dynamics",
-      [](const Robot& robot, ConstRowMatrixRef q, ConstRowMatrixRef q_dot, ConstRowMatrixRef q_ddot, int threads) {
+      [](const Robot& robot, ConstRowMatrixRef q, ConstRowMatrixRef q_dot, ConstRowMatrixRef q_ddot,
+         int threads) {
         auto tau = new_array(q.rows(), robot.axes());
         double* out = tau.mutable_data();
         {
@@ -30,7 +31,8 @@ void bind_dynamics(py::module_& module) {
         }
         return tau;
       },
-      py::arg("robot"), py::arg("q"), py::arg("threads") = 1, "Torques g(q) that hold the robot, (rows, axes) in Nm.");
+      py::arg("robot"), py::arg("q"), py::arg("threads") = 1,
+      "Torques g(q) that hold the robot, (rows, axes) in Nm.");
 
   module.def(
       "gravity_torque_jacobian",

@@ -30,8 +30,9 @@ void bind_dynamics_derivatives(py::module_& module) {
         batch.tau = tau.mutable_data();
         results["tau"] = tau;
         const std::pair<const char*, double**> outputs[] = {
-            {"dtau_dq", &batch.dtau_dq}, {"dtau_dq_dot", &batch.dtau_dq_dot}, {"mass_matrix", &batch.mass_matrix},
-            {"q_q", &batch.q_q},         {"q_q_dot", &batch.q_q_dot},         {"q_dot_q_dot", &batch.q_dot_q_dot},
+            {"dtau_dq", &batch.dtau_dq},         {"dtau_dq_dot", &batch.dtau_dq_dot},
+            {"mass_matrix", &batch.mass_matrix}, {"q_q", &batch.q_q},
+            {"q_q_dot", &batch.q_q_dot},         {"q_dot_q_dot", &batch.q_dot_q_dot},
             {"q_q_ddot", &batch.q_q_ddot}};
         for (int k = 0; k < (second ? 7 : 3); ++k) {
           auto matrix = new_array(rows, n, n);
@@ -44,10 +45,10 @@ void bind_dynamics_derivatives(py::module_& module) {
         }
         return results;
       },
-      py::arg("robot"), py::arg("q"), py::arg("q_dot"), py::arg("q_ddot"), py::arg("multiplier") = RowMatrix(),
-      py::arg("threads") = 1,
-      "tau (rows, axes), dtau_dq, dtau_dq_dot, mass_matrix (rows, axes, axes); with a multiplier (rows, axes) also the "
-      "blocks q_q, q_q_dot, q_dot_q_dot, q_q_ddot of the Hessian of multiplier . tau.");
+      py::arg("robot"), py::arg("q"), py::arg("q_dot"), py::arg("q_ddot"),
+      py::arg("multiplier") = RowMatrix(), py::arg("threads") = 1,
+      "tau (rows, axes), dtau_dq, dtau_dq_dot, mass_matrix (rows, axes, axes); with a multiplier "
+      "(rows, axes) also the blocks q_q, q_q_dot, q_dot_q_dot, q_q_ddot of the Hessian of multiplier . tau.");
 }
 
 }  // namespace exactarm::bindings

@@ -33,14 +33,16 @@ void bind_gear(py::module_& module) {
       [](double ratio, const GearTable& table, const Angles& phi) {
         return each(phi, [&](double angle) { return gear_motor_angle(ratio, table, angle); });
       },
-      py::arg("ratio"), py::arg("table"), py::arg("phi"), "Xi(phi): motor angle of each output angle, any shape.");
+      py::arg("ratio"), py::arg("table"), py::arg("phi"),
+      "Xi(phi): motor angle of each output angle, any shape.");
   module.def(
       "gear_output_angle",
       [](double ratio, const GearTable& table, const Angles& theta) {
         require_gear("gear", ratio, table);
         return each(theta, [&](double angle) { return gear_output_angle(ratio, table, angle); });
       },
-      py::arg("ratio"), py::arg("table"), py::arg("theta"), "Xi^{-1}(theta): output angle of each motor angle.");
+      py::arg("ratio"), py::arg("table"), py::arg("theta"),
+      "Xi^{-1}(theta): output angle of each motor angle.");
   module.def(
       "gear_outputs",
       [](double ratio, const GearTable& table, const Angles& theta) {
@@ -55,7 +57,8 @@ void bind_gear(py::module_& module) {
         }
         return std::make_pair(phi, u);
       },
-      py::arg("ratio"), py::arg("table"), py::arg("theta"), "Xi^{-1}(theta) (N,) and u there (N,), eight at once.");
+      py::arg("ratio"), py::arg("table"), py::arg("theta"),
+      "Xi^{-1}(theta) (N,) and u there (N,), eight at once.");
   module.def(
       "gear_ratio",
       [](double ratio, const GearTable& table, const Angles& phi, int order) {

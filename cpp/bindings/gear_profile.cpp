@@ -14,11 +14,13 @@ void bind_gear_profile(py::module_& module) {
           const ReleasedGil released;
           result = profile_normal({angle, value, weight, rated}, {order, a, b}, level, with_orders);
         }
-        return std::make_tuple(std::move(result.normal), std::move(result.gradient), std::move(result.residual));
+        return std::make_tuple(std::move(result.normal), std::move(result.gradient),
+                               std::move(result.residual));
       },
       py::arg("angle"), py::arg("value"), py::arg("weight"), py::arg("rated"), py::arg("order"), py::arg("a"),
       py::arg("b"), py::arg("level"), py::arg("with_orders") = false,
-      "J' W J, J' W r and r of an angle profile at coefficients a, b, level; columns a, b, level and the orders.");
+      "J' W J, J' W r and r of an angle profile at coefficients a, b, level; columns a, b, level "
+      "and the orders.");
 }
 
 }  // namespace exactarm::bindings

@@ -13,8 +13,8 @@ using Row = py::array_t<double, py::array::c_style | py::array::forcecast>;
 void bind_harmonics(py::module_& module) {
   module.def(
       "delivered_angle",
-      [](const Row& phi, const Vector& order, const Vector& a, const Vector& b, const Row& factor, double tolerance,
-         int threads) {
+      [](const Row& phi, const Vector& order, const Vector& a, const Vector& b, const Row& factor,
+         double tolerance, int threads) {
         const GearTable table(order, a, b);
         if (factor.size()) require_size("factor", factor.size(), phi.size());
         auto x = new_array(phi.size()), slope = new_array(phi.size());
@@ -28,7 +28,8 @@ void bind_harmonics(py::module_& module) {
         return std::make_pair(x, slope);
       },
       py::arg("phi"), py::arg("order"), py::arg("a"), py::arg("b"), py::arg("factor"), py::arg("tolerance"),
-      py::arg("threads") = 1, "x (N,) with x + factor e(x) = phi, factor empty for 1, and the slope s(x) of e there.");
+      py::arg("threads") = 1,
+      "x (N,) with x + factor e(x) = phi, factor empty for 1, and the slope s(x) of e there.");
   module.def(
       "transmission",
       [](const Row& x, const Vector& order, const Vector& a, const Vector& b, int threads) {

@@ -10,7 +10,8 @@
 namespace exactarm::bindings {
 namespace {
 
-// Set when the interpreter begins to end, before it turns threads away (then it unwinds them, through C++ frames as well).
+// Set when the interpreter begins to end,
+// before it turns threads away (then it unwinds them, through C++ frames as well).
 std::atomic<bool> ending = false;
 std::atomic<int> coming_back = 0;  // threads on their way into the interpreter
 std::thread::id ending_thread;     // written before `ending`
@@ -19,7 +20,8 @@ bool must_stay_out() { return ending.load() && std::this_thread::get_id() != end
 
 const std::thread::id main_thread = std::this_thread::get_id();  // that which loads the extension
 
-// Runs the handlers of signals that have arrived; what they raise ends the work. Only Python's main thread has any.
+// Runs the handlers of signals that have arrived;
+// what they raise ends the work. Only Python's main thread has any.
 void check_signals() {
   // Another thread that waits for an ending interpreter would be unwound through frames that cannot be.
   if (std::this_thread::get_id() != main_thread || must_stay_out()) return;

@@ -8,7 +8,8 @@ namespace exactarm::bindings {
 void bind_regressor(py::module_& module) {
   module.def(
       "dynamics_regressor",
-      [](const Robot& robot, ConstRowMatrixRef q, ConstRowMatrixRef q_dot, ConstRowMatrixRef q_ddot, int threads) {
+      [](const Robot& robot, ConstRowMatrixRef q, ConstRowMatrixRef q_dot, ConstRowMatrixRef q_ddot,
+         int threads) {
         auto Y = new_array(q.rows(), robot.axes(), kInertialParameters * robot.axes());
         double* out = Y.mutable_data();
         {
@@ -18,8 +19,8 @@ void bind_regressor(py::module_& module) {
         return Y;
       },
       py::arg("robot"), py::arg("q"), py::arg("q_dot"), py::arg("q_ddot"), py::arg("threads") = 1,
-      "Y (rows, axes, 10 axes) with tau = Y pi; pi a link: m, m c, Ixx, Ixy, Ixz, Iyy, Iyz, Izz about the origin "
-      "of the link's DH frame.");
+      "Y (rows, axes, 10 axes) with tau = Y pi; pi a link: m, m c, Ixx, Ixy, Ixz, Iyy, Iyz, Izz about "
+      "the origin of the link's DH frame.");
 
   module.def("inertial_parameters", py::overload_cast<const Robot&>(&inertial_parameters), py::arg("robot"),
              "pi of all links, 10 axes numbers.");

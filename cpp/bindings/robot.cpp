@@ -12,17 +12,17 @@ void bind_robot(py::module_& module) {
   // Values: made whole, never changed. A robot holds copies of them.
   py::class_<Pose>(module, "Pose")
       .def(py::init<>())
-      .def(py::init([](const Matrix3& rotation, const Vector3& position) { return Pose{rotation, position}; }),
-           py::arg("rotation"), py::arg("position"))
+      .def(
+          py::init([](const Matrix3& rotation, const Vector3& position) { return Pose{rotation, position}; }),
+          py::arg("rotation"), py::arg("position"))
       .def_readonly("rotation", &Pose::rotation)
       .def_readonly("position", &Pose::position);
 
   py::class_<Frame>(module, "Frame")
-      .def(py::init([](JointType type, double sign, double zero, double d, double a, double alpha, double beta) {
-             return Frame{type, sign, zero, d, a, alpha, beta};
-           }),
-           py::arg("type") = JointType::revolute, py::arg("sign") = 1.0, py::arg("zero") = 0.0, py::arg("d") = 0.0,
-           py::arg("a") = 0.0, py::arg("alpha") = 0.0, py::arg("beta") = 0.0)
+      .def(py::init([](JointType type, double sign, double zero, double d, double a, double alpha,
+                       double beta) { return Frame{type, sign, zero, d, a, alpha, beta}; }),
+           py::arg("type") = JointType::revolute, py::arg("sign") = 1.0, py::arg("zero") = 0.0,
+           py::arg("d") = 0.0, py::arg("a") = 0.0, py::arg("alpha") = 0.0, py::arg("beta") = 0.0)
       .def_readonly("type", &Frame::type)
       .def_readonly("sign", &Frame::sign)
       .def_readonly("zero", &Frame::zero)
@@ -48,15 +48,16 @@ void bind_robot(py::module_& module) {
       .def_property_readonly("b", &GearTable::b);
 
   py::class_<Gear>(module, "Gear")
-      .def(py::init([](double ratio, const GearTable& cw, const GearTable& ccw) { return Gear{ratio, cw, ccw}; }),
+      .def(py::init(
+               [](double ratio, const GearTable& cw, const GearTable& ccw) { return Gear{ratio, cw, ccw}; }),
            py::arg("ratio") = 1.0, py::arg("cw") = GearTable(), py::arg("ccw") = GearTable())
       .def_readonly("ratio", &Gear::ratio)
       .def_readonly("cw", &Gear::cw)
       .def_readonly("ccw", &Gear::ccw);
 
   py::class_<Spring>(module, "Spring")
-      .def(py::init([](double linear, double cubic) { return Spring{linear, cubic}; }), py::arg("linear") = 0.0,
-           py::arg("cubic") = 0.0)
+      .def(py::init([](double linear, double cubic) { return Spring{linear, cubic}; }),
+           py::arg("linear") = 0.0, py::arg("cubic") = 0.0)
       .def_readonly("linear", &Spring::linear)
       .def_readonly("cubic", &Spring::cubic);
 
@@ -84,8 +85,9 @@ void bind_robot(py::module_& module) {
       .def(py::init([](double q_min, double q_max, double q_dot_max, double q_ddot_max, double torque_max) {
              return Limits{q_min, q_max, q_dot_max, q_ddot_max, torque_max};
            }),
-           py::arg("q_min") = -Limits::kNone, py::arg("q_max") = Limits::kNone, py::arg("q_dot_max") = Limits::kNone,
-           py::arg("q_ddot_max") = Limits::kNone, py::arg("torque_max") = Limits::kNone)
+           py::arg("q_min") = -Limits::kNone, py::arg("q_max") = Limits::kNone,
+           py::arg("q_dot_max") = Limits::kNone, py::arg("q_ddot_max") = Limits::kNone,
+           py::arg("torque_max") = Limits::kNone)
       .def_readonly("q_min", &Limits::q_min)
       .def_readonly("q_max", &Limits::q_max)
       .def_readonly("q_dot_max", &Limits::q_dot_max)
@@ -93,8 +95,8 @@ void bind_robot(py::module_& module) {
       .def_readonly("torque_max", &Limits::torque_max);
 
   py::class_<Joint>(module, "Joint", "One axis and the link that it moves; link None: its mass is not known.")
-      .def(py::init([](const Frame& frame, double q_offset, const Gear& gear, const Spring& spring, const Drive& drive,
-                       const Limits& limits, const std::optional<LinkInertia>& link) {
+      .def(py::init([](const Frame& frame, double q_offset, const Gear& gear, const Spring& spring,
+                       const Drive& drive, const Limits& limits, const std::optional<LinkInertia>& link) {
              return Joint{frame, q_offset, gear, spring, drive, limits, link};
            }),
            py::arg("frame") = Frame(), py::arg("q_offset") = 0.0, py::arg("gear") = Gear(),
@@ -109,9 +111,8 @@ void bind_robot(py::module_& module) {
       .def_readonly("link", &Joint::link);
 
   py::class_<Robot>(module, "Robot", "A serial robot, checked when it is made and never changed.")
-      .def(py::init([](std::vector<Joint> joints, const Pose& base, const Pose& tool, const Vector3& gravity) {
-             return Robot({std::move(joints), base, tool, gravity});
-           }),
+      .def(py::init([](std::vector<Joint> joints, const Pose& base, const Pose& tool,
+                       const Vector3& gravity) { return Robot({std::move(joints), base, tool, gravity}); }),
            py::arg("joints"), py::arg("base") = Pose(), py::arg("tool") = Pose(),
            py::arg("gravity") = RobotDescription().gravity)
       .def_property_readonly("joints", &Robot::joints)

@@ -36,7 +36,8 @@ void bind_signals(py::module_& module) {
         stop_operator(motion.data(), motion.size(), reach, memory.mutable_data(), by_reach.mutable_data());
         return std::make_pair(memory, by_reach);
       },
-      py::arg("motion"), py::arg("reach"), "Motion (N,) held within +-reach, over the reach, and its derivative by it.");
+      py::arg("motion"), py::arg("reach"),
+      "Motion (N,) held within +-reach, over the reach, and its derivative by it.");
 }
 
 }  // namespace exactarm::bindings

@@ -6,7 +6,8 @@
 namespace exactarm::bindings {
 namespace {
 
-// An array that can be replaced is handed out as a copy: a view of it would outlive the memory that it looks at.
+// An array that can be replaced is handed out as a copy:
+// a view of it would outlive the memory that it looks at.
 template <class Owner, class Array>
 auto copy_of(Array Owner::*member) {
   return [member](const Owner& owner) { return Array(owner.*member); };
@@ -66,7 +67,8 @@ void bind_solution(py::module_& module) {
       .def_readonly("objective_scale", &Motion::objective_scale)
       .def_property_readonly("kkt_stationarity", [](const Motion& motion) { return motion.kkt.stationarity; })
       .def_property_readonly("kkt_feasibility", [](const Motion& motion) { return motion.kkt.feasibility; })
-      .def_property_readonly("kkt_complementarity", [](const Motion& motion) { return motion.kkt.complementarity; })
+      .def_property_readonly("kkt_complementarity",
+                             [](const Motion& motion) { return motion.kkt.complementarity; })
       .def_property_readonly("kkt_error", [](const Motion& motion) { return motion.kkt.largest(); })
       .def_readonly("q", &Motion::q)
       .def_readonly("q_dot", &Motion::q_dot)

@@ -1,6 +1,6 @@
-// The module `exactarm._core` where the core was compiled for several processors: it loads the widest one that this
-// processor runs, and hands over to it. Each is a whole extension of its own, `_core.NAME.so` beside this one, so that
-// no code of a wider one can be reached on a narrower processor.
+// The module `exactarm._core` where the core was compiled for several processors: it loads the widest one
+// that this processor runs, and hands over to it. Each is a whole extension of its own, `_core.NAME.so`
+// beside this one, so that no code of a wider one can be reached on a narrower processor.
 // EXACTARM_CPU=NAME in the environment asks for one of them by name.
 #include <Python.h>
 #include <dlfcn.h>

@@ -37,8 +37,8 @@ inline void expect_derivative(const VectorFunction& f, const Vector& x, const Ma
   const double scale = std::max(1.0, analytic.cwiseAbs().maxCoeff());
   long row = 0, col = 0;
   const double worst = (numeric - analytic).cwiseAbs().maxCoeff(&row, &col);
-  EXPECT_LE(worst, relative * scale) << "entry (" << row << ", " << col << "): analytic " << analytic(row, col)
-                                     << ", central difference " << numeric(row, col);
+  EXPECT_LE(worst, relative * scale) << "entry (" << row << ", " << col << "): analytic "
+                                     << analytic(row, col) << ", central difference " << numeric(row, col);
 }
 
 }  // namespace exactarm::testing

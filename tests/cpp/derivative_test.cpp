@@ -16,7 +16,8 @@ TEST(Derivative, IsOfEighthOrderInsideABlock) {
     Vector time(count), wave(count), slope(count);
     for (long k = 0; k < count; ++k) time[k] = 3.0 + step * k, wave[k] = std::sin(2.0 * time[k]);
     derivative(wave.data(), time.data(), count, 1, {0}, slope.data());
-    worst[half] = std::abs(slope[20] - 2.0 * std::cos(2.0 * time[20])) + std::abs(slope[12] - 2.0 * std::cos(2.0 * time[12]));
+    worst[half] = std::abs(slope[20] - 2.0 * std::cos(2.0 * time[20])) +
+                  std::abs(slope[12] - 2.0 * std::cos(2.0 * time[12]));
   }
   EXPECT_GT(worst[0] / worst[1], 150.0);  // 2^8 but for where on the wave
 }
@@ -29,7 +30,8 @@ TEST(Derivative, BlocksDoNotSeeEachOther) {
   Vector time(rows);
   RowMatrix values(rows, 2), slope(rows, 2);
   for (long b = 0, k = 0; b < 9; ++b)
-    for (long i = 0; i <= b; ++i, ++k) time[k] = 100.0 * b + 0.5 * i, values.row(k) << 3.0 * b + (b + 1.0) * time[k], -b;
+    for (long i = 0; i <= b; ++i, ++k)
+      time[k] = 100.0 * b + 0.5 * i, values.row(k) << 3.0 * b + (b + 1.0) * time[k], -b;
   derivative(values.data(), time.data(), rows, 2, starts, slope.data());
   for (long b = 0, k = 0; b < 9; ++b)
     for (long i = 0; i <= b; ++i, ++k) {

@@ -56,10 +56,10 @@ TEST(DynamicsDerivatives, FirstDerivativesMatchCentralDifference) {
   for (int sample = 0; sample < testing::samples(); ++sample) {
     const Sample s = random_sample(random, sample);
     const DynamicsDerivatives out = evaluate(s);
-    testing::expect_derivative([&](const Vector& x) { return inverse_dynamics(s.robot, x, s.q_dot, s.q_ddot); }, s.q,
-                               out.dtau_dq);
-    testing::expect_derivative([&](const Vector& x) { return inverse_dynamics(s.robot, s.q, x, s.q_ddot); }, s.q_dot,
-                               out.dtau_dq_dot);
+    testing::expect_derivative(
+        [&](const Vector& x) { return inverse_dynamics(s.robot, x, s.q_dot, s.q_ddot); }, s.q, out.dtau_dq);
+    testing::expect_derivative([&](const Vector& x) { return inverse_dynamics(s.robot, s.q, x, s.q_ddot); },
+                               s.q_dot, out.dtau_dq_dot);
   }
 }
 
@@ -76,7 +76,8 @@ TEST(DynamicsDerivatives, ContractedSecondDerivativesMatchCentralDifference) {
     };
     using D = DynamicsDerivatives;
     testing::expect_derivative([&](const Vector& x) { return slope(x, s.q_dot, &D::dtau_dq); }, s.q, out.q_q);
-    testing::expect_derivative([&](const Vector& x) { return slope(s.q, x, &D::dtau_dq); }, s.q_dot, out.q_q_dot);
+    testing::expect_derivative([&](const Vector& x) { return slope(s.q, x, &D::dtau_dq); }, s.q_dot,
+                               out.q_q_dot);
     testing::expect_derivative([&](const Vector& x) { return slope(s.q, x, &D::dtau_dq_dot); }, s.q_dot,
                                out.q_dot_q_dot);
     testing::expect_derivative([&](const Vector& x) { return slope(x, s.q_dot, &D::mass_matrix); }, s.q,
@@ -110,18 +111,21 @@ TEST(DynamicsDerivatives, KnotsAgreeWithSingleSamplesForAnyNumberOfThem) {
         for (long k = 0; k < m->size(); ++k) m->data()[k] = random.uniform(-2, 2);
       Matrix tau(n, knots), results[7];
       for (Matrix& result : results) result.resize(n * n, knots);
-      KnotBatch batch{knots, q.data(), q_dot.data(), q_ddot.data(), lambda.data(), tau.data(), results[0].data(),
-                      results[1].data(), results[2].data(), results[3].data(), results[4].data(), results[5].data(),
-                      results[6].data()};
+      double* out[7];
+      for (int m = 0; m < 7; ++m) out[m] = results[m].data();
+      KnotBatch batch{knots,  q.data(), q_dot.data(), q_ddot.data(), lambda.data(), tau.data(), out[0],
+                      out[1], out[2],   out[3],       out[4],        out[5],        out[6]};
       inverse_dynamics_knots(model, batch, 2);
       DynamicsDerivatives one(n);
       for (long k = 0; k < knots; ++k) {
-        inverse_dynamics_second_derivatives(model, workspace, q.col(k), q_dot.col(k), q_ddot.col(k), lambda.col(k), one);
+        inverse_dynamics_second_derivatives(model, workspace, q.col(k), q_dot.col(k), q_ddot.col(k),
+                                            lambda.col(k), one);
         EXPECT_LE((tau.col(k) - one.tau).norm(), 1e-12 * one.tau.norm());
         const Matrix* expected[] = {&one.dtau_dq, &one.dtau_dq_dot, &one.mass_matrix, &one.q_q,
                                     &one.q_q_dot, &one.q_dot_q_dot, &one.q_q_ddot};
         for (int m = 0; m < 7; ++m)
-          EXPECT_LE((results[m].col(k).reshaped(n, n) - *expected[m]).norm(), 1e-11 * expected[m]->norm()) << m;
+          EXPECT_LE((results[m].col(k).reshaped(n, n) - *expected[m]).norm(), 1e-11 * expected[m]->norm())
+              << m;
       }
     }
   }

@@ -22,8 +22,10 @@ double kinetic_energy_of_poses(const Robot& robot, const Vector& q, const Vector
   for (long i = 0; i < robot.axes(); ++i) {
     const LinkInertia& link = robot.link(i);
     const Vector3 velocity = ((after[i + 1].rotation * link.centre_of_mass + after[i + 1].position) -
-                              (before[i + 1].rotation * link.centre_of_mass + before[i + 1].position)) / (2.0 * step);
-    const Vector3 rate = rotation_log(after[i + 1].rotation * before[i + 1].rotation.transpose()) / (2.0 * step);
+                              (before[i + 1].rotation * link.centre_of_mass + before[i + 1].position)) /
+                             (2.0 * step);
+    const Vector3 rate =
+        rotation_log(after[i + 1].rotation * before[i + 1].rotation.transpose()) / (2.0 * step);
     const Vector3 body_rate = here[i + 1].rotation.transpose() * rate;
     energy += 0.5 * link.mass * velocity.squaredNorm() + 0.5 * body_rate.dot(link.inertia * body_rate);
   }
@@ -85,7 +87,8 @@ TEST(Dynamics, InverseDynamicsAtRestIsGravityAndItsSlopeInTheAccelerationIsTheMa
     const Vector q = random.vector(n, 3.0), q_dot = random.vector(n, 2.0), q_ddot = random.vector(n, 5.0);
     const Vector zero = Vector::Zero(n);
     EXPECT_TRUE(inverse_dynamics(robot, q, zero, zero).isApprox(gravity_torque(robot, q), 1e-12));
-    const Vector difference = inverse_dynamics(robot, q, q_dot, q_ddot) - inverse_dynamics(robot, q, q_dot, zero);
+    const Vector difference =
+        inverse_dynamics(robot, q, q_dot, q_ddot) - inverse_dynamics(robot, q, q_dot, zero);
     EXPECT_TRUE(difference.isApprox(mass_matrix(robot, q) * q_ddot, 1e-11));
   }
 }
@@ -98,8 +101,11 @@ TEST(Dynamics, InverseDynamicsObeysLagrange) {
     const Robot robot = testing::random_robot(random, n, sample % 2 == 1);
     const Vector q = random.vector(n, 3.0), q_dot = random.vector(n, 2.0), q_ddot = random.vector(n, 5.0);
     const auto momentum = [&](const Vector& x) { return Vector(mass_matrix(robot, x) * q_dot); };
-    const auto energy = [&](const Vector& x) { return Vector::Constant(1, 0.5 * q_dot.dot(mass_matrix(robot, x) * q_dot)); };
-    const Vector expected = mass_matrix(robot, q) * q_ddot + testing::central_difference(momentum, q) * q_dot -
+    const auto energy = [&](const Vector& x) {
+      return Vector::Constant(1, 0.5 * q_dot.dot(mass_matrix(robot, x) * q_dot));
+    };
+    const Vector expected = mass_matrix(robot, q) * q_ddot +
+                            testing::central_difference(momentum, q) * q_dot -
                             testing::central_difference(energy, q).transpose() + gravity_torque(robot, q);
     EXPECT_LE((inverse_dynamics(robot, q, q_dot, q_ddot) - expected).norm(), 1e-7 * expected.norm());
   }

@@ -12,14 +12,15 @@ namespace {
 
 using testing::Random;
 
-// Soft springs, heavy rotors, uneven gears: the couplings are large and the time scales close together. The link
-// inertias of a random robot are large enough to contain the rotors.
+// Soft springs, heavy rotors, uneven gears: the couplings are large and the time scales close together. The
+// link inertias of a random robot are large enough to contain the rotors.
 RobotDescription elastic_robot(Random& random, int n, bool with_prismatic) {
   RobotDescription robot = testing::random_robot(random, n, with_prismatic);
   for (int i = 0; i < n; ++i) {
     Joint& joint = robot.joints[i];
     joint.gear.ratio = random.uniform(2, 5);
-    const Vector order = (Vector(2) << 1.0, 3.0).finished(), a = random.vector(2, 0.05), b = random.vector(2, 0.05);
+    const Vector order = (Vector(2) << 1.0, 3.0).finished(), a = random.vector(2, 0.05),
+                 b = random.vector(2, 0.05);
     joint.gear.cw = GearTable(order, a, b);
     joint.gear.ccw = GearTable(order, random.vector(2, 0.05), b);
     joint.spring = {random.uniform(200, 500), random.uniform(0, 1000)};
@@ -36,7 +37,8 @@ Vector random_state(Random& random, const ElasticJointModel& model) {
   Vector x(4 * n);
   x << random.vector(n, 2.0), random.vector(n, 1.0), Vector::Zero(n), random.vector(n, 4.0);
   for (int i = 0; i < n; ++i)
-    x[2 * n + i] = gear_motor_angle(model.ratios[i], model.tables[i], x[i] - model.offsets[i] + random.uniform(-0.1, 0.1));
+    x[2 * n + i] = gear_motor_angle(model.ratios[i], model.tables[i],
+                                    x[i] - model.offsets[i] + random.uniform(-0.1, 0.1));
   return x;
 }
 
@@ -54,7 +56,8 @@ Case random_case(Random& random, int sample) {
   Case c{elastic_robot(random, 1 + sample % 7, sample % 3 == 2), {}};
   c.options.rotor_coupling = sample % 2 == 1;
   c.options.friction_width = 0.1;
-  for (std::size_t i = 0; i < c.robot.joints.size(); ++i) c.options.gear_direction.push_back(static_cast<int>(i % 3) - 1);
+  for (std::size_t i = 0; i < c.robot.joints.size(); ++i)
+    c.options.gear_direction.push_back(static_cast<int>(i % 3) - 1);
   return c;
 }
 
@@ -158,7 +161,8 @@ Vector integrate(ElasticJointDynamics& dynamics, Vector x, const Vector& torques
     return out;
   };
   for (int k = 0; k < steps; ++k) {
-    const Vector k1 = rate(x), k2 = rate(x + 0.5 * step * k1), k3 = rate(x + 0.5 * step * k2), k4 = rate(x + step * k3);
+    const Vector k1 = rate(x), k2 = rate(x + 0.5 * step * k1), k3 = rate(x + 0.5 * step * k2),
+                 k4 = rate(x + step * k3);
     x += step / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4);
   }
   return x;

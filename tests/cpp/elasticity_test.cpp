@@ -45,8 +45,8 @@ TEST(Elasticity, StiffnessAndEnergyAreSlopesAndDeflectionDerivativesMatch) {
     const DeflectionDerivatives derivatives = spring_deflection_derivatives(spring, torque[0]);
     for (int order = 0; order < 3; ++order)
       testing::expect_derivative(
-          [&](const Vector& x) { return scalar(spring_deflection_derivatives(spring, x[0]).value[order]); }, torque,
-          scalar(derivatives.value[order + 1]));
+          [&](const Vector& x) { return scalar(spring_deflection_derivatives(spring, x[0]).value[order]); },
+          torque, scalar(derivatives.value[order + 1]));
   }
 }
 

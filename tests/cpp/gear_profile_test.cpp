@@ -54,10 +54,13 @@ TEST(GearProfile, NormalEquationsMatchCentralDifference) {
       const ProfileNormal found = profile_normal({c.angle, c.value, c.weight, rated}, c.table, c.level, true);
       const Matrix normal = J.transpose() * c.weight.asDiagonal() * J;
       const Vector gradient = J.transpose() * c.weight.cwiseProduct(found.residual);
-      EXPECT_LE((found.normal - normal).cwiseAbs().maxCoeff(), 1e-7 * std::max(1.0, normal.cwiseAbs().maxCoeff()));
-      EXPECT_LE((found.gradient - gradient).cwiseAbs().maxCoeff(), 1e-7 * std::max(1.0, gradient.cwiseAbs().maxCoeff()));
+      EXPECT_LE((found.normal - normal).cwiseAbs().maxCoeff(),
+                1e-7 * std::max(1.0, normal.cwiseAbs().maxCoeff()));
+      EXPECT_LE((found.gradient - gradient).cwiseAbs().maxCoeff(),
+                1e-7 * std::max(1.0, gradient.cwiseAbs().maxCoeff()));
       const long few = 2 * c.table.size() + 1;
-      const ProfileNormal without = profile_normal({c.angle, c.value, c.weight, rated}, c.table, c.level, false);
+      const ProfileNormal without =
+          profile_normal({c.angle, c.value, c.weight, rated}, c.table, c.level, false);
       EXPECT_TRUE(without.normal.isApprox(found.normal.topLeftCorner(few, few)));
       EXPECT_TRUE(without.gradient.isApprox(found.gradient.head(few)));
     }

@@ -53,7 +53,8 @@ TEST(Gear, InverseReturnsTheOutputAngleUpToAlmostStandingHarmonics) {
       const double ratio = random.uniform(-120, 120), phi = random.uniform(-5, 5);
       const double theta = gear_motor_angle(ratio, table, phi);
       EXPECT_NEAR(gear_output_angle(ratio, table, theta), phi, 2e-15 * 10 / (1.0 - sum));
-      EXPECT_NEAR(gear_output_angle(ratio, table, theta, random.uniform(-9, 9)), phi, 2e-15 * 10 / (1.0 - sum));
+      EXPECT_NEAR(gear_output_angle(ratio, table, theta, random.uniform(-9, 9)), phi,
+                  2e-15 * 10 / (1.0 - sum));
     }
   }
 }

@@ -76,7 +76,8 @@ TEST(Harmonics, TransmissionIsThatOfTheGear) {
 TEST(Harmonics, WavesAreSineAndCosine) {
   Random random(3);
   for (int orders : {1, 3, 8, 21}) {
-    const Vector order = Vector::Constant(orders, 200.0) + random.vector(orders, 199.0), x = random.vector(131, 7.0);
+    const Vector order = Vector::Constant(orders, 200.0) + random.vector(orders, 199.0),
+                 x = random.vector(131, 7.0);
     RowMatrix sine(131, orders), cosine(131, orders);
     waves(order, x.data(), 131, sine.data(), cosine.data());
     for (long i = 0; i < 131; ++i)

@@ -34,7 +34,8 @@ Robot identified_racer(Random& random) {
 
 Vector random_joints(const Robot& robot, Random& random) {
   Vector q(robot.axes());
-  for (long i = 0; i < q.size(); ++i) q[i] = random.uniform(robot.joint(i).limits.q_min, robot.joint(i).limits.q_max);
+  for (long i = 0; i < q.size(); ++i)
+    q[i] = random.uniform(robot.joint(i).limits.q_min, robot.joint(i).limits.q_max);
   return q;
 }
 
@@ -69,7 +70,8 @@ TEST(InverseKinematics, BranchesOfAnIdentifiedArmHoldThePoseThatMadeThem) {
     for (const Vector& branch : branches) {
       EXPECT_LT(pose_distance(forward_kinematics(robot, branch), target), 1e-9);
       double worst = 0.0;
-      for (long i = 0; i < 6; ++i) worst = std::max(worst, std::abs(std::remainder(branch[i] - q[i], 2 * M_PI)));
+      for (long i = 0; i < 6; ++i)
+        worst = std::max(worst, std::abs(std::remainder(branch[i] - q[i], 2 * M_PI)));
       nearest = std::min(nearest, worst);
     }
     // Two branches meet at a singular pose; near one, Newton may leave by the other.
@@ -118,7 +120,9 @@ TEST(InverseKinematics, FollowsTheLineOfTheThesisInUnderTwentyMilliseconds) {
   }
   ASSERT_EQ(report.status, Status::solved);
   for (long k = 0; k < q.rows(); k += 100)
-    EXPECT_LT((forward_kinematics(robot, q.row(k).transpose()).position - positions.row(k).transpose()).norm(), 1e-12);
+    EXPECT_LT(
+        (forward_kinematics(robot, q.row(k).transpose()).position - positions.row(k).transpose()).norm(),
+        1e-12);
 #if !defined(__SANITIZE_ADDRESS__)  // which makes everything several times slower
   EXPECT_LT(seconds, 0.020);
 #endif

@@ -45,7 +45,8 @@ TEST(Kinematics, IdentificationJacobianMatchesCentralDifference) {
     if (sample == 1) q.setConstant(1e-8);
     const RowMatrix dq_dratio = random.vector(n, 0.1).transpose();
     const Pose reference = forward_kinematics(robot, q);
-    Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> analytic(6, identification_columns(n));
+    Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> analytic(
+        6, identification_columns(n));
     KinematicsBatch out;
     out.identification = analytic.data();
     kinematics_batch(robot, q.transpose(), dq_dratio, out, 1);
@@ -68,7 +69,8 @@ TEST(Kinematics, GeometricJacobianIsTheJointColumnsOfTheIdentificationJacobian) 
   out.identification = all.data();
   kinematics_batch(robot, q.transpose(), RowMatrix(), out, 1);
   const Matrix jacobian = geometric_jacobian(robot, q);
-  for (int i = 0; i < 7; ++i) EXPECT_TRUE(jacobian.col(i).isApprox(all.col(kFrameParameters * i + kQ), 1e-15));
+  for (int i = 0; i < 7; ++i)
+    EXPECT_TRUE(jacobian.col(i).isApprox(all.col(kFrameParameters * i + kQ), 1e-15));
 }
 
 TEST(Kinematics, ThreadsGiveTheSameNumbers) {

@@ -23,7 +23,8 @@ TEST(Parallel, EveryRowIsVisitedOnce) {
   for (const long rows : {0L, 1L, 7L, 8L, 9L, 1000L, 2501L, 100003L})
     for (const int threads : {-1, 0, 1, 2, 3, 8, 1000000}) {
       const std::vector<int> count = visits(rows, threads, 1);
-      EXPECT_EQ(std::count(count.begin(), count.end(), 1), rows) << rows << " rows, " << threads << " threads";
+      EXPECT_EQ(std::count(count.begin(), count.end(), 1), rows)
+          << rows << " rows, " << threads << " threads";
     }
 }
 
@@ -58,7 +59,8 @@ TEST(Parallel, BothPiecesRunAndTheirExceptionsArrive) {
     int first = 0, second = 0;
     parallel_both(threads, [&] { first = 1; }, [&] { second = 2; });
     EXPECT_EQ(first + second, 3);
-    EXPECT_THROW(parallel_both(threads, [] {}, [] { throw std::runtime_error("second"); }), std::runtime_error);
+    EXPECT_THROW(
+        parallel_both(threads, [] {}, [] { throw std::runtime_error("second"); }), std::runtime_error);
   }
 }
 
@@ -68,9 +70,11 @@ TEST(Parallel, AnInterruptEndsTheWorkOfAllThreads) {
   set_interrupt_check([] { throw Stop{}; });
   for (const int threads : {1, 4}) {
     std::atomic<long> rows{0};
-    EXPECT_THROW(parallel_rows(1L << 40, threads, 8, [&](long begin, long end) { rows += end - begin; }), Stop);
-    // Long before the end. The others go on while the thread that is asked waits for a processor: 3e9 rows were seen
-    // on two busy cores with sanitizers, so the bound is an eighth of all rows, not a thousandth of them.
+    EXPECT_THROW(parallel_rows(1L << 40, threads, 8, [&](long begin, long end) { rows += end - begin; }),
+                 Stop);
+    // Long before the end. The others go on while the thread that is asked waits for a processor: 3e9 rows
+    // were seen on two busy cores with sanitizers,
+    // so the bound is an eighth of all rows, not a thousandth of them.
     EXPECT_LT(rows, 1L << 37);
     std::this_thread::sleep_for(std::chrono::milliseconds(30));  // until it is asked again
   }

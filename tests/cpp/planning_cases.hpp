@@ -30,7 +30,8 @@ class LinearMasses : public ocp::StageDynamics {
 };
 
 // Order-7 motion between two points (E9) with a smooth random bump that is at rest at both ends.
-inline RowMatrix random_reference(Random& random, long knots, const Vector& from, const Vector& to, double bump) {
+inline RowMatrix random_reference(Random& random, long knots, const Vector& from, const Vector& to,
+                                  double bump) {
   RowMatrix q(knots, from.size());
   const Vector size = random.vector(from.size(), bump);
   for (long k = 0; k < knots; ++k) {

@@ -21,7 +21,9 @@ inline unsigned long& seed() {
 class Random {
  public:
   explicit Random(unsigned long offset = 0) : engine_(seed() + offset) {}
-  double uniform(double low, double high) { return std::uniform_real_distribution<double>(low, high)(engine_); }
+  double uniform(double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(engine_);
+  }
   Vector vector(long size, double bound) {
     Vector v(size);
     for (long i = 0; i < size; ++i) v[i] = uniform(-bound, bound);

@@ -13,7 +13,8 @@ using testing::Random;
 
 std::string reach_of(double distance, double rate, double acceleration) {
   Random random(91);
-  const RowMatrix q = testing::random_reference(random, 101, Vector::Zero(2), (Vector(2) << 0.1, distance).finished(), 0.0);
+  const RowMatrix q =
+      testing::random_reference(random, 101, Vector::Zero(2), (Vector(2) << 0.1, distance).finished(), 0.0);
   Problem problem = testing::mass_problem(q, 0.01, 1e-10);
   problem.bounds.theta_dot.setConstant(rate);
   problem.bounds.theta_ddot.setConstant(acceleration);

@@ -38,7 +38,8 @@ TEST(Regressor, InertialParametersAndLinkInertiaAreInverse) {
 TEST(Regressor, OuterLinksOnlyLoadTheirInnerAxes) {
   Random random(32);
   const Robot robot = testing::random_robot(random, 6, true);
-  const Matrix Y = dynamics_regressor(robot, random.vector(6, 3.0), random.vector(6, 2.0), random.vector(6, 5.0));
+  const Matrix Y =
+      dynamics_regressor(robot, random.vector(6, 3.0), random.vector(6, 2.0), random.vector(6, 5.0));
   for (int axis = 1; axis < 6; ++axis)
     EXPECT_EQ(Y.row(axis).head(kInertialParameters * axis).cwiseAbs().maxCoeff(), 0.0);
 }

@@ -12,7 +12,8 @@ namespace {
 TEST(Sincos, AgreesWithTheStandardLibraryToTwoUnitsInTheLastPlace) {
   testing::Random random(40);
   for (int sample = 0; sample < 500 * testing::samples(); ++sample) {
-    double x[3] = {random.uniform(-4, 4), random.uniform(-9e4, 9e4), 0.5 * 3.14159265358979323846 * (sample % 1000)};
+    double x[3] = {random.uniform(-4, 4), random.uniform(-9e4, 9e4),
+                   0.5 * 3.14159265358979323846 * (sample % 1000)};
     double s[3], c[3];
     sincos(x, 3, s, c);
     for (int i = 0; i < 3; ++i) {

@@ -78,7 +78,8 @@ TEST(Stagewise, LinearQuadraticProblemHasItsClosedFormAnswer) {
     std::vector<double> jv(js.size()), hv(hs.size());
     t.jacobian(zero, jv.data());
     t.hessian(zero, 1.0, Vector::Zero(m), hv.data());
-    for (long e = 0; e < js.size(); ++e) kkt(n + js.row[e], js.column[e]) = kkt(js.column[e], n + js.row[e]) = jv[e];
+    for (long e = 0; e < js.size(); ++e)
+      kkt(n + js.row[e], js.column[e]) = kkt(js.column[e], n + js.row[e]) = jv[e];
     for (long e = 0; e < hs.size(); ++e) kkt(hs.row[e], hs.column[e]) = kkt(hs.column[e], hs.row[e]) = hv[e];
     t.gradient(zero, g);
     t.constraint(zero, c);
@@ -179,7 +180,8 @@ TEST(Stagewise, InfeasibleProblemIsToldAsInfeasible) {
 
 TEST(Stagewise, EveryEndingHasAStatus) {
   const Problem problem = testing::mass_problem(
-      testing::random_reference(*std::make_unique<Random>(64), 60, Vector::Zero(1), Vector::Ones(1), 0.1), 0.01, 1e-10);
+      testing::random_reference(*std::make_unique<Random>(64), 60, Vector::Zero(1), Vector::Ones(1), 0.1),
+      0.01, 1e-10);
   const LinearMasses dynamics(Vector::Ones(1));
   const StageModel model(problem, dynamics, 1);
   StagewiseOptions options;

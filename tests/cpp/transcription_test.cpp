@@ -58,7 +58,8 @@ TEST(Transcription, DerivativesMatchCentralDifference) {
   for (int sample = 0; sample < 4; ++sample) {
     const bool racer = sample < 2;
     const Robot robot = racer ? testing::racer() : testing::random_robot(random, 3, true);
-    const Problem problem = random_problem(random, robot, kLeastKnots, sample % 2 ? Input::jerk : Input::acceleration);
+    const Problem problem =
+        random_problem(random, robot, kLeastKnots, sample % 2 ? Input::jerk : Input::acceleration);
     const RobotDynamics dynamics(robot);
     const StageModel model(problem, dynamics, 1);
     Transcription nlp(model);
@@ -123,10 +124,11 @@ TEST(Transcription, IpoptTracksASmoothReferenceOfTheRacer) {
   EXPECT_LT(error.sign, 1e-12);
   double worst = 0.0;
   for (long k = 0; k < 301; ++k)
-    worst = std::max(worst, (solution.point.x.segment(k * 36, 6) - problem.q_desired.row(k).transpose()).norm());
-  std::printf("%d iterations, %.3f s, objective %.3e, worst %.2e rad, KKT %.1e %.1e %.1e\n", solution.iterations,
-              solution.seconds, solution.objective, worst, error.stationarity, error.feasibility,
-              error.complementarity);
+    worst =
+        std::max(worst, (solution.point.x.segment(k * 36, 6) - problem.q_desired.row(k).transpose()).norm());
+  std::printf("%d iterations, %.3f s, objective %.3e, worst %.2e rad, KKT %.1e %.1e %.1e\n",
+              solution.iterations, solution.seconds, solution.objective, worst, error.stationarity,
+              error.feasibility, error.complementarity);
   EXPECT_LT(worst, 1e-5);
 }
 

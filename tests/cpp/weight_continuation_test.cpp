@@ -42,7 +42,8 @@ TEST(WeightContinuation, RandomPathsAreSolvedWithEitherInputAtAnyWeight) {
     const Input input = sample % 2 ? Input::jerk : Input::acceleration;
     const Problem problem = coarse_problem(robot, random, input, std::pow(10.0, -12.0 + sample / 2 % 6));
     const Motion motion = solve(problem, dynamics, {});
-    EXPECT_TRUE(good(motion.status)) << "sample " << sample << ": " << nlp::status_name(motion.status) << ", " << motion.message;
+    EXPECT_TRUE(good(motion.status)) << "sample " << sample << ": " << nlp::status_name(motion.status) << ", "
+                                     << motion.message;
     EXPECT_LT(motion.kkt.feasibility, 1e-10) << sample;
     EXPECT_LT(motion.kkt.stationarity, kMostStationarity) << sample;
     EXPECT_EQ(motion.kkt.sign, 0.0) << sample;
@@ -52,7 +53,8 @@ TEST(WeightContinuation, RandomPathsAreSolvedWithEitherInputAtAnyWeight) {
 }
 
 TEST(WeightContinuation, FollowsTheSolutionUpToTheWeight) {
-  Problem problem = coarse_problem(testing::racer(), *std::make_unique<Random>(82), Input::acceleration, 1e-6);
+  Problem problem =
+      coarse_problem(testing::racer(), *std::make_unique<Random>(82), Input::acceleration, 1e-6);
   std::vector<double> weights;
   // Solves only what lies near to its start.
   const Attempt attempt = [&](const Problem& weighed, const nlp::Solution* start, bool last) {
@@ -63,7 +65,8 @@ TEST(WeightContinuation, FollowsTheSolutionUpToTheWeight) {
     solution.point.x = Vector::Constant(1, std::log(weighed.weight));
     solution.point.lambda = Vector::Zero(1);
     const double from = start ? start->point.x[0] : std::log(1e-11);
-    solution.status = std::abs(solution.point.x[0] - from) < std::log(30.0) ? Status::solved : Status::numerical_failure;
+    solution.status =
+        std::abs(solution.point.x[0] - from) < std::log(30.0) ? Status::solved : Status::numerical_failure;
     return solution;
   };
   nlp::Solution failed;
@@ -81,12 +84,13 @@ TEST(WeightContinuation, GivesBackTheFailureWhereNoWeightIsSolved) {
   failed.status = Status::numerical_failure;
   failed.message = "steps became too short";
   int count = 0;
-  const nlp::Solution answer = continue_weight(problem, failed, [&](const Problem&, const nlp::Solution*, bool) {
-    ++count;
-    nlp::Solution solution;
-    solution.status = Status::iteration_limit;
-    return solution;
-  });
+  const nlp::Solution answer =
+      continue_weight(problem, failed, [&](const Problem&, const nlp::Solution*, bool) {
+        ++count;
+        nlp::Solution solution;
+        solution.status = Status::iteration_limit;
+        return solution;
+      });
   EXPECT_EQ(answer.status, Status::numerical_failure);
   EXPECT_EQ(answer.message, failed.message);
   EXPECT_LT(count, 10);

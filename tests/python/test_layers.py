@@ -190,6 +190,14 @@ def test_files_are_small():
     assert not {path: count for path, count in lines.items() if count > LONGER.get(path, MOST_LINES)}
 
 
+def test_lines_of_the_core_are_as_short_as_those_of_python():
+    longest = tomllib.loads((TOP / "pyproject.toml").read_text())["tool"]["ruff"]["line-length"]
+    core = [path for path in own_files() if path.suffix in {".hpp", ".cpp", ".h"}]
+    assert len(core) > 100
+    assert not [f"{path.relative_to(TOP)}:{number}" for path in core
+                for number, line in enumerate(path.read_text().splitlines(), 1) if len(line) > longest]
+
+
 def test_files_are_named_for_a_concept():
     assert not [str(path) for path in own_files() if re.search(r"utils?|helpers?|tools|misc", path.stem)]
 

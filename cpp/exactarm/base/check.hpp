@@ -15,11 +15,13 @@ class InvalidArgument : public std::invalid_argument {
 
 inline void require_size(const std::string& name, long found, long expected) {
   if (found != expected)
-    throw InvalidArgument(name + ": size " + std::to_string(found) + ", expected " + std::to_string(expected));
+    throw InvalidArgument(name + ": size " + std::to_string(found) + ", expected " +
+                          std::to_string(expected));
 }
 
 inline void require_finite(const std::string& name, double value) {
-  if (!std::isfinite(value)) throw InvalidArgument(name + ": expected a finite number, found " + std::to_string(value));
+  if (!std::isfinite(value))
+    throw InvalidArgument(name + ": expected a finite number, found " + std::to_string(value));
 }
 
 inline void require_positive(const std::string& name, double value) {

@@ -43,9 +43,10 @@ int stencil(long k, long count, double* weights, long* offsets) {
 
 }  // namespace
 
-void derivative(const double* values, const double* time, long rows, long columns, const std::vector<long>& starts,
-                double* out) {
-  if (rows && (starts.empty() || starts.front() != 0)) throw InvalidArgument("starts: expected blocks from row 0 on");
+void derivative(const double* values, const double* time, long rows, long columns,
+                const std::vector<long>& starts, double* out) {
+  if (rows && (starts.empty() || starts.front() != 0))
+    throw InvalidArgument("starts: expected blocks from row 0 on");
   for (size_t b = 0; b < starts.size(); ++b) {
     const long start = starts[b], end = b + 1 < starts.size() ? starts[b + 1] : rows;
     if (end < start || end > rows) throw InvalidArgument("starts: expected rising rows within the samples");

@@ -6,7 +6,8 @@ namespace exactarm {
 namespace {
 
 using Clock = std::chrono::steady_clock;
-constexpr auto kPause = std::chrono::milliseconds(20);  // a person does not notice it, and asking costs some 100 ns
+// A person does not notice it, and asking costs some 100 ns.
+constexpr auto kPause = std::chrono::milliseconds(20);
 
 std::atomic<InterruptCheck> interrupt_check{nullptr};
 thread_local const std::atomic<bool>* work_failed = nullptr;

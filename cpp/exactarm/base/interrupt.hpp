@@ -1,7 +1,8 @@
 // A long loop asks now and then whether it shall end early: `check_interrupt()` throws then.
 //
-// Whoever calls the core from outside says once how to find out (Python: whether a signal has arrived). The thread that
-// called into the core asks, at most every 20 ms; a worker of the thread pool ends when the work it belongs to has failed.
+// Whoever calls the core from outside says once how to find out (Python: whether a signal has arrived). The
+// thread that called into the core asks, at most every 20 ms; a worker of the thread pool ends when the work
+// it belongs to has failed.
 #pragma once
 
 #include <atomic>

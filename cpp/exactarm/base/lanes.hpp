@@ -6,7 +6,8 @@
 // (one AVX-512, two AVX2, four SSE2 registers).
 #pragma once
 
-// Kernels over lanes pay dearly for calls (every value then goes through memory), so their parts are forced inline.
+// Kernels over lanes pay dearly for calls (every value then goes through memory),
+// so their parts are forced inline.
 #define EXACTARM_INLINE [[gnu::always_inline]] inline
 
 namespace exactarm {

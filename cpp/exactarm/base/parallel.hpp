@@ -1,7 +1,8 @@
 // Splits a batch of independent rows over threads: body(begin, end) on each block.
 //
-// Blocks begin at multiples of eight rows, so that the same eight rows meet in the lanes (lanes.hpp) and every number
-// comes out the same, bit for bit, whatever the number of threads. Between blocks a signal may end the work.
+// Blocks begin at multiples of eight rows, so that the same eight rows meet in the lanes (lanes.hpp) and
+// every number comes out the same, bit for bit,
+// whatever the number of threads. Between blocks a signal may end the work.
 #pragma once
 
 #include <algorithm>

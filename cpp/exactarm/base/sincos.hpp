@@ -16,7 +16,8 @@ inline void sincos(const Lanes& x, Lanes& sine, Lanes& cosine) {
   // Adding and taking away 1.5 * 2^52 rounds to the nearest integer, which its low bits then hold.
   constexpr double kRound = 6755399441055744.0;
   // pi/2 in three parts; the products with k <= 2^17 of the first two are exact.
-  constexpr double kHalfPi1 = 1.5707963267341256, kHalfPi2 = 6.0771005063039658e-11, kHalfPi3 = 2.0222662487959506e-21;
+  constexpr double kHalfPi1 = 1.5707963267341256, kHalfPi2 = 6.0771005063039658e-11,
+                   kHalfPi3 = 2.0222662487959506e-21;
 
   const Native shifted = x.v * kTwoOverPi + kRound;
   const Native k = shifted - kRound;

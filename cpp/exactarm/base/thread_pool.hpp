@@ -1,8 +1,8 @@
 // Threads that wait for blocks of independent work and live from the first use to the end of the process.
 //
-// The caller works too, so that work ends even where no thread could be started, and several callers may come at once.
-// An exception in a block ends the others early and is thrown again in the caller once all have ended. A child of fork()
-// starts with a pool of its own that is empty.
+// The caller works too, so that work ends even where no thread could be started, and several callers may come
+// at once. An exception in a block ends the others early and is thrown again in the caller once all have
+// ended. A child of fork() starts with a pool of its own that is empty.
 #pragma once
 
 #include <condition_variable>
@@ -23,10 +23,12 @@ class ThreadPool {
   ThreadPool& operator=(const ThreadPool&) = delete;
   ~ThreadPool() { stop(); }
 
-  // work(block) for each block from 0 on, by at most `threads` threads. `work` may be called from all of them at once.
+  // work(block) for each block from 0 on, by at most `threads` threads.
+  // `work` may be called from all of them at once.
   template <class Work>
   void run(long blocks, int threads, const Work& work) {
-    run_blocks(blocks, threads, &work, [](const void* self, long block) { (*static_cast<const Work*>(self))(block); });
+    run_blocks(blocks, threads, &work,
+               [](const void* self, long block) { (*static_cast<const Work*>(self))(block); });
   }
 
   // Ends all threads; later work is done by its callers alone.

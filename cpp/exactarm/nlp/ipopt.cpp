@@ -28,7 +28,8 @@ void copy_sparsity(const Sparsity& sparsity, Index* row, Index* column) {
 
 class Adapter : public Ipopt::TNLP {
  public:
-  Adapter(Problem& problem, double scale, Solution& solution) : problem_(problem), scale_(scale), solution_(solution) {}
+  Adapter(Problem& problem, double scale, Solution& solution)
+      : problem_(problem), scale_(scale), solution_(solution) {}
 
   bool get_nlp_info(Index& n, Index& m, Index& nnz_jac, Index& nnz_hess, IndexStyleEnum& style) override {
     n = static_cast<Index>(problem_.variables());
@@ -60,23 +61,25 @@ class Adapter : public Ipopt::TNLP {
     problem_.constraint(view(x, n), view(c, m));
     return view(c, m).allFinite();
   }
-  bool eval_jac_g(Index n, const Number* x, bool, Index, Index, Index* row, Index* column, Number* values) override {
+  bool eval_jac_g(Index n, const Number* x, bool, Index, Index, Index* row, Index* column,
+                  Number* values) override {
     if (!values)
       copy_sparsity(problem_.jacobian_sparsity(), row, column);
     else
       problem_.jacobian(view(x, n), values);
     return true;
   }
-  bool eval_h(Index n, const Number* x, bool, Number factor, Index m, const Number* lambda, bool, Index, Index* row,
-              Index* column, Number* values) override {
+  bool eval_h(Index n, const Number* x, bool, Number factor, Index m, const Number* lambda, bool, Index,
+              Index* row, Index* column, Number* values) override {
     if (!values)
       copy_sparsity(problem_.hessian_sparsity(), row, column);
     else
       problem_.hessian(view(x, n), scale_ * factor, view(lambda, m), values);
     return true;
   }
-  bool intermediate_callback(Ipopt::AlgorithmMode, Index, Number, Number, Number, Number, Number, Number, Number, Number,
-                             Index, const Ipopt::IpoptData*, Ipopt::IpoptCalculatedQuantities*) override {
+  bool intermediate_callback(Ipopt::AlgorithmMode, Index, Number, Number, Number, Number, Number, Number,
+                             Number, Number, Index, const Ipopt::IpoptData*,
+                             Ipopt::IpoptCalculatedQuantities*) override {
     try {
       check_interrupt();
     } catch (...) {
@@ -84,8 +87,8 @@ class Adapter : public Ipopt::TNLP {
     }
     return !interruption;
   }
-  void finalize_solution(Ipopt::SolverReturn, Index n, const Number* x, const Number* z_l, const Number* z_u, Index m,
-                         const Number*, const Number* lambda, Number value, const Ipopt::IpoptData*,
+  void finalize_solution(Ipopt::SolverReturn, Index n, const Number* x, const Number* z_l, const Number* z_u,
+                         Index m, const Number*, const Number* lambda, Number value, const Ipopt::IpoptData*,
                          Ipopt::IpoptCalculatedQuantities*) override {
     solution_.point = {view(x, n), view(lambda, m), view(z_l, n), view(z_u, n)};
     solution_.objective = value / scale_;
@@ -116,7 +119,8 @@ const Ending kEndings[] = {
     {Ipopt::Diverging_Iterates, Status::numerical_failure, "iterates diverge"},
     {Ipopt::Restoration_Failed, Status::numerical_failure, "restoration failed"},
     {Ipopt::Error_In_Step_Computation, Status::numerical_failure, "error in the step computation"},
-    {Ipopt::Invalid_Number_Detected, Status::numerical_failure, "a function returned a value that is not finite"},
+    {Ipopt::Invalid_Number_Detected, Status::numerical_failure,
+     "a function returned a value that is not finite"},
     {Ipopt::Not_Enough_Degrees_Of_Freedom, Status::infeasible, "fewer variables than equations"},
     {Ipopt::Insufficient_Memory, Status::numerical_failure, "out of memory"},
 };
@@ -181,12 +185,12 @@ Solution solve_ipopt(Problem& problem, const IpoptOptions& options) {
   set.SetNumericValue("dual_inf_tol", 1e-4);
   set.SetNumericValue("constr_viol_tol", options.feasibility);
   set.SetNumericValue("compl_inf_tol", options.last_barrier);
-  // Below a pivot threshold of 1e-2 MUMPS without its permutation solves to too few digits: the same problem then took
-  // anything from 4 to 200 iterations, by the rounding of the day.
+  // Below a pivot threshold of 1e-2 MUMPS without its permutation solves to too few digits: the same problem
+  // then took anything from 4 to 200 iterations, by the rounding of the day.
   set.SetNumericValue("mumps_pivtol", 1e-2);
   set.SetNumericValue("mu_init", options.first_barrier);
-  // Multipliers of the bounds that belong to that barrier; those of the equations come with the first step, and a
-  // least-squares estimate would cost a factorisation.
+  // Multipliers of the bounds that belong to that barrier; those of the equations come with the first step,
+  // and a least-squares estimate would cost a factorisation.
   set.SetStringValue("bound_mult_init_method", "mu-based");
   set.SetNumericValue("constr_mult_init_max", 0.0);
   // At a large objective scale the stationarity has a floor of rounding above ten times the last barriers.

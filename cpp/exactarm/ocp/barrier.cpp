@@ -20,8 +20,8 @@ Barrier::Barrier(Vector low, Vector high) : low_(std::move(low)), high_(std::mov
   finite_low_ = (low_.array() > -0.1 * kFar).cast<double>();
   finite_high_ = (high_.array() < 0.1 * kFar).cast<double>();
   count_ = std::max(finite_low_.sum() + finite_high_.sum(), 1.0);
-  for (Vector* v : {&s_low_, &s_high_, &y_low_, &y_high_, &ds_low_, &ds_high_, &dy_low_, &dy_high_, &product_low_,
-                    &product_high_})
+  for (Vector* v : {&s_low_, &s_high_, &y_low_, &y_high_, &ds_low_, &ds_high_, &dy_low_, &dy_high_,
+                    &product_low_, &product_high_})
     v->setZero(low_.size());
 }
 
@@ -56,9 +56,10 @@ void Barrier::set_step(const Vector& z, const Vector& dz, double tau, bool corre
   ds_low_ = dz + (z - low_ - s_low_);
   ds_high_ = (high_ - z - s_high_) - dz;
   const double keep = corrected ? 1.0 : 0.0;
-  dy_low_ = (tau - keep * product_low_.array() - y_low_.array() * ds_low_.array()) / s_low_.array() - y_low_.array();
-  dy_high_ =
-      (tau - keep * product_high_.array() - y_high_.array() * ds_high_.array()) / s_high_.array() - y_high_.array();
+  dy_low_ = (tau - keep * product_low_.array() - y_low_.array() * ds_low_.array()) / s_low_.array() -
+            y_low_.array();
+  dy_high_ = (tau - keep * product_high_.array() - y_high_.array() * ds_high_.array()) / s_high_.array() -
+             y_high_.array();
 }
 
 void Barrier::keep_products() {
@@ -84,8 +85,13 @@ double Barrier::average() const {
 }
 
 double Barrier::average_after(double primal, double dual) const {
-  return ((finite_low_ * (s_low_ + primal * ds_low_).array() * (y_low_ + dual * dy_low_).array()).sum() +
-          (finite_high_ * (s_high_ + primal * ds_high_).array() * (y_high_ + dual * dy_high_).array()).sum()) / count_;
+  const auto sum = [&](const Eigen::ArrayXd& finite, const Vector& s, const Vector& ds, const Vector& y,
+                       const Vector& dy) {
+    return (finite * (s + primal * ds).array() * (y + dual * dy).array()).sum();
+  };
+  return (sum(finite_low_, s_low_, ds_low_, y_low_, dy_low_) +
+          sum(finite_high_, s_high_, ds_high_, y_high_, dy_high_)) /
+         count_;
 }
 
 double Barrier::largest_product() const {

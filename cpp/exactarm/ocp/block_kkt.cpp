@@ -21,7 +21,8 @@ class TwoHalves : public BlockKkt {
         middle_((layout.knots - 2) / 2),
         left_(layout, 1, middle_, 1),
         right_(layout, layout.knots - 2, layout.knots - 2 - middle_, -1) {
-    for (Vector* v : {&force_, &opposite_, &left_end_, &right_end_, &scale_, &turned_}) v->setZero(layout.states());
+    for (Vector* v : {&force_, &opposite_, &left_end_, &right_end_, &scale_, &turned_})
+      v->setZero(layout.states());
     joined_.setZero(layout.states(), layout.states());
   }
 
@@ -60,8 +61,15 @@ class TwoHalves : public BlockKkt {
     if (!force_.allFinite()) return false;
     opposite_ = -force_;
     solution.z.setZero();
-    both([&] { left_.backward(right, force_.data()); left_.forward(right, &solution, left_end_.data()); },
-         [&] { right_.backward(right, opposite_.data()); right_.forward(right, &solution, right_end_.data()); });
+    both(
+        [&] {
+          left_.backward(right, force_.data());
+          left_.forward(right, &solution, left_end_.data());
+        },
+        [&] {
+          right_.backward(right, opposite_.data());
+          right_.forward(right, &solution, right_end_.data());
+        });
     solution.defect.segment(defect * s, s) = opposite_;
     end_multipliers(right, solution, 0, 0);
     end_multipliers(right, solution, layout_.knots - 1, layout_.knots - 2);

@@ -1,5 +1,5 @@
-// Products of small dense blocks, column major without padding: c (rows x cols) += a (rows x inner) b (inner x cols).
-// With Rows and Inner known to the compiler a column of c stays in registers; otherwise plain loops.
+// Products of small dense blocks, column major without padding: c (rows x cols) += a (rows x inner) b (inner
+// x cols). With Rows and Inner known to the compiler a column of c stays in registers; otherwise plain loops.
 #pragma once
 
 namespace exactarm::ocp {
@@ -38,8 +38,10 @@ inline void add_product(int rows, int inner, int cols, const double* a, const do
       const double* b_columns = b + done * Inner;
       double* c_columns = c + done * Rows;
       int row = 0;
-      for (; row + 4 <= Rows; row += 4) detail::two_columns<detail::Four, Rows, Inner>(a + row, b_columns, c_columns + row);
-      for (; row + 2 <= Rows; row += 2) detail::two_columns<detail::Two, Rows, Inner>(a + row, b_columns, c_columns + row);
+      for (; row + 4 <= Rows; row += 4)
+        detail::two_columns<detail::Four, Rows, Inner>(a + row, b_columns, c_columns + row);
+      for (; row + 2 <= Rows; row += 2)
+        detail::two_columns<detail::Two, Rows, Inner>(a + row, b_columns, c_columns + row);
     }
   }
   for (int j = done; j < cols; ++j)

@@ -115,11 +115,13 @@ void HalfSweep<Axes, MotorOrder>::carry_value(const double* value) {
 
 // q = sigma_q + e q_dot, q_dot = sigma_v + e qdd: first the columns of the Hessian, then its rows.
 template <int Axes, int MotorOrder>
-void HalfSweep<Axes, MotorOrder>::add_link_hessian(const StageDerivatives& d, const double* diagonal, long k) {
+void HalfSweep<Axes, MotorOrder>::add_link_hessian(const StageDerivatives& d, const double* diagonal,
+                                                   long k) {
   const int m = n(), m2 = m * m, w = width(), qdd = states();
   const double e = 0.5 * direction_;
   const Map<const Square> h_qv(&d.q_q_dot[k * m2], m, m), h_qa(&d.q_q_ddot[k * m2], m, m);
-  Square &qq = blocks_[0], &qv = blocks_[1], &qa = blocks_[2], &vv = blocks_[3], &va = blocks_[4], &aa = blocks_[5];
+  Square &qq = blocks_[0], &qv = blocks_[1], &qa = blocks_[2], &vv = blocks_[3], &va = blocks_[4],
+         &aa = blocks_[5];
   qq = Map<const Square>(&d.q_q[k * m2], m, m);
   qq.diagonal() += Map<const Vector>(diagonal + kQ * m, m);
   qv = h_qv + e * qq;
@@ -147,7 +149,8 @@ void HalfSweep<Axes, MotorOrder>::add_link_hessian(const StageDerivatives& d, co
 
 // What belongs to the motor is diagonal in the axes.
 template <int Axes, int MotorOrder>
-void HalfSweep<Axes, MotorOrder>::add_motor_hessian(const StageDerivatives& d, const double* diagonal, long k) {
+void HalfSweep<Axes, MotorOrder>::add_motor_hessian(const StageDerivatives& d, const double* diagonal,
+                                                    long k) {
   const int m = n(), w = width();
   const auto add = [&](int first, int second, double factor, const double* values) {
     for (int i = 0; i < m; ++i) quadratic_.data()[(second * m + i) * w + first * m + i] += factor * values[i];
@@ -155,7 +158,8 @@ void HalfSweep<Axes, MotorOrder>::add_motor_hessian(const StageDerivatives& d, c
   double* const values = blocks_[7].data();  // one number an axis
   for (int b = kLinkOrder; b < kStateBlocks; ++b) {
     for (int i = 0; i < m; ++i)
-      values[i] = diagonal[Layout::state_block(b) * m + i] + (b == kLinkOrder ? d.theta_theta[k * m + i] : 0.0);
+      values[i] =
+          diagonal[Layout::state_block(b) * m + i] + (b == kLinkOrder ? d.theta_theta[k * m + i] : 0.0);
     for (int c1 = b; c1 < kBlocks; ++c1)
       for (int c2 = b; c2 < kBlocks; ++c2)
         if (x_of_[b][c1] != 0.0 && x_of_[b][c2] != 0.0) add(c1, c2, x_of_[b][c1] * x_of_[b][c2], values);
@@ -240,7 +244,8 @@ bool HalfSweep<Axes, MotorOrder>::eliminate_input(const Knot& here) {
   return true;
 }
 
-// With a free middle a half may have directions that raise nothing, or lower the cost, though the whole has none.
+// With a free middle a half may have directions that raise nothing,
+// or lower the cost, though the whole has none.
 template <int Axes, int MotorOrder>
 template <class Block>
 bool HalfSweep<Axes, MotorOrder>::invert_indefinite(Block& block) {
@@ -269,7 +274,8 @@ bool HalfSweep<Axes, MotorOrder>::factorise(const StageDerivatives& d, const Vec
   return true;
 }
 
-// Covariance of y when every input has the noise R^{-1}: sigma = compliance, (qdd, input) = joint sigma + noise.
+// Covariance of y when every input has the noise R^{-1}:
+// sigma = compliance, (qdd, input) = joint sigma + noise.
 template <int Axes, int MotorOrder>
 void HalfSweep<Axes, MotorOrder>::propagate_compliance() {
   const int m = n(), s = states(), w = width(), m2 = 2 * m;
@@ -284,7 +290,8 @@ void HalfSweep<Axes, MotorOrder>::propagate_compliance() {
     Square &turn = blocks_[0], &turn_transposed = blocks_[1], &turned = blocks_[2], &both = blocks_[3];
     turn = Map<const Square>(here.qdd_by_rest + s * m, m, m);
     turn_transposed = turn.transpose();
-    add_product<kS, kN>(s, m, m, joint_transposed_.data() + s * m, turn_transposed.data(), joint_transposed_.data());
+    add_product<kS, kN>(s, m, m, joint_transposed_.data() + s * m, turn_transposed.data(),
+                        joint_transposed_.data());
     transpose(s, m2, joint_transposed_.data(), joint_.data());
     // cross = compliance joint', corner = joint cross.
     std::fill_n(cross_.data(), s * m2, 0.0);

@@ -79,8 +79,8 @@ class HalfSweep {
   std::vector<Term> terms_by_input_, terms_by_output_;
   Matrix half_, quadratic_, compliance_, covariance_;
   // Column-major scratch: rest x n (three of them), rest x rest, and what the compliance needs.
-  std::vector<double> rest_transposed_, factor_, cross_, reduced_, product_, joint_, joint_transposed_, gain_transposed_,
-      corner_;
+  std::vector<double> rest_transposed_, factor_, cross_, reduced_, product_, joint_, joint_transposed_,
+      gain_transposed_, corner_;
   std::array<Square, 8> blocks_;
   Vector work_;
 };

@@ -86,8 +86,8 @@ void HalfSweep<Axes, MotorOrder>::backward(const KktVector& right, const double*
 }
 
 template <int Axes, int MotorOrder>
-void HalfSweep<Axes, MotorOrder>::next_state(const double* sigma, const double* qdd, const double* input, double* x,
-                                             double* out) const {
+void HalfSweep<Axes, MotorOrder>::next_state(const double* sigma, const double* qdd, const double* input,
+                                             double* x, double* out) const {
   const int m = n();
   const double half = 0.5 * direction_;
   for (int b = kStateBlocks - 1; b >= 0; --b) {

@@ -1,6 +1,6 @@
 #include "exactarm/ocp/initial_guess.hpp"
 
-#include "exactarm/robot/spring.hpp"
+#include "exactarm/robot/elasticity.hpp"
 
 namespace exactarm::ocp {
 namespace {
@@ -13,7 +13,8 @@ double holding_angle(const StageModel& model, long k, int i, double q, double ta
 
 }  // namespace
 
-void differences(const double* samples, long rows, int columns, long stride, int order, double* out, long out_stride) {
+void differences(const double* samples, long rows, int columns, long stride, int order, double* out,
+                 long out_stride) {
   // Central weights for offsets -2..2 (three terms where a neighbour is missing); the ends are left at 0.
   static const double kFive[3][5] = {{1. / 12, -8. / 12, 0, 8. / 12, -1. / 12},
                                      {-1. / 12, 16. / 12, -30. / 12, 16. / 12, -1. / 12},

@@ -15,6 +15,7 @@ void rest(const StageModel& model, long knot, double* z_k);
 void initial_guess(const StageModel& model, double* z);
 
 // d(order) of samples in units of one sample, order 1 to 3; rows x n in strided memory.
-void differences(const double* samples, long rows, int columns, long stride, int order, double* out, long out_stride);
+void differences(const double* samples, long rows, int columns, long stride, int order, double* out,
+                 long out_stride);
 
 }  // namespace exactarm::ocp

@@ -32,6 +32,16 @@ void Objective::gradient(const double* z, double* gradient) const {
     }
 }
 
+Vector Objective::hessian_diagonal(double scale) const {
+  const int n = layout_.axes, width = layout_.width();
+  Vector diagonal = Vector::Zero(layout_.unknowns());
+  for (long k = 0; k < layout_.knots; ++k) {
+    diagonal.segment(k * width + kQ * n, n).setConstant(2.0 * scale);
+    diagonal.segment(k * width + layout_.input() * n, n) = 2.0 * scale * input_weights_;
+  }
+  return diagonal;
+}
+
 double Objective::natural_scale(const double* z) const {
   return 100.0 / std::max(value(z), 1e-6);
 }

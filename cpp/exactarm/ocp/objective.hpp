@@ -1,4 +1,5 @@
-// The objective (4.3a) in the layout's units: sum_k |q_k - q_d,k|^2 + weight |input_k|^2, weight = nu ratio^2.
+// The objective (4.3a) in the layout's units:
+// sum_k |q_k - q_d,k|^2 + weight |input_k|^2, weight = nu ratio^2.
 #pragma once
 
 #include "exactarm/ocp/problem.hpp"
@@ -11,6 +12,7 @@ class Objective {
   double value(const double* z) const;
   void gradient(const double* z, double* gradient) const;
   const Vector& input_weights() const { return input_weights_; }  // n
+  Vector hessian_diagonal(double scale) const;                    // the whole Hessian of scale f
 
   // The scale that makes the objective at z 100, at most 1e8: solvers have absolute tolerances.
   double natural_scale(const double* z) const;

@@ -13,7 +13,8 @@ void require_shape(const std::string& name, const RowMatrix& matrix, const Probl
   require_size("columns of " + name, matrix.cols(), problem.axes());
   for (long k = 0; k < matrix.rows(); ++k)
     for (long i = 0; i < matrix.cols(); ++i)
-      require_finite(name + ", knot " + std::to_string(k + 1) + ", axis " + std::to_string(i + 1), matrix(k, i));
+      require_finite(name + ", knot " + std::to_string(k + 1) + ", axis " + std::to_string(i + 1),
+                     matrix(k, i));
 }
 
 }  // namespace
@@ -47,8 +48,8 @@ void require_problem(const Problem& problem) {
   if (n == 0) throw InvalidArgument("springs: found none, expected one an axis");
   require_size("columns of q_desired", problem.q_desired.cols(), n);
   if (problem.knots() < kLeastKnots)
-    throw InvalidArgument("q_desired: found " + std::to_string(problem.knots()) + " knots, expected at least " +
-                          std::to_string(kLeastKnots));
+    throw InvalidArgument("q_desired: found " + std::to_string(problem.knots()) +
+                          " knots, expected at least " + std::to_string(kLeastKnots));
   require_positive("step", problem.step);
   require_positive("weight", problem.weight);
   require_shape("q_desired", problem.q_desired, problem);
@@ -69,8 +70,8 @@ void require_problem(const Problem& problem) {
     require_gear("gear of " + joint + ", ccw", problem.gears[i].ratio, problem.gears[i].ccw);
   }
   const Bounds& b = problem.bounds;
-  for (const Vector* v : {&b.q_min, &b.q_max, &b.q_dot, &b.theta_min, &b.theta_max, &b.theta_dot, &b.theta_ddot,
-                          &b.theta_dddot})
+  for (const Vector* v : {&b.q_min, &b.q_max, &b.q_dot, &b.theta_min, &b.theta_max, &b.theta_dot,
+                          &b.theta_ddot, &b.theta_dddot})
     require_size("bounds", v->size(), n);
   for (int i = 0; i < n; ++i)
     if (!(b.q_min[i] < b.q_max[i]) || !(b.q_dot[i] > 0) || !(b.theta_min[i] < b.theta_max[i]) ||

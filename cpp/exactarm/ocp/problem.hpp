@@ -1,6 +1,6 @@
 // The optimal control problem (4.2): the motor motion that puts the link on the reference.
-//   min  sum_k |q_k - q_d,k|^2 + nu |input_k|^2            (4.3a), E11; input = theta'' or theta''' of the motor
-//   s.t. D qdd + C qd + g = kappa(phi - q)                  (4.1), E4, stated as inverse dynamics
+//   min  sum_k |q_k - q_d,k|^2 + nu |input_k|^2       (4.3a), E11; input = theta'' or theta''' of the motor
+//   s.t. D qdd + C qd + g = kappa(phi - q)             (4.1), E4, stated as inverse dynamics
 //        phi = Xi^{-1}(theta) + q_offset + phi_shift,  bounds (4.3c), (4.3d), E10
 //        at rest at both ends on the reference             (4.3e)-(4.3j), E14
 // Everything here is in SI units on the output side of the gears (theta / ratio); nu weighs the true motor

@@ -26,11 +26,14 @@ std::string out_of_reach(const StageModel& model, const double* z) {
     for (int i = 0; i < n; ++i) {
       const int at = angle * n + i;
       // The link's acceleration has no bound.
-      const double acceleration = angle == kTheta ? high[kThetaDdot * n + i] : std::numeric_limits<double>::infinity();
-      const double distance = std::abs(end[at] - z[at]), reach = farthest(high[at + n], acceleration, layout.knots - 1);
+      const double acceleration =
+          angle == kTheta ? high[kThetaDdot * n + i] : std::numeric_limits<double>::infinity();
+      const double distance = std::abs(end[at] - z[at]),
+                   reach = farthest(high[at + n], acceleration, layout.knots - 1);
       if (distance <= (1.0 + kRounding) * reach) continue;
       char text[160];
-      std::snprintf(text, sizeof text, "joint %d has to turn %.4g rad in %.4g s, and its limits allow %.4g rad", i + 1, distance,
+      std::snprintf(text, sizeof text,
+                    "joint %d has to turn %.4g rad in %.4g s, and its limits allow %.4g rad", i + 1, distance,
                     (layout.knots - 1) * model.problem().step, reach);
       return text;
     }

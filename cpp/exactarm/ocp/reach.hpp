@@ -10,7 +10,8 @@
 
 namespace exactarm::ocp {
 
-// Which axis cannot get from one end of z to the other in the time, and what it could do; empty: none is proven.
+// Which axis cannot get from one end of z to the other in the time,
+// and what it could do; empty: none is proven.
 std::string out_of_reach(const StageModel& model, const double* z);
 
 }  // namespace exactarm::ocp

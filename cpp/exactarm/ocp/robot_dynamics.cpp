@@ -13,7 +13,9 @@ struct OfKnots : StageDynamics::Workspace {
 
 RobotDynamics::RobotDynamics(const Robot& robot) : model_(robot) {}
 
-std::unique_ptr<StageDynamics::Workspace> RobotDynamics::workspace() const { return std::make_unique<OfKnots>(model_); }
+std::unique_ptr<StageDynamics::Workspace> RobotDynamics::workspace() const {
+  return std::make_unique<OfKnots>(model_);
+}
 
 void RobotDynamics::evaluate(const DynamicsBatch& batch, long first, long last, Workspace* workspace) const {
   KnotBatch knots;

@@ -19,7 +19,8 @@ RowMatrix block(const Layout& layout, const Vector& z, int which, double factor)
   return out;
 }
 
-// Whether the start lies well within all bounds that leave a range: then no barrier needs to be followed down.
+// Whether the start lies well within all bounds that leave a range:
+// then no barrier needs to be followed down.
 bool lies_inside(const Transcription& transcription, const Vector& start) {
   Vector low(start.size()), high(start.size());
   transcription.variable_bounds(low, high);
@@ -43,8 +44,8 @@ constexpr int kHardSteps = 10;
 constexpr int kNearIterations = 30;
 constexpr int kInsideIterations = 50;  // of Ipopt, from well within all bounds: more do not help
 
-nlp::Solution by_stages(const StageModel& model, const SolveOptions& options, double seconds, const nlp::Solution* start,
-                        bool last) {
+nlp::Solution by_stages(const StageModel& model, const SolveOptions& options, double seconds,
+                        const nlp::Solution* start, bool last) {
   StagewiseOptions own;
   own.iterations = last ? options.iterations : std::min(options.iterations, kNearIterations);
   own.seconds = seconds;
@@ -58,8 +59,8 @@ nlp::Solution by_stages(const StageModel& model, const SolveOptions& options, do
   return solve_stagewise(model, own);
 }
 
-nlp::Solution by_ipopt(const StageModel& model, const SolveOptions& options, double seconds, const nlp::Solution* start,
-                       bool last) {
+nlp::Solution by_ipopt(const StageModel& model, const SolveOptions& options, double seconds,
+                       const nlp::Solution* start, bool last) {
   Transcription transcription(model);
   if (start) transcription.start_at(start->point.x);
   Vector first(transcription.variables());
@@ -67,12 +68,14 @@ nlp::Solution by_ipopt(const StageModel& model, const SolveOptions& options, dou
   nlp::IpoptOptions ipopt;
   ipopt.linear_solver = options.linear_solver;
   const bool inside = lies_inside(transcription, first);
-  ipopt.iterations = std::min(options.iterations, !last ? kNearIterations : inside ? kInsideIterations : options.iterations);
+  const int most = !last ? kNearIterations : inside ? kInsideIterations : options.iterations;
+  ipopt.iterations = std::min(options.iterations, most);
   ipopt.seconds = seconds;
   ipopt.print_level = options.print_level;
   ipopt.objective_scale = Objective(model.problem()).natural_scale(first.data());
   if (!last) ipopt.tolerance = kNear;
-  ipopt.tolerance = std::max(ipopt.tolerance, Objective(model.problem()).gradient_floor(ipopt.objective_scale));
+  ipopt.tolerance =
+      std::max(ipopt.tolerance, Objective(model.problem()).gradient_floor(ipopt.objective_scale));
   if (inside) ipopt.first_barrier = 0.1 * ipopt.last_barrier;
   return nlp::solve_ipopt(transcription, ipopt);
 }
@@ -99,7 +102,8 @@ Motion solve(const Problem& problem, const StageDynamics& dynamics, const SolveO
     solution.status = nlp::Status::infeasible;
     solution.message = "no motion within the bounds: " + reach;
   } else if (!ended && solution.iterations < options.iterations && flat_motion_fits(model)) {
-    // The flat motion solves all equations but for its differences: with it within the bounds there is a solution.
+    // The flat motion solves all equations but for its differences:
+    // with it within the bounds there is a solution.
     if (solution.status == nlp::Status::infeasible) solution.status = nlp::Status::numerical_failure;
     solution = continue_weight(problem, solution, attempt);
   }

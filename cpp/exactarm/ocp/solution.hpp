@@ -25,7 +25,8 @@ struct Motion {
   double objective = 0.0, objective_scale = 1.0;
   nlp::KktError kkt;             // of the scaled problem
   RowMatrix q, q_dot, q_ddot;    // link side
-  RowMatrix theta, theta_dot, theta_ddot, theta_dddot;  // motor; the jerk is empty with acceleration as the input
+  // Motor; the jerk is empty with acceleration as the input.
+  RowMatrix theta, theta_dot, theta_ddot, theta_dddot;
   RowMatrix stage_multipliers;   // N x n, of the equation of motion
 };
 

@@ -12,7 +12,8 @@ constexpr long kLeastKnotsAThread = 128;
 StageDerivatives::StageDerivatives(const Layout& layout) {
   const long rows = layout.knots * layout.axes, squares = rows * layout.axes;
   for (Vector* v : {&residual, &by_theta, &q_theta, &theta_theta}) v->setZero(rows);
-  for (Vector* v : {&by_q, &by_q_dot, &by_q_ddot, &q_q, &q_q_dot, &q_dot_q_dot, &q_q_ddot}) v->setZero(squares);
+  for (Vector* v : {&by_q, &by_q_dot, &by_q_ddot, &q_q, &q_q_dot, &q_dot_q_dot, &q_q_ddot})
+    v->setZero(squares);
 }
 
 StageModel::StageModel(const Problem& problem, const StageDynamics& dynamics, int threads)
@@ -105,7 +106,8 @@ void StageModel::residual(const double* z, StageWorkspace& w, double* residual) 
   });
 }
 
-void StageModel::derivatives(const double* z, const double* lambda, StageWorkspace& w, StageDerivatives& out) const {
+void StageModel::derivatives(const double* z, const double* lambda, StageWorkspace& w,
+                             StageDerivatives& out) const {
   const int n = layout_.axes, n2 = n * n;
   const double rate = 1.0 / problem_.step;
   parallel_rows(layout_.knots, threads_, kLeastKnotsAThread, [&](long first, long last) {
@@ -116,7 +118,8 @@ void StageModel::derivatives(const double* z, const double* lambda, StageWorkspa
     batch.by_q_ddot = out.by_q_ddot.data();
     if (lambda) {
       for (long k = first; k < last; ++k)
-        for (int i = 0; i < n; ++i) w.scaled_lambda_[k * n + i] = lambda[k * n + i] / problem_.springs[i].linear;
+        for (int i = 0; i < n; ++i)
+          w.scaled_lambda_[k * n + i] = lambda[k * n + i] / problem_.springs[i].linear;
       batch.lambda = w.scaled_lambda_.data();
       batch.q_q = out.q_q.data();
       batch.q_q_dot = out.q_q_dot.data();

@@ -2,8 +2,9 @@
 //   r_k = (tau(q, qd, qdd) - kappa(e)) / k1,   e = phi + q_offset + phi_shift - q,   phi = Xi_k^{-1}(theta)
 // one equation an axis, divided by the spring's linear stiffness, so in rad. Xi_k blends the two tables of
 // the gear by the direction at knot k. Derivatives with respect to z_k in the units of Layout.
-// Matrices n x n column major, one knot after the other. Knots are spread over threads. The model is never written
-// to; what an evaluation needs on its way is a StageWorkspace, after whose first use nothing is allocated.
+// Matrices n x n column major, one knot after the other. Knots are spread over threads. The model is never
+// written to; what an evaluation needs on its way is a StageWorkspace,
+// after whose first use nothing is allocated.
 #pragma once
 
 #include <mutex>
@@ -54,7 +55,8 @@ class StageModel {
   // z: N x (blocks n).
   void residual(const double* z, StageWorkspace& workspace, double* residual) const;
   // lambda null: no second derivatives.
-  void derivatives(const double* z, const double* lambda, StageWorkspace& workspace, StageDerivatives& out) const;
+  void derivatives(const double* z, const double* lambda, StageWorkspace& workspace,
+                   StageDerivatives& out) const;
 
   // Gear: output angle and its first two derivatives with respect to theta (output side), knot k, axis i.
   struct OutputAngle {

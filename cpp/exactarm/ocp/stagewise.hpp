@@ -1,13 +1,12 @@
 // Our own primal-dual interior-point solver of the transcription, on BlockKkt.
 //   min scale f(z)  s.t.  r(z) = 0, defects = 0,  z - low = s_low > 0,  high - z = s_high > 0
 // Newton on the perturbed first-order conditions with exact second derivatives; slacks of their own, so that
-// the start need not lie within the bounds (Mehrotra 1992, predictor and corrector). Where the start lies
-// well within them the barrier is small from the first step on, and the iteration is Newton's.
-// If the reduced Hessian of a knot is indefinite, that step adds the least multiple of the identity that makes
-// it definite (Levenberg); steps that are damped or long are halved until a filter takes them.
+// the start need not lie within the bounds. Where the start lies well within them the barrier is small from
+// the first step on, and the iteration is Newton's.
 //
-// Where bounds stay violated while their multipliers grow without limit or steps become too short, the problem is called
-// infeasible only if an axis provably cannot get from one end to the other (reach.hpp).
+// One iteration, a file each: the first-order conditions (first_order.hpp), whether to end (ending.hpp), the
+// step with its barrier (direction.hpp, barrier.hpp, block_kkt.hpp), and, where the equation of motion is not
+// near its linearisation, how far to go (line_search.hpp, filter.hpp).
 #pragma once
 
 #include "exactarm/nlp/ipopt.hpp"

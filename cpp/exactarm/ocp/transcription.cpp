@@ -5,7 +5,11 @@
 namespace exactarm::ocp {
 
 Transcription::Transcription(const StageModel& model)
-    : model_(model), layout_(model.layout()), workspace_(model), derivatives_(layout_), objective_(model.problem()) {
+    : model_(model),
+      layout_(model.layout()),
+      workspace_(model),
+      derivatives_(layout_),
+      objective_(model.problem()) {
   lambda_.resize(layout_.knots * layout_.axes);
   residual_.resize(layout_.knots * layout_.axes);
   describe_jacobian();
@@ -42,7 +46,9 @@ void Transcription::start(VectorRef x) const {
 
 double Transcription::objective(ConstVectorRef x) { return objective_.value(x.data()); }
 
-void Transcription::gradient(ConstVectorRef x, VectorRef gradient) { objective_.gradient(x.data(), gradient.data()); }
+void Transcription::gradient(ConstVectorRef x, VectorRef gradient) {
+  objective_.gradient(x.data(), gradient.data());
+}
 
 void Transcription::constraint(ConstVectorRef x, VectorRef c) {
   const int n = layout_.axes, width = layout_.width();
@@ -118,14 +124,16 @@ void Transcription::describe_hessian() {
   }
 }
 
-void Transcription::hessian(ConstVectorRef x, double objective_factor, ConstVectorRef lambda, double* values) {
+void Transcription::hessian(ConstVectorRef x, double objective_factor, ConstVectorRef lambda,
+                            double* values) {
   const int n = layout_.axes, n2 = n * n;
   for (long k = 0; k < layout_.knots; ++k) lambda_.segment(k * n, n) = lambda.segment(stage_row(k), n);
   model_.derivatives(x.data(), lambda_.data(), workspace_, derivatives_);
   const StageDerivatives& d = derivatives_;
   for (long k = 0; k < layout_.knots; ++k) {
     for (int j = 0; j < n; ++j)
-      for (int i = j; i < n; ++i) *values++ = d.q_q[k * n2 + j * n + i] + (i == j ? 2.0 * objective_factor : 0.0);
+      for (int i = j; i < n; ++i)
+        *values++ = d.q_q[k * n2 + j * n + i] + (i == j ? 2.0 * objective_factor : 0.0);
     for (int j = 0; j < n; ++j)
       for (int i = j; i < n; ++i) *values++ = d.q_dot_q_dot[k * n2 + j * n + i];
     for (const Vector* part : {&d.q_q_dot, &d.q_q_ddot}) {

@@ -13,7 +13,8 @@ bool good(const nlp::Solution& solution) {
 }
 
 // The secant in log(weight) through two solutions, at most as far again as they lie apart.
-nlp::Solution predicted(const nlp::Solution& before, double weight_before, const nlp::Solution& here, double weight, double next) {
+nlp::Solution predicted(const nlp::Solution& before, double weight_before, const nlp::Solution& here,
+                        double weight, double next) {
   const double share = std::min(std::log(next / weight) / std::log(weight / weight_before), 1.0);
   const double rescaled = here.objective_scale / before.objective_scale;
   nlp::Solution guess = here;
@@ -35,12 +36,15 @@ nlp::Solution continue_weight(const Problem& problem, const nlp::Solution& faile
   };
   nlp::Solution here, before;
   double weight = problem.weight, weight_before = 0.0;
-  for (int beginning = 0; beginning < kMostBeginnings && !good(here); ++beginning) here = tried(weight *= kFirstFactor, nullptr);
+  for (int beginning = 0; beginning < kMostBeginnings && !good(here); ++beginning)
+    here = tried(weight *= kFirstFactor, nullptr);
 
   double factor = kFactor;
-  for (int count = 0; count < kMostAttempts && good(here) && weight < problem.weight && factor > kLeastFactor; ++count) {
+  for (int count = 0; count < kMostAttempts && good(here) && weight < problem.weight && factor > kLeastFactor;
+       ++count) {
     const double next = weight * factor < 0.99 * problem.weight ? weight * factor : problem.weight;
-    const nlp::Solution guess = weight_before > 0.0 ? predicted(before, weight_before, here, weight, next) : here;
+    const nlp::Solution guess =
+        weight_before > 0.0 ? predicted(before, weight_before, here, weight, next) : here;
     nlp::Solution ahead = tried(next, &guess);
     if (ahead.status == nlp::Status::time_limit) break;
     if (!good(ahead)) {

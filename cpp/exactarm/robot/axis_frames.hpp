@@ -73,7 +73,8 @@ EXACTARM_INLINE spatial::SpatialInertia<T> world_inertia(const T& mass, const sp
                                          const spatial::Sym3<T>& central, const AxisPose<T>& pose) {
   using Vec = spatial::Vec3<T>;
   const Vec p = pose.origin + pose.turn(centre), h = mass * p;
-  const Vec u = pose.turn({central.xx, central.xy, central.xz}), v = pose.turn({central.xy, central.yy, central.yz}),
+  const Vec u = pose.turn({central.xx, central.xy, central.xz}),
+            v = pose.turn({central.xy, central.yy, central.yz}),
             w = pose.turn({central.xz, central.yz, central.zz});
   const Vec &x = pose.x, &y = pose.y, &z = pose.z;
   const T xx = h.x * p.x, yy = h.y * p.y, zz = h.z * p.z;

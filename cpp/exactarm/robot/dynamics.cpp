@@ -16,11 +16,17 @@ constexpr long kLeastRowsAThread = 256;
 
 // (c, s): v_before = Rot_z v_after and its inverse; likewise about x and y.
 template <class T>
-Vec3<T> about_z(const T& c, const T& s, const Vec3<T>& v) { return {c * v.x - s * v.y, s * v.x + c * v.y, v.z}; }
+Vec3<T> about_z(const T& c, const T& s, const Vec3<T>& v) {
+  return {c * v.x - s * v.y, s * v.x + c * v.y, v.z};
+}
 template <class T>
-Vec3<T> about_x(const T& c, const T& s, const Vec3<T>& v) { return {v.x, c * v.y - s * v.z, s * v.y + c * v.z}; }
+Vec3<T> about_x(const T& c, const T& s, const Vec3<T>& v) {
+  return {v.x, c * v.y - s * v.z, s * v.y + c * v.z};
+}
 template <class T>
-Vec3<T> about_y(const T& c, const T& s, const Vec3<T>& v) { return {c * v.x + s * v.z, v.y, c * v.z - s * v.x}; }
+Vec3<T> about_y(const T& c, const T& s, const Vec3<T>& v) {
+  return {c * v.x + s * v.z, v.y, c * v.z - s * v.x};
+}
 
 // Rotation from F_{i-1} back to A_{i-1}, and the other way.
 template <class T>
@@ -185,7 +191,8 @@ void inverse_dynamics(const DynamicsModel& model, DynamicsWorkspace& workspace, 
   tau = Eigen::Map<const Vector>(workspace.result.data(), model.size());
 }
 
-void gravity_torque(const DynamicsModel& model, DynamicsWorkspace& workspace, ConstVectorRef q, VectorRef tau) {
+void gravity_torque(const DynamicsModel& model, DynamicsWorkspace& workspace, ConstVectorRef q,
+                    VectorRef tau) {
   load(workspace.q, q);
   gravity_of_sample<double, false>(model, workspace);
   tau = Eigen::Map<const Vector>(workspace.result.data(), model.size());
@@ -208,7 +215,8 @@ RigidEnergy rigid_energy(const DynamicsModel& model, DynamicsWorkspace& workspac
   for (int k = 0; k < n; ++k) {
     const Vec3<double> first = spatial::constant<double>(model.axes[k].first_moment);
     energy.kinetic += 0.5 * q_dot[k] * D.col(k).dot(q_dot);
-    energy.potential += dot(up, model.axes[k].mass * workspace.pose[k].origin + workspace.pose[k].turn(first));
+    energy.potential +=
+        dot(up, model.axes[k].mass * workspace.pose[k].origin + workspace.pose[k].turn(first));
   }
   return energy;
 }
@@ -255,7 +263,8 @@ void gravity_torque_batch(const DynamicsModel& model, ConstRowMatrixRef q, doubl
            [&](DynamicsWorkspaceOf<Lanes>& w) { gravity_of_sample<Lanes, false>(model, w); });
 }
 
-void gravity_torque_jacobian_batch(const DynamicsModel& model, ConstRowMatrixRef q, double* jacobian, int threads) {
+void gravity_torque_jacobian_batch(const DynamicsModel& model, ConstRowMatrixRef q, double* jacobian,
+                                   int threads) {
   each_row(model, {&q}, model.size() * model.size(), jacobian, threads,
            [&](DynamicsWorkspaceOf<Lanes>& w) { gravity_of_sample<Lanes, true>(model, w); });
 }

@@ -33,7 +33,8 @@ using DynamicsWorkspace = DynamicsWorkspaceOf<double>;
 
 void inverse_dynamics(const DynamicsModel& model, DynamicsWorkspace& workspace, ConstVectorRef q,
                       ConstVectorRef q_dot, ConstVectorRef q_ddot, VectorRef tau);
-void gravity_torque(const DynamicsModel& model, DynamicsWorkspace& workspace, ConstVectorRef q, VectorRef tau);
+void gravity_torque(const DynamicsModel& model, DynamicsWorkspace& workspace, ConstVectorRef q,
+                    VectorRef tau);
 void mass_matrix(const DynamicsModel& model, DynamicsWorkspace& workspace, ConstVectorRef q, MatrixRef D);
 
 // Energy of the rigid robot in J: 1/2 qd' D qd, and -sum m gravity . c (zero at the base frame's origin).
@@ -53,7 +54,8 @@ void inverse_dynamics_batch(const DynamicsModel& model, ConstRowMatrixRef q, Con
                             ConstRowMatrixRef q_ddot, double* tau, int threads);
 void gravity_torque_batch(const DynamicsModel& model, ConstRowMatrixRef q, double* tau, int threads);
 // N x n x n, [row, i, j] = dg_i/dq_j (symmetric).
-void gravity_torque_jacobian_batch(const DynamicsModel& model, ConstRowMatrixRef q, double* jacobian, int threads);
+void gravity_torque_jacobian_batch(const DynamicsModel& model, ConstRowMatrixRef q, double* jacobian,
+                                   int threads);
 // N x n x n.
 void mass_matrix_batch(const DynamicsModel& model, ConstRowMatrixRef q, double* D, int threads);
 

@@ -159,9 +159,9 @@ void forward(const Vector3& gravity, DerivativesMemory<Layout>& memory) {
   }
 }
 
-// Where the entries go, for every pair of an axis k and a block of axes j <= k: `row` holds (k, j), `column` (j, k).
-// With samples in the lanes these are n x n matrices of lanes, column major; with axes in the lanes, lane j of
-// entry [k * blocks + block], which `assemble` puts in order afterwards.
+// Where the entries go, for every pair of an axis k and a block of axes j <= k: `row` holds (k, j), `column`
+// (j, k). With samples in the lanes these are n x n matrices of lanes, column major; with axes in the lanes,
+// lane j of entry [k * blocks + block], which `assemble` puts in order afterwards.
 template <class Layout>
 struct Entries {
   int n, blocks;
@@ -191,8 +191,8 @@ struct Entries {
   }
 };
 
-// One n x n matrix, column major, from its tiles of 8 x 8: on and above the diagonal the columns as they are, below
-// it the rows, transposed in place.
+// One n x n matrix, column major, from its tiles of 8 x 8: on and above the diagonal the columns as they are,
+// below it the rows, transposed in place.
 void assemble(const Entries<AxesInLanes>& from, int result, double* to) {
   constexpr int kTile = Lanes::kCount;
   const int n = from.n, blocks = from.blocks;
@@ -219,10 +219,12 @@ void assemble(const Entries<AxesInLanes>& from, int result, double* to) {
 }
 
 template <class Layout, bool kSecond>
-EXACTARM_INLINE void meet(const Covectors<kSecond>& c, const MotionLanes& m, int k, int block, const Entries<Layout>& to) {
+EXACTARM_INLINE void meet(const Covectors<kSecond>& c, const MotionLanes& m, int k, int block,
+                          const Entries<Layout>& to) {
   const Lanes two(2.0);
   to.put(kMass, k, block, dot(m.joint, c.inertia_joint));
-  to.put(kDtauDq, k, block, dot(m.psi_ddot, c.inertia_joint) + dot(m.psi_dot, c.coriolis_joint), dot(m.joint, c.by_q));
+  to.put(kDtauDq, k, block, dot(m.psi_ddot, c.inertia_joint) + dot(m.psi_dot, c.coriolis_joint),
+         dot(m.joint, c.by_q));
   to.put(kDtauDqDot, k, block, two * dot(m.psi_dot, c.inertia_joint) + dot(m.joint, c.coriolis_joint),
          dot(m.joint, c.by_q_dot));
   if constexpr (kSecond) {
@@ -246,7 +248,8 @@ void backward(const DerivativesMemory<Layout>& memory, const Entries<Layout>& to
     const int first = Layout::kAxesABlock * b, end = std::min(to.n, first + Layout::kAxesABlock);
     for (int k = first; k < end; ++k) {
       const Covectors<kSecond>& axis = Layout::of_axis(block, k - first);
-      for (int inner = 0; inner <= b; ++inner) meet<Layout, kSecond>(axis, memory.motion[inner], k, inner, to);
+      for (int inner = 0; inner <= b; ++inner)
+        meet<Layout, kSecond>(axis, memory.motion[inner], k, inner, to);
     }
   }
 }
@@ -255,7 +258,8 @@ void set_axis(LinkLanes& link, const DynamicsAxis& axis, int lane) {
   (axis.revolute ? link.turn : link.slide).set(lane, axis.sign);
   link.mass.set(lane, axis.mass);
   int k = 0;
-  each_lanes(link.centre, link.centre, [&](Lanes& x, const Lanes&) { x.set(lane, axis.centre_of_mass[k++]); });
+  each_lanes(link.centre, link.centre,
+             [&](Lanes& x, const Lanes&) { x.set(lane, axis.centre_of_mass[k++]); });
   const auto central = spatial::constant_symmetric<double>(axis.central_inertia);
   const double values[] = {central.xx, central.xy, central.xz, central.yy, central.yz, central.zz};
   k = 0;
@@ -289,8 +293,9 @@ void one_sample(const DynamicsModel& model, DerivativesWorkspace& w, ConstVector
   const Entries<AxesInLanes> entries(n, w.results.data());
   backward<AxesInLanes, kSecond>(w, entries, w.torque.data());
   for (int i = 0; i < n; ++i) out.tau[i] = w.torque[i / Lanes::kCount][i % Lanes::kCount];
-  double* const to[kMatrices] = {out.dtau_dq.data(), out.dtau_dq_dot.data(), out.mass_matrix.data(), out.q_q.data(),
-                                 out.q_q_dot.data(), out.q_dot_q_dot.data(), out.q_q_ddot.data()};
+  double* const to[kMatrices] = {out.dtau_dq.data(), out.dtau_dq_dot.data(), out.mass_matrix.data(),
+                                 out.q_q.data(),     out.q_q_dot.data(),     out.q_dot_q_dot.data(),
+                                 out.q_q_ddot.data()};
   for (int k = 0; k < (kSecond ? kMatrices : kQQ); ++k) assemble(entries, k, to[k]);
 }
 
@@ -331,8 +336,9 @@ DerivativesMemory<Layout>::DerivativesMemory(const DynamicsModel& model) {
     else
       set_axis(links[i / Lanes::kCount], model.axes[i], i % Lanes::kCount);
   const AxisPose<Lanes> nowhere{LaneVec::zero(), LaneVec::zero(), LaneVec::zero(), LaneVec::zero()};
-  motion.assign(blocks, MotionLanes{nowhere, LaneTwist::zero(), LaneTwist::zero(), LaneTwist::zero(),
-                                    LaneTwist::zero(), LaneTwist::zero(), LaneTwist::zero(), LaneTwist::zero()});
+  motion.assign(
+      blocks, MotionLanes{nowhere, LaneTwist::zero(), LaneTwist::zero(), LaneTwist::zero(), LaneTwist::zero(),
+                          LaneTwist::zero(), LaneTwist::zero(), LaneTwist::zero()});
   for (auto* values : {&q_dot, &q_ddot, &lambda}) values->assign(blocks, none);
   for (auto* values : {&q, &angle, &sine, &cosine}) values->assign(n, typename Layout::Value(0.0));
   pose.resize(n);
@@ -343,14 +349,15 @@ DerivativesMemory<Layout>::DerivativesMemory(const DynamicsModel& model) {
 template struct DerivativesMemory<AxesInLanes>;
 template struct DerivativesMemory<SamplesInLanes>;
 
-void inverse_dynamics_derivatives(const DynamicsModel& model, DerivativesWorkspace& workspace, ConstVectorRef q,
-                                  ConstVectorRef q_dot, ConstVectorRef q_ddot, DynamicsDerivatives& out) {
+void inverse_dynamics_derivatives(const DynamicsModel& model, DerivativesWorkspace& workspace,
+                                  ConstVectorRef q, ConstVectorRef q_dot, ConstVectorRef q_ddot,
+                                  DynamicsDerivatives& out) {
   one_sample<false>(model, workspace, q, q_dot, q_ddot, nullptr, out);
 }
 
-void inverse_dynamics_second_derivatives(const DynamicsModel& model, DerivativesWorkspace& workspace, ConstVectorRef q,
-                                         ConstVectorRef q_dot, ConstVectorRef q_ddot, ConstVectorRef lambda,
-                                         DynamicsDerivatives& out) {
+void inverse_dynamics_second_derivatives(const DynamicsModel& model, DerivativesWorkspace& workspace,
+                                         ConstVectorRef q, ConstVectorRef q_dot, ConstVectorRef q_ddot,
+                                         ConstVectorRef lambda, DynamicsDerivatives& out) {
   one_sample<true>(model, workspace, q, q_dot, q_ddot, lambda.data(), out);
 }
 
@@ -364,8 +371,8 @@ Matrix coriolis_matrix(const Robot& robot, ConstVectorRef q, ConstVectorRef q_do
   return 0.5 * out.dtau_dq_dot;
 }
 
-void inverse_dynamics_knots(const DynamicsModel& model, KnotWorkspace& workspace, const KnotBatch& batch, long first,
-                            long last) {
+void inverse_dynamics_knots(const DynamicsModel& model, KnotWorkspace& workspace, const KnotBatch& batch,
+                            long first, long last) {
   for (long knot = first; knot < last; knot += Lanes::kCount)
     if (batch.lambda)
       eight_knots<true>(model, workspace, batch, knot, last);

@@ -3,13 +3,14 @@
 //   phi = lambda' tau = sum_i w_i . f_i,   w_i = twist of link i at joint rates lambda,
 //                                          f_i = I_i a_i + v_i x* I_i v_i
 // All in the robot's base frame, where a variation of joint j changes every link outboard alike:
-// (dv, da + v x dv, dw) = (psi', psi'', chi) for q_j, (S, 2 psi', 0) for qd_j, (0, S, 0) for qdd_j, (0, 0, S) for
-// lambda_j, with psi' = v x S, psi'' = a x S + v x psi', chi = w x S. So every entry (j, k) of a first or
+// (dv, da + v x dv, dw) = (psi', psi'', chi) for q_j, (S, 2 psi', 0) for qd_j, (0, S, 0) for qdd_j, (0, 0, S)
+// for lambda_j, with psi' = v x S, psi'' = a x S + v x psi', chi = w x S. So every entry (j, k) of a first or
 // second derivative is a dot product of these twists of axis j <= k with one of seven wrenches of axis k,
 // made of the composite inertia, its rates along v and along w, and the composite momenta and forces.
 // Cost O(n) recursions and 17 dot products a pair; no tensor is formed. Nothing is allocated.
 //
-// First derivatives: Carpentier and Mansard (2018); second: Singh, Russell and Wensing (2022), here contracted.
+// First derivatives: Carpentier and Mansard (2018); second:
+// Singh, Russell and Wensing (2022), here contracted.
 //
 // One sample: the axes go through the SIMD lanes together. A batch: eight knots do. One source for both.
 // q, qd, qdd in rad (m), rad/s, rad/s^2; tau in Nm (N). Matrices n x n, column major;
@@ -72,16 +73,17 @@ class KnotWorkspace : public DerivativesMemory<SamplesInLanes> {
 };
 
 // tau and first derivatives only.
-void inverse_dynamics_derivatives(const DynamicsModel& model, DerivativesWorkspace& workspace, ConstVectorRef q,
-                                  ConstVectorRef q_dot, ConstVectorRef q_ddot, DynamicsDerivatives& out);
+void inverse_dynamics_derivatives(const DynamicsModel& model, DerivativesWorkspace& workspace,
+                                  ConstVectorRef q, ConstVectorRef q_dot, ConstVectorRef q_ddot,
+                                  DynamicsDerivatives& out);
 
 // All of it.
-void inverse_dynamics_second_derivatives(const DynamicsModel& model, DerivativesWorkspace& workspace, ConstVectorRef q,
-                                         ConstVectorRef q_dot, ConstVectorRef q_ddot, ConstVectorRef lambda,
-                                         DynamicsDerivatives& out);
+void inverse_dynamics_second_derivatives(const DynamicsModel& model, DerivativesWorkspace& workspace,
+                                         ConstVectorRef q, ConstVectorRef q_dot, ConstVectorRef q_ddot,
+                                         ConstVectorRef lambda, DynamicsDerivatives& out);
 
-// Coriolis matrix by Christoffel symbols (2.7), (2.8): C(k, j) = sum_i c_ijk qd_i = 1/2 dtau_k / dqd_j; D_dot - 2 C is
-// skew.
+// Coriolis matrix by Christoffel symbols (2.7), (2.8): C(k, j) = sum_i c_ijk qd_i = 1/2 dtau_k / dqd_j;
+// D_dot - 2 C is skew.
 Matrix coriolis_matrix(const Robot& robot, ConstVectorRef q, ConstVectorRef q_dot);
 
 // Many knots: inputs n numbers a knot, contiguous; tau n, matrices n x n (column major) a knot.
@@ -94,8 +96,8 @@ struct KnotBatch {
 };
 
 // Knots [first, last) of the batch, with a workspace: nothing is allocated; for a caller's own threads.
-void inverse_dynamics_knots(const DynamicsModel& model, KnotWorkspace& workspace, const KnotBatch& batch, long first,
-                            long last);
+void inverse_dynamics_knots(const DynamicsModel& model, KnotWorkspace& workspace, const KnotBatch& batch,
+                            long first, long last);
 
 void inverse_dynamics_knots(const DynamicsModel& model, const KnotBatch& batch, int threads);
 

@@ -39,10 +39,22 @@ ElasticJointMatrices::ElasticJointMatrices(long n)
     : D(Matrix::Zero(2 * n, 2 * n)), C(Matrix::Zero(2 * n, 2 * n)), g(Vector::Zero(2 * n)) {}
 
 ElasticJointDynamics::ElasticJointDynamics(const ElasticJointModel& model)
-    : model_(&model), n_(model.size()), rigid_(model.rigid), derivatives_(model.rigid), slopes_(model.size()),
-      rotors_(model.rigid, rotor_inertias(model.drives)), rotor_slopes_(model.size()), zero_(Vector::Zero(n_)),
-      link_(zero_), motor_(zero_), coupling_(Matrix::Zero(n_, n_)), C_1_(coupling_), C_2_(coupling_),
-      mass_(Matrix::Zero(2 * n_, 2 * n_)), by_state_(Matrix::Zero(2 * n_, 4 * n_)), by_acceleration_(mass_),
+    : model_(&model),
+      n_(model.size()),
+      rigid_(model.rigid),
+      derivatives_(model.rigid),
+      slopes_(model.size()),
+      rotors_(model.rigid, rotor_inertias(model.drives)),
+      rotor_slopes_(model.size()),
+      zero_(Vector::Zero(n_)),
+      link_(zero_),
+      motor_(zero_),
+      coupling_(Matrix::Zero(n_, n_)),
+      C_1_(coupling_),
+      C_2_(coupling_),
+      mass_(Matrix::Zero(2 * n_, 2 * n_)),
+      by_state_(Matrix::Zero(2 * n_, 4 * n_)),
+      by_acceleration_(mass_),
       factor_(2 * n_) {}
 
 double ElasticJointDynamics::output_angle(int i, double theta) const {
@@ -66,7 +78,8 @@ void ElasticJointDynamics::add_drives(ConstVectorRef x, ConstVectorRef a, Vector
     const JointState spring = joint(i, q[i], theta[i]);
     torques[i] += friction(drive.joint, q_dot[i], width).torque - spring.torque;
     const double ratio = model_->ratios[i];
-    torques[n_ + i] = drive.rotor_inertia * a[n_ + i] + friction(drive.motor, theta_dot[i] / ratio, width).torque / ratio +
+    torques[n_ + i] = drive.rotor_inertia * a[n_ + i] +
+                      friction(drive.motor, theta_dot[i] / ratio, width).torque / ratio +
                       spring.torque / spring.ratio;
   }
   if (!model_->options.rotor_coupling) return;
@@ -108,8 +121,8 @@ void ElasticJointDynamics::inverse(ConstVectorRef x, ConstVectorRef a, VectorRef
     by_state(i, n + i) += friction(drive.joint, x[n + i], width).slope;
     by_state(i, 2 * n + i) = -per_turn;
     by_state(n + i, i) = -per_turn;
-    by_state(n + i, 2 * n + i) =
-        per_turn / spring.ratio - spring.torque * spring.ratio_slope / (spring.ratio * spring.ratio * spring.ratio);
+    by_state(n + i, 2 * n + i) = per_turn / spring.ratio - spring.torque * spring.ratio_slope /
+                                                               (spring.ratio * spring.ratio * spring.ratio);
     by_state(n + i, 3 * n + i) = friction(drive.motor, x[3 * n + i] / ratio, width).slope / (ratio * ratio);
     by_acceleration(n + i, n + i) = drive.rotor_inertia;
   }
@@ -144,8 +157,9 @@ void ElasticJointDynamics::forward(ConstVectorRef x, ConstVectorRef torques, Vec
   mass(x.head(n_), mass_);
   factor_.compute(mass_);
   if (factor_.info() != Eigen::Success)
-    throw InvalidArgument("mass matrix: expected positive definite, found indefinite (link inertias must be physical "
-                          "and, with rotor coupling, contain the rotors)");
+    throw InvalidArgument(
+        "mass matrix: expected positive definite, found indefinite (link inertias must be physical "
+        "and, with rotor coupling, contain the rotors)");
   factor_.solveInPlace(a);
 }
 

@@ -2,10 +2,10 @@
 //   link:   D qdd + C qd + g + [U thetadd + C_1 thetad] + tau_fJ(qd)       = kappa(phi - q) + tau_ext
 //   motor:  D_M thetadd     + [U' qdd + C_2 qd]         + tau_fM(thetad)   = tau_d - kappa(phi - q) / u(phi)
 //   phi = Xi^{-1}(theta),  kappa(phi - q) short for kappa(phi + q_offset - q)
-// The bracketed coupling of rotors and links is in the full model (2.22) and left out of the simplified (2.23).
-// tau_d, D_M and theta are those of the motor shaft. Motor friction is declared on the output side, of
-// thetad / ratio, and acts at the shaft divided by the ratio. One gear table an axis holds throughout: which, the
-// caller says by direction; without friction and inputs the energy is then constant.
+// The bracketed coupling of rotors and links is in the full model (2.22) and left out of the simplified
+// (2.23). tau_d, D_M and theta are those of the motor shaft. Motor friction is declared on the output side,
+// of thetad / ratio, and acts at the shaft divided by the ratio. One gear table an axis holds throughout:
+// which, the caller says by direction; without friction and inputs the energy is then constant.
 //
 // State x = (q, qd, theta, thetad), 4 n; acceleration a = (qdd, thetadd), 2 n. rad, s, Nm, J.
 // Limits: every axis has a spring and a rotor inertia.
@@ -45,9 +45,9 @@ struct ElasticJointEnergy {
   double total() const { return kinetic + gravity + spring; }
 };
 
-// (2.22) as matrices: D xidd + C xid + g = generalised forces, xi = (q, theta), without friction. C by Christoffel
-// symbols (2.7), (2.8), so D_dot - 2 C is skew. (Where the source writes C_E(q, qd), half of the forces of C_1 thetad
-// stand in C_E here, which then depends on thetad too.) g includes the springs.
+// (2.22) as matrices: D xidd + C xid + g = generalised forces, xi = (q, theta), without friction. C by
+// Christoffel symbols (2.7), (2.8), so D_dot - 2 C is skew. (Where the source writes C_E(q, qd), half of the
+// forces of C_1 thetad stand in C_E here, which then depends on thetad too.) g includes the springs.
 struct ElasticJointMatrices {
   explicit ElasticJointMatrices(long n);
   Matrix D, C;
@@ -62,7 +62,8 @@ class ElasticJointDynamics {
   // tau_ext (n) and tau_d (n, at the shaft) that state and acceleration need, stacked.
   void inverse(ConstVectorRef x, ConstVectorRef a, VectorRef torques);
   // The same with its slopes: by_state 2 n x 4 n, by_acceleration 2 n x 2 n (the mass matrix).
-  void inverse(ConstVectorRef x, ConstVectorRef a, VectorRef torques, MatrixRef by_state, MatrixRef by_acceleration);
+  void inverse(ConstVectorRef x, ConstVectorRef a, VectorRef torques, MatrixRef by_state,
+               MatrixRef by_acceleration);
 
   // Accelerations under torques (tau_ext, tau_d), stacked.
   void forward(ConstVectorRef x, ConstVectorRef torques, VectorRef a);

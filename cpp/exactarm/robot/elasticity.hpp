@@ -22,8 +22,12 @@ inline void require_spring(const std::string& name, const Spring& spring) {
   require_positive(name + ", linear", spring.linear);
 }
 
-inline double spring_torque(const Spring& spring, double e) { return (spring.linear + spring.cubic * e * e) * e; }
-inline double spring_stiffness(const Spring& spring, double e) { return spring.linear + 3.0 * spring.cubic * e * e; }
+inline double spring_torque(const Spring& spring, double e) {
+  return (spring.linear + spring.cubic * e * e) * e;
+}
+inline double spring_stiffness(const Spring& spring, double e) {
+  return spring.linear + 3.0 * spring.cubic * e * e;
+}
 inline double spring_energy(const Spring& spring, double e) {
   return (0.5 * spring.linear + 0.25 * spring.cubic * e * e) * e * e;
 }
@@ -35,9 +39,10 @@ inline double spring_deflection(const Spring& spring, double torque) {
   const double r = std::sqrt(k1 / (3.0 * std::abs(k3)));
   const double x = 1.5 * torque / (k1 * r);
   if (k3 < 0.0 && std::abs(x) > 1.0)
-    throw InvalidArgument("torque on a softening spring: expected at most " + std::to_string(2.0 * k1 * r / 3.0) +
-                          " Nm, found " + std::to_string(torque));
-  const double e = k3 > 0.0 ? 2.0 * r * std::sinh(std::asinh(x) / 3.0) : 2.0 * r * std::sin(std::asin(x) / 3.0);
+    throw InvalidArgument("torque on a softening spring: expected at most " +
+                          std::to_string(2.0 * k1 * r / 3.0) + " Nm, found " + std::to_string(torque));
+  const double e =
+      k3 > 0.0 ? 2.0 * r * std::sinh(std::asinh(x) / 3.0) : 2.0 * r * std::sin(std::asin(x) / 3.0);
   const double slope = spring_stiffness(spring, e);
   return slope > 0.0 ? e - (spring_torque(spring, e) - torque) / slope : e;
 }
@@ -50,7 +55,8 @@ struct DeflectionDerivatives {
 inline DeflectionDerivatives spring_deflection_derivatives(const Spring& spring, double torque) {
   if (is_rigid(spring)) return {{0.0, 0.0, 0.0, 0.0}};
   const double e = spring_deflection(spring, torque);
-  const double slope = spring_stiffness(spring, e), curvature = 6.0 * spring.cubic * e, third = 6.0 * spring.cubic;
+  const double slope = spring_stiffness(spring, e), curvature = 6.0 * spring.cubic * e,
+               third = 6.0 * spring.cubic;
   const double compliance = 1.0 / slope, cubed = compliance * compliance * compliance;
   return {{e, compliance, -curvature * cubed,
            (3.0 * curvature * curvature - slope * third) * cubed * compliance * compliance}};

@@ -8,8 +8,8 @@ namespace {
 constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
 constexpr int kMostIterations = 200;
 constexpr double kRange = 4.0 * M_PI;
-// Harmonics evaluated before a proof of monotony is given up: 0.1 s. The finest real gear (order 500, an amplitude
-// of 1.001) takes 5e4 steps.
+// Harmonics evaluated before a proof of monotony is given up: 0.1 s. The finest real gear (order 500, an
+// amplitude of 1.001) takes 5e4 steps.
 constexpr long kMostEvaluations = 5000000;
 
 // (Xi / ratio - phi, u / ratio - 1) at phi.
@@ -79,7 +79,8 @@ double gear_motor_angle(double ratio, const GearTable& table, double phi) {
 
 double gear_ratio(double ratio, const GearTable& table, double phi, int order) {
   if (order < 0 || order > 3)
-    throw InvalidArgument("derivative order of the gear ratio: found " + std::to_string(order) + ", expected 0 to 3");
+    throw InvalidArgument("derivative order of the gear ratio: found " + std::to_string(order) +
+                          ", expected 0 to 3");
   GearDerivatives derivatives;
   gear_derivatives(ratio, table, phi, order + 1, derivatives);
   return derivatives.value[order + 1];
@@ -131,9 +132,10 @@ bool gear_is_monotone(const GearTable& table, double* where) {
   long left = kMostEvaluations / table.size();
   for (double phi = -kRange; phi <= kRange; --left) {
     if (left == 0)
-      throw InvalidArgument("amplitudes of a gear table add to " + std::to_string(amplitude) + " at orders up to " +
-                            std::to_string(table.order().maxCoeff()) +
-                            ": too large and fine to tell whether the motor angle rises; expected a sum below 1");
+      throw InvalidArgument(
+          "amplitudes of a gear table add to " + std::to_string(amplitude) + " at orders up to " +
+          std::to_string(table.order().maxCoeff()) +
+          ": too large and fine to tell whether the motor angle rises; expected a sum below 1");
     relative(table, phi, angle, slope);
     if (1.0 + slope <= 1e-6) {
       if (where) *where = phi;
@@ -154,8 +156,9 @@ void require_gear(const std::string& name, double ratio, const GearTable& table)
   }
   double where = 0.0;
   if (!gear_is_monotone(table, &where))
-    throw InvalidArgument(name + ": the motor angle is not monotone in the output angle, the ratio turns negative at " +
-                          std::to_string(where) + " rad; expected harmonics that leave it positive");
+    throw InvalidArgument(
+        name + ": the motor angle is not monotone in the output angle, the ratio turns negative at " +
+        std::to_string(where) + " rad; expected harmonics that leave it positive");
 }
 
 GearTable gear_table(const Gear& gear, int direction) {

@@ -39,8 +39,8 @@ void require_gear(const std::string& name, double ratio, const GearTable& table)
 // 0 (at rest) the mean of both functions.
 GearTable gear_table(const Gear& gear, int direction);
 
-// Between the tables: Xi = (1 - direction) / 2 Xi_cw + (1 + direction) / 2 Xi_ccw, direction in [-1, 1], for a
-// ratio of 1 (theta / ratio). Derivatives 0 to `highest` (at most 4), and the inverse.
+// Between the tables: Xi = (1 - direction) / 2 Xi_cw + (1 + direction) / 2 Xi_ccw, direction in [-1, 1], for
+// a ratio of 1 (theta / ratio). Derivatives 0 to `highest` (at most 4), and the inverse.
 void gear_derivatives(const Gear& gear, double direction, double phi, int highest, GearDerivatives& out);
 double gear_output_angle(const Gear& gear, double direction, double theta);
 

@@ -29,7 +29,8 @@ Block block(const AngleCells& cells, long from) {
 
 }  // namespace
 
-ProfileNormal profile_normal(const AngleCells& cells, const GearTable& table, double level, bool with_orders) {
+ProfileNormal profile_normal(const AngleCells& cells, const GearTable& table, double level,
+                             bool with_orders) {
   const long count = cells.angle.size(), m = table.size(), size = (with_orders ? 3 : 2) * m + 1;
   require_size("value of the profile", cells.value.size(), count);
   require_size("weight of the profile", cells.weight.size(), count);

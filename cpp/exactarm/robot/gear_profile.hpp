@@ -1,9 +1,10 @@
-// Normal equations of an angle profile: the error of one gear, averaged into narrow cells of its angle, against
-// harmonics. With x the delivered angle of a cell, x + e(x) = angle (robot/harmonics.hpp):
+// Normal equations of an angle profile: the error of one gear, averaged into narrow cells of its angle,
+// against harmonics. With x the delivered angle of a cell, x + e(x) = angle (robot/harmonics.hpp):
 //   rated (gyroscope):  model = (1 + level) / (1 + s(x))          output rate over motor rate
 //   else (encoders):    model = e(x) + level                      motor angle less output angle
-// Least squares min sum_i weight_i (value_i - model_i)^2 over a (m), b (m), level and, when asked for, the orders (m):
-// thesis (3.5) by Gauss and Newton, with the exact Jacobian, the dependence of x on the coefficients included.
+// Least squares min sum_i weight_i (value_i - model_i)^2 over a (m), b (m), level and, when asked for, the
+// orders (m): thesis (3.5) by Gauss and Newton, with the exact Jacobian,
+// the dependence of x on the coefficients included.
 #pragma once
 
 #include "exactarm/robot/robot.hpp"

@@ -27,22 +27,23 @@ void store(const Lanes& lanes, long from, long count, double* out) {
 
 }  // namespace
 
-void delivered_angles(const GearTable& table, const double* phi, const double* factor, long count, double tolerance,
-                      int threads, double* x, double* slope) {
+void delivered_angles(const GearTable& table, const double* phi, const double* factor, long count,
+                      double tolerance, int threads, double* x, double* slope) {
   parallel_rows(count, threads, kLeastRowsAThread, [&](long begin, long end) {
     std::vector<Lanes> sine(table.size()), cosine(table.size());
     for (long i = begin; i < end; i += Lanes::kCount) {
       const Lanes target = loaded(phi, i, end);
       Lanes angle = target;
-      const HarmonicSums sums = deliver(table, target, factor ? loaded(factor, i, end) : Lanes(1.0), tolerance, angle,
-                                        sine.data(), cosine.data());
+      const HarmonicSums sums = deliver(table, target, factor ? loaded(factor, i, end) : Lanes(1.0),
+                                        tolerance, angle, sine.data(), cosine.data());
       store(angle, i, end, x);
       store(sums.slope, i, end, slope);
     }
   });
 }
 
-void gear_outputs(double ratio, const GearTable& table, const double* theta, long count, double* phi, double* u) {
+void gear_outputs(double ratio, const GearTable& table, const double* theta, long count, double* phi,
+                  double* u) {
   constexpr double kNear = 1e-7, kSettled = 1e-10;  // rad; the last step squares what is left
   std::vector<Lanes> sine(table.size()), cosine(table.size());
   for (long i = 0; i < count; i += Lanes::kCount) {
@@ -61,7 +62,8 @@ void gear_outputs(double ratio, const GearTable& table, const double* theta, lon
   }
 }
 
-void transmission(const GearTable& table, const double* x, long count, int threads, double* error, double* slope) {
+void transmission(const GearTable& table, const double* x, long count, int threads, double* error,
+                  double* slope) {
   parallel_rows(count, threads, kLeastRowsAThread, [&](long begin, long end) {
     std::vector<Lanes> sine(table.size()), cosine(table.size());
     for (long i = begin; i < end; i += Lanes::kCount) {

@@ -1,6 +1,6 @@
 // Harmonics of a gear over many angles at once, eight of them through the SIMD units together.
-//   e(x) = sum_j (a_j sin(w_j x) + b_j (cos(w_j x) - 1)) / w_j     transmission error: theta / ratio = x + e(x)
-//   s(x) = de/dx = sum_j a_j cos(w_j x) - b_j sin(w_j x)            u / ratio - 1, thesis (2.10), E5
+//   e(x) = sum_j (a_j sin(w_j x) + b_j (cos(w_j x) - 1)) / w_j   transmission error: theta / ratio = x + e(x)
+//   s(x) = de/dx = sum_j a_j cos(w_j x) - b_j sin(w_j x)          u / ratio - 1, thesis (2.10), E5
 // Angles in rad at the output; w in cycles per output revolution; a, b relative to the ratio.
 #pragma once
 
@@ -17,14 +17,18 @@ EXACTARM_INLINE Lanes load(const double* from) {
   __builtin_memcpy(&lanes.v, from, sizeof(lanes.v));
   return lanes;
 }
-EXACTARM_INLINE void store(const Lanes& lanes, double* to) { __builtin_memcpy(to, &lanes.v, sizeof(lanes.v)); }
+EXACTARM_INLINE void store(const Lanes& lanes, double* to) {
+  __builtin_memcpy(to, &lanes.v, sizeof(lanes.v));
+}
 
 struct HarmonicSums {
   Lanes error, slope, bend;  // e, s, ds/dx
 };
 
-// Sums over all orders at eight angles; sin(w_j x) and cos(w_j x) are left in sine and cosine (one entry an order).
-EXACTARM_INLINE HarmonicSums harmonic_sums(const GearTable& table, const Lanes& x, Lanes* sine, Lanes* cosine) {
+// Sums over all orders at eight angles;
+// sin(w_j x) and cos(w_j x) are left in sine and cosine (one entry an order).
+EXACTARM_INLINE HarmonicSums harmonic_sums(const GearTable& table, const Lanes& x, Lanes* sine,
+                                           Lanes* cosine) {
   HarmonicSums sums{Lanes(0.0), Lanes(0.0), Lanes(0.0)};
   for (long j = 0; j < table.size(); ++j) {
     const double w = table.order()[j], a = table.a()[j], b = table.b()[j];
@@ -37,10 +41,10 @@ EXACTARM_INLINE HarmonicSums harmonic_sums(const GearTable& table, const Lanes& 
   return sums;
 }
 
-// Newton for x + factor e(x) = phi from the guess in x. The sums are those of the last angle but one, whose distance
-// is below `tolerance`; for a table that is not monotone it stops after some passes, wherever it is.
-EXACTARM_INLINE HarmonicSums deliver(const GearTable& table, const Lanes& phi, const Lanes& factor, double tolerance,
-                                     Lanes& x, Lanes* sine, Lanes* cosine) {
+// Newton for x + factor e(x) = phi from the guess in x. The sums are those of the last angle but one, whose
+// distance is below `tolerance`; for a table that is not monotone it stops after some passes, wherever it is.
+EXACTARM_INLINE HarmonicSums deliver(const GearTable& table, const Lanes& phi, const Lanes& factor,
+                                     double tolerance, Lanes& x, Lanes* sine, Lanes* cosine) {
   constexpr int kPasses = 12;
   constexpr double kLeastSlope = 0.1;
   HarmonicSums sums;
@@ -58,15 +62,17 @@ EXACTARM_INLINE HarmonicSums deliver(const GearTable& table, const Lanes& phi, c
 }
 
 // x (count) with x + factor e(x) = phi, and the slope s there; factor: one for each row, or null for 1.
-void delivered_angles(const GearTable& table, const double* phi, const double* factor, long count, double tolerance,
-                      int threads, double* x, double* slope);
+void delivered_angles(const GearTable& table, const double* phi, const double* factor, long count,
+                      double tolerance, int threads, double* x, double* slope);
 
-// Output angles Xi^{-1}(theta) and the ratio u there, as gear_output_angle (gear.hpp) finds them one by one: where
-// Newton alone does not settle, that one is asked.
-void gear_outputs(double ratio, const GearTable& table, const double* theta, long count, double* phi, double* u);
+// Output angles Xi^{-1}(theta) and the ratio u there, as gear_output_angle (gear.hpp) finds them one by one:
+// where Newton alone does not settle, that one is asked.
+void gear_outputs(double ratio, const GearTable& table, const double* theta, long count, double* phi,
+                  double* u);
 
 // s(x) and e(x) at any angles; either may be null.
-void transmission(const GearTable& table, const double* x, long count, int threads, double* error, double* slope);
+void transmission(const GearTable& table, const double* x, long count, int threads, double* error,
+                  double* slope);
 
 // sin(w_j x_i) and cos(w_j x_i), row by row.
 void waves(const Vector& order, const double* x, long count, double* sine, double* cosine);

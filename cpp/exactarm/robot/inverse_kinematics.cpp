@@ -35,7 +35,8 @@ class Solver {
       left_over = error.norm();
       if (!std::isfinite(left_over)) return Status::not_finite;
       // At rounding the error stops falling; that is as near as the arithmetic comes.
-      const bool settled = left_over <= options_.tolerance || (left_over <= 1e-9 && left_over >= 0.5 * before);
+      const bool settled =
+          left_over <= options_.tolerance || (left_over <= 1e-9 && left_over >= 0.5 * before);
       if (settled && (n_ <= 6 || iteration > 0)) {
         if (n_ >= 6) factorise(conditioning);
         return Status::solved;
@@ -160,7 +161,9 @@ double distance_from_middle(const Robot& robot, const Vector& q) {
   double sum = 0.0;
   for (long i = 0; i < robot.axes(); ++i) {
     const double range = robot.joint(i).limits.q_max - robot.joint(i).limits.q_min;
-    sum += std::pow((q[i] - middle_of(robot.joint(i).limits)) / (std::isfinite(range) ? std::max(range, 1e-12) : 2.0 * M_PI), 2);
+    sum += std::pow((q[i] - middle_of(robot.joint(i).limits)) /
+                        (std::isfinite(range) ? std::max(range, 1e-12) : 2.0 * M_PI),
+                    2);
   }
   return sum;
 }
@@ -179,8 +182,8 @@ InverseKinematicsReport inverse_kinematics(const Robot& robot, const Pose& targe
 }
 
 InverseKinematicsReport inverse_kinematics_path(const Robot& robot, ConstRowMatrixRef positions,
-                                                ConstRowMatrixRef rotations, ConstVectorRef start, RowMatrix& q,
-                                                const InverseKinematicsOptions& options) {
+                                                ConstRowMatrixRef rotations, ConstVectorRef start,
+                                                RowMatrix& q, const InverseKinematicsOptions& options) {
   require_size("columns of positions", positions.cols(), 3);
   require_size("columns of rotations", rotations.cols(), 9);
   require_size("rows of rotations", rotations.rows(), positions.rows());
@@ -204,9 +207,11 @@ InverseKinematicsReport inverse_kinematics_path(const Robot& robot, ConstRowMatr
       report.conditioning = conditioning;
       report.conditioning_index = k;
     }
-    if (report.status == Status::solved && k > 0 && (solution - guess).cwiseAbs().maxCoeff() > options.largest_jump)
+    if (report.status == Status::solved && k > 0 &&
+        (solution - guess).cwiseAbs().maxCoeff() > options.largest_jump)
       report.status = Status::singular;
-    if (report.status == Status::solved && report.conditioning < options.singular) report.status = Status::singular;
+    if (report.status == Status::solved && report.conditioning < options.singular)
+      report.status = Status::singular;
     if (report.status == Status::solved && options.check_limits) check_limits(robot, solution, report);
     if (report.status != Status::solved) {
       report.index = k;

@@ -39,8 +39,8 @@ InverseKinematicsReport inverse_kinematics(const Robot& robot, const Pose& targe
 
 // positions: rows x 3; rotations: rows x 9, each row major; q: rows x n, NaN from the pose that failed on.
 InverseKinematicsReport inverse_kinematics_path(const Robot& robot, ConstRowMatrixRef positions,
-                                                ConstRowMatrixRef rotations, ConstVectorRef start, RowMatrix& q,
-                                                const InverseKinematicsOptions& options);
+                                                ConstRowMatrixRef rotations, ConstVectorRef start,
+                                                RowMatrix& q, const InverseKinematicsOptions& options);
 
 // All solutions of one pose within the joint limits (whole turns brought inside them), nearest to
 // the middle of the limits first. With a spherical wrist on an arm of one vertical and two parallel axes

@@ -84,8 +84,8 @@ struct FrameAngles {
   }
 };
 
-EXACTARM_INLINE Axes advance(const Frame& frame, double q, const FrameAngles& angles, long place, const Axes& before,
-                             AxisGeometry& axis) {
+EXACTARM_INLINE Axes advance(const Frame& frame, double q, const FrameAngles& angles, long place,
+                             const Axes& before, AxisGeometry& axis) {
   const bool revolute = frame.type == JointType::revolute;
   const double along = frame.d + (revolute ? 0.0 : frame.sign * q);
   const double c = angles.cosine[place], s = angles.sine[place];
@@ -239,10 +239,12 @@ void kinematics_batch(const Robot& robot, ConstRowMatrixRef q, ConstRowMatrixRef
     for (long row = begin; row < end; ++row) {
       const double* coordinates = q.data() + row * q.outerStride();
       for (long first = 0; first < n; first += kFrames)
-        angles[first / kFrames].set_joints(&robot.joint(first), coordinates + first, std::min(kFrames, n - first));
+        angles[first / kFrames].set_joints(&robot.joint(first), coordinates + first,
+                                           std::min(kFrames, n - first));
       Axes flange(robot.base());
       for (long i = 0; i < n; ++i)
-        flange = advance(robot.joint(i).frame, coordinates[i], angles[i / kFrames], i % kFrames, flange, axes[i]);
+        flange =
+            advance(robot.joint(i).frame, coordinates[i], angles[i / kFrames], i % kFrames, flange, axes[i]);
       const Axes measured = flange * robot.tool();
       const Vec target = measured.origin;
       if (out.position || out.rotation) {
@@ -252,7 +254,8 @@ void kinematics_batch(const Robot& robot, ConstRowMatrixRef q, ConstRowMatrixRef
         if (out.rotation) Eigen::Map<RowMajor3>(out.rotation + 9 * row) = pose.rotation;
       }
       if (out.jacobian)
-        for (long i = 0; i < n; ++i) write_joint_column(out.jacobian + 6 * n * row, n, i, axes[i], target, 1.0);
+        for (long i = 0; i < n; ++i)
+          write_joint_column(out.jacobian + 6 * n * row, n, i, axes[i], target, 1.0);
       if (out.identification)
         write_identification(out.identification + 6 * width * row, robot, axes, flange, target,
                              with_ratio ? dq_dratio.data() + row * dq_dratio.outerStride() : nullptr);

@@ -15,7 +15,8 @@ enum FrameParameter { kD, kA, kAlpha, kBeta, kQ, kRatio, kFrameParameters };
 
 inline long identification_columns(long axes) {
   if (axes < 0 || axes > Robot::kMostAxes)
-    throw InvalidArgument("axes: expected 0 to " + std::to_string(Robot::kMostAxes) + ", found " + std::to_string(axes));
+    throw InvalidArgument("axes: expected 0 to " + std::to_string(Robot::kMostAxes) + ", found " +
+                          std::to_string(axes));
   return kFrameParameters * axes + 12;
 }
 

@@ -43,7 +43,8 @@ EXACTARM_INLINE void each_lanes(spatial::Wrench<Lanes>& a, const spatial::Wrench
   each_lanes(a.force, b.force, f);
 }
 template <class F>
-EXACTARM_INLINE void each_lanes(spatial::InertiaRate<Lanes>& a, const spatial::InertiaRate<Lanes>& b, const F& f) {
+EXACTARM_INLINE void each_lanes(spatial::InertiaRate<Lanes>& a, const spatial::InertiaRate<Lanes>& b,
+                                const F& f) {
   each_lanes(a.first, b.first, f);
   each_lanes(a.second, b.second, f);
 }
@@ -100,7 +101,8 @@ struct AxesInLanes {
   template <class Q>
   EXACTARM_INLINE static Q of_axis(const Q& block, int lane) {
     Q one;
-    each_lanes(one, block, [lane](Lanes& x, const Lanes& b) __attribute__((always_inline)) { x = Lanes(b[lane]); });
+    each_lanes(one, block,
+               [lane](Lanes& x, const Lanes& b) __attribute__((always_inline)) { x = Lanes(b[lane]); });
     return one;
   }
 };

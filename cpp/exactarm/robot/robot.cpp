@@ -43,14 +43,15 @@ void require_friction(const std::string& name, const Friction& f) {
 
 void require_limits(const std::string& name, const Limits& limits) {
   if (!(limits.q_min <= limits.q_max))
-    throw InvalidArgument(name + ": expected q_min <= q_max, found " + std::to_string(limits.q_min) + " and " +
-                          std::to_string(limits.q_max));
+    throw InvalidArgument(name + ": expected q_min <= q_max, found " + std::to_string(limits.q_min) +
+                          " and " + std::to_string(limits.q_max));
   const Number numbers[] = {{"q_dot_max", limits.q_dot_max},
                             {"q_ddot_max", limits.q_ddot_max},
                             {"torque_max", limits.torque_max}};
   for (const Number& number : numbers)
     if (!(number.value >= 0.0))
-      throw InvalidArgument(name + ", " + number.name + ": expected at least 0, found " + std::to_string(number.value));
+      throw InvalidArgument(name + ", " + number.name + ": expected at least 0, found " +
+                            std::to_string(number.value));
 }
 
 void require_joint(const std::string& name, const Joint& joint) {
@@ -74,7 +75,8 @@ void require_joint(const std::string& name, const Joint& joint) {
 
 }  // namespace
 
-GearTable::GearTable(Vector order, Vector a, Vector b) : order_(std::move(order)), a_(std::move(a)), b_(std::move(b)) {
+GearTable::GearTable(Vector order, Vector a, Vector b)
+    : order_(std::move(order)), a_(std::move(a)), b_(std::move(b)) {
   require_size("coefficients a of a gear table", a_.size(), order_.size());
   require_size("coefficients b of a gear table", b_.size(), order_.size());
 }
@@ -88,7 +90,8 @@ Robot::Robot(RobotDescription description) : description_(std::move(description)
     const std::string name = "joint " + std::to_string(i + 1);
     require_joint(name, joints[i]);
     if (joints[i].link.has_value() != joints[0].link.has_value())
-      throw InvalidArgument("masses: known of some links only (" + name + " differs from joint 1), expected all or none");
+      throw InvalidArgument("masses: known of some links only (" + name +
+                            " differs from joint 1), expected all or none");
   }
   require_pose("base", description_.base);
   require_pose("tool", description_.tool);

@@ -51,8 +51,8 @@ RotorCoupling::Slopes::Slopes(long n)
     : joint_by_q(Matrix::Zero(n, n)), joint_by_q_dot(joint_by_q), joint_by_theta_dot(joint_by_q),
       motor_by_q(joint_by_q), motor_by_q_dot(joint_by_q) {}
 
-// A small turn about axis l moves everything outboard alike; seen from there only w changes, by psi'_l (and the
-// inner axes turn back).
+// A small turn about axis l moves everything outboard alike; seen from there only w changes, by psi'_l (and
+// the inner axes turn back).
 void RotorCoupling::slopes(Slopes& out) const {
   const int n = model_->size();
   for (int j = 0; j < n; ++j)
@@ -65,7 +65,8 @@ void RotorCoupling::slopes(Slopes& out) const {
       if (l < j) {
         const Vector3 twice = acceleration_[l + 1].cross(turn_[l]) + rate_[l + 1].cross(turn_rate_[l]);
         out.motor_by_q(j, l) = rotor_inertia_[j] * axis_[j].dot(twice - rate_[j].cross(turn_rate_[l]));
-        out.motor_by_q_dot(j, l) = rotor_inertia_[j] * axis_[j].dot(2.0 * turn_rate_[l] - rate_[j].cross(turn_[l]));
+        out.motor_by_q_dot(j, l) =
+            rotor_inertia_[j] * axis_[j].dot(2.0 * turn_rate_[l] - rate_[j].cross(turn_[l]));
       } else {
         out.motor_by_q(j, l) = out.motor_by_q_dot(j, l) = 0.0;
       }

@@ -1,10 +1,10 @@
 // Inertia coupling of spinning rotors and moving links (thesis (2.21), (2.22)): rotor i sits on link i-1 and
-// turns by theta_i about joint axis i, in the sense of q_i (e_i = sign z_i, in the base frame). With spin inertia J_i
-// its angular momentum along e_i is J_i (thetad_i + e_i . w_{i-1}); the link masses are taken to hold the rotors at
-// rest on their links, so what is added to the kinetic energy is
+// turns by theta_i about joint axis i, in the sense of q_i (e_i = sign z_i, in the base frame). With spin
+// inertia J_i its angular momentum along e_i is J_i (thetad_i + e_i . w_{i-1}); the link masses are taken to
+// hold the rotors at rest on their links, so what is added to the kinetic energy is
 //   qd' U thetad + 1/2 thetad' D_M thetad,   U(j, i) = J_i e_i . dw_{i-1}/dqd_j  (j < i, revolute j)
-// In Newton-Euler terms: rotor i loads link i-1 with the couple J_i (thetadd_i e_i + thetad_i w_{i-1} x e_i), and
-// feels J_i e_i . dw_{i-1}/dt.
+// In Newton-Euler terms: rotor i loads link i-1 with the couple J_i (thetadd_i e_i + thetad_i w_{i-1} x e_i),
+// and feels J_i e_i . dw_{i-1}/dt.
 // kg m^2 (motor shaft), rad/s, Nm. De Luca and Book, Springer Handbook of Robotics (2016), chapter 11.
 #pragma once
 
@@ -35,8 +35,10 @@ class RotorCoupling {
   };
   void slopes(Slopes& out) const;
 
-  // Christoffel blocks (2.7), (2.8) of U: link rows by qd (from thetad), by thetad (C_1); motor rows by qd (C_2).
-  void christoffel(const double* q_dot, const double* theta_dot, MatrixRef link, MatrixRef C_1, MatrixRef C_2) const;
+  // Christoffel blocks (2.7), (2.8) of U: link rows by qd (from thetad),
+  // by thetad (C_1); motor rows by qd (C_2).
+  void christoffel(const double* q_dot, const double* theta_dot, MatrixRef link, MatrixRef C_1,
+                   MatrixRef C_2) const;
 
  private:
   const DynamicsModel* model_;

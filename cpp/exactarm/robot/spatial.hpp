@@ -22,9 +22,13 @@ struct Vec3 {
 };
 
 template <class T>
-EXACTARM_INLINE Vec3<T> operator+(const Vec3<T>& a, const Vec3<T>& b) { return {a.x + b.x, a.y + b.y, a.z + b.z}; }
+EXACTARM_INLINE Vec3<T> operator+(const Vec3<T>& a, const Vec3<T>& b) {
+  return {a.x + b.x, a.y + b.y, a.z + b.z};
+}
 template <class T>
-EXACTARM_INLINE Vec3<T> operator-(const Vec3<T>& a, const Vec3<T>& b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }
+EXACTARM_INLINE Vec3<T> operator-(const Vec3<T>& a, const Vec3<T>& b) {
+  return {a.x - b.x, a.y - b.y, a.z - b.z};
+}
 template <class T>
 EXACTARM_INLINE Vec3<T> operator*(const T& s, const Vec3<T>& a) { return {s * a.x, s * a.y, s * a.z}; }
 template <class T>
@@ -77,18 +81,26 @@ struct Wrench {
 };
 
 template <class T>
-EXACTARM_INLINE Twist<T> operator+(const Twist<T>& a, const Twist<T>& b) { return {a.angular + b.angular, a.linear + b.linear}; }
+EXACTARM_INLINE Twist<T> operator+(const Twist<T>& a, const Twist<T>& b) {
+  return {a.angular + b.angular, a.linear + b.linear};
+}
 template <class T>
 EXACTARM_INLINE Twist<T> operator*(const T& s, const Twist<T>& a) { return {s * a.angular, s * a.linear}; }
 template <class T>
-EXACTARM_INLINE Wrench<T> operator+(const Wrench<T>& a, const Wrench<T>& b) { return {a.moment + b.moment, a.force + b.force}; }
+EXACTARM_INLINE Wrench<T> operator+(const Wrench<T>& a, const Wrench<T>& b) {
+  return {a.moment + b.moment, a.force + b.force};
+}
 template <class T>
-EXACTARM_INLINE Wrench<T> operator-(const Wrench<T>& a, const Wrench<T>& b) { return {a.moment - b.moment, a.force - b.force}; }
+EXACTARM_INLINE Wrench<T> operator-(const Wrench<T>& a, const Wrench<T>& b) {
+  return {a.moment - b.moment, a.force - b.force};
+}
 template <class T>
 EXACTARM_INLINE Wrench<T> operator*(const T& s, const Wrench<T>& a) { return {s * a.moment, s * a.force}; }
 
 template <class T>
-EXACTARM_INLINE T dot(const Twist<T>& a, const Wrench<T>& f) { return dot(a.angular, f.moment) + dot(a.linear, f.force); }
+EXACTARM_INLINE T dot(const Twist<T>& a, const Wrench<T>& f) {
+  return dot(a.angular, f.moment) + dot(a.linear, f.force);
+}
 template <class T>
 EXACTARM_INLINE Twist<T> cross(const Twist<T>& a, const Twist<T>& b) {
   return {cross(a.angular, b.angular), cross(a.angular, b.linear) + cross(a.linear, b.angular)};

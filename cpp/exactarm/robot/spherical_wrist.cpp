@@ -47,7 +47,8 @@ std::vector<Vector> spherical_wrist_starts(const Robot& robot, const Pose& targe
   // Flange and wrist centre in the base frame; the last frame keeps its true twist.
   const Matrix3 base_turn = robot.base().rotation.transpose();
   const Matrix3 flange = base_turn * target.rotation * robot.tool().rotation.transpose();
-  const Vector3 origin = base_turn * (target.position - robot.base().position) - flange * robot.tool().position;
+  const Vector3 origin =
+      base_turn * (target.position - robot.base().position) - flange * robot.tool().position;
   const Matrix3 before_six = flange * (rotation_x(f[5].alpha) * rotation_y(f[5].beta)).transpose();
   // Trans_x(a_6) comes after Rot_z(q_6), so it lies along x of `before_six`.
   const Vector3 wrist = origin - before_six.col(2) * f[5].d - before_six.col(0) * f[5].a;
@@ -74,7 +75,8 @@ std::vector<Vector> spherical_wrist_starts(const Robot& robot, const Pose& targe
       const double t6_sign = std::round(std::cos(half));
       for (double flip : {1.0, -1.0}) {
         const double tilt = flip * std::atan2(std::hypot(m(0, 2), m(1, 2)), m(2, 2));
-        double t4 = std::atan2(flip * m(1, 2), flip * m(0, 2)), t6 = std::atan2(flip * m(2, 1), -flip * m(2, 0));
+        double t4 = std::atan2(flip * m(1, 2), flip * m(0, 2)),
+               t6 = std::atan2(flip * m(2, 1), -flip * m(2, 0));
         if (std::hypot(m(0, 2), m(1, 2)) < 1e-9) {
           t4 = 0.0;
           t6 = std::atan2(m(1, 0), m(1, 1));
