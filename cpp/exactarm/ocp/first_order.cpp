@@ -9,6 +9,9 @@ namespace {
 // Roundings of a sum of some ten terms of one size.
 constexpr double kRoundings = 4.0 * std::numeric_limits<double>::epsilon();
 
+// A plain maxCoeff may pass over what is not a number.
+double largest(const Vector& v) { return v.cwiseAbs().maxCoeff<Eigen::PropagateNaN>(); }
+
 }  // namespace
 
 FirstOrder::FirstOrder(const StageModel& model, const Objective& objective, double scale)
@@ -76,8 +79,11 @@ void FirstOrder::add_defects(const KktVector& point, long k) {
     }
 }
 
+double FirstOrder::stationarity() const { return largest(stationarity_); }
+
 double FirstOrder::largest_equation() const {
-  return std::max(residual_.stage.cwiseAbs().maxCoeff(), residual_.defect.cwiseAbs().maxCoeff());
+  const double stage = largest(residual_.stage), defect = largest(residual_.defect);
+  return std::isnan(stage) ? stage : std::isnan(defect) ? defect : std::max(stage, defect);
 }
 
 double FirstOrder::rounding() const {

@@ -19,8 +19,9 @@ class FirstOrder {
 
   // z: gradient of the Lagrangian without the bounds; stage, defect: what the equations leave.
   const KktVector& residual() const { return residual_; }
-  // Largest entry of the gradient of the whole Lagrangian, where z is free.
-  double stationarity() const { return stationarity_.cwiseAbs().maxCoeff(); }
+  // Largest entry of the gradient of the whole Lagrangian, where z is free; and of what the equations leave.
+  // Not finite where an entry is not.
+  double stationarity() const;
   double largest_equation() const;
   double largest_gradient() const { return gradient_.cwiseAbs().maxCoeff(); }  // of the objective
   // Below this the sums cannot be told from zero.
