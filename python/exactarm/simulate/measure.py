@@ -129,7 +129,8 @@ def measure_tracked_motion(
     """The target's path under a tracker while the motors follow theta (N, n) at `time` (N,); `joints` as in
     `joint_motion`."""
     data = _series(TRACKED_MOTION.name, time, theta, run, sensors)
-    position = true_path(robot, data, joints, quasi_static=quasi_static, damping_s=damping_s)
+    view = joint_motion(robot, data, joints, quasi_static=quasi_static, damping_s=damping_s)
+    position = predict_target(view, robot.layout, False).position
     return read(replace(data, position=position), sensors, random, robot.nominal)
 
 
@@ -137,9 +138,11 @@ def true_path(
     robot: VirtualRobot, data: Dataset, joints: np.ndarray | None = None, *, quasi_static: bool = False,
     damping_s: float = 0.0
 ) -> np.ndarray:
-    """(N, 3) m where the target really goes, in the measuring frame."""
+    """(N, 3) m where the target really goes, in the measuring frame; what the device makes of it does not
+    count."""
     view = joint_motion(robot, data, joints, quasi_static=quasi_static, damping_s=damping_s)
-    return predict_target(view, robot.layout, False).position
+    predict_target(view, robot.layout, False)
+    return view.signals["target"] + view.signals["displacement"][:, :3]
 
 
 def joint_motion(
