@@ -24,8 +24,14 @@ class Numbers {
 
   // Half of the numbers are of a usual size, the others anything that a double can be.
   double number() {
-    constexpr std::array<double, 8> special = {0.0, -0.0, 1e300, -1e300, 5e-324, std::numeric_limits<double>::infinity(),
-                                               std::numeric_limits<double>::quiet_NaN(), 1e9};
+    constexpr std::array<double, 8> special = {0.0,
+                                               -0.0,
+                                               1e300,
+                                               -1e300,
+                                               5e-324,
+                                               std::numeric_limits<double>::infinity(),
+                                               std::numeric_limits<double>::quiet_NaN(),
+                                               1e9};
     switch (data_.ConsumeIntegralInRange<int>(0, 7)) {
       case 0: return special[data_.ConsumeIntegralInRange<size_t>(0, special.size() - 1)];
       case 1: return data_.ConsumeFloatingPoint<double>();
@@ -48,7 +54,8 @@ class Numbers {
 
   GearTable table() {
     const long orders = whole(0, kMostOrders);
-    return {vector(flag() ? orders : whole(0, kMostOrders)).cwiseAbs(), vector(orders) * 0.1, vector(orders) * 0.1};
+    return {vector(flag() ? orders : whole(0, kMostOrders)).cwiseAbs(), vector(orders) * 0.1,
+            vector(orders) * 0.1};
   }
 
   Gear gear() { return {flag() ? 50.0 : number(), table(), table()}; }
@@ -65,8 +72,13 @@ class Numbers {
     const bool masses = flag();
     for (int axes = whole(0, 8); axes > 0; --axes) {
       Joint joint;
-      joint.frame = {flag() ? JointType::revolute : JointType::prismatic, flag() ? 1.0 : number(), number(), number(),
-                     number(), number(), flag() ? 0.0 : number()};
+      joint.frame = {flag() ? JointType::revolute : JointType::prismatic,
+                     flag() ? 1.0 : number(),
+                     number(),
+                     number(),
+                     number(),
+                     number(),
+                     flag() ? 0.0 : number()};
       joint.q_offset = number();
       if (flag()) joint.gear = gear();
       joint.spring = spring();

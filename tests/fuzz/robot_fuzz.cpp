@@ -1,5 +1,5 @@
-// Coverage-guided fuzzing (libFuzzer) of what the bindings call: any numbers in an arm, a gear, a pose or samples.
-// The property: the call returns or throws InvalidArgument; no report of the sanitizers, no timeout.
+// Coverage-guided fuzzing (libFuzzer) of what the bindings call: any numbers in an arm, a gear, a pose or
+// samples. The property: the call returns or throws InvalidArgument; no report of the sanitizers, no timeout.
 #include "exactarm/base/derivative.hpp"
 #include "exactarm/robot/dynamics.hpp"
 #include "exactarm/robot/gear.hpp"
@@ -26,7 +26,8 @@ void gears(Numbers& from) {
   gear_derivatives(ratio, table, angle, from.whole(0, 4), derivatives);
   gear_output_angle(ratio, table, angle);
   gear_output_angle(ratio, table, angle, from.number());
-  gear_derivatives(gear_table(gear, from.whole(-1, 1)).size() ? gear : Gear{}, from.number(), angle, 4, derivatives);
+  gear_derivatives(gear_table(gear, from.whole(-1, 1)).size() ? gear : Gear{}, from.number(), angle, 4,
+                   derivatives);
   gear_output_angle(gear, from.number(), angle);
   require_gear("gear", ratio, table);
 }
@@ -37,8 +38,8 @@ void records(Numbers& from) {
   const Vector angle = from.vector(count), factor = from.vector(count);
   Vector x(count), slope(count);
   gear_outputs(from.number(), table, angle.data(), count, x.data(), slope.data());
-  delivered_angles(table, angle.data(), from.flag() ? factor.data() : nullptr, count, from.number(), 1, x.data(),
-                   slope.data());
+  delivered_angles(table, angle.data(), from.flag() ? factor.data() : nullptr, count, from.number(), 1,
+                   x.data(), slope.data());
   transmission(table, angle.data(), count, 1, x.data(), slope.data());
   stop_operator(angle.data(), count, from.number(), x.data(), slope.data());
   const std::vector<long> starts = {0, from.whole(-2, kMostRows)};
@@ -50,9 +51,10 @@ void robots(Numbers& from) {
   const Robot robot(from.description());
   const long n = robot.axes(), rows = from.whole(0, kMostRows);
   const RowMatrix q = from.matrix(rows, n), q_dot = from.matrix(rows, n), q_ddot = from.matrix(rows, n);
-  RowMatrix position(rows, 3), rotation(rows, 9), jacobian(rows, 6 * n), columns(rows, 6 * identification_columns(n));
-  kinematics_batch(robot, q, from.flag() ? q_dot : RowMatrix(), {position.data(), rotation.data(), jacobian.data(),
-                                                                  columns.data()}, 1);
+  RowMatrix position(rows, 3), rotation(rows, 9), jacobian(rows, 6 * n),
+      columns(rows, 6 * identification_columns(n));
+  kinematics_batch(robot, q, from.flag() ? q_dot : RowMatrix(),
+                   {position.data(), rotation.data(), jacobian.data(), columns.data()}, 1);
   if (!robot.has_masses()) return;
   const DynamicsModel model(robot);
   RowMatrix tau(rows, n), squares(rows, n * n), regressor(rows, n * n * kInertialParameters);
@@ -70,8 +72,9 @@ void inverse(Numbers& from) {
   options.iterations = from.whole(-1, 60);
   const long rows = from.whole(0, 4);
   RowMatrix q;
-  const RowMatrix rotations = RowMatrix(Eigen::Map<const Eigen::RowVectorXd>(Matrix3::Identity().eval().data(), 9))
-                                  .replicate(rows, 1);
+  const RowMatrix rotations =
+      RowMatrix(Eigen::Map<const Eigen::RowVectorXd>(Matrix3::Identity().eval().data(), 9))
+          .replicate(rows, 1);
   inverse_kinematics_path(robot, from.matrix(rows, 3), from.flag() ? rotations : from.matrix(rows, 9),
                           from.vector(from.flag() ? robot.axes() : from.whole(0, 9)), q, options);
   inverse_kinematics_branches(robot, from.pose(), options);
