@@ -13,7 +13,9 @@ from exactarm.commands.diagnose import _json
 from exactarm.dataset import Dataset
 from exactarm.diagnose import selection
 from exactarm.diagnose.admissible import is_possible
+from exactarm.diagnose.closure_problem import ClosureProblem
 from exactarm.diagnose.diagnosis import _unconverged, diagnose
+from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.problems import problem_for
 from exactarm.diagnose.verdict import UNEXPLAINED
 from exactarm.effects import effect_from_table
@@ -79,6 +81,17 @@ def test_what_is_less_probable_than_not_does_not_enter(probability, stays):
     accepted = [selection.Accepted(effect, 50.0, probability, (), 0)]
     left, last = selection._admissible(problem, declared, accepted, fitted)
     assert (len(left), len(last.layout.effects) - len(declared.effects)) == ((1, 1) if stays else (0, 0))
+
+
+def test_an_effect_of_closures_may_hurt_at_no_place_however_much_it_helps_at_the_others():
+    """What helps at two places and hurts at the third has no claim to the next one."""
+    problem = object.__new__(ClosureProblem)
+    without, share = np.array([200.0, 200.0, 200.0]), ClosureProblem.least_elsewhere
+    assert problem.holds(without, without * (1.0 - 1.01 * share))
+    assert not problem.holds(without, without * (1.0 - 0.99 * share))
+    assert not problem.holds(without, without * [0.2, 0.2, 1.0 + 1.01 * share])
+    assert problem.holds(without, without * [0.2, 0.2, 1.0 + 0.99 * share])
+    assert Problem.holds(problem, without, without * [0.2, 0.2, 2.0])  # of other data the sum decides
 
 
 def test_a_spring_that_gives_way_against_its_load_and_a_negative_rotor_are_impossible():

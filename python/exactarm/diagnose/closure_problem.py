@@ -205,6 +205,11 @@ class ClosureProblem(PoseProblem):
             out[self.data.contacts[name] == number] = place
         return out
 
+    def holds(self, without: np.ndarray, left: np.ndarray) -> bool:
+        """Places are few: the sum over them may be one alone, and the next may be like any. So none may get
+        worse by the share that all of them together must gain."""
+        return super().holds(without, left) and bool(np.all(left < (1.0 + self.least_elsewhere) * without))
+
     def elsewhere(self, fitted: Fitted) -> Fitted:
         values = {name: getattr(fitted, name) for name in fitted.__dataclass_fields__}
         return WithoutContacts(**values)

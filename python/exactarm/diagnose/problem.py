@@ -291,6 +291,11 @@ class Problem(ABC):
         of them has to hold there. None = `groups` are enough."""
         return None
 
+    def holds(self, without: np.ndarray, left: np.ndarray) -> bool:
+        """Whether an effect holds in stretches that it has not learnt from: their square sums (K,) without it
+        and with it."""
+        return bool(left.sum() < (1.0 - self.least_elsewhere) * without.sum())
+
     def also_judged(self, fitted: Fitted, data: Dataset) -> dict[str, float]:
         """Further numbers of any rows that stand beside the error, by their names with units."""
         return {}

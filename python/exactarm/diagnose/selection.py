@@ -297,8 +297,7 @@ def _holds_elsewhere(problem: Problem, fitted: Fitted, effects: list[Effect]) ->
     prior = np.concatenate([prior_of(effect) for effect in effects])
     folds = np.unique(stretches, return_inverse=True)[1]
     without = held_out_squares(fitted, np.zeros((fitted.whitened.size, 0)), folds)
-    left = held_out_squares(fitted, columns, folds, prior).sum()
-    return bool(left < (1.0 - problem.least_elsewhere) * without.sum())
+    return problem.holds(without, held_out_squares(fitted, columns, folds, prior))
 
 
 def _showing(fitted: Fitted, columns: np.ndarray, units: np.ndarray) -> np.ndarray:
