@@ -33,20 +33,19 @@ def approaches(
         return direction_of_motion(np.array([motion.time for motion in motions]), path * sense)
     poses = model.controller.poses(np.nan_to_num(q))
     arrival = np.zeros((len(motions), n))
-    curved = []
-    for i, motion in enumerate(motions):
-        before = motions[i - 1].target if i else None
-        if motion.approach is not None:
-            arrival[i] = np.asarray(motion.approach) * sense  # taken as it is, below
-        elif i == 0 and motion.target is not None and start is not None:
-            arrival[i] = q[motion.target] - start
-        elif motion.target is not None and before is not None:
-            arrival[i] = q[motion.target] - q[before]
-            if motion.kind != "joint":
-                curved.append((i, before))
-    if curved:
-        rows, before = np.array(curved).T
-        ends = np.array([motions[i].target for i in rows])
+    target = np.array([-1 if motion.target is None else motion.target for motion in motions], int)
+    given = np.array([motion.approach is not None for motion in motions], bool)
+    before = np.concatenate([[-1], target])[:-1]
+    known = (target >= 0) & (before >= 0) & ~given
+    arrival[known] = q[target[known]] - q[before[known]]
+    for i in np.flatnonzero(given):
+        arrival[i] = np.asarray(motions[i].approach) * sense  # taken as it is, below
+    if start is not None and motions and target[0] >= 0 and not given[0]:
+        arrival[0] = q[target[0]] - start
+    rows = np.flatnonzero(known & np.array([motion.kind != "joint" for motion in motions], bool))
+    if rows.size:
+        before = before[rows]
+        ends = target[rows]
         over = np.array([end if motions[i].via is None else motions[i].via for i, end in zip(rows, ends)])
         twist = _final_twist(poses.rows(before), poses.rows(over), poses.rows(ends))
         inverse = pseudo_inverse(_core.geometric_jacobian(model.controller.core, np.nan_to_num(q[ends])))
@@ -78,14 +77,9 @@ def _final_twist(start: Poses, over: Poses, end: Poses) -> np.ndarray:
 def _kept(arrival: np.ndarray, motions: Sequence[Motion]) -> np.ndarray:
     """Signs, where an axis does not move those of the motion before; nothing is known behind an unknown
     place."""
-    signs = np.where(np.abs(arrival) > LEAST_TURN_RAD, np.sign(arrival), 0.0)
-    last = np.zeros(arrival.shape[1])
-    for i, motion in enumerate(motions):
-        if motion.approach is not None:
-            last = signs[i] = np.sign(arrival[i])
-            continue
-        if motion.target is None:
-            last = np.zeros_like(last)
-        last = np.where(signs[i] != 0.0, signs[i], last)
-        signs[i] = last
-    return signs
+    given = np.array([motion.approach is not None for motion in motions], bool)
+    anew = given | np.array([motion.target is None for motion in motions], bool)
+    signs = np.where(given[:, None] | (np.abs(arrival) > LEAST_TURN_RAD), np.sign(arrival), 0.0)
+    told = np.where((signs != 0.0) | anew[:, None], np.arange(len(signs))[:, None], -1)
+    last = np.maximum.accumulate(told, axis=0)  # motion that the sign of each axis comes from, -1: none
+    return np.where(last < 0, 0.0, np.take_along_axis(signs, np.maximum(last, 0), axis=0))

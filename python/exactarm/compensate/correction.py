@@ -18,7 +18,7 @@ import numpy as np
 from exactarm.compensate.approach import approaches
 from exactarm.compensate.flange_poses import Poses, pose_error
 from exactarm.compensate.law import NEAR_SINGULAR, CompensationModel
-from exactarm.compensate.program import Edit, Program, Target
+from exactarm.compensate.program import HERE, Edit, Program, Target
 from exactarm.compensate.straightness import Bend, bends
 from exactarm.errors import InputError
 from exactarm.mdh_frames import compose, relative
@@ -288,10 +288,12 @@ def _by_load(program: Program, rows: Sequence[int]) -> dict:
 
 def _refusals(model, q, rows, found, left_over, amplification) -> dict[int, str]:
     low, high = model.controller.limits
+    turns, outside = np.abs(found - q[rows]), (found < low) | (found > high)
+    suspect = ~(amplification < NEAR_SINGULAR) | outside.any(axis=1) | (left_over > NOT_REACHED)
+    suspect |= turns.max(axis=1, initial=0.0) > LARGEST_TURN_RAD
     refusals = {}
-    for k, row in enumerate(rows):
-        turn = np.abs(found[k] - q[row])
-        beyond = np.flatnonzero((found[k] < low) | (found[k] > high))
+    for k in np.flatnonzero(suspect):
+        row, turn, beyond = rows[k], turns[k], np.flatnonzero(outside[k])
         if not amplification[k] < NEAR_SINGULAR:
             refusals[row] = (
                 "close to a singular pose of the arm: an error of 1 mrad turns an axis by more than 0.1 rad"
@@ -354,11 +356,9 @@ def _reached(written, program, model, resolved, sides, q_after, threads) -> np.n
         loaded = model if load is None else model.with_load(load[0], np.array(load[1]))
         there = loaded.reached(q[members], sides[rows[members]], threads)
         wanted = resolved.poses.rows(rows[members])
-        for k, member in enumerate(members):
-            target = program.targets[rows[member]]
-            arm = target.tool.position if target.pose is not None else np.zeros(3)
-            missed = (
-                there.position[k] + there.rotation[k] @ arm - wanted.position[k] - wanted.rotation[k] @ arm
-            )
-            distance[rows[member]] = np.linalg.norm(missed)
+        targets = [program.targets[row] for row in rows[members]]
+        arm = np.array([HERE.position if t.pose is None else t.tool.position for t in targets])
+        turned = (there.rotation - wanted.rotation) @ arm[:, :, None]
+        missed = there.position - wanted.position + turned[:, :, 0]
+        distance[rows[members]] = np.linalg.norm(missed, axis=1)
     return distance

@@ -37,6 +37,9 @@ class Edit:
     text: bytes
 
 
+HERE = Placement()  # one for all targets of joint angles: a program may have some hundred thousand
+
+
 @dataclass(frozen=True)
 class Target:
     """A target of a program, as the controller means it.
@@ -57,8 +60,8 @@ class Target:
     encode: Callable[[np.ndarray, Placement | None], list[Edit]]
     joints: np.ndarray | None = None
     pose: Placement | None = None
-    tool: Placement = field(default_factory=Placement)
-    base: Placement = field(default_factory=Placement)
+    tool: Placement = field(default_factory=lambda: HERE)
+    base: Placement = field(default_factory=lambda: HERE)
     load: tuple[float, tuple[float, float, float]] | None = None
     near: np.ndarray | None = None
     matches: Callable[[np.ndarray], bool] | None = None
