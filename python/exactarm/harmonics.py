@@ -26,16 +26,6 @@ def basis(phi: np.ndarray, orders: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return sine / orders, (cosine - 1.0) / orders
 
 
-def transmission_error(phi: np.ndarray, orders: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """e (N,) in rad."""
-    return _core.transmission(phi, orders, a, b)[0]
-
-
-def transmission_slope(phi: np.ndarray, orders: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """de/dphi (N,) = u / ratio - 1."""
-    return _core.transmission(phi, orders, a, b)[1]
-
-
 def delivered_angle(
     phi: np.ndarray, orders: np.ndarray, a: np.ndarray, b: np.ndarray, factor: np.ndarray | float = 1.0
 ) -> np.ndarray:

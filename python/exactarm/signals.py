@@ -269,16 +269,6 @@ def steady_direction(rate: np.ndarray, time: np.ndarray,
     return direction, reversal
 
 
-def periodogram(angle: np.ndarray, values: np.ndarray, orders: np.ndarray) -> np.ndarray:
-    """Complex amplitudes (K,) of exp(i order angle) in `values` (N,) on any angles (N,): 2 / N sum v exp(-i w
-    x)."""
-    out = np.empty(orders.size, complex)
-    for k in range(0, orders.size, 64):
-        part = orders[k : k + 64]
-        out[k : k + 64] = np.exp(-1j * np.outer(part, angle)) @ values
-    return 2.0 * out / angle.size
-
-
 def on_uniform_angle(angle: np.ndarray, values: np.ndarray, samples: int) -> tuple[np.ndarray, np.ndarray]:
     """The signal (N,) averaged into `samples` equal cells of its angle: centres (M,), means (M,); empty ones
     filled in."""

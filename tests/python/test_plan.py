@@ -17,11 +17,11 @@ from exactarm.effects.payload import Payload
 from exactarm.errors import ComputationError, InputError
 from exactarm.plan import Line, PathFailure, PlannedPath, PlanOptions, Points, load_path, plan_many, plan_path
 from exactarm.plan.limits import violations
-from exactarm.plan.trajectory import trajectory_table, write_trajectory
+from exactarm.plan.trajectory import trajectory_table
 from exactarm.robot_file import load_robot
 from exactarm.simulate.measure import true_path
 from exactarm.simulate.virtual_robot import VirtualRobot
-from exactarm.table import read_table
+from exactarm.table import read_table, write_table
 
 ROBOT = load_robot("racer-7-1.4")
 LINE = replace(load_path("line"), rate_hz=200.0)
@@ -238,7 +238,7 @@ def test_a_trajectory_survives_csv_and_parquet(tmp_path):
     assert list(table)[:8] == ["time_s"] + [f"theta_{i}_rad" for i in range(1, 7)] + ["theta_dot_1_rad_s"]
     assert list(table)[-3:] == ["x_m", "y_m", "z_m"] and len(table) == 1 + 5 * 6 + 3
     for name in ("t.csv", "t.parquet"):
-        write_trajectory(tmp_path / name, plan)
+        write_table(tmp_path / name, table)
         read = read_table(tmp_path / name).columns
         for column, values in table.items():
             np.testing.assert_array_equal(read[column], values)

@@ -290,7 +290,6 @@ PLOTS = {
         unit="rad/s²",
         name="amplitude", x_name="frequency", x_unit="Hz", log_x=True, log_y=True),
     "poses_view": lambda: workspace.poses_view(RANDOM.random((COUNT, 3)), MASK),
-    "path_view": lambda: workspace.path_view({"path": RANDOM.random((COUNT, 3))}),
     "observability": lambda: design.observability_over_steps(np.arange(5.0), references={"random": 2.0}),
 }
 

@@ -18,7 +18,6 @@ from exactarm.chain import Layout
 from exactarm.dataset import Dataset
 from exactarm.effects.base import Station
 from exactarm.errors import InputError
-from exactarm.fixture import Fixture
 from exactarm.identify.calibrate import Calibration, CalibrationOptions, calibrated_robot
 from exactarm.identify.closure_fit import ClosureFit, Pulls, fit_closures
 from exactarm.identify.compliance import compliance_layout
@@ -335,10 +334,6 @@ def updated_robot(robot: Robot, data: Dataset, fit: ClosureFit) -> Robot:
 
 def sessions_of(data: Dataset) -> tuple[int, ...]:
     return tuple(int(session) for session in np.unique(data.session))
-
-
-def without_known_lengths(data: Dataset) -> Dataset:
-    return replace(data, fixture=Fixture(free_bars=data.fixture.free_bars))
 
 
 def _with_tools_apart(setup: Layout, data: Dataset) -> Layout | None:

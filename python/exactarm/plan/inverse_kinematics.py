@@ -19,11 +19,10 @@ NEAR_SINGULAR = 0.01  # conditioning below which the result carries a warning
 
 @dataclass(frozen=True)
 class JointPath:
-    """Joint angles (N, n) in rad, the smallest conditioning on the way and its time, warnings."""
+    """Joint angles (N, n) in rad, the smallest conditioning on the way, warnings."""
 
     q: np.ndarray
     conditioning: float
-    conditioning_time: float
     warnings: tuple[str, ...]
 
 
@@ -42,7 +41,7 @@ def inverse_kinematics(core: _core.Robot, reference: Reference, start: np.ndarra
             near = report.conditioning < NEAR_SINGULAR
             warning = (f"the path passes near a singular pose at {time:.3f} s (conditioning "
                        f"{report.conditioning:.1e})",)
-            return JointPath(q, report.conditioning, time, warning if near else ())
+            return JointPath(q, report.conditioning, warning if near else ())
         failures.append((report.index, describe(report, reference)))
     # The branch that came furthest says most.
     raise ComputationError(max(failures)[1])

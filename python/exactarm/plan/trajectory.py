@@ -1,13 +1,10 @@
-"""A plan as a table: trajectory.csv (or .parquet), and back. Units in the names."""
+"""A plan as a table: the columns of trajectory.csv. Units in the names."""
 
 from __future__ import annotations
-
-from pathlib import Path
 
 import numpy as np
 
 from exactarm.plan.optimal import Plan
-from exactarm.table import write_table
 
 
 def trajectory_table(plan: Plan) -> dict[str, np.ndarray]:
@@ -20,8 +17,3 @@ def trajectory_table(plan: Plan) -> dict[str, np.ndarray]:
     ):
         columns |= {f"{name}_{i + 1}_{unit}": values[:, i] for i in range(values.shape[1])}
     return columns | {f"{axis}_m": plan.position[:, k] for k, axis in enumerate("xyz")}
-
-
-def write_trajectory(file: str | Path, plan: Plan) -> None:
-    """CSV or Parquet, by the ending of the name."""
-    write_table(file, trajectory_table(plan))

@@ -1,13 +1,11 @@
-"""Poses and paths in the workspace, seen from above and from the side."""
+"""Poses in the workspace, seen from above and from the side."""
 
 from __future__ import annotations
-
-from collections.abc import Mapping
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from exactarm.report.plots.style import AFTER, CYCLE, INK, VALIDATION, new_figure
+from exactarm.report.plots.style import AFTER, INK, VALIDATION, new_figure
 
 VIEWS = (("from above", 0, 1), ("from the side", 0, 2))
 AXIS_NAMES = ("x [m]", "y [m]", "z [m]")
@@ -23,16 +21,6 @@ def poses_view(points: np.ndarray, validation: np.ndarray | None = None) -> Figu
         if not fitted.all():
             axes.plot(points[~fitted, i], points[~fitted, j], "D", color=VALIDATION, markersize=4,
                       label="validation")
-    _finish(figure, panels)
-    return figure
-
-
-def path_view(paths: Mapping[str, np.ndarray]) -> Figure:
-    """Paths label -> (N, 3) of the flange in the base frame."""
-    figure, panels = _views()
-    for axes, (_, i, j) in zip(panels, VIEWS):
-        for (label, path), colour in zip(paths.items(), CYCLE):
-            axes.plot(path[:, i], path[:, j], color=colour, label=label)
     _finish(figure, panels)
     return figure
 
