@@ -21,6 +21,7 @@ import numpy as np
 from exactarm import _core
 from exactarm.chain.gear import declared_output_angle
 from exactarm.chain.layout import Layout
+from exactarm.chain.loaded_arms import loaded_arms
 from exactarm.chain.motion_record import SLOW_HZ, MotionRecord
 from exactarm.chain.propagate import pass_station, pass_tangents
 from exactarm.chain.spring_response import SpringResponse
@@ -184,8 +185,13 @@ def _bend(view: View, layout: Layout, record: MotionRecord, tangents: bool) -> N
 def _slopes(view: View) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(N, n, n) derivatives of the inverse dynamics by q, q_dot, q_ddot."""
     motion = (view.q, view.signals["q_dot"], view.signals["q_ddot"])
-    slopes = _core.inverse_dynamics_derivatives(view.robot.core, *motion, threads=view.threads)
-    return slopes["dtau_dq"], slopes["dtau_dq_dot"], slopes["mass_matrix"]
+    found = tuple(np.zeros((view.rows, view.axes, view.axes)) for _ in range(3))
+    for rows, core in loaded_arms(view.robot, view.data):
+        slopes = _core.inverse_dynamics_derivatives(core, *(each[rows] for each in motion),
+                                                    threads=view.threads)
+        for whole, name in zip(found, ("dtau_dq", "dtau_dq_dot", "mass_matrix")):
+            whole[rows] = slopes[name]
+    return found
 
 
 def _torque_tangent(view: View, slopes) -> np.ndarray:
@@ -217,7 +223,9 @@ def _load(view: View, layout: Layout, record: MotionRecord, tangents: bool) -> N
         view.tangents["torque"] = np.zeros((view.rows, view.axes, layout.size))
     if view.has_masses:
         motion = (view.q, view.signals["q_dot"], view.signals["q_ddot"])
-        view.signals["torque"] = _core.inverse_dynamics(view.robot.core, *motion, view.threads)
+        for rows, core in loaded_arms(view.robot, view.data):
+            view.signals["torque"][rows] = _core.inverse_dynamics(core, *(each[rows] for each in motion),
+                                                                  view.threads)
         if tangents and np.any(view.tangents["q"]):
             view.tangents["torque"] = _torque_tangent(view, _slopes(view))
     pass_station(view, layout, Station.LOAD, "torque", tangents)
