@@ -36,6 +36,8 @@ from exactarm.diagnose.verdict import (
 from exactarm.effects.base import Effect
 from exactarm.identify.loads import kept_masses
 from exactarm.identify.statistics import ErrorSummary, summarise
+from exactarm.noise.model import NoiseModel
+from exactarm.noise.sharing import shared_covariance
 from exactarm.robot import Robot
 from exactarm.split import DEFAULT_SEED
 
@@ -223,13 +225,32 @@ def _search(problem: Problem, declared: Layout, progress: Progress) -> tuple[Sel
             # Forms that no block has (an order with its overtone) are reached step by step only.
             by_steps = select(part, declared, progress)
             found, causes = (by_steps, None) if by_steps.accepted else (found, causes)
-    if rows is None:
-        return found, causes
-    progress("fitting all identification rows")
-    first = problem.fit(declared)
-    effects = [accepted.effect for accepted in found.accepted]
-    fits = [first, *found.fits[1:-1]] + ([refit(problem, declared, effects, first)] if effects else [])
+    fits = list(found.fits)
+    if rows is not None:
+        progress("fitting all identification rows")
+        first = problem.fit(declared)
+        effects = [accepted.effect for accepted in found.accepted]
+        fits = [first, *fits[1:-1]] + ([refit(problem, declared, effects, first)] if effects else [])
+    if causes is not None:
+        fits[-1] = _known_beside(problem, fits[-1], causes.noise, rows)
     return replace(found, fits=tuple(fits)), causes
+
+
+def _known_beside(problem: Problem, fitted: Fitted, noise: NoiseModel, rows: np.ndarray | None) -> Fitted:
+    """The fit with the covariance that noise shared by rows leaves; rows (N,) bool: those that the noise was
+    estimated from, None = all."""
+    if noise.wandering is None and noise.shared == 0.0:
+        return fitted
+    order = problem.order()
+    if order is not None and rows is not None:  # a memory is counted in distances between the rows searched
+        step = np.diff(np.sort(order[rows]))
+        order = order / np.median(step[step > 0.0])
+    columns = fitted.standard(fitted.jacobian).reshape(fitted.jacobian.shape)
+    free = ~fitted.fit.at_bound
+    covariance = np.zeros_like(fitted.fit.covariance)
+    covariance[np.ix_(free, free)] = fitted.fit.sigma**2 * shared_covariance(
+        columns[:, :, free], fitted.prior_rows[:, free], noise, problem.groups(), order)
+    return replace(fitted, fit=fitted.fit.known_by(covariance, fitted.fit.freedom))
 
 
 def _errors(problem: Problem, fitted: Fitted) -> dict[str, np.ndarray]:

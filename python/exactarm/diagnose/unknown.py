@@ -9,8 +9,8 @@ Solin and Sarkka (2020) on [-L, L], s scaled to [-1, 1]:
                                                    b_i ~ N(0, amplitude^2 S(w_i) / sum_j S(w_j))
     S(w) proportional to (5 / l^2 + w^2)^-3,   lengths l of 0.2, 0.5 and 1.2 of the signal's range.
 
-Functions of two signals: products of few of them. In time, a device may also wander faster than that: hat
-functions.
+Functions of two signals: products of few of them. A device that follows the time is no function here: it
+wanders, slowly or fast, and what its rows share is one law of noise (noise/wandering.py).
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ LENGTHS = (0.4, 1.0, 2.4)  # 0.2, 0.5 and 1.2 of the range [-1, 1]
 _TERMS, _TERMS_OF_TWO = 15, 4
 _HALF_WIDTH = 1.3  # L: at the ends of the range the basis is still free
 AMPLITUDE = 3e-4  # rad of an axis, m of the device: what gears, springs and devices leave
+_OF_TIME = ("time", "order of measurement")
 _LEAST_VALUES = 5  # different values of a signal; fewer are levels, not a curve
-_ROWS_A_HAT, _MOST_HATS = 6, 60
 
 
 @dataclass(frozen=True)
 class Unknown:
-    """Which direction follows which signals; `form`: smooth, of two, or wandering."""
+    """Which direction follows which signals; `form`: smooth, of two, or of place."""
 
     direction: str
     signals: tuple[str, ...]
@@ -37,9 +37,7 @@ class Unknown:
 
     @property
     def label(self) -> str:
-        return f"{self.direction} by {' and '.join(self.signals)}" + (
-            " (wandering)" if self.form == "wandering" else ""
-        )
+        return f"{self.direction} by {' and '.join(self.signals)}"
 
     @property
     def described(self) -> bool:
@@ -94,7 +92,7 @@ def unknown_functions(fitted, signals: dict,
         for signal, basis in bases.items():
             found.append((Unknown(name, (signal,)), pattern[:, :, None] * basis[:, None, :], lengths))
     whole = {name: basis for name, basis in bases.items()
-             if not name.startswith(("angle", "load", "approach"))}
+             if not name.startswith(("angle", "load", "approach", *_OF_TIME))}
     for signal, basis in whole.items() if device else ():
         response = np.concatenate([pattern[:, :, None] * basis[:, None, :] for pattern in device], axis=2)
         found.append((Unknown("the device", (signal,)), response,
@@ -102,12 +100,6 @@ def unknown_functions(fitted, signals: dict,
     place = [few_of(curves[name]) for name in curves if name.startswith("position")]
     if device and len(place) == 3:
         found.append(_of_place(place, device))
-    order = next((name for name in curves if name in ("time", "order of measurement")), None)
-    if order and device:
-        hats = _hats(curves[order])
-        response = np.concatenate([pattern[:, :, None] * hats[:, None, :] for pattern in device], axis=2)
-        size = np.full(response.shape[2], AMPLITUDE)
-        found.append((Unknown("the device", (order,), "wandering"), response, [size]))
     return found + _of_two(curves, turns, device)
 
 
@@ -143,11 +135,3 @@ def _of_two(curves: dict, turns: dict, device: list) -> list:
                 found.append((Unknown(direction, (one, other), "of two"), response,
                               [np.tile(product_size, len(patterns))]))
     return found
-
-
-def _hats(values: np.ndarray) -> np.ndarray:
-    """(N, h) piecewise linear functions of the rank of a signal, a knot every few rows."""
-    rank = np.argsort(np.argsort(values, kind="stable"), kind="stable").astype(float)
-    knots = int(np.clip(len(values) // _ROWS_A_HAT, 4, _MOST_HATS))
-    at = rank / max(len(values) - 1, 1) * (knots - 1)
-    return np.maximum(0.0, 1.0 - np.abs(at[:, None] - np.arange(knots)))

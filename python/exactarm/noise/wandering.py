@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-MEMORIES = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0)  # rows
+MEMORIES = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 128.0)  # rows; the longest are drifts
 _RATIOS = np.geomspace(0.05, 400.0, 40)
 _PARAMETERS = 2.0
 _LEAST_NATS = 3.0  # above the price of the parameters: 1 in 20, beside rows that share nothing
