@@ -37,6 +37,39 @@ def test_a_few_gross_rows_are_wrong_by_themselves():
     assert noise.sigma == pytest.approx(SIGMA, rel=0.06)
 
 
+def moderate_rows(seed, rows, freedom=np.inf, share=0.03):
+    """Residuals, and which of them are 5 to 25 times the noise off: too few and too near for a law 30 times
+    as wide, which found a third of them."""
+    rng = np.random.default_rng(seed)
+    residual = rng.standard_normal((rows, 3))
+    if np.isfinite(freedom):
+        residual *= np.sqrt((freedom - 2.0) / rng.chisquare(freedom, (rows, 1)))
+    wrong = rng.random(rows) < share
+    way = rng.standard_normal((rows, 3))
+    way /= np.linalg.norm(way, axis=1, keepdims=True)
+    far = np.exp(rng.uniform(np.log(5.0), np.log(25.0), (rows, 1)))
+    return SIGMA * (residual + way * far * wrong[:, None]), wrong
+
+
+@pytest.mark.parametrize("rows", [60, 150, 400])
+def test_rows_of_five_to_25_times_the_noise_are_wrong_by_themselves(rows):
+    caught, good = [], []
+    for seed in range(20):
+        residual, wrong = moderate_rows(seed, rows)
+        found = estimate_noise(residual).wrong
+        caught += list(found[wrong])
+        good += list(found[~wrong])
+    assert np.mean(caught) > 0.85 and np.mean(good) < 0.002
+
+
+@pytest.mark.parametrize("freedom", [3.0, 5.0, 10.0])
+@pytest.mark.parametrize("rows", [60, 150, 400])
+def test_hardly_a_row_of_heavy_tails_is_called_wrong(rows, freedom):
+    taken = [estimate_noise(moderate_rows(40 + seed, rows, freedom, 0.0)[0]).wrong.mean()
+             for seed in range(20)]
+    assert np.mean(taken) < 0.002 and np.max(taken) <= 0.02
+
+
 def test_gross_rows_are_told_from_the_tails_of_the_others():
     """Components of unequal noise look heavy-tailed together; a row ten times as far out is wrong all the
     same."""

@@ -4,8 +4,8 @@ Families, by their likelihood (each further parameter pays half the logarithm of
 
     gauss    one normal law
     student  multivariate t with 30, 10, 5 or 3 degrees of freedom (Lange, Little and Taylor 1989)
-    gross    either of them, and a few rows (at most a fifth) from a law GROSS times as wide: broken beams,
-             exchanged rows
+    gross    either of them, and a few rows (at most a fifth) from a law 5 to 100 times as wide, which is
+             estimated: broken beams, exchanged rows
 
 each with one scale for all components of a kind (positions, orientations), or one for every component. A row
 of the last family is wrong by itself where that is more than 99 % probable; its weight is zero.
@@ -22,7 +22,9 @@ from exactarm.noise.model import NoiseModel
 from exactarm.noise.wandering import gain_of, wandering_of
 
 FREEDOMS = (30.0, 10.0, 5.0, 3.0)
-GROSS = 30.0  # times the noise; a smaller ratio swallows causes that only some rows show
+# width of wrong rows, times the noise, any in between as likely by its logarithm: below the least a Student
+# law of 3 degrees of freedom has such rows by itself, beyond the most every one is told from it
+LEAST_GROSS, MOST_GROSS = 5.0, 100.0
 _MOST_WRONG = 0.2
 _SURELY_WRONG = 0.99
 _PASSES = 60
@@ -145,20 +147,23 @@ def _robust(e: np.ndarray, kinds: np.ndarray) -> np.ndarray:
 
 
 def _gross(e: np.ndarray, kinds: np.ndarray, nu: float) -> NoiseModel:
-    """A share of the rows from a law GROSS times as wide as the others', which are normal or Student with nu
-    degrees of freedom."""
+    """A share of the rows from a normal law of its own width, the others normal or Student with nu degrees of
+    freedom; share and width by expectation and maximisation (Dempster, Laird and Rubin 1977)."""
     rows, m = e.shape
-    sigma, share = _robust(e, kinds), 0.02
+    sigma, share, width = _robust(e, kinds), 0.02, MOST_GROSS
     for _ in range(_PASSES):
         square = np.sum((e / sigma) ** 2, axis=1)
         good = np.log1p(-share) + _log_density(square, m, nu)
-        bad = np.log(share) + _log_density(square / GROSS**2, m, np.inf) - m * np.log(GROSS)
+        bad = np.log(share) + _log_density(square / width**2, m, np.inf) - m * np.log(width)
         wrong = special.expit(bad - good)
         weight = _row_weight(square, m, nu)
-        new = _scales(e, (1.0 - wrong) * weight + wrong / GROSS**2, kinds, rows)
+        new = _scales(e, (1.0 - wrong) * weight + wrong / width**2, kinds, rows)
         share_new = float(np.clip(wrong.mean(), 0.5 / rows, _MOST_WRONG))
-        done = np.all(np.abs(new / sigma - 1.0) < 1e-6) and abs(share_new - share) < 1e-6
-        sigma, share = new, share_new
+        width_new = np.sqrt((wrong @ square) / (m * max(float(wrong.sum()), 0.5)))
+        width_new = float(np.clip(width_new, LEAST_GROSS, MOST_GROSS))
+        settled = abs(share_new - share) < 1e-6 and abs(width_new / width - 1.0) < 1e-3
+        done = settled and np.all(np.abs(new / sigma - 1.0) < 1e-6)
+        sigma, share, width = new, share_new, width_new
         if done:
             break
     value = float(np.sum(np.logaddexp(good, bad)) - rows * np.sum(np.log(sigma)))
