@@ -1,6 +1,6 @@
 """Whether stated probabilities keep what they promise: random arms, poses, causes and noise.
 
-    python bench/reliability.py --count 40 --seed 70000 --out cases.json
+    python bench/reliability.py --count 40 --seed 70000 --out cases.json [--noise coloured] [--causes 0]
     python bench/reliability.py --read cases.json ... [--plot docs/images/reliability.svg]
 
 A case: an arm of six or seven axes with deviations of a new one, 60 to 300 poses, with or without times and
@@ -118,8 +118,10 @@ def drawn_causes(count: int, declared: Robot, clean: Dataset, random: np.random.
     return tuple(found)
 
 
-def case(seed: int, folder: Path) -> dict:
-    """One drawn case, diagnosed: what was hidden, what was stated with which probability, right or not."""
+def case(seed: int, folder: Path, kind: str | None = None, count: int | None = None) -> dict:
+    """One drawn case, diagnosed: what was hidden, what was stated with which probability, right or not.
+
+    kind of noise and count of causes: drawn, where they are not given."""
     random = np.random.default_rng(seed)
     write_random_arm(folder / "arm.toml", random, f"arm-{seed}")
     known = load_robot(folder / "arm.toml")
@@ -135,9 +137,11 @@ def case(seed: int, folder: Path) -> dict:
         tool=Placement(position=random.uniform(-0.2, 0.2, 3) + np.array([0.0, 0.0, 0.15])),
     )
     declared = known if masses else replace(known, links=None)
-    data, kind = commands(known, random), NOISES[random.integers(len(NOISES))]
+    data, drawn = commands(known, random), NOISES[random.integers(len(NOISES))]
+    kind = kind or drawn
     noise = SIGMA_M * noise_of(kind, len(data), random)
-    count = int(random.choice(CAUSES, p=CHANCES))
+    by_chance = int(random.choice(CAUSES, p=CHANCES))
+    count = by_chance if count is None else count
     clean = measured(true, (), data, noise)
     hidden = drawn_causes(count, known, clean, random) if count else ()
     data = measured(true, hidden, data, noise)
@@ -231,6 +235,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--count", type=int, default=40)
     parser.add_argument("--seed", type=int, default=70000)
+    parser.add_argument("--noise", choices=NOISES)
+    parser.add_argument("--causes", type=int, choices=CAUSES)
     parser.add_argument("--out", type=Path)
     parser.add_argument("--read", type=Path, nargs="+")
     parser.add_argument("--plot", type=Path)
@@ -241,7 +247,7 @@ def main() -> None:
     else:
         with tempfile.TemporaryDirectory() as folder:
             for seed in range(arguments.seed, arguments.seed + arguments.count):
-                cases.append(case(seed, Path(folder)))
+                cases.append(case(seed, Path(folder), arguments.noise, arguments.causes))
                 print(json.dumps(cases[-1]), flush=True)
                 if arguments.out:
                     arguments.out.write_text(json.dumps(cases, indent=1) + "\n")
