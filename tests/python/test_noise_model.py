@@ -148,3 +148,10 @@ def test_memory_and_visits_whiten_together():
     columns = np.repeat(np.linalg.cholesky(covariance)[:, None, :], 3, axis=1)
     white = noise.whiten(columns).reshape(6, 3, 6)[:, 0]
     assert white @ white.T == pytest.approx(np.eye(6), abs=1e-10)
+
+
+@pytest.mark.parametrize("ratio, memory, share", [(400.0, 1.0, 0.37), (1.0, 12.0, 0.46), (9.0, 20.0, 0.86)])
+def test_what_the_next_row_shares_counts_the_memory(ratio, memory, share):
+    noise = NoiseModel(np.full(3, SIGMA), np.ones(4), wandering=Wandering(ratio, memory, 0.0),
+                       order=np.arange(4.0))
+    assert noise.common_to_neighbours == pytest.approx(share, abs=0.005)

@@ -39,6 +39,8 @@ WRONG_ROW_FALSE_ALARM = 0.01  # of a whole data set: what the threshold of the e
 # eleven)
 MOST_AT_ONCE = 5
 WANDERS_AT = 2.0  # times the noise without it: a device that stands still would halve what is left
+# of a row's variance that the next one shares: less, and a row is mostly its own, whatever it is called
+COMMON = 0.5
 UNKNOWN = "unknown"  # in the place of a name, for a cause that the library lacks
 _CREDIBLE = 0.95
 _ROUNDS = 4  # of search beside what has been found
@@ -91,7 +93,7 @@ class Causes:
     @property
     def wanders(self) -> tuple[str, ...]:
         """In words: the device wanders, where that is as much as all other noise."""
-        if self.noise.wander_over_rest < WANDERS_AT:
+        if self.noise.wander_over_rest < WANDERS_AT or self.noise.common_to_neighbours < COMMON:
             return ()
         return ("the device wanders or jumps: neighbouring rows share "
                 f"{self.noise.wander_over_rest**2 - 1.0:.0f} times the variance "

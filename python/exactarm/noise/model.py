@@ -96,6 +96,15 @@ class NoiseModel:
         """How many times larger the noise is with the wandering than without."""
         return 1.0 if self.wandering is None else float(np.sqrt(1.0 + self.wandering.ratio))
 
+    @property
+    def common_to_neighbours(self) -> float:
+        """Share of a row's variance that it has in common with the next one: of a memory of one row there is
+        little, however much of the noise has it."""
+        if self.wandering is None:
+            return 0.0
+        ratio = self.wandering.ratio
+        return float(ratio * np.exp(-1.0 / self.wandering.memory) / (1.0 + ratio))
+
     def _parted(self, white: np.ndarray) -> np.ndarray:
         """Takes from the mean of each pose's visits what they share: covariance 1 + shared u u', u the root
         of the weights."""
