@@ -148,6 +148,21 @@ def test_two_angles_that_act_together_are_unexplained():
     assert "two axes together" in result.dossier_after.strongest.signal
 
 
+def test_noise_that_neighbours_share_is_noise_and_widens_the_frames_intervals():
+    """Half of its variance wanders with a memory of eight poses; nothing is hidden."""
+    rng, keeps = np.random.default_rng(92), np.exp(-1.0 / 8.0)
+    shared = rng.standard_normal((COUNT, 3))
+    for row in range(1, COUNT):
+        shared[row] = keeps * shared[row - 1] + np.sqrt(1.0 - keeps**2) * shared[row]
+    result = diagnose(ur10(), data_with((), 91, lambda position: NOISE_M * shared)[0])
+    assert result.verdict == "no_undeclared_effect" and result.causes.noise.wandering is not None
+    fitted = result.selection.fits[-1]
+    alone = result.problem.fit(fitted.layout).fit.covariance
+    wider = np.sqrt(np.diag(fitted.fit.covariance) / np.diag(alone))
+    frames = np.array(["base" in name for name in fitted.layout.names])
+    assert wider[frames].max() > 1.3 and np.all(wider > 0.7) and np.median(wider) < 1.3
+
+
 @pytest.mark.slow
 def test_validation_rows_choose_nothing():
     result, data, _ = diagnosis_of("joint_compliance")

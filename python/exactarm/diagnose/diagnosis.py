@@ -248,8 +248,8 @@ def _known_beside(problem: Problem, fitted: Fitted, noise: NoiseModel, rows: np.
     columns = fitted.standard(fitted.jacobian).reshape(fitted.jacobian.shape)
     free = ~fitted.fit.at_bound
     covariance = np.zeros_like(fitted.fit.covariance)
-    covariance[np.ix_(free, free)] = fitted.fit.sigma**2 * shared_covariance(
-        columns[:, :, free], fitted.prior_rows[:, free], noise, problem.groups(), order)
+    covariance[np.ix_(free, free)] = shared_covariance(columns[:, :, free], fitted.prior_rows[:, free], noise,
+                                                       problem.groups(), order)
     return replace(fitted, fit=fitted.fit.known_by(covariance, fitted.fit.freedom))
 
 
