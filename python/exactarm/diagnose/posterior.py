@@ -1,15 +1,13 @@
 """Which causes the data ask for: one posterior over sets of named causes and unknown functions.
 
 1. The declared model is fitted, and every cause linearised there once (vocabulary.py): relinearising at a
-clearance lies, because
-   other columns then pass through its steep flank.
+   clearance lies, because other columns then pass through its steep flank.
 2. Search (search.py) under a noise model (noise/), which is estimated anew with the causes found, from up to
-three starts: one
-   normal law, the family that the declared fit's residual asks for, the same with what rows share in time.
-   The start whose likelihood, prior and price are better wins.
+   three starts: one normal law, the family that the declared fit's residual asks for, the same with what rows
+   share in time. The start whose likelihood, prior and price are better wins.
 3. The best set is confirmed by the joint non-linear fit through the chain; a set whose fit takes less than
-half of the gain that
-   was promised loses its weakest members. Then what is left is searched once more beside it.
+   half of the gain that was promised loses its weakest members. Then what is left is searched once more
+   beside it.
 """
 
 from __future__ import annotations
