@@ -322,7 +322,7 @@ def _join(files: Sequence[_File], robot: Robot) -> Dataset:
     )
     angles = {name: data.joints[name] for name in _of_controller(data, robot)}
     joints = {name: robot.controller.joints(values) for name, values in angles.items()}
-    return _with_gravity_sensor(replace(data, joints=data.joints | joints))
+    return _with_gravity_sensor(replace(data, joints=data.joints | joints).with_way())
 
 
 def _of_controller(data: Dataset, robot: Robot) -> tuple[str, ...]:

@@ -32,6 +32,9 @@ def by_name(path: str | Path) -> list[tuple[int, str]]:
     return [(int(part), "") if part.isdigit() else (-1, part) for part in re.split(r"([0-9]+)", str(path))]
 
 
+LEAST_TURN_RAD = 1e-4  # 20 arc seconds: less is within the wind-up of a gear
+
+
 @dataclass(frozen=True)
 class Rows:
     """Measurements in SI units.
@@ -50,6 +53,8 @@ class Rows:
     fixture         what is known of the contacts
     covariates      name as in the header -> (N,)
     unweighed       sessions whose payload is not known: zero in `payload`, to be estimated
+    way (N, n)      -1, 0, +1: how each angle would last have moved had every pose been reached straight from
+                    the row before; 0 in the first row of a set-up
     file_index, row (N,) where each row came from: index into `sources`, row from 1
     """
 
@@ -75,6 +80,7 @@ class Rows:
     covariates: dict[str, np.ndarray] = field(default_factory=dict)
     sources: tuple[Source, ...] = ()
     unweighed: tuple[int, ...] = ()
+    way: np.ndarray | None = None
 
     @classmethod
     def of_arrays(cls, kind: str, joints: Mapping[str, np.ndarray], **arrays: Any) -> Self:
@@ -84,7 +90,23 @@ class Rows:
         ones = np.ones(rows, dtype=int)
         defaults = {"session": ones, "run": ones, "file_index": np.zeros(rows, dtype=int),
                     "row": 1 + np.arange(rows)}
-        return cls(kind, (kind,), axes, joints, **(defaults | arrays))
+        return cls(kind, (kind,), axes, joints, **(defaults | arrays)).with_way()
+
+    def with_way(self) -> Self:
+        """With `way` by the order of the rows as they are now: before any are taken out."""
+        angle = self.joints.get("q", self.joints.get("theta"))
+        if angle is None or not len(self):
+            return self
+        place = np.arange(len(self))
+        first = np.ones(len(self), bool)
+        first[1:] = (np.diff(self.session) != 0) | (np.diff(self.file_index) != 0)
+        begin = np.maximum.accumulate(np.where(first, place, 0))
+        step = np.diff(angle, axis=0, prepend=angle[:1])
+        moved = (np.abs(step) > LEAST_TURN_RAD) & ~first[:, None]
+        last = np.maximum.accumulate(np.where(moved, place[:, None], -1), axis=0)
+        known = last >= begin[:, None]
+        sign = np.sign(np.take_along_axis(step, np.maximum(last, 0), axis=0))
+        return replace(self, way=np.where(known, sign, 0.0))
 
     def __len__(self) -> int:
         return len(self.row)

@@ -90,6 +90,14 @@ class View:
         return np.clip(np.nan_to_num(approach), -1.0, 1.0)
 
     @property
+    def way(self) -> np.ndarray:
+        """(N, n) the direction where it is known, else what the order of the rows would make it."""
+        if self.is_series or "approach" in self.data.joints or self.data.way is None:
+            return self.direction
+        turned = 1.0 if "q" in self.data.joints else np.sign(self.robot.controller_ratios)
+        return self.data.way * turned
+
+    @property
     def sign_width(self) -> np.ndarray:
         """(n,) rad/s, output side: within it dry friction turns over."""
         return np.full(self.axes, SIGN_WIDTH_RAD_S)

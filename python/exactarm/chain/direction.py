@@ -21,8 +21,9 @@ from __future__ import annotations
 import numpy as np
 from scipy.interpolate import BSpline
 
+from exactarm.rows import LEAST_TURN_RAD
+
 TRANSITION_S = 0.05  # what a passage asks of the motor stays below about 50 Hz
-LEAST_TURN_RAD = 1e-4  # 20 arc seconds: less is within the wind-up of a gear
 _DEGREE = 5
 _KERNEL = BSpline.basis_element(np.linspace(-0.5, 0.5, _DEGREE + 2), extrapolate=False)
 _STEP = BSpline.construct_fast(_KERNEL.t, _KERNEL.c, _KERNEL.k).antiderivative()

@@ -13,11 +13,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from exactarm import _core
-from exactarm.chain.direction import LEAST_TURN_RAD, direction_of_motion
+from exactarm.chain.direction import direction_of_motion
 from exactarm.compensate.flange_poses import Poses, pseudo_inverse
 from exactarm.compensate.law import CompensationModel
 from exactarm.compensate.program import Motion
 from exactarm.rotation import log as rotation_log
+from exactarm.rows import LEAST_TURN_RAD
 
 
 def approaches(

@@ -7,10 +7,12 @@ Sign: a positive size lags, as friction makes it: an axis that came upwards (app
 stands at a smaller angle than its motor says. A negative size runs ahead, which no friction does: look for
 approach columns of the other sign.
 
-Static poses: m = the approach direction. Time series: m is the stop operator of the output motion with the
-given reach (a spring in series with dry friction: Maxwell-slip element, Al-Bender et al. 2005), m = +-1 after
-a motion of twice the reach. The motion is that of the motor at the nominal ratio, so m does not depend on
-other parameters.
+Static poses: m = the approach direction. With `by_rows` and no approach column it is that of a pose which was
+reached straight from the one of the row before: an assumption, which the description says.
+
+Time series: m is the stop operator of the output motion with the given reach (a spring in series with dry
+friction: Maxwell-slip element, Al-Bender et al. 2005), m = +-1 after a motion of twice the reach. The motion
+is that of the motor at the nominal ratio, so m does not depend on other parameters.
 """
 
 from __future__ import annotations
@@ -33,6 +35,7 @@ class Hysteresis(Effect):
     """values: half the width of the loop at the output, and in time series the reach of the memory."""
 
     search: tuple[float, ...] = ()
+    by_rows: bool = False
 
     name: ClassVar[str] = "hysteresis"
     plain: ClassVar[str] = "an angle that stays behind, by the side from which it comes"
@@ -57,10 +60,17 @@ class Hysteresis(Effect):
         return ("the size is negative: the joint runs ahead of its motion, which no friction does; "
                 "check that approach is +1 where an axis came from smaller angles")
 
+    def describe(self) -> str:
+        assumed = ", if every pose was reached straight from that of the row before" if self.by_rows else ""
+        return super().describe() + assumed
+
+    def to_table(self):
+        return super().to_table() | ({"by_rows": 1} if self.by_rows else {})
+
     def change(self, view) -> Change:
         derivative = np.zeros((view.rows, 1, len(self.values)))
         if len(self.values) == 1 or not view.is_series:
-            memory = view.direction[:, self.index]
+            memory = (view.way if self.by_rows else view.direction)[:, self.index]
         else:
             memory, by_reach = self._memory(view)
             derivative[:, 0, 1] = -self.values[0] * by_reach
@@ -78,13 +88,16 @@ class Hysteresis(Effect):
     @classmethod
     def from_table(cls, table) -> Effect:
         values = [table["size_rad"]] + ([table["reach_rad"]] if "reach_rad" in table else [])
-        return cls(table["joint"], tuple(float(value) for value in values))
+        by_rows = bool(table.get("by_rows", 0))
+        return cls(table["joint"], tuple(float(value) for value in values), by_rows=by_rows)
 
     @classmethod
     def candidates(cls, robot, view) -> Iterable[Effect]:
         for index in np.flatnonzero(view.moving):
             if np.ptp(view.direction[:, index]) > 0:
                 yield cls(int(index) + 1, (0.0,))
+            elif np.ptp(view.way[:, index]) > 0:
+                yield cls(int(index) + 1, (0.0,), by_rows=True)
             if view.is_series:
                 # A drive torque shows what turns the joint by its rates: the shape of the memory is nearly
                 # lost.
