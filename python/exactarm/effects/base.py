@@ -94,6 +94,7 @@ class Effect(ABC):
     smooth: ClassVar[bool] = True  # a smooth function of the motion: may enter a planner's dynamics
     per_joint: ClassVar[bool] = True
     declared: ClassVar[bool] = False  # part of the declared model: re-identified, never a finding
+    of_record: ClassVar[bool] = False  # tells of one record (a device that was pushed), not of arm or device as such
     by_load: ClassVar[bool] = False  # its size or side is decided by the load of a joint
     drawn_to_declared: ClassVar[bool] = False  # a Gaussian prior around the declared values, as wide as they are plausible
     repeatable: ClassVar[bool] = False  # several of them may act on one axis (harmonics of different orders)
@@ -210,8 +211,11 @@ class Effect(ABC):
     # -- as a candidate ---------------------------------------------------------------------------
     @classmethod
     def candidates(cls, robot: Robot, view: View) -> Iterable[Effect]:
-        """The effects of this class that could be missing from `robot` on this data, at zero size."""
-        raise NotImplementedError
+        """The effects of this class that could be missing from `robot` on this data, at zero size; none of a
+        declared one."""
+        if not cls.declared:
+            raise NotImplementedError
+        return ()
 
     def richer(self) -> Iterable[Effect]:
         """Forms of the same cause with more terms, at zero size where it stands: tried once the effect is found."""
@@ -253,11 +257,6 @@ class Effect(ABC):
         return self
 
     # -- what it tells of -------------------------------------------------------------------------
-    @property
-    def of_record(self) -> bool:
-        """Whether it tells of one record (a device that was pushed, rows that are wrong), not of arm or device as such."""
-        return False
-
     def bound_to(self, data: Dataset) -> Effect:
         """The effect for these data files alone, if it is one of a record; data without files binds nothing."""
         return replace(self, record=data.fingerprint) if self.of_record else self

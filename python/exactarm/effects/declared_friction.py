@@ -6,13 +6,12 @@ or above, for friction drives nothing.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 
-from exactarm.effects.base import Change, Effect, Parameter
+from exactarm.effects.base import Change, Parameter
 from exactarm.effects.drive import DriveEffect
 
 
@@ -47,7 +46,3 @@ class DeclaredFriction(DriveEffect):
         rate = self.rate(view)
         derivative = np.stack([self.sign(view)[0], rate], axis=1)[:, None, :]
         return Change((self.index,), np.zeros((view.rows, 1)), derivative)
-
-    @classmethod
-    def candidates(cls, robot, view) -> Iterable[Effect]:
-        return ()

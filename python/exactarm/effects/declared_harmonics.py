@@ -7,7 +7,6 @@ tables) half of it.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -66,7 +65,3 @@ class DeclaredHarmonics(Effect):
         sine, cosine = basis(view.phi[:, self.index], np.array(self.orders))
         columns = -(share * slope)[:, None] * np.concatenate([sine, cosine], axis=1)
         return Change((self.index,), np.zeros((view.rows, 1)), columns[:, None, :])
-
-    @classmethod
-    def candidates(cls, robot, view) -> Iterable[Effect]:
-        return ()

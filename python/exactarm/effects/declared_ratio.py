@@ -6,7 +6,6 @@ phi = theta / ratio, hence dphi/dratio = -phi / ratio.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -45,7 +44,3 @@ class DeclaredRatio(Effect):
     def change(self, view) -> Change:
         phi = view.theta[:, self.index] / self.values[0]
         return Change((self.index,), np.zeros((view.rows, 1)), (-phi / self.values[0])[:, None, None])
-
-    @classmethod
-    def candidates(cls, robot, view) -> Iterable[Effect]:
-        return ()

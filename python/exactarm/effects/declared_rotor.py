@@ -5,13 +5,12 @@ torque = inertia ratio theta_ddot on the output side.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 
-from exactarm.effects.base import Change, Effect, Parameter
+from exactarm.effects.base import Change, Parameter
 from exactarm.effects.drive import DriveEffect
 
 
@@ -41,7 +40,3 @@ class DeclaredRotor(DriveEffect):
         ratio = view.robot.controller_ratios[self.index]
         column = ratio * view.signals["theta_ddot"][:, self.index]
         return Change((self.index,), np.zeros((view.rows, 1)), column[:, None, None])
-
-    @classmethod
-    def candidates(cls, robot, view) -> Iterable[Effect]:
-        return ()

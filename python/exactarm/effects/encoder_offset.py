@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -36,7 +35,3 @@ class EncoderOffset(Effect):
     def change(self, view) -> Change:
         here = (view.data.run == self.run).astype(float)[:, None]
         return Change((self.column,), self.values[0] * here, here[:, :, None])
-
-    @classmethod
-    def candidates(cls, robot, view) -> Iterable[Effect]:
-        return ()

@@ -6,7 +6,6 @@ orientation is measured). x_measured = p_base + R_base (p_flange + R_flange p_to
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
@@ -70,7 +69,3 @@ class Frames(Effect):
                 columns[:, :, 9:12] = columns[:, :, 9:12] @ left_jacobian(np.asarray(self.values[9:12]))
             derivative[rows] = columns
         return Change(tuple(range(6)), np.zeros((view.rows, 6)), derivative)
-
-    @classmethod
-    def candidates(cls, robot, view) -> Iterable[Effect]:
-        return ()

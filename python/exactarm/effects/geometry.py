@@ -6,7 +6,6 @@ Values are the parameters themselves, in the robot's tables.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -63,7 +62,3 @@ class Geometry(Effect):
             block = view.signals["identification"].reshape(view.rows, 6, -1)
             derivative = block[:, :, [6 * self.index + _COLUMN[name] for name in self.names]]
         return Change(tuple(range(6)), np.zeros((view.rows, 6)), derivative)
-
-    @classmethod
-    def candidates(cls, robot, view) -> Iterable[Effect]:
-        return ()

@@ -7,7 +7,6 @@ axis. Part of the declared model: re-identified, one pair of angles for each set
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -58,10 +57,6 @@ class GyroAlignment(Effect):
         derivative = np.stack([rate @ by_alpha.T, rate @ by_beta.T], axis=2)
         by_measured = here[:, None, None] * (turn - np.eye(3))
         return Change((0, 1, 2), value, derivative, {"measured": by_measured})
-
-    @classmethod
-    def candidates(cls, robot, view) -> Iterable[Effect]:
-        return ()
 
 
 def about_x(angle: float) -> np.ndarray:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -40,7 +39,3 @@ class JointOffset(Effect):
 
     def change(self, view) -> Change:
         return Change((self.index,), np.zeros((view.rows, 1)), np.ones((view.rows, 1, 1)))
-
-    @classmethod
-    def candidates(cls, robot, view) -> Iterable[Effect]:
-        return ()

@@ -7,7 +7,6 @@ values.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
@@ -67,10 +66,6 @@ class LinkInertia(Effect):
             derivative = _core.dynamics_regressor(view.robot.core, *motion,
                                                   view.threads)[:, :, list(self.columns)]
         return Change(tuple(range(view.axes)), np.zeros((view.rows, view.axes)), derivative)
-
-    @classmethod
-    def candidates(cls, robot, view) -> Iterable[Effect]:
-        return ()
 
 
 def column_name(column: int) -> str:

@@ -34,16 +34,13 @@ class Outliers(Effect):
     name: ClassVar[str] = "outliers"
     plain: ClassVar[str] = "single wrong measurements"
     station: ClassVar[Station] = Station.DEVICE
+    of_record: ClassVar[bool] = True
     kinds: ClassVar[tuple[str, ...]] = (POSES.name,)
     per_joint: ClassVar[bool] = False
     sentence: ClassVar[
         str
     ] = "single rows are wrong by themselves: those with more than {threshold_m:.3g} m are left out"
     source: ClassVar[str] = "Rousseeuw and Hubert 2011"
-
-    @property
-    def of_record(self) -> bool:
-        return True
 
     def parameters(self) -> tuple[Parameter, ...]:
         return (Parameter("threshold_m", 1e-3, 0.0, fixed=True),)

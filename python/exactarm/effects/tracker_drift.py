@@ -29,13 +29,10 @@ class TrackerDrift(Effect):
     name: ClassVar[str] = "tracker_drift"
     plain: ClassVar[str] = "a tracker that drifts"
     station: ClassVar[Station] = Station.DEVICE
+    of_record: ClassVar[bool] = True
     kinds: ClassVar[tuple[str, ...]] = WITH_TARGET
     per_joint: ClassVar[bool] = False
     source: ClassVar[str] = "ISO 10360-10 (stability of laser trackers)"
-
-    @property
-    def of_record(self) -> bool:
-        return True
 
     def parameters(self) -> tuple[Parameter, ...]:
         shift = tuple(Parameter(f"{axis}_m_per_{unit(self.driver)}", 1e-4) for axis in "xyz")

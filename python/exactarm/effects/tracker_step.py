@@ -32,13 +32,10 @@ class TrackerStep(Effect):
     name: ClassVar[str] = "tracker_step"
     plain: ClassVar[str] = "a tracker that was pushed"
     station: ClassVar[Station] = Station.DEVICE
+    of_record: ClassVar[bool] = True
     kinds: ClassVar[tuple[str, ...]] = WITH_TARGET
     per_joint: ClassVar[bool] = False
     source: ClassVar[str] = "ISO 10360-10 (stability of laser trackers)"
-
-    @property
-    def of_record(self) -> bool:
-        return True
 
     def parameters(self) -> tuple[Parameter, ...]:
         after = Parameter(f"after_{unit(self.driver)}", 1.0, fixed=True, search=self.search)

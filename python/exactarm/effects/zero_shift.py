@@ -30,12 +30,9 @@ class ZeroShift(Effect):
     name: ClassVar[str] = "zero_shift"
     plain: ClassVar[str] = "a zero that moved once (slip, collision, new mastering)"
     station: ClassVar[Station] = Station.SPRING
+    of_record: ClassVar[bool] = True
     kinds: ClassVar[tuple[str, ...]] = WITH_TARGET
     source: ClassVar[str] = "ISO 9283 (drift); makers' manuals on mastering after a collision"
-
-    @property
-    def of_record(self) -> bool:
-        return True
 
     def parameters(self) -> tuple[Parameter, ...]:
         after = Parameter(f"after_{unit(self.driver)}", 1.0, fixed=True, search=self.search)

@@ -9,7 +9,6 @@ effects of the declared model, one object a contact and session.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -70,7 +69,3 @@ class Contact(Effect):
         by_point[at, :c] += by_target[:, :, :3]
         by_turn[at, :c, 3:] = by_target[:, :, 3:]
         return Change((0, 1, 2), value, by_parameters, {"measured": by_point, "displacement": by_turn})
-
-    @classmethod
-    def candidates(cls, robot, view) -> Iterable[Effect]:
-        return ()

@@ -10,7 +10,6 @@ to the set-up, like a frame: a nuisance of the declared model, never part of the
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -66,7 +65,3 @@ class SessionPayload(Effect):
         derivative = np.zeros((view.rows, view.axes, len(self.values)))
         value[at], derivative[at] = regressor @ pi, regressor @ slope
         return Change(tuple(range(view.axes)), value, derivative)
-
-    @classmethod
-    def candidates(cls, robot, view) -> Iterable[Effect]:
-        return ()

@@ -9,7 +9,6 @@ file.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
@@ -55,7 +54,3 @@ class Target(Effect):
             rows = np.flatnonzero(np.isin(view.data.session, self.sessions))
             derivative[rows] = view.signals["identification"].reshape(view.rows, 6, -1)[rows, :, -6:-3]
         return Change(tuple(range(6)), np.zeros((view.rows, 6)), derivative)
-
-    @classmethod
-    def candidates(cls, robot, view) -> Iterable[Effect]:
-        return ()
