@@ -181,6 +181,23 @@ def test_tables_of_joint_angles_are_corrected_in_place(tmp_path):
     assert np.linalg.norm(cell.true_tip(commands, cell.approach(commands)) - wanted, axis=1).max() < 1e-8
 
 
+@pytest.mark.parametrize("delimiter, decimal", [(";", ","), ("\t", ","), (";", ".")])
+def test_a_table_keeps_its_delimiter_and_its_decimal_mark(tmp_path, delimiter, decimal):
+    cell = Cell(identified(), Placement(), Placement())
+    q = reachable(cell.robot, 4)
+    plain = ["q_1_rad,q_2_rad,q_3_rad,q_4_rad,q_5_rad,q_6_rad,note"]
+    plain += [",".join([*map(repr, row.tolist()), str(i)]) for i, row in enumerate(q)]
+    theirs = [line.replace(",", delimiter).replace(".", decimal) for line in plain]
+    both = {"ours.csv": plain, "theirs.csv": theirs}
+    written = {}
+    for name, lines in both.items():
+        code, new, _ = compensate(tmp_path, cell.robot, {name: ("\n".join(lines) + "\n").encode()})
+        assert code == 0
+        written[name] = new[name].decode()
+    assert written["theirs.csv"] == written["ours.csv"].replace(",", delimiter).replace(".", decimal)
+    assert written["theirs.csv"] != "\n".join(theirs) + "\n"
+
+
 def test_a_point_of_a_program_that_may_be_taught_is_not_touched_without_a_word(tmp_path, capsys):
     cell = Cell(identified())
     files = cells.krl(cell, reachable(cell.robot, 3))

@@ -23,6 +23,7 @@ from exactarm.compensate.angles import from_vector
 from exactarm.compensate.controller import ControllerChain
 from exactarm.compensate.program import Motion, Program, SourceText, Target
 from exactarm.compensate.setting import Setting
+from exactarm.csv_dialect import Dialect, dialect_of, split_header
 from exactarm.dataset import Dataset, read_targets
 from exactarm.errors import InputError
 from exactarm.mdh_frames import relative
@@ -79,7 +80,7 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
 def read_commands(sources: tuple[SourceText, ...], setting: Setting) -> Program:
     """The commands of a table that was written: its columns q_i_rad as joint targets."""
     (source,) = sources
-    table = _parquet(source) if _is_parquet(source) else pa.csv.read_csv(io.BytesIO(source.content))
+    table = _parquet(source) if _is_parquet(source) else _csv(source)
     q = np.column_stack([table.column(_name(setting.robot, i)).to_numpy() for i in range(setting.robot.axes)])
     q = setting.robot.controller.joints(q)
     targets = tuple(
@@ -155,17 +156,33 @@ def _owner(name: str, axes: int) -> int | None:
     )
 
 
+def _dialect(source: SourceText) -> Dialect:
+    """How the file parts its columns and writes its numbers."""
+    header, _, body = source.content.removeprefix(b"\xef\xbb\xbf").partition(b"\n")
+    return dialect_of(split_header(header.decode())[1], body)
+
+
+def _csv(source: SourceText) -> pa.Table:
+    dialect = _dialect(source)
+    return pa.csv.read_csv(
+        io.BytesIO(source.content), parse_options=pa.csv.ParseOptions(delimiter=dialect.delimiter),
+        convert_options=pa.csv.ConvertOptions(decimal_point=dialect.decimal),
+    )
+
+
 def _write_csv(source: SourceText, robot: Robot, commands: np.ndarray) -> bytes:
     if b'"' in source.content:
         raise InputError("a cell in quotes; expected numbers without them", file=source.path)
-    lines = source.content.splitlines(keepends=True)
+    lines, dialect = source.content.splitlines(keepends=True), _dialect(source)
+    comma = dialect.delimiter.encode()
+    number = lambda value: repr(float(value)).replace(".", dialect.decimal).encode()
     out, row, owners = [], -1, None
     for line in lines:
         body = line.rstrip(b"\r\n")
         if owners is not None and not body.strip():
             out.append(line)
             continue
-        cells = body.split(b",")
+        cells = body.split(comma)
         if owners is None:
             bom = b"\xef\xbb\xbf" if body.startswith(b"\xef\xbb\xbf") else b""
             owners = [_owner(cell.removeprefix(bom).decode(), robot.axes) for cell in cells]
@@ -173,12 +190,12 @@ def _write_csv(source: SourceText, robot: Robot, commands: np.ndarray) -> bytes:
             new[0] = (bom if owners[0] == 0 else b"") + new[0]
         else:
             row += 1
-            new = [b"" if np.isnan(value) else repr(float(value)).encode() for value in commands[row]]
+            new = [b"" if np.isnan(value) else number(value) for value in commands[row]]
         if any(owner is not None for owner in owners):
             cells = [cell if owner is None else new[owner] for cell, owner in zip(cells, owners)]
         else:
             cells = [*cells, *new]
-        out.append(b",".join(cells) + line[len(body) :])
+        out.append(comma.join(cells) + line[len(body) :])
     return b"".join(out)
 
 
