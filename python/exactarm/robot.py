@@ -7,8 +7,8 @@ Denavit-Hartenberg with Hayati's beta; thesis (2.2), (2.3)). A frame whose `beta
 Hayati: `beta` is a parameter of it and `d` is not.
 
 A controller reports q = theta / controller_ratio + controller_offset: its own constants, which a
-calibration does not change, as it does not change the frames in `controller`. `ratio`, `q_offset` and the joints' frames
-are the best knowledge of the real ones.
+calibration does not change, as it does not change the frames in `controller`. `ratio`, `q_offset` and the
+joints' frames are the best knowledge of the real ones.
 Units: m, rad, kg, Nm, s. Gear coefficients are relative to the ratio (E5).
 """
 
@@ -33,7 +33,8 @@ Frame = Literal["base", "device"]
 
 @dataclass(frozen=True, eq=False)
 class GearTable(Value):
-    """Harmonics of u(phi) in one direction: order [cycles per output revolution], a, b (relative), each (m,)."""
+    """Harmonics of u(phi) in one direction: order [cycles per output revolution], a, b (relative), each
+    (m,)."""
 
     order: np.ndarray = field(default_factory=lambda: np.zeros(0))
     a: np.ndarray = field(default_factory=lambda: np.zeros(0))
@@ -121,7 +122,8 @@ class Controller(Value):
 
     frames            joints of which only sign, zero, d, a, alpha and beta count; empty: not on record
     base, flange      DH frame 0 in the controller's base frame; the controller's flange in DH frame n
-    chain             "nominal": the maker's drawing, "calibrated": frames that the controller was given for this very arm
+    chain             "nominal": the maker's drawing, "calibrated": frames that the controller was given for
+                      this very arm
     absolute_accuracy the controller corrects targets by itself
     coupling          (i, j, factor): q_i = reported_i + factor * reported_j, axes from 1; None: not said
     pulses_per_rad    of each axis, for programs in pulses
@@ -156,10 +158,12 @@ class Controller(Value):
 class Robot(Value):
     """A robot: joints, links (None where no masses are declared), gravity, tool, effects, record.
 
-    `mass`: of the whole arm, kg, where it is known; `generic_masses`: the links are no declaration but exactarm.generic_masses.
+    `mass`: of the whole arm, kg, where it is known; `generic_masses`: the links are no declaration but
+    exactarm.generic_masses.
     `has_geometry` is False for a robot of which only the drives are known. `effects` are the causes
     beyond the tables, in the order they were added. `record` tells how the file came about
-    (data, date, intervals); `intervals` maps a parameter's name to its 95 % interval, `covariance` says how the estimates hang together. `file`: as the user named it, for messages.
+    (data, date, intervals); `intervals` maps a parameter's name to its 95 % interval, `covariance` says how
+    the estimates hang together. `file`: as the user named it, for messages.
     """
 
     name: str
@@ -190,7 +194,8 @@ class Robot(Value):
 
     @property
     def with_controller_frames(self) -> Robot:
-        """The same with its frames on record as the controller's, unless others are: to be kept before they change."""
+        """The same with its frames on record as the controller's, unless others are: to be kept before they
+        change."""
         if self.controller.frames or not self.has_geometry:
             return self
         return replace(self, controller=replace(self.controller, frames=tuple(map(frame_of, self.joints))))
@@ -224,7 +229,8 @@ class Robot(Value):
 
     # -- at the angles that the controller reports (chain/controller.py) ---------------------------------
     def fk(self, q: ArrayLike, *, of: Point = "flange", seen_from: Frame = "base") -> Placement:
-        """Pose at the controller's angles q (n,) or (N, n), rad: of the flange or the target, in base or device frame.
+        """Pose at the controller's angles q (n,) or (N, n), rad: of the flange or the target, in base or
+        device frame.
 
         Calibrated offsets, gears, springs and found effects are in it: the pose that the real arm takes.
 
@@ -241,7 +247,8 @@ class Robot(Value):
            seen_from: Frame = "base") -> np.ndarray:
         """(n,) controller's angles that put the real arm at the pose (a Placement or a 4 x 4 matrix).
 
-        `start`: angles (n,) nearby, to choose a branch; default: the branch nearest to the middle of the limits.
+        `start`: angles (n,) nearby, to choose a branch; default: the branch nearest to the middle of the
+        limits.
 
             >>> import exactarm as ea, numpy as np
             >>> robot, q = ea.load_robot("ur10"), np.array([0.0, -1.5, 1.5, 0.0, 1.5, 0.0])
@@ -257,35 +264,44 @@ class Robot(Value):
         found = at_reported_angles().jacobian(self, np.atleast_2d(np.asarray(q, float)), of, seen_from)
         return found if np.ndim(q) == 2 else found[0]
 
-    def inverse_dynamics(self, q: ArrayLike, q_dot: ArrayLike | None = None, q_ddot: ArrayLike | None = None) -> np.ndarray:
-        """(n,) or (N, n) joint torques in Nm without friction, at the controller's angles; gravity alone without rates."""
+    def inverse_dynamics(self, q: ArrayLike, q_dot: ArrayLike | None = None,
+                         q_ddot: ArrayLike | None = None) -> np.ndarray:
+        """(n,) or (N, n) joint torques in Nm without friction, at the controller's angles; gravity alone
+        without rates."""
         rows = np.atleast_2d(np.asarray(q, float))
-        rates = [np.zeros_like(rows) if each is None else np.atleast_2d(np.asarray(each, float)) for each in (q_dot, q_ddot)]
+        rates = [np.zeros_like(rows) if each is None else np.atleast_2d(np.asarray(each, float))
+                 for each in (q_dot, q_ddot)]
         found = at_reported_angles().inverse_dynamics(self, rows, *rates)
         return found if np.ndim(q) == 2 else found[0]
 
 
 class ReportedAngles(Protocol):
-    """Kinematics and torques at the angles that a controller reports: chain/controller.py, which lies above a robot."""
+    """Kinematics and torques at the angles that a controller reports: chain/controller.py, which lies above a
+    robot."""
 
-    def forward(self, robot: Robot, q: np.ndarray, of: Point, seen_from: Frame) -> tuple[np.ndarray, np.ndarray]: ...
+    def forward(self, robot: Robot, q: np.ndarray, of: Point,
+                seen_from: Frame) -> tuple[np.ndarray, np.ndarray]: ...
     def jacobian(self, robot: Robot, q: np.ndarray, of: Point, seen_from: Frame) -> np.ndarray: ...
-    def inverse(self, robot: Robot, position: np.ndarray, rotation: np.ndarray, start: np.ndarray | None, of: Point,
+    def inverse(self, robot: Robot, position: np.ndarray, rotation: np.ndarray, start: np.ndarray | None,
+                of: Point,
                 seen_from: Frame) -> np.ndarray: ...
-    def inverse_dynamics(self, robot: Robot, q: np.ndarray, q_dot: np.ndarray, q_ddot: np.ndarray) -> np.ndarray: ...
+    def inverse_dynamics(self, robot: Robot, q: np.ndarray, q_dot: np.ndarray,
+                         q_ddot: np.ndarray) -> np.ndarray: ...
 
 
 _provided: list[Callable[[], ReportedAngles]] = []
 
 
 def provide(source: Callable[[], ReportedAngles]) -> None:
-    """Called once, by a module above the chain (robot_file.py); `source` imports what it gives when it is called."""
+    """Called once, by a module above the chain (robot_file.py); `source` imports what it gives when it is
+    called."""
     _provided.append(source)
 
 
 def at_reported_angles() -> ReportedAngles:
     if not _provided:
-        raise RuntimeError("nothing gives kinematics at the controller's angles; expected exactarm.robot_file to be imported")
+        raise RuntimeError("nothing gives kinematics at the controller's angles; expected "
+                           "exactarm.robot_file to be imported")
     return _provided[-1]()
 
 
@@ -296,7 +312,8 @@ def frame_of(joint: Joint) -> Joint:
 
 def _build_core(robot: Robot) -> _core.Robot:
     links = [None] * robot.axes if robot.links is None else robot.links
-    joints = [_core_joint(joint, ratio, link) for joint, ratio, link in zip(robot.joints, robot.ratios, links, strict=True)]
+    joints = [_core_joint(joint, ratio, link)
+              for joint, ratio, link in zip(robot.joints, robot.ratios, links, strict=True)]
     return _core.Robot(joints, robot.base.core(), robot.tool.core(), robot.gravity)
 
 
@@ -315,5 +332,6 @@ def _core_joint(joint: Joint, ratio: float, link: Link | None) -> _core.Joint:
 
 
 def _core_limits(joint: Joint) -> _core.Limits:
-    declared = {name: getattr(joint, name) for name in ("q_min", "q_max", "q_dot_max", "q_ddot_max", "torque_max")}
+    declared = {name: getattr(joint, name)
+                for name in ("q_min", "q_max", "q_dot_max", "q_ddot_max", "torque_max")}
     return _core.Limits(**{name: value for name, value in declared.items() if value is not None})

@@ -43,7 +43,8 @@ __all__ = ["Robot", "load_robot", "read_robot", "shipped_robots", "write_robot"]
 SHIPPED = Path(__file__).parent / "data" / "robots"
 ROTATION_TOLERANCE = 1e-6  # a matrix typed by hand has at least seven digits
 
-TOP_KEYS = ("format", "name", "gravity_m_s2", "has_geometry", "mass_kg", "generic_masses", "record", "base", "tool", "joints",
+TOP_KEYS = ("format", "name", "gravity_m_s2", "has_geometry", "mass_kg", "generic_masses", "record", "base",
+            "tool", "joints",
             "controller", "links", "effects", "intervals", "covariance")
 
 
@@ -74,14 +75,16 @@ def load_robot(name_or_path: str | Path) -> Robot:
     file, _, nominal = text.partition("#")
     if file.lower().endswith(".conf"):
         if not nominal:
-            raise InputError("holds deltas alone; expected the nominal arm behind it, as calibration.conf#ur10", file=text)
+            raise InputError("holds deltas alone; expected the nominal arm behind it, as "
+                             "calibration.conf#ur10", file=text)
         return replace(read_ur_calibration(file, load_robot(nominal)), file=text)
     if path.suffix.lower() == ".toml" or path.exists() or len(path.parts) > 1:
         return read_robot(path)
     close = difflib.get_close_matches(text.lower(), shipped_robots(), n=1, cutoff=0.5)
     hint = f"; did you mean {close[0]}?" if close else ""
     names = ", ".join(shipped_robots())
-    raise InputError(f"no robot of that name; expected one of {names}, or a .toml or .urdf file{hint}", file=text or repr(text))
+    raise InputError(f"no robot of that name; expected one of {names}, or a .toml or .urdf file{hint}",
+                     file=text or repr(text))
 
 
 def read_robot(path: str | Path) -> Robot:
@@ -144,7 +147,8 @@ class _Reader:
     def robot(self, tables: Mapping[str, Any]) -> Robot:
         self.known(tables, TOP_KEYS, "")
         if tables.get("format", FORMAT) != FORMAT:
-            raise self.refuse("format", f"{_short(tables['format'])}; expected {FORMAT}, the format that this program reads")
+            raise self.refuse("format", f"{_short(tables['format'])}; expected {FORMAT}, the format that "
+                                        "this program reads")
         name = self.take(tables, "name", str, "", "a name in quotes")
         entries = self.take(tables, "joints", list, "", "one [[joints]] for each axis")
         if not entries or not all(isinstance(entry, dict) for entry in entries):
@@ -159,20 +163,25 @@ class _Reader:
             optional["has_geometry"] = self.take(tables, "has_geometry", bool, "", "true or false")
         for key in ("base", "tool"):
             if key in tables:
-                optional[key] = self.placement(self.take(tables, key, dict, "", f"a table [{key}]"), f"{key}.")
+                optional[key] = self.placement(self.take(tables, key, dict, "", f"a table [{key}]"),
+                                               f"{key}.")
         if "controller" in tables:
-            optional["controller"] = self.controller(self.take(tables, "controller", dict, "", "a table [controller]"), joints)
+            optional["controller"] = self.controller(
+                self.take(tables, "controller", dict, "", "a table [controller]"), joints
+            )
         if "links" in tables:
             optional["links"] = self.links(tables, len(joints))
         optional |= self.masses(tables)
         effects = self.take(tables, "effects", list, "", "[[effects]]") if "effects" in tables else []
-        optional["effects"] = tuple(self.effect(e, f"effects[{i}].", len(joints)) for i, e in enumerate(effects, start=1))
+        optional["effects"] = tuple(self.effect(e, f"effects[{i}].", len(joints))
+                                    for i, e in enumerate(effects, start=1))
         optional["intervals"] = self.intervals(tables)
         if "covariance" in tables:
             try:
                 optional["covariance"] = ParameterCovariance.from_table(tables["covariance"])
             except (KeyError, TypeError, ValueError) as error:
-                raise self.refuse("covariance", f"does not fit ({error}); expected names, noise_m and factor") from None
+                raise self.refuse("covariance",
+                                  f"does not fit ({error}); expected names, noise_m and factor") from None
         if "record" in tables:
             optional["record"] = self.take(tables, "record", dict, "", "a table [record]")
         return Robot(name, joints, **optional)
@@ -195,19 +204,23 @@ class _Reader:
                 fields[key.field] = value
         for direction in GEAR_TABLES:
             if (name := f"gear_{direction}") in table:
-                fields[direction] = self.gear_table(self.take(table, name, dict, where, "a table"), f"{where}{name}.")
+                fields[direction] = self.gear_table(self.take(table, name, dict, where, "a table"),
+                                                    f"{where}{name}.")
         self.check_joint(fields, kind, where)
         return Joint(**fields)
 
     def check_joint(self, fields: Mapping[str, Any], kind: str, where: str) -> None:
         names = {key.field: where + key.name(kind) for key in JOINT_KEYS}
         if fields.get("beta") is not None and fields.get("d"):
-            raise self.refuse(names["d"], f"{fields['d']:g} beside beta_rad; expected none, a frame with beta has no d")
+            raise self.refuse(names["d"], f"{fields['d']:g} beside beta_rad; expected none, a frame with "
+                                          "beta has no d")
         if fields.get("q_min", -math.inf) >= fields.get("q_max", math.inf):
-            raise self.refuse(names["q_max"], f"{fields['q_max']:g}; expected more than {fields['q_min']:g}, the minimum")
+            raise self.refuse(names["q_max"], f"{fields['q_max']:g}; expected more than {fields['q_min']:g}, "
+                                              "the minimum")
         for field in ("cw", "ccw", "controller_ratio"):
             if field in fields and "ratio" not in fields:
-                raise self.refuse(names["ratio"], "is missing; expected the gear ratio that the joint's gear keys refer to")
+                raise self.refuse(names["ratio"], "is missing; expected the gear ratio that the joint's gear "
+                                                  "keys refer to")
 
     def gear_table(self, table: Mapping[str, Any], where: str) -> GearTable:
         self.known(table, tuple(GEAR_KEYS.values()), where)
@@ -217,7 +230,8 @@ class _Reader:
             values[field] = self.array(listed, where + key, (None,), "a list of numbers")
             count = len(values["order"])
             if len(values[field]) != count:
-                raise self.refuse(where + key, f"{len(values[field])} numbers; expected {count}, one for each order")
+                raise self.refuse(where + key,
+                                  f"{len(values[field])} numbers; expected {count}, one for each order")
         return GearTable(**values)
 
     def placement(self, table: Mapping[str, Any], where: str) -> Placement:
@@ -226,10 +240,15 @@ class _Reader:
         if "position_m" in table:
             fields["position"] = self.array(table["position_m"], where + "position_m", (3,), "three numbers")
         if "rotation" in table:
-            rotation = self.array(table["rotation"], where + "rotation", (3, 3), "three rows of three numbers")
-            proper = np.abs(rotation @ rotation.T - np.eye(3)).max() < ROTATION_TOLERANCE and np.linalg.det(rotation) > 0
+            rotation = self.array(table["rotation"], where + "rotation", (3, 3),
+                                  "three rows of three numbers")
+            proper = (
+                np.abs(rotation @ rotation.T - np.eye(3)).max() < ROTATION_TOLERANCE
+                and np.linalg.det(rotation) > 0
+            )
             if not proper:
-                raise self.refuse(where + "rotation", "is no rotation; expected orthonormal rows, right-handed")
+                raise self.refuse(where + "rotation",
+                                  "is no rotation; expected orthonormal rows, right-handed")
             fields["rotation"] = rotation
         return Placement(**fields)
 
@@ -242,21 +261,25 @@ class _Reader:
             fields["absolute_accuracy"] = self.take(table, "absolute_accuracy", bool, where, "true or false")
         for key in ("base", "flange"):
             if key in table:
-                fields[key] = self.placement(self.take(table, key, dict, where, f"a table [controller.{key}]"), f"{where}{key}.")
+                fields[key] = self.placement(self.take(table, key, dict, where,
+                                                       f"a table [controller.{key}]"), f"{where}{key}.")
         if table.get("frames"):
             fields["frames"] = tuple(
                 self.frame(entry, f"{where}frames[{i}].", joint.type)
-                for i, (entry, joint) in enumerate(zip(self.for_each_axis(table, "frames", joints), joints), start=1)
+                for i, (entry, joint) in enumerate(zip(self.for_each_axis(table, "frames", joints), joints),
+                                                   start=1)
             )
         if "coupling" in table:
-            rows = self.array(table["coupling"], where + "coupling", (None, 3), "rows [axis, other axis, factor]") \
+            rows = self.array(table["coupling"], where + "coupling", (None, 3),
+                              "rows [axis, other axis, factor]") \
                 if table["coupling"] else ()
             if any(axis not in range(1, len(joints) + 1) for row in rows for axis in row[:2]):
                 raise self.refuse(where + "coupling", f"expected axes from 1 to {len(joints)}")
             fields["coupling"] = tuple((int(i), int(j), float(factor)) for i, j, factor in rows)
         if "pulses_per_rad" in table:
             pulses = self.for_each_axis(table, "pulses_per_rad", joints)
-            fields["pulses_per_rad"] = tuple(self.array(pulses, where + "pulses_per_rad", (None,), "a number for each axis"))
+            fields["pulses_per_rad"] = tuple(self.array(pulses, where + "pulses_per_rad", (None,),
+                                                        "a number for each axis"))
         if "joint_names" in table:
             names = self.for_each_axis(table, "joint_names", joints)
             if len({name for name in names if isinstance(name, str)}) != len(joints):
@@ -267,7 +290,8 @@ class _Reader:
     def for_each_axis(self, table: Mapping[str, Any], key: str, joints: tuple[Joint, ...]) -> list[Any]:
         entries: list[Any] = self.take(table, key, list, "controller.", "a list")
         if len(entries) != len(joints):
-            raise self.refuse(f"controller.{key}", f"{len(entries)} entries; expected {len(joints)}, one for each axis")
+            raise self.refuse(f"controller.{key}",
+                              f"{len(entries)} entries; expected {len(joints)}, one for each axis")
         return entries
 
     def frame(self, table: Any, where: str, kind: str) -> Joint:
@@ -296,7 +320,8 @@ class _Reader:
         if "generic_masses" in tables:
             found["generic_masses"] = self.take(tables, "generic_masses", bool, "", "true or false")
             if found["generic_masses"] and "links" not in tables:
-                raise self.refuse("generic_masses", "true without [[links]]; expected none, they are derived where needed")
+                raise self.refuse("generic_masses",
+                                  "true without [[links]]; expected none, they are derived where needed")
         return found
 
     def link(self, table: Mapping[str, Any], where: str) -> Link:
@@ -325,7 +350,8 @@ class _Reader:
         joint, axis = table.get("joint"), f"an axis from 1 to {axes}"
         if joint is None and library()[name].per_joint:
             raise self.refuse(where + "joint", f"is missing; expected {axis}")
-        if joint is not None and (not isinstance(joint, int) or isinstance(joint, bool) or not 1 <= joint <= axes):
+        if joint is not None and (not isinstance(joint, int) or isinstance(joint, bool)
+                                  or not 1 <= joint <= axes):
             raise self.refuse(where + "joint", f"{_short(joint)}; expected {axis}")
         for key, value in table.items():
             if isinstance(value, float) and not math.isfinite(value):
@@ -333,12 +359,15 @@ class _Reader:
         try:
             effect = effect_from_table(table)
         except KeyError as error:
-            raise self.refuse(where + str(error.args[0]), f"is missing; expected a parameter of {name}") from None
+            raise self.refuse(where + str(error.args[0]),
+                              f"is missing; expected a parameter of {name}") from None
         except (TypeError, ValueError, AttributeError, StopIteration):
-            raise self.refuse(where + "effect", f"a value does not fit; expected the parameters of {name}") from None
+            raise self.refuse(where + "effect",
+                              f"a value does not fit; expected the parameters of {name}") from None
         if (joint is not None) != type(effect).per_joint:  # forms of one effect may differ
             expected = f"expected {axis}" if joint is None else f"expected none, {name} is of no single axis"
-            raise self.refuse(where + "joint", f"is missing; {expected}" if joint is None else f"{_short(joint)}; {expected}")
+            raise self.refuse(where + "joint",
+                              f"is missing; {expected}" if joint is None else f"{_short(joint)}; {expected}")
         self.known(table, ("joint", *effect.to_table()), where)
         return effect
 

@@ -33,12 +33,15 @@ def robot_text(robot: Robot) -> str:
     blocks += _placement("base", robot.base, "Robot base in the frame of the measuring device.")
     blocks += _placement("tool", robot.tool, "Measured target in the flange frame.")
     blocks += _controller(robot.controller)
-    blocks += [_joint(number, joint, robot.has_geometry) for number, joint in enumerate(robot.joints, start=1)]
+    blocks += [_joint(number, joint, robot.has_geometry)
+               for number, joint in enumerate(robot.joints, start=1)]
     blocks += [_link(number, link) for number, link in enumerate(robot.links or (), start=1)]
     blocks += _effects(robot.effects)
-    blocks += _table("intervals", {name: list(pair) for name, pair in robot.intervals.items()}, "95 % intervals.")
+    blocks += _table("intervals", {name: list(pair) for name, pair in robot.intervals.items()},
+                     "95 % intervals.")
     if robot.covariance is not None:
-        blocks += _table("covariance", robot.covariance.to_table(), "Covariance of the estimates: factor times its transpose.")
+        blocks += _table("covariance", robot.covariance.to_table(),
+                         "Covariance of the estimates: factor times its transpose.")
     return "\n\n".join(blocks) + "\n"
 
 
@@ -69,7 +72,8 @@ def _top(robot: Robot) -> str:
     if robot.generic_masses:
         values["generic_masses"] = True
     comments = {
-        "gravity_m_s2": "in the robot base frame", "has_geometry": "only the drives are known", "mass_kg": "of the whole arm",
+        "gravity_m_s2": "in the robot base frame", "has_geometry": "only the drives are known",
+        "mass_kg": "of the whole arm",
         "generic_masses": "the links below are no declaration: derived from the geometry, for loads at rest",
     }
     return "\n".join(_line(key, value, comments.get(key, "")) for key, value in values.items())
@@ -92,7 +96,8 @@ def _controller(controller: Controller) -> list[str]:
     }
     blocks = _table("controller", values, "What the controller works with, whatever a calibration has found.")
     blocks += _placement("controller.base", controller.base, "DH frame 0 in the controller's base frame.")
-    blocks += _placement("controller.flange", controller.flange, "The controller's flange in the last DH frame.")
+    blocks += _placement("controller.flange", controller.flange,
+                         "The controller's flange in the last DH frame.")
     for number, frame in enumerate(controller.frames, start=1):
         values = {
             key.name(frame.type): value for key in JOINT_KEYS
@@ -141,7 +146,8 @@ def _gear(field: str, table: GearTable, meaning: str) -> str:
 
 
 def _link(number: int, link: Link) -> str:
-    lines = [f"# Link {number}, in frame {number}; inertia about the centre of mass, 0 where absent", "[[links]]"]
+    lines = [f"# Link {number}, in frame {number}; inertia about the centre of mass, 0 where absent",
+             "[[links]]"]
     lines += [_line("mass_kg", float(link.mass)), _line("centre_of_mass_m", link.centre_of_mass)]
     if not _equal(link.inertia, np.zeros((3, 3))):
         lines.append("inertia_kg_m2 = " + _matrix(link.inertia))

@@ -46,15 +46,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_fixture(parser)
     add_sessions(parser)
     parser.add_argument("--at", metavar="POSES", type=Path,
-                        help="poses (.csv, joint angles) at which the 95 %% ellipsoid of the error is to be given")
+                        help="poses (.csv, joint angles) at which the 95 %% ellipsoid of the error is to be "
+                             "given")
 
 
 def evaluate(
-    robot: AnyRobot, data: AnyData, *, seed: int = DEFAULT_SEED, threads: int | None = None, kind: str | None = None,
+    robot: AnyRobot, data: AnyData, *, seed: int = DEFAULT_SEED, threads: int | None = None,
+    kind: str | None = None,
     fixture: AnyFixture = None, sessions: str | Path | None = None,
     at: str | Path | None = None, progress: Progress = SILENT,
 ) -> CommandResult:
-    """The error of a robot as it is: only what belongs to the set-up (frames, contacts, sensor alignment) is fitted.
+    """The error of a robot as it is: only what belongs to the set-up (frames, contacts, sensor alignment) is
+    fitted.
 
     at: poses at which the 95 % ellipsoid of the target's error is given as well (data of kind poses).
 
@@ -73,7 +76,8 @@ def evaluate(
         result = EVALUATORS[rows.kind](declared, rows, seed, threads_of(threads))
     rows = rows if result.data is None else result.data
     files = [source.path for source in rows.sources] or [""]
-    columns: dict[str, Column] = {"file": [files[i] for i in rows.file_index], "row": rows.row, "session": rows.session}
+    columns: dict[str, Column] = {"file": [files[i] for i in rows.file_index], "row": rows.row,
+                                  "session": rows.session}
     columns[f"error_{result.unit.replace('/', '_')}"] = result.error
     columns |= {name: result.residual[:, k] for k, name in enumerate(result.columns)}
     made = CommandResult(
@@ -87,7 +91,8 @@ def evaluate(
         },
         report=_report(declared, rows, result),
         tables={"residuals.csv": columns},
-        asked=asked("evaluate", robot, rows, seed, {"sessions": sessions, "at": None if at is None else str(at)}),
+        asked=asked("evaluate", robot, rows, seed,
+                    {"sessions": sessions, "at": None if at is None else str(at)}),
         inputs=() if at is None else (at,),
     ).warned(found)
     if at is not None:
@@ -96,7 +101,8 @@ def evaluate(
 
 
 def _certified(
-    made: CommandResult, robot: Robot, rows: Dataset, result: Evaluation, at: str | Path, seed: int, threads: int
+    made: CommandResult, robot: Robot, rows: Dataset, result: Evaluation, at: str | Path, seed: int,
+    threads: int
 ) -> CommandResult:
     if result.frames is None:
         raise InputError(f"--at needs poses, found {rows.kind}", file=rows.first_file)
@@ -107,8 +113,10 @@ def _certified(
 
 
 def run(arguments: argparse.Namespace) -> CommandResult:
-    return evaluate(arguments.robot, arguments.files, seed=arguments.seed, threads=arguments.threads, kind=arguments.kind,
-                    fixture=arguments.fixture, sessions=arguments.sessions, at=arguments.at, progress=arguments.progress)
+    return evaluate(arguments.robot, arguments.files, seed=arguments.seed, threads=arguments.threads,
+                    kind=arguments.kind,
+                    fixture=arguments.fixture, sessions=arguments.sessions, at=arguments.at,
+                    progress=arguments.progress)
 
 
 def distance_json(distances: dict[str, float] | None) -> dict[str, Any]:
@@ -128,7 +136,8 @@ def _report(robot: Robot, data: Dataset, result: Evaluation) -> Report:
     if result.distances:
         mean = float(np.mean(list(result.distances.values())))
         verdict += f" Known distances are missed by {quantity(mean, unit)} on average."
-        known = (Table("Known distances", ("distance", "error"), tuple((k, Quantity(v, unit)) for k, v in result.distances.items())),)
+        known = (Table("Known distances", ("distance", "error"),
+                       tuple((k, Quantity(v, unit)) for k, v in result.distances.items())),)
     if result.tilt is not None:
         verdict += f" The direction of gravity is missed by {quantity(result.tilt, 'rad')} on average."
     name = kind_of(data.kind).error

@@ -42,11 +42,13 @@ RECORD_KEY = "data_sha256"  # of a robot file
 
 @dataclass(frozen=True)
 class Parameter:
-    """One number of an effect: name with unit, bounds, plausible magnitude (SI); `fixed` ones are not estimated.
+    """One number of an effect: name with unit, bounds, plausible magnitude (SI); `fixed` ones are not
+    estimated.
 
     `search`: values that a non-linear parameter is tried from (periods, thresholds); empty where the
     effect is linear in it and zero is a good start.
-    `prior`: standard deviation of a Gaussian prior around zero that regularises one of many terms; inf = none.
+    `prior`: standard deviation of a Gaussian prior around zero that regularises one of many terms; inf =
+    none.
     """
 
     name: str
@@ -65,7 +67,8 @@ class Change:
     value          (N, c) for the columns `columns` of the signal (joint stations: axis indices from 0)
     by_parameters  (N, c, k) for the effect's k parameters, fixed ones included
     by_signal      name of an upstream signal -> (N, c, m): its derivative with respect to that signal's m
-                   columns ("theta", "phi", "torque", "q", "displacement", "measured"; rates are "q_dot", ...).
+                   columns ("theta", "phi", "torque", "q", "displacement", "measured"; rates are "q_dot",
+                       ...).
                    Absent: the change does not depend on it.
     """
 
@@ -85,7 +88,8 @@ class Effect(ABC):
 
     joint: int | None
     values: tuple[float, ...]
-    record: tuple[str, ...] = field(default=(), kw_only=True)  # SHA-256 of the data files that it tells of; empty: any data
+    # SHA-256 of the data files that it tells of; empty: any data
+    record: tuple[str, ...] = field(default=(), kw_only=True)
 
     name: ClassVar[str] = ""
     station: ClassVar[Station]
@@ -94,9 +98,11 @@ class Effect(ABC):
     smooth: ClassVar[bool] = True  # a smooth function of the motion: may enter a planner's dynamics
     per_joint: ClassVar[bool] = True
     declared: ClassVar[bool] = False  # part of the declared model: re-identified, never a finding
-    of_record: ClassVar[bool] = False  # tells of one record (a device that was pushed), not of arm or device as such
+    # tells of one record (a device that was pushed), not of arm or device as such
+    of_record: ClassVar[bool] = False
     by_load: ClassVar[bool] = False  # its size or side is decided by the load of a joint
-    drawn_to_declared: ClassVar[bool] = False  # a Gaussian prior around the declared values, as wide as they are plausible
+    # a Gaussian prior around the declared values, as wide as they are plausible
+    drawn_to_declared: ClassVar[bool] = False
     repeatable: ClassVar[bool] = False  # several of them may act on one axis (harmonics of different orders)
     log_odds: ClassVar[float] = 0.0  # before any data, beside another cause that would look the same
     reverses: ClassVar[bool] = False  # dry friction in the tables: jumps where the motor turns back
@@ -106,7 +112,8 @@ class Effect(ABC):
     sentence: ClassVar[str] = ""  # format string: {joint} and the parameters' names
     plain: ClassVar[str] = ""  # a noun phrase that a technician uses, without the axis; empty: the name
     source: ClassVar[str] = ""
-    open_parameters: ClassVar[str] = "as many as the robot's tables have"  # where no form of the class has any
+    # where no form of the class has any
+    open_parameters: ClassVar[str] = "as many as the robot's tables have"
 
     # -- description ------------------------------------------------------------------------------
     def parameters(self) -> tuple[Parameter, ...]:
@@ -141,7 +148,8 @@ class Effect(ABC):
         return self.plain or self.name.replace("_", " ")
 
     def orders(self) -> tuple[tuple[float, float], ...]:
-        """(cycles per output revolution, amplitude in rad) of an angle error that repeats; empty for other effects."""
+        """(cycles per output revolution, amplitude in rad) of an angle error that repeats; empty for other
+        effects."""
         return ()
 
     @property
@@ -150,7 +158,8 @@ class Effect(ABC):
         return False
 
     def includes(self, other: Effect) -> bool:
-        """Whether `other` is a form of the same cause with no term that this one lacks: the two are one cause, never two."""
+        """Whether `other` is a form of the same cause with no term that this one lacks: the two are one
+        cause, never two."""
         if not self.family or self.family != other.family or self.joint != other.joint:
             return False
         own = {round(order, 6) for order, _ in self.orders()}
@@ -161,11 +170,13 @@ class Effect(ABC):
         return f"{self.label}.{parameter.name}"
 
     def bake(self, robot: Robot) -> Robot:
-        """The robot with those of the effect's values in its tables that live there (geometry, frames, masses)."""
+        """The robot with those of the effect's values in its tables that live there (geometry, frames,
+        masses)."""
         return robot
 
     def from_tables(self, robot: Robot) -> Effect:
-        """The inverse of `bake`: the effect with the robot's values; one that is not declared stays as it is."""
+        """The inverse of `bake`: the effect with the robot's values; one that is not declared stays as it
+        is."""
         return type(self).of(robot, self.index) if self.declared else self
 
     def with_all_columns(self, robot: Robot) -> Effect:
@@ -204,8 +215,9 @@ class Effect(ABC):
         return ""
 
     def possible(self, robot: Robot) -> bool:
-        """Whether arm and drives can be so, together with what the robot's tables declare: no negative inertia, no
-        spring that gives way against its load. What one parameter alone can break is a bound of that parameter."""
+        """Whether arm and drives can be so, together with what the robot's tables declare: no negative
+        inertia, no spring that gives way against its load. What one parameter alone can break is a bound of
+        that parameter."""
         return True
 
     # -- as a candidate ---------------------------------------------------------------------------
@@ -218,7 +230,8 @@ class Effect(ABC):
         return ()
 
     def richer(self) -> Iterable[Effect]:
-        """Forms of the same cause with more terms, at zero size where it stands: tried once the effect is found."""
+        """Forms of the same cause with more terms, at zero size where it stands: tried once the effect is
+        found."""
         return ()
 
     # -- in the chain -----------------------------------------------------------------------------
@@ -231,34 +244,40 @@ class Effect(ABC):
         return base, tool
 
     def keep(self, view: View) -> np.ndarray | None:
-        """Rows (N,) bool that are to be used; None = all. Only effects of the record (outliers) say otherwise."""
+        """Rows (N,) bool that are to be used; None = all. Only effects of the record (outliers) say
+        otherwise."""
         return None
 
     def measured(self, phi: np.ndarray) -> np.ndarray | None:
-        """Rows (N,) bool of output angles phi (N, n), rad, where the effect was estimated; None = it holds everywhere."""
+        """Rows (N,) bool of output angles phi (N, n), rad, where the effect was estimated; None = it holds
+        everywhere."""
         return None
 
     @property
     def angles_measured(self) -> tuple[float, float] | None:
-        """Output angles (rad) of its axis between which it was estimated; given by whoever gives `measured`."""
+        """Output angles (rad) of its axis between which it was estimated; given by whoever gives
+        `measured`."""
         return None
 
     def renewed(self, view: View) -> Effect:
-        """The effect with what it takes from the residual itself taken anew (a threshold); others stay as they are."""
+        """The effect with what it takes from the residual itself taken anew (a threshold); others stay as
+        they are."""
         return self
 
     def deviation(self, phi: np.ndarray) -> np.ndarray | None:
-        """(N,) rad: standard deviation of a curve of its axis at output angles phi (N, n); None: no such curve."""
+        """(N,) rad: standard deviation of a curve of its axis at output angles phi (N, n); None: no such
+        curve."""
         return None
 
     def after_fit(self, phi: np.ndarray, covariance: np.ndarray) -> Effect:
-        """The effect as it goes into a robot file: with what a fit on output angles phi (N, n), rad, has left open;
-        covariance (k, k) of all parameters, zero for those that were held."""
+        """The effect as it goes into a robot file: with what a fit on output angles phi (N, n), rad, has left
+        open; covariance (k, k) of all parameters, zero for those that were held."""
         return self
 
     # -- what it tells of -------------------------------------------------------------------------
     def bound_to(self, data: Dataset) -> Effect:
-        """The effect for these data files alone, if it is one of a record; data without files binds nothing."""
+        """The effect for these data files alone, if it is one of a record; data without files binds
+        nothing."""
         return replace(self, record=data.fingerprint) if self.of_record else self
 
     def acts_on(self, data: Dataset) -> bool:

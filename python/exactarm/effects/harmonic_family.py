@@ -3,7 +3,8 @@
     x + f e(x) = phi,    e(x) = sum_k (a_k sin(k w x) + b_k (cos(k w x) - 1)) / (k w)             (2.13), E5
 
 x is the delivered angle, phi the one without the effect, f (N,) what the error follows: 1, the direction of
-motion, the rate or the torque. Hence dx/dphi = 1 / (1 + f e'), dx/df = -e / (1 + f e'), and so for a_k, b_k, w.
+motion, the rate or the torque. Hence dx/dphi = 1 / (1 + f e'), dx/df = -e / (1 + f e'), and so for a_k, b_k,
+w.
 """
 
 from __future__ import annotations
@@ -23,7 +24,8 @@ _POSE_MULTIPLES = 2  # of the ratio: the highest order that poses are searched f
 _HALVES_UNTIL = 40.0  # orders of an element that turns neither with the output nor with the motor
 _RATIO_UNKNOWN = 100.0
 _MOST_TEETH = 130  # of a ring or an encoder disc at the output, whatever the ratio is
-_LEAST_ORDER, _BELOW_SEARCH = 0.2, 0.8  # a fit that drifts far below the orders that were tried follows another cause
+# a fit that drifts far below the orders that were tried follows another cause
+_LEAST_ORDER, _BELOW_SEARCH = 0.2, 0.8
 _MOST_MULTIPLES = 2  # of an element whose order was searched
 _MOTOR_MULTIPLES = (1.0, 2.0)  # that motions are searched for
 _REFINED, _BESIDE = 3, (-0.5, -0.25, 0.25, 0.5)  # peaks, and steps in cells of resolution
@@ -32,11 +34,14 @@ _CURVE_KNEE = 25.0  # order above which the amplitudes of a gear or encoder curv
 
 @dataclass(frozen=True)
 class HarmonicFamily(Effect):
-    """values: order of the element (cycles per output revolution), then a_k, b_k for its multiples k = 1, 2, ...
+    """values: order of the element (cycles per output revolution), then a_k, b_k for its multiples k = 1, 2,
+    ...
 
-    `search`: orders to be tried; empty once the order is known. `curve_rad` > 0: all orders together as one smooth
-    curve of the angle, each term regularised by a Gaussian prior of that amplitude that falls above `_CURVE_KNEE`.
-    `seen`: output angles (rad) between which a curve was measured; beyond, it keeps the value of the nearer end.
+    `search`: orders to be tried; empty once the order is known. `curve_rad` > 0: all orders together as one
+    smooth curve of the angle, each term regularised by a Gaussian prior of that amplitude that falls above
+    `_CURVE_KNEE`.
+    `seen`: output angles (rad) between which a curve was measured; beyond, it keeps the value of the nearer
+    end.
     `known`: how well it is known, angle by angle; None in files of earlier versions and in a fit under way.
     """
 
@@ -61,7 +66,8 @@ class HarmonicFamily(Effect):
         return cls(joint, (search[0],) + (0.0, 0.0) * multiples, search)
 
     @classmethod
-    def curve(cls, joint: int, multiples: int, amplitude_rad: float, seen: tuple[float, float]) -> HarmonicFamily:
+    def curve(cls, joint: int, multiples: int, amplitude_rad: float,
+              seen: tuple[float, float]) -> HarmonicFamily:
         """Orders 1 to `multiples` together, without any size yet."""
         return cls(joint, (1.0,) + (0.0, 0.0) * multiples, (), amplitude_rad, seen)
 
@@ -124,7 +130,8 @@ class HarmonicFamily(Effect):
     def parameters(self) -> tuple[Parameter, ...]:
         each = [f"{c}_{k + 1}{self.unit}" for k in range(self.multiples) for c in "ab"]
         lowest = _LEAST_ORDER if not self.search else _BELOW_SEARCH * min(self.search)
-        order = Parameter("order_per_rev", 1.0, lowest, 2000.0, fixed=self.curve_rad > 0.0, search=self.search)
+        order = Parameter("order_per_rev", 1.0, lowest, 2000.0, fixed=self.curve_rad > 0.0,
+                          search=self.search)
         priors = np.repeat(self._priors(), 2)
         return (order, *(Parameter(name, self.plausible, prior=float(p)) for name, p in zip(each, priors)))
 
@@ -162,19 +169,23 @@ class HarmonicFamily(Effect):
         derivative *= -(factor * inverse)[:, None, None]
         by_phi = np.zeros((view.rows, 1, view.axes))
         by_phi[:, 0, self.index] = np.where(inside, inverse - 1.0, 0.0)
-        by_signal = {name: -(error * inverse)[:, None, None] * row[:, None, :] for name, row in by_factor.items()}
+        by_signal = {name: -(error * inverse)[:, None, None] * row[:, None, :]
+                     for name, row in by_factor.items()}
         return Change((self.index,), (x - phi)[:, None], derivative, {"phi": by_phi} | by_signal)
 
     def to_table(self):
         table = super().to_table()
         if self.seen is not None:
-            table |= {"seen_from_rad": self.seen[0], "seen_to_rad": self.seen[1], "each_order_rad": self.curve_rad}
+            table |= {"seen_from_rad": self.seen[0], "seen_to_rad": self.seen[1],
+                      "each_order_rad": self.curve_rad}
         return table if self.known is None else table | self.known.to_table()
 
     @classmethod
     def from_table(cls, table: Mapping[str, float | int | str]) -> Effect:
         multiples = sum(1 for name in table if name.startswith("a_"))
-        seen = (float(table["seen_from_rad"]), float(table["seen_to_rad"])) if "seen_from_rad" in table else None
+        seen = (
+            (float(table["seen_from_rad"]), float(table["seen_to_rad"])) if "seen_from_rad" in table else None
+        )
         order = float(table.get("each_order_rad", 0.0))
         raw = cls(table.get("joint"), (1.0,) + (0.0, 0.0) * multiples, curve_rad=order, seen=seen)
         found = raw.with_values(table[parameter.name] for parameter in raw.parameters())
@@ -184,8 +195,9 @@ class HarmonicFamily(Effect):
 def searched_orders(robot, view, index: int, lowest: float = 3.0) -> tuple[float, ...]:
     """Orders worth trying on axis `index`.
 
-    A gear run shows its own: the peaks of its residual over the angle. Motions: few. Elsewhere `lowest` (1 and 2 are a run-out, gear_eccentricity.py)
-    up to twice the motor's own order, first in halves, without those that the declared tables have already.
+    A gear run shows its own: the peaks of its residual over the angle. Motions: few. Elsewhere `lowest` (1
+    and 2 are a run-out, gear_eccentricity.py) up to twice the motor's own order, first in halves, without
+    those that the declared tables have already.
     """
     declared = declared_orders(robot, index)
     if view.kind == GEAR_RUN.name:
@@ -202,7 +214,8 @@ def searched_orders(robot, view, index: int, lowest: float = 3.0) -> tuple[float
 
 
 def motor_orders(robot, orders, index: int) -> tuple[float, ...]:
-    """Those of `orders` that are the motor's own, or half of it (a wave generator): what turns there has overtones too."""
+    """Those of `orders` that are the motor's own, or half of it (a wave generator): what turns there has
+    overtones too."""
     if not robot.joints[index].has_gear:
         return ()
     motor = abs(robot.ratios[index])
@@ -216,7 +229,8 @@ def declared_orders(robot, index: int) -> np.ndarray:
 
 
 def growing_error(view, index: int, size: float, follows: np.ndarray) -> tuple[Change, np.ndarray]:
-    """The whole error of a gear grows by size * follows (N,): the change, and the error e = theta / ratio - phi (N,)."""
+    """The whole error of a gear grows by size * follows (N,): the change, and the error e = theta / ratio -
+    phi (N,)."""
     error = view.theta[:, index] / view.robot.ratios[index] - view.phi[:, index]
     by_phi, by_theta = np.zeros((2, view.rows, 1, view.axes))
     by_phi[:, 0, index] = size * follows
@@ -227,8 +241,8 @@ def growing_error(view, index: int, size: float, follows: np.ndarray) -> tuple[C
 
 
 def _residual_orders(view, index: int) -> np.ndarray:
-    """Peaks of what the present model leaves along a moving axis, over its output angle, run by run and way by way:
-    what changes its sign with the direction would cancel in a run to and fro.
+    """Peaks of what the present model leaves along a moving axis, over its output angle, run by run and way
+    by way: what changes its sign with the direction would cancel in a run to and fro.
 
     A gyroscope sits behind the axis that moves furthest; link encoders see every axis that moves.
     """

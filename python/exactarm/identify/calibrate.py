@@ -1,7 +1,7 @@
 """Kinematic calibration from measured poses (thesis 3.2.3, (3.12)), with the frames found from nowhere.
 
-1. frames of every session, 2. which parameters the poses can identify, 3. weighted non-linear least squares of
-frames, modified DH parameters, joint offsets, gear ratios and joint compliance, 4. intervals, 5. the error
+1. frames of every session, 2. which parameters the poses can identify, 3. weighted non-linear least squares
+of frames, modified DH parameters, joint offsets, gear ratios and joint compliance, 4. intervals, 5. the error
 before and after on rows that were fitted and on rows that were not.
 """
 
@@ -43,7 +43,8 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class CalibrationOptions:
-    """orientation: use measured orientations too; compliance: axes (from 1) whose spring is estimated, None = choose."""
+    """orientation: use measured orientations too; compliance: axes (from 1) whose spring is estimated, None =
+    choose."""
 
     orientation: bool | None = None
     compliance: tuple[int, ...] | None = None
@@ -56,8 +57,8 @@ class CalibrationOptions:
 class Calibration:
     """Result of a calibration; errors in m, per row of `data`.
 
-    distances_before, distances_after: of closures, set -> mean absolute error of the known distances, m, or None;
-    tilts_before, tilts_after: mean angle by which gravity's direction is missed, rad, or None.
+    distances_before, distances_after: of closures, set -> mean absolute error of the known distances, m, or
+    None; tilts_before, tilts_after: mean angle by which gravity's direction is missed, rad, or None.
     """
 
     robot: Robot
@@ -103,7 +104,8 @@ def calibrate(robot: Robot, data: Dataset, options: CalibrationOptions = Calibra
     require_sessions(train, data)
     frames, found = frames_layout(robot, train, orientation=orientation, seed=options.seed)
     require_match(robot, train, found, carried_layout(robot, train), options.seed)
-    before = fit_poses(robot, frames.joined(carried_layout(robot, train)), train, orientation=orientation, threads=options.threads)
+    before = fit_poses(robot, frames.joined(carried_layout(robot, train)), train, orientation=orientation,
+                       threads=options.threads)
     layout = frames.joined(geometry_layout(robot)).joined(compliance_layout(robot, train, options.compliance))
     layout = layout.joined(carried_layout(robot, train))
     fit, identifiability = fit_identifiable(robot, layout, train, orientation, options)
@@ -135,7 +137,8 @@ def calibrate(robot: Robot, data: Dataset, options: CalibrationOptions = Calibra
 def fit_identifiable(
     robot: Robot, layout: Layout, data: Dataset, orientation: bool, options: CalibrationOptions
 ) -> tuple[PoseFit, Identifiability]:
-    """Fits what the poses can tell; parameters that turn out to lie under the noise are dropped and it fits anew."""
+    """Fits what the poses can tell; parameters that turn out to lie under the noise are dropped and it fits
+    anew."""
     kept, result = identifiable_layout(robot, layout, data, orientation, threads=options.threads)
     require_enough(kept, data, orientation)
 
@@ -160,8 +163,8 @@ def identifiable_layout(
 ) -> tuple[Layout, Identifiability]:
     """The layout without the parameters that these poses cannot tell, and why.
 
-    sigma (1,) or (2,): standard deviations of position (m) and orientation (rad) components, where known; then
-    parameters whose estimate would be less certain than they are plausible are left out too.
+    sigma (1,) or (2,): standard deviations of position (m) and orientation (rad) components, where known;
+    then parameters whose estimate would be less certain than they are plausible are left out too.
     """
     prediction = predict_poses(robot, layout, data, threads=threads)
     rows = prediction.jacobian if orientation else prediction.jacobian[:, :3]
@@ -184,7 +187,8 @@ def require_sessions(train: Dataset, data: Dataset) -> None:
     missing = sorted(set(data.session.tolist()) - set(train.session.tolist()))
     if missing:
         raise InputError(
-            f"session {missing[0]} has no identification rows: its frames cannot be found; expected at least 4 different poses",
+            f"session {missing[0]} has no identification rows: its frames cannot be found; expected at least "
+            "4 different poses",
             file=data.select(data.session == missing[0]).first_file,
         )
 
@@ -216,13 +220,14 @@ def calibrated_robot(robot: Robot, data: Dataset, layout: Layout, fit: Fit, kind
     pairs = zip(layout.names, fit.interval())
     intervals = dict(robot.intervals) | {name: (float(low), float(high)) for name, (low, high) in pairs}
     at_rest = kind == POSES.name and bool(sessions)  # the only kind whose rows the covariance is certified by
-    return replace(result, base=base, tool=tool, effects=all_effects(robot, data, layout, kind), intervals=intervals,
+    return replace(result, base=base, tool=tool, effects=all_effects(robot, data, layout, kind),
+                   intervals=intervals,
                    covariance=_covariance(robot, data, layout, fit) if at_rest else None)
 
 
 def _covariance(robot: Robot, data: Dataset, layout: Layout, fit: Fit) -> ParameterCovariance | None:
-    """Of what the file describes, the frames of its first set-up with it: not of further frames, which are found
-    anew, nor of curves, which carry their own."""
+    """Of what the file describes, the frames of its first set-up with it: not of further frames, which are
+    found anew, nor of curves, which carry their own."""
     if data.position is None:
         return None
     first = next(effect for effect in layout.effects if effect.frames_of is not None)
@@ -256,11 +261,16 @@ def _warnings(fit: PoseFit, data: Dataset, found: list):
         if bound:
             yield f"{name} lies at its bound: the data asks for a value that no drive or structure can have"
     if fit.fit.freedom < 2 * fit.layout.size:
-        yield f"only {fit.fit.freedom} degrees of freedom for {fit.layout.size} parameters: measure more poses"
+        yield (
+            f"only {fit.fit.freedom} degrees of freedom for {fit.layout.size} parameters: measure more poses"
+        )
     for session, frames in found:
         if frames.other_tool is not None:
             point = ", ".join(f"{1e3 * value:.0f}" for value in frames.other_tool)
-            yield (f"session {session}: another minimum is as good, with the target at ({point}) mm on the flange: "
+            yield (f"session {session}: another minimum is as good, with the target at ({point}) mm on the "
+                   "flange: "
                    "measure poses that differ more in orientation")
         if not 0.9 < frames.scale < 1.1:
-            yield f"session {session}: measured points spread {frames.scale:.3g} times as far as the model says"
+            yield (
+                f"session {session}: measured points spread {frames.scale:.3g} times as far as the model says"
+            )
