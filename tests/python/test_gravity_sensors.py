@@ -9,7 +9,7 @@ import pytest
 from central_difference import assert_derivative
 from exactarm.chain import Layout
 from exactarm.cli import main
-from exactarm.dataset import Dataset, dataset_columns, read_dataset
+from exactarm.dataset import Dataset, dataset_columns, read_dataset, read_planned_poses
 from exactarm.diagnose.diagnosis import diagnose
 from exactarm.diagnose.verdict import NOTHING
 from exactarm.effects.frames import Frames
@@ -198,3 +198,15 @@ def test_an_accelerometer_in_a_motion_is_a_covariate(tmp_path):
         + "\n".join(row.replace(",9.81", ",0,0,9.81") for row in rows.splitlines()) + "\n")
     data = read_dataset(tmp_path / "run.csv", robot)
     assert data.kind == "gear_run" and data.accel is None and "accel_z_m_s2" in data.covariates
+
+
+@pytest.mark.parametrize("sensor", SENSORS)
+def test_designed_poses_tell_more_than_random_ones(tmp_path, sensor):
+    words = ["design", "ur10", "--contact", sensor, "--count", "25", "--tool", "0,0,0.1", "--quiet"]
+    assert main([*words, "--out", str(tmp_path)]) == 0
+    made = json.loads((tmp_path / "result.json").read_text())
+    expected = made["deviation_m"]
+    assert expected["design"] < 0.95 * expected["random_poses"] < 0.5 * expected["drawing"]
+    assert made["poses"] == 25 and "q_offset_1_rad" in {entry["parameter"] for entry in made["dropped"]}
+    planned = read_planned_poses(tmp_path / "poses.csv", load_robot("ur10"))
+    assert planned.joints["q"].shape == (25, 6)

@@ -1,12 +1,14 @@
 """What `exactarm design --contact socket` says: where to put a fixture of two seats, and the poses that touch
-them."""
+them; and for a gravity sensor the poses to read it in."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from exactarm.commands.design_for import pose_columns
 from exactarm.commands.result import CommandResult
 from exactarm.identify.closure_design import ClosureDesign, ClosureDesignOptions, design_closures
+from exactarm.identify.gravity_design import SIGMA_RAD, GravityDesign, design_gravity
 from exactarm.report import Quantity, Report, Table, Text
 from exactarm.report.numbers import quantity
 from exactarm.robot import Robot
@@ -23,18 +25,46 @@ def designed_closures(robot: Robot, options: ClosureDesignOptions) -> CommandRes
     alone, random, chosen = found.deviation
     fixture = f'[[distances]]\ncontact = "socket"\nbetween = [0, 1]\nlength_mm = {1e3 * options.apart:g}\n'
     return CommandResult(
-        json={
-            "deviation_m": {"drawing": alone, "random_poses": random, "design": chosen},
-            "poses": len(found.q),
-            "seats": [{"session": s, "socket": k, "position_m": seat.tolist()}
-                      for (s, k), seat in found.seats.items()],
-            "identifiable": found.identifiability.identifiable,
-            "dropped": [{"parameter": entry.name, "why": entry.why}
-                        for entry in found.identifiability.dropped],
-        },
+        json=_expected(found) | {"seats": [{"session": s, "socket": k, "position_m": seat.tolist()}
+                                           for (s, k), seat in found.seats.items()]},
         report=_report(robot, options, found),
         tables={"poses.csv": columns},
         texts={"fixture.toml": fixture},
+    )
+
+
+def _expected(found: ClosureDesign | GravityDesign) -> dict:
+    """What every design of closures says in result.json."""
+    return {
+        "deviation_m": dict(zip(("drawing", "random_poses", "design"), found.deviation)),
+        "poses": len(found.q),
+        "identifiable": found.identifiability.identifiable,
+        "dropped": [{"parameter": entry.name, "why": entry.why} for entry in found.identifiability.dropped],
+    }
+
+
+def designed_readings(robot: Robot, sensor: str, options: ClosureDesignOptions) -> CommandResult:
+    """Poses in which a gravity sensor on the flange is to be read: `poses.csv`."""
+    found = design_gravity(robot, sensor, options)
+    alone, random, chosen = found.deviation
+    name = "inclinometer" if sensor == "tilt" else "accelerometer"
+    verdict = (
+        f"{len(found.q)} poses to read the {name} in: what the arm's angles are wrong by will move the "
+        f"target by {quantity(chosen, 'm')} (RMS over the work space), with random poses by "
+        f"{quantity(random, 'm')}, "
+        f"from the drawing alone by {quantity(alone, 'm')}."
+    )
+    dropped = tuple((entry.name, entry.why) for entry in found.identifiability.dropped)
+    return CommandResult(
+        json=_expected(found),
+        report=Report(f"Poses for a gravity sensor: {robot.name}", verdict, (
+            Table("Not identified", ("parameter", "why"), dropped, "These keep their declared values."),
+            Text("How", (
+                "The sensor's axes are taken for those of the flange, an averaged reading for good to "
+                f"{quantity(SIGMA_RAD, 'rad')}. Wait until the arm has come to rest, and average.",
+            )),
+        ), "good"),
+        tables={"poses.csv": {"session": np.ones(len(found.q), int)} | pose_columns(robot, found.q, None)},
     )
 
 

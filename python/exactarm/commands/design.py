@@ -13,7 +13,7 @@ import numpy as np
 
 from exactarm.commands.arguments import add_robot
 from exactarm.commands.call import AnyRobot, asked, robot_of, threads_of
-from exactarm.commands.closure_design import designed_closures
+from exactarm.commands.closure_design import designed_closures, designed_readings
 from exactarm.commands.design_for import designed_for, minutes_of, pose_columns
 from exactarm.commands.isolability_table import isolability_columns, isolability_json, isolability_table
 from exactarm.commands.planning_arguments import (
@@ -36,6 +36,7 @@ from exactarm.identify.design import Design, DesignOptions, design_poses
 from exactarm.identify.line_of_sight import Station
 from exactarm.identify.pose_space import Box
 from exactarm.kinds import POSES
+from exactarm.measurement.contacts import SENSORS
 from exactarm.progress import SILENT, Progress
 from exactarm.report import Figure, Quantity, Report, Section, Table, Text, Warnings
 from exactarm.report.numbers import number
@@ -73,8 +74,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     next_one.add_argument("--minutes", metavar="NAME=MINUTES", action="append", default=[],
                           help="what it costs to visit a pose (visit) or to mount a payload (payload)")
     touch = parser.add_argument_group("calibration without a tracker")
-    touch.add_argument("--contact", choices=("socket",), help="design touches of two seats instead: where to "
-                                                              "put them, and the poses")
+    touch.add_argument("--contact", choices=("socket", *SENSORS),
+                       help="design touches of two seats instead: where to put them, and the poses; tilt, "
+                            "accel: poses to read a sensor on the flange in")
     touch.add_argument("--places", metavar="K", type=int, default=3,
                        help="of the two seats (default %(default)s)")
     touch.add_argument("--apart-mm", metavar="MM", type=float, default=50.0,
@@ -147,11 +149,14 @@ def _closures(arguments: argparse.Namespace) -> CommandResult:
     if arguments.places < 1 or arguments.count < 1 or not 0.0 < arguments.apart_mm < 1e3:
         raise InputError("--places and --count: expected 1 or more; --apart-mm: expected between 0 and 1000")
     arguments.progress.stage("designing touches")
-    return designed_closures(robot, ClosureDesignOptions(
+    options = ClosureDesignOptions(
         places=len(at) or arguments.places, count=arguments.count, apart=1e-3 * arguments.apart_mm, at=at,
         box=box_of(arguments.box), clearance=clearance_of(arguments.clearance), seed=arguments.seed,
         threads=arguments.threads,
-    ))
+    )
+    if arguments.contact in SENSORS:
+        return designed_readings(robot, arguments.contact, options)
+    return designed_closures(robot, options)
 
 
 def run(arguments: argparse.Namespace) -> CommandResult:

@@ -34,6 +34,7 @@ from exactarm.identify.identifiability import Identifiability
 from exactarm.identify.planned import SIGMA_POSITION_M, pose_data
 from exactarm.identify.pose_space import Box, PoseSpace
 from exactarm.measurement.closures import predict_closures
+from exactarm.measurement.contact import Contact
 from exactarm.measurement.contacts import Socket
 from exactarm.measurement.target import Target
 from exactarm.measurement.touching import TOUCHES_M, rows_at, target_at, touching
@@ -46,7 +47,7 @@ _LEAST_POSES = 6  # of each seat; below, a place is hardly reached
 _STARTS = 600  # random poses from which the touching ones of a seat are sought
 _NEAR_M = 0.35
 _PLACED_M = 0.1  # how well seats and tool are known beforehand
-_LEAST_FALL = 1e-3  # of the mean variance, relative, in the steps that an exchange waits for
+LEAST_FALL = 1e-3  # of the mean variance, relative, in the steps that an exchange waits for
 _WORK_SPACE = 500  # poses over which the target's position is to be known
 
 
@@ -154,7 +155,7 @@ def _poses(robot: Robot, space: PoseSpace, seat: np.ndarray, random: np.random.G
 
 
 @dataclass(frozen=True, eq=False)
-class _MeanVariance(Criterion):
+class MeanVariance(Criterion):
     """-log tr(M^-1 W): W (m, m) is the mean J'J of what is to be known (I-optimality; Atkinson, Donev and
     Tobias 2007, 10.6)."""
 
@@ -180,6 +181,23 @@ class _MeanVariance(Criterion):
                         axis2=-1)
         before = np.trace(inverse @ self.weight)
         return np.log(before) - np.log(before - less)
+
+
+def work_space_weight(robot: Robot, layout: Layout, options: ClosureDesignOptions,
+                      plausible: np.ndarray) -> np.ndarray:
+    """Mean J'J of the target over the work space, by geometry alone: contacts and tool belong to the
+    fixture."""
+    space = PoseSpace.of(robot, options.box, options.clearance)
+    q = space.draw(_WORK_SPACE, np.random.default_rng(options.seed))
+    free = tuple(np.zeros_like(mask) if isinstance(effect, (Contact, Target)) else mask
+                 for effect, mask in zip(layout.effects, layout.free))
+    held = Layout(layout.effects, free)
+    data = replace(pose_data(q), contacts=rows_at(q, None).contacts, position=np.zeros((len(q), 3)))
+    columns = predict_closures(robot, held, data).jacobian[:, :3]
+    where = np.array([name in set(held.names) for name in layout.names])
+    full = np.zeros((len(q), 3, layout.size))
+    full[:, :, where] = columns * plausible[where]
+    return information_of(full) / len(q)
 
 
 class _Model:
@@ -212,24 +230,7 @@ class _Model:
         pull, _ = Pulls.of(geometry, fixture).rows(self.layout)
         loose = np.array([name not in set(geometry.names) for name in self.layout.names])
         self.known = information_of(pull[:, None, :] * plausible) + np.diag(loose.astype(float))
-        self.weight = self._weight(plausible)
-
-    def _weight(self, plausible: np.ndarray) -> np.ndarray:
-        """Mean J'J of the target over the work space, by geometry alone: contacts and tool belong to the
-        fixture."""
-        space = PoseSpace.of(self.robot, self.options.box, self.options.clearance)
-        q = space.draw(_WORK_SPACE, np.random.default_rng(self.options.seed))
-        geometry = [i for i, effect in enumerate(self.layout.effects)
-                    if not isinstance(effect, (Socket, Target))]
-        free = tuple(mask if i in geometry else np.zeros_like(mask)
-                     for i, mask in enumerate(self.layout.free))
-        held = Layout(self.layout.effects, free)
-        data = replace(pose_data(q), contacts=rows_at(q, None).contacts, position=np.zeros((len(q), 3)))
-        columns = predict_closures(self.robot, held, data).jacobian[:, :3]
-        where = np.array([name in set(held.names) for name in self.layout.names])
-        full = np.zeros((len(q), 3, self.layout.size))
-        full[:, :, where] = columns * plausible[where]
-        return information_of(full) / len(q)
+        self.weight = work_space_weight(robot, self.layout, options, plausible)
 
     def deviation(self, information: np.ndarray) -> float:
         """Root mean square of the expected error over the work space, m."""
@@ -260,8 +261,8 @@ class _Model:
                              "were found at these places")
         pool = self.blocks[rows]
         start = random.choice(len(rows), self.options.count, replace=False)
-        criterion = _MeanVariance(self.weight)
-        how = replace(ExchangeOptions(), keep=criterion, add=criterion, threshold=_LEAST_FALL)
+        criterion = MeanVariance(self.weight)
+        how = replace(ExchangeOptions(), keep=criterion, add=criterion, threshold=LEAST_FALL)
         picked = rows[exchange(pool, start, random, how, self.known).chosen]
         number = {place: k for k, place in enumerate(chosen, 1)}
         order = np.concatenate([

@@ -120,7 +120,7 @@ class Inclinometer(GravitySensor):
     zero: ClassVar[tuple[str, float]] = ("zero_{}_rad", ZERO_RAD)
 
     def reading(self, data, at):
-        return data.tilt[at]
+        return np.zeros((len(at), 2)) if data.tilt is None else data.tilt[at]
 
     def _scaled(self, v):
         sine = np.clip(v[:, :2], -_STEEPEST, _STEEPEST)
@@ -144,7 +144,7 @@ class Accelerometer(GravitySensor):
     zero: ClassVar[tuple[str, float]] = ("bias_{}_m_s2", BIAS_M_S2)
 
     def reading(self, data, at):
-        return data.accel[at] / GRAVITY_M_S2
+        return np.zeros((len(at), 3)) if data.accel is None else data.accel[at] / GRAVITY_M_S2
 
     def _scaled(self, v):
         return v, np.tile(np.eye(3), (len(v), 1, 1))
