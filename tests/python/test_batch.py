@@ -59,6 +59,7 @@ def test_any_executor_runs_the_jobs(manifest, tmp_path):
     assert "1 failed" in str(fleet)
 
 
+@pytest.mark.slow
 def test_a_cluster_of_dask_runs_the_jobs(tmp_path):
     distributed = pytest.importorskip("distributed", reason="needs the package distributed (dask)")
     rows = [{"command": "evaluate", "robot": "ur10", "files": SERIES}]

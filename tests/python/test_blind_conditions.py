@@ -56,6 +56,7 @@ def test_wide_cases_are_repeatable(tmp_path, kind):
     assert one.robot.read_bytes() == two.robot.read_bytes()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind, name", EACH)
 def test_cases_under_a_condition_can_be_read(tmp_path, kind, name):
     case = SCENARIOS[kind].draw_case(tmp_path, 24, ROBOTS, "clean", name)
@@ -151,6 +152,7 @@ def test_motion_with_gear_tables_is_turned_back_by_the_gears():
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["poses", "motion", "tracked_motion"])
 def test_some_axes_stand_still(tmp_path, kind):
     case = SCENARIOS[kind].draw_case(tmp_path, 31, ROBOTS, "clean", "still")

@@ -239,6 +239,7 @@ def test_the_command_certifies_by_rows_that_were_never_fitted(certified):
     assert result["rows"]["judged"] + result["rows"]["frames"] == 210
 
 
+@pytest.mark.slow
 def test_the_page_names_arm_instrument_and_hashes(certified):
     page, result = (
         (certified / "out" / "report.html").read_text(),
@@ -264,6 +265,7 @@ def test_the_page_is_printed_where_a_browser_is_there(certified):
     assert (certified / "out" / "certificate.pdf").read_bytes().startswith(b"%PDF")
 
 
+@pytest.mark.slow
 def test_without_a_browser_the_certificate_is_complete_and_says_so(certified, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(printing.shutil, "which", lambda name: None)
     words = [str(certified / "calibrated" / "robot.toml"), str(certified / "new.csv"), "--out", str(tmp_path)]
@@ -277,6 +279,7 @@ def test_without_a_browser_the_certificate_is_complete_and_says_so(certified, tm
     assert any("not said: serial, instrument" in warning for warning in said["warnings"])
 
 
+@pytest.mark.slow
 def test_rows_that_were_fitted_are_left_out_by_the_record(certified):
     result = ea.certify(certified / "calibrated" / "robot.toml", certified / "fitted.csv", threads=1)
     assert result["rows"]["judged"] == 36 and "held out" in result["rows"]["why"]
@@ -284,6 +287,7 @@ def test_rows_that_were_fitted_are_left_out_by_the_record(certified):
     assert alone.record["seed"] == 1
 
 
+@pytest.mark.slow
 def test_fitted_rows_are_never_certified_without_a_word(certified, tmp_path):
     """All files were fitted together with another one: everything counts as fitted, and the page says so."""
     robot = ea.load_robot(certified / "calibrated" / "robot.toml")
@@ -294,6 +298,7 @@ def test_fitted_rows_are_never_certified_without_a_word(certified, tmp_path):
     assert "never fitted" not in result.verdict and result.report.tone == "caution"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "change, line",
     [
@@ -316,6 +321,7 @@ def test_wrong_options_are_refused_in_one_line(certified, tmp_path, capsys, chan
     assert line in error and "\n" not in error and not (tmp_path / "o" / "result.json").exists()
 
 
+@pytest.mark.slow
 def test_a_wrong_key_or_cell_is_named_with_its_file(certified, tmp_path, capsys):
     (tmp_path / "about.toml").write_text("serialnumber = 3\n")
     robot = str(certified / "calibrated" / "robot.toml")

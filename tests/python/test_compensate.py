@@ -221,6 +221,7 @@ def changed(files, name, old, new, count=1):
     return files | {name: files[name].replace(old, new, count)}
 
 
+@pytest.mark.slow
 def test_what_cannot_be_corrected_is_refused_by_file_line_and_reason(tmp_path, capsys):
     cell = Cell(identified())
     files = cells.krl(cell, reachable(cell.robot, 3))
@@ -268,6 +269,7 @@ def straight_programs(cell, q):
     return {"urscript": ur, "rapid": {"prog.mod": b"\n".join(lines)}, "krl": krl}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dialect", ["urscript", "rapid", "krl"])
 def test_points_in_between_keep_the_real_tip_on_its_line(tmp_path, dialect):
     rippled = identified(effects=False, chain="calibrated")

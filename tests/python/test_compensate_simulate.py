@@ -65,6 +65,7 @@ def urscript():
     return cell, files, cells.read_urscript, q[1:], cell.approach(q)[1:], [], LOAD
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dialect", [krl, rapid, fanuc, inform, urscript])
 def test_a_compensated_program_brings_the_virtual_arm_to_its_targets(tmp_path, dialect):
     cell, files, read, near, approach, options, load = dialect()

@@ -29,6 +29,7 @@ def test_every_picture_has_its_own_axis_on_the_abscissa_and_lowers_its_own_error
         assert c.rms[1] < c.rms[0]
 
 
+@pytest.mark.slow
 def test_an_angle_error_has_its_peak_to_peak_with_an_interval_that_holds_the_truth(result):
     (own,) = [c for c in result.contributions if c.effect.joint == 3 and c.effect.orders()]
     value, half = own.peak_to_peak
@@ -39,6 +40,7 @@ def test_an_angle_error_has_its_peak_to_peak_with_an_interval_that_holds_the_tru
     assert np.all(own.half > 0.0) and own.at_tool > 2e-5
 
 
+@pytest.mark.slow
 def test_the_report_tells_one_line_an_effect_and_a_verdict_in_words(result):
     robot = ea.load_robot("racer-7-1.4")
     report = report_of(robot, [result], "", [])
@@ -49,6 +51,7 @@ def test_the_report_tells_one_line_an_effect_and_a_verdict_in_words(result):
     assert {"effects", "arm"} <= {figure.name for figure in report.figures}
 
 
+@pytest.mark.slow
 def test_errors_in_space_are_those_of_the_held_out_rows(result):
     np.testing.assert_allclose(np.linalg.norm(result.in_space.after, axis=1),
                                result.errors_after["validation"][

@@ -44,6 +44,7 @@ def test_the_doubt_is_said_and_an_experiment_planned(narrow, tmp_path):
     assert len(planned) == len(json.loads((tmp_path / "doubtful" / "result.json").read_text())["experiments"])
 
 
+@pytest.mark.slow
 def test_a_cause_that_held_out_rows_do_not_confirm_is_not_recommended(narrow):
     _, result = narrow
     rises = result["after"]["validation"]["rms"] > result["before"]["validation"]["rms"]
