@@ -1,10 +1,13 @@
 """Evidence of sets of causes: the same as the dense Gaussian formulas, and no name for noise."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from exactarm.diagnose.evidence import Members, Picture
+from exactarm.diagnose.evidence import Members, Picture, compressed
 from exactarm.diagnose.search import _richer, search, weight_of
+from exactarm.diagnose.self_test import _Parts
 from exactarm.diagnose.unknown import Unknown, basis_of, sizes_of
 from exactarm.diagnose.vocabulary import SCALE_WEIGHTS, SCALES, Block, Vocabulary
 from exactarm.effects.gear_eccentricity import GearEccentricity
@@ -156,3 +159,42 @@ def test_a_curve_takes_the_place_of_its_poorer_forms():
 def test_certain_poorer_forms_give_way_to_the_curve_that_includes_them():
     pic = gear_curve_picture(12)
     assert _richer(pic, Members((1, 2), (2, 2))).blocks == (0,)
+
+
+def test_compressed_columns_have_the_same_products():
+    rng = np.random.default_rng(9)
+    columns = rng.standard_normal((300, 6)) * 10.0 ** rng.integers(-6, 6, 6)
+    residual = rng.standard_normal(300)
+    columns[:, 4] = 0.0
+    columns[:, 5] = columns[:, 0] * (1.0 + 1e-3 * rng.standard_normal(300))
+    few, short = compressed(columns, residual)
+    assert len(few) <= 7 and len(short) == len(few)
+    norm = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+    cosines = lambda matrix: matrix.T @ matrix / norm / norm[:, None]
+    assert cosines(few) == pytest.approx(cosines(columns), abs=1e-9)
+    assert few.T @ short / norm == pytest.approx(columns.T @ residual / norm, abs=1e-6)
+    assert short @ short == pytest.approx(residual @ residual)
+
+
+def test_random_signs_by_block_are_those_of_the_rows():
+    pic, rng = picture(10), np.random.default_rng(11)
+    residual, visits = rng.standard_normal(ROWS * COMPONENTS), np.arange(ROWS) // 4
+    onto, square = _Parts.of(pic, residual, visits).wild(5, np.random.default_rng(12))
+    signs = np.random.default_rng(12).choice([-1.0, 1.0], (visits.max() + 1, 5))
+    wild = residual[:, None] * np.repeat(signs[visits], COMPONENTS, axis=0)
+    wild -= pic.declared @ (pic.declared.T @ wild)
+    assert onto == pytest.approx(pic.rows[0].T @ wild)
+    assert square == pytest.approx(np.sum(wild**2, axis=0))
+
+
+def test_samples_that_repeat_each_other_weigh_as_what_they_are_worth():
+    """Every row four times at a share of a quarter: the evidence of the rows taken once."""
+    rng = np.random.default_rng(13)
+    responses, residual = rng.standard_normal((ROWS, 1, 2)), rng.standard_normal((ROWS, 1))
+    blocks = (block(0, 1, 0), block(1, 1, 1))
+    declared = rng.standard_normal((ROWS, 1, 1))
+    once, four = (Picture.of(Vocabulary(blocks, np.repeat(responses, n, axis=0)),
+                             np.repeat(residual, n, axis=0), np.repeat(declared, n, axis=0),
+                             replace(normal_noise(np.ones((n * ROWS, 1))), share=1.0 / n)) for n in (1, 4))
+    members = Members((0, 1), (2, 3))
+    assert four.log_likelihood(members) == pytest.approx(once.log_likelihood(members))

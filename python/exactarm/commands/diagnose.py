@@ -134,6 +134,7 @@ def _json(result: Diagnosis) -> dict[str, Any]:
         "next_experiment": result.next_experiment or "",
         "experiments": [experiment_json(experiment) for experiment in result.experiments],
         "left_out": list(result.left_out),
+        "held_out_gain_nats": result.held_out_gain,
         "converged": result.converged,
         "warnings": list(result.unconverged),
         "drafts": [draft.to_table() | {"file": DRAFT_FILE} for draft in result.drafts],

@@ -129,7 +129,7 @@ class ClosureProblem(PoseProblem):
     unit = "m"
     kind = CLOSURES.name
     # contacts are fitted beside the effects: the posterior has not been measured on them
-    by_posterior = False
+    by_posterior = drafts = False
     groups_independent = True
     # places are few and far apart: an effect that hardly helps there is none
     least_elsewhere = Problem.least_share

@@ -16,6 +16,7 @@ from exactarm.diagnose.confusion import DOUBT, next_experiments
 from exactarm.diagnose.contribution import Contribution, contributions
 from exactarm.diagnose.dossier import Dossier, dossier
 from exactarm.diagnose.draft import Draft, drafts_of
+from exactarm.diagnose.held_out_evidence import held_out_gains
 from exactarm.diagnose.in_space import InSpace
 from exactarm.diagnose.noise import NoiseFloor, noise_floor
 from exactarm.diagnose.own_share import own_shares
@@ -81,7 +82,8 @@ class Alternative:
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """Everything that a report says; errors (N,) are per judged number of the rows of `data`."""
+    """Everything that a report says; errors (N,) are per judged number of the rows of `data`; held_out_gain
+    in nats, of all effects together (held_out_evidence.py)."""
 
     robot: Robot
     kind: str
@@ -109,6 +111,7 @@ class Diagnosis:
     in_space: InSpace | None = None
     causes: Causes | None = None
     unconverged: tuple[str, ...] = ()
+    held_out_gain: float = 0.0
     drafts: tuple[Draft, ...] = ()
 
     @property
@@ -141,6 +144,7 @@ def diagnose(
     before = {name: summarise(values[np.isfinite(values)]) for name, values in errors[0].items()}
     after = {name: summarise(values[np.isfinite(values)]) for name, values in errors[-1].items()}
     own = own_shares(problem, last, len(declared.effects))
+    gains = held_out_gains(errors, problem.numbers_of_error, problem.correlation_factor(last))
     findings = tuple(
         _finding(accepted, last, declared, place, errors, problem, own[place] if own else None)
         for place, accepted in enumerate(selection.accepted)
@@ -149,18 +153,21 @@ def diagnose(
     words, experiments = next_experiments(problem, last, findings, alternatives)
     spread = problem.spread(last)
     excess = held_out_excess(errors[-1], problem.error_of_unit_noise(last), _SPREADS * spread)
-    if causes is None:
+    verdict = NOTHING
+    if causes is None or problem.in_time:
         verdict = verdict_by_rules(problem, before, after, noise, left, bool(findings), spread, excess)
-    else:
+    if causes is not None and verdict != UNEXPLAINED:
         verdict = verdict_of_causes(causes, after, noise, excess)
     unknown = causes.unknown + causes.wanders if causes is not None else ()
     if verdict == NOTHING and not noise.measured and problem.share_of_measured(last) > MUCH_LEFT:
         verdict = UNEXPLAINED  # a floor that comes from the fit proves nothing by itself
     unconverged = _unconverged(selection)
-    if unconverged:
+    if unconverged or sum(gains) < 0.0:
         verdict = UNEXPLAINED
+    doubts = problem.doubts(last, {len(declared.effects) + place: accepted.evidence
+                                   for place, accepted in enumerate(selection.accepted)})
     drafts = ()
-    if verdict == UNEXPLAINED and problem.by_posterior and not unconverged:
+    if verdict == UNEXPLAINED and problem.drafts and not unconverged:
         progress("drafting what is left")
         drafts = drafts_of(problem, declared, last)
     return Diagnosis(
@@ -174,11 +181,12 @@ def diagnose(
         alternatives=alternatives,
         verdict=verdict,
         sentence=no_verdict(unconverged) if unconverged else sentence_of(
-            verdict, findings, alternatives, before, after, left, excess, unknown),
+            verdict, findings, alternatives, before, after, left, excess, unknown, sum(gains)) + doubts,
         causes=causes,
         unconverged=unconverged,
         drafts=drafts,
         excess=excess,
+        held_out_gain=sum(gains),
         next_experiment=words,
         experiments=experiments,
         dossier_before=had,
@@ -221,7 +229,7 @@ def _search(problem: Problem, declared: Layout, progress: Progress) -> tuple[Sel
         found = select(part, declared, progress)
     else:
         found = selection_of(causes)
-        if causes.unknown and not causes.places:
+        if causes.unknown and not causes.places and not problem.in_time:
             # Forms that no block has (an order with its overtone) are reached step by step only.
             by_steps = select(part, declared, progress)
             found, causes = (by_steps, None) if by_steps.accepted else (found, causes)

@@ -139,9 +139,7 @@ def _unknown_axes(problem: Problem, fitted: Fitted) -> tuple[NoiseModel, dict[in
     if not vocabulary.blocks:
         return noise, {}
     for _ in range(_NOISE_PASSES):
-        picture = Picture.of(
-            vocabulary, fitted.residual, fitted.jacobian, noise, problem.correlation_factor(fitted)
-        )
+        picture = Picture.of(vocabulary, fitted.residual, fitted.jacobian, noise)
         certain, posterior = search(picture, _MOST_FUNCTIONS)
         beside = posterior.members[posterior.best]
         members = Members(certain.blocks + beside.blocks, certain.scales + beside.scales)
@@ -211,9 +209,7 @@ def _likeliest(problem, fitted, noise, forms: list[Expression]):
     vocabulary: Vocabulary = vocabulary_of(fitted, forms, {}, {})
     if not vocabulary.blocks:
         return None, -np.inf, None, None
-    picture = Picture.of(
-        vocabulary, fitted.residual, fitted.jacobian, noise, problem.correlation_factor(fitted)
-    )
+    picture = Picture.of(vocabulary, fitted.residual, fitted.jacobian, noise)
     additions = picture.additions(Members((), ()))
     weight = additions.log_weight - picture.log_prior
     names, which = vocabulary.labels

@@ -28,6 +28,7 @@ from exactarm.diagnose.vocabulary import SCALE_WEIGHTS, SCALES, Vocabulary
 _ABSORBED = 1e-6
 
 _MOST_PRODUCTS = 40  # of a block's columns with all others, kept: a few hundred MB at most
+_LONG, _ROUNDING = 2, 1e-13  # rows per column from which products stand for rows; of a Gram matrix
 _STRIP = 512  # columns worked on at once
 _INVISIBLE = 1e-3  # whitened length of a block at its plausible size, below which it is rounding
 
@@ -56,20 +57,19 @@ class Picture:
 
     def __init__(self, vocabulary: Vocabulary, declared: np.ndarray, columns: np.ndarray,
                  residual: np.ndarray, count: float,
-                 closed: frozenset[int] = frozenset()):
+                 closed: frozenset[int] = frozenset(), rows: tuple[np.ndarray, np.ndarray] | None = None):
         self.closed = closed  # blocks that are not to be added
         self.vocabulary, self.columns, self.residual, self.count = vocabulary, columns, residual, count
         self.declared = declared  # (R, d) orthonormal
+        self.rows = (columns, residual) if rows is None else rows  # row by row, where they are compressed
         self.square = float(residual @ residual)
         self._product: dict[int, np.ndarray] = {}  # C_g'C of blocks that have been members
         self._grams: dict[tuple[int, int], np.ndarray] = {}  # C_g'C_h of two of them
 
     @staticmethod
-    def of(vocabulary: Vocabulary, residual: np.ndarray, declared: np.ndarray, noise,
-           share: float = 1.0) -> Picture:
-        """residual (N, m), declared (N, m, P): columns that are free under a flat prior; noise.whiten; share:
-        independent
-        numbers for each number of data."""
+    def of(vocabulary: Vocabulary, residual: np.ndarray, declared: np.ndarray, noise) -> Picture:
+        """residual (N, m), declared (N, m, P): columns that are free under a flat prior; noise.whiten and
+        noise.numbers."""
         r = noise.whiten(residual[:, :, None])[:, 0]
         d = noise.whiten(declared)
         c = noise.whiten(vocabulary.responses)
@@ -79,7 +79,10 @@ class Picture:
         left = np.einsum("ij,ij->j", c, c)
         c[:, left < _ABSORBED * before] = 0.0
         r = r - basis @ (basis.T @ r)
-        return Picture(vocabulary, basis, c, r, max(share * noise.numbers - basis.shape[1], 1.0))
+        count = max(noise.numbers - basis.shape[1], 1.0)
+        if len(r) <= _LONG * c.shape[1]:
+            return Picture(vocabulary, basis, c, r, count)
+        return Picture(vocabulary, basis, *compressed(c, r), count, rows=(c, r))
 
     def beside(self, members: Members) -> Picture:
         """The picture in which a set is part of the noise: r and C times V^-1/2, its labels left out of the
@@ -135,13 +138,13 @@ class Picture:
             found[k] = (which, np.stack([b.size for b in blocks]), gram)
         return found
 
-    def basis(self, members: Members) -> np.ndarray:
+    def basis(self, members: Members, columns: np.ndarray | None = None) -> np.ndarray:
         """(R, K) columns of a set times prior sizes and scales: B."""
-        parts = []
+        columns, parts = self.columns if columns is None else columns, []
         for index, scale in zip(members.blocks, members.scales):
             block = self.vocabulary.blocks[index]
-            parts.append(self.columns[:, block.where] * (SCALES[scale] * block.size))
-        return np.concatenate(parts, axis=1) if parts else np.zeros((len(self.residual), 0))
+            parts.append(columns[:, block.where] * (SCALES[scale] * block.size))
+        return np.concatenate(parts, axis=1) if parts else np.zeros((len(columns), 0))
 
     def factor(self, members: Members) -> tuple[np.ndarray, np.ndarray]:
         """L^-1 B'C (K, p) and L^-1 B'r (K,), with L L' = I + B'B."""
@@ -214,15 +217,16 @@ class Picture:
 
         The declared parameters are fitted anew without the fold too: `declared` columns under a flat prior.
         """
-        b = np.concatenate([self.declared, self.basis(members)], axis=1)
+        columns, residual = self.rows
+        b = np.concatenate([self.declared, self.basis(members, columns)], axis=1)
         prior = np.concatenate([np.full(self.declared.shape[1], 1e-8),
                                 np.ones(b.shape[1] - self.declared.shape[1])])
-        normal, right = b.T @ b + np.diag(prior), b.T @ self.residual
-        of_number = np.repeat(folds, len(self.residual) // len(folds))
+        normal, right = b.T @ b + np.diag(prior), b.T @ residual
+        of_number = np.repeat(folds, len(residual) // len(folds))
         squares = np.empty(int(folds.max()) + 1)
         for fold in range(len(squares)):
             mine = of_number == fold
-            part, answer = b[mine], self.residual[mine]
+            part, answer = b[mine], residual[mine]
             values = np.linalg.solve(normal - part.T @ part + 1e-9 * np.eye(len(normal)),
                                      right - part.T @ answer)
             squares[fold] = np.sum((answer - part @ values) ** 2)
@@ -270,6 +274,19 @@ class Picture:
                 variance = np.sum(row**2 * shrink[:, place], axis=1) * left[:, place] / self.count
                 out[:, place] += special.log_ndtr(mean / np.sqrt(np.maximum(variance, 1e-300))) + np.log(2.0)
         return out
+
+
+def compressed(columns: np.ndarray, residual: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(K, p) columns and (K,) residual, K at most p + 1, whose products with each other are those of (R, p)
+    and (R,): all that a search asks for."""
+    norm = np.linalg.norm(columns, axis=0)
+    unit = columns / np.where(norm > 0.0, norm, 1.0)
+    values, vectors = np.linalg.eigh(unit.T @ unit)
+    kept = values > _ROUNDING * max(float(values[-1]), 1e-300)
+    root, vectors = np.sqrt(values[kept]), vectors[:, kept]
+    onto = vectors.T @ (unit.T @ residual) / root
+    rest = np.sqrt(max(float(residual @ residual - onto @ onto), 0.0))
+    return np.concatenate([root[:, None] * vectors.T * norm, np.zeros((1, len(norm)))]), np.append(onto, rest)
 
 
 def orthonormal_columns(columns: np.ndarray) -> np.ndarray:

@@ -24,7 +24,9 @@ from exactarm.chain import (
 )
 from exactarm.chain.motion_record import measured_torque, runs_of
 from exactarm.dataset import Dataset
+from exactarm.diagnose.admissible import LEAST_PROBABILITY
 from exactarm.diagnose.coloured_noise import ColouredNoise, NoiseMemory
+from exactarm.diagnose.mass_tolerance import MASS, mass_tolerance, probability_beside
 from exactarm.diagnose.next_motions import separating_motion
 from exactarm.diagnose.problem import Fitted, Problem
 from exactarm.diagnose.scan import free_mask
@@ -59,7 +61,7 @@ class MotionFitted(Fitted):
     measured: np.ndarray = None
     record: MotionRecord = None
 
-    def columns_of(self, effects: list[Effect]) -> list[np.ndarray]:
+    def responses_of(self, effects: list[Effect]) -> list[np.ndarray]:
         """Effects without any size share runs through the arm; what acts on the reported torque itself needs
         none."""
         found: dict[int, np.ndarray] = {}
@@ -73,7 +75,11 @@ class MotionFitted(Fitted):
                 together.append(place)
         for part in _in_parts(together, [int(free_mask(effects[place]).sum()) for place in together]):
             found |= dict(zip(part, self.view.responses([effects[place] for place in part])))
-        return [self.whiten(found[place][:, self.measured]) for place in range(len(effects))]
+        return [found[place][:, self.measured] for place in range(len(effects))]
+
+    @property
+    def counted_rows(self) -> np.ndarray:
+        return self.weight > 0.0
 
     def _direct(self, effect: Effect) -> np.ndarray:
         """(N, n, k)"""
@@ -207,6 +213,23 @@ class MotionProblem(Problem):
             words += ("masses and inertias are held as the robot file declares them: where they come from a "
                       "drawing, `exactarm identify` first, or what they lack is taken for a payload",)
         return words
+
+    def doubts(self, fitted: Fitted, evidences: dict[int, float]) -> str:
+        if self.inertial or not evidences:
+            return ""
+        links, sizes = mass_tolerance(self.robot)
+        response = fitted.responses_of([links])[0] * sizes
+        titles = []
+        for index, evidence in evidences.items():
+            without = fitted.without(index)
+            count = max(fitted.noise.share * without.data_numbers - without.basis.shape[1], 1.0)
+            effect = fitted.layout.effects[index]
+            if probability_beside(without, effect, evidence, response, count) < LEAST_PROBABILITY:
+                titles.append(effect.title)
+        if not titles:
+            return ""
+        return (f" Masses {100 * MASS:.0f} % off those of the robot file would do as well as "
+                f"{' and '.join(titles)}: where they come from a drawing, `exactarm identify` first.")
 
     def groups(self) -> np.ndarray:
         return run_groups(self.record.data.run)

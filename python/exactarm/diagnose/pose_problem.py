@@ -44,9 +44,10 @@ class PoseProblem(Problem):
     """`orientation` residuals are used where every row has them."""
 
     unit = "m"
+    numbers_of_error = 3
     kind = POSES.name
     groups_independent = True
-    by_posterior = True
+    by_posterior = drafts = True
 
     def __init__(self, robot: Robot, data: Dataset, held_out: Dataset, threads: int = 1, seed: int = 0):
         super().__init__(robot, data, held_out, threads, seed)

@@ -18,6 +18,8 @@ from exactarm.chain import Layout, View
 from exactarm.dataset import Dataset
 from exactarm.diagnose.in_space import InSpace
 from exactarm.effects.base import Effect
+from exactarm.noise.estimate import estimate_noise
+from exactarm.noise.model import NoiseModel
 from exactarm.regression import Fit
 from exactarm.robot import Robot
 
@@ -106,7 +108,21 @@ class Fitted:
 
     def columns_of(self, effects: list[Effect]) -> list[np.ndarray]:
         """The same of several effects, each as if it were alone."""
-        return [self.whiten(self.view.response(effect)[:, : self.residual.shape[1]]) for effect in effects]
+        return [self.whiten(response) for response in self.responses_of(effects)]
+
+    def responses_of(self, effects: list[Effect]) -> list[np.ndarray]:
+        """(N, m, k) of each effect that is not in the layout: the measurement's response to its
+        parameters."""
+        return [self.view.response(effect)[:, : self.residual.shape[1]] for effect in effects]
+
+    @property
+    def counted_rows(self) -> np.ndarray | slice:
+        """Which rows a search counts: all of them here."""
+        return slice(None)
+
+    def counted(self, values: np.ndarray) -> np.ndarray:
+        """(N', m, ...) of the measurement (N, m, ...): the rows that count, behind the filter."""
+        return self.decorrelated(values)[self.counted_rows]
 
     def whiten(self, response: np.ndarray) -> np.ndarray:
         """(N m + r, k) of a response (N, m, k), in units of the noise, with nothing in the rows of the
@@ -161,6 +177,12 @@ class Problem(ABC):
     repeat_source = "repeated visits of the same pose"
     by_posterior = False  # whether causes are found by the posterior over sets of them
     groups_independent = False  # whether the residuals of different groups of rows are
+    least_share_named = 0.0  # of the cross-validated square sum, for a cause by the posterior
+    # of time series, whose unknown functions are slow ones: what still follows a signal is judged as by the
+    # rules, and the rules name nothing in the place of an unknown function
+    in_time = False
+    drafts = False  # whether effects are drafted for what no cause explains
+    numbers_of_error = 1  # of the measurement that make up one judged error: 3 of a position
     least_share = 0.02  # of the cross-validated square sum that an effect must take away
     # share of the square sum that it must take away in stretches it has not learnt from
     least_elsewhere = 0.0
@@ -204,6 +226,19 @@ class Problem(ABC):
         """(N,) places of the identification rows in the order in which they were measured, in typical
         distances between neighbours, sessions far apart; None where neighbours are dealt with otherwise."""
         return None
+
+    def noise_of(self, fitted: Fitted, left: np.ndarray, lost: float = 0.0) -> NoiseModel:
+        """The noise of rows that count (N', m), from what `lost` parameters leave of them."""
+        return estimate_noise(left, lost, self.groups(), self.order())
+
+    def unknown_moves(self, fitted: Fitted) -> dict:
+        """The `directions` along which an unknown function may move the measurement: patterns (N, m), or what
+        makes responses (N, m, k) of a basis (N, k); in the size of rad and m."""
+        return self.directions(fitted)
+
+    def blocks(self) -> np.ndarray:
+        """(N,) int: blocks of rows whose noise is independent of each other's, for random signs."""
+        return self.groups()
 
     def groups_for(self, response: np.ndarray) -> np.ndarray:
         """The groups by which an effect is judged whose response has the square (N,) in each row."""
@@ -304,6 +339,11 @@ class Problem(ABC):
         """The state by which a stretch that is left out is judged: without what is fitted anew there in any
         case."""
         return fitted
+
+    def doubts(self, fitted: Fitted, evidences: dict[int, float]) -> str:
+        """In a sentence: which effects (place in the layout, with its evidence) could as well be what the
+        declared model holds without being sure of it; empty where nothing is held so."""
+        return ""
 
     def shows(self, effect: type[Effect]) -> bool:
         """Whether this kind of data can show effects of a class."""

@@ -7,7 +7,7 @@
                   which the set of causes that holds 95 % of the posterior of one cause has the planted one in
                       it, of those in which a cause was named
 
-Everything is linear in the residual, so one product gives all draws.
+Everything is linear in the residual, so the sums over each block of rows give all draws.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ _CAUSES = 20  # planted in turn: the ones that this design shows best
 # standard deviations by which a planted cause moves all rows together: less, and nobody names it
 _LEAST_SHOWN = 4.0
 _CREDIBLE = 0.95
+_STRIP = 512  # columns worked on at once
 
 
 @dataclass(frozen=True)
@@ -42,35 +43,52 @@ class SelfTest:
 
 def self_test(picture: Picture, residual: np.ndarray, visits: np.ndarray, seed: int) -> SelfTest:
     """picture: at the declared model; residual (R,) whitened, what the final model leaves; visits (N,):
-    poses."""
+    poses, or blocks of a time series."""
     rng = np.random.default_rng(seed)
-    wild = _wild(picture, residual, visits, DRAWS, rng)
-    weights = _weights(picture, wild)
+    parts = _Parts.of(picture, residual, visits)
+    weights = _weights(picture, *parts.wild(DRAWS, rng))
     odds = special.logsumexp(weights, axis=0) + log_prior_of_count(1) - log_prior_of_count(0)
-    sets, right = _planted(picture, residual, visits, rng)
+    sets, right = _planted(picture, parts, rng)
     return SelfTest(float(np.mean(odds > 0.0)), DRAWS, sets, right / sets if sets else None)
 
 
-def _wild(picture: Picture, residual: np.ndarray, visits: np.ndarray, draws: int, rng) -> np.ndarray:
-    """(R, draws) residuals with random signs by pose, cleared of what the declared parameters absorb."""
-    numbers = len(residual) // len(visits)
-    names = np.unique(visits, return_inverse=True)[1]
-    signs = rng.choice([-1.0, 1.0], (names.max() + 1, draws))
-    wild = residual[:, None] * np.repeat(signs[names], numbers, axis=0)
-    return wild - picture.declared @ (picture.declared.T @ wild)
+@dataclass(frozen=True)
+class _Parts:
+    """What each block of rows adds: onto (p, B) to C'e, declared (d, B) to Q'e; square of all of e."""
+
+    onto: np.ndarray
+    declared: np.ndarray
+    square: float
+
+    @staticmethod
+    def of(picture: Picture, residual: np.ndarray, visits: np.ndarray) -> _Parts:
+        names = np.unique(visits, return_inverse=True)[1]
+        block = np.repeat(names, len(residual) // len(visits))
+        order = np.argsort(block, kind="stable")
+        starts = np.searchsorted(block[order], np.arange(names.max() + 1))
+        columns = picture.rows[0]
+        add = lambda matrix: np.add.reduceat(matrix[order] * residual[order, None], starts, axis=0).T
+        strips = [add(columns[:, at : at + _STRIP]) for at in range(0, columns.shape[1], _STRIP)]
+        onto = np.concatenate(strips) if strips else np.zeros((0, len(starts)))
+        return _Parts(onto, add(picture.declared), float(residual @ residual))
+
+    def wild(self, draws: int, rng) -> tuple[np.ndarray, np.ndarray]:
+        """C'w (p, draws) and w'w (draws,) of residuals w with random signs by block, cleared of what the
+        declared parameters absorb."""
+        signs = rng.choice([-1.0, 1.0], (self.onto.shape[1], draws))
+        return self.onto @ signs, self.square - np.sum((self.declared @ signs) ** 2, axis=0)
 
 
-def _weights(picture: Picture, residuals: np.ndarray) -> np.ndarray:
-    """(G, draws) log weight of every block alone beside nothing, for many residuals (R, draws) at once."""
-    square = np.sum(residuals**2, axis=0)
-    onto = picture.columns.T @ residuals
-    found = np.full((len(picture.vocabulary.blocks), residuals.shape[1]), -np.inf)
+def _weights(picture: Picture, onto: np.ndarray, square: np.ndarray) -> np.ndarray:
+    """(G, draws) log weight of every block alone beside nothing, for many residuals at once: onto (p, draws)
+    and square (draws,)."""
+    found = np.full((len(picture.vocabulary.blocks), len(square)), -np.inf)
     for k, indices in picture.by_width.items():
         which, size, gram = picture.stacked[k]
         values, vectors = np.linalg.eigh(gram * size[:, :, None] * size[:, None, :])
         values = np.maximum(values, 0.0)
         turned = np.einsum("gij,gid->gjd", vectors, onto[which] * size[:, :, None], optimize=True) ** 2
-        total = np.full((len(indices), residuals.shape[1]), -np.inf)
+        total = np.full((len(indices), len(square)), -np.inf)
         for scale, weight in zip(SCALES, SCALE_WEIGHTS):
             shrink = scale**2 / (1.0 + scale**2 * values)
             gain = np.einsum("gk,gkd->gd", shrink, turned)
@@ -82,7 +100,7 @@ def _weights(picture: Picture, residuals: np.ndarray) -> np.ndarray:
     return found
 
 
-def _planted(picture: Picture, residual: np.ndarray, visits: np.ndarray, rng) -> tuple[int, int]:
+def _planted(picture: Picture, parts: _Parts, rng) -> tuple[int, int]:
     """How many draws with a planted cause were named, and how many of their sets hold it."""
     blocks = picture.vocabulary.blocks
     shown = {}
@@ -94,13 +112,15 @@ def _planted(picture: Picture, residual: np.ndarray, visits: np.ndarray, rng) ->
     chosen = [index for _, index in sorted(shown.values(), key=lambda e: -e[0])][:_CAUSES]
     if not chosen:
         return 0, 0
-    wild = _wild(picture, residual, visits, _PLANTED, rng)
+    onto, square = parts.wild(_PLANTED, rng)
     truth = [chosen[d % len(chosen)] for d in range(_PLANTED)]
     for d, index in enumerate(truth):
         block = blocks[index]
-        column = picture.columns[:, block.where] @ (rng.standard_normal(block.columns) * block.size)
-        wild[:, d] += column
-    weights = _weights(picture, wild)
+        size = rng.standard_normal(block.columns) * block.size
+        planted = picture.columns[:, block.where] @ size
+        square[d] += 2.0 * float(onto[block.where, d] @ size) + float(planted @ planted)
+        onto[:, d] += picture.columns.T @ planted
+    weights = _weights(picture, onto, square)
     names, label_of = picture.vocabulary.labels
     sets = right = 0
     for d, index in enumerate(truth):

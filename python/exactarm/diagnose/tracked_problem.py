@@ -43,8 +43,12 @@ _SPREAD_ROWS = 300
 class TrackedFitted(Fitted):
     """Columns of most effects straight from their station; what changes the load goes through the springs."""
 
-    def columns_of(self, effects: list[Effect]) -> list[np.ndarray]:
-        return [self.whiten(self._response(effect)[:, :3]) for effect in effects]
+    def responses_of(self, effects: list[Effect]) -> list[np.ndarray]:
+        return [self._response(effect)[:, :3] for effect in effects]
+
+    @property
+    def counted_rows(self) -> np.ndarray:
+        return self.weight > 0.0
 
     def _response(self, effect: Effect) -> np.ndarray:
         view = self.view
@@ -67,6 +71,7 @@ class TrackedProblem(Problem):
     """One or several runs of all axes under a tracker."""
 
     unit = "m"
+    numbers_of_error = 3
     kind = KIND
     repeat_source = "paths that were played again"
     share_left = 0.02  # thousands of rows show a smaller one

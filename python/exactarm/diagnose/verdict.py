@@ -3,8 +3,9 @@
     explained              effects were found, and what is left is noise
     no_undeclared_effect   nothing was found, and nothing is missing
     unexplained            something else is at work: its posterior probability is above one half, the error
-                           on held-out rows is far above what the fit lets expect, or repeated visits scatter
-                               far less than the model errs
+                           on held-out rows is far above what the fit lets expect, repeated visits scatter
+                           far less than the model errs, or the effects found predict held-out rows worse
+                           than the model without them (held_out_evidence.py)
 """
 
 from __future__ import annotations
@@ -101,8 +102,8 @@ def remains(left: Dossier, excess: float, unknown: tuple[str, ...] = ()) -> str:
 
 
 def sentence_of(verdict, findings, alternatives, before, after, left: Dossier, excess: float,
-                unknown: tuple[str, ...] = ()) -> str:
-    """The verdict in one sentence that a technician understands."""
+                unknown: tuple[str, ...] = (), gain: float = 0.0) -> str:
+    """The verdict in one sentence that a technician understands; gain: of the held-out rows, in nats."""
     judged = "validation" if after["validation"].n else "identification"
     if findings:
         causes = ", ".join(f.effect.title for f in findings[:3])
@@ -119,6 +120,8 @@ def sentence_of(verdict, findings, alternatives, before, after, left: Dossier, e
             a = doubtful[0]
             own = next(f.effect for f in findings if f.effect.label == a.instead_of)
             text += f" This data cannot tell {own.title} from {a.effect.title}."
+        if gain < 0.0:
+            return text + spoken_against(len(findings))
         if verdict == UNEXPLAINED:
             text += (
                 " A structure is left that nothing in the library explains; "
@@ -135,6 +138,12 @@ def sentence_of(verdict, findings, alternatives, before, after, left: Dossier, e
                 "beyond chance, "
                 f"but this is {100 * left.strongest.share:.0f} % of its square sum.")
     return "Nothing is missing: the residual of the declared model cannot be told from noise."
+
+
+def spoken_against(count: int) -> str:
+    """Of so many effects, where held-out rows are predicted worse with them."""
+    it = "it" if count == 1 else "them"
+    return f" Rows that were not fitted speak against {it}: nothing is explained until other data say so."
 
 
 def no_verdict(unconverged: tuple[str, ...]) -> str:

@@ -129,9 +129,10 @@ def vocabulary_of(fitted, effects: list[Effect], signals: dict, directions: dict
     for _, point in points:
         axes[point.name].add(point.label)
     blocks, parts, at = [], [], 0
-    for _, point in points:
+    responses = fitted.responses_of([point for _, point in points])
+    for (_, point), response in zip(points, responses):
         mask = free_mask(point)
-        response = fitted.view.response(point)[:, :m][:, :, mask]
+        response = response[:, :, mask]
         parameters = [p for p, free in zip(point.parameters(), mask) if free]
         visible = [np.any(response[:, :, k]) for k in range(response.shape[2])]
         if not any(visible):

@@ -1,0 +1,62 @@
+"""Held-out evidence: what rows that chose nothing say of the effects that were found.
+
+Errors e_i (K,) of d numbers each, of two models on the same rows, under a Student law (Lange, Little and
+Taylor 1989) with nu degrees of freedom, infinite: normal, at the scale s that suits the held-out rows best:
+
+    log p = sum_i c(nu, d) - d log s - (nu + d)/2 log(1 + e_i^2 / (nu s^2))
+    gain  = share (log p with the effects - log p without)      [nats]
+
+nu: the one that the rows of the fit make likeliest; share: independent numbers per number, where neighbours
+share their noise. Below zero the model with the effects predicts rows worse that it has not seen: then
+nothing is explained, whatever its own rows say. Probabilities are those of the rows that were fitted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy import special
+
+from exactarm.noise.estimate import FREEDOMS
+
+_PASSES = 60
+_SAME = 1e-6  # relative change of the variance that ends its estimate
+
+
+def held_out_gains(errors: Sequence[dict[str, np.ndarray]], numbers: int, share: float) -> tuple[float, ...]:
+    """Gain of every round of effects, zero where nothing is held out.
+
+    errors: of each fit, by set, NaN where a row is left out; numbers: d of each error.
+    """
+    fitted = errors[-1]["identification"]
+    fitted = fitted[np.isfinite(fitted)]
+    freedom = max((np.inf, *FREEDOMS), key=lambda nu: log_density(fitted, numbers, nu))
+    gains = []
+    for before, after in zip(errors[:-1], errors[1:]):
+        one, other = before["validation"], after["validation"]
+        both = np.isfinite(one) & np.isfinite(other)
+        with_effects, without = (log_density(e[both], numbers, freedom) for e in (other, one))
+        gains.append(float(share * (with_effects - without)))
+    return tuple(gains)
+
+
+def log_density(errors: np.ndarray, numbers: int, freedom: float) -> float:
+    """Of errors (K,) of `numbers` numbers each, at their best scale; zero where there are none."""
+    square = errors**2
+    if not np.any(square > 0.0):
+        return 0.0
+    variance = float(np.mean(square)) / numbers
+    if not np.isfinite(freedom):
+        return -0.5 * numbers * len(errors) * (np.log(2.0 * np.pi * variance) + 1.0)
+    for _ in range(_PASSES):
+        weight = (freedom + numbers) / (freedom + square / variance)
+        new = float(np.mean(weight * square)) / numbers
+        done = abs(new / variance - 1.0) < _SAME
+        variance = new
+        if done:
+            break
+    half = 0.5 * (freedom + numbers)
+    constant = special.gammaln(half) - special.gammaln(0.5 * freedom)
+    constant -= 0.5 * numbers * np.log(freedom * np.pi * variance)
+    return float(len(errors) * constant - half * np.sum(np.log1p(square / (freedom * variance))))

@@ -1,0 +1,157 @@
+"""One round of the search: causes beside one fit, with the noise that they leave.
+
+The rows that count, behind the filter of the fit's noise, are searched under a noise model, which is
+estimated anew with the causes found, until neither changes; from up to three starts: one normal law, the
+family that the residual asks for, the same with what rows share in time. The start whose likelihood, prior
+and price are better wins.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from exactarm.diagnose.evidence import Members, Picture, orthonormal_columns
+from exactarm.diagnose.problem import Fitted, Problem
+from exactarm.diagnose.search import Posterior, prior_of, search
+from exactarm.diagnose.vocabulary import SCALES, Block, Vocabulary
+from exactarm.noise.estimate import log_likelihood_under, normal_noise
+from exactarm.noise.model import NoiseModel
+
+# causes and unknown functions together: of more, on measured arms, the sum fits its own rows only (UR10:
+# eleven)
+MOST_AT_ONCE = 5
+_NOISE_PASSES = 3
+_COLUMN_COSTS = 0.5  # of a degree of freedom, for a column under a prior
+# relative change of a row's scale that moves no probability much: sizes are known to a factor of three
+_SAME_SCALE = 0.3
+_LEAST_NATS = 3.0  # in likelihood, below which another family of noise is not worth a start of its own
+
+
+@dataclass(frozen=True)
+class At:
+    """One fit as the search sees it: the rows that count, behind the filter of the fit's noise."""
+
+    fitted: Fitted
+    residual: np.ndarray
+    jacobian: np.ndarray
+    vocabulary: Vocabulary
+    groups: np.ndarray
+
+    @staticmethod
+    def of(problem: Problem, fitted: Fitted, vocabulary: Vocabulary) -> At:
+        return At(fitted, fitted.counted(fitted.residual), fitted.counted(fitted.jacobian),
+                  replace(vocabulary, responses=fitted.counted(vocabulary.responses)),
+                  problem.groups()[fitted.counted_rows])
+
+
+@dataclass(frozen=True)
+class Found:
+    """One round: the fit, the picture, the causes that are certain, the posterior over what acts beside them,
+    the noise, and the residual (N', m) that the best set leaves in the linear picture."""
+
+    at: At
+    picture: Picture
+    certain: Members
+    posterior: Posterior
+    noise: NoiseModel
+    left: np.ndarray
+
+    @property
+    def members(self) -> Members:
+        """The best set."""
+        beside = self.posterior.members[self.posterior.best]
+        return Members(self.certain.blocks + beside.blocks, self.certain.scales + beside.scales)
+
+    def block(self, index: int) -> Block:
+        return self.picture.vocabulary.blocks[index]
+
+    def probability_of_unknown(self) -> float:
+        unknown = self.picture.vocabulary.unknown
+        if any(self.block(i).label in unknown for i in self.certain.blocks):
+            return 1.0
+        return self.posterior.probability(lambda labels: not unknown.isdisjoint(labels))
+
+    def probability_of_nothing(self) -> float:
+        return 0.0 if self.certain.blocks else self.posterior.probability(lambda labels: not labels)
+
+    def titles(self) -> list[str]:
+        """Of the unknown functions in the best set."""
+        return [self.block(i).unknown.title for i in self.members.blocks if self.block(i).unknown is not None]
+
+
+def search_round(problem: Problem, at: At, noise: NoiseModel | None) -> Found | None:
+    """The best of the starts: one normal law, the family of the present residual, the same with what
+    neighbours share; of one, where the noise is known.
+
+    None where every start asks for too many causes at once."""
+    if noise is not None and len(noise.weight) == len(at.residual):
+        return _settled(problem, at, noise)
+    asked = problem.noise_of(at.fitted, at.residual, at.jacobian.shape[2])
+    # the causes that are searched for pass for correlation as long as nothing is in their place
+    asked = replace(asked, share=max(asked.share, problem.correlation_factor(at.fitted)))
+    starts = [replace(normal_noise(at.residual), share=asked.share)]
+    starts += [replace(asked, wandering=None)] if asked.family != "gauss" else []
+    starts += [asked] if asked.wandering is not None else []
+    found = [f for f in (_settled(problem, at, start) for start in starts) if f is not None]
+    if len(found) < 2:
+        return found[0] if found else None
+    share = min(f.noise.share for f in found)
+    return max(found, key=lambda f: _score(f, share))
+
+
+def _settled(problem: Problem, at: At, noise: NoiseModel) -> Found | None:
+    """Search and noise in turn, until neither changes; None where it asks for too many causes at once."""
+    for _ in range(_NOISE_PASSES):
+        picture = Picture.of(at.vocabulary, at.residual, at.jacobian, noise)
+        found = Found(at, picture, *search(picture, MOST_AT_ONCE + 1), noise, at.residual)
+        members = found.members
+        if len(members.blocks) > MOST_AT_ONCE:
+            return None
+        residual = at.residual - _prediction(picture, members, at, noise)
+        lost = at.jacobian.shape[2] + sum(found.block(i).columns for i in members.blocks) * _COLUMN_COSTS
+        before, noise = noise, problem.noise_of(at.fitted, residual, lost)
+        if _alike(before, noise):
+            break
+    return replace(found, noise=noise, left=residual)
+
+
+def _score(found: Found, share: float) -> float:
+    """Log of likelihood times priors of the best set and its noise, declared parameters integrated out
+    (restricted likelihood): what two starts are compared by. share: independent numbers per number."""
+    picture, members, at, left = found.picture, found.members, found.at, found.left
+    noise = replace(found.noise, share=share)
+    log_det, _ = picture.quadratic(members)
+    standard = [value / (SCALES[scale] * found.block(i).size)
+                for i, scale, value in zip(members.blocks, members.scales, picture.coefficients(members))]
+    declared = orthonormal_columns(at.jacobian.reshape(-1, at.jacobian.shape[2])).reshape(*left.shape, -1)
+    white = noise.whiten(declared)
+    score = share * log_likelihood_under(noise, left)
+    score -= 0.5 * log_det + 0.5 * sum(float(b @ b) for b in standard)
+    score += prior_of(picture, members) - 0.5 * float(np.linalg.slogdet(white.T @ white)[1])
+    score -= 0.0 if noise.family == "gauss" else _LEAST_NATS
+    # of its two parameters
+    return score - (0.0 if noise.wandering is None else _LEAST_NATS + np.log(len(left)))
+
+
+def _alike(one: NoiseModel, other: NoiseModel) -> bool:
+    """Whether two noise models weigh the rows alike, so that a search under either finds the same."""
+    scale = lambda noise: np.sqrt(noise.share * noise.weight)[:, None] / noise.sigma
+    apart = scale(one) / (scale(other) + 1e-300)
+    kept = one.family == other.family and abs(one.shared - other.shared) < 0.2 and one.wanders_like(other)
+    return kept and float(np.max(np.abs(apart - 1.0))) < _SAME_SCALE
+
+
+def _prediction(picture: Picture, members: Members, at: At, noise: NoiseModel) -> np.ndarray:
+    """(N, m) what the set and the declared parameters, moved along, take from the residual (linear
+    picture)."""
+    responses = picture.vocabulary.responses
+    taken = np.zeros_like(at.residual)
+    for index, value in zip(members.blocks, picture.coefficients(members)):
+        taken += responses[:, :, picture.vocabulary.blocks[index].where] @ value
+    left = at.residual - taken
+    design, right = noise.whiten(at.jacobian), noise.whiten(left[:, :, None])[:, 0]
+    norm = np.maximum(np.linalg.norm(design, axis=0), 1e-300)
+    step = np.linalg.lstsq(design / norm, right, rcond=1e-10)[0] / norm
+    return taken + at.jacobian @ step

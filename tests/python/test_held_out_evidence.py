@@ -1,0 +1,60 @@
+"""Rows that were not fitted judge what was found: they may object."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from exactarm.diagnose.held_out_evidence import held_out_gains, log_density
+from exactarm.diagnose.verdict import UNEXPLAINED, sentence_of
+from exactarm.identify.statistics import summarise
+
+
+def normal(scale, seed, count=400):
+    return scale * np.abs(np.random.default_rng(seed).standard_normal(count))
+
+
+def fit(identification, validation):
+    return {"identification": identification, "validation": validation}
+
+
+def test_the_gain_of_a_normal_law_is_that_of_the_square_sums():
+    one, other = normal(1.0, 1), normal(0.8, 2)
+    gains = held_out_gains([fit(one, one), fit(other, other)], 1, 0.5)
+    expected = 0.25 * len(one) * np.log(np.sum(one**2) / np.sum(other**2))
+    assert gains == pytest.approx((expected,), rel=1e-9) and expected > 10.0
+
+
+def test_an_error_that_rises_on_held_out_rows_speaks_against_its_round_alone():
+    first, better, overfitted = normal(1.0, 1), normal(0.7, 1), normal(0.75, 1)
+    gains = held_out_gains([fit(first, first), fit(better, better), fit(0.8 * better, overfitted)], 1, 1.0)
+    assert gains[0] > 0.0 > gains[1]
+
+
+def test_wrong_rows_decide_nothing():
+    """A few gross rows that are the worse with the effect, while all others are better with it."""
+    before, after = normal(1.0, 3), 0.8 * normal(1.0, 3)
+    before[:4], after[:4] = 40.0, 45.0
+    assert np.mean(after**2) > np.mean(before**2)
+    assert held_out_gains([fit(before, before), fit(after, after)], 1, 1.0)[0] > 10.0
+
+
+def test_the_density_of_three_numbers_is_that_of_three_normal_ones():
+    vectors = np.random.default_rng(4).standard_normal((500, 3))
+    variance = np.mean(vectors**2)
+    expected = -0.5 * np.sum(np.log(2 * np.pi * variance) + vectors**2 / variance)
+    assert log_density(np.linalg.norm(vectors, axis=1), 3, np.inf) == pytest.approx(expected)
+    assert log_density(np.linalg.norm(vectors, axis=1), 3, 1e7) == pytest.approx(expected, rel=1e-5)
+
+
+def test_nothing_held_out_says_nothing():
+    rows, none = normal(1.0, 1), np.zeros(0)
+    assert held_out_gains([fit(rows, none), fit(0.5 * rows, none)], 1, 1.0) == (0.0,)
+    assert held_out_gains([fit(rows, rows)], 1, 1.0) == ()
+
+
+def test_the_sentence_says_that_rows_speak_against_it():
+    finding = SimpleNamespace(effect=SimpleNamespace(title="backlash of axis 2"))
+    sets = {"identification": summarise(np.full(5, 1.0)), "validation": summarise(np.full(5, 1.0))}
+    said = sentence_of(UNEXPLAINED, [finding], [], sets, sets, None, 1.0, (), -2.0)
+    assert "speak against it" in said
