@@ -28,7 +28,7 @@ def test_distances_are_judged_visit_by_visit():
     data = Dataset.of_arrays("poses", {"q": np.repeat([[0.0], [1.0]], 3, axis=0)}, position=position)
     found = iso_9283(data, position - commanded, position - commanded, commanded, commanded, 1).distances
     assert found.length == pytest.approx([0.101]) and found.after == pytest.approx([2 * MM])
-    assert found.repeatability == pytest.approx(3 * MM)
+    assert found.repeatability == pytest.approx(3 * MM) and found.repeated == 1
 
 
 def test_pose_accuracy_repeatability_and_drift_of_four_visits():

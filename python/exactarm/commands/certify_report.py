@@ -304,7 +304,7 @@ def _iso(iso: Iso9283) -> Table:
                 "distance repeatability RD, largest",
                 iso.distances.repeatability,
                 iso.distances.repeatability,
-                of,
+                f"{iso.distances.repeated} pairs of repeated poses",
             )
     note = (
         "In the terms of ISO 9283; poses, loads and speeds are those of the rows, not the standard's cube. "

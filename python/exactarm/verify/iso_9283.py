@@ -47,12 +47,13 @@ class PoseTest:
 @dataclass(frozen=True)
 class Distances:
     """Signed errors (pairs,) before and after of the distances (pairs,) between judged poses; repeatability:
-    largest RD, or None."""
+    largest RD over the `repeated` pairs of which both poses were visited often enough, or None."""
 
     length: np.ndarray
     before: np.ndarray
     after: np.ndarray
     repeatability: float | None
+    repeated: int = 0
 
 
 @dataclass(frozen=True)
@@ -219,8 +220,9 @@ def _distances(
         lengths[:, pairs] = [length.mean(axis=1) for length in each]
         if n >= LEAST_VISITS:
             spread = max(spread, 3.0 * float(each[0].std(axis=1, ddof=1).max()))
-    enough = bool(np.any(common >= LEAST_VISITS))
-    return Distances(lengths[0], lengths[0] - lengths[1], lengths[0] - lengths[2], spread if enough else None)
+    repeated = int(np.sum(common >= LEAST_VISITS))
+    errors = lengths[0] - lengths[1], lengths[0] - lengths[2]
+    return Distances(lengths[0], *errors, spread if repeated else None, repeated)
 
 
 def _pairs(session: np.ndarray, random: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
