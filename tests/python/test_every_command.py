@@ -20,8 +20,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from robustness.short_runs import RUNS, environment, prepare, words_of
 
 PACKAGE, WATCHED = Path(cli.__file__).parents[1], Path(__file__).parents[1] / "robustness/watched.py"
-LONG = ("demo", "diagnose", "loop")  # over five seconds of a processor each
-COMMANDS = [pytest.param(name, marks=pytest.mark.slow if name in LONG else ()) for name in RUNS]
+SHORT = ("accept", "export")  # the others take over 1.5 s of a processor each, two or three runs as they are
+COMMANDS = [pytest.param(name, marks=() if name in SHORT else pytest.mark.slow) for name in RUNS]
 CHANGES = ("run", "seconds", "files", "asked", "pdf")  # keys of result.json that a second run has anew
 LEAST_FILE = 4096  # bytes that a file may have on the full disk
 
