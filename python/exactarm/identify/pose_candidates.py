@@ -25,6 +25,7 @@ MOST_AXES_FOR_SIGNS = 7  # all combinations of signs: 128; arms with more axes g
 ANOTHER_SIZE = (
     0.03  # of the lengths: arms of one maker differ by more, and no arm is off by so much as a whole
 )
+_TURN = 2.0 * np.pi
 _DEGREE = np.pi / 180.0
 _ALL_COLUMNS = "xyz"
 
@@ -63,6 +64,7 @@ def _of_angles(robot: Robot, data: Dataset) -> Iterator[tuple[str, Dataset]]:
     turning = [i for i in axes if robot.joints[i].type == "revolute"]
     yield "degrees labelled as radians", with_joints(_factor(turning, _DEGREE))
     yield "radians labelled as degrees", with_joints(_factor(turning, 1.0 / _DEGREE))
+    yield "whole turns labelled as radians", with_joints(_factor(turning, _TURN))
     for i in turning:
         yield f"degrees labelled as radians on axis {i + 1}", with_joints(_factor([i], _DEGREE))
         yield f"radians labelled as degrees on axis {i + 1}", with_joints(_factor([i], 1.0 / _DEGREE))
