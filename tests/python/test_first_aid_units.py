@@ -1,5 +1,5 @@
-"""More usual mistakes in poses: angles in turns, lengths in inches, a file that changes its unit halfway; and a
-target that is turned on its flange, which is none."""
+"""More usual mistakes in poses: angles in turns, lengths in inches, a file that changes its unit halfway;
+and a target that is turned on its flange, which is none."""
 
 from dataclasses import replace
 
