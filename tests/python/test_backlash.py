@@ -8,7 +8,7 @@ import pytest
 
 from central_difference import assert_derivative
 from exactarm import _core
-from exactarm.chain import Layout, predict_gear_run
+from exactarm.chain import Layout, predict_gear_run, predict_poses
 from exactarm.diagnose.diagnosis import diagnose
 from exactarm.diagnose.motion_problem import MotionProblem
 from exactarm.diagnose.scan import scan
@@ -17,6 +17,7 @@ from exactarm.diagnose.verdict import EXPLAINED
 from exactarm.effects import effect_from_table
 from exactarm.effects.backlash import Backlash
 from exactarm.effects.load_dependence import LoadDependence
+from exactarm.generic_masses import with_generic_masses
 from exactarm.robot_file import load_robot
 from exactarm.simulate import Sensors, VirtualRobot, measure_gear_runs, parse_effect
 from motions import fourier_motion, motion_data
@@ -106,3 +107,22 @@ def test_friction_of_a_fifth_of_the_load_is_found_in_poses():
 def test_wind_up_gives_way_and_never_the_other_way_unless_a_declared_spring_is_too_soft():
     assert LoadDependence(2, (0.0,), beside_spring=False).parameters()[0].lower == 0.0
     assert LoadDependence(2, (0.0,)).parameters()[0].lower == -np.inf
+
+
+def test_a_generic_load_may_change_its_sign_elsewhere():
+    """Only there a bias is tried; the flank's derivatives hold with it, and the robot file keeps it."""
+    data, _ = data_with((), 3)
+    bare = with_generic_masses(replace(ur10(), links=None))
+    offered = {}
+    for name, robot in {"declared": ur10(), "generic": bare}.items():
+        view = predict_poses(robot, Layout.of(()), data).view
+        offered[name] = [effect for effect in Backlash.candidates(robot, view) if effect.joint == 2]
+    assert [len(effect.values) for effect in offered["declared"]] == [2]
+    (biased,) = offered["generic"]
+    assert len(biased.values) == 3 and min(biased.biases) < 0.0 < max(biased.biases)
+    effect = biased.with_values((5e-4, 20.0, -8.0))
+    assert effect_from_table(effect.to_table()).values == effect.values
+    layout = Layout.of((effect,))
+    predict = lambda x: predict_poses(bare, layout.at(x), data, tangents=False).position
+    assert_derivative(predict, layout.values, predict_poses(bare, layout, data).jacobian[:, :3],
+                      np.full(layout.size, 1e-5))

@@ -99,3 +99,17 @@ def test_three_payloads_in_three_sessions_give_one_stiffness(tmp_path, masses):
     assert low <= TRUE <= high
     again = ea.evaluate(calibrated.robot, data)
     assert again["error"]["mean"] < 3.0 * NOISE_M and again["load"]["payload"]
+
+
+@pytest.mark.slow
+def test_play_without_masses_is_backlash_though_the_generic_load_changes_its_sign_elsewhere():
+    """Masses that no link length tells of move the angle at which the flank changes."""
+    robot = puma()
+    link = robot.links[2]
+    moved = replace(link, centre_of_mass=tuple(np.add(link.centre_of_mass, (0.0, 0.0, 0.25))))
+    real = replace(robot, links=(*robot.links[:2], moved, *robot.links[3:]))
+    data = measured(real, "backlash joint=3 width_rad=6e-4 friction_Nm=1.0", count=120)
+    result = ea.diagnose(bare(robot), data, seed=3, threads=1)
+    assert found(result)[0] == ("backlash", 3)
+    assert result["effects"][0]["parameters"]["width_rad"]["value"] == pytest.approx(6e-4, rel=0.4)
+    assert result["after"]["validation"]["rms"] < 0.8 * result["before"]["validation"]["rms"]

@@ -1,12 +1,13 @@
 """Backlash: clearance between the teeth; the link rests on the loaded flank.
 
-change of q = -width / 2 * s,   s = tanh((torque + friction * direction) / transition)
+change of q = -width / 2 * s,   s = tanh((torque + bias + friction * direction) / transition)
 
 torque is what the joint carries (the spring's torque, E4; in motions as the drives tell it,
 view.signals["carried"]: the angles that the model takes it from have been bent by the gap itself), friction
 the joint's Coulomb friction against the direction of motion: it decides where the load is small. transition =
 friction / 5, so that friction alone presses the flanks together. Two-state model of Nordin and Gutman 2002,
-at rest on either flank.
+at rest on either flank. bias: only where the masses are generic (exactarm.generic_masses): their load is
+right in kind, and need not change its sign where the real one does.
 """
 
 from __future__ import annotations
@@ -24,6 +25,8 @@ _TRANSITION_SHARE = 0.2
 _FRICTION_SHARE = 0.02  # of the largest load, where no friction is declared
 # to choose from, where the device shows the flank itself
 _FRICTION_SHARES = (0.003, 0.005, 0.0075, 0.011, 0.016, 0.023, 0.033, 0.048, 0.07, 0.1, 0.15, 0.22, 0.33)
+# of a generic load, where the real one may change its sign; fewer frictions are tried with each
+_BIAS_QUANTILES, _FEW = tuple(np.linspace(0.1, 0.9, 13)), 3
 _LEAST_FRICTION_NM = 0.1
 # deviations of the measured load that the flank takes to change: less, and noise would turn it over
 _CERTAIN = 3.0
@@ -32,10 +35,12 @@ _CERTAIN = 3.0
 @dataclass(frozen=True)
 class Backlash(Effect):
     """values: width of the clearance at the output, and the friction that decides at small loads, chosen from
-    `search`; with `least_Nm` above zero it is estimated from there, and not below that."""
+    `search`; with `least_Nm` above zero it is estimated from there, and not below that; a third is the bias
+    of the load, chosen from `biases`."""
 
     search: tuple[float, ...] = ()
     least_Nm: float = 0.0
+    biases: tuple[float, ...] = ()
 
     name: ClassVar[str] = "backlash"
     plain: ClassVar[str] = "play in the gear"
@@ -48,8 +53,15 @@ class Backlash(Effect):
     source: ClassVar[str] = "Nordin and Gutman 2002"
 
     def parameters(self) -> tuple[Parameter, ...]:
-        return (Parameter("width_rad", 3e-4, -1e-2, 1e-2),
-                Parameter("friction_Nm", 10.0, self.least_Nm, fixed=self.least_Nm == 0.0, search=self.search))
+        own = (Parameter("width_rad", 3e-4, -1e-2, 1e-2),
+               Parameter("friction_Nm", 10.0, self.least_Nm, fixed=self.least_Nm == 0.0, search=self.search))
+        bias = Parameter("bias_Nm", 10.0, fixed=True, search=self.biases)
+        return own if len(self.values) < 3 else (*own, bias)
+
+    @classmethod
+    def from_table(cls, table) -> Effect:
+        names = ("width_rad", "friction_Nm", *(("bias_Nm",) if "bias_Nm" in table else ()))
+        return cls(table["joint"], tuple(float(table[name]) for name in names))
 
     def flank(self, view) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """s (N,) in [-1, 1] and its derivatives by the torque and the friction."""
@@ -62,6 +74,7 @@ class Backlash(Effect):
         )
         measured = ~np.isnan(carried)
         load = np.where(measured, carried, modelled)
+        load = load + (self.values[2] if len(self.values) > 2 else 0.0)
         s = np.tanh((load + friction * direction) / transition)
         slope = (1.0 - s**2) / transition
         return s, np.where(measured, 0.0, slope), -slope * load / friction
@@ -69,8 +82,8 @@ class Backlash(Effect):
     def change(self, view) -> Change:
         s, slope, by_friction = self.flank(view)
         half = 0.5 * self.values[0]
-        derivative = np.zeros((view.rows, 1, 2))
-        derivative[:, 0] = np.stack([-0.5 * s, -half * by_friction], axis=1)
+        derivative = np.zeros((view.rows, 1, len(self.values)))
+        derivative[:, 0, :2] = np.stack([-0.5 * s, -half * by_friction], axis=1)
         by_torque = np.zeros((view.rows, 1, view.axes))
         by_torque[:, 0, self.index] = -half * slope
         return Change((self.index,), (-half * s)[:, None], derivative, {"torque": by_torque})
@@ -100,5 +113,10 @@ class Backlash(Effect):
             # In static poses the flank is seen on either side of the change, and next to never while it
             # changes.
             shares = sorted({min(max(value, least), max(load, small)) for value in shares})
+            if robot.generic_masses and view.kind == POSES.name and not view.measured_loads[index]:
+                inner = np.quantile(view.torque[:, index], _BIAS_QUANTILES)
+                few = tuple(shares[:: max(1, len(shares) // _FEW)])
+                yield cls(index + 1, (0.0, few[0], 0.0), few, 0.0, tuple(float(-value) for value in inner))
+                continue
             estimated = view.is_series and bool(np.any(view.direction[:, index]))
             yield cls(index + 1, (0.0, shares[0]), tuple(shares), least if estimated else 0.0)
