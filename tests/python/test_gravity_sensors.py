@@ -155,6 +155,8 @@ def test_commands_take_a_gravity_sensor_as_any_kind(tmp_path):
     assert main(["evaluate", calibrated, file, *words, str(tmp_path / "e")]) == 0
     judged = json.loads((tmp_path / "e" / "result.json").read_text())
     assert judged["tilt_error_rad"] < 2e-4 and "base_tilt" not in str(judged)
+    assert made["unit"] == judged["unit"] == "rad"
+    assert judged["error"]["mean"] == pytest.approx(judged["tilt_error_rad"])
     assert main(["identifiable", "panda", file, *words, str(tmp_path / "i")]) == 0
     assert GRAVITY_ALONE in (tmp_path / "i" / "result.json").read_text()
 

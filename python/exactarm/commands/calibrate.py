@@ -21,7 +21,7 @@ from exactarm.dataset import Dataset
 from exactarm.errors import InputError
 from exactarm.identify.calibrate import Calibration, CalibrationOptions
 from exactarm.identify.calibrate import calibrate as identify_geometry
-from exactarm.identify.closures import calibrate_closures
+from exactarm.identify.closures import calibrate_closures, gravity_alone
 from exactarm.identify.declared import geometry_layout
 from exactarm.identify.identifiability import Dropped
 from exactarm.identify.parameter_name import Group, parse_parameter
@@ -132,6 +132,7 @@ def _axes(text: str) -> tuple[int, ...] | None:
 
 def _json(result: Calibration) -> dict[str, Any]:
     return {
+        "unit": _unit(result),
         "before": _summaries(result.before, result.distances_before, result.tilts_before),
         "after": _summaries(result.after, result.distances_after, result.tilts_after),
         "parameters": {
@@ -181,25 +182,32 @@ def residual_table(data: Dataset, identification: np.ndarray, before: np.ndarray
     }
 
 
+def _unit(result: Calibration) -> str:
+    """Of the errors: an angle where gravity's direction alone was measured."""
+    return "rad" if result.data.contacts and gravity_alone(result.data) else "m"
+
+
 def _report(robot: Robot, data: Dataset, result: Calibration, rule: str) -> Report:
+    unit = _unit(result)
     judge = "validation" if result.after["validation"].n else "identification"
     before, after = result.before[judge], result.after[judge]
     who = "poses that were never fitted" if judge == "validation" else "the fitted poses (none were held out)"
     verdict = (
-        f"The mean position error on {who} {change(before.mean, after.mean, 'm')} "
-        f"(largest: {quantity(before.max, 'm')} to {quantity(after.max, 'm')})."
+        f"The mean position error on {who} {change(before.mean, after.mean, unit)} "
+        f"(largest: {quantity(before.max, unit)} to {quantity(after.max, unit)})."
     )
     what, known = "position error", ()
     note = "Before: nominal parameters with only base and tool frames fitted. " + rule
     if data.kind == CLOSURES.name:
-        what, known = "distance to the contact", _distance_tables(result)
+        what = "distance to the contact" if unit == "m" else "error of gravity's direction"
+        known = _distance_tables(result)
         verdict = verdict.replace("position error", what)
         note = "Before: nominal parameters with only contacts and tool fitted. " + rule
     sections = (
-        highlights(result.before, result.after, "m"),
-        error_table(result.before, result.after, "m", what.capitalize(), note),
+        highlights(result.before, result.after, unit),
+        error_table(result.before, result.after, unit, what.capitalize(), note),
         *known,
-        *error_figures(result.error_before, result.error_after, result.identification, "m", what, "pose"),
+        *error_figures(result.error_before, result.error_after, result.identification, unit, what, "pose"),
         *_parameter_sections(robot, result),
         *_payload_table(result),
         dropped_table(result.identifiability.dropped),

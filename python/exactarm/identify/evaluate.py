@@ -15,7 +15,13 @@ import numpy as np
 from exactarm.chain import Layout, MotionRecord, reversals_left_out
 from exactarm.chain.extrapolation import extrapolations
 from exactarm.dataset import Dataset
-from exactarm.identify.closures import carried_effects, nominal_closures, set_distance_errors, tilt_error
+from exactarm.identify.closures import (
+    carried_effects,
+    gravity_alone,
+    nominal_closures,
+    set_distance_errors,
+    tilt_error,
+)
 from exactarm.identify.declared import carried_layout, frames_layout, require_geometry
 from exactarm.identify.gear_evaluate import gear_run_error
 from exactarm.identify.match import require_match
@@ -35,6 +41,7 @@ from exactarm.measurement.closures import shows_a_place, touches
 from exactarm.robot import Robot
 from exactarm.split import DEFAULT_SEED
 
+GRAVITY_COLUMNS = ("d1_rad", "d2_rad", "d3_rad")  # of the sensor's axes
 RESIDUAL_COLUMNS = ("dx_m", "dy_m", "dz_m", "drx_rad", "dry_rad", "drz_rad")
 
 
@@ -140,9 +147,10 @@ def evaluate_closures(robot: Robot, data: Dataset, seed: int = 0, threads: int =
     warnings = extrapolations(robot, controller_angles(robot, rows))
     if not fit.fit.converged:
         warnings = (*warnings, f"the fit of contacts and tool did not converge ({fit.fit.reason})")
+    unit, columns = ("rad", GRAVITY_COLUMNS) if gravity_alone(rows) else ("m", RESIDUAL_COLUMNS)
     return Evaluation(
-        "m", error, residual, RESIDUAL_COLUMNS[: residual.shape[1]], summarise(error[place]), sessions,
-        warnings, rows, set_distance_errors(robot, fit.layout, rows, threads),
+        unit, error, residual, columns[: residual.shape[1]], summarise(error[place]), sessions, warnings,
+        rows, set_distance_errors(robot, fit.layout, rows, threads),
         tilt=tilt_error(fit.prediction),
     )
 
