@@ -60,6 +60,14 @@ def test_both_solvers_and_any_number_of_threads_give_the_same_motion():
     assert own.solver.objective == pytest.approx(ipopt.solver.objective, rel=1e-8)
 
 
+def test_both_solvers_agree_with_the_jerk_as_the_input_on_a_coarse_grid():
+    """The weight is 5e10 on the input there, against 1 in the equations: unscaled factors lose the digits."""
+    path = replace(LINE, rate_hz=100.0, input="jerk", nu=1e-10)
+    own, ipopt = plan_path(ROBOT, path, THREADS), plan_path(ROBOT, replace(path, solver="ipopt"), THREADS)
+    assert own.solver.objective == pytest.approx(ipopt.solver.objective, rel=1e-8)
+    assert ipopt.solver.iterations < 20
+
+
 @pytest.mark.slow
 def test_both_solvers_agree_far_from_the_reference():
     """At this weight the flange leaves the spiral by centimetres, and Newton's full steps go round in

@@ -200,8 +200,7 @@ Solution solve_ipopt(Problem& problem, const IpoptOptions& options) {
   set.SetStringValue("honor_original_bounds", "no");
   set.SetIntegerValue("max_iter", options.iterations);
   set.SetNumericValue("max_cpu_time", options.seconds);
-  // MUMPS' own permutation and scaling cost far more than the factorisation of these well-scaled systems.
-  set.SetIntegerValue("mumps_permuting_scaling", 0);
+  set.SetIntegerValue("mumps_permuting_scaling", options.permute ? 7 : 0);
   set.SetNumericValue("bound_push", 1e-8);
   set.SetNumericValue("bound_frac", 1e-8);
   if (application->Initialize("") != Ipopt::Solve_Succeeded)

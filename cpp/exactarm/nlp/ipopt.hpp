@@ -32,6 +32,9 @@ struct IpoptOptions {
   int iterations = 200;
   double seconds = 1e6;
   int print_level = 0;
+  // MUMPS' own permutation and scaling: without them it is faster, but where the entries of the Hessian lie
+  // ten orders apart it solves to too few digits.
+  bool permute = false;
 };
 
 struct Solution {

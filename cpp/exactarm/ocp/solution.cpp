@@ -73,6 +73,7 @@ nlp::Solution by_ipopt(const StageModel& model, const SolveOptions& options, dou
   ipopt.seconds = seconds;
   ipopt.print_level = options.print_level;
   ipopt.objective_scale = Objective(model.problem()).natural_scale(first.data());
+  ipopt.permute = model.problem().input == Input::jerk;  // a weight of 1e-10 is 5e10 on the input at 100 Hz
   if (!last) ipopt.tolerance = kNear;
   ipopt.tolerance =
       std::max(ipopt.tolerance, Objective(model.problem()).gradient_floor(ipopt.objective_scale));
