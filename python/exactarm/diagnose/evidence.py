@@ -28,7 +28,7 @@ from exactarm.diagnose.vocabulary import SCALE_WEIGHTS, SCALES, Vocabulary
 _ABSORBED = 1e-6
 
 _MOST_PRODUCTS = 40  # of a block's columns with all others, kept: a few hundred MB at most
-_LONG, _ROUNDING = 2, 1e-13  # rows per column from which products stand for rows; of a Gram matrix
+_LONG, _ROUNDING = 2, 1e-12  # rows per column from which products stand for rows; of a Gram matrix
 _STRIP = 512  # columns worked on at once
 _INVISIBLE = 1e-3  # whitened length of a block at its plausible size, below which it is rounding
 
@@ -277,16 +277,15 @@ class Picture:
 
 
 def compressed(columns: np.ndarray, residual: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(K, p) columns and (K,) residual, K at most p + 1, whose products with each other are those of (R, p)
-    and (R,): all that a search asks for."""
+    """(p + 1, p) columns and (p + 1,) residual, whose products with each other are those of (R, p) and (R,):
+    all that a search asks for. By the Cholesky factor of the scaled columns' products; what makes dependent
+    ones definite is far below what a probability notices."""
     norm = np.linalg.norm(columns, axis=0)
     unit = columns / np.where(norm > 0.0, norm, 1.0)
-    values, vectors = np.linalg.eigh(unit.T @ unit)
-    kept = values > _ROUNDING * max(float(values[-1]), 1e-300)
-    root, vectors = np.sqrt(values[kept]), vectors[:, kept]
-    onto = vectors.T @ (unit.T @ residual) / root
+    lower = np.linalg.cholesky(unit.T @ unit + _ROUNDING * np.eye(len(norm)))
+    onto = linalg.solve_triangular(lower, unit.T @ residual, lower=True, check_finite=False)
     rest = np.sqrt(max(float(residual @ residual - onto @ onto), 0.0))
-    return np.concatenate([root[:, None] * vectors.T * norm, np.zeros((1, len(norm)))]), np.append(onto, rest)
+    return np.concatenate([lower.T * norm, np.zeros((1, len(norm)))]), np.append(onto, rest)
 
 
 def orthonormal_columns(columns: np.ndarray) -> np.ndarray:
