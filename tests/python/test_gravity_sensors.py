@@ -115,6 +115,7 @@ def test_gravity_alone_recovers_the_angles_of_the_arm(name, robot):
         assert np.mean(covered(arm, result)) >= 0.8
 
 
+@pytest.mark.slow
 def test_sockets_and_an_accelerometer_are_one_estimate():
     """Beside one place of the fixture the sensor's angles help the arm at places never touched."""
     robot, random = virtual("panda", 6)
@@ -142,6 +143,7 @@ def test_a_hidden_cause_shows_in_gravity_and_nothing_is_invented():
     assert diagnose(robot.nominal, data).verdict == NOTHING
 
 
+@pytest.mark.slow
 def test_commands_take_a_gravity_sensor_as_any_kind(tmp_path):
     words = ["--quiet", "--seed", "2", "--out"]
     assert main(["simulate", "panda", "--measure", "closures", "--contact", "tilt", "--places", "2",
