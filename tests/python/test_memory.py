@@ -70,6 +70,7 @@ def test_a_long_command_says_how_long_before_it_works(ur10, monkeypatch):
     assert said[-1] == "1,495 of 1,495 rows: about 25 min of a processor and 0.3 GB"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", ["calibrate", "diagnose"])
 def test_a_command_on_some_of_the_rows_warns_in_its_result(ur10, monkeypatch, tmp_path, command):
     monkeypatch.setitem(memory.COSTS, (command, "poses"), memory.Cost(65e3, 0.0, 60))

@@ -59,6 +59,7 @@ def test_what_a_calibration_has_lent_to_springs_is_given_back(calibrated, first)
     assert first.after["validation"].rms < 1.15 * np.sqrt(3.0) * NOISE_M
 
 
+@pytest.mark.slow
 def test_diagnosed_once_more_nothing_is_added(data, first):
     again = diagnose(first.robot, data)
     assert not again.findings and again.verdict == "no_undeclared_effect"

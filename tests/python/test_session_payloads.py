@@ -52,6 +52,7 @@ def three_sessions(seed: int = 4) -> dict[str, np.ndarray]:
     return dataset_columns(replace(data, covariates={}), UR10)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("header", "lines"), [
     ("session,payload_kg,payload_x_m,payload_y_m,payload_z_mm", ("1,0,0,0,80", "2,,0,0,80", "3,,0,0,80")),
     ("session,payload_kg", ("1,0", "2,", "3,")),

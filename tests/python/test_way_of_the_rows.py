@@ -1,6 +1,7 @@
 """Poses without approach columns: each as if reached straight from the one before, as a cause to be tried."""
 
 import numpy as np
+import pytest
 
 from exactarm.chain import Layout
 from exactarm.dataset import Dataset
@@ -30,6 +31,7 @@ def test_the_way_is_that_of_the_rows_as_they_were_measured():
     assert data.select(np.array([1, 3, 5])).way[:, 0].tolist() == [1.0, -1.0, -1.0]
 
 
+@pytest.mark.slow
 def test_lag_is_found_without_approach_columns_and_says_what_it_assumes():
     robot, data = poses(7, (Hysteresis(2, (SIZE_RAD,), by_rows=True),))
     result = diagnose(robot, data)

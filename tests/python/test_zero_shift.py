@@ -44,6 +44,7 @@ def test_table_gives_the_effect_back():
     assert effect_from_table(effect.to_table()) == effect
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("joint, until", [(2, 83.5), (4, 40.5)])
 def test_a_shift_is_named_with_axis_place_and_size(joint, until):
     robot, data = poses(3, joint, until)
@@ -62,6 +63,7 @@ def test_between_two_sessions():
     assert (first.effect.name, first.effect.joint, first.effect.session) == ("zero_shift", 3, 1)
 
 
+@pytest.mark.slow
 def test_a_steady_drift_is_no_shift():
     robot, data = poses(6, 2, -1.0)
     drifting = data.position + (data.row / COUNT)[:, None] * np.array([3e-4, 2e-4, 0.0])
