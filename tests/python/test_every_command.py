@@ -80,7 +80,7 @@ def test_a_command_gives_the_same_bits_and_touches_nothing_else(command, folder,
     assert len(found[0]) > 0 and found[0].keys() == found[1].keys()
     different = [name for name in found[0] if found[0][name] != found[1][name]]
     if command == "study" and different:
-        pytest.xfail("a plan by jerk differs by 1e-12 on two threads: its equations are solved in another order")
+        pytest.xfail("a plan by jerk differs by 1e-12 on two threads: another order of sums")
     assert different == []
 
 
