@@ -63,4 +63,5 @@ def test_the_calibrated_arm_is_sent_where_it_was(tmp_path):
 def test_the_diagnosed_arm_is_sent_where_it_was(tmp_path):
     result = ea.diagnose("ur10", ea.example("ur10/series_B"), threads=1)
     found, model = check(result.robot, result, tmp_path)
-    assert found < 1.5e-4, (found, model)
+    # 0.098 mm measured, the aim is 0.10; another machine rounds otherwise
+    assert found < 1.1e-4, (found, model)
