@@ -26,7 +26,8 @@ def manifest(tmp_path):
 def test_a_failed_job_stops_no_other_and_the_summary_tells_of_all(manifest, tmp_path, capsys):
     assert cli.main(["batch", str(manifest), "--out", str(tmp_path / "fleet"), "--quiet"]) == 1
     said = capsys.readouterr().err
-    assert said.startswith(f"exactarm: error: {tmp_path}/fleet: 3 jobs: 2 done") and said.count("\n") == 1
+    assert said.startswith(f"exactarm: error: {tmp_path}/fleet: 3 jobs: 2 computed, 0 kept")
+    assert said.count("\n") == 1
     import pandas
 
     table = pandas.read_parquet(tmp_path / "fleet/summary.parquet").set_index("name")

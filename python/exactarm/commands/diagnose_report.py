@@ -21,6 +21,7 @@ from exactarm.commands.error_sections import error_figures, error_table, highlig
 from exactarm.diagnose.contribution import Contribution
 from exactarm.diagnose.diagnosis import Diagnosis, Finding
 from exactarm.diagnose.dossier import Dossier
+from exactarm.diagnose.held_out_evidence import AGAINST
 from exactarm.diagnose.verdict import UNEXPLAINED, remains, spoken_against
 from exactarm.kinds import kind_of
 from exactarm.report import Figure, Quantity, Report, Table, Text, Warnings
@@ -83,7 +84,7 @@ def verdict_of(robot: Robot, result: Diagnosis, found: list[tuple[Finding, Contr
         text += (
             f" These data cannot tell {own.title} from {doubtful[0].effect.title}." if own is not None else ""
         )
-    if result.held_out_gain < 0.0:
+    if result.held_out_gain < AGAINST:
         text += spoken_against(len(found))
     elif result.verdict == UNEXPLAINED:
         text += (

@@ -16,7 +16,7 @@ from exactarm.diagnose.confusion import DOUBT, next_experiments
 from exactarm.diagnose.contribution import Contribution, contributions
 from exactarm.diagnose.dossier import Dossier, dossier
 from exactarm.diagnose.draft import Draft, drafts_of
-from exactarm.diagnose.held_out_evidence import held_out_gains
+from exactarm.diagnose.held_out_evidence import AGAINST, held_out_gains
 from exactarm.diagnose.in_space import InSpace
 from exactarm.diagnose.noise import NoiseFloor, noise_floor
 from exactarm.diagnose.own_share import own_shares
@@ -162,7 +162,7 @@ def diagnose(
     if verdict == NOTHING and not noise.measured and problem.share_of_measured(last) > MUCH_LEFT:
         verdict = UNEXPLAINED  # a floor that comes from the fit proves nothing by itself
     unconverged = _unconverged(selection)
-    if unconverged or sum(gains) < 0.0:
+    if unconverged or sum(gains) < AGAINST:
         verdict = UNEXPLAINED
     doubts = problem.doubts(last, {len(declared.effects) + place: accepted.evidence
                                    for place, accepted in enumerate(selection.accepted)})

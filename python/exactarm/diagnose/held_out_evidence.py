@@ -7,8 +7,10 @@ Taylor 1989) with nu degrees of freedom, infinite: normal, at the scale s that s
     gain  = share (log p with the effects - log p without)      [nats]
 
 nu: the one that the rows of the fit make likeliest; share: independent numbers per number, where neighbours
-share their noise. Below zero the model with the effects predicts rows worse that it has not seen: then
-nothing is explained, whatever its own rows say. Probabilities are those of the rows that were fitted.
+share their noise. Were the model with the effects right, the ratio of the densities without and with it would
+reach 20 with a probability of at most 1 / 20 (Markov's inequality). So from -log 20 down held-out rows speak
+against the effects, and nothing is explained, whatever the fitted rows say; rows that cannot feel an effect
+gain or lose a nat by chance. Probabilities are those of the rows that were fitted.
 """
 
 from __future__ import annotations
@@ -20,6 +22,7 @@ from scipy import special
 
 from exactarm.noise.estimate import FREEDOMS
 
+AGAINST = float(-np.log(20.0))  # nats: see above
 _PASSES = 60
 _SAME = 1e-6  # relative change of the variance that ends its estimate
 

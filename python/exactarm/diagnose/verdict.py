@@ -4,8 +4,8 @@
     no_undeclared_effect   nothing was found, and nothing is missing
     unexplained            something else is at work: its posterior probability is above one half, the error
                            on held-out rows is far above what the fit lets expect, repeated visits scatter
-                           far less than the model errs, or the effects found predict held-out rows worse
-                           than the model without them (held_out_evidence.py)
+                           far less than the model errs, or held-out rows speak against the effects found
+                           (held_out_evidence.py)
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from exactarm.diagnose.dossier import Dossier
+from exactarm.diagnose.held_out_evidence import AGAINST
 from exactarm.diagnose.noise import NoiseFloor
 from exactarm.diagnose.posterior import NAMED_AT, Causes
 
@@ -120,7 +121,7 @@ def sentence_of(verdict, findings, alternatives, before, after, left: Dossier, e
             a = doubtful[0]
             own = next(f.effect for f in findings if f.effect.label == a.instead_of)
             text += f" This data cannot tell {own.title} from {a.effect.title}."
-        if gain < 0.0:
+        if gain < AGAINST:
             return text + spoken_against(len(findings))
         if verdict == UNEXPLAINED:
             text += (
