@@ -13,7 +13,7 @@ import numpy as np
 from exactarm.commands.arguments import add_files, add_robot
 from exactarm.commands.call import AnyRobot, arguments_of, asked, robot_of, threads_of
 from exactarm.commands.compensate_report import compensation_table, report_of, summary_of
-from exactarm.commands.model_trust import trust_json, trust_text
+from exactarm.commands.model_trust import trust_json
 from exactarm.commands.publish import sources
 from exactarm.commands.result import CommandResult
 from exactarm.compensate.correction import correct
@@ -169,7 +169,7 @@ def run(arguments: argparse.Namespace) -> CommandResult:
     radius = model_uncertainty(robot, q_after, arguments.threads)
     return CommandResult(
         json=summary_of(corrections, frames, model) | {"model_uncertainty": trust_json(radius)},
-        report=report_of(robot, corrections, frames, model, trust_text(radius, "at the targets")),
+        report=report_of(robot, corrections, frames, model, radius),
         tables={"compensation.csv": compensation_table(corrections, radius)},
         contents={
             source.path.name: content

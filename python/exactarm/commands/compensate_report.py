@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from exactarm.commands.model_trust import trust_highlights, trust_text
 from exactarm.compensate.correction import Correction
 from exactarm.compensate.frames import CellFrames
 from exactarm.compensate.law import CompensationModel
@@ -91,12 +92,14 @@ def _warnings(corrections: Sequence[Correction], frames: CellFrames, model: Comp
         found.append(f"in the robot file, but no program can compensate it: {', '.join(model.left_out)}")
     refused = sum(len(correction.refused) for correction in corrections)
     return found + (
-        [f"{refused} targets could not be corrected and stay as they are: see the table"] if refused else []
+        [f"{refused} {'target' if refused == 1 else 'targets'} could not be corrected, left as written: "
+         "see the table"] if refused else []
     )
 
 
 def report_of(
-    robot: Robot, corrections: Sequence[Correction], frames: CellFrames, model: CompensationModel, trust: Text
+    robot: Robot, corrections: Sequence[Correction], frames: CellFrames, model: CompensationModel,
+    radius: np.ndarray | None,
 ) -> Report:
     sizes = _sizes(corrections)
     count = sum(len(correction.program.targets) for correction in corrections)
@@ -120,6 +123,7 @@ def report_of(
                 Highlight("mean correction", Quantity(sizes.mean if sizes.n else None, "m")),
                 Highlight("largest correction", Quantity(sizes.max if sizes.n else None, "m")),
                 Highlight("left over as written", Quantity(written, "m")),
+                *trust_highlights(radius),
             )
         ),
         Text("Base and flange", (frames.choice,)),
@@ -129,7 +133,7 @@ def report_of(
         _largest_rows(corrections),
         _left(corrections),
         Text("What was compensated", (_effects(robot, model),)),
-        trust,
+        trust_text(radius, "at the targets"),
         Warnings(tuple(_warnings(corrections, frames, model))),
     ]
     return Report(f"Compensation by {robot.name}", verdict, tuple(sections), tone)

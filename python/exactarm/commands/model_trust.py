@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from exactarm.report import Text
+from exactarm.report import Highlight, Quantity, Text
 from exactarm.report.numbers import quantity
 
 HEADING = "How far the model is to be trusted"
@@ -23,6 +23,13 @@ def trust_json(radius: np.ndarray | None) -> dict[str, float] | None:
     if radius is None or not np.isfinite(radius).any():
         return None
     return {"radius95_median_m": float(np.nanmedian(radius)), "radius95_max_m": float(np.nanmax(radius))}
+
+
+def trust_highlights(radius: np.ndarray | None) -> tuple[Highlight, ...]:
+    """Beside the errors on the model, that of the real arm, where the robot file tells it."""
+    found = trust_json(radius)
+    return () if found is None else (
+        Highlight("real arm, 95 % within", Quantity(found["radius95_median_m"], "m")),)
 
 
 def trust_text(radius: np.ndarray | None, where: str) -> Text:

@@ -14,7 +14,7 @@ import numpy as np
 from exactarm.chain.direction import TRANSITION_S, reversals
 from exactarm.commands.arguments import add_robot
 from exactarm.commands.call import AnyRobot, asked, robot_of, threads_of
-from exactarm.commands.model_trust import thinned, trust_json, trust_text
+from exactarm.commands.model_trust import thinned, trust_highlights, trust_json, trust_text
 from exactarm.commands.result import CommandResult
 from exactarm.errors import InputError
 from exactarm.identify.declared import require_geometry
@@ -90,7 +90,7 @@ def plan(
     name = follow.name if isinstance(path, PlannedPath) else str(path)
     return CommandResult(
         json=_json(result) | {"model_uncertainty": trust_json(radius)},
-        report=_report(declared, result, trust_text(radius, "along the path"), send),
+        report=_report(declared, result, radius, send),
         tables={f"trajectory.{format}": trajectory_table(result)},
         texts={} if send is None else {FILES[send]: sent_text(send, declared, result)},
         inputs=tuple(file),
@@ -173,7 +173,7 @@ def _sent(send: str | None) -> Text:
         f"{file}",))
 
 
-def _report(robot: Robot, plan: Plan, trust: Text, send: str | None = None) -> Report:
+def _report(robot: Robot, plan: Plan, radius: np.ndarray | None, send: str | None = None) -> Report:
     tracking, solver = plan.tracking, plan.solver
     verdict = ("On the planner's model the flange keeps to the path within "
                f"{quantity(tracking.position_max, 'm')} "
@@ -183,7 +183,8 @@ def _report(robot: Robot, plan: Plan, trust: Text, send: str | None = None) -> R
     sections: list[Section] = [
         Highlights((Highlight("flange error, RMS", Quantity(tracking.position_rms, "m")),
                     Highlight("flange error, largest", Quantity(tracking.position_max, "m")),
-                    Highlight("joint error, largest", Quantity(tracking.joint_max, "rad")))),
+                    Highlight("joint error, largest", Quantity(tracking.joint_max, "rad")),
+                    *trust_highlights(radius))),
         _axis_table(robot, plan),
         Text("Solver", (f"{solver.name} ({solver.linear_solver}): {solver.status} after {solver.iterations} "
                         "iterations; "
@@ -191,7 +192,8 @@ def _report(robot: Robot, plan: Plan, trust: Text, send: str | None = None) -> R
     ]
     if plan.compensated:
         sections.append(Text("Compensated effects", (", ".join(plan.compensated) + ".",)))
-    sections += [_sent(send), trust, *_figures(robot, plan), Warnings(plan.warnings)]
+    sections += [_sent(send), trust_text(radius, "along the path"), *_figures(robot, plan),
+                 Warnings(plan.warnings)]
     return Report(f"Plan for {robot.name}: {plan.path.name}", verdict, tuple(sections),
                   "caution" if plan.warnings else "good")
 

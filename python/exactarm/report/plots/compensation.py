@@ -13,6 +13,7 @@ from exactarm.report.plots.style import (
     VALIDATION,
     from_zero,
     label_with,
+    legend_above,
     marker_size,
     new_figure,
     scaled,
@@ -79,7 +80,7 @@ def shift_per_target(sizes: np.ndarray) -> Figure:
             label="not corrected",
             clip_on=False,
         )
-        axes.legend(loc="upper right")
+        legend_above(axes)
     axes.set(xlabel="target", ylabel=label_with("correction", unit))
     from_zero(axes, sizes / size)
     return figure
