@@ -7,16 +7,13 @@
 namespace exactarm::ocp {
 namespace {
 
-using testing::LinearMasses;
-using testing::Random;
 using testing::StagewisePoint;
+using testing::TwoMassesOnTheWay;
 
 TEST(Direction, WholeStepSolvesALinearProblem) {
-  Random random(102);
-  const Problem problem = testing::two_masses(random);
-  const LinearMasses dynamics((Vector(2) << 3.0, 12.0).finished());
-  StagewisePoint at(problem, dynamics, random, 0.1);
-  Direction direction(at.model, at.objective, StagewisePoint::kScale, 1e-11);
+  TwoMassesOnTheWay masses(102);
+  StagewisePoint& at = masses.at;
+  Direction& direction = masses.direction;
   const double before = at.conditions.stationarity();
   ASSERT_STREQ(direction.find(at.point, at.derivatives, at.conditions, at.barrier), "");
   EXPECT_FALSE(direction.indefinite());
@@ -30,11 +27,9 @@ TEST(Direction, WholeStepSolvesALinearProblem) {
 }
 
 TEST(Direction, IndefiniteHessianIsDampedAndTheNextDefiniteOneIsNot) {
-  Random random(103);
-  const Problem problem = testing::two_masses(random);
-  const LinearMasses dynamics((Vector(2) << 3.0, 12.0).finished());
-  StagewisePoint at(problem, dynamics, random, 0.1);
-  Direction direction(at.model, at.objective, StagewisePoint::kScale, 1e-11);
+  TwoMassesOnTheWay masses(103);
+  StagewisePoint& at = masses.at;
+  Direction& direction = masses.direction;
   StageDerivatives concave = at.derivatives;
   for (long entry = 0; entry < concave.q_q.size(); entry += 4)
     concave.q_q[entry] = concave.q_q[entry + 3] = -1e3 * StagewisePoint::kScale;
@@ -45,17 +40,15 @@ TEST(Direction, IndefiniteHessianIsDampedAndTheNextDefiniteOneIsNot) {
 }
 
 TEST(Direction, BoundsShortenTheStep) {
-  Random random(104);
-  const Problem problem = testing::two_masses(random);
-  const LinearMasses dynamics((Vector(2) << 3.0, 12.0).finished());
-  StagewisePoint at(problem, dynamics, random, 0.1);
+  TwoMassesOnTheWay masses(104);
+  StagewisePoint& at = masses.at;
+  Direction& direction = masses.direction;
   Vector low = Vector::Constant(at.point.z.size(), -1e20), high = at.point.z.array() + 1e-3;
   high.head(at.model.layout().width()).setConstant(1e20);
   high.tail(at.model.layout().width()).setConstant(1e20);
   at.barrier = Barrier(low, high);
   at.barrier.start(at.point.z, 1e-3);
   at.evaluate();
-  Direction direction(at.model, at.objective, StagewisePoint::kScale, 1e-11);
   ASSERT_STREQ(direction.find(at.point, at.derivatives, at.conditions, at.barrier), "");
   EXPECT_LT(direction.primal(), 1.0);
   EXPECT_GT(direction.primal(), 0.0);

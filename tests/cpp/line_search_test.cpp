@@ -2,22 +2,18 @@
 
 #include <gtest/gtest.h>
 
-#include "exactarm/ocp/direction.hpp"
 #include "stagewise_point.hpp"
 
 namespace exactarm::ocp {
 namespace {
 
-using testing::LinearMasses;
-using testing::Random;
 using testing::StagewisePoint;
+using testing::TwoMassesOnTheWay;
 
 TEST(LineSearch, TakesWhatImprovesAndHalvesWhatDoesNot) {
-  Random random(105);
-  const Problem problem = testing::two_masses(random);
-  const LinearMasses dynamics((Vector(2) << 3.0, 12.0).finished());
-  StagewisePoint at(problem, dynamics, random, 0.1);
-  Direction direction(at.model, at.objective, StagewisePoint::kScale, 1e-11);
+  TwoMassesOnTheWay masses(105);
+  StagewisePoint& at = masses.at;
+  Direction& direction = masses.direction;
   ASSERT_STREQ(direction.find(at.point, at.derivatives, at.conditions, at.barrier), "");
   KktVector residual = at.conditions.residual();
   residual.defect.setZero();  // the equation of motion alone: its residual is linear here

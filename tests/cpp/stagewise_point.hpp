@@ -1,6 +1,7 @@
 // A point on the way of the stage-wise solver, with what its parts need.
 #pragma once
 
+#include "exactarm/ocp/direction.hpp"
 #include "exactarm/ocp/first_order.hpp"
 #include "exactarm/ocp/initial_guess.hpp"
 #include "planning_cases.hpp"
@@ -52,5 +53,21 @@ struct StagewisePoint {
 inline ocp::Problem two_masses(Random& random) {
   return mass_problem(random_reference(random, 30, Vector::Zero(2), Vector::Ones(2), 0.1), 0.01, 1e-10);
 }
+
+// Two masses off their optimum, and what finds the way there.
+struct TwoMassesOnTheWay {
+  explicit TwoMassesOnTheWay(unsigned seed)
+      : random(seed),
+        problem(two_masses(random)),
+        dynamics((Vector(2) << 3.0, 12.0).finished()),
+        at(problem, dynamics, random, 0.1),
+        direction(at.model, at.objective, StagewisePoint::kScale, 1e-11) {}
+
+  Random random;
+  ocp::Problem problem;
+  LinearMasses dynamics;
+  StagewisePoint at;
+  ocp::Direction direction;
+};
 
 }  // namespace exactarm::testing
