@@ -36,7 +36,6 @@ LEVEL = 0.95
 CHI_SQUARE = 7.814727903251179  # its quantile for three degrees of freedom: that of the scores if S is right
 LEAST_ROWS = 19  # (m + 1) 0.95 <= m: with fewer rows no finite ellipsoid holds 95 %
 _LEAST_NOISE_M = 1e-9  # keeps the covariance of a simulation without noise invertible
-_OF_POSITION = 9  # parameters of base and tool frame that positions can show
 MOST_ROWS = 4000  # that the frames are moved along by: 1 kB a row at work
 
 
@@ -96,7 +95,7 @@ def model_uncertainty(robot: Robot, q: np.ndarray, threads: int = 1) -> np.ndarr
     if known is None or not placed:
         return None
     session = int(placed[0].partition(".")[0].removeprefix("session_"))
-    frames = Layout.of((Frames.of(session, robot.base, robot.tool, len(placed) > _OF_POSITION),))
+    frames = Layout.of((Frames.of(session, robot.base, robot.tool, False),))  # a turned tool moves no target
     radius = np.full(len(q), np.nan)
     good = np.flatnonzero(np.isfinite(q).all(axis=1))
     for rows in np.array_split(good, max(1, -(-len(good) // MOST_ROWS))):
