@@ -20,11 +20,9 @@ PYTHON, CPP = TOP / "python" / "exactarm", TOP / "cpp"
 MOST_LINES = 400
 # Files that are longer still, and how long they may be. Only ever fewer.
 LONGER = {
-    "python/exactarm/diagnose/posterior.py": 420,
-    "python/exactarm/diagnose/selection.py": 420,
     "tests/python/test_dataset.py": 416,
     "tests/python/test_first_aid.py": 420,
-    "tests/python/test_report.py": 407,
+    "tests/python/test_report.py": 406,
     "tests/python/test_simulate.py": 402,
 }
 

@@ -146,14 +146,16 @@ def test_a_pair_whose_search_ends_under_another_label_is_still_a_pair(monkeypatc
         def effect(self):
             return self
 
-    monkeypatch.setattr(selection, "_excludes", lambda effect: False)
+        def excludes_rows(self):
+            return False
+
     monkeypatch.setattr(selection, "_emptied", lambda effect: effect)
     monkeypatch.setattr(selection, "_count", lambda problem, fitted: 100.0)
-    monkeypatch.setattr(selection, "_linear_columns", lambda fitted, effect: None)
+    monkeypatch.setattr(selection, "linear_columns", lambda fitted, effect: None)
     monkeypatch.setattr(selection, "scan",
                         lambda fitted, effects, count, columns: [Named("order 7 of axis 2", 9.0)])
     asked = []
-    monkeypatch.setattr(selection, "_worth", lambda problem, fitted, effects, *rest: asked.append(effects))
+    monkeypatch.setattr(selection, "is_worth", lambda problem, fitted, effects, *rest: asked.append(effects))
     pair = [Named("order 3 of axis 2"), Named("order 5 of axis 2")]
     assert selection._best_pair(None, None, [], None, pair, None, None) is None
     assert [[effect.label for effect in effects]

@@ -145,7 +145,7 @@ class ClosureProblem(PoseProblem):
 
     def shows(self, effect: type[Effect]) -> bool:
         """What acts before the device acts here too; slipped contacts are the noise's tail."""
-        return POSES.name in effect.kinds and effect.station != Station.DEVICE and effect.keep is Effect.keep
+        return POSES.name in effect.kinds and effect.station != Station.DEVICE and not effect.excludes_rows()
 
     def declared(self) -> Layout:
         sessions = tuple(

@@ -20,7 +20,7 @@ import numpy as np
 from scipy import linalg
 
 from exactarm.diagnose.problem import Fitted, Problem, orthonormal
-from exactarm.diagnose.scan import Candidate, free_mask, log_evidence, scan
+from exactarm.diagnose.scan import Candidate, linear_columns, log_evidence, scan
 from exactarm.identify.correlated import autocorrelation
 from exactarm.identify.drifting_noise import DriftingNoise
 from exactarm.noise.estimate import estimate_noise
@@ -100,7 +100,7 @@ class ColouredNoise:
         basis, residual = fitted.basis, fitted.free_residual
         candidates = [e for e in candidates_for(self._problem, fitted) if e.keep(fitted.view) is None]
         strongest = [c for c in scan(fitted, candidates, float(numbers))[:_STRONGEST] if c.evidence > 0.0]
-        columns = {c.label: fitted.columns(c.effect)[:, free_mask(c.effect)] for c in strongest}
+        columns = {c.label: linear_columns(fitted, c.effect) for c in strongest}
 
         def tried(group: tuple[Candidate, ...]) -> tuple[float, np.ndarray, np.ndarray]:
             added = _added(basis, np.concatenate([columns[c.label] for c in group], axis=1))

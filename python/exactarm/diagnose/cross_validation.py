@@ -23,17 +23,18 @@ def folds_of(groups: np.ndarray, seed: int, folds: int = FOLDS) -> np.ndarray:
 
 def held_out_squares(
     fitted: Fitted,
-    columns: np.ndarray,
+    columns: np.ndarray | None,
     folds: np.ndarray,
     prior: np.ndarray | None = None,
     units: np.ndarray | None = None,
 ) -> np.ndarray:
-    """(units,) square sum of the held-out residual with the free parameters and `columns` (R, k) refitted.
+    """(units,) square sum of the held-out residual with the free parameters and `columns` (R, k), if any,
+    refitted.
 
     prior (k,): standard deviations of the priors of the columns' coefficients, inf = none. units (N,): what
     the square sum is told by, numbers from 0; absent: the folds.
     """
-    design = np.concatenate([fitted.basis, columns], axis=1)
+    design = fitted.basis if columns is None else np.concatenate([fitted.basis, columns], axis=1)
     penalty = np.zeros(design.shape[1])
     if prior is not None:
         penalty[fitted.basis.shape[1] :] = 1.0 / prior**2

@@ -11,7 +11,7 @@ import numpy as np
 
 from exactarm.diagnose.cross_validation import folds_of, held_out_squares
 from exactarm.diagnose.problem import Fitted, Problem
-from exactarm.diagnose.scan import Candidate, free_mask, prior_of, scan
+from exactarm.diagnose.scan import Candidate, free_mask, linear_columns, prior_of, scan
 from exactarm.effects.base import Effect
 
 _HOPELESS = 2.0  # times the square sum that the closest fitting form leaves: held out it will not do better
@@ -51,7 +51,7 @@ def best_form(problem: Problem, without: Fitted, effect: Effect, field: list[Eff
         return forms[able[0]]
     folds = folds_of(problem.groups(), problem.seed)
     errors = {key: held_out_squares(without,
-                                    without.columns(forms[key].effect)[:, free_mask(forms[key].effect)],
+                                    linear_columns(without, forms[key].effect),
                                     folds,
                                     prior_of(forms[key].effect)) for key in able}
     best = min(able, key=lambda key: errors[key].sum())

@@ -22,7 +22,7 @@ from scipy import special
 
 from exactarm import _core
 from exactarm.diagnose.problem import Fitted
-from exactarm.diagnose.scan import free_mask
+from exactarm.diagnose.scan import linear_columns
 from exactarm.effects.base import Effect
 from exactarm.effects.link_inertia import LinkInertia
 from exactarm.identify.base_parameters import base_parameters
@@ -57,7 +57,7 @@ def probability_beside(without: Fitted, effect: Effect, evidence: float, toleran
     basis, residual = without.basis, without.free_residual
     clear = lambda columns: columns - basis @ (basis.T @ columns)
     t = clear(without.whiten(tolerance))
-    c = clear(without.columns(effect)[:, free_mask(effect)])
+    c = clear(linear_columns(without, effect))
     c = c / np.maximum(np.linalg.norm(c, axis=0), 1e-300)
     inner = np.linalg.cholesky(np.eye(t.shape[1]) + t.T @ t)
     onto = lambda x: np.linalg.solve(inner, t.T @ x)

@@ -20,7 +20,7 @@ from exactarm.dataset import Dataset
 from exactarm.diagnose.cause_information import Field, Hypothesis, chosen_for
 from exactarm.diagnose.confusion import Place
 from exactarm.diagnose.problem import Fitted
-from exactarm.diagnose.scan import free_mask
+from exactarm.diagnose.scan import free_mask, linear_columns
 from exactarm.effects.base import Effect
 from exactarm.identify.pose_space import Box, PoseSpace
 from exactarm.kinds import POSES
@@ -171,7 +171,7 @@ class _State:
         total = place.probability + sum(p for _, p in place.rivals)
         probabilities = tuple(p / total for p in (place.probability, *(p for _, p in place.rivals)))
         declared = np.concatenate([base.standard(base.jacobian), base.prior_rows])
-        causes = [base.columns(effect)[:, free_mask(effect)] for effect in effects]
+        causes = [linear_columns(base, effect) for effect in effects]
         columns = np.concatenate([declared, *causes], axis=1)
         prior, own, at = [np.zeros(declared.shape[1])], [], declared.shape[1]
         for effect, cause in zip(effects, causes):

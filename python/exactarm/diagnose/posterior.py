@@ -138,7 +138,7 @@ def _wrong_rows(problem, declared, chosen, fitted: Fitted, noise: NoiseModel):
     if not noise.wrong.any():
         return None
     for effect in candidates_for(problem, fitted):
-        if type(effect).keep is Effect.keep:
+        if not effect.excludes_rows():
             continue
         trial = refit(problem, declared, [*chosen, effect], fitted)
         if trial.weight.all():
@@ -176,7 +176,7 @@ def _credible(place: Place) -> tuple[tuple[str, int | None, float], ...]:
 
 
 def _vocabulary(problem: Problem, fitted: Fitted) -> Vocabulary:
-    effects = [e for e in candidates_for(problem, fitted) if type(e).keep is Effect.keep]
+    effects = [e for e in candidates_for(problem, fitted) if not e.excludes_rows()]
     return vocabulary_of(fitted, effects, problem.signals(fitted), problem.unknown_moves(fitted))
 
 

@@ -67,6 +67,11 @@ def free_mask(effect: Effect) -> np.ndarray:
     return np.array([not p.fixed and not p.search for p in effect.parameters()], bool)
 
 
+def linear_columns(fitted: Fitted, effect: Effect) -> np.ndarray:
+    """(R, k) whitened response to the parameters that are estimated linearly."""
+    return fitted.columns(effect)[:, free_mask(effect)]
+
+
 def scan(
     fitted: Fitted, candidates: list[Effect], count: float, beside: np.ndarray | None = None
 ) -> list[Candidate]:

@@ -1,9 +1,9 @@
 """Selection: which effects the data asks for, forward with replacement and backward removal.
 
-Every round scans the whole library against the residual of the current joint fit, takes the candidate with the
-most evidence, checks it by cross-validation over whole poses or runs, and fits everything anew through the
-chain. Afterwards each accepted effect is taken out again and has to win its place against the whole library;
-the evidences of that contest give its probability and its rivals.
+Every round scans the whole library against the residual of the current joint fit, takes the candidate with
+the most evidence, checks it by cross-validation over whole poses or runs (worth.py), and fits everything anew
+through the chain. Afterwards each accepted effect is taken out again and has to win its place against the
+whole library; the evidences of that contest give its probability and its rivals.
 """
 
 from __future__ import annotations
@@ -17,18 +17,16 @@ from exactarm.chain import Layout
 from exactarm.diagnose.admissible import LEAST_PROBABILITY, is_possible, moving_axes
 from exactarm.diagnose.cross_validation import folds_of, held_out_squares
 from exactarm.diagnose.forms import best_form, forms_of, same_family
-from exactarm.diagnose.problem import Fitted, Problem, orthonormal, rows_kept
+from exactarm.diagnose.problem import Fitted, Problem, rows_kept
 from exactarm.diagnose.row_scatter import robust_evidence
-from exactarm.diagnose.scan import Candidate, free_mask, prior_of, scan
+from exactarm.diagnose.scan import Candidate, free_mask, linear_columns, scan
+from exactarm.diagnose.worth import holds_elsewhere, is_worth
 from exactarm.effects import library
 from exactarm.effects.base import Effect
 
 LEAST_EVIDENCE = 5.0  # log Bayes factor; all candidates tried are already paid for
 MOST_EFFECTS = 16
 _SHORTLIST = 12
-_FOLD_CERTAINTY = 2.5  # the mean fall of the folds beside its standard error
-_LEAST_FALLING = 8  # folds
-_RESPONDING, _LEAST_SHOWING = 1e-6, 3  # share of the strongest unit's response; units to judge by
 _INDEPENDENT_SHARE, _INDEPENDENT_EVIDENCE = 0.8, 20.0
 _PAIRED = 6  # of the shortlist, tried two by two
 _HIDDEN_GAIN = 1.5  # gain of the second beside the first, over what both promised alone
@@ -68,7 +66,8 @@ def candidates_for(problem: Problem, fitted: Fitted) -> list[Effect]:
     found: list[Effect] = []
     for cls in library().values():
         if problem.shows(cls) and not cls.declared:
-            found += [e for e in cls.candidates(problem.robot, fitted.view) if e.repeatable or e.label not in taken]
+            candidates = cls.candidates(problem.robot, fitted.view)
+            found += [e for e in candidates if e.repeatable or e.label not in taken]
     moves = moving_axes(fitted.view)
     return [effect for effect in found if effect.joint is None or moves[effect.index]]
 
@@ -99,7 +98,7 @@ def select(problem: Problem, declared: Layout, progress: Progress = lambda text:
 
 
 def _count(problem: Problem, fitted: Fitted) -> float:
-    """Independent numbers in the residual: those of the data less the parameters that have been fitted to them."""
+    """Independent numbers in the residual: those of the data less the parameters fitted to them."""
     data = float(np.count_nonzero(fitted.whitened[: fitted.data_numbers]))
     return max(problem.correlation_factor(fitted) * data - fitted.basis.shape[1], 1.0)
 
@@ -124,44 +123,47 @@ def _warm(declared: Layout, last: Fitted) -> Layout:
 
 
 def _best_addition(problem, declared, chosen, fitted, ranking):
-    """The best candidate that cross-validation and the joint fit confirm, with what is independent of it; else None."""
+    """The best candidate that cross-validation and the joint fit confirm, with what is independent of it;
+    else None."""
     folds = folds_of(problem.groups(), problem.seed)
-    without = held_out_squares(fitted, np.zeros((fitted.whitened.size, 0)), folds, units=problem.units(folds))
+    without = held_out_squares(fitted, None, folds, units=problem.units(folds))
     asked = [c for c in ranking[:_SHORTLIST] if c.evidence >= LEAST_EVIDENCE]
     shortlist = [c for c in asked if _evidence(problem, fitted, c) >= LEAST_EVIDENCE]
     for place, candidate in enumerate(shortlist):
         candidate = _worthy_form(problem, fitted, candidate, folds, without)
         if candidate is None:
             continue
-        group = [candidate.effect]
-        if not _excludes(candidate.effect):
+        group, excludes = [candidate.effect], candidate.effect.excludes_rows()
+        if not excludes:
             group = _independent(problem, fitted, [candidate, *shortlist[place + 1 :]], folds, without)
         for effects in (group, group[:1]) if len(group) > 1 else (group,):
             trial = refit(problem, declared, chosen + effects, fitted)
-            if _excludes(candidate.effect) or _confirmed(problem, declared, fitted, trial, candidate.gain):
+            if excludes or _confirmed(problem, declared, fitted, trial, candidate.gain):
                 return [*trial.layout.effects[len(declared.effects):]], trial
     return _best_pair(problem, declared, chosen, fitted, asked, folds, without)
 
 
 def _evidence(problem: Problem, fitted: Fitted, candidate: Candidate) -> float:
-    """The candidate's evidence; where groups of rows are independent, not more than their own scatter allows."""
-    if candidate.evidence < LEAST_EVIDENCE or not problem.groups_independent or _excludes(candidate.effect):
+    """The candidate's evidence; where groups of rows are independent, not more than their scatter allows."""
+    effect = candidate.effect
+    if candidate.evidence < LEAST_EVIDENCE or not problem.groups_independent or effect.excludes_rows():
         return candidate.evidence
-    columns = _linear_columns(fitted, candidate.effect)
+    columns = linear_columns(fitted, effect)
     return robust_evidence(fitted, candidate, columns, problem.groups(), _count(problem, fitted))
 
 
 def _worthy_form(problem, fitted, candidate: Candidate, folds, without) -> Candidate | None:
-    """The candidate, or another form of the same cause where it is not worth its place (a curve that wraps around single poses
-    hides the one order that is there); None where no form is."""
-    if _worth(problem, fitted, [candidate.effect], folds, without):
+    """The candidate, or another form of the same cause where it is not worth its place (a curve that wraps
+    around single poses hides the one order that is there); None where no form is."""
+    if is_worth(problem, fitted, [candidate.effect], folds, without):
         return candidate
     if not candidate.effect.family:
         return None
-    forms = forms_of(fitted, candidate.effect, candidates_for(problem, fitted), _count(problem, fitted), LEAST_EVIDENCE)
+    field, count = candidates_for(problem, fitted), _count(problem, fitted)
+    forms = forms_of(fitted, candidate.effect, field, count, LEAST_EVIDENCE)
     for form in sorted(forms.values(), key=lambda form: -form.evidence):
         if (_differs(form.effect, candidate.effect) and _evidence(problem, fitted, form) >= LEAST_EVIDENCE
-                and _worth(problem, fitted, [form.effect], folds, without)):
+                and is_worth(problem, fitted, [form.effect], folds, without)):
             return form
     return None
 
@@ -169,17 +171,17 @@ def _worthy_form(problem, fitted, candidate: Candidate, folds, without) -> Candi
 def _best_pair(problem, declared, chosen, fitted, shortlist: list[Candidate], folds, without):
     """Two candidates that hide each other: neither is worth its place alone, both together are; else None."""
     count = _count(problem, fitted)
-    linear = [c for c in shortlist if not _excludes(c.effect)][:_PAIRED]
+    linear = [c for c in shortlist if not c.effect.excludes_rows()][:_PAIRED]
     pairs = []
     for place, first in enumerate(linear):
-        columns = _linear_columns(fitted, first.effect)
+        columns = linear_columns(fitted, first.effect)
         for alone in linear[place + 1 :]:
-            # Another search beside the first may end at another order, under another label: it is the same candidate.
+            # Another search beside the first may end at another order and label: it is the same candidate.
             for second in scan(fitted, [_emptied(alone.effect)], count, columns):
                 if second.gain > _HIDDEN_GAIN * (first.gain + alone.gain):
                     pairs.append((first.gain + second.gain, first.effect, second.effect))
     for gain, *effects in sorted(pairs, key=lambda pair: -pair[0]):
-        if _worth(problem, fitted, effects, folds, without):
+        if is_worth(problem, fitted, effects, folds, without):
             trial = refit(problem, declared, chosen + effects, fitted)
             if _confirmed(problem, declared, fitted, trial, gain):
                 return [*trial.layout.effects[len(declared.effects):]], trial
@@ -187,18 +189,20 @@ def _best_pair(problem, declared, chosen, fitted, shortlist: list[Candidate], fo
 
 
 def _confirmed(problem: Problem, declared: Layout, fitted: Fitted, trial: Fitted, gain: float) -> bool:
-    """Whether the joint fit takes enough of the gain that the linear picture promised, with values that can be."""
+    """Whether the joint fit takes enough of the gain that the linear picture promised, with possible
+    values."""
     if fitted.square(fitted) - trial.square(fitted) < _KEPT_GAIN * gain:
         return False
-    return all(is_possible(problem.robot, trial, index) for index in range(len(declared.effects), len(trial.layout.effects)))
+    added = range(len(declared.effects), len(trial.layout.effects))
+    return all(is_possible(problem.robot, trial, index) for index in added)
 
 
 def _admissible(problem: Problem, declared: Layout, accepted: list[Accepted], fitted: Fitted):
     """Without the effects, the least probable first, that are impossible or less probable than not."""
     first = len(declared.effects)
     while accepted:
-        worst = [place for place, a in enumerate(accepted)
-                 if a.probability < LEAST_PROBABILITY or not is_possible(problem.robot, fitted, first + place)]
+        worst = [place for place, a in enumerate(accepted) if a.probability < LEAST_PROBABILITY
+                 or not is_possible(problem.robot, fitted, first + place)]
         if not worst:
             break
         out = min(worst, key=lambda place: accepted[place].probability)
@@ -210,112 +214,31 @@ def _admissible(problem: Problem, declared: Layout, accepted: list[Accepted], fi
 
 
 def _independent(problem, fitted, shortlist: list[Candidate], folds, without) -> list[Effect]:
-    """The first of the shortlist and those others whose gain stays the same beside it: causes of their own.
+    """The first of the shortlist and those others whose gain stays the same beside it: independent causes.
 
     Saves a search over the whole library for each of many independent causes (a curve on every axis).
     """
     group = [shortlist[0].effect]
-    columns = _linear_columns(fitted, shortlist[0].effect)
+    columns = linear_columns(fitted, shortlist[0].effect)
     for candidate in shortlist[1:]:
-        if candidate.evidence < _INDEPENDENT_EVIDENCE or _excludes(candidate.effect):
+        if candidate.evidence < _INDEPENDENT_EVIDENCE or candidate.effect.excludes_rows():
             continue
         beside = scan(fitted, [_emptied(candidate.effect)], _count(problem, fitted), columns)[0]
-        if beside.gain >= _INDEPENDENT_SHARE * candidate.gain and _worth(problem, fitted, [candidate.effect], folds, without):
+        independent = beside.gain >= _INDEPENDENT_SHARE * candidate.gain
+        if independent and is_worth(problem, fitted, [candidate.effect], folds, without):
             group.append(beside.effect)
-            columns = np.concatenate([columns, _linear_columns(fitted, candidate.effect)], axis=1)
+            columns = np.concatenate([columns, linear_columns(fitted, candidate.effect)], axis=1)
     return group
 
 
-def _linear_columns(fitted: Fitted, effect: Effect) -> np.ndarray:
-    return fitted.columns(effect)[:, free_mask(effect)]
-
-
-def _excludes(effect: Effect) -> bool:
-    return type(effect).keep is not Effect.keep
-
-
-def _worth(problem: Problem, fitted: Fitted, effects: list[Effect], folds: np.ndarray, without: np.ndarray) -> bool:
-    """Cross-validated: do the effects take enough of the square sum away, and surely so over the problem's units?"""
-    if any(_excludes(effect) for effect in effects):
-        return True
-    free = [np.array([not p.fixed for p in effect.parameters()], bool) for effect in effects]  # searched orders too
-    columns = np.concatenate([fitted.columns(effect)[:, mask] for effect, mask in zip(effects, free)], axis=1)
-    prior = np.concatenate([np.array([p.prior for p in effect.parameters()])[mask] for effect, mask in zip(effects, free)])
-    groups = problem.groups_for(_response(fitted, columns))
-    if not np.array_equal(groups, problem.groups()):
-        folds = folds_of(groups, problem.seed)
-        without = held_out_squares(fitted, np.zeros((fitted.whitened.size, 0)), folds, units=problem.units(folds))
-    units = problem.units(folds)
-    falls = without - held_out_squares(fitted, columns, folds, prior, units)
-    fall = falls[_showing(fitted, columns, units)]
-    certain = _as_promised(falls, _promised(fitted, columns, prior, units))
-    certain = certain or fall.mean() > _FOLD_CERTAINTY * fall.std(ddof=1) / np.sqrt(len(fall))
-    # What shows in bursts (a resonance that is passed) falls very unevenly, but it falls everywhere.
-    certain = certain or (len(fall) >= _LEAST_FALLING and np.all(fall > 0.0))
-    # A fall g of a square sum of white noise scatters by 2 sqrt(g): beyond 4 z^2 every single unit is sure of it.
-    certain = certain or (len(fall) >= _LEAST_SHOWING and np.all(fall > 4.0 * _FOLD_CERTAINTY**2))
-    if not certain or fall.sum() <= problem.least_share * without.sum():
-        return False
-    return _holds_elsewhere(problem, fitted, effects)
-
-
-def _promised(fitted: Fitted, columns: np.ndarray, prior: np.ndarray, units: np.ndarray) -> np.ndarray:
-    """(U,) by how much the square sum of each unit should fall, if the effect is what it is over all of them."""
-    left = columns - fitted.basis @ (fitted.basis.T @ columns)
-    penalty = np.diag(1.0 / prior**2) + 1e-10 * np.diag(np.sum(left**2, axis=0) + np.finfo(float).tiny)
-    change = (left @ np.linalg.solve(left.T @ left + penalty, left.T @ fitted.free_residual))[: fitted.data_numbers]
-    return np.bincount(units, weights=np.sum(change.reshape(len(units), -1) ** 2, axis=1))
-
-
-def _as_promised(fall: np.ndarray, promised: np.ndarray) -> bool:
-    """Whether the units fall in proportion to what each shows of the effect: a few may show nearly all of it.
-
-    fall = b promised + e, the variance of e in proportion to promised (a ratio estimate, Cochran 1977): is b surely above zero?
-    """
-    shown = promised > _RESPONDING * promised.max()
-    if shown.sum() < _LEAST_SHOWING:
-        return False
-    fall, promised = fall[shown], promised[shown]
-    slope = fall.sum() / promised.sum()
-    scatter = np.sum((fall - slope * promised) ** 2 / promised) / (len(fall) - 1)
-    return bool(slope > _FOLD_CERTAINTY * np.sqrt(scatter / promised.sum()))
-
-
-def _response(fitted: Fitted, columns: np.ndarray) -> np.ndarray:
-    """(N,) how much of what the columns add to the free parameters each row shows: the squares sum to the number of columns."""
-    left = orthonormal(columns - fitted.basis @ (fitted.basis.T @ columns))[: fitted.data_numbers]
-    return np.sum(left.reshape(len(fitted.residual), -1) ** 2, axis=1)
-
-
-def _holds_elsewhere(problem: Problem, fitted: Fitted, effects: list[Effect]) -> bool:
-    """What is learnt without one large stretch of the data must not make it worse: nearness in time proves nothing there."""
-    stretches = problem.stretches()
-    if stretches is None or any(_excludes(effect) for effect in effects):
-        return True
-    fitted = problem.elsewhere(fitted)
-    columns = np.concatenate([_linear_columns(fitted, effect) for effect in effects], axis=1)
-    prior = np.concatenate([prior_of(effect) for effect in effects])
-    folds = np.unique(stretches, return_inverse=True)[1]
-    without = held_out_squares(fitted, np.zeros((fitted.whitened.size, 0)), folds)
-    return problem.holds(without, held_out_squares(fitted, columns, folds, prior))
-
-
-def _showing(fitted: Fitted, columns: np.ndarray, units: np.ndarray) -> np.ndarray:
-    """Which units (U,) bool respond to the columns at all: a run in which the axis stands tells nothing about its gear."""
-    rows = np.sum(columns[: fitted.data_numbers] ** 2, axis=1).reshape(len(units), -1).sum(axis=1)
-    response = np.bincount(units, weights=rows)
-    showing = response > _RESPONDING * response.max()
-    return showing if showing.sum() >= _LEAST_SHOWING else np.ones(len(response), bool)
-
-
 def _prune(problem, declared, chosen, fitted):
-    """Backward: takes out every effect whose evidence, with all others in, has gone. Returns the places that stay."""
+    """Backward: takes out every effect whose evidence, with all others in, has gone. Returns the places that
+    stay."""
     places, place = list(range(len(chosen))), 0
     while place < len(chosen):
         problem = problem.knowing(fitted)
         without = fitted.without(len(declared.effects) + place)
-        own = None if _excludes(chosen[place]) else scan(without, [_emptied(chosen[place])], _count(problem, without))[0]
-        if own is not None and _lost(problem, without, own):
+        if not chosen[place].excludes_rows() and _lost(problem, without, chosen[place]):
             del places[place]
             fitted = refit(problem, declared, chosen[:place] + chosen[place + 1 :], fitted)
             chosen = [*fitted.layout.effects[len(declared.effects):]]
@@ -325,13 +248,13 @@ def _prune(problem, declared, chosen, fitted):
     return places, fitted
 
 
-def _lost(problem: Problem, without: Fitted, own: Candidate) -> bool:
-    small = own.gain < problem.least_share * _square(without) or problem.judged_share(without, own.effect) < Problem.least_share
+def _lost(problem: Problem, without: Fitted, effect: Effect) -> bool:
+    """Whether an effect that is taken out of the fit would no longer be asked for."""
+    own = scan(without, [_emptied(effect)], _count(problem, without))[0]
+    square = float(without.free_residual @ without.free_residual)
+    small = (own.gain < problem.least_share * square
+             or problem.judged_share(without, own.effect) < Problem.least_share)
     return own.evidence < LEAST_EVIDENCE or small
-
-
-def _square(fitted: Fitted) -> float:
-    return float(fitted.free_residual @ fitted.free_residual)
 
 
 def _emptied(effect: Effect) -> Effect:
@@ -346,11 +269,12 @@ def _contest(problem, declared, chosen, rounds, fitted, first_ranking, progress)
         progress(f"contest for {chosen[place].label}")
         problem = problem.knowing(fitted)
         without = fitted.without(len(declared.effects) + place)
-        if _excludes(chosen[place]):
+        if chosen[place].excludes_rows():
             without = replace(without, weight=rows_kept(without.layout, without.view).astype(float))
         count = _count(problem, without)
         field = _rivals_of(chosen[place], candidates_for(problem, without), first_ranking)
-        form = best_form(problem, without, chosen[place], [*field, *chosen[place].richer()], count, LEAST_EVIDENCE)
+        forms = [*field, *chosen[place].richer()]
+        form = best_form(problem, without, chosen[place], forms, count, LEAST_EVIDENCE)
         if form is not None and _differs(form.effect, chosen[place]):
             trial = refit(problem, declared, chosen[:place] + [form.effect] + chosen[place + 1 :], fitted)
             fitted, chosen = trial, [*trial.layout.effects[len(declared.effects):]]
@@ -358,7 +282,7 @@ def _contest(problem, declared, chosen, rounds, fitted, first_ranking, progress)
         own = next((c for c in ranking if c.label == chosen[place].label), None)
         winner = next((c for c in ranking if not same_family(c.effect, chosen[place])), ranking[0])
         stronger = own is not None and winner.label != own.label and winner.evidence > own.evidence + 1.0
-        if stronger and _holds_elsewhere(problem, without, [winner.effect]):
+        if stronger and holds_elsewhere(problem, without, [winner.effect]):
             trial = refit(problem, declared, chosen[:place] + [winner.effect] + chosen[place + 1 :], fitted)
             price = np.log(count) * (free_mask(winner.effect).sum() - free_mask(chosen[place]).sum())
             lead = 0.5 * (trial.square(fitted) + price - fitted.square(fitted))
@@ -369,17 +293,18 @@ def _contest(problem, declared, chosen, rounds, fitted, first_ranking, progress)
                 own = replace(own, evidence=max(own.evidence, winner.evidence + lead))
         effect = chosen[place]
         own = own or Candidate(effect, 0.0, 0, 1, LEAST_EVIDENCE)
-        # Rows that are wrong by themselves pull at every other candidate: they are judged against their staying in.
-        ranking = [] if _excludes(effect) else ranking
+        # Rows that are wrong by themselves pull at every other candidate: the only rival is to keep them.
+        ranking = [] if effect.excludes_rows() else ranking
         rivals = tuple(c for c in ranking if not _same_cause(c.effect, effect))
         accepted.append(Accepted(effect, own.evidence, probability(own, ranking), rivals[:8], rounds[place]))
     return accepted, fitted
 
 
 def _rivals_of(effect: Effect, library_field: list[Effect], first_ranking) -> list[Effect]:
-    """The whole library against `effect`; on other axes, searched families only at the best point of the first search."""
+    """The whole library against `effect`; on other axes, searched families only at the best point of the
+    first search."""
     best = {c.label: c.effect for c in first_ranking}
-    field = [] if _excludes(effect) else [_emptied(effect)]
+    field = [] if effect.excludes_rows() else [_emptied(effect)]
     for other in library_field:
         searched = any(p.search for p in other.parameters())
         if searched and other.joint != effect.joint:

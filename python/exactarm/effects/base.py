@@ -248,6 +248,11 @@ class Effect(ABC):
         otherwise."""
         return None
 
+    @classmethod
+    def excludes_rows(cls) -> bool:
+        """Whether it says that rows are wrong, instead of changing a signal."""
+        return cls.keep is not Effect.keep
+
     def measured(self, phi: np.ndarray) -> np.ndarray | None:
         """Rows (N,) bool of output angles phi (N, n), rad, where the effect was estimated; None = it holds
         everywhere."""

@@ -1,0 +1,104 @@
+"""Whether effects are worth their place: what they take away on rows that they have not learnt from.
+
+Cross-validated over whole poses or runs in the linear picture: the fall of the square sum over the problem's
+units must be large enough and certain, by any of four measures, and must hold in stretches of the data left
+out whole.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from exactarm.diagnose.cross_validation import folds_of, held_out_squares
+from exactarm.diagnose.problem import Fitted, Problem, orthonormal
+from exactarm.diagnose.scan import linear_columns, prior_of
+from exactarm.effects.base import Effect
+
+_FOLD_CERTAINTY = 2.5  # the mean fall of the folds beside its standard error
+_LEAST_FALLING = 8  # folds
+_RESPONDING, _LEAST_SHOWING = 1e-6, 3  # share of the strongest unit's response; units to judge by
+
+
+def is_worth(problem: Problem, fitted: Fitted, effects: list[Effect], folds: np.ndarray,
+             without: np.ndarray) -> bool:
+    """Whether the effects take enough of the held-out square sum `without` (U,) away, and surely so over the
+    problem's units."""
+    if any(effect.excludes_rows() for effect in effects):
+        return True
+    parameters = [p for effect in effects for p in effect.parameters()]
+    free = np.array([not p.fixed for p in parameters], bool)  # searched orders too
+    columns = np.concatenate([fitted.columns(effect) for effect in effects], axis=1)[:, free]
+    prior = np.array([p.prior for p in parameters])[free]
+    groups = problem.groups_for(_response(fitted, columns))
+    if not np.array_equal(groups, problem.groups()):
+        folds = folds_of(groups, problem.seed)
+        without = held_out_squares(fitted, None, folds, units=problem.units(folds))
+    units = problem.units(folds)
+    falls = without - held_out_squares(fitted, columns, folds, prior, units)
+    fall = falls[_showing(fitted, columns, units)]
+    certain = _as_promised(falls, _promised(fitted, columns, prior, units))
+    certain = certain or fall.mean() > _FOLD_CERTAINTY * fall.std(ddof=1) / np.sqrt(len(fall))
+    # What shows in bursts (a resonance that is passed) falls very unevenly, but it falls everywhere.
+    certain = certain or (len(fall) >= _LEAST_FALLING and np.all(fall > 0.0))
+    # A fall g of a square sum of white noise scatters by 2 sqrt(g): beyond 4 z^2 every unit is sure of it.
+    certain = certain or (len(fall) >= _LEAST_SHOWING and np.all(fall > 4.0 * _FOLD_CERTAINTY**2))
+    if not certain or fall.sum() <= problem.least_share * without.sum():
+        return False
+    return holds_elsewhere(problem, fitted, effects)
+
+
+def holds_elsewhere(problem: Problem, fitted: Fitted, effects: list[Effect]) -> bool:
+    """Whether what is learnt without one large stretch of the data makes it no worse: nearness in time proves
+    nothing there."""
+    stretches = problem.stretches()
+    if stretches is None or any(effect.excludes_rows() for effect in effects):
+        return True
+    fitted = problem.elsewhere(fitted)
+    columns = np.concatenate([linear_columns(fitted, effect) for effect in effects], axis=1)
+    prior = np.concatenate([prior_of(effect) for effect in effects])
+    folds = np.unique(stretches, return_inverse=True)[1]
+    without = held_out_squares(fitted, None, folds)
+    return problem.holds(without, held_out_squares(fitted, columns, folds, prior))
+
+
+def _promised(fitted: Fitted, columns: np.ndarray, prior: np.ndarray, units: np.ndarray) -> np.ndarray:
+    """(U,) by how much the square sum of each unit should fall, if the effect is the same over all of
+    them."""
+    left = columns - fitted.basis @ (fitted.basis.T @ columns)
+    penalty = np.diag(1.0 / prior**2) + 1e-10 * np.diag(np.sum(left**2, axis=0) + np.finfo(float).tiny)
+    change = left @ np.linalg.solve(left.T @ left + penalty, left.T @ fitted.free_residual)
+    return np.bincount(units, weights=_by_row(change[:, None], fitted))
+
+
+def _as_promised(fall: np.ndarray, promised: np.ndarray) -> bool:
+    """Whether the units fall in proportion to what each shows of the effect; a few may show nearly all of it.
+
+    fall = b promised + e, the variance of e in proportion to promised (a ratio estimate, Cochran 1977): is b
+    surely above zero?
+    """
+    shown = promised > _RESPONDING * promised.max()
+    if shown.sum() < _LEAST_SHOWING:
+        return False
+    fall, promised = fall[shown], promised[shown]
+    slope = fall.sum() / promised.sum()
+    scatter = np.sum((fall - slope * promised) ** 2 / promised) / (len(fall) - 1)
+    return bool(slope > _FOLD_CERTAINTY * np.sqrt(scatter / promised.sum()))
+
+
+def _showing(fitted: Fitted, columns: np.ndarray, units: np.ndarray) -> np.ndarray:
+    """Which units (U,) bool respond to the columns at all: a run in which the axis stands tells nothing about
+    its gear."""
+    response = np.bincount(units, weights=_by_row(columns, fitted))
+    showing = response > _RESPONDING * response.max()
+    return showing if showing.sum() >= _LEAST_SHOWING else np.ones(len(response), bool)
+
+
+def _response(fitted: Fitted, columns: np.ndarray) -> np.ndarray:
+    """(N,) how much of what the columns add to the free parameters each row shows: the squares sum to the
+    number of columns."""
+    return _by_row(orthonormal(columns - fitted.basis @ (fitted.basis.T @ columns)), fitted)
+
+
+def _by_row(columns: np.ndarray, fitted: Fitted) -> np.ndarray:
+    """(N,) square sums of whitened columns (R, k) by row of the data."""
+    return np.sum(columns[: fitted.data_numbers].reshape(len(fitted.residual), -1) ** 2, axis=1)

@@ -1,0 +1,89 @@
+"""An effect is worth its place only where it takes enough away from rows that it has not learnt from."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from exactarm.diagnose.cross_validation import folds_of, held_out_squares
+from exactarm.diagnose.worth import holds_elsewhere, is_worth
+
+ROWS, GROUPS = 240, 40
+
+
+class Cause:
+    """One linear parameter with a response (N,) of its own."""
+
+    def __init__(self, response, excludes=False):
+        self.response, self.excludes = response, excludes
+
+    def parameters(self):
+        return (SimpleNamespace(fixed=False, search=(), prior=np.inf),)
+
+    def excludes_rows(self):
+        return self.excludes
+
+
+def state_of(residual):
+    """A fit of one declared parameter, a constant, that has left `residual` (N,) in units of its noise."""
+    basis = np.full((ROWS, 1), ROWS**-0.5)
+    free = residual - basis[:, 0] * (basis[:, 0] @ residual)
+    return SimpleNamespace(whitened=residual, free_residual=free, basis=basis, data_numbers=ROWS,
+                           residual=residual[:, None], columns=lambda cause: cause.response[:, None])
+
+
+def problem_of(groups, least_share=0.02, stretches=None, least_elsewhere=0.0):
+    return SimpleNamespace(groups=lambda: groups, groups_for=lambda response: groups, seed=0,
+                           units=lambda folds: folds, least_share=least_share, stretches=lambda: stretches,
+                           elsewhere=lambda fitted: fitted,
+                           holds=lambda without, left: left.sum() < (1.0 - least_elsewhere) * without.sum())
+
+
+def worth(residual, cause, **options):
+    groups = np.repeat(np.arange(GROUPS), ROWS // GROUPS)
+    fitted, problem, folds = state_of(residual), problem_of(groups, **options), folds_of(groups, 0)
+    return is_worth(problem, fitted, [cause], folds, held_out_squares(fitted, None, folds))
+
+
+def drawn(seed):
+    rng = np.random.default_rng(seed)
+    return rng.normal(size=ROWS), rng.normal(size=ROWS)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_what_acts_everywhere_is_worth_its_place(seed):
+    noise, response = drawn(seed)
+    assert worth(noise + response, Cause(response))
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_what_is_not_there_is_not_worth_its_place(seed):
+    noise, response = drawn(seed)
+    assert not worth(noise, Cause(response))
+
+
+def test_what_is_surely_there_but_takes_too_little_is_not_worth_its_place():
+    """It takes about half of the square sum away."""
+    noise, response = drawn(1)
+    assert worth(noise + response, Cause(response), least_share=0.3)
+    assert not worth(noise + response, Cause(response), least_share=0.8)
+
+
+def test_what_one_group_alone_shows_against_the_others_is_not_worth_its_place():
+    """A row that is wrong by itself: every group answers to the cause, one seems to have it."""
+    noise, response = drawn(2)
+    assert not worth(noise + 30.0 * (np.arange(ROWS) == 7), Cause(response + 0.3))
+
+
+def test_what_says_that_rows_are_wrong_is_not_cross_validated():
+    noise, response = drawn(3)
+    assert worth(noise, Cause(response, excludes=True))
+
+
+def test_what_helps_in_one_stretch_and_hurts_in_another_does_not_hold_elsewhere():
+    noise, response = drawn(4)
+    stretches = np.repeat([0, 1], ROWS // 2)
+    turned = np.where(stretches == 0, 1.0, -1.0)
+    problem = problem_of(np.arange(ROWS), stretches=stretches)
+    assert holds_elsewhere(problem, state_of(noise + response), [Cause(response)])
+    assert not holds_elsewhere(problem, state_of(noise + turned * response), [Cause(response)])
