@@ -15,7 +15,7 @@ from exactarm.diagnose.coloured_noise import autoregressive_share
 from exactarm.diagnose.diagnosis import diagnose
 from exactarm.effects import effect_from_table
 from exactarm.identify.evaluate import evaluate_tracked_motion
-from exactarm.identify.tracked_fit import thinned_record, tracked_record
+from exactarm.identify.tracked_fit import subsampled_record, tracked_record
 from exactarm.robot_file import load_robot
 from motions import fourier_motion
 from set_ups import at_random_place
@@ -142,12 +142,12 @@ def test_played_again_the_scatter_is_the_noise_floor():
 def test_rates_are_those_of_all_samples():
     data = tracked(None, 4, runs=8)
     dense = tracked_record(data, ur10())
-    thin = thinned_record(dense, ur10())
-    assert len(thin.data) == len(dense.data) // 2 and thin.step == pytest.approx(2.0 / RATE_HZ)
+    part = subsampled_record(dense, ur10())
+    assert len(part.data) == len(dense.data) // 2 and part.step == pytest.approx(2.0 / RATE_HZ)
     chosen = np.concatenate([rows[::2] for rows in dense.runs])
-    np.testing.assert_array_equal(thin.theta_ddot, dense.theta_ddot[chosen])
-    np.testing.assert_array_equal(thin.direction, dense.direction[chosen])
-    np.testing.assert_array_equal(thin.data.position, data.position[chosen])
+    np.testing.assert_array_equal(part.theta_ddot, dense.theta_ddot[chosen])
+    np.testing.assert_array_equal(part.direction, dense.direction[chosen])
+    np.testing.assert_array_equal(part.data.position, data.position[chosen])
 
 
 def test_evaluate_leaves_the_noise_and_sees_what_is_hidden():

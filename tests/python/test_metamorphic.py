@@ -133,7 +133,7 @@ def test_two_threads_give_the_same_bits(poses, motion):
 def test_a_shifted_clock_gives_the_same_dynamics(motion):
     robot, data = motion
     one, other = (identify(robot, each, threads=1) for each in (data, replace(data, time=data.time + 100.0)))
-    # The iteration of the weights ends at a tolerance, and the thinned rows may begin a sample later: both
+    # The iteration of the weights ends at a tolerance, and the resampled rows may begin a sample later: both
     # move an estimate by a hundredth of its own uncertainty (measured: 0.013 of the half width, the RMS by
     # 7e-4).
     half = np.array([0.5 * np.ptp(entry["ci95"]) for entry in plain(one.json["parameters"]).values()])

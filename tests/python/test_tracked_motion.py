@@ -9,7 +9,7 @@ import numpy as np
 from central_difference import assert_derivative
 from exactarm import _core
 from exactarm.chain import Layout, predict_poses, predict_tracked_motion
-from exactarm.chain.motion_record import unthinned_record
+from exactarm.chain.motion_record import full_record
 from exactarm.chain.spring_response import DAMPING_S
 from exactarm.dataset import Dataset
 from exactarm.effects import library
@@ -47,7 +47,7 @@ def test_springs_answer_as_the_arm_swings():
     time, q = excitation(robot, 4.0, 1000.0, np.random.default_rng(5))
     theta = (q - robot.offsets) * robot.ratios
     data = Dataset.of_arrays("tracked_motion", {"theta": theta}, time=time, position=np.zeros((time.size, 3)))
-    record = unthinned_record(robot, data, 150.0)
+    record = full_record(robot, data, 150.0)
     view = predict_tracked_motion(robot, NONE, data, record=record, tangents=False).view
     output = view.phi + robot.offsets
     plant = swing(robot, time, output, DAMPING_S)

@@ -2,7 +2,7 @@
 
 The measured torque passes an acausal Butterworth low-pass (fourth order, forwards and backwards) at the
 bandwidth f; the angles pass the same at 2.5 f, which leaves the band of the torque untouched, and are
-differentiated. Rows are then thinned to 12.5 f a second (25 f where gear harmonics are declared). The
+differentiated. Rows are then resampled at 12.5 f a second (25 f where gear harmonics are declared). The
 prediction, friction's jumps and all, goes through the low-pass at f too (thesis (3.2): both sides alike), so
 it is never asked for what the measured side has lost.
 
@@ -48,7 +48,7 @@ class MotionRecord:
     at_reversal.
 
     direction (N, n): of the motor's motion, -1 to 1 (chain/direction.py).
-    data: the thinned rows; runs: row indices in the order of time; bandwidth_hz: None where nothing was
+    data: the resampled rows; runs: row indices in the order of time; bandwidth_hz: None where nothing was
     filtered; step, logged_step: s between its rows and between those of the log;
     sign_width (n,) rad/s, output side: within it dry friction turns over (identify/friction_width.py).
     """
@@ -149,8 +149,8 @@ def motion_record(robot: Robot, data: Dataset, bandwidth_hz: float | None = None
         steps.append(step)
         filtered = bandwidth < _LARGEST / step
         parts.append(_Run(rows, step, filtered,
-                          rows_share * _rows_per_period(robot)).thinned(theta, rates, torque, data.time,
-                                                                        bandwidth))
+                          rows_share * _rows_per_period(robot)).resampled(theta, rates, torque, data.time,
+                                                                          bandwidth))
     filtered = all(bandwidth < _LARGEST / step for step in steps)
     if not filtered and any(bandwidth < _LARGEST / step for step in steps):
         raise InputError("runs of one motion were logged at very different rates; expected one sampling rate")
@@ -198,7 +198,7 @@ def _rows_per_period(robot: Robot) -> float:
     return _ROWS_WITH_HARMONICS if any(joint.has_harmonics for joint in robot.joints) else _ROWS_PER_PERIOD
 
 
-def unthinned_record(
+def full_record(
     robot: Robot, data: Dataset, bandwidth_hz: float = BANDWIDTH_HZ, joints: np.ndarray | None = None
 ) -> MotionRecord:
     """Every row of `data`, angles as they are and nothing measured: only their rates pass the low-pass of the
@@ -262,7 +262,7 @@ class _Run:
     filtered: bool
     rows_per_period: float
 
-    def thinned(self, theta, rates, torque, time, bandwidth):
+    def resampled(self, theta, rates, torque, time, bandwidth):
         """(kept rows, theta, theta_dot, theta_ddot, torque, keep) of the run."""
         rows, step = self.rows, self.step
         edge = int(np.ceil(_EDGE_PERIODS / (bandwidth * step) - 1e-9)) if self.filtered else 4

@@ -51,15 +51,13 @@ def motion_clear_of_reversals(robot: Robot, record: MotionRecord, data: Dataset,
     return replace(record, at_reversal=_unclear(robot, record, predict, noise))
 
 
-def track_clear_of_reversals(robot: Robot, record: MotionRecord, threads: int = 1) -> MotionRecord:
+def track_clear_of_reversals(robot: Robot, record: MotionRecord) -> MotionRecord:
     """The same of a record of all rows under a tracker."""
     if not _reverses(robot, record):
         return record
     data, empty = record.data, Layout((), ())
     noise = np.array([max(_white(column, record.runs), _LEAST_NOISE_M) for column in data.position.T])
-    predict = lambda record: predict_tracked_motion(
-        robot, empty, data, record=record, tangents=False, threads=threads
-    ).position
+    predict = lambda of: predict_tracked_motion(robot, empty, data, record=of, tangents=False).position
     return replace(record, at_reversal=_unclear(robot, record, predict, noise))
 
 

@@ -35,13 +35,13 @@ class SpringResponse:
     """The system of one motion: slopes (N, n, n) of the unbent torque by q, q_dot, q_ddot; runs of row
     indices; keep (N,): rows away from the ends of their run."""
 
-    def __init__(self, robot: Robot, by_q, by_rate, mass, runs, step: float, keep=None):
+    def __init__(self, robot: Robot, by_q, by_rate, mass, runs, step: float, keep: np.ndarray):
         self.linear = np.array([joint.spring_linear or 0.0 for joint in robot.joints])
         self.cubic = np.array([joint.spring_cubic for joint in robot.joints])
         self.robot, self.by_q, self.by_rate, self.mass = robot, by_q, by_rate, _positive(mass)
         self.runs, self.step = runs, step
         # Rows of each run from the start on in which the arm does not swing: two, or those that are not kept.
-        self.still = [max(2, int(np.argmax(keep[rows])) if keep is not None else 2) for rows in runs]
+        self.still = [max(2, int(np.argmax(keep[rows]))) for rows in runs]
         self.elastic = self.linear > 0.0
         self.tangent = np.broadcast_to(self.linear, by_q.shape[:2])
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from exactarm.chain.layout import Layout
 from exactarm.chain.motion import motion_view
-from exactarm.chain.motion_record import MotionRecord, unthinned_record
+from exactarm.chain.motion_record import MotionRecord, full_record
 from exactarm.chain.poses import PosePrediction, predict_target
 from exactarm.dataset import Dataset
 from exactarm.kinds import TRACKED_MOTION
@@ -26,9 +26,9 @@ def predict_tracked_motion(
     threads: int = 1,
     bent=None,
 ) -> PosePrediction:
-    """Prediction of every row of `data`; `record`: of the same data (`unthinned_record`), to save its
+    """Prediction of every row of `data`; `record`: of the same data (`full_record`), to save its
     preparation; bent: `MotionView.bent` of the same motion, where that is known."""
-    record = unthinned_record(robot, data) if record is None else record
+    record = full_record(robot, data) if record is None else record
     view = motion_view(robot, layout, record, tangents=tangents, threads=threads, kind=TRACKED_MOTION.name,
                        bent=bent)
     view.predict = lambda robot, layout, record, threads, bent: predict_tracked_motion(

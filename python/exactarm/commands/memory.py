@@ -28,7 +28,7 @@ LEAST_OF_A_SESSION = 50  # rows that a session keeps, however many there are of 
 
 @dataclass(frozen=True)
 class Cost:
-    """What a row costs; most: rows that are worked on, None where blocks or thinned runs bound the memory."""
+    """What a row costs; most: rows that are worked on, None where blocks or resampling bound the memory."""
 
     bytes_a_row: float
     seconds_a_row: float = 0.0

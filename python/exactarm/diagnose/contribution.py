@@ -104,7 +104,7 @@ def _contribution(fitted: Fitted, index: int, signals: dict, directions: dict,
     difference = slopes[high] - slopes[low]
     named = _own_signals(effect, signals, fitted)
     signal = max(named, key=lambda name: _follows(named[name], value) + 1e-3 * name.startswith("angle"))
-    rows = _thinned(named[signal])
+    rows = _subsampled(named[signal])
     return Contribution(
         effect, signal, _UNITS.get(signal.split()[0], ""), _follows(named[signal], value) > FOLLOWS,
         named[signal][rows], value[rows], _half(fitted, slopes[rows], covariance), value_unit, direction,
@@ -201,7 +201,7 @@ def _follows(signal: np.ndarray, value: np.ndarray) -> float:
     return 1.0 - float(np.mean(np.diff(ordered) ** 2)) / (2.0 * variance)
 
 
-def _thinned(signal: np.ndarray) -> np.ndarray:
+def _subsampled(signal: np.ndarray) -> np.ndarray:
     """Row indices of at most so many rows, evenly over the sorted signal."""
     order = np.argsort(signal, kind="stable")
     return order[:: max(1, -(-len(order) // _MOST_POINTS))]

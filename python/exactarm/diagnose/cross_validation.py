@@ -11,14 +11,14 @@ from scipy import linalg
 
 from exactarm.diagnose.problem import Fitted
 
-FOLDS = 10
+_FOLDS = 10
 
 
-def folds_of(groups: np.ndarray, seed: int, folds: int = FOLDS) -> np.ndarray:
+def folds_of(groups: np.ndarray, seed: int) -> np.ndarray:
     """(N,) fold number from 0; a group stays whole."""
     names, inverse = np.unique(groups, return_inverse=True)
     order = np.random.default_rng(seed).permutation(len(names))
-    return (order % min(folds, len(names)))[inverse]
+    return (order % min(_FOLDS, len(names)))[inverse]
 
 
 def held_out_squares(

@@ -5,7 +5,7 @@ Re-identified: the coefficients of the declared harmonics per direction, and the
 gyroscope or one offset per run and axis between two encoders. Judged: the unfiltered residual along the
 moving axis.
 
-Searched and fitted on the thinned runs (thinned_run.py); judged on all samples.
+Searched and fitted on the resampled runs (resampled_run.py); judged on all samples.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from exactarm.dataset import Dataset
 from exactarm.diagnose.coloured_noise import ColouredNoise, NoiseMemory
 from exactarm.diagnose.next_runs import separating_run
 from exactarm.diagnose.problem import Fitted, Problem, orthonormal
+from exactarm.diagnose.resampled_run import resampled_run
 from exactarm.diagnose.scan import free_mask
-from exactarm.diagnose.thinned_run import thinned_run
 from exactarm.diagnose.time_groups import stretches_of_response, time_blocks, time_groups
 from exactarm.effects.base import Effect, Station
 from exactarm.identify.declared import all_effects
@@ -70,8 +70,8 @@ class GearProblem(Problem):
         self._records = {"identification": gear_record(robot, data, accelerating=True)}
         if len(held_out):
             self._records["validation"] = gear_record(robot, held_out, accelerating=True)
-        self.thin, self.record = thinned_run(robot, data, self._records["identification"])
-        self._step = typical_step(self.thin.time[self.record.runs[0]])
+        self.resampled, self.record = resampled_run(robot, data, self._records["identification"])
+        self._step = typical_step(self.resampled.time[self.record.runs[0]])
         if self.record.encoder_axes:
             self.unit = "rad"
 
@@ -81,11 +81,11 @@ class GearProblem(Problem):
         return gear_record(self.robot, data, accelerating=True)
 
     def declared(self) -> Layout:
-        return declared_gear_layout(self.robot, self.thin, self.record)
+        return declared_gear_layout(self.robot, self.resampled, self.record)
 
     def fit(self, layout: Layout, weight: np.ndarray | None = None,
             sigma: np.ndarray | None = None) -> Fitted:
-        rows = np.ones(len(self.thin)) if weight is None else weight
+        rows = np.ones(len(self.resampled)) if weight is None else weight
         fitted, known = self._fit_with(layout, self._noise.drift, rows), self._noise
         if self.record.encoder_axes and not known.holds_for(fitted.residual):
             plain = fitted if fitted.drift is None else self._fit_with(layout, None, rows)
@@ -104,7 +104,7 @@ class GearProblem(Problem):
         counted."""
         weights = rows * np.sqrt(self._noise.share)
         found = fit_gear_runs(
-            self.robot, layout, self.thin, record=self.record, weights=weights, drift=drift,
+            self.robot, layout, self.resampled, record=self.record, weights=weights, drift=drift,
             threads=self.threads
         )
         prediction = found.prediction
@@ -214,11 +214,12 @@ class GearProblem(Problem):
         Encoders have an offset in every run, so that no run can be left out whole.
         """
         moving = zip(self.record.runs, self.record.furthest)
-        sorts = [(int(self.thin.session[rows[0]]), axis) for rows, axis in moving]
+        sorts = [(int(self.resampled.session[rows[0]]), axis) for rows, axis in moving]
         several = min(sorts.count(sort) for sort in sorts) >= _RUNS_OF_A_SORT
         if self._noise.drift is not None:
-            return time_groups(self.thin.run, _LONG_PIECES)
-        return self.thin.run if several and not self.record.encoder_axes else time_groups(self.thin.run)
+            return time_groups(self.resampled.run, _LONG_PIECES)
+        run = self.resampled.run
+        return run if several and not self.record.encoder_axes else time_groups(run)
 
     @property
     def least_share(self) -> float:
@@ -256,7 +257,7 @@ class GearProblem(Problem):
         return self._estimator.counted(fitted, left, lost, self.record.runs, self._step)
 
     def blocks(self) -> np.ndarray:
-        return time_blocks(self.thin.run)
+        return time_blocks(self.resampled.run)
 
     def unknown_moves(self, fitted: Fitted) -> dict:
         """Turns of the axes that move, as the sensor feels them."""
@@ -277,8 +278,8 @@ class GearProblem(Problem):
             signals[f"direction of axis {i + 1}"] = view.direction[:, i]
             signals[f"speed of axis {i + 1}"] = view.signals["theta_dot"][:, i] / view.robot.ratios[i]
             signals[f"load of axis {i + 1}"] = view.torque[:, i]
-        signals["time"] = self.thin.time
-        signals |= self.thin.covariates
+        signals["time"] = self.resampled.time
+        signals |= self.resampled.covariates
         return {name: values for name, values in signals.items() if np.ptp(values) > 0.0}
 
     def directions(self, fitted: Fitted) -> dict[str, np.ndarray]:

@@ -1,8 +1,8 @@
-"""Motions that part two effects: the measured motion played slower, faster, or its axes one at a time.
+"""Motions that tell two effects apart: the measured motion played slower, faster, or its axes one at a time.
 
 Each variant is predicted with both effects at their best values; the difference is freed of what all other
 free parameters could absorb over the old and the new motion together, and the variant with the most left of
-it is named.
+it is named (T-optimality: Atkinson and Fedorov 1975).
 """
 
 from __future__ import annotations

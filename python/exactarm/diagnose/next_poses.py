@@ -116,11 +116,10 @@ def next_poses(robot: Robot, fitted: Fitted, places: Sequence[Place], seed: int)
     return tuple(sorted(found, key=lambda e: (not e.parts, -e.bits_per_minute())))
 
 
-def told_by(robot: Robot, fitted: Fitted, places: Sequence[Place], q: np.ndarray, payload_kg: float = 0.0,
-            seed: int = 0) -> float:
+def told_by(robot: Robot, fitted: Fitted, places: Sequence[Place], q: np.ndarray, payload_kg: float) -> float:
     """The bits that any poses q (K, n) would tell about the causes, approached from both directions."""
     fields, rows = _seen(robot, fitted, [_State.of(fitted, place) for place in places], q, payload_kg)
-    return _simulated(fields, rows, list(range(len(q))), seed)
+    return _simulated(fields, rows, list(range(len(q))), 0)
 
 
 def _seen(robot: Robot, fitted: Fitted, states: list[_State], q: np.ndarray,

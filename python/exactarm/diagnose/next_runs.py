@@ -1,9 +1,9 @@
-"""Gear runs that part two effects: which axis, how fast, in which posture.
+"""Gear runs that tell two effects apart: which axis, how fast, in which posture.
 
 Every axis to and fro over its measured range at a quarter, a half and the whole of its highest speed, the
 other axes where they stood or a right angle further (another load), is predicted with both effects at their
 best values. The difference is freed of what the declared parameters could absorb over old and new runs
-together; the run with the most left of it is named.
+together; the run with the most left of it is named (T-optimality: Atkinson and Fedorov 1975).
 """
 
 from __future__ import annotations

@@ -15,10 +15,10 @@ import numpy as np
 
 from exactarm.chain import Layout
 from exactarm.diagnose.admissible import LEAST_PROBABILITY, is_possible, moving_axes
+from exactarm.diagnose.cluster_robust import robust_evidence
 from exactarm.diagnose.cross_validation import folds_of, held_out_squares
 from exactarm.diagnose.forms import best_form, forms_of, same_family
 from exactarm.diagnose.problem import Fitted, Problem, rows_kept
-from exactarm.diagnose.row_scatter import robust_evidence
 from exactarm.diagnose.scan import Candidate, free_mask, linear_columns, scan
 from exactarm.diagnose.worth import holds_elsewhere, is_worth
 from exactarm.effects import library

@@ -2,7 +2,7 @@
 
 Re-identified as for static poses: geometry, joint offsets, gear ratios and frames, as far as the motion shows
 them. Neighbouring samples share their noise (a swinging arm, a device that wanders): they count as fewer, and
-whole runs or long pieces of them are held out. Fitted and searched on thinned runs, judged on all samples.
+whole runs or long pieces of them are held out. Fitted and searched on subsampled runs, judged on all samples.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from exactarm.identify.tracked_fit import (
     fit_tracked,
     predict_record,
     static_rows,
-    thinned_record,
+    subsampled_record,
     tracked_frames,
     tracked_record,
 )
@@ -82,7 +82,7 @@ class TrackedProblem(Problem):
         if len(held_out):
             require_sessions(data, held_out)
             self._records["validation"] = tracked_record(held_out, robot)
-        self.record = thinned_record(self._records["identification"], robot)
+        self.record = subsampled_record(self._records["identification"], robot)
         self._estimator, self._noise = ColouredNoise(self, short=True), NoiseMemory()
 
     def _record_of(self, data: Dataset) -> MotionRecord:

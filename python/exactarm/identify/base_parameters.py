@@ -64,10 +64,10 @@ class BaseParameters:
         return 10 * len(self.names) // 11
 
 
-def base_parameters(robot: Robot, seed: int = 0) -> BaseParameters:
+def base_parameters(robot: Robot) -> BaseParameters:
     """Of a robot with its gears; masses in its tables are not used."""
     n = robot.axes
-    random = np.random.default_rng(seed)
+    random = np.random.default_rng(0)
     q = random.uniform(-np.pi, np.pi, (_STATES, n))
     q_dot, q_ddot = random.normal(0.0, 2.0, (_STATES, n)), random.normal(0.0, 8.0, (_STATES, n))
     links = _core.dynamics_regressor(robot.core, q, q_dot, q_ddot)

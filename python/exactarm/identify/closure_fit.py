@@ -127,7 +127,6 @@ def fit_closures(
     pulls: Pulls,
     *,
     keep: np.ndarray | None = None,
-    noise: Noise | None = None,
     threads: int = 1,
     tolerance: float = 1e-9,
 ) -> ClosureFit:
@@ -137,7 +136,7 @@ def fit_closures(
     lower = np.array([p.lower for p in layout.parameters])
     upper = np.array([p.upper for p in layout.parameters])
     prediction = predict_closures(robot, layout, data, threads=threads)
-    noise = noise or _first_noise(data, prediction)
+    noise = _first_noise(data, prediction)
     sigma, weight, settled, fit = noise.of(data, prediction.used), keep, False, None
     for _ in range(_ROUNDS):
         weight = keep * _tail_weights(prediction.residual / sigma, prediction.used)

@@ -46,13 +46,13 @@ def all_effects(robot: Robot, data: Dataset, layout: Layout, kind: str = POSES.n
     return apart + tuple(effect for effect in layout.effects if not effect.declared)
 
 
-def reestimated_layout(robot: Robot, data: Dataset, kind: str = POSES.name) -> Layout:
+def reestimated_layout(robot: Robot, data: Dataset) -> Layout:
     """The same effects, those free that were estimated from data before: what has an interval on record.
 
     An estimate is no declaration: held, it would keep what another cause had lent it. Orders and other
     searched parameters stay where they were found, parameters at a bound too.
     """
-    layout = carried_layout(robot, data, kind)
+    layout = carried_layout(robot, data)
     free = tuple(
         np.array([not (p.fixed or p.search) and _was_estimated(robot, e, p) for p in e.parameters()], bool)
         for e in layout.effects

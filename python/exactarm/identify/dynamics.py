@@ -145,12 +145,11 @@ def with_links(robot: Robot) -> Robot:
     return replace(robot, links=(link,) * robot.axes, generic_masses=False)
 
 
-def friction_layout(robot: Robot, record: MotionRecord, axes=None) -> Layout:
-    """Coulomb and viscous friction of the axes that move and report a torque (or of those of `axes`, from
-    0)."""
+def friction_layout(robot: Robot, record: MotionRecord) -> Layout:
+    """Coulomb and viscous friction of the axes that move and report a torque."""
     rate = np.abs(record.theta_dot / robot.controller_ratios)
     moving = np.flatnonzero(np.max(rate, axis=0) > SIGN_WIDTH_RAD_S)
-    chosen = [i for i in moving if i in record.measured_axes and (axes is None or i in axes)]
+    chosen = [i for i in moving if i in record.measured_axes]
     return Layout.of(tuple(DeclaredFriction.of(robot, i) for i in chosen))
 
 

@@ -32,7 +32,7 @@ from exactarm.identify.statistics import ErrorSummary, summarise
 from exactarm.identify.tracked_fit import (
     fit_tracked,
     predict_record,
-    thinned_record,
+    subsampled_record,
     tracked_frames,
     tracked_record,
 )
@@ -108,7 +108,7 @@ def evaluate_tracked_motion(robot: Robot, data: Dataset, seed: int = DEFAULT_SEE
     """The path of every sample, with the frames of each session fitted."""
     record = tracked_record(data, robot)
     layout = tracked_frames(robot, data, seed).joined(carried_layout(robot, data, TRACKED_MOTION.name))
-    fit = fit_tracked(robot, layout, thinned_record(record, robot), threads=threads)
+    fit = fit_tracked(robot, layout, subsampled_record(record, robot), threads=threads)
     residual = predict_record(robot, fit.layout, record, tangents=False, threads=threads).residual()
     return _of_positions(robot, data, residual, record)
 

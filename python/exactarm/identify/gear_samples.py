@@ -1,7 +1,7 @@
 """Samples of one gear: what its output did beside what its motor did, with everything else taken out.
 
 Gyroscope: the reading along the aligned axis (3.3), less what gravity bends (the chain without this gear's
-harmonics, on a thinned record: it is smooth), against the motor's rate at the ratio u0.
+harmonics, on a record of fewer samples: it is smooth), against the motor's rate at the ratio u0.
 Encoders on both sides: the output angle less offset and bending against the motor angle over u0.
 Kinematic error (E6): motor over ratio minus output. What the robot file carries (a delay, found effects of
 this and other axes) comes from the effects of the chain.
@@ -24,8 +24,8 @@ from exactarm.robot import Robot
 from exactarm.signals import typical_step
 from exactarm.station import Station
 
-_THIN_ROWS = 10000
-_THINNEST_STEP_S = 0.02
+_MOST_ROWS = 10000
+_LONGEST_STEP_S = 0.02
 
 
 @dataclass(frozen=True)
@@ -145,14 +145,14 @@ def _at_the_gear(
 
 
 def _beside(plain, data, rows, axis, setup, carried: Layout, threads: int) -> np.ndarray:
-    """(N,) what the chain puts into the output beside this gear, on thinned rows, interpolated in time."""
+    """(N,) what the chain puts into the output beside this gear, on fewer rows, interpolated in time."""
     stride, runs = 1, rows_by_number(data.run[rows])
-    if rows.size > _THIN_ROWS:
+    if rows.size > _MOST_ROWS:
         step = typical_step(data.time[rows[runs[0]]])
-        stride = max(1, min(int(np.ceil(rows.size / _THIN_ROWS)), int(_THINNEST_STEP_S / step)))
+        stride = max(1, min(int(np.ceil(rows.size / _MOST_ROWS)), int(_LONGEST_STEP_S / step)))
     picked = [of[::stride] for of in runs]  # even steps, which derivatives ask for
-    thin = rows[np.concatenate(picked)]
-    part = data.select(thin)
+    few = rows[np.concatenate(picked)]
+    part = data.select(few)
     record = gear_record(plain, part)
     layout = carried if record.encoder_axes else setup.joined(carried)
     prediction = predict_gear_run(plain, layout, part, record=record, tangents=False, threads=threads)

@@ -1,6 +1,6 @@
 """Line of sight: whether a tracker at a station sees the target of a pose.
 
-The beam must stay clear of the arm's body (identify/clearance.py has the skeleton), and must meet the
+The beam must stay clear of the arm's body (identify/self_collision.py has the skeleton), and must meet the
 reflector within its acceptance angle about the axis to which it opens. What else stands in the cell is not
 known here.
 """
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from exactarm.identify.clearance import skeleton
+from exactarm.identify.self_collision import skeleton
 
 # half-angle of a spherically mounted retroreflector of 1.5 in, as its makers state
 ACCEPTANCE_RAD = np.radians(30.0)

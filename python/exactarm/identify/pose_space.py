@@ -3,7 +3,7 @@
 Angles are those that the controller reports, q (N, n) in rad (m for a sliding axis); the box is in the
 robot's base frame, in m. A small part of each axis' range next to its limits is left free: controllers refuse
 poses that touch a limit. Hand and target keep a clearance from the base column and the upper arm
-(exactarm.identify.clearance); obstacles and cables are not known here.
+(exactarm.identify.self_collision); obstacles and cables are not known here.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ import numpy as np
 
 from exactarm import _core
 from exactarm.errors import ComputationError, InputError
-from exactarm.identify.clearance import default_clearance, is_clear
 from exactarm.identify.line_of_sight import Station
+from exactarm.identify.self_collision import default_clearance, is_clear
 from exactarm.robot import Placement, Robot
 
 _MARGIN = 0.005  # of the range, at either end

@@ -1,6 +1,6 @@
 """Fits a layout to tracked motions: weighted least squares of the target's path (x, y, z) through the chain.
 
-Runs are thinned to every k-th sample, which is enough for what moves with the arm; rates are taken before
+Of a run every k-th sample is taken, which is enough for what moves with the arm; rates are taken before
 that, from all samples. Positions only: an orientation that the device may have measured too is left aside.
 """
 
@@ -17,7 +17,7 @@ from exactarm.chain import (
     predict_tracked_motion,
     track_clear_of_reversals,
 )
-from exactarm.chain.motion_record import unthinned_record
+from exactarm.chain.motion_record import full_record
 from exactarm.dataset import Dataset
 from exactarm.errors import InputError
 from exactarm.identify.declared import carried_layout, frames_layout, require_geometry
@@ -61,14 +61,14 @@ def tracked_record(data: Dataset, robot: Robot) -> MotionRecord:
             f"{_LEAST_ROWS}",
             file=data.sources[0].path if data.sources else None,
         )
-    record = unthinned_record(robot, data)
+    record = full_record(robot, data)
     inside = record.inside.copy()
     for rows in record.runs:
         inside[rows[record.data.time[rows] - record.data.time[rows[0]] < _STILL_S]] = False
     return track_clear_of_reversals(robot, replace(record, inside=inside))
 
 
-def thinned_record(record: MotionRecord, robot: Robot) -> MotionRecord:
+def subsampled_record(record: MotionRecord, robot: Robot) -> MotionRecord:
     """Every k-th row of each run, with the rates that all rows gave."""
     shaken = (
         any(joint.spring_linear for joint in robot.joints)

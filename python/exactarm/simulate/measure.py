@@ -16,7 +16,7 @@ from exactarm import _core
 from exactarm.chain import Layout, predict_gear_run, predict_poses
 from exactarm.chain.direction import eased
 from exactarm.chain.motion import MotionView, motion_view, predict_drive
-from exactarm.chain.motion_record import MotionRecord, unthinned_record
+from exactarm.chain.motion_record import MotionRecord, full_record
 from exactarm.chain.poses import predict_target
 from exactarm.chain.propagate import pass_station
 from exactarm.chain.spring import declared_deflection
@@ -158,7 +158,7 @@ def joint_motion(
     Without it they are the motors', which a plan lets make up for gears and clearances.
     """
     layout: Layout = robot.layout
-    record = unthinned_record(robot.true, data, joints=joints)
+    record = full_record(robot.true, data, joints=joints)
     view = motion_view(robot.true, layout, record, tangents=False, kind=data.kind)
     if quasi_static or not is_elastic(view.robot):
         return view

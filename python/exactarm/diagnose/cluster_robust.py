@@ -1,13 +1,14 @@
-"""Evidence by the scatter of the rows themselves: one noise level for all of them is not believed.
+"""Evidence by a cluster-robust covariance (White 1980; Liang and Zeger 1986): rows need not share one
+noise level.
 
-What other causes have left makes some rows and some directions noisier than the mean. With columns C~ of a
-candidate, cleared of what the free parameters absorb, its coefficients b, the residual e that they leave and
-the scores s_g = C~_g' e_g of the groups g of rows (visits of one pose) that are independent of each other,
+What other causes have left makes some rows and some directions noisier than the mean. C~: columns of a
+candidate without what the free parameters absorb; b: its coefficients; e: the residual that they leave;
+s_g = C~_g' e_g: scores of the clusters g, groups of rows (visits of one pose) that are independent of each
+other.
 
-    V = (C~'C~)^{-1} (sum_g s_g s_g') (C~'C~)^{-1} G / (G - k),    W = b' V^{-1} b                 (White
-    1980)
+    V = (C~'C~)^{-1} (sum_g s_g s_g') (C~'C~)^{-1} G / (G - k),    W = b' V^{-1} b
 
-stands in for the likelihood ratio where it is the smaller one.
+The Wald statistic W takes the place of the likelihood ratio where it is the smaller one.
 """
 
 from __future__ import annotations

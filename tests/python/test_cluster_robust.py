@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from exactarm.diagnose.row_scatter import robust_evidence
+from exactarm.diagnose.cluster_robust import robust_evidence
 from exactarm.diagnose.scan import log_evidence
 
 ROWS = 300

@@ -30,8 +30,8 @@ _REACH_PERIODS = 1.0
 _FADED_PERIODS = 12.0
 
 
-def thinned_run(robot: Robot, data: Dataset, record: GearRecord) -> tuple[Dataset, GearRecord]:
-    """The thinned rows and their record; both as they are where nothing is to be gained."""
+def resampled_run(robot: Robot, data: Dataset, record: GearRecord) -> tuple[Dataset, GearRecord]:
+    """The resampled rows and their record; both as they are where nothing is to be gained."""
     step = max(typical_step(data.time[rows]) for rows in record.runs)
     cutoff = _highest_frequency(robot, record)
     every = int(1.0 / (_ROWS_PER_PERIOD * cutoff * step))
@@ -54,12 +54,12 @@ def thinned_run(robot: Robot, data: Dataset, record: GearRecord) -> tuple[Datase
     runs = tuple(np.arange(a, b) for a, b in zip(count[:-1], count[1:]))
     theta, time = theta[chosen], record.time[chosen]
     theta_dot = np.concatenate([derivative(theta[rows], time[rows]) for rows in runs])
-    thin = GearRecord(
+    resampled = GearRecord(
         theta, theta_dot, record.direction[chosen], keep[chosen], runs, time, record.cutoff_hz,
         record.encoder_axes,
         record.moving, record.furthest,
     )
-    return _with_reading(data, axes, smooth).select(chosen), thin
+    return _with_reading(data, axes, smooth).select(chosen), resampled
 
 
 def _with_reading(data: Dataset, axes: list[int], reading: np.ndarray) -> Dataset:

@@ -1,9 +1,9 @@
-"""Clearance: keeps hand and target out of the arm's own body, as far as a skeleton can tell.
+"""Self-collision margin: keeps hand and target out of the arm's own body, as far as a skeleton can tell.
 
 The body is the skeleton of the first links: the straight lines between successive frame origins from the base
 up to frame n - 4 (the base column and the upper arm of a six-axis robot). The last four frames move the hand
-itself and are left out. A pose is clear when flange and target stay at least so far away from all these
-lines.
+itself and are left out. A pose is clear when flange and target keep at least this distance (the clearance)
+from all these lines.
 """
 
 from __future__ import annotations

@@ -9,7 +9,7 @@ from exactarm.chain import gear_record
 from exactarm.dataset import Dataset
 from exactarm.diagnose.diagnosis import diagnose
 from exactarm.diagnose.gear_problem import GearProblem
-from exactarm.diagnose.thinned_run import thinned_run
+from exactarm.diagnose.resampled_run import resampled_run
 from exactarm.diagnose.verdict import NOTHING
 from exactarm.robot_file import load_robot
 from exactarm.simulate import Sensors, VirtualRobot, measure_gear_runs
@@ -38,11 +38,11 @@ def between_encoders(robot) -> Dataset:
 
 def test_link_encoders_keep_the_wave_and_lose_rows_and_noise(robot):
     data = between_encoders(robot)
-    thin, record = thinned_run(robot, data, gear_record(robot, data))
+    resampled, record = resampled_run(robot, data, gear_record(robot, data))
     assert record.encoder_axes == (0,)
-    assert len(data) / 5 < len(thin) <= len(data) / 3 + 1 and len(thin) == len(record.theta)
+    assert len(data) / 5 < len(resampled) <= len(data) / 3 + 1 and len(resampled) == len(record.theta)
     phi = record.theta[:, 0] / robot.ratios[0]
-    error = thin.joints["q"][:, 0] - phi
+    error = resampled.joints["q"][:, 0] - phi
     inside = slice(50, -50)
     wave = np.cos(PER_MOTOR_TURN * robot.ratios[0] * phi)
     columns = np.column_stack([wave, np.ones_like(wave)])[inside]
@@ -55,8 +55,8 @@ def test_link_encoders_keep_the_wave_and_lose_rows_and_noise(robot):
 def test_slow_records_stay_as_they_are(robot):
     data = between_encoders(robot).select(np.arange(0, int(SECONDS * RATE_HZ), 5))
     record = gear_record(robot, data)
-    thin, same = thinned_run(robot, data, record)
-    assert thin is data and same is record
+    resampled, same = resampled_run(robot, data, record)
+    assert resampled is data and same is record
 
 
 def test_run_that_is_cut_in_motion_goes_on_moving_at_its_ends(robot):
@@ -65,14 +65,14 @@ def test_run_that_is_cut_in_motion_goes_on_moving_at_its_ends(robot):
     q = np.where(np.arange(6) == 0, phi, np.nan)
     data = Dataset.of_arrays("gear_run", {"theta": phi * robot.ratios, "q": q}, time=time,
                              run=np.ones(time.size, int))
-    thin, record = thinned_run(robot, data, gear_record(robot, data))
+    resampled, record = resampled_run(robot, data, gear_record(robot, data))
     assert (
-        len(thin) < len(data) and 0.9 < record.keep.mean() < 1.0 and not record.keep[0]
+        len(resampled) < len(data) and 0.9 < record.keep.mean() < 1.0 and not record.keep[0]
         and not record.keep[-1]
     )
     assert np.max(np.abs(record.theta[:, 0] / robot.ratios[0] - speed * record.time)) < 1e-9
     assert np.max(np.abs(record.theta_dot[:, 0] / robot.ratios[0] - speed)) < 1e-7
-    assert np.max(np.abs(thin.joints["q"][:, 0] - speed * record.time)) < 1e-9
+    assert np.max(np.abs(resampled.joints["q"][:, 0] - speed * record.time)) < 1e-9
 
 
 def test_clean_runs_that_are_cut_in_motion_lack_nothing():
