@@ -3,8 +3,8 @@
     python bench/compensate_time.py [--count 20000] [--repeats 3] [--out FILE.json]
 
 Random joint targets of the virtual Racer with a random approach; one thread, seconds of the processor
-(median). Programs are read and written besides: `--program` times a table of as many targets from file to
-file.
+(median). Programs are read and written besides: `--program` times as many targets from file to file, as a
+table and as KRL (joint angles, and poses along a path).
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from statistics import median
 
 import numpy as np
 
+from exactarm.compensate.angles import to_zyx
 from exactarm.compensate.correction import correct
 from exactarm.compensate.formats import jobs
 from exactarm.compensate.law import NEAR_SINGULAR, CompensationModel
@@ -64,17 +65,40 @@ def law(robot: Robot, count: int, repeats: int) -> dict:
             "near_singular": float(1.0 - good.mean())}
 
 
-def program(robot: Robot, count: int) -> float:
-    """Targets a second of a CSV table from file to file, with the check of what was written."""
-    q = targets(robot, count)
+def path(robot: Robot, count: int) -> np.ndarray:
+    """Joint angles along a path: poses of a program lie close to each other."""
+    low, high = CompensationModel.of(robot).controller.limits
+    turn = np.linspace(0.0, 1e-3 * count, count)[:, None] * np.array([1.0, 1.3, 0.7, 1.9, 1.1, 0.5])
+    return 0.5 * (low + high) + 0.2 * (high - low) * np.sin(turn[:, : robot.axes] + np.arange(robot.axes))
+
+
+def table_of(robot: Robot, q: np.ndarray) -> str:
+    header = ",".join(f"q_{i + 1}_rad" for i in range(robot.axes))
+    return header + "\n" + "\n".join(",".join(map(repr, row.tolist())) for row in q) + "\n"
+
+
+def krl_of(robot: Robot, q: np.ndarray, poses: bool) -> str:
+    """PTP to joint angles; with `poses` LIN to all but the first."""
+    axes = ["PTP {" + ",".join(f"A{i + 1} {angle:.6f}" for i, angle in enumerate(row)) + "}"
+            for row in np.degrees(q)]
+    if poses:
+        at = CompensationModel.of(robot).controller.poses(q)
+        numbers = [np.append(1e3 * p, np.degrees(to_zyx(r, np.zeros(3))))
+                   for p, r in zip(at.position, at.rotation)]
+        axes[1:] = ["LIN {" + ",".join(f"{key} {value:.6f}" for key, value in zip("XYZABC", row)) + "}"
+                    for row in numbers[1:]]
+    return "\n".join(["DEF bench()", "$TOOL=$NULLFRAME", "$BASE=$NULLFRAME", *axes, "END", ""])
+
+
+def program(robot: Robot, name: str, text: str, count: int) -> float:
+    """Targets a second from file to file, with the check of what was written."""
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "targets.csv"
-        header = ",".join(f"q_{i + 1}_rad" for i in range(robot.axes))
-        path.write_text(header + "\n" + "\n".join(",".join(map(repr, row.tolist())) for row in q) + "\n")
-        (job,), setting = jobs([path]), Setting(robot)
+        file = Path(folder) / name
+        file.write_text(text)
+        (job,), setting = jobs([file]), Setting(robot)
         start = time.process_time()
         read = job.read(setting)
-        correct(read, CompensationModel.of(robot), chosen_points(read, None), None, 1,
+        correct(read, CompensationModel.of(robot), chosen_points(read, "calculated"), None, 1,
                 lambda new: job.reread(new, setting))
         return count / (time.process_time() - start)
 
@@ -92,8 +116,14 @@ def main() -> None:
               f"{row['left_over_99']:.1e} m, "
               f"{100 * row['near_singular']:.1f} % close to singular")
     if arguments.program:
-        rows["program"] = program(arms()["gears and springs"], arguments.count)
-        print(f"{'from file to file':18}  {rows['program']:8.0f} targets a second and core")
+        robot, count = arms()["gears and springs"], arguments.count
+        random, along = targets(robot, count), path(robot, count)
+        texts = {"table": ("table.csv", table_of(robot, random)),
+                 "KRL, joint angles": ("axes.src", krl_of(robot, random, poses=False)),
+                 "KRL, poses": ("poses.src", krl_of(robot, along, poses=True))}
+        rows["program"] = {kind: program(robot, name, text, count) for kind, (name, text) in texts.items()}
+        for kind, speed in rows["program"].items():
+            print(f"{kind:18}  {speed:8.0f} targets a second and core, from file to file")
     if arguments.out:
         arguments.out.write_text(json.dumps(rows, indent=1) + "\n")
 

@@ -89,14 +89,19 @@ def correct(
     rows = np.flatnonzero(used & chosen & ~np.isnan(resolved.q).any(axis=1))
     q_after = np.full_like(resolved.q, np.nan)
     sides, warnings = _sides(program, model, resolved.q, start)
-    for attempt in range(SETTLED):
-        found, left_over, amplification = _commands(program, model, resolved, rows, sides, threads)
+    timed = any(motion.time is not None for motion in program.motions)
+    found, left_over, amplification = _commands(program, model, resolved, rows, sides, threads)
+    for attempt in range(1, SETTLED + 1):
         again, warnings = _sides(program, model, _filled(resolved.q, rows, found), start)
-        if attempt == SETTLED - 1 or np.all(np.abs(again[rows] - sides[rows]) < SAME_SIDE):
+        other = np.flatnonzero(~np.all(np.abs(again[rows] - sides[rows]) < SAME_SIDE, axis=1))
+        if attempt == SETTLED or not other.size:
             break
         # an axis that hardly moves may come from one side before its correction and from the other behind it
-        timed = any(motion.time is not None for motion in program.motions)
-        sides = again if timed or attempt < SETTLED - 2 else np.where(again == sides, sides, 0.0)
+        turned = rows[other]
+        sides[turned] = again[turned] if timed or attempt < SETTLED - 1 else np.where(
+            again[turned] == sides[turned], sides[turned], 0.0)
+        found[other], left_over[other], amplification[other] = _commands(
+            program, model, resolved, turned, sides, threads)
     refusals = dict(resolved.refusals)
     refusals |= _refusals(model, resolved.q, rows, found, left_over, amplification)
     rows_good = np.array([r not in refusals for r in rows], bool)

@@ -14,6 +14,7 @@ axes.
 from __future__ import annotations
 
 import re
+from bisect import bisect_left
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,6 +32,7 @@ MM_DECIMALS, DEG_DECIMALS = 5, 7  # 1e-8 m and 2e-9 rad: below a micrometre at a
 CARTESIAN = ("X", "Y", "Z", "A", "B", "C")
 _MOTION = re.compile(r"(?im)^[ \t]*(S?PTP|S?LIN|S?CIRC|SPL)(_REL)?\b[ \t]*([^\r\n]*)")
 _BAS = re.compile(r"(?im)^[ \t]*BAS[ \t]*\([ \t]*#(TOOL|BASE|FRAMES)[ \t]*(?:,[ \t]*([^)\r\n]*))?\)")
+_REST = re.compile(r"[^\r\n]*")
 KINDS = {
     "PTP": "joint",
     "SPTP": "joint",
@@ -67,6 +69,9 @@ class _Reader(Declarations):
         self.targets: list[Target] = []
         self.motions: list[Motion] = []
         self.used: dict[tuple, int] = {}
+        self.known: dict[tuple[str, str | None], Placement | str] = {}
+        places = lambda word, text: [m.start() for m in re.finditer(rf"(?im)^[ \t]*;{word}\b", text)]
+        self.folds = [(places("FOLD", source.text), places("ENDFOLD", source.text)) for source in sources]
         if not any(source.path.suffix.lower() == ".src" for source in sources):
             raise InputError(
                 "a data list without its .src: the motions are there; give both", file=sources[0].path
@@ -87,7 +92,7 @@ class _Reader(Declarations):
                 )
             elif match.re is ASSIGNED:
                 name = match[2].upper()
-                rest = re.split(r"[\r\n]", text[match.end() :], maxsplit=1)[0].strip()
+                rest = _REST.match(text, match.end())[0].strip()
                 if name == "FDAT_ACT":
                     inline = rest.upper()
                 elif name in state:
@@ -130,17 +135,18 @@ class _Reader(Declarations):
     def insertion(self, index: int, match: re.Match, state: dict, place: int | None):
         """Points before a LIN that stands alone, outside of folds (an inline form would be written anew from
         its comment), in the $TOOL and $BASE of its point; passed with C_DIS."""
+        if match[1].upper() != "LIN" or place is None:
+            return None
         source, text = self.sources[index], self.texts[index]
-        start = max(text.rfind("\n", 0, match.start()), text.rfind("\r", 0, match.start())) + 1
+        start = source.line_start(match.start())
         newline = re.search(r"\r\n|\n|\r", source.text)
-        folds = len(re.findall(r"(?im)^[ \t]*;FOLD\b", source.text[:start])) - len(
-            re.findall(r"(?im)^[ \t]*;ENDFOLD\b", source.text[:start]))
-        earlier = text[:start].split()
-        last = text[:start].rstrip().rpartition("\n")[2].split() if earlier else []
-        if (
-            match[1].upper() != "LIN" or place is None or newline is None or folds != 0
-            or (last and last[0].upper() == "TRIGGER")
-        ):
+        opened, closed = self.folds[index]
+        if newline is None or bisect_left(opened, start) != bisect_left(closed, start):
+            return None
+        end = start
+        while end and text[end - 1].isspace():
+            end -= 1
+        if re.match(r"(?i)[ \t]*TRIGGER\b", text[source.line_start(end) : end]):
             return None
         here, target = self.frames(index, "", state, None), self.targets[place]
         if isinstance(here.tool, str) or isinstance(here.base, str) or (here.tool, here.base) != (
@@ -280,6 +286,14 @@ class _Reader(Declarations):
         return _Frames(self.frame("TOOL", state["$TOOL"]), self.frame("BASE", state["$BASE"]))
 
     def frame(self, which: str, value: str | Aggregate | None) -> Placement | str:
+        """`placed` of a name once for all motions: they compare their frames, and one object is quick."""
+        if isinstance(value, Aggregate):
+            return self.placed(which, value)
+        if (which, value) not in self.known:
+            self.known[which, value] = self.placed(which, value)
+        return self.known[which, value]
+
+    def placed(self, which: str, value: str | Aggregate | None) -> Placement | str:
         """The placement of a frame: literal, by number or by name; else why it is not known."""
         given = self.setting.tool if which == "TOOL" else self.setting.base
         if isinstance(value, Aggregate):

@@ -152,6 +152,10 @@ class SourceText:
         """Line, from 1, of a place."""
         return bisect_right(self._starts, offset)
 
+    def line_start(self, offset: int) -> int:
+        """Place where the line of a place begins."""
+        return self._starts[self.line(offset) - 1]
+
     def refuse(self, offset: int, message: str) -> InputError:
         return InputError(message, file=self.path, line=self.line(offset))
 

@@ -12,6 +12,7 @@ place of `q_i` or behind the rest.
 from __future__ import annotations
 
 import io
+from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 
@@ -55,24 +56,17 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
         data.joints.get("approach"),
         data.time is not None and bool(np.all(np.diff(data.time) > 0.0)),
     )
-    for i, row in enumerate(data.row):
-        place = {"name": f"row {row}", "file": 0, "line": int(row) + 1, "encode": lambda *_: []}
+    lines = (data.row + 1).tolist()
+    for i, line in enumerate(lines):
+        name = f"row {line - 1}"
         if poses is None:
-            targets.append(Target(**place, joints=q[i]))
+            targets.append(Target(name, 0, line, _nothing, q[i]))
         else:
-            targets.append(
-                Target(**place, pose=poses[i], tool=tool, base=base, near=None if q is None else q[i])
-            )
+            near = None if q is None else q[i]
+            targets.append(Target(name, 0, line, _nothing, pose=poses[i], tool=tool, base=base, near=near))
         side = None if approach is None else tuple(np.nan_to_num(approach[i]))
-        motions.append(
-            Motion(
-                "joint",
-                i,
-                int(row) + 1,
-                time=float(data.time[i]) if timed and side is None else None,
-                approach=side,
-            )
-        )
+        time = float(data.time[i]) if timed and side is None else None
+        motions.append(Motion("joint", i, line, time=time, approach=side))
     finish = partial(_finish, source, setting.robot)
     return Program(NAME, sources, tuple(targets), tuple(motions), calculated=True, finish=finish)
 
@@ -83,10 +77,13 @@ def read_commands(sources: tuple[SourceText, ...], setting: Setting) -> Program:
     table = _parquet(source) if _is_parquet(source) else _csv(source)
     q = np.column_stack([table.column(_name(setting.robot, i)).to_numpy() for i in range(setting.robot.axes)])
     q = setting.robot.controller.joints(q)
-    targets = tuple(
-        Target(f"row {i}", 0, i + 1, lambda *_: [], joints=row) for i, row in enumerate(q, start=1)
-    )
+    targets = tuple(Target(f"row {i}", 0, i + 1, _nothing, row) for i, row in enumerate(q, start=1))
     return Program(NAME, sources, targets, ())
+
+
+def _nothing(*_) -> list:
+    """The edits of one target: `_finish` writes the table as a whole."""
+    return []
 
 
 def _joint_angles(data: Dataset, source: SourceText) -> np.ndarray | None:
@@ -175,28 +172,33 @@ def _write_csv(source: SourceText, robot: Robot, commands: np.ndarray) -> bytes:
         raise InputError("a cell in quotes; expected numbers without them", file=source.path)
     lines, dialect = source.content.splitlines(keepends=True), _dialect(source)
     comma = dialect.delimiter.encode()
-    number = lambda value: repr(float(value)).replace(".", dialect.decimal).encode()
-    out, row, owners = [], -1, None
+    numbers = _cells(commands, dialect.decimal)
+    out, owned = [], None  # owned: (place in the line, axis) of each column that is written anew
     for line in lines:
         body = line.rstrip(b"\r\n")
-        if owners is not None and not body.strip():
+        if owned is not None and not body.strip():
             out.append(line)
             continue
         cells = body.split(comma)
-        if owners is None:
+        if owned is None:
             bom = b"\xef\xbb\xbf" if body.startswith(b"\xef\xbb\xbf") else b""
             owners = [_owner(cell.removeprefix(bom).decode(), robot.axes) for cell in cells]
+            owned = [(place, owner) for place, owner in enumerate(owners) if owner is not None]
             new = [_name(robot, i).encode() for i in range(robot.axes)]
             new[0] = (bom if owners[0] == 0 else b"") + new[0]
         else:
-            row += 1
-            new = [b"" if np.isnan(value) else number(value) for value in commands[row]]
-        if any(owner is not None for owner in owners):
-            cells = [cell if owner is None else new[owner] for cell, owner in zip(cells, owners)]
-        else:
-            cells = [*cells, *new]
-        out.append(comma.join(cells) + line[len(body) :])
+            new = next(numbers)
+        for place, owner in owned:
+            cells[place] = new[owner]
+        out.append(comma.join(cells if owned else [*cells, *new]) + line[len(body) :])
     return b"".join(out)
+
+
+def _cells(commands: np.ndarray, decimal: str) -> Iterator[list[bytes]]:
+    """The cells of each row of joint angles (N, n), empty where there is none."""
+    for row in commands.tolist():
+        text = " ".join(map(repr, row)).replace("nan", "").replace(".", decimal)
+        yield text.encode().split(b" ")
 
 
 def _parquet(source: SourceText) -> pa.Table:
