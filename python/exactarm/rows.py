@@ -53,6 +53,7 @@ class Rows:
     fixture         what is known of the contacts
     covariates      name as in the header -> (N,)
     unweighed       sessions whose payload is not known: zero in `payload`, to be estimated
+    notes           what reading decided that a user should know, a sentence each
     way (N, n)      -1, 0, +1: how each angle would last have moved had every pose been reached straight from
                     the row before; 0 in the first row of a set-up
     file_index, row (N,) where each row came from: index into `sources`, row from 1
@@ -81,6 +82,7 @@ class Rows:
     sources: tuple[Source, ...] = ()
     unweighed: tuple[int, ...] = ()
     way: np.ndarray | None = None
+    notes: tuple[str, ...] = ()
 
     @classmethod
     def of_arrays(cls, kind: str, joints: Mapping[str, np.ndarray], **arrays: Any) -> Self:

@@ -14,10 +14,11 @@ from exactarm.robot import Robot
 
 @contextmanager
 def suspicions(robot: Robot, data: Dataset) -> Iterator[tuple[str, ...]]:
-    """The warnings of `first_aid`; the likeliest also stands in the line of what the block refuses."""
+    """The warnings of `first_aid` and what reading decided; the likeliest mistake also stands in the line of
+    what the block refuses."""
     found = first_aid(robot, data)
     try:
-        yield found
+        yield (*found, *data.notes)
     except (InputError, ComputationError) as error:
         if not found or "do not match" in str(error):  # that refusal has looked by itself
             raise

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from exactarm.chain import GearRecord, Layout, gear_record, predict_gear_run
+from exactarm.chain import GearRecord, GearRunPrediction, Layout, gear_record, predict_gear_run
 from exactarm.dataset import Dataset
 from exactarm.diagnose.coloured_noise import ColouredNoise, NoiseMemory
 from exactarm.diagnose.next_runs import separating_run
@@ -164,10 +164,8 @@ class GearProblem(Problem):
         """(K,) measured minus predicted along the moving axis, sample by sample; NaN where no model is
         defined."""
         record = self._record_of(data)
-        layout = fitted.layout.joined(self._new_set_up(fitted.layout, data, record))
-        prediction = predict_gear_run(
-            self.robot, layout, data, record=record, tangents=False, threads=self.threads
-        )
+        new = self._new_set_up(fitted.layout, data, record)
+        prediction = self._predicted(fitted.layout, new, data, record)
         residual = prediction.residual()
         if prediction.along is not None:
             return np.where(record.keep, np.einsum("ij,ij->i", residual, prediction.along), np.nan)
@@ -177,6 +175,15 @@ class GearProblem(Problem):
             if data.run[rows[0]] not in known:
                 residual[rows] -= residual[rows[record.keep[rows]]].mean(axis=0)
         return np.where(record.keep[:, None], residual, np.nan).ravel()
+
+    def _predicted(self, layout: Layout, new: Layout, data: Dataset, record: GearRecord) -> GearRunPrediction:
+        """The layout as it is, behind set-ups that it has not seen: their alignments are fitted beside what
+        it says of the sensor, a bias above all; offsets stay as they were found."""
+        if not new.effects or record.encoder_axes:
+            return predict_gear_run(self.robot, new.held.joined(layout), data, record=record, tangents=False,
+                                    threads=self.threads)
+        return fit_gear_runs(self.robot, new.joined(layout.held), data, record=record,
+                             threads=self.threads).prediction
 
     def axes(self, before: Fitted, after: Fitted) -> list:
         data = self.held_out if len(self.held_out) else self.data
@@ -200,7 +207,7 @@ class GearProblem(Problem):
                  for name in map(effect.parameter_label, effect.parameters())}
         new = [e for e in sensor_layout(self.robot, data, record).effects
                if not known & set(map(e.parameter_label, e.parameters()))]
-        return Layout.of(tuple(new), estimate=False)
+        return Layout.of(tuple(new))
 
     def left_out(self) -> tuple[str, ...]:
         out, rows = (sum(int(np.sum(part)) for part in parts) for parts in

@@ -11,6 +11,10 @@ import numpy as np
 from exactarm.effects.base import Change, Effect, Parameter, Station
 from exactarm.kinds import GEAR_RUN
 
+# A prior: a small sensor's bias before calibration stays below 1 deg/s. Runs at one speed each do not part it
+# from the alignment, and a bias a hundred times as large would fit them as well.
+_LIKELY_RAD_S = 0.01
+
 
 @dataclass(frozen=True)
 class GyroBias(Effect):
@@ -24,7 +28,8 @@ class GyroBias(Effect):
     source: ClassVar[str] = "IEEE Std 1431: bias"
 
     def parameters(self) -> tuple[Parameter, ...]:
-        return tuple(Parameter(name, 2e-3, -1.0, 1.0) for name in ("x_rad_s", "y_rad_s", "z_rad_s"))
+        names = ("x_rad_s", "y_rad_s", "z_rad_s")
+        return tuple(Parameter(name, 2e-3, -1.0, 1.0, prior=_LIKELY_RAD_S) for name in names)
 
     def change(self, view) -> Change:
         value = np.broadcast_to(np.array(self.values), (view.rows, 3)).copy()

@@ -12,6 +12,7 @@ from exactarm.errors import InputError
 from exactarm.kinds.base import Kind, file_of
 from exactarm.kinds.closures import CLOSURES
 from exactarm.kinds.gear_run import GEAR_RUN
+from exactarm.kinds.gear_set_ups import words_of_set_ups
 from exactarm.kinds.motion import MOTION
 from exactarm.kinds.poses import POSES
 from exactarm.kinds.tracked_motion import TRACKED_MOTION
@@ -35,13 +36,16 @@ def kind_of(name: str) -> Kind:
 
 
 def data_kinds(data: Rows, robot: Robot, name: str | None = None) -> dict[str, Any]:
-    """`{"kind": ..., "kinds": ...}` of a data set; raises InputError where the columns do not admit one."""
+    """`kind`, `kinds`, `session` and `notes` of a data set; raises InputError where the columns do not admit
+    one."""
     if name is not None and name not in _BY_NAME:
         raise InputError(f"unknown kind of data {name!r}; expected one of {', '.join(KIND_NAMES)}")
     kinds = (_BY_NAME[name],) if name is not None else _from_columns(data)
     for kind in kinds:
         kind.check(data, robot)
-    return {"kind": kinds[0].name, "kinds": tuple(kind.name for kind in kinds)}
+    session = kinds[0].set_ups(data, robot)
+    return {"kind": kinds[0].name, "kinds": tuple(kind.name for kind in kinds), "session": session,
+            "notes": words_of_set_ups(data.session, session, data.run)}
 
 
 def _from_columns(data: Rows) -> tuple[Kind, ...]:

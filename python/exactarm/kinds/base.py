@@ -4,6 +4,7 @@
     check         what it needs; raises InputError
     alike         runs that are repetitions of one another: the groups that are split between identification
                   and validation
+    set_ups       which rows share the frames of a set-up
 
 A time series: `time` rises in nearly equal steps within each run. Poses measured one after the other may
 carry a time as well, so beside x, y, z steps count as a time series only up to a second and without columns
@@ -48,6 +49,10 @@ class Kind:
     def alike(self, data: Rows) -> list[np.ndarray]:
         """Numbers of the runs, grouped by what they repeat."""
         return [np.unique(data.run)]
+
+    def set_ups(self, data: Rows, robot: Robot) -> np.ndarray:
+        """(N,) the session of each row, where the columns tell more set-ups apart than the file counts."""
+        return data.session
 
 
 def has(values: np.ndarray | None) -> np.ndarray | bool:

@@ -7,6 +7,7 @@ import numpy as np
 
 from exactarm.errors import InputError
 from exactarm.kinds.base import STANDS_STILL, Kind, check_time, file_of, has
+from exactarm.kinds.gear_set_ups import set_ups_of_gyroscope
 from exactarm.robot import Robot
 from exactarm.rows import Rows
 
@@ -37,6 +38,9 @@ class _GearRun(Kind):
                 raise InputError(f"robot {robot.name} declares no gear ratio for axis {index + 1}; expected "
                                  "one for a gear run", file=file_of(data), column=f"theta_{index + 1}")
         check_time(data)
+
+    def set_ups(self, data: Rows, robot: Robot) -> np.ndarray:
+        return data.session if data.gyro is None else set_ups_of_gyroscope(data, robot)
 
     def alike(self, data: Rows) -> list[np.ndarray]:
         """By which axes move and which way."""
