@@ -81,17 +81,18 @@ def read_dataset(
 
 
 def read_planned_poses(paths: str | Path | Sequence[str | Path], robot: Robot) -> Dataset:
-    """Poses that need not have been measured: a design, a list of commands. As `read_dataset`, without x, y,
-    z."""
+    """Poses that need not have been measured: a design, commands. As `read_dataset`, without x, y, z."""
     dataset = read_targets(paths, robot)
     check_joints(dataset, robot)
     return dataset
 
 
-def read_targets(paths: str | Path | Sequence[str | Path], robot: Robot) -> Dataset:
-    """Poses that are to be reached: joint angles, or x, y, z, or both."""
+def read_targets(
+    paths: str | Path | Sequence[str | Path], robot: Robot, columns: Mapping[str, str] | None = None
+) -> Dataset:
+    """Poses that are to be reached: joint angles, or x, y, z, or both. columns: as in `read_dataset`."""
     paths = [paths] if isinstance(paths, (str, Path)) else list(paths)
-    files = [_read_file(str(path), robot) for path in paths]
+    files = [_read_file(str(path), robot, columns) for path in paths]
     _check_files(files)
     return replace(_join(files, robot), kind=POSES.name, kinds=(POSES.name,))
 

@@ -198,6 +198,41 @@ def test_a_table_keeps_its_delimiter_and_its_decimal_mark(tmp_path, delimiter, d
     assert written["theirs.csv"] != "\n".join(theirs) + "\n"
 
 
+@pytest.mark.parametrize("suffix", ["csv", "parquet"])
+def test_columns_by_other_names_are_corrected_like_ours(tmp_path, suffix):
+    import pandas
+
+    cell = Cell(identified())
+    q = reachable(cell.robot, 5)
+    tables = {name: pandas.DataFrame(np.degrees(q), columns=[letters.format(i) for i in range(1, 7)])
+              for name, letters in (("ours", "q_{}_deg"), ("theirs", "J{}"))}
+    files = {}
+    for name, table in tables.items():
+        path = tmp_path / f"{name}.{suffix}"
+        table.to_csv(path, index=False) if suffix == "csv" else table.to_parquet(path)
+        files[name] = path.read_bytes()
+    options = [word for i in range(1, 7) for word in ("--map", f"J{i}=q_{i}_deg")]
+    (tmp_path / "a").mkdir()
+    (tmp_path / "b").mkdir()
+    _, ours, _ = compensate(tmp_path / "a", cell.robot, {f"t.{suffix}": files["ours"]})
+    code, theirs, _ = compensate(tmp_path / "b", cell.robot, {f"t.{suffix}": files["theirs"]}, *options)
+    read = pandas.read_csv if suffix == "csv" else pandas.read_parquet
+    both = [read(tmp_path / f"{folder}/out/t.{suffix}") for folder in "ab"]
+    assert code == 0 and both[0].equals(both[1]) and list(both[1]) == [f"q_{i}_rad" for i in range(1, 7)]
+    assert 1e-5 < np.abs(both[1].to_numpy() - q).max() < 0.1
+    assert suffix == "parquet" or ours == theirs  # the one of pandas remembers its own names
+
+
+def test_a_map_that_fits_no_table_is_refused(tmp_path, capsys):
+    cell = Cell(identified())
+    q = reachable(cell.robot, 2)
+    header = ",".join(f"q_{i}_rad" for i in range(1, 7))
+    table = {"t.csv": (header + "\n" + ",".join(map(str, q[0])) + "\n").encode()}
+    assert "--map names a column that is not there" in refused(tmp_path, capsys, table, "--map", "J1=q_1_deg")
+    assert "expected a table" in refused(tmp_path, capsys, cells.krl(cell, q), "--map", "J1=q_1_deg",
+                                         "--points", "calculated")
+
+
 def test_a_point_of_a_program_that_may_be_taught_is_not_touched_without_a_word(tmp_path, capsys):
     cell = Cell(identified())
     files = cells.krl(cell, reachable(cell.robot, 3))

@@ -10,12 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from exactarm.commands.arguments import add_files, add_robot
+from exactarm.commands.arguments import add_files, add_map, add_robot
 from exactarm.commands.call import AnyRobot, arguments_of, asked, robot_of, threads_of
 from exactarm.commands.compensate_report import compensation_table, report_of, summary_of
 from exactarm.commands.model_trust import trust_json
 from exactarm.commands.publish import sources
 from exactarm.commands.result import CommandResult
+from exactarm.compensate import target_table
 from exactarm.compensate.correction import correct
 from exactarm.compensate.formats import Job, jobs
 from exactarm.compensate.frames import cell_frames, with_nominal
@@ -35,6 +36,7 @@ RESULTS = ("compensation.csv",)
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_robot(parser)
+    add_map(parser, "columns")  # of tables; a program among the files has none
     add_files(
         parser,
         text="programs (.src with .dat, .mod, .ls, .script, .jbi, .yaml) or tables of targets (.csv, "
@@ -138,6 +140,8 @@ def run(arguments: argparse.Namespace) -> CommandResult:
     _check(robot, arguments)
     work = jobs(arguments.files)
     setting = _setting(robot, arguments)
+    if setting.columns and not any(job.dialect is target_table for job in work):
+        raise InputError("--map names columns of tables; expected a table (.csv, .parquet) among the files")
     for job in work:
         _require_frames(job, setting)
     frames = cell_frames(robot, arguments.frames, _tip(work[0], setting), arguments.threads)
@@ -237,6 +241,7 @@ def _setting(robot: Robot, arguments: argparse.Namespace) -> Setting:
         start,
         load,
         arguments.frame == "device",
+        dict(arguments.columns),
     )
 
 

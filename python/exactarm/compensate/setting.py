@@ -3,7 +3,7 @@ points are calculated."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 
@@ -19,7 +19,7 @@ class Setting:
     """robot: the identified one. tools, bases: name or number -> the numbers as its controller shows them; ""
     stands for any that is not named. start: joint angles (n,) rad before the first motion. load: kg and
     centre (3,) m of the tool. device: tables of poses are in the measuring device's frame, of the target that
-    it measures."""
+    it measures. columns: names in tables -> ours."""
 
     robot: Robot
     tools: dict[str, tuple[float, ...]] = field(default_factory=dict)
@@ -27,6 +27,7 @@ class Setting:
     start: np.ndarray | None = None
     load: tuple[float, tuple[float, float, float]] | None = None
     device: bool = False
+    columns: Mapping[str, str] = field(default_factory=dict)
 
     def tool(self, name: str) -> tuple[float, ...] | None:
         return _named(self.tools, name)

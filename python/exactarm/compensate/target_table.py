@@ -45,7 +45,7 @@ def load(path: str | Path) -> SourceText:
 
 def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
     (source,) = sources
-    data = read_targets(source.path, setting.robot)
+    data = read_targets(source.path, setting.robot, setting.columns)
     if data.position is None and "q" not in data.joints:
         raise InputError("no targets: expected columns q_i, or x, y, z with qw, qx, qy, qz", file=source.path)
     q = _joint_angles(data, source)
@@ -67,7 +67,7 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
         side = None if approach is None else tuple(np.nan_to_num(approach[i]))
         time = float(data.time[i]) if timed and side is None else None
         motions.append(Motion("joint", i, line, time=time, approach=side))
-    finish = partial(_finish, source, setting.robot)
+    finish = partial(_finish, source, setting)
     return Program(NAME, sources, tuple(targets), tuple(motions), calculated=True, finish=finish)
 
 
@@ -130,9 +130,9 @@ def placement(numbers) -> Placement:
 
 
 # -- out ---------------------------------------------------------------------------------------------
-def _finish(source: SourceText, robot: Robot, contents: list[bytes], commands: np.ndarray) -> list[bytes]:
+def _finish(source: SourceText, setting: Setting, contents: list[bytes], commands: np.ndarray) -> list[bytes]:
     write = _write_parquet if _is_parquet(source) else _write_csv
-    return [write(source, robot, robot.controller.reported(commands))]
+    return [write(source, setting, setting.reported(commands))]
 
 
 def _is_parquet(source: SourceText) -> bool:
@@ -143,14 +143,20 @@ def _name(robot: Robot, index: int) -> str:
     return f"q_{index + 1}_{'m' if robot.joints[index].type == 'prismatic' else 'rad'}"
 
 
-def _owner(name: str, axes: int) -> int | None:
-    """The axis (from 0) whose angle a column holds."""
-    parts = name.strip().split("_")
-    return (
-        int(parts[1]) - 1
-        if len(parts) == 3 and parts[0] == "q" and parts[1].isdigit() and int(parts[1]) <= axes
-        else None
-    )
+def _owners(names: list[str], setting: Setting, source: SourceText) -> list[int | None]:
+    """The axis (from 0) whose angle each column holds, None: none."""
+    robot, owners = setting.robot, []
+    new = {_name(robot, i) for i in range(robot.axes)}
+    for name in map(str.strip, names):
+        parts = setting.columns.get(name, name).split("_")
+        mine = len(parts) == 3 and parts[0] == "q" and parts[1].isdigit() and int(parts[1]) <= robot.axes
+        if not mine and name in new:
+            raise InputError(
+                "is the name of a column of the result, and --map gives it another one; expected it as it is",
+                file=source.path, column=name,
+            )
+        owners.append(int(parts[1]) - 1 if mine else None)
+    return owners
 
 
 def _dialect(source: SourceText) -> Dialect:
@@ -167,9 +173,10 @@ def _csv(source: SourceText) -> pa.Table:
     )
 
 
-def _write_csv(source: SourceText, robot: Robot, commands: np.ndarray) -> bytes:
+def _write_csv(source: SourceText, setting: Setting, commands: np.ndarray) -> bytes:
     if b'"' in source.content:
         raise InputError("a cell in quotes; expected numbers without them", file=source.path)
+    robot = setting.robot
     lines, dialect = source.content.splitlines(keepends=True), _dialect(source)
     comma = dialect.delimiter.encode()
     numbers = _cells(commands, dialect.decimal)
@@ -182,7 +189,7 @@ def _write_csv(source: SourceText, robot: Robot, commands: np.ndarray) -> bytes:
         cells = body.split(comma)
         if owned is None:
             bom = b"\xef\xbb\xbf" if body.startswith(b"\xef\xbb\xbf") else b""
-            owners = [_owner(cell.removeprefix(bom).decode(), robot.axes) for cell in cells]
+            owners = _owners([cell.removeprefix(bom).decode() for cell in cells], setting, source)
             owned = [(place, owner) for place, owner in enumerate(owners) if owner is not None]
             new = [_name(robot, i).encode() for i in range(robot.axes)]
             new[0] = (bom if owners[0] == 0 else b"") + new[0]
@@ -205,10 +212,9 @@ def _parquet(source: SourceText) -> pa.Table:
     return pa.parquet.read_table(pa.BufferReader(source.content))
 
 
-def _write_parquet(source: SourceText, robot: Robot, commands: np.ndarray) -> bytes:
-    table = _parquet(source)
-    for index, name in enumerate(table.column_names):
-        owner = _owner(name, robot.axes)
+def _write_parquet(source: SourceText, setting: Setting, commands: np.ndarray) -> bytes:
+    table, robot = _parquet(source), setting.robot
+    for index, owner in enumerate(_owners(table.column_names, setting, source)):
         if owner is not None:
             table = table.set_column(index, _name(robot, owner), pa.array(commands[:, owner]))
     for owner in range(robot.axes):
