@@ -24,8 +24,7 @@ def extrapolations(robot: Robot, q: np.ndarray, what: str = "rows") -> tuple[str
             low, high = np.rad2deg(effect.angles_measured) + np.rad2deg(robot.offsets[effect.index])
             told.append(
                 f"the curve of {effect.name} of axis {effect.joint} was measured from {low:.0f} to "
-                f"{high:.0f} deg; "
-                f"{np.sum(~inside):,} of {len(q):,} {what} lie beyond, where it keeps its end value, "
-                "or in a gap"
+                f"{high:.0f} deg; {np.sum(~inside):,} of {len(q):,} {what} lie beyond, where it keeps its "
+                "end value, or in a gap"
             )
     return tuple(told)

@@ -61,8 +61,7 @@ class MotionView(View):
 
     def responses(self, effects: list[Effect]) -> list[np.ndarray]:
         """The same of several effects of zero size, by what is neither fixed nor searched (the rest is zero):
-        one run
-        through the arm serves all of them."""
+        one run through the arm serves all of them."""
         free = [np.array([not p.fixed and not p.search for p in effect.parameters()], bool)
                 for effect in effects]
         return self._responses(effects, free, self.bent)

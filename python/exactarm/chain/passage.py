@@ -68,8 +68,7 @@ def reversals_left_out(records: Iterable[MotionRecord]) -> tuple[str, ...]:
     if not out:
         return ()
     return (f"{out} of {rows} rows at reversals were left out: how a gear passes there from one direction's "
-            "table to the "
-            "other's is not known",)
+            "table to the other's is not known",)
 
 
 def _reverses(robot: Robot, record: MotionRecord) -> bool:

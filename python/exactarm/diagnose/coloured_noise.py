@@ -4,9 +4,8 @@ Samples of a filtered or drifting signal count as fewer: 1 / (1 + 2 sum rho) eac
 the noise (Bartlett's taper). Noise is what the surest candidates of the library cannot explain: the residual
 itself still has the causes in it that are searched for, and they would pass for correlation. Many fitted
 columns take the slow part of the noise with them, and the sum over long lags then says that there is none:
-where a record is short for its noise
-(`short`), an autoregression over the first few lags (Yule and Walker), which are hardly touched by that, has
-a say too, and the smaller share counts. Where the noise drifts
+where a record is short for its noise (`short`), an autoregression over the first few lags (Yule and Walker),
+which are hardly touched by that, has a say too, and the smaller share counts. Where the noise drifts
 (`drifts`), the drift is filtered out first (identify/drifting_noise.py), and the rest is counted.
 """
 

@@ -4,9 +4,8 @@
    grouped by it.
 2. The formulas of the dictionary in the signals of the strongest axis are compared by the evidence of the
    linear picture (evidence.py), grids of their non-linear parameters summed over. A further term is added
-   while it is
-   `_LEAST_NATS` more likely.
-   A series takes part, and wins where no short formula fits nearly as well (`_SERIES_COSTS`).
+   while it is `_LEAST_NATS` more likely. A series takes part, and wins where no short formula fits nearly as
+   well (`_SERIES_COSTS`).
 3. The winner has to lower the cross-validated square sum over whole poses; then everything is fitted together
    through the chain.
 

@@ -75,15 +75,13 @@ def sentence_of(experiments: Sequence[Experiment]) -> str:
     told = f"{best.bits:.2f} of {best.open_bits:.2f} bits"
     if not best.parts:
         return (f"No poses inside the limits tell whether it is {best.between} ({len(best.q)} poses from "
-                "both directions, with and "
-                f"without {PAYLOAD_KG:g} kg: {told} at most): measure at another temperature or speed, or "
-                "the gear of the axis alone.")
+                f"both directions, with and without {PAYLOAD_KG:g} kg: {told} at most): measure at another "
+                "temperature or speed, or the gear of the axis alone.")
     load = f" with {best.payload_kg:g} kg at the flange" if best.payload_kg else ""
     return (
         f"Measure {_named(best.q)}{load}, approached from both directions: in some {best.minutes():.0f} "
-        "minutes this "
-        f"tells {told} about whether it is {best.between}. `exactarm design --for result.json` writes these "
-        "poses."
+        f"minutes this tells {told} about whether it is {best.between}. `exactarm design --for result.json` "
+        "writes these poses."
     )
 
 

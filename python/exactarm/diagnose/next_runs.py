@@ -44,11 +44,9 @@ def separating_run(robot: Robot, fitted: Fitted, record: GearRecord, one: Effect
     runs = max(1, int(np.ceil((_CERTAIN / max(ratio, 1e-9)) ** 2 / best_rows)))
     if runs > 20:
         return (f"No run of one axis inside the limits parts {names} (at most {best_apart:.2g} {unit} beside "
-                "a scatter of "
-                f"{noise:.2g}): repeat the runs with another known payload.")
+                f"a scatter of {noise:.2g}): repeat the runs with another known payload.")
     return (f"Move {best}, {runs} run{'s' if runs > 1 else ''}: there {names} differ by {best_apart:.2g} "
-            f"{unit} RMS beside a "
-            f"scatter of {noise:.2g}.")
+            f"{unit} RMS beside a scatter of {noise:.2g}.")
 
 
 def _planned(robot: Robot, fitted: Fitted, record: GearRecord, axis: int, share: float, turn: float):

@@ -136,8 +136,7 @@ def sentence_of(verdict, findings, alternatives, before, after, left: Dossier, e
         )
     if left.structure:
         return (f"No effect of the library earns its place: the residual follows the {left.strongest.signal} "
-                "beyond chance, "
-                f"but this is {100 * left.strongest.share:.0f} % of its square sum.")
+                f"beyond chance, but this is {100 * left.strongest.share:.0f} % of its square sum.")
     return "Nothing is missing: the residual of the declared model cannot be told from noise."
 
 
@@ -150,5 +149,4 @@ def spoken_against(count: int) -> str:
 def no_verdict(unconverged: tuple[str, ...]) -> str:
     """The sentence where a fit that the verdict would rest on has not arrived."""
     return (f"No verdict can rest on this: {unconverged[0]}. Check the data for gross errors, and the poses "
-            "for what they "
-            "can tell (exactarm identifiable).")
+            "for what they can tell (exactarm identifiable).")

@@ -268,8 +268,7 @@ def _warnings(fit: PoseFit, data: Dataset, found: list):
         if frames.other_tool is not None:
             point = ", ".join(f"{1e3 * value:.0f}" for value in frames.other_tool)
             yield (f"session {session}: another minimum is as good, with the target at ({point}) mm on the "
-                   "flange: "
-                   "measure poses that differ more in orientation")
+                   "flange: measure poses that differ more in orientation")
         if not 0.9 < frames.scale < 1.1:
             yield (
                 f"session {session}: measured points spread {frames.scale:.3g} times as far as the model says"

@@ -111,9 +111,8 @@ def _given(robot: Robot, space: PoseSpace, options: ClosureDesignOptions,
         place = _place(robot, space, np.asarray(centre, float), options.apart, random)
         if place is None:
             raise InputError(f"--at, place {number}: fewer than {_LEAST_POSES} of {_STARTS} random poses "
-                             "reach either seat at "
-                             f"({', '.join(f'{x:g}' for x in centre)}) m; expected a place well inside the "
-                             "reach")
+                             f"reach either seat at ({', '.join(f'{x:g}' for x in centre)}) m; expected a "
+                             "place well inside the reach")
         places.append(place)
     return places
 

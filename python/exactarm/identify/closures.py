@@ -181,10 +181,8 @@ def nominal_closures(
     if best[0] > WORST_SHARE * reach(robot):
         raise InputError(
             f"robot and data do not match: with the best tool and contacts {robot.name} misses the contacts "
-            f"by {best[0]:.3g} m "
-            f"(median), expected less than {WORST_SHARE * reach(robot):.2g} m: is it another robot, are axes "
-            "exchanged or "
-            "are angles in another unit?", file=data.first_file,
+            f"by {best[0]:.3g} m (median), expected less than {WORST_SHARE * reach(robot):.2g} m: is it "
+            "another robot, are axes exchanged or are angles in another unit?", file=data.first_file,
         )
     return best[1]
 

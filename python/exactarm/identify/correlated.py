@@ -6,8 +6,7 @@ With residuals e_a(t) of axis a, weights 1 / sigma_a^2 and autocorrelation rho_a
 
 R_a the Toeplitz matrix of rho_a under Bartlett's taper (Newey and West 1987, with the noise stationary). The
 effective number of samples of axis a is N / (1 + 2 sum rho_a), at most what the filter leaves of white noise:
-a fit
-takes the slow part out of the residuals that it is judged by.
+a fit takes the slow part out of the residuals that it is judged by.
 """
 
 from __future__ import annotations

@@ -68,8 +68,7 @@ class DroppedParameter:
 @dataclass(frozen=True)
 class DynamicsIdentification:
     """records and residuals (N', m) Nm before and after, by "identification" and "validation"; unconstrained:
-    those
-    after, had the links not to be bodies (the same where no inertia was estimated)."""
+    those after, had the links not to be bodies (the same where no inertia was estimated)."""
 
     robot: Robot
     fit: MotionFit

@@ -3,9 +3,8 @@
 Experiment c has the block B_c (r, m) of the Jacobian; a set S has the information M = sum_{c in S} B_c' B_c.
 One step (extended DETMAX: Mitchell 1974; thesis 3.2.2): of randomly drawn candidates those that raise the
 criterion `keep` are admitted, the one of them that raises the criterion `add` most is added, and the member
-that
-`keep` misses least is removed. A tabu list (Daney, Papegay and Madeline 2005) bars what was just removed from
-coming back and what was just added from leaving, so the search may pass through worse sets; the best is
+that `keep` misses least is removed. A tabu list (Daney, Papegay and Madeline 2005) bars what was just removed
+from coming back and what was just added from leaving, so the search may pass through worse sets; the best is
 returned. Information that is there already (earlier measurements) enters as `prior` (m, m).
 """
 

@@ -130,8 +130,7 @@ def identify_gears(
             used = int(np.sum(samples.identification & samples.keep))
             warnings.append(
                 f"axis {axis + 1}: only {used} of its {samples.run.size} rows identify in a steady motion "
-                "along a range of the "
-                "axis, expected some hundreds: its gear is left as declared"
+                "along a range of the axis, expected some hundreds: its gear is left as declared"
             )
             continue
         with ThreadPoolExecutor(max_workers=max(1, min(threads, len(METHODS)))) as pool:
@@ -293,8 +292,7 @@ def _warnings(estimate: GearEstimate):
     if longest < 0.2:
         yield (
             f"axis {joint} moves over {360.0 * longest:.0f} deg: orders closer than {1.0 / longest:.0f} per "
-            "revolution "
-            "cannot be told apart; the table holds on this range only"
+            "revolution cannot be told apart; the table holds on this range only"
         )
     if not estimate.orders.size:
         yield f"axis {joint}: no order stands out of the noise"
@@ -335,6 +333,5 @@ def _remaining(gears: list[Gear]):
     if loud:
         yield (
             "what remains on held-out rows, even without all that stands beside the gear, is more than the "
-            "sensor's noise: "
-            f"{', '.join(loud)}; `exactarm diagnose` looks for its cause"
+            f"sensor's noise: {', '.join(loud)}; `exactarm diagnose` looks for its cause"
         )

@@ -4,8 +4,7 @@
     encoders    output = angle / scale - e(phi) + disturbances (offsets of the runs, delay, wind-up, friction)
 with scale = true ratio over declared ratio. Ratio with disturbances and harmonics are fitted in turn until
 they rest; both directions share the ratio. The bias is left at zero where nothing tells it from the ratio:
-one direction at
-one speed without a standstill.
+one direction at one speed without a standstill.
 """
 
 from __future__ import annotations
@@ -121,9 +120,8 @@ def _require_like(samples: GearSamples, scale: float) -> None:
         sensor = "gyroscope" if samples.rated else "encoder behind the gear"
         raise InputError(
             f"axis {samples.axis + 1}: motor angle and {sensor} give a gear ratio of "
-            f"{samples.ratio * scale:.4g} where the robot "
-            f"file has {samples.ratio:.4g}; expected less than a factor {_LARGEST_FACTOR:.0f} between them: "
-            "check units and ratio"
+            f"{samples.ratio * scale:.4g} where the robot file has {samples.ratio:.4g}; expected less than a "
+            f"factor {_LARGEST_FACTOR:.0f} between them: check units and ratio"
         )
 
 

@@ -51,8 +51,7 @@ def _of_encoders(robot: Robot, data: Dataset) -> list[Suspicion]:
         found.append(
             Suspicion(
                 f"axis {i + 1}: theta_{i + 1} goes {slope:.4g} times as far as q_{i + 1}, the file's gear "
-                "ratio is "
-                f"{robot.ratios[i]:.4g}: {_meant(share, slope * robot.ratios[i], int(i) + 1)}",
+                f"ratio is {robot.ratios[i]:.4g}: {_meant(share, slope * robot.ratios[i], int(i) + 1)}",
                 sentence=True,
             )
         )

@@ -5,8 +5,7 @@
 e (N, m): measured minus predicted; w (N,): square root of the information of a row, 0 leaves it out; sigma
 (m,) of the components, estimated from the residuals until both agree (iterative variance components, Förstner
 1979; iterated weighted least squares, Swevers, Ganseman, Tukel, De Schutter and Van Brussel 1997); c, s:
-Gaussian priors, those of
-many terms that regularise each other. The result depends on the arguments alone.
+Gaussian priors, those of many terms that regularise each other. The result depends on the arguments alone.
 """
 
 from __future__ import annotations

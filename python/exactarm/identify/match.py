@@ -34,8 +34,7 @@ def require_match(robot: Robot, data: Dataset, found: list[tuple[int, FoundFrame
             cause = meant[0].text if meant[0].sentence else f"is it {meant[0].words}?"
         raise InputError(
             f"robot and data do not match: with the best base and tool of session {session}, {robot.name} "
-            "misses the measured "
-            f"points by {frames.rms:.3g} m (RMS), expected less than {WORST_SHARE * reach(robot):.2g} m: "
-            f"{cause}",
+            f"misses the measured points by {frames.rms:.3g} m (RMS), expected less than "
+            f"{WORST_SHARE * reach(robot):.2g} m: {cause}",
             file=rows.first_file,
         )

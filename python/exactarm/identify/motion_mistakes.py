@@ -225,8 +225,7 @@ def _units(robot: Robot, samples: _Samples) -> Iterator[Suspicion]:
         if not _LEAST_OF_DECLARED < share < _MOST_OF_DECLARED:
             yield Suspicion(
                 f"the torques are {share:.2g} times those of the declared masses: are they in another unit "
-                "(mNm, N cm), at the motor's "
-                "shaft, or is it the file of another arm?",
+                "(mNm, N cm), at the motor's shaft, or is it the file of another arm?",
                 sentence=True,
             )
         return
@@ -234,7 +233,6 @@ def _units(robot: Robot, samples: _Samples) -> Iterator[Suspicion]:
     if size > 0.0 and not _LEAST_LOAD_NM_M3 < torque / size**3 < _MOST_LOAD_NM_M3:
         yield Suspicion(
             f"torques of {torque:.3g} Nm at an arm that reaches {size:.2g} m: are they in another unit (mNm, "
-            "N cm), or at the motor's "
-            "shaft?",
+            "N cm), or at the motor's shaft?",
             sentence=True,
         )

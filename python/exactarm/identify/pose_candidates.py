@@ -3,8 +3,7 @@ that it means.
 
 Angles: units, signs, exchanged columns, zeros, coupled axes, motor or joint side. Device: units, a mirrored
 frame, rows beside the wrong angles, the convention of the quaternion. Robot: another size, another robot that
-is shipped.
-`pose_mistakes` judges them.
+is shipped. `pose_mistakes` judges them.
 """
 
 from __future__ import annotations

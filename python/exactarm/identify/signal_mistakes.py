@@ -56,8 +56,7 @@ def cell_mistakes(data: Dataset) -> Iterator[Suspicion]:
         if len(size) > 5 and size[at] > FAR_OFF * max(usual, 1e-9):
             yield Suspicion(
                 f"column {name}, {data.place_of(at)}: {values[at]:.3g} is {size[at] / max(usual, 1e-9):.2g} "
-                "times as large as "
-                "nearly all other cells: is it a gross error?",
+                "times as large as nearly all other cells: is it a gross error?",
                 sentence=True,
             )
 
@@ -142,8 +141,7 @@ def _torques(robot: Robot, data: Dataset) -> Iterator[Suspicion]:
             if joint.torque_max and usual > TORQUE_BEYOND * joint.torque_max:
                 yield Suspicion(
                     f"{name}_{i + 1} reaches {usual:.3g} Nm, the drive {joint.torque_max:.3g} Nm: is it "
-                    "another unit, or the motor's side "
-                    "beside the gear's?",
+                    "another unit, or the motor's side beside the gear's?",
                     sentence=True,
                 )
                 return
