@@ -8,6 +8,21 @@ void bind_kinematics(py::module_& module) {
   module.def("identification_columns", &identification_columns, py::arg("axes"));
 
   module.def(
+      "identification_layout",
+      [](long axes) {
+        const long base = identification_columns(axes) - 2 * kPlacementParameters;
+        const auto of_each_frame = [&](FrameParameter k) { return py::slice(k, base, kFrameParameters); };
+        const auto placement = [](long first) { return py::slice(first, first + kPlacementParameters, 1); };
+        return std::map<std::string, py::slice>{
+            {"d", of_each_frame(kD)},         {"a", of_each_frame(kA)},
+            {"alpha", of_each_frame(kAlpha)}, {"beta", of_each_frame(kBeta)},
+            {"q", of_each_frame(kQ)},         {"ratio", of_each_frame(kRatio)},
+            {"base", placement(base)},        {"tool", placement(base + kPlacementParameters)},
+        };
+      },
+      py::arg("axes"), "Columns of the identification Jacobian by what they are derivatives by.");
+
+  module.def(
       "forward_kinematics",
       [](const Robot& robot, ConstRowMatrixRef q, int threads) {
         auto position = new_array(q.rows(), 3), rotation = new_array(q.rows(), 3, 3);

@@ -715,6 +715,10 @@ def identification_jacobian(robot: Robot, q: typing.Annotated[numpy.typing.NDArr
     """
     Positions, rotations and identification Jacobians (rows, 6, columns): per axis d, a, alpha, beta, q, ratio, then base (translation, rotation) and tool (translation, rotation).
     """
+def identification_layout(axes: typing.SupportsInt | typing.SupportsIndex) -> dict[str, slice]:
+    """
+    Columns of the identification Jacobian by what they are derivatives by.
+    """
 def inertial_parameters(robot: Robot) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[m, 1]"]:
     """
     pi of all links, 10 axes numbers.

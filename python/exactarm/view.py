@@ -75,6 +75,15 @@ class View:
         """(N, m) predicted measurement so far."""
         return self.signals["measured"]
 
+    def target_by(self, name: str) -> np.ndarray | None:
+        """(N, 6, k) derivative of the target's position and orientation by the joint angles ("q", k = n), by
+        one parameter of every frame ("d", "a", "alpha", "beta", k = n), or by "base" or "tool" (k = 6:
+        translation, then rotation); None where the chain was evaluated without tangents."""
+        if "identification" not in self.signals:
+            return None
+        columns = self.signals["identification"].reshape(self.rows, 6, -1)
+        return columns[:, :, _core.identification_layout(self.axes)[name]]
+
     @property
     def direction(self) -> np.ndarray:
         """(N, n) direction of the motor's motion from -1 to 1: in a time series as in chain/direction.py, the

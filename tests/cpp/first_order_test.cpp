@@ -46,11 +46,12 @@ TEST(FirstOrder, IsTheGradientOfTheTranscriptionsLagrangianAndItsEquations) {
     EXPECT_LT((found.z - expected).cwiseAbs().maxCoeff(), 1e-13 * expected.cwiseAbs().maxCoeff());
     for (long k = 0; k < layout.knots; ++k) {
       EXPECT_LT((found.stage.segment(6 * k, 6) - equations.segment(t.stage_row(k), 6)).norm(), 1e-14);
-      if (k + 1 < layout.knots)
+      if (k + 1 < layout.knots) {
         EXPECT_LT((found.defect.segment(layout.states() * k, layout.states()) -
                    equations.segment(t.defect_row(k), layout.states()))
                       .norm(),
                   1e-14);
+      }
     }
     EXPECT_NEAR(at.conditions.largest_equation(), equations.cwiseAbs().maxCoeff(), 1e-14);
     EXPECT_NEAR(at.conditions.owed(at.point), std::abs(equations.dot(lambda)), 1e-12);

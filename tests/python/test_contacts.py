@@ -57,7 +57,7 @@ def test_response_to_a_displacement_of_the_target_is_that_of_its_tool():
     layout, data = Layout.of(contacts()), rows_of_every_contact()
     prediction = predict_closures(PANDA, layout, data)
     tool = layout.names.index("session_1.tool_x_m")
-    columns = prediction.view.signals["identification"].reshape(len(data), 6, -1)[:, :, -6:-3]
+    columns = prediction.view.target_by("tool")[:, :, :3]
     np.testing.assert_allclose(prediction.through(columns)[:, :3],
                                prediction.jacobian[:, :3, tool : tool + 3], atol=1e-12)
 

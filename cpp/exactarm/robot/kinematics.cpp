@@ -163,14 +163,14 @@ void write_identification(double* block, const Robot& robot, const std::vector<A
     write_joint_column(block, width, first + kQ, axis, target, 1.0);
     write_joint_column(block, width, first + kRatio, axis, target, dq_dratio ? dq_dratio[i] : 0.0);
   }
-  const long base = kFrameParameters * n;
+  const long base = kFrameParameters * n, tool = base + kPlacementParameters;
   const Vec units[] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}, tool_axes[] = {flange.x, flange.y, flange.z};
   for (int k = 0; k < 3; ++k) {
     const Vec &unit = units[k], &tool_axis = tool_axes[k];
     write_column(block, width, base + k, unit, zero);
     turn(block, width, base + 3 + k, unit, from_base, 1.0);
-    write_column(block, width, base + 6 + k, tool_axis, zero);
-    write_column(block, width, base + 9 + k, zero, tool_axis);
+    write_column(block, width, tool + k, tool_axis, zero);
+    write_column(block, width, tool + 3 + k, zero, tool_axis);
   }
 }
 

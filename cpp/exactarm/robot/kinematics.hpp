@@ -12,12 +12,13 @@
 namespace exactarm {
 
 enum FrameParameter { kD, kA, kAlpha, kBeta, kQ, kRatio, kFrameParameters };
+inline constexpr long kPlacementParameters = 6;  // of base and tool: translation, then rotation
 
 inline long identification_columns(long axes) {
   if (axes < 0 || axes > Robot::kMostAxes)
     throw InvalidArgument("axes: expected 0 to " + std::to_string(Robot::kMostAxes) + ", found " +
                           std::to_string(axes));
-  return kFrameParameters * axes + 12;
+  return kFrameParameters * axes + 2 * kPlacementParameters;
 }
 
 // Pose of frame i in frame i-1 at joint coordinate q.

@@ -1,7 +1,6 @@
 #include "exactarm/robot/regressor.hpp"
 
 #include "exactarm/base/parallel.hpp"
-#include "exactarm/base/rotation.hpp"
 #include "exactarm/robot/dynamics_model.hpp"
 #include "exactarm/robot/kinematics.hpp"
 
@@ -10,27 +9,23 @@ namespace {
 
 constexpr long kLeastRowsAThread = 128;
 
-// Columns of L(v) so that (symmetric matrix of pi_5..10) v = L(v) pi_5..10.
-Eigen::Matrix<double, 3, 6> inertia_columns(const Vector3& v) {
-  Eigen::Matrix<double, 3, 6> columns;
-  columns << v.x(), v.y(), v.z(), 0, 0, 0,  //
-      0, v.x(), 0, v.y(), v.z(), 0,         //
-      0, 0, v.x(), 0, v.y(), v.z();
-  return columns;
+// L(v)' u, where (symmetric matrix of pi_5..10) v = L(v) pi_5..10.
+Vector6 products(const Vector3& v, const Vector3& u) {
+  Vector6 row;
+  row << v.x() * u.x(), v.y() * u.x() + v.x() * u.y(), v.z() * u.x() + v.x() * u.z(),  //
+      v.y() * u.y(), v.z() * u.y() + v.y() * u.z(), v.z() * u.z();
+  return row;
 }
 
-// Wrench (moment about the link frame's origin, force) a parameter, in the link frame.
-Eigen::Matrix<double, 6, kInertialParameters> body_regressor(const Vector3& rate, const Vector3& angular,
-                                                             const Vector3& linear) {
-  Eigen::Matrix<double, 6, kInertialParameters> body;
-  const Matrix3 turn = skew(rate);
-  body.topLeftCorner<3, 1>().setZero();
-  body.block<3, 3>(0, 1) = -skew(linear);
-  body.topRightCorner<3, 6>() = inertia_columns(angular) + turn * inertia_columns(rate);
-  body.bottomLeftCorner<3, 1>() = linear;
-  body.block<3, 3>(3, 1) = skew(angular) + turn * turn;
-  body.bottomRightCorner<3, 6>().setZero();
-  return body;
+// Power of a link's wrench on the twist (turn, move) of its frame, by each of its inertial parameters. All
+// vectors in the link frame; rate, angular and linear acceleration are those of the link.
+InertialParameters powers(const Vector3& rate, const Vector3& angular, const Vector3& linear,
+                          const Vector3& turn, const Vector3& move) {
+  InertialParameters row;
+  row[0] = linear.dot(move);
+  row.segment<3>(1) = linear.cross(turn) - angular.cross(move) + rate.cross(rate.cross(move));
+  row.tail<6>() = products(angular, turn) + products(rate, turn.cross(rate));
+  return row;
 }
 
 struct MovingAxis {
@@ -59,14 +54,15 @@ void write_sample(const Robot& robot, ConstRowMatrixRef q, ConstRowMatrixRef q_d
     linear += angular.cross(arm) + rate.cross(rate.cross(arm));
     pose = next;
     const Matrix3 back = pose.rotation.transpose();
-    const auto body = body_regressor(back * rate, back * angular, back * linear);
+    const Vector3 own_rate = back * rate, own_angular = back * angular, own_linear = back * linear;
     for (long j = 0; j <= i; ++j) {
-      Vector6 twist = Vector6::Zero();  // of link i at unit rate of joint j, in the link frame
-      if (joints[j].revolute)
-        twist << back * joints[j].z, back * joints[j].z.cross(pose.position - joints[j].origin);
-      else
-        twist.tail<3>() = back * joints[j].z;
-      Eigen::Map<InertialParameters>(block + j * width + kInertialParameters * i) = body.transpose() * twist;
+      Vector3 turn = Vector3::Zero(), move = joints[j].z;  // twist of link i at unit rate of joint j
+      if (joints[j].revolute) {
+        turn = back * joints[j].z;
+        move = joints[j].z.cross(pose.position - joints[j].origin);
+      }
+      Eigen::Map<InertialParameters>(block + j * width + kInertialParameters * i) =
+          powers(own_rate, own_angular, own_linear, turn, back * move);
     }
   }
 }

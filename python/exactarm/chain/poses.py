@@ -153,7 +153,7 @@ def predict_target(view: View, layout: Layout, tangents: bool) -> PosePrediction
     view.signals["displacement"] = np.zeros((rows, 6))
     if tangents:
         view.signals["identification"] = columns.reshape(rows, -1)
-        joint_columns = columns[:, :, 4 : 6 * n : 6]
+        joint_columns = view.target_by("q")
         if not view.is_series:
             view.transfers = _transfers(view, joint_columns)
         view.tangents["displacement"] = joint_columns @ view.tangents["q"]

@@ -62,9 +62,7 @@ class TrackedFitted(Fitted):
             return response
         if effect.station == Station.MOTOR:
             moved = moved / view.robot.ratios[columns, None]
-        return view.signals["identification"].reshape(view.rows,
-                                                      6, -1)[:, :, 4 : 6 * view.axes : 6][:, :,
-                                                                                          columns] @ moved
+        return view.target_by("q")[:, :, columns] @ moved
 
 
 class TrackedProblem(Problem):
@@ -181,7 +179,7 @@ class TrackedProblem(Problem):
 
     def directions(self, fitted: Fitted) -> dict[str, np.ndarray]:
         view = fitted.view
-        columns = view.signals["identification"].reshape(view.rows, 6, -1)[:, :3, 4 : 6 * view.axes : 6]
+        columns = view.target_by("q")[:, :3]
         turn = {f"a turn of axis {i + 1}": columns[:, :, i] for i in range(view.axes)}
         return turn | {f"the device's {name} axis": np.tile(np.eye(3)[k], (view.rows, 1))
                        for k, name in enumerate("xyz")}

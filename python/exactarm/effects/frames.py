@@ -61,9 +61,10 @@ class Frames(Effect):
     def change(self, view) -> Change:
         k = len(self.values)
         derivative = np.zeros((view.rows, 6, k))
-        if "identification" in view.signals:
+        base, tool = view.target_by("base"), view.target_by("tool")
+        if base is not None:
             rows = np.flatnonzero(view.data.session == self.session)
-            columns = view.signals["identification"].reshape(view.rows, 6, -1)[rows, :, -12:][:, :, :k].copy()
+            columns = np.concatenate([base[rows], tool[rows]], axis=2)[:, :, :k]
             columns[:, :, 3:6] = columns[:, :, 3:6] @ left_jacobian(np.asarray(self.values[3:6]))
             if k == 12:
                 columns[:, :, 9:12] = columns[:, :, 9:12] @ left_jacobian(np.asarray(self.values[9:12]))

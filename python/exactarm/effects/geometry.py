@@ -14,7 +14,7 @@ import numpy as np
 from exactarm.effects.base import Change, Effect, Parameter, Station
 from exactarm.kinds import WITH_TARGET
 
-_COLUMN = {"d_m": 0, "a_m": 1, "alpha_rad": 2, "beta_rad": 3}
+_NAMES = ("d_m", "a_m", "alpha_rad", "beta_rad")
 
 
 @dataclass(frozen=True)
@@ -49,16 +49,16 @@ class Geometry(Effect):
 
     def with_all_columns(self, robot) -> Geometry:
         joint = robot.joints[self.index]
-        return Geometry(self.joint, (joint.d, joint.a, joint.alpha, joint.beta or 0.0), tuple(_COLUMN))
+        return Geometry(self.joint, (joint.d, joint.a, joint.alpha, joint.beta or 0.0), _NAMES)
 
     def bake(self, robot):
         fields = {name.rsplit("_", 1)[0]: value for name, value in zip(self.names, self.values)}
         return robot.with_joint(self.index, **fields)
 
     def change(self, view) -> Change:
-        k = len(self.names)
-        derivative = np.zeros((view.rows, 6, k))
-        if "identification" in view.signals:
-            block = view.signals["identification"].reshape(view.rows, 6, -1)
-            derivative = block[:, :, [6 * self.index + _COLUMN[name] for name in self.names]]
+        derivative = np.zeros((view.rows, 6, len(self.names)))
+        for k, name in enumerate(self.names):
+            by_frame = view.target_by(name.rsplit("_", 1)[0])
+            if by_frame is not None:
+                derivative[:, :, k] = by_frame[:, :, self.index]
         return Change(tuple(range(6)), np.zeros((view.rows, 6)), derivative)

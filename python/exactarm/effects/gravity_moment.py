@@ -70,9 +70,9 @@ def bending(view, rotation: np.ndarray, rotation_by_q: np.ndarray,
     it."""
     arm = view.signals["target"] - at.point
     arm_by_q = -at.point_by_q
-    if "identification" in view.signals:
-        columns = view.signals["identification"].reshape(view.rows, 6, -1)
-        arm_by_q = columns[:, :3, 4 : 6 * view.axes : 6] + arm_by_q
+    target_by_q = view.target_by("q")
+    if target_by_q is not None:
+        arm_by_q = target_by_q[:, :3] + arm_by_q
     value = np.concatenate([np.cross(rotation, arm), rotation], axis=1)
     turned = np.cross(rotation_by_q, arm[:, :, None],
                       axis=1) + np.cross(rotation[:, :, None], arm_by_q, axis=1)

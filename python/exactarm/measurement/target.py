@@ -50,7 +50,8 @@ class Target(Effect):
 
     def change(self, view) -> Change:
         derivative = np.zeros((view.rows, 6, 3))
-        if "identification" in view.signals:
+        tool = view.target_by("tool")
+        if tool is not None:
             rows = np.flatnonzero(np.isin(view.data.session, self.sessions))
-            derivative[rows] = view.signals["identification"].reshape(view.rows, 6, -1)[rows, :, -6:-3]
+            derivative[rows] = tool[rows, :, :3]
         return Change(tuple(range(6)), np.zeros((view.rows, 6)), derivative)
