@@ -264,3 +264,31 @@ def test_thermal_forms_act_at_their_own_station():
     stations = {form.form: form.station for form in ThermalDrift.__subclasses__()}
     assert stations["growth"] == stations["target"] == Station.GEOMETRY
     assert stations["sensor"] == Station.DEVICE and stations["lubricant"] == Station.DRIVE
+
+
+def test_one_axis_may_warm_up_alone(random):
+    """The fall of one axis is its part of the fall of all."""
+    view = motion_view(random)
+    candidates = library()["thermal_drift"].candidates(None, view)
+    forms = {(effect.form, effect.joint): effect.with_values((0.02,)) for effect in candidates}
+    whole, alone = forms["friction", None].change(view), forms["friction_of_axis", 3].change(view)
+    assert alone.columns == (2,)
+    assert np.array_equal(alone.value[:, 0], whole.value[:, 2]) and np.any(alone.value)
+
+
+def test_a_clock_that_starts_anew_with_each_run_goes_on_in_its_file():
+    """Two runs of a minute, each from zero; the second alone, as held-out rows are, has the same time."""
+    run, time = np.repeat([1, 2], 600), np.tile(0.1 * np.arange(600.0), 2)
+    q = np.zeros((1200, AXES))
+    data = Dataset.of_arrays("motion", {"q": q}, time=time, run=run, row=1 + np.arange(1200))
+    assert slow_signal(data, "time") * 3600.0 == pytest.approx(0.1 * np.arange(1200.0))
+    second = data.select(run == 2)
+    assert slow_signal(second, "time") * 3600.0 == pytest.approx(0.1 * np.arange(600.0, 1200.0))
+    assert slow_signal(second.select(np.arange(0, 600, 3)), "time")[0] * 3600.0 == pytest.approx(60.0)
+
+
+def test_a_clock_that_goes_on_is_taken_as_it_is():
+    """With a pause of a day between two runs."""
+    run, time = np.repeat([1, 2], 600), np.concatenate([np.arange(600.0), 86400.0 + np.arange(600.0)])
+    data = Dataset.of_arrays("motion", {"q": np.zeros((1200, AXES))}, time=time, run=run)
+    assert np.array_equal(slow_signal(data, "time") * 3600.0, time / 3600.0 * 3600.0)

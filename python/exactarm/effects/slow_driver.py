@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from exactarm.kinds.base import is_a_series
+
 TIME, ROW = "time", "row"
 REFERENCE_DEGC = 20.0
 
@@ -51,9 +53,25 @@ def slow_signal(data, name: str) -> np.ndarray:
     """(N,); poses that are planned have neither time nor temperature yet: they stand at the reference."""
     if name == ROW:
         return data.row.astype(float)
-    measured = data.time if name == TIME else data.covariates.get(name)
-    if measured is None:
-        return np.zeros(len(data.row))
-    return (
-        np.asarray(measured, float) / 3600.0 if name == TIME else np.asarray(measured, float) - REFERENCE_DEGC
-    )
+    if name == TIME:
+        return np.zeros(len(data.row)) if data.time is None else _elapsed(data) / 3600.0
+    measured = data.covariates.get(name)
+    return np.zeros(len(data.row)) if measured is None else np.asarray(measured, float) - REFERENCE_DEGC
+
+
+def _elapsed(data) -> np.ndarray:
+    """(N,) s. A run of a series that starts its own clock begins when the rows before it in its file have
+    passed: a clock that goes on cannot show less. So every part of a data set has the same time."""
+    elapsed = np.array(data.time, float)
+    if not is_a_series(data):
+        return elapsed
+    for run in np.unique(data.run):
+        rows = np.flatnonzero(data.run == run)
+        time, row = elapsed[rows], data.row[rows].astype(float)
+        steps = np.diff(row)
+        if not np.any(steps > 0.0):
+            continue
+        before = (row[0] - 1.0) * np.median(np.diff(time)[steps > 0.0] / steps[steps > 0.0])
+        if time[0] < 0.5 * before:
+            elapsed[rows] += before - time[0]
+    return elapsed

@@ -1,6 +1,6 @@
 """Thermal drift: the robot or its sensor changes as it warms up.
 
-Six forms, x the temperature (or time, or row order, where no temperature was measured) from its reference:
+Eight forms, x the temperature (or time, or row order, where no temperature was measured) from its reference:
 
     growth     displacement = growth x (flange - base origin): the structure expands (steel 1.2e-5 per K), the
                tool does not
@@ -9,6 +9,7 @@ Six forms, x the temperature (or time, or row order, where no temperature was me
     sensor     the gyroscope's bias drifts: rate += drift x
     lubricant  viscous friction falls: torque -= fall x viscous rate, on all axes alike
     friction   dry friction with it
+    lubricant_of_axis, friction_of_axis    one axis alone: it warms up by its own work
 
 Sources: Li and Zhao 2016 (structure), Bittencourt and Axelsson 2014 (friction and temperature), IEEE 952
 (gyroscope).
@@ -179,67 +180,74 @@ class ThermalSensorDrift(ThermalDrift):
         )
 
 
-@dataclass(frozen=True)
-class ThermalLubricant(ThermalDrift):
+class _FrictionFalls:
+    """What the four forms of the drive share: a part of the friction that falls by `fall` of itself."""
+
     station: ClassVar[Station] = Station.DRIVE
     kinds: ClassVar[tuple[str, ...]] = (MOTION.name,)
-    form: ClassVar[str] = "lubricant"
+    dry: ClassVar[bool] = False
+
+    @property
+    def label(self) -> str:
+        common = f"{self.name}_{self.form}"
+        return f"{common}_{self.joint}" if self.per_joint else common
 
     def parameters(self) -> tuple[Parameter, ...]:
         return (Parameter(f"fall_1_per_{self.unit}", 0.01),)
 
     def describe(self) -> str:
-        return (
-            f"viscous friction falls by {self.values[0]:.3g} of itself per {self.unit} (it follows "
-            f"{self.driver})"
-        )
+        what = ("all friction" if self.dry else "viscous friction") + (
+            f" of axis {self.joint}" if self.per_joint else "")
+        return f"{what} falls by {self.values[0]:.3g} of itself per {self.unit} (it follows {self.driver})"
 
     def change(self, view) -> Change:
+        axes = np.array([self.index]) if self.per_joint else np.arange(view.axes)
         x = slow_signal(view.data, self.driver)[:, None]
-        torque, slope = self.friction(view)
+        torque, slope = (part[:, axes] for part in self.friction(view))
         column = -x * torque
-        by_rate = -self.values[0] * x[:, :,
-                                      None] * (slope / view.robot.controller_ratios)[:, :,
-                                                                                     None] * np.eye(view.axes)
-        return Change(tuple(range(view.axes)), self.values[0] * column, column[:, :, None],
+        falls = -self.values[0] * x * slope / view.robot.controller_ratios[axes]
+        by_rate = falls[:, :, None] * np.eye(view.axes)[axes]
+        return Change(tuple(int(axis) for axis in axes), self.values[0] * column, column[:, :, None],
                       {"theta_dot": by_rate})
 
     def friction(self, view) -> tuple[np.ndarray, np.ndarray]:
-        """(N, n) Nm of what thins out, and its slope by the rate."""
-        viscous = np.array([joint.viscous or 0.0 for joint in view.robot.joints])
+        """(N, n) Nm of what falls, and its slope by the rate."""
+        joints = view.robot.joints
+        viscous = np.array([joint.viscous or 0.0 for joint in joints])
         rate = view.signals["theta_dot"] / view.robot.controller_ratios
-        return viscous * rate, np.broadcast_to(viscous, rate.shape)
-
-    @classmethod
-    def of(cls, robot, view) -> Iterable[Effect]:
-        if not any(joint.viscous for joint in view.robot.joints):
-            return ()
-        return (cls(None, (0.0,), driver) for driver in drivers(view.data))
-
-
-@dataclass(frozen=True)
-class ThermalFriction(ThermalDrift):
-    station: ClassVar[Station] = Station.DRIVE
-    kinds: ClassVar[tuple[str, ...]] = (MOTION.name,)
-    form: ClassVar[str] = "friction"
-
-    parameters = ThermalLubricant.parameters
-    change = ThermalLubricant.change
-
-    def describe(self) -> str:
-        return (
-            f"all friction falls by {self.values[0]:.3g} of itself per {self.unit} (it follows {self.driver})"
-        )
-
-    def friction(self, view) -> tuple[np.ndarray, np.ndarray]:
-        torque, slope = ThermalLubricant.friction(self, view)
-        coulomb = np.array([joint.coulomb or 0.0 for joint in view.robot.joints])
-        rate = view.signals["theta_dot"] / view.robot.controller_ratios
+        torque, slope = viscous * rate, np.broadcast_to(viscous, rate.shape)
+        if not self.dry:
+            return torque, slope
+        coulomb = np.array([joint.coulomb or 0.0 for joint in joints])
         sign, sign_slope = smooth_sign(rate, view.sign_width, view.swing)
         return torque + coulomb * sign, slope + coulomb * sign_slope
 
     @classmethod
     def of(cls, robot, view) -> Iterable[Effect]:
-        if not any(joint.coulomb for joint in view.robot.joints):
-            return ()
-        return (cls(None, (0.0,), driver) for driver in drivers(view.data))
+        has = [bool(joint.coulomb if cls.dry else joint.viscous) for joint in view.robot.joints]
+        joints = [axis + 1 for axis in np.flatnonzero(has)] if cls.per_joint else [None] if any(has) else []
+        return (cls(joint, (0.0,), driver) for driver in drivers(view.data) for joint in joints)
+
+
+@dataclass(frozen=True)
+class ThermalLubricant(_FrictionFalls, ThermalDrift):
+    form: ClassVar[str] = "lubricant"
+
+
+@dataclass(frozen=True)
+class ThermalLubricantOfAxis(_FrictionFalls, ThermalDrift):
+    per_joint: ClassVar[bool] = True
+    form: ClassVar[str] = "lubricant_of_axis"
+
+
+@dataclass(frozen=True)
+class ThermalFriction(_FrictionFalls, ThermalDrift):
+    dry: ClassVar[bool] = True
+    form: ClassVar[str] = "friction"
+
+
+@dataclass(frozen=True)
+class ThermalFrictionOfAxis(_FrictionFalls, ThermalDrift):
+    dry: ClassVar[bool] = True
+    per_joint: ClassVar[bool] = True
+    form: ClassVar[str] = "friction_of_axis"
