@@ -4,6 +4,9 @@
     ball_in_socket  five arms calibrated without a tracker
     tx40    motor angles and torques of one motion       racer  declared parameters, the thesis' poses and
             results
+
+A file of theirs is named as a shipped robot is, without a path: "ur10/series_B", in Python and on the command
+line.
 """
 
 from __future__ import annotations
@@ -29,3 +32,15 @@ def example(name: str = "") -> Path:
     """As `data_path`; a file may be named without its ending: "ur10/series_B"."""
     found = sorted(EXAMPLES.glob(f"{name}.*")) if name and not (EXAMPLES / name).exists() else []
     return found[0] if len(found) == 1 else data_path(name)
+
+
+def file_or_example(path: str | Path) -> Path:
+    """The file of that path; where there is none, the shipped one of that name, if there is one."""
+    path = Path(path)
+    try:
+        if path.exists() or path.is_absolute() or ".." in path.parts:
+            return path
+        found = example(path.as_posix())
+    except (InputError, ValueError, OSError):  # no such name, or one that no file can have
+        return path
+    return found if found.is_file() else path

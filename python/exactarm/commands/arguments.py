@@ -6,6 +6,7 @@ import argparse
 import os
 from pathlib import Path
 
+from exactarm.examples import file_or_example
 from exactarm.kinds import KIND_NAMES
 from exactarm.split import DEFAULT_SEED
 
@@ -15,12 +16,13 @@ def add_robot(parser: argparse.ArgumentParser) -> None:
                         help="robot file (.toml, .urdf) or the name of a shipped robot")
 
 
-def add_files(parser: argparse.ArgumentParser, least: int = 1, text: str = "measured data (.csv, .parquet)",
+def add_files(parser: argparse.ArgumentParser, least: int = 1,
+              text: str = "measured data (.csv, .parquet), or shipped ones, as ur10/series_B",
               columns: bool = True) -> None:
     """FILES: at least one, measured, of a kind that --kind may name; or any number with `least` = 0. They are
     recorded as the inputs of the run."""
     optional = {} if least else {"default": []}
-    parser.add_argument("files", metavar="FILE", nargs="+" if least else "*", type=Path, help=text,
+    parser.add_argument("files", metavar="FILE", nargs="+" if least else "*", type=file_or_example, help=text,
                         **optional)
     if least:
         parser.add_argument("--kind", choices=KIND_NAMES,

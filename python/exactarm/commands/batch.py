@@ -31,6 +31,7 @@ from exactarm.commands.plain import sha256
 from exactarm.commands.publish import save, sources
 from exactarm.commands.result import CommandResult
 from exactarm.errors import ComputationError, InputError
+from exactarm.examples import file_or_example
 from exactarm.progress import SILENT, Progress
 from exactarm.report import Cell, Highlight, Highlights, Link, Quantity, Report, Table
 from exactarm.split import DEFAULT_SEED
@@ -218,7 +219,7 @@ def _job(row: Mapping[str, str], number: int, beside: Path, file: Any, seed: int
         if key in (*COLUMNS, "seed") or value.lower() in ("false", "no"):
             continue
         words += [f"--{key.replace('_', '-')}", *([] if value.lower() in ("true", "yes") else [value])]
-    hashes = [sha256(word) for word in words if Path(word).is_file()]
+    hashes = [sha256(path) for path in map(file_or_example, words) if path.is_file()]
     key = hashlib.sha256(json.dumps([exactarm.__version__, command, words, hashes]).encode()).hexdigest()
     return Job(name, command, robot, tuple(words), key)
 

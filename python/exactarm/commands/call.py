@@ -20,6 +20,7 @@ from exactarm.commands.outcome import Asked
 from exactarm.commands.plain import sha256
 from exactarm.dataset import Dataset, read_dataset
 from exactarm.errors import InputError
+from exactarm.examples import file_or_example
 from exactarm.fixture import Fixture, load_fixture
 from exactarm.kinds import POSES
 from exactarm.robot import Robot
@@ -45,7 +46,9 @@ def data_of(
     columns: the files' names -> ours; weighs: the command estimates payloads that are not known."""
     known = load_fixture(fixture) if isinstance(fixture, (str, Path)) else fixture
     if not isinstance(data, Dataset):
-        data = read_dataset(data, robot, kind, known or Fixture(), columns)
+        named = [data] if isinstance(data, (str, Path)) else data
+        files = [file_or_example(path) for path in named]
+        data = read_dataset(files, robot, kind, known or Fixture(), columns)
     elif known is not None:
         data = replace(data, fixture=known)
     data = data if sessions is None else with_sessions(data, sessions)
