@@ -16,7 +16,7 @@ import numpy as np
 
 from exactarm import _core
 from exactarm.dataset import Dataset
-from exactarm.kinds import GEAR_RUN, MOTION, POSES
+from exactarm.kinds import Device, Kind, kind_of
 from exactarm.kinds.base import STANDS_STILL
 from exactarm.rest_load import RestLoad
 from exactarm.robot import Placement, Robot
@@ -117,10 +117,19 @@ class View:
         row stands for."""
         return np.zeros((self.rows, self.axes))
 
+    @cached_property
+    def _kind(self) -> Kind:
+        return kind_of(self.kind)
+
+    @property
+    def device(self) -> Device:
+        """What ends the chain."""
+        return self._kind.device
+
     @property
     def is_series(self) -> bool:
         """Whether the rows of a run follow each other in time."""
-        return self.kind != POSES.name
+        return not self._kind.at_rest
 
     @property
     def keep(self) -> np.ndarray:
@@ -187,7 +196,7 @@ class View:
     def has_masses(self) -> bool:
         """Whether masses load the joints; generic ones say nothing of drive torques, and have no place beside
         measured ones."""
-        torques = self.kind in (GEAR_RUN.name, MOTION.name)
+        torques = self.device in (Device.GEAR, Device.DRIVES)
         return self.robot.links is not None and not (self.robot.generic_masses and torques)
 
     @cached_property

@@ -173,6 +173,26 @@ def test_no_other_room_names_a_kind_of_data():
                                                        if count}
 
 
+# What asks for one kind: the choice of gear orders to search. Commands may read one kind alone.
+ASKS_FOR_A_KIND = {"effects/harmonic_family.py": 2, "effects/gear_harmonics.py": 1}
+
+
+def kinds_asked_for(path: Path) -> int:
+    """Comparisons with the name of a kind's object, `... == POSES.name` or `... in (POSES.name, ...)`."""
+    compared = [node for node in ast.walk(syntax_of(path)) if isinstance(node, ast.Compare)]
+    sides = [side for node in compared for side in node.comparators]
+    sides += [node.left for node in compared if isinstance(node.ops[0], ast.Eq | ast.NotEq)]
+    each = [item for side in sides for item in getattr(side, "elts", [side])]
+    return sum(isinstance(item, ast.Attribute) and item.attr == "name"
+               and getattr(item.value, "id", "").lower() in KIND_NAMES for item in each)
+
+
+def test_a_kind_is_asked_where_its_chain_begins_and_what_ends_it_not_which_one_it_is():
+    rooms = [path for path in MODULES if room_of(module_of(path)) not in ("kinds", "commands")]
+    found = {str(path.relative_to(PYTHON)): kinds_asked_for(path) for path in rooms}
+    assert {name: count for name, count in found.items() if count} == ASKS_FOR_A_KIND
+
+
 def test_every_room_of_the_core_has_rules():
     assert {path.name for path in (CPP / "exactarm").iterdir() if path.is_dir()} <= set(CPP_MAY_INCLUDE)
 

@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 
 from exactarm.diagnose.problem import Fitted, Problem
 from exactarm.diagnose.quantisation import rounding_noise
-from exactarm.kinds import POSES
+from exactarm.kinds import kind_of
 
 _CLOSE_RAD = 0.02
 _LEAST_PAIRS = 20
@@ -49,7 +49,7 @@ def noise_floor(problem: Problem, final: Fitted) -> NoiseFloor:
 
 def neighbour_noise(problem: Problem, fitted: Fitted) -> float | None:
     """Standard deviation of a whitened residual from pairs of rows closer than 0.02 rad in all joints."""
-    if problem.kind != POSES.name:
+    if not kind_of(problem.kind).target_at_rest:
         return None
     keys = np.column_stack([fitted.view.q, 10.0 * problem.data.session])
     distance, index = cKDTree(keys).query(keys, k=2)

@@ -11,7 +11,7 @@ import numpy as np
 
 from exactarm.diagnose.problem import Fitted, Problem
 from exactarm.effects.base import Station
-from exactarm.kinds import POSES
+from exactarm.kinds import kind_of
 
 _LEAST_VALUES = 8  # distinct ones: fewer may lie on a grid by choice (commanded steps), which is no rounding
 _EXACT = 1e-9  # rad: below it a remainder is nothing, above it lies the last digit of any table
@@ -39,7 +39,7 @@ def rounding_noise(problem: Problem, fitted: Fitted) -> float:
     """RMS over the rows of what the rounding of the reported angles moves the measured position (m); 0 for
     other data."""
     transfer = fitted.view.transfers.get(Station.GEAR)
-    if problem.kind != POSES.name or transfer is None:
+    if not kind_of(problem.kind).target_at_rest or transfer is None:
         return 0.0
     square = 0.0
     for name, ratios in (("q", np.ones(fitted.view.axes)), ("theta", np.abs(fitted.robot.ratios))):

@@ -19,7 +19,7 @@ from typing import ClassVar
 import numpy as np
 
 from exactarm.effects.base import Change, Effect, Parameter, Station
-from exactarm.kinds import ALL_KINDS, MOTION, POSES
+from exactarm.kinds import ALL_KINDS, Device
 
 _TRANSITION_SHARE = 0.2
 _FRICTION_SHARE = 0.02  # of the largest load, where no friction is declared
@@ -93,7 +93,7 @@ class Backlash(Effect):
         for index, joint in enumerate(robot.joints):
             load = np.max(np.abs(view.torque[:, index]), initial=0.0)
             # Without a load the flank is that of the direction alone: hysteresis, in a static pose.
-            sided = view.kind != POSES.name and np.any(view.direction[:, index])
+            sided = view.is_series and np.any(view.direction[:, index])
             if load < _LEAST_FRICTION_NM and not sided:
                 continue
             least = _LEAST_FRICTION_NM
@@ -101,9 +101,9 @@ class Backlash(Effect):
                 noise = float(np.nan_to_num(view.signals["carried_noise"][index]))
                 least = max(least, _CERTAIN * noise / _TRANSITION_SHARE)
             small = max(_FRICTION_SHARE * load, least)
-            if view.kind == POSES.name and load <= small:
+            if not view.is_series and load <= small:
                 continue  # at rest only friction would press the flanks, which is hysteresis by another name
-            if view.kind == MOTION.name:
+            if view.device is Device.DRIVES:
                 # A drive torque shows the flank while it changes sides, by the rates: few places to start
                 # from are enough.
                 shares = [small] + ([joint.coulomb] if joint.coulomb else [])
@@ -113,7 +113,7 @@ class Backlash(Effect):
             # In static poses the flank is seen on either side of the change, and next to never while it
             # changes.
             shares = sorted({min(max(value, least), max(load, small)) for value in shares})
-            if robot.generic_masses and view.kind == POSES.name and not view.measured_loads[index]:
+            if robot.generic_masses and not view.is_series and not view.measured_loads[index]:
                 inner = np.quantile(view.torque[:, index], _BIAS_QUANTILES)
                 few = tuple(shares[:: max(1, len(shares) // _FEW)])
                 yield cls(index + 1, (0.0, few[0], 0.0), few, 0.0, tuple(float(-value) for value in inner))

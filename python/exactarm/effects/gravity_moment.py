@@ -11,8 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from exactarm.kinds import POSES
-
 
 @dataclass(frozen=True)
 class GravityMoment:
@@ -53,7 +51,7 @@ def gravity_moment(view, index: int) -> GravityMoment:
     moment, moment_by_q = np.zeros((rows, 3)), np.zeros((rows, 3, n))
     bodies = [(j, link.mass * gravity, np.asarray(link.centre_of_mass, float))
               for j, link in enumerate(robot.links) if j >= index]
-    if view.kind == POSES.name and view.data.payload is not None:
+    if not view.is_series and view.data.payload is not None:
         mass, centres = view.data.payload
         bodies.append((n - 1, mass[:, None] * gravity, centres))
     for j, weight, inside in bodies:

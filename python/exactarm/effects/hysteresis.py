@@ -25,7 +25,7 @@ import numpy as np
 
 from exactarm import _core
 from exactarm.effects.base import Change, Effect, Parameter, Station
-from exactarm.kinds import ALL_KINDS, MOTION
+from exactarm.kinds import ALL_KINDS, Device
 
 _REACHES_RAD = (3e-5, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1)
 
@@ -101,5 +101,5 @@ class Hysteresis(Effect):
             if view.is_series:
                 # A drive torque shows what turns the joint by its rates: the shape of the memory is nearly
                 # lost.
-                reaches = _REACHES_RAD[::3] if view.kind == MOTION.name else _REACHES_RAD
+                reaches = _REACHES_RAD[::3] if view.device is Device.DRIVES else _REACHES_RAD
                 yield cls(int(index) + 1, (0.0, reaches[0]), search=reaches)

@@ -30,7 +30,7 @@ from exactarm.identify.match import require_match
 from exactarm.identify.pose_fit import PoseFit, fit_poses
 from exactarm.identify.session_payloads import EstimatedPayload, payload_layout, session_payloads
 from exactarm.identify.statistics import ErrorSummary, summarise
-from exactarm.kinds import POSES
+from exactarm.kinds import POSES, kind_of
 from exactarm.measurement.session_payload import SessionPayload
 from exactarm.regression import Fit
 from exactarm.robot import Placement, Robot
@@ -219,10 +219,11 @@ def calibrated_robot(robot: Robot, data: Dataset, layout: Layout, fit: Fit, kind
     layout = _after_fit(robot, data, layout, fit)
     pairs = zip(layout.names, fit.interval())
     intervals = dict(robot.intervals) | {name: (float(low), float(high)) for name, (low, high) in pairs}
-    at_rest = kind == POSES.name and bool(sessions)  # the only kind whose rows the covariance is certified by
+    # the only kind whose rows the covariance is certified by
+    certified = kind_of(kind).target_at_rest and bool(sessions)
     return replace(result, base=base, tool=tool, effects=all_effects(robot, data, layout, kind),
                    intervals=intervals,
-                   covariance=_covariance(robot, data, layout, fit) if at_rest else None)
+                   covariance=_covariance(robot, data, layout, fit) if certified else None)
 
 
 def _covariance(robot: Robot, data: Dataset, layout: Layout, fit: Fit) -> ParameterCovariance | None:

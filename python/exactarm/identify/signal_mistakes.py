@@ -13,7 +13,7 @@ import numpy as np
 from exactarm.dataset import Dataset
 from exactarm.identify.planned import controller_angles
 from exactarm.identify.suspicion import Suspicion, listed
-from exactarm.kinds import POSES
+from exactarm.kinds import kind_of
 from exactarm.robot import Robot
 from exactarm.signals import typical_step
 
@@ -33,7 +33,7 @@ def limit_mistakes(robot: Robot, data: Dataset) -> Iterator[Suspicion]:
     """Columns that pass what the arm and its drives can do."""
     angles = controller_angles(robot, data)
     yield from _ranges(robot, angles)
-    if data.time is not None and data.kind != POSES.name:
+    if data.time is not None and not kind_of(data.kind).at_rest:
         yield from _rates(robot, data, angles)
     yield from _torques(robot, data)
 
@@ -145,7 +145,7 @@ def _torques(robot: Robot, data: Dataset) -> Iterator[Suspicion]:
                     sentence=True,
                 )
                 return
-            if len(size) > 10 and np.ptp(torque[:, i]) == 0.0 and data.kind != POSES.name:
+            if len(size) > 10 and np.ptp(torque[:, i]) == 0.0 and not kind_of(data.kind).at_rest:
                 yield Suspicion(
                     f"{name}_{i + 1} is {torque[0, i]:.3g} Nm in every row: is it a column that was never "
                     "measured?",

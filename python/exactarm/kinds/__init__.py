@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Any
 
 from exactarm.errors import InputError
-from exactarm.kinds.base import Kind, file_of
+from exactarm.kinds.base import Device, Kind, file_of
 from exactarm.kinds.closures import CLOSURES
 from exactarm.kinds.gear_run import GEAR_RUN
 from exactarm.kinds.gear_set_ups import words_of_set_ups
@@ -23,11 +23,11 @@ _IN_ORDER = (CLOSURES, POSES, GEAR_RUN, MOTION, TRACKED_MOTION)
 _BY_NAME = {kind.name: kind for kind in (POSES, GEAR_RUN, MOTION, TRACKED_MOTION, CLOSURES)}
 KIND_NAMES = tuple(_BY_NAME)
 # Which kinds show an effect, by name; closures show what poses show.
-WITH_TARGET = (POSES.name, TRACKED_MOTION.name)  # the place of a target is measured
-IN_TIME = (GEAR_RUN.name, MOTION.name, TRACKED_MOTION.name)  # rows follow each other in time
+WITH_TARGET = tuple(kind.name for kind in _BY_NAME.values() if kind.device is Device.TARGET)
+IN_TIME = tuple(kind.name for kind in _BY_NAME.values() if not kind.at_rest)
 ALL_KINDS = (POSES.name, *IN_TIME)
 __all__ = ["ALL_KINDS", "CLOSURES", "GEAR_RUN", "IN_TIME", "KIND_NAMES", "MOTION", "POSES", "TRACKED_MOTION",
-           "WITH_TARGET", "Kind", "data_kinds", "kind_of"]
+           "WITH_TARGET", "Device", "Kind", "data_kinds", "kind_of"]
 
 
 def kind_of(name: str) -> Kind:

@@ -2,6 +2,8 @@
 
     held_by       whether the columns hold it
     check         what it needs; raises InputError
+    at_rest       where its chain begins: with motor angles at rest, else with their path and its rates
+    device        what ends its chain
     alike         runs that are repetitions of one another: the groups that are split between identification
                   and validation
     set_ups       which rows share the frames of a set-up
@@ -13,6 +15,7 @@ that only static poses have (`visit`, `approach`).
 
 from __future__ import annotations
 
+from enum import Enum
 from typing import ClassVar
 
 import numpy as np
@@ -28,17 +31,32 @@ LEAST_SAMPLES = 8  # of a run: fewer have no derivative that is more than roundi
 LONGEST_STEP_S = 1.0  # a robot's motion cannot be followed in longer steps
 
 
+class Device(Enum):
+    """What a kind's numbers are readings of."""
+
+    TARGET = "the place of a target"
+    GEAR = "a sensor behind the gears"
+    DRIVES = "the torque of the drives"
+    CONTACT = "what the tool touches, or the direction of gravity"
+
+
 class Kind:
-    """A kind of data: its name in files and results, and words for reports."""
+    """A kind of data: its name in files and results, its chain, and words for reports."""
 
     name: ClassVar[str]
-    at_rest: ClassVar[bool] = False  # rows are poses at rest, no samples of a motion
+    device: ClassVar[Device]
+    at_rest: ClassVar[bool] = False
     alone: ClassVar[bool] = False  # a file that holds it is of no other kind
     rows: ClassVar[str] = "samples"
     row: ClassVar[str] = "sample"
     error: ClassVar[str] = "error"
     measured_as: ClassVar[str]  # by `exactarm simulate --measure`
     anew: ClassVar[str]  # what to measure so that a new model is judged by new data
+
+    @property
+    def target_at_rest(self) -> bool:
+        """Whether each row is the place of a target at rest."""
+        return self.at_rest and self.device is Device.TARGET
 
     def held_by(self, data: Rows) -> bool:
         raise NotImplementedError

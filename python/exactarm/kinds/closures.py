@@ -6,13 +6,13 @@ from __future__ import annotations
 import numpy as np
 
 from exactarm.errors import InputError
-from exactarm.kinds.base import Kind, check_geometry, check_joints, file_of
+from exactarm.kinds.base import Device, Kind, check_geometry, check_joints, file_of
 from exactarm.robot import Robot
 from exactarm.rows import Rows
 
 
 class _Closures(Kind):
-    name, at_rest, alone = "closures", True, True
+    name, device, at_rest, alone = "closures", Device.CONTACT, True, True
     rows, row, error = "touches", "pose", "distance to the contact"
     measured_as = "closures"
     anew = "Touch the fixture at another place"

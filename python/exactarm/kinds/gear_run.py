@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from exactarm.errors import InputError
-from exactarm.kinds.base import STANDS_STILL, Kind, check_time, file_of, has
+from exactarm.kinds.base import STANDS_STILL, Device, Kind, check_time, file_of, has
 from exactarm.kinds.gear_set_ups import set_ups_of_gyroscope
 from exactarm.robot import Robot
 from exactarm.rows import Rows
@@ -18,7 +18,7 @@ def has_both_encoders(data: Rows) -> bool:
 
 
 class _GearRun(Kind):
-    name = "gear_run"
+    name, device = "gear_run", Device.GEAR
     measured_as = "gear"
     anew = "Record the gears once more"
 

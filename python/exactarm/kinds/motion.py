@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from exactarm.errors import InputError
-from exactarm.kinds.base import Kind, check_joints, check_time, file_of
+from exactarm.kinds.base import Device, Kind, check_joints, check_time, file_of
 from exactarm.robot import Robot
 from exactarm.rows import Rows
 
@@ -11,7 +11,7 @@ TORQUES = ("tau", "tau_motor", "current")
 
 
 class _Motion(Kind):
-    name = "motion"
+    name, device = "motion", Device.DRIVES
     measured_as = "motion"
     anew = "Record another motion"
 

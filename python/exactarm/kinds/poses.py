@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from exactarm.kinds.base import Kind, check_positions, is_a_series
+from exactarm.kinds.base import Device, Kind, check_positions, is_a_series
 from exactarm.robot import Robot
 from exactarm.rows import Rows
 
 
 class _Poses(Kind):
-    name, at_rest, alone = "poses", True, True
+    name, device, at_rest, alone = "poses", Device.TARGET, True, True
     rows, row, error = "poses", "pose", "position error"
     measured_as = "poses"
     anew = "Measure some twenty new poses"

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from exactarm.kinds.base import Kind, check_positions, check_time
+from exactarm.kinds.base import Device, Kind, check_positions, check_time
 from exactarm.robot import Robot
 from exactarm.rows import Rows
 
 
 class _TrackedMotion(Kind):
-    name, error = "tracked_motion", "position error"
+    name, device, error = "tracked_motion", Device.TARGET, "position error"
     measured_as = "tracked"
     anew = "Track another path"
 
