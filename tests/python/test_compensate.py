@@ -181,21 +181,21 @@ def test_tables_of_joint_angles_are_corrected_in_place(tmp_path):
     assert np.linalg.norm(cell.true_tip(commands, cell.approach(commands)) - wanted, axis=1).max() < 1e-8
 
 
-@pytest.mark.parametrize("delimiter, decimal", [(";", ","), ("\t", ","), (";", ".")])
-def test_a_table_keeps_its_delimiter_and_its_decimal_mark(tmp_path, delimiter, decimal):
+def test_a_table_keeps_its_delimiter_and_its_decimal_mark(tmp_path):
     cell = Cell(identified(), Placement(), Placement())
     q = reachable(cell.robot, 4)
     plain = ["q_1_rad,q_2_rad,q_3_rad,q_4_rad,q_5_rad,q_6_rad,note"]
     plain += [",".join([*map(repr, row.tolist()), str(i)]) for i, row in enumerate(q)]
-    theirs = [line.replace(",", delimiter).replace(".", decimal) for line in plain]
-    both = {"ours.csv": plain, "theirs.csv": theirs}
-    written = {}
-    for name, lines in both.items():
-        code, new, _ = compensate(tmp_path, cell.robot, {name: ("\n".join(lines) + "\n").encode()})
-        assert code == 0
-        written[name] = new[name].decode()
-    assert written["theirs.csv"] == written["ours.csv"].replace(",", delimiter).replace(".", decimal)
-    assert written["theirs.csv"] != "\n".join(theirs) + "\n"
+    plain = "\n".join(plain) + "\n"
+    marks = {"semicolon.csv": (";", ","), "tabulator.csv": ("\t", ","), "point.csv": (";", ".")}
+    in_marks = lambda text, delimiter, decimal: text.replace(",", delimiter).replace(".", decimal)
+    theirs = {name: in_marks(plain, *of) for name, of in marks.items()}
+    files = {name: text.encode() for name, text in {"ours.csv": plain, **theirs}.items()}
+    code, written, _ = compensate(tmp_path, cell.robot, files)
+    assert code == 0
+    for name, of in marks.items():
+        assert written[name].decode() == in_marks(written["ours.csv"].decode(), *of)
+        assert written[name].decode() != theirs[name]
 
 
 @pytest.mark.parametrize("suffix", ["csv", "parquet"])

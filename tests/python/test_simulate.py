@@ -320,6 +320,7 @@ def test_command_measures_and_keeps_its_truth_apart(arm, tmp_path, measure, file
     assert result["seed"] == again["seed"]
 
 
+@pytest.mark.slow
 def test_command_plays_a_trajectory(arm, tmp_path):
     """A rigid plan misses by what the springs give; both engines say so alike."""
     robot = load_robot(arm)
@@ -331,10 +332,8 @@ def test_command_plays_a_trajectory(arm, tmp_path):
     text = ",".join(columns) + "\n" + "\n".join(",".join(repr(float(v)) for v in row)
                                                 for row in zip(*columns.values()))
     (tmp_path / "trajectory.csv").write_text(text)
-    results = [
-        simulate(arm, tmp_path / engine, str(tmp_path / "trajectory.csv"), "--engine", engine)
-        for engine in ("own", "pinocchio")
-    ]
+    results = [simulate(arm, tmp_path / engine, str(tmp_path / "trajectory.csv"), "--engine", engine)
+               for engine in ("own", "pinocchio")]
     errors = [result["tracking"]["position_rms_m"] for result in results]
     assert errors[0] > 1e-4
     assert errors[1] == pytest.approx(errors[0], rel=1e-4)
