@@ -338,7 +338,7 @@ def test_points_in_between_keep_the_real_tip_on_its_line(tmp_path, dialect):
     assert again == written
 
 
-@pytest.mark.parametrize("what", ["fold", "trigger", "tool"])
+@pytest.mark.parametrize("what", ["fold", "trigger"])
 def test_no_points_are_put_where_a_program_would_not_take_them(tmp_path, what):
     rippled = identified(effects=False)
     robot = replace(rippled, joints=tuple(replace(joint, cw=None, ccw=None) for joint in rippled.joints))
@@ -347,7 +347,6 @@ def test_no_points_are_put_where_a_program_would_not_take_them(tmp_path, what):
     old, new = {
         "fold": (b"  LIN XP2", b";FOLD LIN P2 %{PE}\r\n  LIN XP2"),
         "trigger": (b"  LIN XP2", b"  TRIGGER WHEN DISTANCE=0 DELAY=0 DO $OUT[1]=TRUE\r\n  LIN XP2"),
-        "tool": (b"$TOOL=TOOL_DATA[1]", b"$TOOL=TOOL_DATA[9]"),
     }[what]
     files = changed(files, "prog.src", old, new)
     code, written, result = compensate(tmp_path, robot, files, "--points", "calculated", "--tolerance-mm",

@@ -77,6 +77,9 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
             index[i] = len(targets) - 1
         return index[i]
 
+    if match := re.compile(r"\b(?:UTOOL|UFRAME)\[[^\]]*\]\s*=").search(text, start, end):
+        raise source.refuse(match.start(), f"{match[0].rstrip(' =')} is set by the program; expected frames "
+                                           "that stay as they are")
     for match in _MOTION.finditer(text, start, end):
         if word := _FORBIDDEN.search(match[4]):
             raise source.refuse(
@@ -97,7 +100,9 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
             motions.append(Motion("circular", target(second[1], second[2], match.start(1)), line, first))
         else:
             motions.append(Motion("joint" if match[1] == "J" else "linear", first, line))
-    return Program(NAME, sources, tuple(targets), tuple(motions))
+    left = [f"P[{number}]" for number in positions if number not in index]
+    told = (f"no motion that is read goes to {', '.join(left)}: they stay as they are",) if left else ()
+    return Program(NAME, sources, tuple(targets), tuple(motions), told)
 
 
 def _target(source: SourceText, number: int, match: re.Match, setting: Setting) -> Target:

@@ -50,7 +50,9 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
             reader.position(match[1], match.start())
         elif section == "INST" and word:
             reader.instruction(match[1], match.start())
-    return Program(NAME, sources, tuple(reader.targets), tuple(reader.motions))
+    left = [name for name in reader.places if name not in reader.index]
+    told = (f"no motion that is read goes to {', '.join(left)}: they stay as they are",) if left else ()
+    return Program(NAME, sources, tuple(reader.targets), tuple(reader.motions), told)
 
 
 class _Reader:

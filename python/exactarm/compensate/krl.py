@@ -7,8 +7,8 @@ BASE_DATA or literals in these files, or --tool, --base; number 0 and $NULLFRAME
 taken in $ROBROOT. T holds the sign of each axis in a bit: it chooses the branch and is written anew. S stays:
 its third bit is the sign of A5.
 LIN and CIRC take the branch nearest to the point before, as the controller does.
-Refused: $ABS_ACCUR, relative motions, geometric operators, computed points, tools at rest (#TCP), external
-axes.
+Refused: $ABS_ACCUR, relative motions, geometric operators, computed points or frames, a $TOOL or $BASE that
+hangs on the way through the program (ways.py), tools at rest (#TCP), external axes.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from exactarm.compensate.configuration import ZERO_RAD, sign_bits, signs_fit
 from exactarm.compensate.krl_data import AGGREGATE, ASSIGNED, Aggregate, Declarations
 from exactarm.compensate.program import Edit, Motion, Program, SourceText, Target, in_range
 from exactarm.compensate.setting import Setting
+from exactarm.compensate.ways import UNCERTAIN, Step, unread, walk
 from exactarm.errors import InputError
 from exactarm.robot import Placement
 
@@ -32,7 +33,17 @@ MM_DECIMALS, DEG_DECIMALS = 5, 7  # 1e-8 m and 2e-9 rad: below a micrometre at a
 CARTESIAN = ("X", "Y", "Z", "A", "B", "C")
 _MOTION = re.compile(r"(?im)^[ \t]*(S?PTP|S?LIN|S?CIRC|SPL)(_REL)?\b[ \t]*([^\r\n]*)")
 _BAS = re.compile(r"(?im)^[ \t]*BAS[ \t]*\([ \t]*#(TOOL|BASE|FRAMES)[ \t]*(?:,[ \t]*([^)\r\n]*))?\)")
+_POINT = re.compile(r"(?im)^[ \t]*(?:(?:global|decl)[ \t]+)*(?:E6)?(?:POS|AXIS)[ \t]+(\w+)[ \t]*=")
+_FRAME = re.compile(r"\$?\w+(\[\d*\])?")
 _REST = re.compile(r"[^\r\n]*")
+_SPLINE = re.compile(r"(?im)^[ \t]*(?:PTP_)?SPLINE\b[^\r\n]*\bWITH\b[^\r\n]*\$(?:TOOL|BASE)\b")
+_BLOCK = re.compile(
+    r"(?im)^[ \t]*(?:(?P<open>IF\b[^\r\n]*\bTHEN\b|SWITCH\b)|(?P<loop>(?:FOR|WHILE|LOOP|REPEAT)\b)"
+    r"|(?P<branch>(?:ELSE|CASE|DEFAULT)\b)|(?P<close>(?:ENDIF|ENDSWITCH|ENDFOR|ENDWHILE|ENDLOOP|UNTIL)\b)"
+    r"|(?:GLOBAL[ \t]+)?DEF(?:FCT[ \t]+\w+(?:\[[^\]]*\])?)?[ \t]+(?P<routine>\w+)[ \t]*\("
+    r"|(?P<end>END(?:FCT)?\b)|(?P<call>\w+)[ \t]*\()"
+)
+START = {"$TOOL": None, "$BASE": None, "$IPO_MODE": "#BASE"}
 KINDS = {
     "PTP": "joint",
     "SPTP": "joint",
@@ -57,9 +68,10 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
     for index, source in enumerate(sources):
         if source.path.suffix.lower() == ".src":
             reader.motions_of(index)
-    return Program(
-        NAME, sources, tuple(reader.targets), tuple(reader.motions), tuple(dict.fromkeys(reader.warnings))
-    )
+    reader.warnings += unread(sources, reader.texts, reader.declared, [t.name for t in reader.targets],
+                              reader.spans)
+    told = tuple(dict.fromkeys(reader.warnings))
+    return Program(NAME, sources, tuple(reader.targets), tuple(reader.motions), told)
 
 
 class _Reader(Declarations):
@@ -69,6 +81,10 @@ class _Reader(Declarations):
         self.targets: list[Target] = []
         self.motions: list[Motion] = []
         self.used: dict[tuple, int] = {}
+        data = [text for source, text in zip(sources, self.texts) if source.path.suffix.lower() == ".dat"]
+        self.declared = [match[1] for text in data for match in _POINT.finditer(text)]
+        self.spans = [[match.span() for match in (*_MOTION.finditer(text), *ASSIGNED.finditer(text))]
+                      for text in self.texts]
         self.known: dict[tuple[str, str | None], Placement | str] = {}
         places = lambda word, text: [m.start() for m in re.finditer(rf"(?im)^[ \t]*;{word}\b", text)]
         self.folds = [(places("FOLD", source.text), places("ENDFOLD", source.text)) for source in sources]
@@ -79,30 +95,55 @@ class _Reader(Declarations):
 
     # -- motions -------------------------------------------------------------------------------------
     def motions_of(self, index: int) -> None:
-        text = self.texts[index]
+        text, source = self.texts[index], self.sources[index]
+        if match := _SPLINE.search(text):
+            raise source.refuse(match.start(), "$TOOL or $BASE in the head of a spline block; expected them "
+                                               "set before it")
         events = [*_MOTION.finditer(text), *_BAS.finditer(text), *ASSIGNED.finditer(text)]
-        state: dict[str, str | Aggregate | None] = {"$TOOL": None, "$BASE": None, "$IPO_MODE": "#BASE"}
-        inline: str | None = None
+        steps, inline = _blocks(text), None
         for match in sorted(events, key=lambda match: match.start()):
+            place = match.start()
             if match.re is _BAS:
                 if match[1].upper() == "FRAMES":
                     continue
-                state["$" + match[1].upper()] = (
-                    f"{'TOOL' if match[1].upper() == 'TOOL' else 'BASE'}_DATA[{(match[2] or '').strip()}]"
-                )
+                which = "TOOL" if match[1].upper() == "TOOL" else "BASE"
+                steps.append(Step(place, "set", (f"${which}", f"{which}_DATA[{(match[2] or '').strip()}]")))
             elif match.re is ASSIGNED:
                 name = match[2].upper()
                 rest = _REST.match(text, match.end())[0].strip()
                 if name == "FDAT_ACT":
                     inline = rest.upper()
-                elif name in state:
+                elif name in START:
                     aggregate = AGGREGATE.match(text, match.end())
-                    state[name] = (
-                        self.aggregate(index, aggregate) if aggregate else re.sub(r"\s", "", rest.upper())
-                    )
+                    value = self.aggregate(index, aggregate) if aggregate else re.sub(r"\s", "", rest.upper())
+                    steps.append(Step(place, "set", (name, UNCERTAIN if match[4] else value)))
             else:
-                self.motion(index, match, state, inline)
+                form = self.inline_form(index, match, inline)
+                steps += [Step(place, "move", (match, form)), *self.left_behind(place, form)]
                 inline = None
+        for (match, form), state in walk(steps, START):
+            self.motion(index, match, state, form)
+
+    def inline_form(self, index: int, match: re.Match, inline: str | None) -> str | None:
+        """Name of the FDAT that holds tool and base of a motion."""
+        clause = re.search(r"(?i)\bWITH\b(.*)", match[3])
+        if clause is None or not re.search(r"(?i)\$(TOOL|BASE)\b", clause[1]):
+            return inline
+        forms = set(re.findall(r"(?i)\bS(?:TOOL2?|BASE)[ \t]*\([ \t]*(\w+)", clause[1]))
+        if len(forms) != 1:
+            raise self.sources[index].refuse(
+                match.start(), "$TOOL or $BASE of this motion alone; expected STOOL2(F..), SBASE(F..) of an "
+                               "inline form, or $TOOL and $BASE set before it")
+        return forms.pop().upper()
+
+    def left_behind(self, place: int, form: str | None) -> list[Step]:
+        """An inline form leaves its tool and base as $TOOL and $BASE."""
+        known = self.values.get(form or "", [])
+        if len(known) != 1 or known[0][2] is None:
+            return []
+        fields = known[0][2].fields
+        return [Step(place, "set", (f"${which}", f"{which}_DATA[{int(self.number(known[0][2], key).value)}]"))
+                for which, key in (("TOOL", "TOOL_NO"), ("BASE", "BASE_NO")) if key in fields]
 
     def motion(self, index: int, match: re.Match, state: dict, inline: str | None) -> None:
         source, kind = self.sources[index], match[1].upper()
@@ -267,8 +308,12 @@ class _Reader(Declarations):
     # -- tool and base -------------------------------------------------------------------------------
     def frames(self, index: int, name: str, state: dict, inline: str | None) -> _Frames:
         """Those of a motion: of its inline form, else of $TOOL and $BASE."""
-        if inline is None and name[:1].upper() == "X" and "F" + name[1:].upper() in self.values:
-            inline = "F" + name[1:].upper()
+        own = "F" + name[1:].upper() if name[:1].upper() == "X" else ""
+        if inline is None and own in self.values:
+            said, here = self.frames(index, "", state, own), self.frames(index, "", state, None)
+            if state["$TOOL"] is None and state["$BASE"] is None or said == here:
+                return said
+            return _Frames(f"{own} says another tool or base than $TOOL and $BASE at this motion", said.base)
         if inline is not None:
             known = self.values.get(inline, [])
             if len(known) != 1 or known[0][2] is None:
@@ -296,6 +341,8 @@ class _Reader(Declarations):
     def placed(self, which: str, value: str | Aggregate | None) -> Placement | str:
         """The placement of a frame: literal, by number or by name; else why it is not known."""
         given = self.setting.tool if which == "TOOL" else self.setting.base
+        if value is not None and not isinstance(value, Aggregate) and not _FRAME.fullmatch(value):
+            return f"${which} is {value}; expected one frame by its name, its number or its numbers"
         if isinstance(value, Aggregate):
             self.complete(value, CARTESIAN)
             return placement([self.number(value, key).value for key in CARTESIAN])
@@ -319,6 +366,17 @@ class _Reader(Declarations):
 def placement(numbers) -> Placement:
     """Of a frame as the controller shows it."""
     return Placement(from_zyx(*np.radians(numbers[3:6])), 1e-3 * np.array(numbers[:3], float))
+
+
+def _blocks(text: str) -> list[Step]:
+    """Where the ways of a program part and meet, and calls."""
+    steps = []
+    for match in _BLOCK.finditer(text):
+        what = match.lastgroup
+        data = {"branch": match[0].strip().upper() in ("ELSE", "DEFAULT"), "routine": match["routine"],
+                "call": match["call"]}.get(what)
+        steps.append(Step(match.start(), what, data.upper() if isinstance(data, str) else data))
+    return steps
 
 
 def _arguments(text: str, place: int) -> list[tuple[str, int]]:

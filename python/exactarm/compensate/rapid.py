@@ -6,8 +6,8 @@ or literals.
 Tool and work object are arguments of the motion; their numbers stand in these files (tooldata, wobjdata) or
 come by --tool, --base; tool0 and wobj0 are none. Mass and centre of tooldata are the load. cf1, cf4, cf6 are
 the quadrants of the axes 1, 4, 6: they choose the branch and are written anew; the last bit of cfx is the
-sign of axis 5 and stays, as all of cfx. Refused: Offs and RelTool, computed targets, moving or held work
-objects, tools at rest, external axes.
+sign of axis 5 and stays, as all of cfx. Refused: Offs and RelTool, computed targets, arguments of routines,
+GripLoad and TLoad without --payload, moving or held work objects, tools at rest, external axes.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from exactarm.compensate.configuration import EDGE_RAD, in_quadrant, quadrants
 from exactarm.compensate.program import Edit, Motion, Number, Program, SourceText, Target, in_range
 from exactarm.compensate.rapid_data import Datum, Declarations, Literal
 from exactarm.compensate.setting import Setting
+from exactarm.compensate.ways import unread
 from exactarm.mdh_frames import compose
 from exactarm.robot import Placement
 
@@ -31,12 +32,17 @@ FRAME_NUMBERS = 7
 FLY_BY = "z1"  # the zone at points in between: the arm does not stop there
 NORM_TOLERANCE = 1e-2  # of a quaternion typed with three decimals
 
-_MOVE = re.compile(r"(?i)\b(Move(?:L|J|C|AbsJ)|TriggL|TriggJ|TriggC|SearchL)(DO|Sync|AO|GO)?\b\s*(?![\w:=(])")
+_LITERAL_ELSEWHERE = re.compile(r"(?i)(?:^|;)\s*([A-Za-z]\w*)\s+(?:\\\w+\s*,\s*)?\[\s*\[")
+_MOVE = re.compile(
+    r"(?i)\b(Move(?:L|J|C|AbsJ)|TriggL|TriggJ|TriggC|SearchL|Arc[LC])(DO|Sync|AO|GO|Start|End)?\b\s*(?![\w:=(])"
+)
 KINDS = {
     "movel": "linear",
     "movej": "joint",
     "movec": "circular",
     "moveabsj": "joint",
+    "arcl": "linear",
+    "arcc": "circular",
     "triggl": "linear",
     "triggj": "joint",
     "triggc": "circular",
@@ -47,7 +53,9 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
     reader = _Reader(sources, setting)
     for index in range(len(sources)):
         reader.motions_of(index)
-    return Program(NAME, sources, tuple(reader.targets), tuple(reader.motions))
+    points = [name for name, data in reader.data.items() if data[0].kind in ("robtarget", "jointtarget")]
+    told = unread(sources, reader.texts, points, [target.name for target in reader.targets], reader.spans)
+    return Program(NAME, sources, tuple(reader.targets), tuple(reader.motions), (*reader.warnings, *told))
 
 
 def placement(numbers) -> Placement:
@@ -62,6 +70,10 @@ class _Reader(Declarations):
         self.targets: list[Target] = []
         self.motions: list[Motion] = []
         self.used: dict[tuple[int, int], int] = {}
+        self.warnings: list[str] = []
+        self.spans: list[list[tuple[int, int]]] = [
+            [(datum.place, datum.place + 1) for data in self.data.values() for datum in data
+             if datum.file == index] for index in range(len(sources))]
 
     # -- motions -------------------------------------------------------------------------------------
     def motions_of(self, index: int) -> None:
@@ -70,10 +82,19 @@ class _Reader(Declarations):
             raise source.refuse(
                 match.start(), f"{match[1]} moves all targets that follow; expected targets as they are"
             )
+        for match in re.finditer(r"(?i)\bGripLoad\s+(?!load0\b)", text):
+            if self.setting.load is None:
+                raise source.refuse(match.start(), "GripLoad: a load besides that of the tool; expected "
+                                                   "--payload with both together")
+        for match in _LITERAL_ELSEWHERE.finditer(text):
+            if not _MOVE.match(text, match.start(1)):
+                self.warnings.append(f"{source.path.name} line {source.line(match.start(1))}: {match[1]} is "
+                                     "not read; a target in it stays as it is")
         for match in _MOVE.finditer(text):
             end = text.find(";", match.end())
             if end < 0:
                 raise source.refuse(match.start(), f"{match[1]} without its end; expected ;")
+            self.spans[index].append((match.start(), end))
             if match[1].lower() == "searchl":
                 raise source.refuse(match.start(), "SearchL stops where a sensor says; expected a target")
             kind = KINDS[match[1].lower()]
@@ -86,6 +107,9 @@ class _Reader(Declarations):
             axes = match[1].lower() == "moveabsj"
             wobj = switches.get("wobj", "wobj0")
             tool = _tool_of(plain, switches)
+            if switches.get("tload", "load0").lower() != "load0" and self.setting.load is None:
+                raise source.refuse(match.start(), "\\TLoad in place of the load of the tool; expected "
+                                                   "--payload with it")
             places = [self.target(index, value, place, axes, tool, wobj) for value, place in plain[:count]]
             via = places[0] if count == 2 else None
             insert = self.insertion(index, match, end, plain)

@@ -17,6 +17,8 @@ _DATA = re.compile(
     r"(?i)\b(?:CONST|PERS|VAR|TASK\s+PERS)\s+(robtarget|jointtarget|tooldata|wobjdata)\s+"
     r"(\w+)\s*(\{[^}]*\})?\s*:=\s*"
 )
+_ARGUMENTS = re.compile(r"(?i)\b(?:PROC|FUNC\s+\w+)\s+\w+\s*\(([^)]*)\)")
+_ARGUMENT = re.compile(r"(?i)\b(?:robtarget|jointtarget|tooldata|wobjdata)\s+(\w+)")
 _ASSIGNED = re.compile(r"(?im)(?:^|;)\s*(\w+)(?:\.[\w.{}]+)?\s*:=")
 
 
@@ -51,6 +53,9 @@ class Declarations:
                 self.data.setdefault(match[2].lower(), []).append(
                     Datum(match[1].lower(), literal, index, match.start(2))
                 )
+            for match in _ARGUMENTS.finditer(text):
+                for argument in _ARGUMENT.finditer(match[1]):
+                    self.assigned.setdefault(argument[1].lower(), (index, match.start()))
             for match in _ASSIGNED.finditer(text):
                 self.assigned.setdefault(match[1].lower(), (index, match.start(1)))
 
@@ -110,5 +115,6 @@ class Declarations:
             )
         if name.lower() in self.assigned:
             file, where = self.assigned[name.lower()]
-            raise self.sources[file].refuse(where, f"{name} is set by the program; expected numbers alone")
+            raise self.sources[file].refuse(
+                where, f"{name} is set by the program, or an argument; expected numbers alone")
         return datum

@@ -5,7 +5,7 @@ Targets stand in the call, or as a literal in a variable that is set once. Poses
 `set_tcp(p[..])` sets, in the controller's base; `set_payload(kg, [x, y, z])` is the load. A pose is taken on
 the branch nearest to the target before. The controller turns poses by its own calibrated frames: the robot
 file must have them ([controller] chain = "calibrated"). Not read: what is computed (`pose_trans`, `pose_add`,
-...), relative moves, blends.
+...), relative moves, blends. A tool or load that hangs on the way through the program (ways.py) is refused.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ import numpy as np
 from exactarm.compensate.angles import from_vector, to_vector
 from exactarm.compensate.program import NUMBER, Edit, Motion, Number, Program, SourceText, Target, in_range
 from exactarm.compensate.setting import Setting
+from exactarm.compensate.ways import UNCERTAIN, Step, unread, walk
 from exactarm.robot import Placement
 
 NAME, SUFFIXES = "URScript", (".script", ".urscript")
@@ -26,7 +27,16 @@ BLEND_M = 0.001  # at points in between, so that the arm does not stop there
 KINDS = {"movej": "joint", "servoj": "joint", "movel": "linear", "movep": "linear", "movec": "circular"}
 _MOVE = re.compile(r"\b(movej|movel|movep|movec|servoj)\s*\(")
 _SET = re.compile(r"\b(set_tcp|set_payload|set_payload_cog|set_target_payload)\s*\(")
-_ASSIGNED = re.compile(r"(?m)^[ \t]*(?:global[ \t]+|local[ \t]+)?([A-Za-z_]\w*)[ \t]*=(?!=)[ \t]*")
+_ASSIGNED = re.compile(
+    r"(?m)^[ \t]*(?:global[ \t]+|local[ \t]+)?([A-Za-z_]\w*)[ \t]*(?:\[[^\]\r\n]*\][ \t]*)*=(?!=)[ \t]*"
+)
+_ARGUMENTS = re.compile(r"(?m)^[ \t]*(?:def|thread)[ \t]+\w+[ \t]*\(([^)]*)\)")
+_BLOCK = re.compile(
+    r"(?m)^[ \t]*(?:(?P<open>(?:if|switch)\b)|(?P<loop>(?:while|for)\b)|"
+    r"(?P<branch>(?:elif|else|case|default)\b)|(?P<close>end\b)|(?:def|thread|sec)[ \t]+(?P<routine>\w+))"
+    r"|\b(?P<call>[A-Za-z_]\w*)[ \t]*\("
+)
+_UNREAD = re.compile(r"\b(servoc|speedj|speedl|optimovej|optimovel|force_mode|conveyor_pulse_decode)[ \t]*\(")
 _LITERAL = re.compile(r"(p?)\s*\[([^\[\]]*)\]")
 
 
@@ -44,6 +54,9 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
     assigned: dict[str, list[int]] = {}
     for match in _ASSIGNED.finditer(text):
         assigned.setdefault(match[1], []).append(match.end())
+    for match in _ARGUMENTS.finditer(text):  # a name of their own, whatever stands outside
+        for word in re.finditer(r"[A-Za-z_]\w*", match[1]):
+            assigned.setdefault(word[0], []).append(match.start(1) + word.end())
     targets: list[Target] = []
     motions: list[Motion] = []
     index: dict[tuple, int] = {}
@@ -103,25 +116,63 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
         index[key] = len(targets) - 1
         return index[key]
 
-    events = sorted([*_MOVE.finditer(text), *_SET.finditer(text)], key=lambda match: match.start())
-    for match in events:
+    moves = (*_MOVE.finditer(text), *_UNREAD.finditer(text))
+    steps = [Step(match.start(), "move", match) for match in moves]
+    for match in _SET.finditer(text):
         if match[1] == "set_tcp":
             found = literal(match.end())
             if found is None or not found.is_pose:
                 raise source.refuse(match.end(), "the tool is computed; expected set_tcp(p[...])")
-            tool = placement([number.value for number in found.numbers]) if not _given_tool(setting) else tool
-        elif match[1].startswith("set_"):
-            load = _load(source, text, match)
+            if _given_tool(setting) is None:
+                set_to = ("tool", placement([number.value for number in found.numbers]))
+                steps.append(Step(match.start(), "set", set_to))
+        else:
+            steps.append(Step(match.start(), "set", ("load", _load(source, text, match))))
+    spans = [match.span() for match in _ASSIGNED.finditer(text)]
+    told = []
+    for match, state in walk([*steps, *_blocks(text)], {"tool": tool, "load": None}):
+        tool, load, line = state["tool"], state["load"], source.line(match.start())
+        spans.append((match.start(), _end(text, match.end())))
+        if match.re is _UNREAD:
+            told.append(f"{source.path.name} line {line}: {match[1]} is not read; a target in it stays as it "
+                        "is")
+            motions.append(Motion("joint", None, line))
         elif match[1] == "movec":
             via = target(match.end())
-            motions.append(
-                Motion("circular", target(_next_argument(text, match.end())), source.line(match.start()), via)
-            )
+            motions.append(Motion("circular", target(_next_argument(text, match.end())), line, via))
         else:
             insert = _insertion(source, text, match, literal(match.end()))
             index_of = target(match.end())
-            motions.append(Motion(KINDS[match[1]], index_of, source.line(match.start()), insert=insert))
-    return Program(NAME, sources, tuple(targets), tuple(motions))
+            motions.append(Motion(KINDS[match[1]], index_of, line, insert=insert))
+    points = [name for name, places in assigned.items() if (match := _LITERAL.match(text, places[0]))
+              and match[2].count(",") == (5 if match[1] else n - 1)]
+    told += unread(sources, [text], points, [target.name for target in targets], [spans])
+    return Program(NAME, sources, tuple(targets), tuple(motions), tuple(told))
+
+
+def _blocks(text: str) -> list[Step]:
+    """Where the ways of a program part and meet, and calls; `end` closes whatever was opened last."""
+    steps, begun = [], []
+    for match in _BLOCK.finditer(text):
+        what = match.lastgroup
+        if what in ("open", "loop", "routine"):
+            begun.append(what)
+        elif what == "close" and begun and begun.pop() == "routine":
+            what = "end"
+        word = match[0].split()[0].rstrip(":")
+        data = {"branch": word in ("else", "default"), "routine": match["routine"], "call": match["call"]}
+        steps.append(Step(match.start(), what, data.get(what)))
+    return steps
+
+
+def _end(text: str, place: int) -> int:
+    """Where the bracket closes in which `place` is."""
+    depth = 1
+    for i in range(place, len(text)):
+        depth += (text[i] in "([") - (text[i] in ")]")
+        if depth == 0:
+            return i
+    return len(text)
 
 
 def _insertion(source: SourceText, text: str, match: re.Match, found: _Literal | None):
@@ -195,7 +246,13 @@ def _joints(source: SourceText, name: str, found: _Literal, load, setting: Setti
         ]
 
     q = setting.joints([number.value for number in found.numbers])
-    return Target(name, 0, source.line(found.start), encode, joints=q, load=load)
+    known = load if isinstance(load, tuple) else None
+    return Target(name, 0, source.line(found.start), encode, joints=q, load=known, refusal=_unknown(load))
+
+
+def _unknown(load) -> str:
+    """Why the load is not known; empty where it is, or nothing sets it."""
+    return f"its load is {UNCERTAIN}: expected one set_payload" if load == UNCERTAIN else ""
 
 
 def _pose(
@@ -215,6 +272,8 @@ def _pose(
             'put them into the robot file ([controller] chain = "calibrated"), or write the program with '
             'joint targets'
         )
+    elif tool == UNCERTAIN:
+        refusal = f"its tool is {UNCERTAIN}: expected one, or --tool x,y,z,rx,ry,rz (m, rad)"
     elif tool is None:
         refusal = (
             "a pose with an unknown tool: expected set_tcp(p[...]) before it, or --tool x,y,z,rx,ry,rz (m, "
@@ -226,7 +285,7 @@ def _pose(
         source.line(found.start),
         encode,
         pose=placement(values),
-        tool=tool or Placement(),
-        load=load,
-        refusal=refusal,
+        tool=tool if isinstance(tool, Placement) else Placement(),
+        load=load if isinstance(load, tuple) else None,
+        refusal=refusal or _unknown(load),
     )

@@ -1,0 +1,142 @@
+"""What a program has set when a motion runs (tool, base, load), where its ways part and meet again.
+
+Statements are taken in the order of the text. Behind a branch a setting is known only if all ways agree on
+it; in a loop only if the loop does not change it further down; in a routine that others call, and behind a
+call of one that sets it, only if the file knows one value of it. Else it is UNCERTAIN, and what needs it is
+refused. Jumps (GOTO) and routines of other files are not followed.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Container, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from exactarm.compensate.program import SourceText
+
+LISTED = 8  # names in one warning
+UNCERTAIN = "set differently on several ways through the program"
+
+
+@dataclass(frozen=True)
+class Step:
+    """One statement. what: "open", "loop", "branch" (data: whether one of the ways is always taken), "close",
+    "routine" (data: its name), "end", "set" (data: setting, value), "call" (data: name) or "move"."""
+
+    place: int
+    what: str
+    data: Any = None
+
+
+def walk(steps: Iterable[Step], start: Mapping[str, Any]) -> Iterator[tuple[Any, dict[str, Any]]]:
+    """(data, setting -> value) of every motion; start: what holds before the first statement."""
+    ordered = sorted(steps, key=lambda step: step.place)
+    ends = _ends(ordered)
+    only = {key: _only([step.data[1] for step in ordered if step.what == "set" and step.data[0] == key])
+            for key in start}
+    changed = _changed(ordered, ends)
+    state, blocks = dict(start), []  # of each block: state before it, ends of its ways, one always taken
+    inside = False
+    for step in ordered:
+        if step.what == "move":
+            yield step.data, dict(state)
+        elif step.what == "set":
+            state[step.data[0]] = step.data[1]
+        elif step.what == "call":
+            state |= {key: only[key] for key in changed.get(step.data, ())}
+        elif step.what in ("open", "loop", "routine"):
+            blocks.append((dict(state), [], False))
+            if step.what == "loop":
+                _meet(state, [dict([other.data]) for other in ordered
+                              if other.what == "set" and step.place < other.place < ends[step]])
+            elif step.what == "routine" and inside:
+                state |= {key: value for key, value in only.items() if value is not None}
+            inside = inside or step.what == "routine"
+        elif blocks and step.what == "branch":
+            before, ways, complete = blocks[-1]
+            blocks[-1] = (before, [*ways, state], complete or step.data)
+            state = dict(before)
+        elif blocks and step.what == "close":
+            before, ways, complete = blocks.pop()
+            _meet(state, ways if complete else [*ways, before])
+        elif blocks and step.what == "end":
+            state = blocks.pop()[0]
+
+
+def _ends(ordered: list[Step]) -> dict[Step, float]:
+    """Where each block ends; one that is not closed: nowhere."""
+    found: dict[Step, float] = {}
+    begun: list[Step] = []
+    for step in ordered:
+        if step.what in ("open", "loop", "routine"):
+            begun.append(step)
+        elif step.what in ("close", "end") and begun:
+            found[begun.pop()] = step.place
+    return found | dict.fromkeys(begun, float("inf"))
+
+
+def _changed(ordered: list[Step], ends: Mapping[Step, float]) -> dict[str, set[str]]:
+    """Routine -> settings that it sets, itself or by what it calls."""
+    routines = [(step.data, step.place, ends[step]) for step in ordered if step.what == "routine"]
+    found = {name: {step.data[0] for step in ordered if step.what == "set" and begin < step.place < end}
+             for name, begin, end in routines}
+    calls = {name: {step.data for step in ordered if step.what == "call" and begin < step.place < end}
+             for name, begin, end in routines}
+    for _ in routines:
+        for name, called in calls.items():
+            found[name] = found[name].union(*(found.get(other, set()) for other in called))
+    return found
+
+
+def _only(values: list[Any]) -> Any:
+    """The one value of a setting that a file knows; None if it knows none."""
+    if not values:
+        return None
+    return values[0] if all(_same(value, values[0]) for value in values) else UNCERTAIN
+
+
+def _meet(state: dict[str, Any], others: Iterable[Mapping[str, Any]]) -> None:
+    for other in others:
+        state |= {key: UNCERTAIN for key, value in other.items() if not _same(value, state[key])}
+
+
+def _same(a: Any, b: Any) -> bool:
+    return a is b or bool(a == b)
+
+
+def unread(
+    sources: Iterable[SourceText], texts: Iterable[str], points: Iterable[str], reached: Iterable[str],
+    spans: Iterable[Iterable[tuple[int, int]]],
+) -> list[str]:
+    """What is told of `points` that no motion goes to (they stay as they are), and of those that stand
+    outside of the motions and declarations in `spans` of each file: what uses them there is not followed."""
+    known = {name.lower(): name for name in points}
+    met = {name.lower() for name in reached}
+    told = []
+    left = [name for low, name in known.items() if low not in met]
+    if left:
+        told.append(f"no motion that is read goes to {_listed(left)}: they stay as they are")
+    for source, text, taken in zip(sources, texts, spans):
+        found = _elsewhere(text, known, taken)
+        if found:
+            places = _listed([f"{known[name]} (line {source.line(place)})" for name, place in found.items()])
+            told.append(f"{source.path.name}: used by what is no motion that is read, and not followed: "
+                        f"{places}")
+    return told
+
+
+def _listed(words: list[str]) -> str:
+    return ", ".join(words[:LISTED]) + (f" and {len(words) - LISTED} more" if len(words) > LISTED else "")
+
+
+def _elsewhere(text: str, names: Container[str], spans: Iterable[tuple[int, int]]) -> dict[str, int]:
+    """Name in small letters -> the first place where it stands outside of `spans`."""
+    taken, found, k = sorted(spans), {}, 0
+    for word in re.finditer(r"[A-Za-z_]\w*", text):
+        while k < len(taken) and taken[k][1] <= word.start():
+            k += 1
+        within = k < len(taken) and taken[k][0] <= word.start()
+        if not within and word[0].lower() in names:
+            found.setdefault(word[0].lower(), word.start())
+    return found
