@@ -19,6 +19,7 @@ ANGLE = {"rad": 1.0, "deg": math.pi / 180.0}
 ANGULAR_RATE = {"rad_s": 1.0, "deg_s": math.pi / 180.0}
 LENGTH = {"m": 1.0, "mm": 1e-3}
 ACCELERATION = {"m_s2": 1.0}
+PIXELS = {"px": 1.0}
 TIME = {"s": 1.0, "ms": 1e-3}
 TORQUE = {"Nm": 1.0}
 FORCE = {"N": 1.0}
@@ -45,6 +46,8 @@ ROTATION_VECTOR = ("rx", "ry", "rz")
 GYRO = ("gyro_x", "gyro_y", "gyro_z")
 # which contact a row belongs to; under these names alone
 CONTACTS = ("socket", "plane", "sphere", "bar", "pair")
+# a corner of a board, seen in a picture
+PIXEL, PICTURE = ("u", "v"), ("picture", "corner")
 # of a sensor on the flange, at rest: angles of its x and y axes above the horizon; specific force
 TILT = ("tilt_x", "tilt_y")
 ACCEL = ("accel_x", "accel_y", "accel_z")
@@ -57,6 +60,7 @@ SCALAR_UNITS = (
     | dict.fromkeys(GYRO, ANGULAR_RATE)
     | dict.fromkeys(TILT, ANGLE)
     | dict.fromkeys(ACCEL, ACCELERATION)
+    | dict.fromkeys(PIXEL, PIXELS)
     | {"time": TIME}
     | dict.fromkeys(("session", "visit", "run", "set"), NO_UNIT)
 )
@@ -65,7 +69,7 @@ SCALAR_UNITS = (
 MOST = {
     "theta": 1e8, "q": 1e5, "theta_dot": 1e8, "q_dot": 1e5, "tau": 1e8, "tau_motor": 1e8, "current": 1e7,
     "time": 1e13,
-} | dict.fromkeys(TILT, 0.5 * math.pi) | dict.fromkeys(ACCEL, 1e4)
+} | dict.fromkeys(TILT, 0.5 * math.pi) | dict.fromkeys(ACCEL, 1e4) | dict.fromkeys(PIXEL, 1e6)
 MOST |= dict.fromkeys(POSITION, 1e6) | dict.fromkeys(ROTATION_VECTOR, 1e3) | dict.fromkeys(GYRO, 1e5)
 
 _ALMOST = 0.75  # share of matching letters: one wrong or swapped letter of five, not another word
@@ -82,11 +86,11 @@ def may_be_empty(names: list[str]) -> set[str]:
     """Columns whose cells may be empty: a row without a contact, and in a file with contacts a row without a
     tracker."""
     scalars = {name: match[1] for name in names if (match := _SCALAR.fullmatch(name))}
-    if not set(CONTACTS) & set(names) and not {*TILT, *ACCEL} & set(scalars.values()):
+    if not set(CONTACTS) & set(names) and not {*TILT, *ACCEL, *PIXEL} & set(scalars.values()):
         return set()
-    vectors = (*POSITION, *QUATERNION, *ROTATION_VECTOR, *TILT, *ACCEL)
+    vectors = (*POSITION, *QUATERNION, *ROTATION_VECTOR, *TILT, *ACCEL, *PIXEL)
     return {name for name in names
-            if name in CONTACTS or _LENGTH.fullmatch(name) or scalars.get(name) in vectors}
+            if name in (*CONTACTS, *PICTURE) or _LENGTH.fullmatch(name) or scalars.get(name) in vectors}
 
 
 @dataclass(frozen=True)
@@ -117,7 +121,7 @@ def parse_column(name: str, file: str, prismatic: frozenset[int] = frozenset()) 
     if match := _NO_INDEX.fullmatch(name):
         example = f"{match[1]}_1" + (f"_{match[2]}" if match[2] else "")
         raise InputError(f"no axis number; expected a name like {example}", file=file, column=name)
-    if name in CONTACTS:
+    if name in (*CONTACTS, *PICTURE):
         return Column(name, None, name)
     if match := _LENGTH.fullmatch(name):
         return Column("length", None, name, LENGTH[match[1]])

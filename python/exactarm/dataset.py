@@ -25,6 +25,8 @@ from exactarm.columns import (
     GYRO,
     MOST,
     PAYLOAD,
+    PICTURE,
+    PIXEL,
     POSITION,
     QUATERNION,
     ROTATION_VECTOR,
@@ -39,11 +41,11 @@ from exactarm.fixture import Fixture
 from exactarm.kinds import POSES, data_kinds, kind_of
 from exactarm.kinds.base import check_joints, is_a_series
 from exactarm.robot import Robot
-from exactarm.rows import Rows, Source, by_name
+from exactarm.rows import NO_CONTACT, Rows, Source, by_name
+from exactarm.sensor_rows import with_sensors
 from exactarm.split import pose_split, run_split, split_rule
 from exactarm.table import Table, read_table, write_table
 
-NO_CONTACT = -1
 LARGEST_MARK = 2**53  # whole numbers beyond are not exact in a table of doubles
 QUATERNION_NORM_TOLERANCE = 0.01  # three decimals per component pass, a wrong column does not
 
@@ -150,6 +152,9 @@ def dataset_columns(dataset: Dataset, robot: Robot) -> dict[str, np.ndarray]:
         columns |= {f"{name}_rad": dataset.tilt[:, i] for i, name in enumerate(TILT)}
     if dataset.accel is not None:
         columns |= {f"{name}_m_s2": dataset.accel[:, i] for i, name in enumerate(ACCEL)}
+    if dataset.pixel is not None:
+        columns |= {name: getattr(dataset, name) for name in PICTURE}
+        columns |= {f"{name}_px": dataset.pixel[:, i] for i, name in enumerate(PIXEL)}
     if dataset.length is not None:
         columns["length_m"] = dataset.length
     return columns | dataset.covariates
@@ -221,7 +226,7 @@ def _check_values(path: str, column: Column, numbers: np.ndarray) -> None:
         expected = "identification or validation"
     elif column.quantity == "approach":
         good, expected = np.isin(numbers, (-1.0, 0.0, 1.0)), "-1, 0 or 1"
-    elif column.quantity in CONTACTS:
+    elif column.quantity in (*CONTACTS, *PICTURE):
         good = np.isnan(numbers) | (
             (numbers == np.round(numbers)) & (numbers >= NO_CONTACT) & (numbers < LARGEST_MARK)
         )
@@ -247,7 +252,7 @@ def _check_size(path: str, column: Column, values: np.ndarray) -> None:
 
 
 def _check_vectors(path: str, columns: Mapping[Any, Column]) -> None:
-    for vector in (POSITION, QUATERNION, ROTATION_VECTOR, GYRO, TILT, ACCEL):
+    for vector in (POSITION, QUATERNION, ROTATION_VECTOR, GYRO, TILT, ACCEL, (*PIXEL, *PICTURE)):
         missing = [name for name in vector if (name, None) not in columns]
         if missing and len(missing) < len(vector):
             found = next(name for name in vector if name not in missing)
@@ -263,11 +268,12 @@ def _check_files(files: Sequence[_File]) -> None:
     """No file twice; and a quantity that only some files have could be neither used nor dropped without a
     word."""
     numbering = {("session", None), ("run", None), ("visit", None)}
-    if any((name, None) in file.columns for file in files for name in (*CONTACTS, TILT[0], ACCEL[0])):
+    if any((name, None) in file.columns for file in files
+           for name in (*CONTACTS, TILT[0], ACCEL[0], PIXEL[0])):
         # files of contacts beside each other, or beside a tracker's: what a file has not, its rows have not
         numbering |= {(name, None)
                       for name in (*CONTACTS, "length", *POSITION, *QUATERNION, *ROTATION_VECTOR, *TILT,
-                                   *ACCEL)}
+                                   *ACCEL, *PIXEL, *PICTURE)}
     seen: dict[str, str] = {}
     for file in files:
         if other := seen.get(file.table.sha256):
@@ -295,6 +301,7 @@ def _join(files: Sequence[_File], robot: Robot) -> Dataset:
         joints[quantity][:, axis - 1] = stack((quantity, axis))
     vector = lambda names: np.stack([stack((name, None)) for name in names],
                                     1) if (names[0], None) in first else None
+    mark = lambda name: np.nan_to_num(stack((name, None)), nan=NO_CONTACT).astype(int)
     visit = _shared_numbers(files, "visit") if any(file.get("visit") is not None for file in files) else None
     data = Dataset(
         kind="",
@@ -311,19 +318,18 @@ def _join(files: Sequence[_File], robot: Robot) -> Dataset:
         gyro=vector(GYRO),
         visit=visit,
         identification=stack(("set", None)) == "identification" if ("set", None) in first else None,
-        contacts={
-            name: np.nan_to_num(stack((name, None)), nan=NO_CONTACT).astype(int)
-            for name in CONTACTS if (name, None) in first
-        },
+        contacts={name: mark(name) for name in CONTACTS if (name, None) in first},
         length=stack(("length", None)) if ("length", None) in first else None,
         covariates={key: stack(key) for key in first if isinstance(key, str)},
         sources=tuple(Source(file.path, file.table.sha256, file.table.rows) for file in files),
         tilt=vector(TILT),
         accel=vector(ACCEL),
+        pixel=vector(PIXEL),
+        **{name: mark(name) for name in PICTURE if (PIXEL[0], None) in first},
     )
     angles = {name: data.joints[name] for name in _of_controller(data, robot)}
     joints = {name: robot.controller.joints(values) for name, values in angles.items()}
-    return _with_gravity_sensor(replace(data, joints=data.joints | joints).with_way())
+    return with_sensors(replace(data, joints=data.joints | joints).with_way())
 
 
 def _of_controller(data: Dataset, robot: Robot) -> tuple[str, ...]:
@@ -332,24 +338,6 @@ def _of_controller(data: Dataset, robot: Robot) -> tuple[str, ...]:
     if not robot.controller.coupling or ("theta" in data.joints and is_a_series(data)):
         return ()
     return tuple(name for name in ("q", "q_dot") if name in data.joints)
-
-
-def _with_gravity_sensor(data: Dataset) -> Dataset:
-    """Rows at rest with a reading are touches of the sensor; in a motion the columns are covariates."""
-    sensors = {"tilt": (data.tilt, TILT, "rad"), "accel": (data.accel, ACCEL, "m_s2")}
-    held = {name: (values, names, unit) for name, (values, names, unit) in sensors.items()
-            if values is not None}
-    if not held or not is_a_series(data):
-        marks = {name: np.where(np.isnan(values).any(axis=1), NO_CONTACT, 0)
-                 for name, (values, _, _) in held.items()}
-        return replace(data, contacts=data.contacts | marks)
-    columns = {f"{name}_{unit}": values[:, k] for values, names, unit in held.values()
-               for k, name in enumerate(names)}
-    for name, values in columns.items():
-        if (empty := np.flatnonzero(np.isnan(values))).size:
-            raise InputError("empty cell; expected a number in every row of a motion", column=name,
-                             file=data.first_file, row=int(data.row[empty[0]]))
-    return replace(data, tilt=None, accel=None, covariates=data.covariates | columns)
 
 
 def _rotation(files: Sequence[_File],

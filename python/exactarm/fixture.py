@@ -8,6 +8,16 @@ fixture.toml`).
     sigma_mm = 0.01            sigma_mm = 0.001
     session = 2                session = 2
 
+A camera and its flat board ([board] alone: the lens is estimated, the camera is on the flange):
+
+    [board]                                    [camera]
+    squares = [9, 7]      # columns, rows       on = "flange"           # or "stand": the board is carried
+    square_mm = 25.0                           size_px = [1600, 1200]
+    sigma_mm = 0.005                           focal_px = [1400.0, 1400.0]
+    marker_mm = 18.0      # to detect corners   centre_px = [800.0, 600.0]
+    dictionary = "DICT_5X5_100"                distortion = [-0.1, 0.05, 0.0, 0.0, 0.0]   # k1, k2, p1, p2, k3
+                                               given = true            # the lens is not estimated
+
 `ball`: the ball or tip on the flange. `sigma_mm`: standard deviation of the known length, SIGMA_M where it is
 not given. Without `session` an entry holds at every session. Lengths in m inside.
 """
@@ -19,10 +29,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from exactarm.errors import InputError
 from exactarm.toml_file import is_number, read_toml
 
 SIGMA_M = 1e-5  # a workshop measures a fixture to a hundredth of a millimetre
+SIGMA_SQUARE_M = 5e-6  # a caliper measures eight squares to 0.04 mm
 WITH_DISTANCE = ("socket", "plane", "sphere", "bar")
 WITH_RADIUS = ("sphere", "ball")
 
@@ -50,12 +63,41 @@ class Radius:
 
 
 @dataclass(frozen=True)
+class CameraSetup:
+    """Board and camera: columns, rows of squares; square, sigma: its size and standard deviation; marker (m);
+    lens: fx, fy, cx, cy (px), k1, k2, p1, p2, k3, or None; lens_given: it is not estimated; size: of a
+    picture, px."""
+
+    columns: int = 9
+    rows: int = 7
+    square: float = 0.025
+    sigma: float = SIGMA_SQUARE_M
+    marker: float | None = None
+    dictionary: str = ""
+    on_flange: bool = True
+    size: tuple[int, int] | None = None
+    lens: tuple[float, ...] | None = None
+    lens_given: bool = False
+
+    @property
+    def corners(self) -> int:
+        """Inner corners, numbered from 0 row by row."""
+        return (self.columns - 1) * (self.rows - 1)
+
+    def corner(self, number: np.ndarray) -> np.ndarray:
+        """(K, 3) in squares from the board's outer corner: column, row, 0."""
+        row, column = np.divmod(number, self.columns - 1)
+        return np.stack([column + 1.0, row + 1.0, np.zeros(len(number))], axis=1)
+
+
+@dataclass(frozen=True)
 class Fixture:
     """Everything known; `free_bars`: numbers of the bars (wires) whose zero is not known."""
 
     distances: tuple[Distance, ...] = ()
     radii: tuple[Radius, ...] = ()
     free_bars: frozenset[int] = frozenset()
+    camera: CameraSetup | None = None
 
     def radius_of(self, contact: str, number: int | None, session: int) -> Radius | None:
         """The entry for one sphere (or the ball) at one session; None = not known."""
@@ -68,9 +110,10 @@ class Fixture:
 def load_fixture(path: str | Path) -> Fixture:
     """Reads a fixture file. Raises InputError naming the entry that is wrong."""
     tables = read_toml(path, "a fixture file (.toml)")
-    unknown = sorted(set(tables) - set(_ENTRIES))
+    unknown = sorted(set(tables) - set(_ENTRIES) - set(_OF_CAMERA))
     if unknown:
-        raise InputError(f"unknown table [[{unknown[0]}]]; expected [[{']], [['.join(_ENTRIES)}]]", file=path)
+        raise InputError(f"unknown table [[{unknown[0]}]]; expected [[{']], [['.join(_ENTRIES)}]], "
+                         f"[{'], ['.join(_OF_CAMERA)}]", file=path)
     found = {}
     for name, read in _ENTRIES.items():
         entries = tables.get(name, [])
@@ -78,7 +121,15 @@ def load_fixture(path: str | Path) -> Fixture:
             raise InputError(f"{name} is no list of tables; expected [[{name}]]", file=path)
         found[name] = [read(_Entry(str(path), f"[[{name}]] entry {place}", entry))
                        for place, entry in enumerate(entries, 1)]
-    return Fixture(tuple(found["distances"]), tuple(found["radii"]), frozenset(found["bars"]))
+    for name in _OF_CAMERA:
+        if not isinstance(tables.get(name, {}), dict):
+            raise InputError(f"{name} is no table; expected [{name}]", file=path)
+    if "camera" in tables and "board" not in tables:
+        raise InputError("[camera] without [board]; expected squares and square_mm of the board", file=path)
+    camera = None
+    if "board" in tables:
+        camera = _camera(*(_Entry(str(path), f"[{name}]", tables.get(name, {})) for name in _OF_CAMERA))
+    return Fixture(tuple(found["distances"]), tuple(found["radii"]), frozenset(found["bars"]), camera)
 
 
 @dataclass(frozen=True)
@@ -134,6 +185,33 @@ def _free_bar(entry: _Entry) -> int:
     return entry.take("number", _is_number, "the bar's number")
 
 
+def _camera(board: _Entry, camera: _Entry) -> CameraSetup:
+    board.check_keys("squares", "square_mm", "sigma_mm", "marker_mm", "dictionary")
+    camera.check_keys("on", "size_px", "focal_px", "centre_px", "distortion", "given")
+    whole = lambda v: isinstance(v, list) and len(v) == 2 and all(_is_number(x) and x > 2 for x in v)
+    some = lambda *count: lambda v: isinstance(v, list) and len(v) in count and all(map(is_number, v))
+    columns, rows = board.take("squares", whole, "columns and rows of squares, as [9, 7]")
+    marker = board.take("marker_mm", _is_length, "a length above 0 in mm", None)
+    size = camera.take("size_px", whole, "width and height of the pictures, as [1600, 1200]", None)
+    focal = camera.take("focal_px", some(2), "fx and fy, as [1400.0, 1400.0]", None)
+    middle = None if size is None else [0.5 * size[0], 0.5 * size[1]]
+    centre = camera.take("centre_px", some(2), "cx and cy, as [800.0, 600.0]", middle)
+    bent = camera.take("distortion", some(4, 5), "k1, k2, p1, p2 and perhaps k3", [0.0] * 5)
+    given = camera.take("given", lambda v: isinstance(v, bool), "true or false", False)
+    if (focal is not None and centre is None) or (given and focal is None):
+        missing = "centre_px or size_px" if focal is not None else "focal_px"
+        raise InputError(f"[camera]: {missing} missing; expected it with what else is given of the lens",
+                         file=camera.path)
+    lens = None if focal is None else tuple(float(v) for v in [*focal, *centre, *bent, 0.0][:9])
+    return CameraSetup(
+        columns, rows, board.metres("square_mm"), board.metres("sigma_mm", 1e3 * SIGMA_SQUARE_M),
+        None if marker is None else 1e-3 * float(marker),
+        board.take("dictionary", lambda v: isinstance(v, str), "a name, as DICT_5X5_100", ""),
+        camera.take("on", lambda v: v in ("flange", "stand"), '"flange" or "stand"', "flange") == "flange",
+        None if size is None else tuple(size), lens, given,
+    )
+
+
 def _is_number(value: object) -> bool:
     return isinstance(value, int) and not isinstance(value, bool) and value >= 0
 
@@ -142,4 +220,5 @@ def _is_length(value: object) -> bool:
     return is_number(value) and math.isfinite(value) and value > 0
 
 
+_OF_CAMERA = ("board", "camera")
 _ENTRIES = {"distances": _distance, "radii": _radius, "bars": _free_bar}

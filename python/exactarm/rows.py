@@ -32,6 +32,7 @@ def by_name(path: str | Path) -> list[tuple[int, str]]:
     return [(int(part), "") if part.isdigit() else (-1, part) for part in re.split(r"([0-9]+)", str(path))]
 
 
+NO_CONTACT = -1  # the mark of a row without one
 LEAST_TURN_RAD = 1e-4  # 20 arc seconds: less is within the wind-up of a gear
 
 
@@ -47,8 +48,10 @@ class Rows:
                     beside contacts NaN in rows without a tracker
     session, run    (N,) int
     contacts        "socket", "plane", "sphere", "bar", "pair": (N,) int, NO_CONTACT where the row has none;
-                    "tilt", "accel": 0 where the sensor on the flange was read
+                    "tilt", "accel", "camera": 0 where the sensor was read, a corner seen
     tilt (N, 2)     rad, accel (N, 3) m/s^2: its readings at rest, NaN where there is none; None without
+    pixel (N, 2)    where a corner of a board was seen, NaN where none was; picture, corner (N,) int,
+                    NO_CONTACT where there is none; None without
     length (N,)     read off a bar or wire, m, NaN where none was; None without
     fixture         what is known of the contacts
     covariates      name as in the header -> (N,)
@@ -77,6 +80,9 @@ class Rows:
     length: np.ndarray | None = None
     tilt: np.ndarray | None = None
     accel: np.ndarray | None = None
+    pixel: np.ndarray | None = None
+    picture: np.ndarray | None = None
+    corner: np.ndarray | None = None
     fixture: Fixture = Fixture()
     covariates: dict[str, np.ndarray] = field(default_factory=dict)
     sources: tuple[Source, ...] = ()

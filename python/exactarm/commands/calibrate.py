@@ -133,8 +133,10 @@ def _axes(text: str) -> tuple[int, ...] | None:
 def _json(result: Calibration) -> dict[str, Any]:
     return {
         "unit": _unit(result),
-        "before": _summaries(result.before, result.distances_before, result.tilts_before),
-        "after": _summaries(result.after, result.distances_after, result.tilts_after),
+        "before": _summaries(result.before, result.distances_before, result.tilts_before,
+                             result.pixels_before),
+        "after": _summaries(result.after, result.distances_after, result.tilts_after,
+                            result.pixels_after),
         "parameters": {
             name: estimate(float(value), float(low), float(high))
             for name, value, (low, high) in zip(result.names, result.fit.fit.x, result.intervals)
@@ -154,10 +156,10 @@ def _json(result: Calibration) -> dict[str, Any]:
 
 
 def _summaries(summaries: dict[str, Any], distances: dict[str, float | None],
-               tilts: dict[str, float | None]) -> dict[str, Any]:
-    """Each set's summary, of closures with the mean errors of known distances and of gravity's direction
-    beside it."""
-    beside = {"distance_error_m": distances, "tilt_error_rad": tilts}
+               tilts: dict[str, float | None], pixels: dict[str, float | None]) -> dict[str, Any]:
+    """Each set's summary, of closures with the mean errors of known distances and of gravity's direction and
+    the RMS of corners beside it."""
+    beside = {"distance_error_m": distances, "tilt_error_rad": tilts, "reprojection_px": pixels}
     return {
         name: summary.to_json() | {key: values[name] for key, values in beside.items()
                                    if values.get(name) is not None}
@@ -238,7 +240,13 @@ def _distance_tables(result: Calibration) -> tuple[Any, ...]:
         (name, Quantity(result.tilts_before[name], "rad"), Quantity(value, "rad"))
         for name, value in result.tilts_after.items() if value is not None
     )
+    pixels = tuple(
+        (name, f"{result.pixels_before[name]:.3g} px", f"{value:.3g} px")
+        for name, value in result.pixels_after.items() if value is not None
+    )
     tables = (
+        Table("Corners in pictures", ("rows", "before", "after"), pixels,
+              "RMS of the reprojection error. In m it is what a pixel makes at the distance of the board."),
         Table("Known distances", ("rows", "before", "after"), rows, note),
         Table("Direction of gravity", ("rows", "before", "after"), tilts,
               "Mean angle. In plots, 1 mrad stands as 1 mm: what it makes at a lever of 1 m."),

@@ -86,6 +86,7 @@ def evaluate(
             "unit": result.unit,
             **distance_json(result.distances),
             **({} if result.tilt is None else {"tilt_error_rad": result.tilt}),
+            **({} if result.pixels is None else {"reprojection_px": result.pixels}),
             "sessions": [{"session": session} | summary.to_json() for session, summary in result.sessions],
             "warnings": list(result.warnings),
         },
@@ -140,6 +141,8 @@ def _report(robot: Robot, data: Dataset, result: Evaluation) -> Report:
                        tuple((k, Quantity(v, unit)) for k, v in result.distances.items())),)
     if result.tilt is not None:
         verdict += f" The direction of gravity is missed by {quantity(result.tilt, 'rad')} on average."
+    if result.pixels is not None:
+        verdict += f" Corners in pictures are missed by {result.pixels:.3g} px (RMS)."
     name = kind_of(data.kind).error
     rows: tuple[tuple[Cell, ...], ...] = tuple(
         (str(session), e.n, *(Quantity(v, unit) for v in (e.mean, e.rms, e.max, e.std)))

@@ -173,6 +173,7 @@ class ClosureProblem(PoseProblem):
     def also_judged(self, fitted: Fitted, data: Dataset) -> dict[str, float]:
         found = {
             "distance_error_m": mean_distance_error(self.robot, fitted.layout, data, self.threads),
+            "reprojection_px": closure_errors(self.robot, fitted.layout, data, self.threads).reprojection(),
             "tilt_error_rad": tilt_error(closure_errors(self.robot, fitted.layout, data, self.threads)),
         }
         return {name: error for name, error in found.items() if error is not None}

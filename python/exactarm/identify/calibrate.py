@@ -58,7 +58,8 @@ class Calibration:
     """Result of a calibration; errors in m, per row of `data`.
 
     distances_before, distances_after: of closures, set -> mean absolute error of the known distances, m, or
-    None; tilts_before, tilts_after: mean angle by which gravity's direction is missed, rad, or None.
+    None; tilts_before, tilts_after: mean angle by which gravity's direction is missed, rad, or None;
+    pixels_before, pixels_after: RMS that corners in pictures are missed by, px, or None.
     """
 
     robot: Robot
@@ -77,6 +78,8 @@ class Calibration:
     distances_after: dict[str, float | None] = field(default_factory=dict)
     tilts_before: dict[str, float | None] = field(default_factory=dict)
     tilts_after: dict[str, float | None] = field(default_factory=dict)
+    pixels_before: dict[str, float | None] = field(default_factory=dict)
+    pixels_after: dict[str, float | None] = field(default_factory=dict)
     payloads: tuple[EstimatedPayload, ...] = ()  # of each session, where some were not weighed
 
     @property

@@ -22,7 +22,7 @@ from scipy import linalg
 from exactarm.chain import Layout
 from exactarm.dataset import Dataset
 from exactarm.fixture import Fixture
-from exactarm.measurement.closures import ClosurePrediction, device_of, predict_closures
+from exactarm.measurement.closures import ClosurePrediction, noise_classes, predict_closures
 from exactarm.measurement.known_lengths import known_lengths
 from exactarm.regression import Evaluation, Fit, beyond_bounds, least_squares
 from exactarm.robot import Robot
@@ -44,7 +44,7 @@ class Noise:
 
     def of(self, data: Dataset, used: np.ndarray) -> np.ndarray:
         """(N, m) standard deviation of every number."""
-        device = device_of(data)
+        device = noise_classes(data)
         out = np.ones(used.shape)
         for k, part in enumerate(_parts(used)):
             for name in np.unique(device):
@@ -207,7 +207,7 @@ def _parts(used: np.ndarray) -> tuple[str, ...]:
 
 
 def _first_noise(data: Dataset, prediction: ClosurePrediction) -> Noise:
-    device, used = device_of(data), prediction.used
+    device, used = noise_classes(data), prediction.used
     return Noise({
         (name, part): _FIRST_SIGMA[k] for k, part in enumerate(_parts(used)) for name in np.unique(device)
         if used[device == name, 3 * k : 3 * k + 3].any()
@@ -216,7 +216,7 @@ def _first_noise(data: Dataset, prediction: ClosurePrediction) -> Noise:
 
 def _estimated_noise(data, prediction: ClosurePrediction, sigma, keep, pull) -> Noise:
     """Scale of each class: weighted square sum over its redundancy (numbers less leverage)."""
-    used, device = prediction.used & (keep > 0)[:, None], device_of(data)
+    used, device = prediction.used & (keep > 0)[:, None], noise_classes(data)
     white = prediction.residual / sigma
     weight = _tail_weights(white, prediction.used)
     leverage = _leverage(prediction, weight[:, None] * used / sigma, pull)

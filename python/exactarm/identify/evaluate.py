@@ -58,7 +58,8 @@ class Evaluation:
 
     warnings: effects that are used where they were never measured. data: the rows, where they are not those
     of the file (closures); distances: of closures, known distance -> |error| in m;
-    tilt: mean angle in rad by which gravity's direction is missed.
+    tilt: mean angle in rad by which gravity's direction is missed;
+    pixels: RMS that corners in pictures are missed by.
     """
 
     unit: str
@@ -72,6 +73,7 @@ class Evaluation:
     distances: dict[str, float] | None = None
     frames: Layout | None = None  # as fitted, of poses
     tilt: float | None = None
+    pixels: float | None = None
 
 
 def evaluate_poses(robot: Robot, data: Dataset, seed: int = DEFAULT_SEED, threads: int = 1) -> Evaluation:
@@ -142,7 +144,7 @@ def evaluate_closures(robot: Robot, data: Dataset, seed: int = 0, threads: int =
     lengths."""
     rows = touches(data)
     fit = nominal_closures(robot, rows, carried_effects(robot, rows), seed, threads)
-    error, residual, place = fit.prediction.error(), fit.prediction.residual, shows_a_place(rows)
+    error, residual, place = fit.prediction.error(), fit.prediction.seen, shows_a_place(rows)
     sessions = tuple((int(s), summarise(error[place & (rows.session == s)])) for s in np.unique(rows.session))
     warnings = extrapolations(robot, controller_angles(robot, rows))
     if not fit.fit.converged:
@@ -151,7 +153,7 @@ def evaluate_closures(robot: Robot, data: Dataset, seed: int = 0, threads: int =
     return Evaluation(
         unit, error, residual, columns[: residual.shape[1]], summarise(error[place]), sessions, warnings,
         rows, set_distance_errors(robot, fit.layout, rows, threads),
-        tilt=tilt_error(fit.prediction),
+        tilt=tilt_error(fit.prediction), pixels=fit.prediction.reprojection(),
     )
 
 

@@ -53,7 +53,7 @@ def _from_columns(data: Rows) -> tuple[Kind, ...]:
     if not held:
         raise InputError(
             "no measured quantity; expected x, y, z (poses), socket, plane, sphere, bar, pair, "
-            "tilt_x_rad or accel_x_m_s2 (closures), "
+            "tilt_x_rad, accel_x_m_s2 or u_px (closures), "
             "gyro_x, gyro_y, gyro_z or theta_i beside q_i "
             "(gear run), or tau_i, tau_motor_i or current_i (motion)",
             file=file_of(data),

@@ -1,10 +1,12 @@
-"""Closures: poses in which the tool touches something fixed (columns socket, plane, sphere, bar, pair) or a
-sensor on the flange feels gravity (tilt_x, tilt_y; accel_x, accel_y, accel_z)."""
+"""Closures: poses in which the tool touches something fixed (columns socket, plane, sphere, bar, pair), a
+sensor on the flange feels gravity (tilt_x, tilt_y; accel_x, accel_y, accel_z) or a camera sees a board (u, v,
+picture, corner)."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from exactarm.columns import PICTURE
 from exactarm.errors import InputError
 from exactarm.kinds.base import Device, Kind, check_geometry, check_joints, file_of
 from exactarm.robot import Robot
@@ -22,17 +24,24 @@ class _Closures(Kind):
 
     def check(self, data: Rows, robot: Robot) -> None:
         if not data.contacts:
-            message = ("column missing; expected socket, plane, sphere, bar, pair, tilt_x_rad or "
-                       "accel_x_m_s2 for closures")
+            message = ("column missing; expected socket, plane, sphere, bar, pair, tilt_x_rad, "
+                       "accel_x_m_s2 or u_px for closures")
             raise InputError(message, file=file_of(data), column="socket")
         check_geometry(robot)
         check_joints(data, robot)
-        for name, values in (("tilt", data.tilt), ("accel", data.accel)):
+        for name, values in (("tilt_x", data.tilt), ("accel_x", data.accel), ("u_px", data.pixel)):
             if values is not None and (half := np.isnan(values).any(1) & ~np.isnan(values).all(1)).any():
                 at = int(np.argmax(half))
                 raise InputError("a reading of one axis alone; expected all axes of the sensor or none",
                                  file=file_of(data, data.file_index[at]), row=int(data.row[at]),
-                                 column=f"{name}_x")
+                                 column=name)
+        if data.pixel is not None:
+            seen = data.contacts["camera"] >= 0
+            for name in PICTURE:
+                if (bare := seen & (getattr(data, name) < 0)).any():
+                    at = int(np.argmax(bare))
+                    raise InputError(f"pixels without a {name}; expected its number, from 0", column=name,
+                                     file=file_of(data, data.file_index[at]), row=int(data.row[at]))
         touched = np.any([numbers >= 0 for numbers in data.contacts.values()], axis=0)
         tracked = np.zeros(len(data), bool)
         if data.position is not None:

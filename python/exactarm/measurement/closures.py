@@ -5,7 +5,8 @@
 Entry of the chain: motor angles, as for poses; device: the contact of the row
 (exactarm.measurement.contacts), the tracker where the row has x, y, z, or the other rows of its `pair` (same
 pose of the target: x - mean x, log(R mean R')). The mean of a pair is projected out, so it is no parameter.
-Row = one touch; a row of the file with two contacts is two rows. Residual (N, 3), or (N, 6) where a row gives
+Row = one touch, or one corner in a picture (turned with the others of it, exactarm.measurement.pictures); a
+row of the file with two contacts is two rows. Residual (N, 3), or (N, 6) where a row gives
 an orientation too (rotation vector in the base frame): measured minus predicted. Source: Bennett and
 Hollerbach, IEEE Trans. Robot. Autom. 7(5), 1991; Zhuang, Motaghedi, Roth, ICRA 1999 (planes).
 """
@@ -20,8 +21,10 @@ import numpy as np
 from exactarm.chain import Layout, View, predict_poses
 from exactarm.dataset import NO_CONTACT, Dataset
 from exactarm.effects.base import Effect, Station
+from exactarm.measurement.board_pictures import gross_corners
 from exactarm.measurement.contact import Contact
 from exactarm.measurement.contacts import CONTACT_CLASSES, SENSORS
+from exactarm.measurement.pictures import SHARED, Pictures, rows_of_pictures
 from exactarm.robot import Robot
 from exactarm.rotation import log, nearest
 
@@ -31,8 +34,9 @@ PAIR = "pair"
 
 def touches(data: Dataset) -> Dataset:
     """One row for each contact of each row, and one for x, y, z: a row has exactly one of them, `device_of`
-    says which."""
+    says which. Corners that were not found where they are, are left out."""
     parts = []
+    data = without_gross_corners(data)
     for name, numbers in data.contacts.items():
         at = np.flatnonzero(numbers >= 0)
         alone = {other: np.where(other == name, values[at], NO_CONTACT)
@@ -47,6 +51,26 @@ def touches(data: Dataset) -> Dataset:
         parts.append((at, replace(data.select(at), contacts=none)))
     order = np.argsort(np.concatenate([at for at, _ in parts]), kind="stable")
     return _stacked([part for _, part in parts]).select(order)
+
+
+def without_gross_corners(data: Dataset) -> Dataset:
+    """The rows but for corners far beside the others of their picture."""
+    wrong = gross_rows(data)
+    if not wrong.any():
+        return data
+    marks = np.where(wrong, NO_CONTACT, data.contacts["camera"])
+    bare = replace(data, contacts=data.contacts | {"camera": marks})
+    tracked = np.zeros(len(data), bool) if data.position is None else ~np.isnan(data.position).any(axis=1)
+    return bare.select(tracked | np.any([numbers >= 0 for numbers in bare.contacts.values()], axis=0))
+
+
+def gross_rows(data: Dataset) -> np.ndarray:
+    """(N,) bool: corners far beside where the others of their picture put them."""
+    wrong, setup = np.zeros(len(data), bool), data.fixture.camera
+    if setup is not None:
+        for rows in rows_of_pictures(data):
+            wrong[rows] = gross_corners(setup.corner(data.corner[rows])[:, :2], data.pixel[rows])
+    return wrong
 
 
 def _stacked(parts: list[Dataset]) -> Dataset:
@@ -68,6 +92,15 @@ def device_of(data: Dataset) -> np.ndarray:
     for name, numbers in data.contacts.items():
         device[numbers >= 0] = name
     return device
+
+
+def noise_classes(data: Dataset) -> np.ndarray:
+    """(N,) name of the sort of noise in each row of `touches`: its device; of a picture's first rows, which
+    hold what its corners share, one name each."""
+    names = device_of(data)
+    for rows in rows_of_pictures(data):
+        names[rows[: len(SHARED)]] = SHARED[: len(rows)]
+    return names
 
 
 def shows_a_place(data: Dataset) -> np.ndarray:
@@ -108,15 +141,28 @@ class ClosurePrediction:
     by_target: np.ndarray
     view: View
     pairs: np.ndarray
+    pictures: Pictures
 
     def error(self) -> np.ndarray:
         """(N,) m: the distance to the contact, of a pair from the mean, of a tracker's row from the
-        prediction; of gravity's direction what it makes at a lever of 1 m (mm/m, as levels are marked)."""
-        return np.linalg.norm(self.residual[:, :3], axis=1)
+        prediction; of a corner at the board's distance; of gravity's direction what it makes at a
+        lever of 1 m (mm/m, as levels are marked)."""
+        return np.linalg.norm(self.seen[:, :3], axis=1)
+
+    @cached_property
+    def seen(self) -> np.ndarray:
+        """(N, m) the residual row by row: of a corner in m at the distance of the board."""
+        return self.pictures.turned(self.residual, back=True) * self.pictures.depth[:, None]
+
+    def reprojection(self, rows: np.ndarray | None = None) -> float | None:
+        """RMS of what the corners (of some rows) are missed by, px; None without pictures."""
+        at = np.isfinite(self.pictures.focal) & (True if rows is None else rows)
+        pixels = self.pictures.turned(self.residual, back=True)[at, :2] * self.pictures.focal[at, None]
+        return float(np.sqrt(np.mean(np.sum(pixels**2, axis=1)))) if at.any() else None
 
     def through(self, displacement: np.ndarray) -> np.ndarray:
         """(N, m, k): what displacements of the targets (N, 6, k) do to the numbers."""
-        return cleared_of_pairs(self.by_target @ displacement, self.pairs)
+        return self.pictures.turned(cleared_of_pairs(self.by_target @ displacement, self.pairs))
 
     def response(self, effect: Effect) -> np.ndarray:
         """(N, m, k): what the parameters of an effect that is not in the layout do to the numbers, to first
@@ -157,12 +203,14 @@ def predict_closures(
     if m == 6:
         residual[:, 3:], used[:, 3:] = _turns(chain.rotation, data, pairs, device), oriented[:, None]
         by_target[~oriented, 3:] = 0.0
-    residual = cleared_of_pairs(residual, pairs)
+    pictures = Pictures.of(layout, view)
+    residual = pictures.turned(cleared_of_pairs(np.where(used, residual, 0.0), pairs))
     jacobian = None
     if chain.jacobian is not None:
         _clear_device_frames(layout, chain.jacobian, np.isin(device, list(SENSORS)))
-        jacobian = cleared_of_pairs(np.where(used[:, :, None], chain.jacobian[:, :m], 0.0), pairs)
-    return ClosurePrediction(np.where(used, residual, 0.0), used, jacobian, by_target, view, pairs)
+        jacobian = np.where(used[:, :, None], chain.jacobian[:, :m], 0.0)
+        jacobian = pictures.turned(cleared_of_pairs(jacobian, pairs))
+    return ClosurePrediction(residual, used, jacobian, by_target, view, pairs, pictures)
 
 
 def _clear_device_frames(layout: Layout, jacobian: np.ndarray, sensors: np.ndarray) -> None:

@@ -21,6 +21,7 @@ from typing import ClassVar
 import numpy as np
 
 from exactarm.effects.base import Parameter
+from exactarm.measurement.camera import Camera
 from exactarm.measurement.contact import Contact
 from exactarm.measurement.gravity_sensors import Accelerometer, Inclinometer
 
@@ -156,7 +157,8 @@ class Bar(Sphere):
 
 TOUCHED: dict[str, type[Touched]] = {cls.contact: cls for cls in (Socket, Plane, Sphere, Bar)}
 SENSORS: dict[str, type[Contact]] = {cls.contact: cls for cls in (Inclinometer, Accelerometer)}
-CONTACT_CLASSES: dict[str, type[Contact]] = TOUCHED | SENSORS
+CAMERA: dict[str, type[Contact]] = {Camera.contact: Camera}
+CONTACT_CLASSES: dict[str, type[Contact]] = TOUCHED | SENSORS | CAMERA
 
 
 def _points(view, at: np.ndarray) -> np.ndarray:

@@ -5,6 +5,7 @@
                              minus
                                                          two tip radii where the ball's radius is known
     radius                   f = r
+    square of a board        f = its size
 
 Planes: the tip's centre keeps one radius outside of the face. Faces that look away from each other (a block
 that is touched from both sides) are nearer to each other than the centres are by two radii; where the ball's
@@ -19,6 +20,7 @@ import numpy as np
 
 from exactarm.chain.layout import Layout
 from exactarm.fixture import Fixture
+from exactarm.measurement.camera import SQUARE, Camera
 from exactarm.measurement.contact import Contact
 from exactarm.measurement.contacts import Plane
 
@@ -61,6 +63,12 @@ def known_lengths(layout: Layout, fixture: Fixture) -> tuple[KnownLength, ...]:
             name = f"radius of {contact} {number} of session {session}"
             found.append(KnownLength(name, session, length - layout.effects[i].values[3], row, radius.sigma,
                                      False))
+    for (_, session, _), i in places.items():
+        if isinstance(camera := layout.effects[i], Camera):
+            residual = camera.setup.square - camera.values[SQUARE]
+            row = _row(layout, {i: np.eye(len(camera.values))[SQUARE]})
+            found.append(KnownLength(f"square of the board of session {session}", session, residual, row,
+                                     camera.setup.sigma, False))
     return tuple(found)
 
 

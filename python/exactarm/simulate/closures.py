@@ -3,7 +3,8 @@ find them.
 
 A place (session) has the fixture somewhere in the robot's reach: two sockets or two spheres apart by a known
 distance, a block with three skew faces and one that is parallel to the first, two far ends of a telescopic
-bar, or pairs of poses. A gravity sensor on the flange needs no fixture: a place is the arm set up once.
+bar, pairs of poses, or a board before a camera. A gravity sensor on the flange needs no fixture: a place is
+the arm set up once.
 """
 
 from __future__ import annotations
@@ -14,19 +15,21 @@ import numpy as np
 
 from exactarm.dataset import Dataset
 from exactarm.errors import ComputationError
-from exactarm.fixture import Distance, Fixture, Radius
+from exactarm.fixture import CameraSetup, Distance, Fixture, Radius
 from exactarm.kinds import CLOSURES
 from exactarm.measurement.closures import PAIR
 from exactarm.measurement.contact import Contact
-from exactarm.measurement.contacts import SENSORS, TOUCHED, Bar, Plane, Socket, Sphere
+from exactarm.measurement.contacts import CAMERA, SENSORS, TOUCHED, Bar, Plane, Socket, Sphere
 from exactarm.measurement.touching import TOUCHES_M, predicted_at, rows_at, target_at, touching
 from exactarm.robot import GRAVITY_M_S2, Placement
 from exactarm.rotation import exp
+from exactarm.simulate.pictures import SETUP, measured_pictures
 from exactarm.simulate.profiles import limit
 from exactarm.simulate.sensors import Sensors, read
 from exactarm.simulate.virtual_robot import VirtualRobot
 
-CONTACTS = (*TOUCHED, PAIR, *SENSORS)
+CONTACTS = (*TOUCHED, PAIR, *SENSORS, *CAMERA)
+_BESIDE = ("length", "pixel", "picture", "corner", *SENSORS)  # what rows hold beside angles
 # of the fixture; shortest and longest length of the telescopic bar
 APART_M, RADIUS_M, BAR_M = 0.1, 0.0127, (0.25, 0.45)
 SLIP_M = 5e-3  # standard deviation of a contact that has slipped
@@ -40,7 +43,8 @@ _IN_VAIN = 3  # so many pools without a single touch: out of reach
 
 
 def measure_closures(
-    robot: VirtualRobot, contact: str, places: int, count: int, sensors: Sensors, random: np.random.Generator
+    robot: VirtualRobot, contact: str, places: int, count: int, sensors: Sensors, random: np.random.Generator,
+    setup: CameraSetup = SETUP,
 ) -> tuple[Dataset, Fixture]:
     """`count` touches of every contact at each of `places` (pairs: `count` pairs), and the fixture file's
     content."""
@@ -53,12 +57,26 @@ def measure_closures(
             parts += [_pair(true, session, number, sensors, random) for number in range(count)]
         if contact in SENSORS:
             parts.append(_gravity(true, contact, session, count, sensors, random))
+        if contact in CAMERA:
+            parts.append(_pictures(true, session, count, sensors, random, setup))
     data = _joined(robot, parts)
     distances = (Distance(contact, (0, 1), APART_M),) if contact in ("socket", "sphere") else ()
     distances += (Distance(contact, (0, 3), APART_M),) if contact == "plane" else ()
     radii = tuple(Radius(contact, number, RADIUS_M) for number in (0, 1)) if contact == "sphere" else ()
-    fixture = Fixture(distances, radii)
+    fixture = Fixture(distances, radii, camera=setup if contact in CAMERA else None)
     return read(replace(data, fixture=fixture), sensors, random), fixture
+
+
+def _pictures(robot: VirtualRobot, session: int, count: int, sensors: Sensors, random: np.random.Generator,
+              setup: CameraSetup) -> Dataset:
+    """Corners in `count` pictures of a board."""
+    limits = limit(robot.nominal, "q_min"), limit(robot.nominal, "q_max")
+    for _ in range(_POOL):
+        rows = measured_pictures(robot.true, robot.layout, session, _middle(robot, random), count, limits,
+                                 sensors, random, setup)
+        if rows is not None:
+            return rows
+    raise ComputationError("no place was found where the arm can look at the board from all sides")
 
 
 def _gravity(robot: VirtualRobot, contact: str, session: int, count: int, sensors: Sensors,
@@ -93,6 +111,11 @@ def fixture_text(fixture: Fixture) -> str:
     for entry in fixture.radii:
         lines += ["[[radii]]", f'contact = "{entry.contact}"', f"number = {entry.number}",
                   f"radius_mm = {1e3 * entry.length:g}"]
+    if (camera := fixture.camera) is not None:
+        lines += ["[board]", f"squares = [{camera.columns}, {camera.rows}]",
+                  f"square_mm = {1e3 * camera.square:g}", "", "[camera]",
+                  f'on = "{"flange" if camera.on_flange else "stand"}"']
+        lines += [] if camera.size is None else [f"size_px = {list(camera.size)}"]
     return "\n".join([*lines, ""])
 
 
@@ -188,12 +211,13 @@ def _pair(robot: VirtualRobot, session: int, number: int, sensors: Sensors,
 
 def _joined(robot: VirtualRobot, parts: list[Dataset]) -> Dataset:
     stack = lambda pick: np.concatenate([pick(part) for part in parts])
-    used = [name for name in CONTACTS if np.any(stack(lambda part, name=name: part.contacts[name]) >= 0)]
-    more = {name: stack(lambda part, name=name: getattr(part, name))
-            for name in ("length", *SENSORS) if getattr(parts[0], name) is not None}
+    marks = lambda name: stack(lambda part: part.contacts.get(name, np.full(len(part), -1)))
+    used = [name for name in CONTACTS if np.any(marks(name) >= 0)]
+    more = {name: stack(lambda part, name=name: getattr(part, name)) for name in _BESIDE
+            if getattr(parts[0], name) is not None}
     return Dataset.of_arrays(
         CLOSURES.name, {"theta": robot.motor_angles(stack(lambda part: part.joints["q"])),
                      "approach": stack(lambda part: part.joints["approach"])},
         session=stack(lambda part: part.session),
-        contacts={name: stack(lambda part, name=name: part.contacts[name]) for name in used}, **more,
+        contacts={name: marks(name) for name in used}, **more,
     )
