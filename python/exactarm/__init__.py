@@ -25,8 +25,8 @@ from typing import Any
 __version__ = "0.1.0"
 
 COMMANDS = (
-    "accept", "batch", "calibrate", "certify", "check", "compensate", "design", "diagnose", "evaluate",
-    "export", "gear", "identify", "merge", "plan", "simulate",
+    "accept", "batch", "calibrate", "certify", "check", "compensate", "corners", "design", "diagnose",
+    "evaluate", "export", "gear", "identify", "merge", "plan", "simulate",
 )
 NAMES = {
     "load_robot": "exactarm.robot_file", "write_robot": "exactarm.robot_file",

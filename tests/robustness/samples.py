@@ -26,6 +26,13 @@ contact = "sphere"
 number = 0
 radius_mm = 12.7
 """
+BOARD = """\
+[board]
+squares = [6, 5]
+square_mm = 30
+marker_mm = 22
+dictionary = "DICT_4X4_50"
+"""
 PATH = """\
 kind = "points"
 points_m = [[0.9, 0.1, 0.6], [0.95, -0.1, 0.65], [0.9, -0.2, 0.7]]
@@ -110,6 +117,9 @@ def samples() -> dict[str, bytes]:
         "path.toml": PATH.encode(),
         "line.toml": Path(PATHS / "line.toml").read_bytes(),
         "fixture.toml": FIXTURE.encode(),
+        "board.toml": BOARD.encode(),
+        "board.png": (Path(__file__).parent / "board.png").read_bytes(),
+        "joints.csv": "\n".join(line.partition(",")[2] for line in JOINT_LOG.splitlines()[:2]).encode(),
         "part.src": KRL.encode(),
         "part.dat": KRL_DATA.encode(),
         "part.script": URSCRIPT.encode(),

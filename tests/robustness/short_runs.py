@@ -16,6 +16,7 @@ RUNS: dict[str, tuple[str, ...]] = {
     "check": ("ur10", "poses.csv", "day.csv"),
     "compensate": ("ur10", "part.script", "--points", "calculated",
                    "--keep-refused"),
+    "corners": ("ur10", "joints.csv", "board.png", "--fixture", "board.toml"),
     "demo": ("--steps", "racer_plan"),
     "design": ("racer-7-1.4", "--count", "12", "--validation", "4"),
     "diagnose": ("ur10", "poses.csv"),

@@ -78,6 +78,8 @@ COMMANDS: tuple[tuple[str, ...], ...] = (
     ("simulate", "racer-7-1.4", "*trajectory.csv", "--measure", "poses"),
     ("compensate", "*ur10.toml", "part.script"),
     ("compensate", "ur10", "*part.script"),
+    ("corners", "ur10", "*joints.csv", "board.png", "--fixture", "board.toml"),
+    ("corners", "ur10", "joints.csv", "*board.png", "--fixture", "*board.toml"),
     ("merge", "ur10", "*log.csv", "points.txt"), ("merge", "ur10", "log.csv", "*points.txt", "--unit", "mm"),
     ("accept", "*draft.toml"), ("batch", "*manifest.csv"), ("batch", "manifest.csv", "*poses.csv"),
     ("certify", "ur10", "*poses.csv"), ("certify", "*ur10.toml", "poses.csv"),
