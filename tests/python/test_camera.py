@@ -17,6 +17,7 @@ from exactarm.identify.calibrate import CalibrationOptions
 from exactarm.identify.closures import calibrate_closures
 from exactarm.identify.declared import geometry_layout
 from exactarm.identify.evaluate import evaluate_closures, evaluate_poses
+from exactarm.identify.first_aid import first_aid
 from exactarm.measurement.board_pictures import gross_corners, two_frames
 from exactarm.measurement.camera import Camera
 from exactarm.measurement.closures import noise_classes, predict_closures, touches
@@ -230,6 +231,31 @@ def test_pictures_that_cannot_tell_are_refused_in_words():
     few = known(SETUP).select(data.picture < 2)
     with pytest.raises(InputError, match="2 pictures show 6 corners or more"):
         calibrate_closures(robot.nominal, few)
+
+
+MIRRORED, BOARD = "mirrored pictures", "squares = [9, 7] in the fixture file"
+
+
+@pytest.mark.slow  # thirty pictures to be drawn; a check takes a third of a second
+def test_usual_mistakes_with_pictures_are_named_and_right_data_raise_no_suspicion():
+    robot, data = pictures("ur10", 3, 30)
+    of = lambda setup: Fixture(camera=setup)
+    data = replace(data, fixture=of(SETUP))
+    theta = data.joints["theta"]
+    angles = lambda values: replace(data, joints=data.joints | {"theta": values})
+    upward = np.stack([data.pixel[:, 0], 1199.0 - data.pixel[:, 1]], axis=1)
+    for changed, words in (
+        (replace(data, pixel=data.pixel[:, ::-1]), MIRRORED),
+        (replace(data, pixel=upward), MIRRORED),
+        (replace(data, fixture=of(replace(SETUP, on_flange=False))), '[camera] on = "flange"'),
+        (replace(data, fixture=of(replace(SETUP, columns=7, rows=9))), BOARD),
+        (replace(data, corner=data.corner + 1), "corners numbered from 0"),
+        (angles(theta * [1, 1, 1, -1, 1, 1]), "opposite sign of axis 4"),
+        (angles(theta[:, [0, 1, 2, 4, 3, 5]]), "axes 4 and 5 exchanged"),
+    ):
+        found = first_aid(robot.nominal, changed)
+        assert len(found) == 1 and words in found[0], (words, found)
+    assert first_aid(robot.nominal, data) == ()
 
 
 @pytest.mark.slow

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from exactarm.dataset import Dataset
 from exactarm.errors import ComputationError, InputError
 from exactarm.identify.first_aid import first_aid
+from exactarm.kinds import CLOSURES
 from exactarm.robot import Robot
 
 
@@ -20,7 +21,8 @@ def suspicions(robot: Robot, data: Dataset) -> Iterator[tuple[str, ...]]:
     try:
         yield (*found, *data.notes)
     except (InputError, ComputationError) as error:
-        if not found or "do not match" in str(error):  # that refusal has looked by itself
+        looked = "do not match" in str(error) and data.kind != CLOSURES.name  # that refusal, by itself
+        if not found or looked:
             raise
         message = f"{getattr(error, 'message', error)}; {found[0]}"
         if isinstance(error, ComputationError):

@@ -14,6 +14,7 @@ from collections.abc import Callable
 from exactarm.dataset import Dataset
 from exactarm.errors import InputError
 from exactarm.generic_masses import with_declared_masses
+from exactarm.identify.camera_mistakes import camera_mistakes
 from exactarm.identify.declared import carried_layout
 from exactarm.identify.gear_mistakes import gear_mistakes
 from exactarm.identify.load_mistakes import load_mistakes
@@ -44,13 +45,17 @@ def _poses(robot: Robot, data: Dataset) -> list[Suspicion]:
     return pose_mistakes(robot, data, carried_layout(robot, data)) if robot.has_geometry else []
 
 
+def _pictures(robot: Robot, data: Dataset) -> list[Suspicion]:
+    return camera_mistakes(robot, data) if robot.has_geometry else []
+
+
 def _loads(robot: Robot, data: Dataset) -> list[Suspicion]:
     return list(load_mistakes(robot, data)) if robot.has_geometry else []
 
 
 _CHECKS: dict[str, tuple[Callable[[Robot, Dataset], list[Suspicion]], ...]] = {
     POSES.name: (_poses, _loads),
-    CLOSURES.name: (_loads,),
+    CLOSURES.name: (_pictures, _loads),
     TRACKED_MOTION.name: (_poses, tracked_mistakes),
     MOTION.name: (lambda robot, data: motion_mistakes(with_declared_masses(robot), data),),
     GEAR_RUN.name: (gear_mistakes,),
