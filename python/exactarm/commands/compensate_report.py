@@ -230,10 +230,11 @@ def _bends(corrections: Sequence[Correction], most: int = 12) -> Table:
         for bend, program in rows[:most]
     )
     return Table(
-        "Straight motions",
+        "Lines and paths",
         ("to", "file", "line", "off the line", "points in between", "off the line then"),
         cells,
-        "Largest distance of the real tip from the straight line between corrected ends.",
+        "Largest distance of the real tip from the straight line between corrected ends; in a time series of "
+        "the real flange from the path between its points, where it is above the tolerance.",
     )
 
 

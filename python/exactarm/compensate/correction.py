@@ -19,6 +19,7 @@ from exactarm.compensate.approach import approaches
 from exactarm.compensate.flange_poses import Poses, pose_error
 from exactarm.compensate.law import NEAR_SINGULAR, CompensationModel
 from exactarm.compensate.program import HERE, Edit, Program, Target
+from exactarm.compensate.series import series_bends
 from exactarm.compensate.straightness import Bend, bends
 from exactarm.errors import InputError
 from exactarm.mdh_frames import compose, relative
@@ -107,7 +108,10 @@ def correct(
     rows_good = np.array([r not in refusals for r in rows], bool)
     q_after[rows[rows_good]] = found[rows_good]
     edits, moved = _edits(program, model, q_after)
-    found_bends = bends(program, model, resolved.poses, q_after, tolerance) if tolerance is not None else []
+    found_bends = []
+    if tolerance is not None:
+        found_bends = bends(program, model, resolved.poses, q_after, tolerance)
+        found_bends += series_bends(program, model, resolved.q, q_after, tolerance)
     warnings += _told(program, found_bends, tolerance)
     if not program.targets:
         warnings.append(f"{program.files[0].path.name}: no target was found")
@@ -145,10 +149,10 @@ def correct(
 
 
 def _told(program: Program, found: list[Bend], tolerance: float | None) -> list[str]:
-    """Straight motions that no points in between keep on their line, and why."""
+    """Motions that no points in between keep on their line or path, and why."""
     left = [bend for bend in found if bend.after > tolerance]
     return [
-        f"straight motions that leave their line by more than the tolerance{why}: {_named(program, those)}"
+        f"motions that leave their line or path by more than the tolerance{why}: {_named(program, those)}"
         for why, those in (
             ("", [bend for bend in left if bend.open]),
             (f", where no points in between can be put ({program.dialect})",

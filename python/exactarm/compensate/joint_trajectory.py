@@ -15,13 +15,14 @@ import re
 import numpy as np
 import yaml
 
-from exactarm.compensate.program import Motion, Number, Program, SourceText, Target, in_range
+from exactarm.compensate.program import Edit, Motion, Number, Program, SourceText, Target, in_range
 from exactarm.compensate.setting import Setting
 from exactarm.errors import InputError
 from exactarm.robot import Robot
 
 NAME, SUFFIXES = "JointTrajectory", (".yaml", ".yml")
 DECIMALS = 12
+RATES = ("velocities", "accelerations")
 LONGEST_S = 1e9
 LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # the compiled one is ten times as fast
 UR_NAMES = (
@@ -59,7 +60,10 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
             numbers.append(Number.read(source, source.text[start : place(node.end_mark.index)], start))
         in_range(source, numbers)
         targets.append((i, numbers, line))
-        motions.append(Motion("joint", i, line, time=_time(source, fields, line)))
+        rates = _rates(fields, order)
+        insert = _insertion(source, point, fields, place, order, len(rates)) if i else None
+        motions.append(
+            Motion("joint", i, line, time=_time(source, fields, line), insert=insert, rates=rates))
     times = [motion.time for motion in motions]
     if None in times and any(time is not None for time in times):
         raise InputError(
@@ -82,6 +86,53 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
         (f"{', '.join(sorted(other))} stay as they are: they change by about a thousandth",) if other else ()
     )
     return Program(NAME, sources, made, tuple(motions), warnings, calculated=True)
+
+
+def _rates(fields: dict, order: list[int]) -> tuple[np.ndarray, ...]:
+    """Velocity and acceleration of each axis at a point, as far as it has them; none where they are no
+    numbers."""
+    rates = []
+    for key in RATES:
+        node = fields.get(key)
+        if not isinstance(node, yaml.SequenceNode) or len(node.value) != len(order):
+            break
+        try:
+            values = np.array([float(item.value) for item in node.value])
+        except (TypeError, ValueError):
+            break
+        if not np.all(np.isfinite(values)):
+            break
+        rates.append(np.empty(len(order)))
+        rates[-1][order] = values
+    return tuple(rates)
+
+
+def _insertion(source: SourceText, point, fields: dict, place, order: list[int], rates: int):
+    """Points before one of a list in lines with dashes, whose keys are those that are written here."""
+    text, at = source.text, place(point.start_mark.index)
+    start = source.line_start(at)
+    dash = re.fullmatch(r"([ \t]*)-([ \t]+)", text[start:at])
+    newline = re.search(r"\r\n|\n|\r", text)
+    keys = {"positions", "time_from_start", *RATES[:rates]}
+    empty = {key for key, node in fields.items() if isinstance(node, yaml.SequenceNode) and not node.value}
+    seconds = [key for key in _fields(fields.get("time_from_start")) if key in ("sec", "secs")]
+    if dash is None or newline is None or set(fields) - empty != keys or len(seconds) != 1:
+        return None
+    nanoseconds = "nanosec" if seconds[0] == "sec" else "nsecs"
+
+    def insert(points):
+        lines = []
+        for time, q, derivatives in points:
+            written = zip(("positions", *RATES), (q, *derivatives))
+            rows = [f"{key}: [" + ", ".join(f"{values[axis]:.{DECIMALS}f}" for axis in order) + "]"
+                    for key, values in written]
+            whole, rest = divmod(round(1e9 * time), 10**9)
+            rows.append(f"time_from_start: {{{seconds[0]}: {whole}, {nanoseconds}: {rest}}}")
+            indent = dash[1] + " " + " " * len(dash[2])
+            lines += [text[start:at] + rows[0], *(indent + row for row in rows[1:])]
+        return Edit(0, start, start, "".join(line + newline[0] for line in lines).encode("latin-1"))
+
+    return insert
 
 
 def axis_order(robot: Robot, names: list[str], source: SourceText) -> list[int]:

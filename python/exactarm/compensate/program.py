@@ -75,7 +75,8 @@ class Motion:
 
     target None: to a place that these files do not know. `time`: s, where the program is a time series.
     insert: (joint angles and tip of each point in between) -> the edit that puts them before this motion;
-    None: not safe.
+    None: not safe. In a time series its points are (time in s, joint angles, rates), with as many rates as
+    `rates`: velocity and acceleration (n,) at the target, where the program has them.
     """
 
     kind: str
@@ -84,7 +85,8 @@ class Motion:
     via: int | None = None
     time: float | None = None
     approach: tuple[float, ...] | None = None
-    insert: Callable[[list[tuple[np.ndarray, Placement]]], Edit] | None = None
+    insert: Callable[[list], Edit] | None = None
+    rates: tuple[np.ndarray, ...] = ()
 
 
 @dataclass(frozen=True)
