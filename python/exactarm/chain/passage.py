@@ -1,14 +1,14 @@
-"""Rows of a motion that hang on how a gear passes from the table of one direction to that of the other at a
-reversal.
+"""Rows of a motion whose prediction depends on how a gear passes, at a reversal, from one direction's table
+to the other's.
 
-No model defines the passage; the chain assumes one of TRANSITION_S (chain/direction.py). The prediction is
-made again as if it took less and more time, d the directions of each:
+No model defines the passage; the chain assumes one of TRANSITION_S (chain/direction.py). The
+prediction is repeated with a shorter and a longer passage, d the directions with each:
 
     row left out where max_j |predicted_j(d) - predicted_j(d of TRANSITION_S)| > SHARE sigma_j
 
-sigma (m,): white noise of the measurement as it is compared with the prediction. What a passage shakes behind
-it (springs, the low-pass) is in the predictions, so no reach has to be guessed. Gears whose two tables agree
-leave every row in.
+sigma (m,): white noise of the measurement as it is compared with the prediction. The predictions contain what
+a passage sets in motion behind it (springs, the low-pass), so that no length of time is assumed. Gears whose
+two tables agree leave every row in.
 """
 
 from __future__ import annotations

@@ -2,8 +2,8 @@
 
 A change at a station adds its value to the signal, and to the tangent
     T_signal += change.by_parameters + sum_s change.by_signal[s] @ T_s.
-What the drives and the structure do, they do in every kind of data; encoders and devices belong to their own
-kind.
+Effects of drives and structure act in every kind of data, those of encoders and devices in their own kinds
+only.
 """
 
 from __future__ import annotations

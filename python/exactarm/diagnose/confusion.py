@@ -1,4 +1,4 @@
-"""Confusion: causes that this data cannot tell apart, and the measurements that would part them.
+"""Confusion: causes that this data cannot tell apart, and the measurements that would tell them apart.
 
 A rival of a finding is doubtful when its posterior probability beside the finding is not negligible: its
 prediction, with everything else fitted anew, is then as good within the noise.

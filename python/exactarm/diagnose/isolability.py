@@ -8,8 +8,8 @@ response to cause a has the expected length
                 noise
     apart(a, b) = min over b's grid of sqrt(sum_k s_ak^2 c_ak' V^-1 c_ak),   V = I + 9 C_b S_b^2 C_b'
 
-that is, of what b cannot imitate at sizes of three times its plausible ones. A cause is seen by the set when
-its length stands out of the noise, and told from b when what b cannot imitate of it does. Forms of one cause
+that is, of what b cannot imitate at sizes of three times its plausible ones. The poses show cause a when
+seen(a) stands out of the noise, and tell it from b when apart(a, b) does. Forms of one cause
 on one axis are not held against each other.
 """
 

@@ -2,7 +2,7 @@
 
 Candidates are random poses inside the joint limits (or the measured range) with the target inside the
 measured space, each approached from both directions, with the flange as it was and with a known payload on
-it. Poses are chosen one by one (cause_information.py) until most of what is open would be known.
+it. Poses are chosen one by one (cause_information.py) until they would tell most of what is not known.
 """
 
 from __future__ import annotations

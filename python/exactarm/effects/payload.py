@@ -3,8 +3,8 @@
     pi_n += (m, s, I),  s = m c the first moment in the flange frame,
     I = m / (m^2 + m0^2) (|s|^2 1 - s s')     about the flange: that of a point mass at c for m >> m0
 
-Mass and first moment are the parameters, so that no mass is not a singular point (m0 = 1 g); the centre of
-mass is c = s / m. The derivative of the joint torque is the regressor's (Atkeson, An and Hollerbach 1986).
+Mass and first moment are the parameters, so that a mass of zero is no singular point (m0 = 1 g); the centre
+of mass is c = s / m. The derivative of the joint torque is the regressor's (Atkeson, An and Hollerbach 1986).
 """
 
 from __future__ import annotations

@@ -71,7 +71,7 @@ class TrackerStep(Effect):
         )
 
     def renewed(self, view) -> Effect:
-        """The push where the residual jumps most likely, near its present place."""
+        """The push at the likeliest jump of the residual near its present place."""
         if view.data.position is None:
             return self
         rows, x = in_order(view.data, self.session, self.driver)

@@ -2,10 +2,10 @@
 
     e_t = memory e_{t-1} + w_t,   w white with variance (1 - memory^2) var(e)
 
-What lies behind e_t - memory e_{t-1} (and sqrt(1 - memory^2) e at the first sample of a run) is white, so
-that a fit of it weighs slow and fast parts by what they are worth (Prais and Winsten 1954). Between two
-encoders the noise is such a one: eccentric discs, warmth and friction at rest move the angle slowly, and far
-more than the encoders' steps.
+e_t - memory e_{t-1} (and sqrt(1 - memory^2) e at the first sample of a run) is white, so that a fit of it
+gives slow and fast parts their proper weights (Prais and Winsten 1954). The noise between two encoders is of
+this kind: eccentric discs, warmth and friction at rest move the angle slowly, and far more than the encoders'
+steps.
 """
 
 from __future__ import annotations

@@ -68,7 +68,8 @@ class DroppedParameter:
 @dataclass(frozen=True)
 class DynamicsIdentification:
     """records and residuals (N', m) Nm before and after, by "identification" and "validation"; unconstrained:
-    those after, had the links not to be bodies (the same where no inertia was estimated)."""
+    those after without the condition that links are physical bodies (the same where no inertia was
+    estimated)."""
 
     robot: Robot
     fit: MotionFit

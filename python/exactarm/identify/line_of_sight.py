@@ -43,8 +43,8 @@ class Station:
 
 
 def segment_distance(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray) -> np.ndarray:
-    """(N,) least distance of the segments a - b and c - d, ends (N, 3). It lies inside both, or at an end of
-    one."""
+    """(N,) least distance of the segments a - b and c - d, ends (N, 3). It is
+    that between inner points of both, or at an end of one."""
     u, v, w = b - a, d - c, a - c
     uu, uv, vv, uw, vw = (np.sum(x * y, axis=1) for x, y in ((u, u), (u, v), (v, v), (u, w), (v, w)))
     tiny = np.finfo(float).tiny

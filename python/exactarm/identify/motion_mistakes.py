@@ -6,7 +6,7 @@ without it?
 Rigid, all of pi, J, friction and constant free (10 n + 4 n unknowns, a trace of ridge for those that the
 motion does not show), every axis weighted by its own torque. Share u_i: RMS of what is left of axis i over
 that of its torque. A mistake is named where, undone, it lowers u without raising any axis'. Friction that
-drives tells of a wrong sign without any comparison: what an axis loses in friction is positive. Declared
+drives tells of a wrong sign by itself: friction takes power from an axis. Declared
 masses, or the arm's size, tell of a wrong unit of torque.
 """
 
@@ -48,8 +48,7 @@ _LEAST_LOAD_NM_M3, _MOST_LOAD_NM_M3 = 0.5, 5000.0
 @dataclass(frozen=True)
 class _Samples:
     """q, q_dot, q_ddot, torque (N, n) of the output sides on some rows; gravity (3,); offset (n,) of q, and
-    how many times as large as on the output side the columns of the file are: of angles and of torques
-    (n,)."""
+    the scale of the columns of the file over the output side (n,), of angles and of torques."""
 
     q: np.ndarray
     rate: np.ndarray

@@ -1,9 +1,9 @@
 """Polish: moves the experiments of a set a little, each on its own, as long as the criterion rises.
 
 The exchange picks from a finite pool; the optimum lies between its members. In every round each of the K
-settings (joint angles of a pose) gets several neighbours within a spread that shrinks from round to round;
-the swaps are tried in the order of what they promise, and kept when they raise the criterion of the set as it
-is by then and leave a second criterion, the guard, no lower than it was at the start.
+settings (joint angles of a pose) gets several neighbours within a spread that shrinks from round to round; a
+swap is tried in the order of its predicted gain, and kept when it raises the criterion of the current set and
+leaves a second criterion, the guard, no lower than it was at the start.
 """
 
 from __future__ import annotations
