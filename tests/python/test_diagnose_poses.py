@@ -148,6 +148,7 @@ def test_two_angles_that_act_together_are_unexplained():
     assert "two axes together" in result.dossier_after.strongest.signal
 
 
+@pytest.mark.slow
 def test_noise_that_neighbours_share_is_noise_and_widens_the_frames_intervals():
     """Half of its variance wanders with a memory of eight poses; nothing is hidden."""
     rng, keeps = np.random.default_rng(92), np.exp(-1.0 / 8.0)

