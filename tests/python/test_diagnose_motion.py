@@ -10,6 +10,7 @@ from exactarm.commands.diagnose import _json
 from exactarm.dataset import read_dataset
 from exactarm.diagnose.diagnosis import diagnose
 from exactarm.diagnose.verdict import EXPLAINED, NOTHING
+from exactarm.effects.payload import Payload
 from exactarm.examples import data_path
 from exactarm.identify.dynamics import identify_dynamics, inertia_was_estimated
 from exactarm.robot_file import load_robot
@@ -63,6 +64,25 @@ def test_names_a_rotor(racer):
         assert [entry["joint"] for entry in summary["axes"]] == [1, 2, 3, 4, 5, 6]
         assert summary["axes"][2]["rms"] == pytest.approx(axis[part])
         assert sum(entry["n"] for entry in summary["axes"]) == summary["n"]
+
+
+def test_masses_of_a_drawing_that_are_off_are_told_as_that(racer):
+    """Every mass 3 % off at random, as castings are: no payload, no compensator, no rotor in their place."""
+    random = np.random.default_rng(8)
+    links = tuple(replace(link, mass=link.mass * (1.0 + 0.03 * random.standard_normal()))
+                  for link in racer.links)
+    result = diagnose(racer, motion(replace(racer, links=links)))
+    assert [finding.effect.name for finding in result.findings] == ["link_masses"]
+    assert result.after["validation"].rms < 1.05 * NOISE_NM < 0.9 * result.before["validation"].rms
+
+
+def test_a_payload_is_no_mass_of_a_link(racer):
+    """Four numbers do what thirty masses would have to agree on."""
+    loaded = Payload(None, (3.0, 0.1, 0.05, 0.3)).bake(racer)
+    result = diagnose(racer, motion(loaded))
+    assert result.findings[0].effect.name == "payload" and result.findings[0].probability > 0.99
+    mass = result.findings[0].intervals[0]
+    assert mass[0] < 3.0 < mass[1]
 
 
 @pytest.mark.slow

@@ -39,7 +39,8 @@ def held_out_squares(
     if prior is not None:
         penalty[fitted.basis.shape[1] :] = 1.0 / prior**2
     norm = np.linalg.norm(design, axis=0)
-    design, penalty = design[:, norm > 0] / norm[norm > 0], penalty[norm > 0] / norm[norm > 0] ** 2
+    size = np.sqrt(norm**2 + penalty)[norm > 0]  # a column of rounding is its prior
+    design, penalty = design[:, norm > 0] / size, penalty[norm > 0] / size**2
     residual, numbers = fitted.whitened, fitted.data_numbers
     fold_of_row = np.full(residual.size, -1)
     fold_of_row[:numbers] = np.repeat(folds, numbers // len(folds))

@@ -164,8 +164,6 @@ def diagnose(
     unconverged = _unconverged(selection)
     if unconverged or sum(gains) < AGAINST:
         verdict = UNEXPLAINED
-    doubts = problem.doubts(last, {len(declared.effects) + place: accepted.evidence
-                                   for place, accepted in enumerate(selection.accepted)})
     drafts = ()
     if verdict == UNEXPLAINED and problem.drafts and not unconverged:
         progress("drafting what is left")
@@ -181,7 +179,7 @@ def diagnose(
         alternatives=alternatives,
         verdict=verdict,
         sentence=no_verdict(unconverged) if unconverged else sentence_of(
-            verdict, findings, alternatives, before, after, left, excess, unknown, sum(gains)) + doubts,
+            verdict, findings, alternatives, before, after, left, excess, unknown, sum(gains)),
         causes=causes,
         unconverged=unconverged,
         drafts=drafts,

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import pickle
 from copy import copy
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 
@@ -24,9 +24,7 @@ from exactarm.chain import (
 )
 from exactarm.chain.motion_record import measured_torque, runs_of
 from exactarm.dataset import Dataset
-from exactarm.diagnose.admissible import LEAST_PROBABILITY
 from exactarm.diagnose.coloured_noise import ColouredNoise, NoiseMemory
-from exactarm.diagnose.mass_tolerance import MASS, mass_tolerance, probability_beside
 from exactarm.diagnose.next_motions import separating_motion
 from exactarm.diagnose.problem import Fitted, Problem
 from exactarm.diagnose.scan import free_mask
@@ -49,6 +47,8 @@ from exactarm.robot import Robot
 from exactarm.signals import typical_step, white_noise
 
 _COLUMNS_AT_ONCE = 48
+_FITS_KEPT = 6  # contest and alternatives ask for the same rivals; a fit is some ten megabytes
+_BYTES_KEPT = 2e8  # of responses at one fit: the whole library over a minute of six axes
 _LEAST_SAMPLES, _LEAST_NOISE, _WHITE = 50, 1e-5, 1.2
 # of those of an identification: a search over hundreds of candidates costs as many times the rows
 _ROWS_SHARE = 0.5
@@ -56,12 +56,24 @@ _ROWS_SHARE = 0.5
 
 @dataclass(frozen=True)
 class MotionFitted(Fitted):
-    """measured (m,): axes (from 0) whose torque was measured; record: of the identification rows."""
+    """measured (m,): axes (from 0) whose torque was measured; record: of the identification rows; known:
+    responses at this view, which noise, scan and contest ask for in turn."""
 
     measured: np.ndarray = None
     record: MotionRecord = None
+    known: dict[Effect, np.ndarray] = field(default_factory=dict)
 
     def responses_of(self, effects: list[Effect]) -> list[np.ndarray]:
+        new = [effect for effect in effects if effect not in self.known]
+        found = dict(zip(new, self._responses_of(new)))
+        kept = sum(response.nbytes for response in self.known.values())
+        for effect, response in found.items():
+            kept += response.nbytes
+            if kept < _BYTES_KEPT:
+                self.known[effect] = response
+        return [found[effect] if effect in found else self.known[effect] for effect in effects]
+
+    def _responses_of(self, effects: list[Effect]) -> list[np.ndarray]:
         """Effects without any size share runs through the arm; what acts on the reported torque itself needs
         none."""
         found: dict[int, np.ndarray] = {}
@@ -93,7 +105,6 @@ def _in_parts(places: list[int], widths: list[int]) -> list[list[int]]:
     """`places` in their order, cut so that each part has about `_COLUMNS_AT_ONCE` columns."""
     part_of = np.cumsum(widths) // _COLUMNS_AT_ONCE
     return [[places[k] for k in np.flatnonzero(part_of == part)] for part in np.unique(part_of)]
-_FITS_KEPT = 6  # contest and alternatives ask for the same rivals; a fit is some ten megabytes
 
 
 class MotionProblem(Problem):
@@ -214,22 +225,8 @@ class MotionProblem(Problem):
                       "drawing, `exactarm identify` first, or what they lack is taken for a payload",)
         return words
 
-    def doubts(self, fitted: Fitted, evidences: dict[int, float]) -> str:
-        if self.inertial or not evidences:
-            return ""
-        links, sizes = mass_tolerance(self.robot)
-        response = fitted.responses_of([links])[0] * sizes
-        titles = []
-        for index, evidence in evidences.items():
-            without = fitted.without(index)
-            count = max(fitted.noise.share * without.data_numbers - without.basis.shape[1], 1.0)
-            effect = fitted.layout.effects[index]
-            if probability_beside(without, effect, evidence, response, count) < LEAST_PROBABILITY:
-                titles.append(effect.title)
-        if not titles:
-            return ""
-        return (f" Masses {100 * MASS:.0f} % off those of the robot file would do as well as "
-                f"{' and '.join(titles)}: where they come from a drawing, `exactarm identify` first.")
+    def shows(self, effect: type[Effect]) -> bool:
+        return super().shows(effect) and not (self.inertial and effect.inertia_of)
 
     def groups(self) -> np.ndarray:
         return run_groups(self.record.data.run)

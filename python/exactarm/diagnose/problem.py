@@ -340,11 +340,6 @@ class Problem(ABC):
         case."""
         return fitted
 
-    def doubts(self, fitted: Fitted, evidences: dict[int, float]) -> str:
-        """In a sentence: which effects (place in the layout, with its evidence) could as well be what the
-        declared model holds without being sure of it; empty where nothing is held so."""
-        return ""
-
     def shows(self, effect: type[Effect]) -> bool:
         """Whether this kind of data can show effects of a class."""
         return self.kind in effect.kinds

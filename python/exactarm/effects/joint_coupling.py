@@ -14,7 +14,7 @@ from typing import ClassVar
 import numpy as np
 
 from exactarm.effects.base import Change, Effect, Parameter, Station
-from exactarm.kinds import ALL_KINDS
+from exactarm.kinds import ALL_KINDS, MOTION
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,9 @@ class JointCoupling(Effect):
 
     @classmethod
     def candidates(cls, robot, view) -> Iterable[Effect]:
-        for motor in np.flatnonzero(view.moving):
+        # In a torque a motor at rest shows it too: it holds its share of the load of the axis that it turns.
+        motors = range(robot.axes) if view.kind == MOTION.name else np.flatnonzero(view.moving)
+        for motor in motors:
             for turned in range(robot.axes):
                 if turned != motor:
                     yield cls(turned + 1, (float(motor + 1), 0.0))

@@ -19,7 +19,7 @@ from exactarm.robot import Link
 
 SYMBOLS = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz")
 _UNITS = ("kg",) + ("kg_m",) * 3 + ("kg_m2",) * 6
-_PLAUSIBLE = (10.0,) + (2.0,) * 3 + (1.0,) * 6
+PLAUSIBLE = (10.0,) + (2.0,) * 3 + (1.0,) * 6
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class LinkInertia(Effect):
         return LinkInertia(None, tuple(float(pi[c]) for c in columns), tuple(int(c) for c in columns))
 
     def parameters(self) -> tuple[Parameter, ...]:
-        return tuple(Parameter(column_name(c), _PLAUSIBLE[c % 10]) for c in self.columns)
+        return tuple(Parameter(column_name(c), PLAUSIBLE[c % 10]) for c in self.columns)
 
     def parameter_label(self, parameter: Parameter) -> str:
         return parameter.name

@@ -17,6 +17,7 @@ from exactarm.view import SIGN_WIDTH_RAD_S
 
 _WIDTHS_RAD_S = (1e-3, 2.5e-3, 5e-3, 1e-2, SIGN_WIDTH_RAD_S, 4e-2, 8e-2, 0.16)
 _CLEARLY = 0.99  # of the square sum
+_DEPENDENT = 1e-9  # of a column: what is left of it is rounding
 
 
 def friction_widths(robot: Robot, layout: Layout, record: MotionRecord, threads: int = 1) -> np.ndarray:
@@ -38,8 +39,8 @@ def friction_widths(robot: Robot, layout: Layout, record: MotionRecord, threads:
         # What the usual width has explained lies in the span of the columns: only the peaks at reversals are
         # at stake.
         coulomb = view.robot.joints[axis].coulomb
-        left = [_square(columns, near[keep, axis], sign[keep, axis], residual[keep, axis], coulomb)
-                for sign in (near, *signs)]
+        left = _squares(columns, near[keep, axis], [sign[keep, axis] for sign in (near, *signs)],
+                        residual[keep, axis], coulomb)
         best = int(np.argmin(left))
         if left[best] < _CLEARLY * left[0]:
             widths[axis] = _WIDTHS_RAD_S[best - 1]
@@ -53,10 +54,17 @@ def _smooth_curves(view, rate: np.ndarray, axis: int) -> np.ndarray:
                             np.sin(q), load])
 
 
-def _square(columns, near, sign, residual, coulomb) -> float:
-    """Square sum left by the free parameters where dry friction follows `sign` in place of `near`."""
+def _squares(columns, near, signs, residual, coulomb) -> list[float]:
+    """Square sums left by the free parameters where dry friction follows each of `signs` in place of
+    `near`."""
     size = np.linalg.norm(columns, axis=0)
     dry = columns.T @ near / (size * np.linalg.norm(near)) > 1.0 - 1e-9
-    design = np.column_stack([columns[:, ~dry] / size[~dry], sign])
-    target = residual + (coulomb or 0.0) * near
-    return float(np.sum((target - design @ np.linalg.lstsq(design, target, rcond=1e-9)[0]) ** 2))
+    basis, weights = np.linalg.svd(columns[:, ~dry] / size[~dry], full_matrices=False)[:2]
+    basis = basis[:, weights > _DEPENDENT * weights.max(initial=0.0)]
+    clear = lambda values: values - basis @ (basis.T @ values)
+    target, found = clear(residual + (coulomb or 0.0) * near), []
+    for sign in signs:
+        way = clear(sign)
+        way = way / max(np.linalg.norm(way), _DEPENDENT * np.linalg.norm(sign), np.finfo(float).tiny)
+        found.append(float(target @ target - (target @ way) ** 2))
+    return found
