@@ -20,6 +20,7 @@ from exactarm.identify.gear_mistakes import gear_mistakes
 from exactarm.identify.load_mistakes import load_mistakes
 from exactarm.identify.motion_mistakes import motion_mistakes
 from exactarm.identify.pose_mistakes import pose_mistakes
+from exactarm.identify.ratio_mistakes import ratio_mistakes
 from exactarm.identify.signal_mistakes import cell_mistakes, limit_mistakes
 from exactarm.identify.suspicion import Suspicion
 from exactarm.identify.tracked_mistakes import tracked_mistakes
@@ -53,10 +54,15 @@ def _loads(robot: Robot, data: Dataset) -> list[Suspicion]:
     return list(load_mistakes(robot, data)) if robot.has_geometry else []
 
 
+def _motions(robot: Robot, data: Dataset) -> list[Suspicion]:
+    robot = with_declared_masses(robot)
+    return motion_mistakes(robot, data) or list(ratio_mistakes(robot, data))
+
+
 _CHECKS: dict[str, tuple[Callable[[Robot, Dataset], list[Suspicion]], ...]] = {
     POSES.name: (_poses, _loads),
     CLOSURES.name: (_pictures, _loads),
     TRACKED_MOTION.name: (_poses, tracked_mistakes),
-    MOTION.name: (lambda robot, data: motion_mistakes(with_declared_masses(robot), data),),
+    MOTION.name: (_motions,),
     GEAR_RUN.name: (gear_mistakes,),
 }

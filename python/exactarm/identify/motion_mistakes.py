@@ -46,7 +46,7 @@ _LEAST_LOAD_NM_M3, _MOST_LOAD_NM_M3 = 0.5, 5000.0
 
 
 @dataclass(frozen=True)
-class _Samples:
+class MotionSamples:
     """q, q_dot, q_ddot, torque (N, n) of the output sides on some rows; gravity (3,); offset (n,) of q, and
     the scale of the columns of the file over the output side (n,), of angles and of torques."""
 
@@ -59,7 +59,7 @@ class _Samples:
     angle_scale: np.ndarray
     torque_scale: np.ndarray
 
-    def with_angles(self, change: Callable[[np.ndarray], np.ndarray]) -> _Samples:
+    def with_angles(self, change: Callable[[np.ndarray], np.ndarray]) -> MotionSamples:
         """The columns of angles in the file changed, and with them their rates."""
         new = lambda values: change(values * self.angle_scale) / self.angle_scale
         return replace(
@@ -69,7 +69,7 @@ class _Samples:
             acceleration=new(self.acceleration),
         )
 
-    def with_torques(self, change: Callable[[np.ndarray], np.ndarray]) -> _Samples:
+    def with_torques(self, change: Callable[[np.ndarray], np.ndarray]) -> MotionSamples:
         return replace(self, torque=change(self.torque / self.torque_scale) * self.torque_scale)
 
 
@@ -86,7 +86,7 @@ def motion_mistakes(robot: Robot, data: Dataset) -> list[Suspicion]:
     """The mistakes that explain these torques better, best first."""
     if not robot.has_geometry or not _is_measured_whole(data):
         return []
-    samples = _samples(robot, data)
+    samples = samples_of(robot, data)
     now = _explained(robot, samples)
     found = in_order(
         [
@@ -106,7 +106,7 @@ def _is_measured_whole(data: Dataset) -> bool:
     return bool(torque) and not np.isnan(np.stack([values[0] for values in torque])).all(axis=0).any()
 
 
-def _samples(robot: Robot, data: Dataset) -> _Samples:
+def samples_of(robot: Robot, data: Dataset) -> MotionSamples:
     numbers = np.unique(data.run)
     each = max(MOST_LOGGED // len(numbers), 500)
     rows = np.concatenate(
@@ -117,7 +117,7 @@ def _samples(robot: Robot, data: Dataset) -> _Samples:
     kept = kept[np.unique(np.linspace(0, kept.size - 1, min(kept.size, MOST_ROWS)).astype(int))]
     output = lambda values: values[kept] / robot.ratios
     ones = np.ones(robot.axes)
-    return _Samples(
+    return MotionSamples(
         output(record.theta) + robot.offsets,
         output(record.theta_dot),
         output(record.theta_ddot),
@@ -129,7 +129,12 @@ def _samples(robot: Robot, data: Dataset) -> _Samples:
     )
 
 
-def _explained(robot: Robot, samples: _Samples) -> _Explained:
+def dry_friction_of(rate: np.ndarray) -> np.ndarray:
+    """The sign of rates (N, n), turning over smoothly."""
+    return np.tanh(rate / _SIGN_RAD_S)
+
+
+def _explained(robot: Robot, samples: MotionSamples) -> _Explained:
     rows, n = samples.q.shape
     size = np.sqrt(np.mean(samples.torque**2, axis=0))
     size = np.maximum(size, 1e-9 * max(size.max(), 1e-9))
@@ -140,7 +145,7 @@ def _explained(robot: Robot, samples: _Samples) -> _Explained:
     )
     own = (
         robot.controller_ratios**2 * samples.acceleration,
-        np.tanh(samples.rate / _SIGN_RAD_S),
+        dry_friction_of(samples.rate),
         samples.rate,
         np.ones_like(samples.rate),
     )
@@ -168,7 +173,7 @@ def _fall(now: _Explained, other: _Explained) -> float:
     return most
 
 
-def _candidates(samples: _Samples) -> Iterator[tuple[str, _Samples]]:
+def _candidates(samples: MotionSamples) -> Iterator[tuple[str, MotionSamples]]:
     n = samples.q.shape[1]
     yield "degrees labelled as radians", samples.with_angles(lambda values: _DEGREE * values)
     yield "radians labelled as degrees", samples.with_angles(lambda values: values / _DEGREE)
@@ -214,7 +219,7 @@ def _driving_friction(now: _Explained) -> Iterator[Suspicion]:
     )
 
 
-def _units(robot: Robot, samples: _Samples) -> Iterator[Suspicion]:
+def _units(robot: Robot, samples: MotionSamples) -> Iterator[Suspicion]:
     """Torques far from what declared masses, or an arm of this size, can ask for."""
     torque = float(np.quantile(np.abs(samples.torque), 0.99, axis=0).max())
     if robot.links is not None and sum(link.mass for link in robot.links) > 0.0:
