@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from exactarm.diagnose.held_out_evidence import AGAINST, held_out_gains, log_density
+from exactarm.diagnose.held_out_evidence import AGAINST, allowed, held_out_gains, log_density
 from exactarm.diagnose.verdict import EXPLAINED, sentence_of
 from exactarm.identify.statistics import summarise
 
@@ -45,6 +45,12 @@ def test_the_density_of_three_numbers_is_that_of_three_normal_ones():
     expected = -0.5 * np.sum(np.log(2 * np.pi * variance) + vectors**2 / variance)
     assert log_density(np.linalg.norm(vectors, axis=1), 3, np.inf) == pytest.approx(expected)
     assert log_density(np.linalg.norm(vectors, axis=1), 3, 1e7) == pytest.approx(expected, rel=1e-5)
+
+
+def test_no_probability_outlives_rows_that_speak_against_it():
+    assert allowed(0.999, AGAINST + 0.01) == 0.999
+    assert allowed(0.999, AGAINST - 0.01) < 0.05
+    assert allowed(0.01, AGAINST - 0.01) == 0.01
 
 
 def test_nothing_held_out_says_nothing():

@@ -16,7 +16,7 @@ from exactarm.diagnose.confusion import DOUBT, next_experiments
 from exactarm.diagnose.contribution import Contribution, contributions
 from exactarm.diagnose.dossier import Dossier, dossier
 from exactarm.diagnose.draft import Draft, drafts_of
-from exactarm.diagnose.held_out_evidence import AGAINST, held_out_gains
+from exactarm.diagnose.held_out_evidence import AGAINST, allowed, held_out_gains
 from exactarm.diagnose.in_space import InSpace
 from exactarm.diagnose.noise import NoiseFloor, noise_floor
 from exactarm.diagnose.own_share import own_shares
@@ -146,7 +146,8 @@ def diagnose(
     own = own_shares(problem, last, len(declared.effects))
     gains = held_out_gains(errors, problem.numbers_of_error, problem.correlation_factor(last))
     findings = tuple(
-        _finding(accepted, last, declared, place, errors, problem, own[place] if own else None)
+        _finding(accepted, last, declared, place, errors, problem, own[place] if own else None,
+                 accepted.probability if causes else allowed(accepted.probability, gains[accepted.round]))
         for place, accepted in enumerate(selection.accepted)
     )
     alternatives = _alternatives(problem, declared, selection)
@@ -277,7 +278,8 @@ def _rms(values: np.ndarray) -> float:
     return float(np.sqrt(np.mean(values**2))) if values.size else float("nan")
 
 
-def _finding(accepted: Accepted, last, declared, place, errors, problem, own_share) -> Finding:
+def _finding(accepted: Accepted, last, declared, place, errors, problem, own_share,
+             probability: float) -> Finding:
     index = len(declared.effects) + place
     effect, where, free = last.layout.effects[index], last.layout.slices[index], last.layout.free[index]
     intervals = np.column_stack([effect.values, effect.values]).astype(float)
@@ -297,7 +299,7 @@ def _finding(accepted: Accepted, last, declared, place, errors, problem, own_sha
         intervals,
         _rms(_judged(before)),
         _rms(_judged(after)),
-        accepted.probability,
+        probability,
         f"{effect.describe()}; log evidence {accepted.evidence:.0f} over a model without it, {fall}"
         + (f"; {caveat}" if caveat else ""),
         derived,

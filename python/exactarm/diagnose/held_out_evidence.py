@@ -10,7 +10,7 @@ nu: the one that the rows of the fit make likeliest; share: independent numbers 
 share their noise. Were the model with the effects right, the ratio of the densities without and with it would
 reach 20 with a probability of at most 1 / 20 (Markov's inequality). So from -log 20 down held-out rows speak
 against the effects, and nothing is explained, whatever the fitted rows say; rows that cannot feel an effect
-gain or lose a nat by chance. Probabilities are those of the rows that were fitted.
+gain or lose a nat by chance. Probabilities are those of the rows that were fitted, less what `allowed` takes.
 """
 
 from __future__ import annotations
@@ -42,6 +42,12 @@ def held_out_gains(errors: Sequence[dict[str, np.ndarray]], numbers: int, share:
         with_effects, without = (log_density(e[both], numbers, freedom) for e in (other, one))
         gains.append(float(share * (with_effects - without)))
     return tuple(gains)
+
+
+def allowed(probability: float, gain: float) -> float:
+    """What held-out rows leave of a probability by the fitted rows alone: where they speak against a round of
+    effects, at most exp(gain), which bounds how often effects that are right would fare so."""
+    return probability if gain >= AGAINST else min(probability, float(np.exp(gain)))
 
 
 def log_density(errors: np.ndarray, numbers: int, freedom: float) -> float:
