@@ -221,8 +221,8 @@ class MotionProblem(Problem):
         )
         words += reversals_left_out([self.record] + ([self._held] if self._held is not None else []))
         if not self.inertial:
-            words += ("masses and inertias are taken as the robot file declares them, 3 % more or less: where "
-                      "they come from a drawing, `exactarm identify` first",)
+            words += ("masses and inertias are taken as the robot file declares them, 3 % more or less: "
+                      "where they come from a drawing, `exactarm identify` first",)
         return words
 
     def shows(self, effect: type[Effect]) -> bool:

@@ -59,7 +59,7 @@ class LinkMasses(Effect):
         return f"the masses of the links are not those of the robot file: {', '.join(changed)}"
 
     def caveat(self, covariance):
-        return "how the change is shared out among the links is a guess: `exactarm identify` for base parameters"
+        return "how the links share the change is a guess: `exactarm identify` estimates what a motion shows"
 
     def bake(self, robot):
         own = LinkInertia.of(robot, self.columns)
