@@ -3,7 +3,7 @@
 Change of the inertial parameters of every link (link_inertia.py), each with a Gaussian prior around zero:
 
     mass m               MASS m
-    first moment         MASS m (|c_k| + r)             c centre of mass, r radius of gyration about it
+    first moment         MASS m (|c| + r), each way     c centre of mass, r radius of gyration about it
     inertia              2 MASS m (|c|^2 + r^2)
 
 Combinations that no motion shows stay where their prior has them. Parameters without mass in the file stay
@@ -91,6 +91,6 @@ def tolerance(robot) -> np.ndarray:
     centre = links[:, 1:4] / np.maximum(mass, 1e-300)[:, None]
     about_origin = links[:, [4, 7, 9]].sum(axis=1) / (2.0 * np.maximum(mass, 1e-300))
     gyration = np.maximum(about_origin - np.sum(centre**2, axis=1), 0.0)
-    first = MASS * mass[:, None] * (np.abs(centre) + np.sqrt(gyration)[:, None])
+    first = MASS * mass * (np.linalg.norm(centre, axis=1) + np.sqrt(gyration))
     second = 2.0 * MASS * mass * (np.sum(centre**2, axis=1) + gyration)
-    return np.column_stack([MASS * mass, first, np.tile(second[:, None], 6)]).ravel()
+    return np.column_stack([MASS * mass] + [first] * 3 + [second] * 6).ravel()
