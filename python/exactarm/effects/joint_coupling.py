@@ -14,7 +14,8 @@ from typing import ClassVar
 import numpy as np
 
 from exactarm.effects.base import Change, Effect, Parameter, Station
-from exactarm.kinds import ALL_KINDS, MOTION
+from exactarm.kinds import ALL_KINDS
+from exactarm.kinds.base import Device
 
 
 @dataclass(frozen=True)
@@ -55,8 +56,8 @@ class JointCoupling(Effect):
     @classmethod
     def candidates(cls, robot, view) -> Iterable[Effect]:
         # In a torque a motor at rest shows it too: it holds its share of the load of the axis that it turns.
-        motors = range(robot.axes) if view.kind == MOTION.name else np.flatnonzero(view.moving)
-        for motor in motors:
+        in_drives = view.device is Device.DRIVES
+        for motor in range(robot.axes) if in_drives else np.flatnonzero(view.moving):
             for turned in range(robot.axes):
                 if turned != motor:
                     yield cls(turned + 1, (float(motor + 1), 0.0))
