@@ -87,7 +87,15 @@ def test_what_is_not_in_the_file_is_refused_by_line(tmp_path):
     written(tmp_path, in_macro(PLAIN, ""), "arm.xacro")
     text = f'{HEAD}\n\n<xacro:include filename="arm.xacro"/>\n<xacro:arm prefix="a_"/></robot>'
     error = refused(tmp_path, text, robot)
-    assert "line 3: joint a_joint_" in error and "not written in this file but in another file" in error
+    line = line_of((tmp_path / "arm.xacro").read_text(), '<joint name="${prefix}joint_2"')
+    assert f"line 3: joint a_joint_2 is not written in this file but in arm.xacro line {line}" in error
+    # what it says to do does it
+    urdf = tmp_path / "robot.urdf"
+    urdf.write_bytes(expanded(tmp_path / "arm.urdf.xacro", text.encode()))
+    assert "xacro arm.urdf.xacro > robot.urdf, then --source robot.urdf" in error
+    new = read_urdf(written(tmp_path, patched_urdf(robot, str(urdf)).decode(), "new.urdf"))
+    q = random_q(robot)
+    assert np.abs(flange(robot, q)[0] - flange(new, q)[0]).max() < 1e-9
     origin = re.search(r'(name="joint_4".*?)(<origin[^>]*/>)', PLAIN, re.S)
     text = PLAIN[: origin.start(2)] + '\n<xacro:insert_block name="there"/>' + PLAIN[origin.end(2) :]
     text = text.replace(HEAD, f'{HEAD}\n<xacro:property name="there">{origin[2]}</xacro:property>')

@@ -88,10 +88,12 @@ def require_own_element(path: str | Path, text: str, name: str, found: list[re.M
     line = lambda place: text.count("\n", 0, place) + 1
     if not found:
         elsewhere = re.search(r"<xacro:(include|(?!macro|property|arg|if|unless)\w+)\b", text)
-        where = "another file" if elsewhere and elsewhere[1] == "include" else "what is expanded"
+        where = _in_included(name) or (
+            "another file" if elsewhere and elsewhere[1] == "include" else "what is expanded")
         raise InputError(
-            f"joint {name} is not written in this file but in {where}; expected a file that holds its "
-            "joints, or the expanded one (xacro FILE > robot.urdf)",
+            f"joint {name} is not written in this file but in {where}, and an included file may stand for "
+            f"other arms too; expected the expanded file: xacro {Path(path).name} > robot.urdf, then "
+            "--source robot.urdf",
             file=path, line=line(elsewhere.start()) if elsewhere else None,
         )
     if len(found) > 1:
@@ -106,6 +108,20 @@ def require_own_element(path: str | Path, text: str, name: str, found: list[re.M
             file=path, line=line(found[0].start(2) + inner.start()),
         )
     return found[0]
+
+
+def _in_included(name: str) -> str:
+    """File and line of the element of a joint among the files that the last expansion has included."""
+    import xacro
+
+    for file in dict.fromkeys(reversed(xacro.all_includes)):
+        try:
+            text = without_comments(Path(file).read_text(errors="replace"))
+        except OSError:
+            continue
+        for match in elements(text, name):
+            return f"{Path(file).name} line {text.count(chr(10), 0, match.start()) + 1}"
+    return ""
 
 
 def stands_for_several(path: str | Path, text: str, element: re.Match, names: str) -> InputError:
