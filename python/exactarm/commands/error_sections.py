@@ -10,6 +10,7 @@ import numpy as np
 
 from exactarm.identify.statistics import ErrorSummary
 from exactarm.report import Estimate, Figure, Highlight, Highlights, Quantity, Table
+from exactarm.report.numbers import interval_decimals
 from exactarm.report.plots.errors import (
     error_histogram,
     error_histogram_panel,
@@ -79,13 +80,16 @@ def parameter_table(names, start, values, intervals, units, at_bound=None) -> Ta
 
 
 def geometry_tables(names, start, values, intervals, units, at_bound) -> tuple[Table, ...]:
-    """Lengths in mm, angles in degrees with their change in mrad, the rest as it is: one unit a column."""
+    """Lengths in mm, angles in degrees, the rest as it is: one unit a table, decimals of the narrowest
+    interval."""
     tables = []
     for unit, heading, shown, size in (("m", "Lengths", "mm", 1e-3), ("rad", "Angles", "deg", np.pi / 180.0)):
+        halves = [0.5 * float(high - low) / size for (low, high), own in zip(intervals, units) if own == unit]
+        decimals = interval_decimals(halves)
         rows = [
-            (name, Quantity(float(s) / size, shown, exact=True), Quantity(float(v) / size, shown, exact=True),
-             Estimate(*(1e3 * float(x - s) for x in (v, low, high)), {"m": "mm", "rad": "mrad"}[unit]),
-             "at its bound" if bound else "")
+            (name, Quantity(float(s) / size, shown, exact=True),
+             Quantity(float(v) / size, shown, decimals=decimals),
+             Estimate(*(float(x - s) / size for x in (v, low, high)), shown), "at its bound" if bound else "")
             for name, s, v, (low, high), own, bound in zip(names, start, values, intervals, units, at_bound)
             if own == unit
         ]

@@ -21,6 +21,7 @@ from exactarm.report.terminal import columns_of, highlight_texts
 TEMPLATE = Path(__file__).parent / "page.html"
 SHORT_CELL = 24  # a column of such cells is never broken
 WIDE_TABLE = 6  # columns from which a table is set closer
+STACKED_TABLE = 3  # columns from which a phone shows each row as a block of lines
 
 
 def render_html(report: Report, drawings: Sequence[Drawing] = ()) -> str:
@@ -74,7 +75,7 @@ def _table(table: Table) -> dict:
             for cells, texts in zip(table.rows, zip(*columns))]
     short = [max(map(len, column), default=0) <= SHORT_CELL for column in columns]
     return {"section": table, "header": header, "rows": rows, "numeric": numeric, "short": short,
-            "wide": len(header) >= WIDE_TABLE}
+            "wide": len(header) >= WIDE_TABLE, "stack": len(header) >= STACKED_TABLE}
 
 
 def _link(cell: Link) -> Markup:

@@ -170,9 +170,17 @@ def _format(cell: Quantity | Estimate, scale: Scale, decimals: int | None) -> st
         if abs(value - 0.5 * (low + high)) > _LOPSIDED * half:
             return f"{fixed(value, places)} ({fixed(low, places)} to {fixed(high, places)})"
         return f"{fixed(value, places)} ± {fixed(half, places)}"
+    if cell.decimals is not None:
+        return fixed(value, cell.decimals)
     if cell.exact:
         return f"{value + 0.0:.{EXACT_DIGITS}g}".replace("-", "−")
     return number(value) if decimals is None else fixed(value, decimals)
+
+
+def interval_decimals(half_widths: Sequence[float]) -> int:
+    """Decimals that a column needs for its narrowest interval."""
+    finite = [half for half in half_widths if math.isfinite(half) and half > 0.0]
+    return decimals_for(min(finite), INTERVAL_DIGITS) if finite else SIGNIFICANT_DIGITS
 
 
 def _half_width(cell: Estimate) -> float | None:

@@ -22,11 +22,12 @@ if TYPE_CHECKING:
 @dataclass(frozen=True)
 class Quantity:
     """A number with its SI unit; None prints as a dash. `exact`: a declared one, with all its digits up to
-    six."""
+    six. `decimals`: so many are shown, where something else in the table says how many count."""
 
     value: float | None
     unit: str = ""
     exact: bool = False
+    decimals: int | None = None
 
 
 @dataclass(frozen=True)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import re
 import textwrap
 
-from exactarm.report.numbers import common_unit, format_cells
+from exactarm.report.numbers import DASH, common_unit, format_cells
 from exactarm.report.sections import Estimate, Highlight, Highlights, Quantity, Report, Table, Text
 
 WIDTH = 100
@@ -72,8 +73,16 @@ def columns_of(table: Table) -> tuple[list[str], list[list[str]], list[bool]]:
         unit = common_unit(cells)
         header.append(f"{name} [{unit}]" if unit else name)
         columns.append(format_cells(cells, with_unit=unit is None))
-        numeric.append(any(isinstance(cell, (int, Quantity, Estimate)) for cell in cells))
+        numeric.append(any(isinstance(cell, (int, Quantity, Estimate)) for cell in cells)
+                       or _reads_as_numbers(columns[-1]))
     return header, columns, numeric
+
+
+def _reads_as_numbers(texts: list[str]) -> bool:
+    """Texts that are numbers with or without a unit, such as 1,203, 83 % or 0.2 mm, stand as numbers do."""
+    said = [text for text in texts if text not in ("", DASH)]
+    return bool(said) and all(re.fullmatch(r"[−+-]?\d[\d,]*(\.\d+)?(e−?\d+)?( [^\s\d]{1,6})?", text)
+                              for text in said)
 
 
 def _table(table: Table, width: int) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from matplotlib.axes import Axes
 
-from exactarm.report.plots.style import drawn_by, house_style
+from exactarm.report.plots.style import drawn_by, house_style, readable_decades
 from exactarm.report.sections import Figure
 
 
@@ -16,9 +16,11 @@ def draw_figure(figure: Figure, ax: Axes | None) -> Axes | list[Axes]:
             if figure.panel is None:
                 raise ValueError(f"figure {figure.name} has several panels; expected no ax")
             figure.panel(ax)
+            readable_decades([ax])
             return ax
         import matplotlib.pyplot
 
         with drawn_by(matplotlib.pyplot.figure):
             axes = list(figure.build().axes)
+        readable_decades(axes)
     return axes[0] if len(axes) == 1 else axes

@@ -5,6 +5,7 @@ Grey is before, blue is after, orange is what was never fitted (validation), gre
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -16,6 +17,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogFormatterSciNotation
 
 from exactarm.report.numbers import choose_scale
 
@@ -93,9 +95,35 @@ def on_one_panel(panel: Callable[[Axes], None], height: float = HEIGHT_IN) -> Fi
     return figure
 
 
+class _Decades(LogFormatterSciNotation):
+    """Labels of a logarithmic axis as text, 10³ and 2×10⁻⁴: `text.parse_math` is off, and theirs are
+    formulae."""
+
+    def __call__(self, x: float, pos: int | None = None) -> str:
+        found = re.search(r"mathdefault\{(?:(.*)\\times)?(-?)10\^\{(-?\d+)\}\}", super().__call__(x, pos))
+        if not found:
+            return ""
+        times, sign, exponent = found.groups()
+        head = f"{times}×" if times else ""
+        return f"{head}{sign}10{exponent.translate(_RAISED)}".replace("-", "−")
+
+
+_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+def readable_decades(panels: Sequence[Axes]) -> None:
+    """Logarithmic axes are labelled in text."""
+    for axes in panels:
+        for axis in (axes.xaxis, axes.yaxis):
+            if axis.get_scale() == "log" and type(axis.get_major_formatter()) is LogFormatterSciNotation:
+                axis.set_major_formatter(_Decades())
+                axis.set_minor_formatter(_Decades(labelOnlyBase=False))
+
+
 def write_picture(picture: Figure, vector: Path, raster: Path) -> None:
     """SVG and PNG from one layout, drawn once each: `savefig` would draw every one twice and lay it out
     again."""
+    readable_decades(picture.axes)
     picture.set_dpi(PNG_DOTS_PER_INCH)
     FigureCanvasAgg(picture).print_png(raster, metadata={"Software": None})
     picture.set_layout_engine("none")
