@@ -5,9 +5,8 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure as Canvas
 
-from exactarm.commands.error_sections import geometry_tables, unit_of
+from exactarm.commands.error_sections import unit_of
 from exactarm.progress import Progress
 from exactarm.report import (
     Estimate,
@@ -25,8 +24,8 @@ from exactarm.report.html import render_html
 from exactarm.report.numbers import choose_scale, estimate, format_cells, number, quantity
 from exactarm.report.plots import arm, curves, design, effects, errors, parameters, residual, workspace
 from exactarm.report.plots.files import draw
-from exactarm.report.plots.style import house_style, readable_decades
-from exactarm.report.terminal import columns_of, render_text
+from exactarm.report.plots.style import house_style
+from exactarm.report.terminal import render_text
 
 RANDOM = np.random.default_rng(11)
 
@@ -405,41 +404,3 @@ def test_the_page_lets_nothing_run_and_nothing_be_fetched(page):
     policy = re.search(r'http-equiv="Content-Security-Policy" content="([^"]*)"', page)[1]
     assert "default-src 'none'" in policy and "script-src" not in policy
     assert page.index("Content-Security-Policy") < page.index("<style>")
-
-
-def test_logarithmic_axes_are_labelled_in_text_that_a_reader_can_read(tmp_path):
-    def labels(low, high):
-        with house_style():
-            axes = Canvas().subplots()
-            axes.plot([0.0, 1.0], [low, high])
-            axes.set_yscale("log")
-            readable_decades([axes])
-            axes.figure.draw_without_rendering()
-            return [tick.get_text() for minor in (False, True) for tick in axes.get_yticklabels(minor=minor)
-                    if tick.get_text()]
-
-    assert {"10⁻⁴", "10⁰", "10³"} <= set(labels(1e-4, 1e3))
-    narrow = labels(2.0e-3, 5.0e-3)  # less than a decade: the lines between are labelled
-    assert "3×10⁻³" in narrow and not any(set(text) & set("$\\{}") for text in narrow)
-
-
-def test_columns_of_text_that_are_numbers_stand_as_numbers():
-    table = Table("Sizes", ("a", "b", "c"), (("1,203", "83 %", "axis 2"), ("0.0042", "–", "7")))
-    assert columns_of(table)[2] == [True, True, False]
-
-
-def test_identified_lengths_and_angles_have_the_decimals_of_their_intervals():
-    lengths, angles, _ = geometry_tables(
-        ["a_1_m", "d_2_m", "alpha_1_rad"], [0.15, 0.0, 1.5], [0.150198, 0.000653187, 1.5013],
-        [(0.150179, 0.150217), (0.000561, 0.000745), (1.5012, 1.5014)], ["m", "m", "rad"], [False] * 3)
-    header, columns, _ = columns_of(lengths)
-    assert header[2] == "identified [mm]" and columns[2] == ["150.198", "0.653"]
-    assert columns[3] == ["0.198 ± 0.019", "0.653 ± 0.092"]
-    header, columns, _ = columns_of(angles)
-    assert header[1:4] == ["declared [deg]", "identified [deg]", "change (95 %) [deg]"]
-    assert columns[2] == ["86.0182"] and columns[3] == ["0.0745 ± 0.0057"]
-
-
-def test_on_a_phone_every_cell_carries_the_name_of_its_column():
-    page = render_html(Report("t", "v", (Table("Sizes", ("axis", "size", "<share>"), (("1", "2", "3"),)),)))
-    assert 'class="stack"' in page and 'data-name="size"' in page and 'data-name="&lt;share&gt;"' in page

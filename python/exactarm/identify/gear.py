@@ -305,7 +305,8 @@ def _left_out(data: Dataset, record) -> Iterator[str]:
              if axis not in measured_axes(record) and not record.moving[axis]]
     if still:
         names = ", ".join(str(axis + 1) for axis in still)
-        yield f"axis {names} stands still beside the others in these runs: its gear is left as declared"
+        who, their = ("axis {} stands", "its gear is") if len(still) == 1 else ("axes {} stand", "their gears are")
+        yield f"{who.format(names)} still beside the others in these runs: {their} left as declared"
 
 
 def _remaining(gears: list[Gear]):
