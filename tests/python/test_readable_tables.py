@@ -1,4 +1,4 @@
-"""Tables and axes that read well: steady decimals, numbers to the right, blocks on a phone, decades in text."""
+"""Tables and axes read well: steady decimals, numbers to the right, blocks on phones, decades as text."""
 
 from matplotlib.figure import Figure as Canvas
 

@@ -264,7 +264,8 @@ def _held_out(c: Certified) -> Table:
     rows = [row("all", before, after), *(row(*region) for region in c.regions)]
     return Table(
         "Held-out position error",
-        ("where", "rows", "mean before", "after", "RMS before", "after", "maximum before", "after"),
+        ("where", "rows", "mean before", "mean after", "RMS before", "RMS after", "maximum before",
+         "maximum after"),
         tuple(rows),
         "Reach: distance of the target from the first axis; height: in the base frame.",
         0,

@@ -305,8 +305,9 @@ def _left_out(data: Dataset, record) -> Iterator[str]:
              if axis not in measured_axes(record) and not record.moving[axis]]
     if still:
         names = ", ".join(str(axis + 1) for axis in still)
-        who, their = ("axis {} stands", "its gear is") if len(still) == 1 else ("axes {} stand", "their gears are")
-        yield f"{who.format(names)} still beside the others in these runs: {their} left as declared"
+        who, their = (f"axes {names} stand", "their gears are") if len(still) > 1 else (f"axis {names} stands",
+                                                                                        "its gear is")
+        yield f"{who} still beside the others in these runs: {their} left as declared"
 
 
 def _remaining(gears: list[Gear]):
