@@ -305,8 +305,9 @@ def _left_out(data: Dataset, record) -> Iterator[str]:
              if axis not in measured_axes(record) and not record.moving[axis]]
     if still:
         names = ", ".join(str(axis + 1) for axis in still)
-        who, their = (f"axes {names} stand", "their gears are") if len(still) > 1 else (f"axis {names} stands",
-                                                                                        "its gear is")
+        several = len(still) > 1
+        who = f"axes {names} stand" if several else f"axis {names} stands"
+        their = "their gears are" if several else "its gear is"
         yield f"{who} still beside the others in these runs: {their} left as declared"
 
 
