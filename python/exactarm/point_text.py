@@ -10,14 +10,20 @@ behind `//`, and further columns (tolerances, uncertainties, time, details) if a
 collection::group::target. Programs of Leica, FARO and API let their user choose the columns; no layout of
 theirs is documented in public. So columns are found by what stands in the file, and what could mean two
 things is refused: the unit (from the header or --unit), a number that may be a name, more numbers than three
-(--layout names the columns then). Cylindrical and spherical coordinates are not read.
+(--layout names the columns then). Polar coordinates are columns named by --layout or --map with their unit
+and sense, for no file says these:
+
+    x, y, z = d (sin v cos hz, sin v sin hz, cos v)     hz from x to y, v from z: hz_deg, v_deg, distance_mm
+
+`hz_cw_...` turns the other way, `elevation_...` counts from the plane of x and y. Cylindrical ones are not
+read.
 """
 
 from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -39,6 +45,8 @@ NAMES = {
 }
 TEXT_COLUMNS = (("name",), ("group", "name"), ("collection", "group", "name"))  # of one, two, three names
 SKIP = "-"
+TURN = {"deg": np.pi / 180.0, "rad": 1.0, "gon": np.pi / 200.0}
+_POLAR = re.compile(r"(?:(hz_cw|hz|v|elevation)_(deg|rad|gon)|(distance)_(mm|m|in))")
 _AXIS = re.compile(r"([xyz])(?:[\s_]*[\[(]?\s*(mm|m|in|inch|inches)\s*[\])]?)?", re.IGNORECASE)
 
 
@@ -88,15 +96,18 @@ def read_points(
     "group,name,x,y,z" (`-`: not wanted); columns: the header's names -> ours."""
     rows = _rows(path, _text(path))
     names, where = _columns(path, rows, layout, columns or {})
-    factors = _factors(path, names, unit)
     number = lambda i: _numbers(path, rows, i, names[i])
     axes = [_axis_of(name) for name in names]
-    position = np.stack([factors[axis] * number(axes.index(axis)) for axis in POSITION], axis=1)
+    if any(map(_POLAR.fullmatch, names)):
+        position = _from_polar(names, number)
+    else:
+        factors = _factors(path, names, unit)
+        position = np.stack([factors[axis] * number(axes.index(axis)) for axis in POSITION], axis=1)
     beyond = np.abs(position).max(axis=1) > MOST["x"]
     if beyond.any():
         raise InputError(f"a coordinate beyond {MOST['x']:g} m", file=path, line=rows.lines[beyond.argmax()])
     extras = {name: number(i) for i, name in enumerate(names)
-              if name not in (SKIP, *NAMES) and axes[i] is None}
+              if name not in (SKIP, *NAMES) and axes[i] is None and not _POLAR.fullmatch(name)}
     marks = {key: [row[names.index(key)].strip() for row in rows.cells] for key in NAMES if key in names}
     found, groups = _split_names(marks, len(rows.cells))
     told = [f"{len(found)} points; columns {', '.join(names)} {where}",
@@ -208,11 +219,16 @@ def _columns(
     else:
         names, where = _by_content(path, rows), "by what stands in them"
     for name in names:
-        if name not in (SKIP, *NAMES) and _axis_of(name) is None:
+        if name not in (SKIP, *NAMES) and _axis_of(name) is None and not _POLAR.fullmatch(name):
             parse_column(name, str(path))  # refuses what would be refused in a table
         if name != SKIP and names.count(name) > 1:
             raise InputError("given twice; expected each column once", file=path, column=name)
-    for axis in POSITION:
+    polar = [match[1] or match[3] for name in names if (match := _POLAR.fullmatch(name))]
+    if polar and (len(polar) != 3 or "distance" not in polar or any(map(_axis_of, names))
+                  or len({"hz", "hz_cw"} & set(polar)) != 1):
+        raise InputError(f"polar columns {', '.join(polar)}; expected hz or hz_cw, v or elevation, distance, "
+                         "and no x, y, z", file=path)
+    for axis in () if polar else POSITION:
         if sum(_axis_of(name) == axis for name in names) != 1:
             told = f"found {', '.join(rows.header)}" if rows.header else f"found {', '.join(names)}"
             raise InputError(f"no column {axis}, or more than one ({told}); expected --map THEIRS={axis}_mm, "
@@ -226,7 +242,19 @@ def _ours(cell: str, given: Mapping[str, str]) -> str:
     for key, known in NAMES.items():
         if cell.lower() in known:
             return key
-    return cell.lower() if _AXIS.fullmatch(cell) else SKIP
+    return cell.lower() if _AXIS.fullmatch(cell) or _POLAR.fullmatch(cell.lower()) else SKIP
+
+
+def _from_polar(names: Sequence[str], number: Callable[[int], np.ndarray]) -> np.ndarray:
+    """(N, 3) m of columns hz or hz_cw, v or elevation, distance."""
+    found = {}
+    for i, name in enumerate(names):
+        if match := _POLAR.fullmatch(name):
+            found[match[1] or match[3]] = number(i) * (TURN[match[2]] if match[1] else UNITS[match[4]])
+    hz = found["hz"] if "hz" in found else -found["hz_cw"]
+    v = found["v"] if "v" in found else 0.5 * np.pi - found["elevation"]
+    direction = np.stack([np.sin(v) * np.cos(hz), np.sin(v) * np.sin(hz), np.cos(v)], axis=1)
+    return found["distance"][:, None] * direction
 
 
 def _by_content(path: str | Path, rows: _Rows) -> list[str]:

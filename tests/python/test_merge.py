@@ -72,6 +72,38 @@ def test_numbers_that_could_be_names_need_a_layout(tmp_path):
     np.testing.assert_allclose(turned, 0.0254 * MM[:, [2, 0, 1]], rtol=1e-12)
 
 
+def polar(unit, turn=1.0, elevation=False):
+    """Lines of name, horizontal angle, angle from the zenith or the horizon, distance in mm."""
+    rows, whole = [], {"deg": 360.0, "gon": 400.0, "rad": 2.0 * np.pi}[unit]
+    for name, (x, y, z) in zip(NAMES, MM):
+        distance = np.sqrt(x**2 + y**2 + z**2)
+        up = np.arcsin(z / distance) if elevation else np.arccos(z / distance)
+        angles = np.array([turn * np.arctan2(y, x) % (2.0 * np.pi), up]) * whole / (2.0 * np.pi)
+        rows.append(f"{name} {angles[0]:.12f} {angles[1]:.12f} {distance:.9f}")
+    return "\n".join(rows) + "\n"
+
+
+@pytest.mark.parametrize("unit", ["deg", "gon", "rad"])
+def test_polar_coordinates_are_read_where_their_columns_are_named(tmp_path, unit):
+    path = written(tmp_path, polar(unit))
+    found = read_points(path, layout=f"name,hz_{unit},v_{unit},distance_mm")
+    np.testing.assert_allclose(found.position, METRES, atol=1e-9)
+    path = written(tmp_path, polar(unit, -1.0, elevation=True))
+    found = read_points(path, layout=f"name,hz_cw_{unit},elevation_{unit},distance_mm")
+    np.testing.assert_allclose(found.position, METRES, atol=1e-9)
+    assert not found.extras
+    named = written(tmp_path, f"Name Hz V D\n{polar(unit)}")
+    given = {"Hz": f"hz_{unit}", "V": f"v_{unit}", "D": "distance_mm"}
+    np.testing.assert_allclose(read_points(named, columns=given).position, METRES, atol=1e-9)
+
+
+@pytest.mark.parametrize("layout", ["name,hz_deg,v_deg,-", "name,hz_deg,hz_cw_deg,distance_mm",
+                                    "name,hz_deg,v_deg,x", "name,v_deg,elevation_deg,distance_mm"])
+def test_half_of_polar_coordinates_is_refused(tmp_path, layout):
+    with pytest.raises(InputError, match="points.txt.*polar columns .*expected hz or hz_cw, v or elevation"):
+        read_points(written(tmp_path, polar("deg")), layout=layout)
+
+
 @pytest.mark.parametrize("old, new, place", [
     ("p2 498.710", "p2", "line 2: 3 cells, 2 of them numbers; expected 4 as in line 1"),
     ("498.710", "498,710,1", "line 2: 4 cells, 2 of them numbers"),
