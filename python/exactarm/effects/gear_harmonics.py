@@ -17,7 +17,7 @@ import numpy as np
 from exactarm.effects.base import Effect
 from exactarm.effects.harmonic_family import HarmonicFamily, motor_orders, searched_orders
 from exactarm.harmonics import delivered_angle
-from exactarm.kinds import ALL_KINDS, POSES
+from exactarm.kinds import ALL_KINDS
 
 _CURVE_ORDERS, _CURVE_POINTS = 40, 400
 _CURVE_AMPLITUDES_RAD = (3e-5, 1e-4)  # per order; the evidence chooses
@@ -46,7 +46,7 @@ class GearHarmonics(HarmonicFamily):
             own = motor_orders(robot, orders, index)
             if len(own):
                 yield cls.zero(index + 1, own, multiples=2)
-            if view.kind == POSES.name:
+            if not view.is_series:
                 seen = (float(view.phi[:, index].min()), float(view.phi[:, index].max()))
                 yield from (cls.curve(index + 1, _CURVE_ORDERS, amplitude, seen)
                             for amplitude in _CURVE_AMPLITUDES_RAD)

@@ -17,7 +17,7 @@ import numpy as np
 from exactarm.effects.base import Change, Effect, Parameter, Station
 from exactarm.effects.known_curve import KnownCurve
 from exactarm.harmonics import delivered_angle, waves
-from exactarm.kinds import GEAR_RUN, MOTION
+from exactarm.kinds import Device
 from exactarm.signals import strongest_orders
 
 _POSE_MULTIPLES = 2  # of the ratio: the highest order that poses are searched for
@@ -200,10 +200,10 @@ def searched_orders(robot, view, index: int, lowest: float = 3.0) -> tuple[float
     those that the declared tables have already.
     """
     declared = declared_orders(robot, index)
-    if view.kind == GEAR_RUN.name:
+    if view.device is Device.GEAR:
         return tuple(o for o in _residual_orders(view, index) if np.all(np.abs(declared - o) > 0.5))
     ratio = abs(robot.ratios[index]) if robot.joints[index].has_gear else _RATIO_UNKNOWN
-    if view.kind == MOTION.name:
+    if view.device is Device.DRIVES:
         # A drive torque is low-passed: it shows what turns with the motor, not every tooth.
         motion = ratio * np.array(_MOTOR_MULTIPLES)
         return tuple(o for o in motion if np.all(np.abs(declared - o) > 0.5))
