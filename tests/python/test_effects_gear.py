@@ -21,6 +21,7 @@ from exactarm.effects.harmonic_family import searched_orders
 from exactarm.effects.hysteresis import Hysteresis
 from exactarm.effects.joint_coupling import JointCoupling
 from exactarm.harmonics import delivered_angle
+from exactarm.kinds import Device
 from exactarm.robot import GearTable
 from exactarm.robot_file import load_robot
 
@@ -144,7 +145,7 @@ def test_an_order_that_changes_sign_with_the_direction_is_found_in_a_run_to_and_
     view = SimpleNamespace(
         signals={"axis_residual": wave}, moving=np.array([True]), moving_runs=((np.arange(6000), 0),),
         data=SimpleNamespace(gyro=None), keep=np.ones(6000, bool), phi=phi, direction=np.sign(rate),
-        kind="gear_run",
+        device=Device.GEAR,
         robot=SimpleNamespace(ratios=np.array([100.0]), joints=(SimpleNamespace(cw=None, ccw=None),)),
     )
     assert abs(searched_orders(view.robot, view, 0)[0] - 90.0) < 1.0
