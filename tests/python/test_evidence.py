@@ -1,6 +1,5 @@
 """Evidence of sets of causes: the same as the dense Gaussian formulas, and no name for noise."""
 
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -185,16 +184,3 @@ def test_random_signs_by_block_are_those_of_the_rows():
     wild -= pic.declared @ (pic.declared.T @ wild)
     assert onto == pytest.approx(pic.rows[0].T @ wild)
     assert square == pytest.approx(np.sum(wild**2, axis=0))
-
-
-def test_samples_that_repeat_each_other_weigh_as_what_they_are_worth():
-    """Every row four times at a share of a quarter: the evidence of the rows taken once."""
-    rng = np.random.default_rng(13)
-    responses, residual = rng.standard_normal((ROWS, 1, 2)), rng.standard_normal((ROWS, 1))
-    blocks = (block(0, 1, 0), block(1, 1, 1))
-    declared = rng.standard_normal((ROWS, 1, 1))
-    once, four = (Picture.of(Vocabulary(blocks, np.repeat(responses, n, axis=0)),
-                             np.repeat(residual, n, axis=0), np.repeat(declared, n, axis=0),
-                             replace(normal_noise(np.ones((n * ROWS, 1))), share=1.0 / n)) for n in (1, 4))
-    members = Members((0, 1), (2, 3))
-    assert four.log_likelihood(members) == pytest.approx(once.log_likelihood(members))

@@ -12,7 +12,7 @@ which are hardly touched by that, has a say too, and the smaller share counts. W
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
@@ -22,8 +22,6 @@ from exactarm.diagnose.problem import Fitted, Problem, orthonormal
 from exactarm.diagnose.scan import Candidate, linear_columns, log_evidence, scan
 from exactarm.identify.correlated import autocorrelation
 from exactarm.identify.drifting_noise import DriftingNoise
-from exactarm.noise.estimate import estimate_noise
-from exactarm.noise.model import NoiseModel
 
 _LAG_S = 1.0
 _SHORT_S, _SHORT_LAGS = 0.15, 3
@@ -71,16 +69,6 @@ class ColouredNoise:
     def share_of(self, fitted: Fitted, runs: Sequence[np.ndarray], step: float) -> float:
         """Of a fit whose residual has passed no filter, as it stands."""
         return self._share_of(fitted.residual, runs, step)
-
-    def counted(self, fitted: Fitted, left: np.ndarray, lost: float, runs: Sequence[np.ndarray],
-                step: float) -> NoiseModel:
-        """The law of what is left (N', m) of the rows that count, and how many independent numbers it
-        holds."""
-        place = np.full(len(fitted.residual), -1)
-        place[fitted.counted_rows] = np.arange(len(left))
-        parts = [place[run][place[run] >= 0] for run in runs]
-        share = self._share_of(left, [part for part in parts if part.size > _SHORT_LAGS], step)
-        return replace(estimate_noise(left, lost), share=share)
 
     def _share_of(self, noise: np.ndarray, runs: Sequence[np.ndarray], step: float) -> float:
         share = _share_of(noise, runs, step)

@@ -154,10 +154,9 @@ def diagnose(
     words, experiments = next_experiments(problem, last, findings, alternatives)
     spread = problem.spread(last)
     excess = held_out_excess(errors[-1], problem.error_of_unit_noise(last), _SPREADS * spread)
-    verdict = NOTHING
-    if causes is None or problem.in_time:
+    if causes is None:
         verdict = verdict_by_rules(problem, before, after, noise, left, bool(findings), spread, excess)
-    if causes is not None and verdict != UNEXPLAINED:
+    else:
         verdict = verdict_of_causes(causes, after, noise, excess)
     unknown = causes.unknown + causes.wanders if causes is not None else ()
     if verdict == NOTHING and not noise.measured and problem.share_of_measured(last) > MUCH_LEFT:
@@ -228,7 +227,7 @@ def _search(problem: Problem, declared: Layout, progress: Progress) -> tuple[Sel
         found = select(part, declared, progress)
     else:
         found = selection_of(causes)
-        if causes.unknown and not causes.places and not problem.in_time:
+        if causes.unknown and not causes.places:
             # Forms that no block has (an order with its overtone) are reached step by step only.
             by_steps = select(part, declared, progress)
             found, causes = (by_steps, None) if by_steps.accepted else (found, causes)

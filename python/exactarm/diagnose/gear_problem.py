@@ -22,14 +22,13 @@ from exactarm.diagnose.next_runs import separating_run
 from exactarm.diagnose.problem import Fitted, Problem, orthonormal
 from exactarm.diagnose.resampled_run import resampled_run
 from exactarm.diagnose.scan import free_mask
-from exactarm.diagnose.time_groups import stretches_of_response, time_blocks, time_groups
+from exactarm.diagnose.time_groups import stretches_of_response, time_groups
 from exactarm.effects.base import Effect, Station
 from exactarm.identify.declared import all_effects
 from exactarm.identify.drifting_noise import DriftingNoise
 from exactarm.identify.gear_declared import declared_gear_layout, sensor_layout
 from exactarm.identify.gear_fit import fit_gear_runs
 from exactarm.kinds import GEAR_RUN
-from exactarm.noise.model import NoiseModel
 from exactarm.regression import Fit
 from exactarm.robot import Robot
 from exactarm.signals import typical_step, white_noise
@@ -51,17 +50,12 @@ class GearFitted(Fitted):
     def decorrelated(self, values: np.ndarray) -> np.ndarray:
         return values if self.drift is None else self.drift.white(values)
 
-    @property
-    def counted_rows(self) -> np.ndarray:
-        return self.weight > 0.0
-
 
 class GearProblem(Problem):
     """Runs of one axis at a time under a gyroscope, or of all axes together between encoders."""
 
     kind = GEAR_RUN.name
     unit = "rad/s"
-    in_time = True
     repeat_source = "high frequencies of the residual"
 
     def __init__(self, robot: Robot, data: Dataset, held_out: Dataset, threads: int = 1, seed: int = 0):
@@ -232,10 +226,6 @@ class GearProblem(Problem):
     def least_share(self) -> float:
         return Problem.least_share if self._noise.drift is None else _LEAST_SHARE_OF_WHITE
 
-    @property
-    def least_share_named(self) -> float:
-        return self.least_share
-
     def judged_share(self, fitted: Fitted, effect: Effect) -> float:
         """Of the encoder for which that is most, beside everything that is free."""
         if fitted.drift is None:
@@ -259,18 +249,6 @@ class GearProblem(Problem):
 
     def groups_for(self, response: np.ndarray) -> np.ndarray:
         return stretches_of_response(self.groups(), response, 1.0 / self._noise.share)
-
-    def noise_of(self, fitted: Fitted, left: np.ndarray, lost: float = 0.0) -> NoiseModel:
-        return self._estimator.counted(fitted, left, lost, self.record.runs, self._step)
-
-    def blocks(self) -> np.ndarray:
-        return time_blocks(self.resampled.run)
-
-    def unknown_moves(self, fitted: Fitted) -> dict:
-        """Turns of the axes that move, as the sensor feels them."""
-        turn = fitted.view.transfers[Station.GEAR]
-        return {f"a turn of axis {i + 1}": lambda basis, i=i: turn((i,), basis[:, None, :])
-                for i in np.flatnonzero(fitted.view.moving)}
 
     def correlation_factor(self, fitted: Fitted) -> float:
         return fitted.noise.share

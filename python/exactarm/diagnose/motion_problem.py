@@ -89,10 +89,6 @@ class MotionFitted(Fitted):
             found |= dict(zip(part, self.view.responses([effects[place] for place in part])))
         return [found[place][:, self.measured] for place in range(len(effects))]
 
-    @property
-    def counted_rows(self) -> np.ndarray:
-        return self.weight > 0.0
-
     def _direct(self, effect: Effect) -> np.ndarray:
         """(N, n, k)"""
         change = effect.change(self.view)

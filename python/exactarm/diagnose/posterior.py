@@ -102,8 +102,7 @@ def find_causes(problem: Problem, declared: Layout, progress: Progress = lambda 
         if found is None or len(places) + len(found.members.blocks) > MOST_AT_ONCE:
             return None
         new = [p for p in _places(found, turn) if p.probability >= NAMED_AT]
-        new = _holding(found, _one_each(new), folds_of(found.at.groups, problem.seed),
-                       problem.least_share_named)
+        new = _holding(found, _one_each(new), folds_of(found.at.groups, problem.seed))
         nothing = found.probability_of_nothing() if nothing is None else nothing
         something, unknown, noise = found.probability_of_unknown(), tuple(found.titles()), found.noise
         kept, fit = _confirmed(problem, declared, chosen, fits[-1], found, new)
@@ -125,11 +124,10 @@ def find_causes(problem: Problem, declared: Layout, progress: Progress = lambda 
 
 
 def _tested(problem: Problem, first: Fitted, vocabulary: Vocabulary, found: Found) -> SelfTest:
-    counted, noise = found.at.fitted.counted, found.noise
-    picture = Picture.of(replace(vocabulary, responses=counted(vocabulary.responses)),
-                         counted(first.residual), counted(first.jacobian), noise)
+    noise = found.noise
+    picture = Picture.of(vocabulary, first.residual, first.jacobian, noise)
     return self_test(picture, noise.whiten(found.left[:, :, None])[:, 0],
-                     problem.blocks()[found.at.fitted.counted_rows], problem.seed)
+                     problem.groups(), problem.seed)
 
 
 def _wrong_rows(problem, declared, chosen, fitted: Fitted, noise: NoiseModel):
@@ -177,7 +175,7 @@ def _credible(place: Place) -> tuple[tuple[str, int | None, float], ...]:
 
 def _vocabulary(problem: Problem, fitted: Fitted) -> Vocabulary:
     effects = [e for e in candidates_for(problem, fitted) if not e.excludes_rows()]
-    return vocabulary_of(fitted, effects, problem.signals(fitted), problem.unknown_moves(fitted))
+    return vocabulary_of(fitted, effects, problem.signals(fitted), problem.directions(fitted))
 
 
 def _places(found: Found, turn: int) -> list[Place]:
@@ -245,7 +243,7 @@ def _one_each(places: list[Place]) -> list[Place]:
     return list(found.values())
 
 
-def _holding(found: Found, places: list[Place], folds: np.ndarray, least: float) -> list[Place]:
+def _holding(found: Found, places: list[Place], folds: np.ndarray) -> list[Place]:
     """Those that lower the held-out square sum of a cross-validation over whole poses or runs by the share
     `least`, beside all others that do.
 
@@ -260,7 +258,7 @@ def _holding(found: Found, places: list[Place], folds: np.ndarray, least: float)
             rest = tuple(p.label for i, p in enumerate(places) if i != k)
             without[k] = found.picture.held_out(_only(found, rest), folds).sum()
         worst = min(without, key=lambda k: without[k])
-        if (1.0 - least) * without[worst] > whole:
+        if without[worst] > whole:
             return places
         del places[worst]
     return places
@@ -272,14 +270,12 @@ def _confirmed(problem, declared, chosen, fitted, found: Found, places: list[Pla
     while places:
         effects = [*chosen, *(place.effect for place in places)]
         trial = refit(problem, declared, effects, fitted, found.noise)
-        before, after = (_weighted_square(found.noise, fitted.counted(at.residual)) for at in (fitted, trial))
+        before, after = (_weighted_square(found.noise, at.residual) for at in (fitted, trial))
         functions, labels = _only(found, ()), tuple(p.label for p in places)
         promised = found.picture.quadratic(functions)[1] - found.picture.quadratic(_only(found, labels))[1]
-        felt = [problem.judged_share(trial.without(k), trial.layout.effects[k]) >= problem.least_share
-                for k in range(len(trial.layout.effects) - len(places), len(trial.layout.effects))]
-        if before - after >= _CONFIRMED * promised and all(felt):
+        if before - after >= _CONFIRMED * promised:
             return places, trial
-        places = places[:-1] if all(felt) else [place for place, kept in zip(places, felt) if kept]
+        places = places[:-1]
     return [], fitted
 
 

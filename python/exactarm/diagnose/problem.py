@@ -115,15 +115,6 @@ class Fitted:
         parameters."""
         return [self.view.response(effect)[:, : self.residual.shape[1]] for effect in effects]
 
-    @property
-    def counted_rows(self) -> np.ndarray | slice:
-        """Which rows a search counts: all of them here."""
-        return slice(None)
-
-    def counted(self, values: np.ndarray) -> np.ndarray:
-        """(N', m, ...) of the measurement (N, m, ...): the rows that count, behind the filter."""
-        return self.decorrelated(values)[self.counted_rows]
-
     def whiten(self, response: np.ndarray) -> np.ndarray:
         """(N m + r, k) of a response (N, m, k), in units of the noise, with nothing in the rows of the
         priors."""
@@ -177,10 +168,6 @@ class Problem(ABC):
     repeat_source = "repeated visits of the same pose"
     by_posterior = False  # whether causes are found by the posterior over sets of them
     groups_independent = False  # whether the residuals of different groups of rows are
-    least_share_named = 0.0  # of the cross-validated square sum, for a cause by the posterior
-    # of time series, whose unknown functions are slow ones: what still follows a signal is judged as by the
-    # rules, and the rules name nothing in the place of an unknown function
-    in_time = False
     drafts = False  # whether effects are drafted for what no cause explains
     numbers_of_error = 1  # of the measurement that make up one judged error: 3 of a position
     least_share = 0.02  # of the cross-validated square sum that an effect must take away
@@ -227,18 +214,9 @@ class Problem(ABC):
         distances between neighbours, sessions far apart; None where neighbours are dealt with otherwise."""
         return None
 
-    def noise_of(self, fitted: Fitted, left: np.ndarray, lost: float = 0.0) -> NoiseModel:
-        """The noise of rows that count (N', m), from what `lost` parameters leave of them."""
+    def noise_of(self, left: np.ndarray, lost: float = 0.0) -> NoiseModel:
+        """The noise of the rows (N, m), from what `lost` parameters leave of them."""
         return estimate_noise(left, lost, self.groups(), self.order())
-
-    def unknown_moves(self, fitted: Fitted) -> dict:
-        """The `directions` along which an unknown function may move the measurement: patterns (N, m), or what
-        makes responses (N, m, k) of a basis (N, k); in the size of rad and m."""
-        return self.directions(fitted)
-
-    def blocks(self) -> np.ndarray:
-        """(N,) int: blocks of rows whose noise is independent of each other's, for random signs."""
-        return self.groups()
 
     def groups_for(self, response: np.ndarray) -> np.ndarray:
         """The groups by which an effect is judged whose response has the square (N,) in each row."""

@@ -1,9 +1,8 @@
 """One round of the search: causes beside one fit, with the noise that they leave.
 
-The rows that count, behind the filter of the fit's noise, are searched under a noise model, which is
-estimated anew with the causes found, until neither changes; from up to three starts: one normal law, the
-family that the residual asks for, the same with what rows share in time. The start whose likelihood, prior
-and price are better wins.
+The rows are searched under a noise model, which is estimated anew with the causes found, until neither
+changes; from up to three starts: one normal law, the family that the residual asks for, the same with what
+rows share in time. The start whose likelihood, prior and price are better wins.
 """
 
 from __future__ import annotations
@@ -31,7 +30,7 @@ _LEAST_NATS = 3.0  # in likelihood, below which another family of noise is not w
 
 @dataclass(frozen=True)
 class At:
-    """One fit as the search sees it: the rows that count, behind the filter of the fit's noise."""
+    """One fit as the search sees it."""
 
     fitted: Fitted
     residual: np.ndarray
@@ -41,15 +40,13 @@ class At:
 
     @staticmethod
     def of(problem: Problem, fitted: Fitted, vocabulary: Vocabulary) -> At:
-        return At(fitted, fitted.counted(fitted.residual), fitted.counted(fitted.jacobian),
-                  replace(vocabulary, responses=fitted.counted(vocabulary.responses)),
-                  problem.groups()[fitted.counted_rows])
+        return At(fitted, fitted.residual, fitted.jacobian, vocabulary, problem.groups())
 
 
 @dataclass(frozen=True)
 class Found:
     """One round: the fit, the picture, the causes that are certain, the posterior over what acts beside them,
-    the noise, and the residual (N', m) that the best set leaves in the linear picture."""
+    the noise, and the residual (N, m) that the best set leaves in the linear picture."""
 
     at: At
     picture: Picture
@@ -88,17 +85,14 @@ def search_round(problem: Problem, at: At, noise: NoiseModel | None) -> Found | 
     None where every start asks for too many causes at once."""
     if noise is not None and len(noise.weight) == len(at.residual):
         return _settled(problem, at, noise)
-    asked = problem.noise_of(at.fitted, at.residual, at.jacobian.shape[2])
-    # the causes that are searched for pass for correlation as long as nothing is in their place
-    asked = replace(asked, share=max(asked.share, problem.correlation_factor(at.fitted)))
-    starts = [replace(normal_noise(at.residual), share=asked.share)]
+    asked = problem.noise_of(at.residual, at.jacobian.shape[2])
+    starts = [normal_noise(at.residual)]
     starts += [replace(asked, wandering=None)] if asked.family != "gauss" else []
     starts += [asked] if asked.wandering is not None else []
     found = [f for f in (_settled(problem, at, start) for start in starts) if f is not None]
     if len(found) < 2:
         return found[0] if found else None
-    share = min(f.noise.share for f in found)
-    return max(found, key=lambda f: _score(f, share))
+    return max(found, key=_score)
 
 
 def _settled(problem: Problem, at: At, noise: NoiseModel) -> Found | None:
@@ -111,23 +105,22 @@ def _settled(problem: Problem, at: At, noise: NoiseModel) -> Found | None:
             return None
         residual = at.residual - _prediction(picture, members, at, noise)
         lost = at.jacobian.shape[2] + sum(found.block(i).columns for i in members.blocks) * _COLUMN_COSTS
-        before, noise = noise, problem.noise_of(at.fitted, residual, lost)
+        before, noise = noise, problem.noise_of(residual, lost)
         if _alike(before, noise):
             break
     return replace(found, noise=noise, left=residual)
 
 
-def _score(found: Found, share: float) -> float:
+def _score(found: Found) -> float:
     """Log of likelihood times priors of the best set and its noise, declared parameters integrated out
-    (restricted likelihood): what two starts are compared by. share: independent numbers per number."""
-    picture, members, at, left = found.picture, found.members, found.at, found.left
-    noise = replace(found.noise, share=share)
+    (restricted likelihood): what two starts are compared by."""
+    picture, members, at, left, noise = found.picture, found.members, found.at, found.left, found.noise
     log_det, _ = picture.quadratic(members)
     standard = [value / (SCALES[scale] * found.block(i).size)
                 for i, scale, value in zip(members.blocks, members.scales, picture.coefficients(members))]
     declared = orthonormal_columns(at.jacobian.reshape(-1, at.jacobian.shape[2])).reshape(*left.shape, -1)
     white = noise.whiten(declared)
-    score = share * log_likelihood_under(noise, left)
+    score = log_likelihood_under(noise, left)
     score -= 0.5 * log_det + 0.5 * sum(float(b @ b) for b in standard)
     score += prior_of(picture, members) - 0.5 * float(np.linalg.slogdet(white.T @ white)[1])
     score -= 0.0 if noise.family == "gauss" else _LEAST_NATS
@@ -137,7 +130,7 @@ def _score(found: Found, share: float) -> float:
 
 def _alike(one: NoiseModel, other: NoiseModel) -> bool:
     """Whether two noise models weigh the rows alike, so that a search under either finds the same."""
-    scale = lambda noise: np.sqrt(noise.share * noise.weight)[:, None] / noise.sigma
+    scale = lambda noise: np.sqrt(noise.weight)[:, None] / noise.sigma
     apart = scale(one) / (scale(other) + 1e-300)
     kept = one.family == other.family and abs(one.shared - other.shared) < 0.2 and one.wanders_like(other)
     return kept and float(np.max(np.abs(apart - 1.0))) < _SAME_SCALE

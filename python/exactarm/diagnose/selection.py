@@ -112,7 +112,7 @@ def refit(problem: Problem, declared: Layout, effects: list[Effect], last: Fitte
     layout = start.joined(Layout.of(tuple(effects)))
     weight = rows_kept(layout, last.view).astype(float)
     if noise is not None:
-        weight[last.counted_rows] *= np.sqrt(noise.weight)
+        weight *= np.sqrt(noise.weight)
     return problem.knowing(last).fit(layout, weight, last.sigma)
 
 

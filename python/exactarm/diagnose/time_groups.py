@@ -32,11 +32,6 @@ def time_groups(run: np.ndarray, pieces: int = _PIECES) -> np.ndarray:
     return groups
 
 
-def time_blocks(run: np.ndarray) -> np.ndarray:
-    """(N,) number of the piece of its run, each run with numbers of its own."""
-    return np.unique(run, return_inverse=True)[1] * _PIECES + time_groups(run)
-
-
 def stretches_of_response(groups: np.ndarray, response: np.ndarray, memory_rows: float) -> np.ndarray:
     """`groups` (N,), those of an effect that shows in one of them alone cut into stretches of equal response.
 

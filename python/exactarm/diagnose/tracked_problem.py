@@ -46,10 +46,6 @@ class TrackedFitted(Fitted):
     def responses_of(self, effects: list[Effect]) -> list[np.ndarray]:
         return [self._response(effect)[:, :3] for effect in effects]
 
-    @property
-    def counted_rows(self) -> np.ndarray:
-        return self.weight > 0.0
-
     def _response(self, effect: Effect) -> np.ndarray:
         view = self.view
         if effect.station == Station.LOAD:

@@ -90,7 +90,7 @@ def unknown_functions(fitted, signals: dict,
     lengths = [AMPLITUDE * sizes_of(length) for length in LENGTHS]
     for name, pattern in turns.items():
         for signal, basis in bases.items():
-            found.append((Unknown(name, (signal,)), moved_by(pattern, basis), lengths))
+            found.append((Unknown(name, (signal,)), pattern[:, :, None] * basis[:, None, :], lengths))
     whole = {name: basis for name, basis in bases.items()
              if not name.startswith(("angle", "load", "approach", *_OF_TIME))}
     for signal, basis in whole.items() if device else ():
@@ -101,12 +101,6 @@ def unknown_functions(fitted, signals: dict,
     if device and len(place) == 3:
         found.append(_of_place(place, device))
     return found + _of_two(curves, turns, device)
-
-
-def moved_by(pattern, basis: np.ndarray) -> np.ndarray:
-    """(N, m, k) the measurement as it moves along a pattern (N, m), or by what a callable makes of a basis
-    (N, k)."""
-    return pattern(basis) if callable(pattern) else pattern[:, :, None] * basis[:, None, :]
 
 
 def few_of(values: np.ndarray) -> np.ndarray:
@@ -136,7 +130,8 @@ def _of_two(curves: dict, turns: dict, device: list) -> list:
         for other in names[i + 1 :]:
             product = (few[one][:, :, None] * few[other][:, None, :]).reshape(len(few[one]), -1)
             for direction, patterns in moved.items():
-                response = np.concatenate([moved_by(pattern, product) for pattern in patterns], axis=2)
+                response = np.concatenate([pattern[:, :, None] * product[:, None, :] for pattern in patterns],
+                                          axis=2)
                 found.append((Unknown(direction, (one, other), "of two"), response,
                               [np.tile(product_size, len(patterns))]))
     return found

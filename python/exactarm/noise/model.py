@@ -28,8 +28,7 @@ class NoiseModel:
     `student` or `gross`.
 
     visits (N,): numbers of the poses; shared: variance that visits of one pose have in common, in units of
-    sigma^2. wandering: what neighbours in the order (N,) of the rows have in common. share: independent
-    numbers per number, where rows are samples of a time series; each weighs as so many.
+    sigma^2. wandering: what neighbours in the order (N,) of the rows have in common.
     """
 
     sigma: np.ndarray
@@ -41,12 +40,11 @@ class NoiseModel:
     shared: float = 0.0
     wandering: Wandering | None = None
     order: np.ndarray | None = None
-    share: float = 1.0
 
     @property
     def numbers(self) -> float:
         """How many independent numbers of data take part."""
-        return self.share * int(np.count_nonzero(self.weight)) * len(self.sigma)
+        return float(np.count_nonzero(self.weight)) * len(self.sigma)
 
     @property
     def wrong(self) -> np.ndarray:
@@ -55,7 +53,7 @@ class NoiseModel:
 
     def whiten(self, columns: np.ndarray) -> np.ndarray:
         """(N, m, k) in units of the measurement as (N m, k) of unit variance."""
-        scale = np.sqrt(self.share * self.weight)[:, None] / self.sigma
+        scale = np.sqrt(self.weight)[:, None] / self.sigma
         white = columns * scale[:, :, None]
         if self.shared > 0.0 and self.visits is not None:
             white = self._parted(white)
