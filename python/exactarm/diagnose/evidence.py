@@ -29,7 +29,6 @@ _ABSORBED = 1e-6
 
 _MOST_PRODUCTS = 40  # of a block's columns with all others, kept: a few hundred MB at most
 _LONG, _ROUNDING = 2, 1e-12  # rows per column from which products stand for rows; of a Gram matrix
-_STRIP = 512  # columns worked on at once
 _INVISIBLE = 1e-3  # whitened length of a block at its plausible size, below which it is rounding
 
 
@@ -57,14 +56,18 @@ class Picture:
 
     def __init__(self, vocabulary: Vocabulary, declared: np.ndarray, columns: np.ndarray,
                  residual: np.ndarray, count: float,
-                 closed: frozenset[int] = frozenset(), rows: tuple[np.ndarray, np.ndarray] | None = None):
+                 closed: frozenset[int] = frozenset(), rows: tuple[np.ndarray, np.ndarray] | None = None,
+                 taken: tuple[np.ndarray, np.ndarray] | None = None, before: Picture | None = None):
         self.closed = closed  # blocks that are not to be added
         self.vocabulary, self.columns, self.residual, self.count = vocabulary, columns, residual, count
         self.declared = declared  # (R, d) orthonormal
         self.rows = (columns, residual) if rows is None else rows  # row by row, where they are compressed
-        self.square = float(residual @ residual)
-        self._product: dict[int, np.ndarray] = {}  # C_g'C of blocks that have been members
-        self._grams: dict[tuple[int, int], np.ndarray] = {}  # C_g'C_h of two of them
+        # L^-1 B'C (K, p) and L^-1 B'r (K,) of the sets that are part of the noise: V^-1 = I - (..)'(..)
+        self.taken = (np.zeros((0, columns.shape[1])), np.zeros(0)) if taken is None else taken
+        self.before = before  # the picture without the last of these sets
+        self.square = float(residual @ residual) - float(self.taken[1] @ self.taken[1])
+        self._product: dict[int, np.ndarray] = {}  # C_g'V^-1 C of blocks that have been members
+        self._grams: dict[tuple[int, int], np.ndarray] = {}  # C_g'V^-1 C_h of two of them
 
     @staticmethod
     def of(vocabulary: Vocabulary, residual: np.ndarray, declared: np.ndarray, noise) -> Picture:
@@ -78,35 +81,31 @@ class Picture:
         c -= basis @ (basis.T @ c)
         left = np.einsum("ij,ij->j", c, c)
         c[:, left < _ABSORBED * before] = 0.0
-        r = r - basis @ (basis.T @ r)
+        r, c = r - basis @ (basis.T @ r), np.asfortranarray(c)  # read column by column
         count = max(noise.numbers - basis.shape[1], 1.0)
         if len(r) <= _LONG * c.shape[1]:
             return Picture(vocabulary, basis, c, r, count)
         return Picture(vocabulary, basis, *compressed(c, r), count, rows=(c, r))
 
     def beside(self, members: Members) -> Picture:
-        """The picture in which a set is part of the noise: r and C times V^-1/2, its labels left out of the
-        vocabulary."""
-        b = self.basis(members)
-        u, sizes, _ = np.linalg.svd(b, full_matrices=False)
-        shrink = (1.0 - 1.0 / np.sqrt(1.0 + sizes**2))[:, None]
-        columns = self.columns.copy()
-        for start in range(0, columns.shape[1], _STRIP):  # no second matrix of this size
-            part = columns[:, start : start + _STRIP]
-            part -= u @ (shrink * (u.T @ part))
-        residual = self.residual - u @ (shrink[:, 0] * (u.T @ self.residual))
+        """The picture in which a set is part of the noise, its labels left out of the vocabulary: `taken` of
+        all products."""
         blocks = self.vocabulary.blocks
-        taken = {blocks[i].label for i in members.blocks if not blocks[i].repeatable}
+        labels = {blocks[i].label for i in members.blocks if not blocks[i].repeatable}
         forms = frozenset().union(*(self.vocabulary.forms_of(i) for i in members.blocks))
-        closed = frozenset(self.closed | {i for i, b in enumerate(blocks) if b.label in taken} | forms)
-        return Picture(self.vocabulary, self.declared, columns, residual, self.count, closed)
+        closed = frozenset(self.closed | {i for i, b in enumerate(blocks) if b.label in labels} | forms)
+        cross, onto = self.factor(members)
+        taken = np.concatenate([self.taken[0], cross]), np.concatenate([self.taken[1], onto])
+        return Picture(self.vocabulary, self.declared, self.columns, self.residual, self.count, closed,
+                       self.rows, taken, self)
 
     @cached_property
     def by_width(self) -> dict[int, np.ndarray]:
-        """Width k -> indices of the blocks with k columns."""
+        """Width k -> indices of the blocks with k columns that may be added."""
         found = defaultdict(list)
         for index, block in enumerate(self.vocabulary.blocks):
-            found[block.columns].append(index)
+            if index not in self.closed:
+                found[block.columns].append(index)
         return {k: np.array(indices) for k, indices in sorted(found.items())}
 
     @cached_property
@@ -119,21 +118,27 @@ class Picture:
 
     @cached_property
     def onto(self) -> np.ndarray:
-        """(p,) C'r."""
-        return self.columns.T @ self.residual
+        """(p,) C'V^-1 r."""
+        return self.columns.T @ self.residual - self.taken[0].T @ self.taken[1]
 
     @cached_property
     def stacked(self) -> dict[int, tuple[np.ndarray, np.ndarray, np.ndarray]]:
-        """Width k -> (columns (g, k) of the matrix, sizes (g, k), C'C (g, k, k)) of its blocks."""
+        """Width k -> (columns (g, k) of the matrix, sizes (g, k), C'V^-1 C (g, k, k)) of its blocks."""
         found = {}
         for k, indices in self.by_width.items():
+            if self.before is not None:
+                kept = np.isin(self.before.by_width[k], indices)
+                which, size, gram = (part[kept] for part in self.before.stacked[k])
+                part = self.taken[0][len(self.before.taken[0]) :, which.ravel()].reshape(-1, *which.shape)
+                gram = gram - np.einsum("agi,agj->gij", part, part, optimize=True)
+                found[k] = (which, size, gram)
+                continue
             blocks = [self.vocabulary.blocks[i] for i in indices]
             which = np.array([np.arange(b.where.start, b.where.stop) for b in blocks])
             starts = {}
             for b in blocks:  # functions of several lengths share their columns
                 if b.where.start not in starts:
-                    part = self.columns[:, b.where]
-                    starts[b.where.start] = part.T @ part
+                    starts[b.where.start] = self._between(b.where, b.where)
             gram = np.stack([starts[b.where.start] for b in blocks])
             found[k] = (which, np.stack([b.size for b in blocks]), gram)
         return found
@@ -165,7 +170,7 @@ class Picture:
             if start not in self._product:
                 if len(self._product) >= _MOST_PRODUCTS:
                     self._product.pop(next(iter(self._product)))
-                self._product[start] = self.columns[:, block.where].T @ self.columns
+                self._product[start] = self._between(block.where, slice(None))
             each = SCALES[size] * block.size
             parts.append(each[:, None] * self._product[start])
             where.append(np.arange(block.where.start, block.where.stop))
@@ -185,11 +190,16 @@ class Picture:
         onto = linalg.solve_triangular(lower, right, lower=True, check_finite=False)
         return 2.0 * float(np.sum(np.log(np.diag(lower)))), self.square - float(onto @ onto)
 
+    def _between(self, one: slice, other: slice) -> np.ndarray:
+        """C_g'V^-1 C_h of two parts of the columns."""
+        taken = self.taken[0]
+        return self.columns[:, one].T @ self.columns[:, other] - taken[:, one].T @ taken[:, other]
+
     def _gram(self, one: slice, other: slice) -> np.ndarray:
-        """C_g'C_h of two blocks, kept."""
+        """C_g'V^-1 C_h of two blocks, kept."""
         key = (one.start, other.start)
         if key not in self._grams:
-            self._grams[key] = self.columns[:, one].T @ self.columns[:, other]
+            self._grams[key] = self._between(one, other)
             self._grams[key[::-1]] = self._grams[key].T
         return self._grams[key]
 

@@ -16,7 +16,7 @@ size the plausible magnitude of each parameter. Prior probability of a block as 
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -114,8 +114,17 @@ class Vocabulary:
     def beside(self, effects: list[Effect]) -> Vocabulary:
         """Without the causes that these effects stand for already."""
         taken = {effect.label for effect in effects if not effect.repeatable}
-        return Vocabulary(tuple(block for block in self.blocks if block.label not in taken
-                                and not any(block.is_form_of(effect) for effect in effects)), self.responses)
+        kept = [block for block in self.blocks if block.label not in taken
+                and not any(block.is_form_of(effect) for effect in effects)]
+        place, blocks, at = {}, [], 0
+        for block in kept:
+            if block.where.start not in place:
+                place[block.where.start] = slice(at, at + block.columns)
+                at += block.columns
+            blocks.append(replace(block, where=place[block.where.start]))
+        columns = [start + np.arange(where.stop - where.start) for start, where in place.items()]
+        columns = np.concatenate(columns) if columns else np.zeros(0, int)
+        return Vocabulary(tuple(blocks), self.responses[:, :, columns])
 
 
 def vocabulary_of(fitted, effects: list[Effect], signals: dict, directions: dict) -> Vocabulary:
@@ -140,11 +149,12 @@ def vocabulary_of(fitted, effects: list[Effect], signals: dict, directions: dict
         share = (1.0 - UNKNOWN_MASS) / (len(axes) * len(axes[point.name]) * counts[point.label])
         size = np.array([min(p.plausible, p.prior) for p in parameters])
         positive = np.array([p.lower == 0.0 for p in parameters])
-        where = slice(at, at + response.shape[2])
+        where = _same_columns(blocks, parts, point.label, response) or slice(at, at + response.shape[2])
         blocks.append(Block(point.label, point, None, where, size, positive, np.log(share) + point.log_odds,
                             point.repeatable))
-        parts.append(response)
-        at = where.stop
+        if where.start == at:
+            parts.append(response)
+            at = where.stop
     functions = unknown_functions(fitted, signals, directions)
     number = sum(len(sizes) for _, _, sizes in functions)
     for unknown, response, sizes in functions:
@@ -157,6 +167,13 @@ def vocabulary_of(fitted, effects: list[Effect], signals: dict, directions: dict
         at = where.stop
     rows = fitted.residual.shape[0]
     return Vocabulary(tuple(blocks), np.concatenate(parts, axis=2) if parts else np.zeros((rows, m, 0)))
+
+
+def _same_columns(blocks: list[Block], parts: list, label: str, response: np.ndarray) -> slice | None:
+    """Where the columns of the block before stand, if those of a further one are the same (a form that
+    differs in its prior alone)."""
+    same = blocks and blocks[-1].label == label and np.array_equal(parts[-1], response)
+    return blocks[-1].where if same else None
 
 
 def emptied(effect: Effect) -> Effect:
@@ -172,4 +189,3 @@ def at_values(block: Block, values: np.ndarray) -> Effect:
     parameters = block.effect.parameters()
     found = [float(np.clip(v, p.lower, p.upper)) for v, p in zip(found, parameters)]
     return block.effect.with_values(found)
-

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy import linalg
+from scipy import linalg, sparse
 
 from exactarm.noise.wandering import Wandering, kernel
 
@@ -105,12 +105,16 @@ class NoiseModel:
         ratio = self.wandering.ratio
         return float(ratio * np.exp(-1.0 / self.wandering.memory) / (1.0 + ratio))
 
-    def _parted(self, white: np.ndarray) -> np.ndarray:
-        """Takes from the mean of each pose's visits what they share: covariance 1 + shared u u', u the root
-        of the weights."""
-        root = np.sqrt(self.weight)
+    @cached_property
+    def _parting(self) -> sparse.csr_array:
+        """(N, N) takes from the mean of each pose's visits what they share: covariance 1 + shared u u', u the
+        root of the weights."""
         square = np.bincount(self.visits, weights=self.weight)
         factor = (1.0 - 1.0 / np.sqrt(1.0 + self.shared * square)) / np.maximum(square, 1e-300)
-        order = np.zeros((len(square), *white.shape[1:]))
-        np.add.at(order, self.visits, root[:, None, None] * white)
-        return white - (root * factor[self.visits])[:, None, None] * order[self.visits]
+        rows = np.arange(len(self.visits))
+        u = sparse.csr_array((np.sqrt(self.weight), (rows, self.visits)), shape=(len(rows), len(square)))
+        return sparse.csr_array(sparse.eye_array(len(rows)) - u @ sparse.diags_array(factor) @ u.T)
+
+    def _parted(self, white: np.ndarray) -> np.ndarray:
+        """(N, ...) without what visits of one pose share."""
+        return (self._parting @ white.reshape(len(white), -1)).reshape(white.shape)
