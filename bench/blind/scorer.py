@@ -135,7 +135,7 @@ def score(found: dict, truth: dict) -> dict:
         "intervals": _intervals(effects, named, truth),
         "sets": [_in_set(effect["set"], truth["effects"]) for effect in effects if effect.get("set")],
         "else_joint": [effect["joint"] for effect in found["effects"] if effect["effect"] == UNKNOWN],
-        "else_said": " ".join(e["evidence"] for e in found["effects"] if e["effect"] == UNKNOWN),
+        "else_said": " ".join(e.get("evidence", "") for e in found["effects"] if e["effect"] == UNKNOWN),
         "drafts": len(found.get("drafts", ())),
     } | {
         key: found[key]
