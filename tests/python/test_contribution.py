@@ -1,13 +1,15 @@
 """What one effect does by itself: its own signal, its size, its share that nothing else makes up for; and the
 words for it."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 import exactarm as ea
 from exactarm.commands.diagnose_report import found_effects, report_of
-from exactarm.commands.effect_sections import axes_in_words, causes_in_words, percent
-from exactarm.diagnose.contribution import _follows
+from exactarm.commands.effect_sections import _size, axes_in_words, causes_in_words, percent
+from exactarm.diagnose.contribution import _follows, _own_signals
 from exactarm.diagnose.diagnosis import diagnose
 from exactarm.effects.order_source import likely_source
 
@@ -88,3 +90,23 @@ def test_a_signal_is_followed_by_its_own_functions_only():
 ])
 def test_the_usual_source_of_an_order_follows_from_the_ratio(order, ratio, word):
     assert word in likely_source(order, ratio)
+
+
+def test_a_drift_is_drawn_over_what_drives_it():
+    signals = dict.fromkeys(("angle of axis 1", "time", "temperature"), np.arange(3.0))
+    for driver in ("time", "temperature"):
+        assert list(_own_signals(SimpleNamespace(joint=None, driver=driver), signals, None)) == [driver]
+    assert _own_signals(SimpleNamespace(joint=None), signals, None) is signals
+    assert _own_signals(SimpleNamespace(joint=None, driver="row"), signals, None) is signals
+
+
+def test_the_size_of_a_cause_is_a_number_that_is_not_zero_within_its_interval():
+    def told(*intervals):
+        parameters = [SimpleNamespace(name=f"m_{k}_kg", fixed=False) for k in range(1, len(intervals) + 1)]
+        effect = SimpleNamespace(orders=lambda: (), parameters=lambda: parameters,
+                                 values=[0.5 * sum(interval) for interval in intervals])
+        measure, size = _size(SimpleNamespace(effect=effect, derived={}, intervals=intervals), None)
+        return measure, size.low, size.high
+
+    assert told((-1.5, 1.5), (0.8, 1.2)) == ("m 2", 0.8, 1.2)
+    assert told((-1.5, 1.5), (-0.2, 0.4)) == ("m 1", -1.5, 1.5)

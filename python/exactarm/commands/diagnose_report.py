@@ -25,7 +25,7 @@ from exactarm.diagnose.held_out_evidence import AGAINST
 from exactarm.diagnose.verdict import UNEXPLAINED, remains, spoken_against
 from exactarm.kinds import kind_of
 from exactarm.report import Figure, Quantity, Report, Table, Text, Warnings
-from exactarm.report.numbers import change, quantity
+from exactarm.report.numbers import change, number, quantity
 from exactarm.report.plots.arm import arm_with_errors
 from exactarm.robot import Robot
 
@@ -220,7 +220,7 @@ def _why(rival, reached: float) -> str:
 def _dossier_table(heading: str, dossier: Dossier) -> Table:
     rows = tuple(
         (f.signal, f.direction, f"{100 * f.share:.1f} %",
-         f"{f.p_value:.1e}" if f.p_value > _NEVER else f"< {_NEVER:g}", "yes" if f.significant else "no")
+         number(f.p_value, 2) if f.p_value > _NEVER else f"< {_NEVER:g}", "yes" if f.significant else "no")
         for f in dossier.follows[:8]
     )
     note = (f"Share of the square sum explained by bins of the signal; p-values corrected for all tests. "

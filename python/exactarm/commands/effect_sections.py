@@ -110,7 +110,8 @@ def _probability(member: Any) -> float:
 
 
 def _size(finding: Finding, contribution: Contribution | None) -> tuple[str, Cell]:
-    """What is told of the effect's size: peak to peak of a curve, else its first number."""
+    """What is told of the effect's size: peak to peak of a curve, else its first number whose interval
+    does not hold zero."""
     effect = finding.effect
     if effect.orders() and contribution is not None:
         value, half = contribution.peak_to_peak
@@ -121,7 +122,7 @@ def _size(finding: Finding, contribution: Contribution | None) -> tuple[str, Cel
             if not p.fixed]
     if not free:
         return "", None
-    parameter, value, (low, high) = free[0]
+    parameter, value, (low, high) = next((one for one in free if not one[2][0] <= 0.0 <= one[2][1]), free[0])
     return _words_of(parameter.name), Estimate(float(value), float(low), float(high), unit_of(parameter.name))
 
 

@@ -172,8 +172,11 @@ def _half(fitted: Fitted, slopes: np.ndarray, covariance: np.ndarray) -> np.ndar
 
 
 def _own_signals(effect: Effect, signals: dict[str, np.ndarray], fitted: Fitted) -> dict[str, np.ndarray]:
-    """The signals of the effect's own axis, of no axis, and the phase of a fast element; all signals for no
-    single axis."""
+    """What drives the effect, where it says so (time, a temperature); else the signals of its own axis, of no
+    axis, and the phase of a fast element; all signals for no single axis."""
+    driver = getattr(effect, "driver", None)
+    if driver in signals:
+        return {driver: signals[driver]}
     if effect.joint is None:
         return signals
     own = {name: values for name, values in signals.items()
