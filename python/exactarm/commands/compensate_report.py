@@ -16,6 +16,8 @@ from exactarm.report.numbers import quantity
 from exactarm.report.plots.compensation import shift_per_target, shift_view
 from exactarm.robot import Robot
 
+FINEST_M = 1e-9  # the law ends at a tenth of it; what is left is rounding, not a distance
+
 
 def compensation_table(corrections: Sequence[Correction], radius: np.ndarray | None) -> dict:
     """Columns of compensation.csv: one row a target. radius: (T,) m, where the robot file tells it."""
@@ -86,6 +88,11 @@ def _largest(parts) -> float | None:
     return None if np.isnan(values).all() else float(np.nanmax(values))
 
 
+def _shown(length: float | None) -> float | None:
+    """An upper bound that a reader can believe: FINEST_M at least."""
+    return None if length is None else max(length, FINEST_M)
+
+
 def _warnings(corrections: Sequence[Correction], frames: CellFrames, model: CompensationModel) -> list[str]:
     found = [warning for correction in corrections for warning in correction.warnings] + list(frames.warnings)
     if model.left_out:
@@ -103,7 +110,7 @@ def report_of(
 ) -> Report:
     sizes = _sizes(corrections)
     count = sum(len(correction.program.targets) for correction in corrections)
-    written = _largest([correction.reached for correction in corrections])
+    written = _shown(_largest([correction.reached for correction in corrections]))
     if not sizes.n:
         verdict, tone = (
             f"None of the {count} targets was corrected: their numbers are as they were.",
@@ -122,7 +129,7 @@ def report_of(
             (
                 Highlight("mean correction", Quantity(sizes.mean if sizes.n else None, "m")),
                 Highlight("largest correction", Quantity(sizes.max if sizes.n else None, "m")),
-                Highlight("left over as written", Quantity(written, "m")),
+                Highlight("left over as written, at most", Quantity(written, "m")),
                 *trust_highlights(radius),
             )
         ),
@@ -151,7 +158,7 @@ def _programs(corrections: Sequence[Correction]) -> Table:
                 one["targets"],
                 one["corrected"],
                 one["refused"],
-                Quantity(one["as_written_max_m"], "m"),
+                Quantity(_shown(one["as_written_max_m"]), "m"),
             )
         )
     return Table(

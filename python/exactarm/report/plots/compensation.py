@@ -82,5 +82,6 @@ def shift_per_target(sizes: np.ndarray) -> Figure:
         )
         legend_above(axes)
     axes.set(xlabel="target", ylabel=label_with("correction", unit))
+    axes.xaxis.get_major_locator().set_params(integer=True)
     from_zero(axes, sizes / size)
     return figure
