@@ -8,6 +8,9 @@ import numpy as np
 
 from exactarm.rotation import log as rotation_log
 
+# m per rad: 1 mrad that nothing can reach counts as 1 um in the search, and moves the place by nanometres
+PLACE_FIRST_M = 1e-3
+
 
 @dataclass(frozen=True)
 class Poses:
@@ -29,8 +32,21 @@ def pose_error(targets: Poses, reached: Poses) -> np.ndarray:
     return np.concatenate([targets.position - reached.position, turn], axis=1)
 
 
+def missing(error: np.ndarray, axes: int) -> np.ndarray:
+    """(N,) how far `error` (N, 6) is from nothing, m or rad: all of it, or for an arm of fewer than six axes
+    mainly the place."""
+    return np.linalg.norm(_measure(axes) * error, axis=1)
+
+
+def _measure(axes: int) -> np.ndarray:
+    """(6,) weights of place and orientation: fewer than six axes cannot make up both, and a SCARA whose axes
+    lean by a milliradian is still to be where it was sent."""
+    return np.repeat([1.0, PLACE_FIRST_M if axes < 6 else 1.0], 3)
+
+
 def pseudo_inverse(jacobian: np.ndarray) -> np.ndarray:
-    """(N, n, 6) of Jacobians (N, 6, n): the least step for more axes than six, least squares for fewer.
+    """(N, n, 6) of Jacobians (N, 6, n): the least step for more axes than six, least squares for fewer, the
+    place first (`_measure`).
 
     A singular one becomes infinite, never an exception.
     """
@@ -38,9 +54,10 @@ def pseudo_inverse(jacobian: np.ndarray) -> np.ndarray:
     try:
         if n == 6:
             return np.linalg.inv(jacobian)
-        return (
-            turned @ np.linalg.inv(jacobian @ turned) if n > 6 else np.linalg.inv(turned @ jacobian) @ turned
-        )
+        if n > 6:
+            return turned @ np.linalg.inv(jacobian @ turned)
+        square = _measure(n) ** 2
+        return np.linalg.inv((turned * square) @ jacobian) @ (turned * square)
     except np.linalg.LinAlgError:  # one of them is singular to the last bit
         if len(jacobian) == 1:
             return np.full((1, n, 6), np.inf)

@@ -20,7 +20,7 @@ import numpy as np
 from exactarm import _core
 from exactarm.chain import Layout, predict_poses
 from exactarm.compensate.controller import ControllerChain
-from exactarm.compensate.flange_poses import Poses, pose_error, pseudo_inverse
+from exactarm.compensate.flange_poses import Poses, missing, pose_error, pseudo_inverse
 from exactarm.dataset import Dataset
 from exactarm.effects.payload import Payload
 from exactarm.kinds import POSES
@@ -39,7 +39,8 @@ NEAR_SINGULAR = 100.0
 
 @dataclass(frozen=True)
 class Commands:
-    """Joint angles q (N, n) to command, the error left (N,) m and rad, the norm (N,) of J^-1."""
+    """Joint angles q (N, n) to command, the error left (N,) m and rad (of fewer than six axes: of the place,
+    m), the norm (N,) of J^-1."""
 
     q: np.ndarray
     left_over: np.ndarray
@@ -100,7 +101,8 @@ class CompensationModel:
         amplification = np.linalg.norm(inverse, axis=(1, 2))
         side = np.zeros_like(q) if approach is None else approach
         error = pose_error(targets, self.reached(q, side, threads))
-        left_over = np.linalg.norm(error, axis=1)
+        axes = q.shape[1]
+        left_over = missing(error, axes)
         for step in range(STEPS):
             rows = np.flatnonzero((left_over > REACHED) & np.isfinite(amplification))
             if not rows.size:
@@ -109,10 +111,12 @@ class CompensationModel:
                 inverse[rows] = pseudo_inverse(_core.geometric_jacobian(self.actual.core, q[rows], threads))
             trial = q[rows] + (inverse[rows] @ error[rows, :, None])[:, :, 0]
             left = pose_error(targets.rows(rows), self.reached(trial, side[rows], threads))
-            better = np.linalg.norm(left, axis=1) < left_over[rows]
+            better = missing(left, axes) < left_over[rows]
             rows = rows[better]
             q[rows], error[rows] = trial[better], left[better]
-            left_over[rows] = np.linalg.norm(left[better], axis=1)
+            left_over[rows] = missing(left[better], axes)
+        if axes < 6:
+            left_over = np.linalg.norm(error[:, :3], axis=1)
         return Commands(q, left_over, amplification)
 
 

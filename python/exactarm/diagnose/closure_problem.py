@@ -178,6 +178,10 @@ class ClosureProblem(PoseProblem):
         }
         return {name: error for name, error in found.items() if error is not None}
 
+    def lacks_of_tables(self, fitted: Fitted) -> tuple[str, ...]:
+        """Rows have no positions in common that a tilt could be seen in."""
+        return ()
+
     def signals(self, fitted: Fitted) -> dict[str, np.ndarray]:
         """Where the target is said to be holds the residual itself: it tells nothing here."""
         return {name: values for name, values in super().signals(fitted).items()

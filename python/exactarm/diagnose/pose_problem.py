@@ -27,6 +27,7 @@ from exactarm.identify.declared import (
     require_geometry,
 )
 from exactarm.identify.match import require_match
+from exactarm.identify.missing_tilt import missing_tilts
 from exactarm.identify.pose_fit import fit_poses
 from exactarm.kinds import POSES
 from exactarm.robot import Robot
@@ -63,6 +64,9 @@ class PoseProblem(Problem):
         options = CalibrationOptions(threads=self.threads, seed=self.seed)
         fit, _ = fit_identifiable(self.robot, layout, self.data, self.orientation, options)
         return fit.layout
+
+    def lacks_of_tables(self, fitted: Fitted) -> tuple[str, ...]:
+        return missing_tilts(self.robot, fitted.layout, self.data, self.threads)
 
     def fit(self, layout: Layout, weight: np.ndarray | None = None,
             sigma: np.ndarray | None = None) -> Fitted:

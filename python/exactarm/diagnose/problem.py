@@ -313,6 +313,10 @@ class Problem(ABC):
         """Further numbers of any rows that stand beside the error, by their names with units."""
         return {}
 
+    def lacks_of_tables(self, fitted: Fitted) -> tuple[str, ...]:
+        """In words: what the robot file's tables cannot express and what is left asks for."""
+        return ()
+
     def elsewhere(self, fitted: Fitted) -> Fitted:
         """The state by which a stretch that is left out is judged: without what is fitted anew there in any
         case."""

@@ -27,6 +27,7 @@ from exactarm.identify.declared import (
 from exactarm.identify.identifiability import Identifiability, select_identifiable, still_axes
 from exactarm.identify.loads import kept_masses, with_loads
 from exactarm.identify.match import require_match
+from exactarm.identify.missing_tilt import missing_tilts
 from exactarm.identify.pose_fit import PoseFit, fit_poses
 from exactarm.identify.session_payloads import EstimatedPayload, payload_layout, session_payloads
 from exactarm.identify.statistics import ErrorSummary, summarise
@@ -132,7 +133,8 @@ def calibrate(robot: Robot, data: Dataset, options: CalibrationOptions = Calibra
         after={k: summarise(error_after[mask]) for k, mask in parts.items()},
         identifiability=identifiability,
         orientation=orientation,
-        warnings=tuple(_warnings(fit, train, found)),
+        warnings=(*_warnings(fit, train, found),
+                  *missing_tilts(robot, fit.layout, train, options.threads)),
         payloads=session_payloads(data, fit.layout, fit.fit) if data.unweighed else (),
     )
 

@@ -1,0 +1,59 @@
+"""Missing tilts: parallel axes whose frame has no beta, where what is left of a fit asks for one.
+
+    F = gain of one more column b / what is left per degree of freedom,   b: d target / d beta, cleared of the
+    fitted columns
+
+Between parallel axes d, a and alpha of a frame leave one direction out, the tilt about its y axis (Hayati
+1983). A SCARA's slide or a maker's table of four parameters lacks it, and nothing else can stand for it; so
+the line says which frame, how much, and what to write. Source: Rao's score test, to first order.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import stats
+
+from exactarm.chain import Layout, predict_poses
+from exactarm.dataset import Dataset
+from exactarm.effects.geometry import Geometry
+from exactarm.identify.collision import NEARLY_PARALLEL_RAD, deviation_from_parallel
+from exactarm.robot import Robot
+
+CHANCE = 1e-4  # of one such line in ten thousand calibrations of an arm that lacks nothing
+
+
+def missing_tilts(robot: Robot, layout: Layout, data: Dataset, threads: int = 1) -> tuple[str, ...]:
+    """One line for all frames that should have a beta; empty where the rows ask for none."""
+    frames = [
+        i for i in range(robot.axes - 1)
+        if robot.joints[i].beta is None and deviation_from_parallel(robot, i + 1, i + 2) < NEARLY_PARALLEL_RAD
+    ]
+    if not frames:
+        return ()
+    tilts = Layout(
+        tuple(Geometry(i + 1, (0.0,), ("beta_rad",)) for i in frames), tuple(np.ones(1, bool) for _ in frames)
+    )
+    found = predict_poses(robot, layout.joined(tilts), data, threads=threads)
+    if found.jacobian is None:
+        return ()
+    columns = found.jacobian[:, :3].reshape(-1, layout.size + len(frames))
+    fitted, added = columns[:, : layout.size], columns[:, layout.size :]
+    basis = np.linalg.svd(fitted / np.maximum(np.linalg.norm(fitted, axis=0), 1e-300), full_matrices=False)
+    basis = basis[0][:, basis[1] > 1e-9 * basis[1][0]]
+    cleared = lambda values: values - basis @ (basis.T @ values)
+    rest, added = cleared(found.residual().ravel()), cleared(added)
+    freedom = rest.size - basis.shape[1] - len(frames)
+    if freedom < 1:
+        return ()
+    sizes = np.linalg.lstsq(added, rest, rcond=1e-9)[0]
+    left = float(np.sum((rest - added @ sizes) ** 2))
+    share = 1.0 - left / max(float(rest @ rest), 1e-300)
+    chance = stats.f.sf(share / max(1.0 - share, 1e-12) * freedom / len(frames), len(frames), freedom)
+    if chance > CHANCE:
+        return ()
+    listed = lambda words: ", ".join(map(str, words))
+    return (
+        f"the robot file has no beta in frame {listed(i + 1 for i in frames)}, whose axis is parallel to the "
+        f"next one; a tilt of {listed(f'{1e3 * size:.2g}' for size in sizes)} mrad there explains "
+        f"{100.0 * share:.0f} % of what is left (square sum): write beta_rad = 0.0 in place of d there",
+    )
