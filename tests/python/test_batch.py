@@ -7,7 +7,8 @@ import pytest
 
 import exactarm as ea
 from exactarm import cli
-from exactarm.commands.batch import Job, Outcome, read_jobs
+from exactarm.commands.batch import Job, Outcome, _report, read_jobs
+from exactarm.report.terminal import render_text
 
 SERIES = str(ea.example("ur10/series_B"))
 
@@ -88,3 +89,14 @@ def test_options_become_words_and_files_are_found_beside_the_manifest(manifest):
     assert bad.words[1] == str(manifest.parent / "poses.csv")
     assert good.key != third.key and isinstance(good,
                                                 Job) and Outcome("a", "b", "c", "kept").before_rms is None
+
+
+def test_the_overview_counts_in_whole_numbers_and_has_a_verdict_only_where_one_was_given():
+    def overview(*verdicts):
+        report = _report([Outcome(f"job_{k}", "evaluate", "ur10", "done", verdict)
+                          for k, verdict in enumerate(verdicts)])
+        return render_text(report)
+
+    plain, judged = overview("", ""), overview("", "explained")
+    assert "computed  2\n" in plain and "verdict" not in plain
+    assert "verdict" in judged and "explained" in judged

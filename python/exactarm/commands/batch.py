@@ -260,17 +260,19 @@ def _report(ended: Sequence[Outcome]) -> Report:
         f"{len(ended)} jobs: {count['done']} computed, {count['kept']} kept because nothing had changed, "
         f"{count['failed']} failed."
     )
-    row = lambda o: (o.name, o.command, o.robot, o.state, o.verdict.replace("_", " "),
+    judged = any(outcome.verdict for outcome in ended)  # of a diagnosis
+    row = lambda o: (o.name, o.command, o.robot, o.state, *([o.verdict.replace("_", " ")] if judged else []),
                      Quantity(o.before_rms, o.unit),
                      Quantity(o.after_rms, o.unit), Quantity(o.seconds, "s"), _page(o))
+    header = ("name", "command", "robot", "state", *(["verdict"] if judged else []), "RMS before",
+              "RMS after", "time", "page")
     failures = tuple((o.name, o.why) for o in ended if o.state == "failed")
     return Report("Fleet", verdict, (
-        Highlights((Highlight("computed", Quantity(count["done"])),
-                    Highlight("kept", Quantity(count["kept"])),
-                    Highlight("failed", Quantity(count["failed"])))),
+        Highlights((Highlight("computed", Quantity(count["done"], decimals=0)),
+                    Highlight("kept", Quantity(count["kept"], decimals=0)),
+                    Highlight("failed", Quantity(count["failed"], decimals=0)))),
         Table("Failed, and why", ("job", "why"), failures),
-        Table("Jobs", ("name", "command", "robot", "state", "verdict", "RMS before", "after", "time", "page"),
-              tuple(row(outcome) for outcome in ended),
+        Table("Jobs", header, tuple(row(outcome) for outcome in ended),
               "RMS on rows that were never fitted, where there are any."),
     ), "caution" if count["failed"] else "good")
 

@@ -229,7 +229,8 @@ def _table(series: Daily, change: Change) -> dict[str, Any]:
 def _sentence(series: Daily, change: Change, days_per_year: float) -> str:
     rate = f"at most one false alarm in {days_per_year:g} days"
     if change.alarm is None:
-        return f"Nothing has moved, as far as {len(series.labels)} days tell (the test allows {rate})."
+        days = f"{len(series.labels)} days tell" if len(series.labels) > 1 else "one day tells"
+        return f"Nothing has moved, as far as {days} (the test allows {rate})."
     best = change.causes[0]
     since = _since(series, best)
     span = (
@@ -327,7 +328,8 @@ def _report(robot: Robot, series: Daily, change: Change, days_per_year: float) -
         Text(
             "How it is tested",
             (
-                f"{len(series.poses)} poses, {len(series.labels)} days. Noise from {series.noise}. The "
+                f"{len(series.poses)} poses, {len(series.labels)} "
+                f"{'day' if len(series.labels) == 1 else 'days'}. Noise from {series.noise}. The "
                 f"statistic is a sum of likelihood ratios over "
                 f"all first days and causes; while nothing moves it grows by one a day on the mean, so that "
                 f"it passes {change.boundary:g} once in "

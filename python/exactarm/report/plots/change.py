@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, MaxNLocator
+from matplotlib.ticker import MaxNLocator
 
 from exactarm.report.plots.style import AFTER, FLOOR, VALIDATION, label_with, legend_above, new_figure, scaled
 
@@ -45,9 +45,6 @@ def _statistic(statistic: np.ndarray, boundary: float, alarm: int | None, axes: 
             markersize=7,
             label="alarm",
         )
-    axes.yaxis.set_major_formatter(
-        FuncFormatter(lambda value, _: f"{value:.0e}".replace("e+0", "e").replace("e-0", "e−"))
-    )
     axes.set(ylabel="statistic")
     legend_above(axes)
 
@@ -75,5 +72,5 @@ def _moved(moved: np.ndarray, noise: float, since: tuple[int, int] | None, axes:
     axes.axhline(noise / size, color=FLOOR, linestyle="--", label="noise")
     axes.set(xlabel="day of NEW", ylabel=label_with("moved since BEFORE", unit))
     axes.set_ylim(bottom=0.0)
-    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
     legend_above(axes, columns=5)
