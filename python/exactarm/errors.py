@@ -8,6 +8,7 @@ import re
 
 _BROKEN = re.compile(r"[\x00-\x1f\x7f\x85\u2028\u2029]+")  # ends of lines, and what a terminal would obey
 LONGEST_MESSAGE = 900  # characters: a list of all effects' names fits, a cell of a megabyte does not
+LONGEST_NAME = 200  # of a column
 
 
 class InputError(ValueError):
@@ -16,13 +17,14 @@ class InputError(ValueError):
     def __init__(self, message: str, *, file: object = None, row: int | None = None,
                  column: str | None = None,
                  line: int | None = None):
-        message = _BROKEN.sub(" ", message)  # what a file holds may stand in it
+        # what a file holds may stand in them, the name of a column among it
+        message, column = (_BROKEN.sub(" ", text) if text is not None else None for text in (message, column))
         message = message if len(message) <= LONGEST_MESSAGE else message[:LONGEST_MESSAGE - 3] + "..."
         self.message, self.file, self.row, self.column = message, file, row, column
         place = [str(file)] if file is not None else []
         place += [f"row {row}"] if row is not None else []
         place += [f"line {line}"] if line is not None else []
-        place += [f"column {column}"] if column is not None else []
+        place += [f"column {column[:LONGEST_NAME]}"] if column is not None else []
         super().__init__(": ".join([", ".join(place), message]) if place else message)
 
     def within(self, file: object) -> "InputError":

@@ -14,3 +14,9 @@ def test_what_a_file_holds_cannot_break_the_line(text):
 
 def test_a_megabyte_is_cut():
     assert len(InputError("x" * 10**6).message) == LONGEST_MESSAGE
+
+
+def test_the_name_of_a_column_cannot_break_the_line_either():
+    error = InputError("expected a number", file="runs.csv", row=1, column="\x0f\x1d5\n")
+    assert str(error) == "runs.csv, row 1, column  5 : expected a number"
+    assert len(str(InputError("x", column="q" * 10**6))) < 2 * LONGEST_MESSAGE

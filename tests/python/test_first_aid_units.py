@@ -1,14 +1,31 @@
-"""More usual mistakes in poses: angles in turns, lengths in inches, a file that changes its unit halfway;
-and a target that is turned on its flange, which is none."""
+"""More usual mistakes: angles in turns, lengths in inches, a unit that changes halfway, columns a row beside
+the others, wrapped angles, clocks that differ, a lost target; and a target that is turned on its flange,
+a wrapped angle of a joint, and a turn more, which are none."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from exactarm.identify.calibrate import calibrate
+from exactarm.identify.clock_drift import lags
 from exactarm.identify.evaluate import evaluate_poses
 from exactarm.identify.first_aid import first_aid
-from test_first_aid import column, position, scaled, ur10  # noqa: F401
+from exactarm.robot_file import load_robot
+from exactarm.simulate import Sensors, VirtualRobot, measure_poses
+from exactarm.simulate.profiles import limit
+from test_first_aid import (  # noqa: F401
+    column,
+    gyro_run,
+    kr300,
+    order,
+    position,
+    scaled,
+    shifted,
+    tracked,
+    tx40,
+    ur10,
+)
 
 HALFWAY = 700  # of 1,495 rows
 MISTAKES = {
@@ -22,7 +39,53 @@ MISTAKES = {
         lambda d: position(d, lambda p: np.where(np.arange(len(p))[:, None] > HALFWAY, 1e-3 * p, p)),
         "labelled as",
     ),
+    "one column of angles a row late": (
+        lambda d: column(d, "q", rolled(2, 1)),
+        "the angles of axis 3 one row later than the others",
+    ),
+    "one column of angles two rows late": (
+        lambda d: column(d, "q", rolled(4, 2)), "the angles of axis 5 two rows later than the others",
+    ),
+    "z a row late": (lambda d: position(d, rolled(2, 1)), "column z one row later than the others"),
+    "the device two rows late": (
+        lambda d: replace(d, position=np.roll(d.position, 2, axis=0),
+                          rotation=np.roll(d.rotation, 2, axis=0)),
+        "positions two rows later than the angles",
+    ),
+    "a lost target": (
+        lambda d: position(d, lambda p: np.where(np.arange(len(p))[:, None] > 1300, p[1300], p)),
+        "had the device lost its target?",
+    ),
+    "a left-handed device": (
+        lambda d: replace(d, position=d.position * [1, -1, 1],
+                          rotation=np.diag([1.0, -1.0, 1.0]) @ d.rotation @ np.diag([1.0, -1.0, 1.0])),
+        "one of x, y, z with the opposite sign, or two",
+    ),
 }
+
+
+def rolled(column, rows):
+    def change(values):
+        values[:, column] = np.roll(values[:, column], rows)
+        return values
+
+    return change
+
+
+def wrapped(values):
+    return (values + np.pi) % (2.0 * np.pi) - np.pi
+
+
+def later(samples):
+    return lambda values: np.roll(values, samples, axis=0)
+
+
+def on_a_clock(share):
+    def change(values):
+        rows = np.arange(len(values))
+        return np.stack([np.interp(share * rows, rows, one) for one in values.T], axis=1)
+
+    return change
 
 
 @pytest.mark.parametrize("name", MISTAKES)
@@ -40,3 +103,99 @@ def test_the_names_of_the_targets_axes_mean_nothing(ur10):  # noqa: F811
     turned = replace(part, rotation=part.rotation @ np.diag([-1.0, -1.0, 1.0]))
     one, other = (evaluate_poses(robot, each).overall for each in (part, turned))
     assert other.rms == pytest.approx(one.rms, rel=1e-6)
+
+
+MOTION = {
+    "whole turns": (
+        lambda d: column(d, "theta", scaled(slice(None), 0.5 / np.pi)), "whole turns labelled as radians",
+    ),
+    "both columns of two axes exchanged": (
+        lambda d: column(column(d, "theta", order(1, 3, 2, 4, 5, 6)), "tau_motor", order(1, 3, 2, 4, 5, 6)),
+        "with axes 2 and 3 exchanged",
+    ),
+    "both signs of one axis": (
+        lambda d: column(column(d, "theta", scaled(1, -1)), "tau_motor", scaled(1, -1)),
+        "the opposite sign of axis 2",
+    ),
+    "another zero": (
+        lambda d: column(d, "theta", shifted(1, 0.5 * np.pi * load_robot("tx40").joints[1].ratio)),
+        "another zero of axis 2 (by -90 degrees)",
+    ),
+    "torques late": (lambda d: column(d, "tau_motor", later(100)), "with the torques logged 0.02 s later"),
+    "a clock that drifts": (
+        lambda d: column(d, "tau_motor", on_a_clock(1.01)), "% faster than that of the angles",
+    ),
+    "wrapped angles": (lambda d: column(d, "theta", wrapped), "are the angles wrapped"),
+    "absolute torques": (lambda d: column(d, "tau_motor", np.abs), "are they absolute values?"),
+}
+
+
+@pytest.mark.parametrize("name", MOTION)
+def test_a_mistake_in_a_motion_is_told(tx40, name):  # noqa: F811
+    robot, data = tx40
+    change, words = MOTION[name]
+    found = first_aid(robot, change(data))
+    assert found and words in found[0], found
+
+
+def test_a_motion_of_another_robot_is_told_by_name(tx40):  # noqa: F811
+    found = first_aid(load_robot("racer-7-1.4"), tx40[1])
+    assert found and "with data of tx40" in found[0], found
+
+
+def test_a_clock_that_drifts_between_encoders_is_told(kr300):  # noqa: F811
+    robot, data = kr300
+    found = first_aid(robot, column(data, "q", on_a_clock(1.01)))
+    assert found and "the encoder behind the gear lags" in found[0], found
+    assert "are the angles wrapped" in first_aid(robot, column(data, "theta", wrapped))[0]
+
+
+@pytest.mark.parametrize("change, words", [
+    (later(25), "the gyroscope lags by 0.0983 s throughout"), (on_a_clock(1.01), "does its clock run"),
+])
+def test_a_gyroscope_of_another_clock_is_told(gyro_run, change, words):  # noqa: F811
+    robot, data = gyro_run
+    found = first_aid(robot, replace(data, gyro=change(data.gyro)))
+    assert any(words in line for line in found), found
+
+
+def test_a_tracker_that_starts_a_second_late_is_told(tracked):  # noqa: F811
+    robot, data = tracked
+    assert "the tracker lags by" in first_aid(robot, position(data, later(100)))[0]
+
+
+@pytest.mark.parametrize("late", [0, 7, -20, 60])
+def test_a_lag_between_long_plateaus_is_found(late):
+    time = 0.004 * np.arange(1500)
+    speed = np.interp(time, [0.0, 0.3, 0.6, 5.4, 5.7, 6.0], [0.0, 0.0, 0.6, 0.6, 0.0, 0.0])
+    found = lags(time, speed, np.roll(speed, late))
+    close = pytest.approx([0.004 * late] * 2, rel=0.1, abs=0.002)  # what enters the window changes its size
+    assert [found.first, found.last] == close and not found.drifts
+
+
+def test_stamps_that_do_not_rise_tell_no_lag():
+    assert lags(np.zeros(100), np.arange(100.0), np.arange(100.0)) is None
+
+
+def test_wrapped_motor_angles_of_poses_are_told():
+    robot, random = load_robot("racer-7-1.4"), np.random.default_rng(3)
+    q = random.uniform(0.6 * limit(robot, "q_min"), 0.6 * limit(robot, "q_max"), (40, 6))
+    data = measure_poses(VirtualRobot.of(robot), q, Sensors(position_m=3e-5, counts=0), random)
+    assert first_aid(robot, data) == ()
+    told = first_aid(robot, column(data, "theta", wrapped))
+    assert "motor angles of all axes lie within one turn" in told[0]
+
+
+@pytest.mark.parametrize("change", [wrapped, shifted(5, 2.0 * np.pi)])
+def test_a_joint_angle_and_a_turn_more_are_the_same(ur10, change):  # noqa: F811
+    robot, data = ur10
+    part = data.select(np.arange(0, len(data), 20))
+    one, other = (evaluate_poses(robot, each).overall for each in (part, column(part, "q", change)))
+    assert other.rms == pytest.approx(one.rms, rel=1e-6)
+
+
+def test_what_no_candidate_explains_is_said_after_the_calibration(ur10):  # noqa: F811
+    robot, data = ur10
+    data = data.select(np.arange(0, len(data), 10))
+    told = lambda d: [line for line in calibrate(robot, d).warnings if "are left after calibration" in line]
+    assert told(data) == [] and len(told(column(data, "q", lambda q: np.round(q, 1)))) == 1

@@ -21,7 +21,7 @@ from exactarm.identify.load_mistakes import load_mistakes
 from exactarm.identify.motion_mistakes import motion_mistakes
 from exactarm.identify.pose_mistakes import pose_mistakes
 from exactarm.identify.ratio_mistakes import ratio_mistakes
-from exactarm.identify.signal_mistakes import cell_mistakes, limit_mistakes
+from exactarm.identify.signal_mistakes import cell_mistakes, column_mistakes, limit_mistakes
 from exactarm.identify.suspicion import Suspicion
 from exactarm.identify.tracked_mistakes import tracked_mistakes
 from exactarm.kinds import CLOSURES, GEAR_RUN, MOTION, POSES, TRACKED_MOTION
@@ -37,8 +37,9 @@ def first_aid(robot: Robot, data: Dataset) -> tuple[str, ...]:
                 found += check(robot, data)[:1]
             except InputError:  # what the command itself refuses, it says itself
                 continue
-    # What explains the data tells more than a limit that is passed.
-    found = [*cell_mistakes(data), *(found or limit_mistakes(robot, data))]
+    # What a column shows by itself is certain; what explains the data tells more than a limit that is passed.
+    found = list(column_mistakes(robot, data)) or found or list(limit_mistakes(robot, data))
+    found = [*cell_mistakes(data), *found]
     return tuple(dict.fromkeys(suspicion.text for suspicion in found))
 
 

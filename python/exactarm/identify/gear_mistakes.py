@@ -6,17 +6,23 @@ is the rate of the moving motor over the ratio. What the slope is instead tells 
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from exactarm.dataset import Dataset
 from exactarm.identify.clock_drift import lags
+from exactarm.identify.signal_mistakes import LONG_STEP_S
 from exactarm.identify.suspicion import Suspicion
 from exactarm.identify.tracked_mistakes import clock_suspicions
 from exactarm.kinds.base import STANDS_STILL
 from exactarm.robot import Robot
+from exactarm.signals import typical_step
 from exactarm.view import motor_angles
 
 RATIO_TOLERANCE = 0.03  # teeth are counted; a gear's error is below a thousandth
+# s: no effect of a gear delays its far side so long; backlash does at a reversal only, and one axis by itself
+MUCH_LAG_S, LEAST_DRIFT_S = 0.05, 0.02
 NEARLY = 0.1  # for a slope that is meant to be some other number
 LEAST_CORRELATION = 0.5
 _DEGREE = np.pi / 180.0
@@ -55,7 +61,32 @@ def _of_encoders(robot: Robot, data: Dataset) -> list[Suspicion]:
                 sentence=True,
             )
         )
-    return found
+    return found or _of_clocks(robot, data, both)
+
+
+def _of_clocks(robot: Robot, data: Dataset, both: np.ndarray) -> list[Suspicion]:
+    """Encoders on the two sides of the gears that do not keep the same time, as all axes have it."""
+    for run in np.unique(data.run):
+        rows = np.flatnonzero(data.run == run)
+        if data.time is None or rows.size < _LEAST_ROWS:
+            continue
+        rows = rows[np.argsort(data.time[rows], kind="stable")]
+        time, told = data.time[rows], []
+        if not 0.0 < typical_step(time) < LONG_STEP_S:
+            continue
+        for i in both:
+            sides = (data.joints["theta"][rows, i] / robot.ratios[i], data.joints["q"][rows, i])
+            rates = [np.gradient(_smooth(values), time) for values in sides]
+            told += [found] if (found := lags(time, *rates)) else []
+        if not told:
+            continue
+        first, last = (np.array([getattr(each, name) for each in told]) for name in ("first", "last"))
+        drift = last - first
+        one_way = bool(np.all(np.sign(drift) == np.sign(drift[0])))
+        if (one_way and abs(np.median(drift)) > LEAST_DRIFT_S) or abs(np.median(first)) > MUCH_LAG_S:
+            typical = replace(told[0], first=float(np.median(first)), last=float(np.median(last)))
+            return clock_suspicions(typical, f"run {run}", "the encoder behind the gear", MUCH_LAG_S)
+    return []
 
 
 def _centred(values: np.ndarray, run: np.ndarray) -> np.ndarray:
@@ -113,7 +144,7 @@ def _of_gyroscope(robot: Robot, data: Dataset) -> list[Suspicion]:
         rate = np.abs(np.gradient(_smooth(theta[rows, axis] / robot.ratios[axis]), time))
         reading = _smooth(np.linalg.norm(data.gyro[rows], axis=1))
         slopes.setdefault(axis, []).append(float(rate @ reading / max(rate @ rate, 1e-300)))
-        found += clock_suspicions(lags(time, rate, reading), f"run {run}", "the gyroscope")
+        found += clock_suspicions(lags(time, rate, reading), f"run {run}", "the gyroscope", MUCH_LAG_S)
     mistakes = []
     for axis, values in slopes.items():
         slope = float(np.median(values))

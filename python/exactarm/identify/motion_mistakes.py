@@ -17,13 +17,17 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 
 from exactarm import _core
 from exactarm.chain import motion_record
 from exactarm.dataset import Dataset
 from exactarm.identify.reach import reach
+from exactarm.identify.signal_mistakes import LONG_STEP_S
 from exactarm.identify.suspicion import FALL, Suspicion, in_order, listed
 from exactarm.robot import Robot
+from exactarm.robot_file import load_robot, shipped_robots
+from exactarm.signals import typical_step
 
 MOST_ROWS = 300  # of the linear model: 1,800 numbers for the 84 unknowns of six axes
 MOST_LOGGED = 20000  # rows that are filtered for it
@@ -35,6 +39,11 @@ _NOT_WORSE = 1.05
 _ALL_AXES_FALL = (
     1.8  # product over the axes, for mistakes that all axes feel a little: gravity, units of angles
 )
+_LAGS_S = (0.01, 0.03, 0.1, 0.3, 1.0)  # tried first; what filters and buses delay is below a hundredth
+_DRIFTS = (0.003, 0.01, 0.03)  # share of the time
+_REFINED = 12  # evaluations around the best of those
+_MOST_LAG = 0.1  # of the log: what is left to compare overlaps
+_LEAST_OF_A_ROBOT = 0.75
 _CERTAIN_FRICTION = 0.03  # share of an axis' torque that its friction takes
 _LEAST_OF_DECLARED, _MOST_OF_DECLARED = (
     1.0 / 3.0,
@@ -48,7 +57,8 @@ _LEAST_LOAD_NM_M3, _MOST_LOAD_NM_M3 = 0.5, 5000.0
 @dataclass(frozen=True)
 class MotionSamples:
     """q, q_dot, q_ddot, torque (N, n) of the output sides on some rows; gravity (3,); offset (n,) of q, and
-    the scale of the columns of the file over the output side (n,), of angles and of torques."""
+    the scale of the columns of the file over the output side (n,), of angles and of torques; time (N,) of
+    these rows, and logged_time (M,) of all torques, logged (M, n); s, one run behind the other."""
 
     q: np.ndarray
     rate: np.ndarray
@@ -58,6 +68,9 @@ class MotionSamples:
     offset: np.ndarray
     angle_scale: np.ndarray
     torque_scale: np.ndarray
+    time: np.ndarray
+    logged_time: np.ndarray
+    logged: np.ndarray
 
     def with_angles(self, change: Callable[[np.ndarray], np.ndarray]) -> MotionSamples:
         """The columns of angles in the file changed, and with them their rates."""
@@ -71,6 +84,11 @@ class MotionSamples:
 
     def with_torques(self, change: Callable[[np.ndarray], np.ndarray]) -> MotionSamples:
         return replace(self, torque=change(self.torque / self.torque_scale) * self.torque_scale)
+
+    def with_torques_of(self, later: np.ndarray) -> MotionSamples:
+        """The torques that were logged `later` seconds (N,)."""
+        columns = [np.interp(self.time + later, self.logged_time, values) for values in self.logged.T]
+        return replace(self, torque=np.stack(columns, axis=1))
 
 
 @dataclass(frozen=True)
@@ -97,7 +115,9 @@ def motion_mistakes(robot: Robot, data: Dataset) -> list[Suspicion]:
     )
     if not found:
         found = list(_driving_friction(now))
-    return found or list(_units(robot, samples))
+    for further in (_other_clock, _other_robot, _units):
+        found = found or list(further(robot, data, samples, now))
+    return found
 
 
 def _is_measured_whole(data: Dataset) -> bool:
@@ -109,11 +129,11 @@ def _is_measured_whole(data: Dataset) -> bool:
 def samples_of(robot: Robot, data: Dataset) -> MotionSamples:
     numbers = np.unique(data.run)
     each = max(MOST_LOGGED // len(numbers), 500)
-    rows = np.concatenate(
+    rows = np.sort(np.concatenate(
         [np.flatnonzero(data.run == number)[:each] for number in numbers[: MOST_LOGGED // 500]]
-    )
-    record = motion_record(robot, data.select(np.sort(rows)), None, _ROWS_SHARE)
-    kept = np.flatnonzero(record.keep)
+    ))
+    record = motion_record(robot, data.select(rows), None, _ROWS_SHARE)
+    inside, kept = np.flatnonzero(record.inside), np.flatnonzero(record.keep)
     kept = kept[np.unique(np.linspace(0, kept.size - 1, min(kept.size, MOST_ROWS)).astype(int))]
     output = lambda values: values[kept] / robot.ratios
     ones = np.ones(robot.axes)
@@ -126,6 +146,9 @@ def samples_of(robot: Robot, data: Dataset) -> MotionSamples:
         robot.offsets,
         robot.ratios if "theta" in data.joints else ones,
         ones if "tau" in data.joints else robot.controller_ratios,
+        record.step * kept,
+        record.step * inside,
+        record.torque[inside],
     )
 
 
@@ -177,6 +200,7 @@ def _candidates(samples: MotionSamples) -> Iterator[tuple[str, MotionSamples]]:
     n = samples.q.shape[1]
     yield "degrees labelled as radians", samples.with_angles(lambda values: _DEGREE * values)
     yield "radians labelled as degrees", samples.with_angles(lambda values: values / _DEGREE)
+    yield "whole turns labelled as radians", samples.with_angles(lambda values: 2.0 * np.pi * values)
     for i, j in combinations(range(n), 2):
         order = list(range(n))
         order[i], order[j] = j, i
@@ -198,6 +222,25 @@ def _candidates(samples: MotionSamples) -> Iterator[tuple[str, MotionSamples]]:
                     f"gravity along {'+' if sign > 0 else '-'}{name} of the base (the arm's mounting)",
                     replace(samples, gravity=along),
                 )
+    for i in range(n):
+        other = np.where(np.arange(n) == i, -1.0, 1.0)
+        turned = samples.with_angles(lambda values, other=other: values * other)
+        yield (
+            f"the opposite sign of axis {i + 1} (angle and torque)",
+            turned.with_torques(lambda values, other=other: values * other),
+        )
+        for angle in (90.0, -90.0, 180.0):
+            zero = np.where(np.arange(n) == i, angle * _DEGREE, 0.0)
+            words = f"another zero of axis {i + 1} (by {angle:+.0f} degrees)"
+            yield words, replace(samples, q=samples.q + zero)
+    for i, j in combinations(range(n), 2):
+        order = list(range(n))
+        order[i], order[j] = j, i
+        yield (
+            f"{listed((i, j))} exchanged",
+            samples.with_angles(lambda values, order=order: values[:, order]).with_torques(
+                lambda values, order=order: values[:, order]),
+        )
 
 
 def _driving_friction(now: _Explained) -> Iterator[Suspicion]:
@@ -219,7 +262,48 @@ def _driving_friction(now: _Explained) -> Iterator[Suspicion]:
     )
 
 
-def _units(robot: Robot, samples: MotionSamples) -> Iterator[Suspicion]:
+def _other_clock(robot: Robot, data: Dataset, samples: MotionSamples, now: _Explained) -> Iterator[Suspicion]:
+    """The torques lag behind the angles, or were logged by a clock that drifts."""
+    if typical_step(data.time[data.run == data.run[0]]) > LONG_STEP_S:
+        return
+    since = samples.time - samples.logged_time[0]
+    most, found = _MOST_LAG * float(since[-1]), []
+    for shape, tried in ((np.ones_like(since), _LAGS_S), (since, _DRIFTS)):
+        def left(size: float, shape: np.ndarray = shape) -> float:
+            return float(np.prod(_explained(robot, samples.with_torques_of(size * shape)).shares))
+
+        grid = [sign * size for size in tried for sign in (1.0, -1.0) if size * shape[-1] <= most]
+        if not grid:
+            continue
+        near = min(grid, key=left)
+        around = sorted((0.3 * near, np.sign(near) * min(2.0 * abs(near), most / shape[-1])))
+        best = float(minimize_scalar(left, bounds=around, method="bounded", options={"maxiter": _REFINED}).x)
+        best = min(near, best, key=left)
+        if shape is since:
+            way = "slower" if best > 0.0 else "faster"
+            words = f"torques of a clock that runs {1e2 * abs(best):.2g} % {way} than that of the angles"
+        else:
+            words = f"the torques logged {abs(best):.2g} s {'later' if best > 0.0 else 'earlier'}"
+        fall = _fall(now, _explained(robot, samples.with_torques_of(best * shape)))
+        found.append((left(best), Suspicion(words, fall)))
+    if found and (best := min(found, key=lambda pair: pair[0])[1]).fall:
+        yield best
+
+
+def _other_robot(robot: Robot, data: Dataset, samples: MotionSamples, now: _Explained) -> Iterator[Suspicion]:
+    """Another robot that is shipped: it need not explain every axis better, for both are free to fit."""
+    for name in shipped_robots():
+        other = load_robot(name)
+        geared = all(joint.has_gear for joint in other.joints)
+        if not other.has_geometry or other.axes != robot.axes or other.name == robot.name or not geared:
+            continue
+        falls = now.shares / _explained(other, samples_of(other, data)).shares
+        if np.prod(falls) >= _ALL_AXES_FALL and falls.min() >= _LEAST_OF_A_ROBOT:
+            yield Suspicion(f"data of {name}", float(falls.max()))
+            return
+
+
+def _units(robot: Robot, data: Dataset, samples: MotionSamples, now: _Explained) -> Iterator[Suspicion]:
     """Torques far from what declared masses, or an arm of this size, can ask for."""
     torque = float(np.quantile(np.abs(samples.torque), 0.99, axis=0).max())
     if robot.links is not None and sum(link.mass for link in robot.links) > 0.0:

@@ -181,11 +181,28 @@ def _rotations(quaternions: np.ndarray) -> np.ndarray:
 
 def _of_rows(data: Dataset, whole: Dataset, rows: np.ndarray) -> Iterator[tuple[str, Dataset]]:
     """The device's columns of the row before or after; the first or last row of a session keeps its own."""
+    def rows_beside(shift: int) -> np.ndarray:
+        order = np.clip(rows + shift, 0, len(whole) - 1)
+        return np.where(whole.session[order] == whole.session[rows], order, rows)
+
     for shift, words in (
         (1, "positions one row later than the angles"),
         (-1, "positions one row earlier than the angles"),
+        (2, "positions two rows later than the angles"),
+        (-2, "positions two rows earlier than the angles"),
     ):
-        order = np.clip(rows + shift, 0, len(whole) - 1)
-        order = np.where(whole.session[order] == whole.session[rows], order, rows)
+        order = rows_beside(shift)
         rotation = None if whole.rotation is None else whole.rotation[order]
         yield words, replace(data, position=whole.position[order], rotation=rotation)
+    for shift, way in ((1, "later"), (-1, "earlier"), (2, "later"), (-2, "earlier")):
+        order, count = rows_beside(shift), "one row" if abs(shift) == 1 else "two rows"
+        for i in range(data.axes):
+            joints = {name: data.joints[name].copy() for name in ("theta", "q") if name in data.joints}
+            for name, angles in joints.items():
+                angles[:, i] = whole.joints[name][order, i]
+            yield f"the angles of axis {i + 1} {count} {way} than the others", replace(
+                data, joints=data.joints | joints)
+        for k, name in enumerate(_ALL_COLUMNS):
+            position = data.position.copy()
+            position[:, k] = whole.position[order, k]
+            yield f"column {name} {count} {way} than the others", replace(data, position=position)

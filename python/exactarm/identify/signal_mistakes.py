@@ -26,6 +26,13 @@ BEYOND = 0.25  # of an axis' range
 TORQUE_BEYOND = 3.0  # times the largest that is declared
 RATE_BEYOND = 3.0
 FAR_OFF = 1e3  # times the 99.9 % of a column's cells
+TURN = 2.0 * np.pi
+NEARLY_A_TURN = 1.0  # rad, that an axis may turn between two samples beside the jump
+GEARED = 10.0  # ratio from which a turn of the motor is a small part of an axis' range
+LEAST_OF_A_TURN = 20  # rows
+LEAST_TORQUES = 10  # rows
+MOVED_RAD = 0.05  # between two rows: a target at an arm's length moves by centimetres
+MOST_HELD = 0.02  # share of rows: a tracker may lose its target now and then
 _DEGREE = np.pi / 180.0
 
 
@@ -59,6 +66,73 @@ def cell_mistakes(data: Dataset) -> Iterator[Suspicion]:
                 "times as large as nearly all other cells: is it a gross error?",
                 sentence=True,
             )
+
+
+def column_mistakes(robot: Robot, data: Dataset) -> Iterator[Suspicion]:
+    """Columns that no motion and no drive gives, whatever the model: wrapped angles, torques that never
+    change or never have a sign, a device that stands still while the arm moves."""
+    yield from _wrapped(robot, data)
+    yield from _without_sign(data)
+    yield from _stuck(data)
+
+
+def _without_sign(data: Dataset) -> Iterator[Suspicion]:
+    if kind_of(data.kind).at_rest or len(data) <= LEAST_TORQUES:
+        return
+    given = {name: data.joints[name] for name in ("tau", "tau_motor") if name in data.joints}
+    for name, torque in given.items():
+        still = np.flatnonzero(np.ptp(torque, axis=0) == 0.0)
+        if still.size:
+            i = int(still[0])
+            yield Suspicion(
+                f"{name}_{i + 1} is {torque[0, i]:.3g} Nm in every row: is it a column that was never "
+                "measured?",
+                sentence=True,
+            )
+    alone = data.position is None and data.gyro is None  # torques are all that is measured
+    if alone and given and all(np.nanmin(torque) >= 0.0 for torque in given.values()):
+        yield Suspicion("no torque is ever negative, on any axis: are they absolute values?", sentence=True)
+
+
+def _wrapped(robot: Robot, data: Dataset) -> Iterator[Suspicion]:
+    revolute = np.array([joint.type == "revolute" for joint in robot.joints])
+    ends = data.run[1:] != data.run[:-1]
+    for name in ("theta", "q"):
+        values = data.joints.get(name)
+        if values is None or len(values) < LEAST_OF_A_TURN:
+            continue
+        if not kind_of(data.kind).at_rest:
+            within = revolute & (np.nan_to_num(np.ptp(values, axis=0), nan=np.inf) <= TURN)
+            step = np.where(ends[:, None] | ~within, 0.0, np.diff(values, axis=0))
+            jumps = (np.abs(step) > np.pi) & (np.abs(np.abs(step) - TURN) < NEARLY_A_TURN)
+            if jumps.any():
+                row, axis = np.argwhere(jumps)[0]
+                yield Suspicion(
+                    f"{name}_{axis + 1} jumps by a full turn at {data.place_of(int(row) + 1)}: are the "
+                    "angles wrapped to one turn, as -180 to 180 degrees?", sentence=True,
+                )
+                return
+        elif name == "theta" and (np.abs(robot.ratios[revolute]) > GEARED).all():
+            size = np.ptp(values[:, revolute], axis=0)
+            if (0.5 * TURN < size).all() and (size <= TURN).all():
+                yield Suspicion(
+                    "the motor angles of all axes lie within one turn of the motor: are they wrapped, as "
+                    "-180 to 180 degrees?", sentence=True,
+                )
+
+
+def _stuck(data: Dataset) -> Iterator[Suspicion]:
+    """A device that gives its last reading again, to the last bit, though every pose differs."""
+    angles = data.joints.get("q", data.joints.get("theta"))
+    if data.position is None or angles is None or len(data) < LEAST_OF_A_TURN:
+        return
+    moved = np.nanmax(np.abs(np.diff(angles, axis=0)), axis=1) > MOVED_RAD
+    held = np.flatnonzero((np.diff(data.position, axis=0) == 0.0).all(axis=1) & moved)
+    if held.size > MOST_HELD * len(data):
+        yield Suspicion(
+            f"x, y, z are those of the row before in {held.size} rows though the arm moved, first in "
+            f"{data.place_of(int(held[0]) + 1)}: had the device lost its target?", sentence=True,
+        )
 
 
 def _ranges(robot: Robot, angles: np.ndarray) -> Iterator[Suspicion]:
@@ -145,9 +219,3 @@ def _torques(robot: Robot, data: Dataset) -> Iterator[Suspicion]:
                     sentence=True,
                 )
                 return
-            if len(size) > 10 and np.ptp(torque[:, i]) == 0.0 and not kind_of(data.kind).at_rest:
-                yield Suspicion(
-                    f"{name}_{i + 1} is {torque[0, i]:.3g} Nm in every row: is it a column that was never "
-                    "measured?",
-                    sentence=True,
-                )

@@ -12,7 +12,7 @@ import numpy as np
 
 from exactarm import _core
 from exactarm.dataset import Dataset
-from exactarm.identify.clock_drift import lags
+from exactarm.identify.clock_drift import Lags, lags
 from exactarm.identify.planned import controller_angles
 from exactarm.identify.pose_mistakes import linear_tool
 from exactarm.identify.suspicion import Suspicion
@@ -42,8 +42,8 @@ def tracked_mistakes(robot: Robot, data: Dataset) -> list[Suspicion]:
     return found[:1]
 
 
-def clock_suspicions(found, run: str, device: str) -> list[Suspicion]:
-    """What the lags of one run tell of the device's clock."""
+def clock_suspicions(found: Lags | None, run: str, device: str, much: float = MUCH_LAG_S) -> list[Suspicion]:
+    """What the lags of one run tell of the device's clock; from `much` seconds on a lag is said."""
     if found is None:
         return []
     if found.drifts:
@@ -56,7 +56,7 @@ def clock_suspicions(found, run: str, device: str) -> list[Suspicion]:
                 sentence=True,
             )
         ]
-    if abs(found.first) > MUCH_LAG_S:
+    if abs(found.first) > much:
         return [
             Suspicion(
                 f"{run}: {device} lags by {found.first:.3g} s throughout: do its samples begin at another "
