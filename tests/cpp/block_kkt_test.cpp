@@ -128,6 +128,28 @@ TEST(BlockKkt, AgreesWithADenseSolve) {
   }
 }
 
+// Whatever was allocated before, and so wherever the memory of a factorisation begins.
+TEST(BlockKkt, GivesTheSameBitsWhereverItsMemoryLies) {
+  Random random(53);
+  for (int sample = 0; sample < 8; ++sample) {
+    const Case c = random_case(random, sample < 4 ? 6 : 5, 2 + sample % 2, 40);
+    KktVector first(c.layout), again(c.layout);
+    std::vector<std::unique_ptr<BlockKkt>> kept;  // so that the next one lies elsewhere
+    std::vector<std::unique_ptr<char[]>> between;
+    for (int turn = 0; turn < 24; ++turn) {
+      kept.push_back(make_block_kkt(c.layout, 1));
+      between.push_back(std::make_unique<char[]>(16 * (turn + 1)));
+      KktVector& answer = turn == 0 ? first : again;
+      ASSERT_TRUE(kept.back()->factorise(c.derivatives, c.diagonal));
+      ASSERT_TRUE(kept.back()->solve(c.right, answer));
+      if (turn == 0) continue;
+      ASSERT_EQ(first.z, again.z) << "sample " << sample << ", turn " << turn;
+      ASSERT_EQ(first.stage, again.stage);
+      ASSERT_EQ(first.defect, again.defect);
+    }
+  }
+}
+
 TEST(BlockKkt, RefusesAnIndefiniteReducedHessian) {
   Random random(51);
   Case c = random_case(random, 6, 2, 40);
