@@ -12,8 +12,8 @@ namespace {
 
 constexpr long kLeastKnotsForTwo = 256;  // below, waking a thread takes longer than half of the sweep
 
-// Begins at a multiple of the widest register, and with it every matrix inside: where Eigen's sums change from
-// single numbers to registers depends on that, and a plan would differ by 1e-12 from run to run.
+// Begins at a multiple of the widest register, and with it every matrix inside: where Eigen's sums change
+// from single numbers to registers depends on that, and a plan would differ by 1e-12 from run to run.
 template <int Axes, int MotorOrder>
 class alignas(64) TwoHalves : public BlockKkt {
  public:
