@@ -297,7 +297,7 @@ def _other_robot(robot: Robot, data: Dataset, samples: MotionSamples, now: _Expl
         geared = all(joint.has_gear for joint in other.joints)
         if not other.has_geometry or other.axes != robot.axes or other.name == robot.name or not geared:
             continue
-        falls = now.shares / _explained(other, samples_of(other, data)).shares
+        falls = now.shares / np.maximum(_explained(other, samples_of(other, data)).shares, 1e-9)
         if np.prod(falls) >= _ALL_AXES_FALL and falls.min() >= _LEAST_OF_A_ROBOT:
             yield Suspicion(f"data of {name}", float(falls.max()))
             return

@@ -89,6 +89,7 @@ def _without_sign(data: Dataset) -> Iterator[Suspicion]:
                 "measured?",
                 sentence=True,
             )
+            return
     alone = data.position is None and data.gyro is None  # torques are all that is measured
     if alone and given and all(np.nanmin(torque) >= 0.0 for torque in given.values()):
         yield Suspicion("no torque is ever negative, on any axis: are they absolute values?", sentence=True)
