@@ -18,7 +18,7 @@ class InputError(ValueError):
                  column: str | None = None,
                  line: int | None = None):
         # what a file holds may stand in them, the name of a column among it
-        message, column = (_BROKEN.sub(" ", text) if text is not None else None for text in (message, column))
+        message, column = _BROKEN.sub(" ", message), None if column is None else _BROKEN.sub(" ", column)
         message = message if len(message) <= LONGEST_MESSAGE else message[:LONGEST_MESSAGE - 3] + "..."
         self.message, self.file, self.row, self.column = message, file, row, column
         place = [str(file)] if file is not None else []

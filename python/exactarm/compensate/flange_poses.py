@@ -35,7 +35,8 @@ def pose_error(targets: Poses, reached: Poses) -> np.ndarray:
 def missing(error: np.ndarray, axes: int) -> np.ndarray:
     """(N,) how far `error` (N, 6) is from nothing, m or rad: all of it, or for an arm of fewer than six axes
     mainly the place."""
-    return np.linalg.norm(_measure(axes) * error, axis=1)
+    size: np.ndarray = np.linalg.norm(_measure(axes) * error, axis=1)
+    return size
 
 
 def _measure(axes: int) -> np.ndarray:
@@ -57,7 +58,8 @@ def pseudo_inverse(jacobian: np.ndarray) -> np.ndarray:
         if n > 6:
             return turned @ np.linalg.inv(jacobian @ turned)
         square = _measure(n) ** 2
-        return np.linalg.inv((turned * square) @ jacobian) @ (turned * square)
+        least: np.ndarray = np.linalg.inv((turned * square) @ jacobian) @ (turned * square)
+        return least
     except np.linalg.LinAlgError:  # one of them is singular to the last bit
         if len(jacobian) == 1:
             return np.full((1, n, 6), np.inf)
