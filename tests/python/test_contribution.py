@@ -9,6 +9,7 @@ import pytest
 import exactarm as ea
 from exactarm.commands.diagnose_report import found_effects, report_of
 from exactarm.commands.effect_sections import _size, axes_in_words, causes_in_words, percent
+from exactarm.commands.error_sections import words_of
 from exactarm.diagnose.contribution import _follows, _own_signals
 from exactarm.diagnose.diagnosis import diagnose
 from exactarm.effects.order_source import likely_source
@@ -110,3 +111,11 @@ def test_the_size_of_a_cause_is_a_number_that_is_not_zero_within_its_interval():
 
     assert told((-1.5, 1.5), (0.8, 1.2)) == ("m 2", 0.8, 1.2)
     assert told((-1.5, 1.5), (-0.2, 0.4)) == ("m 1", -1.5, 1.5)
+
+
+@pytest.mark.parametrize("name, words", [
+    ("width_rad", "width"), ("x_rad_s", "x"), ("my_2_kg_m", "my 2"), ("growth_1_per_h", "growth"),
+    ("drift_x_rad_s_per_h", "drift x"), ("mass_kg", "mass"), ("scale", "scale"), ("zero_rad_per_row", "zero"),
+])
+def test_a_measure_is_told_without_its_unit(name, words):
+    assert words_of(name) == words

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from exactarm.commands.error_sections import unit_of
+from exactarm.commands.error_sections import unit_of, words_of
 from exactarm.diagnose.contribution import Contribution
 from exactarm.diagnose.diagnosis import Diagnosis, Finding
 from exactarm.effects.base import Effect
@@ -117,20 +117,13 @@ def _size(finding: Finding, contribution: Contribution | None) -> tuple[str, Cel
         value, half = contribution.peak_to_peak
         return "peak to peak", Estimate(value, value - half, value + half, contribution.unit)
     for name, numbers in finding.derived.items():
-        return _words_of(name), Estimate(*numbers, unit_of(name))
+        return words_of(name), Estimate(*numbers, unit_of(name))
     free = [(p, v, i) for p, v, i in zip(effect.parameters(), effect.values, finding.intervals)
             if not p.fixed]
     if not free:
         return "", None
     parameter, value, (low, high) = next((one for one in free if not one[2][0] <= 0.0 <= one[2][1]), free[0])
-    return _words_of(parameter.name), Estimate(float(value), float(low), float(high), unit_of(parameter.name))
-
-
-def _words_of(name: str) -> str:
-    """`width_rad` -> width: the unit stands beside the number."""
-    unit = {"rad": "_rad", "Nm": "_Nm", "m": "_m", "s": "_s", "kg": "_kg"}.get(unit_of(name), "")
-    words = name.removesuffix(unit).partition("_per_")[0].removesuffix("_rad").replace("_", " ")
-    return "" if words in ("rad", "m", "Nm") else words
+    return words_of(parameter.name), Estimate(float(value), float(low), float(high), unit_of(parameter.name))
 
 
 def percent(probability: float) -> str:

@@ -113,6 +113,14 @@ def unit_of(name: str) -> str:
     return ""
 
 
+def words_of(name: str) -> str:
+    """`x_rad_s` -> x, `width_rad` -> width, `my_2_kg_m` -> my 2: the unit stands beside the number."""
+    head, per, _ = name.partition("_per_")
+    head = head.removesuffix("_1") if per else head
+    ending = next((ending for ending in _UNITS if ("_" + head).endswith(ending)), "")
+    return ("_" + head).removesuffix(ending).strip("_").replace("_", " ")
+
+
 _BELOW = {"Nm": "Nm", "Nm3": "Nm³", "N": "N", "rad": "rad", "g": "g", "h": "h", "row": "row", "degC": "°C"}
 _UNITS = {
     "_rad_s": "rad/s", "_Nm_s": "Nm s", "_Nm_sqrt_s": "Nm √s", "_kg_m2": "kg m²", "_kg_m": "kg m",

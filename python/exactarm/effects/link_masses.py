@@ -37,7 +37,7 @@ class LinkMasses(Effect):
     sizes: tuple[float, ...] = ()
 
     name: ClassVar[str] = "link_masses"
-    plain: ClassVar[str] = "masses of the links that are not those of the robot file"
+    plain: ClassVar[str] = "true masses of the links"
     station: ClassVar[Station] = Station.LOAD
     kinds: ClassVar[tuple[str, ...]] = (MOTION.name,)
     inertia_of: ClassVar[str] = "links"
