@@ -309,6 +309,22 @@ def test_a_mistake_under_a_gyroscope_is_told(gyro_run, change, words):
     assert any(words in line for line in first_aid(robot, change(data)))
 
 
+def test_a_ratio_that_is_ten_per_cent_wrong_is_told_with_the_right_one(gyro_run):
+    robot, data = gyro_run
+    ratio = robot.ratios[1]
+    told = first_aid(robot.with_joint(1, ratio=1.1 * ratio), data)
+    assert any(float(line.rpartition("ratio ")[2].rstrip("?")) == pytest.approx(ratio, rel=0.01) for line in told)
+    assert told and "motor 2" in told[0]
+
+
+def test_a_sensor_with_another_scale_is_no_wrong_ratio():
+    robot = load_robot("racer-7-1.4")
+    virtual, random = VirtualRobot.of(robot), np.random.default_rng(5)
+    data = measure_gear_runs(virtual, [1, 2], [0.6], 1, Sensors(), random, 250.0)
+    told = first_aid(robot, replace(data, gyro=1.1 * data.gyro))
+    assert len(told) == 1 and "every motor" in told[0]
+
+
 @pytest.fixture(scope="module")
 def tracked():
     robot = load_robot("racer-7-1.4")
