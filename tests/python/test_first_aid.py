@@ -23,7 +23,7 @@ from exactarm.identify.frames import find_frames
 from exactarm.identify.gear import identify_gears
 from exactarm.identify.suspicion import Suspicion, in_order, listed
 from exactarm.robot_file import load_robot
-from exactarm.simulate import Sensors, VirtualRobot, measure_gear_runs, measure_tracked_motion
+from exactarm.simulate import Sensors, VirtualRobot, measure_tracked_motion
 from exactarm.simulate.profiles import excitation
 
 DEGREE = np.pi / 180.0
@@ -285,44 +285,6 @@ def test_a_mistake_between_encoders_is_told(kr300, name):
     change, words = GEAR[name]
     found = first_aid(robot, change(data))
     assert found and words in found[-1], found
-
-
-@pytest.fixture(scope="module")
-def gyro_run():
-    robot = load_robot("racer-7-1.4")
-    return robot, measure_gear_runs(
-        VirtualRobot.of(robot), [1], [0.6], 1, Sensors(), np.random.default_rng(5), 250.0
-    )
-
-
-@pytest.mark.parametrize(
-    "change, words",
-    [
-        (lambda d: replace(d, gyro=d.gyro / DEGREE), "is it in deg/s labelled as rad/s"),
-        (lambda d: replace(d, time=1e-3 * d.time), "is the time in another unit"),
-        (lambda d: replace(d, gyro=0.3 * d.gyro), "that of this arm"),
-    ],
-)
-def test_a_mistake_under_a_gyroscope_is_told(gyro_run, change, words):
-    robot, data = gyro_run
-    assert first_aid(robot, data) == ()
-    assert any(words in line for line in first_aid(robot, change(data)))
-
-
-def test_a_ratio_that_is_ten_per_cent_wrong_is_told_with_the_right_one(gyro_run):
-    robot, data = gyro_run
-    ratio = robot.ratios[1]
-    told = first_aid(robot.with_joint(1, ratio=1.1 * ratio), data)
-    assert any(float(line.rpartition("ratio ")[2].rstrip("?")) == pytest.approx(ratio, rel=0.01) for line in told)
-    assert told and "motor 2" in told[0]
-
-
-def test_a_sensor_with_another_scale_is_no_wrong_ratio():
-    robot = load_robot("racer-7-1.4")
-    virtual, random = VirtualRobot.of(robot), np.random.default_rng(5)
-    data = measure_gear_runs(virtual, [1, 2], [0.6], 1, Sensors(), random, 250.0)
-    told = first_aid(robot, replace(data, gyro=1.1 * data.gyro))
-    assert len(told) == 1 and "every motor" in told[0]
 
 
 @pytest.fixture(scope="module")

@@ -16,7 +16,6 @@ from exactarm.simulate import Sensors, VirtualRobot, measure_poses
 from exactarm.simulate.profiles import limit
 from test_first_aid import (  # noqa: F401
     column,
-    gyro_run,
     kr300,
     order,
     position,
@@ -148,15 +147,6 @@ def test_a_clock_that_drifts_between_encoders_is_told(kr300):  # noqa: F811
     found = first_aid(robot, column(data, "q", on_a_clock(1.01)))
     assert found and "the encoder behind the gear lags" in found[0], found
     assert "are the angles wrapped" in first_aid(robot, column(data, "theta", wrapped))[0]
-
-
-@pytest.mark.parametrize("change, words", [
-    (later(25), "the gyroscope lags by 0.0983 s throughout"), (on_a_clock(1.01), "does its clock run"),
-])
-def test_a_gyroscope_of_another_clock_is_told(gyro_run, change, words):  # noqa: F811
-    robot, data = gyro_run
-    found = first_aid(robot, replace(data, gyro=change(data.gyro)))
-    assert any(words in line for line in found), found
 
 
 def test_a_tracker_that_starts_a_second_late_is_told(tracked):  # noqa: F811

@@ -1,0 +1,60 @@
+"""Usual mistakes in runs under a gyroscope: units, time, scale, a wrong ratio, another clock."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from exactarm.identify.first_aid import first_aid
+from exactarm.robot_file import load_robot
+from exactarm.simulate import Sensors, VirtualRobot, measure_gear_runs
+from test_first_aid_units import later, on_a_clock
+
+DEGREE = np.pi / 180.0
+
+
+@pytest.fixture(scope="module")
+def gyro_run():
+    robot = load_robot("racer-7-1.4")
+    return robot, measure_gear_runs(
+        VirtualRobot.of(robot), [1], [0.6], 1, Sensors(), np.random.default_rng(5), 250.0
+    )
+
+
+@pytest.mark.parametrize(
+    "change, words",
+    [
+        (lambda d: replace(d, gyro=d.gyro / DEGREE), "is it in deg/s labelled as rad/s"),
+        (lambda d: replace(d, time=1e-3 * d.time), "is the time in another unit"),
+        (lambda d: replace(d, gyro=0.3 * d.gyro), "that of this arm"),
+    ],
+)
+def test_a_mistake_under_a_gyroscope_is_told(gyro_run, change, words):
+    robot, data = gyro_run
+    assert first_aid(robot, data) == ()
+    assert any(words in line for line in first_aid(robot, change(data)))
+
+
+def test_a_ratio_that_is_ten_per_cent_wrong_is_told_with_the_right_one(gyro_run):
+    robot, data = gyro_run
+    ratio = robot.ratios[1]
+    told = first_aid(robot.with_joint(1, ratio=1.1 * ratio), data)
+    assert len(told) == 1 and "motor 2" in told[0]
+    assert float(told[0].rpartition("ratio ")[2].rstrip("?")) == pytest.approx(ratio, rel=0.01)
+
+
+def test_a_sensor_with_another_scale_is_no_wrong_ratio():
+    robot = load_robot("racer-7-1.4")
+    virtual, random = VirtualRobot.of(robot), np.random.default_rng(5)
+    data = measure_gear_runs(virtual, [1, 2], [0.6], 1, Sensors(), random, 250.0)
+    told = first_aid(robot, replace(data, gyro=1.1 * data.gyro))
+    assert len(told) == 1 and "every motor" in told[0]
+
+
+@pytest.mark.parametrize("change, words", [
+    (later(25), "the gyroscope lags by 0.0983 s throughout"), (on_a_clock(1.01), "does its clock run"),
+])
+def test_a_gyroscope_of_another_clock_is_told(gyro_run, change, words):
+    robot, data = gyro_run
+    found = first_aid(robot, replace(data, gyro=change(data.gyro)))
+    assert any(words in line for line in found), found
