@@ -21,6 +21,8 @@ from exactarm.generic_masses import with_generic_masses
 from exactarm.robot_file import load_robot
 from exactarm.simulate import Sensors, VirtualRobot, measure_gear_runs, parse_effect
 from motions import fourier_motion, motion_data
+from rigid_arm import LINKS_ALONE
+from rigid_arm import rigid as rigid_arm
 from test_diagnose_poses import HIDDEN, data_with, ur10
 
 FRICTION_NM, ROTOR_KG_M2, NOISE_NM = 10.0, 2e-4, 0.3
@@ -28,11 +30,7 @@ FRICTION_NM, ROTOR_KG_M2, NOISE_NM = 10.0, 2e-4, 0.3
 
 @pytest.fixture(scope="module")
 def rigid():
-    robot = load_robot("racer-7-1.4")
-    for i in range(robot.axes):
-        robot = robot.with_joint(i, cw=None, ccw=None, spring_linear=None, spring_cubic=0.0,
-                                 rotor_inertia=ROTOR_KG_M2, coulomb=FRICTION_NM, viscous=0.0)
-    return robot
+    return rigid_arm(**LINKS_ALONE | {"rotor_inertia": ROTOR_KG_M2, "coulomb": FRICTION_NM})
 
 
 def motion_through_a_gap(robot, joint, width):

@@ -23,17 +23,15 @@ from exactarm.measurement.camera import Camera
 from exactarm.measurement.closures import noise_classes, predict_closures, touches
 from exactarm.measurement.lens import project, undistorted
 from exactarm.measurement.pictures import SHARED
-from exactarm.robot_file import load_robot
 from exactarm.rotation import exp
 from exactarm.simulate import Sensors, VirtualRobot, measure_poses
 from exactarm.simulate.closures import fixture_text, measure_closures
 from exactarm.simulate.pictures import SETUP, TRUE_LENS
 from exactarm.simulate.profiles import limit
 from exactarm.table import write_table
+from spoiled_rows import HEADER, PANDA, POSE, assert_refused
 from test_closures import covered, virtual
-from test_gravity_sensors import HEADER, POSE
 
-PANDA = load_robot("panda")
 NOISE_RAD = 7e-5  # a tenth of a pixel
 SENSE = Sensors(position_m=5e-5, orientation_rad=NOISE_RAD, counts=0)
 ALONE = CalibrationOptions(compliance=())
@@ -215,9 +213,7 @@ def test_a_wrong_fixture_is_refused_with_the_reason(tmp_path, text, words):
     (f"u_mm,v_mm,corner,picture,{HEADER}\n1,2,0,0,{POSE}\n", "unknown unit 'mm'; expected u_px"),
 ])
 def test_wrong_rows_are_refused(tmp_path, text, words):
-    (tmp_path / "wrong.csv").write_text(text)
-    with pytest.raises(InputError, match=words):
-        read_dataset(tmp_path / "wrong.csv", PANDA)
+    assert_refused(tmp_path / "wrong.csv", text, words)
 
 
 def test_pictures_that_cannot_tell_are_refused_in_words():

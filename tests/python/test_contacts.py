@@ -14,9 +14,8 @@ from exactarm.measurement.closures import cleared_of_pairs, device_of, predict_c
 from exactarm.measurement.contacts import TOUCHED, Bar, Plane, Socket, Sphere
 from exactarm.measurement.known_lengths import known_lengths
 from exactarm.measurement.target import Target
-from exactarm.robot_file import load_robot
+from spoiled_rows import HEADER, PANDA, POSE, assert_refused
 
-PANDA = load_robot("panda")
 RANDOM = np.random.default_rng(1)
 
 
@@ -104,8 +103,6 @@ def test_the_mean_of_a_pair_is_taken_off():
     np.testing.assert_allclose(cleared[3] - cleared[4], values[3] - values[4], atol=1e-15)
 
 
-HEADER = "q_1_rad,q_2_rad,q_3_rad,q_4_rad,q_5_rad,q_6_rad,q_7_rad"
-POSE = "0.1,0.2,0.3,-1.4,0.5,0.6,0.7"
 
 
 def written(path, text: str):
@@ -140,8 +137,7 @@ def test_a_tracker_file_and_a_file_of_planes_are_one_data_set(tmp_path):
     (f"session,{HEADER}\n,{POSE}\n", "empty cell; expected a number"),
 ])
 def test_wrong_contacts_are_refused(tmp_path, text, words):
-    with pytest.raises(InputError, match=words):
-        read_dataset(written(tmp_path / "wrong.csv", text), PANDA)
+    assert_refused(tmp_path / "wrong.csv", text, words)
 
 
 def test_an_empty_cell_of_another_column_is_still_a_fault(tmp_path):

@@ -10,8 +10,8 @@ from exactarm.dataset import Dataset
 from exactarm.diagnose.diagnosis import diagnose
 from exactarm.diagnose.verdict import EXPLAINED, NOTHING
 from exactarm.robot import GearTable
-from exactarm.robot_file import load_robot
 from gear_simulation import DEGREE, GearRuns, joined, simulate
+from rigid_arm import rigid
 
 RATE_HZ = 400.0
 NOISE = 0.05 * DEGREE
@@ -20,10 +20,7 @@ NOISE = 0.05 * DEGREE
 @pytest.fixture(scope="module")
 def racer():
     """Rigid springs: the simulation of these tests turns one axis at a time without gravity."""
-    robot = load_robot("racer-7-1.4")
-    for index in range(robot.axes):
-        robot = robot.with_joint(index, spring_linear=None, spring_cubic=0.0)
-    return robot
+    return rigid()
 
 
 def runs(robot, extra=None, axes=(1, 2), seed=3) -> Dataset:

@@ -15,6 +15,7 @@ from exactarm.examples import data_path
 from exactarm.identify.dynamics import identify_dynamics, inertia_was_estimated
 from exactarm.robot_file import load_robot
 from motions import fourier_motion, motion_data
+from rigid_arm import LINKS_ALONE, rigid
 
 NOISE_NM = 0.5
 
@@ -22,13 +23,7 @@ NOISE_NM = 0.5
 @pytest.fixture(scope="module")
 def racer():
     """Declared masses, rigid joints, constant ratios; friction is re-identified."""
-    robot = load_robot("racer-7-1.4")
-    for index in range(robot.axes):
-        robot = robot.with_joint(
-            index, cw=None, ccw=None, spring_linear=None, spring_cubic=0.0, rotor_inertia=0.0, coulomb=0.0,
-            viscous=0.0
-        )
-    return robot
+    return rigid(**LINKS_ALONE)
 
 
 def motion(robot, hidden=None):

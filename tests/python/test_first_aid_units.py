@@ -87,14 +87,6 @@ def on_a_clock(share):
     return change
 
 
-@pytest.mark.parametrize("name", MISTAKES)
-def test_a_mistake_in_poses_is_told(ur10, name):  # noqa: F811
-    robot, data = ur10
-    change, words = MISTAKES[name]
-    found = first_aid(robot, change(data))
-    assert found and words in found[0], found
-
-
 def test_the_names_of_the_targets_axes_mean_nothing(ur10):  # noqa: F811
     """A target turned by half a turn on its flange is another tool frame, which the set-up fits."""
     robot, data = ur10
@@ -129,10 +121,13 @@ MOTION = {
 }
 
 
-@pytest.mark.parametrize("name", MOTION)
-def test_a_mistake_in_a_motion_is_told(tx40, name):  # noqa: F811
-    robot, data = tx40
-    change, words = MOTION[name]
+MADE = {"ur10": MISTAKES, "tx40": MOTION}
+
+
+@pytest.mark.parametrize("arm, name", [(arm, name) for arm in MADE for name in MADE[arm]])
+def test_a_mistake_in_shipped_data_is_told(request, arm, name):
+    robot, data = request.getfixturevalue(arm)
+    change, words = MADE[arm][name]
     found = first_aid(robot, change(data))
     assert found and words in found[0], found
 

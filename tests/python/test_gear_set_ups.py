@@ -10,8 +10,8 @@ from exactarm.chain import Layout
 from exactarm.diagnose.gear_problem import GearProblem
 from exactarm.effects.gyro_bias import GyroBias
 from exactarm.kinds import data_kinds
-from exactarm.robot_file import load_robot
 from gear_simulation import DEGREE, GearRuns, simulate
+from rigid_arm import rigid
 
 NOISE = 0.05 * DEGREE
 BIAS = np.array([-6e-3, -5e-3, 3e-3])
@@ -21,10 +21,7 @@ TURNED = Rotation.from_rotvec([0.3, -0.5, 0.2]).as_matrix()
 @pytest.fixture(scope="module")
 def robot():
     """Without springs: the simulation turns one axis without gravity."""
-    robot = load_robot("racer-7-1.4")
-    for index in range(robot.axes):
-        robot = robot.with_joint(index, spring_linear=None, spring_cubic=0.0)
-    return robot
+    return rigid()
 
 
 @pytest.fixture(scope="module")

@@ -27,13 +27,11 @@ from exactarm.rotation import exp
 from exactarm.simulate import Sensors
 from exactarm.simulate.closures import measure_closures
 from exactarm.table import write_table
+from spoiled_rows import HEADER, PANDA, POSE, assert_refused
 from test_closures import ECCENTRICITY, covered, virtual
 
-PANDA = load_robot("panda")
 ANGLE_RAD = 5e-5
 SENSE = Sensors(position_m=5e-5, orientation_rad=ANGLE_RAD, counts=0)
-HEADER = "q_1_rad,q_2_rad,q_3_rad,q_4_rad,q_5_rad,q_6_rad,q_7_rad"
-POSE = "0.1,0.2,0.3,-1.4,0.5,0.6,0.7"
 
 
 def read_by(name: str, seed: int, *effects: str, robot: str = "panda", count: int = 60):
@@ -179,9 +177,7 @@ def test_a_written_file_is_read_back(tmp_path):
     (f"tilt_x_deg,tilt_y_deg,{HEADER}\n,,{POSE}\n", "neither a contact nor x, y, z"),
 ])
 def test_wrong_readings_are_refused(tmp_path, text, words):
-    (tmp_path / "wrong.csv").write_text(text)
-    with pytest.raises(InputError, match=words):
-        read_dataset(tmp_path / "wrong.csv", PANDA)
+    assert_refused(tmp_path / "wrong.csv", text, words)
 
 
 def test_a_mirrored_accelerometer_is_named():

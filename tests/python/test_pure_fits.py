@@ -14,19 +14,13 @@ from exactarm.effects import effect_from_table, library
 from exactarm.robot_file import load_robot
 from gear_simulation import DEGREE, GearRuns, joined, simulate
 from motions import fourier_motion, motion_data
+from rigid_arm import LINKS_ALONE, rigid
 from set_ups import at_random_place
-
-
-def rigid(name="racer-7-1.4", **fields):
-    robot = load_robot(name)
-    for index in range(robot.axes):
-        robot = robot.with_joint(index, spring_linear=None, spring_cubic=0.0, **fields)
-    return robot
 
 
 def motion_case():
     """A hidden rotor: the residual falls far below half when it is found."""
-    robot = rigid(cw=None, ccw=None, rotor_inertia=0.0, coulomb=0.0, viscous=0.0)
+    robot = rigid(**LINKS_ALONE)
     time, angle, rate, acceleration = fourier_motion(robot, 6.0, 100.0, seed=5)
     torque = _core.inverse_dynamics(robot.core, angle + robot.offsets, rate,
                                     acceleration) + 5.0 * np.tanh(rate / 0.005)

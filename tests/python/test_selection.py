@@ -21,6 +21,7 @@ from exactarm.diagnose.verdict import UNEXPLAINED
 from exactarm.effects import effect_from_table
 from exactarm.robot_file import load_robot
 from motions import fourier_motion, motion_data
+from rigid_arm import LINKS_ALONE, rigid
 
 NOISE_M = 5e-5
 
@@ -120,12 +121,7 @@ def test_friction_does_not_push(name):
 
 def torque_data(coulomb):
     """Torques of an arm whose friction would push it: a wrong sign of the sensor, not of nature."""
-    robot = load_robot("racer-7-1.4")
-    for index in range(robot.axes):
-        robot = robot.with_joint(
-            index, cw=None, ccw=None, spring_linear=None, spring_cubic=0.0, rotor_inertia=0.0, coulomb=0.0,
-            viscous=0.0
-        )
+    robot = rigid(**LINKS_ALONE)
     time, angle, rate, acceleration = fourier_motion(robot, 5.0, 100.0, seed=5)
     torque = _core.inverse_dynamics(robot.core, angle + robot.offsets, rate,
                                     acceleration) + coulomb * np.tanh(rate / 0.02)
