@@ -7,8 +7,8 @@ BASE_DATA or literals in these files, or --tool, --base; number 0 and $NULLFRAME
 taken in $ROBROOT. T holds the sign of each axis in a bit: it chooses the branch and is written anew. S stays:
 its third bit is the sign of A5.
 LIN and CIRC take the branch nearest to the point before, as the controller does.
-Refused: $ABS_ACCUR, relative motions, geometric operators, computed points or frames, a $TOOL or $BASE that
-hangs on the way through the program (ways.py), tools at rest (#TCP), external axes.
+Refused: $ABS_ACCUR, relative motions, geometric operators, computed points or frames, frames that the program
+changes, a $TOOL or $BASE that hangs on its way (ways.py), tools at rest (#TCP), external axes.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ _BLOCK = re.compile(
     r"(?im)^[ \t]*(?:(?P<open>IF\b[^\r\n]*\bTHEN\b|SWITCH\b)|(?P<loop>(?:FOR|WHILE|LOOP|REPEAT)\b)"
     r"|(?P<branch>(?:ELSE|CASE|DEFAULT)\b)|(?P<close>(?:ENDIF|ENDSWITCH|ENDFOR|ENDWHILE|ENDLOOP|UNTIL)\b)"
     r"|(?:GLOBAL[ \t]+)?DEF(?:FCT[ \t]+\w+(?:\[[^\]]*\])?)?[ \t]+(?P<routine>\w+)[ \t]*\("
-    r"|(?P<end>END(?:FCT)?\b)|(?P<call>\w+)[ \t]*\()"
+    r"|(?P<end>END(?:FCT)?\b)|(?P<label>\w+[ \t]*:(?!=))|(?P<call>\w+)[ \t]*\()"
 )
 START = {"$TOOL": None, "$BASE": None, "$IPO_MODE": "#BASE"}
 KINDS = {
@@ -89,9 +89,8 @@ class _Reader(Declarations):
         places = lambda word, text: [m.start() for m in re.finditer(rf"(?im)^[ \t]*;{word}\b", text)]
         self.folds = [(places("FOLD", source.text), places("ENDFOLD", source.text)) for source in sources]
         if not any(source.path.suffix.lower() == ".src" for source in sources):
-            raise InputError(
-                "a data list without its .src: the motions are there; give both", file=sources[0].path
-            )
+            raise InputError("a data list without its .src: the motions are there; give both",
+                             file=sources[0].path)
 
     # -- motions -------------------------------------------------------------------------------------
     def motions_of(self, index: int) -> None:
@@ -119,7 +118,7 @@ class _Reader(Declarations):
                     steps.append(Step(place, "set", (name, UNCERTAIN if match[4] else value)))
             else:
                 form = self.inline_form(index, match, inline)
-                steps += [Step(place, "move", (match, form)), *self.left_behind(place, form)]
+                steps += [Step(place, "move", (match, form)), *self.left_behind(place, inline)]
                 inline = None
         for (match, form), state in walk(steps, START):
             self.motion(index, match, state, form)
@@ -137,7 +136,7 @@ class _Reader(Declarations):
         return forms.pop().upper()
 
     def left_behind(self, place: int, form: str | None) -> list[Step]:
-        """An inline form leaves its tool and base as $TOOL and $BASE."""
+        """An inline form with BAS leaves its tool and base as $TOOL and $BASE; WITH does not."""
         known = self.values.get(form or "", [])
         if len(known) != 1 or known[0][2] is None:
             return []
@@ -149,26 +148,22 @@ class _Reader(Declarations):
         source, kind = self.sources[index], match[1].upper()
         line = source.line(match.start())
         if match[2]:
-            raise source.refuse(
-                match.start(), f"{kind}_REL moves from where the arm is; expected absolute targets"
-            )
+            raise source.refuse(match.start(),
+                                f"{kind}_REL moves from where the arm is; expected absolute targets")
         words = _arguments(match[3], match.start(3))
         if not words or not words[0][0].strip():
             raise source.refuse(match.start(), f"{kind} without a point")
         if kind.endswith("CIRC"):
             if len(words) < 2 or any(re.match(r"(?i)\s*CA\b", word) for word, _ in words[2:]):
-                raise source.refuse(
-                    match.start(), f"{kind} with an angle, or without two points; expected two points"
-                )
+                raise source.refuse(match.start(),
+                                    f"{kind} with an angle, or without two points; expected two points")
             words = words[:2]
         else:
             words = words[:1]
         places = []
         for word, place in words:
             found = self.point(index, word, place)
-            places.append(
-                None if found is None else self.target(index, found[0], found[1], state, inline, kind)
-            )
+            places.append(None if found is None else self.target(index, *found, state, inline, kind))
         via = places[0] if len(places) == 2 else None
         insert = None if inline is not None else self.insertion(index, match, state, places[-1])
         self.motions.append(Motion(KINDS[kind], places[-1], line, via, insert=insert))
@@ -250,9 +245,8 @@ class _Reader(Declarations):
         self.complete(point, CARTESIAN)
         for key in (f"E{i}" for i in range(1, 7)):
             if key in point.fields and 0.0 < abs(self.number(point, key).value) < 9e9:
-                raise source.refuse(
-                    point.fields[key][1], f"external axis {key} is in use; expected an arm that stands still"
-                )
+                raise source.refuse(point.fields[key][1],
+                                    f"external axis {key} is in use; expected an arm that stands still")
         numbers = [self.number(point, key) for key in CARTESIAN]
         in_range(source, numbers)
         status, turn = (self.number(point, key) if key in point.fields else None for key in ("S", "T"))
@@ -341,6 +335,9 @@ class _Reader(Declarations):
     def placed(self, which: str, value: str | Aggregate | None) -> Placement | str:
         """The placement of a frame: literal, by number or by name; else why it is not known."""
         given = self.setting.tool if which == "TOOL" else self.setting.base
+        key = value.upper() if isinstance(value, str) else ""
+        if key in self.parts:
+            return f"a component of {value} is set by the program; expected numbers alone"
         if value is not None and not isinstance(value, Aggregate) and not _FRAME.fullmatch(value):
             return f"${which} is {value}; expected one frame by its name, its number or its numbers"
         if isinstance(value, Aggregate):
@@ -350,9 +347,11 @@ class _Reader(Declarations):
         if value in ("$NULLFRAME", "$WORLD") or number == "0":
             return Placement()
         numbers = given(number or (value or ""))
+        known = self.values.get(key, [])
         if numbers is not None and len(numbers) == 6:
+            if any(frame is None or self.placed(which, frame) != placement(numbers) for _, _, frame in known):
+                return f"{value} is set in these files otherwise than by --{which.lower()}"
             return placement(numbers)
-        known = self.values.get((value or "").upper(), [])
         if len(known) == 1 and known[0][2] is not None:
             return self.frame(which, known[0][2])
         word = which.lower()

@@ -26,7 +26,7 @@ DECIMALS = 9  # m and rad: a nanometre
 BLEND_M = 0.001  # at points in between, so that the arm does not stop there
 KINDS = {"movej": "joint", "servoj": "joint", "movel": "linear", "movep": "linear", "movec": "circular"}
 _MOVE = re.compile(r"\b(movej|movel|movep|movec|servoj)\s*\(")
-_SET = re.compile(r"\b(set_tcp|set_payload|set_payload_cog|set_target_payload)\s*\(")
+_SET = re.compile(r"\b(set_tcp|set_payload|set_payload_mass|set_payload_cog|set_target_payload)\s*\(")
 _ASSIGNED = re.compile(
     r"(?m)^[ \t]*(?:global[ \t]+|local[ \t]+)?([A-Za-z_]\w*)[ \t]*(?:\[[^\]\r\n]*\][ \t]*)*=(?!=)[ \t]*"
 )
@@ -38,6 +38,7 @@ _BLOCK = re.compile(
 )
 _UNREAD = re.compile(r"\b(servoc|speedj|speedl|optimovej|optimovel|force_mode|conveyor_pulse_decode)[ \t]*\(")
 _LITERAL = re.compile(r"(p?)\s*\[([^\[\]]*)\]")
+_BEHIND = re.compile(r"[ \t]*(?:[,)\]\r\n]|$)")  # what may follow numbers that nothing is done with
 
 
 @dataclass(frozen=True)
@@ -74,6 +75,8 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
         if len(numbers) != expected:
             raise source.refuse(place, f"{len(numbers)} numbers; expected {expected}")
         in_range(source, numbers)
+        if not _BEHIND.match(text, match.end()):
+            raise source.refuse(match.end(), "numbers that are calculated with; expected numbers alone")
         return _Literal(bool(match[1]), tuple(numbers), place)
 
     def argument(place: int) -> tuple[str, _Literal]:
@@ -123,9 +126,8 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
             found = literal(match.end())
             if found is None or not found.is_pose:
                 raise source.refuse(match.end(), "the tool is computed; expected set_tcp(p[...])")
-            if _given_tool(setting) is None:
-                set_to = ("tool", placement([number.value for number in found.numbers]))
-                steps.append(Step(match.start(), "set", set_to))
+            steps.append(Step(match.start(), "set",
+                              ("tool", placement([number.value for number in found.numbers]))))
         else:
             steps.append(Step(match.start(), "set", ("load", _load(source, text, match))))
     spans = [match.span() for match in _ASSIGNED.finditer(text)]
@@ -215,7 +217,7 @@ def _next_argument(text: str, place: int) -> int:
 
 def _load(source: SourceText, text: str, match: re.Match):
     call = re.compile(rf"\s*({NUMBER})\s*,\s*\[([^\]]*)\]").match(text, match.end())
-    if match[1] == "set_payload_cog" or call is None:
+    if match[1] in ("set_payload_cog", "set_payload_mass") or call is None:
         raise source.refuse(
             match.start(),
             f"{match[1]} without mass and centre; expected {match[1]}(kg, [x, y, z]), or --payload",

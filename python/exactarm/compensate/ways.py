@@ -1,9 +1,9 @@
 """What a program has set when a motion runs (tool, base, load), where its ways part and meet again.
 
 Statements are taken in the order of the text. Behind a branch a setting is known only if all ways agree on
-it; in a loop only if the loop does not change it further down; in a routine that others call, and behind a
-call of one that sets it, only if the file knows one value of it. Else it is UNCERTAIN, and what needs it is
-refused. Jumps (GOTO) and routines of other files are not followed.
+it; in a loop only if the loop, with what it calls, does not change it further down; in a routine that others
+call, behind a call of one that sets it, and behind a label, only if the file knows one value of it. Else it
+is UNCERTAIN, and what needs it is refused. Routines of other files are not followed.
 """
 
 from __future__ import annotations
@@ -22,7 +22,8 @@ UNCERTAIN = "set differently on several ways through the program"
 @dataclass(frozen=True)
 class Step:
     """One statement. what: "open", "loop", "branch" (data: whether one of the ways is always taken), "close",
-    "routine" (data: its name), "end", "set" (data: setting, value), "call" (data: name) or "move"."""
+    "routine" (data: its name), "end", "set" (data: setting, value), "call" (data: name), "label" or
+    "move"."""
 
     place: int
     what: str
@@ -45,11 +46,15 @@ def walk(steps: Iterable[Step], start: Mapping[str, Any]) -> Iterator[tuple[Any,
             state[step.data[0]] = step.data[1]
         elif step.what == "call":
             state |= {key: only[key] for key in changed.get(step.data, ())}
+        elif step.what == "label":
+            _meet(state, [{key: value for key, value in only.items() if value is not None}])
         elif step.what in ("open", "loop", "routine"):
             blocks.append((dict(state), [], False))
             if step.what == "loop":
-                _meet(state, [dict([other.data]) for other in ordered
-                              if other.what == "set" and step.place < other.place < ends[step]])
+                body = [other for other in ordered if step.place < other.place < ends[step]]
+                _meet(state, [dict([other.data]) for other in body if other.what == "set"])
+                _meet(state, [{key: only[key] for key in changed.get(other.data, ())} for other in body
+                              if other.what == "call"])
             elif step.what == "routine" and inside:
                 state |= {key: value for key, value in only.items() if value is not None}
             inside = inside or step.what == "routine"
