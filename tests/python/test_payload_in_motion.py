@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import exactarm as ea
 from central_difference import assert_derivative
 from exactarm.chain import Layout, motion_record, predict_motion
 from exactarm.dataset import Dataset
@@ -13,7 +14,9 @@ from exactarm.diagnose.verdict import NOTHING
 from exactarm.effects.gear_harmonics import GearHarmonics
 from exactarm.effects.joint_compliance import JointCompliance
 from exactarm.effects.payload import Payload
+from exactarm.errors import InputError
 from exactarm.identify.dynamics import identify_dynamics
+from exactarm.measurement.session_payload import SessionPayload
 from motions import fourier_motion, motion_data
 from six_axis import six_axis
 
@@ -45,7 +48,8 @@ def test_derivatives_agree_with_differences_where_rows_carry_different_payloads(
     time, angle, _, _ = fourier_motion(robot, 2.0, 60.0, 5)
     data = motion_data(robot, time, angle)
     record = motion_record(robot, with_payload(data, np.where(time < 1.0, 0.0, MASS)))
-    layout = Layout.of((JointCompliance(2, (5e-6, 0.0)),))
+    estimated = SessionPayload(None, (2.0, 0.1, -0.05, 0.3), 1)
+    layout = Layout.of((JointCompliance(2, (5e-6, 0.0)), estimated))
     found = predict_motion(robot, layout, record)
     at = lambda x: predict_motion(robot, layout.at(x), record, tangents=False).torque
     assert_derivative(at, layout.values, found.jacobian, 1e-7, relative=1e-3)
@@ -80,3 +84,67 @@ def test_identification_takes_a_known_payload_out_of_the_torque():
 def test_a_known_payload_is_no_cause():
     result = diagnose(six_axis(), two_runs(six_axis()))
     assert result.verdict == NOTHING and result.findings == ()
+
+
+MASSES = {1: 0.0, 2: 4.0, 3: 9.0}
+
+
+def three_sessions(robot) -> Dataset:
+    """A run of each session, with its payload in the torques and nowhere else."""
+    parts = []
+    for session, mass in MASSES.items():
+        time, angle, _, _ = fourier_motion(robot, 14.0, 100.0, session, base_hz=0.1, amplitude=0.9)
+        loaded = with_payload(motion_data(robot, time, angle), np.full(time.size, mass))
+        record = motion_record(robot, loaded, 100.0)
+        torque = predict_motion(robot, Layout.of(()), record, tangents=False).torque
+        torque += np.random.default_rng(session).normal(0.0, NOISE_NM, torque.shape)
+        parts.append((time, angle, torque, np.full(time.size, session)))
+    time, angle, torque, session = (np.concatenate(each) for each in zip(*parts))
+    return motion_data(robot, time, angle, torque, run=session, session=session)
+
+
+def table(tmp_path, *lines: str):
+    (tmp_path / "sessions.csv").write_text("\n".join(("session,payload_kg", *lines)) + "\n")
+    return tmp_path / "sessions.csv"
+
+
+def assert_payloads(found: list[dict], weighed: set[int]) -> None:
+    assert [each["session"] for each in found] == list(MASSES)
+    for each in found:
+        low, high = each["mass_kg"]["ci95"]
+        true = MASSES[each["session"]]
+        assert each["estimated"] == (each["session"] not in weighed)
+        assert low - 0.02 <= true <= high + 0.02 and high - low < 0.6
+        if each["estimated"]:
+            np.testing.assert_allclose(each["centre_m"], CENTRE, atol=6e-3)
+
+
+def test_payloads_that_nobody_weighed_are_found_in_torques_beside_the_links(tmp_path):
+    """Masses of the links are estimated with them, from the session that was weighed."""
+    robot = six_axis()
+    made = ea.identify(replace(robot, links=None), three_sessions(robot),
+                       sessions=table(tmp_path, "1,0", "2,", "3,"))
+    assert_payloads(made["payloads"], {1})
+    assert made["after"]["validation"]["rms"] < 1.1 * np.sqrt(np.mean(NOISE_NM**2))
+    assert made.tables["payloads.csv"]["session"] == [1, 2, 3]
+
+
+def test_only_sums_of_links_and_payloads_are_refused_by_name(tmp_path):
+    robot = six_axis()
+    with pytest.raises(InputError, match="the torques show their sum alone; expected the payload_kg of one"):
+        ea.identify(robot, three_sessions(robot), sessions=table(tmp_path, "1,", "2,", "3,"))
+
+
+def test_masses_that_are_held_tell_every_payload(tmp_path):
+    robot = six_axis()
+    made = ea.identify(robot, three_sessions(robot), friction_only=True,
+                       sessions=table(tmp_path, "1,0", "2,", "3,"))
+    assert_payloads(made["payloads"], {1})
+
+
+@pytest.mark.slow
+def test_diagnosis_takes_payloads_that_nobody_weighed_for_no_cause(tmp_path):
+    robot = six_axis()
+    made = ea.diagnose(robot, three_sessions(robot), sessions=table(tmp_path, "1,0", "2,", "3,"))
+    assert made["verdict"] == NOTHING and not made["effects"]
+    assert_payloads(made["payloads"], {1})

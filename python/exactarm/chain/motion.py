@@ -21,7 +21,7 @@ import numpy as np
 from exactarm import _core
 from exactarm.chain.gear import declared_output_angle
 from exactarm.chain.layout import Layout
-from exactarm.chain.loaded_arms import loaded_arms
+from exactarm.chain.loaded_arms import Arm, loaded_arms
 from exactarm.chain.motion_record import SLOW_HZ, MotionRecord
 from exactarm.chain.propagate import pass_station, pass_tangents
 from exactarm.chain.spring_response import SpringResponse
@@ -44,6 +44,11 @@ class MotionView(View):
     predict: Callable | None = field(default=None, repr=False)
     # stretch of the springs, torque left, tangent stiffness
     bent: tuple | None = field(default=None, repr=False)
+
+    @property
+    def arms(self) -> tuple[Arm, ...]:
+        """Rows, and the arm with its payload that moves in them."""
+        return loaded_arms(self.robot, self.data, self.evaluated[1].effects)
 
     @property
     def sign_width(self) -> np.ndarray:
@@ -185,7 +190,7 @@ def _slopes(view: View) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(N, n, n) derivatives of the inverse dynamics by q, q_dot, q_ddot."""
     motion = (view.q, view.signals["q_dot"], view.signals["q_ddot"])
     found = tuple(np.zeros((view.rows, view.axes, view.axes)) for _ in range(3))
-    for rows, core in loaded_arms(view.robot, view.data):
+    for rows, core in view.arms:
         slopes = _core.inverse_dynamics_derivatives(core, *(each[rows] for each in motion),
                                                     threads=view.threads)
         for whole, name in zip(found, ("dtau_dq", "dtau_dq_dot", "mass_matrix")):
@@ -222,7 +227,7 @@ def _load(view: View, layout: Layout, record: MotionRecord, tangents: bool) -> N
         view.tangents["torque"] = np.zeros((view.rows, view.axes, layout.size))
     if view.has_masses:
         motion = (view.q, view.signals["q_dot"], view.signals["q_ddot"])
-        for rows, core in loaded_arms(view.robot, view.data):
+        for rows, core in view.arms:
             view.signals["torque"][rows] = _core.inverse_dynamics(core, *(each[rows] for each in motion),
                                                                   view.threads)
         if tangents and np.any(view.tangents["q"]):

@@ -15,6 +15,7 @@ from exactarm.commands.call import AnyData, AnyFixture, AnyRobot, asked, data_of
 from exactarm.commands.error_sections import error_figures, error_table, geometry_tables, highlights, unit_of
 from exactarm.commands.load_section import with_load_section
 from exactarm.commands.memory import within_memory
+from exactarm.commands.payload_section import with_payload_section
 from exactarm.commands.result import CommandResult, estimate
 from exactarm.commands.suspicions import suspicions
 from exactarm.dataset import Dataset
@@ -25,7 +26,6 @@ from exactarm.identify.closures import calibrate_closures, gravity_alone
 from exactarm.identify.declared import geometry_layout
 from exactarm.identify.identifiability import Dropped
 from exactarm.identify.parameter_name import Group, parse_parameter
-from exactarm.identify.session_payloads import payload_columns
 from exactarm.kinds import CLOSURES, POSES
 from exactarm.progress import SILENT, Progress
 from exactarm.report import Estimate, Figure, Quantity, Report, Table, Warnings
@@ -71,7 +71,7 @@ def calibrate(
     """
     given = {"use": use, "compliance": compliance, "robust": robust, "sessions": sessions}
     declared = robot_of(robot)
-    rows = require_poses(data_of(data, declared, kind, fixture, sessions, weighs=True), CALIBRATORS)
+    rows = require_poses(data_of(data, declared, kind, fixture, sessions, weighs=(POSES.name,)), CALIBRATORS)
     wrong = [axis for axis in compliance or () if not 1 <= axis <= declared.axes]
     if wrong:
         raise InputError(f"compliance: axis {wrong[0]} does not exist, expected 1 to {declared.axes}")
@@ -91,11 +91,11 @@ def calibrate(
         report=_report(declared, rows, result, rows.split_rule()),
         robot=result.robot,
         tables={"residuals.csv": residual_table(result.data, result.identification, result.error_before,
-                                                result.residual_after)}
-        | ({"payloads.csv": payload_columns(result.payloads)} if result.payloads else {}),
+                                                result.residual_after)},
         asked=asked("calibrate", robot, rows, seed, given,
                     {"use": "auto", "compliance": None, "robust": False}),
     ).warned([*told, *found])
+    made = with_payload_section(made, result.payloads, "One stiffness for all sessions.")
     return with_load_section(made, declared, rows)
 
 
@@ -149,10 +149,7 @@ def _json(result: Calibration) -> dict[str, Any]:
         "noise": {"position_m": result.fit.sigma_position, "orientation_rad": result.fit.sigma_orientation},
         "converged": result.fit.fit.converged,
         "warnings": list(result.warnings),
-    } | ({"payloads": [
-        {"session": p.session, "mass_kg": estimate(p.mass, *p.interval), "centre_m": p.centre.tolist(),
-         "estimated": p.estimated} for p in result.payloads
-    ]} if result.payloads else {})
+    }
 
 
 def _summaries(summaries: dict[str, Any], distances: dict[str, float | None],
@@ -211,21 +208,11 @@ def _report(robot: Robot, data: Dataset, result: Calibration, rule: str) -> Repo
         *known,
         *error_figures(result.error_before, result.error_after, result.identification, unit, what, "pose"),
         *_parameter_sections(robot, result),
-        *_payload_table(result),
         dropped_table(result.identifiability.dropped),
         Warnings(result.warnings),
     )
     return Report(f"Calibration of {robot.name}", verdict, sections,
                   "good" if after.mean < before.mean else "caution")
-
-
-def _payload_table(result: Calibration) -> tuple[Table, ...]:
-    rows = tuple(
-        (str(p.session), Estimate(p.mass, *p.interval, "kg") if p.estimated else Quantity(p.mass, "kg"),
-         "estimated" if p.estimated else "as given") for p in result.payloads
-    )
-    note = "One stiffness for all sessions. payloads.csv is a table for --sessions with these masses."
-    return (Table("Payload of each session", ("session", "mass (95 %)", ""), rows, note),) if rows else ()
 
 
 def _distance_tables(result: Calibration) -> tuple[Any, ...]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import argparse
 import difflib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -22,7 +22,6 @@ from exactarm.dataset import Dataset, read_dataset
 from exactarm.errors import InputError
 from exactarm.examples import file_or_example
 from exactarm.fixture import Fixture, load_fixture
-from exactarm.kinds import POSES
 from exactarm.robot import Robot
 from exactarm.robot_file import load_robot
 from exactarm.rows import Source
@@ -40,10 +39,12 @@ def robot_of(robot: AnyRobot) -> Robot:
 
 def data_of(
     data: AnyData, robot: Robot, kind: str | None = None, fixture: AnyFixture = None,
-    sessions: str | Path | None = None, columns: Mapping[str, str] | None = None, *, weighs: bool = False,
+    sessions: str | Path | None = None, columns: Mapping[str, str] | None = None, *,
+    weighs: Collection[str] = (),
 ) -> Dataset:
     """Data as they are, or those of the files; with what is known of their fixture and of whole sessions.
-    columns: the files' names -> ours; weighs: the command estimates payloads that are not known."""
+    columns: the files' names -> ours; weighs: the kinds whose unknown payloads the command
+    estimates."""
     known = load_fixture(fixture) if isinstance(fixture, (str, Path)) else fixture
     if not isinstance(data, Dataset):
         named = [data] if isinstance(data, (str, Path)) else data
@@ -52,11 +53,11 @@ def data_of(
     elif known is not None:
         data = replace(data, fixture=known)
     data = data if sessions is None else with_sessions(data, sessions)
-    if data.unweighed and not (weighs and data.kind == POSES.name):
+    if data.unweighed and not set(data.kinds) <= set(weighs):
         raise InputError(
-            f"session {data.unweighed[0]}: no mass; expected one: `exactarm calibrate` of poses estimates it "
-            "and writes payloads.csv for --sessions", file=None if sessions is None else str(sessions),
-            column=PAYLOAD,
+            f"session {data.unweighed[0]}: no mass; expected one: `exactarm calibrate` of poses and "
+            "`identify` of motions estimate it and write payloads.csv for --sessions",
+            file=None if sessions is None else str(sessions), column=PAYLOAD,
         )
     return data
 

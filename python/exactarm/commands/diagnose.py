@@ -15,6 +15,7 @@ from exactarm.commands.design_for import experiment_json
 from exactarm.commands.diagnose_report import report_of
 from exactarm.commands.load_section import with_load_section
 from exactarm.commands.memory import within_memory
+from exactarm.commands.payload_section import with_payload_section
 from exactarm.commands.result import CommandResult, estimate
 from exactarm.commands.suspicions import suspicions
 from exactarm.diagnose.diagnosis import Diagnosis, Finding
@@ -23,6 +24,7 @@ from exactarm.diagnose.draft import Draft
 from exactarm.diagnose.posterior import Causes
 from exactarm.diagnose.verdict import UNEXPLAINED, remains
 from exactarm.errors import InputError
+from exactarm.identify.session_payloads import session_payloads
 from exactarm.identify.statistics import summarise
 from exactarm.kinds import MOTION
 from exactarm.progress import SILENT, Progress
@@ -55,7 +57,7 @@ def diagnose(
         'no_undeclared_effect'
     """
     declared = known = robot_of(robot)
-    rows = data_of(data, declared, kind, fixture, sessions)
+    rows = data_of(data, declared, kind, fixture, sessions, weighs=(MOTION.name,))
     results: list[Diagnosis] = []
     skipped: list[str] = []
     warnings: list[str] = []
@@ -90,6 +92,9 @@ def diagnose(
         texts=_drafted([draft for result in results for draft in result.drafts]),
         asked=asked("diagnose", robot, rows, seed, {"kind": kind, "sessions": sessions}),
     ).warned(warnings)
+    last = first.selection.fits[-1]
+    payloads = session_payloads(first.problem.data, last.layout, last.fit.interval())
+    made = with_payload_section(made, payloads, "Estimated with what the model lacked.")
     return with_load_section(made, declared, rows)
 
 

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import argparse
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from exactarm.commands.arguments import add_files, add_robot
+from exactarm.commands.arguments import add_files, add_robot, add_sessions
 from exactarm.commands.call import AnyData, AnyRobot, asked, data_of, robot_of, threads_of
 from exactarm.commands.error_sections import SETS, error_table, highlights, parameter_table, unit_of
 from exactarm.commands.memory import within_memory
+from exactarm.commands.payload_section import with_payload_section
 from exactarm.commands.result import CommandResult, estimate
 from exactarm.commands.suspicions import suspicions
 from exactarm.dataset import Dataset
@@ -41,6 +43,7 @@ _NANOMETRE = 9  # decimals of a metre: a centre on an axis is there but for roun
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_robot(parser)
     add_files(parser)
+    add_sessions(parser)
     parser.add_argument("--bandwidth", metavar="HZ", type=float, default=None,
                         help="low-pass on measurement and prediction alike (default: 20 Hz, none for slow "
                              "logs)")
@@ -55,16 +58,18 @@ def identify(
     robot: AnyRobot, data: AnyData, *, bandwidth_hz: float | None = None, share: float = 0.7,
     friction_only: bool = False,
     seed: int = DEFAULT_SEED, threads: int | None = None, kind: str | None = None,
-    progress: Progress = SILENT,
+    sessions: str | Path | None = None, progress: Progress = SILENT,
 ) -> CommandResult:
     """Identifies inertial parameters, rotors and friction from motions with torques or currents.
 
     bandwidth_hz: low-pass on measurement and prediction (None: 20 Hz, none for slow logs). share: part of the
     rows that is fitted, where the data do not say. friction_only: masses and rotors stay as declared.
+    sessions: a table of what holds for whole sessions; a payload_kg that is empty there is estimated.
     """
-    given = {"bandwidth_hz": bandwidth_hz, "share": share, "friction_only": friction_only}
+    given = {"bandwidth_hz": bandwidth_hz, "share": share, "friction_only": friction_only,
+             "sessions": sessions}
     declared = robot_of(robot)
-    rows = require_motion(data_of(data, declared, kind))
+    rows = require_motion(data_of(data, declared, kind, sessions=sessions, weighs=(MOTION.name,)))
     options = DynamicsOptions(
         bandwidth_hz=_bandwidth(bandwidth_hz), share=_share(share), inertial=not friction_only, seed=seed,
         threads=threads_of(threads),
@@ -73,7 +78,7 @@ def identify(
     within_memory("identify", MOTION.name, rows)
     with suspicions(declared, rows) as found:
         result = identify_dynamics(declared, rows, options)
-    return CommandResult(
+    made = CommandResult(
         json=_json(result),
         report=_report(declared, result, rows.split_rule(options.share)),
         robot=result.robot,
@@ -81,13 +86,14 @@ def identify(
         asked=asked("identify", robot, rows, seed, given,
                     {"bandwidth_hz": None, "share": 0.7, "friction_only": False}),
     ).warned(found)
+    return with_payload_section(made, result.payloads, "The links are those without it.")
 
 
 def run(arguments: argparse.Namespace) -> CommandResult:
     return identify(
         arguments.robot, arguments.files, bandwidth_hz=arguments.bandwidth, share=arguments.share,
         friction_only=arguments.friction_only, seed=arguments.seed, threads=arguments.threads,
-        kind=arguments.kind,
+        kind=arguments.kind, sessions=arguments.sessions,
         progress=arguments.progress,
     )
 
@@ -244,8 +250,8 @@ def _parameters(robot: Robot, result: DynamicsIdentification) -> Table:
                                result.records["identification"]).joined(inertial_layout(start, result.base))
     values = dict(zip(declared.names, declared.values))
     names = result.fit.layout.names
-    return parameter_table(names, [values[name] for name in names], result.fit.fit.x, result.fit.intervals,
-                           [unit_of(name) for name in names], result.fit.fit.at_bound)
+    return parameter_table(names, [values.get(name, 0.0) for name in names], result.fit.fit.x,
+                           result.fit.intervals, [unit_of(name) for name in names], result.fit.fit.at_bound)
 
 
 def _groups(result: DynamicsIdentification) -> Table:

@@ -42,6 +42,7 @@ from exactarm.identify.dynamics import (
 )
 from exactarm.identify.friction_width import friction_widths
 from exactarm.identify.motion_fit import MotionFit, fit_motion
+from exactarm.identify.session_payloads import payload_layout_of_motion
 from exactarm.kinds import MOTION
 from exactarm.robot import Robot
 from exactarm.signals import typical_step, white_noise
@@ -134,9 +135,9 @@ class MotionProblem(Problem):
         layout = friction_layout(self.robot, self.record)
         if self.inertial:
             layout = layout.joined(inertial_layout(self.robot, base_parameters(self.robot)))
-        layout, _ = excited_layout(self.robot,
-                                   layout.joined(carried_layout(self.robot, self.data, MOTION.name)),
-                                   self.record, self.threads)
+        layout = layout.joined(carried_layout(self.robot, self.data, MOTION.name))
+        layout = layout.joined(payload_layout_of_motion(self.data, self.inertial))
+        layout, _ = excited_layout(self.robot, layout, self.record, self.threads)
         require_enough(layout, self.record)
         return layout
 

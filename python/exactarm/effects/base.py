@@ -188,6 +188,11 @@ class Effect(ABC):
         """The session of which it is base and tool frame."""
         return None
 
+    def carries(self, data: Dataset) -> tuple[np.ndarray, np.ndarray] | None:
+        """Rows (N,) bool and inertial parameters (10,) of what the flange carries in them alone, flange
+        frame."""
+        return None
+
     @property
     def zero_of(self) -> int | None:
         """The run of which it is the zero of a sensor."""

@@ -140,7 +140,7 @@ def calibrate(robot: Robot, data: Dataset, options: CalibrationOptions = Calibra
         warnings=(*_warnings(fit, train, found),
                   *missing_tilts(robot, fit.layout, train, options.threads),
                   *_left_over(robot, float(np.sqrt(np.mean(error_after**2))))),
-        payloads=session_payloads(data, fit.layout, fit.fit) if data.unweighed else (),
+        payloads=session_payloads(data, fit.layout, fit.fit.interval()),
     )
 
 

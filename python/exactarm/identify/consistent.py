@@ -22,6 +22,7 @@ from typing import NamedTuple
 import numpy as np
 
 from exactarm.chain import Layout, MotionRecord, predict_motion
+from exactarm.effects.base import Effect
 from exactarm.effects.declared_rotor import DeclaredRotor
 from exactarm.effects.link_inertia import LinkInertia
 from exactarm.identify.layout_fit import priors_of
@@ -96,7 +97,9 @@ def consistent_fit(
         if arrived and np.sqrt(np.mean((found - expected) ** 2)) <= _AS_PREDICTED * noise:
             reason = ""
             break
-    return Consistent(_at(fit, _baked(robot, layout.at(z)), record, threads), reason)
+    beside = dict(zip((id(e) for e, _ in others), layout.at(z).effects[len(layout.effects) - len(others):]))
+    settled = tuple(beside.get(id(effect), effect) for effect in fit.layout.effects)
+    return Consistent(_at(fit, settled, _baked(robot, layout.at(z)), record, threads), reason)
 
 
 def _lent_rotors(robot: Robot, layout: Layout) -> tuple[DeclaredRotor, ...]:
@@ -214,9 +217,11 @@ def _baked(robot: Robot, layout: Layout) -> Robot:
     return robot
 
 
-def _at(fit: MotionFit, robot: Robot, record: MotionRecord, threads: int) -> MotionFit:
-    """The fit in the robot with bodies: the same free parameters, at the values of its tables."""
-    layout = Layout(tuple(e.from_tables(robot) for e in fit.layout.effects), fit.layout.free)
+def _at(fit: MotionFit, effects: tuple[Effect, ...], robot: Robot, record: MotionRecord,
+        threads: int) -> MotionFit:
+    """The fit in the robot with bodies: the same free parameters, at the values of its tables and of
+    `effects`."""
+    layout = Layout(tuple(e.from_tables(robot) for e in effects), fit.layout.free)
     x = layout.values
     lower, upper = (np.array([getattr(p, side) for p in layout.parameters]) for side in ("lower", "upper"))
     at_bound = (x <= lower) | (x >= upper)

@@ -36,6 +36,11 @@ from exactarm.identify.declared import carried_layout, require_geometry
 from exactarm.identify.friction_width import friction_widths
 from exactarm.identify.motion_fit import MotionFit, fit_motion
 from exactarm.identify.prior_bodies import declares_bodies
+from exactarm.identify.session_payloads import (
+    EstimatedPayload,
+    payload_layout_of_motion,
+    session_payloads,
+)
 from exactarm.kinds import MOTION
 from exactarm.robot import Link, Robot
 from exactarm.split import DEFAULT_SEED
@@ -83,6 +88,7 @@ class DynamicsIdentification:
     inertial: bool
     declared_bodies: bool
     warnings: tuple[str, ...]
+    payloads: tuple[EstimatedPayload, ...] = ()  # of each session, where some were not weighed
 
 
 def identify_dynamics(robot: Robot, data: Dataset,
@@ -109,6 +115,7 @@ def identify_dynamics(robot: Robot, data: Dataset,
     layout = friction_layout(start, train)
     if options.inertial:
         layout = layout.joined(inertial_layout(start, base))
+    carried = carried.joined(payload_layout_of_motion(train.data, options.inertial))
     layout, unexcited = excited_layout(start, layout.joined(carried), train, options.threads)
     require_enough(layout, train)
     widths = friction_widths(start, layout, train, options.threads)
@@ -133,6 +140,7 @@ def identify_dynamics(robot: Robot, data: Dataset,
         inertial=options.inertial,
         declared_bodies=declares_bodies(robot),
         warnings=(*_warnings(fit, data, unsettled), *reversals_left_out(records.values())),
+        payloads=session_payloads(data, fit.layout, fit.intervals),
     )
 
 

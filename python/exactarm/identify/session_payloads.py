@@ -1,7 +1,8 @@
 """Payloads that nobody has weighed: one for each session, estimated with the springs that they bend.
 
-A payload moves nothing where no spring is known, and the springs' estimate needs loads. So first everything
-else is estimated as if nothing were carried there; from these springs on, all of it together.
+At rest a payload moves nothing where no spring is known, and the springs' estimate needs loads. So first
+everything else is estimated as if nothing were carried there; from these springs on, all of it together. In a
+motion the drives feel it, with the links: where their masses are estimated too, a session has to be weighed.
 """
 
 from __future__ import annotations
@@ -13,8 +14,8 @@ import numpy as np
 from exactarm.chain import Layout
 from exactarm.columns import PAYLOAD, PAYLOAD_CENTRE
 from exactarm.dataset import Dataset
+from exactarm.errors import InputError
 from exactarm.measurement.session_payload import SessionPayload
-from exactarm.regression import Fit
 
 _KNOWN_CENTRE = PAYLOAD_CENTRE[0]
 
@@ -31,6 +32,22 @@ def payload_layout(data: Dataset) -> Layout:
     return Layout.of(tuple(found))
 
 
+def payload_layout_of_motion(train: Dataset, masses_estimated: bool) -> Layout:
+    """The same for the identification rows of motions. Raises InputError where they cannot tell a payload."""
+    if not train.unweighed:
+        return Layout.of(())
+    known = sorted(set(train.session.tolist()))
+    unseen = [session for session in train.unweighed if session not in known]
+    if unseen:
+        raise InputError(f"session {unseen[0]}: its payload is not weighed and it has no identification "
+                         "rows; expected some, or its payload_kg", file=train.first_file, column=PAYLOAD)
+    if masses_estimated and not set(known) - set(train.unweighed):
+        raise InputError("no session's payload is known and the masses of the links are estimated too: the "
+                         "torques show their sum alone; expected the payload_kg of one session (0 for a bare "
+                         "flange)", file=train.first_file, column=PAYLOAD)
+    return payload_layout(train)
+
+
 @dataclass(frozen=True)
 class EstimatedPayload:
     """mass in kg with its 95 % interval, centre (3,) m in the flange frame; estimated: not as declared."""
@@ -42,9 +59,13 @@ class EstimatedPayload:
     estimated: bool
 
 
-def session_payloads(data: Dataset, layout: Layout, fit: Fit) -> tuple[EstimatedPayload, ...]:
-    """What the flange carries in each session; one whose mass the data cannot tell is left out."""
-    intervals = dict(zip(layout.names, fit.interval()))
+def session_payloads(data: Dataset, layout: Layout, bounds: np.ndarray) -> tuple[EstimatedPayload, ...]:
+    """What the flange carries in each session; one whose mass the data cannot tell is left out.
+
+    bounds (P, 2): the interval of each free parameter."""
+    if not data.unweighed:
+        return ()
+    intervals = dict(zip(layout.names, bounds))
     fitted = {effect.session: effect for effect in layout.effects if isinstance(effect, SessionPayload)}
     found = []
     for session in np.unique(data.session).tolist():

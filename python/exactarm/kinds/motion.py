@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from exactarm.errors import InputError
 from exactarm.kinds.base import Device, Kind, check_joints, check_time, file_of
 from exactarm.robot import Robot
@@ -17,6 +19,12 @@ class _Motion(Kind):
 
     def held_by(self, data: Rows) -> bool:
         return any(name in data.joints for name in TORQUES)
+
+    def alike(self, data: Rows) -> list[np.ndarray]:
+        """All runs; where payloads are to be estimated by session, those of one session."""
+        if not data.unweighed:
+            return super().alike(data)
+        return [np.unique(data.run[data.session == session]) for session in np.unique(data.session)]
 
     def check(self, data: Rows, robot: Robot) -> None:
         if not self.held_by(data):
