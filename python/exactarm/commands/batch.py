@@ -30,6 +30,7 @@ from exactarm.commands.outcome import Asked
 from exactarm.commands.plain import sha256
 from exactarm.commands.publish import save, sources
 from exactarm.commands.result import CommandResult
+from exactarm.commands.steps import JOBS, STEPS
 from exactarm.errors import ComputationError, InputError
 from exactarm.examples import file_or_example
 from exactarm.progress import SILENT, Progress
@@ -111,7 +112,8 @@ def _fleet(manifest: AnyManifest, folder: Path, executor: Executor | None, again
     jobs = read_jobs(manifest, seed)
     waiting = [job for job in jobs if again or not _kept(job, folder)]
     outcomes = {job.name: _outcome(job, folder, "kept") for job in jobs if job not in waiting}
-    progress.stage("jobs", total=len(waiting))
+    progress.plan(STEPS["batch"], long=True)
+    progress.stage(JOBS, total=len(waiting))
     if executor is None:
         for job in waiting:
             outcomes[job.name] = run_job(job, folder, threads)

@@ -17,6 +17,7 @@ from exactarm.commands.load_section import with_load_section
 from exactarm.commands.memory import within_memory
 from exactarm.commands.payload_section import with_payload_section
 from exactarm.commands.result import CommandResult, estimate
+from exactarm.commands.steps import CHECKING, READING, STEPS
 from exactarm.commands.suspicions import suspicions
 from exactarm.dataset import Dataset
 from exactarm.errors import InputError
@@ -71,6 +72,8 @@ def calibrate(
     """
     given = {"use": use, "compliance": compliance, "robust": robust, "sessions": sessions}
     declared = robot_of(robot)
+    progress.plan(STEPS["calibrate"])
+    progress.stage(READING)
     rows = require_poses(data_of(data, declared, kind, fixture, sessions, weighs=(POSES.name,)), CALIBRATORS)
     wrong = [axis for axis in compliance or () if not 1 <= axis <= declared.axes]
     if wrong:
@@ -82,10 +85,10 @@ def calibrate(
         seed=seed,
         threads=threads_of(threads),
     )
-    progress.stage("calibrating")
+    progress.stage(CHECKING)
     rows, told = within_memory("calibrate", rows.kind, rows, progress)
     with suspicions(declared, rows) as found:
-        result = CALIBRATORS[rows.kind](declared, rows, options)
+        result = CALIBRATORS[rows.kind](declared, rows, options, progress.stage)
     made = CommandResult(
         json=_json(result),
         report=_report(declared, rows, result, rows.split_rule()),

@@ -18,6 +18,7 @@ from exactarm.commands.certify_report import Certified, certificate, results_of
 from exactarm.commands.memory import within_memory
 from exactarm.commands.plain import sha256
 from exactarm.commands.result import CommandResult
+from exactarm.commands.steps import CHECKING, JUDGING, READING, STEPS
 from exactarm.commands.suspicions import suspicions
 from exactarm.dataset import Dataset
 from exactarm.errors import InputError
@@ -81,6 +82,8 @@ def certify(
     if unknown is not None:
         raise InputError(f"no option {unknown!r}; expected one of {', '.join(KEYS)}")
     told = about_of(about, details)
+    progress.plan(STEPS["certify"])
+    progress.stage(READING)
     arm = robot_of(robot)
     rows = require_poses(data_of(data, arm, kind))
     earlier = nominal_robot(arm) if before is None else robot_of(before)
@@ -89,9 +92,10 @@ def certify(
             f"--before: {earlier.axes} axes, the robot has {arm.axes}; expected a model of the same arm"
         )
     followed = _followed(path, arm)
-    progress.stage("certifying")
+    progress.stage(CHECKING)
     within_memory("evaluate", rows.kind, rows)
     with suspicions(arm, rows) as found:
+        progress.stage(JUDGING)
         certified = _certify(arm, earlier, rows, followed, told, seed, threads_of(threads))
     read = (about, before, *(source.path for each in followed for source in each.sources))
     inputs = [file for file in read if isinstance(file, (str, Path)) and Path(file).is_file()]

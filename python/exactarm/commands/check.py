@@ -16,6 +16,7 @@ from exactarm.commands.calibrate import require_poses
 from exactarm.commands.call import AnyData, AnyRobot, asked, data_of, robot_of
 from exactarm.commands.error_sections import unit_of
 from exactarm.commands.result import CommandResult, estimate
+from exactarm.commands.steps import DETECTING, READING, SERIES, STEPS
 from exactarm.dataset import Dataset
 from exactarm.errors import InputError
 from exactarm.kinds import POSES
@@ -79,6 +80,8 @@ def check(
             f"--days-per-year {days_per_year:g}; expected days of measurement in a year, more than 1 and at "
             f"most 366"
         )
+    progress.plan(STEPS["check"])
+    progress.stage(READING)
     arm = robot_of(robot)
     poses = lambda each: require_poses(data_of(each, arm, POSES.name, columns=columns))
     reference = poses(before)
@@ -86,9 +89,10 @@ def check(
     if not files:
         raise InputError("no data of later days; expected at least one file", file=reference.first_file)
     days = [(_label(each, i), poses(each)) for i, each in enumerate(files, start=1)]
-    progress.stage("checking")
+    progress.stage(SERIES)
     _require_new(reference, days)
     series = daily(arm, reference, days, seed)
+    progress.stage(DETECTING)
     change = detect(series.before, series.days, series.hypotheses, days_per_year)
     options = {"days_per_year": days_per_year}
     told = asked("check", robot, None, seed, options, {"days_per_year": DAYS_A_YEAR})

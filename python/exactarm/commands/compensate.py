@@ -16,6 +16,7 @@ from exactarm.commands.compensate_report import compensation_table, report_of, s
 from exactarm.commands.model_trust import trust_json
 from exactarm.commands.publish import sources
 from exactarm.commands.result import CommandResult
+from exactarm.commands.steps import CORRECTING, FRAMES, STEPS, TRUSTED
 from exactarm.compensate import target_table
 from exactarm.compensate.correction import correct
 from exactarm.compensate.formats import Job, jobs
@@ -144,13 +145,16 @@ def run(arguments: argparse.Namespace) -> CommandResult:
         raise InputError("--map names columns of tables; expected a table (.csv, .parquet) among the files")
     for job in work:
         _require_frames(job, setting)
+    arguments.progress.plan(STEPS["compensate"])
+    arguments.progress.stage(FRAMES)
     frames = cell_frames(robot, arguments.frames, _tip(work[0], setting), arguments.threads)
     model = CompensationModel.of(robot, frames.base, frames.flange)
     if setting.load is not None:
         model = model.with_load(setting.load[0], np.array(setting.load[1]))
     corrections = []
-    for job in work:
-        arguments.progress.stage(f"correcting {job.paths[0].name}")
+    arguments.progress.stage(CORRECTING, total=len(work))
+    for place, job in enumerate(work):
+        arguments.progress.step(min(place, 1), note=job.paths[0].name)
         program = job.read(setting)
         if setting.load is not None:
             program = replace(
@@ -170,6 +174,7 @@ def run(arguments: argparse.Namespace) -> CommandResult:
     if not used:
         raise InputError(f"--points {arguments.points}: no point of these programs has such a name")
     q_after = np.concatenate([c.q_after for c in corrections])
+    arguments.progress.stage(TRUSTED)
     radius = model_uncertainty(robot, q_after, arguments.threads)
     return CommandResult(
         json=summary_of(corrections, frames, model) | {"model_uncertainty": trust_json(radius)},

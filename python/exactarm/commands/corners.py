@@ -14,6 +14,7 @@ from exactarm.commands.arguments import add_fixture, add_map, add_robot
 from exactarm.commands.call import AnyFixture, AnyRobot, asked, robot_of
 from exactarm.commands.plain import sha256
 from exactarm.commands.result import CommandResult
+from exactarm.commands.steps import PICTURES, STEPS
 from exactarm.dataset import Dataset, dataset_columns, read_joint_log
 from exactarm.errors import ComputationError, InputError
 from exactarm.fixture import CameraSetup, load_fixture
@@ -53,8 +54,10 @@ def corners(
     log, text = read_joint_log(joints, arm, columns or {}, ("file",))
     files = _in_order_of(log, text.get("file"), pictures, joints)
     parts, seen = [], []
+    progress.plan(STEPS["corners"])
+    progress.stage(PICTURES, total=len(files))
     for row, file in enumerate(files):
-        progress.stage(f"corners {row + 1}/{len(files)}")
+        progress.step(min(row, 1), note=Path(file).name)
         numbers, pixels, size = find_corners(file, known.camera)
         _check_size(file, size, known.camera)
         seen.append(len(numbers))

@@ -27,6 +27,7 @@ from exactarm.commands.planning_arguments import (
     tool_of,
 )
 from exactarm.commands.result import CommandResult
+from exactarm.commands.steps import CAUSES, STEPS
 from exactarm.compensate.measuring_program import WRITERS, measuring_program, stops_of
 from exactarm.dataset import Dataset
 from exactarm.diagnose.isolability import isolability
@@ -119,9 +120,9 @@ def design(
     )
     if not 0.0 < noise_mm < 100.0:
         raise InputError("--noise-mm: expected between 0 and 100")
-    progress.stage("designing")
-    found = design_poses(arm, options)
-    progress.stage("which causes these poses could tell")
+    progress.plan(STEPS["design"])
+    found = design_poses(arm, options, progress.stage)
+    progress.stage(CAUSES)
     causes = isolability(arm, Dataset.of_arrays(POSES.name, {"q": found.q}), 1e-3 * noise_mm, seed,
                          threads_of(threads))
     q, sets, approach = _visits(found, both_ways)

@@ -17,6 +17,7 @@ from exactarm.commands.load_section import with_load_section
 from exactarm.commands.memory import within_memory
 from exactarm.commands.payload_section import with_payload_section
 from exactarm.commands.result import CommandResult, estimate
+from exactarm.commands.steps import CHECKING, READING, STEPS, step_of, steps_of_kinds
 from exactarm.commands.suspicions import suspicions
 from exactarm.diagnose.diagnosis import Diagnosis, Finding
 from exactarm.diagnose.diagnosis import diagnose as find_causes
@@ -56,18 +57,23 @@ def diagnose(
         >>> ea.diagnose("ur10", made.data, threads=1)["verdict"]
         'no_undeclared_effect'
     """
+    progress.plan(STEPS["diagnose"], long=True)
+    progress.stage(READING)
     declared = known = robot_of(robot)
     rows = data_of(data, declared, kind, fixture, sessions, weighs=(MOTION.name,))
     results: list[Diagnosis] = []
     skipped: list[str] = []
     warnings: list[str] = []
-    for each in (rows.kind,) if kind else rows.kinds:
-        progress.stage(f"diagnosing {each.replace('_', ' ')}")
+    kinds = (rows.kind,) if kind else rows.kinds
+    progress.plan(steps_of_kinds(kinds), long=True)
+    for each in kinds:
+        tell = lambda text, name=each: progress.stage(step_of(text, name, kinds))
+        tell(CHECKING)
         worked, told = within_memory("diagnose", each, rows, progress)
         try:
             with suspicions(known, replace(worked, kind=each, kinds=(each,))) as found:
                 result = find_causes(known, replace(worked, kind=each), seed=seed,
-                                     threads=threads_of(threads), progress=progress.stage)
+                                     threads=threads_of(threads), progress=tell)
         except InputError as error:
             # The same file may hold more than this robot's tables can judge, as torques of an arm without
             # geometry.

@@ -17,6 +17,7 @@ from exactarm.commands.load_section import with_load_section
 from exactarm.commands.memory import within_memory
 from exactarm.commands.outcome import Column
 from exactarm.commands.result import CommandResult
+from exactarm.commands.steps import AT_POSES, CHECKING, JUDGING, READING, STEPS
 from exactarm.commands.suspicions import suspicions
 from exactarm.dataset import Dataset, read_planned_poses
 from exactarm.errors import InputError
@@ -66,13 +67,16 @@ def evaluate(
         >>> bool(result["error"]["mean"] > 0.5e-3)
         True
     """
+    progress.plan({name: share for name, share in STEPS["evaluate"].items() if at or name != AT_POSES})
+    progress.stage(READING)
     declared = robot_of(robot)
     rows = data_of(data, declared, kind, fixture, sessions)
     if rows.kind not in EVALUATORS:
         raise InputError(f"evaluate judges {', '.join(EVALUATORS)}; found {rows.kind}", file=rows.first_file)
-    progress.stage("evaluating")
+    progress.stage(CHECKING)
     within_memory("evaluate", rows.kind, rows)
     with suspicions(declared, rows) as found:
+        progress.stage(JUDGING)
         result = EVALUATORS[rows.kind](declared, rows, seed, threads_of(threads))
     rows = rows if result.data is None else result.data
     files = [source.path for source in rows.sources] or [""]
@@ -97,6 +101,7 @@ def evaluate(
         inputs=() if at is None else (at,),
     ).warned(found)
     if at is not None:
+        progress.stage(AT_POSES)
         made = _certified(made, declared, rows, result, at, seed, threads_of(threads))
     return with_load_section(made, declared, rows)
 

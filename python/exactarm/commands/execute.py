@@ -20,6 +20,7 @@ from exactarm.commands.result import CommandResult
 from exactarm.dataset import read_dataset
 from exactarm.errors import InputError
 from exactarm.progress import Progress
+from exactarm.report.plots.files import DRAWING
 
 
 class _Parser(argparse.ArgumentParser):
@@ -102,6 +103,7 @@ def execute(module: Any, arguments: argparse.Namespace, progress: Progress,
             width: int | None = None) -> Published:
     """Does the work and writes all results; on any failure nothing is left half written."""
     arguments.progress = progress
+    progress.ends_with(DRAWING)
     started = time.perf_counter()
     with OutputFolder(arguments.out) as folder:
         try:

@@ -13,6 +13,7 @@ from exactarm.commands.call import AnyData, AnyRobot, asked, data_of, robot_of, 
 from exactarm.commands.gear_report import gear_report
 from exactarm.commands.memory import within_memory
 from exactarm.commands.result import CommandResult, estimate
+from exactarm.commands.steps import CHECKING, READING, STEPS
 from exactarm.commands.suspicions import suspicions
 from exactarm.dataset import Dataset
 from exactarm.errors import InputError
@@ -47,15 +48,18 @@ def gear(
     method: orders as real numbers ("refined"), or whole numbers with their neighbours, as the source has
     them.
     """
+    progress.plan(STEPS["gear"])
+    progress.stage(READING)
     declared = robot_of(robot)
     rows = data_of(data, declared, kind)
     if GEAR_RUN.name not in rows.kinds:
         raise InputError(f"expected gear runs (gyroscope, or encoders on both sides), found {rows.kind}",
                          file=rows.first_file)
+    progress.stage(CHECKING)
     within_memory("gear", GEAR_RUN.name, rows)
     with suspicions(declared, replace(rows, kind=GEAR_RUN.name, kinds=(GEAR_RUN.name,))) as found:
         result = identify_gears(declared, rows, method=method, seed=seed, threads=threads_of(threads),
-                                progress=progress.stage)
+                                progress=progress)
     return CommandResult(
         json={
             "gears": [gear_json(gear) for gear in result.gears],

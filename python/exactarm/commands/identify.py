@@ -15,6 +15,7 @@ from exactarm.commands.error_sections import SETS, error_table, highlights, para
 from exactarm.commands.memory import within_memory
 from exactarm.commands.payload_section import with_payload_section
 from exactarm.commands.result import CommandResult, estimate
+from exactarm.commands.steps import CHECKING, READING, STEPS
 from exactarm.commands.suspicions import suspicions
 from exactarm.dataset import Dataset
 from exactarm.errors import InputError
@@ -68,16 +69,18 @@ def identify(
     """
     given = {"bandwidth_hz": bandwidth_hz, "share": share, "friction_only": friction_only,
              "sessions": sessions}
+    progress.plan(STEPS["identify"])
+    progress.stage(READING)
     declared = robot_of(robot)
     rows = require_motion(data_of(data, declared, kind, sessions=sessions, weighs=(MOTION.name,)))
     options = DynamicsOptions(
         bandwidth_hz=_bandwidth(bandwidth_hz), share=_share(share), inertial=not friction_only, seed=seed,
         threads=threads_of(threads),
     )
-    progress.stage("identifying")
+    progress.stage(CHECKING)
     within_memory("identify", MOTION.name, rows)
     with suspicions(declared, rows) as found:
-        result = identify_dynamics(declared, rows, options)
+        result = identify_dynamics(declared, rows, options, progress.stage)
     made = CommandResult(
         json=_json(result),
         report=_report(declared, result, rows.split_rule(options.share)),

@@ -16,6 +16,7 @@ import numpy as np
 
 from exactarm.commands.arguments import add_robot
 from exactarm.commands.result import CommandResult
+from exactarm.commands.steps import CALIBRATING, EXECUTING, MEASURING, STEPS
 from exactarm.dataset import Dataset
 from exactarm.diagnose.diagnosis import Diagnosis, diagnose
 from exactarm.effects.base import Effect
@@ -98,18 +99,20 @@ def run(arguments: argparse.Namespace) -> CommandResult:
     true = replace(true, links=robot.links)
     hidden = [parse_effect(text, robot.axes) for text in arguments.effect]
     virtual = VirtualRobot.of(robot, hidden, true)
-    arguments.progress.stage("measuring poses")
+    arguments.progress.plan(STEPS["loop"], long=True)
+    arguments.progress.stage(MEASURING)
     data = _measure(virtual, arguments, random)
-    arguments.progress.stage("calibrating")
+    arguments.progress.stage(CALIBRATING)
     options = CalibrationOptions(compliance=(), seed=arguments.seed, threads=arguments.threads)
     calibrated = calibrate(robot, data, options)
     diagnosis = diagnose(robot, data, seed=arguments.seed, threads=arguments.threads,
                          progress=arguments.progress.stage)
     drawn = _framed(robot, data)
     rounds = []
+    arguments.progress.stage(EXECUTING, total=len(ROUNDS))
     for name, model in zip(ROUNDS, (drawn, calibrated.robot, diagnosis.robot)):
-        arguments.progress.stage(f"planning and executing, {name}")
         rounds.append(_execute(name, model, drawn, virtual, path, arguments.threads))
+        arguments.progress.step(note=name)
     return CommandResult(
         json=_json(rounds, diagnosis),
         report=_report(robot, path, rounds, diagnosis, hidden),

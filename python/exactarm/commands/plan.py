@@ -16,6 +16,7 @@ from exactarm.commands.arguments import add_robot
 from exactarm.commands.call import AnyRobot, asked, robot_of, threads_of
 from exactarm.commands.model_trust import thinned, trust_highlights, trust_json, trust_text
 from exactarm.commands.result import CommandResult
+from exactarm.commands.steps import PLANNING, STEPS, TRUSTED
 from exactarm.errors import InputError
 from exactarm.identify.declared import require_geometry
 from exactarm.identify.pose_uncertainty import model_uncertainty
@@ -82,9 +83,11 @@ def plan(
         raise InputError(f"send {send!r}; expected one of {', '.join(FILES)}")
     declared, follow = robot_of(robot), _path(path, rate_hz, duration_s, nu, choices)
     require_geometry(declared)
-    progress.stage("planning")
+    progress.plan(STEPS["plan"])
+    progress.stage(PLANNING)
     start = None if start_rad is None else np.asarray(start_rad, float)
     result = plan_path(declared, follow, PlanOptions(threads=threads_of(threads), start=start))
+    progress.stage(TRUSTED)
     radius = model_uncertainty(declared, thinned(result.q_desired), threads_of(threads))
     file = [] if isinstance(path, PlannedPath) or str(path) in shipped_paths() else [Path(path)]
     name = follow.name if isinstance(path, PlannedPath) else str(path)

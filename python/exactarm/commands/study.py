@@ -17,6 +17,7 @@ import numpy as np
 from exactarm.commands.arguments import add_robot
 from exactarm.commands.compare import BETWEEN, Motion, play
 from exactarm.commands.result import CommandResult
+from exactarm.commands.steps import CASES, STEPS
 from exactarm.commands.study_case import Case
 from exactarm.commands.study_report import study_report
 from exactarm.errors import InputError
@@ -56,7 +57,8 @@ def run(arguments: argparse.Namespace) -> CommandResult:
     paths = [_path(name, arguments.rate) for name in arguments.paths]
     if len({path.name for path in paths}) < len(paths):
         raise InputError("PATH: two paths have the same name")
-    arguments.progress.stage("planning and playing", total=sum(len(_inputs(weights)) for _ in paths))
+    arguments.progress.plan(STEPS["study"], long=True)
+    arguments.progress.stage(CASES, total=sum(len(_inputs(weights)) for _ in paths))
     studies = {path.name: _study(robot, path, weights, arguments) for path in paths}
     files = tuple(Path(name) for name in arguments.paths if name not in shipped_paths())
     return CommandResult(

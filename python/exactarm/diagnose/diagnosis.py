@@ -42,6 +42,11 @@ from exactarm.noise.sharing import shared_covariance
 from exactarm.robot import Robot
 from exactarm.split import DEFAULT_SEED
 
+# Steps as they are told, in their order; ALL_ROWS only where the search takes a part of them.
+DECLARED, SEARCHING, ALL_ROWS = "the declared model", "searching for causes", "fitting all rows"
+LEFT, NEXT, DRAFTING = "what is left", "the next experiment", "drafting what is left"
+STEPS = (DECLARED, SEARCHING, ALL_ROWS, LEFT, NEXT, DRAFTING)
+
 _SPREADS = 4.0  # a chance of few parameters: times the expected spread
 _RIVALS_EACH, _RIVALS = 2, 5
 _MANY_PARAMETERS = 200  # above it, only the strongest rival is fitted in the other's place
@@ -133,11 +138,12 @@ def diagnose(
     identification = data.split(seed)
     train, held_out = data.select(identification), data.select(~identification)
     problem = problem_for(robot, train, held_out, threads, seed)
+    progress(DECLARED)
     declared = problem.declared()
     selection, causes = _search(problem, declared, progress)
     selection = replace(selection, fits=tuple(problem.settled(f) for f in selection.fits))
     first, last = selection.fits[0], selection.fits[-1]
-    progress("what is left")
+    progress(LEFT)
     noise = noise_floor(problem, last)
     left, had = dossier(problem, last), dossier(problem, first)
     errors = [_errors(problem, fitted) for fitted in selection.fits]
@@ -151,6 +157,7 @@ def diagnose(
         for place, accepted in enumerate(selection.accepted)
     )
     alternatives = _alternatives(problem, declared, selection)
+    progress(NEXT)
     words, experiments = next_experiments(problem, last, findings, alternatives)
     spread = problem.spread(last)
     excess = held_out_excess(errors[-1], problem.error_of_unit_noise(last), _SPREADS * spread)
@@ -166,7 +173,7 @@ def diagnose(
         verdict = UNEXPLAINED
     drafts = ()
     if verdict == UNEXPLAINED and problem.drafts and not unconverged:
-        progress("drafting what is left")
+        progress(DRAFTING)
         drafts = drafts_of(problem, declared, last)
     return Diagnosis(
         robot=kept_masses(_bound(problem.updated_robot(last), robot, data), robot),
@@ -222,6 +229,7 @@ def _search(problem: Problem, declared: Layout, progress: Progress) -> tuple[Sel
     if rows is not None:
         part = type(problem)(problem.robot, problem.data.select(rows), problem.held_out, problem.threads,
                              problem.seed)
+    progress(SEARCHING)
     causes = find_causes(part, declared, progress) if problem.by_posterior else None
     if causes is None:
         found = select(part, declared, progress)
@@ -233,7 +241,7 @@ def _search(problem: Problem, declared: Layout, progress: Progress) -> tuple[Sel
             found, causes = (by_steps, None) if by_steps.accepted else (found, causes)
     fits = list(found.fits)
     if rows is not None:
-        progress("fitting all identification rows")
+        progress(ALL_ROWS)
         first = problem.fit(declared)
         effects = [accepted.effect for accepted in found.accepted]
         fits = [first, *fits[1:-1]] + ([refit(problem, declared, effects, first)] if effects else [])

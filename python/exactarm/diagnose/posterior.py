@@ -97,7 +97,7 @@ def find_causes(problem: Problem, declared: Layout, progress: Progress = lambda 
     nothing = something = None
     noise = None
     for turn in range(_ROUNDS):
-        progress(f"searching with {len(chosen)} effects in the model")
+        progress(f"{len(chosen)} found so far")
         found = search_round(problem, At.of(problem, fits[-1], vocabulary), noise)
         if found is None or len(places) + len(found.members.blocks) > MOST_AT_ONCE:
             return None

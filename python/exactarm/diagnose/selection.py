@@ -77,7 +77,7 @@ def select(problem: Problem, declared: Layout, progress: Progress = lambda text:
     fits, chosen, rounds = [problem.fit(declared)], [], []
     first_ranking, ranking = (), ()
     while len(chosen) < MOST_EFFECTS:
-        progress(f"searching with {len(chosen)} effects in the model")
+        progress(f"{len(chosen)} found so far")
         fitted = fits[-1]
         problem = problem.knowing(fitted)
         ranking = tuple(scan(fitted, candidates_for(problem, fitted), _count(problem, fitted)))

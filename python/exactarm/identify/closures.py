@@ -10,6 +10,7 @@ length is held.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,7 +19,13 @@ from exactarm.chain import Layout
 from exactarm.dataset import Dataset
 from exactarm.effects.base import Station
 from exactarm.errors import InputError
-from exactarm.identify.calibrate import Calibration, CalibrationOptions, calibrated_robot
+from exactarm.identify.calibrate import (
+    GEOMETRY,
+    JUDGING,
+    Calibration,
+    CalibrationOptions,
+    calibrated_robot,
+)
 from exactarm.identify.closure_fit import ClosureFit, Pulls, fit_closures
 from exactarm.identify.compliance import compliance_layout
 from exactarm.identify.declared import carried_layout, frames_layout, geometry_layout, require_geometry
@@ -75,15 +82,18 @@ class DeclaredClosures:
 
 
 def calibrate_closures(robot: Robot, data: Dataset,
-                       options: CalibrationOptions = CalibrationOptions()) -> Calibration:
+                       options: CalibrationOptions = CalibrationOptions(),
+                       progress: Callable[[str], None] = lambda text: None) -> Calibration:
     """Calibrates on the identification rows and judges on the others. Raises InputError where the data cannot
     support it."""
     drawn, robot = robot, with_loads(robot, data)
     identification = data.split(options.seed)
     train = touches(data.select(identification))
     rows = touches(replace(data, identification=identification))
+    progress(GEOMETRY)
     declared = declare_closures(robot, train, options.compliance, options.seed, options.threads,
                                 sessions_of(rows))
+    progress(JUDGING)
     fit = declared.fit
     before, after = (
         closure_errors(robot, each.layout, rows, options.threads) for each in (declared.nominal, fit)

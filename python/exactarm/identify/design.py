@@ -13,6 +13,7 @@ Both sets are put into an order of short ways. All scaling: exactarm.identify.ob
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -27,6 +28,9 @@ from exactarm.identify.polish import PolishOptions, polish
 from exactarm.identify.pose_space import Box, PoseSpace
 from exactarm.robot import Robot
 from exactarm.split import DEFAULT_SEED
+
+# Steps as they are told, in their order.
+CANDIDATES, EXCHANGE, POLISH = "candidate poses", "exchange of poses", "polishing the chosen poses"
 
 POOL = 4000
 REFERENCE = 1000  # poses that decide what is identifiable, thesis 3.2.1
@@ -78,8 +82,10 @@ class Design:
         return _indices(_scaled(self.model, self.identifiability, q))
 
 
-def design_poses(robot: Robot, options: DesignOptions = DesignOptions()) -> Design:
+def design_poses(robot: Robot, options: DesignOptions = DesignOptions(),
+                 progress: Callable[[str], None] = lambda text: None) -> Design:
     """Designs the poses. Raises InputError where `count` poses are too few for the parameters."""
+    progress(CANDIDATES)
     rng = np.random.default_rng(options.seed)
     space = PoseSpace.of(robot, options.box, options.clearance, options.station)
     candidates = space.draw(POOL, rng)
@@ -88,12 +94,14 @@ def design_poses(robot: Robot, options: DesignOptions = DesignOptions()) -> Desi
     identifiability = reference_identifiability(model, blocks[:REFERENCE], options.count)
     _require_enough(options.count, blocks.shape[1], identifiability)
     pool = blocks[:, :, identifiability.kept] * _scale(model, identifiability)
+    progress(EXCHANGE)
     start = _regular_start(pool, options.count, rng)
     exchanged = exchange(pool, start, rng, options.exchange)
 
     def blocks_at(q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return _scaled(model, identifiability, q, options.threads), space.allowed(q)
 
+    progress(POLISH)
     keep, add = options.exchange.keep, options.exchange.add
     q = polish(candidates[exchanged.chosen], space.lower, space.upper, blocks_at, keep, add, rng,
                options.polish)

@@ -11,6 +11,7 @@ step 7. Swevers et al. 1997; Gautier 1991; Atkeson, An and Hollerbach 1986.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -48,6 +49,10 @@ from exactarm.view import SIGN_WIDTH_RAD_S
 
 _WORST_CONDITION = 1e3  # of scaled columns: a parameter behind it would carry noise, not mass
 _BOOKKEEPING_MASS_KG = 5.0  # of links without a declared mass: no motion tells how a group is shared out
+
+# Steps as they are told, in their order.
+EXCITED, FITTING = "parameters that the motion shows", "inertias, friction, rotors"
+CONSISTENT = "masses that a body can have"
 
 
 @dataclass(frozen=True)
@@ -91,8 +96,8 @@ class DynamicsIdentification:
     payloads: tuple[EstimatedPayload, ...] = ()  # of each session, where some were not weighed
 
 
-def identify_dynamics(robot: Robot, data: Dataset,
-                      options: DynamicsOptions = DynamicsOptions()) -> DynamicsIdentification:
+def identify_dynamics(robot: Robot, data: Dataset, options: DynamicsOptions = DynamicsOptions(),
+                      progress: Callable[[str], None] = lambda text: None) -> DynamicsIdentification:
     """Identifies on one part of `data`, judges on the other. Raises InputError where the data cannot support
     it."""
     require_geometry(robot)
@@ -111,6 +116,7 @@ def identify_dynamics(robot: Robot, data: Dataset,
         name: predict_motion(robot, carried, record, tangents=False).residual()[record.keep][:, axes]
         for name, record in records.items()
     }
+    progress(EXCITED)
     base = base_parameters(robot)
     layout = friction_layout(start, train)
     if options.inertial:
@@ -120,10 +126,12 @@ def identify_dynamics(robot: Robot, data: Dataset,
     require_enough(layout, train)
     widths = friction_widths(start, layout, train, options.threads)
     records = {name: replace(record, sign_width=widths) for name, record in records.items()}
+    progress(FITTING)
     fit = fit_motion(start, layout, records["identification"], threads=options.threads)
     unconstrained = {name: fit.residual(record, options.threads) for name, record in records.items()}
     after, unsettled = unconstrained, ""
     if options.inertial:
+        progress(CONSISTENT)
         fit, unsettled = consistent_fit(start, robot, fit, records["identification"], options.threads)
         after = {name: fit.residual(record, options.threads) for name, record in records.items()}
     dropped = tuple(_structurally(base)) * options.inertial + unexcited

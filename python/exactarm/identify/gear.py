@@ -35,9 +35,11 @@ from exactarm.identify.gear_error import (
 from exactarm.identify.gear_orders import METHODS
 from exactarm.identify.gear_samples import GearSamples, gear_samples
 from exactarm.identify.statistics import ErrorSummary, summarise
+from exactarm.progress import SILENT, Progress
 from exactarm.robot import GearTable, Robot
 from exactarm.split import DEFAULT_SEED
 
+FITTING = "gears and their harmonics"  # a step as it is told
 _MUCH_OUTSIDE, _FAR_ABOVE = 0.2, 2.0  # share of validation rows; times the noise
 _SAME_SPEED = 0.1  # runs whose speeds differ by less than this share count as one speed
 
@@ -114,7 +116,7 @@ class GearIdentification:
 
 def identify_gears(
     robot: Robot, data: Dataset, *, method: str = "refined", seed: int = DEFAULT_SEED, threads: int = 1,
-    progress=lambda text: None
+    progress: Progress = SILENT
 ) -> GearIdentification:
     """Identifies every gear that moves in the data. Raises InputError where nothing can be identified."""
     if method not in METHODS:
@@ -122,9 +124,11 @@ def identify_gears(
     identification = data.split(seed)
     record = gear_record(robot, data)
     result, gears, held_out, alignments, warnings = robot, [], [], [], list(_left_out(data, record))
-    for axis in measured_axes(record):
+    axes = measured_axes(record)
+    progress.stage(FITTING, total=len(axes))
+    for place, axis in enumerate(axes):
+        progress.step(min(place, 1), note=f"gear {axis + 1}")
         samples, setup = gear_samples(robot, data, record, axis, identification, threads)
-        progress(f"gear {axis + 1}")
         first = first_look(samples)
         if first is None:
             used = int(np.sum(samples.identification & samples.keep))
@@ -145,7 +149,7 @@ def identify_gears(
         result = new
     if not gears:
         missing = "no axis moves far enough in one direction; expected gear runs over a range of its axis"
-        raise InputError(warnings[-1] if measured_axes(record) else missing, file=data.first_file)
+        raise InputError(warnings[-1] if axes else missing, file=data.first_file)
     warnings += _remaining(gears)
     intervals = dict(result.intervals)
     for gear in gears:

@@ -10,6 +10,7 @@ from pathlib import Path
 from exactarm.progress import SILENT, Progress
 from exactarm.report.sections import Figure
 
+DRAWING = "drawing"  # the last step of every command
 _ONE_AT_A_TIME = threading.Lock()  # matplotlib's settings belong to the process, not to a thread
 
 
@@ -29,7 +30,7 @@ def draw(figures: Sequence[Figure], place: Callable[[str], Path],
     from exactarm.report.plots.style import house_style, write_picture
 
     drawings = []
-    progress.stage("drawing", total=len(figures))
+    progress.stage(DRAWING, total=len(figures))
     with _ONE_AT_A_TIME, house_style():
         for figure in figures:
             vector, raster = place(f"plots/{figure.name}.svg"), place(f"plots/{figure.name}.png")
