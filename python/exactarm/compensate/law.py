@@ -1,7 +1,9 @@
 """The command that reaches a target on the identified model, and its inverse.
 
-    q <- q + J^+ e(q),   e = (p* - p(q), log(R* R(q)')),   p, R = T_actual(q, approach)
+    q <- q + (J M)^+ e(q),   e = (p* - p(q), log(R* R(q)')),   p, R = T_actual(q, approach)
 
+J: of the arm; M (n, n): how its joints turn with the axes that are commanded, 1 but for gears and couplings.
+A coupled wrist may turn an axis as far as its own motor does: first the joints go to the angles meant.
 The first steps keep the Jacobian of the start: the deviations are about 1e-3 of the arm, so each gains three
 digits. T_actual is the chain at rest (chain/poses.py) with every compensable effect of the robot file:
 geometry, gear tables of the
@@ -18,7 +20,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from exactarm import _core
-from exactarm.chain import Layout, predict_poses
+from exactarm.chain import Layout, PosePrediction, predict_poses
+from exactarm.chain.motion import transmission
 from exactarm.compensate.controller import ControllerChain
 from exactarm.compensate.flange_poses import Poses, missing, pose_error, pseudo_inverse
 from exactarm.dataset import Dataset
@@ -30,6 +33,7 @@ from exactarm.robot import Placement, Robot
 STEPS = (
     8  # three gain nine digits of a millimetre; more close to a singular pose, or where a flank changes side
 )
+FAR_RAD = 0.1  # of a joint from where it was meant: a coupling; gears and springs deviate by less than 0.02
 SAME_JACOBIAN = 3  # steps with the Jacobian of the start
 REACHED = 1e-10  # m and rad: a hundredth of the last digit that any program carries
 # Frobenius norm of J^-1 (rad per m or rad): 1 mrad, the orientation error of an arm as delivered, turns an
@@ -66,8 +70,8 @@ class CompensationModel:
         (compensate/frames.py)."""
         chain = ControllerChain.of(robot)
         standing = [effect for effect in robot.effects if not effect.record]
-        used = tuple(effect for effect in standing if effect.compensable)
-        left_out = tuple(effect.label for effect in standing if not effect.compensable)
+        used = tuple(effect for effect in standing if effect.compensable and effect.at_rest)
+        left_out = tuple(effect.label for effect in standing if effect not in used)
         place, end = compose(base, robot.controller.base), compose(robot.controller.flange, flange)
         actual = replace(robot, base=place, tool=end, effects=used)
         return CompensationModel(actual, chain, Layout.of(used, estimate=False), left_out)
@@ -86,20 +90,45 @@ class CompensationModel:
     def reached(self, q: np.ndarray, approach: np.ndarray | None = None, threads: int = 1) -> Poses:
         """Where the flange really goes: q (N, n) as commanded, approach (N, n) from -1 to 1 in the motors'
         sense."""
+        prediction = self.prediction(q, approach, threads)
+        return Poses(prediction.position, prediction.rotation)
+
+    def prediction(self, q: np.ndarray, approach: np.ndarray | None = None,
+                   threads: int = 1) -> PosePrediction:
+        """The chain at q (N, n) as commanded, with the angles of the joints in its view."""
         joints = {"q": q} if approach is None else {"q": q, "approach": approach}
         data = Dataset.of_arrays(POSES.name, joints)
-        prediction = predict_poses(self.actual, self.layout, data, tangents=False, threads=threads)
-        return Poses(prediction.position, prediction.rotation)
+        return predict_poses(self.actual, self.layout, data, tangents=False, threads=threads)
+
+    def _turned(self, prediction: PosePrediction) -> np.ndarray:
+        """M (N, n, n)."""
+        turned: np.ndarray = transmission(prediction.view, self.layout) * self.actual.controller_ratios
+        return turned
+
+    def _inverse(self, q: np.ndarray, approach: np.ndarray, threads: int) -> np.ndarray:
+        """(J M)^+ (N, n, 6)."""
+        prediction = self.prediction(q, approach, threads)
+        jacobian = _core.geometric_jacobian(self.actual.core, prediction.view.q, threads)
+        return pseudo_inverse(jacobian @ self._turned(prediction))
+
+    def _started(self, near: np.ndarray, approach: np.ndarray, threads: int) -> np.ndarray:
+        """Commands (N, n) that bring the joints to about `near`, where couplings turn them far from it."""
+        prediction = self.prediction(near, approach, threads)
+        missed = near - prediction.view.q
+        far = np.abs(missed).max(axis=1) > FAR_RAD
+        q = np.array(near, dtype=float)
+        q[far] += np.linalg.solve(self._turned(prediction)[far], missed[far, :, None])[:, :, 0]
+        return q
 
     def commands(
         self, targets: Poses, near: np.ndarray, approach: np.ndarray | None = None, threads: int = 1
     ) -> Commands:
         """The joint angles that reach the targets, started from `near` (N, n): those by the controller's
         chain."""
-        q = np.array(near, dtype=float)
-        inverse = pseudo_inverse(_core.geometric_jacobian(self.actual.core, q, threads))
+        side = np.zeros_like(near, dtype=float) if approach is None else approach
+        q = self._started(np.asarray(near, float), side, threads)
+        inverse = self._inverse(q, side, threads)
         amplification = np.linalg.norm(inverse, axis=(1, 2))
-        side = np.zeros_like(q) if approach is None else approach
         error = pose_error(targets, self.reached(q, side, threads))
         axes = q.shape[1]
         left_over = missing(error, axes)
@@ -108,7 +137,7 @@ class CompensationModel:
             if not rows.size:
                 break
             if step >= SAME_JACOBIAN:
-                inverse[rows] = pseudo_inverse(_core.geometric_jacobian(self.actual.core, q[rows], threads))
+                inverse[rows] = self._inverse(q[rows], side[rows], threads)
             trial = q[rows] + (inverse[rows] @ error[rows, :, None])[:, :, 0]
             left = pose_error(targets.rows(rows), self.reached(trial, side[rows], threads))
             better = missing(left, axes) < left_over[rows]
@@ -152,4 +181,5 @@ def actual_of(
     """
     model = CompensationModel.of(robot)
     joints = np.asarray(joints, float)
-    return model.controller.joints(model.reached(joints, approach, threads), joints)
+    there = model.prediction(joints, approach, threads)
+    return model.controller.joints(Poses(there.position, there.rotation), there.view.q)

@@ -48,12 +48,16 @@ class Expression(Effect):
     name: ClassVar[str] = "expression"
     station: ClassVar[Station] = Station.SPRING
     kinds: ClassVar[tuple[str, ...]] = ALL_KINDS
-    compensable: ClassVar[bool] = True
     repeatable: ClassVar[bool] = True
     source: ClassVar[str] = "a draft that was accepted"
     open_parameters: ClassVar[
         str
     ] = "the names in its formula that are no signals, each with its plausible size in the draft"
+
+    @property
+    def compensable(self) -> bool:  # type: ignore[override]
+        """Whether a program or a plan knows all its signals: those of axes, not a temperature."""
+        return all(_OF_AXIS.match(signal) for signal in self.of)
 
     @cached_property
     def grids(self) -> dict[str, tuple[float, ...]]:

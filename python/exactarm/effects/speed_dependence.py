@@ -26,6 +26,7 @@ class SpeedDependence(HarmonicFamily):
     plain: ClassVar[str] = "gear errors that change with the speed"
     kinds: ClassVar[tuple[str, ...]] = (GEAR_RUN.name, MOTION.name)
     compensable: ClassVar[bool] = True
+    at_rest: ClassVar[bool] = False
     smooth: ClassVar[bool] = False
     repeatable: ClassVar[bool] = False
     unit: ClassVar[str] = "_s_per_rad"

@@ -147,10 +147,11 @@ def _view(
     time = step * np.arange(len(q))
     data = Dataset.of_arrays(TRACKED_MOTION.name, {"theta": theta}, time=time)
     rows = len(q)
+    position, rotation = _core.forward_kinematics(robot.core, q, threads)
     signals = {
         "theta": theta, "theta_dot": q_dot * robot.ratios, "theta_ddot": q_ddot * robot.ratios, "phi": phi,
         "phi_dot": q_dot, "torque": torque, "q": q, "q_dot": q_dot, "q_ddot": q_ddot, "direction": direction,
         "base_position": np.zeros((rows, 3)), "base_rotation": np.tile(np.eye(3).ravel(), (rows, 1)),
-        "displacement": np.zeros((rows, 6)),
+        "displacement": np.zeros((rows, 6)), "target": position, "target_rotation": rotation.reshape(rows, 9),
     }
     return View(robot, data, TRACKED_MOTION.name, threads, signals=signals)
