@@ -28,6 +28,7 @@ from exactarm.identify.declared import all_effects
 from exactarm.identify.drifting_noise import DriftingNoise
 from exactarm.identify.gear_declared import declared_gear_layout, sensor_layout
 from exactarm.identify.gear_fit import fit_gear_runs
+from exactarm.identify.sensor_tone import find_tones, without_tones
 from exactarm.kinds import GEAR_RUN
 from exactarm.regression import Fit
 from exactarm.robot import Robot
@@ -59,6 +60,8 @@ class GearProblem(Problem):
     repeat_source = "high frequencies of the residual"
 
     def __init__(self, robot: Robot, data: Dataset, held_out: Dataset, threads: int = 1, seed: int = 0):
+        self._tones = find_tones(data)
+        data, held_out = without_tones(data, self._tones), without_tones(held_out, self._tones)
         super().__init__(robot, data, held_out, threads, seed)
         self._estimator, self._noise = ColouredNoise(self), NoiseMemory()
         self._records = {"identification": gear_record(robot, data, accelerating=True)}
@@ -207,7 +210,8 @@ class GearProblem(Problem):
         out, rows = (sum(int(np.sum(part)) for part in parts) for parts in
                      zip(*((~record.keep, np.ones(record.keep.size)) for record in self._records.values())))
         why = "a gear passes between its tables, inertia swings the drive train or a filter rounds the motion"
-        return (f"{out} of {rows} samples were left out: there {why}",) if out else ()
+        rows_out = (f"{out} of {rows} samples were left out: there {why}",) if out else ()
+        return (*rows_out, *map(str, self._tones))
 
     def groups(self) -> np.ndarray:
         """Whole runs where every set-up has several of each axis, else pieces of every run.

@@ -34,6 +34,7 @@ from exactarm.identify.gear_error import (
 )
 from exactarm.identify.gear_orders import METHODS
 from exactarm.identify.gear_samples import GearSamples, gear_samples
+from exactarm.identify.sensor_tone import find_tones, without_tones
 from exactarm.identify.statistics import ErrorSummary, summarise
 from exactarm.progress import SILENT, Progress
 from exactarm.robot import GearTable, Robot
@@ -122,8 +123,11 @@ def identify_gears(
     if method not in METHODS:
         raise InputError(f"unknown method {method!r}, expected one of {', '.join(METHODS)}")
     identification = data.split(seed)
+    tones = find_tones(data.select(identification))
+    data = without_tones(data, tones)
     record = gear_record(robot, data)
-    result, gears, held_out, alignments, warnings = robot, [], [], [], list(_left_out(data, record))
+    result, gears, held_out, alignments = robot, [], [], []
+    warnings = [*_left_out(data, record), *map(str, tones)]
     axes = measured_axes(record)
     progress.stage(FITTING, total=len(axes))
     for place, axis in enumerate(axes):

@@ -15,6 +15,7 @@ from exactarm.dataset import Dataset
 from exactarm.identify.declared import carried_layout
 from exactarm.identify.gear_declared import sensor_layout
 from exactarm.identify.gear_fit import fit_gear_runs
+from exactarm.identify.sensor_tone import find_tones, without_tones
 from exactarm.kinds import GEAR_RUN
 from exactarm.robot import Robot
 
@@ -32,7 +33,9 @@ class GearRunError:
 
 
 def gear_run_error(robot: Robot, data: Dataset, threads: int = 1) -> GearRunError:
-    """Fits the set-up on all rows that count and returns what is left on every row."""
+    """Fits the set-up on all rows that count and returns what is left on every row, tones of the sensor
+    aside."""
+    data = without_tones(data, find_tones(data))
     record = gear_record(robot, data)
     layout = sensor_layout(robot, data, record, bias=True).joined(carried_layout(robot, data, GEAR_RUN.name))
     prediction = fit_gear_runs(robot, layout, data, record=record, threads=threads).prediction
