@@ -22,7 +22,7 @@ import tempfile
 from pathlib import Path
 
 TOP = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(TOP / "bench"), str(TOP / "python")]
+sys.path.insert(0, str(TOP / "bench"))
 
 from blind import pose_scenario  # noqa: E402
 from blind.scorer import diagnose_case  # noqa: E402
