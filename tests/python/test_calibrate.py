@@ -154,6 +154,19 @@ def test_robust_loss_survives_gross_errors(arm):
     assert robust.after["validation"].rms < 1.5 * FLOOR_M < 5.0 * FLOOR_M < plain.after["validation"].rms
 
 
+def test_wild_rows_are_noticed_weigh_less_and_are_told(arm):
+    rng = np.random.default_rng(63)
+    q = joints_in_limits(arm, 100, rng)
+    data = measured(arm, [true_robot(arm, rng)], [q], NOISE_M, rng, **held_out(100, 30))
+    clean = calibrate(arm, data)
+    assert not [line for line in clean.warnings if "Huber" in line or "bound" in line]
+    position = data.position.copy()
+    position[:70:24] += rng.normal(0.0, 0.02, (3, 3))
+    found = calibrate(arm, replace(data, position=position))
+    assert found.after["validation"].rms < 1.2 * clean.after["validation"].rms
+    assert [line for line in found.warnings if line.startswith("3 of 100 rows miss by more than 8 times")]
+
+
 def test_repeated_poses_tell_no_more_parameters(arm):
     rng = np.random.default_rng(64)
     q = np.repeat(joints_in_limits(arm, 9, rng), 10, axis=0)

@@ -50,12 +50,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--compliance", metavar="AXES", default="auto",
                         help="axes whose joint compliance is estimated, as 2,3; none; default: those under "
                              "load")
-    parser.add_argument("--robust", action="store_true", help="Huber's loss: gross errors weigh less")
+    parser.add_argument("--robust", action="store_true", default=None,
+                        help="Huber's loss: gross errors weigh less (default: where some rows are wild)")
 
 
 def calibrate(
     robot: AnyRobot, data: AnyData, *, use: Literal["auto", "position", "pose"] = "auto",
-    compliance: Sequence[int] | None = None, robust: bool = False, seed: int = DEFAULT_SEED,
+    compliance: Sequence[int] | None = None, robust: bool | None = None, seed: int = DEFAULT_SEED,
     threads: int | None = None,
     kind: str | None = None, fixture: AnyFixture = None, sessions: str | Path | None = None,
     progress: Progress = SILENT,
@@ -63,7 +64,8 @@ def calibrate(
     """Identifies geometry, joint offsets, gear ratios and joint springs from measured poses or closures.
 
     use: positions alone, or orientations too ("auto": what was measured). compliance: axes from 1 whose
-    spring is estimated (None: those under load). robust: Huber's loss. threads: None is all cores.
+    spring is estimated (None: those under load). robust: Huber's loss
+    (None: where some rows are wild). threads: None is all cores.
 
         >>> import exactarm as ea
         >>> result = ea.calibrate("ur10", ea.example("ur10/series_B"), compliance=())
@@ -96,7 +98,7 @@ def calibrate(
         tables={"residuals.csv": residual_table(result.data, result.identification, result.error_before,
                                                 result.residual_after)},
         asked=asked("calibrate", robot, rows, seed, given,
-                    {"use": "auto", "compliance": None, "robust": False}),
+                    {"use": "auto", "compliance": None, "robust": None}),
     ).warned([*told, *found])
     made = with_payload_section(made, result.payloads, "One stiffness for all sessions.")
     return with_load_section(made, declared, rows)

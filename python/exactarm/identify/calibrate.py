@@ -33,6 +33,7 @@ from exactarm.identify.pose_fit import PoseFit, fit_poses
 from exactarm.identify.reach import reach
 from exactarm.identify.session_payloads import EstimatedPayload, payload_layout, session_payloads
 from exactarm.identify.statistics import ErrorSummary, summarise
+from exactarm.identify.wild_rows import wild_rows, wild_rows_line
 from exactarm.kinds import POSES, kind_of
 from exactarm.measurement.session_payload import SessionPayload
 from exactarm.regression import Fit
@@ -47,16 +48,17 @@ if TYPE_CHECKING:
 FRAMES, GEOMETRY, JUDGING = "base and tool frames", "geometry, gears and springs", "judging held-out rows"
 # Of the reach, after calibration: arms miss by 0.001 to 0.003 of it before, by a tenth of that after.
 MOST_LEFT = 0.004
+_BEYOND = 3.0  # standard deviations that the data would have a parameter beyond its bound
 
 
 @dataclass(frozen=True)
 class CalibrationOptions:
-    """orientation: use measured orientations too; compliance: axes (from 1) whose spring is estimated, None =
-    choose."""
+    """orientation: use measured orientations too; compliance: axes (from 1) whose spring is estimated;
+    robust: Huber's loss; None = choose."""
 
     orientation: bool | None = None
     compliance: tuple[int, ...] | None = None
-    robust: bool = False
+    robust: bool | None = None
     seed: int = DEFAULT_SEED
     threads: int = 1
 
@@ -123,6 +125,9 @@ def calibrate(robot: Robot, data: Dataset, options: CalibrationOptions = Calibra
     layout = frames.joined(geometry_layout(robot)).joined(compliance_layout(robot, train, options.compliance))
     layout = layout.joined(carried_layout(robot, train))
     fit, identifiability = fit_identifiable(robot, layout, train, orientation, options)
+    if options.robust is None and wild_rows(fit.error(train, options.threads)).any():
+        options = replace(options, robust=True)
+        fit, identifiability = fit_identifiable(robot, layout, train, orientation, options)
     carried = payload_layout(train)
     if carried.size:
         layout = Layout(fit.layout.effects, layout.free).joined(carried)
@@ -132,6 +137,8 @@ def calibrate(robot: Robot, data: Dataset, options: CalibrationOptions = Calibra
     residual = fit.residual(data, options.threads)
     error_after = np.linalg.norm(residual, axis=1)
     parts = {"identification": identification, "validation": ~identification}
+    apart = wild_rows(error_after)
+    wild = (wild_rows_line(error_after, apart),) if options.robust and apart.any() else ()
     return Calibration(
         robot=kept_masses(calibrated_robot(robot, train, fit.layout, fit.fit), declared),
         fit=fit,
@@ -144,9 +151,9 @@ def calibrate(robot: Robot, data: Dataset, options: CalibrationOptions = Calibra
         after={k: summarise(error_after[mask]) for k, mask in parts.items()},
         identifiability=identifiability,
         orientation=orientation,
-        warnings=(*_warnings(fit, train, found),
+        warnings=(*_warnings(fit, train, found), *wild,
                   *missing_tilts(robot, fit.layout, train, options.threads),
-                  *_left_over(robot, float(np.sqrt(np.mean(error_after**2))))),
+                  *_left_over(robot, float(np.sqrt(np.mean(error_after[~apart] ** 2))))),
         payloads=session_payloads(data, fit.layout, fit.fit.interval()),
     )
 
@@ -161,7 +168,7 @@ def fit_identifiable(
 
     def fit(chosen: Layout) -> PoseFit:
         return fit_poses(
-            robot, chosen, data, orientation=orientation, robust=options.robust, threads=options.threads
+            robot, chosen, data, orientation=orientation, robust=bool(options.robust), threads=options.threads
         )
 
     first = fit(kept)
@@ -272,6 +279,21 @@ def _after_fit(robot: Robot, data: Dataset, layout: Layout, fit: Fit) -> Layout:
     return Layout(tuple(effects), layout.free)
 
 
+def _beyond_bounds(fit: PoseFit, data: Dataset):
+    """Parameters at a bound that the data would have beyond it; a spring of a stiff axis just lies at 0."""
+    if not fit.fit.at_bound.any():
+        return
+    prediction = predict_poses(fit.robot, fit.layout, data)
+    columns = prediction.jacobian[:, :3].reshape(-1, fit.layout.size) / fit.sigma_position
+    residual = prediction.residual().ravel() / fit.sigma_position
+    free = columns[:, ~fit.fit.at_bound]
+    for k in np.flatnonzero(fit.fit.at_bound):
+        alone = columns[:, k] - free @ np.linalg.lstsq(free, columns[:, k], rcond=None)[0]
+        if abs(alone @ residual) > _BEYOND * np.linalg.norm(alone):
+            yield (f"{fit.layout.names[k]} lies at its bound: the data asks for a value that no drive or "
+                   "structure can have")
+
+
 def _left_over(robot: Robot, left_m: float):
     """Data that no arm gives: columns or rows that do not belong together, whichever they are."""
     if left_m > MOST_LEFT * reach(robot):
@@ -283,9 +305,7 @@ def _left_over(robot: Robot, left_m: float):
 def _warnings(fit: PoseFit, data: Dataset, found: list):
     if not fit.fit.converged:
         yield f"the fit did not converge ({fit.fit.reason}): check the data for gross errors"
-    for name, bound in zip(fit.layout.names, fit.fit.at_bound):
-        if bound:
-            yield f"{name} lies at its bound: the data asks for a value that no drive or structure can have"
+    yield from _beyond_bounds(fit, data)
     if fit.fit.freedom < 2 * fit.layout.size:
         yield (
             f"only {fit.fit.freedom} degrees of freedom for {fit.layout.size} parameters: measure more poses"
