@@ -7,7 +7,8 @@ means for an arm is not certain: poses follow the branch of the target before (-
 CONFIG must stay the same. Whether J3 counts from the horizon is not certain either: the robot file has to say
 it ([controller] coupling = [[3, 2, 1.0]], or [] for no coupling). Numbers have the decimals of their
 position, three at least: whether a controller reads more is not known. Groups other than 1 stay as they are.
-Refused: position registers, offsets, incremental motions, remote tools.
+Refused: position registers, offsets, incremental motions, remote tools, frames and positions that the program
+sets, UFRAME_NUM and UTOOL_NUM other than those of a position, PAYLOAD without --payload, extended axes.
 """
 
 from __future__ import annotations
@@ -27,7 +28,11 @@ _MOTION = re.compile(r"(?m)^[ \t]*\d*[ \t]*:[ \t]*([JLCA])[ \t]+(P|PR)\[([^\]]*)
 _POSITION = re.compile(r"P\[\s*(\d+)\s*(?::[^\]]*)?\]\s*\{(.*?)\}\s*;", re.S)
 _GROUP = re.compile(r"GP(\d+)\s*:")
 _FORBIDDEN = re.compile(r"(?i)\b(Offset|Tool_Offset|INC|RTCP|VOFFSET|COORD)\b")
-_FIELD = re.compile(r"\b(X|Y|Z|W|P|R|J\d)\s*=\s*([^,\s]+)\s*(mm|deg)?")
+_SET = re.compile(r"\b(?:UTOOL\[[^\]]*\]|UFRAME\[[^\]]*\]|P\[[^\]]*\](?=[ \t]*=))[ \t]*=")
+_ACTIVE = re.compile(  # what sets the frames that are active, and where ways part and meet
+    r"(?m)^[ \t]*\d*[ \t]*:[ \t]*(?:(?P<which>UFRAME|UTOOL)_NUM[ \t]*=[ \t]*(?P<number>[^;\r\n]*?)[ \t]*;"
+    r"|(?P<way>LBL\[|CALL\b|IF\b|ELSE|ENDIF|SELECT\b|FOR\b|ENDFOR|JMP\b|RUN\b|=))")
+_FIELD = re.compile(r"\b(X|Y|Z|W|P|R|J\d|E\d)\s*=\s*([^,\s]+)\s*(mm|deg)?")
 CARTESIAN = ("X", "Y", "Z", "W", "P", "R")
 LEAST_DECIMALS = 3  # as controllers write them
 
@@ -77,10 +82,21 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
             index[i] = len(targets) - 1
         return index[i]
 
-    if match := re.compile(r"\b(?:UTOOL|UFRAME)\[[^\]]*\]\s*=").search(text, start, end):
+    if match := _SET.search(text, start, end):
         raise source.refuse(match.start(), f"{match[0].rstrip(' =')} is set by the program; expected frames "
-                                           "that stay as they are")
-    for match in _MOTION.finditer(text, start, end):
+                                           "and positions that stay as they are")
+    match = re.compile(r"\bPAYLOAD[ \t]*\[").search(text, start, end)
+    if match and setting.load is None:
+        raise source.refuse(match.start(), "PAYLOAD chooses a load of the controller; expected --payload")
+    active: dict[str, str] = {}
+    events = [*_MOTION.finditer(text, start, end), *_ACTIVE.finditer(text, start, end)]
+    for match in sorted(events, key=lambda match: match.start()):
+        if match.re is _ACTIVE:
+            if match["way"]:
+                active = {}
+            else:
+                active[match["which"]] = match["number"]
+            continue
         if word := _FORBIDDEN.search(match[4]):
             raise source.refuse(
                 match.start(1),
@@ -88,6 +104,7 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
             )
         first = target(match[2], match[3], match.start(1))
         line = source.line(match.start(1))
+        _require_active(source, positions[int(match[3].split(":")[0])][0], active, match.start(1))
         if match[1] == "A":
             raise source.refuse(
                 match.start(1),
@@ -105,6 +122,18 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
     return Program(NAME, sources, tuple(targets), tuple(motions), told)
 
 
+def _require_active(source: SourceText, position: re.Match, active: dict[str, str], place: int) -> None:
+    """The frames of a position are those that the program has chosen: else a controller stops, or takes the
+    position in other frames."""
+    for key, which in (("UF", "UFRAME"), ("UT", "UTOOL")):
+        found = re.search(rf"\b{key}\s*:\s*(\d+)", position[2])
+        number = active.get(which, "")
+        if found and number.isdigit() and int(number) != int(found[1]):
+            raise source.refuse(place, f"P[{position[1]}] is of {key} {found[1]}, and {which}_NUM is "
+                                       f"{number} "
+                                       "here; expected the same")
+
+
 def _target(source: SourceText, number: int, match: re.Match, setting: Setting) -> Target:
     body, at = match[2], match.start(2)
     groups = list(_GROUP.finditer(body))
@@ -119,6 +148,12 @@ def _target(source: SourceText, number: int, match: re.Match, setting: Setting) 
     for field in _FIELD.finditer(quoted):
         if field[1] in fields:
             raise source.refuse(at + start + field.start(), f"{field[1]} is given twice")
+        if field[1][0] == "E":
+            if Number.read(source, field[2], at + start + field.start(2)).value:
+                raise source.refuse(at + start + field.start(),
+                                    f"extended axis {field[1]} is in use; expected "
+                                                                "an arm that stands still")
+            continue
         unit = "mm" if field[1] in "XYZ" else "deg"
         if field[3] != unit:
             raise source.refuse(

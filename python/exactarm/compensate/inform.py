@@ -96,6 +96,9 @@ class _Reader:
             raise self.source.refuse(
                 place, "SFTON moves all positions that follow; expected positions as they are"
             )
+        if match := re.match(r"\s*(MFRAME|SETTOOL|GETTOOL)\b", text):
+            raise self.source.refuse(place, f"{match[1]}: a frame that the job sets; expected frames that "
+                                            f"stay")
         match = _MOTION.match(text)
         if match is None:
             return
@@ -108,6 +111,10 @@ class _Reader:
             raise self.source.refuse(
                 place, "a second position in one motion: external axes or a second arm; expected one"
             )
+        if tag := re.search(r"\b(TL|UF|BF|RF|TF|MTF)\b[ \t]*#?", match[3]):
+            raise self.source.refuse(place, f"{tag[0].strip()}: a tool or frame of this motion alone; "
+                                            f"expected "
+                                            "those of its position")
         kind = KINDS[match[1]]
         target = self.target(match[2], place)
         self.arcs = self.arcs + 1 if kind == "circular" else 0

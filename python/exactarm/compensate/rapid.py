@@ -106,7 +106,7 @@ class _Reader(Declarations):
                 raise source.refuse(match.start(), f"{match[1]} without a target")
             axes = match[1].lower() == "moveabsj"
             wobj = switches.get("wobj", "wobj0")
-            tool = _tool_of(plain, switches)
+            tool = _tool_of(plain, count + 2 if match[2] and match[1].lower().startswith("move") else -1)
             if switches.get("tload", "load0").lower() != "load0" and self.setting.load is None:
                 raise source.refuse(match.start(), "\\TLoad in place of the load of the tool; expected "
                                                    "--payload with it")
@@ -198,7 +198,7 @@ class _Reader(Declarations):
             return [number.edit(source, file, value, DEG_DECIMALS) for number, value in zip(numbers, degrees)]
 
         q = self.setting.joints(np.radians([number.value for number in numbers]))
-        load = self.tool(tool, index, place)[1]  # the arm bends under it, wherever the tip is
+        load = self.tool(tool, index, place)[2]  # the arm bends under it, wherever the tip is
         return Target(name, file, source.line(literal.start), encode, joints=q, load=load)
 
     def pose(
@@ -243,7 +243,7 @@ class _Reader(Declarations):
                     or cf[3] == 0
                 )
 
-        tip, load, why = self.tool(tool, index, place)
+        tip, why, load = self.tool(tool, index, place)
         base, why_base = self.work_object(wobj, index, place)
         return Target(
             name,
@@ -260,49 +260,49 @@ class _Reader(Declarations):
 
     # -- tool and work object ------------------------------------------------------------------------
     def tool(self, name: str, index: int, place: int):
-        """Placement, load and, where they are not known, why."""
+        """Placement and, where it is not known, why; load."""
         if name.lower() == "tool0":
-            return Placement(), None, ""
-        given = self.setting.tool(name)
-        if given is not None:
-            return (
-                placement(given) if len(given) == 7 else Placement(),
-                None,
-                "" if len(given) == 7 else _expected("tool", name),
-            )
+            return Placement(), "", None
         if name.lower() not in self.data:
-            return (
-                Placement(),
-                None,
-                f"unknown tool {name or '(none in the motion)'}: {_expected('tool', name)}",
-            )
+            return *self.given("tool", name), None
         datum = self.datum(index, name, place, ("tooldata",))
         parts = datum.literal.parts
         if len(parts) != 3 or not isinstance(parts[0], tuple) or parts[0][0].strip().upper() != "TRUE":
-            return Placement(), None, f"{name} is not held by the robot; expected tooldata with TRUE"
+            return Placement(), f"{name} is not held by the robot; expected tooldata with TRUE", None
         frame = self.frame(datum, parts[1])
         mass = Number.read(self.sources[datum.file], *parts[2][0]).value
         centre = [Number.read(self.sources[datum.file], *part).value for part in parts[2][1]]
         load = (mass, tuple(1e-3 * value for value in centre)) if mass > 0.0 else None
-        return frame, load, ""
+        return frame, self.otherwise("tool", name, frame), load
 
     def work_object(self, name: str, index: int, place: int):
         """Placement of user frame and object frame, and, where they are not known, why."""
         if name.lower() == "wobj0":
             return Placement(), ""
-        given = self.setting.base(name)
-        if given is not None:
-            return placement(given) if len(given) == 7 else Placement(), "" if len(given) == 7 else _expected(
-                "base", name
-            )
         if name.lower() not in self.data:
-            return Placement(), f"unknown work object {name}: {_expected('base', name)}"
+            return self.given("base", name)
         datum = self.datum(index, name, place, ("wobjdata",))
         parts = datum.literal.parts
         flags = [part[0].strip().upper() for part in parts[:2] if isinstance(part, tuple)]
         if flags != ["FALSE", "TRUE"] or len(parts) != 5:
             return Placement(), f"{name} is held or moved; expected wobjdata with FALSE, TRUE"
-        return compose(self.frame(datum, parts[3]), self.frame(datum, parts[4])), ""
+        frame = compose(self.frame(datum, parts[3]), self.frame(datum, parts[4]))
+        return frame, self.otherwise("base", name, frame)
+
+    def given(self, option: str, name: str) -> tuple[Placement, str]:
+        """A frame of the command line, and why it is not known."""
+        numbers = (self.setting.tool if option == "tool" else self.setting.base)(name)
+        if numbers is not None and len(numbers) == 7:
+            return placement(numbers), ""
+        what = "tool" if option == "tool" else "work object"
+        return Placement(), f"unknown {what} {name or '(none in the motion)'}: {_expected(option, name)}"
+
+    def otherwise(self, option: str, name: str, frame: Placement) -> str:
+        """What is wrong where the command line has other numbers for a frame than the file."""
+        named = self.setting.tools if option == "tool" else self.setting.bases
+        numbers = {key.lower(): numbers for key, numbers in named.items()}.get(name.lower())
+        same = numbers is None or (len(numbers) == 7 and placement(numbers) == frame)
+        return "" if same else f"{name} has other numbers in these files than by --{option}"
 
     def frame(self, datum: Datum, parts) -> Placement:
         literal = Literal(parts if isinstance(parts, list) else [], datum.literal.start, datum.literal.end)
@@ -336,7 +336,7 @@ def _arguments(text: str, place: int) -> list[tuple[str, str, int]]:
     return found
 
 
-def _tool_of(plain: list[tuple[str, int]], switches: dict[str, str]) -> str:
-    """The last argument without a switch: target(s), speed, zone, tool."""
-    word = plain[-1][0].strip()
+def _tool_of(plain: list[tuple[str, int]], where: int) -> str:
+    """The last argument without a switch: target(s), speed, zone, tool; behind that of MoveLDO, a signal."""
+    word = plain[where][0].strip() if where < len(plain) else ""
     return word if re.fullmatch(r"\w+", word) else ""

@@ -19,7 +19,7 @@ _DATA = re.compile(
 )
 _ARGUMENTS = re.compile(r"(?i)\b(?:PROC|FUNC\s+\w+)\s+\w+\s*\(([^)]*)\)")
 _ARGUMENT = re.compile(r"(?i)\b(?:robtarget|jointtarget|tooldata|wobjdata)\s+(\w+)")
-_ASSIGNED = re.compile(r"(?im)(?:^|;)\s*(\w+)(?:\.[\w.{}]+)?\s*:=")
+_ASSIGNED = re.compile(r"(?i)(?<![\w\\.}])(\w+)[ \t]*(?:\{[^}]*\}|\.\w+)*\s*:=")
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,10 @@ class Declarations:
             for match in _ARGUMENTS.finditer(text):
                 for argument in _ARGUMENT.finditer(match[1]):
                     self.assigned.setdefault(argument[1].lower(), (index, match.start()))
+            declared = {datum.place for data in self.data.values() for datum in data if datum.file == index}
             for match in _ASSIGNED.finditer(text):
+                if match.start(1) in declared:
+                    continue
                 self.assigned.setdefault(match[1].lower(), (index, match.start(1)))
 
     def literal(self, index: int, place: int) -> Literal | None:

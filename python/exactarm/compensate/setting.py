@@ -28,12 +28,28 @@ class Setting:
     load: tuple[float, tuple[float, float, float]] | None = None
     device: bool = False
     columns: Mapping[str, str] = field(default_factory=dict)
+    unnamed: dict[str, set[str]] = field(default_factory=dict, compare=False)  # names that "" stood for
 
     def tool(self, name: str) -> tuple[float, ...] | None:
-        return _named(self.tools, name)
+        return self._frame("tool", self.tools, name)
 
     def base(self, name: str) -> tuple[float, ...] | None:
-        return _named(self.bases, name)
+        return self._frame("base", self.bases, name)
+
+    def _frame(
+        self, option: str, frames: Mapping[str, tuple[float, ...]], name: str
+    ) -> tuple[float, ...] | None:
+        """The frame of a name; the one without a name stands for one name, not for several."""
+        folded = {key.lower(): numbers for key, numbers in frames.items()}
+        if name.lower() in folded or "" not in folded:
+            return folded.get(name.lower())
+        names = self.unnamed.setdefault(option, set())
+        names.add(name.lower())
+        if len(names) > 1:
+            shown = ", ".join(sorted(word or "(none set)" for word in names))
+            raise InputError(f"--{option} without a name, and the programs use several ({shown}); expected "
+                             f"--{option} NAME=NUMBERS for each")
+        return folded[""]
 
     def joints(self, reported: np.ndarray) -> np.ndarray:
         """q (n,) of what a controller reports whose axes are coupled."""
@@ -42,11 +58,6 @@ class Setting:
     def reported(self, q: np.ndarray) -> np.ndarray:
         """The inverse of `joints`."""
         return self.robot.controller.reported(np.asarray(q, float))
-
-
-def _named(frames: dict[str, tuple[float, ...]], name: str) -> tuple[float, ...] | None:
-    folded = {key.lower(): numbers for key, numbers in frames.items()}
-    return folded.get(name.lower(), folded.get(""))
 
 
 def read_frames(option: str, words: Sequence[str]) -> dict[str, tuple[float, ...]]:

@@ -1,0 +1,193 @@
+"""RAPID programs with traps: executed before and after `compensate` by an interpreter that knows no
+reader."""
+
+import math
+
+import numpy as np
+import pytest
+
+from compensation_cell import BASE, LOAD, TOOL, nearby
+from exactarm.errors import InputError
+from interpreters import rapid
+from interpreters.motion import zyx
+from interpreters.rapid import to_pose
+from interpreters.verdict import arm_of, compensate, corrected, refused, robot_of
+
+OTHER_TOOL = (80.0, -20.0, 200.0, 22.0, 30.0, -10.0)
+OTHER_BASE = (-80.0, 60.0, 40.0, 7.0, 2.0, -6.0)
+OBJECT = (12.0, 34.0, -20.0, 3.0, 4.0, 5.0)
+ROBOT = robot_of()
+ARM = arm_of(ROBOT)
+Q = nearby(ROBOT, 6)
+NONE = "[9E+09,9E+09,9E+09,9E+09,9E+09,9E+09]"
+
+
+def execute(files):
+    return rapid.execute(files, ARM, Q[0])
+
+
+def row(values, digits=7):
+    return "[" + ",".join(f"{value:.{digits}f}" for value in values) + "]"
+
+
+def frame(numbers):
+    position, turn = to_pose(zyx(*numbers))
+    return f"[{row(position)},{row(turn, 10)}]"
+
+
+def target(i, tool=TOOL, base=zyx(*BASE), outside=NONE, sign=1.0):
+    position, turn = to_pose(np.linalg.inv(base) @ ARM.pose(Q[i]) @ zyx(*tool))
+    quarters = [math.floor(angle / (np.pi / 2)) for angle in Q[i][[0, 3, 5]]]
+    word = ",".join(map(str, [*quarters, int(Q[i][4] < 0)]))
+    return f"[{row(position)},{row([sign * value for value in turn], 10)},[{word}],{outside}]"
+
+
+def joints(i, outside=NONE):
+    return f"[{row(np.degrees(Q[i]))},{outside}]"
+
+
+HEAVY = f"[{LOAD[0]},{row(1e3 * np.array(LOAD[1]))},[1,0,0,0],0,0,0]"
+LIGHT = "[0.001,[0,0,0.001],[1,0,0,0],0,0,0]"
+DATA = f"""PERS tooldata torch:=[TRUE,{frame(TOOL)},{HEAVY}];
+TASK PERS tooldata Hand:=[TRUE,{frame(OTHER_TOOL)},{LIGHT}];
+PERS wobjdata table:=[FALSE,TRUE,"",{frame(BASE)},{frame((0,) * 6)}];
+PERS wobjdata other:=[FALSE,TRUE,"",{frame(OTHER_BASE)},{frame(OBJECT)}];
+"""
+BOTH = zyx(*OTHER_BASE) @ zyx(*OBJECT)
+P = {i: f"CONST robtarget p{i}:={target(i)};\n" for i in range(6)}
+T = "torch\\WObj:=table;"
+SPACED = target(2).replace(",", " ,\n").replace("]", " ]")
+EXPONENT = f"[[{float(target(1)[2:].split(',')[0]) / 100.0:.9f}E+2,{target(1).split(',', 1)[1]}"
+RIGHT = {
+    "tools and work objects change between motions": (
+        P[1], f"MoveJ p1,v100,fine,{T}\nMoveL {target(2, OTHER_TOOL)},v100,z10,Hand\\WObj:=table;\n"
+              f"MoveL {target(3, OTHER_TOOL, BOTH)},v100,z10,hand\\WObj:=OTHER;\n"
+              f"MoveL {target(4, TOOL, np.eye(4))},v100,z10,torch;\n"
+              f"MoveL {target(5, TOOL, np.eye(4))},v5,z1,torch"
+              "\\WObj:=wobj0;"),
+    "no tool": ("", f"MoveJ {target(1, (0,) * 6, np.eye(4))},v100,fine,tool0;"),
+    "an instruction over several lines, letters large and small": (
+        P[1], f"movej  P1 ,\n   v100\\V:=50 , fine\\Inpos:=inpos50 ,\n  TORCH \\wobj := Table ; ! MoveL p2;\n"
+              f"MOVEL\n{SPACED}\n,v100,z10,{T}"),
+    "options before the point and behind it": (
+        P[1] + P[2], f"MoveJ \\Conc,p1\\ID:=5,v100\\T:=3,fine\\Inpos:=inpos50,{T}\n"
+                     f"MoveL p2,v100,z10\\Z:=5,{T}"),
+    "an arc": (P[1] + P[2] + P[3], f"MoveJ p1,v100,fine,{T}\nMoveC p2,p3,v100,z10,{T}"),
+    "joint targets": (f"CONST jointtarget home:={joints(1)};\n",
+                      f"MoveAbsJ home,v100,fine,torch;\nMoveAbsJ {joints(2)}\\NoEOffs,v100,fine,{T}"),
+    "events on the way": (
+        P[1] + P[2] + P[3], f"TriggJ p1,v100,io1,fine,{T}\nMoveLDO p2,v100,z10,{T[:-1]},do1,1;\n"
+                            f"MoveLSync p3,v100,z10,{T[:-1]},\"sub\";\n"),
+    "the other sign of a quaternion": (f"CONST robtarget p1:={target(1, sign=-1.0)};\n",
+                                       f"MoveJ p1,v100,fine,{T}"),
+    "external axes that are none, or at zero": (
+        f"CONST robtarget p1:={target(1, outside='[9E9,9E9,9E9,9E9,9E9,9E9]')};\n"
+        f"CONST robtarget p2:={target(2, outside='[9e+9,9E+9,9E9,9E+09,9E9,9.0E+09]')};\n",
+        f"MoveJ p1,v100,fine,{T}\nMoveJ p2,v100,fine,{T}"),
+    "loops, branches, routines": (
+        P[1] + P[2] + P[3] + "VAR num n:=2;\n",
+        f"FOR i FROM 1 TO 2 DO\nMoveJ p1,v100,fine,{T}\nsub;\nENDFOR\nIF n=2 THEN\nMoveL p3,v100,fine,{T}\n"
+        f"ENDIF\n"
+        f"TEST n\nCASE 1,3:\nMoveL p1,v100,fine,{T}\nDEFAULT:\nMoveL p2,v100,fine,{T}\nENDTEST\nENDPROC\n"
+        f"PROC sub()\nMoveL p2,v100,fine,{T}"),
+    "comments and strings that look like motions": (
+        P[1] + f"! {P[2]}", f'TPWrite "MoveJ p3,v100,fine,tool0;!";\nMoveJ p1,v100,fine,{T} ! MoveJ p2;'),
+    "a target that is a variable of its routine": (
+        "", f"VAR robtarget here:={target(1)};\nMoveJ here,v100,fine,{T}"),
+    "numbers in every form": ("", f"MoveJ {EXPONENT},v100,fine,{T}"),
+}
+REFUSED = {
+    "a component that one line of a condition sets": (
+        f"VAR num n:=2;\nVAR robtarget p1:={target(1)};\n", f"IF n=2 p1.trans.z:=1;\nMoveJ p1,v100,fine,{T}"),
+    "a tool that a case sets on its line": (
+        "VAR num n:=2;\n" + P[1], f"TEST n\nCASE 2: torch:=hand;\nENDTEST\nMoveJ p1,v100,fine,{T}"),
+    "targets of another module": (P[1].replace("p1", "p3"), f"MoveJ p1,v100,fine,{T}"),
+    "an offset": (P[1], f"MoveJ Offs(p1,0,0,10),v100,fine,{T}"),
+    "an offset beside the point itself": (P[1],
+                                          f"MoveJ p1,v100,fine,{T}\nMoveL Offs(p1,0,0,10),v100,fine,{T}"),
+    "an offset along the tool": (P[1], f"MoveL RelTool(p1,0,0,10\\Rz:=5),v100,fine,{T}"),
+    "a component that the program sets": (
+        f"PERS robtarget p1:={target(1)};\n", f"p1.trans.z:=p1.trans.z+10;\nMoveJ p1,v100,fine,{T}"),
+    "a component that the program sets behind the motion, in a loop": (
+        f"VAR robtarget p1:={target(1)};\n",
+        f"FOR i FROM 1 TO 2 DO\nMoveJ p1,v100,fine,{T}\np1.trans.x:=p1.trans.x+10;\nENDFOR"),
+    "a target that is assigned": (
+        f"VAR robtarget p1:={target(1)};\n" + P[2], f"p1:=p2;\nMoveJ p1,v100,fine,{T}"),
+    "a target that gets an offset": (
+        f"VAR robtarget p1:={target(1)};\n", f"p1:=Offs(p1,0,0,10);\nMoveJ p1,v100,fine,{T}"),
+    "a list of targets": (
+        f"CONST robtarget way{{2}}:=[{target(1)},{target(2)}];\n",
+        f"FOR i FROM 1 TO 2 DO\nMoveJ way{{i}},v100,fine,{T}\nENDFOR"),
+    "an argument of a routine": (P[1], f"go p1;\nENDPROC\nPROC go(robtarget p)\nMoveJ p,v100,fine,{T}"),
+    "an argument with the name of a target": (
+        P[1] + P[2], f"go p2;\nENDPROC\nPROC go(robtarget p1)\nMoveJ p1,v100,fine,{T}"),
+    "a tool as an argument": (
+        P[1], "go torch;\nENDPROC\nPROC go(PERS tooldata hand)\nMoveJ p1,v100,fine,hand\\WObj:=table;"),
+    "a displacement of the program": (
+        P[1], f"PDispSet [[0,0,10],[1,0,0,0]];\nMoveJ p1,v100,fine,{T}"),
+    "a tool that the program changes": (P[1], f"torch.tframe.trans.z:=250;\nMoveJ p1,v100,fine,{T}"),
+    "a load that the program changes": (P[1], f"torch.tload.mass:=1;\nMoveJ p1,v100,fine,{T}"),
+    "a work object that the program changes": (
+        P[1], f"table.uframe.trans:=[1,2,3];\nMoveJ p1,v100,fine,{T}"),
+    "a work object that the program replaces": (P[1], f"table:=other;\nMoveJ p1,v100,fine,{T}"),
+    "one target with two tools": (
+        P[1], f"MoveJ p1,v100,fine,{T}\nMoveL p1,v100,fine,Hand\\WObj:=table;"),
+    "one target with two work objects": (
+        P[1], f"MoveJ p1,v100,fine,{T}\nMoveL p1,v100,fine,torch\\WObj:=other;"),
+    "a tool at rest": (
+        f"PERS tooldata gun:=[FALSE,{frame(TOOL)},{HEAVY}];\n" + P[1],
+        "MoveJ p1,v100,fine,gun\\WObj:=table;"),
+    "a work object that the arm holds": (
+        f'PERS wobjdata part:=[TRUE,TRUE,"",{frame(BASE)},{frame((0,) * 6)}];\n' + P[1],
+        "MoveJ p1,v100,fine,torch\\WObj:=part;"),
+    "a work object that moves": (
+        f'PERS wobjdata turning:=[FALSE,FALSE,"STN1",{frame(BASE)},{frame((0,) * 6)}];\n' + P[1],
+        "MoveJ p1,v100,fine,torch\\WObj:=turning;"),
+    "external axes": (
+        f"CONST robtarget p1:={target(1, outside='[100,9E9,9E9,9E9,9E9,9E9]')};\n",
+        f"MoveJ p1,v100,fine,{T}"),
+    "an unknown tool": (P[1], "MoveJ p1,v100,fine,grip\\WObj:=table;"),
+    "a tool of its routine with the name of another": (
+        P[1], f"PERS tooldata torch:=[TRUE,{frame(OTHER_TOOL)},{LIGHT}];\nMoveJ p1,v100,fine,{T}"),
+    "a target of two routines": (
+        P[1], f"VAR robtarget p1:={target(2)};\nMoveJ p1,v100,fine,{T}"),
+    "a computed quaternion": ("", "MoveJ " + target(1).replace(
+        target(1).split("],[")[1], "OrientZYX(1,2,3)").replace("[OrientZYX(1,2,3)]", "OrientZYX(1,2,3)")
+        + f",v100,fine,{T}"),
+    "sums in a target": ("", "MoveJ " + target(1).replace(",", "+1,", 1) + f",v100,fine,{T}"),
+    "a target that is passed to a motion by a function": (P[1], f"MoveJ CRobT(\\Tool:=torch),v100,fine,{T}"),
+    "a point that a search finds": (
+        P[1] + f"VAR robtarget p2:={target(2)};\n",
+        f"MoveJ p1,v100,fine,{T}\nSearchL di1,p2,p1,v100,{T}\nMoveL p2,v100,fine,{T}"),
+}
+
+
+def files(data, body):
+    text = f"MODULE prog\n{DATA}{data}PROC main()\n{body}\nENDPROC\nENDMODULE\n"
+    return {"prog.mod": "\n".join("  " + line for line in text.splitlines()).encode()}
+
+
+@pytest.mark.parametrize("name", RIGHT)
+def test_every_motion_reaches_what_the_program_meant(tmp_path, name):
+    corrected(tmp_path, ROBOT, execute, files(*RIGHT[name]))
+
+
+def test_data_of_the_program_count_and_not_a_frame_of_the_command_line(tmp_path):
+    seven = ",".join(map(str, (1, 2, 3, 1, 0, 0, 0)))
+    program = files(P[1], f"MoveJ p1,v100,fine,{T}")
+    corrected(tmp_path, ROBOT, execute, program, tool=[seven], base=[seven])
+    refused(tmp_path, ROBOT, program, tool=[f"torch={seven}"])
+    refused(tmp_path, ROBOT, program, base=[f"table={seven}"])
+
+
+def test_one_frame_without_a_name_does_not_stand_for_two(tmp_path):
+    moves = f"MoveJ {target(1)},v100,fine,one\\WObj:=table;\nMoveL {target(2)},v100,fine,two\\WObj:=table;"
+    seven = frame(TOOL).replace("[", "").replace("]", "")
+    assert compensate(tmp_path, ROBOT, files("", moves), tool=[f"one={seven}", seven])
+    with pytest.raises(InputError, match="--tool without a name, and the programs use several"):
+        compensate(tmp_path, ROBOT, files("", moves), tool=[seven])
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_what_has_no_one_right_number_is_refused(tmp_path, name):
+    refused(tmp_path, ROBOT, files(*REFUSED[name]))
