@@ -21,6 +21,7 @@ from exactarm.toml_file import read_toml
 
 NAME = "accept"
 HELP = "make a drafted effect (draft.toml) part of your own library"
+UNUSED_OPTIONS = ("seed", "threads")  # nothing in it is random
 _EXPECTED = "a draft with entries [[effects]], as `exactarm diagnose` writes it"
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+from collections.abc import Collection
 from pathlib import Path
 
 from exactarm.examples import file_or_example
@@ -18,16 +19,15 @@ def add_robot(parser: argparse.ArgumentParser) -> None:
 
 def add_files(parser: argparse.ArgumentParser, least: int = 1,
               text: str = "measured data (.csv, .parquet), or shipped ones, as ur10/series_B",
-              columns: bool = True) -> None:
-    """FILES: at least one, measured, of a kind that --kind may name; or any number with `least` = 0. They are
-    recorded as the inputs of the run."""
+              measured: bool = True) -> None:
+    """FILES: at least one, `measured` ones of a kind that --kind may name; or any number with `least` = 0.
+    They are recorded as the inputs of the run."""
     optional = {} if least else {"default": []}
     parser.add_argument("files", metavar="FILE", nargs="+" if least else "*", type=file_or_example, help=text,
                         **optional)
-    if least:
+    if least and measured:
         parser.add_argument("--kind", choices=KIND_NAMES,
                             help="kind of data (default: told by the columns)")
-    if least and columns:
         add_map(parser)
 
 
@@ -57,15 +57,17 @@ def add_sessions(parser: argparse.ArgumentParser) -> None:
                         help="what holds for whole sessions (.csv): session, payload_kg, payload_x_m, ...")
 
 
-def add_common(parser: argparse.ArgumentParser) -> None:
-    """What every command has; added by the command line itself."""
+def add_common(parser: argparse.ArgumentParser, unused: Collection[str] = ()) -> None:
+    """What every command has; added by the command line itself. unused: of seed and threads, what the command
+    does not read: taken, so that a script can give the same words to all commands, and not shown."""
+    shown = lambda name, text: argparse.SUPPRESS if name in unused else text
     group = parser.add_argument_group("common options")
     group.add_argument("--out", metavar="DIR", type=_folder, required=True,
                        help="folder for all results (made if missing)")
     group.add_argument("--seed", metavar="N", type=_whole_number, default=DEFAULT_SEED,
-                       help="makes every random choice repeatable (default %(default)s)")
+                       help=shown("seed", "makes every random choice repeatable (default %(default)s)"))
     group.add_argument("--threads", metavar="N", type=_positive, default=available_cores(),
-                       help="most threads to use (default: all cores, here %(default)s)")
+                       help=shown("threads", "most threads to use (default: all cores, here %(default)s)"))
     group.add_argument("--quiet", action="store_true", help="print nothing but errors")
     group.add_argument("--debug", action="store_true", help="print the traceback of an error")
 

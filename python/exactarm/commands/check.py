@@ -32,6 +32,7 @@ from exactarm.verify.daily import Daily, daily
 
 NAME = "check"
 HELP = "a few poses a day: has something moved, which parameter, since when"
+UNUSED_OPTIONS = ("threads",)
 DAYS_A_YEAR = 250.0  # working days on which the poses are measured
 FEW_DAYS = 5  # within which a change is to be seen, for the table of what the check can see
 UNEXPLAINED = 0.01  # p-value below which no single one of the parameters explains the change

@@ -32,6 +32,7 @@ from exactarm.split import DEFAULT_SEED
 
 NAME = "compensate"
 HELP = "correct robot programs by the identified model: the same files, with other numbers"
+UNUSED_OPTIONS = ("seed",)  # nothing in it is random
 RESULTS = ("compensation.csv",)
 
 
@@ -42,7 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         parser,
         text="programs (.src with .dat, .mod, .ls, .script, .jbi, .yaml) or tables of targets (.csv, "
              ".parquet)",
-        columns=False,
+        measured=False,
     )
     parser.add_argument(
         "--frames",

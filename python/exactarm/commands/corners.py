@@ -26,6 +26,7 @@ from exactarm.split import DEFAULT_SEED
 
 NAME = "corners"
 HELP = "pictures of a ChArUco board and a log of joint angles become one table of corners"
+UNUSED_OPTIONS = ("seed", "threads")  # nothing in it is random
 FILE = "corners.csv"
 LEAST = 6  # corners: a picture with fewer tells nothing that calibrates
 

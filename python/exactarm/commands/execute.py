@@ -43,7 +43,7 @@ def parser_of(module: Any) -> argparse.ArgumentParser:
     """The parser of a command."""
     parser = _Parser(prog=f"exactarm {module.NAME}", description=module.HELP, allow_abbrev=False)
     module.add_arguments(parser)
-    add_common(parser)
+    add_common(parser, getattr(module, "UNUSED_OPTIONS", ()))
     return parser
 
 

@@ -30,6 +30,7 @@ from exactarm.urdf import urdf_text
 
 NAME = "export"
 HELP = "the identified arm as URDF (patched in place), ur_description, MJCF, table, offsets or RoboDK script"
+UNUSED_OPTIONS = ("seed", "threads")  # nothing in it is random
 
 
 def _urdf(robot: Robot, source: str | None, given_hash: str | None) -> tuple[str, bytes]:

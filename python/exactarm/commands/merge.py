@@ -28,6 +28,7 @@ from exactarm.table import column_names, write_table
 
 NAME = "merge"
 HELP = "points of a tracker's program as text and a log of joint angles become one table of poses"
+UNUSED_OPTIONS = ("seed", "threads")  # nothing in it is random
 FILE = "poses.csv"
 LISTED = 10  # names in one sentence
 

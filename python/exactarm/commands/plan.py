@@ -33,6 +33,7 @@ from exactarm.split import DEFAULT_SEED
 
 NAME = "plan"
 HELP = "motor trajectory that puts the flange on a path (line, spiral, or a path file)"
+UNUSED_OPTIONS = ("seed",)  # nothing in it is random
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -33,6 +33,7 @@ from exactarm.simulate.virtual_robot import one_sided
 
 NAME = "study"
 HELP = "the weight of the input: accuracy against bandwidth, acceleration against jerk as the input"
+UNUSED_OPTIONS = ("seed",)  # nothing in it is random
 WEIGHTS = tuple(10.0**k for k in range(-14, -5))
 SAME_COST_RAD_S = 100.0  # where a jerk costs what an acceleration does
 # of the acceleration; above it the flange leaves the path by a tenth of a millimetre and more
