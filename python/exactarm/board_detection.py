@@ -9,6 +9,9 @@ Source: Garrido-Jurado and others, Pattern Recognition 47(6), 2014 (markers).
 
 from __future__ import annotations
 
+import contextlib
+import os
+from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
 
@@ -17,9 +20,12 @@ import numpy as np
 from exactarm.errors import InputError
 from exactarm.fixture import CameraSetup
 
+MOST_PIXELS = 200_000_000  # of a picture: twice the largest sensor sold, and 0.2 GB
+
 
 def opencv() -> ModuleType:
     """The library. Raises InputError where it is not installed."""
+    os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", str(MOST_PIXELS))
     try:
         import cv2
     except ImportError:
@@ -33,16 +39,34 @@ def opencv() -> ModuleType:
 def find_corners(picture: str | Path, setup: CameraSetup) -> tuple[np.ndarray, np.ndarray, tuple[int, int]]:
     """Corners by their numbers on the board; none where the board is not seen."""
     cv2 = opencv()
-    image = cv2.imread(str(picture), cv2.IMREAD_GRAYSCALE) if Path(picture).is_file() else None
+    with _unheard():
+        image = cv2.imread(str(picture), cv2.IMREAD_GRAYSCALE) if Path(picture).is_file() else None
     if image is None:
-        raise InputError("cannot be read as a picture; expected a .png, .jpg, .bmp or .tif file",
-                         file=str(picture))
+        raise InputError("cannot be read as a picture; expected a .png, .jpg, .bmp or .tif file of at most "
+                         f"{MOST_PIXELS / 1e6:.0f} million pixels", file=str(picture))
     best = np.zeros(0, int), np.zeros((0, 2))
     for legacy in (False, True):
         corners, numbers, _, _ = cv2.aruco.CharucoDetector(_board(cv2, setup, legacy)).detectBoard(image)
         if numbers is not None and len(numbers) > len(best[0]):
             best = numbers.ravel().astype(int), corners.reshape(-1, 2).astype(float)
     return *best, (image.shape[1], image.shape[0])
+
+
+@contextlib.contextmanager
+def _unheard() -> Iterator[None]:
+    """What libpng and OpenCV write to the process' stderr beside the one line of a refusal goes nowhere."""
+    try:
+        before, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    except OSError:  # no stderr, or no descriptor left
+        yield
+        return
+    os.dup2(nowhere, 2)
+    try:
+        yield
+    finally:
+        os.dup2(before, 2)
+        os.close(before)
+        os.close(nowhere)
 
 
 def _board(cv2: ModuleType, setup: CameraSetup, legacy: bool):

@@ -71,6 +71,7 @@ MOST = {
     "time": 1e13,
 } | dict.fromkeys(TILT, 0.5 * math.pi) | dict.fromkeys(ACCEL, 1e4) | dict.fromkeys(PIXEL, 1e6)
 MOST |= dict.fromkeys(POSITION, 1e6) | dict.fromkeys(ROTATION_VECTOR, 1e3) | dict.fromkeys(GYRO, 1e5)
+MOST |= {PAYLOAD: 1e4} | dict.fromkeys(PAYLOAD_CENTRE, 1e2)
 
 _ALMOST = 0.75  # share of matching letters: one wrong or swapped letter of five, not another word
 _JOINT_NAMES = "|".join(sorted(JOINT_UNITS, key=len, reverse=True))

@@ -214,7 +214,7 @@ def _read_file(
         _check_values(path, column, numbers)
         columns[column.key] = column
         values[column.key] = numbers if column.factor == 1.0 else numbers * column.factor
-        _check_size(path, column, values[column.key])
+        check_size(path, column, values[column.key])
     _check_vectors(path, columns)
     return _File(path, table, columns, values, kept)
 
@@ -242,10 +242,10 @@ def _check_values(path: str, column: Column, numbers: np.ndarray) -> None:
         raise InputError(f"{numbers[row]}; expected {expected}", file=path, row=row + 1, column=column.name)
 
 
-def _check_size(path: str, column: Column, values: np.ndarray) -> None:
+def check_size(path: str, column: Column, values: np.ndarray) -> None:
     """A cell that no device measures is no measurement; one alone would carry any fit with it."""
-    most = MOST.get(column.quantity, np.inf)
-    if column.quantity in MOST and np.nanmax(np.abs(values), initial=0.0) > most:
+    most = MOST.get(column.quantity, MOST.get(column.name, np.inf))
+    if most < np.inf and np.nanmax(np.abs(values), initial=0.0) > most:
         row = int(np.nanargmax(np.abs(values)))
         message = f"{values[row]:.6g} in SI units; expected at most {most:g} in size"
         raise InputError(message, file=path, row=row + 1, column=column.name)

@@ -24,7 +24,6 @@ not given. Without `session` an entry holds at every session. Lengths in m insid
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -36,6 +35,9 @@ from exactarm.toml_file import is_number, read_toml
 
 SIGMA_M = 1e-5  # a workshop measures a fixture to a hundredth of a millimetre
 SIGMA_SQUARE_M = 5e-6  # a caliper measures eight squares to 0.04 mm
+SHORTEST_MM, LONGEST_MM = 1e-6, 1e6  # what anyone measures; beyond, a unit or a digit is wrong
+MOST_SQUARES, MOST_PX = 1000, 1e6  # on a side of a board; of a picture, its middle or a focal length
+MOST_DISTORTION = 1e3  # of real lenses k1 is below 1, k2 below 10, k3 below 100
 WITH_DISTANCE = ("socket", "plane", "sphere", "bar")
 WITH_RADIUS = ("sphere", "ball")
 
@@ -154,7 +156,7 @@ class _Entry:
                              file=self.path)
 
     def metres(self, key: str, default: object = ...) -> float:
-        return float(self.take(key, _is_length, "a length above 0 in mm", default)) * 1e-3
+        return float(self.take(key, _is_length, _LENGTH, default)) * 1e-3
 
     def session(self) -> int | None:
         return self.take("session", _is_number, "a whole number", None)
@@ -188,15 +190,19 @@ def _free_bar(entry: _Entry) -> int:
 def _camera(board: _Entry, camera: _Entry) -> CameraSetup:
     board.check_keys("squares", "square_mm", "sigma_mm", "marker_mm", "dictionary")
     camera.check_keys("on", "size_px", "focal_px", "centre_px", "distortion", "given")
-    whole = lambda v: isinstance(v, list) and len(v) == 2 and all(_is_number(x) and x > 2 for x in v)
-    some = lambda *count: lambda v: isinstance(v, list) and len(v) in count and all(map(is_number, v))
-    columns, rows = board.take("squares", whole, "columns and rows of squares, as [9, 7]")
-    marker = board.take("marker_mm", _is_length, "a length above 0 in mm", None)
-    size = camera.take("size_px", whole, "width and height of the pictures, as [1600, 1200]", None)
-    focal = camera.take("focal_px", some(2), "fx and fy, as [1400.0, 1400.0]", None)
+    whole = lambda most: lambda v: (isinstance(v, list) and len(v) == 2
+                                    and all(_is_number(x) and 2 < x <= most for x in v))
+    some = lambda least, most, *count: lambda v: (isinstance(v, list) and len(v) in count
+                                                  and all(is_number(x) and least <= x <= most for x in v))
+    columns, rows = board.take("squares", whole(MOST_SQUARES),
+                               f"columns and rows of squares, as [9, 7], at most {MOST_SQUARES}")
+    marker = board.take("marker_mm", _is_length, _LENGTH, None)
+    size = camera.take("size_px", whole(MOST_PX), "width and height of the pictures, as [1600, 1200]", None)
+    focal = camera.take("focal_px", some(1.0, MOST_PX, 2), "fx and fy above 1, as [1400.0, 1400.0]", None)
     middle = None if size is None else [0.5 * size[0], 0.5 * size[1]]
-    centre = camera.take("centre_px", some(2), "cx and cy, as [800.0, 600.0]", middle)
-    bent = camera.take("distortion", some(4, 5), "k1, k2, p1, p2 and perhaps k3", [0.0] * 5)
+    centre = camera.take("centre_px", some(-MOST_PX, MOST_PX, 2), "cx and cy, as [800.0, 600.0]", middle)
+    bent = camera.take("distortion", some(-MOST_DISTORTION, MOST_DISTORTION, 4, 5),
+                       f"k1, k2, p1, p2 and perhaps k3, none beyond {MOST_DISTORTION:g}", [0.0] * 5)
     given = camera.take("given", lambda v: isinstance(v, bool), "true or false", False)
     if (focal is not None and centre is None) or (given and focal is None):
         missing = "centre_px or size_px" if focal is not None else "focal_px"
@@ -217,8 +223,9 @@ def _is_number(value: object) -> bool:
 
 
 def _is_length(value: object) -> bool:
-    return is_number(value) and math.isfinite(value) and value > 0
+    return is_number(value) and SHORTEST_MM <= value <= LONGEST_MM
 
 
+_LENGTH = f"a length above 0 in mm, {SHORTEST_MM:g} to {LONGEST_MM:g}"
 _OF_CAMERA = ("board", "camera")
 _ENTRIES = {"distances": _distance, "radii": _radius, "bars": _free_bar}

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from exactarm.columns import PAYLOAD, parse_column
-from exactarm.dataset import Dataset
+from exactarm.dataset import Dataset, check_size
 from exactarm.errors import InputError
 from exactarm.table import read_table
 
@@ -48,6 +48,7 @@ def with_sessions(data: Dataset, path: str | Path) -> Dataset:
         if column.quantity != "covariate" or column.name in data.covariates or column.name in added:
             problem = "measured row by row" if column.quantity != "covariate" else "given already"
             raise InputError(f"is {problem}; expected what holds for a whole session", file=path, column=name)
+        check_size(str(path), column, values * column.factor)
         if column.name == PAYLOAD and (values < 0.0).any():
             row = int(np.argmax(values < 0.0))
             message = f"{values[row]:g}; expected a mass of 0 or more"

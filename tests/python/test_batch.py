@@ -1,6 +1,7 @@
 """Many robots: one summary, only what is new is computed, a failure stops no other, any executor runs the
 jobs."""
 
+import re
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
@@ -81,6 +82,32 @@ def test_a_cluster_of_dask_runs_the_jobs(tmp_path):
 def test_a_wrong_row_is_refused_with_its_place(row, message):
     with pytest.raises(ea.InputError, match=message.replace("(", r"\(")):
         read_jobs([row])
+
+
+@pytest.mark.parametrize("text, message", [
+    ("command,robot,help\nevaluate,ur10,yes", "column help: 'help': the batch itself gives it"),
+    ("command,robot,out\nevaluate,ur10,x", "column out: 'out': the batch itself gives it"),
+    ("command,robot,fixtur\nevaluate,ur10,x", "column fixtur: 'fixtur': no option of these commands; "
+                                               "did you mean fixture"),
+    ("command,robot,\nevaluate,ur10,5", "column (no name)"),
+    ("command,robot,files,files\nevaluate,ur10,a.csv,b.csv", "column files: column given twice"),
+    ("command,robot\nevaluate,ur10,a.csv,b.csv", "row 1: has 2 cells more than there are columns"),
+    ("command,robot\nevaluate,-h", "row 1, column robot: '-h'; expected a name, no option"),
+    ("command,robot,files\nevaluate,ur10,--help", "row 1, column files: '--help'; expected a name"),
+    ("name,command,robot\nA,evaluate,ur10\na,evaluate,ur10", "row 2, column name: 'a' again"),
+    ("name,command,robot\nresult.json,evaluate,ur10", "row 1, column name: 'result.json' again"),
+    (f"name,command,robot\n{'a' * 300},evaluate,ur10", "at most 100 bytes"),
+])
+def test_a_manifest_that_means_something_else_is_refused_before_any_job(tmp_path, text, message):
+    (tmp_path / "manifest.csv").write_text(text + "\n")
+    with pytest.raises(ea.InputError, match=re.escape(message)) as refused:
+        read_jobs(tmp_path / "manifest.csv")
+    assert "manifest.csv" in str(refused.value)
+
+
+def test_a_manifest_of_a_spreadsheet_with_a_byte_order_mark_is_read(tmp_path):
+    (tmp_path / "manifest.csv").write_text("name,command,robot\none,evaluate,ur10\n", encoding="utf-8-sig")
+    assert [job.name for job in read_jobs(tmp_path / "manifest.csv")] == ["one"]
 
 
 def test_options_become_words_and_files_are_found_beside_the_manifest(manifest):

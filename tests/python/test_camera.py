@@ -35,6 +35,7 @@ from test_closures import covered, virtual
 NOISE_RAD = 7e-5  # a tenth of a pixel
 SENSE = Sensors(position_m=5e-5, orientation_rad=NOISE_RAD, counts=0)
 ALONE = CalibrationOptions(compliance=())
+LENS = "[board]\nsquares = [9, 7]\nsquare_mm = 25\n[camera]\nsize_px = [1600, 1200]\n"
 BENT = np.array([1400.0, 1390.0, 790.0, 610.0, -0.2, 0.1, 3e-3, -2e-3, 0.02])
 
 
@@ -66,6 +67,24 @@ def test_a_lens_has_the_right_derivatives_and_inverse():
         assert_derivative(at, np.zeros(1), by_point[:, :, [k]], 1e-4)
     assert_derivative(lambda lens: project(seen, lens)[0], BENT, by_lens, np.array([1.0] * 4 + [1e-3] * 5))
     np.testing.assert_allclose(undistorted(pixels, BENT), seen[:, :2] / seen[:, 2:], atol=1e-9)
+
+
+def test_a_strong_lens_is_inverted_and_a_folded_one_has_no_ray():
+    strong = np.array([1400.0, 1400.0, 800.0, 600.0, 5.0, 100.0, 0.0, 0.0, 0.0])
+    flat = undistorted(np.array([[0.0, 0.0], [1599.0, 600.0]]), strong)
+    seen = project(np.column_stack([flat, np.ones(2)]), strong)[0]
+    np.testing.assert_allclose(seen, [[0.0, 0.0], [1599.0, 600.0]], atol=1e-6)
+    folded = np.array([1400.0, 1400.0, 800.0, 600.0, -5.0, 0.0, 0.0, 0.0, 0.0])  # x g has its largest value
+    assert np.isnan(undistorted(np.array([[1599.0, 1199.0]]), folded)).all()  # at 0.26: 364 pixels
+
+
+def test_corners_outside_of_the_picture_or_of_the_lens_are_refused():
+    robot, data = pictures("panda", 3, 4)
+    folded = (1400.0, 1400.0, 800.0, 600.0, -5.0, 0.0, 0.0, 0.0, 0.0)
+    for setup, words in ((replace(SETUP, size=(1200, 1600)), "row .*outside of a picture of 1200 by 1600"),
+                         (replace(SETUP, lens=folded), "row .*no ray through the lens")):
+        with pytest.raises(InputError, match=words):
+            evaluate_closures(robot.nominal, replace(data, fixture=Fixture(camera=setup)))
 
 
 def test_a_lens_agrees_with_opencv():
@@ -199,6 +218,13 @@ def test_a_fixture_file_of_the_camera_is_read_back(tmp_path):
     ("[board]\nsquares = [9, 7]\nsquare_mm = 25\n[camera]\ngiven = true", "focal_px missing"),
     ("[board]\nsquares = [9, 7]\nsquare_mm = 25\n[camera]\non = 'table'", "expected \"flange\" or \"stand\""),
     ("[board]\nsquares = [9, 7]\nsquare_mm = 25\nsize = 2", "unknown key size"),
+    ("[board]\nsquares = [9, 1000000]\nsquare_mm = 25", "at most 1000"),
+    ("[board]\nsquares = [9, 7]\nsquare_mm = 1e300", "a length above 0 in mm, 1e-06 to 1e.06"),
+    (f"{LENS}focal_px = [0, 1400.0]", "expected fx and fy above 1"),
+    (f"{LENS}focal_px = [-1400.0, -1400.0]", "expected fx and fy above 1"),
+    (f"{LENS}focal_px = [nan, 1400.0]", "expected fx and fy above 1"),
+    (f"{LENS}focal_px = [1400.0, 1400.0]\ncentre_px = [800.0, 1e300]", "expected cx and cy"),
+    (f"{LENS}focal_px = [1400.0, 1400.0]\ndistortion = [inf, 0.0, 0.0, 0.0]", "none beyond 1000"),
 ])
 def test_a_wrong_fixture_is_refused_with_the_reason(tmp_path, text, words):
     (tmp_path / "fixture.toml").write_text(text)

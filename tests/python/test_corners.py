@@ -105,3 +105,20 @@ def test_a_board_that_cannot_be_is_refused(tmp_path):
                          (CameraSetup(20, 20, marker=0.02, dictionary="DICT_4X4_50"), "has 50 markers")):
         with pytest.raises(InputError, match=words):
             find_corners(tmp_path / "board.png", setup)
+
+
+def test_what_is_no_picture_is_refused_in_one_line_whatever_the_libraries_say(tmp_path, capfd):
+    picture(tmp_path / "board.png", 1)
+    content = bytearray((tmp_path / "board.png").read_bytes())
+    content[len(content) // 2] ^= 0xFF
+    (tmp_path / "board.png").write_bytes(content[: len(content) // 2 + 40])
+    content[16:24] = bytes.fromhex("7fffffff7fffffff")  # width and height
+    (tmp_path / "huge.png").write_bytes(content)
+    for name in ("board.png", "huge.png"):
+        try:
+            find_corners(tmp_path / name, SETUP)
+        except InputError as error:
+            assert name in str(error)
+    assert capfd.readouterr().err == ""
+    with pytest.raises(InputError, match=r"huge.png: cannot be read as a picture"):
+        find_corners(tmp_path / "huge.png", SETUP)

@@ -15,6 +15,8 @@ from exactarm.robot_file import load_robot
 
 PLAIN = Experiment(np.deg2rad([[10.0, -60, 70, 20, 30, 40], [-50.0, -80, 90, 10, 20, 0]]), 0.0, 0.4, 1.0,
                    "this or that")
+ONE = ('{{"experiments": [{{"poses_rad": [[{q}, -1, 1, 0.3, 0.5, 0.7]], "payload_kg": {kg}, "bits": {bits}, '
+       '"open_bits": 1, "between": "this"}}]}}')
 LOADED = Experiment(PLAIN.q[:1], 5.0, 0.9, 1.0, "this or that")
 
 
@@ -78,6 +80,15 @@ def test_minutes_that_are_none_are_refused(word):
     ('{"experiments": [{"poses_rad": [[0, 1]]}]}', "experiment 1 does not fit"),
     ('{"experiments": [{"poses_rad": [[0,0,0,0,0]], "payload_kg": 0, "bits": 1, "open_bits": 1, "between": '
      '""}]}', "6 axes"),
+    ("[" * 100_000, "nested too deeply"),
+    (ONE.format(q=50.0, kg="0", bits="1"), "experiment 1, pose 1: axis 1 at 50; expected -6.28"),
+    (ONE.format(q=1e300, kg="0", bits="1"), "experiment 1, pose 1: axis 1 at 1e.300"),
+    (ONE.format(q=0.5, kg="-5", bits="1"), "experiment 1 does not fit"),
+    (ONE.format(q=0.5, kg="true", bits="1"), "experiment 1 does not fit"),
+    (ONE.format(q=0.5, kg='"5"', bits="1"), "experiment 1 does not fit"),
+    (ONE.format(q=0.5, kg="0", bits="[1]"), "experiment 1 does not fit"),
+    (ONE.format(q=0.5, kg="0", bits="-1"), "experiment 1 does not fit"),
+    (ONE.format(q=0.5, kg="0", bits="1").replace('"this"', "{}"), "experiment 1 does not fit"),
 ])
 def test_what_is_no_diagnosis_is_refused_by_name(text, line, tmp_path):
     path = tmp_path / "result.json"

@@ -5,6 +5,8 @@ import pytest
 
 from exactarm.dataset import Dataset
 from exactarm.errors import InputError
+from exactarm.identify.load_mistakes import payload_mistakes
+from exactarm.robot_file import load_robot
 from exactarm.session_table import with_sessions
 
 DATA = Dataset.of_arrays(
@@ -33,6 +35,9 @@ def test_every_row_gets_the_columns_of_its_session(tmp_path):
     ("session,payload_kg\n1,2\n", "session 2 of the data has no line"),
     ("session,payload_kg\n1,2\n2,3\n1,4\n", "row 3, column session: session 1 a second time"),
     ("session,payload_kg\n1,2\n2,-3\n", "row 2, column payload_kg: -3; expected a mass"),
+    ("session,payload_kg\n1,2\n2,1e20\n",
+     "row 2, column payload_kg: 1e+20 in SI units; expected at most 10000"),
+    ("session,payload_z_m\n1,2\n2,200\n", "row 2, column payload_z_m: 200 in SI units; expected at most 100"),
     ("session,humidity\n1,2\n2,3\n", "column humidity: is given already"),
     ("session,q_1_rad\n1,2\n2,3\n", "column q_1_rad: is measured row by row"),
     ("session,payload_x_inch\n1,2\n2,3\n", "unknown unit"),
@@ -41,3 +46,13 @@ def test_what_it_cannot_mean_is_refused(tmp_path, text, says):
     with pytest.raises(InputError) as refused:
         given(tmp_path, text)
     assert says in str(refused.value)
+
+
+def test_grams_and_millimetres_of_a_payload_are_told():
+    robot = load_robot("ur10")
+    payloads = lambda kg, z: Dataset.of_arrays("poses", {"q": np.zeros((2, 6))}, covariates={
+        "payload_kg": np.array([0.0, kg]), "payload_z_m": np.array([0.0, z])})
+    said = lambda kg, z: " ".join(each.text for each in payload_mistakes(robot, payloads(kg, z)))
+    assert said(10.0, 0.08) == ""
+    assert "payload_kg is up to 5000 kg, the arm itself weighs" in said(5000.0, 0.08)
+    assert "80 m from the flange: is it in mm?" in said(10.0, 80.0)

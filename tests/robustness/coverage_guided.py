@@ -17,7 +17,6 @@ import sys
 import tempfile
 import warnings
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
@@ -26,7 +25,6 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 LONGEST = 20_000  # bytes of an input
 SLOWEST_S, MOST_MB = 20, 4096
-DIALECTS = ("rapid", "fanuc", "inform")  # whose samples our own measuring programs are
 
 
 def _targets() -> dict[str, tuple[bytes, Callable[[Path], object]]]:
@@ -34,24 +32,14 @@ def _targets() -> dict[str, tuple[bytes, Callable[[Path], object]]]:
     import numpy as np
 
     from exactarm.commands.accept import accept
-    from exactarm.compensate.formats import jobs
-    from exactarm.compensate.measuring_program import Stop, measuring_program
-    from exactarm.compensate.setting import Setting
     from exactarm.errors import InputError
     from exactarm.formula import Formula, FormulaError
-    from exactarm.robot_file import load_robot
     from robustness.samples import samples
     from robustness.trials import READERS
 
     valid = samples()
     found = {name: (valid[name], read) for name, read in READERS.items()
              if not name.endswith((".parquet", ".src"))}
-    robot = load_robot("racer-7-1.4")
-    robot = replace(robot, controller=replace(robot.controller, coupling=(), pulses_per_rad=(1e5,) * 6))
-    stop = Stop(np.linspace(0.1, 0.6, 6), np.linspace(0.05, 0.55, 6))
-    for dialect in DIALECTS:
-        name, text = measuring_program(robot, dialect, [stop, stop])
-        found[name] = (text.encode(), lambda path: [job.read(Setting(robot)) for job in jobs([path])])
 
     def formula(path: Path) -> object:
         try:

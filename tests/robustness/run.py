@@ -22,6 +22,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from robustness.samples import samples  # noqa: E402
 from robustness.trials import SHARE_OF_COMMANDS, run_trial  # noqa: E402
 
+TOLD_EVERY = 500  # trials between two lines of progress
+
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -44,6 +46,8 @@ def main() -> int:
             if trial.failure:
                 failures += 1
                 print(f"seed {seed}, {trial.what}: {trial.failure[:400]}", flush=True)
+            if (seed - arguments.seed + 1) % TOLD_EVERY == 0:
+                print(f"{seed - arguments.seed + 1} trials, {failures} failed", file=sys.stderr, flush=True)
     counts = ", ".join(f"{count} {end}" for end, count in sorted(ends.items()))
     print(f"{arguments.count} trials from seed {arguments.seed} ({counts}): {failures} failed; slowest "
           f"{slowest[0]:.1f} s, seed {slowest[1]}")

@@ -14,6 +14,7 @@ from exactarm.plan.path_file import SHIPPED as PATHS
 from exactarm.robot_file import load_robot
 from exactarm.robot_writer import robot_text
 from exactarm.urdf import urdf_text
+from robustness.virtual_samples import virtual_samples
 
 ROWS = 40
 FIXTURE = """\
@@ -127,4 +128,4 @@ def samples() -> dict[str, bytes]:
         "manifest.csv": MANIFEST.encode(),
         "log.csv": JOINT_LOG.encode(),
         "points.txt": POINTS.encode(),
-    }
+    } | virtual_samples()

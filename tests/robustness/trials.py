@@ -26,19 +26,23 @@ from pathlib import Path
 import numpy as np
 
 from exactarm import cli
+from exactarm.commands.about import about_of
 from exactarm.commands.accept import accept
+from exactarm.commands.design_for import read_experiments
 from exactarm.commands.execute import parser_of
 from exactarm.commands.listing import import_command
 from exactarm.compensate.formats import jobs
 from exactarm.compensate.setting import Setting
-from exactarm.dataset import read_dataset, read_planned_poses
+from exactarm.dataset import Dataset, read_dataset, read_planned_poses
 from exactarm.errors import InputError
 from exactarm.fixture import load_fixture
 from exactarm.plan.path_file import load_path
 from exactarm.robot_file import load_robot, read_robot
+from exactarm.session_table import with_sessions
 from robustness.mutations import spoiled, spoiled_words
 from robustness.samples import samples
 from robustness.short_runs import RUNS
+from robustness.virtual_samples import with_pulses
 
 MOST_SECONDS = 60.0  # of the processor, of a trial; the slowest valid one takes fifteen
 PATIENCE_S = 600.0  # by the clock, of a trial that waits for something
@@ -46,6 +50,19 @@ SHARE_OF_COMMANDS = 0.1
 SHARE_OF_WORDS = 0.5  # of the trials of commands
 SLOW = ("demo", "loop")  # minutes on spoiled input are no fault of theirs
 
+
+def _program(name: str) -> Callable[[Path], object]:
+    robot = load_robot("ur10")
+    pulses = with_pulses(load_robot("racer-7-1.4")) if name.startswith("measure") else None
+    return lambda path: [job.read(Setting(pulses or robot)) for job in jobs([path])]
+
+
+def _in_sessions(path: Path) -> object:
+    rows = Dataset.of_arrays("poses", {"q": np.zeros((4, 6))}, session=np.array([1, 1, 2, 2]))
+    return with_sessions(rows, path)
+
+
+PROGRAMS = ("part.script", "measure.mod", "measure.ls", "measure.jbi", "trajectory.yaml", "targets.csv")
 READERS: dict[str, Callable[[Path], object]] = {
     "poses.csv": lambda path: read_dataset(path, load_robot("ur10")),
     "poses.parquet": lambda path: read_dataset(path, load_robot("ur10")),
@@ -62,7 +79,13 @@ READERS: dict[str, Callable[[Path], object]] = {
     "draft.toml": accept,
     "part.src": lambda path: [job.read(Setting(load_robot("ur10")))
                               for job in jobs([path, path.with_suffix(".dat")])],
-    "part.script": lambda path: [job.read(Setting(load_robot("ur10"))) for job in jobs([path])],
+    "camera.csv": lambda path: read_dataset(path, load_robot("ur10")),
+    "camera.toml": load_fixture,
+    "sessions.csv": _in_sessions,
+    "experiments.json": lambda path: read_experiments(path, load_robot("ur10")),
+    "about.toml": lambda path: about_of(path, {}),
+    "calibration.conf": lambda path: load_robot(f"{path}#ur10"),
+    **{name: _program(name) for name in PROGRAMS},
 }
 COMMANDS: tuple[tuple[str, ...], ...] = (
     ("evaluate", "ur10", "*poses.csv"), ("calibrate", "ur10", "*poses.csv"),
@@ -86,6 +109,18 @@ COMMANDS: tuple[tuple[str, ...], ...] = (
     ("check", "ur10", "*poses.csv", "day.csv"), ("check", "ur10", "poses.csv", "*day.csv"),
     ("design", "*racer.toml", "--count", "12", "--validation", "4"),
     ("diagnose", "ur10", "*poses.csv"), ("export", "*ur10.toml", "--format", "urdf"),
+    ("calibrate", "ur10", "*camera.csv", "--fixture", "camera.toml"),
+    ("calibrate", "ur10", "camera.csv", "--fixture", "*camera.toml"),
+    ("evaluate", "ur10", "*camera.csv", "--fixture", "*camera.toml"),
+    ("calibrate", "ur10", "two.csv", "--sessions", "*sessions.csv"),
+    ("calibrate", "ur10", "*two.csv", "--sessions", "sessions.csv"),
+    ("evaluate", "ur10", "two.csv", "--at", "*points.csv"),
+    ("compensate", "ur10.toml", "part.script", "--frames", "*points.csv"),
+    ("compensate", "*ur10.toml", "targets.csv", "--frames", "identified"),
+    ("compensate", "ur10.toml", "*targets.csv"), ("compensate", "ur10.toml", "*trajectory.yaml"),
+    ("design", "ur10", "--for", "*experiments.json", "--program", "urscript"),
+    ("certify", "ur10", "two.csv", "--about", "*about.toml"),
+    ("export", "*ur10.urdf", "--format", "mjcf"),
     ("study", "*racer.toml", "path.toml", "--nu", "1e-12,1e-9"),
 )
 

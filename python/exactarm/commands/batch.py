@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import Any
 
 import exactarm
-from exactarm.commands.execute import execute, parse
+from exactarm.commands.execute import execute, parse, parser_of
 from exactarm.commands.listing import find_commands, import_command
 from exactarm.commands.outcome import Asked
 from exactarm.commands.plain import sha256
@@ -41,7 +41,12 @@ NAME = "batch"
 HELP = "many robots from one table: one summary, and only what is new is computed"
 KEY = ".batch"
 COLUMNS = ("name", "command", "robot", "files")
+SUMMARY = "summary.parquet"
+TOO_MANY = "\0cells"  # key of the cells of a row beyond its columns; no column has this name
 _NOT_IN_BATCH = ("batch", "demo")
+_GIVEN = ("out", "threads", "quiet", "debug", "help")  # options that the batch gives to every job itself
+_OWN_FILES = ("result.json", "report.html", SUMMARY)
+_LONGEST_NAME = 100  # characters of a job's folder: every file system takes it
 AnyManifest = str | Path | Sequence[Mapping[str, Any]]
 
 
@@ -134,7 +139,7 @@ def _fleet(manifest: AnyManifest, folder: Path, executor: Executor | None, again
         json={"jobs": [vars(outcome) for outcome in ended]}
         | {state: sum(o.state == state for o in ended) for state in ("done", "kept", "failed")},
         report=_report(ended),
-        tables={"summary.parquet": {name: [getattr(o, name) for o in ended]
+        tables={SUMMARY: {name: [getattr(o, name) for o in ended]
                                     for name in Outcome.__dataclass_fields__}},
         exit_code=1 if failed else 0,
         asked=Asked("batch", f"exactarm.batch({str(manifest)!r}, {str(folder)!r}, seed={seed})"
@@ -174,13 +179,30 @@ def read_jobs(manifest: AnyManifest, seed: int = DEFAULT_SEED) -> tuple[Job, ...
                          column=missing[0])
     jobs: list[Job] = []
     for number, row in enumerate(rows, start=1):
+        if TOO_MANY in row:
+            raise InputError(f"has {len(row[TOO_MANY])} cells more than there are columns", file=file,
+                             row=number)
         job = _job({key: str(value).strip() for key, value in row.items() if value not in (None, "")}, number,
                    beside, file, seed)
-        if job.name in {other.name for other in jobs}:
+        taken = {*_OWN_FILES, *(other.name.casefold() for other in jobs)}
+        if job.name.casefold() in taken:  # some file systems take One and one for the same
             raise InputError(f"{job.name!r} again; expected a name of its own", file=file, row=number,
                              column="name")
         jobs.append(job)
+    _require_options(rows, {job.command for job in jobs}, file)
     return tuple(jobs)
+
+
+def _require_options(rows: Sequence[Mapping[str, Any]], commands: set[str], file: Any) -> None:
+    """Every further column is an option of one of the commands, which the batch does not give itself."""
+    options = {word for name in commands for word in parser_of(import_command(name))._option_string_actions}
+    for column in {name: None for row in rows for name in row if name not in COLUMNS}:
+        word = f"--{str(column).replace('_', '-')}"
+        if word not in options or column in _GIVEN:
+            why = "the batch itself gives it" if column in _GIVEN else "no option of these commands"
+            close = difflib.get_close_matches(word, options, n=1)
+            hint = f"; did you mean {close[0].lstrip('-')}?" if close and column not in _GIVEN else ""
+            raise InputError(f"{column!r}: {why}{hint}", file=file, column=str(column) or "(no name)")
 
 
 def _rows(manifest: AnyManifest) -> tuple[list[Mapping[str, Any]], Path, Any]:
@@ -191,12 +213,19 @@ def _rows(manifest: AnyManifest) -> tuple[list[Mapping[str, Any]], Path, Any]:
         if path.suffix == ".parquet":
             from pyarrow import parquet
 
-            return parquet.read_table(path).to_pylist(), path.parent, path
-        with path.open(newline="", encoding="utf-8") as stream:
-            return list(csv.DictReader(stream)), path.parent, path
+            table = parquet.read_table(path)
+            names, rows = table.column_names, table.to_pylist()
+        else:
+            with path.open(newline="", encoding="utf-8-sig") as stream:
+                reader = csv.DictReader(stream, restkey=TOO_MANY, strict=True)
+                names, rows = reader.fieldnames or [], list(reader)
     except (OSError, UnicodeDecodeError, csv.Error, ValueError) as error:
         raise InputError(f"cannot be read ({getattr(error, 'strerror', None) or error}); expected a table of "
                          "jobs", file=path) from None
+    twice = next((name for name in names if names.count(name) > 1), None)
+    if twice is not None:
+        raise InputError("column given twice; expected once", file=path, column=twice or "(no name)")
+    return rows, path.parent, path
 
 
 def _job(row: Mapping[str, str], number: int, beside: Path, file: Any, seed: int) -> Job:
@@ -210,12 +239,15 @@ def _job(row: Mapping[str, str], number: int, beside: Path, file: Any, seed: int
         raise InputError("is empty; expected a robot file or a shipped robot", file=file, row=number,
                          column="robot")
     name = row.get("name", f"{number:03d}_{command}")
-    if not re.fullmatch(r"[\w-][\w.-]*", name):
-        raise InputError(f"{name!r}; expected letters, digits, _ . and -", file=file, row=number,
-                         column="name")
+    if not re.fullmatch(r"[\w-][\w.-]*", name) or len(name.encode()) > _LONGEST_NAME:
+        raise InputError(f"{name[:_LONGEST_NAME]!r}; expected letters, digits, _ . and -, at most "
+                         f"{_LONGEST_NAME} bytes", file=file, row=number, column="name")
     near = lambda word: str(beside / word) if (beside / word).exists() else word
     robot, files = near(row["robot"]), [near(word.strip()) for word in row.get("files", "").split(";")
                                         if word.strip()]
+    for column, word in [("robot", robot), *(("files", each) for each in files)]:
+        if word.startswith("-"):
+            raise InputError(f"{word!r}; expected a name, no option", file=file, row=number, column=column)
     words = [robot, *files, "--seed", row.get("seed", str(seed))]
     for key, value in row.items():
         if key in (*COLUMNS, "seed") or value.lower() in ("false", "no"):

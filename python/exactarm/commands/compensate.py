@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from exactarm.columns import MOST, PAYLOAD
 from exactarm.commands.arguments import add_files, add_map, add_robot
 from exactarm.commands.call import AnyRobot, arguments_of, asked, robot_of, threads_of
 from exactarm.commands.compensate_report import compensation_table, report_of, summary_of
@@ -24,6 +25,7 @@ from exactarm.compensate.frames import cell_frames, with_nominal
 from exactarm.compensate.law import CompensationModel
 from exactarm.compensate.setting import Setting, chosen_points, read_frames, read_numbers
 from exactarm.errors import InputError
+from exactarm.identify.load_mistakes import FAR_M
 from exactarm.identify.pose_uncertainty import model_uncertainty
 from exactarm.progress import SILENT, Progress
 from exactarm.robot import Placement, Robot
@@ -235,6 +237,9 @@ def _setting(robot: Robot, arguments: argparse.Namespace) -> Setting:
         mass, x, y, z = read_numbers("--payload", arguments.payload, (4,))
         if mass < 0.0:
             raise InputError(f"--payload {arguments.payload}: expected a mass of 0 or more")
+        if mass > MOST[PAYLOAD] or np.linalg.norm([x, y, z]) > FAR_M:
+            raise InputError(f"--payload {arguments.payload}: expected kg, and its centre in m, within "
+                             f"{FAR_M:g} m of the flange")
         load = (mass, (x, y, z))
     start = None
     if arguments.start:

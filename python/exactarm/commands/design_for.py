@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from exactarm.columns import PAYLOAD
+from exactarm.columns import MOST, PAYLOAD
 from exactarm.commands.result import CommandResult
 from exactarm.compensate.measuring_program import measuring_program, stops_of
 from exactarm.diagnose.next_poses import MINUTES, Experiment
@@ -17,8 +17,11 @@ from exactarm.errors import InputError
 from exactarm.identify.pose_space import PoseSpace
 from exactarm.report import Report, Table, Text
 from exactarm.robot import Robot
+from exactarm.toml_file import is_number
 
 _EXPECTED = "expected result.json of `exactarm diagnose`"
+_ROUNDED = 1e-6  # rad, m: poses are written with nine digits
+_MOST_BITS = 64.0  # of what is open between causes: the library has some hundred of them
 _KEYS = ("poses_rad", "payload_kg", "bits", "open_bits", "between")
 
 
@@ -53,6 +56,8 @@ def read_experiments(path: Path, robot: Robot) -> tuple[Experiment, ...]:
     robot."""
     try:
         entries = json.loads(path.read_text(encoding="utf-8")).get("experiments")
+    except RecursionError:
+        raise InputError(f"is nested too deeply; {_EXPECTED}", file=str(path)) from None
     except (OSError, ValueError, AttributeError) as error:
         raise InputError(f"cannot be read ({error}); {_EXPECTED}", file=str(path)) from None
     if not isinstance(entries, list):
@@ -64,21 +69,37 @@ def read_experiments(path: Path, robot: Robot) -> tuple[Experiment, ...]:
         try:
             q, *rest = (entry[key] for key in _KEYS)
             experiment = Experiment(np.array(q, float), *rest)
-            fits = (
-                experiment.q.ndim == 2 and experiment.q.shape[1] == robot.axes
-                and np.all(np.isfinite(experiment.q))
-            )
-            fits = (
-                fits and all(np.isfinite(value)
-                             for value in (experiment.payload_kg, experiment.bits, experiment.open_bits))
-            )
+            fits = _fits(experiment, robot)
         except (KeyError, TypeError, ValueError):
             fits = False
-        if not fits or not len(experiment.q):
+        if not fits:
             raise InputError(f"experiment {number} does not fit a robot of {robot.axes} axes; {_EXPECTED}",
                              file=str(path))
+        _require_in_limits(experiment, number, robot, path)
         found.append(experiment)
     return tuple(found)
+
+
+def _fits(experiment: Experiment, robot: Robot) -> bool:
+    """Whether it has the shapes and sizes of an experiment with this robot."""
+    q, load = experiment.q, experiment.payload_kg
+    return (
+        q.ndim == 2 and q.shape[1] == robot.axes and len(q) > 0 and bool(np.all(np.isfinite(q)))
+        and all(is_number(value) for value in (load, experiment.bits, experiment.open_bits))
+        and 0.0 <= load <= MOST[PAYLOAD] and isinstance(experiment.between, str)
+        and 0.0 <= experiment.bits <= _MOST_BITS and 0.0 <= experiment.open_bits <= _MOST_BITS
+    )
+
+
+def _require_in_limits(experiment: Experiment, number: int, robot: Robot, path: Path) -> None:
+    """The poses are to be driven: each axis between its limits, where the robot file has them."""
+    for i, joint in enumerate(robot.joints):
+        low, high = (default if value is None else value
+                     for value, default in ((joint.q_min, -MOST["q"]), (joint.q_max, MOST["q"])))
+        for pose, angle in enumerate(experiment.q[:, i], start=1):
+            if not low - _ROUNDED <= angle <= high + _ROUNDED:
+                raise InputError(f"experiment {number}, pose {pose}: axis {i + 1} at {angle:g}; expected "
+                                 f"{low:g} to {high:g}, the limits of {robot.name}", file=str(path))
 
 
 def minutes_of(words: list[str]) -> dict[str, float]:

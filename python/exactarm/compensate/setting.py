@@ -13,6 +13,8 @@ from exactarm.compensate.program import Program
 from exactarm.errors import InputError
 from exactarm.robot import Robot
 
+LARGEST = 1e6  # mm or degrees that a controller shows of a frame, or that its axes stand at
+
 
 @dataclass(frozen=True)
 class Setting:
@@ -75,10 +77,12 @@ def read_numbers(option: str, text: str, counts: tuple[int, ...] | None) -> tupl
         numbers = tuple(float(part) for part in text.split(","))
     except ValueError:
         numbers = ()
-    if not numbers or (counts and len(numbers) not in counts) or not np.all(np.isfinite(numbers)):
+    sound = all(abs(number) <= LARGEST for number in numbers)
+    if not numbers or (counts and len(numbers) not in counts) or not sound:
         expected = " or ".join(map(str, counts or ()))
         raise InputError(
-            f"{option} {text}: expected {expected} numbers with commas between them".replace("  ", " ")
+            f"{option} {text}: expected {expected} numbers with commas between them, none beyond "
+            f"{LARGEST:g}".replace("  ", " ")
         )
     return numbers
 

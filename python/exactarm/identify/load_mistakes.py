@@ -22,9 +22,26 @@ from exactarm.robot import Robot
 
 AGAINST = -0.5  # correlation with gravity, from which on a sign is wrong: friction and noise make none
 OFF_DECLARED, OFF_GENERIC = 3.0, 30.0  # times gravity's size: generic masses are right to a factor of five
+HEAVY = 2.0  # times the arm's own mass: light arms carry up to their own, grams are a thousand times too much
+FAR_M = 2.0  # of a payload's centre from the flange: mm as m are a thousand times too much
+
+
+def payload_mistakes(robot: Robot, data: Dataset) -> Iterator[Suspicion]:
+    if data.payload is None:
+        return
+    mass, centre = data.payload
+    own = robot.mass or sum(link.mass for link in robot.links or ())
+    if own > 0.0 and mass.max(initial=0.0) > HEAVY * own:
+        yield Suspicion(f"payload_kg is up to {mass.max():g} kg, the arm itself weighs {own:.3g} kg: is it "
+                        "in g or lb? It is used as it stands", sentence=True)
+    away = float(np.linalg.norm(centre, axis=1).max(initial=0.0))
+    if away > FAR_M:
+        yield Suspicion(f"the payload's centre lies {away:g} m from the flange: is it in mm? It is used as "
+                        "it stands", sentence=True)
 
 
 def load_mistakes(robot: Robot, data: Dataset) -> Iterator[Suspicion]:
+    yield from payload_mistakes(robot, data)
     if "current" in data.joints:
         given = ~np.isnan(data.joints["current"]).all(axis=0)
         without = np.flatnonzero(given & np.array([joint.torque_constant is None for joint in robot.joints]))

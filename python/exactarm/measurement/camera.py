@@ -34,6 +34,7 @@ from exactarm.measurement.contact import Contact
 from exactarm.measurement.lens import LENS, project, undistorted
 from exactarm.rotation import exp, left_jacobian, skew
 
+EDGE_PX = 1.0  # by which noise may put a corner beyond the edge
 LEAST_PICTURES = 3  # two unknown frames: two turns about different axes
 _BEND = {"k1": 0.5, "k2": 0.5, "p1": 0.01, "p2": 0.01}  # standard deviations before any data: any lens
 _Rows = tuple[tuple[float, ...], ...]
@@ -155,6 +156,7 @@ def board_poses(setup: CameraSetup, data, at: np.ndarray) -> tuple[np.ndarray, P
         raise InputError(f"corner {data.corner[row]} of a board of {setup.columns} by {setup.rows} squares; "
                          f"expected 0 to {setup.corners - 1}, row by row", row=int(data.row[row]),
                          file=data.first_file, column="corner")
+    _require_inside(setup, data, at)
     _, first, number = np.unique(data.picture[at], return_index=True, return_inverse=True)
     parts = [np.flatnonzero(number == k) for k in range(len(first))]
     kept = [k for k, part in enumerate(parts) if _spread(setup.corner(data.corner[at[part]]))]
@@ -164,8 +166,28 @@ def board_poses(setup: CameraSetup, data, at: np.ndarray) -> tuple[np.ndarray, P
     corners = [setup.square * setup.corner(data.corner[at[parts[k]]])[:, :2] for k in kept]
     pixels = [data.pixel[at[parts[k]]] for k in kept]
     lens = np.array(setup.lens or _first_lens(setup, corners, pixels, data), float)
-    found = [pose_of(homography(flat, undistorted(seen, lens))) for flat, seen in zip(corners, pixels)]
+    rays = [undistorted(seen, lens) for seen in pixels]
+    unseen = np.concatenate([at[parts[k]][np.isnan(ray[:, 0])] for k, ray in zip(kept, rays)])
+    if len(unseen):
+        raise InputError("no ray through the lens of the fixture file ends at this pixel; expected focal_px "
+                         "and distortion of this camera", row=int(data.row[unseen[0]]), file=data.first_file,
+                         column="u_px")
+    found = [pose_of(homography(flat, ray)) for flat, ray in zip(corners, rays)]
     return lens, tuple(np.array(part) for part in zip(*found)), first[kept]
+
+
+def _require_inside(setup: CameraSetup, data, at: np.ndarray) -> None:
+    """Pixels lie inside of the picture, where its size is known."""
+    if setup.size is None:
+        return
+    pixels = data.pixel[at]
+    outside = at[((pixels < -EDGE_PX) | (pixels > np.array(setup.size) - 1.0 + EDGE_PX)).any(axis=1)]
+    if outside.size:
+        u, v = data.pixel[outside[0]]
+        raise InputError(f"({u:g}, {v:g}) lies outside of a picture of {setup.size[0]} by {setup.size[1]} "
+                         "pixels; expected size_px = [width, height] in the fixture file, and u, v from the "
+                         "left and from the top", row=int(data.row[outside[0]]), file=data.first_file,
+                         column="u_px")
 
 
 def _first_lens(

@@ -15,7 +15,8 @@ import numpy as np
 
 LENS = ("fx_px", "fy_px", "cx_px", "cy_px", "k1", "k2", "p1", "p2", "k3")
 _NEAREST_M = 1e-6  # what lies nearer or behind is taken there: a search may pass by
-_PASSES = 30  # of the inverse: each gains a digit where distortion is a tenth
+_PASSES = 30  # of Newton's method for the inverse: a handful do
+_CLOSE = 1e-9  # of the inverse, times the distance from the axis or 1
 
 
 def project(points: np.ndarray, lens: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -37,12 +38,21 @@ def project(points: np.ndarray, lens: np.ndarray) -> tuple[np.ndarray, np.ndarra
 
 
 def undistorted(pixels: np.ndarray, lens: np.ndarray) -> np.ndarray:
-    """(N, 2): x, y of the rays that the pixels show, by fixed-point iteration."""
-    bent = (pixels - lens[2:4]) / lens[:2]
-    flat = bent
-    for _ in range(_PASSES):
-        flat = flat + bent - _bent(flat, lens[4:])[0]
-    return flat
+    """(N, 2): x, y of the rays that the pixels show, by Newton's method; NaN where no ray is found."""
+    goal = (pixels - lens[2:4]) / lens[:2]
+    flat = goal
+    with np.errstate(all="ignore"):  # where the lens folds the picture, a step leads anywhere
+        for _ in range(_PASSES):
+            bent, slope, _ = _bent(flat, lens[4:])
+            (a, b), (c, d) = slope[:, 0].T, slope[:, 1].T
+            away = bent - goal
+            step = np.stack([d * away[:, 0] - b * away[:, 1], a * away[:, 1] - c * away[:, 0]], axis=1)
+            flat = flat - step / (a * d - b * c)[:, None]
+        bent, slope, _ = _bent(flat, lens[4:])
+        good = np.abs(bent - goal).max(axis=1) <= _CLOSE * (1.0 + np.abs(goal).max(axis=1))
+        good &= np.linalg.det(slope) > 0.0  # else beyond the fold, or, below, on the other side of the axis
+        good &= np.sum(flat * goal, axis=1) >= -_CLOSE
+    return np.where(good[:, None], flat, np.nan)
 
 
 def _bent(flat: np.ndarray, bend: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
