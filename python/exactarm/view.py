@@ -194,10 +194,10 @@ class View:
 
     @property
     def has_masses(self) -> bool:
-        """Whether masses load the joints; generic ones say nothing of drive torques, and have no place beside
-        measured ones."""
-        torques = self.device in (Device.GEAR, Device.DRIVES)
-        return self.robot.links is not None and not (self.robot.generic_masses and torques)
+        """Whether masses load the joints."""
+        if self.robot.generic_masses and not self._kind.shows_generic_loads:
+            return False
+        return self.robot.links is not None
 
     @cached_property
     def measured_loads(self) -> np.ndarray:

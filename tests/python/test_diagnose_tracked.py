@@ -17,6 +17,7 @@ from exactarm.effects import effect_from_table
 from exactarm.identify.evaluate import evaluate_tracked_motion
 from exactarm.identify.tracked_fit import subsampled_record, tracked_record
 from exactarm.robot_file import load_robot
+from exactarm.robot_writer import write_robot
 from motions import fourier_motion
 from set_ups import at_random_place
 
@@ -168,3 +169,19 @@ def test_commands_read_it_or_say_why_not(tmp_path, capsys):
                      "--quiet"]) == 2
     message = capsys.readouterr().err.strip()
     assert "\n" not in message and "tracked motion" in message
+
+
+@pytest.mark.slow
+def test_sag_of_an_arm_without_masses_is_the_compliance_of_its_axis(tmp_path):
+    """In motion as at rest: relative to generic masses, which the robot file keeps."""
+    sag = effect_from_table({"effect": "joint_compliance", "joint": 2, "linear_rad_per_Nm": 4e-6})
+    file, bare, out = tmp_path / "tracked.csv", tmp_path / "bare.toml", tmp_path / "out"
+    write_dataset(file, tracked(sag, 7))
+    write_robot(bare, replace(ur10(), links=None))
+    assert cli.main(["diagnose", str(bare), str(file), "--out", str(out), "--quiet"]) == 0
+    said = json.loads((out / "result.json").read_text())
+    assert [(e["effect"], e["joint"]) for e in said["effects"]] == [("joint_compliance", 2)], said["sentence"]
+    assert said["after"]["validation"]["rms"] < 1.3 * np.sqrt(3.0) * NOISE_M
+    assert said["before"]["validation"]["rms"] > 3.0 * np.sqrt(3.0) * NOISE_M
+    assert any("generic distribution" in line for line in said["warnings"])
+    assert load_robot(out / "robot.toml").generic_masses

@@ -56,9 +56,13 @@ def test_torques_that_are_not_gravity_do_not(data):
     assert with_loads(BARE, data) == with_generic_masses(BARE)
 
 
-def test_motions_never_see_generic_masses():
-    motion = replace(poses(), kind="motion")
-    assert with_loads(with_generic_masses(BARE), motion) == BARE
+@pytest.mark.parametrize("kind", ["motion", "gear_run"])
+def test_drives_and_gears_never_see_generic_masses(kind):
+    assert with_loads(with_generic_masses(BARE), replace(poses(), kind=kind)) == BARE
+
+
+def test_a_tracked_motion_sees_generic_masses():
+    assert with_loads(BARE, replace(poses(), kind="tracked_motion")) == with_generic_masses(BARE)
 
 
 def test_generic_masses_stay_in_a_result_only_with_an_effect_that_needs_a_load():

@@ -14,7 +14,7 @@ from exactarm.robot import Robot
 
 def with_load_section(result: CommandResult, robot: Robot, data: Dataset) -> CommandResult:
     """The result with the loads of `robot` as declared on `data`."""
-    if not kind_of(data.kind).at_rest:
+    if not kind_of(data.kind).shows_generic_loads:
         return result
     loaded = with_loads(robot, data)
     lines = load_lines(loaded, data)

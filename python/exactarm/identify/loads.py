@@ -29,8 +29,9 @@ LEAST_SHARE = 0.5  # of the square sum of measured torques that gravity must exp
 
 
 def with_loads(robot: Robot, data: Dataset) -> Robot:
-    """The robot to analyse data with: generic masses for arms at rest, declared ones alone in motion."""
-    if not kind_of(data.kind).at_rest:
+    """The robot to analyse data with: generic masses where a place is measured, declared ones alone behind
+    gears and drives."""
+    if not kind_of(data.kind).shows_generic_loads:
         return with_declared_masses(robot)
     guessed = with_generic_masses(robot)
     return _as_measured(guessed, data) if guessed is not robot and guessed.generic_masses else robot

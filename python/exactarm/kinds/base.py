@@ -58,6 +58,12 @@ class Kind:
         """Whether each row is the place of a target at rest."""
         return self.at_rest and self.device is Device.TARGET
 
+    @property
+    def shows_generic_loads(self) -> bool:
+        """Whether masses that are right in kind only may bend the arm: they say nothing of drive torques, and
+        one axis that turns between two sensors hardly feels them."""
+        return self.device not in (Device.GEAR, Device.DRIVES)
+
     def held_by(self, data: Rows) -> bool:
         raise NotImplementedError
 
