@@ -10,7 +10,7 @@ import exactarm as ea
 from exactarm.commands.diagnose_report import found_effects, report_of
 from exactarm.commands.effect_sections import _size, axes_in_words, causes_in_words, percent
 from exactarm.commands.error_sections import words_of
-from exactarm.diagnose.contribution import _follows, _own_signals
+from exactarm.diagnose.contribution import _follows, _own_signals, _told_over
 from exactarm.diagnose.diagnosis import diagnose
 from exactarm.effects.order_source import likely_source
 
@@ -119,3 +119,18 @@ def test_the_size_of_a_cause_is_a_number_that_is_not_zero_within_its_interval():
 ])
 def test_a_measure_is_told_without_its_unit(name, words):
     assert words_of(name) == words
+
+
+def test_a_value_is_told_over_time_only_where_nothing_else_explains_half_of_it():
+    t = np.linspace(0.0, 6.0, 400)
+    named = {"time": t, "load of axis 2": np.sin(3.0 * t), "speed of axis 2": np.cos(7.0 * t)}
+    assert _told_over(named, 2.0 * np.sin(3.0 * t) + 0.2 * np.sin(20.0 * t)) == "load of axis 2"
+    assert _told_over(named, np.exp(-t)) == "time"
+
+
+def test_an_effect_of_no_axis_stands_over_signals_of_the_axis_along_which_it_is_drawn():
+    names = ("load of axis 1", "load of axis 2", "time", "speed of axis 12")
+    signals = dict.fromkeys(names, np.arange(3.0))
+    own = _own_signals(SimpleNamespace(joint=None), signals, None, "axis 2")
+    assert list(own) == ["load of axis 2", "time"]
+    assert list(_own_signals(SimpleNamespace(joint=None), signals, None, "the base's z axis")) == list(names)

@@ -94,6 +94,29 @@ def test_a_pipe_hears_of_every_step_of_long_work_and_of_none_of_short_work(long,
     assert screen.text == lines
 
 
+def test_progress_updates_one_line_on_a_terminal_and_clears_it():
+    screen = Screen(True)
+    progress = Progress(screen)
+    progress.part("step 3 of 9")
+    progress.stage("fitting", total=2)
+    progress.step(note="backlash_2 [bold]")
+    progress.close()
+    plain = re.sub(r"\x1b\[[0-9;?]*[a-zA-Z]", "", screen.text)
+    assert "step 3 of 9, fitting: backlash_2 [bold]" in plain and "1/2" in plain and "0:00:0" in plain
+    # the line is cleared, the cursor is back
+    assert screen.text.rstrip("\n").endswith("\x1b[2K") and "\x1b[?25h" in screen.text
+
+
+def test_progress_is_rare_plain_lines_in_a_pipe():
+    screen, seconds = Screen(False), (0.5 * count for count in range(200))
+    progress = Progress(screen, clock=lambda: next(seconds))
+    progress.stage("fitting", total=20)
+    for _ in range(20):
+        progress.step()
+    progress.close()
+    assert screen.text == "fitting 6/20\nfitting 12/20\nfitting 18/20\n"  # every 3 s from the first stage on
+
+
 def test_a_part_of_a_longer_work_is_one_line_in_a_pipe():
     screen = Screen(False)
     progress = Progress(screen, Clock())

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from exactarm.commands.error_sections import unit_of
-from exactarm.progress import Progress
 from exactarm.report import (
     Estimate,
     Figure,
@@ -23,9 +22,10 @@ from exactarm.report import (
 from exactarm.report.html import render_html
 from exactarm.report.numbers import choose_scale, estimate, format_cells, number, quantity
 from exactarm.report.plots import arm, curves, design, effects, errors, parameters, residual, workspace
+from exactarm.report.plots.errors import error_histogram, error_per_pose
 from exactarm.report.plots.files import draw
 from exactarm.report.plots.style import house_style
-from exactarm.report.terminal import render_text
+from exactarm.report.terminal import columns_of, render_text
 
 RANDOM = np.random.default_rng(11)
 
@@ -338,43 +338,22 @@ def test_binned_means_cover_a_known_line():
     assert list(centre) == [-1.0, 1.0] and list(mean) == [1.5, 4.0]
 
 
-class Screen:
-    """A stream that remembers; a terminal or a pipe."""
-
-    def __init__(self, terminal):
-        self.terminal, self.text = terminal, ""
-
-    def isatty(self):
-        return self.terminal
-
-    def write(self, text):
-        self.text += text
-
-    def flush(self):
-        pass
+def test_columns_that_are_compared_have_one_prefix():
+    header = ("axis", "before", "after", "noise")
+    rows = (("1", Quantity(0.5e-3, "rad"), Quantity(60e-6, "rad"), Quantity(1e-6, "rad")),)
+    names, columns, _ = columns_of(Table("Error", header, rows))
+    assert names == ["axis", "before [mrad]", "after [mrad]", "noise [µrad]"]
+    assert columns[2] == ["0.0600"]
 
 
-def test_progress_updates_one_line_on_a_terminal_and_clears_it():
-    screen = Screen(True)
-    progress = Progress(screen)
-    progress.part("step 3 of 9")
-    progress.stage("fitting", total=2)
-    progress.step(note="backlash_2 [bold]")
-    progress.close()
-    plain = re.sub(r"\x1b\[[0-9;?]*[a-zA-Z]", "", screen.text)
-    assert "step 3 of 9, fitting: backlash_2 [bold]" in plain and "1/2" in plain and "0:00:0" in plain
-    # the line is cleared, the cursor is back
-    assert screen.text.rstrip("\n").endswith("\x1b[2K") and "\x1b[?25h" in screen.text
-
-
-def test_progress_is_rare_plain_lines_in_a_pipe():
-    screen, seconds = Screen(False), iter(np.arange(0.0, 100.0, 0.5))
-    progress = Progress(screen, clock=lambda: next(seconds))
-    progress.stage("fitting", total=20)
-    for _ in range(20):
-        progress.step()
-    progress.close()
-    assert screen.text == "fitting 6/20\nfitting 12/20\nfitting 18/20\n"  # every 3 s from the first stage on
+def test_nothing_is_called_before_where_nothing_changed():
+    same, marked = np.array([1e-3, 2e-3, 3e-3]), np.array([False, True, True])
+    legend = lambda figure: [text.get_text() for text in figure.axes[0].get_legend().get_texts()]
+    assert legend(error_per_pose(same, same, marked)) == ["fitted", "not fitted"]
+    assert legend(error_per_pose(same, same, np.ones(3, bool))) == ["not fitted"]
+    changed = legend(error_per_pose(2.0 * same, same, marked))
+    assert changed == ["before", "after, fitted", "after, not fitted"]
+    assert legend(error_histogram(same, same)) == ["mean 2 mm"]
 
 
 NASTY = 'a"><img src=x onerror=alert(1)>../$\\frac{'

@@ -105,7 +105,7 @@ def _sections(robot: Robot, result: Diagnosis, found: list[tuple[Finding, Contri
         geared = [joint.has_gear for joint in robot.joints]
         sections += [effects_table(result, found), *curves_figure(found),
                      orders_table(found, robot.ratios, geared),
-                     *sizes_figure(found, result.after[judged].rms), parameters_table(found)]
+                     *sizes_figure(found, result.after[judged].rms, unit), parameters_table(found)]
     sections += [error_table(result.before, result.after, unit, name.capitalize(), note),
                  *_axes_table(result), *_arm(result)]
     sections += _error_figures(result, name, row)
@@ -116,8 +116,9 @@ def _sections(robot: Robot, result: Diagnosis, found: list[tuple[Finding, Contri
     sections += [
         Table("Noise floor", ("", "", "from"),
               (("no model can do better than", Quantity(result.noise.value, unit), result.noise.source),)),
-        _dossier_table("What the error follows, before", result.dossier_before),
-        _dossier_table("What the error still follows, after", result.dossier_after),
+        *([_dossier_table("What the error follows, before", result.dossier_before),
+           _dossier_table("What the error still follows, after", result.dossier_after)] if found
+          else [_dossier_table("What the error follows", result.dossier_after)]),
     ]
     outliers = (
         (f"{result.excluded} identification rows were left out as outliers",) if result.excluded else ()

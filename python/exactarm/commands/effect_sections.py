@@ -18,6 +18,11 @@ from exactarm.report import Cell, Estimate, Figure, Quantity, Table
 from exactarm.report.numbers import quantity
 from exactarm.report.plots.effects import EffectPanel, contribution_bars, effect_panels
 
+_AT_TOOL = (  # of angles, of measured positions
+    "At the tool: the angle error times the distance of the flange from the axis, median over the rows.",
+    "At the tool: median over the poses of what the effect moves the target and nothing else in the model "
+    "makes up for.",
+)
 _MOST_ORDERS = 3  # of one effect
 _LEAST_ORDER = 0.25  # of its strongest order: weaker ones are not listed
 _MOST_PANELS = 12
@@ -71,8 +76,7 @@ def effects_table(result: Diagnosis, found: Sequence[tuple[Finding, Contribution
               "or instead"]
     rows = [_row(finding, contribution) for finding, contribution in in_order(found)]
     kept = [k for k in range(len(header)) if any(row[k] not in (None, "") for row in rows)]
-    note = ("At the tool: median over the poses of what the effect moves the target and nothing else in the "
-            "model makes up for. "
+    note = (_AT_TOOL[result.unit == "m"] + " "
             if any(c is not None and c.tool is not None for _, c in found) else "")
     if any(getattr(finding, "own_share", None) is not None for finding, _ in found):
         note += ("Own share: a model without this effect alone, the others estimated again, has a larger "
@@ -181,27 +185,25 @@ def curves_figure(found: Sequence[tuple[Finding, Contribution | None]]) -> list[
 
 
 def _panel(c: Contribution) -> EffectPanel:
-    same = (
-        c.unit == "rad" and c.direction.startswith("a turn") or not c.direction.startswith("a turn")
-        and c.unit != "rad"
-    )
-    return EffectPanel(_title(c.effect), c.signal, c.signal_unit, c.unit, c.x, c.value, c.half, c.without,
-                       c.with_, c.curve, same)
+    same = c.unit == c.residual_unit
+    where = f" on {c.direction}" if c.effect.joint is None and c.direction.startswith("axis ") else ""
+    return EffectPanel(_title(c.effect) + where, c.signal, c.signal_unit, c.unit, c.x, c.value, c.half,
+                       c.without, c.with_, c.curve, same)
 
 
 def _title(effect: Effect) -> str:
     return effect.title[:1].upper() + effect.title[1:]
 
 
-def sizes_figure(found: Sequence[tuple[Finding, Contribution | None]], left: float | None) -> list[Figure]:
-    """Bars of what each effect moves the target, in the order of the chain."""
+def sizes_figure(found: Sequence[tuple[Finding, Contribution | None]], left: float,
+                 unit: str) -> list[Figure]:
+    """Bars of what each effect moves the target, in the order of the chain; left: what is left, in `unit`."""
     told = [(_title(finding.effect), c.at_tool) for finding, c in in_order(found)
             if c is not None and c.at_tool is not None]
     if len(told) < 2:
         return []
     labels, sizes = [label for label, _ in told], np.array([size for _, size in told])
     return [Figure("contributions", "Which axis costs how much",
-                   partial(contribution_bars, labels, sizes, left),
-                   "Median over the fitted poses of what each cause moves the target and no other parameter "
-                   "makes up for.",
+                   partial(contribution_bars, labels, sizes, left if unit == "m" else None),
+                   _AT_TOOL[unit == "m"],
                    "bars of the movement at the tool by cause")]

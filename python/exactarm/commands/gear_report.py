@@ -10,7 +10,7 @@ import numpy as np
 from exactarm.identify.gear import Gear, GearIdentification
 from exactarm.identify.gear_declared import SIDES
 from exactarm.report import Estimate, Figure, Highlight, Highlights, Quantity, Report, Table, Text, Warnings
-from exactarm.report.numbers import change, quantity
+from exactarm.report.numbers import change, fixed, quantity
 from exactarm.report.plots.residual import residual_over_signal, spectrum
 from exactarm.robot import Robot
 
@@ -63,7 +63,7 @@ def _error_table(gears, error: str, rule: str) -> Table:
         for name in ("identification", "validation"):
             before, after = gear.before[name], gear.after[name]
             if before.n:
-                fall = f"{100.0 * (1.0 - after.rms / before.rms):.0f} %"
+                fall = f"{fixed(100.0 * (1.0 - after.rms / before.rms), 0)} %"
                 numbers = (Quantity(before.rms, gear.unit), Quantity(after.rms, gear.unit), fall)
                 rows.append((f"{gear.joint} {gear.side}", name, before.n, *numbers,
                              Quantity(gear.noise, gear.unit),
@@ -140,7 +140,7 @@ def _ratio_and_disturbances(robot: Robot, gears) -> tuple:
             "(but for the bias) and not in the robot file: `exactarm diagnose` names such effects.",
         ))
     if rest:
-        header = ("gear", "identification", "without", "validation", "without")
+        header = ("gear", "identification", "identification without", "validation", "validation without")
         note = "RMS of the transmission error after, and without delay, wind-up and friction."
         tables.append(Table("What remains", header, tuple(rest), note))
     return tuple(tables)

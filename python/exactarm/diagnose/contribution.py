@@ -7,7 +7,8 @@ For every effect, with all others in the model, on the identification rows:
                                     parameters
     without, with_ (N,)         the residual along the effect's own direction without and with it
     tool (N,)                   size of what it does to the measured position and no other parameter makes up
-                                for, m
+                                for, m; of an angle error in other data: the angle times the distance of the
+                                flange from the axis
 
 An angle error that repeats is known up to a constant, which is the joint's zero: its value has mean zero
 here.
@@ -23,6 +24,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from exactarm import _core
 from exactarm.chain import Layout
 from exactarm.diagnose.problem import Fitted, Problem
 from exactarm.effects.base import Effect, Station
@@ -30,6 +32,9 @@ from exactarm.effects.base import Effect, Station
 # share of a value's variance that one signal explains, from which it is drawn as a curve of that signal
 FOLLOWS = 0.9
 _HIGH_ORDER = 12.0  # cycles per output revolution: more waves than a plot over the whole turn can show
+_ENOUGH = 0.5  # of a value's variance, that a signal other than time explains, to be told over it
+_POSTURES = 50  # of a run: levers change little between neighbours
+_SMALL_RAD = 1e-4  # a turn whose chord is its arc to 1e-9
 _MOST_POINTS = 3000  # of a picture
 _TURN = 2.0 * np.pi
 _UNITS = {"angle": "rad", "motor": "rad", "phase": "rad", "load": "Nm", "time": "s", "position": "m",
@@ -57,6 +62,7 @@ class Contribution:
     without: np.ndarray
     with_: np.ndarray
     tool: np.ndarray | None
+    residual_unit: str
     peak_to_peak: tuple[float, float]  # of the value, and its 95 % half width
 
     @property
@@ -97,19 +103,21 @@ def _contribution(fitted: Fitted, index: int, signals: dict, directions: dict,
         fitted, moved, columns, directions[direction], unit, direction)
     if effect.orders():
         value, slopes = value - value.mean(), slopes - slopes.mean(axis=0)
-    if value_unit == "rad" and direction.startswith("a turn"):
+    residual_unit = "rad" if direction.startswith("a turn") else unit
+    if value_unit == residual_unit == "rad":
         before = after + value  # as drawn: the residual with the effect, and the effect
     covariance = fitted.fit.covariance[where, where]
     high, low = int(np.argmax(value)), int(np.argmin(value))
     difference = slopes[high] - slopes[low]
-    named = _own_signals(effect, signals, fitted)
-    signal = max(named, key=lambda name: _follows(named[name], value) + 1e-3 * name.startswith("angle"))
+    named = _own_signals(effect, signals, fitted, direction)
+    signal = _told_over(named, value)
     rows = _subsampled(named[signal])
+    tool = _at_tool(without, moved) if unit == "m" else _by_lever(fitted, effect, value, value_unit)
     return Contribution(
         effect, signal, _UNITS.get(signal.split()[0], ""), _follows(named[signal], value) > FOLLOWS,
         named[signal][rows], value[rows], _half(fitted, slopes[rows], covariance), value_unit, direction,
         before[rows],
-        after[rows], _at_tool(without, moved) if unit == "m" else None,
+        after[rows], tool, residual_unit,
         (float(value[high] - value[low]), float(_half(fitted, difference[None], covariance)[0])),
     )
 
@@ -120,6 +128,19 @@ def _at_tool(without: Fitted, moved: np.ndarray) -> np.ndarray:
     white = without.whiten(moved[:, :, None])[:, 0]
     left = (white - without.basis @ (without.basis.T @ white))[: without.data_numbers].reshape(moved.shape)
     return np.linalg.norm((left * without.sigma)[:, :_POSITION], axis=1)
+
+
+def _by_lever(fitted: Fitted, effect: Effect, value: np.ndarray, unit: str) -> np.ndarray | None:
+    """(N,) m that an angle error moves the flange: by its median distance from the joint's axis in the
+    postures of the data. None where the effect is no angle of one axis, or the arm has no geometry."""
+    if unit != "rad" or effect.joint is None or not fitted.robot.has_geometry:
+        return None
+    q = fitted.view.q
+    q = q[np.linspace(0, len(q) - 1, min(len(q), _POSTURES)).astype(int)]
+    turned = q + _SMALL_RAD * np.eye(q.shape[1])[effect.index]
+    flange = [_core.identification_jacobian(fitted.robot.core, np.ascontiguousarray(each))[0]
+              for each in (q, turned)]
+    return np.abs(value) * float(np.median(np.linalg.norm(flange[1] - flange[0], axis=1))) / _SMALL_RAD
 
 
 def _own_direction(fitted: Fitted, without: Fitted, effect: Effect, directions: dict):
@@ -171,23 +192,37 @@ def _half(fitted: Fitted, slopes: np.ndarray, covariance: np.ndarray) -> np.ndar
     )
 
 
-def _own_signals(effect: Effect, signals: dict[str, np.ndarray], fitted: Fitted) -> dict[str, np.ndarray]:
+def _told_over(named: dict[str, np.ndarray], value: np.ndarray) -> str:
+    """The signal that the value follows best. Everything smooth follows time, which says nothing of a cause:
+    time only where no other signal explains half."""
+    others = {name: _follows(values, value) + 1e-3 * name.startswith("angle")
+              for name, values in named.items() if name != "time"}
+    best = max(others, key=others.__getitem__, default="time")
+    return best if "time" not in named or others.get(best, 0.0) > _ENOUGH else "time"
+
+
+def _own_signals(effect: Effect, signals: dict[str, np.ndarray], fitted: Fitted,
+                 direction: str = "") -> dict[str, np.ndarray]:
     """What drives the effect, where it says so (time, a temperature); else the signals of its own axis, of no
-    axis, and the phase of a fast element; all signals for no single axis."""
+    axis, and the phase of a fast element. An effect of no single axis that is drawn along the error of one
+    axis: those of that axis; else all."""
     driver = getattr(effect, "driver", None)
     if driver in signals:
         return {driver: signals[driver]}
-    if effect.joint is None:
+    axis = str(effect.joint) if effect.joint is not None else direction.removeprefix("axis ")
+    if not axis.isdigit():
         return signals
     own = {name: values for name, values in signals.items()
-           if "axis" not in name or f"axis {effect.joint}" in name}
+           if "axis" not in name or f"axis {axis} " in f"{name} "}
+    if effect.joint is None:
+        return own or signals
     orders = [effect.value_of(p.name) for p in effect.parameters() if p.name == "order_per_rev"]
     if orders and orders[0] > _HIGH_ORDER:
         ratio = abs(fitted.robot.ratios[effect.index])
         turns = orders[0] / ratio
-        element = "the motor" if abs(turns - round(turns)) < 0.02 and round(turns) >= 1 else "its element"
+        element = "the motor of " if abs(turns - round(turns)) < 0.02 and round(turns) >= 1 else ""
         phase = np.mod(orders[0] * fitted.view.phi[:, effect.index], _TURN)
-        own[f"phase of {element} ({orders[0]:.4g} per turn of axis {effect.joint})"] = phase
+        own[f"phase of {element}axis {effect.joint}, order {orders[0]:.4g}"] = phase
     return own or signals
 
 

@@ -83,8 +83,9 @@ def _link(cell: Link) -> Markup:
 
 
 def _prose(text: str) -> Markup:
-    """Text with its `code` marked, and a hash that no line end cuts."""
+    """Text with its `code` marked, and an option or a hash that no line end cuts."""
     marked = re.sub(r"`([^`]+)`", r"<code>\1</code>", str(escape(text)))
+    marked = re.sub(r"(?<![\w-])--[a-z][a-z-]*", r'<span class="whole">\g<0></span>', marked)
     return Markup(re.sub(r"\bSHA-256( [0-9a-f]+)?", r'<span class="whole">\g<0></span>', marked))
 
 

@@ -109,17 +109,19 @@ def estimate(value: float | None, low: float | None, high: float | None, unit: s
     return format_cells([Estimate(value, low, high, unit)])[0]
 
 
-def common_unit(cells: Sequence[Cell]) -> str | None:
-    """The unit to show in the header of a column: where all its numbers share one; else None."""
+def common_unit(cells: Sequence[Cell], beside: Sequence[Cell] = ()) -> str | None:
+    """The unit to show in the header of a column: where all its numbers share one; else None. beside: as in
+    `format_cells`."""
     units = {cell.unit for cell in cells if isinstance(cell, (Quantity, Estimate))}
     if len(units) != 1 or any(isinstance(cell, int) for cell in cells):
         return None
     (unit,) = units
-    return _scale_of(cells, unit).unit or None
+    return _scale_of([*cells, *beside], unit).unit or None
 
 
-def format_cells(cells: Sequence[Cell], with_unit: bool = True) -> list[str]:
-    """The cells of one column as text; `with_unit` = False where the header has the unit.
+def format_cells(cells: Sequence[Cell], with_unit: bool = True, beside: Sequence[Cell] = ()) -> list[str]:
+    """The cells of one column as text; `with_unit` = False where the header has the unit. beside: of columns
+    to compare with, which have the same prefix.
 
     Numbers of one unit share prefix and decimals. A column of several units is read row by row: each has its
     own.
@@ -127,7 +129,7 @@ def format_cells(cells: Sequence[Cell], with_unit: bool = True) -> list[str]:
     units = {cell.unit for cell in cells if isinstance(cell, (Quantity, Estimate))}
     if len(units) > 1:
         return [text for cell in cells for text in format_cells([cell], with_unit)]
-    scale = _scale_of(cells, units.pop() if units else "")
+    scale = _scale_of([*cells, *beside], units.pop() if units else "")
     decimals = _common_decimals(cells, scale)
     texts = []
     for cell in cells:

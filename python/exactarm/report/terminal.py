@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import re
 import textwrap
+from collections.abc import Sequence
 
 from exactarm.report.numbers import DASH, common_unit, format_cells
-from exactarm.report.sections import Estimate, Highlight, Highlights, Quantity, Report, Table, Text
+from exactarm.report.sections import Cell, Estimate, Highlight, Highlights, Quantity, Report, Table, Text
 
 WIDTH = 100
 MOST_ROWS = 40
@@ -69,13 +70,25 @@ def _highlights(section: Highlights) -> list[str]:
 def columns_of(table: Table) -> tuple[list[str], list[list[str]], list[bool]]:
     """Header with units, the columns as text, and which of them are numbers."""
     header, columns, numeric = [], [], []
-    for name, cells in zip(table.header, zip(*table.rows) if table.rows else [()] * len(table.header)):
-        unit = common_unit(cells)
+    all_cells = list(zip(*table.rows)) if table.rows else [()] * len(table.header)
+    for k, (name, cells) in enumerate(zip(table.header, all_cells)):
+        beside = _compared(table.header, all_cells, k)
+        unit = common_unit(cells, beside)
         header.append(f"{name} [{unit}]" if unit else name)
-        columns.append(format_cells(cells, with_unit=unit is None))
+        columns.append(format_cells(cells, with_unit=unit is None, beside=beside))
         numeric.append(any(isinstance(cell, (int, Quantity, Estimate)) for cell in cells)
                        or _reads_as_numbers(columns[-1]))
     return header, columns, numeric
+
+
+def _compared(header: Sequence[str], columns: Sequence[Sequence[Cell]], k: int) -> list[Cell]:
+    """Numbers of the columns that are read against column `k`: names that differ in "before", "after" or
+    "without" alone, in one SI unit."""
+    units = lambda cells: {cell.unit for cell in cells if isinstance(cell, (Quantity, Estimate))}
+    stems = [re.sub(r"\W*\b(before|after|without)\b\W*", "", name) for name in header]
+    return [cell for j, cells in enumerate(columns)
+            if j != k and header[j] != header[k] and stems[j] == stems[k] and len(units(cells)) == 1
+            and units(cells) == units(columns[k]) for cell in cells if isinstance(cell, (Quantity, Estimate))]
 
 
 def _reads_as_numbers(texts: list[str]) -> bool:

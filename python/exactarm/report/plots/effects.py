@@ -93,6 +93,7 @@ def _draw(axes: Axes, panel: EffectPanel) -> None:
     )
     before, after = (np.sqrt(np.mean(np.square(values))) for values in (panel.without, panel.with_))
     axes.set(ylim=(-top, top), xlabel=label_with(panel.signal, x_shown), ylabel=f"[{shown}]" if shown else "")
+    axes.locator_params(axis="x", nbins=6)
     rms = f": RMS {before / size:.2g} → {after / size:.2g} {shown}" if panel.same else ""
     axes.set_title(panel.title + rms, fontsize=8.6)
 

@@ -26,7 +26,8 @@ from exactarm.report.plots.style import (
 def error_per_pose(before: np.ndarray, after: np.ndarray, validation: np.ndarray, unit: str = "m", *,
                    noise_floor: float | None = None, name: str = "position error",
                    row: str = "pose") -> Figure:
-    """Magnitudes before, after (N,) against the row; `validation` (N,) bool marks what was never fitted."""
+    """Magnitudes before, after (N,) against the row; `validation` (N,) bool marks what was never fitted.
+    Where after is before, nothing was changed: one series."""
     return on_one_panel(partial(error_per_pose_panel, before, after, validation, unit,
                                 noise_floor=noise_floor, name=name,
                                 row=row), 3.6)
@@ -41,10 +42,14 @@ def error_per_pose_panel(before: np.ndarray, after: np.ndarray, validation: np.n
     rows = np.arange(1, len(before) + 1)
     fitted, dots = ~np.asarray(validation, bool), marker_size(len(rows))
     how = {"markersize": dots, "rasterized": len(rows) > RASTER_ABOVE, "linestyle": "none"}
-    axes.plot(rows, before / size, marker="o", color=BEFORE, label="before", alpha=0.75, **how)
-    axes.plot(rows[fitted], after[fitted] / size, marker="o", color=AFTER, label="after, fitted", **how)
-    axes.plot(rows[~fitted], after[~fitted] / size, marker="D", color=VALIDATION, label="after, not fitted",
-              **how)
+    when = "" if np.array_equal(before, after) else "after, "
+    if when:
+        axes.plot(rows, before / size, marker="o", color=BEFORE, label="before", alpha=0.75, **how)
+    for chosen, marker, colour, label in ((fitted, "o", AFTER, "fitted"),
+                                          (~fitted, "D", VALIDATION, "not fitted")):
+        if chosen.any():
+            axes.plot(rows[chosen], after[chosen] / size, marker=marker, color=colour, label=when + label,
+                      **how)
     if noise_floor is not None:
         axes.axhline(noise_floor / size, color=FLOOR, linestyle="--", label="noise of the measurement")
     axes.set(xlabel=row, ylabel=label_with(name, shown), xlim=(0, len(rows) + 1))
@@ -67,10 +72,11 @@ def error_histogram_panel(before: np.ndarray, after: np.ndarray, unit: str, axes
     size, shown = scaled(before, unit, after)
     largest = float(max(np.max(before, initial=0.0), np.max(after, initial=0.0))) / size or 1.0
     bins = np.linspace(0.0, largest, int(np.clip(2.0 * np.sqrt(len(before)), 12, 60)) + 1)
-    for values, colour, label in ((before, BEFORE, "before"), (after, AFTER, "after")):
-        mean = float(np.mean(values)) / size
+    changed = not np.array_equal(before, after)
+    for values, colour, label in ((before, BEFORE, "before: "), (after, AFTER, "after: "))[not changed :]:
+        mean, label = float(np.mean(values)) / size, label if changed else ""
         axes.hist(values / size, bins, color=colour, alpha=0.7, edgecolor="white", linewidth=0.4,
-                  label=f"{label}: mean {mean:.3g} {shown}")
+                  label=f"{label}mean {mean:.3g} {shown}")
     if noise_floor is not None:
         axes.axvline(noise_floor / size, color=FLOOR, linestyle="--", label="noise of the measurement")
     axes.set(xlabel=label_with(name, shown), ylabel=f"number of {of}", xlim=(0.0, largest))
