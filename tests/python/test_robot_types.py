@@ -12,6 +12,7 @@ from central_difference import assert_derivative
 from exactarm.chain import Layout, predict_poses
 from exactarm.compensate.law import CompensationModel
 from exactarm.dataset import Dataset, dataset_columns, read_dataset, read_planned_poses
+from exactarm.effects import effect_from_table
 from exactarm.effects.declared_ratio import DeclaredRatio
 from exactarm.effects.joint_coupling import JointCoupling
 from exactarm.robot import Joint, Robot
@@ -63,6 +64,19 @@ def parallelogram() -> Robot:
     return replace(arm, effects=(JointCoupling(3, (2.0, -1.0)),))
 
 
+def turntable() -> Robot:
+    return Robot("turntable alone", (Joint(d=0.5, q_min=-2.5, q_max=2.5),))
+
+
+def positioner() -> Robot:
+    return Robot("positioner", (geared(d=0.6, alpha=np.pi / 2), geared(d=0.2)))
+
+
+def growth_of(size: float):
+    return effect_from_table({"effect": "thermal_drift", "form": "growth", "driver": "temperature_degC",
+                              "growth_1_per_degC": size})
+
+
 RUN_OUT = "gear_eccentricity joint={} first_cos_rad=3e-4 first_sin_rad=-2e-4"
 LAG = "hysteresis joint={} size_rad=2e-4"
 CASES = {
@@ -92,6 +106,35 @@ def counted_from_axis_2() -> Robot:
     arm = replace(puma(), links=None)
     joints = tuple(replace(joint, q_min=-1.5, q_max=1.5) for joint in arm.joints)
     return replace(arm, joints=joints, controller=replace(arm.controller, coupling=((3, 2, 1.0),)))
+
+
+@pytest.mark.parametrize("table", [turntable, positioner])
+def test_a_table_of_one_or_two_axes_is_judged_without_a_misleading_word(table):
+    """What frames take up is said, a wrong unit is not suspected, and the last axis' run-out is found."""
+    axes = table().axes
+    effects = [f"gear_eccentricity joint={axes} first_cos_rad=1e-3 first_sin_rad=-1e-3"]
+    # of the seeds 5 to 16 the noise of 5 follows time by chance, and diagnosis says so
+    made = ea.simulate(table(), count=60, seed=6, noise=NOISE_M, effects=effects)
+    lines = ea.calibrate(table(), made.data, threads=1)["warnings"]
+    assert not [line for line in lines if "check files" in line or "differ more" in line]
+    assert any("no parameter of the robot was identified" in line for line in lines) == (axes == 1)
+    diagnosed = ea.diagnose(table(), made.data, threads=1)
+    assert [(e["effect"], e["joint"]) for e in diagnosed["effects"]] == [("gear_eccentricity", axes)]
+
+
+def test_an_arm_that_grows_on_a_track_grows_by_its_links_alone():
+    """What a sliding axis has gone is measured by its scale."""
+    robot = arm_on_a_track()
+    q = np.zeros((3, robot.axes))
+    q[2, 0] = 2.5
+    warm = {"temperature_degC": np.array([20.0, 40.0, 40.0])}
+    data = Dataset.of_arrays("poses", {"q": q}, covariates=warm)
+
+    def at(*effects):
+        return predict_poses(robot, Layout.of(effects, estimate=False), data, tangents=False).position
+
+    _, short, far = np.linalg.norm(at(growth_of(1e-5)) - at(), axis=1)
+    assert far == pytest.approx(short, rel=1e-6) and short > 5e-5
 
 
 def test_measured_angles_of_coupled_axes_are_those_that_the_controller_reports(tmp_path):

@@ -260,12 +260,12 @@ def _parameter_sections(robot: Robot, result: Calibration) -> tuple[Any, ...]:
 
     names, start, x, intervals, units = pick(~frame)
     tables = geometry_tables(names, start, x, intervals, units, result.fit.fit.at_bound[~frame])
-    figure = Figure(
+    figures = (Figure(
         "parameters", "What changed",
         partial(parameter_forest, names, x - start, intervals[:, 0] - start, intervals[:, 1] - start, units),
         "Change of each parameter from its declared value, with its 95 % interval.",
         "parameter changes with intervals",
-    )
+    ),) if names else ()
     frames_names, _, frames_x, frames_intervals, frames_units = pick(frame)
     frames = tuple(
         Table(heading, ("parameter", "estimate (95 %)"), tuple(
@@ -275,7 +275,7 @@ def _parameter_sections(robot: Robot, result: Calibration) -> tuple[Any, ...]:
         for unit, heading, shown, size in (("m", "Frames: positions", "mm", 1e-3),
                                            ("rad", "Frames: rotations", "deg", np.pi / 180.0))
     )
-    return figure, *tables, *frames
+    return *figures, *tables, *frames
 
 
 def dropped_table(dropped: Sequence[Dropped]) -> Table:

@@ -3,7 +3,7 @@
 Eight forms, x the temperature (or time, or row order, where no temperature was measured) from its reference:
 
     growth     displacement = growth x (flange - base origin): the structure expands (steel 1.2e-5 per K), the
-               tool does not
+               tool does not, nor the way of a sliding axis, which its scale measures
     target     displacement = drift x: base or tool moves off in one direction
     zero       q_i += drift x: the zero of one axis moves (a warm gear or link turns it)
     sensor     the gyroscope's bias drifts: rate += drift x
@@ -87,9 +87,10 @@ class ThermalGrowth(ThermalDrift):
     def change(self, view) -> Change:
         x = slow_signal(view.data, self.driver)[:, None]
         base = view.signals["base_rotation"].reshape(view.rows, 3, 3)
-        arm = np.einsum("nij,nj->ni", base, view.frames()[0][:, -1])
+        positions, rotations = view.frames()
+        arm = np.einsum("nij,nj->ni", base, positions[:, -1])
         tool = view.signals["target"] - view.signals["base_position"] - arm
-        arm = x * arm
+        arm = x * (arm - np.einsum("nij,nj->ni", base, _slid(view, rotations)))
         by_displacement = np.zeros((view.rows, 3, 6))
         by_displacement[:, :, :3] = np.eye(3)
         # The flange moves as the target does, less what a turn does to the tool between them.
@@ -100,6 +101,16 @@ class ThermalGrowth(ThermalDrift):
     @classmethod
     def of(cls, robot, view) -> Iterable[Effect]:
         return (cls(None, (0.0,), driver) for driver in drivers(view.data))
+
+
+def _slid(view, rotations: np.ndarray) -> np.ndarray:
+    """(N, 3) m, in the robot's base, that the sliding axes have gone, by rotations (N, n + 1, 3, 3) of the
+    frames: each along the z axis of the frame before it."""
+    way = np.zeros((view.rows, 3))
+    for i, joint in enumerate(view.robot.joints):
+        if joint.type == "prismatic":
+            way += joint.sign * view.q[:, i, None] * rotations[:, i, :, 2]
+    return way
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from exactarm import _core
 from exactarm.chain import Layout, predict_poses
 from exactarm.covariance import ParameterCovariance
 from exactarm.dataset import Dataset
@@ -38,6 +39,7 @@ from exactarm.kinds import POSES, kind_of
 from exactarm.measurement.session_payload import SessionPayload
 from exactarm.regression import Fit
 from exactarm.robot import Placement, Robot
+from exactarm.rotation import log
 from exactarm.split import DEFAULT_SEED
 from exactarm.view import motor_angles
 
@@ -48,6 +50,7 @@ if TYPE_CHECKING:
 FRAMES, GEOMETRY, JUDGING = "base and tool frames", "geometry, gears and springs", "judging held-out rows"
 # Of the reach, after calibration: arms miss by 0.001 to 0.003 of it before, by a tenth of that after.
 MOST_LEFT = 0.004
+_PARALLEL = 0.05  # share of all turning that is about another axis: deviations are a tenth of it
 _BEYOND = 3.0  # standard deviations that the data would have a parameter beyond its bound
 
 
@@ -294,6 +297,15 @@ def _beyond_bounds(fit: PoseFit, data: Dataset):
                    "structure can have")
 
 
+def _parallel(robot: Robot) -> bool:
+    """Whether all turning axes are parallel, as those of a SCARA or a turntable."""
+    q = np.random.default_rng(0).uniform(-1.0, 1.0, (8, robot.axes))
+    turned = _core.forward_kinematics(robot.core, q)[1].reshape(-1, 3, 3)
+    from_first = np.array([log(rotation @ turned[0].T) for rotation in turned[1:]])
+    spread = np.linalg.svd(from_first, compute_uv=False)
+    return bool(spread[1] < _PARALLEL * max(spread[0], 1e-12))
+
+
 def _left_over(robot: Robot, left_m: float):
     """Data that no arm gives: columns or rows that do not belong together, whichever they are."""
     if left_m > MOST_LEFT * reach(robot):
@@ -305,6 +317,10 @@ def _left_over(robot: Robot, left_m: float):
 def _warnings(fit: PoseFit, data: Dataset, found: list):
     if not fit.fit.converged:
         yield f"the fit did not converge ({fit.fit.reason}): check the data for gross errors"
+    if all(effect.frames_of is not None or not free.any()
+           for effect, free in zip(fit.layout.effects, fit.layout.free)):
+        yield ("no parameter of the robot was identified: base and tool frames take up all that these axes "
+               "do, so its file is as it was; `exactarm diagnose` judges its gears all the same")
     yield from _beyond_bounds(fit, data)
     if fit.fit.freedom < 2 * fit.layout.size:
         yield (
@@ -313,8 +329,12 @@ def _warnings(fit: PoseFit, data: Dataset, found: list):
     for session, frames in found:
         if frames.other_tool is not None:
             point = ", ".join(f"{1e3 * value:.0f}" for value in frames.other_tool)
+            advice = (
+                "all axes are parallel, so no pose tells them apart, and none needs to"
+                if _parallel(fit.robot) else "measure poses that differ more in orientation"
+            )
             yield (f"session {session}: another minimum is as good, with the target at ({point}) mm on the "
-                   "flange: measure poses that differ more in orientation")
+                   f"flange: {advice}")
         if not 0.9 < frames.scale < 1.1:
             yield (
                 f"session {session}: measured points spread {frames.scale:.3g} times as far as the model says"

@@ -51,7 +51,8 @@ def find_frames(robot: Robot, data: Dataset, layout: Layout | None = None,
     identity = replace(robot, base=Placement(), tool=Placement())
     flange = predict_poses(identity, layout or Layout.of(()), data, tangents=False)
     points, rotations, measured = flange.position, flange.rotation, data.position
-    distinct = len(np.unique(np.round(points, 9), axis=0))
+    poses = np.column_stack([points, rotations.reshape(-1, 9)])  # a turntable's flange turns on its place
+    distinct = len(np.unique(np.round(poses, 9), axis=0))
     if distinct < 4:
         raise InputError(
             f"different poses of session {data.session[0]} to find its frames by: {distinct}; expected at "

@@ -24,6 +24,8 @@ MOST_AXES_FOR_SIGNS = 7  # all combinations of signs: 128; arms with more axes g
 ANOTHER_SIZE = (
     0.03  # of the lengths: arms of one maker differ by more, and no arm is off by so much as a whole
 )
+# mm for m and another arm by far; beyond, the flange turns on its place, as a turntable's does: any unit fits
+_FARTHEST_SIZE = 1e5
 _TURN = 2.0 * np.pi
 _DEGREE = np.pi / 180.0
 _ALL_COLUMNS = "xyz"
@@ -36,9 +38,11 @@ def candidates(
 ) -> Iterator[Candidate]:
     """(what would have been meant, robot, data) of every mistake; `data` are the rows `rows` of `whole`,
     `size`: how many times as far apart as the robot says the points lie."""
-    for words, changed in (*_of_angles(robot, data), *_of_device(data), *_of_rows(data, whole, rows)):
+    sized = 1.0 / _FARTHEST_SIZE < size < _FARTHEST_SIZE
+    units = _of_units(data) if sized else ()
+    for words, changed in (*_of_angles(robot, data), *units, *_of_device(data), *_of_rows(data, whole, rows)):
         yield words, robot, changed
-    if abs(size - 1.0) > ANOTHER_SIZE:
+    if sized and abs(size - 1.0) > ANOTHER_SIZE:
         words = f"the file of an arm {1.0 / size:.3g} times as large as the measured one"
         yield words, robot, replace(data, position=data.position / size)
     for name in shipped_robots():
@@ -138,8 +142,8 @@ def _coupled(driver: int, axis: int, sign: float, robot: Robot) -> Callable[[np.
     return change
 
 
-def _of_device(data: Dataset) -> Iterator[tuple[str, Dataset]]:
-    """Positions, orientations and rows of the measuring device."""
+def _of_units(data: Dataset) -> Iterator[tuple[str, Dataset]]:
+    """Units of the measuring device."""
     position = lambda factors: replace(data, position=data.position * factors)
     yield "millimetres labelled as metres", position(1e-3)
     yield "metres labelled as millimetres", position(1e3)
@@ -149,6 +153,10 @@ def _of_device(data: Dataset) -> Iterator[tuple[str, Dataset]]:
             (1e3, "metres labelled as millimetres"),
         ):
             yield f"{words} in {name}", position(np.where(np.arange(3) == k, factor, 1.0))
+
+
+def _of_device(data: Dataset) -> Iterator[tuple[str, Dataset]]:
+    """Directions and orientations of the measuring device."""
     mirrored = replace(data, position=data.position * [1.0, 1.0, -1.0], rotation=None)
     yield "one of x, y, z with the opposite sign, or two of them exchanged", mirrored
     if data.rotation is not None:

@@ -47,6 +47,7 @@ _SUSPICIOUS_SHARE = 0.005  # of the reach: a whole axis that turns wrongly leave
 _SPLITS = 15  # of a session's rows, at even distances
 _MOST_GROSS = 0.05  # share of rows that may be wrong by themselves
 _GROSS = 10.0  # times the median error of a row
+_ON_ITS_PLACE_M = 1e-6  # a turntable's flange: its points show neither unit nor base
 _MOST_CHECKED = 20000  # rows, evenly spread, that are looked through for gross errors
 
 
@@ -77,6 +78,8 @@ def pose_mistakes(robot: Robot, data: Dataset, carried: Layout, seed: int = 0) -
         return []
     whole, data = data, data.select(rows)
     bare = replace(robot, base=Placement(), tool=Placement())
+    if np.ptp(predict_poses(bare, carried, data, tangents=False).position, axis=0).max() < _ON_ITS_PLACE_M:
+        return in_order(list(_gross_rows(bare, carried, whole)))
     now, size = _misfit(bare, carried, data)
     now = replace(now, position=min(now.position, _searched(bare, carried, data, seed)))
     found = []
