@@ -82,7 +82,11 @@ def __getattr__(name: str) -> Any:
             raise AttributeError(f"module 'exactarm' has no attribute {name!r}") from None
     if name in NAMES:
         return getattr(importlib.import_module(NAMES[name]), name)
-    raise AttributeError(f"module 'exactarm' has no attribute {name!r}")
+    import difflib
+
+    close = difflib.get_close_matches(name, __all__, n=1)
+    meant = f"; did you mean {close[0]}?" if close else ""
+    raise AttributeError(f"module 'exactarm' has no attribute {name!r}{meant}")
 
 
 def __dir__() -> list[str]:

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -257,6 +258,9 @@ def _check_vectors(path: str, columns: Mapping[Any, Column]) -> None:
         if missing and len(missing) < len(vector):
             found = next(name for name in vector if name not in missing)
             message = f"column missing; expected it beside column {columns[found, None].name}"
+            others = {key.rpartition("_")[0] or key: key for key in columns if isinstance(key, str)}
+            close = get_close_matches(missing[0], others, n=1)
+            message += f"; did you mean it with {others[close[0]]}?" if close else ""
             raise InputError(message, file=path, column=missing[0])
     if ("qw", None) in columns and ("rx", None) in columns:
         message = "a rotation vector beside a quaternion; expected one of the two"

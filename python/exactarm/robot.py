@@ -154,7 +154,7 @@ class Controller(Value):
         return reported
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Robot(Value):
     """A robot: joints, links (None where no masses are declared), gravity, tool, effects, record.
 
@@ -185,6 +185,14 @@ class Robot(Value):
     @property
     def axes(self) -> int:
         return len(self.joints)
+
+    def __repr__(self) -> str:
+        """What a person wants to see of it; the robot file has all numbers."""
+        told = [f"{self.axes} axes", "" if self.has_geometry else "geometry not known",
+                "" if self.links else "masses not known",
+                f"effects {', '.join(effect.label for effect in self.effects)}" if self.effects else "",
+                f"{len(self.intervals)} parameters with intervals" if self.intervals else ""]
+        return f"<Robot {self.name}: {', '.join(word for word in told if word)}>"
 
     def with_joint(self, index: int, **changes: Any) -> Robot:
         """The same robot with fields of joint `index` (from 0) replaced."""

@@ -276,7 +276,7 @@ def test_without_a_browser_the_certificate_is_complete_and_says_so(certified, tm
         and "no browser" in said["pdf"]["why"]
         and "no PDF" in capsys.readouterr().out
     )
-    assert any("not said: serial, instrument" in warning for warning in said["warnings"])
+    assert any("not on this certificate: robot, serial no.;" in warning for warning in said["warnings"])
 
 
 @pytest.mark.slow

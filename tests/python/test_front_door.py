@@ -196,3 +196,11 @@ def test_the_examples_in_the_docstrings_run(module):
     outcome = doctest.testmod(importlib.import_module(module),
                               optionflags=doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE)
     assert outcome.failed == 0
+
+
+def test_a_robot_is_shown_in_a_line_and_a_wrong_name_gets_the_right_one():
+    shown = repr(ea.load_robot("racer-7-1.4"))
+    assert shown == "<Robot racer-7-1.4: 6 axes>"
+    with pytest.raises(AttributeError, match="did you mean calibrate?"):
+        ea.calibarte
+    assert not hasattr(ea, "__wrapped__")

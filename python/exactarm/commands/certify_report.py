@@ -68,7 +68,9 @@ class Certified:
         out = list(self.rows.warnings)
         absent = [key for key in EXPECTED_KEYS if key not in self.about]
         if absent:
-            out.append(f"not said: {', '.join(absent)} (options of the same names, or keys of --about)")
+            options = ", ".join(f"--{key.replace('_', '-')}" for key in absent)
+            out.append(f"not on this certificate: {'; '.join(KEYS[key] for key in absent)}. Say it with "
+                       f"{options}, or in the file of --about")
         if self.iso.poses and self.iso.visits < STANDARD_VISITS:
             out.append(FEW_VISITS.format(STANDARD_VISITS, self.iso.visits))
         if self.paths and min(test.cycles for test in self.paths) < STANDARD_CYCLES:
@@ -329,7 +331,9 @@ def _orientation(found: Orientation) -> Table:
         add("variation between directions vAP_{}", *found.directions, "")
     note = ("About x (a), y (b) and z (c) of the robot's base, against the model with base and tool frame "
             "fitted. RP is the arm's own.")
-    return Table("Orientation in the terms of ISO 9283", ("", "before", "after", "from"), tuple(rows), note)
+    columns = 4 if any(row[3] for row in rows) else 3
+    return Table("Orientation in the terms of ISO 9283", ("", "before", "after", "from")[:columns],
+                 tuple(row[:columns] for row in rows), note)
 
 
 def _paths(paths: tuple[PathTest, ...]) -> Table:
