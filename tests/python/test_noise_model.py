@@ -155,3 +155,33 @@ def test_what_the_next_row_shares_counts_the_memory(ratio, memory, share):
     noise = NoiseModel(np.full(3, SIGMA), np.ones(4), wandering=Wandering(ratio, memory, 0.0),
                        order=np.arange(4.0))
     assert noise.common_to_neighbours == pytest.approx(share, abs=0.005)
+
+
+@pytest.mark.parametrize("freedom", [3.0, 5.0, 10.0])
+def test_rows_weighed_by_a_student_law_are_worth_its_information(freedom):
+    """The mean of rows weighed by what they leave scatters as `held_share` of the weights says."""
+    rng, rows, repeats = np.random.default_rng(8), 60, 3000
+    tails = np.sqrt(freedom / rng.chisquare(freedom, (repeats, rows, 1)))
+    data, mean = rng.standard_normal((repeats, rows, 3)) * tails, np.zeros((repeats, 1, 3))
+    for _ in range(40):
+        weight = (freedom + 3.0) / (freedom + np.sum((data - mean) ** 2, axis=2, keepdims=True))
+        mean = np.sum(weight * data, axis=1, keepdims=True) / np.sum(weight, axis=1, keepdims=True)
+    model = NoiseModel(np.ones(3), np.ones(rows), "student", freedom)
+    promised = 1.0 / np.sum(weight, axis=1)
+    # 9,000 numbers: the share of their mean square is good to 1.5 %, and 60 rows are nearly enough
+    assert np.mean(mean[:, 0] ** 2 / promised) * model.held_share == pytest.approx(1.0, abs=0.06)
+    assert model.numbers == pytest.approx(model.held_share * 180.0)
+
+
+def test_a_row_of_normal_noise_is_worth_what_its_weight_says():
+    assert NoiseModel(np.ones(3), np.ones(9)).held_share == 1.0
+
+
+def test_the_standard_deviation_of_a_row_has_all_that_it_scatters_with():
+    rng = np.random.default_rng(9)
+    rows = SIGMA * rng.standard_normal((4000, 3)) * np.sqrt(5.0 / rng.chisquare(5.0, (4000, 1)))
+    model = NoiseModel(np.full(3, SIGMA), np.ones(4000), "student", 5.0)
+    assert model.of_a_row == pytest.approx(np.std(rows, axis=0), rel=0.08)
+    wandering = Wandering(3.0, 6.0, 0.0)
+    shared = NoiseModel(np.ones(3), np.ones(9), shared=2.0, wandering=wandering, order=np.arange(9.0))
+    assert shared.of_a_row == pytest.approx(np.sqrt(6.0))

@@ -20,7 +20,7 @@ from exactarm.diagnose.held_out_evidence import AGAINST, allowed, held_out_gains
 from exactarm.diagnose.in_space import InSpace
 from exactarm.diagnose.noise import NoiseFloor, noise_floor
 from exactarm.diagnose.own_share import own_shares
-from exactarm.diagnose.posterior import Causes, find_causes, selection_of
+from exactarm.diagnose.posterior import Causes, find_causes, selection_of, steps_win
 from exactarm.diagnose.problem import Fitted, Problem
 from exactarm.diagnose.problems import problem_for
 from exactarm.diagnose.selection import Accepted, Progress, Selection, refit, select
@@ -141,6 +141,7 @@ def diagnose(
     progress(DECLARED)
     declared = problem.declared()
     selection, causes = _search(problem, declared, progress)
+    declared = Layout(declared.effects, selection.fits[0].layout.free)
     selection = replace(selection, fits=tuple(problem.settled(f) for f in selection.fits))
     first, last = selection.fits[0], selection.fits[-1]
     progress(LEFT)
@@ -231,6 +232,7 @@ def _search(problem: Problem, declared: Layout, progress: Progress) -> tuple[Sel
                              problem.seed)
     progress(SEARCHING)
     causes = find_causes(part, declared, progress) if problem.by_posterior else None
+    declared = declared if causes is None else causes.fits[0].layout
     if causes is None:
         found = select(part, declared, progress)
     else:
@@ -238,7 +240,8 @@ def _search(problem: Problem, declared: Layout, progress: Progress) -> tuple[Sel
         if causes.unknown and not causes.places:
             # Forms that no block has (an order with its overtone) are reached step by step only.
             by_steps = select(part, declared, progress)
-            found, causes = (by_steps, None) if by_steps.accepted else (found, causes)
+            if by_steps.accepted and steps_win(causes, by_steps):
+                found, causes = by_steps, None
     fits = list(found.fits)
     if rows is not None:
         progress(ALL_ROWS)
@@ -251,10 +254,12 @@ def _search(problem: Problem, declared: Layout, progress: Progress) -> tuple[Sel
 
 
 def _known_beside(problem: Problem, fitted: Fitted, noise: NoiseModel, rows: np.ndarray | None) -> Fitted:
-    """The fit with the covariance that noise shared by rows leaves; rows (N,) bool: those that the noise was
-    estimated from, None = all."""
+    """The fit with the covariance that noise shared by rows, and weights by a Student law, leave; rows (N,)
+    bool: those that the noise was estimated from, None = all."""
+    used = fitted.weight[fitted.weight > 0.0]
+    held = noise.held_share if np.ptp(used) > 0.0 else 1.0
     if noise.wandering is None and noise.shared == 0.0:
-        return fitted
+        return replace(fitted, fit=fitted.fit.known_by(fitted.fit.covariance / held, fitted.fit.freedom))
     order = problem.order()
     if order is not None and rows is not None:  # a memory is counted in distances between the rows searched
         step = np.diff(np.sort(order[rows]))
@@ -263,7 +268,7 @@ def _known_beside(problem: Problem, fitted: Fitted, noise: NoiseModel, rows: np.
     free = ~fitted.fit.at_bound
     covariance = np.zeros_like(fitted.fit.covariance)
     covariance[np.ix_(free, free)] = shared_covariance(columns[:, :, free], fitted.prior_rows[:, free], noise,
-                                                       problem.groups(), order)
+                                                       problem.groups(), order) / held
     return replace(fitted, fit=fitted.fit.known_by(covariance, fitted.fit.freedom))
 
 

@@ -73,9 +73,10 @@ class Picture:
     def of(vocabulary: Vocabulary, residual: np.ndarray, declared: np.ndarray, noise) -> Picture:
         """residual (N, m), declared (N, m, P): columns that are free under a flat prior; noise.whiten and
         noise.numbers."""
-        r = noise.whiten(residual[:, :, None])[:, 0]
+        root = np.sqrt(noise.held_share)
+        r = root * noise.whiten(residual[:, :, None])[:, 0]
         d = noise.whiten(declared)
-        c = noise.whiten(vocabulary.responses)
+        c = root * noise.whiten(vocabulary.responses)
         basis = orthonormal_columns(d)
         before = np.einsum("ij,ij->j", c, c)
         c -= basis @ (basis.T @ c)

@@ -17,6 +17,7 @@ from exactarm.identify.calibrate import (
     CalibrationOptions,
     calibrated_robot,
     fit_identifiable,
+    identifiable_layout,
     require_sessions,
 )
 from exactarm.identify.declared import (
@@ -30,6 +31,7 @@ from exactarm.identify.match import require_match
 from exactarm.identify.missing_tilt import missing_tilts
 from exactarm.identify.pose_fit import fit_poses
 from exactarm.kinds import POSES
+from exactarm.noise.model import NoiseModel
 from exactarm.robot import Robot
 from exactarm.split import pose_groups, pose_split
 
@@ -60,10 +62,21 @@ class PoseProblem(Problem):
     def declared(self) -> Layout:
         frames, found = frames_layout(self.robot, self.data, orientation=self.orientation, seed=self.seed)
         require_match(self.robot, self.data, found, carried_layout(self.robot, self.data), self.seed)
-        layout = frames.joined(geometry_layout(self.robot)).joined(reestimated_layout(self.robot, self.data))
         options = CalibrationOptions(threads=self.threads, seed=self.seed)
-        fit, _ = fit_identifiable(self.robot, layout, self.data, self.orientation, options)
+        fit, _ = fit_identifiable(self.robot, self._whole(frames), self.data, self.orientation, options)
         return fit.layout
+
+    def _whole(self, frames: Layout) -> Layout:
+        """The declared model beside these frames, whether the poses can tell its parameters or not."""
+        return frames.joined(geometry_layout(self.robot)).joined(reestimated_layout(self.robot, self.data))
+
+    def declared_under(self, declared: Layout, noise: NoiseModel) -> Layout:
+        frames = Layout.of(tuple(e for e in declared.effects if e.frames_of is not None))
+        whole = Layout(declared.effects, self._whole(frames).free)
+        sigma = noise.of_a_row
+        sigma = np.sqrt(np.mean(sigma.reshape(-1, 3) ** 2, axis=1))
+        told, _ = identifiable_layout(self.robot, whole, self.data, self.orientation, sigma, self.threads)
+        return Layout(declared.effects, tuple(a | b for a, b in zip(declared.free, told.free)))
 
     def lacks_of_tables(self, fitted: Fitted) -> tuple[str, ...]:
         return missing_tilts(self.robot, fitted.layout, self.data, self.threads)

@@ -21,12 +21,13 @@ from exactarm.diagnose.cross_validation import folds_of
 from exactarm.diagnose.evidence import Members, Picture
 from exactarm.diagnose.problem import Fitted, Problem
 from exactarm.diagnose.scan import Candidate
-from exactarm.diagnose.search import CERTAIN, Posterior, weight_of
-from exactarm.diagnose.search_round import MOST_AT_ONCE, At, Found, search_round
+from exactarm.diagnose.search import CERTAIN, Posterior, log_prior_of_count, weight_of
+from exactarm.diagnose.search_round import MOST_AT_ONCE, At, Found, score_of, search_round
 from exactarm.diagnose.selection import Accepted, Selection, candidates_for, refit
 from exactarm.diagnose.self_test import SelfTest, self_test
-from exactarm.diagnose.vocabulary import Vocabulary, at_values, vocabulary_of
+from exactarm.diagnose.vocabulary import UNKNOWN_MASS, Vocabulary, at_values, vocabulary_of
 from exactarm.effects.base import Effect
+from exactarm.noise.estimate import log_likelihood_under
 from exactarm.noise.model import NoiseModel
 
 NAMED_AT = 0.5  # probability from which a cause is named: more likely than not
@@ -71,6 +72,8 @@ class Causes:
     probability_something_else: float
     noise: NoiseModel
     test: SelfTest
+    score: float  # log of likelihood times prior of the best set of the last round
+    name_prior: float  # mean log prior of a name of the library as the next cause
 
     @property
     def wandering_probability(self) -> float:
@@ -90,7 +93,21 @@ class Causes:
 
 def find_causes(problem: Problem, declared: Layout, progress: Progress = lambda text: None) -> Causes | None:
     """Named causes and unknown functions, from the declared model on; None where too many act at once for one
-    linear picture."""
+    linear picture.
+
+    What the declared fit leaves decides which of its parameters can be told. Where the noise beside the
+    causes is less, more of them can be, and what they had left is no cause: all begins anew with them."""
+    found = _causes(problem, declared, progress)
+    if found is None:
+        return None
+    wider = problem.declared_under(found.fits[0].layout, found.noise)
+    if wider.size > declared.size:
+        progress(f"searching anew with {wider.size - declared.size} more declared parameters")
+        found = _causes(problem, wider, progress)
+    return found
+
+
+def _causes(problem: Problem, declared: Layout, progress: Progress) -> Causes | None:
     first = problem.fit(declared)
     fits, chosen, places, unknown = [first], [], [], ()
     whole = vocabulary = _vocabulary(problem, first)
@@ -119,8 +136,23 @@ def find_causes(problem: Problem, declared: Layout, progress: Progress = lambda 
         places.append(replace(place, round=len(fits) - 1))
         fits.append(fit)
     places = [replace(place, effect=effect) for place, effect in zip(places, chosen)]
+    named = {block.label for block in whole.blocks if block.effect is not None}
     return Causes(tuple(fits), tuple(places), unknown, nothing, something, noise,
-                  _tested(problem, first, whole, found))
+                  _tested(problem, first, whole, found), score_of(found),
+                  float(np.log((1.0 - UNKNOWN_MASS) / max(len(named), 1))))
+
+
+def steps_win(causes: Causes, steps: Selection) -> bool:
+    """Whether effects that were found step by step are likelier than the unknown functions that the posterior
+    knows only, under the same noise: their likelihood by Schwarz's approximation
+
+        log p(r given steps) = log p(residual) - k/2 log n,     k: columns of the effects
+
+    The declared parameters are the same, and cancel."""
+    first, last, count = steps.fits[0], steps.fits[-1], len(steps.accepted)
+    price = 0.5 * (last.layout.size - first.layout.size) * np.log(causes.noise.numbers)
+    prior = log_prior_of_count(count) + count * causes.name_prior
+    return log_likelihood_under(causes.noise, last.residual) - price + prior > causes.score
 
 
 def _tested(problem: Problem, first: Fitted, vocabulary: Vocabulary, found: Found) -> SelfTest:

@@ -111,18 +111,25 @@ def _settled(problem: Problem, at: At, noise: NoiseModel) -> Found | None:
     return replace(found, noise=noise, left=residual)
 
 
-def _score(found: Found) -> float:
-    """Log of likelihood times priors of the best set and its noise, declared parameters integrated out
-    (restricted likelihood): what two starts are compared by."""
-    picture, members, at, left, noise = found.picture, found.members, found.at, found.left, found.noise
+def score_of(found: Found) -> float:
+    """Log of likelihood times prior of the best set under its noise; without what the declared parameters,
+    which are the same for all sets, cost."""
+    picture, members = found.picture, found.members
     log_det, _ = picture.quadratic(members)
     standard = [value / (SCALES[scale] * found.block(i).size)
                 for i, scale, value in zip(members.blocks, members.scales, picture.coefficients(members))]
+    score = log_likelihood_under(found.noise, found.left)
+    score -= 0.5 * log_det + 0.5 * sum(float(b @ b) for b in standard)
+    return score + prior_of(picture, members)
+
+
+def _score(found: Found) -> float:
+    """The same with the declared parameters integrated out (restricted likelihood), and the noise's own
+    price: what two starts are compared by."""
+    at, left, noise = found.at, found.left, found.noise
     declared = orthonormal_columns(at.jacobian.reshape(-1, at.jacobian.shape[2])).reshape(*left.shape, -1)
     white = noise.whiten(declared)
-    score = log_likelihood_under(noise, left)
-    score -= 0.5 * log_det + 0.5 * sum(float(b @ b) for b in standard)
-    score += prior_of(picture, members) - 0.5 * float(np.linalg.slogdet(white.T @ white)[1])
+    score = score_of(found) - 0.5 * float(np.linalg.slogdet(white.T @ white)[1])
     score -= 0.0 if noise.family == "gauss" else _LEAST_NATS
     # of its two parameters
     return score - (0.0 if noise.wandering is None else _LEAST_NATS + np.log(len(left)))

@@ -42,9 +42,24 @@ class NoiseModel:
     order: np.ndarray | None = None
 
     @property
+    def held_share(self) -> float:
+        """Of what the rows' weights promise to tell of a parameter, what a Student law of nu degrees of
+        freedom holds: (nu + m) / (nu + m + 2), its Fisher information. Weights that follow the residual look
+        as if they had been known (Lange, Little and Taylor 1989)."""
+        m = len(self.sigma)
+        return (self.freedom + m) / (self.freedom + m + 2.0) if np.isfinite(self.freedom) else 1.0
+
+    @property
     def numbers(self) -> float:
-        """How many independent numbers of data take part."""
-        return float(np.count_nonzero(self.weight)) * len(self.sigma)
+        """How many independent normal numbers the data are worth."""
+        return self.held_share * float(np.count_nonzero(self.weight)) * len(self.sigma)
+
+    @property
+    def of_a_row(self) -> np.ndarray:
+        """(m,) standard deviation of a row that is not wrong by itself: its tails, what visits share and what
+        neighbours share in it."""
+        tails = self.freedom / (self.freedom - 2.0) if np.isfinite(self.freedom) else 1.0
+        return self.sigma * np.sqrt((self.wander_over_rest**2 + self.shared) * tails)
 
     @property
     def wrong(self) -> np.ndarray:

@@ -1,0 +1,45 @@
+"""Unknown functions against effects that were found step by step: the likelier explanation counts."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from exactarm.diagnose.posterior import steps_win
+from exactarm.diagnose.search import log_prior_of_count
+from exactarm.noise.estimate import log_likelihood_under, normal_noise
+
+ROWS, NAME_PRIOR = 100, np.log(0.8 / 50)
+
+
+@pytest.fixture
+def residual():
+    return 1e-4 * np.random.default_rng(90).standard_normal((ROWS, 3))
+
+
+def steps(residual, columns):
+    fit = lambda size: SimpleNamespace(layout=SimpleNamespace(size=size), residual=residual)
+    return SimpleNamespace(fits=(fit(25), fit(25 + columns)), accepted=("one",))
+
+
+def causes(residual, more_nats):
+    """Whose unknown functions are likelier by `more_nats` than one effect of a single column that leaves
+    `residual`."""
+    noise = normal_noise(residual)
+    price = 0.5 * np.log(3 * ROWS)
+    score = log_likelihood_under(noise, residual) - price + log_prior_of_count(1) + NAME_PRIOR + more_nats
+    return SimpleNamespace(noise=noise, score=score, name_prior=NAME_PRIOR)
+
+
+@pytest.mark.parametrize("more_nats, win", [(-1.0, True), (1.0, False)])
+def test_the_likelier_explanation_counts(residual, more_nats, win):
+    assert steps_win(causes(residual, more_nats), steps(residual, 1)) == win
+
+
+def test_an_effect_pays_for_every_column(residual):
+    unknown = causes(residual, -1.0)
+    assert not steps_win(unknown, steps(residual, 2)) and steps_win(unknown, steps(0.99 * residual, 2))
+
+
+def test_what_leaves_more_does_not_count(residual):
+    assert not steps_win(causes(residual, -1.0), steps(1.01 * residual, 1))
