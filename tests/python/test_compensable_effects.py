@@ -58,8 +58,15 @@ FOUND = candidates()
 NAMES = sorted(FOUND)
 
 
+def found_in_data(effects) -> dict:
+    """Intervals of the effects' parameters, as a diagnosis leaves them."""
+    pairs = ((e.parameter_label(p), v) for e in effects for p, v in zip(e.parameters(), e.values))
+    return {label: (value - 1e-9, value + 1e-9) for label, value in pairs}
+
+
 def commands(effects) -> np.ndarray:
-    model = CompensationModel.of(replace(ARM, effects=ARM.effects + tuple(effects)))
+    model = CompensationModel.of(replace(ARM, effects=ARM.effects + tuple(effects),
+                                         intervals=found_in_data(effects)))
     targets = model.controller.poses(Q)
     found = model.commands(targets, Q, APPROACH)
     assert np.abs(pose_error(targets, model.reached(found.q, APPROACH))).max() < 1e-9
@@ -102,7 +109,24 @@ def test_a_formula_of_what_a_program_does_not_know_is_left_out_by_name(signal):
 @pytest.mark.parametrize(("turned", "motor"), [(5, 4), (6, 5), (3, 2)])
 @pytest.mark.parametrize("coupling", [-1.0, 0.05, 0.5, 1.0])
 def test_a_coupling_is_compensated_however_far_it_turns_the_axis(turned, motor, coupling):
-    robot = replace(ARM, effects=(*ARM.effects, JointCoupling(turned, (float(motor), coupling))))
+    effects = (JointCoupling(turned, (float(motor), coupling)),)
+    robot = replace(ARM, effects=ARM.effects + effects, intervals=found_in_data(effects))
     found = commands(robot.effects[1:])
     assert np.abs(found - Q).max() > 0.3 * abs(coupling) * np.abs(Q[:, motor - 1]).max()
     assert np.abs(actual_of(robot, found, APPROACH) - Q).max() < 1e-8
+
+
+@pytest.mark.parametrize(("turned", "motor", "coupling"), [(3, 2, -1.0), (6, 5, 0.25)])
+def test_a_coupling_that_the_robot_file_declares_is_the_controllers_own(turned, motor, coupling):
+    """A parallelogram is no error of the arm: the correction stays as small as without it."""
+    robot = replace(ARM, effects=(*ARM.effects, JointCoupling(turned, (float(motor), coupling))))
+    model = CompensationModel.of(robot)
+    targets = model.controller.poses(Q)
+    found = model.commands(targets, Q, APPROACH)
+    assert np.abs(pose_error(targets, model.reached(found.q, APPROACH))).max() < 1e-9
+    assert np.abs(found.q - Q).max() < 0.1
+    clear = found.amplification < 20.0  # of singular poses, which lie elsewhere for a coupled arm
+    assert clear.any() and np.abs(actual_of(robot, found.q, APPROACH) - Q)[clear].max() < 1e-8
+    there = model.controller.poses(Q)
+    again = model.controller.nearest(there.position[0], there.rotation[0], Q[0] + 0.05)
+    np.testing.assert_allclose(again, Q[0], atol=1e-7)

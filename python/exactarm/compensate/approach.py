@@ -12,7 +12,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from exactarm import _core
 from exactarm.chain.direction import direction_of_motion
 from exactarm.compensate.flange_poses import Poses, pseudo_inverse
 from exactarm.compensate.law import CompensationModel
@@ -49,7 +48,7 @@ def approaches(
         ends = target[rows]
         over = np.array([end if motions[i].via is None else motions[i].via for i, end in zip(rows, ends)])
         twist = _final_twist(poses.rows(before), poses.rows(over), poses.rows(ends))
-        inverse = pseudo_inverse(_core.geometric_jacobian(model.controller.core, np.nan_to_num(q[ends])))
+        inverse = pseudo_inverse(model.controller.jacobian(np.nan_to_num(q[ends])))
         with np.errstate(invalid="ignore"):
             arrival[rows] = np.nan_to_num((inverse @ twist[:, :, None])[:, :, 0], posinf=0.0, neginf=0.0)
     return _kept(np.nan_to_num(arrival), motions) * sense

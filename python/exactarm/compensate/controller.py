@@ -2,7 +2,10 @@
 a pose.
 
 Frames from `[controller]` of the robot file, in the controller's base frame, to its flange. Joint angles are
-those that the controller reports: offsets and gears do not enter.
+those that the controller reports: offsets and gears do not enter. A coupling that the robot file declares, as
+of a parallelogram, is the maker's: the controller knows it. One that was found in data it does not know.
+
+    joints = C q + s,   C (n, n): 1 but for declared couplings, which count from the motors' zeros: s (n,)
 """
 
 from __future__ import annotations
@@ -15,8 +18,12 @@ from typing import Any
 import numpy as np
 
 from exactarm import _core
+from exactarm.chain import Layout, predict_poses
 from exactarm.compensate.flange_poses import Poses, pose_error, pseudo_inverse
+from exactarm.dataset import Dataset
+from exactarm.effects.base import Effect
 from exactarm.errors import InputError
+from exactarm.kinds import POSES
 from exactarm.robot import Robot, frame_of
 
 STEPS = 8  # from an error of 1e-3 rad, the Jacobian of the start for all
@@ -27,11 +34,13 @@ _CALIBRATING = ("calibrate", "diagnose")  # commands that change frames
 
 @dataclass(frozen=True)
 class ControllerChain:
-    """The core robot of the controller's frames; limits (2, n): least and largest angle, infinite where none
-    is declared."""
+    """The core robot of the controller's frames; limits (2, n): least and largest angle of the joints,
+    infinite where none is declared; turns, shift: C (n, n), s (n,)."""
 
     core: _core.Robot
     limits: np.ndarray
+    turns: np.ndarray
+    shift: np.ndarray
 
     @staticmethod
     def of(robot: Robot) -> ControllerChain:
@@ -62,16 +71,28 @@ class ControllerChain:
         )
         least = [-np.inf if joint.q_min is None else joint.q_min for joint in robot.joints]
         largest = [np.inf if joint.q_max is None else joint.q_max for joint in robot.joints]
-        return ControllerChain(own.core, np.array([least, largest]))
+        return ControllerChain(own.core, np.array([least, largest]), *_turns(robot, own))
+
+    def turned(self, q: np.ndarray) -> np.ndarray:
+        """Angles of the joints, by the controller, for those of its axes (..., n)."""
+        return q @ self.turns.T + self.shift
+
+    def unturned(self, joints: np.ndarray) -> np.ndarray:
+        """The inverse of `turned`."""
+        return np.linalg.solve(self.turns, (joints - self.shift)[..., None])[..., 0]
+
+    def jacobian(self, q: np.ndarray, threads: int = 1) -> np.ndarray:
+        """(N, 6, n) of the flange by the angles (N, n) of the controller's axes."""
+        return _core.geometric_jacobian(self.core, self.turned(q), threads) @ self.turns
 
     def poses(self, q: np.ndarray) -> Poses:
         """Of the flange, for joint angles (N, n)."""
-        return Poses(*_core.forward_kinematics(self.core, q))
+        return Poses(*_core.forward_kinematics(self.core, self.turned(q)))
 
     def joints(self, targets: Poses, near: np.ndarray) -> np.ndarray:
         """Joint angles (N, n) of poses close to those of `near` (N, n)."""
         q = np.array(near, dtype=float)
-        inverse = pseudo_inverse(_core.geometric_jacobian(self.core, q))
+        inverse = pseudo_inverse(self.jacobian(q))
         for _ in range(STEPS):
             q = q + (inverse @ pose_error(targets, self.poses(q))[:, :, None])[:, :, 0]
         return q
@@ -82,9 +103,9 @@ class ControllerChain:
         options = _core.InverseKinematicsOptions()
         options.check_limits, options.largest_jump = False, np.inf
         q, report = _core.inverse_kinematics_path(
-            self.core, position[None], rotation.reshape(1, 9), start, options
+            self.core, position[None], rotation.reshape(1, 9), self.turned(start), options
         )
-        return q[0] if report.status == _core.InverseKinematicsStatus.solved else None
+        return self.unturned(q[0]) if report.status == _core.InverseKinematicsStatus.solved else None
 
     def branches(self, position: np.ndarray, rotation: np.ndarray) -> np.ndarray:
         """(K, n) all joint angles of one pose within the limits, whole turns included."""
@@ -100,7 +121,7 @@ class ControllerChain:
                 else [angle]
                 for angle, a, b in zip(q, low, high)
             ]
-            turned += [np.array(choice) for choice in product(*choices)]
+            turned += [self.unturned(np.array(choice)) for choice in product(*choices)]
         return np.array(turned).reshape(-1, len(low))
 
     def nearest_path(self, targets: Poses, start: np.ndarray | None) -> np.ndarray:
@@ -128,8 +149,26 @@ class ControllerChain:
         if not len(found):
             return None
         low, high = self.limits
-        middle = np.where(np.isfinite(high - low), 0.5 * (low + high), 0.0)
+        middle = self.unturned(np.where(np.isfinite(high - low), 0.5 * (low + high), 0.0))
         return found[np.argmin(np.linalg.norm(found - (middle if start is None else start), axis=1))]
+
+
+def _turns(robot: Robot, own: Robot) -> tuple[np.ndarray, np.ndarray]:
+    """C (n, n) and s (n,) of the effects that are `by_design` and were not estimated; they are linear."""
+    def estimated(effect: Effect) -> bool:
+        bounds = [robot.intervals.get(effect.parameter_label(p), (0.0, 0.0)) for p in effect.parameters()]
+        return any(low < high for low, high in bounds)
+
+    known = tuple(effect for effect in robot.effects if effect.by_design and not estimated(effect))
+    q = np.vstack([np.zeros(robot.axes), np.eye(robot.axes)])
+    if not known:
+        return q[1:], q[0]
+    rows = Dataset.of_arrays(POSES.name, {"q": q})
+    joints = tuple(replace(joint, q_offset=float(offset), controller_offset=float(offset))
+                   for joint, offset in zip(own.joints, robot.controller_offsets))
+    layout = Layout.of(known, estimate=False)
+    found = predict_poses(replace(own, joints=joints), layout, rows, tangents=False).view.q
+    return (found[1:] - found[0]).T, found[0]
 
 
 def _calibrated(record: Mapping[str, Any]) -> bool:

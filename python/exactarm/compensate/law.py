@@ -114,7 +114,7 @@ class CompensationModel:
     def _started(self, near: np.ndarray, approach: np.ndarray, threads: int) -> np.ndarray:
         """Commands (N, n) that bring the joints to about `near`, where couplings turn them far from it."""
         prediction = self.prediction(near, approach, threads)
-        missed = near - prediction.view.q
+        missed = self.controller.turned(near) - prediction.view.q
         far = np.abs(missed).max(axis=1) > FAR_RAD
         q = np.array(near, dtype=float)
         q[far] += np.linalg.solve(self._turned(prediction)[far], missed[far, :, None])[:, :, 0]
@@ -182,4 +182,5 @@ def actual_of(
     model = CompensationModel.of(robot)
     joints = np.asarray(joints, float)
     there = model.prediction(joints, approach, threads)
-    return model.controller.joints(Poses(there.position, there.rotation), there.view.q)
+    near = model.controller.unturned(there.view.q)
+    return model.controller.joints(Poses(there.position, there.rotation), near)

@@ -132,9 +132,11 @@ def _joints(model: CompensationModel, line: _Line, tips: list[Placement]) -> np.
     options = _core.InverseKinematicsOptions()
     options.check_limits, options.largest_jump = False, np.inf
     q, report = _core.inverse_kinematics_path(
-        model.controller.core, flanges.position, flanges.rotation.reshape(-1, 9), line.q[0], options
+        model.controller.core, flanges.position, flanges.rotation.reshape(-1, 9),
+        model.controller.turned(line.q[0]), options
     )
-    return q if report.status == _core.InverseKinematicsStatus.solved else None
+    solved = report.status == _core.InverseKinematicsStatus.solved
+    return model.controller.unturned(q) if solved else None
 
 
 def _flanges(line: _Line, tips: list[Placement]) -> Poses:

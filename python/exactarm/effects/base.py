@@ -95,6 +95,7 @@ class Effect(ABC):
     station: ClassVar[Station]
     kinds: ClassVar[tuple[str, ...]] = ()
     compensable: ClassVar[bool] = False
+    by_design: ClassVar[bool] = False  # where a robot file declares it, the maker's controller knows it
     at_rest: ClassVar[bool] = True  # moves an arm that stands still, too
     smooth: ClassVar[bool] = True  # a smooth function of the motion: may enter a planner's dynamics
     per_joint: ClassVar[bool] = True

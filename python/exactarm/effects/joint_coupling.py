@@ -28,6 +28,7 @@ class JointCoupling(Effect):
     station: ClassVar[Station] = Station.GEAR
     kinds: ClassVar[tuple[str, ...]] = ALL_KINDS
     compensable: ClassVar[bool] = True
+    by_design: ClassVar[bool] = True
     sentence: ClassVar[
         str
     ] = "the motor of axis {motor:.0f} turns axis {joint} by {coupling_rad_per_rad:.3g} rad per rad"
