@@ -4,7 +4,7 @@
 
 Random joint targets of the virtual Racer with a random approach; one thread, seconds of the processor
 (median). Programs are read and written besides: `--program` times as many targets from file to file, as a
-table and as KRL (joint angles, and poses along a path).
+table and as programs of each controller (joint angles, or poses along a path).
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from pathlib import Path
 from statistics import median
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from exactarm.compensate.angles import to_zyx
 from exactarm.compensate.correction import correct
@@ -90,6 +91,56 @@ def krl_of(robot: Robot, q: np.ndarray, poses: bool) -> str:
     return "\n".join(["DEF bench()", "$TOOL=$NULLFRAME", "$BASE=$NULLFRAME", *axes, "END", ""])
 
 
+def rapid_of(robot: Robot, q: np.ndarray) -> str:
+    """MoveL to robtargets, half of them data and half in brackets."""
+    data, moves = [], []
+    for i, (row, p, r) in enumerate(_poses(robot, q)):
+        wxyz = np.roll(Rotation.from_matrix(r).as_quat(), 1)
+        numbers = lambda values: ",".join(f"{value:.6f}" for value in values)
+        word = ",".join(str(int(np.floor(row[k] / (np.pi / 2)))) for k in (0, 3, 5))
+        text = f"[[{numbers(1e3 * p)}],[{numbers(wxyz)}],[{word},0],[9E9,9E9,9E9,9E9,9E9,9E9]]"
+        if i % 2:
+            data.append(f"CONST robtarget p{i}:={text};")
+        moves.append(f"MoveL {f'p{i}' if i % 2 else text},v100,fine,tool0;")
+    return "\n".join(["MODULE m", *data, "PROC main()", *moves, "ENDPROC", "ENDMODULE", ""])
+
+
+def fanuc_of(robot: Robot, q: np.ndarray) -> str:
+    moves, places = [], []
+    for i, (_, p, r) in enumerate(_poses(robot, q), start=1):
+        c, b, a = np.degrees(to_zyx(r, np.zeros(3)))
+        x, y, z = 1e3 * p
+        moves.append(f"{i:4d}:L P[{i}] 100mm/sec FINE    ;")
+        places.append(f"P[{i}]{{\n   GP1:\n\tUF : 0, UT : 0,\t\tCONFIG : 'N U T, 0, 0, 0',\n"
+                      f"\tX = {x:.6f} mm,\t"
+                      f"Y = {y:.6f} mm,\tZ = {z:.6f} mm,\n\tW = {a:.6f} deg,\tP = {b:.6f} deg,"
+                      f"\tR = {c:.6f} deg\n}};")
+    return "\n".join(["/PROG  M", "/MN", *moves, "/POS", *places, "/END", ""])
+
+
+def urscript_of(robot: Robot, q: np.ndarray) -> str:
+    lines = ["def prog():", "  set_tcp(p[0,0,0,0,0,0])"]
+    for _, p, r in _poses(robot, q):
+        pose = [*p, *Rotation.from_matrix(r).as_rotvec()]
+        lines.append("  movel(p[" + ", ".join(f"{value:.9f}" for value in pose) + "], a=1.2, v=0.25)")
+    return "\n".join([*lines, "end", ""])
+
+
+def inform_of(robot: Robot, q: np.ndarray) -> str:
+    places, moves = [], []
+    for i, row in enumerate(q):
+        places.append(f"C{i:05d}=" + ",".join(str(round(angle * 1e5)) for angle in row))
+        moves.append(f"MOVJ C{i:05d} VJ=50.00")
+    return "\n".join(["/JOB", "//NAME M", "//POS", "///TOOL 0", "///POSTYPE PULSE", "///PULSE", *places,
+                      "//INST",
+                      "NOP", *moves, "END", ""])
+
+
+def _poses(robot: Robot, q: np.ndarray):
+    at = CompensationModel.of(robot).controller.poses(q)
+    return zip(q, at.position, np.reshape(at.rotation, (-1, 3, 3)))
+
+
 def program(robot: Robot, name: str, text: str, count: int) -> float:
     """Targets a second from file to file, with the check of what was written."""
     with tempfile.TemporaryDirectory() as folder:
@@ -120,7 +171,14 @@ def main() -> None:
         random, along = targets(robot, count), path(robot, count)
         texts = {"table": ("table.csv", table_of(robot, random)),
                  "KRL, joint angles": ("axes.src", krl_of(robot, random, poses=False)),
-                 "KRL, poses": ("poses.src", krl_of(robot, along, poses=True))}
+                 "KRL, poses": ("poses.src", krl_of(robot, along, poses=True)),
+                 "RAPID, poses": ("poses.mod", rapid_of(robot, along)),
+                 "Fanuc TP, poses": ("poses.ls", fanuc_of(robot, along)),
+                 "URScript, poses": ("poses.script", urscript_of(robot, along)),
+                 "INFORM, pulses": ("pulses.jbi", inform_of(robot, along))}
+        pulses = (1e5,) * robot.axes
+        robot = replace(robot, controller=replace(robot.controller, chain="calibrated", coupling=(),
+                                                  pulses_per_rad=pulses))
         rows["program"] = {kind: program(robot, name, text, count) for kind, (name, text) in texts.items()}
         for kind, speed in rows["program"].items():
             print(f"{kind:18}  {speed:8.0f} targets a second and core, from file to file")

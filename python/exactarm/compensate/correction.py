@@ -16,13 +16,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from exactarm.compensate.approach import approaches
-from exactarm.compensate.flange_poses import Poses, pose_error
+from exactarm.compensate.collector import collector_at_rest
+from exactarm.compensate.flange_poses import Poses, flange_poses, pose_error, stacked, tip_poses
 from exactarm.compensate.law import NEAR_SINGULAR, CompensationModel
 from exactarm.compensate.program import HERE, Edit, Program, Target
 from exactarm.compensate.series import series_bends
 from exactarm.compensate.straightness import Bend, bends
 from exactarm.errors import InputError
-from exactarm.mdh_frames import compose, relative
 from exactarm.robot import Placement
 
 LARGEST_TURN_RAD = (
@@ -69,6 +69,7 @@ class _Resolved:
     refusals: dict[int, str]
 
 
+@collector_at_rest()
 def correct(
     program: Program,
     model: CompensationModel,
@@ -185,6 +186,9 @@ def _resolve(program: Program, model: CompensationModel, start: np.ndarray | Non
         q[joints] = [program.targets[i].joints for i in joints]
         poses = model.controller.poses(q[joints])
         position[joints], rotation[joints] = poses.position, poses.rotation
+    posed = [i for i, target in enumerate(program.targets) if target.joints is None and not target.refusal]
+    flanges = _flanges([program.targets[i] for i in posed]) if posed else Poses(np.empty(0), np.empty(0))
+    flange_of = dict(zip(posed, map(Placement, flanges.rotation, flanges.position)))
     before, word = start, ""
     order = [i for motion in program.motions for i in (motion.via, motion.target) if i is not None]
     for i in order:
@@ -194,7 +198,7 @@ def _resolve(program: Program, model: CompensationModel, start: np.ndarray | Non
         elif target.joints is not None:
             before, word = target.joints, ""
         elif np.isnan(position[i, 0]):
-            flange = compose(compose(target.base, target.pose), relative(target.tool, Placement()))
+            flange = flange_of[i]
             position[i], rotation[i] = flange.position, flange.rotation
             found = _branch(model, target, flange, before if target.near is None else target.near, word)
             if isinstance(found, str):
@@ -205,6 +209,12 @@ def _resolve(program: Program, model: CompensationModel, start: np.ndarray | Non
         else:
             before = before if np.isnan(q[i, 0]) else q[i]
     return _Resolved(Poses(np.nan_to_num(position), rotation), q, refusals)
+
+
+def _flanges(targets: Sequence[Target]) -> Poses:
+    """Of targets with a pose: where the controller puts the flange for them."""
+    return flange_poses(stacked([t.pose for t in targets]), [t.base for t in targets],
+                        [t.tool for t in targets])
 
 
 def _branch(
@@ -330,17 +340,18 @@ def _edits(program: Program, model: CompensationModel, q_after: np.ndarray) -> t
     rows = np.flatnonzero(~np.isnan(q_after).any(axis=1))
     poses = model.controller.poses(q_after[rows])
     joints = [k for k, i in enumerate(rows) if program.targets[i].joints is not None]
+    posed = [k for k, i in enumerate(rows) if program.targets[i].joints is None]
     if joints:
         old = model.controller.poses(np.array([program.targets[rows[k]].joints for k in joints]))
         moved[rows[joints]] = pose_error(poses.rows(joints), old)
+    tips: dict[int, Placement] = {}
+    if posed:
+        targets = [program.targets[i] for i in rows[posed]]
+        there = tip_poses(poses.rows(posed), [t.base for t in targets], [t.tool for t in targets])
+        moved[rows[posed]] = pose_error(there, stacked([target.pose for target in targets]))
+        tips = dict(zip(posed, map(Placement, there.rotation, there.position)))
     for k, i in enumerate(rows):
-        target, tip = program.targets[i], None
-        if target.pose is not None:
-            flange = Placement(poses.rotation[k], poses.position[k])
-            tip = compose(relative(target.base, flange), target.tool)
-            there = Poses(tip.position[None], tip.rotation[None])
-            moved[i] = pose_error(there, Poses(target.pose.position[None], target.pose.rotation[None]))[0]
-        edits += target.encode(q_after[i], tip)
+        edits += program.targets[i].encode(q_after[i], tips.get(k))
     return edits, moved
 
 
@@ -350,17 +361,15 @@ def _reached(written, program, model, resolved, sides, q_after, threads) -> np.n
     rows = np.flatnonzero(~np.isnan(q_after).any(axis=1))
     if not rows.size:
         return distance
-    q, poses = q_after[rows].copy(), []
+    q, posed = q_after[rows].copy(), []
     for k, row in enumerate(rows):
         target = written.targets[row]
         if target.joints is not None:
             q[k] = target.joints
         else:
-            poses.append((k, compose(compose(target.base, target.pose), relative(target.tool, Placement()))))
-    if poses:
-        index = [k for k, _ in poses]
-        flange = Poses(np.array([p.position for _, p in poses]), np.array([p.rotation for _, p in poses]))
-        q[index] = model.controller.joints(flange, q[index])
+            posed.append(k)
+    if posed:
+        q[posed] = model.controller.joints(_flanges([written.targets[i] for i in rows[posed]]), q[posed])
     for load, members in _by_load(program, rows).items():
         loaded = model if load is None else model.with_load(load[0], np.array(load[1]))
         there = loaded.reached(q[members], sides[rows[members]], threads)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from exactarm.robot import Placement
 from exactarm.rotation import log as rotation_log
 
 # m per rad: 1 mrad that nothing can reach counts as 1 um in the search, and moves the place by nanometres
@@ -24,6 +26,36 @@ class Poses:
 
     def rows(self, index: np.ndarray) -> Poses:
         return Poses(self.position[index], self.rotation[index])
+
+
+def stacked(placements: Sequence[Placement]) -> Poses:
+    """Placements as arrays: those of a tool or a base are few, and of all targets."""
+    kinds = {id(placement): placement for placement in placements}
+    if 2 * len(kinds) > len(placements):
+        return Poses(np.array([p.position for p in placements]), np.array([p.rotation for p in placements]))
+    place = {name: k for k, name in enumerate(kinds)}
+    return stacked(list(kinds.values())).rows(np.array([place[id(p)] for p in placements]))
+
+
+def flange_poses(tips: Poses, bases: Sequence[Placement], tools: Sequence[Placement]) -> Poses:
+    """base * tip * tool^-1: the flange, where the tip of each tool stands so in its base."""
+    base, tool = stacked(bases), stacked(tools)
+    rotation = base.rotation @ tips.rotation @ np.swapaxes(tool.rotation, -1, -2)
+    tip = _turned(base.rotation, tips.position) + base.position
+    return Poses(tip - _turned(rotation, tool.position), rotation)
+
+
+def tip_poses(flanges: Poses, bases: Sequence[Placement], tools: Sequence[Placement]) -> Poses:
+    """base^-1 * flange * tool: the inverse of `flange_poses`."""
+    base, tool = stacked(bases), stacked(tools)
+    back = np.swapaxes(base.rotation, -1, -2)
+    tip = flanges.position + _turned(flanges.rotation, tool.position)
+    return Poses(_turned(back, tip - base.position), back @ flanges.rotation @ tool.rotation)
+
+
+def _turned(rotation: np.ndarray, vectors: np.ndarray) -> np.ndarray:
+    turned: np.ndarray = (rotation @ vectors[:, :, None])[:, :, 0]
+    return turned
 
 
 def pose_error(targets: Poses, reached: Poses) -> np.ndarray:

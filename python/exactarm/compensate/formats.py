@@ -8,6 +8,7 @@ from pathlib import Path
 from types import ModuleType
 
 from exactarm.compensate import fanuc_tp, inform, joint_trajectory, krl, rapid, target_table, urscript
+from exactarm.compensate.collector import collector_at_rest
 from exactarm.compensate.program import Program, SourceText
 from exactarm.compensate.setting import Setting
 from exactarm.errors import InputError
@@ -22,10 +23,12 @@ class Job:
     dialect: ModuleType
     paths: tuple[Path, ...]
 
+    @collector_at_rest()
     def read(self, setting: Setting) -> Program:
         load = getattr(self.dialect, "load", SourceText.read)  # tables may be binary
         return self.dialect.read(tuple(load(path) for path in self.paths), setting)
 
+    @collector_at_rest()
     def reread(self, contents: Sequence[bytes], setting: Setting) -> Program:
         """The program of other contents, as anyone would read it."""
         sources = tuple(SourceText(path, content) for path, content in zip(self.paths, contents))

@@ -13,6 +13,7 @@ changes, a $TOOL or $BASE that hangs on its way (ways.py), tools at rest (#TCP),
 
 from __future__ import annotations
 
+import math
 import re
 from bisect import bisect_left
 from dataclasses import dataclass
@@ -21,7 +22,7 @@ import numpy as np
 
 from exactarm.compensate.angles import from_zyx, to_zyx
 from exactarm.compensate.configuration import ZERO_RAD, sign_bits, signs_fit
-from exactarm.compensate.krl_data import AGGREGATE, ASSIGNED, Aggregate, Declarations
+from exactarm.compensate.krl_data import AGGREGATE, ASSIGNED, Aggregate, Declarations, arguments
 from exactarm.compensate.program import Edit, Motion, Program, SourceText, Target, in_range
 from exactarm.compensate.setting import Setting
 from exactarm.compensate.ways import UNCERTAIN, Step, unread, walk
@@ -150,7 +151,7 @@ class _Reader(Declarations):
         if match[2]:
             raise source.refuse(match.start(),
                                 f"{kind}_REL moves from where the arm is; expected absolute targets")
-        words = _arguments(match[3], match.start(3))
+        words = arguments(match[3], match.start(3))
         if not words or not words[0][0].strip():
             raise source.refuse(match.start(), f"{kind} without a point")
         if kind.endswith("CIRC"):
@@ -364,7 +365,7 @@ class _Reader(Declarations):
 
 def placement(numbers) -> Placement:
     """Of a frame as the controller shows it."""
-    return Placement(from_zyx(*np.radians(numbers[3:6])), 1e-3 * np.array(numbers[:3], float))
+    return Placement(from_zyx(*map(math.radians, numbers[3:6])), 1e-3 * np.array(numbers[:3], float))
 
 
 def _blocks(text: str) -> list[Step]:
@@ -376,24 +377,3 @@ def _blocks(text: str) -> list[Step]:
                 "call": match["call"]}.get(what)
         steps.append(Step(match.start(), what, data.upper() if isinstance(data, str) else data))
     return steps
-
-
-def _arguments(text: str, place: int) -> list[tuple[str, int]]:
-    """The arguments of a motion, split at commas outside braces; blending words behind the last are cut
-    off."""
-    parts, depth, start = [], 0, 0
-    for i, letter in enumerate(text + ","):
-        depth += (letter in "{(") - (letter in "})")
-        if letter == "," and depth == 0:
-            parts.append((text[start:i], place + start))
-            start = i + 1
-    cut = lambda part: re.sub(
-        r"(?i)(?<=[\w}])[ \t]+(C_\w+|WITH\b.*)\s*$", "", re.sub(r"(?i)[ \t]+WITH\b.*$", "", part)
-    )
-    trimmed = []
-    for part, at in parts:
-        before = None
-        while before != part:
-            before, part = part, cut(part)
-        trimmed.append((part, at))
-    return trimmed

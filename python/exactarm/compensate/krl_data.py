@@ -29,6 +29,11 @@ ASSIGNED = re.compile(
     r"(?im)^[ \t]*((?:(?:global|decl|const)[ \t]+)*(?:[a-z]\w*[ \t]+)?)(\$?[a-z_]\w*)[ "
     r"\t]*(\[[^\]\r\n]*\])?(\.\w+)?[ \t]*=(?!=)[ \t]*"
 )
+_SPLITS = re.compile(r"[,{}()]")
+_WITH = re.compile(r"(?i)[ \t]+WITH\b.*$")
+_BLEND = re.compile(r"(?i)(?<=[\w}])[ \t]+(C_\w+|WITH\b.*)\s*$")
+_HEAD = re.compile(r"\s*\w+\s*:")
+_FIELD = re.compile(r"\s*([A-Za-z_]\w*)(\[\])?\s*")
 _NAME = re.compile(r"(?i)\$?[a-z_]\w*$")
 
 
@@ -78,12 +83,12 @@ class Declarations:
     def aggregate(self, index: int, match: re.Match) -> Aggregate:
         """Fields of `{TYPE: NAME VALUE, ...}`."""
         inner, at = match[1], match.start(1)
-        head = re.match(r"\s*\w+\s*:", inner)
+        head = _HEAD.match(inner)
         if head:
             inner, at = inner[head.end() :], at + head.end()
         fields: dict[str, tuple[str, int]] = {}
         for part in inner.split(","):
-            word = re.match(r"\s*([A-Za-z_]\w*)(\[\])?\s*", part)
+            word = _FIELD.match(part)
             if word is None:
                 raise self.sources[index].refuse(
                     at, f"found {part.strip()[:30]!r}; expected a field and its value"
@@ -136,3 +141,27 @@ class Declarations:
         if found is None:
             raise self.sources[file].refuse(where, f"point {word} is computed; expected numbers")
         return word, found
+
+
+def arguments(text: str, place: int) -> list[tuple[str, int]]:
+    """The arguments of a motion, split at commas outside braces; blending words behind the last are cut
+    off."""
+    parts, depth, start = [], 0, 0
+    for match in _SPLITS.finditer(text):
+        letter = match[0]
+        if letter == ",":
+            if depth == 0:
+                parts.append((text[start : match.start()], place + start))
+                start = match.end()
+        else:
+            depth += 1 if letter in "{(" else -1
+    if depth == 0:
+        parts.append((text[start:], place + start))
+    return [(_without_words(part), at) for part, at in parts]
+
+
+def _without_words(part: str) -> str:
+    part, before = _WITH.sub("", part), None
+    while before != part:
+        before, part = part, _BLEND.sub("", part)
+    return part

@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,13 +23,13 @@ from exactarm.errors import InputError
 from exactarm.robot import Placement
 
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+_NUMBER = re.compile(rf"\s*({NUMBER})\s*")
 LARGEST = (
     1e6  # no program has a length in mm or an angle in degrees beyond it; 9E9 marks an axis that is not there
 )
 
 
-@dataclass(frozen=True)
-class Edit:
+class Edit(NamedTuple):
     """New bytes for those of file `file` (index in the program) from `start` to `end`."""
 
     file: int
@@ -166,8 +167,7 @@ class SourceText:
         return re.sub("|".join(patterns), lambda match: re.sub(r"[^\r\n]", " ", match[0]), self.text)
 
 
-@dataclass(frozen=True)
-class Number:
+class Number(NamedTuple):
     """A number in a text: its value and its place."""
 
     value: float
@@ -177,16 +177,16 @@ class Number:
     @staticmethod
     def read(source: SourceText, text: str, start: int) -> Number:
         """The number that `text`, at `start` of the source, is; anything else is refused."""
-        stripped = text.strip()
-        begin = start + len(text) - len(text.lstrip())
-        if not re.fullmatch(NUMBER, stripped):
+        match = _NUMBER.fullmatch(text)
+        if match is None:
             raise source.refuse(
-                start, f"found {stripped[:40]!r}; expected a number (computed targets cannot be corrected)"
+                start, f"found {text.strip()[:40]!r}; expected a number (computed targets cannot be "
+                       f"corrected)"
             )
-        value = float(stripped)
+        value = float(match[1])
         if not math.isfinite(value):
-            raise source.refuse(start, f"found {stripped[:40]}; expected a finite number")
-        return Number(value, begin, begin + len(stripped))
+            raise source.refuse(start, f"found {match[1][:40]}; expected a finite number")
+        return Number(value, start + match.start(1), start + match.end(1))
 
     def edit(self, source: SourceText, file: int, value: float, least_decimals: int) -> Edit:
         """With as many decimals as it has, at least `least_decimals`."""
@@ -199,7 +199,10 @@ class Number:
 
     def decimals(self, source: SourceText) -> int:
         """How many it has."""
-        mantissa, _, exponent = source.text[self.start : self.end].lower().partition("e")
+        text = source.text[self.start : self.end]
+        if text.isdigit():
+            return 0
+        mantissa, _, exponent = text.lower().partition("e")
         return max(len(mantissa.partition(".")[2]) - (int(exponent) if exponent else 0), 0)
 
 

@@ -118,7 +118,7 @@ class _Reader(Declarations):
     def insertion(self, index: int, match: re.Match, end: int, plain: list[tuple[str, int]]):
         """Points before a MoveL that has its line for itself; flown by in a zone of 1 mm."""
         source, text = self.sources[index], self.texts[index]
-        start = max(text.rfind("\n", 0, match.start()), text.rfind("\r", 0, match.start())) + 1
+        start = source.line_start(match.start())
         newline = re.search(r"\r\n|\n|\r", source.text)
         if (
             match[0].strip().lower() != "movel"

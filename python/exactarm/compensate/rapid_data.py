@@ -17,6 +17,8 @@ _DATA = re.compile(
     r"(?i)\b(?:CONST|PERS|VAR|TASK\s+PERS)\s+(robtarget|jointtarget|tooldata|wobjdata)\s+"
     r"(\w+)\s*(\{[^}]*\})?\s*:=\s*"
 )
+_BLANK = re.compile(r"\s*")
+_MARKS = re.compile(r"[\[\],;]")
 _ARGUMENTS = re.compile(r"(?i)\b(?:PROC|FUNC\s+\w+)\s+\w+\s*\(([^)]*)\)")
 _ARGUMENT = re.compile(r"(?i)\b(?:robtarget|jointtarget|tooldata|wobjdata)\s+(\w+)")
 _ASSIGNED = re.compile(r"(?i)(?<![\w\\.}])(\w+)[ \t]*(?:\{[^}]*\}|\.\w+)*\s*:=")
@@ -65,13 +67,13 @@ class Declarations:
     def literal(self, index: int, place: int) -> Literal | None:
         """The aggregate that starts at `place`; None where none does."""
         text = self.texts[index]
-        place += len(text[place:]) - len(text[place:].lstrip())
+        place = _BLANK.match(text, place).end()
         if text[place : place + 1] != "[":
             return None
         stack: list[list] = [[]]
         start = place + 1
-        for i in range(place, len(text)):
-            letter = text[i]
+        for match in _MARKS.finditer(text, place):
+            i, letter = match.start(), match[0]
             if letter == "[":
                 stack.append([])
                 start = i + 1
@@ -85,7 +87,7 @@ class Declarations:
                     stack[-1].append(done)
                     if len(stack) == 1:
                         return Literal(done, place, i + 1)
-            elif letter == ";":
+            else:
                 break
         raise self.sources[index].refuse(place, "a bracket is not closed; expected ]")
 

@@ -38,6 +38,12 @@ _BLOCK = re.compile(
 )
 _UNREAD = re.compile(r"\b(servoc|speedj|speedl|optimovej|optimovel|force_mode|conveyor_pulse_decode)[ \t]*\(")
 _LITERAL = re.compile(r"(p?)\s*\[([^\[\]]*)\]")
+_ALONE = re.compile(
+    r"(?m)^([ \t]*)movel\([ \t]*p\[[^\]]*\]((?:[ \t]*,[ \t]*\w+[ \t]*=[^,()\r\n]*)*)\)[ \t]*$"
+)
+_NAMED = re.compile(r"([A-Za-z_]\w*)\s*([,)])")
+_BLANK = re.compile(r"\s*")
+_BRACKETS = re.compile(r"[()\[\]]")
 _BEHIND = re.compile(r"[ \t]*(?:[,)\]\r\n]|$)")  # what may follow numbers that nothing is done with
 
 
@@ -61,6 +67,7 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
     targets: list[Target] = []
     motions: list[Motion] = []
     index: dict[tuple, int] = {}
+    begun: set[int] = set()
     tool, load = _given_tool(setting), None
 
     def literal(place: int) -> _Literal | None:
@@ -81,11 +88,11 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
 
     def argument(place: int) -> tuple[str, _Literal]:
         """Name and numbers of a target that stands at `place`."""
-        place += len(text[place:]) - len(text[place:].lstrip())
+        place = _BLANK.match(text, place).end()
         found = literal(place)
         if found is not None:
             return f"line {source.line(place)}", found
-        word = re.compile(r"([A-Za-z_]\w*)\s*([,)])").match(text, place)
+        word = _NAMED.match(text, place)
         if word is None:
             shown = re.split(r"[\r\n]", text[place : place + 40])[0]
             raise source.refuse(
@@ -107,7 +114,7 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
         key = (found.start, id(tool) if found.is_pose else 0, load)
         if key in index:
             return index[key]
-        if any(other[0] == found.start for other in index):
+        if found.start in begun:
             raise source.refuse(
                 place, f"{name} is used with different tools or loads: no one number is right for all"
             )
@@ -116,6 +123,7 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
         else:
             made = _joints(source, name, found, load, setting)
         targets.append(made)
+        begun.add(found.start)
         index[key] = len(targets) - 1
         return index[key]
 
@@ -170,10 +178,10 @@ def _blocks(text: str) -> list[Step]:
 def _end(text: str, place: int) -> int:
     """Where the bracket closes in which `place` is."""
     depth = 1
-    for i in range(place, len(text)):
-        depth += (text[i] in "([") - (text[i] in ")]")
+    for match in _BRACKETS.finditer(text, place):
+        depth += 1 if match[0] in "([" else -1
         if depth == 0:
-            return i
+            return match.start()
     return len(text)
 
 
@@ -182,11 +190,8 @@ def _insertion(source: SourceText, text: str, match: re.Match, found: _Literal |
     blend."""
     if match[1] != "movel" or found is None or not found.is_pose:
         return None
-    line = re.compile(
-        r"(?m)^([ \t]*)movel\([ \t]*p\[[^\]]*\]((?:[ \t]*,[ \t]*\w+[ \t]*=[^,()\r\n]*)*)\)[ \t]*$"
-    )
-    start = max(text.rfind("\n", 0, match.start()), text.rfind("\r", 0, match.start())) + 1
-    whole = line.match(text, start)
+    start = source.line_start(match.start())
+    whole = _ALONE.match(text, start)
     if whole is None:
         return None
     options = re.sub(r"[ \t]*,[ \t]*r[ \t]*=[^,]*", "", whole[2].rstrip()) + f", r={BLEND_M}"
