@@ -47,6 +47,7 @@ from exactarm.sensor_rows import with_sensors
 from exactarm.split import pose_split, run_split, split_rule
 from exactarm.table import Table, read_table, write_table
 
+_ROBOT_FILES = (".toml", ".urdf", ".xacro")
 LARGEST_MARK = 2**53  # whole numbers beyond are not exact in a table of doubles
 QUATERNION_NORM_TOLERANCE = 0.01  # three decimals per component pass, a wrong column does not
 
@@ -77,6 +78,11 @@ def read_dataset(
     paths = [paths] if isinstance(paths, (str, Path)) else sorted(paths, key=by_name)
     if not paths:
         raise InputError("no data file given; expected at least one CSV or Parquet file")
+    for path in paths:
+        if Path(path).suffix.lower() in _ROBOT_FILES:
+            raise InputError("a robot file among the data; expected one robot and what was measured on it: "
+                             "two arms, such as arms that touch each other, are not estimated together; "
+                             "calibrate each by itself", file=str(path))
     files = [_read_file(str(path), robot, columns) for path in paths]
     _check_files(files)
     dataset = replace(_join(files, robot), fixture=fixture)

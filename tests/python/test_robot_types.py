@@ -221,3 +221,9 @@ def test_targets_of_every_kind_of_arm_are_reached_after_a_calibration(name):
     before, after = (np.linalg.norm(model.reached(each).position - wanted.position, axis=1)
                      for each in (q, ea.command_of(result.robot, q)))
     assert before.mean() > 1e-4 and after.max() < 1e-8
+
+
+def test_two_arms_in_one_call_are_refused_in_one_clear_line(tmp_path):
+    (tmp_path / "other.urdf").write_text("<robot/>")
+    with pytest.raises(ea.InputError, match="arms that touch each other, are not estimated together"):
+        ea.read([tmp_path / "other.urdf", tmp_path / "touches.csv"], "ur10")

@@ -288,7 +288,9 @@ def _beyond_bounds(fit: PoseFit, data: Dataset):
         return
     prediction = predict_poses(fit.robot, fit.layout, data)
     columns = prediction.jacobian[:, :3].reshape(-1, fit.layout.size) / fit.sigma_position
-    residual = prediction.residual().ravel() / fit.sigma_position
+    left = prediction.residual()
+    left[wild_rows(np.linalg.norm(left, axis=1))] = 0.0
+    residual = left.ravel() / fit.sigma_position
     free = columns[:, ~fit.fit.at_bound]
     for k in np.flatnonzero(fit.fit.at_bound):
         alone = columns[:, k] - free @ np.linalg.lstsq(free, columns[:, k], rcond=None)[0]
