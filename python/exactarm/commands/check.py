@@ -23,13 +23,14 @@ from exactarm.kinds import POSES
 from exactarm.progress import SILENT, Progress
 from exactarm.report import Estimate, Figure, Highlight, Highlights, Quantity, Report, Table, Text, Warnings
 from exactarm.report.numbers import quantity
-from exactarm.report.plots.change import statistic_over_days
+from exactarm.report.plots.change import MOST, statistic_over_days
 from exactarm.robot import Robot
 from exactarm.rows import Source
 from exactarm.split import DEFAULT_SEED
 from exactarm.verify.change import Cause, Change, detect, detectable
 from exactarm.verify.daily import Daily, daily
 
+NOT_SEEN = 0.1  # rad, m: what moves so far is seen without a check
 NAME = "check"
 HELP = "a few poses a day: has something moved, which parameter, since when"
 UNUSED_OPTIONS = ("threads",)
@@ -277,8 +278,8 @@ def _report(robot: Robot, series: Daily, change: Change, days_per_year: float) -
                     Quantity(float(last.max()) if last.size else None, "m"),
                 ),
                 Highlight("noise of a coordinate", Quantity(change.sigma, "m")),
-                Highlight("statistic (alarm at the boundary)", Quantity(float(change.statistic[-1]), "")),
-                Highlight("boundary", Quantity(change.boundary, "", exact=True)),
+                Highlight(f"evidence of a change, 1e12 at most (alarm at {change.boundary:g})",
+                          Quantity(min(float(change.statistic[-1]), MOST), "")),
             )
         ),
     ]
@@ -327,7 +328,8 @@ def _report(robot: Robot, series: Daily, change: Change, days_per_year: float) -
         Table(
             "What this check can see",
             ("parameter", f"seen within {FEW_DAYS} days"),
-            tuple((name, Quantity(size, unit_of(name))) for name, size in _detectable(series, change)),
+            tuple((name, Quantity(size, unit_of(name)) if size < NOT_SEEN else "not by these poses")
+                  for name, size in _detectable(series, change)),
             "A change of this size raises the alarm within so many days, with noise at its mean.",
         ),
         Text(

@@ -29,7 +29,7 @@ def shift_view(points: np.ndarray, shifts: np.ndarray) -> Figure:
     longer."""
     figure = new_figure(4.2)
     panels = figure.subplots(1, 2)
-    span = max(float(np.ptp(points, axis=0).max()), 0.2)
+    span = max(float(np.ptp(np.vstack([points, np.zeros(3)]), axis=0).max()), 0.2)  # the base is drawn too
     longest = float(np.linalg.norm(shifts, axis=1).max()) or 1.0
     factor = LONGEST_ARROW * span / longest
     decade = 10.0 ** np.floor(np.log10(factor))
