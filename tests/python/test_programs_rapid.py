@@ -97,6 +97,12 @@ RIGHT = {
     "numbers in every form": ("", f"MoveJ {EXPONENT},v100,fine,{T}"),
 }
 REFUSED = {
+    "a work object that a routine may be given": (
+        P[1], "go\\w:=table;\nENDPROC\nPROC go(\\PERS wobjdata w)\nMoveJ p1,v100,fine,torch\\WObj?w;"),
+    "a load that a routine may be given": (
+        P[1], f"go\\l:=part;\nENDPROC\nPROC go(\\PERS loaddata l)\nMoveJ p1,v100,fine,{T[:-1]}\\TLoad?l;"),
+    "a work object given by a routine of several names": (
+        P[1], "go table;\nENDPROC\nPROC go(PERS wobjdata other)\nMoveJ p1,v100,fine,torch\\WObj:=other;"),
     "a component that one line of a condition sets": (
         f"VAR num n:=2;\nVAR robtarget p1:={target(1)};\n", f"IF n=2 p1.trans.z:=1;\nMoveJ p1,v100,fine,{T}"),
     "a tool that a case sets on its line": (

@@ -66,6 +66,9 @@ RIGHT = {
     "a name that looks like a pose": f"{SET}stop = {joints(1)}\nmovej(stop)\nmovep({pose(2)}, r=0.02)",
 }
 REFUSED = {
+    "a tool with a name": f'a = 0.2\nset_tcp(p[0,0,a,0,0,0], "grip")\nmovej({pose(1)})',
+    "a variable that another routine sets": f"{SET}a = {pose(1)}\ndef sub():\nglobal a = {pose(2)}\nend\n"
+                                            f"movej(a)\nsub()\nmovej(a)",
     "a variable that changes": f"{SET}q = {joints(1)}\nmovej(q)\nq = {joints(2)}\nmovej(q)",
     "an element that changes": f"{SET}q = {joints(1)}\nq[0] = q[0] + 0.05\nmovej(q)",
     "an element that changes behind the motion, in a loop":

@@ -101,6 +101,9 @@ class _Reader(Declarations):
             arguments = _arguments(text[match.end() : end], match.end())
             switches = {name.lower(): value for name, value, _ in arguments if name}
             plain = [(value, place) for name, value, place in arguments if not name]
+            if passed := [name for name in switches if re.match(r"(wobj|tload)\s*\?", name)]:
+                raise source.refuse(match.start(), f"a frame or load that a caller gives (\\{passed[0]}); "
+                                                   "expected a name of these files")
             count = 2 if kind == "circular" else 1
             if len(plain) < count:
                 raise source.refuse(match.start(), f"{match[1]} without a target")
