@@ -117,6 +117,9 @@ RIGHT = {
                                                           Y=f"{numbers_zyx(tip(1))[1]:+.6f}") + "\n" + P[2]),
 }
 REFUSED = {
+    "a load that the program sets": (f"{SET}$LOAD={{M 5.0,CM {{X 0,Y 0,Z 100,A 0,B 0,C 0}}}}\nPTP XP1", P[1]),
+    "a load that the program picks": (f"{SET}$LOAD=LOAD_DATA[3]\nPTP XP1", P[1]),
+    "a mass that the program sets": (f"{SET}$LOAD.M=5.0\nPTP XP1", P[1]),
     "two points in one declaration": (f"{SET}PTP XP2", f"DECL E6POS XP1={pose(1)},XP2={pose(2)}"),
     "an arc with an angle": (f"{SET}PTP XP1\nCIRC XP2,{pose(3)},CA 180", P[1] + P[2]),
     "S and T as bits": (

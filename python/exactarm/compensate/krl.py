@@ -36,6 +36,7 @@ _MOTION = re.compile(r"(?im)^[ \t]*(S?PTP|S?LIN|S?CIRC|SPL)(_REL)?\b[ \t]*([^\r\
 _BAS = re.compile(r"(?im)^[ \t]*BAS[ \t]*\([ \t]*#(TOOL|BASE|FRAMES)[ \t]*(?:,[ \t]*([^)\r\n]*))?\)")
 _POINT = re.compile(r"(?im)^[ \t]*(?:(?:global|decl)[ \t]+)*(?:E6)?(?:POS|AXIS)[ \t]+(\w+)[ \t]*=")
 _FRAME = re.compile(r"\$?\w+(\[\d*\])?")
+_LOAD = re.compile(r"(?im)^[ \t]*(\$LOAD\b[^\r\n=]*=(?!=))")
 _REST = re.compile(r"[^\r\n]*")
 _SPLINE = re.compile(r"(?im)^[ \t]*(?:PTP_)?SPLINE\b[^\r\n]*\bWITH\b[^\r\n]*\$(?:TOOL|BASE)\b")
 _BLOCK = re.compile(
@@ -99,6 +100,9 @@ class _Reader(Declarations):
         if match := _SPLINE.search(text):
             raise source.refuse(match.start(), "$TOOL or $BASE in the head of a spline block; expected them "
                                                "set before it")
+        if (match := _LOAD.search(text)) and self.setting.load is None:
+            raise source.refuse(match.start(1),
+                                "the program sets its load, $LOAD; expected --payload with it")
         events = [*_MOTION.finditer(text), *_BAS.finditer(text), *ASSIGNED.finditer(text)]
         steps, inline = _blocks(text), None
         for match in sorted(events, key=lambda match: match.start()):
