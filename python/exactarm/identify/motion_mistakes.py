@@ -40,7 +40,10 @@ _ALL_AXES_FALL = (
     1.8  # product over the axes, for mistakes that all axes feel a little: gravity, units of angles
 )
 _LAGS_S = (0.01, 0.03, 0.1, 0.3, 1.0)  # tried first; what filters and buses delay is below a hundredth
-_DRIFTS = (0.003, 0.01, 0.03)  # share of the time
+_DRIFTS = (0.0003, 0.001, 0.003, 0.01, 0.03)  # share of the time
+_TIMES = (0.4, 0.6, 0.8, 1.2, 1.5, 2.0, 3.0)  # by which all times could be too long
+_MUCH_BETTER = 2.0  # times in the product of shares: another robot is free to fit, and said last
+_LEAST_TIME = 1.1  # model errors of good data ask for 0.95 (the TX40, and an arm with every mass 30 % off)
 _REFINED = 12  # evaluations around the best of those
 _MOST_LAG = 0.1  # of the log: what is left to compare overlaps
 _LEAST_OF_A_ROBOT = 0.75
@@ -71,6 +74,7 @@ class MotionSamples:
     time: np.ndarray
     logged_time: np.ndarray
     logged: np.ndarray
+    clock: float = 1.0  # of `rate` over what was read: where dry friction turns over does not follow it
 
     def with_angles(self, change: Callable[[np.ndarray], np.ndarray]) -> MotionSamples:
         """The columns of angles in the file changed, and with them their rates."""
@@ -115,9 +119,13 @@ def motion_mistakes(robot: Robot, data: Dataset) -> list[Suspicion]:
     )
     if not found:
         found = list(_driving_friction(now))
-    for further in (_other_clock, _other_robot, _units):
-        found = found or list(further(robot, data, samples, now))
-    return found
+    if not found:
+        given = (robot, data, samples, now)
+        own = min([*_other_clock(*given), *_scaled_time(*given)], key=lambda rival: rival[0], default=None)
+        other = next(_other_robot(*given), None)
+        better = other and (own is None or _MUCH_BETTER * other[0] < own[0])
+        found = [best[1] for best in [other if better else own] if best]
+    return found or list(_units(robot, data, samples, now))
 
 
 def _is_measured_whole(data: Dataset) -> bool:
@@ -168,7 +176,7 @@ def _explained(robot: Robot, samples: MotionSamples) -> _Explained:
     )
     own = (
         robot.controller_ratios**2 * samples.acceleration,
-        dry_friction_of(samples.rate),
+        dry_friction_of(samples.rate / samples.clock),
         samples.rate,
         np.ones_like(samples.rate),
     )
@@ -262,7 +270,10 @@ def _driving_friction(now: _Explained) -> Iterator[Suspicion]:
     )
 
 
-def _other_clock(robot: Robot, data: Dataset, samples: MotionSamples, now: _Explained) -> Iterator[Suspicion]:
+_Rival = tuple[float, Suspicion]  # product of the axes' shares with the mistake undone
+
+
+def _other_clock(robot: Robot, data: Dataset, samples: MotionSamples, now: _Explained) -> Iterator[_Rival]:
     """The torques lag behind the angles, or were logged by a clock that drifts."""
     if typical_step(data.time[data.run == data.run[0]]) > LONG_STEP_S:
         return
@@ -272,7 +283,8 @@ def _other_clock(robot: Robot, data: Dataset, samples: MotionSamples, now: _Expl
         def left(size: float, shape: np.ndarray = shape) -> float:
             return float(np.prod(_explained(robot, samples.with_torques_of(size * shape)).shares))
 
-        grid = [sign * size for size in tried for sign in (1.0, -1.0) if size * shape[-1] <= most]
+        grid = [sign * size for size in tried for sign in (1.0, -1.0)
+                if _LAGS_S[0] <= size * shape[-1] <= most]
         if not grid:
             continue
         near = min(grid, key=left)
@@ -286,20 +298,37 @@ def _other_clock(robot: Robot, data: Dataset, samples: MotionSamples, now: _Expl
             words = f"the torques logged {abs(best):.2g} s {'later' if best > 0.0 else 'earlier'}"
         fall = _fall(now, _explained(robot, samples.with_torques_of(best * shape)))
         found.append((left(best), Suspicion(words, fall)))
-    if found and (best := min(found, key=lambda pair: pair[0])[1]).fall:
+    if found and (best := min(found, key=lambda pair: pair[0]))[1].fall:
         yield best
 
 
-def _other_robot(robot: Robot, data: Dataset, samples: MotionSamples, now: _Explained) -> Iterator[Suspicion]:
+def _scaled_time(robot: Robot, data: Dataset, samples: MotionSamples, now: _Explained) -> Iterator[_Rival]:
+    """All times too long or too short: masses hold against gravity and against acceleration, in
+    proportion."""
+    def at(k: float) -> _Explained:
+        return _explained(robot, replace(samples, rate=k * samples.rate, clock=k,
+                                         acceleration=k**2 * samples.acceleration))
+
+    left = lambda k: float(np.prod(at(k).shares))
+    near = min(_TIMES, key=left)
+    best = float(minimize_scalar(left, bounds=(0.7 * near, 1.4 * near), method="bounded",
+                                 options={"maxiter": _REFINED}).x)
+    times, way = max(best, 1.0 / best), "shorter" if best > 1.0 else "longer"
+    if times >= _LEAST_TIME and (fall := _fall(now, at(best))):
+        yield left(best), Suspicion(f"all times {times:.2g} times {way}", fall)
+
+
+def _other_robot(robot: Robot, data: Dataset, samples: MotionSamples, now: _Explained) -> Iterator[_Rival]:
     """Another robot that is shipped: it need not explain every axis better, for both are free to fit."""
     for name in shipped_robots():
         other = load_robot(name)
         geared = all(joint.has_gear for joint in other.joints)
         if not other.has_geometry or other.axes != robot.axes or other.name == robot.name or not geared:
             continue
-        falls = now.shares / np.maximum(_explained(other, samples_of(other, data)).shares, 1e-9)
+        shares = np.maximum(_explained(other, samples_of(other, data)).shares, 1e-9)
+        falls = now.shares / shares
         if np.prod(falls) >= _ALL_AXES_FALL and falls.min() >= _LEAST_OF_A_ROBOT:
-            yield Suspicion(f"data of {name}", float(falls.max()))
+            yield float(np.prod(shares)), Suspicion(f"data of {name}", float(falls.max()))
             return
 
 

@@ -1,0 +1,27 @@
+"""What a calibration shows of parameters, where it has estimated none of the arm."""
+
+from types import SimpleNamespace
+
+import numpy as np
+
+from exactarm.commands.calibrate import _parameter_sections
+from exactarm.report import Figure
+from exactarm.robot_file import load_robot
+
+
+def result(*names: str) -> SimpleNamespace:
+    count = len(names)
+    fit = SimpleNamespace(x=np.full(count, 0.1), at_bound=np.zeros(count, bool))
+    return SimpleNamespace(names=names, fit=SimpleNamespace(fit=fit),
+                           intervals=np.tile([0.05, 0.15], (count, 1)))
+
+
+def figures(*names: str) -> list[Figure]:
+    sections = _parameter_sections(load_robot("ur10"), result(*names))
+    return [section for section in sections if isinstance(section, Figure)]
+
+
+def test_without_a_parameter_of_the_arm_there_is_nothing_to_draw():
+    assert figures("session_1.base_x_m") == []
+    (figure,) = figures("a_2_m", "session_1.base_x_m")
+    figure.build()
