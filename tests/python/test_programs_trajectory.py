@@ -49,6 +49,7 @@ RIGHT = {
 }
 REFUSED = {
     "an unknown name": FLOW.replace("a4", "wrist"),
+    "a list among the names": FLOW.replace("a4", "[a4]"),
     "a name given twice": FLOW.replace("a4", "a2"),
     "a point with too few numbers": FLOW.replace("positions: [", "positions: [0.1, ", 1),
     "no number": re.sub(r"(positions: \[)[^,]*", r"\1.nan", FLOW, count=2),

@@ -46,6 +46,10 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
         or not points.value
     ):
         raise source.refuse(0, "expected joint_names and points of a JointTrajectory")
+    odd = next((node for node in names.value if not isinstance(node, yaml.ScalarNode)), None)
+    if odd is not None:
+        raise InputError("joint_names: expected a name for each axis, no list or mapping", file=source.path,
+                         line=odd.start_mark.line + 1)
     order = axis_order(setting.robot, [node.value for node in names.value], source)
     targets, motions = [], []
     for i, point in enumerate(points.value):
