@@ -46,7 +46,7 @@ def test_an_error_from_nothing_rises():
 
 
 def test_a_diagnosis_whose_error_rises_says_so():
-    finding = SimpleNamespace(effect=SimpleNamespace(title="backlash of axis 2"))
+    finding = SimpleNamespace(effect=SimpleNamespace(title="backlash of axis 2"), probability=0.99)
     for after, word in ((2.5e-3, "rises by 67 %"), (0.5e-3, "falls by 67 %"), (1.5e-3, "does not change")):
         said = sentence_of("explained", [finding], [], summaries(BEFORE), summaries(after), None, 1.0)
         assert word in said

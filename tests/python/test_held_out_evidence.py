@@ -60,10 +60,20 @@ def test_nothing_held_out_says_nothing():
 
 
 def test_the_sentence_says_that_rows_speak_against_it():
-    finding = SimpleNamespace(effect=SimpleNamespace(title="backlash of axis 2"))
+    finding = SimpleNamespace(effect=SimpleNamespace(title="backlash of axis 2"), probability=0.99)
     sets = {"identification": summarise(np.full(5, 1.0)), "validation": summarise(np.full(5, 1.0))}
     said = [sentence_of(EXPLAINED, [finding], [], sets, sets, None, 1.0, (), gain) for gain in (-2.0, -4.0)]
     assert ["speak against it" in each for each in said] == [False, True]  # a nat or two are chance
+
+
+def test_an_effect_that_held_out_rows_refute_is_not_what_the_model_lacks():
+    right, wrong = (SimpleNamespace(effect=SimpleNamespace(title=title), probability=p)
+                    for title, p in (("backlash of axis 2", 0.99), ("gear ratio of axis 5", 0.0)))
+    sets = {"identification": summarise(np.full(5, 1.0)), "validation": summarise(np.full(5, 1.0))}
+    both, alone = (sentence_of(EXPLAINED, found, [], sets, sets, None, 1.0)
+                   for found in ([right, wrong], [wrong]))
+    assert both.startswith("The model lacks backlash of axis 2; with it and gear ratio of axis 5, against")
+    assert alone.startswith("The fitted rows ask for gear ratio of axis 5;") and "speak against it" in alone
 
 
 def test_of_effects_that_are_right_held_out_rows_rarely_speak_against():

@@ -22,6 +22,7 @@ from exactarm.diagnose.contribution import Contribution
 from exactarm.diagnose.diagnosis import Diagnosis, Finding
 from exactarm.diagnose.dossier import Dossier
 from exactarm.diagnose.held_out_evidence import AGAINST
+from exactarm.diagnose.posterior import NAMED_AT
 from exactarm.diagnose.verdict import UNEXPLAINED, remains, spoken_against
 from exactarm.kinds import kind_of
 from exactarm.report import Figure, Quantity, Report, Table, Text, Warnings
@@ -67,16 +68,19 @@ def verdict_of(robot: Robot, result: Diagnosis, found: list[tuple[Finding, Contr
     """The verdict in a technician's words."""
     judged = "validation" if result.after["validation"].n else "identification"
     rows = kind_of(result.kind).rows
-    if not found:
+    named = [pair for pair in found if pair[0].probability >= NAMED_AT]
+    if not named:
         return result.sentence
+    refuted = ", ".join(finding.effect.title for finding, _ in found if finding.probability < NAMED_AT)
     before, after = result.before[judged].rms, result.after[judged].rms
     whose = (
         f"{rows} that were never fitted" if judged == "validation"
         else f"the fitted {rows} (none were held out)"
     )
+    beside = f" and {refuted}, against which rows that were not fitted speak," if refuted else ""
     text = (
-        f"The model lacked {causes_in_words(found, robot.axes)}. With this in it the RMS error on {whose} "
-        f"{change(before, after, result.unit)}."
+        f"The model lacked {causes_in_words(named, robot.axes)}. With this{beside} in it the RMS error on "
+        f"{whose} {change(before, after, result.unit)}."
     )
     doubtful = [a for a in result.alternatives if a.collides]
     if doubtful:

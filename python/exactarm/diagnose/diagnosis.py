@@ -20,7 +20,7 @@ from exactarm.diagnose.held_out_evidence import AGAINST, allowed, held_out_gains
 from exactarm.diagnose.in_space import InSpace
 from exactarm.diagnose.noise import NoiseFloor, noise_floor
 from exactarm.diagnose.own_share import own_shares
-from exactarm.diagnose.posterior import Causes, find_causes, selection_of, steps_win
+from exactarm.diagnose.posterior import NAMED_AT, Causes, find_causes, selection_of, steps_win
 from exactarm.diagnose.problem import Fitted, Problem
 from exactarm.diagnose.problems import problem_for
 from exactarm.diagnose.selection import Accepted, Progress, Selection, refit, select
@@ -170,7 +170,8 @@ def diagnose(
     if verdict == NOTHING and not noise.measured and problem.share_of_measured(last) > MUCH_LEFT:
         verdict = UNEXPLAINED  # a floor that comes from the fit proves nothing by itself
     unconverged = _unconverged(selection)
-    if unconverged or sum(gains) < AGAINST:
+    refuted = any(finding.probability < NAMED_AT for finding in findings)
+    if unconverged or refuted or sum(gains) < AGAINST:
         verdict = UNEXPLAINED
     drafts = ()
     if verdict == UNEXPLAINED and problem.drafts and not unconverged:

@@ -107,21 +107,25 @@ def sentence_of(verdict, findings, alternatives, before, after, left: Dossier, e
     """The verdict in one sentence that a technician understands; gain: of the held-out rows, in nats."""
     judged = "validation" if after["validation"].n else "identification"
     if findings:
-        causes = ", ".join(f.effect.title for f in findings[:3])
-        more = f" and {len(findings) - 3} more" if len(findings) > 3 else ""
+        refuted = [f.effect.title for f in findings if f.probability < NAMED_AT]
+        named = [f.effect.title for f in findings if f.probability >= NAMED_AT]
         fall = 1.0 - after[judged].rms / before[judged].rms
-        it = "it" if len(findings) == 1 else "them"
+        it = "it" if len(named or refuted) == 1 else "them"
         falls = (
             f"{'falls' if fall > 0.0 else 'rises'} by {100 * abs(fall):.0f} %"
             if abs(fall) >= 0.005 else "does not change"
         )
-        text = f"The model lacks {causes}{more}; with {it} the {judged} RMS error {falls}."
+        lacks = "The model lacks" if named else "The fitted rows ask for"
+        beside = ""
+        if named and refuted:
+            beside = f" and {_listed(refuted)}, against which rows that were not fitted speak,"
+        text = f"{lacks} {_listed(named or refuted)}; with {it}{beside} the {judged} RMS error {falls}."
         doubtful = [a for a in alternatives if a.collides]
         if doubtful:
             a = doubtful[0]
             own = next(f.effect for f in findings if f.effect.label == a.instead_of)
             text += f" This data cannot tell {own.title} from {a.effect.title}."
-        if gain < AGAINST:
+        if gain < AGAINST or not named:
             return text + spoken_against(len(findings))
         if verdict == UNEXPLAINED:
             text += (
@@ -138,6 +142,11 @@ def sentence_of(verdict, findings, alternatives, before, after, left: Dossier, e
         return (f"No effect of the library earns its place: the residual follows the {left.strongest.signal} "
                 f"beyond chance, but this is {100 * left.strongest.share:.0f} % of its square sum.")
     return "Nothing is missing: the residual of the declared model cannot be told from noise."
+
+
+def _listed(titles: list[str]) -> str:
+    more = f" and {len(titles) - 3} more" if len(titles) > 3 else ""
+    return ", ".join(titles[:3]) + more
 
 
 def spoken_against(count: int) -> str:
