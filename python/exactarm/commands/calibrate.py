@@ -200,10 +200,12 @@ def _report(robot: Robot, data: Dataset, result: Calibration, rule: str) -> Repo
         f"The mean position error on {who} {change(before.mean, after.mean, unit)} "
         f"(largest: {quantity(before.max, unit)} to {quantity(after.max, unit)})."
     )
-    what, known = "position error", ()
+    what, row, known = "position error", "pose", ()
     note = "Before: nominal parameters with only base and tool frames fitted. " + rule
     if data.kind == CLOSURES.name:
         what = "distance to the contact" if unit == "m" else "error of gravity's direction"
+        if [name for name, numbers in data.contacts.items() if np.any(numbers >= 0)] == ["camera"]:
+            what, row = "error of a corner", "corner"
         known = _distance_tables(result)
         verdict = verdict.replace("position error", what)
         note = "Before: nominal parameters with only contacts and tool fitted. " + rule
@@ -211,7 +213,7 @@ def _report(robot: Robot, data: Dataset, result: Calibration, rule: str) -> Repo
         highlights(result.before, result.after, unit),
         error_table(result.before, result.after, unit, what.capitalize(), note),
         *known,
-        *error_figures(result.error_before, result.error_after, result.identification, unit, what, "pose"),
+        *error_figures(result.error_before, result.error_after, result.identification, unit, what, row),
         *_parameter_sections(robot, result),
         dropped_table(result.identifiability.dropped),
         Warnings(result.warnings),
@@ -233,7 +235,7 @@ def _distance_tables(result: Calibration) -> tuple[Any, ...]:
         for name, value in result.tilts_after.items() if value is not None
     )
     pixels = tuple(
-        (name, f"{result.pixels_before[name]:.3g} px", f"{value:.3g} px")
+        (name, Quantity(result.pixels_before[name], "px"), Quantity(value, "px"))
         for name, value in result.pixels_after.items() if value is not None
     )
     tables = (

@@ -173,13 +173,14 @@ def curves_figure(found: Sequence[tuple[Finding, Contribution | None]]) -> list[
     panels = [_panel(c) for _, c in in_order(found) if c is not None and c.rms[1] < c.rms[0]][:_MOST_PANELS]
     if not panels:
         return []
+    grey = any(panel.same or not panel.curve for panel in panels)  # else the error is in another unit
     return [Figure(
         "effects", "Every cause over its own signal", partial(effect_panels, panels),
-        "Grey: the error that is left when this one cause is taken out of the model, on the fitted rows; "
-        "blue: the cause as estimated, "
-        "with its 95 % band, drawn only where something was measured; green ticks: what was measured. RMS of "
-        "the grey points, and "
-        "of what is left with the cause.",
+        ("Grey: the error that is left when this one cause is taken out of the model, on the fitted rows. "
+         if grey else "")
+        + "Blue: the cause as estimated, with its 95 % band, drawn only where something was measured; green "
+        "ticks: what was measured."
+        + (" RMS of the grey points, and of what is left with the cause." if grey else ""),
         "one panel for each effect found: its curve with band over its own signal, and the error without it",
     )]
 
