@@ -96,15 +96,23 @@ def find_causes(problem: Problem, declared: Layout, progress: Progress = lambda 
     linear picture.
 
     What the declared fit leaves decides which of its parameters can be told. Where the noise beside the
-    causes is less, more of them can be, and what they had left is no cause: all begins anew with them."""
+    causes is less, more of them can be, and what they had left is no cause: all begins anew with them. The
+    likelier of the two counts, for a weak direction that is free beside a strong cause may lead the fit, and
+    its linear picture, far from where it should be."""
     found = _causes(problem, declared, progress)
     if found is None:
         return None
     wider = problem.declared_under(found.fits[0].layout, found.noise)
     if wider.size > declared.size:
         progress(f"searching anew with {wider.size - declared.size} more declared parameters")
-        found = _causes(problem, wider, progress)
+        again = _causes(problem, wider, progress)
+        found = found if again is None else max(found, again, key=_likelihood_less_price)
     return found
+
+
+def _likelihood_less_price(causes: Causes) -> float:
+    """By Schwarz's approximation for all that was fitted."""
+    return causes.score - 0.5 * causes.fits[-1].layout.size * float(np.log(causes.noise.numbers))
 
 
 def _causes(problem: Problem, declared: Layout, progress: Progress) -> Causes | None:
