@@ -11,7 +11,7 @@ from exactarm import cli
 from exactarm.dataset import write_dataset
 from exactarm.diagnose.diagnosis import diagnose
 from exactarm.diagnose.dictionary import forms_of, is_series
-from exactarm.diagnose.draft import gaps_of
+from exactarm.diagnose.draft import gaps_in_words, gaps_of
 from exactarm.formula import Formula, divisors, linear_names
 from exactarm.robot_file import load_robot
 from set_ups import measured, true_robot
@@ -125,3 +125,10 @@ def test_every_form_of_the_dictionary_is_a_formula_of_plausible_size():
         for name, size in zip(form.names, form.plausible):
             if name in form.linear and not is_series(form):
                 assert size * np.std(slopes[name]) == pytest.approx(3e-4, rel=1e-6), form.form
+
+
+def test_the_widest_gaps_are_told_in_degrees():
+    gaps = [(-2.0, -1.0), (0.0, 0.1), (0.2, 0.5), (0.6, 0.9), (1.0, 1.05)]
+    assert gaps_in_words("q_4", gaps) == (
+        "q_4 from -114.6 to -57.3, 11.46 to 28.65, 34.38 to 51.57 deg and 2 narrower gaps")
+    assert gaps_in_words("temperature_degC", gaps[:1]) == "temperature_degC from -2 to -1"

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import re
 from collections import defaultdict
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -44,7 +45,19 @@ _MOST_FUNCTIONS = 6  # searched for at once: twice what is drafted
 _NOISE_PASSES = 2
 _SIGNALS = {"angle": "q", "load": "torque", "approach": "approach"}
 _PARAMETER = re.compile(r"[abcw]\d*(_\d+)?$")  # what a formula of the dictionary calls its parameters
+_GAPS_TOLD = 3  # of each signal; the file has all
 _RARE_GAP = 0.01  # chance that evenly scattered values leave one gap as wide
+
+
+def gaps_in_words(signal: str, gaps: Sequence[tuple[float, float]]) -> str:
+    """The widest, in the order of the signal; angles in degrees."""
+    widest = sorted(sorted(gaps, key=lambda gap: gap[0] - gap[1])[:_GAPS_TOLD])
+    angle = re.fullmatch(r"(q|theta)_\d+", signal)
+    unit, factor = (" deg", np.degrees(1.0)) if angle else ("", 1.0)
+    told = ", ".join(f"{factor * low:.4g} to {factor * high:.4g}" for low, high in widest)
+    others = len(gaps) - len(widest)
+    more = f" and {others} narrower gap{'s' if others > 1 else ''}" if others else ""
+    return f"{signal} from {told}{unit}{more}"
 
 
 @dataclass(frozen=True)
@@ -72,15 +85,11 @@ class Draft:
             if self.short
             else ""
         )
-        gaps = [
-            f"{name} from {low:.3g} to {high:.3g}"
-            for name, all_gaps in self.gaps.items()
-            for low, high in all_gaps
-        ]
+        gaps = [gaps_in_words(name, gaps) for name, gaps in self.gaps.items() if gaps]
         values = f" rad with {numbers}" if numbers else ""
         return (
             f"{self.effect.title}: {formula}{values}. Suspect: {self.suspect}."
-            + (f" Not measured: {', '.join(gaps)}." if gaps else "")
+            + (f" Not measured: {'; '.join(gaps)}." if gaps else "")
         )
 
     def to_table(self) -> dict:
