@@ -1,7 +1,8 @@
 """The steps of each long command in their order, and the share of its time that each takes.
 
-Shares are processor time on shipped data, rounded, as `python bench/step_times.py` measured them; another
-arm or file has others, which is why time left is told as "about". A command may leave steps out.
+Shares are processor time on shipped data, rounded, as `python bench/step_times.py` measured them: those of
+a diagnosis within one `loop`; those of `check`, `compensate` and AT_POSES are estimates. Another arm or file
+has others, which is why time left is told as "about". A command may leave steps out.
 """
 
 from __future__ import annotations
