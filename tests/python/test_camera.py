@@ -267,7 +267,7 @@ def test_usual_mistakes_with_pictures_are_named_and_right_data_raise_no_suspicio
     angles = lambda values: replace(data, joints=data.joints | {"theta": values})
     upward = np.stack([data.pixel[:, 0], 1199.0 - data.pixel[:, 1]], axis=1)
     for changed, words in (
-        (replace(data, pixel=data.pixel[:, ::-1]), MIRRORED),
+        (replace(data, pixel=data.pixel[:, ::-1], fixture=of(replace(SETUP, size=None))), MIRRORED),
         (replace(data, pixel=upward), MIRRORED),
         (replace(data, fixture=of(replace(SETUP, on_flange=False))), '[camera] on = "flange"'),
         (replace(data, fixture=of(replace(SETUP, columns=7, rows=9))), BOARD),
@@ -278,6 +278,8 @@ def test_usual_mistakes_with_pictures_are_named_and_right_data_raise_no_suspicio
         found = first_aid(robot.nominal, changed)
         assert len(found) == 1 and words in found[0], (words, found)
     assert first_aid(robot.nominal, data) == ()
+    with pytest.raises(InputError, match="outside of a picture of 1600 by 1200"):  # the size tells it before
+        calibrate_closures(robot.nominal, replace(data, pixel=data.pixel[:, ::-1]))
 
 
 @pytest.mark.slow
