@@ -22,8 +22,13 @@ from exactarm.diagnose.contribution import Contribution
 from exactarm.diagnose.diagnosis import Diagnosis, Finding
 from exactarm.diagnose.dossier import Dossier
 from exactarm.diagnose.held_out_evidence import AGAINST
-from exactarm.diagnose.posterior import NAMED_AT
-from exactarm.diagnose.verdict import UNEXPLAINED, remains, spoken_against
+from exactarm.diagnose.verdict import (
+    UNEXPLAINED,
+    beside,
+    remains,
+    spoken_against,
+    stood_and_refuted,
+)
 from exactarm.kinds import kind_of
 from exactarm.report import Figure, Quantity, Report, Table, Text, Warnings
 from exactarm.report.numbers import change, number, quantity
@@ -68,18 +73,19 @@ def verdict_of(robot: Robot, result: Diagnosis, found: list[tuple[Finding, Contr
     """The verdict in a technician's words."""
     judged = "validation" if result.after["validation"].n else "identification"
     rows = kind_of(result.kind).rows
-    named = [pair for pair in found if pair[0].probability >= NAMED_AT]
+    named, refuted = stood_and_refuted(result.findings)
     if not named:
         return result.sentence
-    refuted = ", ".join(finding.effect.title for finding, _ in found if finding.probability < NAMED_AT)
     before, after = result.before[judged].rms, result.after[judged].rms
     whose = (
         f"{rows} that were never fitted" if judged == "validation"
         else f"the fitted {rows} (none were held out)"
     )
-    beside = f" and {refuted}, against which rows that were not fitted speak," if refuted else ""
+    lacks = {finding.effect.label for finding in named}
+    lacked = [pair for pair in found if pair[0].effect.label in lacks]
+    against = beside([finding.effect.title for finding in refuted])
     text = (
-        f"The model lacked {causes_in_words(named, robot.axes)}. With this{beside} in it the RMS error on "
+        f"The model lacked {causes_in_words(lacked, robot.axes)}. With this{against} in it the RMS error on "
         f"{whose} {change(before, after, result.unit)}."
     )
     doubtful = [a for a in result.alternatives if a.collides]

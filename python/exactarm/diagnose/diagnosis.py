@@ -20,7 +20,7 @@ from exactarm.diagnose.held_out_evidence import AGAINST, allowed, held_out_gains
 from exactarm.diagnose.in_space import InSpace
 from exactarm.diagnose.noise import NoiseFloor, noise_floor
 from exactarm.diagnose.own_share import own_shares
-from exactarm.diagnose.posterior import NAMED_AT, Causes, find_causes, selection_of, steps_win
+from exactarm.diagnose.posterior import Causes, find_causes, selection_of, steps_win
 from exactarm.diagnose.problem import Fitted, Problem
 from exactarm.diagnose.problems import problem_for
 from exactarm.diagnose.selection import Accepted, Progress, Selection, refit, select
@@ -31,6 +31,7 @@ from exactarm.diagnose.verdict import (
     held_out_excess,
     no_verdict,
     sentence_of,
+    stood_and_refuted,
     verdict_by_rules,
     verdict_of_causes,
 )
@@ -170,7 +171,7 @@ def diagnose(
     if verdict == NOTHING and not noise.measured and problem.share_of_measured(last) > MUCH_LEFT:
         verdict = UNEXPLAINED  # a floor that comes from the fit proves nothing by itself
     unconverged = _unconverged(selection)
-    refuted = any(finding.probability < NAMED_AT for finding in findings)
+    _, refuted = stood_and_refuted(findings)
     if unconverged or refuted or sum(gains) < AGAINST:
         verdict = UNEXPLAINED
     drafts = ()

@@ -107,8 +107,7 @@ def sentence_of(verdict, findings, alternatives, before, after, left: Dossier, e
     """The verdict in one sentence that a technician understands; gain: of the held-out rows, in nats."""
     judged = "validation" if after["validation"].n else "identification"
     if findings:
-        refuted = [f.effect.title for f in findings if f.probability < NAMED_AT]
-        named = [f.effect.title for f in findings if f.probability >= NAMED_AT]
+        named, refuted = ([f.effect.title for f in part] for part in stood_and_refuted(findings))
         fall = 1.0 - after[judged].rms / before[judged].rms
         it = "it" if len(named or refuted) == 1 else "them"
         falls = (
@@ -116,10 +115,8 @@ def sentence_of(verdict, findings, alternatives, before, after, left: Dossier, e
             if abs(fall) >= 0.005 else "does not change"
         )
         lacks = "The model lacks" if named else "The fitted rows ask for"
-        beside = ""
-        if named and refuted:
-            beside = f" and {_listed(refuted)}, against which rows that were not fitted speak,"
-        text = f"{lacks} {_listed(named or refuted)}; with {it}{beside} the {judged} RMS error {falls}."
+        against = beside(refuted) if named else ""
+        text = f"{lacks} {_listed(named or refuted)}; with {it}{against} the {judged} RMS error {falls}."
         doubtful = [a for a in alternatives if a.collides]
         if doubtful:
             a = doubtful[0]
@@ -142,6 +139,17 @@ def sentence_of(verdict, findings, alternatives, before, after, left: Dossier, e
         return (f"No effect of the library earns its place: the residual follows the {left.strongest.signal} "
                 f"beyond chance, but this is {100 * left.strongest.share:.0f} % of its square sum.")
     return "Nothing is missing: the residual of the declared model cannot be told from noise."
+
+
+def stood_and_refuted(findings) -> tuple[list, list]:
+    """Findings that the model lacks, and those that held-out rows leave less likely than not."""
+    stood = [finding for finding in findings if finding.probability >= NAMED_AT]
+    return stood, [finding for finding in findings if finding.probability < NAMED_AT]
+
+
+def beside(refuted: list[str]) -> str:
+    """Of effects in the model by their titles, in a sentence on what the others do."""
+    return f" and {_listed(refuted)}, against which rows that were not fitted speak," if refuted else ""
 
 
 def _listed(titles: list[str]) -> str:

@@ -184,7 +184,7 @@ class Krl:
             return
         reader = Reader(rest)
         while reader.ahead():
-            path = reader.path(reader.take().upper())
+            path = reader.path(reader.take())
             scope = self.scopes[-1] if self.scopes else self.data
             if reader.accept("="):
                 scope.setdefault(path[0], {} if len(path) > 1 else None)
@@ -280,7 +280,7 @@ class Krl:
     def with_(self, reader):
         reader.take("WITH")
         while reader.ahead():
-            path = reader.path(reader.take().upper())
+            path = reader.path(reader.take())
             reader.take("=")
             if path[0] in ("$TOOL", "$BASE", "$IPO_MODE"):
                 self.assign(path, self.value(reader.expression()))

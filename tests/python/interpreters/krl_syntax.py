@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 
+from .descent import Descent
 from .motion import Unknown
 
 TOKEN = re.compile(r"""\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)
@@ -32,38 +33,17 @@ def tokens(text: str) -> list[tuple[str, str]]:
     return found
 
 
-class Reader:
-    """Recursive descent over the tokens of one line."""
+class Reader(Descent):
+    """Of one line, in capital letters: KRL does not tell them apart."""
+
+    levels, folded = LEVELS, staticmethod(str.upper)
 
     def __init__(self, text: str):
-        self.tokens, self.place = tokens(text), 0
-
-    def ahead(self, more: int = 0) -> str:
-        at = self.place + more
-        return self.tokens[at][1].upper() if at < len(self.tokens) else ""
-
-    def take(self, wanted: str = "") -> str:
-        if wanted and self.ahead() != wanted:
-            raise Unknown(f"expected {wanted}, found {self.ahead()!r}")
-        self.place += 1
-        return self.tokens[self.place - 1][1]
-
-    def accept(self, wanted: str) -> bool:
-        found = self.ahead() == wanted
-        self.place += found
-        return found
-
-    def expression(self, level: int = 0):
-        if level == len(LEVELS):
-            return self.unary()
-        left = self.expression(level + 1)
-        while self.ahead() in LEVELS[level]:
-            left = (self.take().upper(), left, self.expression(level + 1))
-        return left
+        super().__init__(tokens(text))
 
     def unary(self):
         if self.ahead() in ("-", "+", "NOT"):
-            return ("unary", self.take().upper(), self.unary())
+            return ("unary", self.take(), self.unary())
         return self.primary()
 
     def primary(self):
@@ -95,7 +75,7 @@ class Reader:
             self.take(), self.take()
         fields = {}
         while not self.accept("}"):
-            name = self.take().upper()
+            name = self.take()
             if self.accept("["):
                 name += f"[{'' if self.ahead() == ']' else self.take()}]"
                 self.take("]")
@@ -104,7 +84,7 @@ class Reader:
         return ("aggregate", fields)
 
     def path_or_call(self):
-        name = self.take().upper()
+        name = self.take()
         if self.accept("("):
             arguments = []
             while not self.accept(")"):
@@ -118,7 +98,7 @@ class Reader:
         steps = [name]
         while self.ahead() in ("[", "."):
             if self.take() == ".":
-                steps.append((".", self.take().upper()))
+                steps.append((".", self.take()))
             else:
                 steps.append(("[", None if self.ahead() == "]" else self.expression()))
                 self.take("]")

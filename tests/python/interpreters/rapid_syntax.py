@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import re
 
+from .descent import Descent
 from .motion import Unknown
 
 TOKEN = re.compile(r"""(?P<blank>\s+|![^\r\n]*)|(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)
@@ -18,46 +19,29 @@ TOKEN = re.compile(r"""(?P<blank>\s+|![^\r\n]*)|(?P<number>(?:\d+\.?\d*|\.\d+)(?
 LEVELS = (("or", "xor"), ("and",), ("=", "<>", "<=", ">=", "<", ">"), ("+", "-"), ("*", "/", "div", "mod"))
 
 
-class Reader:
+class Reader(Descent):
+    levels, folded = LEVELS, staticmethod(str.lower)
+
     def __init__(self, file: str, text: str):
-        self.file, self.tokens, self.place = file, [], 0
+        self.file, tokens = file, []
         at, line = 0, 1
         while at < len(text):
             match = TOKEN.match(text, at)
             if not match:
                 raise Unknown(f"{file}:{line}: cannot read {text[at:at + 20]!r}")
             if match.lastgroup != "blank":
-                self.tokens.append((match.lastgroup, match[0], line))
+                tokens.append((match.lastgroup, match[0], line))
             line += match[0].count("\n")
             at = match.end()
+        super().__init__(tokens)
+
+    @property
+    def line(self) -> str:
+        return f"{self.file}:{self.tokens[min(self.place, len(self.tokens) - 1)][2]}"
 
     @property
     def where(self) -> str:
-        return f"{self.file}:{self.tokens[min(self.place, len(self.tokens) - 1)][2]}"
-
-    def ahead(self, more: int = 0) -> str:
-        at = self.place + more
-        return self.tokens[at][1].lower() if at < len(self.tokens) else ""
-
-    def take(self, wanted: str = "") -> str:
-        if wanted and self.ahead() != wanted:
-            raise Unknown(f"{self.where}: expected {wanted}, found {self.ahead()!r}")
-        self.place += 1
-        return self.tokens[self.place - 1][1].lower()
-
-    def accept(self, *wanted: str) -> bool:
-        found = self.ahead() in wanted
-        self.place += found
-        return found
-
-    # -- expressions ---------------------------------------------------------------------------------
-    def expression(self, level: int = 0):
-        if level == len(LEVELS):
-            return self.unary()
-        left = self.expression(level + 1)
-        while self.ahead() in LEVELS[level]:
-            left = (self.take(), left, self.expression(level + 1))
-        return left
+        return f"{self.line}: "
 
     def unary(self):
         if self.accept("not"):
@@ -84,7 +68,7 @@ class Reader:
                 self.accept(",")
             return ("list", items)
         if kind != "name":
-            raise Unknown(f"{self.where}: cannot read {text!r}")
+            raise Unknown(f"{self.where}cannot read {text!r}")
         if self.ahead(1) == "(":
             name = self.take()
             self.take("(")
@@ -123,7 +107,7 @@ class Reader:
         return statements
 
     def statement(self):
-        where, word = self.where, self.ahead()
+        where, word = self.line, self.ahead()
         if word in ("local", "task", "var", "pers", "const"):
             while self.accept("local", "task"):
                 pass
