@@ -94,7 +94,7 @@ def certify(
     followed = _followed(path, arm)
     progress.stage(CHECKING)
     within_memory("evaluate", rows.kind, rows)
-    with suspicions(arm, rows) as found:
+    with suspicions(arm, rows, *followed) as found:
         progress.stage(JUDGING)
         certified = _certify(arm, earlier, rows, followed, told, seed, threads_of(threads))
     read = (about, before, *(source.path for each in followed for source in each.sources))

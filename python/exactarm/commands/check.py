@@ -17,6 +17,7 @@ from exactarm.commands.call import AnyData, AnyRobot, asked, data_of, robot_of
 from exactarm.commands.error_sections import unit_of
 from exactarm.commands.result import CommandResult, estimate
 from exactarm.commands.steps import DETECTING, READING, SERIES, STEPS
+from exactarm.commands.suspicions import suspicions
 from exactarm.dataset import Dataset
 from exactarm.errors import InputError
 from exactarm.kinds import POSES
@@ -93,7 +94,8 @@ def check(
     days = [(_label(each, i), poses(each)) for i, each in enumerate(files, start=1)]
     progress.stage(SERIES)
     _require_new(reference, days)
-    series = daily(arm, reference, days, seed)
+    with suspicions(arm, reference, *(data for _, data in days)) as found:
+        series = daily(arm, reference, days, seed)
     progress.stage(DETECTING)
     change = detect(series.before, series.days, series.hypotheses, days_per_year)
     options = {"days_per_year": days_per_year}
@@ -107,7 +109,7 @@ def check(
             told, line=_line(robot, before, files, days_per_year, columns, seed),
             files=(*told.files, *sources),
         ),
-    )
+    ).warned(found)
 
 
 def run(arguments: argparse.Namespace) -> CommandResult:

@@ -14,13 +14,13 @@ from exactarm.commands.result import CommandResult
 from exactarm.compensate.measuring_program import measuring_program, stops_of
 from exactarm.diagnose.next_poses import MINUTES, Experiment
 from exactarm.errors import InputError
+from exactarm.identify.joint_limits import violations
 from exactarm.identify.pose_space import PoseSpace
 from exactarm.report import Report, Table, Text
 from exactarm.robot import Robot
 from exactarm.toml_file import is_number
 
 _EXPECTED = "expected result.json of `exactarm diagnose`"
-_ROUNDED = 1e-6  # rad, m: poses are written with nine digits
 _MOST_BITS = 64.0  # of what is open between causes: the library has some hundred of them
 _KEYS = ("poses_rad", "payload_kg", "bits", "open_bits", "between")
 
@@ -93,13 +93,9 @@ def _fits(experiment: Experiment, robot: Robot) -> bool:
 
 def _require_in_limits(experiment: Experiment, number: int, robot: Robot, path: Path) -> None:
     """The poses are to be driven: each axis between its limits, where the robot file has them."""
-    for i, joint in enumerate(robot.joints):
-        low, high = (default if value is None else value
-                     for value, default in ((joint.q_min, -MOST["q"]), (joint.q_max, MOST["q"])))
-        for pose, angle in enumerate(experiment.q[:, i], start=1):
-            if not low - _ROUNDED <= angle <= high + _ROUNDED:
-                raise InputError(f"experiment {number}, pose {pose}: axis {i + 1} at {angle:g}; expected "
-                                 f"{low:g} to {high:g}, the limits of {robot.name}", file=str(path))
+    for row, words in violations(robot, experiment.q):
+        raise InputError(f"experiment {number}, pose {row + 1}: {words}, the limits of {robot.name}",
+                         file=str(path))
 
 
 def minutes_of(words: list[str]) -> dict[str, float]:

@@ -22,6 +22,7 @@ from exactarm.commands.suspicions import suspicions
 from exactarm.dataset import Dataset, read_planned_poses
 from exactarm.errors import InputError
 from exactarm.identify.evaluate import EVALUATORS, Evaluation
+from exactarm.identify.joint_limits import beyond_limits
 from exactarm.identify.planned import controller_angles
 from exactarm.identify.pose_uncertainty import pose_uncertainty
 from exactarm.kinds import kind_of
@@ -113,9 +114,10 @@ def _certified(
     if result.frames is None:
         raise InputError(f"--at needs poses, found {rows.kind}", file=rows.first_file)
     poses = read_planned_poses(at, robot)
-    unseen = extrapolations(robot, controller_angles(robot, poses), "poses asked for")
+    told = (*beyond_limits(robot, poses, "poses asked for"),
+            *extrapolations(robot, controller_angles(robot, poses), "poses asked for"))
     found = pose_uncertainty(robot, result.frames, rows, result.residual, poses, seed, threads)
-    return with_uncertainty(made, found, poses).warned(list(unseen))
+    return with_uncertainty(made, found, poses).warned(list(told))
 
 
 def run(arguments: argparse.Namespace) -> CommandResult:

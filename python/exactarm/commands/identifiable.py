@@ -36,6 +36,7 @@ from exactarm.identify.closures import (
 from exactarm.identify.compliance import compliance_layout
 from exactarm.identify.declared import carried_layout, frames_layout, geometry_layout, require_geometry
 from exactarm.identify.identifiability import Identifiability, still_axes
+from exactarm.identify.joint_limits import beyond_limits
 from exactarm.identify.match import require_match
 from exactarm.identify.model_check import ModelCheck, check_model
 from exactarm.identify.parameter_name import parse_parameter
@@ -143,7 +144,8 @@ def _poses(robot: Robot, arguments: argparse.Namespace) -> _Poses:
         layout = frames.joined(geometry_layout(robot)).joined(compliance_layout(robot, data))
         return _Poses(robot, layout, data, orientation, frames.size, f"{len(data)} measured poses")
     if data is not None:
-        q, words, warnings = controller_angles(robot, data), f"{len(data)} planned poses", ()
+        q, words = controller_angles(robot, data), f"{len(data)} planned poses"
+        warnings = beyond_limits(robot, data, "planned poses")
     else:
         if arguments.count < 1:
             raise InputError(f"--count {arguments.count}: expected 1 or more")
@@ -173,7 +175,13 @@ def _json(check: ModelCheck, poses: _Poses, noise: float) -> dict:
         "singular_values": result.singular_values,
         "condition": result.condition,
         "observability": result.observability.as_dict(),
+        "warnings": _warnings(check, poses),
     }
+
+
+def _warnings(check: ModelCheck, poses: _Poses) -> list[str]:
+    hints = target_hint(check.identifiability.dropped)
+    return [*poses.warnings, *(gap.why for gap in check.gaps), *hints]
 
 
 def _dropped(entry) -> dict:
@@ -204,8 +212,7 @@ def _report(robot: Robot, check: ModelCheck, poses: _Poses, noise: float) -> Rep
         f"{count} of {total} parameters can be identified from the {what} of the target in {poses.words}."
     )
     sections: list[Section] = [_frame_table(robot, check), _dropped_table(check), _index_table(result)]
-    warnings = [*poses.warnings, *(gap.why for gap in check.gaps), *target_hint(result.dropped)]
-    if warnings:
+    if warnings := _warnings(check, poses):
         sections.append(Warnings(tuple(warnings)))
     sections += [_figure(result), _sigma_table(result, noise), _method()]
     return Report(f"What can be identified: {robot.name}", verdict, tuple(sections),

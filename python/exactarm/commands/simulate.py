@@ -26,6 +26,7 @@ from exactarm.commands.virtual_measurements import MEASURES, SHOW_THE_TARGET, Pl
 from exactarm.dataset import Dataset, dataset_columns, read_planned_poses
 from exactarm.errors import InputError
 from exactarm.generic_masses import with_generic_masses
+from exactarm.identify.joint_limits import beyond_limits
 from exactarm.identify.statistics import summarise
 from exactarm.kinds import MOTION, POSES, TRACKED_MOTION
 from exactarm.progress import SILENT, Progress
@@ -160,7 +161,7 @@ def run(arguments: argparse.Namespace) -> CommandResult:
         tables={played.name: dataset_columns(played.data, robot)},
         texts={"truth.toml": robot_text(truth)} | played.texts,
         data=played.data,
-    )
+    ).warned(() if planned is None else beyond_limits(robot, planned, "planned rows"))
 
 
 def _require_comparison(arguments: argparse.Namespace, robot: Robot) -> None:

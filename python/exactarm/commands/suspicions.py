@@ -14,12 +14,13 @@ from exactarm.robot import Robot
 
 
 @contextmanager
-def suspicions(robot: Robot, data: Dataset) -> Iterator[tuple[str, ...]]:
-    """The warnings of `first_aid` and what reading decided; the likeliest mistake also stands in the line of
-    what the block refuses."""
-    found = first_aid(robot, data)
+def suspicions(robot: Robot, data: Dataset, *others: Dataset) -> Iterator[tuple[str, ...]]:
+    """The warnings of `first_aid` and what reading decided, of `data` and `others`; the likeliest mistake
+    also stands in the line of what the block refuses."""
+    found = tuple(dict.fromkeys(text for each in (data, *others) for text in first_aid(robot, each)))
+    notes = dict.fromkeys(note for each in (data, *others) for note in each.notes)
     try:
-        yield (*found, *data.notes)
+        yield (*found, *notes)
     except (InputError, ComputationError) as error:
         looked = "do not match" in str(error) and data.kind != CLOSURES.name  # that refusal, by itself
         if not found or looked:

@@ -22,12 +22,14 @@ from exactarm.effects.joint_offset import JointOffset
 from exactarm.errors import InputError
 from exactarm.identify.declared import carried_layout, frames_layout, require_geometry
 from exactarm.identify.frames import procrustes
-from exactarm.identify.match import require_match
+from exactarm.identify.match import WORST_SHARE, require_match
 from exactarm.identify.planned import controller_angles
 from exactarm.identify.pose_fit import PoseFit, fit_poses
+from exactarm.identify.reach import reach
 from exactarm.robot import Placement, Robot
 from exactarm.split import DEFAULT_SEED
 from exactarm.verify.change import RANK, Evidence, Hypothesis
+from exactarm.verify.day_mistakes import day_mistake
 
 SAME_POSE_RAD = (
     5e-3  # a pose of the check is taught once; the residual is taken at the angles that were reported
@@ -81,11 +83,16 @@ def daily(
     rows = [measured[i].select(np.array([row])) for i, row in first]
     hypotheses = _hypotheses(robot, fit, rows, before)
     base = next(hypothesis.columns for hypothesis in hypotheses if hypothesis.name == "base")
+    mistakes: list[str] = []
     days, moved = [], np.full((len(cells), len(poses), 3), np.nan)
+    most = WORST_SHARE * reach(robot)
     for number, (data, cell) in enumerate(zip(measured, cells, strict=True)):
+        expected = data.position - fit.residual(replace(data, session=np.full(len(data), before.session[0])))
+        mistakes.append(day_mistake(labels[number], expected, data.position, most))
         y, seen, value = _day(fit, data, cell, base, visits, int(before.session[0]))
         days.append((y, seen))
         moved[number] = value - level
+    warnings = [*filter(None, mistakes), *warnings]
     if any(np.unique(cell).size < len(poses) for cell in cells):
         warnings.append("not every pose was measured on every day")
     if any(np.any(data.session != before.session[0]) for data in measured):

@@ -1,0 +1,51 @@
+"""Mistakes of a day of the check beside an earlier one: its points are in another unit, or mirrored.
+
+Whatever moves base or tool, the points p_k of the poses keep their distances. Where those measured (K, 3) do
+not, by more than robot and data may miss each other at all, two mistakes are undone and judged by what the
+best rigid motion leaves (RMS), which must then be as little as robot and data may miss each other:
+
+    p / s, s = ratio of the spreads         another unit, where s is the ratio of two
+    p with one coordinate of the other sign  one sign, or two exchanged columns: the same up to a turn
+
+A zero that was lost bends the figure too, but neither of the two takes that back. Four points at least: three
+lie in a plane, and their mirror image is a turn of them.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from exactarm.identify.frames import procrustes
+from exactarm.identify.suspicion import FALL
+
+LEAST_POINTS = 4
+_UNITS_M = (1.0, 1e-2, 1e-3, 0.0254, 0.3048)
+FACTORS = tuple(one / other for one in _UNITS_M for other in _UNITS_M if one != other)
+SAME_FACTOR = 0.02  # of its logarithm: what a robot misses its points by, over their spread
+MIRROR = np.array([-1.0, 1.0, 1.0])
+
+
+def day_mistake(label: str, expected: np.ndarray, measured: np.ndarray, most: float) -> str:
+    """One sentence, or empty; expected, measured (K, 3) in m, `most`: RMS (m) from which it is looked for."""
+    if len(measured) < LEAST_POINTS:
+        return ""
+    left = _left(expected, measured)
+    if left <= most:
+        return ""
+    scale = _spread(measured) / max(_spread(expected), 1e-300)
+    undone = {"with one sign turned or two columns exchanged (a mirror image)": measured * MIRROR}
+    if any(abs(np.log(scale / factor)) < SAME_FACTOR for factor in FACTORS):
+        undone[f"in another unit ({scale:.6g} times as large)"] = measured / scale
+    left_by = {words: _left(expected, points) for words, points in undone.items()}
+    words, least = min(left_by.items(), key=lambda item: item[1])
+    explained = least <= most and least * FALL < left
+    return f"{label}: are x, y, z {words}? The points would lie as in BEFORE" if explained else ""
+
+
+def _left(expected: np.ndarray, measured: np.ndarray) -> float:
+    residual = procrustes(expected, measured)[1]
+    return float(np.sqrt(np.mean(np.sum(residual**2, axis=1))))
+
+
+def _spread(points: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(np.sum((points - points.mean(axis=0)) ** 2, axis=1))))
