@@ -11,7 +11,7 @@ from exactarm.errors import InputError
 from interpreters import rapid
 from interpreters.motion import zyx
 from interpreters.rapid import to_pose
-from interpreters.verdict import arm_of, compensate, corrected, refused, robot_of
+from interpreters.verdict import arm_of, compensate, corrected, refused, robot_of, same_motions
 
 OTHER_TOOL = (80.0, -20.0, 200.0, 22.0, 30.0, -10.0)
 OTHER_BASE = (-80.0, 60.0, 40.0, 7.0, 2.0, -6.0)
@@ -197,3 +197,64 @@ def test_one_frame_without_a_name_does_not_stand_for_two(tmp_path):
 @pytest.mark.parametrize("name", REFUSED)
 def test_what_has_no_one_right_number_is_refused(tmp_path, name):
     refused(tmp_path, ROBOT, files(*REFUSED[name]))
+
+
+def module(name, text):
+    return {f"{name}.mod": f"MODULE {name}\n{text}\nENDMODULE\n".encode()}
+
+
+def program(data, body, name="prog"):
+    return module(name, f"{data}PROC main()\n{body}\nENDPROC")
+
+
+GO = f"MoveJ p1,v100,fine,{T}\nMoveL p2,v100,z10,{T}"
+APART = {
+    "tools and targets in a module beside the program": (
+        program("", GO), module("points", DATA + P[1] + P[2])),
+    "tools in one module, targets in another": (
+        program("", GO), module("points", P[1] + P[2]), module("cell", DATA)),
+    "own data before those of another module": (
+        program(P[1], GO), module("points", DATA + P[1].replace("CONST", "LOCAL CONST") + P[2])),
+    "tools of a module, and a target of the same name in its routine": (
+        program(P[1] + P[2], GO),
+        module("cell", DATA + f"PROC other()\nVAR robtarget p1:={target(3)};\nENDPROC")),
+}
+HIDDEN = {
+    "targets that another module keeps to itself": (
+        program("", GO), module("points", DATA + "LOCAL " + P[1] + P[2])),
+    "targets of a routine of another module": (
+        program(P[2], GO), module("points", DATA + f"PROC other()\nVAR robtarget p1:={target(1)};\nENDPROC")),
+    "targets of two other modules": (
+        program("", GO), module("points", DATA + P[1] + P[2]), module("more", P[1])),
+    "a target that another module sets": (
+        program("", GO), module("points", DATA + P[2] + "VAR" + P[1].removeprefix("CONST")),
+        module("setting", "PROC set()\np1:=p2;\nENDPROC")),
+}
+
+
+@pytest.mark.parametrize("order", [1, -1])
+@pytest.mark.parametrize("name", APART)
+def test_data_of_other_modules_are_read_when_they_are_given_too(tmp_path, name, order):
+    parts = [part for files in APART[name] for part in files.items()]
+    given = dict(parts[::order])
+    written = compensate(tmp_path, ROBOT, given)
+    same = lambda files: execute({name: files[name] for name, _ in parts[::-1]})
+    same_motions(ROBOT, same, given, written)
+    assert all(written[name] != content for name, content in given.items() if b"robtarget p2" in content)
+
+
+@pytest.mark.parametrize("name", HIDDEN)
+def test_data_that_the_program_does_not_see_in_other_modules_are_refused(tmp_path, name):
+    refused(tmp_path, ROBOT, {name: content for part in HIDDEN[name] for name, content in part.items()})
+
+
+def test_programs_that_share_their_tools_keep_points_of_the_same_name(tmp_path):
+    """Two alternatives with a p1 each, one of which sets its own p2: as each with the tools alone."""
+    tools = module("cell", DATA)
+    one = program(P[1] + P[2], GO, "one")
+    two = program(f"CONST robtarget p1:={target(3)};\nVAR robtarget p2:={target(5)};\n" + P[4],
+                  f"MoveJ p1,v100,fine,{T}\nMoveL p4,v100,z10,{T}\np2:=p1;", "two")
+    together = compensate(tmp_path, ROBOT, one | two | tools)
+    for each in (one, two):
+        alone = compensate(tmp_path, ROBOT, each | tools)
+        assert together | alone == together and alone | each | tools != alone

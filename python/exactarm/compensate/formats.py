@@ -1,4 +1,5 @@
-"""Which dialect a file is of, by the ending of its name; KRL pairs are put together."""
+"""Which dialect a file is of, by the ending of its name; KRL pairs are put together, and RAPID modules of
+which one uses data of another."""
 
 from __future__ import annotations
 
@@ -10,6 +11,7 @@ from types import ModuleType
 from exactarm.compensate import fanuc_tp, inform, joint_trajectory, krl, rapid, target_table, urscript
 from exactarm.compensate.collector import collector_at_rest
 from exactarm.compensate.program import Program, SourceText
+from exactarm.compensate.rapid_data import linked
 from exactarm.compensate.setting import Setting
 from exactarm.errors import InputError
 
@@ -53,10 +55,20 @@ def jobs(paths: Sequence[Path]) -> list[Job]:
             (dialect.NAME, str(path.with_suffix("")).lower() if pair else str(path)), []
         ).append(path)
     by_name = {dialect.NAME: dialect for dialect in DIALECTS}
-    return [
+    made = [
         Job(by_name[name], tuple(sorted(group, key=lambda path: path.suffix.lower() != ".src")))
         for (name, _), group in groups.items()
-    ]
+        if name != rapid.NAME
+    ] + _modules([path for (name, _), group in groups.items() if name == rapid.NAME for path in group])
+    return sorted(made, key=lambda job: min(map(paths.index, job.paths)))
+
+
+def _modules(paths: Sequence[Path]) -> list[Job]:
+    """RAPID: a job for each group of modules that belong together."""
+    if len(paths) == 1:
+        return [Job(rapid, tuple(paths))]
+    sources = [SourceText.read(path) for path in paths]
+    return [Job(rapid, tuple(paths[i] for i in group)) for group in linked(sources)]
 
 
 def dialect_of(path: Path) -> ModuleType:

@@ -3,11 +3,12 @@ or literals.
 
     robtarget    [[x, y, z] mm, [q1, q2, q3, q4] w first, [cf1, cf4, cf6, cfx], [external axes]]
     jointtarget  [[axes deg], [external axes]]
-Tool and work object are arguments of the motion; their numbers stand in these files (tooldata, wobjdata) or
-come by --tool, --base; tool0 and wobj0 are none. Mass and centre of tooldata are the load. cf1, cf4, cf6 are
-the quadrants of the axes 1, 4, 6: they choose the branch and are written anew; the last bit of cfx is the
-sign of axis 5 and stays, as all of cfx. Refused: Offs and RelTool, computed targets, arguments of routines,
-GripLoad and TLoad without --payload, moving or held work objects, tools at rest, external axes.
+Tool and work object are arguments of the motion; their numbers stand in these files (tooldata, wobjdata), in
+another module beside the program too, or come by --tool, --base; tool0 and wobj0 are none. Mass and centre of
+tooldata are the load. cf1, cf4, cf6 are the quadrants of the axes 1, 4, 6: they choose the branch and are
+written anew; the last bit of cfx is the sign of axis 5 and stays, as all of cfx. Refused: Offs and RelTool,
+computed targets, arguments of routines, GripLoad and TLoad without --payload, moving or held work objects,
+tools at rest, external axes.
 """
 
 from __future__ import annotations
@@ -52,7 +53,10 @@ KINDS = {
 def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
     reader = _Reader(sources, setting)
     for index in range(len(sources)):
+        begun = len(reader.motions)
         reader.motions_of(index)
+        if 0 < begun < len(reader.motions):  # another module: where the arm comes from is not known
+            reader.motions.insert(begun, Motion("joint", None, reader.motions[begun].line))
     points = [name for name, data in reader.data.items() if data[0].kind in ("robtarget", "jointtarget")]
     told = unread(sources, reader.texts, points, [target.name for target in reader.targets], reader.spans)
     return Program(NAME, sources, tuple(reader.targets), tuple(reader.motions), (*reader.warnings, *told))
@@ -155,7 +159,7 @@ class _Reader(Declarations):
     def wrist(self, index: int, target: str, place: int, reported: np.ndarray) -> int:
         """cfx of a point on the way: that of its end, for no straight motion passes a singular pose."""
         word = target.strip()
-        literal = self.literal(index, place) if word.startswith("[") else self.data[word.lower()][0].literal
+        literal = self.literal(index, place) if word.startswith("[") else self.seen(index, word)[0].literal
         return int(float(literal.parts[2][3][0]))
 
     def target(self, index: int, value: str, place: int, axes: bool, tool: str, wobj: str) -> int:
@@ -266,7 +270,7 @@ class _Reader(Declarations):
         """Placement and, where it is not known, why; load."""
         if name.lower() == "tool0":
             return Placement(), "", None
-        if name.lower() not in self.data:
+        if not self.seen(index, name):
             return *self.given("tool", name), None
         datum = self.datum(index, name, place, ("tooldata",))
         parts = datum.literal.parts
@@ -282,7 +286,7 @@ class _Reader(Declarations):
         """Placement of user frame and object frame, and, where they are not known, why."""
         if name.lower() == "wobj0":
             return Placement(), ""
-        if name.lower() not in self.data:
+        if not self.seen(index, name):
             return self.given("base", name)
         datum = self.datum(index, name, place, ("wobjdata",))
         parts = datum.literal.parts

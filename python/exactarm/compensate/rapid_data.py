@@ -2,21 +2,26 @@
 
     name -> its declarations        a literal `[[x, y, z], [...]]` -> nested lists of (text, place)
 
-A name is refused where it is used, not where it stands: given twice, computed, an array, or set by the
-program. Comments and strings are blank in `texts`; places are those of the files.
+A module sees its own data, and those of other modules that are neither LOCAL nor declared in a routine; its
+own come first. A name is refused where it is used, not where it stands: given twice, computed, an array, or
+set by the program. Comments and strings are blank in `texts`; places are those of the files.
 """
 
 from __future__ import annotations
 
 import re
+from bisect import bisect_right
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from exactarm.compensate.program import Number, SourceText
 
 _DATA = re.compile(
-    r"(?i)\b(?:CONST|PERS|VAR|TASK\s+PERS)\s+(robtarget|jointtarget|tooldata|wobjdata)\s+"
+    r"(?i)\b(LOCAL\s+)?(?:CONST|PERS|VAR|TASK\s+PERS)\s+(robtarget|jointtarget|tooldata|wobjdata)\s+"
     r"(\w+)\s*(\{[^}]*\})?\s*:=\s*"
 )
+_ROUTINE = re.compile(r"(?i)\b(END)?(?:PROC|FUNC|TRAP)\b")
+_WORD = re.compile(r"[A-Za-z_]\w*")
 _BLANK = re.compile(r"\s*")
 _MARKS = re.compile(r"[\[\],;]")
 _ARGUMENTS = re.compile(r"(?i)\b(?:PROC|FUNC\s+\w+)\s+\w+\s*\(([^)]*)\)")
@@ -39,6 +44,7 @@ class Datum:
     literal: Literal | None  # None: computed, or an array
     file: int
     place: int
+    own: bool  # LOCAL, or of a routine: other modules do not see it
 
 
 class Declarations:
@@ -48,21 +54,32 @@ class Declarations:
         self.sources = sources
         self.texts = [source.without(r'"[^"\r\n]*"', r"![^\r\n]*") for source in sources]
         self.data: dict[str, list[Datum]] = {}
-        self.assigned: dict[str, tuple[int, int]] = {}
+        self.assigned: dict[str, dict[int, int]] = {}  # name -> file -> the first place
         for index, text in enumerate(self.texts):
-            for match in _DATA.finditer(text):
-                literal = None if match[3] else self.literal(index, match.end())
-                self.data.setdefault(match[2].lower(), []).append(
-                    Datum(match[1].lower(), literal, index, match.start(2))
+            found = list(_DATA.finditer(text))
+            for match, within in zip(found, _in_routines(text, [match.start() for match in found])):
+                literal = None if match[4] else self.literal(index, match.end())
+                own = bool(match[1]) or within
+                self.data.setdefault(match[3].lower(), []).append(
+                    Datum(match[2].lower(), literal, index, match.start(3), own)
                 )
             for match in _ARGUMENTS.finditer(text):
                 for argument in _ARGUMENT.finditer(match[1]):
-                    self.assigned.setdefault(argument[1].lower(), (index, match.start()))
+                    self._assign(argument[1], index, match.start())
             declared = {datum.place for data in self.data.values() for datum in data if datum.file == index}
             for match in _ASSIGNED.finditer(text):
                 if match.start(1) in declared:
                     continue
-                self.assigned.setdefault(match[1].lower(), (index, match.start(1)))
+                self._assign(match[1], index, match.start(1))
+
+    def _assign(self, name: str, index: int, place: int) -> None:
+        self.assigned.setdefault(name.lower(), {}).setdefault(index, place)
+
+    def seen(self, index: int, name: str) -> list[Datum]:
+        """The declarations that a name means in the module `index`."""
+        found = self.data.get(name.lower(), [])
+        return ([datum for datum in found if datum.file == index]
+                or [datum for datum in found if not datum.own])
 
     def literal(self, index: int, place: int) -> Literal | None:
         """The aggregate that starts at `place`; None where none does."""
@@ -105,9 +122,11 @@ class Declarations:
 
     def datum(self, index: int, name: str, place: int, kinds: tuple[str, ...]) -> Datum:
         """The one declaration of a name, with numbers."""
-        found = self.data.get(name.lower(), [])
+        found = self.seen(index, name)
         if len(found) != 1:
-            times = "not in these files" if not found else f"given {len(found)} times"
+            hidden = "LOCAL, or of a routine, in another of these files"
+            none = hidden if name.lower() in self.data else "not in these files"
+            times = none if not found else f"given {len(found)} times"
             raise self.sources[index].refuse(place, f"{name} is {times}; expected it once")
         datum = found[0]
         if datum.kind not in kinds:
@@ -118,8 +137,28 @@ class Declarations:
             raise self.sources[datum.file].refuse(
                 datum.place, f"{name} is computed, or an array; expected numbers"
             )
-        if name.lower() in self.assigned:
-            file, where = self.assigned[name.lower()]
-            raise self.sources[file].refuse(
-                where, f"{name} is set by the program, or an argument; expected numbers alone")
+        for file, where in self.assigned.get(name.lower(), {}).items():
+            if datum in self.seen(file, name):
+                raise self.sources[file].refuse(
+                    where, f"{name} is set by the program, or an argument; expected numbers alone")
         return datum
+
+
+def linked(sources: Sequence[SourceText]) -> list[list[int]]:
+    """The modules in groups: together stand those of which one uses data that another one declares."""
+    modules = Declarations(tuple(sources))
+    group = list(range(len(sources)))
+    for index, text in enumerate(modules.texts):
+        for name in {word.lower() for word in _WORD.findall(text)} & modules.data.keys():
+            for datum in modules.seen(index, name):
+                old, new = group[datum.file], group[index]
+                group = [new if each == old else each for each in group]
+    return [[i for i, each in enumerate(group) if each == one] for one in dict.fromkeys(group)]
+
+
+def _in_routines(text: str, places: Sequence[int]) -> list[bool]:
+    """Whether each place stands between the head of a routine and its end."""
+    marks = list(_ROUTINE.finditer(text))
+    starts = [mark.start() for mark in marks]
+    before = [bisect_right(starts, place) for place in places]
+    return [k > 0 and marks[k - 1][1] is None for k in before]
