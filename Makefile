@@ -56,10 +56,14 @@ test-cpp: .setup/tests
 	  || { tail -n 80 $(BUILD)/ctest.log; exit 1; }
 	@tail -n 4 $(BUILD)/ctest.log
 
+# Byte code is kept, whatever the environment says: else every process compiles every test anew (5 s each).
+test-python: export PYTHONDONTWRITEBYTECODE :=
+test-python: export OMP_NUM_THREADS := 1
+test-python: export OPENBLAS_NUM_THREADS := 1
 test-python: .setup/tests
 	@echo "== Python tests"
-	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest $(IN_PARALLEL)
-	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest $(IN_PARALLEL) -m slow
+	@$(BIN)/python -m pytest $(IN_PARALLEL)
+	@$(BIN)/python -m pytest $(IN_PARALLEL) -m slow
 
 # Spoiled inputs to every reader and command, and 200 kills of each command, for a night; seeds are told.
 robustness: .setup/tests

@@ -1,5 +1,6 @@
 """What a test must not take from the one who runs it: an ignored Ctrl-C, and his own library of effects."""
 
+import gc
 import itertools
 import os
 import signal
@@ -11,6 +12,11 @@ import pytest
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 os.environ["EXACTARM_EFFECTS"] = tempfile.mkdtemp(prefix="exactarm-effects-")  # for what modules prepare
+
+
+def pytest_collection_finish():
+    """Modules and tests stay to the end: the garbage collector need not walk them again and again."""
+    gc.freeze()
 
 
 _NUMBERS = itertools.count()

@@ -4,6 +4,7 @@ and --threads to every command."""
 import argparse
 import ast
 import importlib
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -18,11 +19,16 @@ SHARED = {"execute", "arguments", "listing", "completion", "call", "publish", "o
 NAMES = sorted(find_commands())
 
 
+@cache
+def body_of(stem):
+    return ast.parse((FOLDER / f"{stem}.py").read_text()).body
+
+
 def parts(stem, names=None, seen=None):
     """Definitions that a command can reach: its module, and what it takes from others of the folder, without
     what all commands share. names: of the definitions that are wanted, None: all."""
     seen = set() if seen is None else seen
-    body = ast.parse((FOLDER / f"{stem}.py").read_text()).body
+    body = body_of(stem)
     known = {node.name: node for node in body if isinstance(node, (ast.FunctionDef, ast.ClassDef))}
     known |= {node.targets[0].id: node for node in body
               if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name)}
