@@ -64,12 +64,14 @@ def test_components_are_weighed_by_their_own_noise():
     np.testing.assert_allclose(found.fit.x, [1.0, 0.2, -2.0, 0.5], atol=0.01)
 
 
-@pytest.mark.parametrize(("effect", "centre", "spread"), [
-    (Line, [0.0] * 4, [np.inf, PRIOR, np.inf, np.inf]), (DrawnLine, [0.5] * 4, [1.0, 1.0, 2.0, 1.0]),
+@pytest.mark.parametrize(("effect", "drawing", "centre", "spread"), [
+    (Line, {}, [0.0] * 4, [np.inf, PRIOR, np.inf, np.inf]), (DrawnLine, {}, [0.5] * 4, [1.0, 1.0, 2.0, 1.0]),
+    (Line, {"one": (0.7, 0.2)}, [0.7, 0.0, 0.0, 0.0], [0.2, PRIOR, np.inf, np.inf]),
 ])
-def test_priors_are_pseudo_observations(effect, centre, spread):
+def test_priors_are_pseudo_observations(effect, drawing, centre, spread):
     columns, measured = case(np.random.default_rng(2), 12)
-    found = fit_layout(linear(columns, measured), layout((0.5,) * 4, effect), np.ones(12), alike=np.arange(2))
+    found = fit_layout(linear(columns, measured), layout((0.5,) * 4, effect), np.ones(12), alike=np.arange(2),
+                       drawing=drawing)
     scaled, known = columns / found.sigma[:, None], np.diag(np.array(spread) ** -2.0)
     normal = np.einsum("naj,nak->jk", scaled, scaled) + known
     right = np.einsum("naj,na->j", scaled, measured / found.sigma) + known @ centre

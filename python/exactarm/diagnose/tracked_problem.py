@@ -1,14 +1,16 @@
 """Tracked motions as a diagnosis problem: residual = measured minus predicted path of the target (N, 3), m.
 
-Re-identified as for static poses: geometry, joint offsets, gear ratios and frames, as far as the motion shows
-them. Neighbouring samples share their noise (a swinging arm, a device that wanders): they count as fewer, and
-whole runs or long pieces of them are held out. Fitted and searched on subsampled runs, judged on all samples.
+Re-identified as for static poses: geometry, joint offsets, gear ratios and frames; those that the motion
+cannot tell are drawn to their declared values, with their plausible size as standard deviation. Neighbouring
+samples share their noise (a swinging arm, a device that wanders): they count as fewer, and whole runs or long
+pieces of them are held out. Fitted and searched on subsampled runs, judged on all samples.
 """
 
 from __future__ import annotations
 
 from copy import copy
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -22,6 +24,7 @@ from exactarm.diagnose.time_groups import run_groups, stretches_of_response
 from exactarm.effects.base import Effect, Station
 from exactarm.identify.calibrate import calibrated_robot, identifiable_layout, require_sessions
 from exactarm.identify.declared import carried_layout, geometry_layout
+from exactarm.identify.layout_fit import Drawing, priors_of
 from exactarm.identify.tracked_fit import (
     KIND,
     fit_tracked,
@@ -40,8 +43,30 @@ _LEAST_SIGMA = 1e-12
 _SPREAD_ROWS = 300
 
 
+@dataclass(frozen=True)
 class TrackedFitted(Fitted):
-    """Columns of most effects straight from their station; what changes the load goes through the springs."""
+    """Columns of most effects straight from their station; what changes the load goes through the springs.
+
+    drawing: the declared parameters that the data cannot tell; the fit draws them to their declared values.
+    """
+
+    drawing: Drawing = field(default_factory=dict, kw_only=True)
+
+    @cached_property
+    def _pulls(self) -> tuple[np.ndarray, np.ndarray]:
+        """Rows (r, P) of the priors and their residuals (r,)."""
+        centre, spread = priors_of(self.layout, self.drawing)
+        drawn = np.flatnonzero(np.isfinite(spread))
+        rows = np.eye(self.layout.size)[drawn] / spread[drawn, None]
+        return rows, rows @ (centre - self.layout.values)
+
+    @cached_property
+    def prior_rows(self) -> np.ndarray:
+        return self._pulls[0]
+
+    @cached_property
+    def whitened(self) -> np.ndarray:
+        return np.concatenate([self.standard(self.residual[:, :, None]).ravel(), self._pulls[1]])
 
     def responses_of(self, effects: list[Effect]) -> list[np.ndarray]:
         return [self._response(effect)[:, :3] for effect in effects]
@@ -78,6 +103,7 @@ class TrackedProblem(Problem):
             self._records["validation"] = tracked_record(held_out, robot)
         self.record = subsampled_record(self._records["identification"], robot)
         self._estimator, self._noise = ColouredNoise(self, short=True), NoiseMemory()
+        self._drawing: Drawing = {}  # see declared()
 
     def _record_of(self, data: Dataset) -> MotionRecord:
         if data is self.data or data is self.held_out:
@@ -92,18 +118,27 @@ class TrackedProblem(Problem):
         still = static_rows(self.data)
         kept, _ = identifiable_layout(self.robot, layout, still, False, threads=self.threads)
         first = self.fit(kept)
-        layout = Layout(first.layout.effects, layout.free)
         # As if every other sample had told nothing new: the sigma of independent rows, at the number of rows
         # used here.
         sigma = first.sigma[:1] * np.sqrt(len(still) / len(self.record.data))
-        return identifiable_layout(self.robot, layout, still, False, sigma, self.threads)[0]
+        near = Layout(first.layout.effects, kept.free)
+        told, _ = identifiable_layout(self.robot, near, still, False, sigma, self.threads)
+        # What the first fit says of the others is noise and what hides in the data. Held there, or at their
+        # declared values, they would leave a trace that an effect of a wrong axis explains.
+        drawn = zip(kept.names, kept.values, kept.parameters)
+        self._drawing = {name: (float(value), p.plausible) for name, value, p in drawn
+                         if name not in told.names}
+        if self._drawing:  # a prior weighs as much as the independent numbers beside it let it
+            self._noise = self.fit(kept).noise
+        return kept
 
     def fit(self, layout: Layout, weight: np.ndarray | None = None,
             sigma: np.ndarray | None = None) -> Fitted:
         share, rows = self._noise.share, np.ones(len(self.record.data)) if weight is None else weight
         start = None if sigma is None else float(sigma[0] * np.sqrt(share))
         found = fit_tracked(
-            self.robot, layout, self.record, weights=rows * np.sqrt(share), sigma=start, threads=self.threads
+            self.robot, layout, self.record, weights=rows * np.sqrt(share), sigma=start, threads=self.threads,
+            drawing=self._drawing,
         )
         prediction, clear = found.prediction, ~self.record.at_reversal & (rows > 0.0)
         residual, view = np.where(clear[:, None], prediction.residual(), 0.0), prediction.view
@@ -114,6 +149,7 @@ class TrackedProblem(Problem):
         fitted = TrackedFitted(
             robot=self.robot, layout=found.layout, fit=found.fit, residual=residual, jacobian=jacobian,
             sigma=np.full(3, max(found.sigma, _LEAST_SIGMA)), weight=clear.astype(float), view=view,
+            drawing=self._drawing,
         )
         known = self._estimator.renewed(self._noise, fitted, self.record.runs, self.record.step)
         freedom = max(int(known.share * found.fit.freedom), 1)

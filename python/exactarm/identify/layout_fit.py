@@ -10,7 +10,7 @@ Gaussian priors, those of many terms that regularise each other. The result depe
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,6 +20,7 @@ from exactarm.chain import Layout
 from exactarm.regression import Evaluation, Fit, least_squares
 
 Predict = Callable[[Layout, bool], tuple[np.ndarray, np.ndarray | None]]
+Drawing = Mapping[str, tuple[float, float]]  # name of a parameter: declared value, plausible deviation
 
 _ROUNDS = 12
 _SETTLED = 0.01  # relative change of a standard deviation
@@ -46,17 +47,18 @@ def fit_layout(
     floor: np.ndarray | float = 1e-12,
     robust: bool = False,
     tolerance: float = 1e-10,
+    drawing: Drawing | None = None,
 ) -> LayoutFit:
     """Estimates the free parameters of `layout`.
 
     predict(layout, with_jacobian): residual (N, m) and Jacobian (N, m, P) of the prediction, or None, of
     noise that is independent from row to row. sigma (m,): first guess, None = from the residual at the start;
     alike (m,): number of the variance that a component has, from 0; floor (m,): no sigma is smaller. robust:
-    Huber's loss on whole rows.
+    Huber's loss on whole rows. drawing: parameters that are drawn to their declared values.
     """
     parameters, rows = layout.parameters, np.flatnonzero(weight > 0.0)
     bounds = np.array([p.lower for p in parameters]), np.array([p.upper for p in parameters])
-    centre, spread = priors_of(layout)
+    centre, spread = priors_of(layout, drawing)
     drawn = np.flatnonzero(np.isfinite(spread))
     pull = np.eye(layout.size)[drawn] / spread[drawn, None]
 
@@ -115,15 +117,18 @@ def _spent(rows: np.ndarray, pull: np.ndarray, components: int) -> np.ndarray:
     return np.array([np.sum(inverse * gram) for gram in each])
 
 
-def priors_of(layout: Layout) -> tuple[np.ndarray, np.ndarray]:
+def priors_of(layout: Layout, drawing: Drawing | None = None) -> tuple[np.ndarray, np.ndarray]:
     """Centre and standard deviation (P,) of each free parameter's prior: zero with the spread that it asks
-    for, or the declared value with its plausible spread where the effect is drawn to it; infinite for the
-    others."""
+    for, or the declared value with its plausible spread where the effect is drawn to it, or `drawing` says
+    so; infinite for the others."""
     centre, spread = np.zeros(layout.size), np.array(layout.prior, float)
     for effect, mask, where in zip(layout.effects, layout.free, layout.slices):
         if effect.drawn_to_declared:
             centre[where] = np.array(effect.values)[mask]
             spread[where] = np.array([p.plausible for p in effect.parameters()])[mask]
+    for place, name in enumerate(layout.names if drawing else ()):
+        if name in drawing:
+            centre[place], spread[place] = drawing[name]
     return centre, spread
 
 

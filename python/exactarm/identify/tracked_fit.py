@@ -21,7 +21,7 @@ from exactarm.chain.motion_record import full_record
 from exactarm.dataset import Dataset
 from exactarm.errors import InputError
 from exactarm.identify.declared import carried_layout, frames_layout, require_geometry
-from exactarm.identify.layout_fit import fit_layout
+from exactarm.identify.layout_fit import Drawing, fit_layout
 from exactarm.identify.match import require_match
 from exactarm.kinds import POSES, TRACKED_MOTION
 from exactarm.kinds.motion import TORQUES
@@ -115,11 +115,11 @@ def predict_record(robot: Robot, layout: Layout, record: MotionRecord, *, tangen
 
 def fit_tracked(
     robot: Robot, layout: Layout, record: MotionRecord, *, weights: np.ndarray | None = None,
-    sigma: float | None = None, threads: int = 1,
+    sigma: float | None = None, threads: int = 1, drawing: Drawing | None = None,
 ) -> TrackedFit:
     """Estimates the free parameters of `layout`. weights (N,): square root of the independent numbers that a
     row's number is worth (correlated noise counts less). Rows at reversals that no model defines count for
-    nothing."""
+    nothing. drawing: parameters that are drawn to their declared values."""
 
     def predict(at: Layout, with_jacobian: bool):
         prediction = predict_record(robot, at, record, tangents=with_jacobian, threads=threads)
@@ -127,6 +127,7 @@ def fit_tracked(
 
     weight = (~record.at_reversal).astype(float) * (1.0 if weights is None else weights)
     first = np.full(3, _FIRST_SIGMA_M if sigma is None else sigma)
-    found = fit_layout(predict, layout, weight, first, alike=np.zeros(3, int), tolerance=_TOLERANCE)
+    found = fit_layout(predict, layout, weight, first, alike=np.zeros(3, int), tolerance=_TOLERANCE,
+                       drawing=drawing)
     prediction = predict_record(robot, found.layout, record, threads=threads)
     return TrackedFit(found.layout, found.fit, float(found.sigma[0]), prediction)
