@@ -58,6 +58,7 @@ def test_a_drive_torque_tells_the_gap_with_its_sign_and_size(rigid, joint, width
     assert found.after["validation"].rms < 0.15 * found.before["validation"].rms
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("noise_Nm", [0.3, 3.0])
 def test_noise_of_the_measured_torque_does_not_pass_for_a_gap(rigid, noise_Nm):
     """The flank follows the torque in which the residual's own noise is; it follows its slow part only."""

@@ -35,6 +35,7 @@ def test_a_place_that_was_not_fitted_is_met_within_a_tenth_of_nominal():
     assert np.mean(list(after.distances.values())) < 0.1 * np.mean(list(before.distances.values()))
 
 
+@pytest.mark.slow
 def test_redundancies_are_dropped_by_name_with_the_reason():
     robot, data = measured("panda_7")
     result = calibrate_closures(robot, data)

@@ -346,6 +346,7 @@ def test_a_wrong_key_or_cell_is_named_with_its_file(certified, tmp_path, capsys)
     assert "bad.csv, row 4, column time_s" in error and error.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_shipped_measurements_of_another_set_up_certify_the_calibration(tmp_path):
     """Calibrated on series B, certified on series C, of which nothing was fitted: as `evaluate` finds it."""
     robot = ea.calibrate("ur10", ea.example("ur10/series_B"), threads=1).robot

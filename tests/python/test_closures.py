@@ -82,6 +82,7 @@ def test_intervals_cover_at_the_rate_that_they_claim():
     assert len(inside) > 100 and 0.90 <= np.mean(inside) <= 0.99
 
 
+@pytest.mark.slow
 def test_slipped_contacts_count_for_little():
     robot, clean = touched("panda", "socket", 5)
     slipped = touched("panda", "socket", 5, slipped=0.1)[1]

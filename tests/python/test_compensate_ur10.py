@@ -54,6 +54,7 @@ def check(robot, result, tmp_path):
     return found.mean(), model
 
 
+@pytest.mark.slow
 def test_the_calibrated_arm_is_sent_where_it_was(tmp_path):
     result = ea.calibrate("ur10", ea.example("ur10/series_B"), threads=1)
     check(result.robot, result, tmp_path)

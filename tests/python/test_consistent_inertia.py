@@ -88,6 +88,7 @@ def test_prior_bodies_are_bodies_and_keep_declared_masses(robot):
         np.testing.assert_allclose(bodies[:, 3, 3], [link.mass for link in robot.links])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("declared", [True, False], ids=["declared", "nothing declared"])
 def test_an_arm_at_the_edge_of_what_bodies_can_be_is_found_within_the_noise(declared):
     truth = hollow_arm()

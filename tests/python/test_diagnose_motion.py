@@ -61,6 +61,7 @@ def test_names_a_rotor(racer):
         assert sum(entry["n"] for entry in summary["axes"]) == summary["n"]
 
 
+@pytest.mark.slow
 def test_masses_of_a_drawing_that_are_off_are_told_as_that(racer):
     """Every mass 3 % off at random, as castings are: no payload, no compensator, no rotor in their place."""
     random = np.random.default_rng(8)
@@ -71,6 +72,7 @@ def test_masses_of_a_drawing_that_are_off_are_told_as_that(racer):
     assert result.after["validation"].rms < 1.05 * NOISE_NM < 0.9 * result.before["validation"].rms
 
 
+@pytest.mark.slow
 def test_a_payload_is_no_mass_of_a_link(racer):
     """Four numbers do what thirty masses would have to agree on."""
     loaded = Payload(None, (3.0, 0.1, 0.05, 0.3)).bake(racer)

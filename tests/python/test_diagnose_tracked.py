@@ -145,6 +145,7 @@ def test_declared_parameters_that_the_path_cannot_tell_do_not_take_a_large_cause
                          for name in drawn)
 
 
+@pytest.mark.slow
 def test_arm_without_masses_is_diagnosed_too():
     """Nothing carries a load: a flank is then chosen by the direction alone."""
     result = diagnose(replace(ur10(), links=None), tracked(None, 3, runs=2))

@@ -20,8 +20,6 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from robustness.short_runs import RUNS, environment, prepare, words_of
 
 PACKAGE, WATCHED = Path(cli.__file__).parents[1], Path(__file__).parents[1] / "robustness/watched.py"
-SHORT = ("accept", "export")  # the others take over 1.5 s of a processor each, two or three runs as they are
-COMMANDS = [pytest.param(name, marks=() if name in SHORT else pytest.mark.slow) for name in RUNS]
 CHANGES = ("run", "seconds", "files", "asked", "pdf")  # keys of result.json that a second run has anew
 PLANNED_IN = r"iterations and [0-9.]+ \w*s\b"  # how long a plan took, in a verdict
 LEAST_FILE = 4096  # bytes that a file may have on the full disk
@@ -67,7 +65,8 @@ def content(out: Path) -> dict[str, object]:
     return found
 
 
-@pytest.mark.parametrize("command", COMMANDS)
+@pytest.mark.slow
+@pytest.mark.parametrize("command", RUNS)
 def test_a_command_gives_the_same_bits_and_touches_nothing_else(command, folder, tmp_path):
     program = [str(WATCHED), f"{folder}{os.pathsep}{tmp_path}"]
     found = []
@@ -81,12 +80,14 @@ def test_a_command_gives_the_same_bits_and_touches_nothing_else(command, folder,
     assert [name for name in found[0] if found[0][name] != found[1][name]] == []
 
 
+@pytest.mark.slow
 def test_the_watch_sees_what_leaves_the_folder(folder, tmp_path):
     done = run("accept", folder, tmp_path / "out", [str(WATCHED), str(tmp_path)], 1)
     assert done.returncode == 3 and str(folder / "effects") in done.stderr
 
 
-@pytest.mark.parametrize("command", COMMANDS)
+@pytest.mark.slow
+@pytest.mark.parametrize("command", RUNS)
 def test_a_full_disk_is_one_line_and_no_result(command, folder, tmp_path):
     limited = (f"import resource, sys; resource.setrlimit(resource.RLIMIT_FSIZE, ({LEAST_FILE},) * 2)\n"
                "from exactarm.cli import main; sys.exit(main())")

@@ -23,6 +23,7 @@ from exactarm.effects import effect_from_table
 
 matplotlib.use("agg")
 SERIES = ea.example("ur10/series_B")
+LONG_EXAMPLES = ("diagnose", "design")
 
 
 @pytest.fixture(scope="module")
@@ -190,7 +191,8 @@ def test_gravity_torque_follows_the_true_joint_angles():
 
 @pytest.mark.parametrize("module", [
     "exactarm.robot", "exactarm.commands.call",
-    *(f"exactarm.commands.{name}" for name in ea.COMMANDS if name in find_commands()),
+    *(pytest.param(f"exactarm.commands.{name}", marks=pytest.mark.slow if name in LONG_EXAMPLES else ())
+      for name in ea.COMMANDS if name in find_commands()),
 ])
 def test_the_examples_in_the_docstrings_run(module):
     outcome = doctest.testmod(importlib.import_module(module),

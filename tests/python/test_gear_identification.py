@@ -269,6 +269,7 @@ def test_stamps_that_are_rounded_or_jitter_put_nothing_into_the_rate(racer):
             assert gear.after["validation"].rms < 1.2 * gear.noise
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("read_at_stamps", [False, True])
 def test_a_jitter_of_a_fifth_of_a_step_is_taken_out(racer, read_at_stamps):
     """Samples taken evenly and stamped late, or taken when their stamps say."""
@@ -288,6 +289,7 @@ def test_a_jitter_of_a_fifth_of_a_step_is_taken_out(racer, read_at_stamps):
         assert gear.after["validation"].rms < 1.2 * gear.noise
 
 
+@pytest.mark.slow
 def test_other_gears_at_other_sampling_rates(racer):
     """Orders between whole numbers, more than a hundred motor revolutions an output one, 500 Hz and 4 kHz."""
     table = GearTable(np.array([12.37, 50.7, 161.3, 322.6]), np.array([5e-4, 1e-3, 2e-3, -1e-3]),

@@ -109,6 +109,7 @@ def test_truth_within_the_intervals():
     assert np.max(np.abs(errors)) < 2.5
 
 
+@pytest.mark.slow
 def test_friction_that_jumps_at_a_reversal():
     """Exact Coulomb friction, no smooth sign: what the reversals show is told from viscous friction and
     masses."""
@@ -142,6 +143,7 @@ def test_shipped_arm_with_springs_and_gear_errors():
     assert np.all(rms(result.after) < 0.6 * rms(result.before))
 
 
+@pytest.mark.slow
 def test_robot_without_masses_moves_as_the_true_one():
     """Nothing declared but the geometry: the identified tables make the true torque."""
     truth = true_arm()

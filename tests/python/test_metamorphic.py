@@ -47,27 +47,33 @@ def rms(result, when="after") -> float:
     return plain(result.json)[when]["validation"]["rms"]
 
 
-def test_poses_in_another_order_give_the_same_arm(poses):
+@pytest.fixture(scope="module")
+def calibrated(poses):
+    return calibrate(*poses, compliance=(), threads=1)
+
+
+def test_poses_in_another_order_give_the_same_arm(poses, calibrated):
     robot, data = poses
     shuffled = data.select(np.random.default_rng(1).permutation(len(data)))
-    one, other = (calibrate(robot, each, compliance=(), threads=1) for each in (data, shuffled))
+    one, other = calibrated, calibrate(robot, shuffled, compliance=(), threads=1)
     assert (
         geometry(other) == pytest.approx(geometry(one), rel=SAME, abs=1e-9)
         and rms(other) == pytest.approx(rms(one), rel=SAME)
     )
 
 
-def test_a_moved_tracker_gives_the_same_arm(poses):
+def test_a_moved_tracker_gives_the_same_arm(poses, calibrated):
     robot, data = poses
     turn = Rotation.random(random_state=3).as_matrix()
     moved = replace(data, position=data.position @ turn.T + [3.0, -1.0, 0.5], rotation=turn @ data.rotation)
-    one, other = (calibrate(robot, each, compliance=(), threads=1) for each in (data, moved))
+    one, other = calibrated, calibrate(robot, moved, compliance=(), threads=1)
     assert (
         geometry(other) == pytest.approx(geometry(one), rel=1e-4, abs=1e-7)
         and rms(other) == pytest.approx(rms(one), rel=1e-4)
     )
 
 
+@pytest.mark.slow
 def test_doubled_poses_give_the_same_arm_and_narrower_intervals(poses):
     robot, data = poses
     twice = data.select(np.repeat(np.arange(len(data)), 2))
@@ -121,6 +127,7 @@ def test_files_are_read_in_the_order_of_their_numbers(two_files):
     assert [source.path for source in data.sources] == [str(path) for path in two_files]
 
 
+@pytest.mark.slow
 def test_two_threads_give_the_same_bits(poses, motion):
     robot, data = poses
     assert calibrate(robot, data, threads=1) == calibrate(robot, data, threads=2)
@@ -130,6 +137,7 @@ def test_two_threads_give_the_same_bits(poses, motion):
                     threads=1) == identify(arm, rows, friction_only=True, threads=2)
 
 
+@pytest.mark.slow
 def test_a_shifted_clock_gives_the_same_dynamics(motion):
     robot, data = motion
     one, other = (identify(robot, each, threads=1) for each in (data, replace(data, time=data.time + 100.0)))

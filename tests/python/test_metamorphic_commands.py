@@ -3,6 +3,7 @@ order, a moved tracker, an axis that counts the other way, doubled rows, noise o
 other units, for every kind of data."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pandas as pd
@@ -56,6 +57,12 @@ def answers(robot, data: Dataset, command, noise_m: float = NOISE_M) -> tuple[st
     return found.json.get("verdict", ""), [noise_of(found)]
 
 
+@cache
+def reference(command, noise_m: float) -> tuple[str, list[float]]:
+    """What every law is compared with, once a command."""
+    return answers(load_robot("ur10"), measured(noise_m), command, noise_m)
+
+
 def shuffled(robot, data):
     return robot, data.select(np.random.default_rng(1).permutation(len(data)))
 
@@ -91,16 +98,14 @@ CASES += [pytest.param(diagnose, law, marks=pytest.mark.slow) for law in (shuffl
 
 @pytest.mark.parametrize("command, law", CASES)
 def test_the_answer_follows(command, law):
-    robot, data = load_robot("ur10"), measured()
-    one, other = answers(robot, data, command), answers(*law(robot, data), command)
+    one, other = reference(command, NOISE_M), answers(*law(load_robot("ur10"), measured()), command)
     few = 0.1 if law is doubled else SAME  # twice the rows weigh the priors less
     assert other[0] == one[0] and other[1] == pytest.approx(one[1], rel=few)
 
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_errors_grow_with_the_noise(command):
-    robot = load_robot("ur10")
-    one, three = (answers(robot, measured(noise), command, noise) for noise in (NOISE_M, 3.0 * NOISE_M))
+    one, three = (reference(command, noise) for noise in (NOISE_M, 3.0 * NOISE_M))
     assert three[0] == one[0] and three[1] == pytest.approx([3.0 * value for value in one[1]], rel=0.1)
 
 

@@ -45,8 +45,13 @@ def width(entry: dict) -> float:
 
 
 @pytest.fixture(scope="module")
-def reference() -> dict[str, dict]:
-    return found(six_axis(), logs())
+def data() -> Dataset:
+    return logs()
+
+
+@pytest.fixture(scope="module")
+def reference(data) -> dict[str, dict]:
+    return found(six_axis(), data)
 
 
 def assert_same(one: dict[str, dict], other: dict[str, dict]) -> None:
@@ -85,18 +90,17 @@ def mirror_image(robot, data):
 
 
 @pytest.mark.parametrize("law", [runs_in_another_order, axis_counts_the_other_way, zero_moved, mirror_image])
-def test_friction_is_the_same(reference, law):
-    assert_same(reference, found(*law(six_axis(), logs())))
+def test_friction_is_the_same(reference, data, law):
+    assert_same(reference, found(*law(six_axis(), data)))
 
 
-def test_intervals_grow_with_the_noise():
-    small, large = (found(six_axis(), logs(noise)) for noise in (1.0, 3.0))
-    ratio = [width(large[name]) / width(small[name]) for name in small]
+def test_intervals_grow_with_the_noise(reference):
+    large = found(six_axis(), logs(3.0))
+    ratio = [width(large[name]) / width(reference[name]) for name in reference]
     np.testing.assert_allclose(ratio, 3.0, rtol=0.05)
 
 
-def test_runs_that_are_there_twice_narrow_the_intervals(reference):
-    data = logs()
+def test_runs_that_are_there_twice_narrow_the_intervals(reference, data):
     twice = np.concatenate([np.flatnonzero(data.run < 3), np.arange(len(data))])
     run = np.concatenate([data.run[data.run < 3] + 3, data.run])
     other = found(six_axis(), replace(data.select(twice), run=run))

@@ -10,6 +10,7 @@ import exactarm as ea
 from exactarm.errors import InputError
 from exactarm.identify.motion_evaluate import motion_error
 from exactarm.robot_file import load_robot
+from motions import fourier_motion, motion_data
 
 
 @pytest.fixture(scope="module")
@@ -29,6 +30,8 @@ def test_the_arm_that_made_it_is_off_by_the_noise(motion):
     assert np.allclose(own.error, np.sqrt(np.mean(own.residual**2, axis=1)))
 
 
-def test_a_file_without_masses_is_refused(motion):
+def test_a_file_without_masses_is_refused():
+    robot = replace(load_robot("racer-7-1.4"), links=None)
+    time, angle, _, _ = fourier_motion(robot, 1.0, 100.0, 3)
     with pytest.raises(InputError, match="has no masses"):
-        motion_error(replace(load_robot("racer-7-1.4"), links=None), motion)
+        motion_error(robot, motion_data(robot, time, angle))

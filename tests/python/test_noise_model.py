@@ -131,6 +131,7 @@ def test_what_neighbours_share_is_found_whatever_the_order_of_the_rows(ratio, me
     )
 
 
+@pytest.mark.slow
 def test_rows_that_share_nothing_get_no_memory():
     named = [estimate_noise(normal(100 + seed), 0.0, None, np.arange(float(ROWS))).wandering is not None
              for seed in range(40)]

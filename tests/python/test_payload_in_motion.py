@@ -119,6 +119,7 @@ def assert_payloads(found: list[dict], weighed: set[int]) -> None:
             np.testing.assert_allclose(each["centre_m"], CENTRE, atol=6e-3)
 
 
+@pytest.mark.slow
 def test_payloads_that_nobody_weighed_are_found_in_torques_beside_the_links(tmp_path):
     """Masses of the links are estimated with them, from the session that was weighed."""
     robot = six_axis()
@@ -135,6 +136,7 @@ def test_only_sums_of_links_and_payloads_are_refused_by_name(tmp_path):
         ea.identify(robot, three_sessions(robot), sessions=table(tmp_path, "1,", "2,", "3,"))
 
 
+@pytest.mark.slow
 def test_masses_that_are_held_tell_every_payload(tmp_path):
     robot = six_axis()
     made = ea.identify(robot, three_sessions(robot), friction_only=True,

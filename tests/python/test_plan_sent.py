@@ -36,6 +36,7 @@ def test_an_unknown_controller_is_refused():
         ea.plan("racer-7-1.4", "line", rate_hz=100, send="morse")
 
 
+@pytest.mark.slow
 def test_points_for_krl_lie_on_the_plan_in_degrees(tmp_path):
     """At most 200, the last one in the plan's time; the comment is right about the spline through them."""
     from scipy.interpolate import CubicSpline
@@ -61,6 +62,7 @@ def test_points_for_krl_lie_on_the_plan_in_degrees(tmp_path):
     assert float(re.search(r"END = (\S+)", text)[1]) == pytest.approx(table["time_s"].iloc[-1])
 
 
+@pytest.mark.slow
 def test_a_table_holds_what_the_controller_shows_in_degrees_and_in_pulses(tmp_path):
     robot = ea.load_robot("racer-7-1.4").with_joint(1, controller_offset=0.01, controller_ratio=80.0)
     pulses = (1e5, 1e5, -2e5, 3e4, 3e4, 3e4)

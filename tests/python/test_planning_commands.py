@@ -64,6 +64,7 @@ def test_identifiable_without_frames(tmp_path):
     assert not any(name.startswith("session") for name in result["identifiable"])
 
 
+@pytest.mark.slow
 def test_designed_poses_are_read_back_by_identifiable(tmp_path):
     words = ("racer-7-1.4", "--tool", "-0.05,0,0.1", "--box", "-1.2,1.2,-1,1,0.1,2")
     code, result = run(tmp_path, "design", *words, "--count", "20", "--validation", "4")
@@ -91,6 +92,7 @@ def test_a_target_on_the_last_axis_is_pointed_out(tmp_path, capsys):
         assert f"which hides {hidden}: mount it beside that axis" in text
 
 
+@pytest.mark.slow
 def test_a_robot_without_gears_gets_no_motor_angles(tmp_path):
     run(tmp_path, "design", "ur10", "--count", "12", "--validation", "0")
     header = list(rows_of(tmp_path / "poses.csv")[0])

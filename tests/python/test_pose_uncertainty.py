@@ -127,6 +127,7 @@ def test_rounding_leaves_a_covariance_one():
     assert np.allclose(factor @ factor.T, root @ root.T, rtol=1e-4, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_evaluate_at_poses_writes_keys_table_and_picture(arm, tmp_path):
     true, robot, rng = arm
     write_robot(tmp_path / "robot.toml", robot)

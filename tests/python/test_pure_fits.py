@@ -94,6 +94,7 @@ def test_rows_without_weight_have_no_say(problem_and_effect):
     assert not np.array_equal(fitted.fit.x, whole.fit.x)
 
 
+@pytest.mark.slow
 def test_priors_count_in_motions():
     """Noise of 500 Nm tells nothing of eccentric gears: they stay within what their prior calls plausible."""
     robot, data, _ = motion_case()

@@ -30,6 +30,7 @@ def test_the_noise_floor_knows_of_rounding_that_repeats_hide():
     assert 0.8 < result.after["validation"].rms / result.noise.value < 1.25
 
 
+@pytest.mark.slow
 def test_clean_data_of_a_robot_without_gears_lack_nothing():
     made = ea.simulate("ur10", count=60, visits=2, noise=5e-6, seed=3)
     result = diagnose(ea.load_robot("ur10"), made.data)

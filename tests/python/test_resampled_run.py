@@ -75,6 +75,7 @@ def test_run_that_is_cut_in_motion_goes_on_moving_at_its_ends(robot):
     assert np.max(np.abs(resampled.joints["q"][:, 0] - speed * record.time)) < 1e-9
 
 
+@pytest.mark.slow
 def test_clean_runs_that_are_cut_in_motion_lack_nothing():
     robot = load_robot("racer-7-1.4")
     data = measure_gear_runs(VirtualRobot.of(robot), [1], [0.5, 1.0], 2, Sensors(), np.random.default_rng(1),

@@ -46,6 +46,7 @@ def test_the_same_seed_spoils_a_file_the_same_way(valid):
     assert one == other != valid["poses.csv"]
 
 
+@pytest.mark.slow
 def test_spoiled_files_are_read_or_refused_in_one_line(valid, tmp_path):
     trials = [run_trial(FIRST_SEED + k, tmp_path / "trial", valid, commands=0.0)
               for k in range(READER_TRIALS)]

@@ -1,5 +1,4 @@
-"""The virtual robot: its plant against another engine, its data against the program that shall explain
-them."""
+"""The virtual robot: its plant against another engine, its data against the program to explain them."""
 
 from __future__ import annotations
 
@@ -55,6 +54,7 @@ def rest_to_rest(robot, seconds=1.0, rate_hz=1000.0, seed=2):
     return excitation(robot, seconds, rate_hz, np.random.default_rng(seed))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gears", [False, True])
 def test_plant_agrees_with_an_independent_engine(gears):
     """Springs swinging under the same motor motion: other kinematics, dynamics, gear inverse and

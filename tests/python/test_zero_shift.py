@@ -57,6 +57,7 @@ def test_a_shift_is_named_with_axis_place_and_size(joint, until):
     assert result.after["validation"].rms < 0.8 * result.before["validation"].rms
 
 
+@pytest.mark.slow
 def test_between_two_sessions():
     robot, data = poses(5, 3, 1e9, sessions=2)
     (first,) = diagnose(robot, data).findings
