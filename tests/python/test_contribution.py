@@ -105,8 +105,9 @@ def test_the_size_of_a_cause_is_a_number_that_is_not_zero_within_its_interval():
     def told(*intervals):
         parameters = [SimpleNamespace(name=f"m_{k}_kg", fixed=False) for k in range(1, len(intervals) + 1)]
         effect = SimpleNamespace(orders=lambda: (), parameters=lambda: parameters,
-                                 values=[0.5 * sum(interval) for interval in intervals])
-        measure, size = _size(SimpleNamespace(effect=effect, derived={}, intervals=intervals), None)
+                                 values=[0.5 * sum(interval) for interval in intervals],
+                                 in_units_of=lambda robot, name: name)
+        measure, size = _size(SimpleNamespace(effect=effect, derived={}, intervals=intervals), None, None)
         return measure, size.low, size.high
 
     assert told((-1.5, 1.5), (0.8, 1.2)) == ("m 2", 0.8, 1.2)

@@ -268,4 +268,4 @@ def _effects(robot: Robot, model: CompensationModel) -> str:
         if robot.links is not None and any(j.spring_linear for j in robot.joints)
         else []
     )
-    return "; ".join(parts + [effect.describe() for effect in model.layout.effects]) + "."
+    return "; ".join(parts + [effect.describe_on(robot) for effect in model.layout.effects]) + "."

@@ -17,6 +17,7 @@ from exactarm.effects.order_source import likely_source
 from exactarm.report import Cell, Estimate, Figure, Quantity, Table
 from exactarm.report.numbers import quantity
 from exactarm.report.plots.effects import EffectPanel, contribution_bars, effect_panels
+from exactarm.robot import Robot
 
 _AT_TOOL = (  # of angles, of measured positions
     "At the tool: the angle error times the distance of the flange from the axis, median over the rows.",
@@ -74,7 +75,7 @@ def effects_table(result: Diagnosis, found: Sequence[tuple[Finding, Contribution
     """One line an effect. Columns that no result fills are left out."""
     header = ["cause", "axis", "measure", "size (95 %)", "at the tool", "own share", "probability",
               "or instead"]
-    rows = [_row(finding, contribution) for finding, contribution in in_order(found)]
+    rows = [_row(finding, contribution, result.robot) for finding, contribution in in_order(found)]
     kept = [k for k in range(len(header)) if any(row[k] not in (None, "") for row in rows)]
     note = (_AT_TOOL[result.unit == "m"] + " "
             if any(c is not None and c.tool is not None for _, c in found) else "")
@@ -85,9 +86,9 @@ def effects_table(result: Diagnosis, found: Sequence[tuple[Finding, Contribution
                  tuple(tuple(row[k] for k in kept) for row in rows), note)
 
 
-def _row(finding: Finding, contribution: Contribution | None) -> list[Cell]:
+def _row(finding: Finding, contribution: Contribution | None, robot: Robot) -> list[Cell]:
     effect = finding.effect
-    measure, size = _size(finding, contribution)
+    measure, size = _size(finding, contribution, robot)
     at_tool = getattr(finding, "at_tool_um", None)
     tool = (
         1e-6 * at_tool if at_tool is not None else contribution.at_tool if contribution is not None else None
@@ -113,7 +114,7 @@ def _probability(member: Any) -> float:
     return float(member["probability"] if isinstance(member, dict) else member.probability)
 
 
-def _size(finding: Finding, contribution: Contribution | None) -> tuple[str, Cell]:
+def _size(finding: Finding, contribution: Contribution | None, robot: Robot) -> tuple[str, Cell]:
     """What is told of the effect's size: peak to peak of a curve, else its first number whose interval
     does not hold zero."""
     effect = finding.effect
@@ -127,7 +128,8 @@ def _size(finding: Finding, contribution: Contribution | None) -> tuple[str, Cel
     if not free:
         return "", None
     parameter, value, (low, high) = next((one for one in free if not one[2][0] <= 0.0 <= one[2][1]), free[0])
-    return words_of(parameter.name), Estimate(float(value), float(low), float(high), unit_of(parameter.name))
+    name = effect.in_units_of(robot, parameter.name)
+    return words_of(name), Estimate(float(value), float(low), float(high), unit_of(name))
 
 
 def percent(probability: float) -> str:
@@ -138,7 +140,7 @@ def percent(probability: float) -> str:
     )
 
 
-def parameters_table(found: Sequence[tuple[Finding, Contribution | None]]) -> Table:
+def parameters_table(found: Sequence[tuple[Finding, Contribution | None]], robot: Robot) -> Table:
     """All numbers of the effects that have few of them."""
     rows = []
     for finding, _ in in_order(found):
@@ -146,8 +148,9 @@ def parameters_table(found: Sequence[tuple[Finding, Contribution | None]]) -> Ta
         free = [(p, v, i) for p, v, i in zip(effect.parameters(), effect.values, finding.intervals)
                 if not p.fixed]
         if len(free) <= _FEW and not (effect.orders() and len(free) > 3):
-            rows += [(effect.title, p.name, Estimate(float(v), float(low), float(high), unit_of(p.name)))
-                     for p, v, (low, high) in free]
+            names = [effect.in_units_of(robot, p.name) for p, _, _ in free]
+            rows += [(effect.title, name, Estimate(float(v), float(low), float(high), unit_of(name)))
+                     for name, (_, v, (low, high)) in zip(names, free)]
     return Table("Their parameters", ("effect", "parameter", "estimate (95 %)"), tuple(rows))
 
 

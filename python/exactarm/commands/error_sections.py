@@ -121,8 +121,10 @@ def words_of(name: str) -> str:
     return ("_" + head).removesuffix(ending).strip("_").replace("_", " ")
 
 
-_BELOW = {"Nm": "Nm", "Nm3": "Nm³", "N": "N", "rad": "rad", "g": "g", "h": "h", "row": "row", "degC": "°C"}
+_BELOW = {"Nm": "Nm", "Nm3": "Nm³", "N": "N", "N3": "N³", "rad": "rad", "m": "m", "g": "g", "h": "h",
+          "row": "row", "degC": "°C"}
 _UNITS = {
     "_rad_s": "rad/s", "_Nm_s": "Nm s", "_Nm_sqrt_s": "Nm √s", "_kg_m2": "kg m²", "_kg_m": "kg m",
-    "_m_s2": "m/s²", "_rad": "rad", "_Nm": "Nm", "_kg": "kg", "_m": "m", "_s": "s",
+    "_N_s": "N s", "_m_s2": "m/s²", "_m_s": "m/s", "_N": "N",
+    "_rad": "rad", "_Nm": "Nm", "_kg": "kg", "_m": "m", "_s": "s",
 }

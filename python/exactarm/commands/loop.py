@@ -198,7 +198,7 @@ def _report(robot: Robot, path: PlannedPath, rounds: list[_Round], diagnosis: Di
                "Distance of the target from where it should be, round by round.", "tracking error over time"),
         Text("What the diagnosis said", (diagnosis.sentence,)),
         Table("What was hidden, and what was found", ("", "effect", "in words"), (
-            *(("hidden", effect.title, effect.describe()) for effect in hidden),
-            *(("found", finding.effect.title, finding.effect.describe()) for finding in diagnosis.findings),
+            *(("hidden", effect.title, effect.describe_on(robot)) for effect in hidden),
+            *(("found", found.effect.title, found.effect.describe_on(robot)) for found in diagnosis.findings),
         ), "The diagnosis saw the measured poses only."),
     ), "good" if last.summary.rms <= middle.summary.rms else "caution")

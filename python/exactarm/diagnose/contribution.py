@@ -27,7 +27,9 @@ import numpy as np
 from exactarm import _core
 from exactarm.chain import Layout
 from exactarm.diagnose.problem import Fitted, Problem
+from exactarm.effects.axis_units import of_a_slide, slides
 from exactarm.effects.base import Effect, Station
+from exactarm.robot import Robot
 
 # share of a value's variance that one signal explains, from which it is drawn as a curve of that signal
 FOLLOWS = 0.9
@@ -174,7 +176,11 @@ def _at_station(fitted: Fitted, index: int, effect: Effect) -> tuple[np.ndarray,
         return None
     scale = 1.0 / fitted.robot.ratios[change.columns[0]] if effect.station == Station.MOTOR else 1.0
     free = change.by_parameters[:, 0, fitted.layout.free[index]]
-    return change.value[:, 0] * scale, free * scale, unit
+    return change.value[:, 0] * scale, free * scale, _unit_of_axis(fitted.robot, change.columns[0], unit)
+
+
+def _unit_of_axis(robot: Robot, axis: int, unit: str) -> str:
+    return of_a_slide(unit) if slides(robot, axis + 1) else unit
 
 
 def _at_measurement(fitted: Fitted, moved: np.ndarray, columns: np.ndarray, direction: np.ndarray, unit: str,

@@ -314,7 +314,8 @@ def _finding(accepted: Accepted, last, declared, place, errors, problem, own_sha
         _rms(_judged(before)),
         _rms(_judged(after)),
         probability,
-        f"{effect.describe()}; log evidence {accepted.evidence:.0f} over a model without it, {fall}"
+        f"{effect.describe_on(problem.robot)}; log evidence {accepted.evidence:.0f} over a model without it, "
+        + fall
         + (f"; {caveat}" if caveat else ""),
         derived,
         accepted.credible_set,

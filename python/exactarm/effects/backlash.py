@@ -44,6 +44,7 @@ class Backlash(Effect):
 
     name: ClassVar[str] = "backlash"
     plain: ClassVar[str] = "play in the gear"
+    in_axis_units: ClassVar[bool] = True
     station: ClassVar[Station] = Station.SPRING
     kinds: ClassVar[tuple[str, ...]] = ALL_KINDS
     compensable: ClassVar[bool] = True

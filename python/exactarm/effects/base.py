@@ -29,6 +29,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
+from exactarm.effects.axis_units import of_a_slide, slides
 from exactarm.station import Station
 
 if TYPE_CHECKING:
@@ -111,6 +112,7 @@ class Effect(ABC):
     carried: ClassVar[bool] = False  # what the flange carries
     inertia_of: ClassVar[str] = ""  # "links" or "rotor": masses in the tables
     family: ClassVar[str] = ""  # effects of one family on one axis may be forms of one cause (`includes`)
+    in_axis_units: ClassVar[bool] = False  # its rad and Nm are of its axis: m and N if that slides
     sentence: ClassVar[str] = ""  # format string: {joint} and the parameters' names
     plain: ClassVar[str] = ""  # a noun phrase that a technician uses, without the axis; empty: the name
     source: ClassVar[str] = ""
@@ -206,9 +208,17 @@ class Effect(ABC):
         return type(self).bake is not Effect.bake
 
     def describe(self) -> str:
-        """One sentence for a report, with the values in it."""
+        """One sentence for a report, with the values in it, as of a revolute axis."""
         numbers = {p.name: v for p, v in zip(self.parameters(), self.values)}
         return self.sentence.format(joint=self.joint, **numbers)
+
+    def describe_on(self, robot: Robot) -> str:
+        """The sentence with the units of this robot's axes."""
+        return self.in_units_of(robot, self.describe())
+
+    def in_units_of(self, robot: Robot, words: str) -> str:
+        """A parameter's name or a sentence with the units that they have on this robot."""
+        return of_a_slide(words) if self.in_axis_units and slides(robot, self.joint) else words
 
     def derived(self, covariance: np.ndarray) -> tuple[tuple[str, float, float], ...]:
         """Numbers that follow from the parameters and say more: (name with unit, value, standard deviation).

@@ -52,6 +52,7 @@ class DriveEffect(Effect, ABC):
     """Adds to the drive torque of one axis, Nm on the output side."""
 
     station: ClassVar[Station] = Station.DRIVE
+    in_axis_units: ClassVar[bool] = True
     kinds: ClassVar[tuple[str, ...]] = (MOTION.name,)
     compensable: ClassVar[bool] = False  # changes the torque that is needed, not where the arm goes
 

@@ -39,6 +39,7 @@ class Hysteresis(Effect):
 
     name: ClassVar[str] = "hysteresis"
     plain: ClassVar[str] = "an angle that stays behind, by the side from which it comes"
+    in_axis_units: ClassVar[bool] = True
     station: ClassVar[Station] = Station.SPRING
     kinds: ClassVar[tuple[str, ...]] = ALL_KINDS
     compensable: ClassVar[bool] = True

@@ -36,6 +36,7 @@ class JointCompliance(Effect):
 
     name: ClassVar[str] = "joint_compliance"
     plain: ClassVar[str] = "a joint that gives way under load"
+    in_axis_units: ClassVar[bool] = True
     station: ClassVar[Station] = Station.SPRING
     kinds: ClassVar[tuple[str, ...]] = (POSES.name, MOTION.name, TRACKED_MOTION.name)
     compensable: ClassVar[bool] = True

@@ -2,7 +2,8 @@
 arm).
 
 change of phi of the turned axis = coupling * theta_motor / ratio_motor, with the ratio that the controller
-takes the motor's gear for: what a calibration finds for that gear is no part of the coupling.
+takes the motor's gear for: what a calibration finds for that gear is no part of the coupling. Its unit is m
+per rad where the turned axis slides, rad per m where the motor's does; the key in files stays.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from exactarm.effects.axis_units import slides
 from exactarm.effects.base import Change, Effect, Parameter, Station
 from exactarm.kinds import ALL_KINDS
 from exactarm.kinds.base import Device
@@ -20,8 +22,8 @@ from exactarm.kinds.base import Device
 
 @dataclass(frozen=True)
 class JointCoupling(Effect):
-    """`joint` is the axis that is turned; values: the axis whose motor turns it, and how far per radian of
-    output."""
+    """`joint` is the axis that is turned; values: the axis whose motor turns it, and how far per radian
+    (m) of output."""
 
     name: ClassVar[str] = "joint_coupling"
     plain: ClassVar[str] = "a motor that turns another axis too"
@@ -41,6 +43,13 @@ class JointCoupling(Effect):
     @property
     def title(self) -> str:
         return f"{super().title} by motor {self.values[0]:.0f}"
+
+    def in_units_of(self, robot, words: str) -> str:
+        axes = self.joint, int(self.values[0])
+        turned, motor = ("m" if slides(robot, joint) else "rad" for joint in axes)
+        words = words.replace(" turns ", " moves ") if turned == "m" else words
+        return (words.replace("rad_per_rad", f"{turned}_per_{motor}")
+                .replace("rad per rad", f"{turned} per {motor}"))
 
     def parameters(self) -> tuple[Parameter, ...]:
         return (Parameter("motor", 1.0, fixed=True), Parameter("coupling_rad_per_rad", 0.02, -10.0, 10.0))

@@ -13,24 +13,29 @@ from exactarm.kinds import WITH_TARGET
 
 @dataclass(frozen=True)
 class JointOffset(Effect):
-    """The offset of one axis, in the robot's tables."""
+    """The offset of one axis, in the robot's tables; in m where it slides."""
+
+    slides: bool = False
 
     name: ClassVar[str] = "joint_offset"
     station: ClassVar[Station] = Station.SPRING
     kinds: ClassVar[tuple[str, ...]] = WITH_TARGET
     compensable: ClassVar[bool] = True
     declared: ClassVar[bool] = True
-    sentence: ClassVar[str] = "axis {joint} has its zero at {q_offset_rad:.5f} rad"
 
     @staticmethod
     def of(robot, index: int) -> JointOffset:
-        return JointOffset(index + 1, (robot.joints[index].q_offset,))
+        joint = robot.joints[index]
+        return JointOffset(index + 1, (joint.q_offset,), slides=joint.type == "prismatic")
 
     def parameters(self) -> tuple[Parameter, ...]:
-        return (Parameter("q_offset_rad", 1e-2),)
+        return (Parameter("q_offset_m" if self.slides else "q_offset_rad", 1e-2),)
 
     def parameter_label(self, parameter: Parameter) -> str:
-        return f"q_offset_{self.joint}_rad"
+        return f"q_offset_{self.joint}_{'m' if self.slides else 'rad'}"
+
+    def describe(self) -> str:
+        return f"axis {self.joint} has its zero at {self.values[0]:.5f} {'m' if self.slides else 'rad'}"
 
     def bake(self, robot):
         # The controller goes on using its own constant.

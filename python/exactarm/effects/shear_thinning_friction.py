@@ -21,6 +21,7 @@ class ShearThinningFriction(DriveEffect):
 
     name: ClassVar[str] = "shear_thinning_friction"
     plain: ClassVar[str] = "friction of a lubricant that thins with speed"
+    in_axis_units: ClassVar[bool] = False  # of a root of a rate
     sentence: ClassVar[str] = (
         "friction of axis {joint} bends over with the rate as grease does: "
         "{coefficient_Nm_sqrt_s:.3g} Nm times the square root of the rate in rad/s"

@@ -29,6 +29,7 @@ class ZeroShift(Effect):
 
     name: ClassVar[str] = "zero_shift"
     plain: ClassVar[str] = "a zero that moved once (slip, collision, new mastering)"
+    in_axis_units: ClassVar[bool] = True
     station: ClassVar[Station] = Station.SPRING
     of_record: ClassVar[bool] = True
     kinds: ClassVar[tuple[str, ...]] = WITH_TARGET
@@ -39,7 +40,7 @@ class ZeroShift(Effect):
         return (after, Parameter("shift_rad", 3e-4))
 
     def describe(self) -> str:
-        return (f"the zero of axis {self.joint} stood {1e6 * self.values[1]:.3g} microradians off up to "
+        return (f"the zero of axis {self.joint} stood {1e6 * self.values[1]:.3g} µrad off up to "
                 f"{unit(self.driver)} {self.values[0]:.4g} of session {self.session}")
 
     def to_table(self):
