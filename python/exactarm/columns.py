@@ -14,6 +14,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from exactarm.errors import InputError
+from exactarm.whole_number import whole_number
 
 ANGLE = {"rad": 1.0, "deg": math.pi / 180.0}
 ANGULAR_RATE = {"rad_s": 1.0, "deg_s": math.pi / 180.0}
@@ -112,9 +113,9 @@ class Column:
 def parse_column(name: str, file: str, prismatic: frozenset[int] = frozenset()) -> Column:
     """The column that a header's `name` stands for. `prismatic`: axes (from 1) that move along a line."""
     if match := _INDEXED.fullmatch(name):
-        quantity, axis, unit = match[1], int(match[2]), match[3] or ""
-        if axis < 1:
-            raise InputError("axis 0; expected axes counted from 1", file=file, column=name)
+        quantity, axis, unit = match[1], whole_number(match[2]), match[3] or ""
+        if not axis:
+            raise InputError(f"axis {match[2][:9]}; expected axes counted from 1", file=file, column=name)
         units = JOINT_UNITS[quantity]
         if axis in prismatic:
             units = PRISMATIC_UNITS.get(quantity, units)

@@ -129,6 +129,29 @@ def test_a_certificate_judges_orientation_and_paths(cell):
         ea.certify(known, poses, before=arm, path=replace(path, session=path.session + 1), threads=1)
 
 
+@pytest.mark.parametrize("mistake, words", [
+    (lambda p: 1e3 * p, "in another unit [(]1000"),
+    (lambda p: p * [1.0, -1.0, 1.0], "set-up, robot or unit|mirror"),
+    (lambda p: 1.2 * p, "set-up, robot or unit"), (lambda p: p + [0.0, 0.3, 0.0], "set-up, robot or unit"),
+])
+def test_a_path_where_no_calibrated_arm_goes_is_refused_with_a_guess(cell, mistake, words):
+    arm, truth, poses, path = cell
+    known = replace(truth, base=Placement(), tool=Placement())
+    line = rf"run 1 lies .* from where the frames of the poses have it.*({words})"
+    with pytest.raises(InputError, match=line):
+        ea.certify(known, poses, before=arm, path=replace(path, position=mistake(path.position)), threads=1)
+
+
+def test_a_path_that_lies_beside_as_one_body_is_told(cell):
+    """By 5 mm of another set-up; as it is, nothing is said."""
+    arm, truth, poses, path = cell
+    known = replace(truth, base=Placement(), tool=Placement())
+    moved = replace(path, position=path.position + [5 * MM, 0.0, 0.0])
+    said = [[w for w in ea.certify(known, poses, before=arm, path=each, threads=1).warnings if "beside" in w]
+            for each in (path, moved)]
+    assert said[0] == [] and len(said[1]) == 1 and said[1][0].startswith("path 1 lies ")
+
+
 def test_without_orientation_and_paths_both_are_named_as_missing(cell):
     arm, truth, poses, _ = cell
     known = replace(truth, base=Placement(), tool=Placement())

@@ -14,6 +14,7 @@ from exactarm.effects import Effect, effect_from_table, library
 from exactarm.effects.accepted import effects_folder
 from exactarm.errors import InputError
 from exactarm.report import Report, Text
+from exactarm.robot_keys import MOST_AXES
 from exactarm.robot_writer import effects_text
 from exactarm.rows import Source
 from exactarm.split import DEFAULT_SEED
@@ -68,6 +69,8 @@ def _effect(entry: object, number: int, file: str) -> Effect:
         raise InputError(f"{where}.{error.args[0]} is missing; expected {_EXPECTED}", file=file) from None
     except (TypeError, ValueError, AttributeError) as error:
         raise InputError(f"{where} does not fit: {error}", file=file) from None
+    if effect.joint is not None and not 1 <= effect.joint <= MOST_AXES:
+        raise InputError(f"{where}.joint is {effect.joint:g}; expected 1 to {MOST_AXES}", file=file)
     return effect
 
 

@@ -76,6 +76,9 @@ class Certified:
         if self.paths and min(test.cycles for test in self.paths) < STANDARD_CYCLES:
             least = min(test.cycles for test in self.paths)
             out.append(f"the standard asks for {STANDARD_CYCLES} cycles of a path; here are {least} at least")
+        out += [f"path {number} lies {quantity(test.beside, 'm')} beside where the frames of the poses have "
+                "it, as one body: was it measured in the same set-up?"
+                for number, test in enumerate(self.paths, start=1) if test.beside]
         for when, judged in (("before", self.before), ("after", self.after)):
             if not judged.fit.fit.converged:
                 out.append(f"the fit of the frames {when} did not converge ({judged.fit.fit.reason})")

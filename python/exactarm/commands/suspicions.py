@@ -14,11 +14,12 @@ from exactarm.robot import Robot
 
 
 @contextmanager
-def suspicions(robot: Robot, data: Dataset, *others: Dataset) -> Iterator[tuple[str, ...]]:
-    """The warnings of `first_aid` and what reading decided, of `data` and `others`; the likeliest mistake
-    also stands in the line of what the block refuses."""
-    found = tuple(dict.fromkeys(text for each in (data, *others) for text in first_aid(robot, each)))
-    notes = dict.fromkeys(note for each in (data, *others) for note in each.notes)
+def suspicions(robot: Robot, data: Dataset, *placed: Dataset) -> Iterator[tuple[str, ...]]:
+    """The warnings of `first_aid` and what reading decided, of `data` and of what is `placed` by its frames;
+    the likeliest mistake also stands in the line of what the block refuses."""
+    others = (text for each in placed for text in first_aid(robot, each, placed=True))
+    found = tuple(dict.fromkeys((*first_aid(robot, data), *others)))
+    notes = dict.fromkeys(note for each in (data, *placed) for note in each.notes)
     try:
         yield (*found, *notes)
     except (InputError, ComputationError) as error:

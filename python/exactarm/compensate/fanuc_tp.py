@@ -22,6 +22,7 @@ from exactarm.compensate.program import Motion, Number, Program, SourceText, Tar
 from exactarm.compensate.setting import Setting
 from exactarm.errors import InputError
 from exactarm.robot import Placement
+from exactarm.whole_number import whole_number
 
 NAME, SUFFIXES = "Fanuc TP", (".ls",)
 _MOTION = re.compile(r"(?m)^[ \t]*\d*[ \t]*:[ \t]*([JLCA])[ \t]+(P|PR)\[([^\]]*)\]([^;]*);?")
@@ -57,21 +58,20 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
     if start < 0 or "/POS" not in text:
         raise source.refuse(0, "no sections /MN and /POS; expected a TP program as text")
     end = text.index("/POS")
-    positions: dict[int, list[re.Match]] = {}
+    positions: dict[int | None, list[re.Match]] = {}
     for match in _POSITION.finditer(text, end):
-        positions.setdefault(int(match[1]), []).append(match)
+        positions.setdefault(whole_number(match[1]), []).append(match)
     targets: list[Target] = []
     motions: list[Motion] = []
     index: dict[int, int] = {}
 
     def target(kind: str, word: str, place: int) -> int:
-        number = re.match(r"\s*(\d+)\s*(?::|$)", word)
-        if kind == "PR" or number is None:
+        i = whole_number(word.split(":")[0])
+        if kind == "PR" or i is None:
             raise source.refuse(
                 place,
                 f"the target {kind}[{word}] is in a register or computed; expected a position P[number]",
             )
-        i = int(number[1])
         found = positions.get(i, [])
         if len(found) != 1:
             raise source.refuse(
@@ -104,7 +104,8 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
             )
         first = target(match[2], match[3], match.start(1))
         line = source.line(match.start(1))
-        _require_active(source, positions[int(match[3].split(":")[0])][0], active, match.start(1))
+        position = positions[whole_number(match[3].split(":")[0])][0]
+        _require_active(source, position, active, match.start(1))
         if match[1] == "A":
             raise source.refuse(
                 match.start(1),
@@ -117,7 +118,7 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
             motions.append(Motion("circular", target(second[1], second[2], match.start(1)), line, first))
         else:
             motions.append(Motion("joint" if match[1] == "J" else "linear", first, line))
-    left = [f"P[{number}]" for number in positions if number not in index]
+    left = [f"P[{found[0][1][:9]}]" for number, found in positions.items() if number not in index]
     told = (f"no motion that is read goes to {', '.join(left)}: they stay as they are",) if left else ()
     return Program(NAME, sources, tuple(targets), tuple(motions), told)
 
@@ -128,7 +129,8 @@ def _require_active(source: SourceText, position: re.Match, active: dict[str, st
     for key, which in (("UF", "UFRAME"), ("UT", "UTOOL")):
         found = re.search(rf"\b{key}\s*:\s*(\d+)", position[2])
         number = active.get(which, "")
-        if found and number.isdigit() and int(number) != int(found[1]):
+        chosen = whole_number(number)
+        if found and chosen is not None and chosen != whole_number(found[1]):
             raise source.refuse(place, f"P[{position[1]}] is of {key} {found[1]}, and {which}_NUM is "
                                        f"{number} "
                                        "here; expected the same")

@@ -19,6 +19,7 @@ from exactarm.compensate.program import Edit, Motion, Number, Program, SourceTex
 from exactarm.compensate.setting import Setting
 from exactarm.errors import InputError
 from exactarm.robot import Robot
+from exactarm.whole_number import whole_number
 
 NAME, SUFFIXES = "JointTrajectory", (".yaml", ".yml")
 DECIMALS = 12
@@ -148,7 +149,7 @@ def axis_order(robot: Robot, names: list[str], source: SourceText) -> list[int]:
     if robot.axes == 6 and sorted(plain) == sorted(UR_NAMES):
         return [UR_NAMES.index(name) for name in plain]
     ends = [re.search(r"(\d+)$", name) for name in names]
-    axes = [int(end[1]) for end in ends if end]
+    axes = [whole_number(end[1]) or 0 for end in ends if end]
     if sorted(axes) == list(range(1, robot.axes + 1)):
         return [axis - 1 for axis in axes]
     raise InputError(

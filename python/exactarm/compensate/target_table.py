@@ -29,6 +29,7 @@ from exactarm.dataset import Dataset, read_targets
 from exactarm.errors import InputError
 from exactarm.mdh_frames import relative
 from exactarm.robot import Placement, Robot
+from exactarm.whole_number import whole_number
 
 NAME, SUFFIXES = "table", (".csv", ".parquet", ".pq")
 
@@ -149,13 +150,14 @@ def _owners(names: list[str], setting: Setting, source: SourceText) -> list[int 
     new = {_name(robot, i) for i in range(robot.axes)}
     for name in map(str.strip, names):
         parts = setting.columns.get(name, name).split("_")
-        mine = len(parts) == 3 and parts[0] == "q" and parts[1].isdigit() and int(parts[1]) <= robot.axes
+        axis = whole_number(parts[1]) if len(parts) == 3 and parts[0] == "q" else None
+        mine = axis is not None and axis <= robot.axes
         if not mine and name in new:
             raise InputError(
                 "is the name of a column of the result, and --map gives it another one; expected it as it is",
                 file=source.path, column=name,
             )
-        owners.append(int(parts[1]) - 1 if mine else None)
+        owners.append(axis - 1 if axis is not None and mine else None)
     return owners
 
 

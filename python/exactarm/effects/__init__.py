@@ -8,6 +8,8 @@ import pkgutil
 from dataclasses import replace
 from functools import cache
 
+import numpy as np
+
 from exactarm.effects.base import RECORD_KEY, Change, Effect, Parameter, Station
 
 __all__ = ["Change", "Effect", "Parameter", "Station", "effect_from_table", "library"]
@@ -30,8 +32,13 @@ def _named_subclasses(cls: type[Effect]):
 
 def effect_from_table(table: dict) -> Effect:
     """An effect from its entry in a robot file. Raises KeyError for an unknown name, TypeError for a wrong
-    record."""
-    effect, record = library()[table["effect"]].from_table(table), table.get(RECORD_KEY, [])
+    record, ValueError for a number that is not finite."""
+    try:
+        effect, record = library()[table["effect"]].from_table(table), table.get(RECORD_KEY, [])
+    except OverflowError:  # of a whole number
+        raise ValueError("a number is not finite") from None
+    if not np.all(np.isfinite(effect.values)):
+        raise ValueError("a number is not finite")
     if not isinstance(record, list) or not all(isinstance(entry, str) for entry in record):
         raise TypeError(RECORD_KEY)
     return replace(effect, record=tuple(record)) if record else effect

@@ -28,11 +28,16 @@ from exactarm.kinds import CLOSURES, GEAR_RUN, MOTION, POSES, TRACKED_MOTION
 from exactarm.robot import Robot
 
 
-def first_aid(robot: Robot, data: Dataset) -> tuple[str, ...]:
-    """One line for the likeliest mistake of every sort that the data give cause to suspect."""
+def first_aid(robot: Robot, data: Dataset, placed: bool = False) -> tuple[str, ...]:
+    """One line for the likeliest mistake of every sort that the data give cause to suspect.
+
+    placed: base and tool are known from other data, which judge better where these belong.
+    """
     found: list[Suspicion] = []
     for kind in data.kinds:
         for check in _CHECKS.get(kind, ()):
+            if placed and check is _poses:
+                continue
             try:
                 found += check(robot, data)[:1]
             except InputError:  # what the command itself refuses, it says itself

@@ -39,7 +39,7 @@ def day_mistake(label: str, expected: np.ndarray, measured: np.ndarray, most: fl
     left_by = {words: _left(expected, points) for words, points in undone.items()}
     words, least = min(left_by.items(), key=lambda item: item[1])
     explained = least <= most and least * FALL < left
-    return f"{label}: are x, y, z {words}? The points would lie as in BEFORE" if explained else ""
+    return f"{label}: are x, y, z {words}? They would lie where they are expected" if explained else ""
 
 
 def _left(expected: np.ndarray, measured: np.ndarray) -> float:

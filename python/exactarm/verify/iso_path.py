@@ -24,8 +24,13 @@ from exactarm.chain import predict_poses
 from exactarm.chain.direction import direction_of_motion
 from exactarm.dataset import Dataset
 from exactarm.errors import InputError
+from exactarm.identify.frames import procrustes
+from exactarm.identify.match import WORST_SHARE
+from exactarm.identify.reach import reach
+from exactarm.identify.suspicion import FALL
 from exactarm.kinds import POSES
 from exactarm.robot import Robot
+from exactarm.verify.day_mistakes import day_mistake
 from exactarm.verify.held_out import Judged
 
 POINTS = 201  # of a path; the standard leaves their number to the path
@@ -34,11 +39,15 @@ LEAST_CYCLES = 3  # fewer give no standard deviation worth the name
 STANDARD_CYCLES = 10
 SAME_PATH_M = 2e-3  # two runs whose commanded paths are closer than that are cycles of one path
 LEAST_LENGTH_M = 0.01
+BESIDE = 3.0  # times the largest error of the judged poses, from which an offset of a whole path is told
 
 
 @dataclass(frozen=True)
 class PathTest:
-    """One path: session, cycles, length (m), mean speed (m/s), AT before and after, RT or None (m)."""
+    """One path: session, cycles, length (m), mean speed (m/s), AT before and after, RT or None (m).
+
+    beside: m, how far its runs lie off as one body, where that is more than the arm can be off; else 0.
+    """
 
     session: int
     cycles: int
@@ -47,12 +56,13 @@ class PathTest:
     accuracy_before: float
     accuracy_after: float
     repeatability: float | None
+    beside: float = 0.0
 
 
 @dataclass(frozen=True)
 class _Cycle:
     """One run: commanded paths (POINTS, 3) before and after at equal shares of their length, where the target
-    went (N, 3), length and mean speed."""
+    went (N, 3), length and mean speed; beside as of PathTest."""
 
     session: int
     before: np.ndarray
@@ -60,6 +70,7 @@ class _Cycle:
     attained: np.ndarray
     length: float
     speed: float
+    beside: float
 
 
 def path_tests(
@@ -89,10 +100,10 @@ def _runs(files: Sequence[Dataset]) -> Iterator[tuple[Dataset, int, int]]:
 def _cycle(robots: tuple[Robot, Robot], judged: tuple[Judged, Judged], rows: Dataset) -> _Cycle:
     assert rows.time is not None and rows.position is not None  # of a tracked motion
     resting = _at_rest(robots[1], rows)
-    paths = []
-    for robot, fitted in zip(robots, judged):
-        path = predict_poses(robot, fitted.fit.layout, resting, tangents=False).position
-        paths.append(_at_equal_lengths(path))
+    predicted = [predict_poses(robot, fitted.fit.layout, resting, tangents=False).position
+                 for robot, fitted in zip(robots, judged)]
+    beside = _beside(robots[1], rows, predicted[1], float(judged[1].error.max()))
+    paths = [_at_equal_lengths(path) for path in predicted]
     steps = np.linalg.norm(np.diff(paths[1][0], axis=0), axis=1)
     length = float(steps.sum())
     if length < LEAST_LENGTH_M:
@@ -102,7 +113,23 @@ def _cycle(robots: tuple[Robot, Robot], judged: tuple[Judged, Judged], rows: Dat
     inner = (along > EDGE * length) & (along < (1.0 - EDGE) * length)
     seconds = float(np.ptp(rows.time[inner])) if inner.any() else float(np.ptp(rows.time))
     speed = (1.0 - 2.0 * EDGE) * length / max(seconds, 1e-9)
-    return _Cycle(int(rows.session[0]), paths[0][0], paths[1][0], rows.position, length, speed)
+    return _Cycle(int(rows.session[0]), paths[0][0], paths[1][0], rows.position, length, speed, beside)
+
+
+def _beside(robot: Robot, rows: Dataset, expected: np.ndarray, largest: float) -> float:
+    """m that a run lies off as one body; `largest`: error of the judged poses, m. Refuses a run that lies
+    where no calibrated arm misses its path."""
+    assert rows.position is not None  # of a tracked motion
+    most = WORST_SHARE * reach(robot)
+    away = float(np.sqrt(np.mean(np.sum((rows.position - expected) ** 2, axis=1))))
+    if away > most:
+        run = f"run {rows.run[0]}"
+        meant = day_mistake(run, expected, rows.position, most) or "is it another set-up, robot or unit?"
+        raise InputError(
+            f"{run} lies {away:.3g} m (RMS) from where the frames of the poses have it; expected less than "
+            f"{most:.2g} m: {meant}", file=rows.first_file)
+    left = float(np.sqrt(np.mean(np.sum(procrustes(expected, rows.position)[1] ** 2, axis=1))))
+    return away if away > BESIDE * largest and left * FALL < away else 0.0
 
 
 def _at_rest(robot: Robot, rows: Dataset) -> Dataset:
@@ -142,7 +169,7 @@ def _test(group: list[_Cycle]) -> PathTest:
     after, scatter = measures(np.mean([cycle.after for cycle in group], axis=0), attained)
     mean = lambda values: float(np.mean(values))
     return PathTest(group[0].session, len(group), mean([c.length for c in group]),
-                    mean([c.speed for c in group]), before, after, scatter)
+                    mean([c.speed for c in group]), before, after, scatter, max(c.beside for c in group))
 
 
 def measures(command: np.ndarray, attained: list[np.ndarray]) -> tuple[float, float | None]:

@@ -1,0 +1,42 @@
+"""Numbers that patterns, `isdigit` and `int` do not agree on, put into places of every reader's sample: read,
+or refused in one line that names the file."""
+
+import re
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from exactarm.errors import InputError
+from exactarm.whole_number import whole_number
+from robustness.samples import samples
+from robustness.trials import READERS
+
+HOSTILE = [b"9" * 5000, "²".encode("latin-1"), "²".encode(), "٣".encode(), b"\x1e7", b"\x1c 3", b"1e400",
+           b"1_0"]
+PLACES = 25  # numbers of a sample, drawn
+
+
+@pytest.mark.parametrize("name", [name for name in READERS if not name.endswith((".parquet", ".src"))])
+def test_a_hostile_number_is_read_or_refused(name, tmp_path):
+    content, random, path = samples()[name], np.random.default_rng(3), tmp_path / name
+    found = list(re.finditer(rb"\d+", content))
+    for place in random.permutation(len(found))[:PLACES]:
+        for word in HOSTILE:
+            path.write_bytes(content[: found[place].start()] + word + content[found[place].end() :])
+            try:
+                READERS[name](path)
+            except InputError as error:
+                said = str(error.within(path))
+                assert len(said.splitlines()) == 1 and name in said, said
+
+
+@pytest.mark.parametrize("text, number", [
+    ("7", 7), (" 012 ", 12), ("", None), ("-1", None), ("+1", None), ("1_0", None), ("²", None), ("٣", None),
+    ("\x1e7", None), ("9" * 10, None), ("9" * 5000, None), ("7\n", None),
+])
+def test_a_whole_number_is_digits_alone(text, number):
+    assert whole_number(text) == number
