@@ -115,6 +115,25 @@ def test_a_hidden_cause_is_named(name, contact, count, effect, label):
 
 
 @pytest.mark.slow
+def test_causes_that_touches_cannot_tell_apart_are_told_with_what_to_touch_next():
+    """A spring of axis 2 and a soft base: the words name the axis and ask for another place."""
+    robot, data = touched("ur10", "socket", 1, "joint_compliance joint=2 linear_rad_per_Nm=6e-6 "
+                          "cubic_rad_per_Nm3=0", count=25)
+    result = diagnose(robot.nominal, data)
+    assert [finding.effect.label for finding in result.findings] == ["joint_compliance_2"]
+    assert result.next_experiment.startswith("Touch the same contacts from other sides")
+
+
+@pytest.mark.slow
+def test_one_contact_at_one_place_is_judged_without_leaving_it_out():
+    """Nothing would be left to learn from."""
+    robot, random = virtual("ur10", 1, ECCENTRICITY)
+    data = measure_closures(robot, "bar", 1, 120, Sensors(position_m=NOISE_M, counts=0), random)[0]
+    alone = data.select(data.contacts["bar"] == 0)
+    assert [f.effect.label for f in diagnose(robot.nominal, alone).findings] == ["gear_eccentricity_2"]
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize(("contact", "count", "slipped"), [("socket", 25, 0.05), ("plane", 30, 0.0)])
 def test_nothing_is_invented(contact, count, slipped):
     robot, data = touched("panda", contact, 4, count=count, slipped=slipped)

@@ -201,14 +201,15 @@ class ClosureProblem(PoseProblem):
         pushed = {f"the base's {name} axis": prediction.used * axes[k] for k, name in enumerate("xyz")}
         return turn | pushed
 
-    def stretches(self) -> np.ndarray:
-        """Places: sessions, or where there is only one, its contacts."""
+    def stretches(self) -> np.ndarray | None:
+        """Places: sessions, or where there is only one, its contacts; without one place alone nothing is left
+        to learn from."""
         if len(sessions_of(self.data)) > 1:
             return self.data.session
         out = np.full(len(self.data), -1)
         for place, (name, _, number) in enumerate(contact_keys(self.data)):
             out[self.data.contacts[name] == number] = place
-        return out
+        return out if len(np.unique(out)) > 1 else None
 
     def holds(self, without: np.ndarray, left: np.ndarray) -> bool:
         """Places are few: the sum over them may be one alone, and the next may be like any. So none may get
@@ -242,6 +243,10 @@ class ClosureProblem(PoseProblem):
 
     def updated_robot(self, fitted: Fitted) -> Robot:
         return updated_robot(self.robot, self.data, fitted)
+
+    def next_experiments(self, fitted: Fitted, places: tuple) -> tuple[str, tuple]:
+        """In words: poses of a free target are no touches."""
+        return Problem.next_experiments(self, fitted, places)
 
     def separating_experiment(self, fitted: Fitted, one: Effect, other: Effect) -> str:
         """In words: what the touches lack that would show the difference."""
