@@ -27,6 +27,8 @@ FORCE = {"N": 1.0}
 CURRENT = {"A": 1.0}
 NO_UNIT: dict[str, float] = {"": 1.0}
 
+# Joint angles of another arm that the target touches.
+PARTNER = "partner_q"
 # Quantities per axis, `quantity_i_unit`; the key is the key of `Dataset.joints`.
 JOINT_UNITS = {
     "theta": ANGLE,
@@ -37,6 +39,7 @@ JOINT_UNITS = {
     "tau_motor": TORQUE,
     "current": CURRENT,
     "approach": NO_UNIT,
+    PARTNER: ANGLE,  # of another arm: the axis is its own
 }
 # What a prismatic axis has instead; its motor still turns.
 PRISMATIC_UNITS = {"q": LENGTH, "tau": FORCE}
@@ -68,8 +71,8 @@ SCALAR_UNITS = (
 
 # Beyond these no arm, drive or device measures anything, whatever its unit was meant to be (SI units).
 MOST = {
-    "theta": 1e8, "q": 1e5, "theta_dot": 1e8, "q_dot": 1e5, "tau": 1e8, "tau_motor": 1e8, "current": 1e7,
-    "time": 1e13,
+    "theta": 1e8, "q": 1e5, PARTNER: 1e5, "theta_dot": 1e8, "q_dot": 1e5, "tau": 1e8, "tau_motor": 1e8,
+    "current": 1e7, "time": 1e13,
 } | dict.fromkeys(TILT, 0.5 * math.pi) | dict.fromkeys(ACCEL, 1e4) | dict.fromkeys(PIXEL, 1e6)
 MOST |= dict.fromkeys(POSITION, 1e6) | dict.fromkeys(ROTATION_VECTOR, 1e3) | dict.fromkeys(GYRO, 1e5)
 MOST |= {PAYLOAD: 1e4} | dict.fromkeys(PAYLOAD_CENTRE, 1e2)
@@ -88,11 +91,14 @@ def may_be_empty(names: list[str]) -> set[str]:
     """Columns whose cells may be empty: a row without a contact, and in a file with contacts a row without a
     tracker."""
     scalars = {name: match[1] for name in names if (match := _SCALAR.fullmatch(name))}
-    if not set(CONTACTS) & set(names) and not {*TILT, *ACCEL, *PIXEL} & set(scalars.values()):
+    partner = {name for name in names if (match := _INDEXED.fullmatch(name)) and match[1] == PARTNER}
+    if not (set(CONTACTS) & set(names) or partner or {*TILT, *ACCEL, *PIXEL} & set(scalars.values())):
         return set()
     vectors = (*POSITION, *QUATERNION, *ROTATION_VECTOR, *TILT, *ACCEL, *PIXEL)
-    return {name for name in names
-            if name in (*CONTACTS, *PICTURE) or _LENGTH.fullmatch(name) or scalars.get(name) in vectors}
+    return partner | {
+        name for name in names
+        if name in (*CONTACTS, *PICTURE) or _LENGTH.fullmatch(name) or scalars.get(name) in vectors
+    }
 
 
 @dataclass(frozen=True)

@@ -13,19 +13,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from difflib import get_close_matches
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from exactarm.column_checks import check_size, check_values, check_vectors
 from exactarm.columns import (
     ACCEL,
     CONTACTS,
     GYRO,
-    MOST,
-    PAYLOAD,
+    PARTNER,
     PICTURE,
     PIXEL,
     POSITION,
@@ -48,7 +46,6 @@ from exactarm.split import pose_split, run_split, split_rule
 from exactarm.table import Table, read_table, write_table
 
 _ROBOT_FILES = (".toml", ".urdf", ".xacro")
-LARGEST_MARK = 2**53  # whole numbers beyond are not exact in a table of doubles
 QUATERNION_NORM_TOLERANCE = 0.01  # three decimals per component pass, a wrong column does not
 
 
@@ -80,9 +77,9 @@ def read_dataset(
         raise InputError("no data file given; expected at least one CSV or Parquet file")
     for path in paths:
         if Path(path).suffix.lower() in _ROBOT_FILES:
-            raise InputError("a robot file among the data; expected one robot and what was measured on it: "
-                             "two arms, such as arms that touch each other, are not estimated together; "
-                             "calibrate each by itself", file=str(path))
+            raise InputError("a robot file among the data; expected one robot and what was measured on it; "
+                             "an arm that it touches is declared in the fixture file: [partner] robot, and "
+                             "columns partner_q_i", file=str(path))
     files = [_read_file(str(path), robot, columns) for path in paths]
     _check_files(files)
     dataset = replace(_join(files, robot), fixture=fixture)
@@ -162,6 +159,8 @@ def dataset_columns(dataset: Dataset, robot: Robot) -> dict[str, np.ndarray]:
     if dataset.pixel is not None:
         columns |= {name: getattr(dataset, name) for name in PICTURE}
         columns |= {f"{name}_px": dataset.pixel[:, i] for i, name in enumerate(PIXEL)}
+    if dataset.partner is not None:
+        columns |= {f"{PARTNER}_{k + 1}_rad": angles for k, angles in enumerate(dataset.partner.T)}
     if dataset.length is not None:
         columns["length_m"] = dataset.length
     return columns | dataset.covariates
@@ -215,62 +214,15 @@ def _read_file(
         if column.key in columns:
             message = f"the same quantity as column {columns[column.key].name}; expected it once"
             raise InputError(message, file=path, column=name)
-        if column.axis is not None and column.axis > robot.axes:
+        if column.axis is not None and column.axis > robot.axes and column.quantity != PARTNER:
             message = f"robot {robot.name} has {robot.axes} axes; expected an axis from 1 to {robot.axes}"
             raise InputError(message, file=path, column=name)
-        _check_values(path, column, numbers)
+        check_values(path, column, numbers)
         columns[column.key] = column
         values[column.key] = numbers if column.factor == 1.0 else numbers * column.factor
         check_size(path, column, values[column.key])
-    _check_vectors(path, columns)
+    check_vectors(path, columns)
     return _File(path, table, columns, values, kept)
-
-
-def _check_values(path: str, column: Column, numbers: np.ndarray) -> None:
-    """Columns that hold marks, not measurements."""
-    if column.quantity == "set":
-        good = np.isin(numbers.astype(str), ("identification", "validation"))
-        expected = "identification or validation"
-    elif column.quantity == "approach":
-        good, expected = np.isin(numbers, (-1.0, 0.0, 1.0)), "-1, 0 or 1"
-    elif column.quantity in (*CONTACTS, *PICTURE):
-        good = np.isnan(numbers) | (
-            (numbers == np.round(numbers)) & (numbers >= NO_CONTACT) & (numbers < LARGEST_MARK)
-        )
-        expected = "a whole number from 0, or -1 (or nothing) where the row has no contact"
-    elif column.quantity in ("session", "visit", "run"):
-        good, expected = (numbers == np.round(numbers)) & (np.abs(numbers) < LARGEST_MARK), "a whole number"
-    elif column.name == PAYLOAD:
-        good, expected = numbers >= 0.0, "a mass of 0 or more"
-    else:
-        return
-    if not good.all():
-        row = int(np.argmin(good))
-        raise InputError(f"{numbers[row]}; expected {expected}", file=path, row=row + 1, column=column.name)
-
-
-def check_size(path: str, column: Column, values: np.ndarray) -> None:
-    """A cell that no device measures is no measurement; one alone would carry any fit with it."""
-    most = MOST.get(column.quantity, MOST.get(column.name, np.inf))
-    if most < np.inf and np.nanmax(np.abs(values), initial=0.0) > most:
-        row = int(np.nanargmax(np.abs(values)))
-        message = f"{values[row]:.6g} in SI units; expected at most {most:g} in size"
-        raise InputError(message, file=path, row=row + 1, column=column.name)
-
-
-def _check_vectors(path: str, columns: Mapping[Any, Column]) -> None:
-    for vector in (POSITION, QUATERNION, ROTATION_VECTOR, GYRO, TILT, ACCEL, (*PIXEL, *PICTURE)):
-        missing = [name for name in vector if (name, None) not in columns]
-        if missing and len(missing) < len(vector):
-            found = next(name for name in vector if name not in missing)
-            message = f"column missing; expected it beside column {columns[found, None].name}"
-            others = {key.rpartition("_")[0] or key: key for key in columns if isinstance(key, str)}
-            close = get_close_matches(missing[0], others, n=1)
-            message += f"; did you mean it with {others[close[0]]}?" if close else ""
-            raise InputError(message, file=path, column=missing[0])
-    if ("qw", None) in columns and ("rx", None) in columns:
-        message = "a rotation vector beside a quaternion; expected one of the two"
-        raise InputError(message, file=path, column=columns["rx", None].name)
 
 
 # -- all files ---------------------------------------------------------------------------------------
@@ -278,12 +230,12 @@ def _check_files(files: Sequence[_File]) -> None:
     """No file twice; and a quantity that only some files have could be neither used nor dropped without a
     word."""
     numbering = {("session", None), ("run", None), ("visit", None)}
-    if any((name, None) in file.columns for file in files
-           for name in (*CONTACTS, TILT[0], ACCEL[0], PIXEL[0])):
+    partner = {key for file in files for key in file.columns if key[0] == PARTNER}
+    if partner or any((name, None) in file.columns for file in files
+                      for name in (*CONTACTS, TILT[0], ACCEL[0], PIXEL[0])):
         # files of contacts beside each other, or beside a tracker's: what a file has not, its rows have not
-        numbering |= {(name, None)
-                      for name in (*CONTACTS, "length", *POSITION, *QUATERNION, *ROTATION_VECTOR, *TILT,
-                                   *ACCEL, *PIXEL, *PICTURE)}
+        numbering |= partner | {(name, None) for name in (
+            *CONTACTS, "length", *POSITION, *QUATERNION, *ROTATION_VECTOR, *TILT, *ACCEL, *PIXEL, *PICTURE)}
     seen: dict[str, str] = {}
     for file in files:
         if other := seen.get(file.table.sha256):
@@ -304,8 +256,12 @@ def _join(files: Sequence[_File], robot: Robot) -> Dataset:
     stack = lambda key: files[0].values[key] if one else np.concatenate([held(file, key) for file in files])
     first = {key: column for file in files[::-1] for key, column in file.columns.items()}
     joints: dict[str, np.ndarray] = {}
+    partner: dict[int, np.ndarray] = {}
     for quantity, axis in ((key[0], key[1])
                            for key in first if isinstance(key, tuple) and key[1] is not None):
+        if quantity == PARTNER:
+            partner[axis] = stack((quantity, axis))
+            continue
         if quantity not in joints:
             joints[quantity] = np.full((sum(rows), robot.axes), np.nan)
         joints[quantity][:, axis - 1] = stack((quantity, axis))
@@ -335,11 +291,20 @@ def _join(files: Sequence[_File], robot: Robot) -> Dataset:
         tilt=vector(TILT),
         accel=vector(ACCEL),
         pixel=vector(PIXEL),
+        partner=_side_by_side(partner),
         **{name: mark(name) for name in PICTURE if (PIXEL[0], None) in first},
     )
     angles = {name: data.joints[name] for name in _of_controller(data, robot)}
     joints = {name: robot.controller.joints(values) for name, values in angles.items()}
     return with_sensors(replace(data, joints=data.joints | joints).with_way())
+
+
+def _side_by_side(columns: Mapping[int, np.ndarray]) -> np.ndarray | None:
+    """(N, most) of columns by axis from 1, NaN for an axis that has none; None without any."""
+    if not columns:
+        return None
+    empty = np.full_like(next(iter(columns.values())), np.nan)
+    return np.stack([columns.get(axis, empty) for axis in range(1, max(columns) + 1)], axis=1)
 
 
 def _of_controller(data: Dataset, robot: Robot) -> tuple[str, ...]:

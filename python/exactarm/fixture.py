@@ -18,6 +18,13 @@ A camera and its flat board ([board] alone: the lens is estimated, the camera is
     dictionary = "DICT_5X5_100"                distortion = [-0.1, 0.05, 0.0, 0.0, 0.0]   # k1, k2, p1, p2, k3
                                                given = true            # the lens is not estimated
 
+Another arm that the target touches, ball to ball (columns partner_q_i):
+
+    [partner]
+    robot = "other/robot.toml"    # its robot file, beside this one; or a shipped name
+    distance_mm = 25.4            # between the two balls' centres: the sum of their radii
+    sigma_mm = 0.01
+
 `ball`: the ball or tip on the flange. `sigma_mm`: standard deviation of the known length, SIGMA_M where it is
 not given. Without `session` an entry holds at every session. Lengths in m inside.
 """
@@ -25,12 +32,13 @@ not given. Without `session` an entry holds at every session. Lengths in m insid
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 from exactarm.errors import InputError
+from exactarm.robot import Robot
 from exactarm.toml_file import is_number, read_toml
 
 SIGMA_M = 1e-5  # a workshop measures a fixture to a hundredth of a millimetre
@@ -93,6 +101,17 @@ class CameraSetup:
 
 
 @dataclass(frozen=True)
+class Partner:
+    """Another arm that is touched: its robot file as named, the arm itself where a reader was given; distance
+    between the centres of the two balls, m, and its standard deviation."""
+
+    file: str
+    distance: float
+    sigma: float = SIGMA_M
+    robot: Robot | None = field(default=None, compare=False, repr=False)
+
+
+@dataclass(frozen=True)
 class Fixture:
     """Everything known; `free_bars`: numbers of the bars (wires) whose zero is not known."""
 
@@ -100,6 +119,7 @@ class Fixture:
     radii: tuple[Radius, ...] = ()
     free_bars: frozenset[int] = frozenset()
     camera: CameraSetup | None = None
+    partner: Partner | None = None
 
     def radius_of(self, contact: str, number: int | None, session: int) -> Radius | None:
         """The entry for one sphere (or the ball) at one session; None = not known."""
@@ -109,13 +129,14 @@ class Fixture:
         return None
 
 
-def load_fixture(path: str | Path) -> Fixture:
-    """Reads a fixture file. Raises InputError naming the entry that is wrong."""
+def load_fixture(path: str | Path, robots: Callable[[str], Robot] | None = None) -> Fixture:
+    """Reads a fixture file; robots: reads the robot file of a partner (without it only its name is kept).
+    Raises InputError naming the entry that is wrong."""
     tables = read_toml(path, "a fixture file (.toml)")
-    unknown = sorted(set(tables) - set(_ENTRIES) - set(_OF_CAMERA))
+    unknown = sorted(set(tables) - set(_ENTRIES) - set(_TABLES))
     if unknown:
         raise InputError(f"unknown table [[{unknown[0]}]]; expected [[{']], [['.join(_ENTRIES)}]], "
-                         f"[{'], ['.join(_OF_CAMERA)}]", file=path)
+                         f"[{'], ['.join(_TABLES)}]", file=path)
     found = {}
     for name, read in _ENTRIES.items():
         entries = tables.get(name, [])
@@ -123,7 +144,7 @@ def load_fixture(path: str | Path) -> Fixture:
             raise InputError(f"{name} is no list of tables; expected [[{name}]]", file=path)
         found[name] = [read(_Entry(str(path), f"[[{name}]] entry {place}", entry))
                        for place, entry in enumerate(entries, 1)]
-    for name in _OF_CAMERA:
+    for name in _TABLES:
         if not isinstance(tables.get(name, {}), dict):
             raise InputError(f"{name} is no table; expected [{name}]", file=path)
     if "camera" in tables and "board" not in tables:
@@ -131,7 +152,11 @@ def load_fixture(path: str | Path) -> Fixture:
     camera = None
     if "board" in tables:
         camera = _camera(*(_Entry(str(path), f"[{name}]", tables.get(name, {})) for name in _OF_CAMERA))
-    return Fixture(tuple(found["distances"]), tuple(found["radii"]), frozenset(found["bars"]), camera)
+    partner = None
+    if "partner" in tables:
+        partner = _partner(_Entry(str(path), "[partner]", tables["partner"]), robots)
+    return Fixture(tuple(found["distances"]), tuple(found["radii"]), frozenset(found["bars"]), camera,
+                   partner)
 
 
 @dataclass(frozen=True)
@@ -187,6 +212,16 @@ def _free_bar(entry: _Entry) -> int:
     return entry.take("number", _is_number, "the bar's number")
 
 
+def _partner(entry: _Entry, robots: Callable[[str], Robot] | None) -> Partner:
+    entry.check_keys("robot", "distance_mm", "sigma_mm")
+    named = entry.take("robot", lambda v: isinstance(v, str) and v != "",
+                       "the robot file of the other arm, or a shipped name")
+    beside = Path(entry.path).parent / named
+    file = str(beside) if beside.is_file() else named
+    return Partner(file, entry.metres("distance_mm"), entry.metres("sigma_mm", 1e3 * SIGMA_M),
+                   None if robots is None else robots(file))
+
+
 def _camera(board: _Entry, camera: _Entry) -> CameraSetup:
     board.check_keys("squares", "square_mm", "sigma_mm", "marker_mm", "dictionary")
     camera.check_keys("on", "size_px", "focal_px", "centre_px", "distortion", "given")
@@ -228,4 +263,5 @@ def _is_length(value: object) -> bool:
 
 _LENGTH = f"a length above 0 in mm, {SHORTEST_MM:g} to {LONGEST_MM:g}"
 _OF_CAMERA = ("board", "camera")
+_TABLES = (*_OF_CAMERA, "partner")
 _ENTRIES = {"distances": _distance, "radii": _radius, "bars": _free_bar}

@@ -48,10 +48,13 @@ class Rows:
                     beside contacts NaN in rows without a tracker
     session, run    (N,) int
     contacts        "socket", "plane", "sphere", "bar", "pair": (N,) int, NO_CONTACT where the row has none;
-                    "tilt", "accel", "camera": 0 where the sensor was read, a corner seen
+                    "tilt", "accel", "camera", "partner": 0 where the sensor was read, a corner seen, the
+                    other arm touched
     tilt (N, 2)     rad, accel (N, 3) m/s^2: its readings at rest, NaN where there is none; None without
     pixel (N, 2)    where a corner of a board was seen, NaN where none was; picture, corner (N,) int,
                     NO_CONTACT where there is none; None without
+    partner (N, m)  rad, joint angles of another arm that the target touches, as its controller reports them,
+                    NaN where it does not; None without
     length (N,)     read off a bar or wire, m, NaN where none was; None without
     fixture         what is known of the contacts
     covariates      name as in the header -> (N,)
@@ -83,6 +86,7 @@ class Rows:
     pixel: np.ndarray | None = None
     picture: np.ndarray | None = None
     corner: np.ndarray | None = None
+    partner: np.ndarray | None = None
     fixture: Fixture = Fixture()
     covariates: dict[str, np.ndarray] = field(default_factory=dict)
     sources: tuple[Source, ...] = ()

@@ -1,4 +1,5 @@
-"""Rows of sensors that need no contact: a reading of gravity at rest, a corner in a picture marks its row."""
+"""Rows whose contact needs no number: a reading of gravity at rest, a corner in a picture, angles of another
+arm mark them."""
 
 from __future__ import annotations
 
@@ -16,8 +17,17 @@ Data = TypeVar("Data", bound=Rows)
 
 
 def with_sensors(data: Data) -> Data:
-    """The rows with `contacts` of what a sensor on the flange or a camera has measured."""
-    return _with_gravity_sensor(_with_camera(data))
+    """The rows with `contacts` of what a sensor on the flange or a camera has measured, or another arm
+    touched."""
+    return _with_gravity_sensor(_with_partner(_with_camera(data)))
+
+
+def _with_partner(data: Data) -> Data:
+    """Rows with angles of another arm touch it."""
+    if data.partner is None:
+        return data
+    touched = np.where(np.isnan(data.partner).all(axis=1), NO_CONTACT, 0)
+    return replace(data, contacts=data.contacts | {"partner": touched})
 
 
 def _with_camera(data: Data) -> Data:

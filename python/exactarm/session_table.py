@@ -16,8 +16,9 @@ from pathlib import Path
 
 import numpy as np
 
+from exactarm.column_checks import check_size
 from exactarm.columns import PAYLOAD, parse_column
-from exactarm.dataset import Dataset, check_size
+from exactarm.dataset import Dataset
 from exactarm.errors import InputError
 from exactarm.table import read_table
 

@@ -225,5 +225,5 @@ def test_targets_of_every_kind_of_arm_are_reached_after_a_calibration(name):
 
 def test_two_arms_in_one_call_are_refused_in_one_clear_line(tmp_path):
     (tmp_path / "other.urdf").write_text("<robot/>")
-    with pytest.raises(ea.InputError, match="arms that touch each other, are not estimated together"):
+    with pytest.raises(ea.InputError, match="an arm that it touches is declared in the fixture file"):
         ea.read([tmp_path / "other.urdf", tmp_path / "touches.csv"], "ur10")

@@ -45,7 +45,7 @@ def data_of(
     """Data as they are, or those of the files; with what is known of their fixture and of whole sessions.
     columns: the files' names -> ours; weighs: the kinds whose unknown payloads the command
     estimates."""
-    known = load_fixture(fixture) if isinstance(fixture, (str, Path)) else fixture
+    known = load_fixture(fixture, load_robot) if isinstance(fixture, (str, Path)) else fixture
     if not isinstance(data, Dataset):
         named = [data] if isinstance(data, (str, Path)) else data
         files = [file_or_example(path) for path in named]

@@ -40,6 +40,7 @@ from exactarm.identify.joint_limits import beyond_limits
 from exactarm.identify.match import require_match
 from exactarm.identify.model_check import ModelCheck, check_model
 from exactarm.identify.parameter_name import parse_parameter
+from exactarm.identify.partner_prior import with_open_partner
 from exactarm.identify.planned import PlannedModel, controller_angles, pose_blocks, pose_data, row_weights
 from exactarm.identify.pose_space import PoseSpace
 from exactarm.kinds import CLOSURES
@@ -111,7 +112,7 @@ def _touches(robot: Robot, arguments: argparse.Namespace) -> Dataset | None:
     data = read_planned_poses(arguments.files, robot) if arguments.files else None
     if data is None or not data.contacts:
         return None
-    fixture = Fixture() if arguments.fixture is None else load_fixture(arguments.fixture)
+    fixture = Fixture() if arguments.fixture is None else load_fixture(arguments.fixture, load_robot)
     return touches(replace(data, kind=CLOSURES.name, kinds=(CLOSURES.name,), fixture=fixture))
 
 
@@ -119,7 +120,8 @@ def _closures(robot: Robot, data: Dataset, noise: float,
               arguments: argparse.Namespace) -> tuple[ModelCheck, _Poses]:
     nominal = nominal_closures(robot, data, carried_effects(robot, data), arguments.seed, arguments.threads)
     beside = geometry_layout(robot).joined(compliance_layout(robot, data))
-    layout, found = identifiable_closures(robot, nominal.layout, beside, data, arguments.threads)
+    setup = with_open_partner(nominal.layout)
+    layout, found = identifiable_closures(robot, setup, beside, data, arguments.threads)
     deviations = expected_deviations(robot, layout, data, noise,
                                      Pulls.of(geometry_layout(robot), data.fixture), arguments.threads)
     known = dict(zip(layout.names, deviations))

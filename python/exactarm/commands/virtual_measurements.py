@@ -17,6 +17,7 @@ from exactarm.dataset import Dataset
 from exactarm.errors import InputError
 from exactarm.kinds import CLOSURES, GEAR_RUN, MOTION, POSES, TRACKED_MOTION
 from exactarm.robot import Robot
+from exactarm.robot_writer import robot_text
 from exactarm.simulate import (
     Sensors,
     VirtualRobot,
@@ -84,7 +85,10 @@ def _closures(arguments: argparse.Namespace, virtual: VirtualRobot, planned: Dat
     noise = {} if arguments.noise is None else {"orientation_rad": arguments.noise}
     data, fixture = measure_closures(virtual, arguments.contact, arguments.places, arguments.count,
                                      replace(_sensors(arguments), **noise), random)
-    return Played(data, "closures.csv", texts={"fixture.toml": fixture_text(fixture)})
+    texts = {"fixture.toml": fixture_text(fixture)}
+    if (partner := fixture.partner) is not None:
+        texts[partner.file] = robot_text(partner.robot)
+    return Played(data, "closures.csv", texts=texts)
 
 
 def _gear(arguments: argparse.Namespace, virtual: VirtualRobot, planned: Dataset | None,

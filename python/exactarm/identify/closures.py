@@ -27,12 +27,19 @@ from exactarm.identify.calibrate import (
     calibrated_robot,
 )
 from exactarm.identify.closure_fit import ClosureFit, Pulls, fit_closures
+from exactarm.identify.closure_scale import (
+    gravity_alone,
+    longest_length,
+    scale_is_known,
+    with_scale_in_doubt,
+)
 from exactarm.identify.compliance import compliance_layout
 from exactarm.identify.declared import carried_layout, frames_layout, geometry_layout, require_geometry
 from exactarm.identify.identifiability import Dropped, Identifiability, select_identifiable, still_axes
 from exactarm.identify.loads import kept_masses, with_loads
 from exactarm.identify.match import WORST_SHARE, reach
 from exactarm.identify.parameter_name import parse_parameter
+from exactarm.identify.partner_prior import known_of_partner, partner_warnings, with_open_partner
 from exactarm.identify.statistics import summarise
 from exactarm.measurement.closures import (
     PAIR,
@@ -48,13 +55,15 @@ from exactarm.measurement.closures import (
 from exactarm.measurement.contact import Contact
 from exactarm.measurement.contacts import CAMERA, CONTACT_CLASSES, SENSORS
 from exactarm.measurement.known_lengths import distance_errors, known_lengths
+from exactarm.measurement.partner import NAME as PARTNER
 from exactarm.measurement.target import Target
 from exactarm.robot import Robot
 
 _STARTS = 12
 _TOOL_REACH_M = 0.3  # spread of the random starts of the tool point
 # below, a contact is wherever it was touched
-_LEAST_TOUCHES = {"socket": 1, "plane": 3, "sphere": 4, "bar": 4, "tilt": 6, "accel": 4, "camera": 18}
+_LEAST_TOUCHES = {"socket": 1, "plane": 3, "sphere": 4, "bar": 4, "tilt": 6, "accel": 4, "camera": 18,
+                  "partner": 12}
 SLIPPED = 0.35  # square root of a weight: beyond some 7 standard deviations
 # times Schwarz' price: what is left of an arm's own error buys up to 1.6 times with one and the same tool
 _MOUNTED_ANEW = 3.0
@@ -122,7 +131,8 @@ def calibrate_closures(robot: Robot, data: Dataset,
         tilts_after={name: tilt_error(after, mask) for name, mask in parts.items()},
         pixels_before={name: before.reprojection(mask) for name, mask in parts.items()},
         pixels_after={name: after.reprojection(mask) for name, mask in parts.items()},
-        warnings=(*_warnings(declared, train), *gross_corner_warning(data)),
+        warnings=(*_warnings(declared, train), *gross_corner_warning(data),
+                  *partner_warnings(fit, train, declared.pulls, options.threads)),
     )
 
 
@@ -137,8 +147,8 @@ def declare_closures(
     nominal = nominal_closures(robot, data, carried, seed, threads, sessions or sessions_of(data))
     geometry = geometry_layout(robot)
     start = nominal.layout.at(nominal.layout.values)
-    setup = Layout(start.effects[: len(start.effects) - len(carried.effects)],
-                   start.free[: len(start.free) - len(carried.free)])
+    setup = with_open_partner(Layout(start.effects[: len(start.effects) - len(carried.effects)],
+                                     start.free[: len(start.free) - len(carried.free)]))
 
     def fitted(setup: Layout) -> tuple[Layout, Pulls, Identifiability, ClosureFit]:
         beside = geometry.joined(compliance_layout(robot, data, compliance)).joined(carried)
@@ -146,7 +156,7 @@ def declare_closures(
         pulls = Pulls.of(geometry, data.fixture)
         fit = fit_closures(robot, layout, data, pulls, threads=threads)
         return (
-            layout, pulls, found, fit if scale_is_known(layout, data) else _with_scale_in_doubt(fit, geometry)
+            layout, pulls, found, fit if scale_is_known(layout, data) else with_scale_in_doubt(fit, geometry)
         )
 
     one = fitted(setup)
@@ -192,10 +202,13 @@ def nominal_closures(
         if best[0] <= WORST_SHARE * reach(robot):
             break
     if best[0] > WORST_SHARE * reach(robot):
+        of_partner = ", or is the robot file of the partner that of another arm" if any(
+            device == PARTNER) else ""
         raise InputError(
             f"robot and data do not match: with the best tool and contacts {robot.name} misses the contacts "
             f"by {best[0]:.3g} m (median), expected less than {WORST_SHARE * reach(robot):.2g} m: is it "
-            "another robot, are axes exchanged or are angles in another unit?", file=data.first_file,
+            f"another robot, are axes exchanged or are angles in another unit{of_partner}?",
+            file=data.first_file,
         )
     return best[1]
 
@@ -263,13 +276,15 @@ def identifiable_closures(
     whole = tuple(name for name in beside.names
                   if (p := parse_parameter(name)).axis == 1 and p.symbol in _AS_ONE)
     layout = setup.joined(beside.without(set(whole)))
-    prediction = predict_closures(robot, layout, data, threads=threads)
+    trusted = layout.without(known_of_partner(setup))
+    prediction = predict_closures(robot, trusted, data, threads=threads)
     rows = prediction.jacobian[prediction.used]
-    known = known_lengths(layout, data.fixture)
-    rows = np.concatenate([rows, np.array([k.row for k in known]).reshape(len(known), layout.size)])
+    known = known_lengths(trusted, data.fixture)
+    rows = np.concatenate([rows, np.array([k.row for k in known]).reshape(len(known), trusted.size)])
+    frames = setup.size + trusted.size - layout.size
     found = select_identifiable(
-        rows, layout.names, keep_first=setup.size, poses=len(data),
-        plausible=[p.plausible for p in layout.parameters],
+        rows, trusted.names, keep_first=frames, poses=len(data),
+        plausible=[p.plausible for p in trusted.parameters],
         robot=robot, still=still_axes(prediction.view.q),
     )
     why = GRAVITY_ALONE if gravity_alone(data) else AS_ONE
@@ -277,51 +292,14 @@ def identifiable_closures(
                                     *found.dropped))
     held = set(found.dropped_names)
     if not scale_is_known(layout, data):
-        longest = _longest(layout, held, setup.size)
-        others = tuple(n for n in layout.names if n.endswith("_m") and n not in held and n != longest)
+        longest = longest_length(trusted, held, frames)
+        others = tuple(n for n in trusted.names if n.endswith("_m") and n not in held and n != longest)
         found = replace(
             found, kept=found.kept & np.array([name != longest for name in found.names]),
             dropped=(*found.dropped, Dropped(longest, f"{longest} holds the scale: {SCALE}", others, True)),
         )
         held.add(longest)
     return layout.without(held), found
-
-
-def scale_is_known(layout: Layout, data: Dataset) -> bool:
-    """Whether a known length, an absolute bar or a tracker tells the size of things, or nothing has any."""
-    if gravity_alone(data):
-        return True
-    tracked = data.position is not None and bool(np.isfinite(data.position).any())
-    read = data.length is not None and bool(np.isfinite(data.length).any())
-    return tracked or read or bool(known_lengths(layout, data.fixture))
-
-
-def gravity_alone(data: Dataset) -> bool:
-    """Whether no row of `touches` shows a length."""
-    return bool(np.isin(device_of(data), list(SENSORS)).all())
-
-
-def _longest(layout: Layout, held: set[str], first: int) -> str:
-    """The longest length of the robot that is still free."""
-    lengths = [
-        (abs(value), name) for name, value in zip(layout.names[first:], layout.values[first:])
-        if name.endswith("_m") and name not in held
-    ]
-    return max(lengths)[1]
-
-
-def _with_scale_in_doubt(fit: ClosureFit, geometry: Layout) -> ClosureFit:
-    """The fit whose intervals know that the length which holds the scale is only as good as a drawing."""
-    free = set(fit.layout.names)
-    held = {name: abs(value) for name, value in zip(geometry.names, geometry.values)
-            if name.endswith("_m") and name not in free}
-    longest = max(held, key=lambda name: held[name])
-    doubt = geometry.parameters[geometry.names.index(longest)].plausible / max(held[longest], 1e-9)
-    # a face's h counts from its own point
-    grows = np.array([name.endswith("_m") and not name.endswith("_h_m") for name in fit.layout.names])
-    growth = np.where(grows, fit.layout.values, 0.0)
-    covariance = fit.fit.covariance + doubt**2 * np.outer(growth, growth)
-    return replace(fit, fit=replace(fit.fit, covariance=covariance))
 
 
 def carried_effects(robot: Robot, data: Dataset) -> Layout:
@@ -394,6 +372,7 @@ def _warnings(declared: DeclaredClosures, data: Dataset):
     tools = sum(isinstance(effect, Target) for effect in fit.layout.effects)
     if tools > 1:
         yield f"the {tools} sessions have a tool each: one for all of them fits far worse"
-    if fit.fit.freedom < 2 * fit.layout.size:
-        yield f"only {fit.fit.freedom} degrees of freedom for {fit.layout.size} parameters: touch more poses"
+    size = fit.layout.size - len(known_of_partner(fit.layout))
+    if fit.fit.freedom < 2 * size:
+        yield f"only {fit.fit.freedom} degrees of freedom for {size} parameters: touch more poses"
 

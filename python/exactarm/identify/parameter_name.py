@@ -12,7 +12,8 @@ from enum import IntEnum
 _GEOMETRY = re.compile(r"(d|a|alpha|beta)_(\d+)_(?:m|rad)$")
 _OFFSET = re.compile(r"q_offset_(\d+)_(?:m|rad)$")
 _RATIO = re.compile(r"ratio_(\d+)$")
-_FRAME = re.compile(r"(?:session_(\d+)\.)?(base|tool|socket|plane|sphere|bar|tilt|accel|camera)_(\w+)$")
+_FRAME = re.compile(r"(?:session_(\d+)\.)?(base|tool|socket|plane|sphere|bar|tilt|accel|camera|partner)_"
+                    r"(\w+)$")
 _EFFECT = re.compile(r"\w*?_(\d+)\.\w+$")
 
 

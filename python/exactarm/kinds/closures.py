@@ -1,6 +1,6 @@
 """Closures: poses in which the tool touches something fixed (columns socket, plane, sphere, bar, pair), a
-sensor on the flange feels gravity (tilt_x, tilt_y; accel_x, accel_y, accel_z) or a camera sees a board (u, v,
-picture, corner)."""
+sensor on the flange feels gravity (tilt_x, tilt_y; accel_x, accel_y, accel_z), a camera sees a board (u, v,
+picture, corner) or another arm is touched (partner_q_i)."""
 
 from __future__ import annotations
 
@@ -25,14 +25,16 @@ class _Closures(Kind):
     def check(self, data: Rows, robot: Robot) -> None:
         if not data.contacts:
             message = ("column missing; expected socket, plane, sphere, bar, pair, tilt_x_rad, "
-                       "accel_x_m_s2 or u_px for closures")
+                       "accel_x_m_s2, u_px or partner_q_i_rad for closures")
             raise InputError(message, file=file_of(data), column="socket")
         check_geometry(robot)
         check_joints(data, robot)
-        for name, values in (("tilt_x", data.tilt), ("accel_x", data.accel), ("u_px", data.pixel)):
+        for name, values in (("tilt_x", data.tilt), ("accel_x", data.accel), ("u_px", data.pixel),
+                             ("partner_q_1", data.partner)):
             if values is not None and (half := np.isnan(values).any(1) & ~np.isnan(values).all(1)).any():
                 at = int(np.argmax(half))
-                raise InputError("a reading of one axis alone; expected all axes of the sensor or none",
+                raise InputError("a reading of one axis alone; expected all axes of the sensor (of the other "
+                                 "arm) or none",
                                  file=file_of(data, data.file_index[at]), row=int(data.row[at]),
                                  column=name)
         if data.pixel is not None:

@@ -23,13 +23,14 @@ from exactarm.dataset import NO_CONTACT, Dataset
 from exactarm.effects.base import Effect, Station
 from exactarm.measurement.board_pictures import gross_corners
 from exactarm.measurement.contact import Contact
-from exactarm.measurement.contacts import CONTACT_CLASSES, SENSORS
+from exactarm.measurement.contacts import ARMS, CONTACT_CLASSES, SENSORS
 from exactarm.measurement.pictures import SHARED, Pictures, rows_of_pictures
 from exactarm.robot import Robot
 from exactarm.rotation import log, nearest
 
 TRACKER = "tracker"
 PAIR = "pair"
+ANY_SESSION = 0  # of a contact that is the same one in all of them
 
 
 def touches(data: Dataset) -> Dataset:
@@ -110,12 +111,14 @@ def shows_a_place(data: Dataset) -> np.ndarray:
 
 
 def contact_keys(data: Dataset) -> list[tuple[str, int, int]]:
-    """(contact, session, number) of every contact touched, pairs excepted."""
+    """(contact, session, number) of every contact touched, pairs excepted; another arm stands where it is in
+    any session."""
     found = set()
     for name in CONTACT_CLASSES:
         if name in data.contacts:
             at = data.contacts[name] >= 0
-            found |= {(name, int(s), int(k)) for s, k in zip(data.session[at], data.contacts[name][at])}
+            sessions = np.full(at.sum(), ANY_SESSION) if name in ARMS else data.session[at]
+            found |= {(name, int(s), int(k)) for s, k in zip(sessions, data.contacts[name][at])}
     return sorted(found, key=lambda key: (key[1], key[0], key[2]))
 
 

@@ -24,6 +24,7 @@ from exactarm.effects.base import Parameter
 from exactarm.measurement.camera import Camera
 from exactarm.measurement.contact import Contact
 from exactarm.measurement.gravity_sensors import Accelerometer, Inclinometer
+from exactarm.measurement.partner import Partner
 
 _CENTRE = tuple(Parameter(f"{axis}_m", 10.0) for axis in "xyz")
 _UNSEEN_M = 1e-9  # a centre nearer than this to the target has no direction
@@ -158,7 +159,8 @@ class Bar(Sphere):
 TOUCHED: dict[str, type[Touched]] = {cls.contact: cls for cls in (Socket, Plane, Sphere, Bar)}
 SENSORS: dict[str, type[Contact]] = {cls.contact: cls for cls in (Inclinometer, Accelerometer)}
 CAMERA: dict[str, type[Contact]] = {Camera.contact: Camera}
-CONTACT_CLASSES: dict[str, type[Contact]] = TOUCHED | SENSORS | CAMERA
+ARMS: dict[str, type[Contact]] = {Partner.contact: Partner}
+CONTACT_CLASSES: dict[str, type[Contact]] = TOUCHED | SENSORS | CAMERA | ARMS
 
 
 def _points(view, at: np.ndarray) -> np.ndarray:

@@ -3,8 +3,8 @@ find them.
 
 A place (session) has the fixture somewhere in the robot's reach: two sockets or two spheres apart by a known
 distance, a block with three skew faces and one that is parallel to the first, two far ends of a telescopic
-bar, pairs of poses, or a board before a camera. A gravity sensor on the flange needs no fixture: a place is
-the arm set up once.
+bar, pairs of poses, or a board before a camera; another arm stands beside this one. A gravity sensor on the
+flange needs no fixture: a place is the arm set up once.
 """
 
 from __future__ import annotations
@@ -19,17 +19,18 @@ from exactarm.fixture import CameraSetup, Distance, Fixture, Radius
 from exactarm.kinds import CLOSURES
 from exactarm.measurement.closures import PAIR
 from exactarm.measurement.contact import Contact
-from exactarm.measurement.contacts import CAMERA, SENSORS, TOUCHED, Bar, Plane, Socket, Sphere
+from exactarm.measurement.contacts import ARMS, CAMERA, SENSORS, TOUCHED, Bar, Plane, Socket, Sphere
 from exactarm.measurement.touching import TOUCHES_M, predicted_at, rows_at, target_at, touching
 from exactarm.robot import GRAVITY_M_S2, Placement
 from exactarm.rotation import exp
+from exactarm.simulate.partner import touched_partner
 from exactarm.simulate.pictures import SETUP, measured_pictures
 from exactarm.simulate.profiles import limit
 from exactarm.simulate.sensors import Sensors, read
 from exactarm.simulate.virtual_robot import VirtualRobot
 
-CONTACTS = (*TOUCHED, PAIR, *SENSORS, *CAMERA)
-_BESIDE = ("length", "pixel", "picture", "corner", *SENSORS)  # what rows hold beside angles
+CONTACTS = (*TOUCHED, PAIR, *SENSORS, *CAMERA, *ARMS)
+_BESIDE = ("length", "pixel", "picture", "corner", "partner", *SENSORS)  # what rows hold beside angles
 # of the fixture; shortest and longest length of the telescopic bar
 APART_M, RADIUS_M, BAR_M = 0.1, 0.0127, (0.25, 0.45)
 SLIP_M = 5e-3  # standard deviation of a contact that has slipped
@@ -46,10 +47,13 @@ def measure_closures(
     robot: VirtualRobot, contact: str, places: int, count: int, sensors: Sensors, random: np.random.Generator,
     setup: CameraSetup = SETUP,
 ) -> tuple[Dataset, Fixture]:
-    """`count` touches of every contact at each of `places` (pairs: `count` pairs), and the fixture file's
-    content."""
+    """`count` touches of every contact at each of `places` (pairs: `count` pairs; another arm stands at one
+    place), and the fixture file's content."""
     true = VirtualRobot(robot.nominal, replace(robot.true, base=Placement()))
-    parts = []
+    parts, partner = [], None
+    if contact in ARMS:
+        rows, partner = touched_partner(true, count, sensors, random)
+        parts.append(rows)
     for session in range(1, places + 1):
         for thing in _fixture(contact, session, _middle(true, random), random):
             parts.append(_touched(true, thing, count, sensors, random))
@@ -63,7 +67,7 @@ def measure_closures(
     distances = (Distance(contact, (0, 1), APART_M),) if contact in ("socket", "sphere") else ()
     distances += (Distance(contact, (0, 3), APART_M),) if contact == "plane" else ()
     radii = tuple(Radius(contact, number, RADIUS_M) for number in (0, 1)) if contact == "sphere" else ()
-    fixture = Fixture(distances, radii, camera=setup if contact in CAMERA else None)
+    fixture = Fixture(distances, radii, camera=setup if contact in CAMERA else None, partner=partner)
     return read(replace(data, fixture=fixture), sensors, random), fixture
 
 
@@ -111,6 +115,8 @@ def fixture_text(fixture: Fixture) -> str:
     for entry in fixture.radii:
         lines += ["[[radii]]", f'contact = "{entry.contact}"', f"number = {entry.number}",
                   f"radius_mm = {1e3 * entry.length:g}"]
+    if (partner := fixture.partner) is not None:
+        lines += ["[partner]", f'robot = "{partner.file}"', f"distance_mm = {1e3 * partner.distance:g}"]
     if (camera := fixture.camera) is not None:
         lines += ["[board]", f"squares = [{camera.columns}, {camera.rows}]",
                   f"square_mm = {1e3 * camera.square:g}", "", "[camera]",
