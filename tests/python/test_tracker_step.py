@@ -9,6 +9,8 @@ import pytest
 from central_difference import assert_derivative
 from exactarm.chain import Layout, predict_poses
 from exactarm.diagnose.diagnosis import diagnose
+from exactarm.diagnose.problems import problem_for
+from exactarm.diagnose.selection import refit
 from exactarm.effects import effect_from_table
 from exactarm.effects.tracker_step import TrackerStep
 from exactarm.robot_file import load_robot
@@ -81,18 +83,28 @@ def test_drift_is_no_push():
     assert [finding.effect.name for finding in result.findings] == ["tracker_drift"]
 
 
-def test_place_is_found_again_from_a_wrong_one():
-    """With the step in the fit or not yet."""
+@pytest.mark.parametrize("wild_m", [0.0, 0.02])
+def test_place_is_found_again_from_a_wrong_one(wild_m):
+    """Beside a row that is far off, too."""
     robot, data = poses(6, 60)
     data = data.select(np.arange(len(data)))
     effect = TrackerStep(None, (62.5, *STEP_M, 0.0, 0.0, 0.0))
-    for layout in (Layout.of(()), Layout.of((effect,), estimate=False)):
-        truth = replace(data,
-                        position=predict_poses(robot,
-                                               Layout.of((effect.with_values((60.5, *effect.values[1:])),)),
-                                               data).position)
-        view = predict_poses(robot, layout, truth).view
-        assert effect.renewed(view).values[0] == 60.5
+    there = effect.with_values((60.5, *effect.values[1:]))
+    position = predict_poses(robot, Layout.of((there,)), data).position.copy()
+    position[np.argmin(np.abs(data.row - 64.0))] += wild_m * np.array(STEP_M) / np.linalg.norm(STEP_M)
+    view = predict_poses(robot, Layout.of((effect,), estimate=False), replace(data, position=position)).view
+    assert effect.moved(view).values[0] == 60.5
+
+
+def test_a_fit_moves_a_push_to_its_place():
+    """From six rows beside it, where the rows between would be called wrong."""
+    robot, data = poses(8, 80, np.array([1e-4, -1e-4, 5e-5]))
+    every = data.identification
+    problem = problem_for(robot, data.select(every), data.select(~every), 1, 0)
+    beside = TrackerStep(None, (88.5, *(0.0,) * 6), turn=True)
+    first = problem.fit(problem.declared())
+    fitted = refit(problem, problem.declared(), [beside], first)
+    assert 79.0 <= fitted.layout.effects[-1].values[0] <= 82.0
 
 
 def test_short_sessions_have_no_candidates():

@@ -28,6 +28,7 @@ LEAST_EVIDENCE = 5.0  # log Bayes factor; all candidates tried are already paid 
 MOST_EFFECTS = 16
 _SHORTLIST = 12
 _INDEPENDENT_SHARE, _INDEPENDENT_EVIDENCE = 0.8, 20.0
+_MOST_MOVES = 4  # of a step to a likelier place
 _PAIRED = 6  # of the shortlist, tried two by two
 _HIDDEN_GAIN = 1.5  # gain of the second beside the first, over what both promised alone
 _KEPT_GAIN = 0.5  # share of the predicted gain that the joint fit must confirm
@@ -113,7 +114,17 @@ def refit(problem: Problem, declared: Layout, effects: list[Effect], last: Fitte
     weight = rows_kept(layout, last.view).astype(float)
     if noise is not None:
         weight *= np.sqrt(noise.weight)
-    return problem.knowing(last).fit(layout, weight, last.sigma)
+    known = problem.knowing(last)
+    fitted = known.fit(layout, weight, last.sigma)
+    for _ in range(_MOST_MOVES):
+        moved = [effect.moved(fitted.view) for effect in fitted.layout.effects]
+        if all(one.values == other.values for one, other in zip(moved, fitted.layout.effects)):
+            break
+        trial = known.fit(replace(fitted.layout, effects=tuple(moved)), weight, last.sigma)
+        if trial.fit.cost >= fitted.fit.cost:
+            break
+        fitted = trial
+    return fitted
 
 
 def _warm(declared: Layout, last: Fitted) -> Layout:

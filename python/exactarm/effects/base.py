@@ -286,6 +286,10 @@ class Effect(ABC):
         they are."""
         return self
 
+    def moved(self, view: View) -> Effect:
+        """The effect at a likelier place in the rows, seen from a fit that has it; others stay."""
+        return self
+
     def deviation(self, phi: np.ndarray) -> np.ndarray | None:
         """(N,) rad: standard deviation of a curve of its axis at output angles phi (N, n); None: no such
         curve."""

@@ -15,7 +15,7 @@ import numpy as np
 LEAST_ROWS = 5  # on either side
 _EVENLY, _PEAKS = 20, 8  # places to try: evenly spread, and where the residual seems to jump
 _BESIDE = 2  # rows to either side of such a place
-_WINDOW = 0.03  # of the rows: so far the place may move when it is taken anew
+_WINDOW = 0.03  # of the rows: so far the place may move at once
 
 
 def places(x: np.ndarray, residual: np.ndarray, patterns: np.ndarray) -> tuple[float, ...]:
@@ -38,14 +38,18 @@ def places(x: np.ndarray, residual: np.ndarray, patterns: np.ndarray) -> tuple[f
     return tuple(0.5 * (x[i - 1] + x[i]) for i in chosen if x[i] > x[i - 1])
 
 
-def place_anew(x: np.ndarray, left: np.ndarray, step: np.ndarray, shown: np.ndarray, place: float) -> float:
-    """The likeliest place near `place`: left (R, c) the residual, step (R, c) what a row after the step
-    shows, shown (R, c) what the model showed of it, if it had the step already."""
+def likelier_place(x: np.ndarray, left: np.ndarray, step: np.ndarray, place: float) -> float:
+    """The likeliest place near `place`: left (R, c) the residual without the step, step (R, c) what a row
+    shows once it has happened. Residuals have Student's law, so that a wild row decides nothing."""
     if len(x) < 2 * LEAST_ROWS:
         return place
-    left = left + shown if np.sum(left * shown) < 0.5 * np.sum(shown**2) else left
-    likely = np.cumsum(np.sum((2.0 * left - step) * step, axis=1)[::-1])[::-1]
     now, reach = int(np.searchsorted(x, place, side="right")), max(1, int(_WINDOW * len(x)))
+    after = np.sum((left - step) ** 2, axis=1)
+    before = np.sum(left**2, axis=1)
+    square = np.median(np.where(np.arange(len(x)) < now, before, after))
+    if square <= 0.0:
+        return place
+    likely = np.cumsum((np.log1p(before / square) - np.log1p(after / square))[::-1])[::-1]
     low, high = max(now - reach, LEAST_ROWS), min(now + reach + 1, len(x) - LEAST_ROWS)
     near = [k for k in range(low, high) if x[k] > x[k - 1]]
     if not near:

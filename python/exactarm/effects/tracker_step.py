@@ -14,7 +14,7 @@ import numpy as np
 
 from exactarm.effects.base import Change, Effect, Parameter, Station
 from exactarm.effects.slow_driver import ROW, clock_of, in_order, slow_signal, unit
-from exactarm.effects.step_place import place_anew, places
+from exactarm.effects.step_place import likelier_place, places
 from exactarm.effects.tracker_drift import moved_device
 from exactarm.kinds import WITH_TARGET
 
@@ -70,15 +70,14 @@ class TrackerStep(Effect):
             float
         )
 
-    def renewed(self, view) -> Effect:
+    def moved(self, view) -> Effect:
         """The push at the likeliest jump of the residual near its present place."""
         if view.data.position is None:
             return self
         rows, x = in_order(view.data, self.session, self.driver)
         step = np.asarray(self.values[1:4]) + np.cross(np.asarray(self.values[4:]), view.measured[rows, :3])
-        left = (view.data.position - view.measured[:, :3])[rows]
-        place = place_anew(x, left, step, self._later(view.data)[rows, None] * step, self.values[0])
-        return self.with_values((place, *self.values[1:]))
+        left = (view.data.position - view.measured[:, :3])[rows] + self._later(view.data)[rows, None] * step
+        return self.with_values((likelier_place(x, left, step, self.values[0]), *self.values[1:]))
 
     @classmethod
     def candidates(cls, robot, view) -> Iterable[Effect]:

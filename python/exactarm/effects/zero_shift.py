@@ -14,7 +14,7 @@ import numpy as np
 
 from exactarm.effects.base import Change, Effect, Parameter, Station
 from exactarm.effects.slow_driver import ROW, clock_of, in_order, slow_signal, unit
-from exactarm.effects.step_place import place_anew, places
+from exactarm.effects.step_place import likelier_place, places
 from exactarm.kinds import WITH_TARGET
 
 
@@ -61,7 +61,7 @@ class ZeroShift(Effect):
         mine = (data.session == self.session) & (slow_signal(data, self.driver) <= self.values[0])
         return (mine | (data.session < self.session)).astype(float)
 
-    def renewed(self, view) -> Effect:
+    def moved(self, view) -> Effect:
         """The shift where the residual jumps most likely, near its present place."""
         if view.data.position is None:
             return self
@@ -70,9 +70,8 @@ class ZeroShift(Effect):
             return self
         back = rows[::-1]  # seen backwards the earlier rows come after the step
         step = self.values[1] * _turned(view, self.index)[back]
-        left = (view.data.position - view.measured[:, :3])[back]
-        shown = self._earlier(view.data)[back, None] * step
-        place = -place_anew(-x[::-1], left, step, shown, -self.values[0])
+        left = (view.data.position - view.measured[:, :3])[back] + self._earlier(view.data)[back, None] * step
+        place = -likelier_place(-x[::-1], left, step, -self.values[0])
         return self.with_values((place, self.values[1]))
 
     @classmethod
