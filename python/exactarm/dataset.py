@@ -287,6 +287,7 @@ def _join(files: Sequence[_File], robot: Robot) -> Dataset:
         contacts={name: mark(name) for name in CONTACTS if (name, None) in first},
         length=stack(("length", None)) if ("length", None) in first else None,
         covariates={key: stack(key) for key in first if isinstance(key, str)},
+        flange=robot.controller.flange,
         sources=tuple(Source(file.path, file.table.sha256, file.table.rows) for file in files),
         tilt=vector(TILT),
         accel=vector(ACCEL),

@@ -44,6 +44,15 @@ def generic_links(robot: Robot, mass: float | None = None) -> tuple[Link, ...] |
     return tuple(links)
 
 
+def first_moments(robot: Robot) -> np.ndarray:
+    """(n,) kg m: the mass of each link times the distance of its centre from its frame, and what hangs behind
+    it times the link's length."""
+    mass = np.array([link.mass for link in robot.links])
+    centre = np.array([np.linalg.norm(link.centre_of_mass) for link in robot.links])
+    length = np.linalg.norm(_steps(robot), axis=1)
+    return mass * centre + (np.cumsum(mass[::-1])[::-1] - mass) * length
+
+
 def with_generic_masses(robot: Robot, mass: float | None = None) -> Robot:
     """The robot with generic links where it declares none; as it is where it has links, or no lengths."""
     if robot.links is not None:

@@ -2,7 +2,7 @@
 
     torque(q) = g(links; q) + m g_1(q) + sum_k m c_k (g_k(q) - g_1(q))
 
-g_1, g_k: of a unit mass at the flange, and a metre along its axis k. m (kg) and c (m, flange frame) may
+g_1, g_k: of a unit mass at the flange, and a metre along its axis k. m (kg) and c (m, DH frame n) may
 differ from row to row (columns payload_kg, payload_x_m ...). An axis whose drive torque was measured in
 static poses carries that torque instead, whatever the model says: tau_i, tau_motor_i, or current_i of a
 motor whose torque constant is declared. Shapes: torque (N, n) Nm, its slope by q (N, n, n).
@@ -18,6 +18,7 @@ import numpy as np
 
 from exactarm import _core
 from exactarm.dataset import Dataset
+from exactarm.generic_masses import first_moments
 from exactarm.kinds import kind_of
 from exactarm.robot import Link, Robot
 
@@ -90,6 +91,28 @@ class RestLoad:
             )
             for name, core in both.items()
         }
+
+    def moments(self, q: np.ndarray, index: int) -> np.ndarray:
+        """(N, 3 (n - index)) Nm at axis `index` (from 0): the first moment of each link from there on, as
+        large as the links have it, along x, y, z of its frame."""
+        still = np.zeros_like(q)
+        whole = _core.dynamics_regressor(self.robot.core, q, still, still, self.threads)[:, index]
+        per_moment = whole.reshape(len(q), -1, 10)[:, index:, 1:4]
+        return (per_moment * first_moments(self.robot)[index:, None]).reshape(len(q), -1)
+
+    def moments_slope(self, q: np.ndarray, index: int, shares: np.ndarray) -> np.ndarray:
+        """(N, n) by q of `moments` times `shares`."""
+        moment = np.zeros((self.robot.axes, 3))
+        moment[index:] = np.reshape(shares, (-1, 3)) * first_moments(self.robot)[index:, None]
+        nothing = np.zeros((3, 3))
+        there, without = (
+            _core.gravity_torque_jacobian(
+                replace(self.robot, links=tuple(Link(1.0, centre, nothing) for centre in centres)).core,
+                q, self.threads,
+            )[:, index]
+            for centres in (moment, 0.0 * moment)
+        )
+        return there - without
 
     @property
     def payload_varies(self) -> bool:

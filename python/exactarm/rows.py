@@ -16,6 +16,7 @@ import numpy as np
 
 from exactarm.columns import PAYLOAD, PAYLOAD_CENTRE
 from exactarm.fixture import Fixture
+from exactarm.robot import Placement
 
 
 @dataclass(frozen=True)
@@ -58,6 +59,7 @@ class Rows:
     length (N,)     read off a bar or wire, m, NaN where none was; None without
     fixture         what is known of the contacts
     covariates      name as in the header -> (N,)
+    flange          the controller's flange in DH frame n, in which centres of payloads are given
     unweighed       sessions whose payload is not known: zero in `payload`, to be estimated
     notes           what reading decided that a user should know, a sentence each
     way (N, n)      -1, 0, +1: how each angle would last have moved had every pose been reached straight from
@@ -89,6 +91,7 @@ class Rows:
     partner: np.ndarray | None = None
     fixture: Fixture = Fixture()
     covariates: dict[str, np.ndarray] = field(default_factory=dict)
+    flange: Placement = Placement()
     sources: tuple[Source, ...] = ()
     unweighed: tuple[int, ...] = ()
     way: np.ndarray | None = None
@@ -126,12 +129,14 @@ class Rows:
     @property
     def payload(self) -> tuple[np.ndarray, np.ndarray] | None:
         """What the flange carries in each row beside the declared links: mass (N,) kg and centre (N, 3) m in
-        its frame; None where no column payload_kg says so. Without centre it hangs at the flange's origin."""
+        DH frame n; None where no column payload_kg says so. Without centre it hangs at the flange's
+        origin."""
         mass = self.covariates.get(PAYLOAD)
         if mass is None:
             return None
         zero = np.zeros(len(self))
-        return mass, np.stack([self.covariates.get(name, zero) for name in PAYLOAD_CENTRE], axis=1)
+        centre = np.stack([self.covariates.get(name, zero) for name in PAYLOAD_CENTRE], axis=1)
+        return mass, self.flange.position + centre @ self.flange.rotation.T
 
     @property
     def first_file(self) -> str | None:

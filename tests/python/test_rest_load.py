@@ -8,7 +8,7 @@ import pytest
 from central_difference import assert_derivative
 from exactarm import _core
 from exactarm.chain import Layout, predict_gear_run, predict_poses
-from exactarm.dataset import Dataset
+from exactarm.dataset import Dataset, read_planned_poses
 from exactarm.effects import effect_from_table, library
 from exactarm.effects.base_compliance import BaseCompliance
 from exactarm.effects.frames import Frames
@@ -17,6 +17,7 @@ from exactarm.effects.link_compliance import LinkCompliance
 from exactarm.effects.payload import Payload
 from exactarm.generic_masses import with_generic_masses
 from exactarm.rest_load import RestLoad
+from exactarm.robot_file import load_robot
 from six_axis import six_axis
 
 ROWS, MASS, CENTRE = 9, 7.0, (0.05, -0.1, 0.2)
@@ -123,15 +124,17 @@ def test_in_motion_a_measured_torque_is_no_static_load(rng):
     assert not RestLoad.of(robot, data).fixed.any()
 
 
+@pytest.mark.parametrize("moments", [False, True])
 @pytest.mark.parametrize("measured", [(), (1,)])
-def test_compliance_under_any_load_passes_the_central_difference(rng, measured):
+def test_compliance_under_any_load_passes_the_central_difference(rng, measured, moments):
     guessed = with_generic_masses(replace(six_axis(), links=None))
     tau = np.full((ROWS, 6), np.nan)
     tau[:, list(measured)] = rng.normal(0.0, 300.0, (ROWS, len(measured)))
     data = with_payload(poses(guessed, rng, tau=tau), rng.uniform(0.0, 10.0, ROWS))
     effects = (Frames.of(1, guessed.base, guessed.tool, False),
                JointCompliance.none_of(guessed, 1).with_values((4e-6, 1e-12)),
-               RelativeCompliance.none_of(guessed, 2, own_free=True).with_values((5e-6, 2e-6, -1e-6)))
+               RelativeCompliance.none_of(guessed, 2, own_free=True, moments=moments).with_values(
+                   (5e-6, 2e-6, -1e-6, *rng.normal(0.0, 1e-6, 12 * moments))))
     layout = Layout.of(effects)
     found = predict_poses(guessed, layout, data)
     steps = [1e-3 * p.plausible for p in layout.parameters]
@@ -146,10 +149,38 @@ def test_payload_as_a_cause_tells_nothing_of_axes_whose_torque_is_measured(rng):
     assert not np.any(view.response(Payload(None, (0.0,) * 4)))
 
 
+def test_a_payload_hangs_in_the_flange_frame_of_the_controller(tmp_path, rng):
+    """The last link of a URDF need not lie as DH frame n does: its payload weighs as a mass of that link."""
+    def urdf(mass, centre):
+        inertial = (f'<inertial><origin xyz="{centre}" rpy="0 0 0"/><mass value="{mass}"/>'
+                    '<inertia ixx="1e-3" iyy="1e-3" izz="1e-3" ixy="0" ixz="0" iyz="0"/></inertial>')
+        places = [("0 0 0.3", "0 0 1"), ("0.1 0 0.2", "0 1 0"), ("0.4 0 0.1", "-1 0 0")]
+        joints = "".join(
+            f'<joint name="j{i}" type="revolute"><origin xyz="{xyz}"/><parent link="l{i - 1}"/>'
+            f'<child link="l{i}"/><axis xyz="{axis}"/><limit lower="-3" upper="3" effort="9" velocity="3"/>'
+            f'</joint><link name="l{i}">{inertial if i == 3 else ""}</link>'
+            for i, (xyz, axis) in enumerate(places, 1)
+        )
+        return f'<robot name="a"><link name="l0"/>{joints}</robot>'
+
+    (tmp_path / "bare.urdf").write_text(urdf(1e-9, "0 0 0"))
+    (tmp_path / "loaded.urdf").write_text(urdf(4.0, "0.01 0.02 0.08"))
+    q = rng.uniform(-2.0, 2.0, (ROWS, 3))
+    rows = "".join(",".join(map(str, row)) + ",4.0,10,20,80\n" for row in q)
+    (tmp_path / "poses.csv").write_text(
+        "q_1_rad,q_2_rad,q_3_rad,payload_kg,payload_x_mm,payload_y_mm,payload_z_mm\n" + rows)
+    bare, loaded = (load_robot(tmp_path / f"{name}.urdf") for name in ("bare", "loaded"))
+    carried = RestLoad.of(bare, read_planned_poses(tmp_path / "poses.csv", bare)).torque(q)
+    np.testing.assert_allclose(carried, _core.gravity_torque(loaded.core, q, 1), atol=1e-6)
+    assert np.abs(carried[:, 2]).max() > 1.0
+
+
 def test_relative_compliance_survives_the_robot_file_and_says_what_it_is_relative_to():
-    effect = RelativeCompliance.none_of(six_axis(), 1).with_values((4e-6, 1e-6, 0.0))
-    assert effect_from_table(effect.to_table()) == replace(effect, beside_spring=True)
-    assert "generic" in effect.describe()
+    for moments in (False, True):
+        effect = RelativeCompliance.none_of(six_axis(), 1, moments=moments)
+        effect = effect.with_values((4e-6, 1e-6, 0.0, *np.linspace(1e-8, 1e-6, 15 * moments)))
+        assert effect_from_table(effect.to_table()) == replace(effect, beside_spring=True)
+        assert "generic" in effect.describe()
 
 
 @pytest.mark.parametrize("name", ["joint_compliance", "base_compliance", "backlash"])

@@ -1,6 +1,6 @@
 """The arm with what its flange carries in a motion: one body more in its last link, by rows.
 
-    pi_n += (m, m c, m (|c|^2 1 - c c'))     m kg, c (3,) m, flange frame: columns payload_kg, payload_x_m
+    pi_n += (m, m c, m (|c|^2 1 - c c'))     m kg, c (3,) m, DH frame n: columns payload_kg, payload_x_m
 
 A payload, known or of a session that was not weighed (`Effect.carries`), is part of the last link, so it
 enters torque, mass matrix and springs alike. Rows of one payload share an arm; arms without masses carry

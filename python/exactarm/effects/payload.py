@@ -1,6 +1,6 @@
 """Payload: a mass at the flange that the robot file does not know of.
 
-    pi_n += (m, s, I),  s = m c the first moment in the flange frame,
+    pi_n += (m, s, I),  s = m c the first moment in DH frame n,
     I = m / (m^2 + m0^2) (|s|^2 1 - s s')     about the flange: that of a point mass at c for m >> m0
 
 Mass and first moment are the parameters, so that a mass of zero is no singular point (m0 = 1 g); the centre
@@ -27,7 +27,7 @@ _SYMMETRIC = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))  # the order of th
 
 @dataclass(frozen=True)
 class Payload(Effect):
-    """Mass (kg) and first moment (kg m, flange frame) of what the flange carries beside the declared
+    """Mass (kg) and first moment (kg m, DH frame n) of what the flange carries beside the declared
     links."""
 
     name: ClassVar[str] = "payload"
@@ -47,7 +47,7 @@ class Payload(Effect):
 
     @property
     def centre_of_mass(self) -> np.ndarray:
-        """(3,) m in the flange frame; NaN where the mass is zero."""
+        """(3,) m in DH frame n; NaN where the mass is zero."""
         mass, *moment = self.values
         return np.array(moment) / mass if mass else np.full(3, np.nan)
 
@@ -55,7 +55,7 @@ class Payload(Effect):
         x, y, z = 1e3 * self.centre_of_mass
         return (
             f"the flange carries {self.values[0]:.3g} kg more than declared, centred at ({x:.0f}, {y:.0f}, "
-            f"{z:.0f}) mm"
+            f"{z:.0f}) mm of the last DH frame"
         )
 
     def derived(self, covariance):

@@ -47,8 +47,7 @@ def likelier_place(x: np.ndarray, left: np.ndarray, step: np.ndarray, place: flo
     after = np.sum((left - step) ** 2, axis=1)
     before = np.sum(left**2, axis=1)
     square = np.median(np.where(np.arange(len(x)) < now, before, after))
-    if square <= 0.0:
-        return place
+    square = max(square, 1e-12 * float(np.max(before + after)), 1e-300)
     likely = np.cumsum((np.log1p(before / square) - np.log1p(after / square))[::-1])[::-1]
     low, high = max(now - reach, LEAST_ROWS), min(now + reach + 1, len(x) - LEAST_ROWS)
     near = [k for k in range(low, high) if x[k] > x[k - 1]]

@@ -50,7 +50,8 @@ def payload_layout_of_motion(train: Dataset, masses_estimated: bool) -> Layout:
 
 @dataclass(frozen=True)
 class EstimatedPayload:
-    """mass in kg with its 95 % interval, centre (3,) m in the flange frame; estimated: not as declared."""
+    """mass in kg with its 95 % interval, centre (3,) m in the controller's flange frame; estimated: not as
+    declared."""
 
     session: int
     mass: float
@@ -73,13 +74,20 @@ def session_payloads(data: Dataset, layout: Layout, bounds: np.ndarray) -> tuple
         if effect is not None:
             interval = intervals.get(effect.parameter_label(effect.parameters()[0]))
             if interval is not None:
-                found.append(EstimatedPayload(session, effect.values[0], tuple(map(float, interval)),
-                                              effect.centre_of_mass(), True))
+                centre = _as_given(data, effect.centre_of_mass())
+                found.append(
+                    EstimatedPayload(session, effect.values[0], tuple(map(float, interval)), centre, True)
+                )
         elif session not in data.unweighed:
             row = int(np.argmax(data.session == session))
-            mass, centre = data.payload[0][row], data.payload[1][row]
+            mass, centre = data.payload[0][row], _as_given(data, data.payload[1][row])
             found.append(EstimatedPayload(session, float(mass), (float(mass),) * 2, centre, False))
     return tuple(found)
+
+
+def _as_given(data: Dataset, centre: np.ndarray) -> np.ndarray:
+    """(3,) m in the controller's flange frame, of a centre in DH frame n."""
+    return (centre - data.flange.position) @ data.flange.rotation
 
 
 def payload_columns(payloads: tuple[EstimatedPayload, ...]) -> dict[str, list[float]]:

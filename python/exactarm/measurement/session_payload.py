@@ -2,7 +2,7 @@
 
     torque += Y_n(q) pi,   pi (10,) of mass m and first moment s = m c, as in exactarm.effects.payload
 
-Y_n (n, 10): columns of the last link in the regressor of the joint torque, flange frame; at rest its gravity
+Y_n (n, 10): columns of the last link in the regressor of the joint torque, DH frame n; at rest its gravity
 alone counts, and in a motion the body is part of the last link (`carries`). c (m): given, then m (kg) is the
 only parameter, else m and s (kg m). At rest it shows only through what gives way under load, so springs have
 to be known or estimated with it from loads that are known; in a motion the drives feel it. It belongs to the
@@ -47,7 +47,7 @@ class SessionPayload(Effect):
         return f"payload_session{self.session}.{parameter.name}"
 
     def centre_of_mass(self) -> np.ndarray:
-        """(3,) m in the flange frame; zero where there is no mass."""
+        """(3,) m in DH frame n; zero where there is no mass."""
         if self.centre:
             return np.asarray(self.centre)
         return np.array(self.values[1:]) / self.values[0] if self.values[0] > 0.0 else np.zeros(3)
