@@ -1,6 +1,7 @@
 """Every effect of the library: a program and a plan correct it, or say that they do not."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -64,8 +65,9 @@ def found_in_data(effects) -> dict:
     return {label: (value - 1e-9, value + 1e-9) for label, value in pairs}
 
 
-def commands(effects) -> np.ndarray:
-    model = CompensationModel.of(replace(ARM, effects=ARM.effects + tuple(effects),
+@cache
+def commands(effects: tuple = ()) -> np.ndarray:
+    model = CompensationModel.of(replace(ARM, effects=ARM.effects + effects,
                                          intervals=found_in_data(effects)))
     targets = model.controller.poses(Q)
     found = model.commands(targets, Q, APPROACH)
@@ -73,9 +75,10 @@ def commands(effects) -> np.ndarray:
     return found.q
 
 
-def planned(effects) -> tuple[np.ndarray, tuple[str, ...]]:
+@cache
+def planned(effects: tuple = ()) -> tuple[np.ndarray, tuple[str, ...]]:
     """All that a plan is made of, and its warnings."""
-    model = planning_model(replace(ARM, effects=ARM.effects + tuple(effects)))
+    model = planning_model(replace(ARM, effects=ARM.effects + effects))
     q, rate, acceleration = fourier_motion(ARM, 2.0, 1.0 / STEP_S, 5, amplitude=0.3)[1:]
     known = known_functions(model, q, STEP_S, "motion", 1)
     torque = _core.inverse_dynamics(model.core, q, rate, acceleration, 1)
@@ -87,11 +90,11 @@ def planned(effects) -> tuple[np.ndarray, tuple[str, ...]]:
 def test_a_program_and_a_plan_correct_an_effect_or_say_that_they_do_not(name):
     cls, effects = library()[name], FOUND[name]
     model = lambda effect: CompensationModel.of(replace(ARM, effects=(*ARM.effects, effect)))
-    moved = max((float(np.abs(commands([e]) - commands([])).max()) for e in effects[:12]), default=0.0)
+    moved = max((float(np.abs(commands((e,)) - commands()).max()) for e in effects[:12]), default=0.0)
     told = all(model(effect).left_out == (effect.label,) for effect in effects)
     assert (moved > MOVES_RAD) != (told or not effects)
-    plans = [planned([effect]) for effect in effects[:12]]
-    moved = max((float(np.abs(plan[0] - planned([])[0]).max()) for plan in plans), default=0.0)
+    plans = [planned((effect,)) for effect in effects[:12]]
+    moved = max((float(np.abs(plan[0] - planned()[0]).max()) for plan in plans), default=0.0)
     told = all(effect.label in " ".join(plan[1]) for effect, plan in zip(effects, plans))
     assert (moved > MOVES_RAD) != (told or not effects)
     assert effects or not cls.compensable
@@ -103,7 +106,7 @@ def test_a_formula_of_what_a_program_does_not_know_is_left_out_by_name(signal):
     effect = library()["expression"].from_table(draft)
     robot = replace(ARM, effects=(*ARM.effects, effect))
     assert CompensationModel.of(robot).left_out == (effect.label,) and not effect.compensable
-    assert effect.label in " ".join(planned([effect])[1])
+    assert effect.label in " ".join(planned((effect,))[1])
 
 
 @pytest.mark.parametrize(("turned", "motor"), [(5, 4), (6, 5), (3, 2)])
