@@ -10,7 +10,6 @@ Searched and fitted on the resampled runs (resampled_run.py); judged on all samp
 
 from __future__ import annotations
 
-from copy import copy
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,11 +19,11 @@ from exactarm.dataset import Dataset
 from exactarm.diagnose.coloured_noise import ColouredNoise, NoiseMemory
 from exactarm.diagnose.next_runs import separating_run
 from exactarm.diagnose.problem import Fitted, Problem, orthonormal
+from exactarm.diagnose.problem_in_time import ProblemInTime
 from exactarm.diagnose.resampled_run import resampled_run
 from exactarm.diagnose.scan import free_mask
-from exactarm.diagnose.time_groups import stretches_of_response, time_groups
-from exactarm.effects.base import Effect, Station
-from exactarm.identify.declared import all_effects
+from exactarm.diagnose.time_groups import time_groups
+from exactarm.effects.base import Effect
 from exactarm.identify.drifting_noise import DriftingNoise
 from exactarm.identify.gear_declared import declared_gear_layout, sensor_layout
 from exactarm.identify.gear_fit import fit_gear_runs
@@ -52,7 +51,7 @@ class GearFitted(Fitted):
         return values if self.drift is None else self.drift.white(values)
 
 
-class GearProblem(Problem):
+class GearProblem(ProblemInTime):
     """Runs of one axis at a time under a gyroscope, or of all axes together between encoders."""
 
     kind = GEAR_RUN.name
@@ -89,12 +88,7 @@ class GearProblem(Problem):
             drift = self._estimator.drift_of(plain, self.record.runs, self._step)
             fitted = self._fit_with(layout, drift, rows)
             known = self._estimator.of(fitted, self.record.runs, self._step, drift)
-        return self._counted(fitted, known)
-
-    def knowing(self, fitted: Fitted) -> GearProblem:
-        other = copy(self)
-        other._noise = fitted.noise
-        return other
+        return self._counted(fitted, known, self._step)
 
     def _fit_with(self, layout: Layout, drift: DriftingNoise | None, rows: np.ndarray) -> GearFitted:
         """The layout fitted to noise that drifts so; sigma of what lies behind the filter, every row
@@ -118,13 +112,6 @@ class GearProblem(Problem):
             view=prediction.view,
             drift=drift,
         )
-
-    def _counted(self, fitted: GearFitted, known: NoiseMemory) -> GearFitted:
-        """Correlated samples count as fewer, against priors and in intervals."""
-        known = self._estimator.renewed(known, fitted, self.record.runs, self._step)
-        freedom = max(int(known.share * fitted.fit.freedom), 1)
-        widened = replace(fitted.fit, covariance=fitted.fit.covariance / known.share, freedom=freedom)
-        return replace(fitted, sigma=fitted.sigma / np.sqrt(known.share), fit=widened, noise=known)
 
     def settled(self, fitted: Fitted) -> Fitted:
         """What drifts between two encoders is as much what no cause explains as it is noise: effects that the
@@ -251,12 +238,6 @@ class GearProblem(Problem):
             return folds
         return np.arange(len(folds)) // int(np.ceil(1.0 / self._noise.share))
 
-    def groups_for(self, response: np.ndarray) -> np.ndarray:
-        return stretches_of_response(self.groups(), response, 1.0 / self._noise.share)
-
-    def correlation_factor(self, fitted: Fitted) -> float:
-        return fitted.noise.share
-
     def signals(self, fitted: Fitted) -> dict[str, np.ndarray]:
         view = fitted.view
         signals = {}
@@ -290,19 +271,6 @@ class GearProblem(Problem):
         squares = [white_noise(column[np.isfinite(column)]) ** 2 for rows in runs
                    for column in errors[rows].T]
         return float(min(np.sqrt(np.mean(squares) / np.nanmean(errors**2)), 1.0))
-
-    def updated_robot(self, fitted: Fitted) -> Robot:
-        result = self.robot
-        for effect in fitted.layout.effects:
-            if effect.declared:
-                result = effect.bake(result)
-        pairs = zip(fitted.layout.names, fitted.fit.interval())
-        set_up = {e.parameter_label(p) for e in fitted.layout.effects
-                  if e.station == Station.DEVICE and e.declared
-                  for p in e.parameters()}
-        intervals = {name: (float(low), float(high)) for name, (low, high) in pairs if name not in set_up}
-        return replace(result, effects=all_effects(self.robot, self.data, fitted.layout, self.kind),
-                       intervals=dict(self.robot.intervals) | intervals)
 
     def separating_experiment(self, fitted: Fitted, one: Effect, other: Effect) -> str:
         return separating_run(self.robot, fitted, self.record, one, other, self.unit)

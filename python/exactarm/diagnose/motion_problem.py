@@ -9,7 +9,6 @@ masses or has estimated ones; of these, what the motion excites. Both sides pass
 from __future__ import annotations
 
 import pickle
-from copy import copy
 from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
@@ -26,12 +25,12 @@ from exactarm.chain.motion_record import measured_torque, runs_of
 from exactarm.dataset import Dataset
 from exactarm.diagnose.coloured_noise import ColouredNoise, NoiseMemory
 from exactarm.diagnose.next_motions import separating_motion
-from exactarm.diagnose.problem import Fitted, Problem
+from exactarm.diagnose.problem import Fitted
+from exactarm.diagnose.problem_in_time import ProblemInTime
 from exactarm.diagnose.scan import free_mask
-from exactarm.diagnose.time_groups import run_groups, stretches_of_response
 from exactarm.effects.base import Effect, Station
 from exactarm.identify.base_parameters import base_parameters
-from exactarm.identify.declared import all_effects, carried_layout, require_geometry
+from exactarm.identify.declared import carried_layout, require_geometry
 from exactarm.identify.dynamics import (
     excited_layout,
     friction_layout,
@@ -104,7 +103,7 @@ def _in_parts(places: list[int], widths: list[int]) -> list[list[int]]:
     return [[places[k] for k in np.flatnonzero(part_of == part)] for part in np.unique(part_of)]
 
 
-class MotionProblem(Problem):
+class MotionProblem(ProblemInTime):
     """One or several runs of all axes together."""
 
     unit = "Nm"
@@ -174,8 +173,8 @@ class MotionProblem(Problem):
         return replace(fitted, sigma=found.sigma / np.sqrt(known.share), noise=known)
 
     def knowing(self, fitted: Fitted) -> MotionProblem:
-        other = copy(self)
-        other._noise, other.record = fitted.noise, fitted.record
+        other = super().knowing(fitted)
+        other.record = fitted.record
         return other
 
     def _estimated(self, layout: Layout, record: MotionRecord, rows: np.ndarray,
@@ -225,15 +224,6 @@ class MotionProblem(Problem):
     def shows(self, effect: type[Effect]) -> bool:
         return super().shows(effect) and not (self.inertial and effect.inertia_of)
 
-    def groups(self) -> np.ndarray:
-        return run_groups(self.record.data.run)
-
-    def groups_for(self, response: np.ndarray) -> np.ndarray:
-        return stretches_of_response(self.groups(), response, 1.0 / self._noise.share)
-
-    def correlation_factor(self, fitted: Fitted) -> float:
-        return fitted.noise.share
-
     def signals(self, fitted: Fitted) -> dict[str, np.ndarray]:
         view, data, signals = fitted.view, self.record.data, {}
         rate = view.signals["theta_dot"] / view.robot.controller_ratios
@@ -278,17 +268,6 @@ class MotionProblem(Problem):
         step = float(np.median([typical_step(self.data.time[rows]) for rows in parts]))
         floor = np.sqrt(np.mean(variances) * self.record.white_share(step))
         return float(min(floor / self.error_of_unit_noise(fitted), 1.0))
-
-    def updated_robot(self, fitted: Fitted) -> Robot:
-        result = self.robot
-        for effect in fitted.layout.effects:
-            if effect.declared:
-                result = effect.bake(result)
-        pairs = zip(fitted.layout.names, fitted.fit.interval())
-        intervals = dict(self.robot.intervals) | {name: (float(low), float(high))
-                                                  for name, (low, high) in pairs}
-        return replace(result, effects=all_effects(self.robot, self.data, fitted.layout, self.kind),
-                       intervals=intervals)
 
     def separating_experiment(self, fitted: Fitted, one: Effect, other: Effect) -> str:
         return separating_motion(self.robot, fitted, fitted.record, one, other)

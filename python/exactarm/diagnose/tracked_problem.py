@@ -8,8 +8,7 @@ pieces of them are held out. Fitted and searched on subsampled runs, judged on a
 
 from __future__ import annotations
 
-from copy import copy
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -18,9 +17,9 @@ from exactarm.chain import Layout, MotionRecord, reversals_left_out
 from exactarm.dataset import Dataset
 from exactarm.diagnose.coloured_noise import ColouredNoise, NoiseMemory
 from exactarm.diagnose.next_motions import separating_motion
-from exactarm.diagnose.problem import Fitted, Problem, rows_kept
+from exactarm.diagnose.problem import Fitted, rows_kept
+from exactarm.diagnose.problem_in_time import ProblemInTime
 from exactarm.diagnose.smoothness import second_order
-from exactarm.diagnose.time_groups import run_groups, stretches_of_response
 from exactarm.effects.base import Effect, Station
 from exactarm.identify.calibrate import calibrated_robot, identifiable_layout, require_sessions
 from exactarm.identify.declared import carried_layout, geometry_layout
@@ -86,7 +85,7 @@ class TrackedFitted(Fitted):
         return view.target_by("q")[:, :, columns] @ moved
 
 
-class TrackedProblem(Problem):
+class TrackedProblem(ProblemInTime):
     """One or several runs of all axes under a tracker."""
 
     unit = "m"
@@ -151,15 +150,7 @@ class TrackedProblem(Problem):
             sigma=np.full(3, max(found.sigma, _LEAST_SIGMA)), weight=clear.astype(float), view=view,
             drawing=self._drawing,
         )
-        known = self._estimator.renewed(self._noise, fitted, self.record.runs, self.record.step)
-        freedom = max(int(known.share * found.fit.freedom), 1)
-        widened = replace(found.fit, covariance=found.fit.covariance / known.share, freedom=freedom)
-        return replace(fitted, sigma=fitted.sigma / np.sqrt(known.share), fit=widened, noise=known)
-
-    def knowing(self, fitted: Fitted) -> TrackedProblem:
-        other = copy(self)
-        other._noise = fitted.noise
-        return other
+        return self._counted(fitted, self._noise, self.record.step)
 
     def errors(self, fitted: Fitted, data: Dataset) -> np.ndarray:
         record = self._record_of(data)
@@ -169,9 +160,6 @@ class TrackedProblem(Problem):
 
     def left_out(self) -> tuple[str, ...]:
         return reversals_left_out(self._records.values())
-
-    def groups(self) -> np.ndarray:
-        return run_groups(self.record.data.run)
 
     def stretches(self) -> np.ndarray | None:
         run = self.record.data.run
@@ -185,12 +173,6 @@ class TrackedProblem(Problem):
         jacobian = predict_record(self.robot, fitted.layout, record, threads=self.threads).jacobian
         jacobian = jacobian[:: max(1, len(jacobian) // _SPREAD_ROWS), :3]
         return float(np.mean(np.einsum("nap,pq,naq->n", jacobian, fitted.fit.covariance, jacobian)))
-
-    def groups_for(self, response: np.ndarray) -> np.ndarray:
-        return stretches_of_response(self.groups(), response, 1.0 / self._noise.share)
-
-    def correlation_factor(self, fitted: Fitted) -> float:
-        return fitted.noise.share
 
     def signals(self, fitted: Fitted) -> dict[str, np.ndarray]:
         view, data, signals = fitted.view, self.record.data, {}

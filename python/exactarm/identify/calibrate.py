@@ -25,6 +25,7 @@ from exactarm.identify.declared import (
     frames_layout,
     geometry_layout,
     require_geometry,
+    with_estimates,
 )
 from exactarm.identify.identifiability import Identifiability, select_identifiable, still_axes
 from exactarm.identify.loads import kept_masses, with_loads
@@ -235,21 +236,15 @@ def require_enough(layout: Layout, data: Dataset, orientation: bool) -> None:
 
 def calibrated_robot(robot: Robot, data: Dataset, layout: Layout, fit: Fit, kind: str = POSES.name) -> Robot:
     """The robot with the estimates in its tables, found effects beside them, and the intervals on record."""
-    result = robot.with_controller_frames
-    for effect in layout.effects:
-        if effect.declared:
-            result = effect.bake(result)
     sessions = [effect for effect in layout.effects if effect.frames_of is not None]
     base, tool = robot.base, robot.tool
     if sessions:
         base, tool = sessions[0].place(sessions[0].frames_of, Placement(), Placement())
     layout = _after_fit(robot, data, layout, fit)
-    pairs = zip(layout.names, fit.interval())
-    intervals = dict(robot.intervals) | {name: (float(low), float(high)) for name, (low, high) in pairs}
+    result = with_estimates(robot.with_controller_frames, layout, fit.interval())
     # the only kind whose rows the covariance is certified by
     certified = kind_of(kind).target_at_rest and bool(sessions)
     return replace(result, base=base, tool=tool, effects=all_effects(robot, data, layout, kind),
-                   intervals=intervals,
                    covariance=_covariance(robot, data, layout, fit) if certified else None)
 
 

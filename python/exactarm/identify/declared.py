@@ -7,11 +7,13 @@ values, or free where an earlier fit has estimated them.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from exactarm.chain import Layout
 from exactarm.dataset import Dataset
-from exactarm.effects.base import Effect, Parameter
+from exactarm.effects.base import Effect, Parameter, Station
 from exactarm.effects.declared_ratio import DeclaredRatio
 from exactarm.effects.frames import Frames
 from exactarm.effects.geometry import Geometry
@@ -44,6 +46,20 @@ def all_effects(robot: Robot, data: Dataset, layout: Layout, kind: str = POSES.n
     carried = carried_layout(robot, data, kind).effects
     apart = tuple(effect for effect in robot.effects if effect not in carried)
     return apart + tuple(effect for effect in layout.effects if not effect.declared)
+
+
+def with_estimates(robot: Robot, layout: Layout, intervals: np.ndarray) -> Robot:
+    """The robot with the estimates of the declared model in its tables and the intervals (P, 2) on record;
+    how a sensor was mounted is none of it."""
+    result = robot
+    for effect in layout.effects:
+        if effect.declared:
+            result = effect.bake(result)
+    set_up = {effect.parameter_label(parameter) for effect in layout.effects
+              if effect.declared and effect.station == Station.DEVICE for parameter in effect.parameters()}
+    told = {name: (float(low), float(high)) for name, (low, high) in zip(layout.names, intervals)
+            if name not in set_up}
+    return replace(result, intervals=dict(robot.intervals) | told)
 
 
 def reestimated_layout(robot: Robot, data: Dataset) -> Layout:

@@ -33,7 +33,7 @@ from exactarm.errors import InputError
 from exactarm.generic_masses import with_declared_masses
 from exactarm.identify.base_parameters import BaseParameters, base_parameters
 from exactarm.identify.consistent import consistent_fit
-from exactarm.identify.declared import carried_layout, require_geometry
+from exactarm.identify.declared import carried_layout, require_geometry, with_estimates
 from exactarm.identify.friction_width import friction_widths
 from exactarm.identify.motion_fit import MotionFit, fit_motion
 from exactarm.identify.prior_bodies import declares_bodies
@@ -136,7 +136,7 @@ def identify_dynamics(robot: Robot, data: Dataset, options: DynamicsOptions = Dy
         after = {name: fit.residual(record, options.threads) for name, record in records.items()}
     dropped = tuple(_structurally(base)) * options.inertial + unexcited
     return DynamicsIdentification(
-        robot=identified_robot(fit.robot, fit),
+        robot=with_estimates(fit.robot, fit.layout, fit.intervals),
         fit=fit,
         base=base,
         dropped=dropped,
@@ -215,17 +215,6 @@ def require_enough(layout: Layout, record: MotionRecord) -> None:
             f"{numbers} numbers at {record.bandwidth_hz or 0:.3g} Hz bandwidth for {layout.size} parameters: "
             "expected a longer motion"
         )
-
-
-def identified_robot(robot: Robot, fit: MotionFit) -> Robot:
-    """The robot with the estimates in its tables and the intervals on record."""
-    result = robot
-    for effect in fit.layout.effects:
-        if effect.declared:
-            result = effect.bake(result)
-    pairs = zip(fit.layout.names, fit.intervals)
-    intervals = dict(robot.intervals) | {name: (float(low), float(high)) for name, (low, high) in pairs}
-    return replace(result, intervals=intervals)
 
 
 def _structurally(base: BaseParameters):

@@ -1,0 +1,52 @@
+"""Problems whose rows are samples of runs: neighbours share their noise, so they count as fewer.
+
+share: independent numbers per number (coloured_noise.py). A fit weighs its rows by the share that an earlier
+one has left in `_noise`, and its intervals are wider by 1 / sqrt(share).
+"""
+
+from __future__ import annotations
+
+from copy import copy
+from dataclasses import replace
+from typing import Any, Self
+
+import numpy as np
+
+from exactarm.diagnose.coloured_noise import ColouredNoise, NoiseMemory
+from exactarm.diagnose.problem import Fitted, Problem
+from exactarm.diagnose.time_groups import run_groups, stretches_of_response
+from exactarm.identify.declared import all_effects, with_estimates
+from exactarm.robot import Robot
+
+
+class ProblemInTime(Problem):
+    """record: of the identification rows, as they are fitted."""
+
+    record: Any
+    _estimator: ColouredNoise
+    _noise: NoiseMemory
+
+    def knowing(self, fitted: Fitted) -> Self:
+        other = copy(self)
+        other._noise = fitted.noise
+        return other
+
+    def _counted(self, fitted: Fitted, known: NoiseMemory, step: float) -> Fitted:
+        """Correlated samples, `step` s apart, count as fewer, against priors and in intervals."""
+        known = self._estimator.renewed(known, fitted, self.record.runs, step)
+        freedom = max(int(known.share * fitted.fit.freedom), 1)
+        widened = replace(fitted.fit, covariance=fitted.fit.covariance / known.share, freedom=freedom)
+        return replace(fitted, sigma=fitted.sigma / np.sqrt(known.share), fit=widened, noise=known)
+
+    def groups(self) -> np.ndarray:
+        return run_groups(self.record.data.run)
+
+    def groups_for(self, response: np.ndarray) -> np.ndarray:
+        return stretches_of_response(self.groups(), response, 1.0 / self._noise.share)
+
+    def correlation_factor(self, fitted: Fitted) -> float:
+        return fitted.noise.share
+
+    def updated_robot(self, fitted: Fitted) -> Robot:
+        result = with_estimates(self.robot, fitted.layout, fitted.fit.interval())
+        return replace(result, effects=all_effects(self.robot, self.data, fitted.layout, self.kind))
