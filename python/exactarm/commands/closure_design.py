@@ -1,5 +1,5 @@
 """What `exactarm design --contact socket` says: where to put a fixture of two seats, and the poses that touch
-them; and for a gravity sensor the poses to read it in."""
+them; for a gravity sensor the poses to read it in; for a camera where to put the board, and the poses."""
 
 from __future__ import annotations
 
@@ -7,8 +7,11 @@ import numpy as np
 
 from exactarm.commands.design_for import pose_columns
 from exactarm.commands.result import CommandResult
+from exactarm.fixture import CameraSetup
+from exactarm.identify.camera_design import CORNER_PX, REPEATS_M, CameraDesign, design_pictures
 from exactarm.identify.closure_design import ClosureDesign, ClosureDesignOptions, design_closures
 from exactarm.identify.gravity_design import SIGMA_RAD, GravityDesign, design_gravity
+from exactarm.measurement.board_views import LEAST_SEEN, Views
 from exactarm.report import Quantity, Report, Table, Text
 from exactarm.report.numbers import quantity
 from exactarm.robot import Robot
@@ -33,7 +36,7 @@ def designed_closures(robot: Robot, options: ClosureDesignOptions) -> CommandRes
     )
 
 
-def _expected(found: ClosureDesign | GravityDesign) -> dict:
+def _expected(found: ClosureDesign | GravityDesign | CameraDesign) -> dict:
     """What every design of closures says in result.json."""
     return {
         "deviation_m": dict(zip(("drawing", "random_poses", "design"), found.deviation)),
@@ -65,6 +68,47 @@ def designed_readings(robot: Robot, sensor: str, options: ClosureDesignOptions) 
             )),
         ), "good"),
         tables={"poses.csv": {"session": np.ones(len(found.q), int)} | pose_columns(robot, found.q, None)},
+    )
+
+
+def designed_pictures(robot: Robot, setup: CameraSetup, options: ClosureDesignOptions,
+                      views: Views) -> CommandResult:
+    """Where to put the board (or the camera), and the poses in which to take pictures: `poses.csv`."""
+    found = design_pictures(robot, setup, options, views)
+    alone, random, chosen = found.deviation
+    stands = "board" if setup.on_flange else "camera"
+    verdict = (
+        f"{len(found.q)} pictures, the {stands} at {len(found.cameras)} places: the target's position over "
+        f"the work space will be known to {quantity(chosen, 'm')} (RMS), with random poses that see the "
+        f"board at these places to {quantity(random, 'm')}, from the drawing alone to {quantity(alone, 'm')}."
+    )
+    placed = [{"session": session, stands: {"position_m": place.tolist(), "rotation": turn.tolist()}}
+              for session, (turn, place) in enumerate((camera.frames()[1] for camera in found.cameras), 1)]
+    seen = [(number, *(Quantity(float(x), "m") for x in entry[stands]["position_m"]),
+             *(Quantity(float(row[2])) for row in entry[stands]["rotation"]),
+             int(np.sum(found.session == number))) for number, entry in enumerate(placed, 1)]
+    dropped = tuple((entry.name, entry.why) for entry in found.identifiability.dropped)
+    what = "outer corner" if setup.on_flange else "lens"
+    return CommandResult(
+        json=_expected(found) | {"places": placed},
+        report=Report(f"Poses for pictures of a board: {robot.name}", verdict, (
+            Table(f"Where the {stands} stands",
+                  ("place", "x", "y", "z", "z axis: x", "y", "z", "pictures"), tuple(seen),
+                  f"Its {what} in the robot's base frame, and where its z axis points (of a board: into it). "
+                  "It may stand centimetres elsewhere: it is estimated."),
+            Table("Not identified", ("parameter", "why"), dropped, "These keep their declared values."),
+            Text("How", (
+                f"In every pose {LEAST_SEEN:.0%} of the corners or more are in the picture, the board's "
+                f"middle is {quantity(views.near, 'm')} to {quantity(views.far, 'm')} before the lens, and "
+                f"the view within {np.degrees(views.lean):.0f} degrees of the board's normal. What the "
+                "flange carries is taken to sit at the target of the robot file and to look along its z: "
+                "give the rotation of [tool] where it does not.",
+                f"A corner is taken to be good to {CORNER_PX:g} px, the arm to repeat to "
+                f"{quantity(REPEATS_M, 'm')}. The body of the arm may hide the board, and cables and "
+                "obstacles are not known here: look at each picture, and leave out those that show nothing.",
+            )),
+        ), "good"),
+        tables={"poses.csv": {"session": found.session} | pose_columns(robot, found.q, None)},
     )
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from exactarm.commands.arguments import add_robot
 from exactarm.commands.call import AnyRobot, asked, robot_of, threads_of
-from exactarm.commands.closure_design import designed_closures, designed_readings
+from exactarm.commands.closure_design import designed_closures, designed_pictures, designed_readings
 from exactarm.commands.design_for import designed_for, minutes_of, pose_columns
 from exactarm.commands.isolability_table import isolability_columns, isolability_json, isolability_table
 from exactarm.commands.planning_arguments import (
@@ -32,12 +32,14 @@ from exactarm.compensate.measuring_program import WRITERS, measuring_program, st
 from exactarm.dataset import Dataset
 from exactarm.diagnose.isolability import isolability
 from exactarm.errors import InputError
+from exactarm.fixture import CameraSetup, load_fixture
 from exactarm.identify.closure_design import ClosureDesignOptions
 from exactarm.identify.design import Design, DesignOptions, design_poses
 from exactarm.identify.line_of_sight import Station
 from exactarm.identify.pose_space import Box
 from exactarm.kinds import POSES
-from exactarm.measurement.contacts import SENSORS
+from exactarm.measurement.board_views import VIEWS, Views
+from exactarm.measurement.contacts import CAMERA, SENSORS
 from exactarm.progress import SILENT, Progress
 from exactarm.report import Figure, Quantity, Report, Section, Table, Text, Warnings
 from exactarm.report.numbers import number
@@ -75,16 +77,25 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     next_one.add_argument("--minutes", metavar="NAME=MINUTES", action="append", default=[],
                           help="what it costs to visit a pose (visit) or to mount a payload (payload)")
     touch = parser.add_argument_group("calibration without a tracker")
-    touch.add_argument("--contact", choices=("socket", *SENSORS),
+    touch.add_argument("--contact", choices=("socket", *SENSORS, *CAMERA),
                        help="design touches of two seats instead: where to put them, and the poses; tilt, "
-                            "accel: poses to read a sensor on the flange in")
+                            "accel: poses to read a sensor on the flange in; camera: where to put a board, "
+                            "and the poses to take pictures in")
     touch.add_argument("--places", metavar="K", type=int, default=3,
-                       help="of the two seats (default %(default)s)")
+                       help="of the two seats, of the board (default %(default)s)")
     touch.add_argument("--apart-mm", metavar="MM", type=float, default=50.0,
                        help="distance of the seats (default %(default)s)")
     touch.add_argument("--at", metavar="X,Y,Z", action="append", default=[],
-                       help="middle of the two seats at a given place, in m in the base frame; may be "
-                            "repeated (default: proposed)")
+                       help="middle of the two seats, of the board at a given place, in m in the base "
+                            "frame; may be repeated (default: proposed)")
+    touch.add_argument("--fixture", metavar="FILE", type=Path,
+                       help="[board] and [camera] (size_px, focal_px) of the pictures (.toml)")
+    touch.add_argument("--near-mm", metavar="MM", type=float, default=1e3 * VIEWS.near,
+                       help="least distance of camera and board (default %(default)g)")
+    touch.add_argument("--far-mm", metavar="MM", type=float, default=1e3 * VIEWS.far,
+                       help="most distance of camera and board (default %(default)g)")
+    touch.add_argument("--tilt-deg", metavar="DEG", type=float, default=round(np.degrees(VIEWS.lean)),
+                       help="most angle of the view from the board's normal (default %(default)g)")
 
 
 def design(
@@ -155,9 +166,28 @@ def _closures(arguments: argparse.Namespace) -> CommandResult:
         box=box_of(arguments.box), clearance=clearance_of(arguments.clearance), seed=arguments.seed,
         threads=arguments.threads,
     )
+    if arguments.contact in CAMERA:
+        return designed_pictures(robot, _camera(arguments.fixture), options, _views(arguments))
     if arguments.contact in SENSORS:
         return designed_readings(robot, arguments.contact, options)
     return designed_closures(robot, options)
+
+
+def _camera(file: Path | None) -> CameraSetup:
+    setup = None if file is None else load_fixture(file).camera
+    if setup is None:
+        raise InputError("no board; expected --fixture with [board] (squares, square_mm) and [camera] "
+                         "(size_px, focal_px)", file=None if file is None else str(file))
+    return setup
+
+
+def _views(arguments: argparse.Namespace) -> Views:
+    near, far, tilt = arguments.near_mm, arguments.far_mm, arguments.tilt_deg
+    if not 1.0 <= near < far <= 1e5:
+        raise InputError(f"--near-mm {near:g}, --far-mm {far:g}: expected 1 to 100000, the first smaller")
+    if not 0.0 < tilt <= 80.0:
+        raise InputError(f"--tilt-deg {tilt:g}: expected degrees above 0, 80 at most")
+    return Views(1e-3 * near, 1e-3 * far, float(np.radians(tilt)))
 
 
 def run(arguments: argparse.Namespace) -> CommandResult:
