@@ -229,7 +229,7 @@ def _read_file(
 def _check_files(files: Sequence[_File]) -> None:
     """No file twice; and a quantity that only some files have could be neither used nor dropped without a
     word."""
-    numbering = {("session", None), ("run", None), ("visit", None)}
+    numbering: set[tuple[str, int | None] | str] = {("session", None), ("run", None), ("visit", None)}
     partner = {key for file in files for key in file.columns if key[0] == PARTNER}
     if partner or any((name, None) in file.columns for file in files
                       for name in (*CONTACTS, TILT[0], ACCEL[0], PIXEL[0])):

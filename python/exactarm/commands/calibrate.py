@@ -23,7 +23,8 @@ from exactarm.dataset import Dataset
 from exactarm.errors import InputError
 from exactarm.identify.calibrate import Calibration, CalibrationOptions
 from exactarm.identify.calibrate import calibrate as identify_geometry
-from exactarm.identify.closures import calibrate_closures, gravity_alone
+from exactarm.identify.closure_scale import gravity_alone
+from exactarm.identify.closures import calibrate_closures
 from exactarm.identify.declared import geometry_layout
 from exactarm.identify.identifiability import Dropped
 from exactarm.identify.parameter_name import Group, parse_parameter
