@@ -49,6 +49,8 @@ RIGHT = {
 }
 REFUSED = {
     "an unknown name": FLOW.replace("a4", "wrist"),
+    "a key that is a list": FLOW + "? [a, b]\n: 1\n",
+    "keys of a time that are mappings": FLOW.replace("nanosec: 0", "? {nanosec: 0}\n"),
     "a list among the names": FLOW.replace("a4", "[a4]"),
     "a name given twice": FLOW.replace("a4", "a2"),
     "a point with too few numbers": FLOW.replace("positions: [", "positions: [0.1, ", 1),

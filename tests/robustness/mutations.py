@@ -24,7 +24,8 @@ KEPT = ("--out", "--threads", "--quiet", "--debug", "--help", "-h", "--workers")
 WORDS = [b"", b",", b"\n", b"\r", b"\r\n", b"nan", b"inf", b"1e999", b"-", b'"', b"\xff", b"\0", b"[", b"]",
          b"{", b"=", b"<", b"/>", b"_",
          b"99", b"session", b"true", b"''", b"#", b"&amp;", b"\xef\xbb\xbf", b"\x1b[2J", b"../", b"$x^2$",
-         b"<script>", "µé漢".encode()]
+         b"<script>", "µé漢".encode(),
+         b"? ", b"- ", b"&a ", b"*a", b"[]: ", b"!!set "]
 NUMBERS = [b"0", b"-0.0", b"1", b"-1", b"1e-300", b"1e300", b"1e20", b"9" * 400, b"1e-20", b"0.1",
            b"57.29577951308232", b"1000", b"2147483648",
            b"9007199254740993", b"-9223372036854775809", b"NaN", b"Infinity", b"1_000", b"0x10", b"1,5", b"",

@@ -198,14 +198,16 @@ def _document(source: SourceText):
 
 
 def _fields(node, source: SourceText | None = None) -> dict:
-    """Key -> node; with `source`, a key that is given twice is refused."""
+    """Key -> node; with `source`, a key that is given twice, or is no word, is refused."""
     if not isinstance(node, yaml.MappingNode):
         return {}
     fields: dict = {}
     for key, value in node.value:
-        if source is not None and key.value in fields:
-            raise InputError(f"{key.value} is given twice", file=source.path, line=key.start_mark.line + 1)
-        fields[key.value if isinstance(key.value, str) else ""] = value
+        name = key.value if isinstance(key, yaml.ScalarNode) else ""
+        if source is not None and (name in fields or not isinstance(key, yaml.ScalarNode)):
+            raise InputError(f"{name} is given twice" if name else "a key that is a list; expected a word",
+                             file=source.path, line=key.start_mark.line + 1)
+        fields[name] = value
     return fields
 
 
