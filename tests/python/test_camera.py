@@ -278,6 +278,11 @@ def test_usual_mistakes_with_pictures_are_named_and_right_data_raise_no_suspicio
         found = first_aid(robot.nominal, changed)
         assert len(found) == 1 and words in found[0], (words, found)
     assert first_aid(robot.nominal, data) == ()
+    lens = np.array(TRUE_LENS)
+    for factor, told in ((0.5, True), (0.93, False), (1.0, False), (1.07, False), (2.0, True)):
+        known = replace(SETUP, lens=(*(factor * lens[:2]), *lens[2:]), lens_given=True)
+        found = first_aid(robot.nominal, replace(data, fixture=of(known)))
+        assert (len(found) == 1 and "with focal_px of some 1.4" in found[0]) if told else found == ()
     with pytest.raises(InputError, match="outside of a picture of 1600 by 1200"):  # the size tells it before
         calibrate_closures(robot.nominal, replace(data, pixel=data.pixel[:, ::-1]))
 

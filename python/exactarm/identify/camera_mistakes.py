@@ -26,6 +26,8 @@ from exactarm.measurement.board_pictures import inverse, two_frames
 from exactarm.measurement.camera import board_poses
 from exactarm.robot import Placement, Robot
 
+OTHER_FOCAL = np.log(1.15)  # from where on a focal length is another one and no rough value
+
 
 def camera_mistakes(robot: Robot, data: Dataset) -> list[Suspicion]:
     """The mistakes that explain the pictures of the first session with a camera better, best first."""
@@ -81,3 +83,18 @@ def _candidates(setup: CameraSetup, data: Dataset) -> Iterator[tuple[str, Camera
                replace(setup, columns=setup.rows, rows=setup.columns), data)
     if data.corner.min() >= 1:
         yield "corners numbered from 0", setup, replace(data, corner=data.corner - 1)
+    if setup.lens is not None:
+        yield from _other_lens(setup, setup.lens[0], data)
+
+
+def _other_lens(
+    setup: CameraSetup, focal: float, data: Dataset
+) -> Iterator[tuple[str, CameraSetup, Dataset]]:
+    """The focal length that the pictures show by themselves, where the declared one is far from it."""
+    unknown = replace(setup, lens=None)
+    try:
+        shown = float(board_poses(unknown, data, np.arange(len(data)))[0][0])
+    except InputError:  # no picture shows it
+        return
+    if abs(np.log(shown / focal)) > OTHER_FOCAL:
+        yield f"focal_px of some {shown:.3g} in place of {focal:.4g} in the fixture file", unknown, data

@@ -17,6 +17,8 @@ from exactarm.signals import typical_step
 LEAST_CORRELATION = 0.9  # below, the two signals do not tell when they agree
 LEAST_DRIFT_S, LEAST_DRIFT_STEPS = 0.005, 2.0  # smaller ones are rounding of the stamps
 MOST_SAMPLES = 4000  # of a third
+SMOOTH_SAMPLES = 15  # of the mean before a slope is taken: a bend of any motion is longer
+SURE = 6.0  # standard deviations of a drift: slow motions leave little beside the noise of a speed
 
 
 @dataclass(frozen=True)
@@ -28,10 +30,12 @@ class Lags:
     last: float
     span: float
     step: float
+    deviation: float = 0.0  # of last - first, s
 
     @property
     def drifts(self) -> bool:
-        return abs(self.last - self.first) > max(LEAST_DRIFT_S, LEAST_DRIFT_STEPS * self.step)
+        least = max(LEAST_DRIFT_S, LEAST_DRIFT_STEPS * self.step, SURE * self.deviation)
+        return abs(self.last - self.first) > least
 
 
 def lags(time: np.ndarray, one: np.ndarray, other: np.ndarray) -> Lags | None:
@@ -42,19 +46,21 @@ def lags(time: np.ndarray, one: np.ndarray, other: np.ndarray) -> Lags | None:
     if not step > 0.0:
         return None
     third = max(len(time) // 3, 20)
-    parts = []
+    parts, variance = [], 0.0
     for rows in (slice(0, third), slice(len(time) - third, len(time))):
         even = np.arange(time[rows][0], time[rows][-1], step * max(1.0, third / MOST_SAMPLES))
-        lag = _lag(np.interp(even, time[rows], one[rows]), np.interp(even, time[rows], other[rows]))
-        if lag is None:
+        found = _lag(np.interp(even, time[rows], one[rows]), np.interp(even, time[rows], other[rows]))
+        if found is None:
             return None
-        parts.append(lag * (even[1] - even[0]))
-    return Lags(parts[0], parts[1], float(time[-1] - time[0]) * 2.0 / 3.0, step)
+        parts.append(found[0] * (even[1] - even[0]))
+        variance += (found[1] * (even[1] - even[0])) ** 2
+    return Lags(parts[0], parts[1], float(time[-1] - time[0]) * 2.0 / 3.0, step, float(np.sqrt(variance)))
 
 
-def _lag(one: np.ndarray, other: np.ndarray) -> float | None:
-    """In samples: where the mean square difference of the two, of one size, is least. Per sample of their
-    overlap, for a plain correlation falls with the overlap, and hides a lag between two long plateaus."""
+def _lag(one: np.ndarray, other: np.ndarray) -> tuple[float, float] | None:
+    """In samples, with its standard deviation: where the mean square difference of the two, of one size, is
+    least. Per sample of their overlap, for a plain correlation falls with the overlap, and hides a lag
+    between two long plateaus."""
     sizes = float(np.linalg.norm(one)), float(np.linalg.norm(other))
     if min(np.ptp(one), np.ptp(other)) == 0.0:
         return None
@@ -75,4 +81,11 @@ def _lag(one: np.ndarray, other: np.ndarray) -> float | None:
     if min(map(np.ptp, pair)) == 0.0 or np.corrcoef(*pair)[0, 1] < LEAST_CORRELATION:
         return None
     bend = left[at - 1] - 2.0 * left[at] + left[at + 1]
-    return float(lag + (0.5 * (left[at - 1] - left[at + 1]) / bend if bend > 0.0 else 0.0))
+    return float(lag + (0.5 * (left[at - 1] - left[at + 1]) / bend if bend > 0.0 else 0.0)), _deviation(*pair)
+
+
+def _deviation(one: np.ndarray, other: np.ndarray) -> float:
+    """Of the lag, in samples: what the two differ by over the slope of one, whose noise a mean takes out."""
+    width = min(SMOOTH_SAMPLES, len(one))
+    slope = np.diff(np.convolve(one, np.full(width, 1.0 / width), mode="valid"))
+    return float(np.std(other - one) / max(float(np.linalg.norm(slope)), 1e-300))

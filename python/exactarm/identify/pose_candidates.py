@@ -25,7 +25,7 @@ ANOTHER_SIZE = (
     0.03  # of the lengths: arms of one maker differ by more, and no arm is off by so much as a whole
 )
 # mm for m and another arm by far; beyond, the flange turns on its place, as a turntable's does: any unit fits
-_FARTHEST_SIZE = 1e5
+FARTHEST_SIZE = 1e5
 _TURN = 2.0 * np.pi
 _DEGREE = np.pi / 180.0
 _ALL_COLUMNS = "xyz"
@@ -38,13 +38,10 @@ def candidates(
 ) -> Iterator[Candidate]:
     """(what would have been meant, robot, data) of every mistake; `data` are the rows `rows` of `whole`,
     `size`: how many times as far apart as the robot says the points lie."""
-    sized = 1.0 / _FARTHEST_SIZE < size < _FARTHEST_SIZE
+    sized = 1.0 / FARTHEST_SIZE < size < FARTHEST_SIZE
     units = _of_units(data) if sized else ()
     for words, changed in (*_of_angles(robot, data), *units, *_of_device(data), *_of_rows(data, whole, rows)):
         yield words, robot, changed
-    if sized and abs(size - 1.0) > ANOTHER_SIZE:
-        words = f"the file of an arm {1.0 / size:.3g} times as large as the measured one"
-        yield words, robot, replace(data, position=data.position / size)
     for name in shipped_robots():
         other = load_robot(name)
         if (

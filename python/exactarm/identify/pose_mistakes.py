@@ -22,9 +22,10 @@ from scipy.optimize import minimize_scalar
 from exactarm.chain import Layout, predict_poses
 from exactarm.dataset import Dataset
 from exactarm.identify.frames import find_frames
-from exactarm.identify.pose_candidates import candidates
+from exactarm.identify.pose_candidates import ANOTHER_SIZE, FARTHEST_SIZE, candidates
 from exactarm.identify.reach import reach
 from exactarm.identify.suspicion import FALL, Suspicion, in_order
+from exactarm.kinds import TRACKED_MOTION
 from exactarm.robot import Placement, Robot
 from exactarm.rotation import log as rotation_log
 from exactarm.rotation import nearest
@@ -44,6 +45,9 @@ _SCALES = (
     2.0,
 )  # wrong ratios of gears, from which the best one is looked for
 _SUSPICIOUS_SHARE = 0.005  # of the reach: a whole axis that turns wrongly leaves more
+_LEAST_SHARE = 5e-4  # of the reach: what a wrong clock leaves, less is an arm's own
+_CLOCK_STEP = 1.02
+_CLOCKS = tuple(_CLOCK_STEP**k for k in range(-20, 21) if k)
 _SPLITS = 15  # of a session's rows, at even distances
 _MOST_GROSS = 0.05  # share of rows that may be wrong by themselves
 _GROSS = 10.0  # times the median error of a row
@@ -90,6 +94,8 @@ def pose_mistakes(robot: Robot, data: Dataset, carried: Layout, seed: int = 0) -
         fall = now.fall_to(_misfit(other, own, changed)[0])
         if fall >= FALL:
             found.append(Suspicion(words, fall))
+    found += _another_size(bare, carried, data, size, now, seed)
+    found = found or list(_another_clock(bare, carried, data, now, seed))
     for further in (_scales_of_axes, _changes_midway):
         found = found or list(further(bare, carried, data, now))
     found = found or list(_gross_rows(bare, carried, whole))
@@ -163,11 +169,12 @@ def _linear_frames(
         columns[:, k, 3 * k : 3 * k + 3] = centred / scale
         columns[:, k, 9 + k] = 1.0
     columns[:, :, 12:] = -rotations
-    matrix = _solved(columns, points)[:9].reshape(3, 3) / scale
-    base = nearest(matrix).T
+    found = _solved(columns, points)
+    base = nearest(found[:9].reshape(3, 3) / scale).T
     turned, goal = columns[:, :, 9:], points - centred @ base
-    size = float(np.clip(np.abs(np.linalg.det(matrix)) ** (1.0 / 3.0), 1e-9, 1e9))
-    return base, goal - turned @ _solved(turned, goal), 1.0 / size
+    target = points + rotations @ found[12:]  # a spread, not a determinant: points may lie on a line
+    arm = float(np.sqrt(np.mean((target - target.mean(axis=0)) ** 2)))
+    return base, goal - turned @ _solved(turned, goal), float(np.clip(scale / max(arm, 1e-300), 1e-9, 1e9))
 
 
 def linear_tool(points: np.ndarray, rotations: np.ndarray, measured: np.ndarray) -> np.ndarray:
@@ -184,6 +191,49 @@ def _solved(columns: np.ndarray, goal: np.ndarray) -> np.ndarray:
 
 
 # -- mistakes that have a size, or a place in the record ---------------------------------------------
+def _another_size(
+    bare: Robot, carried: Layout, data: Dataset, size: float, now: Misfit, seed: int
+) -> Iterator[Suspicion]:
+    """All lengths by one factor, with the frames as a calibration finds them: on a line or a circle the
+    linear ones are not known."""
+    if not ANOTHER_SIZE < abs(size - 1.0) or not 1.0 / FARTHEST_SIZE < size < FARTHEST_SIZE:
+        return
+    changed = replace(data, position=data.position / size)
+    fall = now.position / max(_searched(bare, carried, changed, seed), 1e-12)
+    if fall >= FALL:
+        yield Suspicion(f"the file of an arm {1.0 / size:.3g} times as large as the measured one (or lengths "
+                        f"of the device {size:.3g} times too large)", fall)
+
+
+def _another_clock(
+    bare: Robot, carried: Layout, data: Dataset, now: Misfit, seed: int
+) -> Iterator[Suspicion]:
+    """A device whose time runs faster or slower than the controller's, from one start of each run on."""
+    known = TRACKED_MOTION.name in data.kinds and data.time is not None
+    if not known or now.position < _LEAST_SHARE * reach(bare):
+        return
+
+    def fall(factor: float) -> float:
+        joints = {name: values.copy() for name, values in data.joints.items() if name in ("theta", "q")}
+        within = np.zeros(len(data), bool)
+        for run in np.unique(data.run):
+            rows = np.flatnonzero(data.run == run)
+            start = data.time[rows[0]]
+            meant = start + factor * (data.time[rows] - start)
+            within[rows] = meant <= data.time[rows[-1]]
+            for values in joints.values():
+                values[rows] = np.stack([np.interp(meant, data.time[rows], one) for one in values[rows].T], 1)
+        changed = replace(data, joints=data.joints | joints).select(within)
+        return now.position / max(_searched(bare, carried, changed, seed), 1e-12)
+
+    factor = max(_CLOCKS, key=fall)
+    best = minimize_scalar(lambda value: -fall(value), bounds=(factor / _CLOCK_STEP, factor * _CLOCK_STEP),
+                           method="bounded", options={"maxiter": 40, "xatol": 1e-5})
+    if fall(float(best.x)) >= FALL:
+        yield Suspicion(f"a device whose time runs {best.x:.4g} times as fast as the controller's",
+                        fall(float(best.x)))
+
+
 def _scales_of_axes(bare: Robot, carried: Layout, data: Dataset, now: Misfit) -> Iterator[Suspicion]:
     """One axis turns by another factor than its angles say: a wrong gear ratio."""
     if now.position < _SUSPICIOUS_SHARE * reach(bare) and not now.orientation > _LEAST_ORIENTATION_RAD:
