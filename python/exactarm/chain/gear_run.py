@@ -88,8 +88,7 @@ def predict_gear_run(
     """Prediction of every row with the effects of `layout`; `record`: of the same data, to save its
     preparation."""
     record = gear_record(robot, data) if record is None else record
-    for effect in layout.effects:
-        robot = effect.bake(robot)
+    robot = layout.baked(robot)
     view = record.view(robot, data, threads)
     nominal = record.theta / robot.ratios + robot.offsets
     passed = _joint_angles(view, layout, tangents)

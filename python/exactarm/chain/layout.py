@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from exactarm.effects.base import Effect, Parameter
+from exactarm.robot import Robot
 
 
 @dataclass(frozen=True)
@@ -35,6 +36,13 @@ class Layout:
     def held(self) -> Layout:
         """The same effects with nothing free."""
         return Layout(self.effects, tuple(np.zeros_like(mask) for mask in self.free))
+
+    def baked(self, robot: Robot, declared: bool = False) -> Robot:
+        """The robot with those effects in its tables that live there; declared: of its own model."""
+        for effect in self.effects:
+            if effect.declared or not declared:
+                robot = effect.bake(robot)
+        return robot
 
     def without(self, names: set[str]) -> Layout:
         """The same with the named parameters held at their present values."""

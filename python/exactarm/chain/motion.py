@@ -119,9 +119,7 @@ def motion_view(
     bent=None,
 ) -> MotionView:
     """Motor angles, gears, loads, springs and joint angles with their rates: all signals up to the joints."""
-    baked = robot
-    for effect in layout.effects:
-        baked = effect.bake(baked)
+    baked = layout.baked(robot)
     view = MotionView(baked, record.data, kind, threads, evaluated=(robot, layout, record), bent=bent)
     tangents = tangents and layout.size > 0
     _motors(view, layout, record, tangents)
@@ -338,8 +336,6 @@ def _shifted_transmission(
 ) -> np.ndarray:
     if declared is not None:
         return transmission(view, layout, declared)
-    for effect in layout.effects:
-        robot = effect.bake(robot)
-    shifted = replace(view, robot=robot, signals=dict(view.signals), tangents={})
+    shifted = replace(view, robot=layout.baked(robot), signals=dict(view.signals), tangents={})
     _motors(shifted, layout, record, False)
     return transmission(shifted, layout)

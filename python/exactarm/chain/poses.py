@@ -58,9 +58,7 @@ def predict_poses(
     robot: Robot, layout: Layout, data: Dataset, *, tangents: bool = True, threads: int = 1
 ) -> PosePrediction:
     """Prediction of every row of `data` with the effects of `layout` in the chain."""
-    for effect in layout.effects:
-        robot = effect.bake(robot)
-    view = View(robot, data, POSES.name, threads)
+    view = View(layout.baked(robot), data, POSES.name, threads)
     _joint_angles(view, layout, tangents)
     return predict_target(view, layout, tangents)
 

@@ -67,7 +67,7 @@ def consistent_fit(
 ) -> Consistent:
     """`fit` of `robot` (with links in its tables) brought to bodies; `declared`: the robot of the file."""
     n = robot.axes
-    baked = _baked(robot, fit.layout)
+    baked = fit.layout.baked(robot, declared=True)
     blocks = [_Block(np.arange(10 * i, 10 * i + 10), BASIS, Q) for i, Q in enumerate(prior_bodies(declared))]
     others = [
         (e, mask) for e, mask in zip(fit.layout.effects, fit.layout.free) if e.inertia_of != "links"
@@ -99,7 +99,7 @@ def consistent_fit(
             break
     beside = dict(zip((id(e) for e, _ in others), layout.at(z).effects[len(layout.effects) - len(others):]))
     settled = tuple(beside.get(id(effect), effect) for effect in fit.layout.effects)
-    return Consistent(_at(fit, settled, _baked(robot, layout.at(z)), record, threads), reason)
+    return Consistent(_at(fit, settled, layout.at(z).baked(robot, declared=True), record, threads), reason)
 
 
 def _lent_rotors(robot: Robot, layout: Layout) -> tuple[DeclaredRotor, ...]:
@@ -208,13 +208,6 @@ def _objective(A, right, blocks, z, weight) -> float:
         P = block.matrix(z)
         total += weight * float(np.trace(np.linalg.solve(block.prior, P)) - np.linalg.slogdet(P)[1])
     return total
-
-
-def _baked(robot: Robot, layout: Layout) -> Robot:
-    for effect in layout.effects:
-        if effect.declared:
-            robot = effect.bake(robot)
-    return robot
 
 
 def _at(fit: MotionFit, effects: tuple[Effect, ...], robot: Robot, record: MotionRecord,

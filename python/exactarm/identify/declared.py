@@ -51,15 +51,11 @@ def all_effects(robot: Robot, data: Dataset, layout: Layout, kind: str = POSES.n
 def with_estimates(robot: Robot, layout: Layout, intervals: np.ndarray) -> Robot:
     """The robot with the estimates of the declared model in its tables and the intervals (P, 2) on record;
     how a sensor was mounted is none of it."""
-    result = robot
-    for effect in layout.effects:
-        if effect.declared:
-            result = effect.bake(result)
     set_up = {effect.parameter_label(parameter) for effect in layout.effects
               if effect.declared and effect.station == Station.DEVICE for parameter in effect.parameters()}
     told = {name: (float(low), float(high)) for name, (low, high) in zip(layout.names, intervals)
             if name not in set_up}
-    return replace(result, intervals=dict(robot.intervals) | told)
+    return replace(layout.baked(robot, declared=True), intervals=dict(robot.intervals) | told)
 
 
 def reestimated_layout(robot: Robot, data: Dataset) -> Layout:

@@ -159,7 +159,5 @@ def placed_by(points: np.ndarray, flange: np.ndarray, turned: np.ndarray,
 
 def partner_robot(contact: Partner) -> Robot:
     """The partner's robot with its parameters as estimated beside the arm's."""
-    robot = contact.declared_as.robot
-    for effect in contact.arm_now.effects:
-        robot = effect.bake(robot)
+    robot = contact.arm_now.baked(contact.declared_as.robot)
     return replace(robot, tool=Placement(robot.tool.rotation, np.asarray(contact.values[_BALL])))

@@ -47,10 +47,7 @@ class VirtualRobot:
     @property
     def baked(self) -> Robot:
         """The true robot with those effects in its tables that live there."""
-        robot = self.true
-        for effect in robot.effects:
-            robot = effect.bake(robot)
-        return robot
+        return self.layout.baked(self.true)
 
     def motor_angles(self, q: np.ndarray) -> np.ndarray:
         """theta (N, n) by which the controller reaches what it takes for the joint angles q (N, n)."""
