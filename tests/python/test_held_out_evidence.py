@@ -60,14 +60,15 @@ def test_nothing_held_out_says_nothing():
 
 
 def test_the_sentence_says_that_rows_speak_against_it():
-    finding = SimpleNamespace(effect=SimpleNamespace(title="backlash of axis 2"), probability=0.99)
+    finding = SimpleNamespace(effect=SimpleNamespace(title="backlash of axis 2"), probability=0.99,
+                              likelier="")
     sets = {"identification": summarise(np.full(5, 1.0)), "validation": summarise(np.full(5, 1.0))}
     said = [sentence_of(EXPLAINED, [finding], [], sets, sets, None, 1.0, (), gain) for gain in (-2.0, -4.0)]
     assert ["speak against it" in each for each in said] == [False, True]  # a nat or two are chance
 
 
 def test_an_effect_that_held_out_rows_refute_is_not_what_the_model_lacks():
-    right, wrong = (SimpleNamespace(effect=SimpleNamespace(title=title), probability=p)
+    right, wrong = (SimpleNamespace(effect=SimpleNamespace(title=title), probability=p, likelier="")
                     for title, p in (("backlash of axis 2", 0.99), ("gear ratio of axis 5", 0.0)))
     sets = {"identification": summarise(np.full(5, 1.0)), "validation": summarise(np.full(5, 1.0))}
     both, alone = (sentence_of(EXPLAINED, found, [], sets, sets, None, 1.0)

@@ -83,7 +83,7 @@ def verdict_of(robot: Robot, result: Diagnosis, found: list[tuple[Finding, Contr
     )
     lacks = {finding.effect.label for finding in named}
     lacked = [pair for pair in found if pair[0].effect.label in lacks]
-    against = beside([finding.effect.title for finding in refuted])
+    against = beside(refuted)
     text = (
         f"The model lacked {causes_in_words(lacked, robot.axes)}. With this{against} in it the RMS error on "
         f"{whose} {change(before, after, result.unit)}."

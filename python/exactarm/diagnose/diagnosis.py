@@ -60,7 +60,7 @@ class Finding:
 
     derived: numbers that follow from the values, name -> (value, low, high). credible_set: (effect, joint,
     probability) of the causes that hold 95 % of what could stand in its place, with everything else in the
-    model; own_share of the held-out square sum.
+    model; own_share of the held-out square sum; likelier: an unknown function that is likelier, in words.
     """
 
     effect: Effect
@@ -72,6 +72,7 @@ class Finding:
     derived: dict[str, tuple[float, float, float]]
     credible_set: tuple[tuple[str, int | None, float], ...] = ()
     own_share: float | None = None
+    likelier: str = ""
 
 
 @dataclass(frozen=True)
@@ -123,7 +124,7 @@ class Diagnosis:
     @property
     def unknown(self) -> tuple[str, ...]:
         """What is known of causes that the library lacks, in words."""
-        return () if self.causes is None else self.causes.unknown + self.causes.wanders
+        return _unknown_beside(self.causes, self.findings)
 
     @property
     def converged(self) -> bool:
@@ -155,7 +156,8 @@ def diagnose(
     gains = held_out_gains(errors, problem.numbers_of_error, problem.correlation_factor(last))
     findings = tuple(
         _finding(accepted, last, declared, place, errors, problem, own[place] if own else None,
-                 accepted.probability if causes else allowed(accepted.probability, gains[accepted.round]))
+                 accepted.probability if causes
+                 else allowed(accepted.probability * accepted.share, gains[accepted.round]))
         for place, accepted in enumerate(selection.accepted)
     )
     alternatives = _alternatives(problem, declared, selection)
@@ -167,7 +169,7 @@ def diagnose(
         verdict = verdict_by_rules(problem, before, after, noise, left, bool(findings), spread, excess)
     else:
         verdict = verdict_of_causes(causes, after, noise, excess)
-    unknown = causes.unknown + causes.wanders if causes is not None else ()
+    unknown = _unknown_beside(causes, findings)
     if verdict == NOTHING and not noise.measured and problem.share_of_measured(last) > MUCH_LEFT:
         verdict = UNEXPLAINED  # a floor that comes from the fit proves nothing by itself
     unconverged = _unconverged(selection)
@@ -209,6 +211,13 @@ def diagnose(
         contributions=contributions(problem, last, declared),
         in_space=problem.in_space(first, last),
     )
+
+
+def _unknown_beside(causes: Causes | None, findings: tuple[Finding, ...]) -> tuple[str, ...]:
+    """In words: what is known of causes that the library lacks."""
+    if causes is not None:
+        return causes.unknown + causes.wanders
+    return tuple(dict.fromkeys(finding.likelier for finding in findings if finding.likelier))
 
 
 def _unconverged(selection: Selection) -> tuple[str, ...]:
@@ -316,10 +325,12 @@ def _finding(accepted: Accepted, last, declared, place, errors, problem, own_sha
         probability,
         f"{effect.describe_on(problem.robot)}; log evidence {accepted.evidence:.0f} over a model without it, "
         + fall
-        + (f"; {caveat}" if caveat else ""),
+        + (f"; {caveat}" if caveat else "")
+        + (f"; likelier: {accepted.likelier}" if accepted.likelier else ""),
         derived,
         accepted.credible_set,
         own_share,
+        accepted.likelier,
     )
 
 

@@ -167,6 +167,7 @@ class Problem(ABC):
     kind: str = ""
     repeat_source = "repeated visits of the same pose"
     by_posterior = False  # whether causes are found by the posterior over sets of them
+    unknown_rivals = False  # whether effects found step by step have unknown functions for rivals
     groups_independent = False  # whether the residuals of different groups of rows are
     drafts = False  # whether effects are drafted for what no cause explains
     numbers_of_error = 1  # of the measurement that make up one judged error: 3 of a position

@@ -132,7 +132,7 @@ def _score_block(basis, block, residual, square, count, tried, families, best) -
         )
         prior = prior_of(point)
         if np.isfinite(prior).any():
-            gain, values, price = _regularised_gain(normal, onto[where], prior)
+            gain, values, price = regularised_gain(normal, onto[where], prior)
             effect = _with_free(point, values)
             evidence = log_evidence(square, gain, count, 0, tried[point.label] * families) - price
         else:
@@ -153,7 +153,7 @@ def prior_of(effect: Effect) -> np.ndarray:
     return np.array([p.prior for p, keep in zip(effect.parameters(), free_mask(effect)) if keep])
 
 
-def _regularised_gain(normal: np.ndarray, onto: np.ndarray,
+def regularised_gain(normal: np.ndarray, onto: np.ndarray,
                       prior: np.ndarray) -> tuple[float, np.ndarray, float]:
     """Fall of the penalised square sum, coefficients, and half the log determinant that they cost."""
     scale = np.where(np.isfinite(prior), prior, 1e6)

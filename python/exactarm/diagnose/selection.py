@@ -20,6 +20,7 @@ from exactarm.diagnose.cross_validation import folds_of, held_out_squares
 from exactarm.diagnose.forms import best_form, forms_of, same_family
 from exactarm.diagnose.problem import Fitted, Problem, rows_kept
 from exactarm.diagnose.scan import Candidate, free_mask, linear_columns, scan
+from exactarm.diagnose.something_else import beside_unknown
 from exactarm.diagnose.worth import holds_elsewhere, is_worth
 from exactarm.effects import library
 from exactarm.effects.base import Effect
@@ -40,7 +41,8 @@ Progress = Callable[[str], None]
 class Accepted:
     """An effect in the model: its evidence, its probability among all rivals, the rivals by evidence.
 
-    round: it came in between fits[round] and fits[round + 1] of the selection.
+    round: it came in between fits[round] and fits[round + 1] of the selection. share: of it beside unknown
+    functions, where the kind of data has them for rivals; likelier: such a function that beats it, in words.
     """
 
     effect: Effect
@@ -49,6 +51,8 @@ class Accepted:
     rivals: tuple[Candidate, ...]
     round: int
     credible_set: tuple[tuple[str, int | None, float], ...] = ()
+    share: float = 1.0
+    likelier: str = ""
 
 
 @dataclass(frozen=True)
@@ -93,6 +97,8 @@ def select(problem: Problem, declared: Layout, progress: Progress = lambda text:
     chosen, rounds = [*fitted.layout.effects[len(declared.effects):]], [rounds[place] for place in places]
     accepted, fitted = _contest(problem, declared, chosen, rounds, fitted, first_ranking, progress)
     accepted, fitted = _admissible(problem, declared, accepted, fitted)
+    if problem.unknown_rivals:
+        accepted = _beside_unknown(problem.knowing(fitted), declared, accepted, fitted)
     if len(fits) > 1:
         fits[-1] = fitted
     return Selection(tuple(fits), tuple(accepted), ranking, first_ranking)
@@ -222,6 +228,21 @@ def _admissible(problem: Problem, declared: Layout, accepted: list[Accepted], fi
         effects = fitted.layout.effects[first:]
         accepted = [replace(a, effect=effect) for a, effect in zip(accepted, effects)]
     return accepted, fitted
+
+
+def _beside_unknown(problem: Problem, declared: Layout, accepted: list[Accepted],
+                    fitted: Fitted) -> list[Accepted]:
+    """The effects of the last fit, each with its share beside unknown functions."""
+    found = []
+    for place, own in enumerate(accepted):
+        without = fitted.without(len(declared.effects) + place)
+        if not own.effect.excludes_rows():
+            effect = fitted.layout.effects[len(declared.effects) + place]
+            candidates = candidates_for(problem, without)
+            other = beside_unknown(problem, without, effect, candidates, _count(problem, without))
+            own = replace(own, share=other.share, likelier=other.title if other.share < 0.5 else "")
+        found.append(own)
+    return found
 
 
 def _independent(problem, fitted, shortlist: list[Candidate], folds, without) -> list[Effect]:

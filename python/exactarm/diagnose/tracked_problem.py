@@ -92,6 +92,7 @@ class TrackedProblem(ProblemInTime):
     numbers_of_error = 3
     kind = KIND
     repeat_source = "paths that were played again"
+    unknown_rivals = True
     share_left = 0.02  # thousands of rows show a smaller one
 
     def __init__(self, robot: Robot, data: Dataset, held_out: Dataset, threads: int = 1, seed: int = 0):

@@ -107,7 +107,8 @@ def sentence_of(verdict, findings, alternatives, before, after, left: Dossier, e
     """The verdict in one sentence that a technician understands; gain: of the held-out rows, in nats."""
     judged = "validation" if after["validation"].n else "identification"
     if findings:
-        named, refuted = ([f.effect.title for f in part] for part in stood_and_refuted(findings))
+        stood, refuted = stood_and_refuted(findings)
+        named = [f.effect.title for f in stood]
         fall = 1.0 - after[judged].rms / before[judged].rms
         it = "it" if len(named or refuted) == 1 else "them"
         falls = (
@@ -116,14 +117,17 @@ def sentence_of(verdict, findings, alternatives, before, after, left: Dossier, e
         )
         lacks = "The model lacks" if named else "The fitted rows ask for"
         against = beside(refuted) if named else ""
-        text = f"{lacks} {_listed(named or refuted)}; with {it}{against} the {judged} RMS error {falls}."
+        found = _listed(named or [f.effect.title for f in refuted])
+        text = f"{lacks} {found}; with {it}{against} the {judged} RMS error {falls}."
         doubtful = [a for a in alternatives if a.collides]
         if doubtful:
             a = doubtful[0]
             own = next(f.effect for f in findings if f.effect.label == a.instead_of)
             text += f" This data cannot tell {own.title} from {a.effect.title}."
         if gain < AGAINST or not named:
-            return text + spoken_against(len(findings))
+            likelier = [f.likelier for f in refuted if f.likelier]
+            return text + (outdone(likelier) if likelier and gain >= AGAINST
+                           else spoken_against(len(findings)))
         if verdict == UNEXPLAINED:
             text += (
                 " A structure is left that nothing in the library explains; "
@@ -142,14 +146,18 @@ def sentence_of(verdict, findings, alternatives, before, after, left: Dossier, e
 
 
 def stood_and_refuted(findings) -> tuple[list, list]:
-    """Findings that the model lacks, and those that held-out rows leave less likely than not."""
+    """Findings that the model lacks, and those that held-out rows, or unknown functions beside them, leave
+    less likely than not."""
     stood = [finding for finding in findings if finding.probability >= NAMED_AT]
     return stood, [finding for finding in findings if finding.probability < NAMED_AT]
 
 
-def beside(refuted: list[str]) -> str:
-    """Of effects in the model by their titles, in a sentence on what the others do."""
-    return f" and {_listed(refuted)}, against which rows that were not fitted speak," if refuted else ""
+def beside(refuted) -> str:
+    """Of findings that do not stand but are in the model, in a sentence on what the others do."""
+    worse = [finding.effect.title for finding in refuted if finding.likelier]
+    against = [finding.effect.title for finding in refuted if not finding.likelier]
+    text = f" and {_listed(against)}, against which rows that were not fitted speak," if against else ""
+    return text + (f" and {_listed(worse)}, beside which something else is likelier," if worse else "")
 
 
 def _listed(titles: list[str]) -> str:
@@ -161,6 +169,12 @@ def spoken_against(count: int) -> str:
     """Of so many effects, where held-out rows are predicted worse with them."""
     it = "it" if count == 1 else "them"
     return f" Rows that were not fitted speak against {it}: nothing is explained until other data say so."
+
+
+def outdone(likelier: list[str]) -> str:
+    """Where unknown functions, by their titles, explain better what the effects explain."""
+    return (f" But it is likelier that {_listed(likelier)}: something else is at work, and nothing is "
+            "explained until other data say so.")
 
 
 def no_verdict(unconverged: tuple[str, ...]) -> str:
