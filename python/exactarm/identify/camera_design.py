@@ -52,7 +52,8 @@ from exactarm.robot import Placement, Robot
 from exactarm.rotation import exp
 
 CANDIDATES = 12  # places that are looked at
-_POOL, _LEAST_POSES = 60, 12  # poses of a place: at most, and below which it is hardly seen
+_POOL, _LEAST_POSES = 60, 12  # poses of a place: enough, and below which it is hardly seen
+_TO_CHOOSE = 2  # times as many poses of a proposed place as it gets: fewer leave nothing to choose
 _VIEWS, _ROUNDS = 150, 4
 CORNER_PX = 0.1  # standard deviation of a found corner
 REPEATS_M, REPEATS_RAD = 5e-5, 5e-5  # standard deviations of how the arm repeats
@@ -148,7 +149,8 @@ def _camera(setup: CameraSetup, session: int, centre: np.ndarray, views: Views,
 def _place(robot: Robot, space: PoseSpace, camera: Camera, options: ClosureDesignOptions, views: Views,
            random: np.random.Generator) -> _Place | None:
     none, limits = Layout.of(()), (space.lower, space.upper)
-    parts = []
+    wanted = _TO_CHOOSE * -(-options.count // options.places)
+    parts, enough = [], max(_POOL, wanted)
     for _ in range(_ROUNDS):
         shown = wanted_views(camera.setup, _VIEWS, random, views)
         q, _ = joint_angles(robot, none, camera, shown, limits, random, np.zeros((_VIEWS, len(space.lower))))
@@ -156,10 +158,10 @@ def _place(robot: Robot, space: PoseSpace, camera: Camera, options: ClosureDesig
         if len(q):
             rows, inside = corners_seen(robot, none, camera, q, np.zeros_like(q))
             parts.append(q[np.bincount(rows.picture, inside, len(q)) / camera.setup.corners > LEAST_SEEN])
-        if sum(map(len, parts)) >= _POOL:
+        if sum(map(len, parts)) >= enough:
             break
-    q = np.concatenate(parts)[:_POOL] if parts else np.zeros((0, len(space.lower)))
-    if len(q) < _LEAST_POSES:
+    q = np.concatenate(parts)[:enough] if parts else np.zeros((0, len(space.lower)))
+    if len(q) < (_LEAST_POSES if options.at else max(_LEAST_POSES, wanted)):
         return None
     rows, inside = corners_seen(robot, none, camera, q, np.zeros_like(q))
     rows = rows.select(inside)
