@@ -178,6 +178,7 @@ def test_touches_and_a_tracker_are_one_estimate_and_a_tracker_judges_it():
     assert both < 1.02 * alone and touching < 1.5 * alone
 
 
+@pytest.mark.slow
 def test_files_of_two_arms_pass_through_the_commands(tmp_path):
     out = lambda name: ["--out", str(tmp_path / name), "--quiet"]
     made = tmp_path / "made"
