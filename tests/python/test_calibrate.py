@@ -87,6 +87,7 @@ def test_truth_lies_in_19_of_20_intervals(arm):
     assert 0.92 < np.mean(inside) < 0.98, f"{np.mean(inside):.3f} of {np.size(inside)}"
 
 
+@pytest.mark.slow
 def test_racer_at_the_poses_of_the_source_reaches_the_noise():
     """The 50 poses of the source, 0.1 mm of noise, deviations as its Table 3.8 has them; judged on 40 other
     poses."""

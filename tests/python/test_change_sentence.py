@@ -52,6 +52,7 @@ def test_a_diagnosis_whose_error_rises_says_so():
         assert word in said
 
 
+@pytest.mark.slow
 def test_identify_of_torques_that_turn_about(tmp_path):
     """Validation torques of the opposite sign: the model that was fitted to the others is worse than none."""
     robot = bare_arm()

@@ -198,6 +198,7 @@ def test_a_table_keeps_its_delimiter_and_its_decimal_mark(tmp_path):
         assert written[name].decode() != theirs[name]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", ["csv", "parquet"])
 def test_columns_by_other_names_are_corrected_like_ours(tmp_path, suffix):
     import pandas

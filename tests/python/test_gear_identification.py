@@ -104,6 +104,7 @@ def test_alignment_takes_the_side_axes_away(thesis_gear):
         np.testing.assert_allclose(entry.angles, (0.02, -0.01), atol=2e-4)
 
 
+@pytest.mark.slow
 def test_both_methods_are_compared_on_held_out_runs(racer):
     fast = runs_of(racer, GearRuns(joint=1, speed=88.0 * DEGREE, runs=4))
     slow = runs_of(racer, GearRuns(joint=1, speed=44.0 * DEGREE, runs=2, first_run=5, seed=9))

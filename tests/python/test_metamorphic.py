@@ -114,7 +114,8 @@ def two_files(tmp_path_factory):
     return [folder / name for name in names]
 
 
-@pytest.mark.parametrize("command", [evaluate, calibrate, pytest.param(diagnose, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("command", [evaluate, calibrate, diagnose])
 def test_the_order_of_files_means_nothing(two_files, command):
     one, other = (command("ur10", order, threads=1) for order in (two_files, two_files[::-1]))
     assert one.json == other.json and one.robot == other.robot

@@ -91,7 +91,8 @@ def doubled(robot, data):
 
 COMMANDS, LAWS = (evaluate, calibrate, certify, check), (shuffled, tracker_moved, axis_reversed, doubled)
 # A day is told by its first poses, and a pose that is there twice measures the noise.
-CASES = [(command, law) for command in COMMANDS for law in LAWS
+CASES = [pytest.param(command, law, marks=pytest.mark.slow if command is calibrate else ())
+         for command in COMMANDS for law in LAWS
          if (command, law) not in ((check, shuffled), (check, doubled))]
 CASES += [pytest.param(diagnose, law, marks=pytest.mark.slow) for law in (shuffled, axis_reversed)]
 

@@ -89,17 +89,20 @@ def mirror_image(robot, data):
     return mirrored_robot(robot), replace(data, joints={name: -v for name, v in data.joints.items()})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", [runs_in_another_order, axis_counts_the_other_way, zero_moved, mirror_image])
 def test_friction_is_the_same(reference, data, law):
     assert_same(reference, found(*law(six_axis(), data)))
 
 
+@pytest.mark.slow
 def test_intervals_grow_with_the_noise(reference):
     large = found(six_axis(), logs(3.0))
     ratio = [width(large[name]) / width(reference[name]) for name in reference]
     np.testing.assert_allclose(ratio, 3.0, rtol=0.05)
 
 
+@pytest.mark.slow
 def test_runs_that_are_there_twice_narrow_the_intervals(reference, data):
     twice = np.concatenate([np.flatnonzero(data.run < 3), np.arange(len(data))])
     run = np.concatenate([data.run[data.run < 3] + 3, data.run])

@@ -69,6 +69,7 @@ def two_runs(robot) -> Dataset:
     return with_payload(motion_data(robot, time, angle, torque, run=run), mass)
 
 
+@pytest.mark.slow
 def test_identification_takes_a_known_payload_out_of_the_torque():
     """The links that are found are those without it: held-out torques are met to the noise, and with the
     payload unsaid they are not."""

@@ -103,6 +103,7 @@ def test_gear_table_changes_at_a_reversal_without_a_jump_of_the_motor():
     assert gap > 1e-3 and jump < 0.7 * gap  # in one of the 20 samples that the transition takes
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("effect, rms", [
     (None, 3e-6), (DirectionDependence(2, (3.0, 1e-3, 5e-4)), 3e-6), (Hysteresis(2, (2e-4,)), 3e-6),
     (Hysteresis(2, (2e-4, 1e-3)), 3e-6),

@@ -84,6 +84,7 @@ def test_without_a_covariance_there_is_no_radius_and_a_row_without_angles_has_no
     assert np.isfinite(model_uncertainty(robot, q)).tolist() == [True, False, True]
 
 
+@pytest.mark.slow
 def test_plan_and_compensate_say_how_far_the_model_is_to_be_trusted(arm, tmp_path):
     _, robot, rng = arm
     write_robot(tmp_path / "arm.toml", robot)

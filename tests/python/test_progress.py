@@ -132,6 +132,7 @@ def test_a_file_of_two_kinds_has_the_steps_of_both():
     assert names[1].startswith("gear run, ") and names[-1].startswith("motion, ")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command, words", [
     ("calibrate", (*UR10, "--compliance", "none")),
     ("plan", ("racer-7-1.4", "line", "--rate", "100")),
