@@ -200,7 +200,8 @@ def test_commands_read_it_or_say_why_not(tmp_path, capsys):
 @pytest.mark.slow
 def test_sag_of_an_arm_without_masses_is_the_compliance_of_its_axis(tmp_path):
     """In motion as at rest: relative to generic masses, which the robot file keeps. Their law is some per
-    cent off in shape, which a spring of the next axis takes up; no other cause is named."""
+    cent off in shape, which a spring of the next axis takes up; no other cause is named. That spring is none:
+    beside it something else (the shape of the masses, which the library lacks) is likelier, and is told."""
     sag = effect_from_table({"effect": "joint_compliance", "joint": 2, "linear_rad_per_Nm": 4e-6,
                              "cubic_rad_per_Nm3": 0.0})
     file, bare, out = tmp_path / "tracked.csv", tmp_path / "bare.toml", tmp_path / "out"
@@ -209,7 +210,9 @@ def test_sag_of_an_arm_without_masses_is_the_compliance_of_its_axis(tmp_path):
     assert cli.main(["diagnose", str(bare), str(file), "--out", str(out), "--quiet"]) == 0
     said = json.loads((out / "result.json").read_text())
     assert said["effects"][0]["joint"] == 2, said["sentence"]
-    assert {effect["effect"] for effect in said["effects"]} == {"joint_compliance"}, said["sentence"]
+    named = [effect for effect in said["effects"] if effect["effect"] != "unknown"]
+    assert {effect["effect"] for effect in named} == {"joint_compliance"}, said["sentence"]
+    assert [effect["joint"] for effect in named if effect["probability"] > 0.5] == [2], said["sentence"]
     assert said["after"]["validation"]["rms"] < 0.5 * said["before"]["validation"]["rms"]
     assert any("generic distribution" in line for line in said["warnings"])
     assert load_robot(out / "robot.toml").generic_masses
