@@ -301,3 +301,17 @@ def test_gross_rows_in_a_narrow_range_are_all_that_is_named():
     result = diagnose(ur10(), data)
     assert [finding.effect.name for finding in result.findings] == ["outliers"]
     assert np.all(result.selection.fits[-1].weight[wrong] == 0.0) and result.verdict == "explained"
+
+
+@pytest.mark.slow
+def test_the_overtone_of_a_wave_is_found_beyond_the_orders_that_are_searched():
+    """As a wave generator has it at four times the motor's turn."""
+    order = 130.0
+    waves = [effect_from_table({"effect": "gear_harmonics", "joint": 2, "order_per_rev": k * order,
+                                "a_1": a, "b_1": 0.0}) for k, a in ((1, 0.08), (2, 0.1))]
+    data, _ = data_with(waves, 21)
+    result = diagnose(ur10(), data)
+    orders = sorted(finding.effect.values[0] for finding in result.findings)
+    assert result.verdict == "explained" and {f.effect.name for f in result.findings} == {"gear_harmonics"}
+    assert np.allclose(orders, [order, 2.0 * order], atol=0.2)
+    assert result.sentence.count("gear harmonics of axis 2") == 1

@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 
 from exactarm.diagnose.held_out_evidence import AGAINST, allowed, held_out_gains, log_density
-from exactarm.diagnose.verdict import EXPLAINED, sentence_of
+from exactarm.diagnose.verdict import (
+    EXPLAINED,
+    NOTHING,
+    UNEXPLAINED,
+    rises,
+    sentence_of,
+    verdict_of_causes,
+)
 from exactarm.identify.statistics import summarise
 
 
@@ -51,6 +58,20 @@ def test_no_probability_outlives_rows_that_speak_against_it():
     assert allowed(0.999, AGAINST + 0.01) == 0.999
     assert allowed(0.999, AGAINST - 0.01) < 0.05
     assert allowed(0.01, AGAINST - 0.01) == 0.01
+
+
+def test_an_error_that_rises_is_told_from_one_that_does_not_change():
+    summary = lambda rms: {"validation": summarise(np.full(4, rms))}
+    assert rises(summary(1.0), summary(1.01)) and not rises(summary(1.0), summary(1.004))
+    assert not rises({"validation": summarise(np.zeros(0))}, {"validation": summarise(np.zeros(0))})
+
+
+@pytest.mark.parametrize("nothing, verdict", [(0.9, NOTHING), (0.1, UNEXPLAINED)])
+def test_without_a_name_nothing_is_missing_only_where_that_is_likelier_than_not(nothing, verdict):
+    causes = SimpleNamespace(probability_something_else=0.0, wanders=(), places=(),
+                             probability_nothing=nothing)
+    after = {"validation": summarise(np.ones(4))}
+    assert verdict_of_causes(causes, after, SimpleNamespace(measured=False, value=1.0), 1.0) == verdict
 
 
 def test_nothing_held_out_says_nothing():

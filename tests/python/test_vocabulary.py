@@ -36,3 +36,20 @@ def test_beside_a_curve_its_columns_are_gone_and_the_others_are_what_they_were()
     assert [block.label for block in left.blocks] == ["gear_eccentricity_3"]
     assert left.blocks[0].where == slice(0, 2)
     assert np.array_equal(left.responses, found.responses[:, :, 10:])
+
+
+def test_a_wave_that_was_found_may_have_an_overtone():
+    found, _ = vocabulary()
+    wave = GearHarmonics.zero(2, (101.0,)).with_values((101.3, 0.01, 0.02))
+    overtone, = wave.companions()
+    assert overtone.joint == 2 and overtone.values == (202.6, 0.0, 0.0)
+    assert not list(GearHarmonics.curve(2, 5, 3e-5, (-3.0, 3.0)).companions())
+
+
+def test_joined_causes_follow_the_others_and_are_together_as_probable_as_one_name():
+    found, _ = vocabulary()
+    both = found.joined(found.beside([GearHarmonics.curve(2, 5, 3e-5, (-3.0, 3.0))]))
+    last = both.blocks[-1]
+    assert last.where == slice(12, 14) and both.responses.shape[2] == 14
+    assert np.array_equal(both.responses[:, :, last.where], found.responses[:, :, found.blocks[-1].where])
+    assert np.isclose(last.log_prior, found.blocks[-1].log_prior - np.log(2.0))

@@ -30,6 +30,7 @@ from exactarm.diagnose.verdict import (
     UNEXPLAINED,
     held_out_excess,
     no_verdict,
+    rises,
     sentence_of,
     stood_and_refuted,
     verdict_by_rules,
@@ -174,7 +175,8 @@ def diagnose(
         verdict = UNEXPLAINED  # a floor that comes from the fit proves nothing by itself
     unconverged = _unconverged(selection)
     _, refuted = stood_and_refuted(findings)
-    if unconverged or refuted or sum(gains) < AGAINST:
+    worse = sum(gains) < 0.0 and rises(before, after)
+    if unconverged or refuted or worse or sum(gains) < AGAINST:
         verdict = UNEXPLAINED
     drafts = ()
     if verdict == UNEXPLAINED and problem.drafts and not unconverged:

@@ -38,6 +38,7 @@ COMMON = 0.5
 UNKNOWN = "unknown"  # in the place of a name, for a cause that the library lacks
 _CREDIBLE = 0.95
 _ROUNDS = 4  # of search beside what has been found
+_MOST_REFUSED = 3  # best sets that only fit their own rows: others are looked for without them
 _CONFIRMED = 0.5  # of the promised gain
 
 Progress = Callable[[str], None]
@@ -119,24 +120,30 @@ def _causes(problem: Problem, declared: Layout, progress: Progress) -> Causes | 
     first = problem.fit(declared)
     fits, chosen, places, unknown = [first], [], [], ()
     whole = vocabulary = _vocabulary(problem, first)
-    nothing = something = None
-    noise = None
-    for turn in range(_ROUNDS):
+    nothing = something = noise = None
+    refused = 0
+    for _ in range(_ROUNDS + _MOST_REFUSED):
         progress(f"{len(chosen)} found so far")
         found = search_round(problem, At.of(problem, fits[-1], vocabulary), noise)
         if found is None or len(places) + len(found.members.blocks) > MOST_AT_ONCE:
             return None
-        new = [p for p in _places(found, turn) if p.probability >= NAMED_AT]
-        new = _holding(found, _one_each(new), folds_of(found.at.groups, problem.seed))
+        new = _one_each([p for p in _places(found, len(fits) - 1) if p.probability >= NAMED_AT])
+        held = _holding(found, new, folds_of(found.at.groups, problem.seed))
         nothing = found.probability_of_nothing() if nothing is None else nothing
         something, unknown, noise = found.probability_of_unknown(), tuple(found.titles()), found.noise
-        kept, fit = _confirmed(problem, declared, chosen, fits[-1], found, new)
-        if not kept:
+        kept, fit = _confirmed(problem, declared, chosen, fits[-1], found, held)
+        if kept:
+            chosen = [*fit.layout.effects[len(declared.effects) :]]
+            places += kept
+            fits.append(fit)
+            vocabulary = whole.beside(chosen).joined(vocabulary_of(fit, _companions(chosen), {}, {}))
+        elif new and not held and refused < _MOST_REFUSED:
+            refused += 1
+            whole = whole.without(found.named_blocks())
+            vocabulary = whole.beside(chosen)
+            noise, nothing = None, nothing if chosen else None
+        else:
             break
-        chosen = [*fit.layout.effects[len(declared.effects) :]]
-        places += kept
-        fits.append(fit)
-        vocabulary = whole.beside(chosen)
     wrong = _wrong_rows(problem, declared, chosen, fits[-1], noise)
     if wrong is not None:
         place, fit = wrong
@@ -148,6 +155,12 @@ def _causes(problem: Problem, declared: Layout, progress: Progress) -> Causes | 
     return Causes(tuple(fits), tuple(places), unknown, nothing, something, noise,
                   _tested(problem, first, whole, found), score_of(found),
                   float(np.log((1.0 - UNKNOWN_MASS) / max(len(named), 1))))
+
+
+def _companions(chosen: list[Effect]) -> list[Effect]:
+    """What often acts beside the effects found, unless a form of it is among them."""
+    found = [companion for effect in chosen for companion in effect.companions()]
+    return [c for c in found if not any(effect.includes(c) for effect in chosen)]
 
 
 def steps_win(causes: Causes, steps: Selection) -> bool:

@@ -73,6 +73,11 @@ class Found:
     def probability_of_nothing(self) -> float:
         return 0.0 if self.certain.blocks else self.posterior.probability(lambda labels: not labels)
 
+    def named_blocks(self) -> tuple[Block, ...]:
+        """Of the named causes in the best set."""
+        blocks = (self.block(index) for index in self.members.blocks)
+        return tuple(block for block in blocks if block.effect is not None)
+
     def titles(self) -> list[str]:
         """Of the unknown functions in the best set."""
         return [self.block(i).unknown.title for i in self.members.blocks if self.block(i).unknown is not None]

@@ -20,6 +20,7 @@ from exactarm.diagnose.posterior import NAMED_AT, Causes
 EXPLAINED, NOTHING, UNEXPLAINED = "explained", "no_undeclared_effect", "unexplained"
 _NOISE_REACHED = 1.25  # RMS after, beside the noise floor
 _FAR_ABOVE_NOISE = 1.5  # RMS after, beside a measured noise floor: something is left, whatever it follows
+_NO_CHANGE = 0.005  # of the RMS error: less is no change in words
 _SHARE_EXPLAINED = 0.5  # of the square sum above the noise; less, and the cause is not found
 # held-out error beside the expected one; share of rows that may be wrong by themselves
 _CARRIES_OVER, _WRONG_SHARE = 1.6, 0.1
@@ -36,7 +37,9 @@ def verdict_of_causes(causes: Causes, after, noise: NoiseFloor, excess: float) -
     far = noise.measured and after[judged].rms > _FAR_ABOVE_NOISE * noise.value
     if causes.probability_something_else >= NAMED_AT or causes.wanders or excess > _CARRIES_OVER or far:
         return UNEXPLAINED
-    return EXPLAINED if causes.places else NOTHING
+    if causes.places:
+        return EXPLAINED
+    return NOTHING if causes.probability_nothing >= NAMED_AT else UNEXPLAINED
 
 
 def _rms(values: np.ndarray) -> float:
@@ -87,6 +90,13 @@ def verdict_by_rules(problem, before, after, noise: NoiseFloor, left: Dossier, f
     return EXPLAINED if found else NOTHING
 
 
+def rises(before, after) -> bool:
+    """Whether the error of held-out rows is larger with the effects than without."""
+    if not after["validation"].n:
+        return False
+    return after["validation"].rms > (1.0 + _NO_CHANGE) * before["validation"].rms
+
+
 def remains(left: Dossier, excess: float, unknown: tuple[str, ...] = ()) -> str:
     """What is known of a structure that nothing explains; unknown: what the posterior says of it."""
     if unknown:
@@ -113,7 +123,7 @@ def sentence_of(verdict, findings, alternatives, before, after, left: Dossier, e
         it = "it" if len(named or refuted) == 1 else "them"
         falls = (
             f"{'falls' if fall > 0.0 else 'rises'} by {100 * abs(fall):.0f} %"
-            if abs(fall) >= 0.005 else "does not change"
+            if abs(fall) >= _NO_CHANGE else "does not change"
         )
         lacks = "The model lacks" if named else "The fitted rows ask for"
         against = beside(refuted) if named else ""
@@ -161,6 +171,7 @@ def beside(refuted) -> str:
 
 
 def _listed(titles: list[str]) -> str:
+    titles = list(dict.fromkeys(titles))  # waves of one gear are one cause
     more = f" and {len(titles) - 3} more" if len(titles) > 3 else ""
     return ", ".join(titles[:3]) + more
 

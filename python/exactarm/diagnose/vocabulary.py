@@ -111,6 +111,23 @@ class Vocabulary:
         return [i for i in self.forms_of(index)
                 if self.blocks[i].effect is not None and self.blocks[i].columns > own.columns]
 
+    def without(self, refused: tuple[Block, ...]) -> Vocabulary:
+        """Without causes at these grid points, whatever their prior."""
+        gone = {(block.label, block.effect.values) for block in refused}
+        kept = (b for b in self.blocks if b.effect is None or (b.label, b.effect.values) not in gone)
+        return replace(self, blocks=tuple(kept))
+
+    def joined(self, other: Vocabulary) -> Vocabulary:
+        """With the causes of another one, together as probable as one name of this."""
+        names = {block.effect.name for block in self.blocks if block.effect is not None}
+        start, lower = self.responses.shape[2], np.log(max(len(names), 1))
+        moved = [
+            replace(block, where=slice(block.where.start + start, block.where.stop + start),
+                    log_prior=block.log_prior - lower)
+            for block in other.blocks
+        ]
+        return Vocabulary((*self.blocks, *moved), np.concatenate([self.responses, other.responses], axis=2))
+
     def beside(self, effects: list[Effect]) -> Vocabulary:
         """Without the causes that these effects stand for already."""
         taken = {effect.label for effect in effects if not effect.repeatable}

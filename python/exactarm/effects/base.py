@@ -251,6 +251,10 @@ class Effect(ABC):
         found."""
         return ()
 
+    def companions(self) -> Iterable[Effect]:
+        """Effects that often act where this one does, at zero size: tried beside it once it is found."""
+        return ()
+
     # -- in the chain -----------------------------------------------------------------------------
     def change(self, view: View) -> Change:
         """What the effect adds to the signal at its station."""

@@ -141,6 +141,12 @@ class HarmonicFamily(Effect):
             order = self.values[0]
             yield replace(self, values=(order,) + (0.0, 0.0) * (self.multiples + 1), search=(order,))
 
+    def companions(self) -> Iterable[Effect]:
+        """The overtone of one wave, wherever it lies: a wave generator has it at four times the motor's
+        turn."""
+        if self.curve_rad == 0.0 and self.multiples == 1:
+            yield self.zero(self.joint, (2.0 * self.values[0],))
+
     def _priors(self) -> np.ndarray:
         """(K,) standard deviations of a_k and b_k: an angle amplitude times the order."""
         if self.curve_rad == 0.0:
