@@ -146,6 +146,27 @@ def test_declared_parameters_that_the_path_cannot_tell_do_not_take_a_large_cause
 
 
 @pytest.mark.slow
+@pytest.mark.slow
+def test_where_the_fit_that_draws_them_does_not_arrive_they_are_held(monkeypatch):
+    """Seen where the geometry is off by 5 mm: the path bends along a direction that it hardly shows."""
+    hidden = effect_from_table({"effect": "joint_coupling", "joint": 3, "motor": 2,
+                                "coupling_rad_per_rad": 1e-2})
+    data = tracked(hidden, 5, runs=2, seconds=6.0)
+    every = np.ones(len(data), bool)
+    problem = problem_for(ur10(), data.select(every), data.select(~every), 1, 0)
+    drawn = problem.declared().size
+    fit = type(problem).fit
+
+    def stuck_when_drawn(self, layout, *arguments):
+        fitted = fit(self, layout, *arguments)
+        return replace(fitted, fit=replace(fitted.fit, reason="stuck")) if self._drawing else fitted
+
+    monkeypatch.setattr(type(problem), "fit", stuck_when_drawn)
+    other = problem_for(ur10(), data.select(every), data.select(~every), 1, 0)
+    held = other.declared()
+    assert held.size < drawn and other.fit(held).fit.converged
+
+
 def test_arm_without_masses_is_diagnosed_too():
     """Nothing carries a load: a flank is then chosen by the direction alone."""
     result = diagnose(replace(ur10(), links=None), tracked(None, 3, runs=2))

@@ -128,8 +128,13 @@ class TrackedProblem(ProblemInTime):
         drawn = zip(kept.names, kept.values, kept.parameters)
         self._drawing = {name: (float(value), p.plausible) for name, value, p in drawn
                          if name not in told.names}
-        if self._drawing:  # a prior weighs as much as the independent numbers beside it let it
-            self._noise = self.fit(kept).noise
+        if not self._drawing:
+            return kept
+        drawn_fit = self.fit(kept)  # a prior weighs as much as the independent numbers beside it let it
+        if not drawn_fit.fit.converged:  # held, where the path bends along what it cannot tell
+            self._drawing = {}
+            return told
+        self._noise = drawn_fit.noise
         return kept
 
     def fit(self, layout: Layout, weight: np.ndarray | None = None,
