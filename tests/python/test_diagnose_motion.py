@@ -62,6 +62,19 @@ def test_names_a_rotor(racer):
 
 
 @pytest.mark.slow
+def test_names_a_torque_that_repeats_with_the_output_and_not_with_the_motor(racer):
+    """Four times in the 62 degrees that axis 4 turns, as a bearing or a gear stage does: no whole order
+    of the motor."""
+    result = diagnose(racer, motion(racer, lambda angle, rate, acceleration: np.sin(24.0 * angle + 0.4)
+                                    * (np.arange(6) == 3)))
+    finding, = result.findings
+    assert (finding.effect.name, finding.effect.joint) == ("torque_ripple", 4)
+    assert result.verdict == EXPLAINED
+    assert finding.effect.values[0] == pytest.approx(24.0 / racer.ratios[3], rel=5e-3)
+    assert np.hypot(*finding.effect.values[1:]) == pytest.approx(1.0, rel=0.2)
+
+
+@pytest.mark.slow
 def test_masses_of_a_drawing_that_are_off_are_told_as_that(racer):
     """Every mass 3 % off at random, as castings are: no payload, no compensator, no rotor in their place."""
     random = np.random.default_rng(8)

@@ -2,20 +2,23 @@
 
 torque = cosine_Nm cos(order theta) + sine_Nm sin(order theta), output side: cogging, current offsets and
 phase errors of a synchronous motor (Holtz and Springob 1996); `order` in cycles per motor revolution. Orders
-of gear stages before the motor's own are not whole numbers.
+of gear stages and bearings behind the motor are not whole numbers: the peaks of what the model leaves over
+the angle are tried, too.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
 
 from exactarm.effects.base import Change, Parameter
 from exactarm.effects.drive import DriveEffect
+from exactarm.signals import strongest_orders
 
 ORDERS = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0, 16.0, 18.0, 20.0, 24.0, 30.0, 36.0, 48.0)
+_SAME = 0.02  # relative: the search refines an order by itself
 
 
 @dataclass(frozen=True)
@@ -25,6 +28,7 @@ class TorqueRipple(DriveEffect):
     name: ClassVar[str] = "torque_ripple"
     plain: ClassVar[str] = "torque ripple of the motor"
     linear: ClassVar[bool] = False
+    search: tuple[float, ...] = ORDERS
     sentence: ClassVar[str] = (
         "the torque of axis {joint} ripples {order:.4g} times per motor revolution "
         "({cosine_Nm:.3g} Nm cosine, {sine_Nm:.3g} Nm sine)"
@@ -37,7 +41,7 @@ class TorqueRipple(DriveEffect):
 
     def parameters(self) -> tuple[Parameter, ...]:
         return (
-            Parameter("order", 6.0, 0.05, 200.0, search=ORDERS),
+            Parameter("order", 6.0, 1e-3, 200.0, search=self.search),
             Parameter("cosine_Nm", 2.0),
             Parameter("sine_Nm", 2.0),
         )
@@ -53,4 +57,20 @@ class TorqueRipple(DriveEffect):
 
     @classmethod
     def candidates(cls, robot, view):
-        return (effect.with_values((1.0, 0.0, 0.0)) for effect in super().candidates(robot, view))
+        for effect in super().candidates(robot, view):
+            tried = (*ORDERS, *_peaks(view, effect.index))
+            yield replace(effect, search=tried).with_values((1.0, 0.0, 0.0))
+
+
+def _peaks(view, index: int) -> list[float]:
+    """Orders, in cycles per motor revolution, at which the torque left at an axis repeats, none of ORDERS."""
+    left = view.signals.get("residual")
+    ratio = abs(view.robot.ratios[index])
+    if left is None or left.shape != view.theta.shape or not ratio:
+        return []
+    used = left[:, index] != 0.0
+    angle = view.theta[:, index] / ratio
+    pieces = [(angle[rows], left[rows, index])
+              for rows in (used & (view.data.run == run) for run in np.unique(view.data.run))]
+    found = strongest_orders(pieces, ratio) / ratio
+    return [float(order) for order in found if np.abs(np.array(ORDERS) / order - 1.0).min() > _SAME]
