@@ -237,8 +237,8 @@ class Robot(Value):
 
     # -- at the angles that the controller reports (chain/controller.py) ---------------------------------
     def fk(self, q: ArrayLike, *, of: Point = "flange", seen_from: Frame = "base") -> Placement:
-        """Pose at the controller's angles q (n,) or (N, n), rad: of the flange or the target, in base or
-        device frame.
+        """Pose at the controller's angles q (n,) or (N, n), rad: of the controller's flange or the target, in
+        the controller's base frame or that of the device.
 
         Calibrated offsets, gears, springs and found effects are in it: the pose that the real arm takes.
 

@@ -45,6 +45,7 @@ def test_read_robot_moves_as_the_text_says(tmp_path, chain, seed):
     q = rng.uniform(-2.5, 2.5, (10, robot.axes))
     expected = [urdf_pose(text, f"link_{len(chain)}", dict(zip(names, row))) for row in q]
     np.testing.assert_allclose(poses(robot, q), expected, atol=1e-12)
+    np.testing.assert_allclose(robot.fk(q).matrix, expected, atol=1e-12)  # of its last link in its first
 
 
 @pytest.mark.parametrize("seed", range(8))

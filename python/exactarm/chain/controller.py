@@ -6,8 +6,9 @@
 A calibration leaves the controller's own constants as they are and puts what it found into offsets, geometry,
 gears and springs; so the pose at the angles a controller shows is not that of the joint angles. All functions
 take q (n,) or (N, n) in rad (m for a prismatic joint) at rest, and return one result or N of them.
-Reference points: "flange", or "target" (the tool frame of the robot file). Frames: "base", or "device" (where
-the measuring device stands).
+Reference points: "flange", the controller's (the last link of a URDF), or "target" (the tool frame of the
+robot file). Frames: "base", the controller's (the first link of a URDF), or "device" (where the measuring
+device stands).
 Limits: at rest, in a direction that `approach` says (-1, 0, +1 an axis; 0 takes the mean of both). Effects of
 the measuring device, and those that tell of one record, are no part of where the arm is.
 """
@@ -25,7 +26,7 @@ from exactarm.dataset import Dataset
 from exactarm.effects.base import Station
 from exactarm.errors import ComputationError, InputError
 from exactarm.kinds import POSES
-from exactarm.robot import Frame, Placement, Point, Robot
+from exactarm.robot import Frame, Point, Robot
 from exactarm.rotation import log
 
 _PASSES = 50
@@ -123,8 +124,8 @@ def _placed(robot: Robot, of: Point, seen_from: Frame) -> Robot:
         raise InputError(f"seen_from = {seen_from!r}; expected 'base' or 'device'")
     if not robot.has_geometry:
         raise InputError(f"robot {robot.name} declares no geometry; expected one for poses and torques")
-    base = robot.base if seen_from == "device" else Placement()
-    tool = robot.tool if of == "target" else Placement()
+    base = robot.base if seen_from == "device" else robot.controller.base
+    tool = robot.tool if of == "target" else robot.controller.flange
     effects = tuple(effect for effect in robot.effects
                     if not effect.record and POSES.name in effect.kinds and effect.station != Station.DEVICE)
     return replace(robot, base=base, tool=tool, effects=effects)

@@ -33,6 +33,7 @@ from exactarm.view import View
 
 # stiffness for a rigid joint, in inertias per square sample; its deflection is taken out again
 RIGID_SHARE = 100.0
+_SAME_FRAME = 1e-9  # m and rad
 
 
 @dataclass(frozen=True)
@@ -63,6 +64,10 @@ def planning_model(robot: Robot) -> PlanningModel:
     if baked.links is None:
         warnings.append("no link masses are declared: planned without dynamics and deflection")
         baked = replace(baked, links=(Link(0.0, np.zeros(3), np.zeros((3, 3))),) * baked.axes)
+    if not all(np.allclose(frame.matrix, np.eye(4), atol=_SAME_FRAME)
+               for frame in (robot.controller.base, robot.controller.flange)):
+        warnings.append("the path is that of DH frame n in DH frame 0: this robot's flange or base frame "
+                        "lies elsewhere ([controller.flange], [controller.base])")
     rigid = (
         robot.links is None or robot.generic_masses or not any(joint.spring_linear for joint in baked.joints)
     )
