@@ -83,6 +83,7 @@ def test_minutes_that_are_none_are_refused(word):
     ("[" * 100_000, "nested too deeply"),
     (ONE.format(q=50.0, kg="0", bits="1"), "experiment 1, pose 1: axis 1 at 50 rad, expected -6.28"),
     (ONE.format(q=1e300, kg="0", bits="1"), "experiment 1, pose 1: axis 1 at 1e.300"),
+    (ONE.format(q="1" + 400 * "0", kg="0", bits="1"), "experiment 1 does not fit"),
     (ONE.format(q=0.5, kg="-5", bits="1"), "experiment 1 does not fit"),
     (ONE.format(q=0.5, kg="true", bits="1"), "experiment 1 does not fit"),
     (ONE.format(q=0.5, kg='"5"', bits="1"), "experiment 1 does not fit"),

@@ -66,8 +66,8 @@ def test_an_error_that_rises_is_told_from_one_that_does_not_change():
     assert not rises({"validation": summarise(np.zeros(0))}, {"validation": summarise(np.zeros(0))})
 
 
-@pytest.mark.parametrize("nothing, verdict", [(0.9, NOTHING), (0.1, UNEXPLAINED)])
-def test_without_a_name_nothing_is_missing_only_where_that_is_likelier_than_not(nothing, verdict):
+@pytest.mark.parametrize("nothing, verdict", [(0.4, NOTHING), (0.01, UNEXPLAINED)])
+def test_without_a_name_nothing_is_missing_unless_the_posterior_excludes_it(nothing, verdict):
     causes = SimpleNamespace(probability_something_else=0.0, wanders=(), places=(),
                              probability_nothing=nothing)
     after = {"validation": summarise(np.ones(4))}

@@ -86,10 +86,14 @@ def test_without_a_covariance_there_is_no_radius_and_a_row_without_angles_has_no
 
 @pytest.mark.slow
 def test_plan_and_compensate_say_how_far_the_model_is_to_be_trusted(arm, tmp_path):
-    _, robot, rng = arm
+    _, robot, _ = arm
     write_robot(tmp_path / "arm.toml", robot)
     targets = tmp_path / "targets.csv"
-    q = rng.uniform(-NARROW, NARROW, (5, 6))
+    # of its own: the shared generator hangs on which tests ran before; elbow and wrist bent, for a
+    # pose that is close to singular is refused
+    own = np.random.default_rng(12)
+    q = own.uniform(-NARROW, NARROW, (5, 6))
+    q[:, [2, 4]] = own.uniform(0.5 * NARROW, NARROW, (5, 2))
     targets.write_text("".join(",".join(map(str, row)) + "\n"
                                for row in [[f"q_{i + 1}_rad" for i in range(6)], *q.tolist()]))
     for file, told in ((tmp_path / "arm.toml", True), ("ur10", False)):

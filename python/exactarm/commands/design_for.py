@@ -70,7 +70,7 @@ def read_experiments(path: Path, robot: Robot) -> tuple[Experiment, ...]:
             q, *rest = (entry[key] for key in _KEYS)
             experiment = Experiment(np.array(q, float), *rest)
             fits = _fits(experiment, robot)
-        except (KeyError, TypeError, ValueError):
+        except (KeyError, TypeError, ValueError, OverflowError):
             fits = False
         if not fits:
             raise InputError(f"experiment {number} does not fit a robot of {robot.axes} axes; {_EXPECTED}",

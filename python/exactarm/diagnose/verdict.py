@@ -20,6 +20,8 @@ from exactarm.diagnose.posterior import NAMED_AT, Causes
 EXPLAINED, NOTHING, UNEXPLAINED = "explained", "no_undeclared_effect", "unexplained"
 _NOISE_REACHED = 1.25  # RMS after, beside the noise floor
 _FAR_ABOVE_NOISE = 1.5  # RMS after, beside a measured noise floor: something is left, whatever it follows
+# probability of nothing, below which something acts though it has no name: said of one clean set in twenty
+_NOT_NOTHING = 0.05
 _NO_CHANGE = 0.005  # of the RMS error: less is no change in words
 _SHARE_EXPLAINED = 0.5  # of the square sum above the noise; less, and the cause is not found
 # held-out error beside the expected one; share of rows that may be wrong by themselves
@@ -39,7 +41,7 @@ def verdict_of_causes(causes: Causes, after, noise: NoiseFloor, excess: float) -
         return UNEXPLAINED
     if causes.places:
         return EXPLAINED
-    return NOTHING if causes.probability_nothing >= NAMED_AT else UNEXPLAINED
+    return NOTHING if causes.probability_nothing >= _NOT_NOTHING else UNEXPLAINED
 
 
 def _rms(values: np.ndarray) -> float:
