@@ -12,9 +12,10 @@ from exactarm.cli import main
 from exactarm.dataset import Dataset
 from exactarm.diagnose.diagnosis import diagnose
 from exactarm.diagnose.verdict import NOTHING
+from exactarm.errors import ComputationError, InputError
 from exactarm.examples import data_path
 from exactarm.identify.calibrate import CalibrationOptions, calibrate
-from exactarm.identify.closure_design import ClosureDesignOptions, design_closures
+from exactarm.identify.closure_design import ClosureDesignOptions, design_closures, find_places
 from exactarm.identify.closures import SCALE, calibrate_closures, declare_closures
 from exactarm.identify.declared import geometry_layout
 from exactarm.identify.evaluate import evaluate_poses
@@ -196,6 +197,20 @@ def test_a_design_touches_its_seats_and_expects_less_error_than_random_poses():
 
 
 @pytest.mark.slow
+def test_given_places_are_all_kept_and_proposed_ones_end_with_the_most():
+    words = {"shown": "6 poses reach it", "expected": "elsewhere", "enough": "reached"}
+    serves = lambda centre, number: (number, centre[0]) if centre[0] > 0.0 else None
+    given = ClosureDesignOptions(places=2, at=((1.0, 0, 0), (2.0, 0, 0), (3.0, 0, 0)))
+    assert find_places(given.at, serves, given, 2, **words) == [(1, 1.0), (2, 2.0), (3, 3.0)]
+    proposed = ClosureDesignOptions(places=2)
+    centres = [(-1.0, 0, 0), (1.0, 0, 0), (2.0, 0, 0), (3.0, 0, 0)]
+    assert find_places(centres, serves, proposed, 2, **words) == [(1, 1.0), (2, 2.0)]
+    with pytest.raises(ComputationError, match="only 1 of 2 random places are reached"):
+        find_places(centres[:2], serves, proposed, 2, **words)
+    with pytest.raises(InputError, match=r"--at, place 1: fewer than 6 poses reach it at \(-1, 0, 0\) m"):
+        find_places(centres, serves, given, 2, **words)
+
+
 def test_proposed_places_help_beside_each_other():
     robot = replace(load_robot("ur10"), tool=Placement(np.eye(3), np.array([0.03, 0.02, 0.1])))
     one, three = (design_closures(robot, ClosureDesignOptions(places=places, count=30)).deviation[2]

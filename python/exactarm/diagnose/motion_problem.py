@@ -153,7 +153,7 @@ class MotionProblem(ProblemInTime):
             record, found = again, self._estimated(found.layout, again, rows, found.sigma)
         prediction, axes, keep = found.prediction, found.axes, record.keep & (rows > 0.0)
         residual = np.where(keep[:, None], prediction.residual()[:, axes], 0.0)
-        left = prediction.view.signals["residual"] = np.zeros((len(keep), self.robot.axes))
+        left = prediction.view.signals["axis_residual"] = np.zeros((len(keep), self.robot.axes))
         left[:, axes] = residual
         jacobian = np.zeros((*residual.shape, 0))
         if prediction.jacobian is not None:

@@ -23,14 +23,13 @@ from exactarm.diagnose.problem import Fitted, Problem
 from exactarm.diagnose.scan import Candidate
 from exactarm.diagnose.search import CERTAIN, Posterior, log_prior_of_count, weight_of
 from exactarm.diagnose.search_round import MOST_AT_ONCE, At, Found, score_of, search_round
-from exactarm.diagnose.selection import Accepted, Selection, candidates_for, refit
+from exactarm.diagnose.selection import NAMED_AT, Accepted, Selection, candidates_for, refit
 from exactarm.diagnose.self_test import SelfTest, self_test
 from exactarm.diagnose.vocabulary import UNKNOWN_MASS, Vocabulary, at_values, vocabulary_of
 from exactarm.effects.base import Effect
 from exactarm.noise.estimate import log_likelihood_under
 from exactarm.noise.model import NoiseModel
 
-NAMED_AT = 0.5  # probability from which a cause is named: more likely than not
 WRONG_ROW_FALSE_ALARM = 0.01  # of a whole data set: what the threshold of the effect is set for
 WANDERS_AT = 2.0  # times the noise without it: a device that stands still would halve what is left
 # of a row's variance that the next one shares: less, and a row is mostly its own, whatever it is called

@@ -26,6 +26,7 @@ from exactarm.effects import library
 from exactarm.effects.base import Effect
 
 LEAST_EVIDENCE = 5.0  # log Bayes factor; all candidates tried are already paid for
+NAMED_AT = 0.5  # probability from which a cause is named: more likely than not
 MOST_EFFECTS = 16
 _SHORTLIST = 12
 _INDEPENDENT_SHARE, _INDEPENDENT_EVIDENCE = 0.8, 20.0
@@ -240,7 +241,7 @@ def _beside_unknown(problem: Problem, declared: Layout, accepted: list[Accepted]
             effect = fitted.layout.effects[len(declared.effects) + place]
             candidates = candidates_for(problem, without)
             other = beside_unknown(problem, without, effect, candidates, _count(problem, without))
-            own = replace(own, share=other.share, likelier=other.title if other.share < 0.5 else "")
+            own = replace(own, share=other.share, likelier=other.title if other.share < NAMED_AT else "")
         found.append(own)
     return found
 

@@ -15,7 +15,8 @@ import numpy as np
 from exactarm.diagnose.dossier import Dossier
 from exactarm.diagnose.held_out_evidence import AGAINST
 from exactarm.diagnose.noise import NoiseFloor
-from exactarm.diagnose.posterior import NAMED_AT, Causes
+from exactarm.diagnose.posterior import Causes
+from exactarm.diagnose.selection import NAMED_AT
 
 EXPLAINED, NOTHING, UNEXPLAINED = "explained", "no_undeclared_effect", "unexplained"
 _NOISE_REACHED = 1.25  # RMS after, beside the noise floor

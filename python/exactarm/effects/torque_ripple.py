@@ -64,9 +64,9 @@ class TorqueRipple(DriveEffect):
 
 def _peaks(view, index: int) -> list[float]:
     """Orders, in cycles per motor revolution, at which the torque left at an axis repeats, none of ORDERS."""
-    left = view.signals.get("residual")
+    left = view.signals.get("axis_residual")
     ratio = abs(view.robot.ratios[index])
-    if left is None or left.shape != view.theta.shape or not ratio:
+    if left is None:
         return []
     used = left[:, index] != 0.0
     angle = view.theta[:, index] / ratio

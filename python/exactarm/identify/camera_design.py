@@ -21,12 +21,13 @@ import numpy as np
 
 from exactarm.chain import Layout
 from exactarm.dataset import Dataset
-from exactarm.errors import ComputationError, InputError
+from exactarm.errors import InputError
 from exactarm.fixture import CameraSetup, Fixture
 from exactarm.identify.closure_design import (
     LEAST_FALL,
     ClosureDesignOptions,
     MeanVariance,
+    find_places,
     work_space_weight,
 )
 from exactarm.identify.closure_fit import Pulls
@@ -106,23 +107,17 @@ def design_pictures(robot: Robot, setup: CameraSetup, options: ClosureDesignOpti
 
 def _places(robot: Robot, space: PoseSpace, setup: CameraSetup, options: ClosureDesignOptions, views: Views,
             random: np.random.Generator) -> list[_Place]:
-    found = []
-    centres = np.array(options.at, float) if options.at else space.target(space.draw(4 * CANDIDATES, random))
-    for number, centre in enumerate(centres, 1):
-        place = _place(robot, space, _camera(setup, len(found) + 1, centre, views, random), options, views,
-                       random)
-        if place is None and options.at:
-            raise InputError(f"--at, place {number}: fewer than {_LEAST_POSES} poses of "
-                             f"{_VIEWS * _ROUNDS} tried show the board at "
-                             f"({', '.join(f'{x:g}' for x in centre)}) m; expected a place before the arm, "
-                             "or wider limits of distance and tilt")
-        found += [] if place is None else [place]
-        if len(found) == CANDIDATES:
-            break
-    if len(found) < options.places:
-        raise ComputationError(f"only {len(found)} of {len(centres)} random places are seen in enough poses: "
-                               "enlarge --box, --near-mm, --far-mm or --tilt-deg")
-    return found
+    centres = options.at or space.target(space.draw(4 * CANDIDATES, random))
+
+    def place_of(centre: np.ndarray, number: int) -> _Place | None:
+        return _place(robot, space, _camera(setup, number, centre, views, random), options, views, random)
+
+    return find_places(
+        centres, place_of, options, CANDIDATES,
+        shown=f"{_LEAST_POSES} poses of {_VIEWS * _ROUNDS} tried show the board",
+        expected="before the arm, or wider limits of distance and tilt",
+        enough="seen in enough poses: enlarge --box, --near-mm, --far-mm or --tilt-deg",
+    )
 
 
 def _camera(setup: CameraSetup, session: int, centre: np.ndarray, views: Views,

@@ -16,7 +16,9 @@ file.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -40,6 +42,8 @@ from exactarm.measurement.target import Target
 from exactarm.measurement.touching import TOUCHES_M, rows_at, target_at, touching
 from exactarm.robot import Placement, Robot
 from exactarm.split import DEFAULT_SEED
+
+P = TypeVar("P")
 
 CANDIDATES = 24  # places that are looked at
 _POOL = 40  # poses that touch a seat of a candidate, at most
@@ -96,39 +100,42 @@ def design_closures(robot: Robot, options: ClosureDesignOptions = ClosureDesignO
     random = np.random.default_rng(options.seed)
     robot = replace(robot, base=Placement(), effects=())
     space = PoseSpace.of(robot, options.box, options.clearance)
-    places = (
-        _given(robot, space, options, random) if options.at else _candidates(robot, space, options, random)
-    )
+    places = _places(robot, space, options, random)
     model = _Model(robot, places, options)
     chosen = list(range(len(places))) if options.at else model.choose_places(space, random)
     return model.design(space, chosen, random)
 
 
-def _given(robot: Robot, space: PoseSpace, options: ClosureDesignOptions,
-           random: np.random.Generator) -> list[_Place]:
-    places = []
-    for number, centre in enumerate(options.at, 1):
-        place = _place(robot, space, np.asarray(centre, float), options.apart, random)
-        if place is None:
-            raise InputError(f"--at, place {number}: fewer than {_LEAST_POSES} of {_STARTS} random poses "
-                             f"reach either seat at ({', '.join(f'{x:g}' for x in centre)}) m; expected a "
-                             "place well inside the reach")
-        places.append(place)
-    return places
+def _places(robot: Robot, space: PoseSpace, options: ClosureDesignOptions,
+            random: np.random.Generator) -> list[_Place]:
+    centres = options.at or space.target(space.draw(4 * CANDIDATES, random))
+    return find_places(
+        centres, lambda centre, _: _place(robot, space, centre, options.apart, random), options, CANDIDATES,
+        shown=f"{_LEAST_POSES} of {_STARTS} random poses reach either seat", expected="well inside the reach",
+        enough="reached in enough poses: enlarge --box",
+    )
 
 
-def _candidates(robot: Robot, space: PoseSpace, options: ClosureDesignOptions,
-                random: np.random.Generator) -> list[_Place]:
-    found = []
-    for centre in space.target(space.draw(4 * CANDIDATES, random)):
-        place = _place(robot, space, centre, options.apart, random)
+def find_places(
+    centres: Iterable[Sequence[float]], place_of: Callable[[np.ndarray, int], P | None],
+    options: ClosureDesignOptions, most: int, *, shown: str, expected: str, enough: str,
+) -> list[P]:
+    """Places at the centres (3,): all of those that `options.at` gives, else the first `most` that serve.
+
+    place_of(centre, number of the place from 1): None where it does not serve. Raises InputError where a
+    given one does not, and ComputationError where too few others do; shown, expected, enough: their words."""
+    found, tried = [], 0
+    for tried, centre in enumerate(centres, 1):
+        place = place_of(np.asarray(centre, float), len(found) + 1)
         if place is not None:
             found.append(place)
-        if len(found) == CANDIDATES:
+        elif options.at:
+            raise InputError(f"--at, place {tried}: fewer than {shown} at "
+                             f"({', '.join(f'{x:g}' for x in centre)}) m; expected a place {expected}")
+        if not options.at and len(found) == most:
             break
-    if len(found) < options.places:
-        raise ComputationError(f"only {len(found)} of {4 * CANDIDATES} random places are reached in enough "
-                               "poses: enlarge --box")
+    if not options.at and len(found) < options.places:
+        raise ComputationError(f"only {len(found)} of {tried} random places are {enough}")
     return found
 
 

@@ -21,6 +21,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from exactarm import _core
+from exactarm.chain import Layout
 from exactarm.chain.direction import direction_of_motion, eased
 from exactarm.chain.spring import declared_deflection
 from exactarm.dataset import Dataset
@@ -58,9 +59,7 @@ def planning_model(robot: Robot) -> PlanningModel:
     used = tuple(effect for effect in robot.effects if effect.compensable)
     left_out = [effect.label for effect in robot.effects if not effect.compensable and not effect.record]
     warnings = [f"not compensated, because no plan can: {', '.join(left_out)}"] if left_out else []
-    baked = robot
-    for effect in used:
-        baked = effect.bake(baked)
+    baked = Layout.of(used, estimate=False).baked(robot)
     if baked.links is None:
         warnings.append("no link masses are declared: planned without dynamics and deflection")
         baked = replace(baked, links=(Link(0.0, np.zeros(3), np.zeros((3, 3))),) * baked.axes)
