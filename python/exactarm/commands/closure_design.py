@@ -93,16 +93,16 @@ def designed_pictures(robot: Robot, setup: CameraSetup, options: ClosureDesignOp
         json=_expected(found) | {"places": placed},
         report=Report(f"Poses for pictures of a board: {robot.name}", verdict, (
             Table(f"Where the {stands} stands",
-                  ("place", "x", "y", "z", "z axis: x", "y", "z", "pictures"), tuple(seen),
+                  ("place", "x", "y", "z", "z axis: x", "z axis: y", "z axis: z", "pictures"), tuple(seen),
                   f"Its {what} in the robot's base frame, and where its z axis points (of a board: into it). "
                   "It may stand centimetres elsewhere: it is estimated."),
             Table("Not identified", ("parameter", "why"), dropped, "These keep their declared values."),
             Text("How", (
-                f"In every pose {LEAST_SEEN:.0%} of the corners or more are in the picture, the board's "
-                f"middle is {quantity(views.near, 'm')} to {quantity(views.far, 'm')} before the lens, and "
-                f"the view within {np.degrees(views.lean):.0f} degrees of the board's normal. What the "
-                "flange carries is taken to sit at the target of the robot file and to look along its z: "
-                "give the rotation of [tool] where it does not.",
+                f"In every pose {100 * LEAST_SEEN:.0f} % of the corners or more are in the picture, "
+                f"the board's middle is {quantity(views.near, 'm')} to {quantity(views.far, 'm')} before the "
+                f"lens, and the view within {np.degrees(views.lean):.0f} degrees of the board's normal. "
+                "What the flange carries is taken to sit at the target of the robot file and to look along "
+                "its z: give the rotation of [tool] where it does not.",
                 f"A corner is taken to be good to {CORNER_PX:g} px, the arm to repeat to "
                 f"{quantity(REPEATS_M, 'm')}. The body of the arm may hide the board, and cables and "
                 "obstacles are not known here: look at each picture, and leave out those that show nothing.",
