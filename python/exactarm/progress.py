@@ -85,6 +85,15 @@ class Progress:
         else:
             self._say(note)
 
+    def announce(self, line: str) -> None:
+        """A line that stays, as of what long work will take."""
+        if not self._terminal:
+            self._say_line(line)
+            return
+        self._show("")
+        if self._bar is not None:
+            self._bar.console.print(line, markup=False, highlight=False)
+
     def close(self) -> None:
         """Clears what a terminal shows."""
         if self._bar is not None:

@@ -10,7 +10,7 @@ import exactarm as ea
 from exactarm.commands.diagnose_report import found_effects, report_of
 from exactarm.commands.effect_sections import _size, axes_in_words, causes_in_words, percent
 from exactarm.commands.error_sections import words_of
-from exactarm.diagnose.contribution import _follows, _own_signals, _told_over
+from exactarm.diagnose.contribution import _follows, _own_direction, _own_signals, _told_over
 from exactarm.diagnose.diagnosis import diagnose
 from exactarm.effects.order_source import likely_source
 
@@ -135,3 +135,13 @@ def test_an_effect_of_no_axis_stands_over_signals_of_the_axis_along_which_it_is_
     own = _own_signals(SimpleNamespace(joint=None), signals, None, "axis 2")
     assert list(own) == ["load of axis 2", "time"]
     assert list(_own_signals(SimpleNamespace(joint=None), signals, None, "the base's z axis")) == list(names)
+
+
+def test_a_direction_that_no_row_shows_is_not_the_own_one():
+    """Rows of one number each, as of a face, show nothing along y: 0 / 0 was computed there."""
+    at = lambda size: SimpleNamespace(sigma=np.ones((4, 2)), residual=np.tile([size, 0.0], (4, 1)))
+    directions = {"the base's y axis": np.zeros((4, 2)), "the base's x axis": np.tile([1.0, 0.0], (4, 1))}
+    name, before, after = _own_direction(at(1.0), at(2.0), SimpleNamespace(joint=None), directions)
+    assert name == "the base's x axis" and before.tolist() == [2.0] * 4 and after.tolist() == [1.0] * 4
+    del directions[name]
+    assert _own_direction(at(1.0), at(2.0), SimpleNamespace(joint=None), directions) == (None, None, None)

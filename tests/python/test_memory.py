@@ -20,7 +20,7 @@ class Said:
     """Keeps what a progress is told."""
 
     def __init__(self, stages: list):
-        self.stage = stages.append
+        self.announce = stages.append
 
 
 @pytest.fixture(scope="module")
@@ -109,3 +109,21 @@ def test_frames_from_some_of_many_rows_judge_all_of_them(ur10, monkeypatch):
     # The error of a nominal arm is structure: other rows give the frames a little other weights, at 600 rows
     # by 4 % of it.
     assert len(some.error) == len(data) and some.overall.rms == pytest.approx(whole.overall.rms, rel=0.05)
+
+
+def test_the_limit_of_a_container_or_of_the_process_counts_where_it_is_smaller(monkeypatch, tmp_path):
+    monkeypatch.setattr(memory, "MEMINFO", tmp_path / "meminfo")
+    monkeypatch.setattr(memory, "GROUP", tmp_path)
+    monkeypatch.setattr(memory, "STATM", tmp_path / "statm")
+    assert memory.free_bytes() is None
+    (tmp_path / "meminfo").write_text("MemTotal: 9000000 kB\nMemAvailable: 4000000 kB\n")
+    assert memory.free_bytes() == 1024.0 * 4000000
+    (tmp_path / "memory.current").write_text("1000\n")
+    (tmp_path / "memory.max").write_text("max\n")
+    assert memory.free_bytes() == 1024.0 * 4000000
+    (tmp_path / "memory.max").write_text("501000\n")
+    assert memory.free_bytes() == 500000.0
+    resource = pytest.importorskip("resource")
+    monkeypatch.setattr(resource, "getrlimit", lambda which: (200 * resource.getpagesize(), 0))
+    (tmp_path / "statm").write_text("190 7 3\n")
+    assert memory.free_bytes() == 10.0 * resource.getpagesize() < 500000.0

@@ -152,3 +152,14 @@ def test_a_command_announces_its_steps_in_their_order(command, words, tmp_path):
     assert progress.planned and steps == sorted(steps, key=progress.planned.index)
     assert steps[-1] == progress.planned[-1] and len(steps) > len(progress.planned) / 2
     assert set(progress.planned) <= {*STEPS[command], steps[-1]}
+
+
+@pytest.mark.parametrize("terminal", [False, True])
+def test_what_the_work_will_take_is_said_at_once_and_stays(terminal):
+    screen = Screen(terminal)
+    progress = Progress(screen, Clock())
+    progress.plan({"one": 1.0}, long=True)
+    progress.stage("one")
+    progress.announce("5,000 of 100,000 rows: about 4 min")
+    progress.close()
+    assert "5,000 of 100,000 rows: about 4 min\n" in screen.text

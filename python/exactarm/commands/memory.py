@@ -19,7 +19,7 @@ from exactarm.kinds import GEAR_RUN, MOTION, POSES
 from exactarm.progress import SILENT, Progress
 
 GIGABYTE = 2.0**30
-MEMINFO = Path("/proc/meminfo")
+MEMINFO, GROUP, STATM = Path("/proc/meminfo"), Path("/sys/fs/cgroup"), Path("/proc/self/statm")
 SHARE = 0.9  # of what is free that one command may take
 BASE_BYTES = 0.3 * GIGABYTE  # of the libraries and the figures
 WORTH_SAYING_S = 60.0  # a command that takes longer says so before it works
@@ -63,8 +63,9 @@ def within_memory(command: str, kind: str, data: Dataset,
             f"free; expected at most {most} rows: leave out rows, evenly, or take the sessions one by one",
             file=data.first_file)
     if seconds > WORTH_SAYING_S or told:
-        progress.stage(f"{len(rows):,} of {len(data):,} rows: about {max(seconds / 60.0, 1.0):.0f} min of a "
-                       f"processor and {needed / GIGABYTE:.1f} GB")
+        minutes = max(seconds / 60.0, 1.0)
+        progress.announce(f"{len(rows):,} of {len(data):,} rows: about {minutes:.0f} min of a processor and "
+                          f"{needed / GIGABYTE:.1f} GB")
     return rows, told
 
 
@@ -81,9 +82,37 @@ def _evenly(data: Dataset, most: int | None) -> Dataset:
 
 
 def free_bytes() -> float | None:
-    """What the system says that a new process can have; None where it does not say."""
+    """What a process can still have: of the machine, of its control group, of its own limit; None where the
+    system says nothing."""
+    told = [each for each in (_of_machine(), _of_group(), _of_process()) if each is not None]
+    return max(min(told), 0.0) if told else None
+
+
+def _of_machine() -> float | None:
     try:
         lines = MEMINFO.read_text(encoding="ascii").splitlines()
         return 1024.0 * int(next(line.split()[1] for line in lines if line.startswith("MemAvailable:")))
     except (OSError, StopIteration, ValueError, IndexError):
         return None
+
+
+def _of_group() -> float | None:
+    """Of a container (Linux control groups, version 2); the word max stands for no limit."""
+    try:
+        most, used = (int((GROUP / name).read_text(encoding="ascii"))
+                      for name in ("memory.max", "memory.current"))
+    except (OSError, ValueError):
+        return None
+    return float(most - used)
+
+
+def _of_process() -> float | None:
+    """Of its address space, as `ulimit -v` bounds it."""
+    try:
+        import resource
+
+        most = resource.getrlimit(resource.RLIMIT_AS)[0]
+        pages = int(STATM.read_text(encoding="ascii").split()[0])
+    except (ImportError, OSError, ValueError, IndexError):
+        return None
+    return None if most == resource.RLIM_INFINITY else float(most - pages * resource.getpagesize())

@@ -34,6 +34,7 @@ from exactarm.identify.closures import (
     updated_robot,
 )
 from exactarm.identify.declared import geometry_layout, reestimated_layout, require_geometry
+from exactarm.identify.judged_rows import judged_rows
 from exactarm.kinds import CLOSURES, POSES
 from exactarm.measurement.closures import (
     ClosurePrediction,
@@ -168,7 +169,8 @@ class ClosureProblem(PoseProblem):
 
     def errors(self, fitted: Fitted, data: Dataset) -> np.ndarray:
         error = closure_errors(self.robot, fitted.layout, data, self.threads).error()
-        return np.where(shows_a_place(data), error, np.nan)
+        known = None if data is self.data else fitted.layout
+        return np.where(judged_rows(data, known), error, np.nan)
 
     def also_judged(self, fitted: Fitted, data: Dataset) -> dict[str, float]:
         found = {

@@ -151,6 +151,8 @@ def _own_direction(fitted: Fitted, without: Fitted, effect: Effect, directions: 
     own = [name for name in directions if effect.joint is not None and name.endswith(f"axis {effect.joint}")]
     best, fall = (None, None, None), 0.0
     for name in own or directions:
+        if not np.any(directions[name]):  # rows of one number each, as of a face, show it in none
+            continue
         before, after = (_along(fitted, state.residual, directions[name]) for state in (without, fitted))
         lowered = float(np.mean(before**2) - np.mean(after**2)) / max(float(np.mean(after**2)), 1e-300)
         if lowered > fall:

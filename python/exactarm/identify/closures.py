@@ -36,6 +36,7 @@ from exactarm.identify.closure_scale import (
 from exactarm.identify.compliance import compliance_layout
 from exactarm.identify.declared import carried_layout, frames_layout, geometry_layout, require_geometry
 from exactarm.identify.identifiability import Dropped, Identifiability, select_identifiable, still_axes
+from exactarm.identify.judged_rows import judged_rows, unjudged_lines
 from exactarm.identify.loads import kept_masses, with_loads
 from exactarm.identify.match import WORST_SHARE, reach
 from exactarm.identify.parameter_name import parse_parameter
@@ -49,7 +50,6 @@ from exactarm.measurement.closures import (
     device_of,
     gross_rows,
     predict_closures,
-    shows_a_place,
     touches,
 )
 from exactarm.measurement.contact import Contact
@@ -108,7 +108,7 @@ def calibrate_closures(robot: Robot, data: Dataset,
         closure_errors(robot, each.layout, rows, options.threads) for each in (declared.nominal, fit)
     )
     parts = {"identification": rows.identification, "validation": ~rows.identification}
-    place = shows_a_place(rows)
+    place = judged_rows(rows)
     judge = lambda layout: {
         name: mean_distance_error(robot, layout, rows.select(mask), options.threads)
         for name, mask in parts.items()
@@ -131,7 +131,7 @@ def calibrate_closures(robot: Robot, data: Dataset,
         tilts_after={name: tilt_error(after, mask) for name, mask in parts.items()},
         pixels_before={name: before.reprojection(mask) for name, mask in parts.items()},
         pixels_after={name: after.reprojection(mask) for name, mask in parts.items()},
-        warnings=(*_warnings(declared, train), *gross_corner_warning(data),
+        warnings=(*_warnings(declared, train), *gross_corner_warning(data), *unjudged_lines(rows),
                   *partner_warnings(fit, train, declared.pulls, options.threads)),
     )
 
@@ -176,6 +176,8 @@ def nominal_closures(
 ) -> ClosureFit:
     """Contacts, tool and frames alone, by the robot as declared; known lengths are not used. Raises
     InputError where they do not fit."""
+    if not judged_rows(data).any():
+        raise InputError(f"no row can be judged: {unjudged_lines(data)[0]}", file=data.first_file)
     device = device_of(data)
     tracked = device == TRACKER
     frames = Layout.of(())

@@ -24,6 +24,7 @@ from exactarm.identify.closures import (
 )
 from exactarm.identify.declared import carried_layout, frames_layout, require_geometry
 from exactarm.identify.gear_evaluate import gear_run_error
+from exactarm.identify.judged_rows import judged_rows, unjudged_lines
 from exactarm.identify.match import require_match
 from exactarm.identify.motion_evaluate import motion_error
 from exactarm.identify.planned import controller_angles
@@ -37,7 +38,7 @@ from exactarm.identify.tracked_fit import (
     tracked_record,
 )
 from exactarm.kinds import CLOSURES, GEAR_RUN, MOTION, POSES, TRACKED_MOTION
-from exactarm.measurement.closures import shows_a_place, touches
+from exactarm.measurement.closures import touches
 from exactarm.robot import Robot
 from exactarm.split import DEFAULT_SEED
 
@@ -144,9 +145,9 @@ def evaluate_closures(robot: Robot, data: Dataset, seed: int = 0, threads: int =
     lengths."""
     rows = touches(data)
     fit = nominal_closures(robot, rows, carried_effects(robot, rows), seed, threads)
-    error, residual, place = fit.prediction.error(), fit.prediction.seen, shows_a_place(rows)
+    error, residual, place = fit.prediction.error(), fit.prediction.seen, judged_rows(rows)
     sessions = tuple((int(s), summarise(error[place & (rows.session == s)])) for s in np.unique(rows.session))
-    warnings = extrapolations(robot, controller_angles(robot, rows))
+    warnings = (*extrapolations(robot, controller_angles(robot, rows)), *unjudged_lines(rows))
     if not fit.fit.converged:
         warnings = (*warnings, f"the fit of contacts and tool did not converge ({fit.fit.reason})")
     unit, columns = ("rad", GRAVITY_COLUMNS) if gravity_alone(rows) else ("m", RESIDUAL_COLUMNS)
