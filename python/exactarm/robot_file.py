@@ -38,8 +38,9 @@ from exactarm.toml_file import fits_shape, is_number, read_toml
 from exactarm.ur_calibration import read_ur_calibration
 from exactarm.urdf import read_urdf
 
-__all__ = ["Robot", "load_robot", "read_robot", "shipped_robots", "write_robot"]
+__all__ = ["AnyRobot", "Robot", "load_robot", "read_robot", "robot_of", "shipped_robots", "write_robot"]
 
+AnyRobot = Robot | str | Path
 SHIPPED = Path(__file__).parent / "data" / "robots"
 ROTATION_TOLERANCE = 1e-6  # a matrix typed by hand has at least seven digits
 
@@ -85,6 +86,11 @@ def load_robot(name_or_path: str | Path) -> Robot:
     names = ", ".join(shipped_robots())
     raise InputError(f"no robot of that name; expected one of {names}, or a .toml or .urdf file{hint}",
                      file=text or repr(text))
+
+
+def robot_of(robot: AnyRobot) -> Robot:
+    """A robot as it is, or the one of that name or file."""
+    return robot if isinstance(robot, Robot) else load_robot(robot)
 
 
 def read_robot(path: str | Path) -> Robot:

@@ -30,8 +30,8 @@ def robot_text(robot: Robot) -> str:
     """The content of the robot file."""
     blocks = [HEAD, _top(robot)]
     blocks += _table("record", robot.record, "How this file came about.")
-    blocks += _placement("base", robot.base, "Robot base in the frame of the measuring device.")
-    blocks += _placement("tool", robot.tool, "Measured target in the flange frame.")
+    blocks += _placement("base", robot.base, "DH frame 0 in the frame of the measuring device.")
+    blocks += _placement("tool", robot.tool, "Measured target in DH frame n.")
     blocks += _controller(robot.controller)
     blocks += [_joint(number, joint, robot.has_geometry)
                for number, joint in enumerate(robot.joints, start=1)]
@@ -72,7 +72,7 @@ def _top(robot: Robot) -> str:
     if robot.generic_masses:
         values["generic_masses"] = True
     comments = {
-        "gravity_m_s2": "in the robot base frame", "has_geometry": "only the drives are known",
+        "gravity_m_s2": "in DH frame 0", "has_geometry": "only the drives are known",
         "mass_kg": "of the whole arm",
         "generic_masses": "the links below are no declaration: derived from the geometry, for loads at rest",
     }

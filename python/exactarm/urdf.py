@@ -6,8 +6,8 @@
 In: the serial chain from base to tip, fixed joints merged, everything that hangs on a link with its mass;
 frames by `mdh_chain`. `robot.base` keeps the place of DH frame 0 in the base link, `robot.tool` what lies
 behind frame n, so that the pose of the tip in the base link is exactly that of the URDF.
-Out: root `device` (the measuring device), `base_link` (DH frame 0), `link_i`, `flange` (DH frame n), `tool`
-(the target). The joint angle of the written file is the one that the controller reports, so calibrated
+Out: root `device` (the measuring device), `base_link` and `flange` (the controller's), `link_i`, `tool` (the
+target). The joint angle of the written file is the one that the controller reports, so calibrated
 offsets stand in the joints' origins. What URDF cannot carry is listed in a comment.
 """
 
@@ -19,6 +19,7 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
+from exactarm.controller_frames import base_in_device, joined, target_on_flange
 from exactarm.errors import InputError
 from exactarm.generic_masses import with_declared_masses
 from exactarm.mdh_frames import Axis, behind_axis, compose, mdh_chain, relative, rotation_z
@@ -146,15 +147,17 @@ def urdf_text(robot: Robot) -> str:
     lines = ['<?xml version="1.0"?>', f"<!-- {_comment(robot)} -->",
              f"<robot name={quoteattr(_xml_text(robot.name))}>"]
     lines += ['  <link name="device"/>', '  <link name="base_link"/>']
-    lines += _fixed("device_to_base", "device", "base_link", robot.base)
-    before, parent = Placement(), "base_link"
+    lines += _fixed("device_to_base", "device", "base_link", base_in_device(robot.base, robot.controller))
+    before, parent = robot.controller.base, "base_link"
     for number, joint in enumerate(robot.joints, start=1):
         behind = behind_axis(joint)
         lines += _link(number, robot.links[number - 1] if robot.links else None, behind)
         lines += _moving(number, joint, robot, before, parent)
         before, parent = behind, f"link_{number}"
-    lines += ['  <link name="flange"/>', *_fixed("link_to_flange", parent, "flange", before)]
-    lines += ['  <link name="tool"/>', *_fixed("flange_to_tool", "flange", "tool", robot.tool)]
+    lines += ['  <link name="flange"/>', *_fixed("link_to_flange", parent, "flange",
+                                                          joined(before, robot.controller.flange))]
+    lines += ['  <link name="tool"/>',
+              *_fixed("flange_to_tool", "flange", "tool", target_on_flange(robot.tool, robot.controller))]
     for number, joint in enumerate(robot.joints, start=1):
         lines += _transmission(number, joint)
     return "\n".join([*lines, "</robot>"]) + "\n"

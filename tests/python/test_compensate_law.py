@@ -10,6 +10,13 @@ from exactarm.compensate.flange_poses import Poses, pose_error
 from exactarm.compensate.law import CompensationModel, actual_of, command_of
 from exactarm.errors import InputError
 from exactarm.robot import Controller
+from exactarm.robot_file import load_robot
+
+
+def test_a_robot_may_be_given_by_its_name_as_to_every_command():
+    q = reachable(load_robot("ur10"), 3)
+    np.testing.assert_array_equal(command_of("ur10", q), command_of(load_robot("ur10"), q))
+    np.testing.assert_array_equal(actual_of("ur10", q), actual_of(load_robot("ur10"), q))
 
 
 def test_the_real_arm_stands_where_the_planner_meant_it():

@@ -18,7 +18,6 @@ from exactarm.errors import ComputationError, InputError
 from exactarm.plan import Line, PathFailure, PlannedPath, PlanOptions, Points, load_path, plan_many, plan_path
 from exactarm.plan.limits import violations
 from exactarm.plan.trajectory import trajectory_table
-from exactarm.robot import Placement
 from exactarm.robot_file import load_robot
 from exactarm.simulate.measure import true_path
 from exactarm.simulate.virtual_robot import VirtualRobot
@@ -273,9 +272,3 @@ def test_many_paths_run_on_any_executor_and_one_failure_ends_no_other(pool):
     assert [isinstance(result, PathFailure) for result in results] == [False, True, False]
     assert "out of reach" in results[1].reason and seen == [(1, 3), (2, 3), (3, 3)]
     np.testing.assert_allclose(results[0].theta, plan_path(ROBOT, short).theta, atol=1e-12)
-
-
-def test_a_flange_that_is_not_the_last_frame_is_told():
-    turned = replace(ROBOT.controller, flange=Placement(position=np.array([0.0, 0.0, 0.1])))
-    plan = plan_path(replace(ROBOT, controller=turned), replace(LINE, rate_hz=50.0), THREADS)
-    assert any("DH frame n" in warning for warning in plan.warnings)

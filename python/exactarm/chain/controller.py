@@ -22,6 +22,7 @@ import numpy as np
 from exactarm import _core
 from exactarm.chain.layout import Layout
 from exactarm.chain.poses import PosePrediction, predict_poses
+from exactarm.controller_frames import at_base, at_flange
 from exactarm.dataset import Dataset
 from exactarm.effects.base import Station
 from exactarm.errors import ComputationError, InputError
@@ -124,8 +125,8 @@ def _placed(robot: Robot, of: Point, seen_from: Frame) -> Robot:
         raise InputError(f"seen_from = {seen_from!r}; expected 'base' or 'device'")
     if not robot.has_geometry:
         raise InputError(f"robot {robot.name} declares no geometry; expected one for poses and torques")
-    base = robot.base if seen_from == "device" else robot.controller.base
-    tool = robot.tool if of == "target" else robot.controller.flange
+    base = robot.base if seen_from == "device" else at_base(robot).base
+    tool = robot.tool if of == "target" else at_flange(robot).tool
     effects = tuple(effect for effect in robot.effects
                     if not effect.record and POSES.name in effect.kinds and effect.station != Station.DEVICE)
     return replace(robot, base=base, tool=tool, effects=effects)

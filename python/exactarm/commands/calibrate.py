@@ -137,6 +137,7 @@ def _axes(text: str) -> tuple[int, ...] | None:
 
 
 def _json(result: Calibration) -> dict[str, Any]:
+    shown = result.shown
     return {
         "unit": _unit(result),
         "before": _summaries(result.before, result.distances_before, result.tilts_before,
@@ -145,7 +146,7 @@ def _json(result: Calibration) -> dict[str, Any]:
                             result.pixels_after),
         "parameters": {
             name: estimate(float(value), float(low), float(high))
-            for name, value, (low, high) in zip(result.names, result.fit.fit.x, result.intervals)
+            for name, value, (low, high) in zip(result.names, shown.x, shown.interval())
         },
         "dropped": [
             {"parameter": entry.name, "why": entry.why, "collides_with": list(entry.collides_with)}
@@ -251,14 +252,14 @@ def _distance_tables(result: Calibration) -> tuple[Any, ...]:
 
 def _parameter_sections(robot: Robot, result: Calibration) -> tuple[Any, ...]:
     """Robot parameters as plot and table, then the frames of the sessions."""
-    declared = geometry_layout(robot)
+    declared, shown = geometry_layout(robot), result.shown
     start_of = dict(zip(declared.names, declared.values))
     frame = np.array([parse_parameter(name).group is Group.FRAME for name in result.names])
 
     def pick(mask: np.ndarray) -> tuple[Any, ...]:
         names = [name for name, keep in zip(result.names, mask) if keep]
         start = np.array([start_of.get(name, 0.0) for name in names])
-        x, intervals = result.fit.fit.x[mask], result.intervals[mask]
+        x, intervals = shown.x[mask], shown.interval()[mask]
         return names, start, x, intervals, [unit_of(name) for name in names]
 
     names, start, x, intervals, units = pick(~frame)

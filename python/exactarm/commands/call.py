@@ -23,18 +23,14 @@ from exactarm.errors import InputError
 from exactarm.examples import file_or_example
 from exactarm.fixture import Fixture, load_fixture
 from exactarm.robot import Robot
+from exactarm.robot_file import AnyRobot as AnyRobot
 from exactarm.robot_file import load_robot
+from exactarm.robot_file import robot_of as robot_of
 from exactarm.rows import Source
 from exactarm.session_table import with_sessions
 
-AnyRobot = Robot | str | Path
 AnyData = Dataset | str | Path | Sequence[str | Path]
 AnyFixture = Fixture | str | Path | None
-
-
-def robot_of(robot: AnyRobot) -> Robot:
-    """A robot as it is, or the one of that name or file."""
-    return robot if isinstance(robot, Robot) else load_robot(robot)
 
 
 def data_of(

@@ -20,6 +20,7 @@ from exactarm.commands.plain import sha256
 from exactarm.commands.result import CommandResult
 from exactarm.commands.steps import CHECKING, JUDGING, READING, STEPS
 from exactarm.commands.suspicions import suspicions
+from exactarm.controller_frames import in_base
 from exactarm.dataset import Dataset
 from exactarm.errors import InputError
 from exactarm.identify.statistics import summarise
@@ -141,7 +142,7 @@ def _certify(
     before, after = (judge(each, data, rows, seed, threads) for each in (earlier, arm))
     judged = data.select(rows.judged)
     instrument = told.get("instrument_u_mm")
-    points = _in_base(judged, after)
+    points = _in_first_frame(judged, after)
     return Certified(
         robot=arm,
         earlier=earlier,
@@ -150,19 +151,19 @@ def _certify(
         about=told,
         before=before,
         after=after,
-        points=points,
+        points=in_base(arm, points),
         summaries=(summarise(before.error), summarise(after.error)),
         iso=iso_9283(judged, before.residual, after.residual, after.predicted, before.predicted, seed),
         orientation=None if before.turn is None or after.turn is None
         else iso_orientation(judged, before.turn, after.turn, after.base),
         paths=path_tests((earlier, arm), (before, after), followed),
         budget=budget(judged, after, None if instrument is None else 1e-3 * instrument),
-        regions=by_region(points, before.error, after.error),
+        regions=by_region(points, in_base(arm, points), before.error, after.error),
     )
 
 
-def _in_base(data: Dataset, judged: Judged) -> np.ndarray:
-    """(M, 3) where the target was, in the robot's base frame."""
+def _in_first_frame(data: Dataset, judged: Judged) -> np.ndarray:
+    """(M, 3) where the target was, in DH frame 0."""
     assert data.position is not None  # poses have one
     points = np.empty((len(data), 3))
     for session in np.unique(data.session):

@@ -22,6 +22,7 @@ import numpy as np
 from scipy.interpolate import make_interp_spline
 
 from exactarm.commands.result import CommandResult
+from exactarm.controller_frames import at_flange
 from exactarm.dataset import Dataset
 from exactarm.errors import InputError
 from exactarm.identify.statistics import summarise
@@ -38,7 +39,7 @@ from exactarm.simulate import VirtualRobot, deviated, parse_effect
 from exactarm.simulate.independent import independent_path
 from exactarm.simulate.measure import true_path
 from exactarm.simulate.plant import is_elastic
-from exactarm.simulate.virtual_robot import one_sided, unplaced
+from exactarm.simulate.virtual_robot import one_sided
 
 BETWEEN = 4
 DEVIATION = 1.0  # as usual for a new arm
@@ -114,7 +115,7 @@ def planned_motions(nominal: Robot, known: Robot, path: PlannedPath, threads: in
     reference = path.reference()
     motions = {}
     for method, robot in (("nominal", nominal), ("identified", known)):
-        joints = inverse_kinematics(unplaced(robot).core, reference).q
+        joints = inverse_kinematics(at_flange(robot).core, reference).q
         motions[method] = Motion(reference.time, (joints - robot.offsets) * robot.ratios, joints)
     plan = plan_path(known, path, PlanOptions(threads=threads))
     return motions | {"exactarm": Motion(plan.time, plan.theta, plan.q_desired)}
@@ -127,12 +128,12 @@ def play(
     time = np.linspace(motion.time[0], motion.time[-1], BETWEEN * (len(motion.time) - 1) + 1)
     theta, joints = (make_interp_spline(motion.time, values, k=5)(time)
                      for values in (motion.theta, motion.joints))
-    at_flange = VirtualRobot(virtual.nominal, unplaced(virtual.true))
+    seen = VirtualRobot(virtual.nominal, at_flange(virtual.true))
     if engine == "pinocchio":
-        flange = independent_path(at_flange, time, theta, joints)
+        flange = independent_path(seen, time, theta, joints)
     else:
         data = Dataset.of_arrays(TRACKED_MOTION.name, {"theta": theta}, time=time)
-        flange = true_path(at_flange, data, joints, damping_s=damping_s)
+        flange = true_path(seen, data, joints, damping_s=damping_s)
     error = np.linalg.norm(flange - path.curve.motion(path.duration)(time)[0], axis=1)
     return Played(method, engine, time, flange, error)
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any, Literal
@@ -25,10 +24,12 @@ from exactarm.commands.planning_arguments import (
     station_of,
     target_hint,
     tool_of,
+    with_tool,
 )
 from exactarm.commands.result import CommandResult
 from exactarm.commands.steps import CAUSES, STEPS
 from exactarm.compensate.measuring_program import WRITERS, measuring_program, stops_of
+from exactarm.controller_frames import with_target
 from exactarm.dataset import Dataset
 from exactarm.diagnose.isolability import isolability
 from exactarm.errors import InputError
@@ -45,7 +46,7 @@ from exactarm.report import Figure, Quantity, Report, Section, Table, Text, Warn
 from exactarm.report.numbers import number
 from exactarm.report.plots.design import observability_over_steps
 from exactarm.report.plots.workspace import poses_view
-from exactarm.robot import Placement, Robot
+from exactarm.robot import Robot
 from exactarm.split import DEFAULT_SEED
 
 NAME = "design"
@@ -122,7 +123,7 @@ def design(
     given = {"count": count, "validation": validation, "tool_m": tool_m, "frames": frames, "use": use}
     arm = robot_of(robot)
     if tool_m is not None:
-        arm = replace(arm, tool=Placement(arm.tool.rotation, np.asarray(tool_m, float)))
+        arm = with_target(arm, np.asarray(tool_m, float))
     if count < 1 or validation < 0:
         raise InputError("--count: expected 1 or more, --validation: 0 or more")
     options = DesignOptions(
@@ -153,10 +154,7 @@ def design(
 
 
 def _closures(arguments: argparse.Namespace) -> CommandResult:
-    robot = robot_of(arguments.robot)
-    tool = tool_of(arguments.tool)
-    if tool is not None:
-        robot = replace(robot, tool=Placement(robot.tool.rotation, tool))
+    robot = with_tool(robot_of(arguments.robot), arguments.tool)
     at = tuple(tuple(numbers_of("--at", text, 3)) for text in arguments.at)
     if arguments.places < 1 or arguments.count < 1 or not 0.0 < arguments.apart_mm < 1e3:
         raise InputError("--places and --count: expected 1 or more; --apart-mm: expected between 0 and 1000")

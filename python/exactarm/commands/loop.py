@@ -17,6 +17,7 @@ import numpy as np
 from exactarm.commands.arguments import add_robot
 from exactarm.commands.result import CommandResult
 from exactarm.commands.steps import CALIBRATING, EXECUTING, MEASURING, STEPS
+from exactarm.controller_frames import base_in_device, target_on_flange
 from exactarm.dataset import Dataset
 from exactarm.diagnose.diagnosis import Diagnosis, diagnose
 from exactarm.effects.base import Effect
@@ -139,11 +140,13 @@ def _execute(name: str, model: Robot, drawn: Robot, virtual: VirtualRobot, path:
     """Plans with `model` so that its target follows the path of the drawing's target, and executes it for
     real."""
     desired = path.reference()
-    turn = model.base.rotation.T @ drawn.base.rotation
+    here, there = base_in_device(model.base, model.controller), base_in_device(drawn.base, drawn.controller)
+    turn = here.rotation.T @ there.rotation
     rotation = desired.rotation[0]
     held = turn @ rotation
-    origin = turn.T @ (model.base.rotation.T @ (model.base.position - drawn.base.position))
-    offset = held @ (model.tool.position - drawn.tool.position)
+    origin = turn.T @ (here.rotation.T @ (here.position - there.position))
+    target = lambda robot: target_on_flange(robot.tool, robot.controller).position
+    offset = held @ (target(model) - target(drawn))
     moved = replace(path, curve=_Moved(path.curve, turn, origin, offset), orientation_wxyz=_quaternion(held))
     plan = plan_path(model, moved, PlanOptions(threads=threads))
     series = Dataset.of_arrays(TRACKED_MOTION.name, {"theta": plan.theta}, time=plan.time)
@@ -154,8 +157,9 @@ def _execute(name: str, model: Robot, drawn: Robot, virtual: VirtualRobot, path:
 
 def _in_tracker(desired: Reference, drawn: Robot) -> np.ndarray:
     """(N, 3) where the target should be, in the tracker's frame."""
-    target = desired.position + desired.rotation @ drawn.tool.position
-    return target @ drawn.base.rotation.T + drawn.base.position
+    base = base_in_device(drawn.base, drawn.controller)
+    target = desired.position + desired.rotation @ target_on_flange(drawn.tool, drawn.controller).position
+    return target @ base.rotation.T + base.position
 
 
 def _quaternion(rotation: np.ndarray) -> np.ndarray:

@@ -5,16 +5,16 @@ from __future__ import annotations
 import argparse
 import re
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
+from exactarm.controller_frames import with_target
 from exactarm.errors import InputError
 from exactarm.identify.identifiability import Dropped
 from exactarm.identify.line_of_sight import ACCEPTANCE_RAD, Station
 from exactarm.identify.planned import FRAMES, SIGMA_POSITION_M
 from exactarm.identify.pose_space import Box
-from exactarm.robot import Placement, Robot
+from exactarm.robot import Robot
 
 
 def add_planning(parser: argparse.ArgumentParser) -> None:
@@ -75,7 +75,7 @@ def tool_of(text: str | None) -> np.ndarray | None:
 def with_tool(robot: Robot, text: str | None) -> Robot:
     """The robot with the target where --tool says."""
     tool = tool_of(text)
-    return robot if tool is None else replace(robot, tool=Placement(robot.tool.rotation, tool))
+    return robot if tool is None else with_target(robot, tool)
 
 
 def box_of(text: str | None) -> Box:

@@ -13,6 +13,7 @@ import numpy as np
 from scipy.interpolate import make_interp_spline
 
 from exactarm.columns import PAYLOAD, PAYLOAD_CENTRE
+from exactarm.controller_frames import at_flange
 from exactarm.dataset import Dataset
 from exactarm.errors import InputError
 from exactarm.kinds import CLOSURES, GEAR_RUN, MOTION, POSES, TRACKED_MOTION
@@ -30,7 +31,6 @@ from exactarm.simulate.closures import fixture_text, measure_closures
 from exactarm.simulate.independent import independent_path
 from exactarm.simulate.measure import true_path
 from exactarm.simulate.profiles import excitation, limit
-from exactarm.simulate.virtual_robot import unplaced
 
 _SPEEDS = (0.4, 0.3)  # of the largest rate, as in the thesis (3.1.2)
 PAYLOADS = (PAYLOAD, *PAYLOAD_CENTRE)
@@ -158,11 +158,11 @@ def _tracked(arguments: argparse.Namespace, virtual: VirtualRobot, planned: Data
     time, theta, joints = _resampled(planned, virtual.nominal, arguments.rate)
     how = {"quasi_static": arguments.quasi_static, "damping_s": arguments.damping or 0.0}
     series = Dataset.of_arrays(TRACKED_MOTION.name, {"theta": theta}, time=time)
-    at_flange = VirtualRobot(virtual.nominal, unplaced(virtual.true))
+    seen = VirtualRobot(virtual.nominal, at_flange(virtual.true))
     if arguments.engine == "pinocchio":
-        flange = independent_path(at_flange, time, theta, joints)
+        flange = independent_path(seen, time, theta, joints)
     else:
-        flange = true_path(at_flange, series, joints, **how)
+        flange = true_path(seen, series, joints, **how)
     data = measure_tracked_motion(virtual, time, theta, _sensors(arguments), random, joints=joints, **how)
     tracking = None
     if planned.position is not None:

@@ -29,6 +29,7 @@ from exactarm.effects.payload import Payload
 from exactarm.kinds import POSES
 from exactarm.mdh_frames import compose
 from exactarm.robot import Placement, Robot
+from exactarm.robot_file import AnyRobot, robot_of
 
 STEPS = (
     8  # three gain nine digits of a millimetre; more close to a singular pose, or where a flank changes side
@@ -150,7 +151,7 @@ class CompensationModel:
 
 
 def command_of(
-    robot: Robot,
+    robot: AnyRobot,
     targets: np.ndarray | Poses,
     near: np.ndarray | None = None,
     approach: np.ndarray | None = None,
@@ -162,7 +163,7 @@ def command_of(
     with `near` (N, n) beside them, angles on the branch that is wanted. approach (N, n): as each axis comes
     to its target.
     """
-    model = CompensationModel.of(robot)
+    model = CompensationModel.of(robot_of(robot))
     if isinstance(targets, Poses):
         if near is None:
             near = model.controller.nearest_path(targets, None)
@@ -172,14 +173,14 @@ def command_of(
 
 
 def actual_of(
-    robot: Robot, joints: np.ndarray, approach: np.ndarray | None = None, threads: int = 1
+    robot: AnyRobot, joints: np.ndarray, approach: np.ndarray | None = None, threads: int = 1
 ) -> np.ndarray:
     """The inverse of `command_of`: joint angles (N, n) at which a planner should see an arm whose encoders
     say `joints`.
 
     The controller's own chain has there the pose in which the real arm stands.
     """
-    model = CompensationModel.of(robot)
+    model = CompensationModel.of(robot_of(robot))
     joints = np.asarray(joints, float)
     there = model.prediction(joints, approach, threads)
     near = model.controller.unturned(there.view.q)

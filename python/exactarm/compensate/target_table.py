@@ -24,6 +24,7 @@ from exactarm.compensate.angles import from_vector
 from exactarm.compensate.controller import ControllerChain
 from exactarm.compensate.program import Motion, Program, SourceText, Target
 from exactarm.compensate.setting import Setting
+from exactarm.controller_frames import base_in_device, target_on_flange
 from exactarm.csv_dialect import Dialect, dialect_of, split_header
 from exactarm.dataset import Dataset, read_targets
 from exactarm.errors import InputError
@@ -115,14 +116,13 @@ def _poses(data: Dataset, q: np.ndarray | None, setting: Setting, source: Source
 
 def _frames(setting: Setting) -> tuple[Placement, Placement]:
     """Tool in the flange and base in the controller's base frame."""
-    controller, given = setting.robot.controller, setting.tool("")
+    given = setting.tool("")
     tool = Placement() if given is None else placement(given)
     if not setting.device:
         return tool, Placement()
-    robot = setting.robot
-    return relative(controller.flange, robot.tool) if given is None else tool, relative(
-        relative(controller.base, robot.base), Placement()
-    )
+    robot, own = setting.robot, setting.robot.controller
+    return (target_on_flange(robot.tool, own) if given is None else tool,
+            relative(base_in_device(robot.base, own), Placement()))
 
 
 def placement(numbers) -> Placement:

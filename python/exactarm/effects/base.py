@@ -34,7 +34,7 @@ from exactarm.station import Station
 
 if TYPE_CHECKING:
     from exactarm.dataset import Dataset
-    from exactarm.robot import Placement, Robot
+    from exactarm.robot import Controller, Placement, Robot
     from exactarm.view import View
 
 
@@ -263,6 +263,11 @@ class Effect(ABC):
     def place(self, session: int, base: Placement, tool: Placement) -> tuple[Placement, Placement]:
         """Base and tool frames of a session; only the effects that are frames change them."""
         return base, tool
+
+    def in_frames_of(self, controller: Controller) -> tuple[np.ndarray, np.ndarray]:
+        """The values (k,) as counted from the controller's base and flange, where they count from DH frame 0
+        and n, and their derivative (k, k) by the values as they are."""
+        return np.asarray(self.values), np.eye(len(self.values))
 
     def keep(self, view: View) -> np.ndarray | None:
         """Rows (N,) bool that are to be used; None = all. Only effects of the record (outliers) say

@@ -1,7 +1,8 @@
 """Frames: where the robot base stands in the measuring device's frame, and the target on the flange.
 
 One effect per session: base (position, rotation vector) and tool (position, and a rotation vector where the
-orientation is measured). x_measured = p_base + R_base (p_flange + R_flange p_tool).
+orientation is measured), those of the robot file: of DH frame 0, and in DH frame n.
+x_measured = p_base + R_base (p_n + R_n p_tool).
 """
 
 from __future__ import annotations
@@ -11,9 +12,11 @@ from typing import ClassVar
 
 import numpy as np
 
+from exactarm.controller_frames import apart, base_in_device, target_on_flange
 from exactarm.effects.base import Change, Effect, Parameter, Station
 from exactarm.kinds import WITH_TARGET
-from exactarm.rotation import exp, left_jacobian, log
+from exactarm.robot import Placement
+from exactarm.rotation import exp, left_jacobian, log, skew
 
 _AXES = ("x_m", "y_m", "z_m", "rx_rad", "ry_rad", "rz_rad")
 
@@ -57,6 +60,25 @@ class Frames(Effect):
         base = replace(base, position=v[:3], rotation=exp(v[3:6]))
         tool = replace(tool, position=v[6:9])
         return base, replace(tool, rotation=exp(v[9:12])) if len(v) == 12 else tool
+
+    def in_frames_of(self, controller):
+        """base C^-1 and F^-1 tool: of the controller's base in the device's frame, of the target on its
+        flange."""
+        v, slope = np.asarray(self.values), np.eye(len(self.values))
+        if not apart(controller):
+            return v, slope
+        base = base_in_device(Placement(exp(v[3:6]), v[:3]), controller)
+        turn = exp(v[9:12]) if len(v) == 12 else np.eye(3)
+        tool = target_on_flange(Placement(turn, v[6:9]), controller)
+        turned = left_jacobian(v[3:6])
+        slope[:3, 3:6] = skew(base.rotation @ controller.base.position) @ turned
+        slope[3:6, 3:6] = np.linalg.solve(left_jacobian(log(base.rotation)), turned)
+        back = controller.flange.rotation.T
+        slope[6:9, 6:9] = back
+        if len(v) == 12:
+            slope[9:, 9:] = np.linalg.solve(left_jacobian(log(tool.rotation)), back @ left_jacobian(v[9:]))
+        numbers = [base.position, log(base.rotation), tool.position, log(tool.rotation)]
+        return np.concatenate(numbers)[: len(v)], slope
 
     def change(self, view) -> Change:
         k = len(self.values)

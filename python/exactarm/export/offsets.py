@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from exactarm.compensate.angles import to_quaternion, to_zyx
+from exactarm.controller_frames import base_in_device, target_on_flange
 from exactarm.robot import Placement, Robot
 from exactarm.urdf import reported_shift
 
@@ -37,8 +38,8 @@ def offsets_text(robot: Robot) -> str:
         "on one axis first.",
     ]
     for title, placement in (
-        ("Robot base in the frame of the measuring device", robot.base),
-        ("Measured target at the flange", robot.tool),
+        ("Robot base in the frame of the measuring device", base_in_device(robot.base, robot.controller)),
+        ("Measured target at the flange", target_on_flange(robot.tool, robot.controller)),
     ):
         lines += ["", title, *_frame(placement)]
     return "\n".join(lines) + "\n"

@@ -15,6 +15,7 @@ import numpy as np
 
 from exactarm import _core
 from exactarm.chain import Layout, predict_poses
+from exactarm.controller_frames import apart, target_on_flange
 from exactarm.covariance import ParameterCovariance
 from exactarm.dataset import Dataset
 from exactarm.errors import InputError
@@ -104,6 +105,19 @@ class Calibration:
     def intervals(self) -> np.ndarray:
         """(P, 2) 95 % intervals in the order of `names`."""
         return self.fit.fit.interval()
+
+    @property
+    def shown(self) -> Fit:
+        """The fit with base and tool as of the controller's base and flange; the robot file has those of DH
+        frame 0 and n."""
+        fit, layout = self.fit.fit, self.fit.layout
+        if not apart(self.robot.controller):
+            return fit
+        x, slope = fit.x.copy(), np.eye(layout.size)
+        for effect, free, where in zip(layout.effects, layout.free, layout.slices):
+            values, by_own = effect.in_frames_of(self.robot.controller)
+            x[where], slope[where, where] = values[free], by_own[np.ix_(free, free)]
+        return replace(fit, x=x, covariance=slope @ fit.covariance @ slope.T)
 
 
 def calibrate(robot: Robot, data: Dataset, options: CalibrationOptions = CalibrationOptions(),
@@ -325,7 +339,8 @@ def _warnings(fit: PoseFit, data: Dataset, found: list):
         )
     for session, frames in found:
         if frames.other_tool is not None:
-            point = ", ".join(f"{1e3 * value:.0f}" for value in frames.other_tool)
+            there = target_on_flange(Placement(position=frames.other_tool), fit.robot.controller)
+            point = ", ".join(f"{1e3 * value:.0f}" for value in there.position)
             advice = (
                 "all axes are parallel, so no pose tells them apart, and none needs to"
                 if _parallel(fit.robot) else "measure poses that differ more in orientation"

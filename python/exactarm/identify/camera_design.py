@@ -20,6 +20,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from exactarm.chain import Layout
+from exactarm.controller_frames import at_base
 from exactarm.dataset import Dataset
 from exactarm.errors import InputError
 from exactarm.fixture import CameraSetup, Fixture
@@ -49,7 +50,7 @@ from exactarm.measurement.board_views import (
 from exactarm.measurement.camera import Camera
 from exactarm.measurement.closures import predict_closures
 from exactarm.measurement.pictures import rows_of_pictures
-from exactarm.robot import Placement, Robot
+from exactarm.robot import Robot
 from exactarm.rotation import exp
 
 CANDIDATES = 12  # places that are looked at
@@ -98,7 +99,7 @@ def design_pictures(robot: Robot, setup: CameraSetup, options: ClosureDesignOpti
         raise InputError("[camera] of the fixture file: size_px or focal_px missing; expected both for a "
                          "design: they say what is in the picture")
     random = np.random.default_rng(options.seed)
-    robot = replace(robot, base=Placement(), effects=())
+    robot = replace(at_base(robot), effects=())
     space = PoseSpace.of(robot, options.box, options.clearance)
     places = _places(robot, space, setup, options, views, random)
     chosen = _chosen_places(robot, places, options, random)

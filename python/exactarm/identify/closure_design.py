@@ -23,6 +23,7 @@ from typing import TypeVar
 import numpy as np
 
 from exactarm.chain import Layout
+from exactarm.controller_frames import at_base
 from exactarm.dataset import Dataset
 from exactarm.errors import ComputationError, InputError
 from exactarm.fixture import Distance, Fixture
@@ -40,7 +41,7 @@ from exactarm.measurement.contact import Contact
 from exactarm.measurement.contacts import Socket
 from exactarm.measurement.target import Target
 from exactarm.measurement.touching import TOUCHES_M, rows_at, target_at, touching
-from exactarm.robot import Placement, Robot
+from exactarm.robot import Robot
 from exactarm.split import DEFAULT_SEED
 
 P = TypeVar("P")
@@ -98,7 +99,7 @@ def design_closures(robot: Robot, options: ClosureDesignOptions = ClosureDesignO
     few."""
     require_geometry(robot)
     random = np.random.default_rng(options.seed)
-    robot = replace(robot, base=Placement(), effects=())
+    robot = replace(at_base(robot), effects=())
     space = PoseSpace.of(robot, options.box, options.clearance)
     places = _places(robot, space, options, random)
     model = _Model(robot, places, options)

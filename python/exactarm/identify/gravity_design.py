@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from exactarm.chain import Layout
+from exactarm.controller_frames import at_base
 from exactarm.errors import InputError
 from exactarm.fixture import Fixture
 from exactarm.identify.closure_design import (
@@ -32,7 +33,7 @@ from exactarm.identify.pose_space import PoseSpace
 from exactarm.measurement.closures import predict_closures
 from exactarm.measurement.contacts import SENSORS
 from exactarm.measurement.touching import rows_at
-from exactarm.robot import Placement, Robot
+from exactarm.robot import Robot
 
 SIGMA_RAD = 1e-4  # of an averaged reading: an ordinary inclinometer, an accelerometer of 100 micro-g
 RANGE_RAD = 1.0  # of an inclinometer
@@ -53,7 +54,7 @@ def design_gravity(robot: Robot, sensor: str, options: ClosureDesignOptions) -> 
     """The poses. Raises InputError where too few are within the sensor's range."""
     require_geometry(robot)
     random = np.random.default_rng(options.seed)
-    robot = replace(robot, base=Placement(), effects=())
+    robot = replace(at_base(robot), effects=())
     space = PoseSpace.of(robot, options.box, options.clearance)
     cls = SENSORS[sensor]
     device = cls(None, (0.0,) * (5 + 2 * cls.numbers))

@@ -19,8 +19,8 @@ ACCEPTANCE_RAD = np.radians(30.0)
 
 @dataclass(frozen=True)
 class Station:
-    """position (3,) of the tracker in the robot's base frame, m; opening (3,): where the reflector opens to,
-    in the flange frame, None: to all sides; acceptance: half-angle in rad."""
+    """position (3,) of the tracker in the controller's base frame, m; opening (3,): where the reflector opens
+    to, in its flange frame, None: to all sides; acceptance: half-angle in rad."""
 
     position: np.ndarray
     opening: np.ndarray | None = None
@@ -28,8 +28,8 @@ class Station:
 
     def sees(self, robot, q: np.ndarray, target: np.ndarray, flange: np.ndarray,
              clearance: float) -> np.ndarray:
-        """(N,) bool for joint angles q (N, n), target (N, 3) and flange orientation (N, 3, 3) in the base
-        frame."""
+        """(N,) bool for joint angles q (N, n), target (N, 3) and flange orientation (N, 3, 3), all in the
+        controller's base frame."""
         back = self.position - target
         seen = np.linalg.norm(back, axis=1) > clearance
         if self.opening is not None:

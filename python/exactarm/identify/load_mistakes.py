@@ -34,7 +34,7 @@ def payload_mistakes(robot: Robot, data: Dataset) -> Iterator[Suspicion]:
     if own > 0.0 and mass.max(initial=0.0) > HEAVY * own:
         yield Suspicion(f"payload_kg is up to {mass.max():g} kg, the arm itself weighs {own:.3g} kg: is it "
                         "in g or lb? It is used as it stands", sentence=True)
-    away = float(np.linalg.norm(centre, axis=1).max(initial=0.0))
+    away = float(np.linalg.norm(centre - data.flange.position, axis=1).max(initial=0.0))
     if away > FAR_M:
         yield Suspicion(f"the payload's centre lies {away:g} m from the flange: is it in mm? It is used as "
                         "it stands", sentence=True)

@@ -77,6 +77,7 @@ class MotionSamples:
     time: np.ndarray
     logged_time: np.ndarray
     logged: np.ndarray
+    base_axes: np.ndarray  # (3, 3) rows: x, y, z of the controller's base in DH frame 0
     clock: float = 1.0  # of `rate` over what was read: where dry friction turns over does not follow it
 
     def with_angles(self, change: Callable[[np.ndarray], np.ndarray]) -> MotionSamples:
@@ -160,6 +161,7 @@ def samples_of(robot: Robot, data: Dataset) -> MotionSamples:
         record.step * kept,
         record.step * inside,
         record.torque[inside],
+        robot.controller.base.rotation,
     )
 
 
@@ -227,7 +229,7 @@ def _candidates(samples: MotionSamples) -> Iterator[tuple[str, MotionSamples]]:
     yield "gravity pointing the other way", replace(samples, gravity=-up)
     for k, name in enumerate("xyz"):
         for sign in (1.0, -1.0):
-            along = sign * np.linalg.norm(up) * np.eye(3)[k]
+            along = sign * np.linalg.norm(up) * samples.base_axes[k]
             if np.linalg.norm(np.cross(along, up)) > 0.5 * np.linalg.norm(up) ** 2:
                 yield (
                     f"gravity along {'+' if sign > 0 else '-'}{name} of the base (the arm's mounting)",

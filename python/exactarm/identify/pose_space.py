@@ -1,22 +1,23 @@
 """Pose space: the joint angles that a measurement may use: joint limits and a box for flange and target.
 
 Angles are those that the controller reports, q (N, n) in rad (m for a sliding axis); the box is in the
-robot's base frame, in m. A small part of each axis' range next to its limits is left free: controllers refuse
-poses that touch a limit. Hand and target keep a clearance from the base column and the upper arm
+controller's base frame, in m. A small part of each axis' range next to its limits is left free: controllers
+refuse poses that touch a limit. Hand and target keep a clearance from the base column and the upper arm
 (exactarm.identify.self_collision); obstacles and cables are not known here.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from exactarm import _core
+from exactarm.controller_frames import at_base
 from exactarm.errors import ComputationError, InputError
 from exactarm.identify.line_of_sight import Station
 from exactarm.identify.self_collision import default_clearance, is_clear
-from exactarm.robot import Placement, Robot
+from exactarm.robot import Robot
 
 _MARGIN = 0.005  # of the range, at either end
 _LEAST_SHARE = 1e-3  # of the random poses that must lie inside the box
@@ -25,7 +26,7 @@ _BATCH = 2000
 
 @dataclass(frozen=True)
 class Box:
-    """lower (3,) and upper (3,) corner in the base frame, m. Default: above the floor."""
+    """lower (3,) and upper (3,) corner in the controller's base frame, m. Default: above the floor."""
 
     lower: np.ndarray = field(default_factory=lambda: np.array([-np.inf, -np.inf, 0.0]))
     upper: np.ndarray = field(default_factory=lambda: np.full(3, np.inf))
@@ -63,28 +64,28 @@ class PoseSpace:
         lower, upper = np.array(bounds).T
         margin = _MARGIN * (upper - lower)
         keep = default_clearance(robot) if clearance is None else clearance
-        at_origin = replace(robot, base=Placement())
-        return PoseSpace(at_origin, box, lower + margin, upper - margin, keep, tuple(assumed),
+        return PoseSpace(at_base(robot), box, lower + margin, upper - margin, keep, tuple(assumed),
                          station)
 
     def target(self, q: np.ndarray) -> np.ndarray:
-        """(N, 3) nominal position of the target in the base frame."""
+        """(N, 3) nominal position of the target in the controller's base frame."""
         return _core.forward_kinematics(self.robot.core, self._joint_angles(q))[0]
 
     def allowed(self, q: np.ndarray) -> np.ndarray:
         """(N,) bool: within the limits, target and flange inside the box and clear of the arm."""
         angles = self._joint_angles(q)
         target, rotation = _core.forward_kinematics(self.robot.core, angles)
-        flange = target - (rotation @ self.robot.tool.rotation.T) @ self.robot.tool.position
+        last = rotation @ self.robot.tool.rotation.T  # DH frame n
+        mounted = self.robot.controller.flange
+        flange = target + last @ (mounted.position - self.robot.tool.position)
         inside = np.all((q >= self.lower) & (q <= self.upper), axis=1)
         for points in (target, flange):
             inside &= np.all((points >= self.box.lower) & (points <= self.box.upper), axis=1)
         inside[inside] = is_clear(self.robot.core, angles[inside], (target[inside], flange[inside]),
                                   self.clearance)
         if self.station is not None:
-            towards = rotation[inside] @ self.robot.tool.rotation.T
-            inside[inside] = self.station.sees(self.robot.core, angles[inside], target[inside], towards,
-                                               self.clearance)
+            inside[inside] = self.station.sees(self.robot.core, angles[inside], target[inside],
+                                               last[inside] @ mounted.rotation, self.clearance)
         return inside
 
     def draw(self, count: int, rng: np.random.Generator) -> np.ndarray:

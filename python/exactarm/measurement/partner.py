@@ -2,12 +2,13 @@
 
     |x - (b + R_b x_B(q_B, z))| - g         x (3,) m: target; x_B (3,): ball of the partner in its own base
 
-Unknown: where the partner's base stands (b, R_b), its ball on its flange (3), the distance g of the two
-centres about what the fixture file says, and the partner's own deviations z (r,): its parameters are those of
-its robot file plus F z, z standard normal before any data. So F F' is what the file leaves open of the
-partner, and what of that goes into the arm stands in the arm's intervals. r = 0: the partner is as its file
-says (judging). Neither base moves: one contact for all sessions. Effects in the partner's file act, and the
-springs that it declares. Limits: the partner's axes turn (none slides), and its own play is not known.
+Unknown: where the partner's base stands (b, R_b), its ball on its flange (3), both those of its controller,
+the distance g of the two centres about what the fixture file says, and the partner's own deviations z (r,):
+its parameters are those of its robot file plus F z, z standard normal before any data. So F F' is what the
+file leaves open of the partner, and what of that goes into the arm stands in the arm's intervals. r = 0: the
+partner is as its file says (judging). Neither base moves: one contact for all sessions. Effects in the
+partner's file act, and the springs that it declares. Limits: the partner's axes turn (none slides), and its
+own play is not known.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from typing import ClassVar
 import numpy as np
 
 from exactarm.chain import Layout, PosePrediction, predict_poses
+from exactarm.controller_frames import at_flange, target_on_flange, with_target
 from exactarm.dataset import Dataset
 from exactarm.effects.base import Parameter, Station
 from exactarm.errors import InputError
@@ -25,7 +27,7 @@ from exactarm.fixture import Fixture
 from exactarm.fixture import Partner as Declared
 from exactarm.kinds import POSES
 from exactarm.measurement.contact import Contact
-from exactarm.robot import Placement, Robot
+from exactarm.robot import Robot
 from exactarm.rotation import exp, left_jacobian, nearest, skew
 
 NAME = "partner"
@@ -91,7 +93,8 @@ class Partner(Contact):
         self = replace(self, declared_as=declared)
         bare = self._flange(view, at, np.zeros(3), tangents=False)
         points = view.signals["target"][at] + view.signals["displacement"][at, :3]
-        turn, base, ball = placed_by(points, bare.position, bare.rotation, declared.robot.tool.position)
+        start = target_on_flange(declared.robot.tool, declared.robot.controller).position
+        turn, base, ball = placed_by(points, bare.position, bare.rotation, start)
         rows = tuple(tuple(map(float, row)) for row in turn)
         return replace(self.with_values([*base, 0.0, 0.0, 0.0, *ball, 0.0]), reference=rows)
 
@@ -118,7 +121,7 @@ class Partner(Contact):
         own = tuple(effect for effect in robot.effects if POSES.name in effect.kinds and not effect.record
                     and effect.station != Station.DEVICE)
         layout = self.arm_now.joined(Layout.of(own, estimate=False))
-        placed = replace(robot, base=Placement(), tool=Placement(np.eye(3), ball))
+        placed = with_target(at_flange(robot), ball)
         rows = Dataset.of_arrays(POSES.name, {"q": robot.controller.joints(view.data.partner[at])})
         return predict_poses(placed, layout, rows, tangents=tangents, threads=view.threads)
 
@@ -160,4 +163,4 @@ def placed_by(points: np.ndarray, flange: np.ndarray, turned: np.ndarray,
 def partner_robot(contact: Partner) -> Robot:
     """The partner's robot with its parameters as estimated beside the arm's."""
     robot = contact.arm_now.baked(contact.declared_as.robot)
-    return replace(robot, tool=Placement(robot.tool.rotation, np.asarray(contact.values[_BALL])))
+    return with_target(robot, np.asarray(contact.values[_BALL]))

@@ -1,7 +1,7 @@
 """Target: where on the flange the touching ball, tip or sensor sits, one point for all sessions that share
 it.
 
-    x = p_base + R_base (p_flange + R_flange p_tool)
+    x = p_base + R_base (p_n + R_n p_tool)
 
 The base frame is no unknown: contacts are wherever the robot touches them. Its rotation is that of the robot
 file.
@@ -14,14 +14,16 @@ from typing import ClassVar
 
 import numpy as np
 
+from exactarm.controller_frames import target_on_flange
 from exactarm.effects.base import Change, Effect, Parameter, Station
 from exactarm.kinds import CLOSURES, POSES
+from exactarm.robot import Placement
 
 
 @dataclass(frozen=True)
 class Target(Effect):
-    """The tool point (3,) m in the flange frame, at each of `sessions`; `shared`: the only one, named without
-    a session."""
+    """The tool point (3,) m in DH frame n, at each of `sessions`; `shared`: the only one, named without a
+    session."""
 
     sessions: tuple[int, ...] = (1,)
     shared: bool = False
@@ -47,6 +49,10 @@ class Target(Effect):
 
     def place(self, session, base, tool):
         return base, replace(tool, position=np.asarray(self.values)) if session in self.sessions else tool
+
+    def in_frames_of(self, controller):
+        there = target_on_flange(Placement(position=np.asarray(self.values)), controller)
+        return there.position, controller.flange.rotation.T
 
     def change(self, view) -> Change:
         derivative = np.zeros((view.rows, 6, 3))

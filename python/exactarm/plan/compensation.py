@@ -24,22 +24,23 @@ from exactarm import _core
 from exactarm.chain import Layout
 from exactarm.chain.direction import direction_of_motion, eased
 from exactarm.chain.spring import declared_deflection
+from exactarm.controller_frames import at_flange
 from exactarm.dataset import Dataset
 from exactarm.effects.base import Effect, Station
 from exactarm.kinds import TRACKED_MOTION
 from exactarm.plan.reference import Reference
-from exactarm.robot import Link, Placement, Robot
+from exactarm.robot import Link, Robot
 from exactarm.rotation import exp as rotation_exp
 from exactarm.view import View
 
 # stiffness for a rigid joint, in inertias per square sample; its deflection is taken out again
 RIGID_SHARE = 100.0
-_SAME_FRAME = 1e-9  # m and rad
 
 
 @dataclass(frozen=True)
 class PlanningModel:
-    """The robot as the planner sees it, base and tool at the flange; which effects enter, what is left out.
+    """The robot as the planner sees it, from the controller's base to its flange; which effects enter, what
+    is left out.
 
     `rigid`: no masses are declared or no joint has a spring, so that the motors follow from q alone.
     """
@@ -63,15 +64,11 @@ def planning_model(robot: Robot) -> PlanningModel:
     if baked.links is None:
         warnings.append("no link masses are declared: planned without dynamics and deflection")
         baked = replace(baked, links=(Link(0.0, np.zeros(3), np.zeros((3, 3))),) * baked.axes)
-    if not all(np.allclose(frame.matrix, np.eye(4), atol=_SAME_FRAME)
-               for frame in (robot.controller.base, robot.controller.flange)):
-        warnings.append("the path is that of DH frame n in DH frame 0: this robot's flange or base frame "
-                        "lies elsewhere ([controller.flange], [controller.base])")
     rigid = (
         robot.links is None or robot.generic_masses or not any(joint.spring_linear for joint in baked.joints)
     )
     joints = tuple(_with_both_tables(joint) for joint in baked.joints)
-    baked = replace(baked, joints=joints, base=Placement(), tool=Placement(), effects=())
+    baked = replace(at_flange(baked), joints=joints, effects=())
     return PlanningModel(baked, used, rigid, tuple(warnings))
 
 
@@ -155,7 +152,8 @@ def _view(
     signals = {
         "theta": theta, "theta_dot": q_dot * robot.ratios, "theta_ddot": q_ddot * robot.ratios, "phi": phi,
         "phi_dot": q_dot, "torque": torque, "q": q, "q_dot": q_dot, "q_ddot": q_ddot, "direction": direction,
-        "base_position": np.zeros((rows, 3)), "base_rotation": np.tile(np.eye(3).ravel(), (rows, 1)),
+        "base_position": np.tile(robot.base.position, (rows, 1)),
+        "base_rotation": np.tile(robot.base.rotation.ravel(), (rows, 1)),
         "displacement": np.zeros((rows, 6)), "target": position, "target_rotation": rotation.reshape(rows, 9),
     }
     return View(robot, data, TRACKED_MOTION.name, threads, signals=signals)

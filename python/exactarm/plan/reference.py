@@ -7,7 +7,7 @@ at rest with zero acceleration and jerk at both ends. Line (4.7); conical spiral
 where mu and z follow the time law from start to end; via-points on a spline of degree 5 (C4), at rest with
 zero acceleration at both ends. Orientation: constant, interpolated on the sphere (SLERP) between two with the
 time law, or through one per via-point on a C2 rotation spline.
-Lengths in m, time in s, quaternions (w, x, y, z), everything in the robot's base frame.
+Lengths in m, time in s, quaternions (w, x, y, z), everything in the controller's base frame.
 """
 
 from __future__ import annotations

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from exactarm.chain import Layout
+from exactarm.controller_frames import with_target
 from exactarm.effects import Effect, library
 from exactarm.errors import InputError
 from exactarm.robot import Joint, Link, Placement, Robot
@@ -80,12 +81,8 @@ def placed(robot: Robot, random: np.random.Generator) -> Robot:
     """Base and tool somewhere: a tracker does not know where it stands, nor where on the flange its target
     sits."""
     base = Placement(exp(random.normal(0.0, 1.0, 3)), random.normal(0.0, _STAND_M, 3))
-    return replace(robot, base=base, tool=Placement(np.eye(3), random.uniform(-_TOOL_M, _TOOL_M, 3)))
-
-
-def unplaced(robot: Robot) -> Robot:
-    """The robot seen from its own base, its flange the target."""
-    return replace(robot, base=Placement(), tool=Placement())
+    return with_target(replace(robot, base=base, tool=robot.controller.flange),
+                       random.uniform(-_TOOL_M, _TOOL_M, 3))
 
 
 def one_sided(robot: Robot, gear_direction: str) -> Robot:

@@ -105,14 +105,14 @@ def daily(
 
 
 def _in_base(fit: PoseFit, data: Dataset, vectors: np.ndarray) -> np.ndarray:
-    """Vectors (N, 3, ...) of the device's frame in the robot's base frame, which no set-up turns."""
-    out = np.empty_like(vectors)
+    """Vectors (N, 3, ...) of the device's frame in the controller's base frame, which no set-up turns."""
+    out, first = np.empty_like(vectors), fit.robot.controller.base.rotation
     for session in np.unique(data.session):
         base = Placement()
         for effect in fit.layout.effects:
             base = effect.place(int(session), base, Placement())[0]
         here = data.session == session
-        out[here] = np.einsum("ji,nj...->ni...", base.rotation, vectors[here])
+        out[here] = np.einsum("ji,nj...->ni...", base.rotation @ first.T, vectors[here])
     return out
 
 
@@ -323,6 +323,8 @@ def _hypotheses(
         blocks.append(_in_base(fit, seen, predict_poses(robot, layout, seen).jacobian[:, :3])[0])
     columns = np.concatenate(blocks)
     n = robot.axes
+    by_own = frames.in_frames_of(robot.controller)[1]
+    columns[:, n : n + 9] = np.linalg.solve(by_own.T, columns[:, n : n + 9].T).T  # of the controller's frames
     found = [
         Hypothesis(f"zero of axis {i + 1}", columns[:, i : i + 1], (offsets.names[i],)) for i in range(n)
     ]

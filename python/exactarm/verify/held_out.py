@@ -47,9 +47,9 @@ class Judged:
 
     residual (M, 3): measured minus predicted, m; predicted (M, 3) in the device's frame; frames (M,):
     variance of one coordinate of the prediction from the uncertainty of the frames, mean over the three, m^2;
-    freedom: of the fit of the frames. base (M, 3, 3): rotation of the robot's base in the device's frame;
-    turn (M, 3): measured beyond predicted orientation, rotation vector in the base's axes, rad, None where no
-    orientation is measured.
+    freedom: of the fit of the frames. base (M, 3, 3): rotation of the controller's base in the device's
+    frame; turn (M, 3): measured beyond predicted orientation, rotation vector in the base's axes, rad, None
+    where no orientation is measured.
     """
 
     residual: np.ndarray
@@ -209,13 +209,13 @@ def judge(robot: Robot, data: Dataset, rows: Rows, seed: int = DEFAULT_SEED, thr
 
 
 def _base_rotation(fit: PoseFit, data: Dataset) -> np.ndarray:
-    """(N, 3, 3) of the fitted base of each row's session."""
-    out = np.empty((len(data), 3, 3))
+    """(N, 3, 3) of the controller's base in the device's frame, as fitted to each row's session."""
+    out, first = np.empty((len(data), 3, 3)), fit.robot.controller.base.rotation
     for session in np.unique(data.session):
         base = Placement()
         for effect in fit.layout.effects:
             base = effect.place(int(session), base, Placement())[0]
-        out[data.session == session] = base.rotation
+        out[data.session == session] = base.rotation @ first.T
     return out
 
 

@@ -134,12 +134,12 @@ def mean_with_interval(data: Dataset, error: np.ndarray) -> tuple[float, float, 
 
 
 def by_region(
-    points: np.ndarray, before: np.ndarray, after: np.ndarray
+    points: np.ndarray, in_base: np.ndarray, before: np.ndarray, after: np.ndarray
 ) -> list[tuple[str, ErrorSummary, ErrorSummary]]:
-    """Errors by where the target is, in the base frame (M, 3): three equal ranges of the distance from the
-    first axis, and of the height."""
+    """Errors by where the target is (M, 3), in DH frame 0 and in the controller's base frame: three equal
+    ranges of the distance from the first axis, and of the height over the base."""
     out = []
-    for name, value in (("reach", np.hypot(points[:, 0], points[:, 1])), ("height", points[:, 2])):
+    for name, value in (("reach", np.hypot(points[:, 0], points[:, 1])), ("height", in_base[:, 2])):
         edges = np.linspace(value.min(), value.max(), 4)
         for low, high in zip(edges[:-1], edges[1:]):
             inside = (value >= low) & ((value < high) | (high == edges[-1]))
