@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from exactarm.controller_frames import apart
 from exactarm.robot import Controller, GearTable, Joint, Link, Placement, Robot
 from exactarm.robot_keys import FORMAT, FRAME_FIELDS, GEAR_KEYS, GEAR_TABLES, JOINT_KEYS
 from exactarm.table import atomic_file
@@ -30,8 +31,11 @@ def robot_text(robot: Robot) -> str:
     """The content of the robot file."""
     blocks = [HEAD, _top(robot)]
     blocks += _table("record", robot.record, "How this file came about.")
-    blocks += _placement("base", robot.base, "DH frame 0 in the frame of the measuring device.")
-    blocks += _placement("tool", robot.tool, "Measured target in DH frame n.")
+    first, last = "Robot base", "the flange frame"
+    if apart(robot.controller):
+        first, last = "DH frame 0", "DH frame n"
+    blocks += _placement("base", robot.base, f"{first} in the frame of the measuring device.")
+    blocks += _placement("tool", robot.tool, f"Measured target in {last}.")
     blocks += _controller(robot.controller)
     blocks += [_joint(number, joint, robot.has_geometry)
                for number, joint in enumerate(robot.joints, start=1)]
@@ -72,7 +76,8 @@ def _top(robot: Robot) -> str:
     if robot.generic_masses:
         values["generic_masses"] = True
     comments = {
-        "gravity_m_s2": "in DH frame 0", "has_geometry": "only the drives are known",
+        "gravity_m_s2": f"in {'DH frame 0' if apart(robot.controller) else 'the robot base frame'}",
+        "has_geometry": "only the drives are known",
         "mass_kg": "of the whole arm",
         "generic_masses": "the links below are no declaration: derived from the geometry, for loads at rest",
     }
