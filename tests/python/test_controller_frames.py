@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 import exactarm as ea
 from central_difference import assert_derivative
 from exactarm.chain import Layout
+from exactarm.commands import loop
 from exactarm.controller_frames import base_in_device, joined, target_on_flange, with_target
 from exactarm.dataset import Dataset
 from exactarm.diagnose.in_space import errors_in_space
@@ -21,6 +22,7 @@ from exactarm.identify.camera_design import design_pictures
 from exactarm.identify.closure_design import ClosureDesignOptions, design_closures
 from exactarm.identify.line_of_sight import Station
 from exactarm.identify.load_mistakes import payload_mistakes
+from exactarm.identify.motion_mistakes import MotionSamples, _candidates
 from exactarm.identify.pose_space import Box, PoseSpace
 from exactarm.mdh_frames import relative
 from exactarm.measurement.partner import Partner
@@ -29,12 +31,15 @@ from exactarm.plan import Line, PlannedPath, PlanOptions, plan_path
 from exactarm.plan.trajectory import trajectory_table
 from exactarm.robot import Controller, Placement, Robot
 from exactarm.robot_file import load_robot
-from exactarm.rotation import exp
+from exactarm.rotation import exp, log
 from exactarm.simulate import Sensors, VirtualRobot, deviated, measure_poses
 from exactarm.simulate.virtual_robot import placed
 from exactarm.table import write_table
 from exactarm.urdf import read_urdf, urdf_text
 from exactarm.view import View
+from set_ups import joints_in_limits, true_robot
+from set_ups import measured as set_up
+from six_axis import six_axis
 
 ARMS = ["ur10", "panda", "racer-7-1.4"]
 FIRST = Placement(exp(np.array([0.4, -0.3, 1.2])), np.array([0.3, -0.2, 0.5]))
@@ -247,6 +252,45 @@ def test_a_certificate_shows_targets_in_the_base(tmp_path):
     rows = np.asarray(table["row"]) - data.row[0]
     shown = np.column_stack([table[f"{axis}_base_m"] for axis in "xyz"])
     np.testing.assert_allclose(shown, true.fk(q[rows], of="target").position, atol=2e-3)
+
+
+def test_a_base_that_turned_about_its_own_origin_is_told_as_turned_alone():
+    """About that of the controller: DH frame 0, half a metre away, went too."""
+    arm, random = six_axis(placed=False), np.random.default_rng(7)
+    arm = replace(arm, controller=replace(arm.controller, base=FIRST, flange=LAST))
+    truth = with_target(true_robot(arm, random), np.array([0.15, 0.1, 0.2]))
+    q, turn = joints_in_limits(arm, 6, random), np.array([0.0, 4e-4, 0.0])
+    here = base_in_device(truth.base, truth.controller)
+    turned = Placement(exp(turn) @ here.rotation, here.position)
+    later = replace(truth, base=joined(turned, truth.controller.base))
+    assert np.linalg.norm(later.base.position - truth.base.position) > 1e-4
+    before = set_up(arm, [truth], [np.tile(q, (10, 1))], 1e-5, random)
+    before = replace(before, covariates={"day": np.repeat(np.arange(1.0, 11.0), len(q))})
+    new = [set_up(arm, [later], [q], 1e-5, random) for _ in range(6)]
+    cause = ea.check(arm, before, new)["causes"][0]
+    assert cause["cause"] == "base"
+    found = [cause["parameters"][f"base_{axis}"]["value"] for axis in AXES]
+    np.testing.assert_allclose(found[:3], 0.0, atol=4e-5)
+    np.testing.assert_allclose(found[3:], log(turned.rotation) - log(here.rotation), atol=4e-5)
+
+
+def test_the_loop_keeps_its_path_in_the_base_of_the_drawing(tmp_path):
+    """An arm that is as drawn, in a set-up somewhere, executes the path without error."""
+    arm = measured(read_from_urdf("ur10", tmp_path))[0]
+    arm = replace(arm, links=None, joints=tuple(replace(joint, ratio=100.0) for joint in arm.joints))
+    path = short_path(arm, posture(arm))
+    done = loop._execute("drawn", arm, arm, VirtualRobot.of(arm), path, 1)
+    assert done.summary.max < 1e-6
+
+
+def test_a_mounting_that_is_suspected_is_told_by_the_axes_of_the_base():
+    turn = FIRST.rotation
+    none = np.zeros((2, 6))
+    samples = MotionSamples(none, none, none, none, np.array([0.0, 0.0, -9.81]), np.zeros(6), np.ones(6),
+                            np.ones(6), np.zeros(2), np.zeros(2), none, turn)
+    told = {name: other.gravity for name, other in _candidates(samples) if "mounting" in name}
+    along = told["gravity along +x of the base (the arm's mounting)"]
+    np.testing.assert_allclose(turn @ along, [9.81, 0.0, 0.0], atol=1e-12)
 
 
 # -- files -------------------------------------------------------------------------------------------
