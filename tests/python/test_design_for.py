@@ -46,6 +46,17 @@ def test_poses_are_written_for_both_directions_and_can_be_measured(result, tmp_p
     assert np.array_equal(data.joints["approach"], np.tile([[-1] * 6, [1] * 6], (2, 1)))
 
 
+@pytest.mark.parametrize("told, warns", [({"robot_name": "ur10"}, False), ({"robot_name": "ur5"}, True),
+                                         ({"robot": "panda"}, True), ({"robot": "ur10"}, False),
+                                         ({"robot": "cell/robot.toml"}, False), ({"robot_name": 5}, False)])
+def test_the_diagnosis_of_another_robot_is_told_in_one_line(result, tmp_path, told, warns):
+    result.write_text(json.dumps(json.loads(result.read_text()) | told))
+    assert main(["design", "ur10", "--for", str(result), "--out", str(tmp_path / "out"), "--quiet"]) == 0
+    said = json.loads((tmp_path / "out" / "result.json").read_text()).get("warnings", [])
+    assert [line for line in said if "is the diagnosis of" in line] == (said if warns else [])
+    assert len(said) == warns
+
+
 def test_minutes_of_the_user_choose(result, tmp_path):
     words = ["design", "ur10", "--for", str(result), "--minutes", "payload=0", "--minutes", "visit=1",
              "--out", str(tmp_path / "out"), "--quiet"]

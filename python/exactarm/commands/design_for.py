@@ -6,6 +6,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -18,9 +19,11 @@ from exactarm.identify.joint_limits import violations
 from exactarm.identify.pose_space import PoseSpace
 from exactarm.report import Report, Table, Text
 from exactarm.robot import Robot
+from exactarm.robot_file import shipped_robots
 from exactarm.toml_file import is_number
 
 _EXPECTED = "expected result.json of `exactarm diagnose`"
+_LONGEST_NAME = 60  # of a robot, in a message
 _MOST_BITS = 64.0  # of what is open between causes: the library has some hundred of them
 _KEYS = ("poses_rad", "payload_kg", "bits", "open_bits", "between")
 
@@ -51,15 +54,38 @@ def experiments_table(experiments: tuple[Experiment, ...], cost: Mapping[str, fl
 _COSTS = {"visit": "to drive to a pose and measure", "payload": "to mount a payload"}
 
 
+def _told(path: Path) -> dict[str, Any]:
+    """A result.json. Raises InputError where it is none."""
+    try:
+        told = json.loads(path.read_text(encoding="utf-8"))
+    except RecursionError:
+        raise InputError(f"is nested too deeply; {_EXPECTED}", file=str(path)) from None
+    except (OSError, ValueError) as error:
+        raise InputError(f"cannot be read ({error}); {_EXPECTED}", file=str(path)) from None
+    if not isinstance(told, dict):
+        raise InputError(f"cannot be read (it holds no table); {_EXPECTED}", file=str(path))
+    return told
+
+
+def other_robot(path: Path, robot: Robot) -> tuple[str, ...]:
+    """A line where the diagnosis of that result.json is of a robot with another name; older files tell that
+    of a shipped robot alone."""
+    told = _told(path)
+    name = told.get("robot_name", told.get("robot") if told.get("robot") in shipped_robots() else None)
+    if not isinstance(name, str) or name == robot.name:
+        return ()
+    return (f"{path.name} is the diagnosis of {_short(name)}, and these poses are for {_short(robot.name)}: "
+            "is it the same arm?",)
+
+
+def _short(name: str) -> str:
+    return name if len(name) <= _LONGEST_NAME else f"{name[:_LONGEST_NAME]}..."
+
+
 def read_experiments(path: Path, robot: Robot) -> tuple[Experiment, ...]:
     """The experiments of a diagnosis' result.json. Raises InputError where there are none, or none for this
     robot."""
-    try:
-        entries = json.loads(path.read_text(encoding="utf-8")).get("experiments")
-    except RecursionError:
-        raise InputError(f"is nested too deeply; {_EXPECTED}", file=str(path)) from None
-    except (OSError, ValueError, AttributeError) as error:
-        raise InputError(f"cannot be read ({error}); {_EXPECTED}", file=str(path)) from None
+    entries = _told(path).get("experiments")
     if not isinstance(entries, list):
         raise InputError(f"no experiments; {_EXPECTED}", file=str(path))
     if not entries:
@@ -146,7 +172,7 @@ def designed_for(robot: Robot, path: Path, cost: Mapping[str, float],
                       "good" if best.parts else "caution"),
         tables={"poses.csv": pose_columns(robot, both, approach) | carried},
         texts=texts,
-    )
+    ).warned(other_robot(path, robot))
 
 
 def pose_columns(robot: Robot, q: np.ndarray, approach: np.ndarray | None) -> dict[str, np.ndarray]:

@@ -91,7 +91,7 @@ def diagnose(
     also: dict[str, Any] = {"also": [_json(other) for other in results[1:]]} if len(results) > 1 else {}
     also |= {"skipped": skipped} if skipped else {}
     made = CommandResult(
-        json=_json(first) | also,
+        json={"robot_name": declared.name} | _json(first) | also,
         report=report_of(declared, results, rows.split_rule(), skipped),
         robot=known,
         tables={"residuals.csv": _residuals(first)},
