@@ -290,6 +290,28 @@ def test_the_command_says_what_moved_and_on_which_day(files, tmp_path):
     assert "zero of axis 2" in (tmp_path / "report.html").read_text()
 
 
+def written(data, digits):
+    return replace(data, position=np.round(data.position, digits))
+
+
+def test_rows_that_were_copied_from_another_day_are_told():
+    arm, truth, q, random = an_arm_for(14)
+    before, days = before_of(truth, q, random, arm), days_of(truth, q, random, 3, arm)
+    some = np.arange(len(q)) < 3
+    days[2] = replace(days[2], position=np.where(some[:, None], days[0].position, days[2].position))
+    told = [line for line in ea.check(arm, before, days)["warnings"] if "copied" in line]
+    assert told == ["day 3: 3 of 5 rows are those of day 1 to the last digit: were they copied? They count "
+                    "as measured"]
+
+
+@pytest.mark.parametrize("digits", [3, 4, 5])
+def test_rows_of_a_coarse_device_are_not_called_copied(digits):
+    arm, truth, q, random = an_arm_for(14)
+    measured_days = before_of(truth, q, random, arm), *days_of(truth, q, random, 10, arm)
+    before, *days = (written(data, digits) for data in measured_days)
+    assert not [line for line in ea.check(arm, before, days)["warnings"] if "copied" in line]
+
+
 def test_one_file_with_a_column_day_is_as_many_days(files):
     arm = ea.load_robot(files / "robot.toml")
     parts = [ea.read(files / f"day_{n}.csv", arm) for n in range(1, 7)]

@@ -29,6 +29,7 @@ from exactarm.robot import Robot
 from exactarm.rows import Source
 from exactarm.split import DEFAULT_SEED
 from exactarm.verify.change import Cause, Change, detect, detectable
+from exactarm.verify.copied_rows import copied_lines
 from exactarm.verify.daily import Daily, daily
 
 NOT_SEEN = 0.1  # rad, m: what moves so far is seen without a check
@@ -109,7 +110,7 @@ def check(
             told, line=_line(robot, before, files, days_per_year, columns, seed),
             files=(*told.files, *sources),
         ),
-    ).warned(found)
+    ).warned((*found, *copied_lines(series.copied, change.sigma)))
 
 
 def run(arguments: argparse.Namespace) -> CommandResult:

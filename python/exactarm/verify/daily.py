@@ -29,6 +29,7 @@ from exactarm.identify.reach import reach
 from exactarm.robot import Placement, Robot
 from exactarm.split import DEFAULT_SEED
 from exactarm.verify.change import RANK, Evidence, Hypothesis
+from exactarm.verify.copied_rows import CopiedRows, copied_rows
 from exactarm.verify.day_mistakes import day_mistake
 
 SAME_POSE_RAD = (
@@ -47,7 +48,8 @@ class Daily:
     """before, days: as `detect` takes them; labels of the days; hypotheses; poses (K, n) controller's angles.
 
     occasions: of a pose in BEFORE, the fewest; noise: where it comes from; moved (T, K, 3): residual of each
-    day less its level in BEFORE, m, NaN where a pose was not measured or BEFORE does not know it.
+    day less its level in BEFORE, m, NaN where a pose was not measured or BEFORE does not know it; copied:
+    rows that stand in an earlier day too.
     """
 
     before: Evidence
@@ -59,6 +61,7 @@ class Daily:
     noise: str
     warnings: tuple[str, ...]
     moved: np.ndarray
+    copied: tuple[CopiedRows, ...] = ()
 
 
 def daily(
@@ -101,7 +104,10 @@ def daily(
             "each, so "
             "that a move of the base cannot be seen on them; the tool is taken as the same"
         )
-    return Daily(evidence, tuple(days), labels, hypotheses, poses, occasions, noise, tuple(warnings), moved)
+    copied = tuple(copied_rows([("BEFORE", before), *zip(labels, measured, strict=True)]))
+    return Daily(
+        evidence, tuple(days), labels, hypotheses, poses, occasions, noise, tuple(warnings), moved, copied
+    )
 
 
 def _in_base(fit: PoseFit, data: Dataset, vectors: np.ndarray) -> np.ndarray:
