@@ -236,8 +236,15 @@ def step_of_quantisation(values: np.ndarray) -> float:
     # scatter.
     if np.count_nonzero(np.abs(np.diff(values, 4)) > 0.1 * grid) < 0.2 * steps.size:
         return 0.0
-    near = steps[steps < 100.0 * grid] / grid  # few steps, so that the grid's own rounding does not add up
-    return grid if near.size >= 0.2 * steps.size and np.all(np.abs(near - np.round(near)) < 0.05) else 0.0
+    # From small steps to large ones, each time with the grid that the smaller ones agree on: the first one's
+    # rounding would add up.
+    for most in (1e2, 1e3, 1e4, np.inf):
+        near = steps[steps < most * grid]
+        counts = np.round(near / grid)
+        if near.size < 8 or np.any(np.abs(near / grid - counts) > 0.05):
+            return 0.0
+        grid = float(near @ counts / (counts @ counts))
+    return grid
 
 
 def steady_direction(rate: np.ndarray, time: np.ndarray,

@@ -21,7 +21,9 @@ from functools import cached_property
 import numpy as np
 
 from exactarm import _core
+from exactarm.chain.encoder_counts import smoothest
 from exactarm.chain.gear import declared_output_angle, differs_with_direction
+from exactarm.chain.gear_passage import in_passage
 from exactarm.chain.spring import declared_deflection
 from exactarm.chain.swinging import bending_rate, follows_quietly, swings, widened
 from exactarm.dataset import Dataset
@@ -132,7 +134,7 @@ def gear_record(robot: Robot, data: Dataset, *, accelerating: bool = False) -> G
         at = np.ix_(rows, moving)
         if time is not stamps:
             theta[at] = _at_even_times(theta[at], stamps, time, int(np.searchsorted(moving, main)))
-        angle = theta[at] if cutoff is None else gaussian_filter(theta[at], time, cutoff)
+        angle = theta[at] if cutoff is None else smoothest(theta[at], time, cutoff)
         theta[at] = angle
         theta_dot[at] = rate = derivative(angle, time)
         # Filtered with sqrt(2) of the width at once, as if twice.
@@ -154,19 +156,16 @@ def gear_record(robot: Robot, data: Dataset, *, accelerating: bool = False) -> G
                     keep[rows] &= ~_rounded(output, time, cutoff, max(_ROUNDED_SHARE * noise, blur))
     record = GearRecord(theta, theta_dot, direction, keep, runs, clock, cutoff, encoder_axes, view.moving,
                         tuple(axis for _, axis in view.moving_runs))
+    record = replace(record, keep=keep & ~_passing(robot, data, record))
     asked = accelerating and swinging.any() and np.any(data.gyro)
     quiet = _quiet_axes(robot, data, record, bending, swinging) if asked else []
-    return replace(record, keep=keep & ~(swinging & ~np.isin(record.sensor_axis, quiet)))
+    return replace(record, keep=record.keep & ~(swinging & ~np.isin(record.sensor_axis, quiet)))
 
 
 def _quiet_axes(robot: Robot, data: Dataset, record: GearRecord, bending: np.ndarray,
                 swinging: np.ndarray) -> list[int]:
     """Axes (from 0) that turn out not to swing where they might."""
-    view = record.view(robot, data)
-    phi = declared_output_angle(view)[0]
-    q = phi + robot.offsets
-    q += declared_deflection(robot, _core.gravity_torque(robot.core, q))[0]
-    quiet = []
+    q, quiet = _declared_angle(record.view(robot, data)), []
     for axis in sorted(set(record.furthest)):
         numbers = [k for k, main in enumerate(record.furthest) if main == axis]
         runs = [record.runs[k] for k in numbers]
@@ -176,6 +175,46 @@ def _quiet_axes(robot: Robot, data: Dataset, record: GearRecord, bending: np.nda
         if follows_quietly(data.gyro, predicted, bending, record.time, runs, swinging, record.keep):
             quiet.append(axis)
     return quiet
+
+
+def _declared_angle(view: View) -> np.ndarray:
+    """(N, n) behind gears, and behind springs where there are masses to load them."""
+    q = declared_output_angle(view)[0] + view.robot.offsets
+    if not view.has_masses:
+        return q
+    return q + declared_deflection(view.robot, _core.gravity_torque(view.robot.core, q))[0]
+
+
+def _passing(robot: Robot, data: Dataset, record: GearRecord) -> np.ndarray:
+    """(N,) bool: rows in which a gear passes from one table to the other."""
+    passing = np.zeros(len(data), bool)
+    differing = [axis for axis, joint in enumerate(robot.joints)
+                 if record.moving[axis] and differs_with_direction(joint)]
+    if not differing or not (record.encoder_axes or np.any(data.gyro)):
+        return passing
+    view = record.view(robot, data)
+    own = _declared_angle(view)
+    view.signals["direction"] = -record.direction
+    other = _declared_angle(view)
+    for axis in differing:
+        if record.encoder_axes and axis not in record.encoder_axes:
+            continue
+        runs = [rows for rows, main in zip(record.runs, record.furthest)
+                if record.encoder_axes or main == axis]
+        error, beside = np.zeros(len(data)), np.ones((len(data), 1 if record.encoder_axes else 2))
+        columns = (other - own)[:, [axis] * beside.shape[1]]
+        for rows in runs:
+            if record.encoder_axes:
+                error[rows] = data.joints["q"][rows, axis] - own[rows, axis]
+                continue
+            clock, kept = record.time[rows], rows[record.keep[rows]]
+            beside[rows, 1] = rate = derivative(own[rows, axis], clock)
+            columns[rows, 1] = derivative(columns[rows, 0], clock)
+            toward = data.gyro[kept].T @ beside[kept, 1]
+            error[rows] = data.gyro[rows] @ (toward / max(np.linalg.norm(toward), 1e-300)) - rate
+        passing |= in_passage(error, beside, columns, record.theta_dot[:, axis] / robot.ratios[axis],
+                              record.theta[:, axis] / robot.ratios[axis], record.time, runs, record.keep)
+    return passing
 
 
 def _at_even_times(theta: np.ndarray, stamps: np.ndarray, time: np.ndarray, main: int) -> np.ndarray:

@@ -29,9 +29,10 @@ from exactarm.identify.gear_declared import declared_gear_layout, sensor_layout
 from exactarm.identify.gear_fit import fit_gear_runs
 from exactarm.identify.sensor_tone import find_tones, without_tones
 from exactarm.kinds import GEAR_RUN
+from exactarm.noise.broadband import broadband_noise
 from exactarm.regression import Fit
 from exactarm.robot import Robot
-from exactarm.signals import typical_step, white_noise
+from exactarm.signals import typical_step
 
 _LEAST_SIGMA = 1e-12
 _RUNS_OF_A_SORT = 4
@@ -56,7 +57,7 @@ class GearProblem(ProblemInTime):
 
     kind = GEAR_RUN.name
     unit = "rad/s"
-    repeat_source = "high frequencies of the residual"
+    repeat_source = "spectrum of the residual without its lines"
 
     def __init__(self, robot: Robot, data: Dataset, held_out: Dataset, threads: int = 1, seed: int = 0):
         self._tones = find_tones(data)
@@ -265,12 +266,20 @@ class GearProblem(ProblemInTime):
         return float(np.sqrt(np.nanmean(errors**2)))
 
     def repeat_noise(self, fitted: Fitted) -> float | None:
-        """White part of the unfiltered residual, by its fourth differences."""
+        """The smooth part of the unfiltered residual's spectrum; None where the rows lie in short pieces."""
         errors = self._deviations(fitted, self.data).reshape(len(self.data), -1)
-        runs = self._records["identification"].runs
-        squares = [white_noise(column[np.isfinite(column)]) ** 2 for rows in runs
-                   for column in errors[rows].T]
-        return float(min(np.sqrt(np.mean(squares) / np.nanmean(errors**2)), 1.0))
+        columns = [[column[piece] for rows in self._records["identification"].runs
+                    for piece in _without_gaps(rows, np.isfinite(column[rows]))] for column in errors.T]
+        levels = [broadband_noise(pieces) for pieces in columns]
+        if any(level is None for level in levels):
+            return None
+        return float(min(np.sqrt(np.mean(np.square(levels)) / np.nanmean(errors**2)), 1.0))
 
     def separating_experiment(self, fitted: Fitted, one: Effect, other: Effect) -> str:
         return separating_run(self.robot, fitted, self.record, one, other, self.unit)
+
+
+def _without_gaps(rows: np.ndarray, kept: np.ndarray) -> list[np.ndarray]:
+    """The rows that are kept, in pieces between those that are not."""
+    ends = np.flatnonzero(np.diff(kept)) + 1
+    return [piece for piece, keep in zip(np.split(rows, ends), kept[np.r_[0, ends]]) if keep]

@@ -1,0 +1,65 @@
+"""The smoothest motion that an encoder's counts allow.
+
+An encoder tells the angle to within half a count of step s. Where a motor turns evenly the rounding is no
+white noise: it is a sawtooth of the angle with period s, which the clock of the log folds to the frequencies
+|k rate / s - m f|, anywhere below half the sampling rate f. There it passes for an error that follows the
+motor's angle. A filtered angle x_c (3.2) of cutoff c is as good as the counts wherever
+
+    |counted - x_c| <= s / 2 + 6 s sqrt(g_c / 12),   mean (counted - x_c)^2 <= s^2 / 12 (1 + 4 sqrt(0.8 g))
+
+all over the reach of the filter: the counts cannot refute it. g_c = 1 / (2 sqrt(pi) f sigma_c) is what the
+filter leaves of white noise, g that of the mean, taken over the filter of 2 Hz; 0.8 s^4 / 144 is the variance
+of the square of a rounding. From the cutoff that the encoder asks for down to 2 Hz each sample takes the
+lowest such one. Of a ripple of the motor it takes no more than the bounds let through, about a quarter of a
+count.
+
+Signals (R,) of one run, rad and s. Limits: an angle that is not on the encoder's grid (no step is seen, or
+stamps were evened out) keeps the one filter.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from exactarm.chain.swinging import widened
+from exactarm.signals import gaussian_filter, gaussian_sigma, step_of_quantisation, typical_step
+
+_LOWEST_HZ = 2.0  # a tone below it changes the rate by a hundredth of what one count in a sample does
+_CERTAIN, _MORE = 6.0, 4.0  # standard deviations: of one sample of many, of a mean of many
+_REACH = 3.0  # standard deviations of a filter, beyond which its kernel holds 0.3 %
+
+
+def smoothest(counted: np.ndarray, time: np.ndarray, cutoff_hz: float) -> np.ndarray:
+    """(R, m) the motor angles behind the counts (R, m), filtered at `cutoff_hz` and lower where that is
+    allowed."""
+    angle = gaussian_filter(counted, time, cutoff_hz)
+    for column in range(angle.shape[1]):
+        step = step_of_quantisation(counted[:, column])
+        if step > 0.0:
+            angle[:, column] = _lowered(counted[:, column], angle[:, column], time, cutoff_hz, step)
+    return angle
+
+
+def _lowered(counted: np.ndarray, angle: np.ndarray, time: np.ndarray, cutoff_hz: float,
+             step: float) -> np.ndarray:
+    finer, kept = cutoff_hz, _kept(time, _LOWEST_HZ)
+    most = step**2 / 12.0 * (1.0 + _MORE * np.sqrt(0.8 * kept))
+    while finer > _LOWEST_HZ:
+        lower = max(0.5 * finer, _LOWEST_HZ)
+        smooth = gaussian_filter(counted, time, lower)
+        beside = counted - smooth
+        refuted = np.abs(beside) > step * (0.5 + _CERTAIN * np.sqrt(_kept(time, lower) / 12.0))
+        refuted |= gaussian_filter(beside**2, time, _LOWEST_HZ) > most
+        if refuted.all():
+            break
+        # Blended over the width of the finer filter, outside of all that the refuted samples reach.
+        allowed = ~widened(refuted, time, _REACH * (gaussian_sigma(lower) + gaussian_sigma(finer)))
+        share = np.clip(gaussian_filter(allowed.astype(float), time, finer), 0.0, 1.0)
+        angle = angle + share * (smooth - angle)
+        finer = lower
+    return angle
+
+
+def _kept(time: np.ndarray, cutoff_hz: float) -> float:
+    """Share of the variance of white noise behind the filter."""
+    return min(typical_step(time) / (2.0 * np.sqrt(np.pi) * gaussian_sigma(cutoff_hz)), 1.0)

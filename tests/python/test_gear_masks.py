@@ -1,0 +1,164 @@
+"""What the signals of a gear run are worth: encoder counts in a steady motion, the passage at reversals, and
+how much of a residual is noise."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from scipy.signal import butter, lfilter, sosfiltfilt
+
+from exactarm import _core
+from exactarm.chain import gear_record
+from exactarm.chain.encoder_counts import smoothest
+from exactarm.dataset import Dataset
+from exactarm.noise.broadband import broadband_noise
+from exactarm.robot import GearTable
+from exactarm.robot_file import load_robot
+from exactarm.signals import derivative, gaussian_filter, step_of_quantisation
+
+COUNT = 2.0 * np.pi / 65536
+STEP_S = 1e-3
+AXIS = 2  # of the gear under test, from 0
+
+
+@pytest.fixture(scope="module")
+def racer():
+    return load_robot("racer-7-1.4")
+
+
+def trapezoid(time, cruise, ramp=0.3):
+    """Angle of a motion that starts and ends at rest."""
+    rate = cruise * np.clip(np.minimum(time, time[-1] - time) / ramp - 0.3, 0.0, 1.0)
+    return np.cumsum(gaussian_filter(rate, time, 10.0)) * STEP_S
+
+
+def counted(angle):
+    return np.round(angle / COUNT) * COUNT
+
+
+@pytest.mark.parametrize("cruise", [34.65, 48.7, 11.3, 3.91])
+def test_counts_of_a_steady_motion_leave_no_wave_in_its_rate(cruise):
+    """One filter leaves the folded sawtooth of the counts; what is left here is what the slowest one cannot
+    take out, and corners keep their rate."""
+    time = np.arange(0.0, 4.0, STEP_S)
+    angle = trapezoid(time, cruise)
+    counts = counted(angle)[:, None]
+    plain = derivative(gaussian_filter(counts, time, 100.0), time)[:, 0]
+    smooth = derivative(smoothest(counts, time, 100.0), time)[:, 0]
+    true = derivative(angle, time)
+    steady = slice(600, 3400)
+    assert np.std((plain - true)[steady]) > 5.0 * np.std((smooth - true)[steady])
+    assert np.std((smooth - true)[steady]) < 20.0 * COUNT
+    assert np.max(np.abs(smooth - true)[50:-50]) < 1.2 * np.max(np.abs(plain - true)[50:-50])
+
+
+def test_of_a_ripple_of_the_motor_no_more_than_a_quarter_of_a_count_is_lost():
+    time = np.arange(0.0, 4.0, STEP_S)
+    for amplitude in (0.5, 1.0, 2.0, 20.0):
+        ripple = COUNT * np.sin(2.0 * np.pi * 30.0 * time)
+        angle = trapezoid(time, 34.65) + amplitude * ripple
+        smooth = smoothest(counted(angle)[:, None], time, 100.0)[:, 0]
+        plain = gaussian_filter(counted(angle), time, 100.0)
+        wave = derivative(ripple, time)[600:3400]
+        lost = derivative(plain - smooth, time)[600:3400] @ wave / (wave @ wave)
+        assert lost < 0.3
+
+
+def test_the_counts_of_a_fast_motion_are_seen():
+    """Hundreds of counts a sample: few differences are small."""
+    time = np.arange(0.0, 4.0, STEP_S)
+    assert_allclose(step_of_quantisation(np.round(counted(trapezoid(time, 34.65)), 9)), COUNT, rtol=1e-7)
+    assert step_of_quantisation(trapezoid(time, 34.65)) == 0.0
+
+
+# -- passage ---------------------------------------------------------------------------------------------
+def to_and_fro(robot, passage_s, encoders, seed=1, noise=None):
+    """Runs of one axis whose gear takes `passage_s` behind each reversal to pass from table to table."""
+    orders = np.array([3.0, 40.0])
+    joint = replace(robot.joints[AXIS], cw=GearTable(orders, np.array([8e-2, 2e-2]), np.zeros(2)),
+                    ccw=GearTable(orders, np.array([-5e-2, 1e-2]), np.array([4e-2, 0.0])))
+    joints = list(robot.joints)
+    joints[AXIS] = joint
+    robot = replace(robot, joints=tuple(joints), links=None)
+    random = np.random.default_rng(seed)
+    noise = (3e-6 if encoders else 3e-4) if noise is None else noise
+    thetas, readings, times, runs = [], [], [], []
+    for run in range(4):
+        time = np.arange(0.0, 9.0, 0.004)
+        output = 0.9 * np.sin(2.0 * np.pi * time / (2.2 + 0.3 * run)) + 0.2 * np.sin(1.3 * time + run)
+        theta = np.zeros((time.size, robot.axes))
+        theta[:, AXIS] = output * joint.ratio
+        sign = np.sign(np.gradient(output))
+        cw, ccw = (_core.gear_outputs(joint.ratio, table.core(), theta[:, AXIS])[0]
+                   for table in (joint.cw, joint.ccw))
+        share = _behind(sign, passage_s / 0.004)
+        angle = 0.5 * (1.0 - share) * cw + 0.5 * (1.0 + share) * ccw
+        thetas.append(theta), times.append(time), runs.append(np.full(time.size, run))
+        if encoders:
+            reading = np.full(theta.shape, np.nan)
+            reading[:, AXIS] = angle + robot.offsets[AXIS] + random.normal(0.0, noise, time.size)
+        else:
+            reading = random.normal(0.0, noise, (time.size, 3))
+            reading[:, 2] += np.gradient(angle, time)
+        readings.append(reading)
+    theta, reading, time, run = map(np.concatenate, (thetas, readings, times, runs))
+    joints = {"theta": theta} | ({"q": reading} if encoders else {})
+    return robot, Dataset.of_arrays(robot.axes, joints, time=time, run=run + 1,
+                                    gyro=None if encoders else reading)
+
+
+def _behind(sign, rows):
+    """Direction behind a moving mean over the rows before."""
+    rows = max(1, round(rows))
+    total = np.cumsum(np.concatenate([np.full(rows, sign[0]), sign]))
+    return (total[rows:] - total[:-rows]) / rows
+
+
+@pytest.mark.parametrize("encoders", [True, False])
+@pytest.mark.parametrize("passage_s", [0.03, 0.12, 0.25])
+def test_rows_of_a_passage_are_left_out_as_long_as_it_lasts(racer, encoders, passage_s):
+    robot, data = to_and_fro(racer, passage_s, encoders)
+    instant = to_and_fro(racer, 0.0, encoders)[1]
+    column = (lambda d: d.joints["q"][:, AXIS]) if encoders else (lambda d: d.gyro[:, 2])
+    off = np.abs(column(data) - column(instant))
+    noise = 3e-6 if encoders else 3e-4
+    keep = gear_record(robot, data).keep
+    assert np.quantile(off[keep], 0.99) < 3.0 * noise < np.quantile(off, 0.99)
+    kept_before = gear_record(robot, instant).keep.mean()
+    assert kept_before - keep.mean() < 1.6 * passage_s * 8.0 / 9.0 + 0.02  # about eight reversals in 9 s
+
+
+@pytest.mark.parametrize("encoders", [True, False])
+def test_without_a_passage_no_row_is_lost(racer, encoders):
+    robot, data = to_and_fro(racer, 0.0, encoders)
+    record = gear_record(robot, data)
+    slow = np.abs(record.theta_dot[:, AXIS]) < 0.03 * np.max(np.abs(record.theta_dot[:, AXIS]))
+    assert record.keep[~slow].mean() > 0.99
+
+
+# -- noise -----------------------------------------------------------------------------------------------
+def coloured(kind, count, random):
+    white = random.normal(size=count)
+    if kind == "low-passed in the sensor":
+        values = sosfiltfilt(butter(2, 0.12, output="sos"), white)
+    elif kind == "autoregression":
+        values = lfilter([1.0], [1.0, -np.exp(-1.0 / 25.0)], white)
+    else:
+        values = random.standard_t(4, size=count)
+    return values / values.std()
+
+
+@pytest.mark.parametrize("kind", ["low-passed in the sensor", "autoregression", "heavy tails"])
+def test_noise_of_any_colour_is_noise_and_lines_are_not(kind):
+    random = np.random.default_rng(4)
+    pieces = [coloured(kind, 3000, random) for _ in range(4)]
+    assert_allclose(broadband_noise(pieces), 1.0, rtol=0.05)
+    wave = 2.0 * np.sin(0.21 * np.arange(3000))
+    assert_allclose(broadband_noise([piece + wave for piece in pieces]), 1.0, rtol=0.06)
+
+
+def test_short_pieces_say_nothing_of_the_noise():
+    random = np.random.default_rng(5)
+    assert broadband_noise([random.normal(size=40) for _ in range(50)]) is None
+    assert broadband_noise([random.normal(size=40), random.normal(size=400)]) is not None
