@@ -12,7 +12,8 @@ from exactarm import _core
 from exactarm.chain import gear_record
 from exactarm.chain.encoder_counts import smoothest
 from exactarm.dataset import Dataset
-from exactarm.noise.broadband import broadband_noise
+from exactarm.diagnose.diagnosis import diagnose
+from exactarm.noise.broadband import broadband_noise, strongest_line
 from exactarm.robot import GearTable
 from exactarm.robot_file import load_robot
 from exactarm.signals import derivative, gaussian_filter, step_of_quantisation
@@ -104,7 +105,7 @@ def to_and_fro(robot, passage_s, encoders, seed=1, noise=None):
         readings.append(reading)
     theta, reading, time, run = map(np.concatenate, (thetas, readings, times, runs))
     joints = {"theta": theta} | ({"q": reading} if encoders else {})
-    return robot, Dataset.of_arrays(robot.axes, joints, time=time, run=run + 1,
+    return robot, Dataset.of_arrays("gear_run", joints, time=time, run=run + 1,
                                     gyro=None if encoders else reading)
 
 
@@ -162,3 +163,26 @@ def test_short_pieces_say_nothing_of_the_noise():
     random = np.random.default_rng(5)
     assert broadband_noise([random.normal(size=40) for _ in range(50)]) is None
     assert broadband_noise([random.normal(size=40), random.normal(size=400)]) is not None
+
+
+def test_the_strongest_line_is_found_in_coloured_noise():
+    random = np.random.default_rng(6)
+    piece = coloured("autoregression", 4000, random)
+    piece += 0.4 * np.sin(2.0 * np.pi * 31.0 * np.arange(4000) * 2e-3)
+    assert_allclose(strongest_line([piece, piece[:200]], 2e-3), 31.0, atol=0.2)
+
+
+@pytest.mark.parametrize("shaken", [False, True])
+def test_a_vibration_in_time_is_told_and_no_gear_is_blamed_alone(racer, shaken):
+    """A floor that shakes at 23 Hz in every run, whatever the speed: the verdict is `unexplained`. The clean
+    runs, whose gyroscope low-passes its own noise, lack nothing."""
+    robot, data = to_and_fro(racer, 0.0, False)
+    random = np.random.default_rng(8)
+    gyro = data.gyro.copy()
+    gyro[:, 2] += lfilter([1.0], [1.0, -0.9], random.normal(0.0, 2e-4, len(data)))
+    if shaken:
+        gyro[:, 2] += 6e-4 * np.sin(2.0 * np.pi * 23.0 * data.time + 1.3 * data.run)
+    result = diagnose(robot, replace(data, gyro=gyro))
+    assert result.verdict == ("unexplained" if shaken else "no_undeclared_effect")
+    assert (result.findings == ()) or shaken
+    assert ("23" in " ".join(result.unknown)) == shaken

@@ -121,11 +121,12 @@ class Diagnosis:
     unconverged: tuple[str, ...] = ()
     held_out_gain: float = 0.0
     drafts: tuple[Draft, ...] = ()
+    lines: tuple[str, ...] = ()
 
     @property
     def unknown(self) -> tuple[str, ...]:
         """What is known of causes that the library lacks, in words."""
-        return _unknown_beside(self.causes, self.findings)
+        return _unknown_beside(self.causes, self.findings) + self.lines
 
     @property
     def converged(self) -> bool:
@@ -170,13 +171,14 @@ def diagnose(
         verdict = verdict_by_rules(problem, before, after, noise, left, bool(findings), spread, excess)
     else:
         verdict = verdict_of_causes(causes, after, noise, excess)
-    unknown = _unknown_beside(causes, findings)
+    lines = problem.lines_left(last)
+    unknown = _unknown_beside(causes, findings) + lines
     if verdict == NOTHING and not noise.measured and problem.share_of_measured(last) > MUCH_LEFT:
         verdict = UNEXPLAINED  # a floor that comes from the fit proves nothing by itself
     unconverged = _unconverged(selection)
     _, refuted = stood_and_refuted(findings)
     worse = sum(gains) < 0.0 and rises(before, after)
-    if unconverged or refuted or worse or sum(gains) < AGAINST:
+    if unconverged or refuted or worse or lines or sum(gains) < AGAINST:
         verdict = UNEXPLAINED
     drafts = ()
     if verdict == UNEXPLAINED and problem.drafts and not unconverged:
@@ -197,6 +199,7 @@ def diagnose(
         causes=causes,
         unconverged=unconverged,
         drafts=drafts,
+        lines=lines,
         excess=excess,
         held_out_gain=sum(gains),
         next_experiment=words,

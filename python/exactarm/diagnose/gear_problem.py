@@ -29,12 +29,16 @@ from exactarm.identify.gear_declared import declared_gear_layout, sensor_layout
 from exactarm.identify.gear_fit import fit_gear_runs
 from exactarm.identify.sensor_tone import find_tones, without_tones
 from exactarm.kinds import GEAR_RUN
-from exactarm.noise.broadband import broadband_noise
+from exactarm.noise.broadband import broadband_noise, strongest_line
 from exactarm.regression import Fit
 from exactarm.robot import Robot
 from exactarm.signals import typical_step
 
 _LEAST_SIGMA = 1e-12
+# RMS beside the floor without lines: 1.00 to 1.03 on clean blind runs, 1.15 to 2.0 where something shakes
+# them; and four standard deviations, 0.74 / sqrt(N) each: a level by the median of n = N / 2 exponential
+# values scatters by 1.44 / sqrt(n), their mean by 1 / sqrt(n), which is part of it
+_LINES, _SCATTER = 1.1, 3.0
 _RUNS_OF_A_SORT = 4
 # of a run where noise drifts: a slow error, or a resonance that is passed, goes on over shorter ones
 _LONG_PIECES = 5
@@ -267,13 +271,28 @@ class GearProblem(ProblemInTime):
 
     def repeat_noise(self, fitted: Fitted) -> float | None:
         """The smooth part of the unfiltered residual's spectrum; None where the rows lie in short pieces."""
-        errors = self._deviations(fitted, self.data).reshape(len(self.data), -1)
-        columns = [[column[piece] for rows in self._records["identification"].runs
-                    for piece in _without_gaps(rows, np.isfinite(column[rows]))] for column in errors.T]
-        levels = [broadband_noise(pieces) for pieces in columns]
+        pieces = self._pieces(fitted)
+        levels = [broadband_noise(column) for column in pieces]
         if any(level is None for level in levels):
             return None
-        return float(min(np.sqrt(np.mean(np.square(levels)) / np.nanmean(errors**2)), 1.0))
+        square = np.mean(np.concatenate([piece for column in pieces for piece in column]) ** 2)
+        return float(min(np.sqrt(np.mean(np.square(levels)) / square), 1.0))
+
+    def lines_left(self, fitted: Fitted) -> tuple[str, ...]:
+        noise, pieces = self.repeat_noise(fitted), self._pieces(fitted)
+        rows = sum(piece.size for piece in pieces[0])
+        if noise is None or noise * (_LINES + _SCATTER / np.sqrt(rows)) > 1.0:
+            return ()
+        worst = max(pieces, key=lambda column: sum(float(np.sum(piece**2)) for piece in column))
+        step = float(np.median([typical_step(self.data.time[rows])
+                                for rows in self._records["identification"].runs]))
+        return (f"waves stand out of its noise, the highest at {strongest_line(worst, step):.3g} Hz",)
+
+    def _pieces(self, fitted: Fitted) -> list[list[np.ndarray]]:
+        """The unfiltered residual without gaps, of each component."""
+        errors = self._deviations(fitted, self.data).reshape(len(self.data), -1)
+        return [[column[piece] for rows in self._records["identification"].runs
+                 for piece in _without_gaps(rows, np.isfinite(column[rows]))] for column in errors.T]
 
     def separating_experiment(self, fitted: Fitted, one: Effect, other: Effect) -> str:
         return separating_run(self.robot, fitted, self.record, one, other, self.unit)

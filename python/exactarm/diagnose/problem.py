@@ -255,6 +255,11 @@ class Problem(ABC):
         """Standard deviation of a residual component, in units of sigma, from repeated visits; None
         without."""
 
+    def lines_left(self, fitted: Fitted) -> tuple[str, ...]:
+        """In words: waves in time that stand out of the noise of the residual; empty where there are none, or
+        where nothing is known of them."""
+        return ()
+
     def share_of_measured(self, fitted: Fitted) -> float:
         """RMS of what is left over that of what was measured, where that starts at nothing (torques); else
         0."""

@@ -32,17 +32,36 @@ def broadband_noise(pieces: Sequence[np.ndarray]) -> float | None:
     return float(np.sqrt(sum(piece.size * _variance(piece) for piece in long) / rows))
 
 
+def strongest_line(pieces: Sequence[np.ndarray], step: float) -> float:
+    """Frequency in Hz of what stands highest above its neighbours in the spectrum of the longest piece, whose
+    samples are `step` s apart."""
+    piece = max(pieces, key=len)
+    power = _periodogram(piece)
+    level = np.concatenate([np.full(cell.size, _level(cell)) for cell in _cells(power)])
+    return float((np.argmax(power - level) + 1) / (piece.size * step))
+
+
 def _variance(piece: np.ndarray) -> float:
+    return float(sum(cell.size * _level(cell) for cell in _cells(_periodogram(piece))))
+
+
+def _periodogram(piece: np.ndarray) -> np.ndarray:
+    """Its sum is the mean square."""
     window = np.hanning(piece.size)
     values = (piece - piece.mean()) * window / np.sqrt(window @ window)
-    power = 2.0 / piece.size * np.abs(np.fft.rfft(values)[1 : (piece.size + 1) // 2]) ** 2
-    total, start = 0.0, 0
+    return 2.0 / piece.size * np.abs(np.fft.rfft(values)[1 : (piece.size + 1) // 2]) ** 2
+
+
+def _cells(power: np.ndarray) -> list[np.ndarray]:
+    cells, start = [], 0
     while start < power.size:
         end = start + max(_LEAST_CELL, int((_HALF_OCTAVE - 1.0) * (start + 1)))
         end = power.size if power.size - end < _LEAST_CELL else end
-        end -= (end - start + 1) % 2 if end < power.size else 0  # an odd number
-        cell = power[start:end]
-        odd = cell.size - (cell.size + 1) % 2
-        total += cell.size * float(np.median(cell[:odd]) / np.sum(1.0 / np.arange((odd + 1) // 2, odd + 1)))
+        cells.append(power[start:end])
         start = end
-    return total
+    return cells
+
+
+def _level(cell: np.ndarray) -> float:
+    odd = cell.size - (cell.size + 1) % 2
+    return float(np.median(cell[:odd]) / np.sum(1.0 / np.arange((odd + 1) // 2, odd + 1)))
