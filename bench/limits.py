@@ -107,7 +107,7 @@ def count(folder: Path, rows: int) -> list[str]:
 CASES = {
     "evaluate": (("evaluate", "ur10"), poses, (1000, 10000, 100000, 1000000)),
     "calibrate": (("calibrate", "ur10"), poses, (1000, 4000, 16000, 100000)),
-    "diagnose poses": (("diagnose", "ur10"), poses, (500, 1500, 16000)),
+    "diagnose poses": (("diagnose", "ur10"), poses, (500, 100000)),
     "certify": (("certify", "ur10"), poses, (1000, 10000, 100000)),
     "check": (("check", "ur10"), two_days, (100, 1000, 10000)),
     "identifiable": (("identifiable", "ur10"), poses, (1000, 10000)),

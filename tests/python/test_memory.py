@@ -33,7 +33,7 @@ def test_too_many_rows_are_refused_with_the_number_that_fits(ur10, monkeypatch):
     _, data = ur10
     monkeypatch.setattr(memory, "free_bytes", lambda: 1.0 * memory.GIGABYTE)
     with pytest.raises(InputError,
-                       match="series_B.csv: 1495 rows need about 2.11 GB of memory, 1 GB are free") as error:
+                       match="series_B.csv: 1495 rows need about 3.02 GB of memory, 1 GB are free") as error:
         memory.within_memory("diagnose", "poses", data)
     most = int(re.search(r"at most (\d+) rows", str(error.value))[1])
     memory.within_memory("diagnose", "poses", data.select(np.arange(most)))

@@ -19,10 +19,16 @@ from exactarm.identify.declared import carried_layout
 from exactarm.identify.gear_mistakes import gear_mistakes
 from exactarm.identify.load_mistakes import load_mistakes
 from exactarm.identify.motion_mistakes import motion_mistakes
+from exactarm.identify.odd_rows import odd_rows
 from exactarm.identify.pose_mistakes import pose_mistakes
 from exactarm.identify.ratio_mistakes import ratio_mistakes
-from exactarm.identify.signal_mistakes import cell_mistakes, column_mistakes, limit_mistakes
-from exactarm.identify.suspicion import Suspicion
+from exactarm.identify.signal_mistakes import (
+    cell_mistakes,
+    column_mistakes,
+    limit_mistakes,
+    repeated_rows,
+)
+from exactarm.identify.suspicion import Suspicion, in_order
 from exactarm.identify.tracked_mistakes import tracked_mistakes
 from exactarm.kinds import CLOSURES, GEAR_RUN, MOTION, POSES, TRACKED_MOTION
 from exactarm.robot import Robot
@@ -44,12 +50,15 @@ def first_aid(robot: Robot, data: Dataset, placed: bool = False) -> tuple[str, .
                 continue
     # What a column shows by itself is certain; what explains the data tells more than a limit that is passed.
     found = list(column_mistakes(robot, data)) or found or list(limit_mistakes(robot, data))
-    found = [*cell_mistakes(data), *found]
+    found = [*cell_mistakes(data), *repeated_rows(data), *found]
     return tuple(dict.fromkeys(suspicion.text for suspicion in found))
 
 
 def _poses(robot: Robot, data: Dataset) -> list[Suspicion]:
-    return pose_mistakes(robot, data, carried_layout(robot, data)) if robot.has_geometry else []
+    if not robot.has_geometry:
+        return []
+    carried = carried_layout(robot, data)
+    return in_order([*pose_mistakes(robot, data, carried), *odd_rows(robot, data, carried)])
 
 
 def _pictures(robot: Robot, data: Dataset) -> list[Suspicion]:

@@ -28,6 +28,7 @@ ANOTHER_SIZE = (
 FARTHEST_SIZE = 1e5
 _TURN = 2.0 * np.pi
 _DEGREE = np.pi / 180.0
+_GON = 0.9  # degrees
 _ALL_COLUMNS = "xyz"
 
 Candidate = tuple[str, Robot, Dataset]
@@ -65,6 +66,7 @@ def _of_angles(robot: Robot, data: Dataset) -> Iterator[tuple[str, Dataset]]:
     yield "degrees labelled as radians", with_joints(_factor(turning, _DEGREE))
     yield "radians labelled as degrees", with_joints(_factor(turning, 1.0 / _DEGREE))
     yield "whole turns labelled as radians", with_joints(_factor(turning, _TURN))
+    yield "gon labelled as degrees", with_joints(_factor(turning, _GON))
     for i in turning:
         yield f"degrees labelled as radians on axis {i + 1}", with_joints(_factor([i], _DEGREE))
         yield f"radians labelled as degrees on axis {i + 1}", with_joints(_factor([i], 1.0 / _DEGREE))

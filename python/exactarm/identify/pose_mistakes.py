@@ -96,11 +96,13 @@ def pose_mistakes(robot: Robot, data: Dataset, carried: Layout, seed: int = 0) -
         if fall >= FALL:
             found.append(Suspicion(words, fall))
     found += _another_size(bare, carried, data, size, now, seed)
+    found += _scaled_columns(bare, carried, data, now)
     found = found or list(_another_clock(bare, carried, data, now, seed))
     for further in (_scales_of_axes, _changes_midway):
         found = found or list(further(bare, carried, data, now))
     found = found or list(_gross_rows(bare, carried, whole))
-    if not found and now.orientation > _LEAST_ORIENTATION_RAD and now.position < 0.3 * _LEAST_ORIENTATION_RAD:
+    told = now.orientation > _LEAST_ORIENTATION_RAD and now.position < 0.3 * _LEAST_ORIENTATION_RAD
+    if not found and told and _turns_otherwise(bare, carried, data) > _LEAST_ORIENTATION_RAD:
         found.append(
             Suspicion(
                 f"the measured orientations do not follow the arm ({now.orientation:.2g} rad RMS beside "
@@ -148,7 +150,7 @@ def _misfit_of(
     position, orientation, sizes = 0.0, 0.0 if data.rotation is not None else np.nan, []
     for number in np.unique(group):
         rows = np.flatnonzero(group == number)
-        base, left, size = _linear_frames(points[rows], rotations[rows], data.position[rows])
+        base, left, size = linear_frames(points[rows], rotations[rows], data.position[rows])
         sizes.append(size)
         position += float(np.sum(left**2))
         if data.rotation is not None:
@@ -158,11 +160,23 @@ def _misfit_of(
     return Misfit(*rms), float(np.mean(sizes))
 
 
-def _linear_frames(
+def linear_frames(
     points: np.ndarray, rotations: np.ndarray, measured: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, float]:
     """Rotation of the base frame, what is left of every row (N, 3), and the size of the device's points
     beside the arm's."""
+    columns, scale, found = _free(points, rotations, measured)
+    centred = measured - measured.mean(axis=0)
+    base = nearest(found[:9].reshape(3, 3) / scale).T
+    turned, goal = columns[:, :, 9:], points - centred @ base
+    target = points + rotations @ found[12:]  # a spread, not a determinant: points may lie on a line
+    arm = float(np.sqrt(np.mean((target - target.mean(axis=0)) ** 2)))
+    return base, goal - turned @ solved(turned, goal), float(np.clip(scale / max(arm, 1e-300), 1e-9, 1e9))
+
+
+def _free(points: np.ndarray, rotations: np.ndarray,
+          measured: np.ndarray) -> tuple[np.ndarray, float, np.ndarray]:
+    """Columns of the linear fit, the size that it takes for one, and its unknowns (15,)."""
     centred = measured - measured.mean(axis=0)
     scale = max(float(np.sqrt(np.mean(centred**2))), 1e-300)
     columns = np.zeros((len(points), 3, 15))
@@ -170,12 +184,13 @@ def _linear_frames(
         columns[:, k, 3 * k : 3 * k + 3] = centred / scale
         columns[:, k, 9 + k] = 1.0
     columns[:, :, 12:] = -rotations
-    found = _solved(columns, points)
-    base = nearest(found[:9].reshape(3, 3) / scale).T
-    turned, goal = columns[:, :, 9:], points - centred @ base
-    target = points + rotations @ found[12:]  # a spread, not a determinant: points may lie on a line
-    arm = float(np.sqrt(np.mean((target - target.mean(axis=0)) ** 2)))
-    return base, goal - turned @ _solved(turned, goal), float(np.clip(scale / max(arm, 1e-300), 1e-9, 1e9))
+    return columns, scale, solved(columns, points)
+
+
+def free_frames(points: np.ndarray, rotations: np.ndarray, measured: np.ndarray) -> np.ndarray:
+    """(3, 3) the matrix in place of the base's rotation that fits best; its columns belong to x, y, z."""
+    _, scale, found = _free(points, rotations, measured)
+    return found[:9].reshape(3, 3) / scale
 
 
 def linear_tool(points: np.ndarray, rotations: np.ndarray, measured: np.ndarray) -> np.ndarray:
@@ -183,12 +198,23 @@ def linear_tool(points: np.ndarray, rotations: np.ndarray, measured: np.ndarray)
     columns = np.concatenate([np.tile(np.eye(3), (len(points), 1, 1)), -rotations], axis=2)
     centred = measured - measured.mean(axis=0)
     turned = np.einsum("ni,kl->nkil", centred, np.eye(3)).transpose(0, 1, 3, 2).reshape(len(points), 3, 9)
-    return _solved(np.concatenate([turned, columns], axis=2), points)[12:]
+    return solved(np.concatenate([turned, columns], axis=2), points)[12:]
 
 
-def _solved(columns: np.ndarray, goal: np.ndarray) -> np.ndarray:
+def solved(columns: np.ndarray, goal: np.ndarray) -> np.ndarray:
     rows = columns.reshape(-1, columns.shape[2])
     return np.linalg.lstsq(rows, goal.ravel(), rcond=1e-9)[0]
+
+
+def _turns_otherwise(bare: Robot, carried: Layout, data: Dataset) -> float:
+    """RMS, rad, of the angle between two rows as measured, less that of the arm: no frame changes either."""
+    flange = predict_poses(bare, carried, data, tangents=False).rotation
+    one, other = np.arange(len(data)), np.roll(np.arange(len(data)), len(data) // 2)
+    same = data.session[one] == data.session[other]
+    turned = lambda rotation: np.linalg.norm(rotation_log(
+        np.swapaxes(rotation[one[same]], -1, -2) @ rotation[other[same]]), axis=1)
+    off = turned(data.rotation) - turned(flange)
+    return float(np.sqrt(np.mean(off**2))) if off.size else np.inf
 
 
 # -- mistakes that have a size, or a place in the record ---------------------------------------------
@@ -204,6 +230,25 @@ def _another_size(
     if fall >= FALL:
         yield Suspicion(f"the file of an arm {1.0 / size:.3g} times as large as the measured one (or lengths "
                         f"of the device {size:.3g} times too large)", fall)
+
+
+def _scaled_columns(bare: Robot, carried: Layout, data: Dataset, now: Misfit) -> Iterator[Suspicion]:
+    """One of x, y, z in another unit: the free matrix of the linear fit shows the size of each column."""
+    flange = predict_poses(bare, carried, data, tangents=False)
+    square = np.zeros(3)
+    for session in np.unique(data.session):
+        rows = data.session == session
+        free = free_frames(flange.position[rows], flange.rotation[rows], data.position[rows])
+        square += rows.sum() * np.sum(free**2, axis=0)
+    sizes = np.sqrt(square / len(data))
+    factors = sizes / np.median(sizes)
+    k = int(np.argmax(np.abs(np.log(factors))))
+    if not ANOTHER_SIZE < abs(factors[k] - 1.0) or not 1.0 / FARTHEST_SIZE < factors[k] < FARTHEST_SIZE:
+        return
+    changed = replace(data, position=data.position * np.where(np.arange(3) == k, factors[k], 1.0))
+    fall = now.fall_to(_misfit(bare, carried, changed)[0])
+    if fall >= FALL:
+        yield Suspicion(f"column {'xyz'[k]} alone {factors[k]:.3g} times as large (inches or feet?)", fall)
 
 
 def _another_clock(
@@ -307,7 +352,7 @@ def _gross_rows(bare: Robot, carried: Layout, data: Dataset) -> Iterator[Suspici
         good = np.ones(rows.size, bool)
         for _ in range(10):
             part = rows[good]
-            base, _, _ = _linear_frames(flange.position[part], flange.rotation[part], data.position[part])
+            base, _, _ = linear_frames(flange.position[part], flange.rotation[part], data.position[part])
             left = _left(flange.position[rows], flange.rotation[rows], data.position[rows], base, good)
             before, good = good, left <= _GROSS * max(float(np.median(left)), 1e-9)
             if np.array_equal(before, good):
@@ -328,4 +373,4 @@ def _left(points, rotations, measured, base: np.ndarray, good: np.ndarray) -> np
     """(N,) what frames that fit the good rows leave of all."""
     columns = np.concatenate([np.broadcast_to(np.eye(3), rotations.shape), -rotations], axis=2)
     goal = points - (measured - measured[good].mean(axis=0)) @ base
-    return np.linalg.norm(goal - columns @ _solved(columns[good], goal[good]), axis=1)
+    return np.linalg.norm(goal - columns @ solved(columns[good], goal[good]), axis=1)

@@ -32,6 +32,7 @@ GEARED = 10.0  # ratio from which a turn of the motor is a small part of an axis
 LEAST_OF_A_TURN = 20  # rows
 LEAST_TORQUES = 10  # rows
 MOVED_RAD = 0.05  # between two rows: a target at an arm's length moves by centimetres
+SAME_IN_A_ROW = 20
 MOST_HELD = 0.02  # share of rows: a tracker may lose its target now and then
 _DEGREE = np.pi / 180.0
 
@@ -66,6 +67,40 @@ def cell_mistakes(data: Dataset) -> Iterator[Suspicion]:
                 "times as large as nearly all other cells: is it a gross error?",
                 sentence=True,
             )
+
+
+def repeated_rows(data: Dataset) -> Iterator[Suspicion]:
+    """Measured rows that come again in the same order, to the last digit: the same file twice. Where readings
+    are rounded so coarsely that every second one of a pose is the same, true repetitions give so many in
+    a row once in 2^20 times."""
+    measured = [values for values in (data.position, data.gyro) if values is not None]
+    measured += [data.joints[name] for name in ("tau", "tau_motor", "current") if name in data.joints]
+    if not measured or data.pixel is not None:
+        return
+    measured += [data.joints[name] for name in ("q", "theta") if name in data.joints]
+    columns = np.nan_to_num(np.concatenate(measured, axis=1)).T
+    mark = sum(weight * values for weight, values in zip(np.sqrt(_primes(len(columns))), columns))
+    order = np.argsort(mark, kind="stable")
+    alike = np.flatnonzero(np.diff(mark[order]) == 0.0)
+    before = np.full(len(mark), -1)  # of every row the last one like it
+    before[order[alike + 1]] = order[alike]
+    goes_on = (before[:-1] >= 0) & (np.diff(before) == 1) & (np.diff(mark) != 0.0)
+    breaks = np.flatnonzero(np.concatenate([[True], ~goes_on, [True]]))
+    longest = int(np.argmax(np.diff(breaks)))
+    start, length = int(breaks[longest]), int(np.diff(breaks)[longest])
+    if length >= SAME_IN_A_ROW:
+        yield Suspicion(
+            f"{length} rows from {data.place_of(start)} on are those from "
+            f"{data.place_of(int(before[start]))} on, to the last digit: was a file given twice, under "
+            "another name? Intervals would be too narrow",
+            sentence=True,
+        )
+
+
+def _primes(count: int) -> np.ndarray:
+    """The first so many: their square roots have no whole relation, so that no two rows weigh alike."""
+    odd = [n for n in range(2, 20 * count + 10) if all(n % k for k in range(2, int(n**0.5) + 1))]
+    return np.array(odd[:count], float)
 
 
 def column_mistakes(robot: Robot, data: Dataset) -> Iterator[Suspicion]:

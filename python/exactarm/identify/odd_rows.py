@@ -1,0 +1,154 @@
+"""Usual mistakes in a part of the rows: from some row on, in between, or in rows here and there.
+
+The frames that most rows agree on are found by least trimmed squares (Rousseeuw and Leroy 1987): from many
+few rows, neighbours or not, the half that fits best is kept and fitted again, until it stays the same. Rows
+that are then far off are odd. Every mistake is undone in the odd rows alone, and the frames stay those of the
+others: it is named where all rows together then fit `FALL` times better, which no part of them could do by
+its own frames. Only where none does, odd rows get frames of their own: another tool or device. It only tells.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from exactarm.chain import Layout, predict_poses
+from exactarm.dataset import Dataset
+from exactarm.identify.frames import find_frames
+from exactarm.identify.pose_candidates import Candidate, candidates
+from exactarm.identify.pose_mistakes import LEAST_ROWS, linear_frames, solved
+from exactarm.identify.reach import reach
+from exactarm.identify.suspicion import FALL, Suspicion, in_order
+from exactarm.robot import Placement, Robot
+
+MOST_ROWS = 240  # of a session, evenly spread
+_PARTS = 8  # neighbours that may be right together
+_TRIES, _FEW = 80, 8  # rows picked at random: 24 numbers for the 15 unknowns of the linear frames
+_STEPS = 6  # the half that fits best settles after three or four
+_ODD = 5.0  # times the median error of the better half: of errors normal in three directions none in 1e15
+_LEAST_ODD = 3  # rows: fewer are gross errors, which are told by themselves
+_MOST_ODD = 0.55  # share: of an even split one half is odd
+_APART = 0.005  # of the reach: what rows of other poses leave at least, under frames of their own
+_GROSS_SHARE = 0.05  # fewer rows than this are told as gross errors
+_ZEROS = np.deg2rad(np.concatenate([np.arange(1.0, 10.0), np.arange(10.0, 181.0, 5.0)]))
+
+
+@dataclass(frozen=True)
+class _Frames:
+    """What most rows agree on: rotation of the base, centre of the measured points, offset and tool (6,)."""
+
+    base: np.ndarray
+    centre: np.ndarray
+    offset: np.ndarray
+
+    @staticmethod
+    def of(points: np.ndarray, rotations: np.ndarray, measured: np.ndarray) -> _Frames:
+        base, _, _ = linear_frames(points, rotations, measured)
+        centre = measured.mean(axis=0)
+        return _Frames(base, centre, solved(_columns(rotations), points - (measured - centre) @ base))
+
+    def left(self, points: np.ndarray, rotations: np.ndarray, measured: np.ndarray) -> np.ndarray:
+        """(N,) m."""
+        goal = points - (measured - self.centre) @ self.base
+        return np.linalg.norm(goal - _columns(rotations) @ self.offset, axis=1)
+
+
+def _columns(rotations: np.ndarray) -> np.ndarray:
+    return np.concatenate([np.broadcast_to(np.eye(3), rotations.shape), -rotations], axis=2)
+
+
+def odd_rows(robot: Robot, data: Dataset, carried: Layout, seed: int = 0) -> list[Suspicion]:
+    """The mistake in a part of the rows of a session that explains them best, best first."""
+    bare = replace(robot, base=Placement(), tool=Placement())
+    found: list[Suspicion] = []
+    for session in np.unique(data.session):
+        rows = np.flatnonzero(data.session == session)
+        if len(rows) >= 2 * LEAST_ROWS:
+            spread = np.unique(np.linspace(0, len(rows) - 1, min(len(rows), MOST_ROWS)).round().astype(int))
+            found += _of_session(bare, carried, data, rows[spread], seed)
+    return in_order(found)
+
+
+def _of_session(bare: Robot, carried: Layout, whole: Dataset, rows: np.ndarray,
+                seed: int) -> list[Suspicion]:
+    data = whole.select(rows)
+    flange = predict_poses(bare, carried, data, tangents=False)
+    given = flange.position, flange.rotation, data.position
+    frames = _agreed(given, np.random.default_rng(seed))
+    error = frames.left(*given)
+    near = np.sort(error)[: len(error) // 2 + 1]
+    odd = error > _ODD * max(float(np.median(near)), 1e-9)
+    if not _LEAST_ODD <= odd.sum() <= _MOST_ODD * len(error) or len(error) - odd.sum() < LEAST_ROWS:
+        return []
+    frames = _Frames.of(*(values[~odd] for values in given))
+    good = frames.left(*(values[~odd] for values in given))
+    # on a line or a circle the linear frames of all rows may be far worse than those that a calibration finds
+    now = min(_rms(_Frames.of(*given).left(*given)), find_frames(bare, data, carried, seed).rms)
+    place, part = _place(whole, rows, odd), data.select(odd)
+    fall = lambda left: now / max(_rms(np.concatenate([good, left])), 1e-12)
+    found = []
+    for words, other, changed in (*candidates(bare, data, whole, rows, 1.0), *_zeros(bare, data)):
+        if other.name != bare.name:
+            continue
+        some = changed.select(odd)
+        moved = predict_poses(bare, carried, some, tangents=False)
+        if (gain := fall(frames.left(moved.position, moved.rotation, some.position))) >= FALL:
+            found.append(Suspicion(f"{words} {place}", gain))
+    if found or odd.sum() < LEAST_ROWS:
+        return found
+    own = _Frames.of(*(values[odd] for values in given)).left(*(values[odd] for values in given))
+    if fall(own) >= FALL:
+        return [Suspicion(f"another tool, target or device frame {place} (two sessions)", fall(own))]
+    alone = fall(np.zeros(0))
+    if alone >= FALL and _rms(own) > _APART * reach(bare) and len(part) > _GROSS_SHARE * len(data):
+        return [Suspicion(f"other angles {place} (positions of other poses, or of another file?)", alone)]
+    return []
+
+
+def _agreed(given: tuple[np.ndarray, ...], random: np.random.Generator) -> _Frames:
+    """The frames of the half of the rows that fits best."""
+    count = len(given[0])
+    half = count // 2 + 1
+    starts = list(np.array_split(np.arange(count), max(min(_PARTS, count // LEAST_ROWS), 1)))
+    starts += [random.choice(count, min(_FEW, count), replace=False) for _ in range(_TRIES)]
+    best, least = _Frames.of(*given), np.inf
+    for kept in starts:
+        frames = _Frames.of(*(values[kept] for values in given))
+        for _ in range(_STEPS):
+            order = np.argsort(frames.left(*given), kind="stable")[:half]
+            if len(order) == len(kept) and np.array_equal(np.sort(order), np.sort(kept)):
+                break
+            kept = order
+            frames = _Frames.of(*(values[kept] for values in given))
+        left = _rms(np.sort(frames.left(*given))[:half])
+        if left < least:
+            best, least = frames, left
+    return best
+
+
+def _zeros(bare: Robot, data: Dataset) -> Iterator[Candidate]:
+    """A zero that was lost, by any angle: to a degree below ten, to five above."""
+    for axis, joint in enumerate(bare.joints):
+        for angle in (*_ZEROS, *-_ZEROS) if joint.type == "revolute" else ():
+            joints = {name: data.joints[name].copy() for name in ("theta", "q") if name in data.joints}
+            for name, values in joints.items():
+                values[:, axis] += angle * (bare.controller_ratios[axis] if name == "theta" else 1.0)
+            words = f"another zero of axis {axis + 1} (by about {np.degrees(angle):+.0f} degrees)"
+            yield words, bare, replace(data, joints=data.joints | joints)
+
+
+def _place(whole: Dataset, rows: np.ndarray, odd: np.ndarray) -> str:
+    """Where the odd rows are, in words."""
+    first, last = (int(rows[odd][k]) for k in (0, -1))
+    inside = (rows >= first) & (rows <= last)
+    if odd[inside].mean() > 1.0 - _GROSS_SHARE:
+        if last == rows[-1]:
+            return f"from about {whole.place_of(first)} on"
+        return f"from about {whole.place_of(first)} to {whole.place_of(last)}"
+    return f"in about {100.0 * odd.mean():.0f} % of the rows, as in {whole.place_of(first)}"
+
+
+def _rms(error: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(error**2))) if len(error) else 0.0
