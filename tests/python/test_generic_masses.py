@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from exactarm import _core
+from exactarm.chain import Layout, predict_tracked_motion
 from exactarm.dataset import Dataset
+from exactarm.effects.gravity_compensator import GravityCompensator
 from exactarm.effects.joint_compliance import DISTRIBUTION
 from exactarm.errors import InputError
 from exactarm.generic_masses import generic_links, with_declared_masses, with_generic_masses
@@ -14,6 +16,7 @@ from exactarm.rest_load import RestLoad
 from exactarm.robot import Joint, Robot
 from exactarm.robot_file import load_robot, write_robot
 from exactarm.urdf import urdf_text
+from motions import fourier_motion
 from three_arms import puma, three_arms
 
 ALONE, WITH_TIP = 0.15, 0.09  # RMS of what the shape leaves of the gravity of axes 2 and 3, of the whole
@@ -118,3 +121,13 @@ def test_other_programs_and_torques_never_see_generic_masses():
     assert urdf_text(guessed) == urdf_text(bare(puma()))
     with pytest.raises(InputError, match="no link masses"):
         guessed.inverse_dynamics(np.zeros(6))
+
+
+def test_no_spring_is_said_to_take_load_off_that_nobody_knows():
+    robot = load_robot("ur10")
+    time, angle, *_ = fourier_motion(robot, 3.0, 50.0, 1)
+    data = Dataset.of_arrays("tracked_motion", {"q": angle}, time=time, position=np.zeros((time.size, 3)))
+    view = lambda of: predict_tracked_motion(of, Layout.of(()), data, tangents=False).view
+    guessed = with_generic_masses(bare(robot))
+    assert not tuple(GravityCompensator.candidates(guessed, view(guessed)))
+    assert len(tuple(GravityCompensator.candidates(robot, view(robot)))) == 2 * robot.axes

@@ -12,6 +12,7 @@ from exactarm.chain import (
     motion_clear_of_reversals,
     motion_record,
     predict_motion,
+    predict_tracked_motion,
     reversals_left_out,
 )
 from exactarm.diagnose.motion_problem import MotionProblem
@@ -100,3 +101,14 @@ def test_tracked_motions_are_fitted_and_judged_without_them(rigid, monkeypatch):
     assert (
         found.overall.n == (~record.at_reversal).sum() and "at reversals were left out" in found.warnings[0]
     )
+
+
+def test_loads_under_a_tracker_do_not_hang_on_the_passage(rigid, monkeypatch):
+    """A quick passage would be a spike of the load, at every row where a gear turns over; without declared
+    springs nobody knows how the arm takes it."""
+    data = measured(rigid, measure_tracked_motion, monkeypatch)
+    record = tracked_record(data, rigid)
+    load = lambda of: predict_tracked_motion(rigid, Layout((), ()), data, record=of,
+                                             tangents=False).view.torque
+    usual, quick = load(record), load(replace(record, direction=np.sign(record.direction)))
+    assert np.max(np.abs(quick - usual)) < 0.01 * np.max(np.abs(usual))

@@ -27,7 +27,7 @@ from exactarm.chain.propagate import pass_station, pass_tangents
 from exactarm.chain.spring_response import SpringResponse
 from exactarm.effects.base import Effect, Station
 from exactarm.effects.drive import smooth_sign
-from exactarm.kinds import MOTION
+from exactarm.kinds import MOTION, Device
 from exactarm.robot import Robot
 from exactarm.view import View
 
@@ -209,13 +209,21 @@ def _bent(signals: dict[str, np.ndarray], response: SpringResponse, stretch: np.
 
 
 def _load(view: View, layout: Layout, record: MotionRecord, tangents: bool) -> None:
-    """Rates of q, and the torque at the joints."""
+    """Rates of q, and the torque at the joints.
+
+    Under a tracker, without declared springs, the rates are those of the motors over their ratios: how a fast
+    gear error or a gear's passage at a reversal loads the arm hangs on springs and a passage that nobody
+    declares, and at the rows of a fit it would be a spike of any height.
+    """
     ratios = view.robot.ratios
-    deviation = record.derivative(record.smooth_angle(view.q - view.theta / ratios - view.robot.offsets))
-    view.signals["q_dot"] = view.signals["theta_dot"] / ratios + deviation
-    view.signals["q_ddot"] = view.signals["theta_ddot"] / ratios + record.derivative(deviation)
+    deviation = view.q - view.theta / ratios - view.robot.offsets
+    shaken = view.device is not Device.TARGET or any(joint.spring_linear for joint in view.robot.joints)
+    rate = record.derivative(record.smooth_angle(deviation)) if shaken else np.zeros_like(deviation)
+    view.signals["q_dot"] = view.signals["theta_dot"] / ratios + rate
+    view.signals["q_ddot"] = view.signals["theta_ddot"] / ratios + record.derivative(rate)
     if tangents:
         moved = view.tangents["q"] - view.tangents["theta"] / ratios[:, None]
+        moved = moved if shaken else np.zeros_like(moved)
         moved = record.derivative(record.smooth_angle(moved)) if np.any(moved) else moved
         view.tangents["q_dot"] = view.tangents["theta_dot"] / ratios[:, None] + moved
         moved = record.derivative(moved) if np.any(moved) else moved

@@ -2,7 +2,9 @@
 
 A torsion spring takes stiffness q + preload off the joint torque; a spring on a crank arm, hinged beside
 the axis, cosine cos q + sine sin q (zero free length; Klimchik et al. 2013 give the crank with free length,
-whose first harmonic this is). What the spring carries, the gear does not.
+whose first harmonic this is). What the spring carries, the gear does not. No candidate where the masses are
+generic (exactarm.generic_masses) and the load of the axis is not measured: it would only mend a load that
+nobody knows.
 """
 
 from __future__ import annotations
@@ -53,4 +55,5 @@ class GravityCompensator(Effect):
 
     @classmethod
     def candidates(cls, robot, view) -> Iterable[Effect]:
-        return (cls(i + 1, (0.0,) * 4, crank) for i in range(robot.axes) for crank in (False, True))
+        known = [i for i in range(robot.axes) if not view.guessed_load(i)]
+        return (cls(i + 1, (0.0,) * 4, crank) for i in known for crank in (False, True))
