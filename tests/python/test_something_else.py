@@ -13,6 +13,7 @@ from exactarm.diagnose.something_else import beside_unknown, scales_up_to
 from exactarm.diagnose.verdict import EXPLAINED, sentence_of
 from exactarm.diagnose.vocabulary import SCALE_WEIGHTS, SCALES
 from exactarm.effects import effect_from_table
+from exactarm.effects.slow_driver import quickness
 from exactarm.identify.statistics import summarise
 from exactarm.robot_file import load_robot
 from motions import fourier_motion
@@ -45,7 +46,9 @@ def share_of_a_coupling(robot, data):
     declared = problem.declared()
     fitted = problem.fit(declared.joined(Layout.of((effect,))))
     without = fitted.without(len(declared.effects))
-    return beside_unknown(problem, without, fitted.layout.effects[-1], [effect], float(fitted.residual.size))
+    numbers = float(fitted.residual.size)
+    steps = [(without, fitted.layout.effects[-1])]
+    return beside_unknown(problem, steps, lambda _: [effect], lambda _: numbers)
 
 
 @pytest.mark.slow
@@ -69,6 +72,14 @@ def test_sizes_beyond_the_vocabulary_pay_by_the_same_law():
     expected = np.log(SCALE_WEIGHTS[2]) - 0.5 * (np.log(scales) / np.log(3.0)) ** 2  # from the plausible size
     np.testing.assert_allclose(weights, expected, atol=1e-9)
     assert len(scales_up_to(0.0)) == len(SCALES)
+
+
+def test_a_drift_may_go_as_far_within_a_short_record_as_within_an_hour():
+    record = lambda seconds: SimpleNamespace(time=np.linspace(0.0, seconds, 50), row=np.arange(50),
+                                             run=np.ones(50, int), visit=None, joints={})
+    factors = np.array(quickness(record(36.0), "time"))
+    assert factors[0] == 1.0 and 100.0 <= factors[-1] < 400.0 and np.ptp(np.diff(np.log(factors))) < 1e-9
+    assert quickness(record(7200.0), "time") == quickness(record(36.0), "temperature_degC") == (1.0,)
 
 
 def test_the_sentence_names_what_is_likelier():

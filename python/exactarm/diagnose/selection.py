@@ -15,12 +15,13 @@ import numpy as np
 
 from exactarm.chain import Layout
 from exactarm.diagnose.admissible import LEAST_PROBABILITY, is_possible, moving_axes
+from exactarm.diagnose.bagging import bagged_contest
 from exactarm.diagnose.cluster_robust import robust_evidence
 from exactarm.diagnose.cross_validation import folds_of, held_out_squares
 from exactarm.diagnose.forms import best_form, forms_of, same_family
 from exactarm.diagnose.problem import Fitted, Problem, rows_kept
 from exactarm.diagnose.scan import Candidate, free_mask, linear_columns, scan
-from exactarm.diagnose.something_else import beside_unknown
+from exactarm.diagnose.something_else import Beside, beside_unknown, pieces_of
 from exactarm.diagnose.worth import holds_elsewhere, is_worth
 from exactarm.effects import library
 from exactarm.effects.base import Effect
@@ -233,16 +234,35 @@ def _admissible(problem: Problem, declared: Layout, accepted: list[Accepted], fi
 
 def _beside_unknown(problem: Problem, declared: Layout, accepted: list[Accepted],
                     fitted: Fitted) -> list[Accepted]:
-    """The effects of the last fit, each with its share beside unknown functions."""
-    found = []
-    for place, own in enumerate(accepted):
-        without = fitted.without(len(declared.effects) + place)
-        if not own.effect.excludes_rows():
-            effect = fitted.layout.effects[len(declared.effects) + place]
-            candidates = candidates_for(problem, without)
-            other = beside_unknown(problem, without, effect, candidates, _count(problem, without))
-            own = replace(own, share=other.share, likelier=other.title if other.share < NAMED_AT else "")
-        found.append(own)
+    """The effects of the last fit, each with its probability beside its rivals, bagged, and its share beside
+    unknown functions in its place, or in the place of all effects that stand."""
+    first = len(declared.effects)
+    places = [place for place, own in enumerate(accepted) if not own.effect.excludes_rows()]
+    field = lambda without: candidates_for(problem, without)
+    numbers = lambda without: _count(problem, without)
+
+    def beside(group: list[int]) -> Beside:
+        steps, without = [], fitted
+        for place in reversed(group):
+            effect, without = without.layout.effects[first + place], without.without(first + place)
+            steps.insert(0, (without, effect))
+        return beside_unknown(problem, steps, field, numbers)
+
+    alone = {place: beside([place]) for place in places}
+    stand = [place for place in places if alone[place].share >= NAMED_AT]
+    groups = [stand] if len(stand) > 1 else []
+    groups += [[p for p in stand if p != out] for out in stand] if len(stand) > 2 else []
+    together = [(group, beside(group)) for group in groups]
+    found = list(accepted)
+    for place in places:
+        asked = [alone[place], *(other for group, other in together if place in group)]
+        odds = sum((1.0 - other.share) / max(other.share, np.finfo(float).tiny) for other in asked)
+        share, worst = 1.0 / (1.0 + odds), min(asked, key=lambda other: other.share)
+        own, without = accepted[place], fitted.without(first + place)
+        rivals, pieces = [(rival.effect, rival.evidence) for rival in own.rivals], pieces_of(problem)
+        sure = bagged_contest(without, (own.effect, own.evidence), rivals, numbers(without), pieces)
+        found[place] = replace(own, probability=min(own.probability, sure), share=share,
+                               likelier=worst.title if share < NAMED_AT else "")
     return found
 
 

@@ -227,6 +227,11 @@ class Effect(ABC):
         """
         return ()
 
+    def quickness(self, view) -> tuple[float, ...]:
+        """Factors, one as likely as the other, by which its parameters may be larger in these data than they
+        are plausible by themselves."""
+        return (1.0,)
+
     def caveat(self, covariance: np.ndarray) -> str:
         """What the estimate cannot tell, in a few words; empty where there is nothing to say."""
         return ""

@@ -2,7 +2,10 @@
 
 `drivers(data)`: the names to choose from. `slow_signal(data, name)`: (N,) the driver from a fixed reference
 (20 degC, time 0, row 0), the same for every part of a data set: a reference taken from the rows at hand would
-move between the rows that are fitted and those that judge. `unit(name)`: degC, h or row.
+move between the rows that are fitted and those that judge. `unit(name)`: degC, h or row. `quickness(data,
+name)`: plausible rates are those of an hour of warming up; what settles within a record of T hours (a tripod,
+a clamp) goes as far in that time, 1/T times as fast. Time constants between the two are alike in their
+logarithm.
 """
 
 from __future__ import annotations
@@ -13,6 +16,7 @@ from exactarm.kinds.base import is_a_series
 
 TIME, ROW = "time", "row"
 REFERENCE_DEGC = 20.0
+_QUICKER = 10.0**0.5  # from one time constant to the next
 
 
 def temperatures(data) -> list[str]:
@@ -47,6 +51,13 @@ def in_order(data, session: int, driver: str) -> tuple[np.ndarray, np.ndarray]:
 
 def unit(name: str) -> str:
     return {TIME: "h", ROW: "row"}.get(name, "degC")
+
+
+def quickness(data, name: str) -> tuple[float, ...]:
+    """Factors on a plausible rate, each as likely as the others."""
+    length = float(np.ptp(slow_signal(data, TIME))) if name == TIME else 0.0
+    steps = int(np.ceil(np.log(1.0 / length) / np.log(_QUICKER))) if 0.0 < length < 1.0 else 0
+    return tuple(_QUICKER**k for k in range(steps + 1))
 
 
 def slow_signal(data, name: str) -> np.ndarray:

@@ -25,7 +25,7 @@ import numpy as np
 
 from exactarm.effects.base import Change, Effect, Parameter, Station
 from exactarm.effects.drive import smooth_sign
-from exactarm.effects.slow_driver import ROW, drivers, slow_signal, temperatures, unit
+from exactarm.effects.slow_driver import ROW, drivers, quickness, slow_signal, temperatures, unit
 from exactarm.kinds import ALL_KINDS, GEAR_RUN, MOTION, WITH_TARGET
 
 
@@ -54,6 +54,9 @@ class ThermalDrift(Effect):
     @property
     def of_record(self) -> bool:
         return self.driver == ROW
+
+    def quickness(self, view) -> tuple[float, ...]:
+        return quickness(view.data, self.driver)
 
     def to_table(self):
         return super().to_table() | {"form": self.form, "driver": self.driver}

@@ -15,7 +15,7 @@ from typing import ClassVar
 import numpy as np
 
 from exactarm.effects.base import Change, Effect, Parameter, Station
-from exactarm.effects.slow_driver import ROW, TIME, slow_signal, unit
+from exactarm.effects.slow_driver import ROW, TIME, quickness, slow_signal, unit
 from exactarm.kinds import WITH_TARGET
 
 
@@ -44,6 +44,9 @@ class TrackerDrift(Effect):
         size, turn = (1e6 * float(np.linalg.norm(part)) for part in (self.values[:3], self.values[3:]))
         more = f" and turns by {turn:.3g} microradians" if any(self.values[3:]) else ""
         return f"the measuring device drifts by {size:.3g} micrometres{more} per {unit(self.driver)}"
+
+    def quickness(self, view) -> tuple[float, ...]:
+        return quickness(view.data, self.driver)
 
     def to_table(self):
         return super().to_table() | {"driver": self.driver}
