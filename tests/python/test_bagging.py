@@ -1,4 +1,5 @@
-"""Bagged probabilities: a lead that every piece of a record shares counts, one that hangs on a few does not."""
+"""Bagged probabilities: a lead that every piece of a record shares counts, one that hangs on a few does
+not."""
 
 import numpy as np
 import pytest
