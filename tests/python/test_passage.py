@@ -21,6 +21,7 @@ from exactarm.identify.evaluate import evaluate_tracked_motion
 from exactarm.identify.tracked_fit import tracked_record
 from exactarm.robot_file import load_robot
 from exactarm.simulate import Sensors, VirtualRobot, measure_motion, measure_tracked_motion
+from exactarm.signals import white_noise
 from exactarm.simulate.profiles import excitation
 
 QUICK_S = 0.02
@@ -112,3 +113,14 @@ def test_loads_under_a_tracker_do_not_hang_on_the_passage(rigid, monkeypatch):
                                              tangents=False).view.torque
     usual, quick = load(record), load(replace(record, direction=np.sign(record.direction)))
     assert np.max(np.abs(quick - usual)) < 0.01 * np.max(np.abs(usual))
+
+
+def test_rows_of_a_passage_behind_the_reversal_count_for_nothing_under_a_tracker(rigid, monkeypatch):
+    """Of 70 ms, which is none of those tried: what is kept does not hang on it."""
+    data = measured(rigid, measure_tracked_motion, monkeypatch)
+    record = tracked_record(data, rigid)
+    behind = direction.direction_of_motion(data.time, record.theta / np.abs(rigid.ratios), 0.07, 0.035)
+    path = lambda of: predict_tracked_motion(rigid, Layout((), ()), data, record=of, tangents=False).position
+    change = np.max(np.abs(path(replace(record, direction=behind)) - path(record)), axis=1)
+    noise = max(white_noise(column) for column in data.position.T)
+    assert np.max(change) > 2.0 * noise and np.max(change[~record.at_reversal]) < 0.6 * noise

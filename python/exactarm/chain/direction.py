@@ -29,11 +29,13 @@ _KERNEL = BSpline.basis_element(np.linspace(-0.5, 0.5, _DEGREE + 2), extrapolate
 _STEP = BSpline.construct_fast(_KERNEL.t, _KERNEL.c, _KERNEL.k).antiderivative()
 
 
-def direction_of_motion(time: np.ndarray, angle: np.ndarray, passage_s: float | None = None) -> np.ndarray:
+def direction_of_motion(time: np.ndarray, angle: np.ndarray, passage_s: float | None = None,
+                        late_s: float = 0.0) -> np.ndarray:
     """(N, n) in [-1, 1] for angles (N, n) rad at `time` (N,) s, rising; the sign is that of the angle's
     motion.
 
-    passage_s: how long each passage takes, where it is not TRANSITION_S.
+    passage_s: how long each passage takes, where it is not TRANSITION_S; late_s: how far behind the reversal
+    its middle lies.
     """
     passage_s = TRANSITION_S if passage_s is None else passage_s
     direction = np.zeros(angle.shape)
@@ -41,7 +43,7 @@ def direction_of_motion(time: np.ndarray, angle: np.ndarray, passage_s: float | 
         first, turns = reversals(time, column)
         direction[:, i] = first
         for turn, after in turns:
-            direction[:, i] += 2.0 * after * _passed((time - turn) / passage_s)
+            direction[:, i] += 2.0 * after * _passed((time - turn - late_s) / passage_s)
     return np.clip(direction, -1.0, 1.0)
 
 

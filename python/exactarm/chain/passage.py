@@ -2,7 +2,8 @@
 to the other's.
 
 No model defines the passage; the chain assumes one of TRANSITION_S (chain/direction.py). The
-prediction is repeated with a shorter and a longer passage, d the directions with each:
+prediction is repeated with a shorter and a longer passage, and under a tracker with one that lies whole
+behind the reversal, d the directions with each:
 
     row left out where max_j |predicted_j(d) - predicted_j(d of TRANSITION_S)| > SHARE sigma_j
 
@@ -30,6 +31,10 @@ from exactarm.signals import typical_step, white_noise
 
 # what friction leaves of wind-up, 1e-4 to 1e-3 rad, is passed in so long at 2 rad/s^2 and twice that
 DURATIONS_S = (0.02, 0.1)
+# with the middle behind the reversal, s: wind-up is let go as the axis moves away (blind test, tracked motion
+# 73200: 3.8 times the noise in the 50 ms behind reversals, nothing before them)
+PASSAGES_S = tuple((duration, 0.0) for duration in DURATIONS_S)
+TRACKED_PASSAGES_S = (*PASSAGES_S, (DURATIONS_S[-1], 0.5 * DURATIONS_S[-1]))
 SHARE = 0.3  # of the noise that an error may have unseen: a tenth of its variance
 _LEAST_TORQUE_SHARE = 1e-3  # of an axis' torque, where a log is free of noise: no model of friction is better
 _LEAST_NOISE_M = 5e-6  # of a position: what laser trackers resolve
@@ -48,7 +53,7 @@ def motion_clear_of_reversals(robot: Robot, record: MotionRecord, data: Dataset,
     empty = Layout((), ())
     predict = lambda record: predict_motion(robot, empty, record, tangents=False,
                                             threads=threads).torque[:, axes]
-    return replace(record, at_reversal=_unclear(robot, record, predict, noise))
+    return replace(record, at_reversal=_unclear(robot, record, predict, noise, PASSAGES_S))
 
 
 def track_clear_of_reversals(robot: Robot, record: MotionRecord) -> MotionRecord:
@@ -58,7 +63,7 @@ def track_clear_of_reversals(robot: Robot, record: MotionRecord) -> MotionRecord
     data, empty = record.data, Layout((), ())
     noise = np.array([max(_white(column, record.runs), _LEAST_NOISE_M) for column in data.position.T])
     predict = lambda of: predict_tracked_motion(robot, empty, data, record=of, tangents=False).position
-    return replace(record, at_reversal=_unclear(robot, record, predict, noise))
+    return replace(record, at_reversal=_unclear(robot, record, predict, noise, TRACKED_PASSAGES_S))
 
 
 def reversals_left_out(records: Iterable[MotionRecord]) -> tuple[str, ...]:
@@ -77,15 +82,16 @@ def _reverses(robot: Robot, record: MotionRecord) -> bool:
 
 
 def _unclear(
-    robot: Robot, record: MotionRecord, predict: Callable[[MotionRecord], np.ndarray], noise: np.ndarray
+    robot: Robot, record: MotionRecord, predict: Callable[[MotionRecord], np.ndarray], noise: np.ndarray,
+    passages: tuple[tuple[float, float], ...],
 ) -> np.ndarray:
-    """(N,) bool; noise (m,)."""
+    """(N,) bool; noise (m,); passages: how long, and how far behind the reversal, in s."""
     assumed, unclear = predict(record), np.zeros(len(record.data), bool)
     angle = record.theta / np.abs(robot.ratios)
-    for duration in DURATIONS_S:
+    for duration, late in passages:
         direction = np.empty_like(record.direction)
         for rows in record.runs:
-            direction[rows] = direction_of_motion(record.data.time[rows], angle[rows], duration)
+            direction[rows] = direction_of_motion(record.data.time[rows], angle[rows], duration, late)
         other = predict(replace(record, direction=direction))
         unclear |= np.any(np.abs(other - assumed) > SHARE * noise, axis=1)
     return unclear
