@@ -187,7 +187,8 @@ def least_squares(
     radius, scale, reason = np.inf, np.zeros(x.size), f"stopped at the limit of {most_iterations} iterations"
     for iteration in range(1, most_iterations + 1):  # noqa: B007 (told at the end)
         weight = w * soft
-        norms = np.linalg.norm(weight[:, None] * now.jacobian, axis=0)
+        model = Model(weight[:, None] * now.jacobian, -weight * now.residual)
+        norms = np.sqrt(np.diag(model.normal))
         size, square = _length(norms * x), _length(weight * now.residual) ** 2
         enough = max(tolerance * square, (_ROUNDING * size) ** 2)
         # Never shorter than before (Moré 1978): a column that fades is not let loose. At the end it counts as
@@ -195,7 +196,7 @@ def least_squares(
         widest = np.maximum(scale, norms)
         for scale in (widest, norms):
             unit = np.where(scale > 0.0, scale, 1.0)
-            model = Model(weight[:, None] * now.jacobian / unit, -weight * now.residual)
+            model = model.scaled(unit)
             low, high = (lower - x) * unit, (upper - x) * unit
             whole = bounded_step(model, low, high, np.inf)
             fall = 2.0 * model.fall(whole.step)
@@ -223,7 +224,9 @@ def least_squares(
         x, now = trial, evaluate(trial, True)
         if robust:
             soft = _robust_weights(w * now.residual, group, data)
-    return _finish(now, w, soft, _mean_slope(soft[:data], group), x, lower, upper, reason, iteration)
+    else:
+        model = Model((w * soft)[:, None] * now.jacobian, -w * soft * now.residual)
+    return _finish(now, w, soft, _mean_slope(soft[:data], group), x, lower, upper, reason, iteration, model)
 
 
 def _descend(evaluate, model: Model, whole: Step, x, now: Evaluation, weight, unit, bounds, radius: float):
@@ -265,12 +268,12 @@ def _bend(evaluate, model: Model, step: Step, x, now: Evaluation, weight, unit) 
     value."""
     ahead = evaluate(x + _PROBE * step.step / unit, False).residual
     with np.errstate(over="ignore", invalid="ignore"):
-        second = 2.0 / _PROBE * (weight * (now.residual - ahead) / _PROBE - model.jacobian @ step.step)
+        second = 2.0 / _PROBE * (weight * (now.residual - ahead) / _PROBE - model.ahead(step.step))
     if not np.all(np.isfinite(second)):
         return np.full(len(x), np.inf)
     values, vectors = model.spectrum(step.free)
     bend = np.zeros(len(x))
-    onto = vectors.T @ (model.jacobian[:, step.free].T @ second)
+    onto = vectors.T @ (model.jacobian.T @ second / model.unit)[step.free]
     bend[step.free] = -vectors @ (onto / (values + step.shift))
     return bend
 
@@ -297,12 +300,11 @@ def _mean_slope(soft: np.ndarray, group: int) -> float:
     return float(np.mean(np.where(soft == 1.0, 1.0, (group - 1.0) / group * soft**2)))
 
 
-def _scaled_gram(jacobian: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """J'J with unit diagonal, and the lengths of the columns of J (1 for an empty one)."""
-    gram = jacobian.T @ jacobian
+def gram_inverse(gram: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The inverse of J'J with unit diagonal, and the lengths of the columns of J (1 for an empty one)."""
     scale = np.sqrt(np.diag(gram))
-    scale[scale == 0.0] = 1.0
-    return gram / np.outer(scale, scale), scale
+    scale = np.where(scale == 0.0, 1.0, scale)
+    return _inverse(gram / np.outer(scale, scale)), scale
 
 
 def _cholesky(gram: np.ndarray) -> np.ndarray | None:
@@ -321,35 +323,33 @@ def _inverse(gram: np.ndarray) -> np.ndarray:
     return linalg.cho_solve((factor, True), np.eye(len(gram)), check_finite=False)
 
 
-def _finish(now, weight, soft, slope, x, lower, upper, reason, iterations) -> Fit:
-    jacobian = weight[:, None] * now.jacobian
+def _finish(now, weight, soft, slope, x, lower, upper, reason, iterations, model: Model) -> Fit:
     at_bound = (x <= lower) | (x >= upper)
     free = ~at_bound
     freedom = int(np.sum(weight > 0) - free.sum())
     square = float(np.sum((weight * soft * now.residual) ** 2))
     clipped = float(np.sum((weight * soft**2 * now.residual / slope) ** 2))
     variance = clipped / freedom if freedom > 0 else np.nan
+    gram, downhill = model.normal, -model.downhill
+    if np.any(soft != 1.0):
+        plain = weight[:, None] * now.jacobian
+        gram = plain.T @ plain
     covariance = np.zeros((x.size, x.size))
-    gram, scale = _scaled_gram(jacobian[:, free])
-    inverse = _inverse(gram)
+    inverse, scale = gram_inverse(gram[np.ix_(free, free)])
     covariance[np.ix_(free, free)] = variance * inverse / np.outer(scale, scale)
-    spread = np.sqrt(np.diag(covariance))
-    unbounded = np.stack([x, spread])
+    unbounded = np.stack([x, np.sqrt(np.diag(covariance))])
     if at_bound.any():
-        whole = weight[:, None] * now.jacobian
-        downhill = whole.T @ (weight * soft**2 * now.residual / slope)
-        unbounded = beyond_bounds(unbounded, whole.T @ whole, downhill, at_bound, variance)
+        unbounded = beyond_bounds(unbounded, gram, downhill / slope, at_bound, variance)
     return Fit(
         x=x, covariance=covariance, sigma=float(np.sqrt(variance)), freedom=freedom, reason=reason,
         iterations=iterations, cost=0.5 * square, at_bound=at_bound, weights=soft, residual=now.residual,
         slope=slope, bounds=np.stack([lower, upper]), unbounded=unbounded,
-        offset=_offset(soft[:, None] * jacobian, weight * soft * now.residual, free),
+        offset=_offset(model.normal[np.ix_(free, free)], downhill[free], square),
     )
 
 
-def _offset(jacobian: np.ndarray, residual: np.ndarray, free: np.ndarray) -> float:
-    """Share of the square sum that lies in the span of the free columns."""
-    square = float(residual @ residual)
-    gram, scale = _scaled_gram(jacobian[:, free])
-    onto = jacobian[:, free].T @ residual / scale
-    return float(onto @ _inverse(gram) @ onto) / square if square > 0.0 else 0.0
+def _offset(gram: np.ndarray, downhill: np.ndarray, square: float) -> float:
+    """Share of the square sum that lies in the span of the free columns J: J'J (P, P), J'r (P,)."""
+    inverse, scale = gram_inverse(gram)
+    onto = downhill / scale
+    return float(onto @ inverse @ onto) / square if square > 0.0 else 0.0

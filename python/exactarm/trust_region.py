@@ -10,6 +10,7 @@ again. Units: none. Directions whose singular value lies below rounding get no s
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,22 +18,56 @@ from scipy import linalg
 
 _SQUARED = 1e-10  # eigenvalue beside the largest, below which J'J leaves less than six digits of it
 _ROUNDING = 1e-14  # singular value beside the largest, below which it is rounding
+_SURE = 1e-3  # smallest of a Cholesky factor's diagonal beside the largest: no direction near rounding
 _SHIFT_ROUNDS = 60
 _RADIUS_MET = 0.05  # relative
 
 
 class Model:
-    """The quadratic model at a point: scaled jacobian (R, P), residual (R,) as predicted minus measured."""
+    """The quadratic model at a point: jacobian J (R, P), residual (R,) as predicted minus measured; its
+    variables are x * unit (P,).
 
-    def __init__(self, jacobian: np.ndarray, residual: np.ndarray):
+    normal (P, P) = J'J and downhill (P,) = J'r, not scaled; gram and gradient are those of J / unit.
+    """
+
+    def __init__(self, jacobian: np.ndarray, residual: np.ndarray, unit: np.ndarray | None = None):
         self.jacobian, self.residual = jacobian, residual
-        self.gram, self.gradient = jacobian.T @ jacobian, jacobian.T @ residual
+        self.normal, self.downhill = jacobian.T @ jacobian, jacobian.T @ residual
+        self._scale(np.ones(jacobian.shape[1]) if unit is None else unit)
+
+    def _scale(self, unit: np.ndarray) -> None:
+        self.unit = unit
+        self.gram, self.gradient = self.normal / unit / unit[:, None], self.downhill / unit
         self._spectra: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
+
+    def scaled(self, unit: np.ndarray) -> Model:
+        """The same model in other variables."""
+        if np.array_equal(unit, self.unit):
+            return self
+        other = copy(self)
+        other._scale(unit)
+        return other
+
+    def ahead(self, step: np.ndarray) -> np.ndarray:
+        """(R,) the change of the prediction along `step`."""
+        return self.jacobian @ (step / self.unit)
 
     def fall(self, step: np.ndarray) -> float:
         """How far the half square sum falls along `step`."""
-        ahead = self.jacobian @ step  # not by J'J: a long step along a weak direction would drown in rounding
+        ahead = self.ahead(step)  # not by J'J: a long step along a weak direction would drown in rounding
         return -float(ahead @ (self.residual + 0.5 * ahead))
+
+    def lowest(self, free: np.ndarray, gradient: np.ndarray) -> np.ndarray | None:
+        """(f,) the minimum of the quadratic form over the free variables; None where it has directions so
+        weak that the spectrum has to say which of them are seen."""
+        try:
+            factor = linalg.cho_factor(self.gram[np.ix_(free, free)], check_finite=False)
+        except linalg.LinAlgError:
+            return None
+        sizes = np.diag(factor[0])
+        if not sizes.min(initial=np.inf) > _SURE * sizes.max(initial=0.0):
+            return None
+        return -linalg.cho_solve(factor, gradient, check_finite=False)
 
     def spectrum(self, free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Eigenvalues (f,) and vectors (f, f) of B on the free variables, rounding as zero."""
@@ -44,7 +79,8 @@ class Model:
     def _spectrum(self, free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         values, vectors = linalg.eigh(self.gram[np.ix_(free, free)], check_finite=False)
         if values.size and values[0] < _SQUARED * values[-1]:
-            upper = linalg.qr(self.jacobian[:, free], mode="r", check_finite=False)[0][: values.size]
+            columns = self.jacobian[:, free] / self.unit[free]
+            upper = linalg.qr(columns, mode="r", check_finite=False)[0][: values.size]
             singular, rows = linalg.svd(upper, full_matrices=False, check_finite=False)[1:]
             rows = rows if len(rows) == values.size else linalg.svd(upper)[2]
             values, vectors = np.zeros(values.size), rows.T
@@ -73,7 +109,8 @@ def bounded_step(model: Model, low: np.ndarray, high: np.ndarray, radius: float)
     while free.any():
         right = gradient[free] + model.gram[np.ix_(free, ~free)] @ step[~free]
         left = np.sqrt(max(radius**2 - float(step[~free] @ step[~free]), 0.0))
-        step[free], shift = _inside(*model.spectrum(free), right, left)
+        whole = model.lowest(free, right) if radius == np.inf else None
+        step[free], shift = _inside(*model.spectrum(free), right, left) if whole is None else (whole, 0.0)
         out = free & ((step < low) | (step > high))
         if not out.any():
             break

@@ -41,6 +41,8 @@ class View:
     tangents: dict[str, np.ndarray] = field(default_factory=dict)
     transfers: dict[Station, Transfer] = field(default_factory=dict)
     rest_load: RestLoad | None = None  # of poses at rest
+    # of poses at rest, by the identity of an effect: the effect, its change, the signals that it follows
+    changes: dict[int, tuple[Any, Any, dict[str, np.ndarray]]] = field(default_factory=dict, init=False)
 
     @property
     def rows(self) -> int:

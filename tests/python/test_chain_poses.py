@@ -251,3 +251,25 @@ def test_hysteresis_follows_the_approach_whatever_its_reach(rng):
     assert_allclose(reaching.position, plain.position, rtol=0, atol=1e-15)
     assert_allclose(reaching.jacobian[:, :, 0], plain.jacobian[:, :, 0], rtol=0, atol=1e-12)
     assert not np.any(reaching.jacobian[:, :, 1])
+
+
+def test_a_change_is_worked_out_anew_only_where_what_it_follows_has_moved(rng, monkeypatch):
+    """Gear harmonics follow the angle alone, which no load moves; a compliance follows the load, which
+    settles in several passes: the prediction is what it was, bit by bit."""
+    robot = load_robot("ur10")
+    data = poses(robot, rng)
+    gear = GearHarmonics(2, (3.0, 1e-3, -5e-4))
+    layout = Layout.of((gear, JointCompliance(2, (2e-5, 0.0))))
+    counts = {GearHarmonics: 0, JointCompliance: 0}
+    for cls in counts:
+        def counted(self, view, cls=cls, change=cls.change):
+            counts[cls] += 1
+            return change(self, view)
+
+        monkeypatch.setattr(cls, "change", counted)
+    found = predict_poses(robot, layout, data)
+    assert counts[GearHarmonics] == 1 and counts[JointCompliance] > 3
+    monkeypatch.setattr("exactarm.chain.propagate._change", lambda view, effect: effect.change(view))
+    again = predict_poses(robot, layout, data)
+    assert np.array_equal(found.jacobian, again.jacobian)
+    assert np.array_equal(found.position, again.position) and counts[GearHarmonics] > 3

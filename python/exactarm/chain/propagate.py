@@ -28,7 +28,7 @@ def pass_station(view: View, layout: Layout, station: Station, signal: str, tang
     if acting and tangents:
         view.tangents[signal] = view.tangents[signal].copy()
     for index, effect in acting:
-        change = effect.change(view)
+        change = _change(view, effect)
         if tangents:
             _move_tangent(view, layout, index, change, view.tangents[signal])
         moved = view.signals[signal].copy()
@@ -41,8 +41,21 @@ def pass_tangents(view: View, layout: Layout, station: Station, signal: str) -> 
     view.tangents[signal] = view.tangents[signal].copy()
     for index, effect in enumerate(layout.effects):
         if acts(effect, view, station):
-            _move_tangent(view, layout, index, effect.change(view), view.tangents[signal])
+            _move_tangent(view, layout, index, _change(view, effect), view.tangents[signal])
     return view.tangents[signal]
+
+
+def _change(view: View, effect: Effect) -> Change:
+    """What the effect adds. At rest, where the stations are passed again until angles and loads agree, the
+    change of the pass before while no signal that it follows has moved."""
+    _, change, follows = view.changes.get(id(effect), (None, None, {}))
+    if follows and all(np.array_equal(view.signals[name], values) for name, values in follows.items()):
+        return change
+    change = effect.change(view)
+    if not view.is_series:
+        follows = {name: view.signals[name] for name in change.by_signal if name in view.signals}
+        view.changes[id(effect)] = effect, change, follows
+    return change
 
 
 def _move_tangent(view: View, layout: Layout, index: int, change: Change, tangent: np.ndarray) -> None:

@@ -22,10 +22,12 @@ from functools import cached_property
 import numpy as np
 from scipy import linalg, special
 
+from exactarm.diagnose.problem import orthonormal
 from exactarm.diagnose.vocabulary import SCALE_WEIGHTS, SCALES, Vocabulary
 
 # share of a column's square sum left after projection, below which the declared model explains it
 _ABSORBED = 1e-6
+WEAKEST = 1e-7  # direction of the declared parameters beside the strongest, below which it absorbs nothing
 
 _MOST_PRODUCTS = 40  # of a block's columns with all others, kept: a few hundred MB at most
 _LONG, _ROUNDING = 2, 1e-12  # rows per column from which products stand for rows; of a Gram matrix
@@ -77,7 +79,7 @@ class Picture:
         r = root * noise.whiten(residual[:, :, None])[:, 0]
         d = noise.whiten(declared)
         c = root * noise.whiten(vocabulary.responses)
-        basis = orthonormal_columns(d)
+        basis = orthonormal(d, WEAKEST)
         before = np.einsum("ij,ij->j", c, c)
         c -= basis @ (basis.T @ c)
         left = np.einsum("ij,ij->j", c, c)
@@ -297,13 +299,3 @@ def compressed(columns: np.ndarray, residual: np.ndarray) -> tuple[np.ndarray, n
     onto = linalg.solve_triangular(lower, unit.T @ residual, lower=True, check_finite=False)
     rest = np.sqrt(max(float(residual @ residual - onto @ onto), 0.0))
     return np.concatenate([lower.T * norm, np.zeros((1, len(norm)))]), np.append(onto, rest)
-
-
-def orthonormal_columns(columns: np.ndarray) -> np.ndarray:
-    """Orthonormal basis of the span of columns (R, P), whatever their scale and rank."""
-    norm = np.linalg.norm(columns, axis=0)
-    q, r = np.linalg.qr(columns[:, norm > 0.0] / norm[norm > 0.0])
-    if r.shape[0] and np.min(np.abs(np.diag(r)), initial=1.0) > 1e-6:
-        return q
-    u, values, _ = np.linalg.svd(columns[:, norm > 0.0] / norm[norm > 0.0], full_matrices=False)
-    return u[:, values > 1e-7 * max(values.max(initial=0.0), 1e-300)]

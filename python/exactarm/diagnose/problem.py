@@ -102,6 +102,12 @@ class Fitted:
         columns = np.concatenate([self.standard(self.jacobian), self.prior_rows])
         return orthonormal(columns)
 
+    def beside(self, columns: np.ndarray) -> Fitted:
+        """The same fit, in whose linear picture further whitened columns (N m + r, k) are free too."""
+        wider = replace(self)
+        vars(wider)["basis"] = extended(self.basis, columns)  # in the place of the cached one
+        return wider
+
     def columns(self, effect: Effect) -> np.ndarray:
         """(N m + r, k) whitened response to the parameters of an effect that is not in the layout."""
         return self.columns_of([effect])[0]
@@ -132,22 +138,35 @@ def rows_kept(layout: Layout, view: View) -> np.ndarray:
     return keep
 
 
-def orthonormal(columns: np.ndarray) -> np.ndarray:
+def orthonormal(columns: np.ndarray, weakest: float = 1e-6) -> np.ndarray:
     """Orthonormal basis (R, b) of the span of `columns`: Cholesky QR, twice for accuracy (Yamamoto et al.
     2015).
 
     Far faster than a rank-revealing factorisation for tall matrices. Where the columns are nearly dependent,
-    the eigenvectors of their Gram matrix serve, without the directions weaker than 1e-6.
+    the eigenvectors of their Gram matrix serve, without the directions weaker than `weakest` (beside the
+    strongest; above 3e-8, where the Gram matrix shows rounding only).
     """
     norm = np.linalg.norm(columns, axis=0)
     basis = columns[:, norm > 0] / norm[norm > 0]
     for _ in range(2):
         if basis.shape[1]:
-            basis = _whitened(basis)
+            basis = _whitened(basis, weakest)
     return basis
 
 
-def _whitened(basis: np.ndarray) -> np.ndarray:
+def extended(basis: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    """(R, b + c) an orthonormal basis with what columns (R, k) add to it, without what is weaker than
+    1e-6."""
+    norm = np.linalg.norm(columns, axis=0)
+    added = columns[:, norm > 0] / norm[norm > 0]
+    for least in (1e-12, 0.5):  # twice for accuracy: the second time all are of unit length
+        added = added - basis @ (basis.T @ added)
+        values, vectors = linalg.eigh(added.T @ added)
+        added = added @ (vectors[:, values > least] / np.sqrt(values[values > least]))
+    return np.concatenate([basis, added], axis=1)
+
+
+def _whitened(basis: np.ndarray, weakest: float) -> np.ndarray:
     gram = basis.T @ basis
     try:
         factor = linalg.cholesky(gram, lower=True, check_finite=False)
@@ -156,7 +175,7 @@ def _whitened(basis: np.ndarray) -> np.ndarray:
     except linalg.LinAlgError:
         pass
     values, vectors = linalg.eigh(gram)
-    keep = values > 1e-12 * values[-1]
+    keep = values > weakest**2 * values[-1]
     return basis @ (vectors[:, keep] / np.sqrt(values[keep]))
 
 

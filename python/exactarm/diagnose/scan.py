@@ -18,7 +18,7 @@ from itertools import product
 
 import numpy as np
 
-from exactarm.diagnose.problem import Fitted, orthonormal
+from exactarm.diagnose.problem import Fitted
 from exactarm.effects.base import Effect
 
 _ABSORBED = 1e-6  # share of a column's square sum left after projection, below which geometry explains it
@@ -72,17 +72,9 @@ def linear_columns(fitted: Fitted, effect: Effect) -> np.ndarray:
     return fitted.columns(effect)[:, free_mask(effect)]
 
 
-def scan(
-    fitted: Fitted, candidates: list[Effect], count: float, beside: np.ndarray | None = None
-) -> list[Candidate]:
-    """All candidates, best evidence first; of each (name, axis) only its best point.
-
-    beside (R, k): further whitened columns that are fitted jointly (effects about to be accepted).
-    """
+def scan(fitted: Fitted, candidates: list[Effect], count: float) -> list[Candidate]:
+    """All candidates, best evidence first; of each (name, axis) only its best point."""
     basis, residual = fitted.basis, fitted.free_residual
-    if beside is not None:
-        basis = orthonormal(np.concatenate([basis, beside], axis=1))
-        residual = residual - basis @ (basis.T @ residual)
     square = float(residual @ residual)
     best: dict[str, Candidate] = {}
     families = len({effect.label for effect in candidates})

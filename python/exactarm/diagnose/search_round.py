@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from exactarm.diagnose.evidence import Members, Picture, orthonormal_columns
-from exactarm.diagnose.problem import Fitted, Problem
+from exactarm.diagnose.evidence import WEAKEST, Members, Picture
+from exactarm.diagnose.problem import Fitted, Problem, orthonormal
 from exactarm.diagnose.search import Posterior, prior_of, search
 from exactarm.diagnose.vocabulary import SCALES, Block, Vocabulary
 from exactarm.noise.estimate import log_likelihood_under, normal_noise
@@ -132,7 +132,7 @@ def _score(found: Found) -> float:
     """The same with the declared parameters integrated out (restricted likelihood), and the noise's own
     price: what two starts are compared by."""
     at, left, noise = found.at, found.left, found.noise
-    declared = orthonormal_columns(at.jacobian.reshape(-1, at.jacobian.shape[2])).reshape(*left.shape, -1)
+    declared = orthonormal(at.jacobian.reshape(-1, at.jacobian.shape[2]), WEAKEST).reshape(*left.shape, -1)
     white = noise.whiten(declared)
     score = score_of(found) - 0.5 * float(np.linalg.slogdet(white.T @ white)[1])
     score -= 0.0 if noise.family == "gauss" else _LEAST_NATS

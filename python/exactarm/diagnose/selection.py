@@ -193,10 +193,10 @@ def _best_pair(problem, declared, chosen, fitted, shortlist: list[Candidate], fo
     linear = [c for c in shortlist if not c.effect.excludes_rows()][:_PAIRED]
     pairs = []
     for place, first in enumerate(linear):
-        columns = linear_columns(fitted, first.effect)
+        beside = fitted.beside(linear_columns(fitted, first.effect))
         for alone in linear[place + 1 :]:
             # Another search beside the first may end at another order and label: it is the same candidate.
-            for second in scan(fitted, [_emptied(alone.effect)], count, columns):
+            for second in scan(beside, [_emptied(alone.effect)], count):
                 if second.gain > _HIDDEN_GAIN * (first.gain + alone.gain):
                     pairs.append((first.gain + second.gain, first.effect, second.effect))
     for gain, *effects in sorted(pairs, key=lambda pair: -pair[0]):
@@ -272,15 +272,15 @@ def _independent(problem, fitted, shortlist: list[Candidate], folds, without) ->
     Saves a search over the whole library for each of many independent causes (a curve on every axis).
     """
     group = [shortlist[0].effect]
-    columns = linear_columns(fitted, shortlist[0].effect)
+    beside, count = fitted.beside(linear_columns(fitted, shortlist[0].effect)), _count(problem, fitted)
     for candidate in shortlist[1:]:
         if candidate.evidence < _INDEPENDENT_EVIDENCE or candidate.effect.excludes_rows():
             continue
-        beside = scan(fitted, [_emptied(candidate.effect)], _count(problem, fitted), columns)[0]
-        independent = beside.gain >= _INDEPENDENT_SHARE * candidate.gain
+        found = scan(beside, [_emptied(candidate.effect)], count)[0]
+        independent = found.gain >= _INDEPENDENT_SHARE * candidate.gain
         if independent and is_worth(problem, fitted, [candidate.effect], folds, without):
-            group.append(beside.effect)
-            columns = np.concatenate([columns, linear_columns(fitted, candidate.effect)], axis=1)
+            group.append(found.effect)
+            beside = beside.beside(linear_columns(fitted, candidate.effect))
     return group
 
 

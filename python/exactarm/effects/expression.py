@@ -117,9 +117,9 @@ class Expression(Effect):
         by_signal: dict[str, np.ndarray] = {}
         for signal in self.of:
             match = _OF_AXIS.match(signal)
-            if match and match[1] in _SIGNAL and signal in slopes:
+            if match and match[1] in _SIGNAL:
                 factor = by_signal.setdefault(_SIGNAL[match[1]], np.zeros((view.rows, 1, view.axes)))
-                factor[:, 0, int(match[2]) - 1] += slopes[signal]
+                factor[:, 0, int(match[2]) - 1] += slopes.get(signal, 0.0)
         return Change((self.index,), value[:, None], derivative, by_signal)
 
     def to_table(self):

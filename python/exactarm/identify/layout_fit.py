@@ -14,10 +14,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import linalg
 
 from exactarm.chain import Layout
-from exactarm.regression import Evaluation, Fit, least_squares
+from exactarm.regression import Evaluation, Fit, gram_inverse, least_squares
 
 Predict = Callable[[Layout, bool], tuple[np.ndarray, np.ndarray | None]]
 Drawing = Mapping[str, tuple[float, float]]  # name of a parameter: declared value, plausible deviation
@@ -62,18 +61,23 @@ def fit_layout(
     drawn = np.flatnonzero(np.isfinite(spread))
     pull = np.eye(layout.size)[drawn] / spread[drawn, None]
 
-    latest: list[np.ndarray] = []  # the Jacobian of the data at the last point that was accepted
+    latest: dict[bytes, Evaluation] = {}  # at the last point that was accepted, where the next round begins
 
     def evaluate(x: np.ndarray, with_jacobian: bool) -> Evaluation:
+        if with_jacobian and x.tobytes() in latest:
+            return latest[x.tobytes()]
         residual, jacobian = predict(layout.at(x), with_jacobian)
         value = np.concatenate([residual[rows].ravel(), pull @ (centre - x)])
         if not with_jacobian:
             return Evaluation(value, None)
-        columns = np.zeros((value.size - drawn.size, layout.size))
+        columns = np.empty((value.size, layout.size))
+        columns[value.size - drawn.size :] = pull
         if layout.size:
-            columns[:] = jacobian[rows].reshape(columns.shape)
-        latest[:] = [columns]
-        return Evaluation(value, np.concatenate([columns, pull]))
+            data = columns[: value.size - drawn.size].reshape(rows.size, -1, layout.size)
+            np.take(jacobian, rows, axis=0, out=data, mode="clip")  # in place
+        latest.clear()
+        latest[x.tobytes()] = Evaluation(value, columns)
+        return latest[x.tobytes()]
 
     x, components = layout.values, len(alike)
     if sigma is None:
@@ -88,7 +92,8 @@ def fit_layout(
             group=_group(alike), data_rows=each.size,
             numbers=numbers, tolerance=tolerance,
         )
-        spent = _spent((each[:, None] * latest[0])[:, ~fit.at_bound], pull[:, ~fit.at_bound], components)
+        (columns,) = (evaluation.jacobian[: each.size] for evaluation in latest.values())
+        spent = _spent(columns, weight[rows], sigma, alike, pull, ~fit.at_bound)
         new = np.maximum(_spread(fit.clipped[: each.size].reshape(-1, components), spent, alike), floor)
         settled = one_scale or bool(np.all(np.abs(new / sigma - 1.0) < _SETTLED))
         x, sigma = fit.x, new
@@ -107,14 +112,21 @@ def _spread(residual: np.ndarray, spent: np.ndarray, alike: np.ndarray) -> np.nd
     return np.sqrt(square / np.maximum(left, 1e-300))[alike]
 
 
-def _spent(rows: np.ndarray, pull: np.ndarray, components: int) -> np.ndarray:
-    """(m,) leverage of each component's weighted rows (n m, P): what is measured best pays for most
-    parameters."""
-    scale = np.sqrt(np.sum(rows**2, axis=0) + np.sum(pull**2, axis=0))
-    rows, pull = rows[:, scale > 0.0] / scale[scale > 0.0], pull[:, scale > 0.0] / scale[scale > 0.0]
-    each = [rows[a::components].T @ rows[a::components] for a in range(components)]
-    inverse = linalg.pinvh(sum(each) + pull.T @ pull) if rows.shape[1] else np.zeros((0, 0))
-    return np.array([np.sum(inverse * gram) for gram in each])
+def _spent(columns: np.ndarray, weight: np.ndarray, sigma: np.ndarray, alike: np.ndarray, pull: np.ndarray,
+           free: np.ndarray) -> np.ndarray:
+    """(m,) leverage of each component's weighted rows, of columns (n m, P) with weight (n,): what is measured
+    best pays for most parameters."""
+    columns = columns.reshape(len(weight), len(sigma), -1)
+    if np.any(weight != 1.0):
+        columns = weight[:, None, None] * columns
+    each = []
+    for number in range(int(alike.max()) + 1):
+        mine = (columns[:, alike == number] / sigma[alike == number, None]).reshape(-1, columns.shape[2])
+        each.append((mine.T @ mine)[np.ix_(free, free)])
+    inverse, scale = gram_inverse(sum(each) + pull[:, free].T @ pull[:, free])
+    inverse = inverse / np.outer(scale, scale)
+    shared = np.array([np.sum(inverse * gram) for gram in each]) / np.bincount(alike)
+    return shared[alike]
 
 
 def priors_of(layout: Layout, drawing: Drawing | None = None) -> tuple[np.ndarray, np.ndarray]:

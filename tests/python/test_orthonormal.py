@@ -1,0 +1,43 @@
+"""Orthonormal bases: of dependent columns, and one that grows by further columns."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from exactarm.diagnose.problem import extended, orthonormal
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(31)
+
+
+def projection(basis):
+    return basis @ basis.T
+
+
+def test_a_basis_that_grows_spans_what_one_of_all_columns_spans(rng):
+    columns, more = rng.normal(size=(80, 6)), 1e3 * rng.normal(size=(80, 4))
+    basis = extended(orthonormal(columns), more)
+    assert_allclose(basis.T @ basis, np.eye(10), atol=1e-14)
+    assert_allclose(projection(basis), projection(orthonormal(np.column_stack([columns, more]))), atol=1e-12)
+
+
+def test_what_a_basis_holds_already_does_not_make_it_grow(rng):
+    columns = rng.normal(size=(80, 6))
+    weak = columns @ rng.normal(size=(6, 3))
+    weak[:, 2] += 1e-4 * rng.normal(size=80)  # a part of it is new, and has to come out clean
+    basis = extended(orthonormal(columns), np.column_stack([weak, np.zeros(80)]))
+    assert basis.shape == (80, 7)
+    assert_allclose(basis.T @ basis, np.eye(7), atol=1e-13)
+
+
+@pytest.mark.parametrize("weakest, kept", [(1e-6, 4), (1e-7, 5)])
+def test_directions_weaker_than_asked_for_are_left_out(rng, weakest, kept):
+    left, right = (np.linalg.qr(rng.normal(size=(n, 6)))[0] for n in (80, 6))
+    sizes = np.array([1.0, 0.1, 1e-3, 1e-5, 4e-7, 1e-12])
+    columns = (left * sizes) @ right.T
+    columns = columns / np.linalg.norm(columns, axis=0).mean()
+    basis = orthonormal(columns, weakest)
+    assert basis.shape == (80, kept)
+    assert_allclose(basis.T @ basis, np.eye(kept), atol=1e-14)
