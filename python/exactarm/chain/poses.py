@@ -95,38 +95,44 @@ def _joint_tangents(view: View, layout: Layout, declared: np.ndarray, slope: np.
     change of each joint torque.
     """
     rows, n, size = view.rows, view.axes, layout.size
-    wide = size + n
-    padded = Layout(layout.effects, layout.free)
+    wide, axes = size + n, np.arange(n)
     torque, q = view.torque, view.q
     tangents = view.tangents
-    tangents["theta"] = np.zeros((rows, n, wide))
-    pass_tangents(view, padded, Station.MOTOR, "theta")
+    nothing = np.zeros((rows, n, wide))
+    tangents["theta"] = nothing
+    moved = pass_tangents(view, layout, Station.MOTOR, "theta")
     unit = np.zeros((rows, n, wide))
     unit[:, :, size:] = np.eye(n)
-    tangents["torque"], tangents["q"] = unit, np.zeros((rows, n, wide))
-    direct = view.rest_load.unless_measured(pass_tangents(view, padded, Station.LOAD, "torque") - unit)
+    tangents["torque"], tangents["q"] = unit, nothing
+    loaded = pass_tangents(view, layout, Station.LOAD, "torque")
+    direct = None if loaded is unit else view.rest_load.unless_measured(loaded - unit)[:, :, :size]
     tangents["torque"] = unit
-    tangents["phi"] = slope[:, :, None] * tangents["theta"]
+    tangents["phi"] = nothing if moved is nothing else slope[:, :, None] * moved
     view.signals["phi"] = declared
-    pass_station(view, padded, Station.GEAR, "phi", True)
-    tangents["q"] = tangents["phi"] + declared_deflection(view.robot,
-                                                          view.torque)[1][:, :, None] * tangents["torque"]
-    view.signals["q"] = view.phi + view.robot.offsets + declared_deflection(view.robot, view.torque)[0]
-    pass_station(view, padded, Station.SPRING, "q", True)
+    pass_station(view, layout, Station.GEAR, "phi", True)
+    deflection, give = declared_deflection(view.robot, view.torque)
+    tangents["q"] = tangents["phi"].copy()
+    tangents["q"][:, axes, size + axes] += give
+    view.signals["q"] = view.phi + view.robot.offsets + deflection
+    pass_station(view, layout, Station.SPRING, "q", True)
     view.signals["torque"], view.signals["q"] = torque, q
-    by_torque, free = tangents["q"][:, :, size:], tangents["q"][:, :, :size]
+    by_torque, right = tangents["q"][:, :, size:], tangents["q"][:, :, :size]
     view.signals["deflection_by_torque"] = by_torque.reshape(rows, -1)
-    right = free + by_torque @ direct[:, :, :size]
+    if direct is not None:
+        right = right + by_torque @ direct
     if view.rest_load.any:
         gravity = view.rest_load.slope(q)
         if np.any(by_torque):
             right = np.linalg.solve(np.eye(n) - by_torque @ gravity, right)
-        tangents["torque"] = gravity @ right + direct[:, :, :size]
+        tangents["torque"] = gravity @ right if direct is None else gravity @ right + direct
     else:
-        tangents["torque"] = direct[:, :, :size]
+        tangents["torque"] = nothing[:, :, :size] if direct is None else direct
     tangents["q"] = right
-    tangents["phi"] = tangents["phi"][:, :, :size] + tangents["phi"][:, :, size:] @ tangents["torque"]
-    tangents["theta"] = tangents["theta"][:, :, :size]
+    by_torque = tangents["phi"][:, :, size:]
+    tangents["phi"] = tangents["phi"][:, :, :size]
+    if np.any(by_torque):
+        tangents["phi"] = tangents["phi"] + by_torque @ tangents["torque"]
+    tangents["theta"] = moved[:, :, :size]
 
 
 def predict_target(view: View, layout: Layout, tangents: bool) -> PosePrediction:

@@ -38,10 +38,11 @@ def pass_station(view: View, layout: Layout, station: Station, signal: str, tang
 
 def pass_tangents(view: View, layout: Layout, station: Station, signal: str) -> np.ndarray:
     """Tangent of the named signal after a station whose values have been passed already."""
-    view.tangents[signal] = view.tangents[signal].copy()
-    for index, effect in enumerate(layout.effects):
-        if acts(effect, view, station):
-            _move_tangent(view, layout, index, _change(view, effect), view.tangents[signal])
+    acting = [(i, effect) for i, effect in enumerate(layout.effects) if acts(effect, view, station)]
+    if acting:
+        view.tangents[signal] = view.tangents[signal].copy()
+    for index, effect in acting:
+        _move_tangent(view, layout, index, _change(view, effect), view.tangents[signal])
     return view.tangents[signal]
 
 

@@ -42,15 +42,18 @@ def held_out_squares(
     size = np.sqrt(norm**2 + penalty)[norm > 0]  # a column of rounding is its prior
     design, penalty = design[:, norm > 0] / size, penalty[norm > 0] / size**2
     residual, numbers = fitted.whitened, fitted.data_numbers
-    fold_of_row = np.full(residual.size, -1)
-    fold_of_row[:numbers] = np.repeat(folds, numbers // len(folds))
-    normal, right = design.T @ design + np.diag(penalty), design.T @ residual
-    held_out = np.empty(numbers)
-    for fold in range(int(folds.max()) + 1):
-        rows = fold_of_row == fold
-        part, answer = design[rows], residual[rows]
-        rest = normal - part.T @ part
+    order = np.argsort(np.repeat(folds, numbers // len(folds)), kind="stable")
+    ends = np.cumsum(np.bincount(folds) * (numbers // len(folds)))
+    parts = [(design[rows], residual[rows]) for rows in np.split(order, ends[:-1])]
+    prior = design[numbers:]  # rows of no fold
+    grams = [part.T @ part for part, _ in parts]
+    normal, right = sum(grams) + prior.T @ prior + np.diag(penalty), design.T @ residual
+    held_out = []
+    for gram, (part, answer) in zip(grams, parts):
+        rest = normal - gram
         values = linalg.solve(rest + 1e-10 * np.eye(len(rest)), right - part.T @ answer, assume_a="pos")
-        held_out[rows[:numbers]] = answer - part @ values
-    squares = np.sum(held_out.reshape(len(folds), -1) ** 2, axis=1)
+        held_out.append(answer - part @ values)
+    squares = np.empty(numbers)
+    squares[order] = np.concatenate(held_out) ** 2
+    squares = np.sum(squares.reshape(len(folds), -1), axis=1)
     return np.bincount(folds if units is None else units, weights=squares)

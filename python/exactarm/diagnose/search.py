@@ -218,9 +218,8 @@ class _Search:
         for index in members.blocks:
             weight[list(self.picture.vocabulary.forms_of(index))] = -np.inf
         names, label_of = self.picture.vocabulary.labels
-        closed = np.array([name in taken and name not in self.picture.vocabulary.repeatable
-                           for name in names], bool)
-        weight[closed[label_of]] = -np.inf
+        for label in taken - self.picture.vocabulary.repeatable:
+            weight[label_of == names.index(label)] = -np.inf
         top = np.full(len(names), -np.inf)
         np.maximum.at(top, label_of, weight)
         finite = np.isfinite(top)
@@ -230,10 +229,7 @@ class _Search:
                                   weight - np.where(finite, top, 0.0)[label_of], -np.inf)))
         with np.errstate(divide="ignore"):
             value = np.where(finite, top + np.log(total), -np.inf)
-        best = {}
-        for index in np.argsort(-weight, kind="stable"):
-            if not np.isfinite(weight[index]):
-                break
-            best.setdefault(int(label_of[index]), int(index))
-        order = sorted(np.flatnonzero(finite), key=lambda k: -value[k])
-        return [(float(value[k]), names[k], best[int(k)], int(additions.scale[best[int(k)]])) for k in order]
+        by_weight = np.argsort(-weight, kind="stable")
+        best = by_weight[np.unique(label_of[by_weight], return_index=True)[1]]  # the first of each label
+        order = [k for k in np.argsort(-value, kind="stable") if finite[k]]
+        return [(float(value[k]), names[k], int(best[k]), int(additions.scale[best[k]])) for k in order]
