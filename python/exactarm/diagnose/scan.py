@@ -82,18 +82,19 @@ def scan(fitted: Fitted, candidates: list[Effect], count: float) -> list[Candida
     points = Counter(effect.label for effect, _ in variants)
     # a searched order may be in the label
     tried = {point.label: points[effect.label] for effect, point in variants}
-    block: list[Effect] = []
+    block: list[tuple[Effect, np.ndarray]] = []
     width = 0
     for place, (_, point) in enumerate(variants):
         kept = point.keep(fitted.view)
         if kept is not None:
             best[point.label] = _excluding(fitted, point, kept, count, families)
         else:
-            block.append(point)
-            width += int(free_mask(point).sum())
+            block.append((point, free_mask(point)))
+            width += int(block[-1][1].sum())
         if block and (width >= _BLOCK_COLUMNS or place == len(variants) - 1):
-            columns = [c[:, free_mask(e)] for e, c in zip(block, fitted.columns_of(block))]
-            _score_block(basis, list(zip(block, columns)), residual, square, count, tried, families, best)
+            columns = fitted.columns_of([point for point, _ in block])
+            columns = [each[:, mask] for (_, mask), each in zip(block, columns)]
+            _score_block(basis, block, columns, residual, square, count, tried, families, best)
             block, width = [], 0
     return sorted(best.values(), key=lambda c: -c.evidence)
 
@@ -108,36 +109,40 @@ def _excluding(fitted: Fitted, point: Effect, kept: np.ndarray, count: float, fa
     return Candidate(point, gain, free, 1, log_evidence(square, gain, count, free, families))
 
 
-def _score_block(basis, block, residual, square, count, tried, families, best) -> None:
-    stacked = np.concatenate([columns for _, columns in block], axis=1)
+def _score_block(basis, block, columns, residual, square, count, tried, families, best) -> None:
+    stacked = np.concatenate(columns, axis=1)
     before = np.einsum("ij,ij->j", stacked, stacked)
     absorbed = basis.T @ stacked
     onto = stacked.T @ residual  # the residual is clear of the basis
     at = 0
-    for point, columns in block:
-        k = columns.shape[1]
+    for point, mask in block:
+        k = int(mask.sum())
         where = slice(at, at + k)
         at += k
         normal = stacked[:, where].T @ stacked[:, where] - absorbed[:, where].T @ absorbed[:, where]
+        plausible, prior, lower, upper = np.array(
+            [(p.plausible, p.prior, p.lower, p.upper) for p, keep in zip(point.parameters(), mask) if keep]
+        ).reshape(k, 4).T
         usable = (np.diag(normal) > _ABSORBED * before[where]) & (
-            np.sqrt(before[where]) * _plausible(point) > _INVISIBLE
+            np.sqrt(before[where]) * plausible > _INVISIBLE
         )
-        prior = prior_of(point)
+        start, price, free = np.array(point.values, float), 0.0, int(usable.sum())
         if np.isfinite(prior).any():
             gain, values, price = regularised_gain(normal, onto[where], prior)
-            effect = _with_free(point, values)
-            evidence = log_evidence(square, gain, count, 0, tried[point.label] * families) - price
+            free = 0
         else:
             gain, values = _gain(normal, onto[where], usable)
-            effect = _with_free(point, values)
-            if not _within_bounds(effect):
-                effect, gain = _bounded(point, normal, onto[where], usable)
-            evidence = log_evidence(square, gain, count, int(usable.sum()), tried[point.label] * families)
+            if not np.all((lower <= start[mask] + values) & (start[mask] + values <= upper)):
+                # the best point inside the bounds: what leaves them is clipped, the gain is taken there
+                values = np.clip(start[mask] + values, lower, upper) - start[mask]
+                gain = max(float(2.0 * values @ onto[where] - values @ normal @ values), 0.0)
+        evidence = log_evidence(square, gain, count, free, tried[point.label] * families) - price
         evidence += point.log_odds
-        candidate = Candidate(effect, gain, int(usable.sum()), tried[point.label], evidence, not usable.any())
         known = best.get(point.label)
         if known is None or evidence > known.evidence:
-            best[point.label] = candidate
+            start[mask] += values
+            best[point.label] = Candidate(point.with_values(start), gain, int(usable.sum()),
+                                          tried[point.label], evidence, not usable.any())
 
 
 def prior_of(effect: Effect) -> np.ndarray:
@@ -154,10 +159,6 @@ def regularised_gain(normal: np.ndarray, onto: np.ndarray,
     return float(values @ onto), values, 0.5 * float(np.linalg.slogdet(system)[1])
 
 
-def _plausible(effect: Effect) -> np.ndarray:
-    return np.array([p.plausible for p, keep in zip(effect.parameters(), free_mask(effect)) if keep])
-
-
 def _gain(normal: np.ndarray, onto: np.ndarray, usable: np.ndarray) -> tuple[float, np.ndarray]:
     """Fall of the square sum and the coefficients, on the usable columns."""
     values = np.zeros(len(onto))
@@ -167,24 +168,3 @@ def _gain(normal: np.ndarray, onto: np.ndarray, usable: np.ndarray) -> tuple[flo
     scaled = normal[np.ix_(usable, usable)] / np.outer(scale, scale)
     values[usable] = np.linalg.lstsq(scaled, onto[usable] / scale, rcond=1e-8)[0] / scale
     return float(values @ onto), values
-
-
-def _with_free(point: Effect, values: np.ndarray) -> Effect:
-    new = np.array(point.values, float)
-    new[free_mask(point)] += values
-    return point.with_values(new)
-
-
-def _within_bounds(effect: Effect) -> bool:
-    return all(p.lower <= v <= p.upper for p, v in zip(effect.parameters(), effect.values))
-
-
-def _bounded(point: Effect, normal, onto, usable) -> tuple[Effect, float]:
-    """The best point inside the bounds: coordinates that leave them are clipped, the gain is taken there."""
-    _, values = _gain(normal, onto, usable)
-    free = free_mask(point)
-    parameters = [p for p, keep in zip(point.parameters(), free) if keep]
-    start = np.array(point.values)[free]
-    values = np.clip(start + values, [p.lower for p in parameters], [p.upper for p in parameters]) - start
-    gain = float(2.0 * values @ onto - values @ normal @ values)
-    return _with_free(point, values), max(gain, 0.0)
