@@ -186,3 +186,28 @@ def test_a_vibration_in_time_is_told_and_no_gear_is_blamed_alone(racer, shaken):
     assert result.verdict == ("unexplained" if shaken else "no_undeclared_effect")
     assert (result.findings == ()) or shaken
     assert ("23" in " ".join(result.unknown)) == shaken
+
+
+@pytest.mark.parametrize("wave_rad", [0.0, 2e-5])
+def test_counts_of_both_encoders_are_no_gear(racer, wave_rad):
+    """Nothing but rounding, to 6 urad at the link: seven waves of the gear at 1.00 before. A wave above it is
+    found."""
+    random = np.random.default_rng(2)
+    joint, link = racer.joints[AXIS], 2.0 * np.pi / 2**20
+    robot = replace(racer, links=None, joints=tuple(replace(j, cw=None, ccw=None) for j in racer.joints))
+    parts = []
+    for run in range(6):
+        time = np.arange(0.0, 4.0, STEP_S)
+        output = trapezoid(time, 0.6 + 0.25 * run) * (1.0 if run % 2 else -1.0)
+        theta, q = np.zeros((time.size, 6)), np.full((time.size, 6), np.nan)
+        theta[:, AXIS] = np.round(output * joint.ratio / COUNT) * COUNT
+        angle = output + wave_rad * np.cos(3.0 * output) + racer.offsets[AXIS]
+        q[:, AXIS] = np.round((angle + random.normal(0.0, 1e-8, time.size)) / link) * link
+        parts.append((theta, q, time, np.full(time.size, run + 1)))
+    theta, q, time, run = map(np.concatenate, zip(*parts))
+    result = diagnose(robot, Dataset.of_arrays("gear_run", {"theta": theta, "q": q}, time=time, run=run))
+    if wave_rad:
+        assert result.verdict == "explained" and {f.effect.joint for f in result.findings} == {AXIS + 1}
+        assert result.after["validation"].rms < 0.4 * result.before["validation"].rms
+    else:
+        assert result.findings == () and result.verdict == "no_undeclared_effect"

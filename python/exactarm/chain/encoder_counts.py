@@ -19,10 +19,12 @@ stamps were evened out) keeps the one filter.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from exactarm.chain.swinging import widened
-from exactarm.signals import gaussian_filter, gaussian_sigma, step_of_quantisation, typical_step
+from exactarm.signals import gaussian_filter, gaussian_sigma, step_of_quantisation, typical_step, white_noise
 
 _LOWEST_HZ = 2.0  # a tone below it changes the rate by a hundredth of what one count in a sample does
 _CERTAIN, _MORE = 6.0, 4.0  # standard deviations: of one sample of many, of a mean of many
@@ -38,6 +40,22 @@ def smoothest(counted: np.ndarray, time: np.ndarray, cutoff_hz: float) -> np.nda
         if step > 0.0:
             angle[:, column] = _lowered(counted[:, column], angle[:, column], time, cutoff_hz, step)
     return angle
+
+
+def folded_rounding(counted: np.ndarray, runs: Sequence[np.ndarray]) -> float:
+    """RMS of what the rounding of an angle (N,) may leave as a sawtooth of the angle: s / sqrt(12), or 0
+    where noise sigma before the rounding blurs it.
+
+    Of the first wave, s / pi, noise leaves exp(-2 (pi sigma / s)^2). The fourth differences that show the
+    white noise raise a wave by 16 / sqrt(70) at most: where they show more than that of s / sqrt(12), sigma
+    is above 0.47 s, and 1 % of the wave is left.
+    """
+    steps = [step_of_quantisation(counted[rows]) for rows in runs]
+    step = max(steps, default=0.0)
+    white = [white_noise(counted[rows]) ** 2 for rows, seen in zip(runs, steps) if seen > 0.0]
+    if not white or np.mean(white) > 256.0 / 70.0 * step**2 / 12.0:
+        return 0.0
+    return step / np.sqrt(12.0)
 
 
 def _lowered(counted: np.ndarray, angle: np.ndarray, time: np.ndarray, cutoff_hz: float,

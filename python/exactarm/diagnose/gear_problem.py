@@ -11,10 +11,12 @@ Searched and fitted on the resampled runs (resampled_run.py); judged on all samp
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from exactarm.chain import GearRecord, GearRunPrediction, Layout, gear_record, predict_gear_run
+from exactarm.chain.encoder_counts import folded_rounding
 from exactarm.dataset import Dataset
 from exactarm.diagnose.coloured_noise import ColouredNoise, NoiseMemory
 from exactarm.diagnose.next_runs import separating_run
@@ -276,7 +278,21 @@ class GearProblem(ProblemInTime):
         if any(level is None for level in levels):
             return None
         square = np.mean(np.concatenate([piece for column in pieces for piece in column]) ** 2)
-        return float(min(np.sqrt(np.mean(np.square(levels)) / square), 1.0))
+        return float(min(np.sqrt((np.mean(np.square(levels)) + self._rounding_square) / square), 1.0))
+
+    def rounding_share(self, fitted: Fitted) -> float:
+        return float(self._rounding_square / np.maximum(np.mean(fitted.residual**2), 1e-300))
+
+    @cached_property
+    def _rounding_square(self) -> float:
+        """Mean square (rad^2) between encoders of what their counts leave as waves; under a gyroscope the
+        record has none (chain/encoder_counts.py)."""
+        squares, runs = [], self._records["identification"].runs
+        for axis in self.record.encoder_axes:
+            both = ((name, 1.0 if name == "q" else abs(self.robot.ratios[axis])) for name in ("q", "theta"))
+            squares.append(sum((folded_rounding(self.data.joints[name][:, axis], runs) / ratio) ** 2
+                               for name, ratio in both))
+        return float(np.mean(squares)) if squares else 0.0
 
     def lines_left(self, fitted: Fitted) -> tuple[str, ...]:
         noise, pieces = self.repeat_noise(fitted), self._pieces(fitted)

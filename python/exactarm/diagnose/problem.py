@@ -274,6 +274,11 @@ class Problem(ABC):
         """Standard deviation of a residual component, in units of sigma, from repeated visits; None
         without."""
 
+    def rounding_share(self, fitted: Fitted) -> float:
+        """Of the square sum: what the rounding of an encoder's angles may leave as waves. Nothing is named
+        that takes away no more."""
+        return 0.0
+
     def lines_left(self, fitted: Fitted) -> tuple[str, ...]:
         """In words: waves in time that stand out of the noise of the residual; empty where there are none, or
         where nothing is known of them."""

@@ -42,7 +42,8 @@ def is_worth(problem: Problem, fitted: Fitted, effects: list[Effect], folds: np.
     certain = certain or (len(fall) >= _LEAST_FALLING and np.all(fall > 0.0))
     # A fall g of a square sum of white noise scatters by 2 sqrt(g): beyond 4 z^2 every unit is sure of it.
     certain = certain or (len(fall) >= _LEAST_SHOWING and np.all(fall > 4.0 * _FOLD_CERTAINTY**2))
-    if not certain or fall.sum() <= problem.least_share * without.sum():
+    least = max(problem.least_share, problem.rounding_share(fitted))
+    if not certain or fall.sum() <= least * without.sum():
         return False
     return holds_elsewhere(problem, fitted, effects)
 
