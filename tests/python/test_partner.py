@@ -15,12 +15,16 @@ from exactarm.diagnose.diagnosis import diagnose
 from exactarm.diagnose.verdict import NOTHING
 from exactarm.errors import InputError
 from exactarm.fixture import Fixture, Partner, load_fixture
+from exactarm.identify import closures
 from exactarm.identify.calibrate import CalibrationOptions, calibrate
 from exactarm.identify.closure_scale import scale_is_known
 from exactarm.identify.closures import calibrate_closures
 from exactarm.identify.declared import geometry_layout
 from exactarm.identify.evaluate import evaluate_closures, evaluate_poses
+from exactarm.identify.match import WORST_SHARE
+from exactarm.identify.partner_misfit import partner_misfit
 from exactarm.identify.partner_prior import NO_SCALE, prior_of
+from exactarm.identify.reach import reach
 from exactarm.measurement.closures import device_of, predict_closures, touches
 from exactarm.measurement.partner import FRAMES, partner_robot, placed_by
 from exactarm.measurement.partner import Partner as Contact
@@ -77,6 +81,21 @@ def test_the_base_and_the_ball_of_a_partner_are_found_from_nowhere():
     found = placed_by(points, flange, turned, np.zeros(3))
     for got, true in zip(found, (turn, base, ball)):
         np.testing.assert_allclose(got, true, atol=1e-6)
+
+
+@pytest.mark.parametrize("slipped", [0.0, 0.05])
+def test_an_arm_of_another_size_is_refused_before_any_fit(slipped, monkeypatch):
+    robot, data, _ = touched("ur10", 3, slipped=slipped)
+    rows, tools = touches(data), [np.zeros(3), np.array([0.1, -0.2, 0.3])]
+    enough = WORST_SHARE * reach(robot.nominal)
+    assert partner_misfit(robot.nominal, Layout.of(()), rows, tools, enough) < 0.1 * enough
+    for other in ("racer-7-1.4", "tx40"):
+        wrong = with_partner(data, load_robot(other))
+        missed = partner_misfit(robot.nominal, Layout.of(()), touches(wrong), tools, enough)
+        assert missed > 5 * enough
+        monkeypatch.setattr(closures, "fit_closures", None)
+        with pytest.raises(InputError, match="is the robot file of the partner that of another arm"):
+            calibrate_closures(robot.nominal, wrong)
 
 
 @pytest.mark.slow

@@ -91,7 +91,7 @@ class Partner(Contact):
     def started(self, view, at):
         declared = partner_of(view.data.fixture, view.data)
         self = replace(self, declared_as=declared)
-        bare = self._flange(view, at, np.zeros(3), tangents=False)
+        bare = self.flange(view, at)
         points = view.signals["target"][at] + view.signals["displacement"][at, :3]
         start = target_on_flange(declared.robot.tool, declared.robot.controller).position
         turn, base, ball = placed_by(points, bare.position, bare.rotation, start)
@@ -100,7 +100,7 @@ class Partner(Contact):
 
     def numbers_at(self, view, at):
         values = np.asarray(self.values)
-        found = self._flange(view, at, values[_BALL], tangents=bool(self.factor))
+        found = self._held(view, at, values[_BALL], tangents=bool(self.factor))
         turn = exp(values[_TURN]) @ np.asarray(self.reference)
         there = found.position @ turn.T
         points = view.signals["target"][at] + view.signals["displacement"][at, :3]
@@ -115,7 +115,11 @@ class Partner(Contact):
         by_target = np.concatenate([towards, np.zeros_like(towards)], axis=2)
         return numbers[:, None], by_target, np.concatenate(parts, axis=2)
 
-    def _flange(self, view, at: np.ndarray, ball: np.ndarray, tangents: bool) -> PosePrediction:
+    def flange(self, view, at: np.ndarray) -> PosePrediction:
+        """The partner's flange in its own base, in the rows `at`."""
+        return self._held(view, at, np.zeros(3), tangents=False)
+
+    def _held(self, view, at: np.ndarray, ball: np.ndarray, tangents: bool) -> PosePrediction:
         """The partner's ball in its own base, with derivatives by its free parameters."""
         robot = self.declared_as.robot
         own = tuple(effect for effect in robot.effects if POSES.name in effect.kinds and not effect.record
