@@ -2,6 +2,7 @@
 accepted."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from exactarm.effects import effect_from_table
 from exactarm.formula import Formula, FormulaError
 from exactarm.identify.pose_fit import fit_poses
 from exactarm.robot_file import load_robot
+from exactarm.robot_writer import robot_text
 from set_ups import joints_in_limits, measured, true_robot
 
 HOSE = {"effect": "expression", "joint": 5, "title": "a hose presses axis 5", "of": ["q_4", "q_6"],
@@ -56,6 +58,23 @@ def test_a_fit_through_the_chain_finds_the_size():
     data = measured(robot, [true], [q], 1e-5, rng, layout=Layout.of((truth,), estimate=False))
     fit = fit_poses(true, Layout.of((truth.emptied(),)), data)
     assert fit.layout.effects[0].values[0] == pytest.approx(3e-4, rel=0.02)
+
+
+@pytest.mark.parametrize("command", ["evaluate", "calibrate"])
+@pytest.mark.parametrize("form", ["a*log(q_4)", "a/(q_4 - q_4)", "a*exp(1000*q_4^2)"])
+def test_a_formula_without_a_value_at_some_row_is_refused(tmp_path, capsys, command, form):
+    """They ended as a fault: what is no number reached the linear algebra."""
+    robot = load_robot("ur10")
+    effect = effect_from_table(HOSE | {"of": ["q_4"], "form": form})
+    (tmp_path / "arm.toml").write_text(robot_text(replace(robot, effects=(effect,))))
+    rng = np.random.default_rng(2)
+    data = measured(robot, [robot], [joints_in_limits(robot, 30, rng)], 4e-5, rng)
+    write_dataset(tmp_path / "poses.csv", data, robot)
+    words = [command, str(tmp_path / "arm.toml"), str(tmp_path / "poses.csv"), "--out", str(tmp_path / "out")]
+    assert cli.main([*words, "--quiet"]) == 2
+    said = capsys.readouterr().err
+    assert "arm.toml: its effects (a hose presses axis 5) give no finite position at row" in said
+    assert said.count("\n") == 1
 
 
 def test_tables_survive_the_way_through_a_robot_file():

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from exactarm.chain import Layout
+from exactarm.chain import Layout, predict_poses
 from exactarm.dataset import Dataset
 from exactarm.effects.base import Effect, Parameter, Station
 from exactarm.effects.declared_ratio import DeclaredRatio
@@ -20,9 +20,11 @@ from exactarm.effects.geometry import Geometry
 from exactarm.effects.joint_offset import JointOffset
 from exactarm.errors import InputError
 from exactarm.identify.frames import find_frames
-from exactarm.kinds import POSES
+from exactarm.kinds import POSES, kind_of
 from exactarm.robot import Robot
 from exactarm.split import DEFAULT_SEED
+
+_MOST_CHECKED = 5000  # rows, evenly spread
 
 
 def require_geometry(robot: Robot) -> None:
@@ -37,7 +39,24 @@ def carried_layout(robot: Robot, data: Dataset, kind: str = POSES.name) -> Layou
     Those that tell of another record (a tracker that was pushed there) have no part in it.
     """
     own = tuple(effect for effect in robot.effects if kind in effect.kinds and effect.acts_on(data))
-    return Layout.of(own, estimate=False)
+    layout = Layout.of(own, estimate=False)
+    if own and robot.has_geometry and kind_of(kind).at_rest:
+        _require_values(robot, layout, data)
+    return layout
+
+
+def _require_values(robot: Robot, layout: Layout, data: Dataset) -> None:
+    """A formula in a robot file may have no value at some angles, as log(q_4) at negative ones."""
+    spread = np.unique(np.linspace(0, len(data) - 1, min(len(data), _MOST_CHECKED)).astype(int))
+    some = data.select(spread) if len(data) else data
+    with np.errstate(all="ignore"):
+        place = predict_poses(robot, layout, some, tangents=False).position
+    without = np.flatnonzero(~np.isfinite(place).all(axis=1))
+    if without.size:
+        titles = ", ".join(effect.title for effect in layout.effects)
+        place_of = some.place_of(int(without[0]))
+        raise InputError(f"its effects ({titles}) give no finite position at {place_of}; expected formulas "
+                         "that have a value at every row", file=robot.file or data.first_file)
 
 
 def all_effects(robot: Robot, data: Dataset, layout: Layout, kind: str = POSES.name) -> tuple[Effect, ...]:
