@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from exactarm.identify.first_aid import first_aid
+from exactarm.identify.gear import identify_gears
 from exactarm.robot_file import load_robot
 from exactarm.simulate import Sensors, VirtualRobot, measure_gear_runs
 from test_first_aid_units import later, on_a_clock
@@ -33,6 +34,16 @@ def test_a_mistake_under_a_gyroscope_is_told(gyro_run, change, words):
     robot, data = gyro_run
     assert first_aid(robot, data) == ()
     assert any(words in line for line in first_aid(robot, change(data)))
+
+
+@pytest.mark.parametrize("axes, signs", [([1, 2, 0], [1, 1, 1]), ([0, 1, 2], [1, 1, -1])])
+def test_the_names_and_the_hand_of_a_gyroscopes_axes_mean_nothing(gyro_run, axes, signs):
+    """One axis turns, so readings lie along one line, which is found: its mirror image is another."""
+    robot, data = gyro_run
+    (right,), (other,) = (identify_gears(robot, each).gears[:1]
+                          for each in (data, replace(data, gyro=data.gyro[:, axes] * signs)))
+    assert other.estimate.ratio == pytest.approx(right.estimate.ratio, rel=1e-9)
+    np.testing.assert_allclose(other.table.a, right.table.a, rtol=1e-6)
 
 
 def test_a_ratio_that_is_ten_per_cent_wrong_is_told_with_the_right_one(gyro_run):
