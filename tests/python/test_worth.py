@@ -32,10 +32,10 @@ def state_of(residual):
                            residual=residual[:, None], columns=lambda cause: cause.response[:, None])
 
 
-def problem_of(groups, least_share=0.02, stretches=None, least_elsewhere=0.0):
+def problem_of(groups, least_share=0.02, stretches=None, least_elsewhere=0.0, rounding=0.0):
     return SimpleNamespace(groups=lambda: groups, groups_for=lambda response: groups, seed=0,
                            units=lambda folds: folds, least_share=least_share, stretches=lambda: stretches,
-                           elsewhere=lambda fitted: fitted,
+                           elsewhere=lambda fitted: fitted, rounding_share=lambda fitted: rounding,
                            holds=lambda without, left: left.sum() < (1.0 - least_elsewhere) * without.sum())
 
 
@@ -67,6 +67,7 @@ def test_what_is_surely_there_but_takes_too_little_is_not_worth_its_place():
     noise, response = drawn(1)
     assert worth(noise + response, Cause(response), least_share=0.3)
     assert not worth(noise + response, Cause(response), least_share=0.8)
+    assert not worth(noise + response, Cause(response), rounding=0.8)
 
 
 def test_what_one_group_alone_shows_against_the_others_is_not_worth_its_place():
