@@ -11,9 +11,9 @@ from exactarm.robot_file import load_robot
 
 def result(*names: str) -> SimpleNamespace:
     count = len(names)
-    fit = SimpleNamespace(x=np.full(count, 0.1), at_bound=np.zeros(count, bool))
-    return SimpleNamespace(names=names, fit=SimpleNamespace(fit=fit),
-                           intervals=np.tile([0.05, 0.15], (count, 1)))
+    fit = SimpleNamespace(x=np.full(count, 0.1), at_bound=np.zeros(count, bool),
+                          interval=lambda: np.tile([0.05, 0.15], (count, 1)))
+    return SimpleNamespace(names=names, fit=SimpleNamespace(fit=fit), shown=fit)
 
 
 def figures(*names: str) -> list[Figure]:
