@@ -205,4 +205,5 @@ def _placed(robot: Robot, layout: Layout, session: int) -> Robot:
     base, tool = robot.base, robot.tool
     for effect in layout.effects:
         base, tool = effect.place(session, base, tool)
-    return replace(robot, base=base, tool=tool)
+    moved = base is not robot.base or tool is not robot.tool
+    return replace(robot, base=base, tool=tool) if moved else robot

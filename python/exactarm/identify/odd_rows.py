@@ -26,7 +26,9 @@ from exactarm.robot import Placement, Robot
 MOST_ROWS = 240  # of a session, evenly spread
 _PARTS = 8  # neighbours that may be right together
 _TRIES, _FEW = 80, 8  # rows picked at random: 24 numbers for the 15 unknowns of the linear frames
-_STEPS = 6  # the half that fits best settles after three or four
+# two steps of all starts, then the best of them to the end (Rousseeuw and Van Driessen 1999); the half
+# settles after three or four
+_FIRST, _BEST, _STEPS = 2, 10, 6
 _ODD = 5.0  # times the median error of the better half: of errors normal in three directions none in 1e15
 _LEAST_ODD = 3  # rows: fewer are gross errors, which are told by themselves
 _MOST_ODD = 0.55  # share: of an even split one half is odd
@@ -86,6 +88,8 @@ def _of_session(bare: Robot, carried: Layout, whole: Dataset, rows: np.ndarray,
     good = frames.left(*(values[~odd] for values in given))
     # on a line or a circle the linear frames of all rows may be far worse than those that a calibration finds
     now = min(_rms(_Frames.of(*given).left(*given)), find_frames(bare, data, carried, seed).rms)
+    if now < FALL * np.sqrt(np.mean(~odd)) * _rms(good):
+        return []  # not even if the odd rows had no error at all
     place, part = _place(whole, rows, odd), data.select(odd)
     fall = lambda left: now / max(_rms(np.concatenate([good, left])), 1e-12)
     found = []
@@ -113,19 +117,22 @@ def _agreed(given: tuple[np.ndarray, ...], random: np.random.Generator) -> _Fram
     half = count // 2 + 1
     starts = list(np.array_split(np.arange(count), max(min(_PARTS, count // LEAST_ROWS), 1)))
     starts += [random.choice(count, min(_FEW, count), replace=False) for _ in range(_TRIES)]
-    best, least = _Frames.of(*given), np.inf
-    for kept in starts:
-        frames = _Frames.of(*(values[kept] for values in given))
-        for _ in range(_STEPS):
-            order = np.argsort(frames.left(*given), kind="stable")[:half]
-            if len(order) == len(kept) and np.array_equal(np.sort(order), np.sort(kept)):
-                break
-            kept = order
-            frames = _Frames.of(*(values[kept] for values in given))
-        left = _rms(np.sort(frames.left(*given))[:half])
-        if left < least:
-            best, least = frames, left
-    return best
+    begun = sorted((_settled(given, half, kept, _FIRST) for kept in starts), key=lambda pair: pair[0])
+    settled = [_settled(given, half, kept, _STEPS) for _, kept in begun[:_BEST]]
+    _, kept = min(settled, key=lambda pair: pair[0])
+    return _Frames.of(*(values[kept] for values in given))
+
+
+def _settled(given: tuple[np.ndarray, ...], half: int, kept: np.ndarray,
+             steps: int) -> tuple[float, np.ndarray]:
+    """The rows of the half that fits best, step by step from the rows `kept`; and their RMS error before the
+    last step."""
+    for _ in range(steps):
+        left = _Frames.of(*(values[kept] for values in given)).left(*given)
+        before, kept = kept, np.sort(np.argsort(left, kind="stable")[:half])
+        if np.array_equal(kept, before):
+            break
+    return _rms(left[kept]), kept
 
 
 def _zeros(bare: Robot, data: Dataset) -> Iterator[Candidate]:
