@@ -10,8 +10,10 @@ from exactarm.identify.first_aid import first_aid
 from exactarm.robot_file import load_robot
 
 
-@pytest.fixture(scope="module", params=[("racer-7-1.4", "line", 10.0), ("racer-7-1.4", "spiral", 40.0)],
-                ids=["line", "slow spiral"])
+@pytest.fixture(scope="module", params=[
+    pytest.param(("racer-7-1.4", "line", 10.0), id="line"),
+    pytest.param(("racer-7-1.4", "spiral", 40.0), id="slow spiral", marks=pytest.mark.slow),
+])
 def motion(request, tmp_path_factory):
     """A tracked motion of an arm whose geometry is off as usual, 50 um of noise."""
     name, path, seconds = request.param
