@@ -74,7 +74,7 @@ def test_the_counts_of_a_fast_motion_are_seen():
 
 
 # -- passage ---------------------------------------------------------------------------------------------
-def to_and_fro(robot, passage_s, encoders, seed=1, noise=None):
+def to_and_fro(robot, passage_s, encoders):
     """Runs of one axis whose gear takes `passage_s` behind each reversal to pass from table to table."""
     orders = np.array([3.0, 40.0])
     joint = replace(robot.joints[AXIS], cw=GearTable(orders, np.array([8e-2, 2e-2]), np.zeros(2)),
@@ -82,8 +82,7 @@ def to_and_fro(robot, passage_s, encoders, seed=1, noise=None):
     joints = list(robot.joints)
     joints[AXIS] = joint
     robot = replace(robot, joints=tuple(joints), links=None)
-    random = np.random.default_rng(seed)
-    noise = (3e-6 if encoders else 3e-4) if noise is None else noise
+    random, noise = np.random.default_rng(1), 3e-6 if encoders else 3e-4
     thetas, readings, times, runs = [], [], [], []
     for run in range(4):
         time = np.arange(0.0, 9.0, 0.004)

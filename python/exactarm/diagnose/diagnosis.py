@@ -171,7 +171,7 @@ def diagnose(
         verdict = verdict_by_rules(problem, before, after, noise, left, bool(findings), spread, excess)
     else:
         verdict = verdict_of_causes(causes, after, noise, excess)
-    lines = problem.lines_left(last)
+    lines = problem.lines_left(last, noise.value) if noise.measured else ()
     unknown = _unknown_beside(causes, findings) + lines
     if verdict == NOTHING and not noise.measured and problem.share_of_measured(last) > MUCH_LEFT:
         verdict = UNEXPLAINED  # a floor that comes from the fit proves nothing by itself
