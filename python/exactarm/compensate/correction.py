@@ -21,7 +21,7 @@ from exactarm.compensate.flange_poses import Poses, flange_poses, pose_error, st
 from exactarm.compensate.law import NEAR_SINGULAR, CompensationModel
 from exactarm.compensate.program import HERE, Edit, Program, Target
 from exactarm.compensate.series import series_bends
-from exactarm.compensate.straightness import Bend, bends
+from exactarm.compensate.straightness import Bend, bends, unknown_tips
 from exactarm.errors import InputError
 from exactarm.robot import Placement
 
@@ -113,7 +113,7 @@ def correct(
     if tolerance is not None:
         found_bends = bends(program, model, resolved.poses, q_after, tolerance)
         found_bends += series_bends(program, model, resolved.q, q_after, tolerance)
-    warnings += _told(program, found_bends, tolerance)
+    warnings += _told(program, found_bends, tolerance, q_after)
     if not program.targets:
         warnings.append(f"{program.files[0].path.name}: no target was found")
     contents = program.rewritten(edits)
@@ -121,6 +121,8 @@ def correct(
         contents = program.finish(contents, q_after)
     written = reread(contents)
     inserted = [bend.edit for bend in found_bends if bend.edit is not None]
+    if program.numbered is not None:
+        inserted = program.numbered(inserted)
     contents = program.rewritten(edits + inserted) if inserted else contents
     refused = []
     for i, target in enumerate(program.targets):
@@ -149,8 +151,12 @@ def correct(
     )
 
 
-def _told(program: Program, found: list[Bend], tolerance: float | None) -> list[str]:
+def _told(program: Program, found: list[Bend], tolerance: float | None, q_after: np.ndarray) -> list[str]:
     """Motions that no points in between keep on their line or path, and why."""
+    if tolerance is None:
+        return []
+    unknown = [f"{program.targets[motion.target].name} (line {motion.line})"
+               for motion in unknown_tips(program, q_after)]
     left = [bend for bend in found if bend.after > tolerance]
     return [
         f"motions that leave their line or path by more than the tolerance{why}: {_named(program, those)}"
@@ -159,15 +165,17 @@ def _told(program: Program, found: list[Bend], tolerance: float | None) -> list[
             (f", where no points in between can be put ({program.dialect})",
              [bend for bend in left if not bend.open]),
         ) if those
-    ]
+    ] + ([f"straight motions to joint angles with a tool that is not known (--tool): their lines are not "
+          f"looked at: {_listed(unknown)}"] if unknown else [])
 
 
 def _named(program: Program, found: list[Bend]) -> str:
-    names = [
-        f"{program.targets[bend.target].name} (line {bend.line}, {1e3 * bend.after:.3f} mm)"
-        for bend in found[:5]
-    ]
-    return ", ".join(names) + (f" and {len(found) - 5} more" if len(found) > 5 else "")
+    return _listed([f"{program.targets[bend.target].name} (line {bend.line}, {1e3 * bend.after:.3f} mm)"
+                    for bend in found])
+
+
+def _listed(names: list[str]) -> str:
+    return ", ".join(names[:5]) + (f" and {len(names) - 5} more" if len(names) > 5 else "")
 
 
 def _filled(q: np.ndarray, rows: np.ndarray, found: np.ndarray) -> np.ndarray:

@@ -14,10 +14,12 @@ sets, UFRAME_NUM and UTOOL_NUM other than those of a position, PAYLOAD without -
 from __future__ import annotations
 
 import re
+from functools import partial
 
 import numpy as np
 
 from exactarm.compensate.angles import from_zyx, to_zyx
+from exactarm.compensate.fanuc_points import Listing
 from exactarm.compensate.program import Motion, Number, Program, SourceText, Target, in_range
 from exactarm.compensate.setting import Setting
 from exactarm.errors import InputError
@@ -89,6 +91,8 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
     if match and setting.load is None:
         raise source.refuse(match.start(), "PAYLOAD chooses a load of the controller; expected --payload")
     active: dict[str, str] = {}
+    last = max((found[-1].end() for found in positions.values()), default=end)
+    listing, above = Listing(source, text, start, end, last), None
     events = [*_MOTION.finditer(text, start, end), *_ACTIVE.finditer(text, start, end)]
     for match in sorted(events, key=lambda match: match.start()):
         if match.re is _ACTIVE:
@@ -105,6 +109,10 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
         first = target(match[2], match[3], match.start(1))
         line = source.line(match.start(1))
         position = positions[whole_number(match[3].split(":")[0])][0]
+        insert = None
+        if match[1] == "L" and _same_branch(targets, motions, first):
+            insert = partial(listing.before, match, above, position, targets[first])
+        above = match
         _require_active(source, position, active, match.start(1))
         if match[1] == "A":
             raise source.refuse(
@@ -117,10 +125,17 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
                 raise source.refuse(match.start(1), "a circle without its end; expected a second position")
             motions.append(Motion("circular", target(second[1], second[2], match.start(1)), line, first))
         else:
-            motions.append(Motion("joint" if match[1] == "J" else "linear", first, line))
+            motions.append(Motion("joint" if match[1] == "J" else "linear", first, line, insert=insert))
     left = [f"P[{found[0][1][:9]}]" for number, found in positions.items() if number not in index]
     told = (f"no motion that is read goes to {', '.join(left)}: they stay as they are",) if left else ()
-    return Program(NAME, sources, tuple(targets), tuple(motions), told)
+    return Program(NAME, sources, tuple(targets), tuple(motions), told, numbered=listing.numbered)
+
+
+def _same_branch(targets: list[Target], motions: list[Motion], last: int) -> bool:
+    """Whether what CONFIG says of a target holds on the way to it; joint angles need none."""
+    before = motions[-1].target if motions else None
+    return targets[last].joints is not None or (
+        before is not None and targets[before].configuration == targets[last].configuration)
 
 
 def _require_active(source: SourceText, position: re.Match, active: dict[str, str], place: int) -> None:
@@ -174,7 +189,12 @@ def _target(source: SourceText, number: int, match: re.Match, setting: Setting) 
             ]
 
         q = setting.joints(np.radians([field.value for field in numbers]))
-        return Target(name, 0, line, encode, joints=q)
+        found = re.search(r"\bUT\s*:\s*(\d+)", part)
+        tool = setting.tool(found[1]) if found else None  # of a straight motion to it
+        known = {"tool": placement(tool)} if tool is not None and len(tool) == 6 else {}
+        if found and found[1] == "0":
+            known = {"tool": Placement()}
+        return Target(name, 0, line, encode, joints=q, **known)
     numbers = _all(source, match, fields, CARTESIAN)
     old = np.radians([field.value for field in numbers[3:]])
     digits = [_decimals(source, numbers[:3])] * 3 + [_decimals(source, numbers[3:])] * 3

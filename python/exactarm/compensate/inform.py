@@ -14,10 +14,13 @@ other groups.
 from __future__ import annotations
 
 import re
+from functools import cached_property, partial
+from typing import Any
 
 import numpy as np
 
 from exactarm.compensate.angles import from_zyx, to_zyx
+from exactarm.compensate.inform_points import SILENT, Places
 from exactarm.compensate.program import Edit, Motion, Number, Program, SourceText, Target, in_range
 from exactarm.compensate.setting import Setting
 from exactarm.errors import InputError
@@ -52,7 +55,8 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
             reader.instruction(match[1], match.start())
     left = [name for name in reader.places if name not in reader.index]
     told = (f"no motion that is read goes to {', '.join(left)}: they stay as they are",) if left else ()
-    return Program(NAME, sources, tuple(reader.targets), tuple(reader.motions), told)
+    numbered = None if reader.known is None else reader.known.numbered
+    return Program(NAME, sources, tuple(reader.targets), tuple(reader.motions), told, numbered=numbered)
 
 
 class _Reader:
@@ -64,6 +68,8 @@ class _Reader:
         self.motions: list[Motion] = []
         self.index: dict[str, int] = {}
         self.arcs = 0  # points of the circle that is under way
+        self.others = False  # whether there are positions of external axes or variables
+        self.stands = False  # at the end of the motion above, when the next instruction begins
 
     def position(self, text: str, place: int) -> None:
         """One line of the section //POS."""
@@ -79,6 +85,7 @@ class _Reader:
         if match is None:
             raise self.source.refuse(place, f"found {text.strip()[:40]!r}; expected a position as C00000=...")
         if not re.fullmatch(r"C\d+", match[1]):
+            self.others = True
             return  # external axes and variables stay; a motion to them is refused
         if match[1] in self.places:
             raise self.source.refuse(place, f"{match[1]} is given twice")
@@ -101,6 +108,7 @@ class _Reader:
                                             f"stay")
         match = _MOTION.match(text)
         if match is None:
+            self.stands = self.stands and bool(SILENT.match(text))
             return
         line = self.source.line(place)
         if match[1] == "IMOV" or not re.fullmatch(r"C\d+", match[2]):
@@ -119,10 +127,29 @@ class _Reader:
         target = self.target(match[2], place)
         self.arcs = self.arcs + 1 if kind == "circular" else 0
         before = self.motions[-1].target if self.motions else None
+        insert = None
+        if match[1] == "MOVL" and self.stands and self.same_branch(before, target):
+            insert = partial(self.points_before, text, place, match[2], target)
+        self.stands = "UNTIL" not in match[3]
         if kind == "circular" and self.arcs >= 3:
             self.motions.append(Motion("circular", target, line, before))
         else:
-            self.motions.append(Motion("joint" if kind == "joint" else "linear", target, line))
+            self.motions.append(
+                Motion("joint" if kind == "joint" else "linear", target, line, insert=insert))
+
+    @cached_property
+    def known(self) -> Places | None:
+        """The positions, when all of them are read."""
+        return Places.of(self.source, self.places, self.others)
+
+    def points_before(self, line: str, place: int, name: str, target: int, points: list) -> Any:
+        return self.known.before(line, place, self.places[name], self.targets[target], points)
+
+    def same_branch(self, before: int | None, target: int) -> bool:
+        """Whether what RCONF says of a target holds on the way to it; pulses need none."""
+        end = self.targets[target]
+        return end.joints is not None or (
+            before is not None and self.targets[before].configuration == end.configuration)
 
     def target(self, name: str, place: int) -> int:
         if name not in self.places:
@@ -158,7 +185,9 @@ class _Reader:
             ]
 
         q = self.setting.joints(np.array([number.value for number in numbers]) / scale)
-        return Target(name, 0, source.line(place), encode, joints=q)
+        tool = self.setting.tool(state["TOOL"].split(",")[0])  # of a straight motion to it
+        known = {"tool": placement(tool)} if tool is not None and len(tool) == 6 else {}
+        return Target(name, 0, source.line(place), encode, joints=q, **known)
 
     def pose(self, name: str, state: dict, numbers: list[Number], place: int) -> Target:
         source = self.source

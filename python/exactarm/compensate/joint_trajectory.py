@@ -11,6 +11,7 @@ and efforts stay (they change by about a thousandth). Joint states that come bac
 from __future__ import annotations
 
 import re
+from functools import partial
 
 import numpy as np
 import yaml
@@ -66,7 +67,7 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
         in_range(source, numbers)
         targets.append((i, numbers, line))
         rates = _rates(fields, order)
-        insert = _insertion(source, point, fields, place, order, len(rates)) if i else None
+        insert = partial(_insertion, source, point, fields, place, order, len(rates)) if i else None
         motions.append(
             Motion("joint", i, line, time=_time(source, fields, line), insert=insert, rates=rates))
     times = [motion.time for motion in motions]
@@ -112,7 +113,9 @@ def _rates(fields: dict, order: list[int]) -> tuple[np.ndarray, ...]:
     return tuple(rates)
 
 
-def _insertion(source: SourceText, point, fields: dict, place, order: list[int], rates: int):
+def _insertion(
+    source: SourceText, point, fields: dict, place, order: list[int], rates: int, points: list
+) -> Edit | None:
     """Points before one of a list in lines with dashes, whose keys are those that are written here."""
     text, at = source.text, place(point.start_mark.index)
     start = source.line_start(at)
@@ -124,20 +127,16 @@ def _insertion(source: SourceText, point, fields: dict, place, order: list[int],
     if dash is None or newline is None or set(fields) - empty != keys or len(seconds) != 1:
         return None
     nanoseconds = "nanosec" if seconds[0] == "sec" else "nsecs"
-
-    def insert(points):
-        lines = []
-        for time, q, derivatives in points:
-            written = zip(("positions", *RATES), (q, *derivatives))
-            rows = [f"{key}: [" + ", ".join(f"{values[axis]:.{DECIMALS}f}" for axis in order) + "]"
-                    for key, values in written]
-            whole, rest = divmod(round(1e9 * time), 10**9)
-            rows.append(f"time_from_start: {{{seconds[0]}: {whole}, {nanoseconds}: {rest}}}")
-            indent = dash[1] + " " + " " * len(dash[2])
-            lines += [text[start:at] + rows[0], *(indent + row for row in rows[1:])]
-        return Edit(0, start, start, "".join(line + newline[0] for line in lines).encode("latin-1"))
-
-    return insert
+    lines = []
+    for time, q, derivatives in points:
+        written = zip(("positions", *RATES), (q, *derivatives))
+        rows = [f"{key}: [" + ", ".join(f"{values[axis]:.{DECIMALS}f}" for axis in order) + "]"
+                for key, values in written]
+        whole, rest = divmod(round(1e9 * time), 10**9)
+        rows.append(f"time_from_start: {{{seconds[0]}: {whole}, {nanoseconds}: {rest}}}")
+        indent = dash[1] + " " + " " * len(dash[2])
+        lines += [text[start:at] + rows[0], *(indent + row for row in rows[1:])]
+    return Edit(0, start, start, "".join(line + newline[0] for line in lines).encode("latin-1"))
 
 
 def axis_order(robot: Robot, names: list[str], source: SourceText) -> list[int]:

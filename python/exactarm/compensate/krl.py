@@ -17,6 +17,7 @@ import math
 import re
 from bisect import bisect_left
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -25,7 +26,7 @@ from exactarm.compensate.configuration import ZERO_RAD, sign_bits, signs_fit
 from exactarm.compensate.krl_data import AGGREGATE, ASSIGNED, Aggregate, Declarations, arguments
 from exactarm.compensate.program import Edit, Motion, Program, SourceText, Target, in_range
 from exactarm.compensate.setting import Setting
-from exactarm.compensate.ways import UNCERTAIN, Step, unread, walk
+from exactarm.compensate.ways import UNCERTAIN, Step, goes_on, unread, walk
 from exactarm.errors import InputError
 from exactarm.robot import Placement
 
@@ -45,6 +46,9 @@ _BLOCK = re.compile(
     r"|(?:GLOBAL[ \t]+)?DEF(?:FCT[ \t]+\w+(?:\[[^\]]*\])?)?[ \t]+(?P<routine>\w+)[ \t]*\("
     r"|(?P<end>END(?:FCT)?\b)|(?P<label>\w+[ \t]*:(?!=))|(?P<call>\w+)[ \t]*\()"
 )
+_SILENT = re.compile(  # lines that neither move the arm nor lead elsewhere
+    r"(?i)[ \t]*(?:\$\w+(?:\[[^\]\r\n]*\])?(?:\.\w+)?[ \t]*=|[FPL]DAT_ACT[ \t]*=|BAS[ \t]*\([ \t]*#|"
+    r"WAIT[ \t]+(?:SEC|FOR)\b|CONTINUE\b|PULSE[ \t]*\()")
 START = {"$TOOL": None, "$BASE": None, "$IPO_MODE": "#BASE"}
 KINDS = {
     "PTP": "joint",
@@ -125,6 +129,7 @@ class _Reader(Declarations):
                 form = self.inline_form(index, match, inline)
                 steps += [Step(place, "move", (match, form)), *self.left_behind(place, inline)]
                 inline = None
+        self.above: tuple[int, int] | None = None  # the line of the motion above
         for (match, form), state in walk(steps, START):
             self.motion(index, match, state, form)
 
@@ -170,19 +175,23 @@ class _Reader(Declarations):
             found = self.point(index, word, place)
             places.append(None if found is None else self.target(index, *found, state, inline, kind))
         via = places[0] if len(places) == 2 else None
-        insert = None if inline is not None else self.insertion(index, match, state, places[-1])
+        insert = None
+        if kind == "LIN" and inline is None and places[-1] is not None:
+            insert = partial(self.insertion, index, match, state, places[-1], self.above)
+        self.above = match.span()
         self.motions.append(Motion(KINDS[kind], places[-1], line, via, insert=insert))
 
-    def insertion(self, index: int, match: re.Match, state: dict, place: int | None):
-        """Points before a LIN that stands alone, outside of folds (an inline form would be written anew from
-        its comment), in the $TOOL and $BASE of its point; passed with C_DIS."""
-        if match[1].upper() != "LIN" or place is None:
-            return None
+    def insertion(self, index: int, match: re.Match, state: dict, place: int, above: tuple[int, int] | None,
+                  points: list) -> Edit | None:
+        """Points before a LIN that follows the motion above, outside of folds (an inline form would be
+        written anew from its comment), in the $TOOL and $BASE of its point; passed with C_DIS."""
         source, text = self.sources[index], self.texts[index]
         start = source.line_start(match.start())
         newline = re.search(r"\r\n|\n|\r", source.text)
         opened, closed = self.folds[index]
         if newline is None or bisect_left(opened, start) != bisect_left(closed, start):
+            return None
+        if not goes_on(text, above, start, _SILENT):
             return None
         end = start
         while end and text[end - 1].isspace():
@@ -196,16 +205,13 @@ class _Reader(Declarations):
             return None
         indent = source.text[start : match.start(1)]
 
-        def insert(points):
-            lines = []
-            for _, tip in points:
-                values = [*(1e3 * tip.position), *np.degrees(to_zyx(tip.rotation, np.zeros(3)))]
-                digits = [MM_DECIMALS] * 3 + [DEG_DECIMALS] * 3
-                fields = ",".join(f"{key} {value:.{n}f}" for key, value, n in zip(CARTESIAN, values, digits))
-                lines.append(f"{indent}LIN {{{fields}}} C_DIS{newline[0]}")
-            return Edit(index, start, start, "".join(lines).encode("latin-1"))
-
-        return insert
+        lines = []
+        for _, tip in points:
+            values = [*(1e3 * tip.position), *np.degrees(to_zyx(tip.rotation, np.zeros(3)))]
+            digits = [MM_DECIMALS] * 3 + [DEG_DECIMALS] * 3
+            fields = ",".join(f"{key} {value:.{n}f}" for key, value, n in zip(CARTESIAN, values, digits))
+            lines.append(f"{indent}LIN {{{fields}}} C_DIS{newline[0]}")
+        return Edit(index, start, start, "".join(lines).encode("latin-1"))
 
     def target(
         self, index: int, name: str, point: Aggregate, state: dict, inline: str | None, kind: str

@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -46,7 +46,8 @@ class Target:
     """A target of a program, as the controller means it.
 
     joints   (n,) rad as reported, or None       pose   of the tool's tip in its base, or None
-    tool     of the tip in the flange            base   in the controller's base frame; for poses
+    tool     of the tip in the flange; `HERE` itself: not known, of joint angles alone
+    base     in the controller's base frame; for poses
     load     kg and its centre (3,) m in the flange frame, where the program says so
     encode   (q (n,), pose or None) -> the edits that write this command
     near     joint angles (n,) rad close to which a pose is meant, or None: close to the target before
@@ -69,15 +70,21 @@ class Target:
     configuration: str = ""
     refusal: str = ""
 
+    @property
+    def tip_known(self) -> bool:
+        """Whether a straight motion to it can be followed."""
+        return self.pose is not None or self.tool is not HERE
+
 
 @dataclass(frozen=True)
 class Motion:
     """One motion: "joint", "linear" or "circular" to a target (index), over another one where circular.
 
     target None: to a place that these files do not know. `time`: s, where the program is a time series.
-    insert: (joint angles and tip of each point in between) -> the edit that puts them before this motion;
-    None: not safe. In a time series its points are (time in s, joint angles, rates), with as many rates as
-    `rates`: velocity and acceleration (n,) at the target, where the program has them.
+    insert: (joint angles and tip of each point in between) -> the edit that puts them before this motion, or
+    what `numbered` of the program makes edits of; None: not safe. In a time series its points are (time in
+    s, joint angles, rates), with as many rates as `rates`: velocity and acceleration (n,) at the target,
+    where the program has them.
     """
 
     kind: str
@@ -86,7 +93,7 @@ class Motion:
     via: int | None = None
     time: float | None = None
     approach: tuple[float, ...] | None = None
-    insert: Callable[[list], Edit] | None = None
+    insert: Callable[[list], Any] | None = None
     rates: tuple[np.ndarray, ...] = ()
 
 
@@ -97,6 +104,7 @@ class Program:
     calculated: the format says that nobody has taught these points on the robot.
     finish: (contents with edits, targets' commands (N, n) or NaN) -> contents, where a file gets more than
     edits.
+    numbered: what `insert` of the motions gave, in their order -> edits, where lines and points are counted.
     """
 
     dialect: str
@@ -106,6 +114,7 @@ class Program:
     warnings: tuple[str, ...] = ()
     calculated: bool = False
     finish: Callable[[list[bytes], np.ndarray], list[bytes]] | None = None
+    numbered: Callable[[list], list[Edit]] | None = None
 
     def rewritten(self, edits: Iterable[Edit]) -> list[bytes]:
         """The content of each file with the edits."""

@@ -14,6 +14,7 @@ tools at rest, external axes.
 from __future__ import annotations
 
 import re
+from functools import partial
 
 import numpy as np
 
@@ -22,7 +23,7 @@ from exactarm.compensate.configuration import EDGE_RAD, in_quadrant, quadrants
 from exactarm.compensate.program import Edit, Motion, Number, Program, SourceText, Target, in_range
 from exactarm.compensate.rapid_data import Datum, Declarations, Literal
 from exactarm.compensate.setting import Setting
-from exactarm.compensate.ways import unread
+from exactarm.compensate.ways import goes_on, unread
 from exactarm.mdh_frames import compose
 from exactarm.robot import Placement
 
@@ -37,6 +38,10 @@ _LITERAL_ELSEWHERE = re.compile(r"(?i)(?:^|;)\s*([A-Za-z]\w*)\s+(?:\\\w+\s*,\s*)
 _MOVE = re.compile(
     r"(?i)\b(Move(?:L|J|C|AbsJ)|TriggL|TriggJ|TriggC|SearchL|Arc[LC])(DO|Sync|AO|GO|Start|End)?\b\s*(?![\w:=(])"
 )
+_SILENT = re.compile(  # instructions that neither move the arm nor lead elsewhere
+    r"(?i)[ \t]*(?:(?:Set(?:DO|AO|GO)?|Reset|Pulse[DG]O|InvertDO|Wait(?:Time|Until|[DAG][IO])|Conf[LJ]"
+    r"|TP(?:Write|Erase)|SingArea|AccSet|VelSet|SpeedRefresh|Clk(?:Start|Stop|Reset)|Incr|Decr|Add|Clear)\b"
+    r"|\w+(?:\{[^}]*\})?[ \t]*:=)[^;]*;[ \t]*$")
 KINDS = {
     "movel": "linear",
     "movej": "joint",
@@ -94,6 +99,7 @@ class _Reader(Declarations):
             if not _MOVE.match(text, match.start(1)):
                 self.warnings.append(f"{source.path.name} line {source.line(match.start(1))}: {match[1]} is "
                                      "not read; a target in it stays as it is")
+        before = None  # the statement of the motion above
         for match in _MOVE.finditer(text):
             end = text.find(";", match.end())
             if end < 0:
@@ -119,11 +125,16 @@ class _Reader(Declarations):
                                                    "--payload with it")
             places = [self.target(index, value, place, axes, tool, wobj) for value, place in plain[:count]]
             via = places[0] if count == 2 else None
-            insert = self.insertion(index, match, end, plain)
+            insert = None
+            if kind == "linear":
+                insert = partial(self.insertion, index, match, end, plain, before)
+            before = (match.start(), end + 1)
             self.motions.append(Motion(kind, places[-1], source.line(match.start()), via, insert=insert))
 
-    def insertion(self, index: int, match: re.Match, end: int, plain: list[tuple[str, int]]):
-        """Points before a MoveL that has its line for itself; flown by in a zone of 1 mm."""
+    def insertion(self, index: int, match: re.Match, end: int, plain: list[tuple[str, int]],
+                  before: tuple[int, int] | None, points: list) -> Edit | None:
+        """Points before a MoveL that has its line for itself and follows the motion above; flown by in a zone
+        of 1 mm."""
         source, text = self.sources[index], self.texts[index]
         start = source.line_start(match.start())
         newline = re.search(r"\r\n|\n|\r", source.text)
@@ -132,6 +143,7 @@ class _Reader(Declarations):
             or text[start : match.start()].strip()
             or len(plain) != 4
             or newline is None
+            or not goes_on(text, before, start, _SILENT)
         ):
             return None
         (target, place), (zone, zone_place) = plain[0], plain[2]
@@ -142,19 +154,16 @@ class _Reader(Declarations):
         head, middle = source.text[start:place], source.text[place + len(target) : behind]
         tail = source.text[behind + len(name) : end + 1]
 
-        def insert(points):
-            lines = []
-            for q, tip in points:
-                wxyz = to_quaternion(tip.rotation, np.array([1.0, 0.0, 0.0, 0.0]))
-                position = ",".join(f"{value:.{MM_DECIMALS}f}" for value in 1e3 * tip.position)
-                turn = ",".join(f"{value:.{QUATERNION_DECIMALS}f}" for value in wxyz)
-                reported = self.setting.reported(q)
-                word = [*quadrants(reported), self.wrist(index, target, place, reported)]
-                literal = f"[[{position}],[{turn}],[{','.join(map(str, word))}],[9E9,9E9,9E9,9E9,9E9,9E9]]"
-                lines.append(head + literal + middle + FLY_BY + tail + newline[0])
-            return Edit(index, start, start, "".join(lines).encode("latin-1"))
-
-        return insert
+        lines = []
+        for q, tip in points:
+            wxyz = to_quaternion(tip.rotation, np.array([1.0, 0.0, 0.0, 0.0]))
+            position = ",".join(f"{value:.{MM_DECIMALS}f}" for value in 1e3 * tip.position)
+            turn = ",".join(f"{value:.{QUATERNION_DECIMALS}f}" for value in wxyz)
+            reported = self.setting.reported(q)
+            word = [*quadrants(reported), self.wrist(index, target, place, reported)]
+            literal = f"[[{position}],[{turn}],[{','.join(map(str, word))}],[9E9,9E9,9E9,9E9,9E9,9E9]]"
+            lines.append(head + literal + middle + FLY_BY + tail + newline[0])
+        return Edit(index, start, start, "".join(lines).encode("latin-1"))
 
     def wrist(self, index: int, target: str, place: int, reported: np.ndarray) -> int:
         """cfx of a point on the way: that of its end, for no straight motion passes a singular pose."""

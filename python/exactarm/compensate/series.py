@@ -52,12 +52,12 @@ def series_bends(
             knots = np.linspace(0.0, 1.0, count + 2)
             commands = np.vstack([ends[:1], way.commands(model, knots[1:-1]), ends[1:]])
             left = _off(model, [way], [knots], [commands])[0]
-        if not left < first or motion.insert is None:
-            found.append(Bend(motion.target, motion.line, first, first, 0, open=motion.insert is not None))
-            continue
         points = [(way.time(s), command, way.derivatives(s))
                   for s, command in zip(knots[1:-1], commands[1:-1])]
-        found.append(Bend(motion.target, motion.line, first, left, count, motion.insert(points)))
+        edit = None if motion.insert is None or not left < first else motion.insert(points)
+        found.append(
+            Bend(motion.target, motion.line, first, first, 0, open=bool(motion.insert) and left >= first)
+            if edit is None else Bend(motion.target, motion.line, first, left, count, edit))
     return found
 
 

@@ -9,6 +9,7 @@ where the dialect takes a point without more ado; elsewhere the bend is told.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
@@ -16,7 +17,7 @@ from scipy.spatial.transform import Rotation, Slerp
 from exactarm import _core
 from exactarm.compensate.flange_poses import Poses
 from exactarm.compensate.law import CompensationModel
-from exactarm.compensate.program import Edit, Program
+from exactarm.compensate.program import Motion, Program
 from exactarm.mdh_frames import compose, relative
 from exactarm.robot import Placement
 
@@ -30,15 +31,15 @@ LIMIT = 0.99  # of the tolerance: the points in between are rounded too
 @dataclass(frozen=True)
 class Bend:
     """One straight motion: target (index), its file and line, largest distance (m) of the real tip from the
-    line with corrected ends, and, with `points` in between, what is left of it. open: points in between can
-    be put before it."""
+    line with corrected ends, and, with `points` in between, what is left of it. edit: what `insert` of the
+    motion gave for them. open: points in between can be put before it."""
 
     target: int
     line: int
     before: float
     after: float
     points: int
-    edit: Edit | None = None
+    edit: Any = None
     open: bool = True
 
 
@@ -59,20 +60,31 @@ class _Line:
 def bends(
     program: Program, model: CompensationModel, wanted: Poses, q_after: np.ndarray, tolerance: float
 ) -> list[Bend]:
-    """All straight motions between corrected targets; wanted: flange poses (T) of the targets; tolerance in
-    m."""
+    """All straight motions between corrected targets whose tool is known; wanted: flange poses (T) of the
+    targets; tolerance in m."""
     found = []
-    for before, motion in zip(program.motions, program.motions[1:]):
-        ends = (before.target, motion.target)
-        if motion.kind != "linear" or None in ends or np.isnan(q_after[list(ends)]).any():
+    for before, motion in _lines(program, q_after):
+        ends, target = (before.target, motion.target), program.targets[motion.target]
+        if not target.tip_known:
             continue
-        target = program.targets[motion.target]
         flanges = [Placement(wanted.rotation[i], wanted.position[i]) for i in ends]
         tips = [compose(relative(target.base, flange), target.tool) for flange in flanges]
         loaded = model if target.load is None else model.with_load(target.load[0], np.array(target.load[1]))
         line = _Line(*tips, q_after[list(ends)], target.tool, target.base)
         found.append(_bend(loaded, line, motion, tolerance))
     return found
+
+
+def unknown_tips(program: Program, q_after: np.ndarray) -> list[Motion]:
+    """Straight motions to joint angles with a tool that is not known: its tip decides the line."""
+    return [motion for _, motion in _lines(program, q_after) if not program.targets[motion.target].tip_known]
+
+
+def _lines(program: Program, q_after: np.ndarray) -> list[tuple[Motion, Motion]]:
+    """Straight motions between corrected targets, each behind the motion above."""
+    return [(before, motion) for before, motion in zip(program.motions, program.motions[1:])
+            if motion.kind == "linear" and None not in (before.target, motion.target)
+            and not np.isnan(q_after[[before.target, motion.target]]).any()]
 
 
 def _bend(model: CompensationModel, line: _Line, motion, tolerance: float) -> Bend:
@@ -94,7 +106,10 @@ def _bend(model: CompensationModel, line: _Line, motion, tolerance: float) -> Be
     tips = [
         compose(relative(line.base, pose), line.tool) for pose in _placements(model.controller.poses(q[1:-1]))
     ]
-    return Bend(motion.target, motion.line, first, left, count, motion.insert(list(zip(q[1:-1], tips))))
+    edit = motion.insert(list(zip(q[1:-1], tips)))
+    if edit is None:
+        return Bend(motion.target, motion.line, first, first, 0, open=False)
+    return Bend(motion.target, motion.line, first, left, count, edit)
 
 
 def _commands(model: CompensationModel, line: _Line, shares: np.ndarray) -> np.ndarray | None:

@@ -11,14 +11,16 @@ file must have them ([controller] chain = "calibrated"). Not read: what is compu
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from exactarm.compensate.angles import from_vector, to_vector
 from exactarm.compensate.program import NUMBER, Edit, Motion, Number, Program, SourceText, Target, in_range
 from exactarm.compensate.setting import Setting
-from exactarm.compensate.ways import UNCERTAIN, Step, unread, walk
+from exactarm.compensate.ways import UNCERTAIN, Step, goes_on, unread, walk
 from exactarm.robot import Placement
 
 NAME, SUFFIXES = "URScript", (".script", ".urscript")
@@ -41,6 +43,9 @@ _LITERAL = re.compile(r"(p?)\s*\[([^\[\]]*)\]")
 _ALONE = re.compile(
     r"(?m)^([ \t]*)movel\([ \t]*p\[[^\]]*\]((?:[ \t]*,[ \t]*\w+[ \t]*=[^,()\r\n]*)*)\)[ \t]*$"
 )
+_SILENT = re.compile(  # calls that neither move the arm nor lead elsewhere
+    r"[ \t]*(?:sleep|textmsg|set_\w+|write_output_\w+|sync)[ \t]*\([^()]*\)[ \t]*$"
+    r"|[ \t]*(?:global[ \t]+|local[ \t]+)?\w+[ \t]*=[ \t]*p?\[[^()]*$")
 _NAMED = re.compile(r"([A-Za-z_]\w*)\s*([,)])")
 _BLANK = re.compile(r"\s*")
 _BRACKETS = re.compile(r"[()\[\]]")
@@ -121,7 +126,7 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
         if found.is_pose:
             made = _pose(source, name, found, tool, load, setting)
         else:
-            made = _joints(source, name, found, load, setting)
+            made = _joints(source, name, found, tool, load, setting)
         targets.append(made)
         begun.add(found.start)
         index[key] = len(targets) - 1
@@ -139,7 +144,7 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
         else:
             steps.append(Step(match.start(), "set", ("load", _load(source, text, match))))
     spans = [match.span() for match in _ASSIGNED.finditer(text)]
-    told = []
+    told, above = [], None
     for match, state in walk([*steps, *_blocks(text)], {"tool": tool, "load": None}):
         tool, load, line = state["tool"], state["load"], source.line(match.start())
         spans.append((match.start(), _end(text, match.end())))
@@ -151,9 +156,12 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
             via = target(match.end())
             motions.append(Motion("circular", target(_next_argument(text, match.end())), line, via))
         else:
-            insert = _insertion(source, text, match, literal(match.end()))
+            insert = None
+            if match[1] == "movel":
+                insert = partial(_insertion, source, text, match, literal, above)
             index_of = target(match.end())
             motions.append(Motion(KINDS[match[1]], index_of, line, insert=insert))
+        above = (match.start(), spans[-1][1] + 1)
     points = [name for name, places in assigned.items() if (match := _LITERAL.match(text, places[0]))
               and match[2].count(",") == (5 if match[1] else n - 1)]
     told += unread(sources, [text], points, [target.name for target in targets], [spans])
@@ -185,29 +193,29 @@ def _end(text: str, place: int) -> int:
     return len(text)
 
 
-def _insertion(source: SourceText, text: str, match: re.Match, found: _Literal | None):
-    """Points before a `movel(p[...], name=value, ...)` that has its line for itself; passed with a small
-    blend."""
-    if match[1] != "movel" or found is None or not found.is_pose:
+def _insertion(
+    source: SourceText, text: str, match: re.Match, literal: Callable[[int], _Literal | None],
+    above: tuple[int, int] | None, points: list,
+) -> Edit | None:
+    """Points before a `movel(p[...], name=value, ...)` that has its line for itself and follows the motion
+    above; passed with a small blend."""
+    found = literal(match.end())
+    if found is None or not found.is_pose:
         return None
     start = source.line_start(match.start())
     whole = _ALONE.match(text, start)
-    if whole is None:
+    if whole is None or not goes_on(text, above, start, _SILENT):
         return None
     options = re.sub(r"[ \t]*,[ \t]*r[ \t]*=[^,]*", "", whole[2].rstrip()) + f", r={BLEND_M}"
     end = re.search(r"\r\n|\n|\r", source.text)
     values = np.array([number.value for number in found.numbers])
-
-    def insert(points):
-        lines = []
-        for _, tip in points:
-            pose = ", ".join(
-                f"{value:.{DECIMALS}f}" for value in [*tip.position, *to_vector(tip.rotation, values[3:])]
-            )
-            lines.append(f"{whole[1]}movel(p[{pose}]{options}){end[0]}")
-        return Edit(0, start, start, "".join(lines).encode("latin-1"))
-
-    return insert if end else None
+    lines = []
+    for _, tip in points:
+        pose = ", ".join(
+            f"{value:.{DECIMALS}f}" for value in [*tip.position, *to_vector(tip.rotation, values[3:])]
+        )
+        lines.append(f"{whole[1]}movel(p[{pose}]{options}){end[0] if end else ''}")
+    return Edit(0, start, start, "".join(lines).encode("latin-1")) if end else None
 
 
 def _next_argument(text: str, place: int) -> int:
@@ -245,7 +253,9 @@ def placement(numbers) -> Placement:
     return Placement(from_vector(np.array(numbers[3:6])), np.array(numbers[:3]))
 
 
-def _joints(source: SourceText, name: str, found: _Literal, load, setting: Setting) -> Target:
+def _joints(
+    source: SourceText, name: str, found: _Literal, tool: Placement | None, load, setting: Setting
+) -> Target:
     def encode(q, _):
         return [
             number.edit(source, 0, value, DECIMALS)
@@ -254,7 +264,9 @@ def _joints(source: SourceText, name: str, found: _Literal, load, setting: Setti
 
     q = setting.joints([number.value for number in found.numbers])
     known = load if isinstance(load, tuple) else None
-    return Target(name, 0, source.line(found.start), encode, joints=q, load=known, refusal=_unknown(load))
+    tip = {"tool": tool} if isinstance(tool, Placement) else {}
+    line = source.line(found.start)
+    return Target(name, 0, line, encode, joints=q, load=known, refusal=_unknown(load), **tip)
 
 
 def _unknown(load) -> str:

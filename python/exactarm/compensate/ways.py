@@ -69,6 +69,17 @@ def walk(steps: Iterable[Step], start: Mapping[str, Any]) -> Iterator[tuple[Any,
             state = blocks.pop()[0]
 
 
+def goes_on(text: str, before: tuple[int, int] | None, start: int, harmless: re.Pattern[str]) -> bool:
+    """Whether the arm stands at the end of the motion above (start and end of its statement) when the one at
+    `start` begins: nothing but lines that are `harmless` is between them. Anything else may be a way that
+    comes from elsewhere, or move the arm."""
+    if before is None:
+        return False
+    above = max(text.rfind("\n", 0, before[0]), text.rfind("\r", 0, before[0])) + 1
+    between = text[above : before[0]] + text[before[1] : start]
+    return all(harmless.match(line) for line in between.splitlines() if line.strip())
+
+
 def _ends(ordered: list[Step]) -> dict[Step, float]:
     """Where each block ends; one that is not closed: nowhere."""
     found: dict[Step, float] = {}
