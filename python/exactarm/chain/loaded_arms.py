@@ -28,16 +28,22 @@ def loaded_arms(robot: Robot, data: Dataset, effects: Iterable[Effect] = ()) -> 
     own = [carried for carried in (effect.carries(data) for effect in effects) if carried is not None]
     if robot.links is None or (data.payload is None and not own):
         return ((slice(None), robot.core),)
-    pi = np.zeros((len(data), 10))
-    if data.payload is not None:
-        known = np.column_stack(data.payload)
-        for kind in np.unique(known, axis=0):
-            pi[(known == kind).all(axis=1)] = inertial((kind[0], *(kind[0] * kind[1:])))[0]
+    pi = carried_bodies(data)
     for at, added in own:
         pi[at] += added
     kinds, which = np.unique(pi, axis=0, return_inverse=True)
     rows = (np.flatnonzero(which.ravel() == place) for place in range(len(kinds)))
     return tuple((at, _with(robot, kind)) for at, kind in zip(rows, kinds))
+
+
+def carried_bodies(data: Dataset) -> np.ndarray:
+    """(N, 10) inertial parameters of the known payload of every row in frame n; zero where there is none."""
+    pi = np.zeros((len(data), 10))
+    if data.payload is not None:
+        known = np.column_stack(data.payload)
+        for kind in np.unique(known, axis=0):
+            pi[(known == kind).all(axis=1)] = inertial((kind[0], *(kind[0] * kind[1:])))[0]
+    return pi
 
 
 def _with(robot: Robot, carried: np.ndarray) -> _core.Robot:

@@ -20,6 +20,7 @@ from exactarm.identify.gear_mistakes import gear_mistakes
 from exactarm.identify.load_mistakes import load_mistakes
 from exactarm.identify.motion_mistakes import motion_mistakes
 from exactarm.identify.odd_rows import odd_rows
+from exactarm.identify.odd_runs import odd_runs
 from exactarm.identify.pose_mistakes import pose_mistakes
 from exactarm.identify.ratio_mistakes import ratio_mistakes
 from exactarm.identify.signal_mistakes import (
@@ -71,7 +72,10 @@ def _loads(robot: Robot, data: Dataset) -> list[Suspicion]:
 
 def _motions(robot: Robot, data: Dataset) -> list[Suspicion]:
     robot = with_declared_masses(robot)
-    return motion_mistakes(robot, data) or list(ratio_mistakes(robot, data))
+    whole = motion_mistakes(robot, data)
+    if parts := odd_runs(robot, data):  # which a whole motion's friction and units only hint at
+        return in_order([*(each for each in whole if not each.sentence), *parts])
+    return whole or list(ratio_mistakes(robot, data))
 
 
 _CHECKS: dict[str, tuple[Callable[[Robot, Dataset], list[Suspicion]], ...]] = {

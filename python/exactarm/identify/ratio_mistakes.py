@@ -22,7 +22,7 @@ from scipy import optimize
 from exactarm import _core
 from exactarm.dataset import Dataset
 from exactarm.effects.link_masses import tolerance
-from exactarm.identify.motion_mistakes import MotionSamples, dry_friction_of, samples_of
+from exactarm.identify.drive_model import MotionSamples, dry_friction_of, samples_of
 from exactarm.identify.suspicion import Suspicion
 from exactarm.robot import Robot
 
