@@ -118,6 +118,13 @@ def test_ur_description_holds_the_drawing_and_the_identified_arm():
         kinematics_yaml(load_robot("racer-7-1.4").with_joint(0, sign=-1.0))
 
 
+@pytest.mark.parametrize("name", ["tx40", "racer-7-1.4", "gen3lite"])
+def test_ur_description_of_another_arm_is_refused(tmp_path, capsys, name):
+    assert main(["export", name, "--format", "ur_description", "--out", str(tmp_path / "out"), "--quiet"]) == 2
+    assert "expected an arm of Universal Robots" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
 def test_mujoco_builds_the_identified_arm():
     mujoco = pytest.importorskip("mujoco")
     robot = bare(identified(effects=False))

@@ -4,6 +4,8 @@ axes, for each link.
     origin_i = Trans_x(a_(i-1)) Rot_x(alpha_(i-1)) Rot_y(beta_(i-1)) Rot_z(offset_i) Trans_z(d_i)
 The last frame's a, alpha, beta have no place in it: the flange is that of the description. The hash is made
 of these numbers; the driver compares it with the robot's own, so that of the robot can be given instead.
+Arms of Universal Robots have parallel axes 2, 3, 4 and right angles else; the file of another arm would show
+its numbers in their links, so it is refused.
 """
 
 from __future__ import annotations
@@ -18,6 +20,7 @@ from exactarm.mdh_frames import compose, relative
 from exactarm.robot import Placement, Robot
 from exactarm.urdf import roll_pitch_yaw
 
+NEAR = 0.05  # of a cosine of right or parallel axes: calibrations tilt axes by some 0.01 rad
 LINKS = ("shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3")
 
 
@@ -32,6 +35,14 @@ def link_origins(robot: Robot) -> list[Placement]:
             file=robot.file,
         )
     chain, before, origins = reported_chain(robot), Placement(), []
+    axes = np.array([start.rotation[:, 2] for start in chain.starts])
+    cosines = np.abs(np.sum(axes[1:] * axes[:-1], axis=1))
+    if np.abs(cosines - [0.0, 1.0, 1.0, 0.0, 0.0]).max() > NEAR:
+        raise InputError(
+            f"robot {robot.name}: expected an arm of Universal Robots (axes 2, 3, 4 parallel, right angles "
+            "between the others); for another arm use --format urdf, with --source FILE for its own",
+            file=robot.file,
+        )
     for start, joint in zip(chain.starts, robot.joints):
         here = compose(start, Placement(position=np.array([0.0, 0.0, joint.d])))
         origins.append(relative(before, here))
