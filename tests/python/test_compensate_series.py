@@ -1,12 +1,15 @@
 """Time series between their points: the path that is meant, points in between, what is told."""
 
+import io
 from dataclasses import replace
 
 import numpy as np
+import pandas
 import pytest
 import yaml
 from scipy.interpolate import BPoly
 
+import exactarm as ea
 from compensation_cell import identified, nearby
 from exactarm.compensate.law import CompensationModel
 from test_compensate import compensate
@@ -86,15 +89,53 @@ def test_a_series_whose_points_have_more_than_is_known_is_told(tmp_path):
     assert any("where no points in between can be put" in words for words in result["warnings"])
 
 
-def test_a_table_in_time_is_told_and_stays_as_long(tmp_path):
+def table(robot, **more):
+    """Joint angles in degrees over time, and other columns."""
+    q = np.degrees(points(robot, 0)[:, 0])
+    angles = {f"q_{i + 1}_deg": q[:, i] for i in range(6)}
+    return pandas.DataFrame({"time_s": STEP_S * np.arange(len(q))} | angles | more)
+
+
+def written_as(table, kind):
+    """The bytes of a table and the reader of its new ones; the last line without an end."""
+    if kind == "parquet":
+        return table.to_parquet(), lambda content: pandas.read_parquet(io.BytesIO(content))
+    dialect = {"sep": ";", "decimal": ","} if kind == "semicolons" else {}
+    text = table.to_csv(index=False, lineterminator="\r\n", **dialect).removesuffix("\r\n")
+    return text.encode(), lambda content: pandas.read_csv(io.BytesIO(content), **dialect)
+
+
+@pytest.mark.parametrize("kind", ["csv", "semicolons", "parquet"])
+def test_a_table_in_time_gets_rows_in_between(tmp_path, kind):
     robot = smooth_arm()
-    rows = [",".join(map(repr, [STEP_S * k, *row.tolist()])) for k, (row,) in enumerate(points(robot, 0))]
-    header = "time_s," + ",".join(f"q_{i}_rad" for i in range(1, 7))
-    file = ("\n".join([header, *rows]) + "\n").encode()
-    _, written, result = compensate(tmp_path, robot, {"t.csv": file}, "--tolerance-mm", "0.01")
-    assert written["t.csv"].count(b"\n") == 6
-    assert any("where no points in between can be put (table)" in words for words in result["warnings"])
-    fine = ["--tolerance-mm", "5"]
-    assert not compensate(tmp_path, robot, {"t.csv": file}, *fine)[2]["programs"][0]["straight_motions"]
+    old = table(robot, session=1, set="validation")
+    file, reader = written_as(old, kind)
+    name = "t.parquet" if kind == "parquet" else "t.csv"
+    (tmp_path / name).write_bytes(file)
+    result = ea.compensate(robot, tmp_path / name, tolerance_mm=0.01, threads=1)
+    new = reader(result.contents[name])
+    bends = result.json["programs"][0]["straight_motions"]
+    assert len(new) == len(old) + sum(bend["points_in_between"] for bend in bends) > len(old)
+    assert np.all(np.diff(new["time_s"]) > 0.0) and set(old["time_s"]) < set(new["time_s"])
+    assert set(new["session"]) == {1} and set(new["set"]) == {"validation"}
+    names = [f"q_{i}_rad" for i in range(1, 7)]
+    assert list(new) == ["time_s", *names, "session", "set"]
+    times, model = np.linspace(0.0, 4 * STEP_S, 801), CompensationModel.of(robot)
+    follow = lambda data, q: np.column_stack([np.interp(times, data["time_s"], q[:, i]) for i in range(6)])
+    meant = model.controller.poses(follow(old, np.radians(old.filter(like="_deg").to_numpy()))).position
+    there = model.reached(follow(new, new[names].to_numpy())).position
+    assert np.linalg.norm(there - meant, axis=1).max() < 1.05e-5
 
 
+@pytest.mark.parametrize("kind", ["csv", "parquet"])
+def test_a_table_with_a_column_that_nobody_can_fill_is_told_and_stays_as_long(tmp_path, kind):
+    robot = smooth_arm()
+    file, reader = written_as(table(robot, step=np.arange(5)), kind)
+    name = f"t.{kind}"
+    (tmp_path / name).write_bytes(file)
+    result = ea.compensate(robot, tmp_path / name, tolerance_mm=0.01, threads=1)
+    assert len(reader(result.contents[name])) == 5
+    (told,) = (words for words in result.json["warnings"] if "can be put (table)" in words)
+    assert "row 2 (line 3, 0.0" in told
+    fine = ea.compensate(robot, tmp_path / name, tolerance_mm=5.0, threads=1)
+    assert not fine.json["programs"][0]["straight_motions"]

@@ -118,12 +118,14 @@ def correct(
         warnings.append(f"{program.files[0].path.name}: no target was found")
     contents = program.rewritten(edits)
     if program.finish is not None:
-        contents = program.finish(contents, q_after)
+        contents = program.finish(contents, q_after, [])
     written = reread(contents)
     inserted = [bend.edit for bend in found_bends if bend.edit is not None]
-    if program.numbered is not None:
-        inserted = program.numbered(inserted)
-    contents = program.rewritten(edits + inserted) if inserted else contents
+    if inserted and program.finish is not None:
+        contents = program.finish(program.rewritten(edits), q_after, inserted)
+    elif inserted:
+        counted = inserted if program.numbered is None else program.numbered(inserted)
+        contents = program.rewritten(edits + counted)
     refused = []
     for i, target in enumerate(program.targets):
         if not chosen[i]:

@@ -102,8 +102,8 @@ class Program:
     """Files of one program (KRL has two), its targets and its motions in the order of the text.
 
     calculated: the format says that nobody has taught these points on the robot.
-    finish: (contents with edits, targets' commands (N, n) or NaN) -> contents, where a file gets more than
-    edits.
+    finish: (contents with edits, targets' commands (N, n) or NaN, what `insert` of the motions gave) ->
+    contents, where a file gets more than edits.
     numbered: what `insert` of the motions gave, in their order -> edits, where lines and points are counted.
     """
 
@@ -113,7 +113,7 @@ class Program:
     motions: tuple[Motion, ...]
     warnings: tuple[str, ...] = ()
     calculated: bool = False
-    finish: Callable[[list[bytes], np.ndarray], list[bytes]] | None = None
+    finish: Callable[[list[bytes], np.ndarray, list], list[bytes]] | None = None
     numbered: Callable[[list], list[Edit]] | None = None
 
     def rewritten(self, edits: Iterable[Edit]) -> list[bytes]:

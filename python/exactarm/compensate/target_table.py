@@ -6,14 +6,16 @@ frame, of the target that it measures ([base], [tool] of the robot file). `q_i` 
 is wanted; a pose without orientation keeps that of its `q_i`. `approach_i` (-1, 0, 1): from which side each
 axis comes; without it the targets follow each other as joint motions, with `time_s` as a time series. Out:
 the table with `q_i_rad`, the command that reaches the target, in
-place of `q_i` or behind the rest.
+place of `q_i` or behind the rest. Points in between of a time series are rows of their own, with their time;
+all other columns must be the same in the rows before and behind, and are so in them.
 """
 
 from __future__ import annotations
 
 import io
 from collections.abc import Iterator
-from functools import partial
+from dataclasses import dataclass
+from functools import cached_property, partial
 from pathlib import Path
 
 import numpy as np
@@ -58,7 +60,7 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
         data.joints.get("approach"),
         data.time is not None and bool(np.all(np.diff(data.time) > 0.0)),
     )
-    lines = (data.row + 1).tolist()
+    lines, rows = (data.row + 1).tolist(), _Rows(source, setting)
     for i, line in enumerate(lines):
         name = f"row {line - 1}"
         if poses is None:
@@ -68,15 +70,40 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
             targets.append(Target(name, 0, line, _nothing, pose=poses[i], tool=tool, base=base, near=near))
         side = None if approach is None else tuple(np.nan_to_num(approach[i]))
         time = float(data.time[i]) if timed and side is None else None
-        motions.append(Motion("joint", i, line, time=time, approach=side))
+        insert = partial(rows.between, i) if time is not None and i and poses is None else None
+        motions.append(Motion("joint", i, line, time=time, approach=side, insert=insert))
     finish = partial(_finish, source, setting)
     return Program(NAME, sources, tuple(targets), tuple(motions), calculated=True, finish=finish)
+
+
+@dataclass(frozen=True)
+class _Rows:
+    """The rows of a table, to see what new ones between them would hold."""
+
+    source: SourceText
+    setting: Setting
+
+    @cached_property
+    def others(self) -> list[pa.ChunkedArray] | None:
+        """The columns that are neither time nor joint angles; None if `time_s` is not there as it is."""
+        table = _table(self.source)
+        time = _time_column(table.column_names, self.setting)
+        owners = _owners(table.column_names, self.setting, self.source)
+        return None if time is None else [
+            table.column(k) for k, owner in enumerate(owners) if owner is None and k != time]
+
+    def between(self, row: int, points: list) -> tuple[int, list] | None:
+        """Points before a row (from 0)."""
+        others = self.others
+        if others is None or any(column[row].as_py() != column[row - 1].as_py() for column in others):
+            return None
+        return row, points
 
 
 def read_commands(sources: tuple[SourceText, ...], setting: Setting) -> Program:
     """The commands of a table that was written: its columns q_i_rad as joint targets."""
     (source,) = sources
-    table = _parquet(source) if _is_parquet(source) else _csv(source)
+    table = _table(source)
     q = np.column_stack([table.column(_name(setting.robot, i)).to_numpy() for i in range(setting.robot.axes)])
     q = setting.robot.controller.joints(q)
     targets = tuple(Target(f"row {i}", 0, i + 1, _nothing, row) for i, row in enumerate(q, start=1))
@@ -131,9 +158,42 @@ def placement(numbers) -> Placement:
 
 
 # -- out ---------------------------------------------------------------------------------------------
-def _finish(source: SourceText, setting: Setting, contents: list[bytes], commands: np.ndarray) -> list[bytes]:
+def _finish(
+    source: SourceText, setting: Setting, contents: list[bytes], commands: np.ndarray,
+    inserted: list[tuple[int, list]]
+) -> list[bytes]:
     write = _write_parquet if _is_parquet(source) else _write_csv
-    return [write(source, setting, setting.reported(commands))]
+    return [write(source, setting, _written(setting.reported(commands), inserted, setting))]
+
+
+@dataclass(frozen=True)
+class _Written:
+    """The M rows of the new table: commands (M, n), the row (from 0) of the old one that each is, or is a
+    copy of, and the time of those that are new; NaN: its own."""
+
+    commands: np.ndarray
+    row: np.ndarray
+    time: np.ndarray
+
+
+def _written(commands: np.ndarray, inserted: list[tuple[int, list]], setting: Setting) -> _Written:
+    own = np.full(len(commands), np.nan)
+    if not inserted:
+        return _Written(commands, np.arange(len(commands)), own)
+    at = np.concatenate([np.full(len(points), row) for row, points in inserted])
+    new = [(time, setting.reported(q)) for _, points in inserted for time, q, _ in points]
+    rows = np.insert(np.arange(len(commands)), at, at)
+    return _Written(np.insert(commands, at, [q for _, q in new], axis=0), rows,
+                    np.insert(own, at, [time for time, _ in new]))
+
+
+def _time_column(names: list[str], setting: Setting) -> int | None:
+    found = [k for k, name in enumerate(names) if setting.columns.get(name.strip(), name.strip()) == "time_s"]
+    return found[0] if len(found) == 1 else None
+
+
+def _table(source: SourceText) -> pa.Table:
+    return _parquet(source) if _is_parquet(source) else _csv(source)
 
 
 def _is_parquet(source: SourceText) -> bool:
@@ -175,14 +235,16 @@ def _csv(source: SourceText) -> pa.Table:
     )
 
 
-def _write_csv(source: SourceText, setting: Setting, commands: np.ndarray) -> bytes:
+def _write_csv(source: SourceText, setting: Setting, new_rows: _Written) -> bytes:
     if b'"' in source.content:
         raise InputError("a cell in quotes; expected numbers without them", file=source.path)
     robot = setting.robot
     lines, dialect = source.content.splitlines(keepends=True), _dialect(source)
     comma = dialect.delimiter.encode()
-    numbers = _cells(commands, dialect.decimal)
-    out, owned = [], None  # owned: (place in the line, axis) of each column that is written anew
+    numbers = _cells(new_rows.commands, dialect.decimal)
+    times = iter(new_rows.time.tolist())
+    left = np.bincount(new_rows.row, minlength=1).tolist()[::-1]  # how often each row is written
+    out, owned, clock = [], None, None  # owned: (place in the line, axis) of each column that is written anew
     for line in lines:
         body = line.rstrip(b"\r\n")
         if owned is not None and not body.strip():
@@ -193,13 +255,20 @@ def _write_csv(source: SourceText, setting: Setting, commands: np.ndarray) -> by
             bom = b"\xef\xbb\xbf" if body.startswith(b"\xef\xbb\xbf") else b""
             owners = _owners([cell.removeprefix(bom).decode() for cell in cells], setting, source)
             owned = [(place, owner) for place, owner in enumerate(owners) if owner is not None]
+            clock = _time_column([cell.removeprefix(bom).decode() for cell in cells], setting)
             new = [_name(robot, i).encode() for i in range(robot.axes)]
             new[0] = (bom if owners[0] == 0 else b"") + new[0]
+            many = [(new, np.nan)]
         else:
-            new = next(numbers)
-        for place, owner in owned:
-            cells[place] = new[owner]
-        out.append(comma.join(cells if owned else [*cells, *new]) + line[len(body) :])
+            many = [(next(numbers), next(times)) for _ in range(left.pop())]
+        end = line[len(body) :]
+        for k, (new, time) in enumerate(many, start=1):
+            row = list(cells)
+            if time == time and clock is not None:
+                row[clock] = repr(time).replace(".", dialect.decimal).encode()
+            for place, owner in owned:
+                row[place] = new[owner]
+            out.append(comma.join(row if owned else [*row, *new]) + (end or b"\n" * (k < len(many))))
     return b"".join(out)
 
 
@@ -214,8 +283,14 @@ def _parquet(source: SourceText) -> pa.Table:
     return pa.parquet.read_table(pa.BufferReader(source.content))
 
 
-def _write_parquet(source: SourceText, setting: Setting, commands: np.ndarray) -> bytes:
-    table, robot = _parquet(source), setting.robot
+def _write_parquet(source: SourceText, setting: Setting, new_rows: _Written) -> bytes:
+    table, robot, commands = _parquet(source), setting.robot, new_rows.commands
+    clock = _time_column(table.column_names, setting)
+    if len(new_rows.row) > table.num_rows and clock is not None:
+        table = table.take(new_rows.row)
+        times = table.column(clock).to_numpy().astype(float)
+        times = np.where(np.isnan(new_rows.time), times, new_rows.time)
+        table = table.set_column(clock, table.column_names[clock], pa.array(times))
     for index, owner in enumerate(_owners(table.column_names, setting, source)):
         if owner is not None:
             table = table.set_column(index, _name(robot, owner), pa.array(commands[:, owner]))
