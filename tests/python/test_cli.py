@@ -99,8 +99,9 @@ def test_a_run_writes_everything_and_says_the_verdict_first(package, tmp_path, c
     assert result["missing"] is None and result["list"] == [0, 1]
     assert (tmp_path / "out/weights.csv").read_text() == "link,mass_kg\n1,12\n2,\n"
     assert "The robot weighs 48 kg." in (tmp_path / "out/report.html").read_text()
-    assert sorted(path.name
-                  for path in (tmp_path / "out").iterdir()) == ["report.html", "result.json", "weights.csv"]
+    written = ["report.html", "result.json", "weights.csv"]
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == [".written", *written]
+    assert sorted((tmp_path / "out/.written").read_text().split()) == written
 
 
 def test_quiet_prints_nothing(package, tmp_path, capsys):

@@ -94,6 +94,21 @@ def test_a_result_never_replaces_a_file_that_it_was_made_from(package, tmp_path,
     assert mine.read_text() == "x_m\n1\n" and not (tmp_path / "result.json").exists()
 
 
+def test_a_result_never_replaces_a_file_that_no_run_has_written(package, tmp_path, capsys):  # noqa: F811
+    """As `--out .` beside the user's own table; what an earlier run wrote is replaced, as before."""
+    mine = tmp_path / "weights.csv"
+    mine.write_text("mine\n")
+    assert run(package, "weigh", "nobody", "--out", tmp_path) == 2
+    assert f"{mine}: would be overwritten" in capsys.readouterr().err
+    assert mine.read_text() == "mine\n" and not (tmp_path / "report.html").exists()
+    mine.rename(tmp_path / "own.csv")
+    for _ in range(2):
+        assert run(package, "weigh", "nobody", "--out", tmp_path, "--quiet") == 0
+    assert mine.read_text().startswith("link,mass_kg")
+    (tmp_path / "result.json").unlink()  # as a run that was refused or killed leaves it
+    assert run(package, "weigh", "nobody", "--out", tmp_path, "--quiet") == 0
+
+
 @pytest.mark.parametrize("out", ["", "  "])
 def test_a_folder_without_a_name_is_refused(package, capsys, out):  # noqa: F811
     assert run(package, "weigh", "nobody", "--out", out) == 2

@@ -13,7 +13,7 @@ from exactarm.commands.result import CommandResult
 from exactarm.effects import Effect, effect_from_table, library
 from exactarm.effects.accepted import effects_folder
 from exactarm.errors import InputError
-from exactarm.report import Report, Text
+from exactarm.report import Report, Text, Warnings
 from exactarm.robot_keys import MOST_AXES
 from exactarm.robot_writer import effects_text
 from exactarm.rows import Source
@@ -50,10 +50,15 @@ def accept(draft: str | Path) -> CommandResult:
                          "another one in EXACTARM_EFFECTS", file=str(folder)) from None
     titles = [effect.title for effect in effects]
     lines = tuple(f"{effect.title}: {effect.describe()}" for effect in effects)
+    empty = tuple(
+        f"{effect.title}: all its values are zero: `simulate` and robot files do nothing with it, `diagnose` "
+        "estimates it" for effect in effects if effect.values and not any(effect.values)
+    )
     return CommandResult(
-        json={"effects": [effect.to_table() for effect in effects], "file": str(path)},
-        report=Report("Accepted effects", f"{', '.join(titles)} in your library.", (Text("Effects", lines),),
-                      "good"),
+        json={"effects": [effect.to_table() for effect in effects], "file": str(path),
+              "warnings": list(empty)},
+        report=Report("Accepted effects", f"{', '.join(titles)} in your library.",
+                      (Text("Effects", lines), Warnings(empty)), "caution" if empty else "good"),
         asked=Asked("accept", f'exactarm.accept("{draft}")', None, (Source(str(draft), sha256(draft)),),
                     DEFAULT_SEED),
     )
@@ -69,6 +74,9 @@ def _effect(entry: object, number: int, file: str) -> Effect:
         raise InputError(f"{where}.{error.args[0]} is missing; expected {_EXPECTED}", file=file) from None
     except (TypeError, ValueError, AttributeError) as error:
         raise InputError(f"{where} does not fit: {error}", file=file) from None
+    if effect.nothing_at_all:
+        raise InputError(f"{where} is zero at all angles and loads, whatever its values; expected an effect "
+                         "that moves its axis", file=file)
     if effect.joint is not None and not 1 <= effect.joint <= MOST_AXES:
         raise InputError(f"{where}.joint is {effect.joint:g}; expected 1 to {MOST_AXES}", file=file)
     return effect

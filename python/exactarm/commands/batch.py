@@ -290,9 +290,11 @@ def _rms(sets: Any) -> float | None:
 
 def _report(ended: Sequence[Outcome]) -> Report:
     count = {state: sum(outcome.state == state for outcome in ended) for state in ("done", "kept", "failed")}
+    first = next((f" {o.name}: {o.why.splitlines()[0]}" for o in ended if o.state == "failed" and o.why), "")
+    more = f" ({count['failed'] - 1} more failed)" if count["failed"] > 1 else ""
     verdict = (
-        f"{len(ended)} jobs: {count['done']} computed, {count['kept']} kept because nothing had changed, "
-        f"{count['failed']} failed."
+        f"{len(ended)} job{'s' if len(ended) != 1 else ''}: {count['done']} computed, {count['kept']} kept "
+        f"because nothing had changed, {count['failed']} failed.{first}{more}"
     )
     judged = any(outcome.verdict for outcome in ended)  # of a diagnosis
     row = lambda o: (o.name, o.command, o.robot, o.state, *([o.verdict.replace("_", " ")] if judged else []),

@@ -200,7 +200,7 @@ def _report(robot: Robot, data: Dataset, result: Calibration, rule: str) -> Repo
     who = "poses that were never fitted" if judge == "validation" else "the fitted poses (none were held out)"
     verdict = (
         f"The mean position error on {who} {change(before.mean, after.mean, unit)} "
-        f"(largest: {quantity(before.max, unit)} to {quantity(after.max, unit)})."
+        f"(largest: {' to '.join(quantities([before.max, after.max], unit))})."
     )
     what, row, known = "position error", "pose", ()
     note = "Before: nominal parameters with only base and tool frames fitted. " + rule

@@ -15,7 +15,7 @@ from exactarm.diagnose.diagnosis import Diagnosis, Finding
 from exactarm.effects.base import Effect
 from exactarm.effects.order_source import likely_source
 from exactarm.report import Cell, Estimate, Figure, Quantity, Table
-from exactarm.report.numbers import quantity
+from exactarm.report.numbers import quantities, quantity
 from exactarm.report.plots.effects import EffectPanel, contribution_bars, effect_panels
 from exactarm.robot import Robot
 
@@ -60,12 +60,12 @@ def causes_in_words(found: Sequence[tuple[Finding, Contribution | None]], axes: 
     for finding, contribution in found:
         groups.setdefault(finding.effect.in_plain_words, []).append((finding, contribution))
     size = lambda members: max((c.at_tool or 0.0 for _, c in members if c is not None), default=0.0)
+    told = dict(zip(groups, quantities([size(members) for members in groups.values()], "m")))
     phrases = []
     for words, members in sorted(groups.items(), key=lambda item: -size(item[1])):
-        told = [c for _, c in members if c is not None]
-        widths = [c.peak_to_peak[0] for c in told if c.curve and c.unit == "rad"]
+        widths = [c.peak_to_peak[0] for _, c in members if c is not None and c.curve and c.unit == "rad"]
         sizes = [f"up to {quantity(max(widths), 'rad')} peak to peak"] if widths else []
-        sizes += [f"{quantity(size(members), 'm')} at the tool"] if size(members) else []
+        sizes += [f"{told[words]} at the tool"] if size(members) else []
         phrases.append(words + axes_in_words([f.effect.joint for f, _ in members], axes)
                        + (f" ({', '.join(sizes)})" if sizes else ""))
     return "; ".join(phrases)

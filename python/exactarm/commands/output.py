@@ -3,7 +3,8 @@
 Files are written into DIR/.partial, then renamed into place. A `result.json` of an earlier run is removed
 before the work begins, so that a run that was killed leaves none. A folder has one owner at a time: a second
 run is refused by a lock on the folder itself, which ends with the process that holds it, however that ends.
-`result.json` names the run (`run`) and the files that belong to it with their SHA-256 (`files`).
+`result.json` names the run (`run`) and the files that belong to it with their SHA-256 (`files`). `.written`
+lists every file that a run has put here: a result takes the place of those alone, never of a user's own file.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ from exactarm.errors import InputError
 
 RESULT = "result.json"
 PARTIAL = ".partial"
+WRITTEN = ".written"  # names, one a line; grows before a file is put in place, so a killed run knows its own
 
 
 class OutputFolder:
@@ -100,19 +102,30 @@ class OutputFolder:
                                            ensure_ascii=False) + "\n")
 
     def publish(self, inputs: Iterable[Any] = ()) -> list[Path]:
-        """Renames all files into place, `result.json` last, over none of the files that the run has read.
-        Returns their paths."""
-        read = {Path(path).resolve() for path in inputs}
+        """Renames all files into place, `result.json` last, over none that the run has read or that no run
+        has written. Returns their paths."""
+        read, own = {Path(path).resolve() for path in inputs}, self._written()
         for name in self._names():
-            if (self.path / name).resolve() in read:
+            target = self.path / name
+            if target.resolve() in read or (target.is_file() and str(name) not in own):
                 raise InputError("would be overwritten by the result of the same name; expected another "
-                                 "--out", file=self.path / name)
+                                 "--out", file=target)
+        new = [str(name) for name in self._names() if str(name) not in own]
+        with (self.path / WRITTEN).open("a", encoding="utf-8") as file:
+            file.writelines(f"{name}\n" for name in new)
         names = sorted(self._names(), key=lambda name: name == Path(RESULT))
         for name in names:
             target = self.path / name
             target.parent.mkdir(parents=True, exist_ok=True)
             os.replace(self._partial / name, target)
         return [self.path / name for name in names]
+
+    def _written(self) -> set[str]:
+        """Names of files that runs have put here."""
+        try:
+            return set((self.path / WRITTEN).read_text(encoding="utf-8").splitlines())
+        except OSError:
+            return set()
 
     def _names(self) -> list[Path]:
         return [path.relative_to(self._partial) for path in sorted(self._partial.rglob("*"))

@@ -242,6 +242,11 @@ class Effect(ABC):
         that parameter."""
         return True
 
+    @property
+    def nothing_at_all(self) -> bool:
+        """Whether no values of its parameters change anything."""
+        return False
+
     # -- as a candidate ---------------------------------------------------------------------------
     @classmethod
     def candidates(cls, robot: Robot, view: View) -> Iterable[Effect]:

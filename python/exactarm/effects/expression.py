@@ -26,6 +26,9 @@ from exactarm.kinds import ALL_KINDS
 _OF_AXIS = re.compile(r"(q|theta|torque|approach)_(\d+)$")
 _LONGEST_LABEL = 60  # characters
 _RANGE = 3.0  # times a width that a draft names: as far as a fit may move it; exp(s/w) does not overflow
+# Where a formula is tried: signals of any sign from a thousandth to a thousand (rad, Nm, h, degC)
+_TRIED, _DECADES = 1000, 3.0
+_NO_SIZE_RAD = 1e-12  # 1 pm at 1 m: what rounding leaves of q_1 - q_1
 _SIGNAL = {"q": "phi", "theta": "theta", "torque": "torque"}
 
 
@@ -66,6 +69,18 @@ class Expression(Effect):
     @cached_property
     def formula(self) -> Formula:
         return Formula.of(self.form)
+
+    @property
+    def nothing_at_all(self) -> bool:
+        """Whether the formula is zero wherever it is tried, with its parameters at their plausible sizes."""
+        random = np.random.default_rng(0)
+        sizes = dict(zip(self.names, self.plausible))
+        numbers = {name: np.full(_TRIED, sizes[name]) for name in self.names}
+        signals = {signal: random.choice((-1.0, 1.0), _TRIED)
+                   * 10.0 ** random.uniform(-_DECADES, _DECADES, _TRIED) for signal in self.of}
+        with np.errstate(all="ignore"):
+            value = self.formula(signals | numbers)[0]
+        return bool(np.all(np.abs(value) < _NO_SIZE_RAD))  # without a value at some place: not zero
 
     @property
     def label(self) -> str:

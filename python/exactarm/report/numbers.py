@@ -16,6 +16,7 @@ DASH = "–"
 SIGNIFICANT_DIGITS, INTERVAL_DIGITS, EXACT_DIGITS = 3, 2, 6
 MOST_DECIMALS = 6
 _LOPSIDED = 0.05  # of the half-width: what two digits of it show
+_COMPARED = 1e-3  # of the largest of a sentence: below, its prefix would put three zeros before the digits
 _UNCHANGED = 0.005  # share of an error below which two of them read alike: half a step of the third digit
 
 # SI unit -> (unit to show, its size in SI), from large to small.
@@ -94,14 +95,22 @@ def quantity(value: float | None, unit: str = "") -> str:
     return format_cells([Quantity(value, unit)])[0]
 
 
+def quantities(values: Sequence[float], unit: str = "") -> list[str]:
+    """Numbers that one sentence compares, with the prefix of the largest: "0.176 mm" and "0.0784 mm". One that
+    is smaller by more than `_COMPARED` has its own."""
+    largest = max((abs(value) for value in values if math.isfinite(value)), default=0.0)
+    beside = [Quantity(largest, unit)]
+    return [format_cells([Quantity(value, unit)], beside=beside if abs(value) >= _COMPARED * largest else ())[0]
+            for value in values]
+
+
 def change(before: float, after: float, unit: str = "") -> str:
     """What an error did, for sentences: "falls from 1.93 mm to 0.378 mm", "rises from ...", "stays at 0.378
     mm"."""
     if not abs(after - before) > _UNCHANGED * before:
         return f"stays at {quantity(after, unit)}"
-    return (
-        f"{'falls' if after < before else 'rises'} from {quantity(before, unit)} to {quantity(after, unit)}"
-    )
+    was, now = quantities([before, after], unit)
+    return f"{'falls' if after < before else 'rises'} from {was} to {now}"
 
 
 def estimate(value: float | None, low: float | None, high: float | None, unit: str = "") -> str:
