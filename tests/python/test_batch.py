@@ -44,7 +44,8 @@ def test_a_failed_job_stops_no_other_and_the_summary_tells_of_all(manifest, tmp_
 
 def test_the_line_of_a_failed_batch_names_the_first_cause(tmp_path, capsys):
     (tmp_path / "manifest.csv").write_text("name,command,robot,files\nfirst,evaluate,ur10,missing.csv\n")
-    assert cli.main(["batch", str(tmp_path / "manifest.csv"), "--out", str(tmp_path / "fleet"), "--quiet"]) == 1
+    words = ["batch", str(tmp_path / "manifest.csv"), "--out", str(tmp_path / "fleet"), "--quiet"]
+    assert cli.main(words) == 1
     assert capsys.readouterr().err.endswith(
         "1 job: 0 computed, 0 kept because nothing had changed, 1 failed. first: missing.csv: no such file; "
         "expected a CSV or Parquet file\n")

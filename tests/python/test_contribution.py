@@ -8,9 +8,15 @@ import pytest
 
 import exactarm as ea
 from exactarm.commands.diagnose_report import found_effects, report_of
-from exactarm.commands.effect_sections import _size, axes_in_words, causes_in_words, percent
+from exactarm.commands.effect_sections import _at_tool_note, _size, axes_in_words, causes_in_words, percent
 from exactarm.commands.error_sections import words_of
-from exactarm.diagnose.contribution import _follows, _own_direction, _own_signals, _told_over
+from exactarm.diagnose.contribution import (
+    _follows,
+    _loaded_without_spring,
+    _own_direction,
+    _own_signals,
+    _told_over,
+)
 from exactarm.diagnose.diagnosis import diagnose
 from exactarm.effects.order_source import likely_source
 
@@ -145,3 +151,30 @@ def test_a_direction_that_no_row_shows_is_not_the_own_one():
     assert name == "the base's x axis" and before.tolist() == [2.0] * 4 and after.tolist() == [1.0] * 4
     del directions[name]
     assert _own_direction(at(1.0), at(2.0), SimpleNamespace(joint=None), directions) == (None, None, None)
+
+
+@pytest.mark.slow
+def test_a_torque_has_the_size_at_the_tool_that_it_has_through_a_declared_spring():
+    """3 Nm of axis 3 (which act alike, whichever way it turns) over its stiffness, times the distance of the
+    flange from the axis."""
+    robot = ea.load_robot("racer-7-1.4")
+    made = ea.simulate(robot, measure="motion", runs=3, seconds=4.0, seed=4, rate=200.0, effects=[
+        "asymmetric_friction joint=3 coulomb_Nm=3 viscous_Nm_s=0"])
+    found = diagnose(robot, made.data)
+    (own,) = [c for c in found.contributions if c.effect.name == "asymmetric_friction"]
+    q = np.array([made.data.joints["theta"][row] / robot.ratios for row in range(0, len(made.data), 40)])
+    place = lambda angles: np.array([robot.fk(each).position for each in angles])
+    lever = np.median(np.linalg.norm(place(q + 1e-4 * np.eye(6)[2]) - place(q), axis=1)) / 1e-4
+    assert own.at_tool == pytest.approx(3.0 / robot.joints[2].spring_linear * lever, rel=0.1)
+
+
+def test_torques_through_a_joint_of_unknown_stiffness_have_no_size_at_the_tool():
+    robot = ea.load_robot("racer-7-1.4").with_joint(2, spring_linear=None)
+    fitted = SimpleNamespace(robot=robot, measured=np.array([0, 2, 4]))
+    torque = np.outer(np.sin(np.arange(50.0)), [1.0, 2.0, 1e-3])
+    assert _loaded_without_spring(fitted, torque) == (3,)
+    assert _loaded_without_spring(fitted, torque * [1.0, 0.0, 1.0]) == ()
+    told = [SimpleNamespace(tool=None, rigid=axes) for axes in ((3,), ())]
+    note = _at_tool_note(SimpleNamespace(unit="Nm", robot=robot), told)
+    assert note.startswith("No size at the tool where the robot file declares no stiffness")
+    assert note.endswith("none on axis 3. ")

@@ -112,9 +112,9 @@ def test_an_accepted_draft_is_diagnosed_like_any_effect(tmp_path, monkeypatch):
     ('[[effects]]\neffect = "expression"\njoint = 5\nof = []\nform = "a*("\nvalues = { a = 1.0 }\n',
      "effects[1]"),
     ('[[effects]]\neffect = "nothing"\n', "no known effect"),
-    *((f'[[effects]]\neffect = "expression"\njoint = 5\nform = "{form}"\nof = ["q_1"]\nvalues = {{ {values} }}\n',
-       "is zero at all angles") for form, values in (("0*q_1", ""), ("a*(q_1 - q_1)", "a = 1e-3"),
-                                                     ("a*sin(q_1)*0", "a = 0.0"))),
+    *(('[[effects]]\neffect = "expression"\njoint = 5\n'
+       f'form = "{form}"\nof = ["q_1"]\nvalues = {{ {values} }}\n', "is zero at all angles")
+      for form, values in (("0*q_1", ""), ("a*(q_1 - q_1)", "a = 1e-3"), ("a*sin(q_1)*0", "a = 0.0"))),
 ])
 def test_a_draft_that_does_not_fit_is_refused_by_name(tmp_path, capsys, monkeypatch, text, said):
     monkeypatch.setenv("EXACTARM_EFFECTS", str(tmp_path / "mine"))
@@ -125,7 +125,9 @@ def test_a_draft_that_does_not_fit_is_refused_by_name(tmp_path, capsys, monkeypa
     assert said in error and "draft.toml" in error and not (tmp_path / "mine").exists()
 
 
-def test_a_formula_that_is_zero_in_places_is_accepted_and_an_amplitude_of_zero_is_said(tmp_path, capsys, monkeypatch):
+def test_a_formula_that_is_zero_in_places_is_accepted_and_an_amplitude_of_zero_is_said(
+    tmp_path, capsys, monkeypatch
+):
     monkeypatch.setenv("EXACTARM_EFFECTS", str(tmp_path / "mine"))
     draft = tmp_path / "draft.toml"
     for value, warned in ((1e-4, False), (0.0, True)):

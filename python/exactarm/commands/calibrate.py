@@ -31,7 +31,7 @@ from exactarm.identify.parameter_name import Group, parse_parameter
 from exactarm.kinds import CLOSURES, POSES
 from exactarm.progress import SILENT, Progress
 from exactarm.report import Estimate, Figure, Quantity, Report, Table, Warnings
-from exactarm.report.numbers import change, quantity
+from exactarm.report.numbers import change, quantities
 from exactarm.report.plots.parameters import parameter_forest
 from exactarm.robot import Robot
 from exactarm.split import DEFAULT_SEED

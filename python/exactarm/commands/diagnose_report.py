@@ -12,17 +12,20 @@ from exactarm.commands.effect_sections import (
     causes_in_words,
     curves_figure,
     effects_table,
+    in_words,
     orders_table,
     parameters_table,
     percent,
     sizes_figure,
 )
 from exactarm.commands.error_sections import error_figures, error_table, highlights
+from exactarm.commands.measure_more import measure_more
 from exactarm.diagnose.contribution import Contribution
 from exactarm.diagnose.diagnosis import Diagnosis, Finding
 from exactarm.diagnose.dossier import Dossier
 from exactarm.diagnose.held_out_evidence import AGAINST
 from exactarm.diagnose.verdict import (
+    NOTHING,
     UNEXPLAINED,
     beside,
     remains,
@@ -31,7 +34,7 @@ from exactarm.diagnose.verdict import (
 )
 from exactarm.kinds import kind_of
 from exactarm.report import Figure, Quantity, Report, Table, Text, Warnings
-from exactarm.report.numbers import change, number, quantity
+from exactarm.report.numbers import change, number, quantities
 from exactarm.report.plots.arm import arm_with_errors
 from exactarm.robot import Robot
 
@@ -91,9 +94,10 @@ def verdict_of(robot: Robot, result: Diagnosis, found: list[tuple[Finding, Contr
     doubtful = [a for a in result.alternatives if a.collides]
     if doubtful:
         own = next((f.effect for f in result.findings if f.effect.label == doubtful[0].instead_of), None)
-        text += (
-            f" These data cannot tell {own.title} from {doubtful[0].effect.title}." if own is not None else ""
-        )
+        if own is not None:
+            rival = doubtful[0].effect.title
+            more = "more of " if rival in {finding.effect.title for finding in result.findings} else ""
+            text += f" These data cannot tell {own.title} from {more}{rival}."
     if result.held_out_gain < AGAINST:
         text += spoken_against(len(found))
     elif result.verdict == UNEXPLAINED:
@@ -109,7 +113,8 @@ def _sections(robot: Robot, result: Diagnosis, found: list[tuple[Finding, Contri
     unit = result.unit
     name, row = kind_of(result.kind).error, kind_of(result.kind).row
     note = f"Before: the declared model with its own parameters estimated again. {rule}"
-    sections: list = [highlights(result.before, result.after, unit), *_next(result, found), *_drafts(result)]
+    sections: list = [highlights(result.before, result.after, unit), *_next(robot, result, found),
+                      *_drafts(result)]
     if found:
         judged = "validation" if result.after["validation"].n else "identification"
         geared = [joint.has_gear for joint in robot.joints]
@@ -138,30 +143,32 @@ def _sections(robot: Robot, result: Diagnosis, found: list[tuple[Finding, Contri
     return sections
 
 
-def _next(result: Diagnosis, found: list[tuple[Finding, Contribution | None]]) -> list[Text]:
+def _next(robot: Robot, result: Diagnosis, found: list[tuple[Finding, Contribution | None]]) -> list[Text]:
     """What the reader does with this page."""
     lines = []
+    corrected = sorted({f.effect.in_plain_words for f, _ in found if f.effect.compensable})
     if found and not _pays(result):
         lines.append("The causes are probable by the fitted rows, but do not lower the error of the others: "
-                     "keep your robot file "
-                     "until a new measurement decides.")
-    elif any(finding.effect.compensable for finding, _ in found):
-        lines.append("Use `robot.toml` of this folder in place of your robot file: `exactarm plan` with it "
-                     "makes up for "
-                     + ", ".join(sorted({f.effect.in_plain_words for f, _ in found if f.effect.compensable}))
-                     + ".")
+                     "keep your robot file until a new measurement decides.")
+    elif corrected:
+        lines.append("Use `robot.toml` of this folder in place of your robot file"
+                     + (f": `exactarm compensate` (programs) and `exactarm plan` (paths) with it make up for "
+                        f"{in_words(corrected)}." if robot.has_geometry else
+                        f"; it holds {in_words(corrected)}. To correct programs with them it needs the arm's "
+                        "geometry too."))
+    elif result.verdict == NOTHING and robot.has_geometry:
+        lines.append("Nothing need be added. `robot.toml` of this folder is your robot file with its own "
+                     "parameters estimated again from these data.")
     if found:
         lines.append(f"{kind_of(result.kind).anew} and run `exactarm evaluate robot.toml NEW.csv`: the error "
                      "there is the one to trust.")
     if result.next_experiment:
         lines.append(result.next_experiment)
-    if result.verdict == UNEXPLAINED and not result.next_experiment:
-        lines.append("To find what is left, measure more where it shows: "
-                     f"{remains(result.dossier_after, result.excess, result.unknown)}.")
+    if result.verdict == UNEXPLAINED and result.converged:
+        lines.append(measure_more(result))
     if result.drafts:
         lines.append("`draft.toml` holds an effect for what is left. Check it, then `exactarm accept "
-                     "draft.toml` and diagnose again: "
-                     "every command knows it from then on.")
+                     "draft.toml` and diagnose again: every command knows it from then on.")
     return [Text("What to do next", tuple(lines))] if lines else []
 
 
@@ -210,13 +217,12 @@ def _rivals(result: Diagnosis) -> Table:
         (a.effect.title, titles.get(a.instead_of, a.instead_of), Quantity(a.rms_after, result.unit),
          percent(a.probability),
          _why(a, reached))
-        for a in result.alternatives
-    )
+        for a in {(a.effect.title, a.instead_of): a for a in reversed(result.alternatives)}.values()
+    )[::-1]  # of two of one name the better
     header = ("runner-up", "instead of", f"{judged} RMS with it", "probability", "why it was not chosen")
-    note = (
-        f"With the causes found: {quantity(reached, result.unit)}. Held-out rows choose nothing: the fitted "
-        "rows decide."
-    )
+    most = max(a.rms_after for a in result.alternatives)
+    note = (f"With the causes found: {quantities([reached, most], result.unit)[0]}. Held-out rows choose "
+            "nothing: the fitted rows decide.")
     return Table("Runners-up", header, rows, note if judged == "validation" else "")
 
 
@@ -225,7 +231,7 @@ def _why(rival, reached: float) -> str:
         return "cannot be told apart by these data"
     if rival.rms_after > _LESS * reached:
         return f"leaves {100.0 * (rival.rms_after / reached - 1.0):.0f} % more error"
-    return "less probable on the fitted rows, though no worse on the others"
+    return "less probable on the fitted rows, though about as good on the others"
 
 
 def _dossier_table(heading: str, dossier: Dossier) -> Table:

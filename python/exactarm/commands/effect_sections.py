@@ -19,11 +19,15 @@ from exactarm.report.numbers import quantities, quantity
 from exactarm.report.plots.effects import EffectPanel, contribution_bars, effect_panels
 from exactarm.robot import Robot
 
-_AT_TOOL = (  # of angles, of measured positions
-    "At the tool: the angle error times the distance of the flange from the axis, median over the rows.",
-    "At the tool: median over the poses of what the effect moves the target and nothing else in the model "
-    "makes up for.",
-)
+_AT_TOOL = {  # by the unit of the error: of positions, of torques; else of angles
+    "m": "At the tool: median over the poses of what the effect moves the target and nothing else in the "
+    "model makes up for.",
+    "Nm": "At the tool: the torque over the stiffness of the joints in the robot file, times the distance of "
+    "the flange from their axes, median over the rows; of friction at most so much, for what acts on the "
+    "motor's side of the spring does not bend it.",
+}
+_OF_ANGLES = ("At the tool: the angle error times the distance of the flange from the axis, median over the "
+              "rows.")
 _MOST_ORDERS = 3  # of one effect
 _LEAST_ORDER = 0.25  # of its strongest order: weaker ones are not listed
 _MOST_PANELS = 12
@@ -50,7 +54,12 @@ def axes_in_words(joints: Sequence[int | None], axes: int) -> str:
         return f" on axis {numbers[0]}"
     if len(numbers) > 2 and numbers == list(range(numbers[0], numbers[-1] + 1)):
         return f" on axes {numbers[0]} to {numbers[-1]}"
-    return f" on axes {', '.join(map(str, numbers[:-1]))} and {numbers[-1]}"
+    return f" on axes {in_words([str(number) for number in numbers])}"
+
+
+def in_words(items: Sequence[str]) -> str:
+    """"a", "a and b", "a, b and c"."""
+    return " and ".join(part for part in (", ".join(items[:-1]), *items[-1:]) if part)
 
 
 def causes_in_words(found: Sequence[tuple[Finding, Contribution | None]], axes: int) -> str:
@@ -77,13 +86,22 @@ def effects_table(result: Diagnosis, found: Sequence[tuple[Finding, Contribution
               "or instead"]
     rows = [_row(finding, contribution, result.robot) for finding, contribution in in_order(found)]
     kept = [k for k in range(len(header)) if any(row[k] not in (None, "") for row in rows)]
-    note = (_AT_TOOL[result.unit == "m"] + " "
-            if any(c is not None and c.tool is not None for _, c in found) else "")
+    note = _at_tool_note(result, [c for _, c in found if c is not None])
     if any(getattr(finding, "own_share", None) is not None for finding, _ in found):
         note += ("Own share: a model without this effect alone, the others estimated again, has a larger "
                  "held-out square sum; so much of it goes with the effect.")
     return Table("Causes found", tuple(header[k] for k in kept),
                  tuple(tuple(row[k] for k in kept) for row in rows), note)
+
+
+def _at_tool_note(result: Diagnosis, told: Sequence[Contribution]) -> str:
+    """What the column is, or why there is none."""
+    note = _AT_TOOL.get(result.unit, _OF_ANGLES) + " " if any(c.tool is not None for c in told) else ""
+    rigid = [axis for c in told for axis in c.rigid]
+    if rigid:
+        note += (f"No size at the tool where the robot file declares no stiffness "
+                 f"(`spring_linear_Nm_rad`): none{axes_in_words(rigid, result.robot.axes)}. ")
+    return note
 
 
 def _row(finding: Finding, contribution: Contribution | None, robot: Robot) -> list[Cell]:
@@ -209,5 +227,5 @@ def sizes_figure(found: Sequence[tuple[Finding, Contribution | None]], left: flo
     labels, sizes = [label for label, _ in told], np.array([size for _, size in told])
     return [Figure("contributions", "Which axis costs how much",
                    partial(contribution_bars, labels, sizes, left if unit == "m" else None),
-                   _AT_TOOL[unit == "m"],
+                   _AT_TOOL.get(unit, _OF_ANGLES),
                    "bars of the movement at the tool by cause")]

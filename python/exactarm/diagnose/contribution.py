@@ -8,7 +8,8 @@ For every effect, with all others in the model, on the identification rows:
     without, with_ (N,)         the residual along the effect's own direction without and with it
     tool (N,)                   size of what it does to the measured position and no other parameter makes up
                                 for, m; of an angle error in other data: the angle times the distance of the
-                                flange from the axis
+                                flange from the axis; of torques: what the flange moves where they pass
+                                through the springs that the robot file declares (of some rows)
 
 An angle error that repeats is known up to a constant, which is the joint's zero: its value has mean zero
 here.
@@ -26,6 +27,7 @@ import numpy as np
 
 from exactarm import _core
 from exactarm.chain import Layout
+from exactarm.chain.spring import declared_deflection
 from exactarm.diagnose.problem import Fitted, Problem
 from exactarm.effects.axis_units import of_a_slide, slides
 from exactarm.effects.base import Effect, Station
@@ -35,6 +37,7 @@ from exactarm.robot import Robot
 FOLLOWS = 0.9
 _HIGH_ORDER = 12.0  # cycles per output revolution: more waves than a plot over the whole turn can show
 _ENOUGH = 0.5  # of a value's variance, that a signal other than time explains, to be told over it
+_LOADED = 0.01  # of the largest torque (RMS): less does not count as load of an axis
 _POSTURES = 50  # of a run: levers change little between neighbours
 _SMALL_RAD = 1e-4  # a turn whose chord is its arc to 1e-9
 _MOST_POINTS = 3000  # of a picture
@@ -50,7 +53,8 @@ _POSITION = 3  # components of a measured position
 @dataclass(frozen=True)
 class Contribution:
     """See the module. `signal` and `direction` are names; `curve`: the value is a function of the signal;
-    unit of value and residual, SI. `tool` (N,) m or None where no position is measured."""
+    unit of value and residual, SI. `tool` (N,) m or None; `rigid`: loaded axes without a declared stiffness,
+    for want of which torques have none."""
 
     effect: Effect
     signal: str
@@ -66,6 +70,7 @@ class Contribution:
     tool: np.ndarray | None
     residual_unit: str
     peak_to_peak: tuple[float, float]  # of the value, and its 95 % half width
+    rigid: tuple[int, ...] = ()
 
     @property
     def at_tool(self) -> float | None:
@@ -114,13 +119,15 @@ def _contribution(fitted: Fitted, index: int, signals: dict, directions: dict,
     named = _own_signals(effect, signals, fitted, direction)
     signal = _told_over(named, value)
     rows = _subsampled(named[signal])
-    tool = _at_tool(without, moved) if unit == "m" else _by_lever(fitted, effect, value, value_unit)
+    rigid = _loaded_without_spring(fitted, moved) if unit == "Nm" else ()
+    tool = (_at_tool(without, moved) if unit == "m" else _by_lever(fitted, effect, value, value_unit)
+            if unit != "Nm" else None if rigid else _by_springs(fitted, moved))
     return Contribution(
         effect, signal, _UNITS.get(signal.split()[0], ""), _follows(named[signal], value) > FOLLOWS,
         named[signal][rows], value[rows], _half(fitted, slopes[rows], covariance), value_unit, direction,
         before[rows],
         after[rows], tool, residual_unit,
-        (float(value[high] - value[low]), float(_half(fitted, difference[None], covariance)[0])),
+        (float(value[high] - value[low]), float(_half(fitted, difference[None], covariance)[0])), rigid,
     )
 
 
@@ -137,12 +144,37 @@ def _by_lever(fitted: Fitted, effect: Effect, value: np.ndarray, unit: str) -> n
     postures of the data. None where the effect is no angle of one axis, or the arm has no geometry."""
     if unit != "rad" or effect.joint is None or not fitted.robot.has_geometry:
         return None
-    q = fitted.view.q
-    q = q[np.linspace(0, len(q) - 1, min(len(q), _POSTURES)).astype(int)]
-    turned = q + _SMALL_RAD * np.eye(q.shape[1])[effect.index]
-    flange = [_core.identification_jacobian(fitted.robot.core, np.ascontiguousarray(each))[0]
-              for each in (q, turned)]
-    return np.abs(value) * float(np.median(np.linalg.norm(flange[1] - flange[0], axis=1))) / _SMALL_RAD
+    q = fitted.view.q[_postures(len(fitted.view.q))]
+    moved = _flange_moves(fitted.robot, q, _SMALL_RAD * np.eye(q.shape[1])[effect.index])
+    return np.abs(value) * float(np.median(moved)) / _SMALL_RAD
+
+
+def _loaded_without_spring(fitted: Fitted, moved: np.ndarray) -> tuple[int, ...]:
+    """Axes (from 1) that the torques `moved` (N, m) of the measured axes load, and whose stiffness nobody
+    knows."""
+    size = np.sqrt(np.mean(moved**2, axis=0))
+    loaded = fitted.measured[size > _LOADED * size.max()]
+    return tuple(int(i) + 1 for i in loaded if not fitted.robot.joints[i].spring_linear)
+
+
+def _by_springs(fitted: Fitted, moved: np.ndarray) -> np.ndarray:
+    """(k,) m that the flange moves in k rows where the torques `moved` (N, m) of the measured axes pass
+    through the declared springs."""
+    rows = _postures(len(moved))
+    torque = np.zeros((len(rows), fitted.view.axes))
+    torque[:, fitted.measured] = moved[rows]
+    slope = declared_deflection(fitted.robot, fitted.view.torque[rows])[1]
+    return _flange_moves(fitted.robot, fitted.view.q[rows], slope * torque)
+
+
+def _postures(rows: int) -> np.ndarray:
+    return np.linspace(0, rows - 1, min(rows, _POSTURES)).astype(int)
+
+
+def _flange_moves(robot: Robot, q: np.ndarray, turned: np.ndarray) -> np.ndarray:
+    """(N,) m between the places of the flange at q (N, n) and at q + turned."""
+    place = lambda angles: _core.identification_jacobian(robot.core, np.ascontiguousarray(angles))[0]
+    return np.linalg.norm(place(q + turned) - place(q), axis=1)
 
 
 def _own_direction(fitted: Fitted, without: Fitted, effect: Effect, directions: dict):

@@ -313,7 +313,7 @@ class GearProblem(ProblemInTime):
                  for piece in _without_gaps(rows, np.isfinite(column[rows]))] for column in errors.T]
 
     def separating_experiment(self, fitted: Fitted, one: Effect, other: Effect) -> str:
-        return separating_run(self.robot, fitted, self.record, one, other, self.unit)
+        return separating_run(self.robot, fitted, self.record, one, other)
 
 
 def _without_gaps(rows: np.ndarray, kept: np.ndarray) -> list[np.ndarray]:

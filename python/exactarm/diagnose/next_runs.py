@@ -24,8 +24,7 @@ _ROWS = 1500
 _CERTAIN = 4.0  # standard deviations between two explanations
 
 
-def separating_run(robot: Robot, fitted: Fitted, record: GearRecord, one: Effect, other: Effect,
-                   unit: str) -> str:
+def separating_run(robot: Robot, fitted: Fitted, record: GearRecord, one: Effect, other: Effect) -> str:
     """One sentence with the best run and by how much the two effects differ in it."""
     best, best_apart, best_rows = "", -1.0, 1
     old = _difference_on_record(fitted, one, other)
@@ -39,14 +38,13 @@ def separating_run(robot: Robot, fitted: Fitted, record: GearRecord, one: Effect
                     best = f"axis {axis + 1} to and fro at {np.rad2deg(speed):.0f} deg/s{posture}"
                     best_apart, best_rows = apart, len(data)
     names = f"{one.title} and {other.title}"
-    noise = float(np.mean(fitted.sigma))
-    ratio = best_apart / noise
+    ratio = best_apart / float(np.mean(fitted.sigma))
     runs = max(1, int(np.ceil((_CERTAIN / max(ratio, 1e-9)) ** 2 / best_rows)))
     if runs > 20:
-        return (f"No run of one axis inside the limits parts {names} (at most {best_apart:.2g} {unit} beside "
-                f"a scatter of {noise:.2g}): repeat the runs with another known payload.")
-    return (f"Move {best}, {runs} run{'s' if runs > 1 else ''}: there {names} differ by {best_apart:.2g} "
-            f"{unit} RMS beside a scatter of {noise:.2g}.")
+        return (f"No run of one axis inside the limits parts {names} (at most {ratio:.2g} times the "
+                "scatter): repeat the runs with another known payload.")
+    return (f"Move {best}, {runs} run{'s' if runs > 1 else ''}: there {names} differ by {ratio:.2g} times "
+            "the scatter (RMS).")
 
 
 def _planned(robot: Robot, fitted: Fitted, record: GearRecord, axis: int, share: float, turn: float):

@@ -38,7 +38,7 @@ def verdict_of_causes(causes: Causes, after, noise: NoiseFloor, excess: float) -
     """From the posterior; held-out rows and repeated visits may only object."""
     judged = "validation" if after["validation"].n else "identification"
     far = noise.measured and after[judged].rms > _FAR_ABOVE_NOISE * noise.value
-    if causes.probability_something_else >= NAMED_AT or causes.wanders or excess > _CARRIES_OVER or far:
+    if causes.probability_something_else >= NAMED_AT or causes.wanders or carries_badly(excess) or far:
         return UNEXPLAINED
     if causes.places:
         return EXPLAINED
@@ -69,7 +69,7 @@ def held_out_excess(errors: dict[str, np.ndarray], unit: float, spread: float = 
 
 def verdict_by_rules(problem, before, after, noise: NoiseFloor, left: Dossier, found: bool, spread: float,
                      excess: float) -> str:
-    if excess > _CARRIES_OVER:
+    if carries_badly(excess):
         return UNEXPLAINED
     judged = "validation" if after["validation"].n else "identification"
     rms_before, rms_after = before[judged].rms, after[judged].rms
@@ -100,6 +100,11 @@ def rises(before, after) -> bool:
     return after["validation"].rms > (1.0 + _NO_CHANGE) * before["validation"].rms
 
 
+def carries_badly(excess: float) -> bool:
+    """Whether held-out rows err so much more than the fit lets expect that the fit says little of them."""
+    return excess > _CARRIES_OVER
+
+
 def remains(left: Dossier, excess: float, unknown: tuple[str, ...] = ()) -> str:
     """What is known of a structure that nothing explains; unknown: what the posterior says of it."""
     if unknown:
@@ -108,7 +113,7 @@ def remains(left: Dossier, excess: float, unknown: tuple[str, ...] = ()) -> str:
         known = f"it follows the {left.strongest.signal} best, along {left.strongest.direction}"
     else:
         known = "it follows no single signal beyond chance"
-    if excess > _CARRIES_OVER:
+    if carries_badly(excess):
         known += (
             f", and on rows that were not fitted the error is {excess:.1f} times what the fit lets expect"
         )

@@ -96,12 +96,11 @@ def quantity(value: float | None, unit: str = "") -> str:
 
 
 def quantities(values: Sequence[float], unit: str = "") -> list[str]:
-    """Numbers that one sentence compares, with the prefix of the largest: "0.176 mm" and "0.0784 mm". One that
-    is smaller by more than `_COMPARED` has its own."""
+    """Numbers that one sentence compares, with the prefix of the largest: "0.176 mm" and "0.0784 mm". One
+    that is smaller by more than `_COMPARED` has its own."""
     largest = max((abs(value) for value in values if math.isfinite(value)), default=0.0)
-    beside = [Quantity(largest, unit)]
-    return [format_cells([Quantity(value, unit)], beside=beside if abs(value) >= _COMPARED * largest else ())[0]
-            for value in values]
+    beside = lambda value: [Quantity(largest, unit)] if abs(value) >= _COMPARED * largest else []
+    return [format_cells([Quantity(value, unit)], beside=beside(value))[0] for value in values]
 
 
 def change(before: float, after: float, unit: str = "") -> str:

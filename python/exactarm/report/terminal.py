@@ -81,11 +81,14 @@ def columns_of(table: Table) -> tuple[list[str], list[list[str]], list[bool]]:
     return header, columns, numeric
 
 
+_READ_TOGETHER = r"before|after|without|mean|RMS|maximum|std\. dev\."
+
+
 def _compared(header: Sequence[str], columns: Sequence[Sequence[Cell]], k: int) -> list[Cell]:
     """Numbers of the columns that are read against column `k`, in one SI unit: names that differ in "before",
     "after" or "without" alone, or that are statistics of one error."""
     units = lambda cells: {cell.unit for cell in cells if isinstance(cell, (Quantity, Estimate))}
-    stems = [re.sub(r"\W*\b(before|after|without|mean|RMS|maximum|std. dev.)(?!\w)\W*", "", name) for name in header]
+    stems = [re.sub(rf"\W*\b({_READ_TOGETHER})(?!\w)\W*", "", name) for name in header]
     return [cell for j, cells in enumerate(columns)
             if j != k and header[j] != header[k] and stems[j] == stems[k] and len(units(cells)) == 1
             and units(cells) == units(columns[k]) for cell in cells if isinstance(cell, (Quantity, Estimate))]

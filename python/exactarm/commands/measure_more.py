@@ -1,0 +1,99 @@
+"""What to measure so that a structure that nothing explains shows its cause: one experiment for what it
+follows.
+
+A signal of one axis is varied alone; two signals together need rows that vary them independently; time,
+temperature and place are visited again. Words alone: the experiment is the usual one of the field, no optimum
+(which poses part two named causes: `diagnose/next_*.py`).
+"""
+
+from __future__ import annotations
+
+import re
+
+from exactarm.diagnose.diagnosis import Diagnosis
+from exactarm.diagnose.verdict import carries_badly
+from exactarm.kinds import kind_of
+from exactarm.kinds.base import Device, Kind
+
+_AXIS = r" of axis (?P<axis>\d+)"
+# What is said, of which the first that is found in the words of the structure counts; for rows at rest.
+_AT_REST = (
+    (r"wanders or jumps",
+     "see that nothing moved (base, device, reflector), and visit one pose again after every ten others: "
+     "drift and jumps show there by themselves"),
+    (r"approach" + _AXIS,
+     "drive to twenty poses from both sides of axis {axis} (`exactarm design --both-ways`): the "
+     "difference is what hangs on the direction"),
+    (r"angle" + _AXIS + r".* and the (?!load)|two axes together",
+     "measure about as many poses again, every axis over its whole range and independent of the others "
+     "(`exactarm design`): it shows at no axis alone"),
+    (r"load" + _AXIS,
+     "measure the same poses with a known payload and without (column `payload_kg`): what hangs on the "
+     "load of axis {axis} grows with it, what hangs on its angle does not"),
+    (r"angle" + _AXIS,
+     "turn axis {axis} alone through its range in steps of 3 deg, in two postures of the others: what its"
+     " angle does then shows by itself"),
+    (r"position",
+     "{elsewhere}: what stays with the device is not the arm's"),
+    (r"time|order of measurement",
+     "visit five of the poses again every quarter of an hour: what changes with time shows there"),
+)
+_IN_MOTION = (
+    (r"waves stand out of its noise, the highest at (?P<hertz>[\d.e+-]+) Hz",
+     "run each axis alone at half and at twice the speed: a wave of the gear leaves {hertz} Hz with the "
+     "speed, one of the sensor, the mains or a swinging arm stays"),
+    (r"(direction|speed)" + _AXIS,
+     "move axis {axis} alone to and fro, at three constant speeds from slow to fast: friction and play "
+     "show at the reversals, the rest with the speed"),
+    (r"(motor )?angle" + _AXIS,
+     "turn axis {axis} alone through its range, slowly, both ways: what its angle does then shows by "
+     "itself"),
+    (r"load" + _AXIS,
+     "repeat the motion with a known payload: what hangs on the load of axis {axis} grows with it"),
+    (r"acceleration" + _AXIS,
+     "play the same motion at half the speed: inertia and delays fall with it, friction and gears stay"),
+    (r"position", "{elsewhere}: what stays with the device is not the arm's"),
+    (r"time",
+     "play the same motion cold, and after half an hour of work: what warms up shows in the difference"),
+)
+_ELSEWHERE = {
+    Device.TARGET: "measure more {rows} over the whole work space, some from a second place of the tracker",
+    Device.CONTACT: "touch at another place of the fixture",
+}
+_OTHER = "record the same once more with another {signal}: what follows it shows in the difference"
+_NOTHING = (
+    "visit five poses ten times each: if they scatter as much as the error that is left, it is the "
+    "device; if not, it is the arm, and more poses are needed",
+    "record the same motion three times: what repeats is the arm, what does not is the sensor",
+)
+_FEW_ROWS = {
+    True: "measure as many poses again, elsewhere in the work space",
+    False: "record at least two other motions with other speeds and postures",
+}
+
+
+def measure_more(result: Diagnosis) -> str:
+    """One sentence for a diagnosis that leaves a structure."""
+    kind = kind_of(result.kind)
+    left = result.dossier_after
+    told = result.unknown or ((left.strongest.signal,) if left.structure else ())
+    return experiment_for(kind, "; ".join(told), carries_badly(result.excess))
+
+
+def experiment_for(kind: Kind, told: str, far_larger: bool = False) -> str:
+    """told: what the structure follows, in words; far_larger: it is, on rows that were not fitted."""
+    words = _experiment(kind, told)
+    if far_larger:
+        words += ". The fitted rows say too little of the others: " + _FEW_ROWS[kind.at_rest]
+    return f"To find what is left, {words}."
+
+
+def _experiment(kind: Kind, told: str) -> str:
+    elsewhere = _ELSEWHERE.get(kind.device, "measure elsewhere in the work space").format(rows=kind.rows)
+    for pattern, words in _AT_REST if kind.at_rest else _IN_MOTION:
+        found = re.search(pattern, told)
+        if found:
+            return words.format(elsewhere=elsewhere, **found.groupdict())
+    if told:
+        return _OTHER.format(signal=told.rsplit("follows the ", 1)[-1])
+    return _NOTHING[not kind.at_rest]

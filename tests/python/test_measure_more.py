@@ -1,0 +1,38 @@
+"""What to do next where something is left: an experiment that one can do, not the finding said again."""
+
+import pytest
+
+from exactarm.commands.measure_more import experiment_for
+from exactarm.kinds import CLOSURES, GEAR_RUN, MOTION, POSES, TRACKED_MOTION
+
+
+@pytest.mark.parametrize("kind, told, words", [
+    (POSES, "a turn of axis 3 follows the angle of axis 5", "turn axis 5 alone"),
+    (POSES, "angles of two axes together", "every axis over its whole range"),
+    (POSES, "a turn of axis 3 follows the angle of axis 2 and the angle of axis 3", "every axis over"),
+    (POSES, "a turn of axis 3 follows the angle of axis 2 and the load of axis 3", "load of axis 3"),
+    (POSES, "the device follows the position in the workspace", "second place of the tracker"),
+    (POSES, "order of measurement", "every quarter of an hour"),
+    (POSES, "approach of axis 2", "both sides of axis 2"),
+    (POSES, "temperature_degC", "another temperature_degC"),
+    (POSES, "the device wanders or jumps: neighbouring rows share 3 times", "one pose again"),
+    (POSES, "", "five poses ten times each"),
+    (CLOSURES, "position", "another place of the fixture"),
+    (CLOSURES, "load of axis 3", "known payload"),
+    (GEAR_RUN, "waves stand out of its noise, the highest at 12.5 Hz", "leaves 12.5 Hz with the speed"),
+    (GEAR_RUN, "waves stand out of its noise, the highest at 1e+03 Hz", "leaves 1e+03 Hz with the speed"),
+    (GEAR_RUN, "motor angle of axis 4 within a revolution", "turn axis 4 alone"),
+    (MOTION, "direction of axis 2", "axis 2 alone to and fro"),
+    (MOTION, "", "record the same motion three times"),
+    (TRACKED_MOTION, "acceleration of axis 1", "half the speed"),
+    (TRACKED_MOTION, "time", "cold, and after half an hour"),
+])
+def test_every_structure_has_an_experiment_that_varies_what_it_follows(kind, told, words):
+    said = experiment_for(kind, told)
+    assert words in said and said.startswith("To find what is left, ") and said.endswith(".")
+    assert "{" not in said
+
+
+def test_where_fitted_rows_say_little_of_others_more_of_them_are_asked_for():
+    assert "at least two other motions" in experiment_for(MOTION, "time", far_larger=True)
+    assert "elsewhere in the work space" in experiment_for(POSES, "time", far_larger=True)
