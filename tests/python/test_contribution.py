@@ -12,10 +12,12 @@ from exactarm.commands.effect_sections import _at_tool_note, _size, axes_in_word
 from exactarm.commands.error_sections import words_of
 from exactarm.diagnose.contribution import (
     _follows,
+    _less_mean,
     _loaded_without_spring,
     _own_direction,
     _own_signals,
     _told_over,
+    _waves,
 )
 from exactarm.diagnose.diagnosis import diagnose
 from exactarm.effects.order_source import likely_source
@@ -178,3 +180,18 @@ def test_torques_through_a_joint_of_unknown_stiffness_have_no_size_at_the_tool()
     note = _at_tool_note(SimpleNamespace(unit="Nm", robot=robot), told)
     assert note.startswith("No size at the tool where the robot file declares no stiffness")
     assert note.endswith("none on axis 3. ")
+
+
+def test_a_fast_wave_beside_slow_errors_is_judged_without_what_changes_more_slowly():
+    """1e-5 rad of order 300 beside a slow wave of 1e-4 rad that happens to speak against it."""
+    phi = np.linspace(0.0, 1.0, 3000)
+    wave, slow = 1e-5 * np.sin(300.0 * phi), 1e-4 * np.sin(3.0 * phi)
+    parameters = [SimpleNamespace(name="order_per_rev")]
+    effect = SimpleNamespace(index=0, value_of=lambda name: 300.0, parameters=lambda: parameters)
+    fitted = SimpleNamespace(layout=SimpleNamespace(effects=[effect]), view=SimpleNamespace(phi=phi[:, None]))
+    waves = _waves(fitted, 0)
+    assert waves[-1] == 47  # 300 / 2 pi of them in one rad, cut from 0 on
+    rms = lambda values: np.sqrt(np.mean(_less_mean(values, waves) ** 2))
+    steepest = 3.0 * 1e-4 * 2.0 * np.pi / 300.0  # of the slow one over a wave: a ramp's RMS is a part of it
+    assert rms(slow) < steepest / np.sqrt(12.0) and rms(wave) > 0.99 * np.sqrt(np.mean(wave**2))
+    assert _waves(SimpleNamespace(layout=fitted.layout, view=SimpleNamespace(phi=phi[::30, None])), 0) is None

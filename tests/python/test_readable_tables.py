@@ -3,8 +3,9 @@
 from matplotlib.figure import Figure as Canvas
 
 from exactarm.commands.error_sections import geometry_tables
-from exactarm.report import Report, Table
+from exactarm.report import Estimate, Quantity, Report, Table
 from exactarm.report.html import render_html
+from exactarm.report.numbers import change, format_cells, quantities
 from exactarm.report.plots.style import house_style, readable_decades
 from exactarm.report.terminal import columns_of
 
@@ -45,3 +46,21 @@ def test_identified_lengths_and_angles_have_the_decimals_of_their_intervals():
 def test_on_a_phone_every_cell_carries_the_name_of_its_column():
     page = render_html(Report("t", "v", (Table("Sizes", ("axis", "size", "<share>"), (("1", "2", "3"),)),)))
     assert 'class="stack"' in page and 'data-name="size"' in page and 'data-name="&lt;share&gt;"' in page
+
+
+def test_numbers_that_a_sentence_compares_share_a_prefix_unless_far_apart():
+    assert quantities([1.76e-4, 7.84e-5], "m") == ["0.176 mm", "0.0784 mm"]
+    assert change(5.62e-4, 6.5e-5, "rad") == "falls from 0.562 mrad to 0.0650 mrad"
+    assert change(1.14e-3, 7.3e-9, "m") == "falls from 1.14 mm to 7.30 nm"
+
+
+def test_numbers_of_one_unit_share_a_prefix_in_a_column_of_several_units():
+    cells = [Estimate(1.443e-4, 1.38e-4, 1.50e-4, "rad"), Estimate(2.98e-3, 2.95e-3, 3.01e-3, "s"),
+             Estimate(4.88e-5, 4.5e-5, 5.3e-5, "rad"), Quantity(2e-8, "rad"), None]
+    assert [text.rsplit(" ", 1)[-1] for text in format_cells(cells)] == ["mrad", "ms", "mrad", "µrad", "–"]
+
+
+def test_statistics_of_one_error_stand_in_one_unit():
+    table = Table("Error", ("", "rows", "mean", "RMS", "maximum", "std. dev."),
+                  (("after", 9, *(Quantity(x, "m") for x in (7.2e-5, 7.8e-5, 1.34e-4, 3.1e-5))),))
+    assert columns_of(table)[0] == ["", "rows", "mean [mm]", "RMS [mm]", "maximum [mm]", "std. dev. [mm]"]

@@ -201,7 +201,9 @@ def curves_figure(found: Sequence[tuple[Finding, Contribution | None]]) -> list[
          if grey else "")
         + "Blue: the cause as estimated, with its 95 % band, drawn only where something was measured; green "
         "ticks: what was measured."
-        + (" RMS of the grey points, and of what is left with the cause." if grey else ""),
+        + (" RMS of the grey points, and of what is left with the cause." if grey else "")
+        + (" Over a phase: without what changes more slowly than a wave." if any(
+            c.fast for _, c in found if c is not None) else ""),
         "one panel for each effect found: its curve with band over its own signal, and the error without it",
     )]
 

@@ -14,6 +14,9 @@ For every effect, with all others in the model, on the identification rows:
 An angle error that repeats is known up to a constant, which is the joint's zero: its value has mean zero
 here.
 
+Beside slow errors a fast wave shows in no sum: of a wave of a high order in a time series the residual is
+taken less its mean over each wave (`fast`), which leaves the wave as it is.
+
 `own signal`: value sorted by a signal differs little from neighbour to neighbour where it is a function of
 that signal: 1 - mean square of the differences / (2 variance) (Rice 1984). Orders that turn many times per
 output revolution are looked at over the phase of their own element.
@@ -31,11 +34,13 @@ from exactarm.chain.spring import declared_deflection
 from exactarm.diagnose.problem import Fitted, Problem
 from exactarm.effects.axis_units import of_a_slide, slides
 from exactarm.effects.base import Effect, Station
+from exactarm.kinds import kind_of
 from exactarm.robot import Robot
 
 # share of a value's variance that one signal explains, from which it is drawn as a curve of that signal
 FOLLOWS = 0.9
 _HIGH_ORDER = 12.0  # cycles per output revolution: more waves than a plot over the whole turn can show
+_ROWS_A_WAVE = 4.0  # on the average: fewer, and a mean over the rows of a wave takes some of the wave
 _ENOUGH = 0.5  # of a value's variance, that a signal other than time explains, to be told over it
 _LOADED = 0.01  # of the largest torque (RMS): less does not count as load of an axis
 _POSTURES = 50  # of a run: levers change little between neighbours
@@ -54,7 +59,7 @@ _POSITION = 3  # components of a measured position
 class Contribution:
     """See the module. `signal` and `direction` are names; `curve`: the value is a function of the signal;
     unit of value and residual, SI. `tool` (N,) m or None; `rigid`: loaded axes without a declared stiffness,
-    for want of which torques have none."""
+    for want of which torques have none; `fast`: without what changes more slowly than the effect."""
 
     effect: Effect
     signal: str
@@ -71,6 +76,7 @@ class Contribution:
     residual_unit: str
     peak_to_peak: tuple[float, float]  # of the value, and its 95 % half width
     rigid: tuple[int, ...] = ()
+    fast: bool = False
 
     @property
     def at_tool(self) -> float | None:
@@ -89,20 +95,21 @@ def contributions(problem: Problem, fitted: Fitted, declared: Layout) -> tuple[C
     found = []
     signals, directions = problem.signals(fitted), problem.directions(fitted)
     for index in range(len(declared.effects), len(fitted.layout.effects)):
-        one = _contribution(fitted, index, signals, directions, problem.unit)
+        one = _contribution(fitted, index, signals, directions, problem.unit,
+                            waves=None if kind_of(problem.kind).at_rest else _waves(fitted, index))
         if one is not None:
             found.append(one)
     return tuple(found)
 
 
-def _contribution(fitted: Fitted, index: int, signals: dict, directions: dict,
-                  unit: str) -> Contribution | None:
+def _contribution(fitted: Fitted, index: int, signals: dict, directions: dict, unit: str,
+                  waves: np.ndarray | None = None) -> Contribution | None:
     effect, where = fitted.layout.effects[index], fitted.layout.slices[index]
     columns = fitted.jacobian[:, :, where]
     if not np.any(columns) or not np.any(effect.values):
         return None
     without = fitted.without(index)
-    direction, before, after = _own_direction(fitted, without, effect, directions)
+    direction, before, after = _own_direction(fitted, without, effect, directions, waves)
     if direction is None:
         return None
     moved = without.residual - fitted.residual
@@ -128,6 +135,7 @@ def _contribution(fitted: Fitted, index: int, signals: dict, directions: dict,
         before[rows],
         after[rows], tool, residual_unit,
         (float(value[high] - value[low]), float(_half(fitted, difference[None], covariance)[0])), rigid,
+        waves is not None,
     )
 
 
@@ -177,7 +185,28 @@ def _flange_moves(robot: Robot, q: np.ndarray, turned: np.ndarray) -> np.ndarray
     return np.linalg.norm(place(q + turned) - place(q), axis=1)
 
 
-def _own_direction(fitted: Fitted, without: Fitted, effect: Effect, directions: dict):
+def _waves(fitted: Fitted, index: int) -> np.ndarray | None:
+    """(N,) the number of the wave that each row lies in, of an effect of one high order; None of others, and
+    where a wave has too few rows to have a mean."""
+    effect = fitted.layout.effects[index]
+    orders = _own_order(effect)
+    if not orders or abs(orders[0]) <= _HIGH_ORDER:
+        return None
+    number = np.floor(abs(orders[0]) * fitted.view.phi[:, effect.index] / _TURN)
+    waves = np.cumsum(np.r_[0, np.diff(number) != 0])
+    return waves if len(number) >= _ROWS_A_WAVE * (waves[-1] + 1) else None
+
+
+def _own_order(effect: Effect) -> list[float]:
+    return [effect.value_of(p.name) for p in effect.parameters() if p.name == "order_per_rev"]
+
+
+def _less_mean(values: np.ndarray, group: np.ndarray | None) -> np.ndarray:
+    return values if group is None else values - (np.bincount(group, values) / np.bincount(group))[group]
+
+
+def _own_direction(fitted: Fitted, without: Fitted, effect: Effect, directions: dict,
+                   waves: np.ndarray | None = None):
     """Direction in which the effect lowers the residual most, with both residuals (N,); its own axis
     first."""
     own = [name for name in directions if effect.joint is not None and name.endswith(f"axis {effect.joint}")]
@@ -185,7 +214,8 @@ def _own_direction(fitted: Fitted, without: Fitted, effect: Effect, directions: 
     for name in own or directions:
         if not np.any(directions[name]):  # rows of one number each, as of a face, show it in none
             continue
-        before, after = (_along(fitted, state.residual, directions[name]) for state in (without, fitted))
+        before, after = (_less_mean(_along(fitted, state.residual, directions[name]), waves)
+                         for state in (without, fitted))
         lowered = float(np.mean(before**2) - np.mean(after**2)) / max(float(np.mean(after**2)), 1e-300)
         if lowered > fall:
             best, fall = (name, before, after), lowered
@@ -256,7 +286,7 @@ def _own_signals(effect: Effect, signals: dict[str, np.ndarray], fitted: Fitted,
            if "axis" not in name or f"axis {axis} " in f"{name} "}
     if effect.joint is None:
         return own or signals
-    orders = [effect.value_of(p.name) for p in effect.parameters() if p.name == "order_per_rev"]
+    orders = _own_order(effect)
     if orders and orders[0] > _HIGH_ORDER:
         ratio = abs(fitted.robot.ratios[effect.index])
         turns = orders[0] / ratio

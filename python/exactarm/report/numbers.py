@@ -98,9 +98,8 @@ def quantity(value: float | None, unit: str = "") -> str:
 def quantities(values: Sequence[float], unit: str = "") -> list[str]:
     """Numbers that one sentence compares, with the prefix of the largest: "0.176 mm" and "0.0784 mm". One
     that is smaller by more than `_COMPARED` has its own."""
-    largest = max((abs(value) for value in values if math.isfinite(value)), default=0.0)
-    beside = lambda value: [Quantity(largest, unit)] if abs(value) >= _COMPARED * largest else []
-    return [format_cells([Quantity(value, unit)], beside=beside(value))[0] for value in values]
+    cells = [Quantity(value, unit) for value in values]
+    return [format_cells([cell], beside=_near(cell, cells))[0] for cell in cells]
 
 
 def change(before: float, after: float, unit: str = "") -> str:
@@ -131,12 +130,12 @@ def format_cells(cells: Sequence[Cell], with_unit: bool = True, beside: Sequence
     """The cells of one column as text; `with_unit` = False where the header has the unit. beside: of columns
     to compare with, which have the same prefix.
 
-    Numbers of one unit share prefix and decimals. A column of several units is read row by row: each has its
-    own.
+    Numbers of one unit share prefix and decimals. A column of several units is read row by row: numbers of
+    one unit share their prefix as in a sentence (`_COMPARED`), and each has its own decimals.
     """
     units = {cell.unit for cell in cells if isinstance(cell, (Quantity, Estimate))}
     if len(units) > 1:
-        return [text for cell in cells for text in format_cells([cell], with_unit)]
+        return [text for cell in cells for text in format_cells([cell], with_unit, _near(cell, cells))]
     scale = _scale_of([*cells, *beside], units.pop() if units else "")
     decimals = _common_decimals(cells, scale)
     texts = []
@@ -147,6 +146,16 @@ def format_cells(cells: Sequence[Cell], with_unit: bool = True, beside: Sequence
         text = _format(cell, scale, decimals)
         texts.append(f"{text} {scale.unit}" if with_unit and scale.unit and text != DASH else text)
     return texts
+
+
+def _near(cell: Cell, cells: Sequence[Cell]) -> list[Cell]:
+    """The largest number of the cell's unit among `cells`, where the cell is not far below it."""
+    if not isinstance(cell, (Quantity, Estimate)) or not cell.value or not math.isfinite(cell.value):
+        return []
+    alike = [other for other in cells if isinstance(other, (Quantity, Estimate)) and other.unit == cell.unit
+             and other.value is not None and math.isfinite(other.value)]
+    largest = max(alike, key=lambda other: abs(other.value))
+    return [largest] if abs(cell.value) >= _COMPARED * abs(largest.value) else []
 
 
 def _scale_of(cells: Sequence[Cell], unit: str) -> Scale:
