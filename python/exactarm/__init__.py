@@ -26,7 +26,7 @@ __version__ = "0.1.0"
 
 COMMANDS = (
     "accept", "batch", "calibrate", "certify", "check", "compensate", "corners", "design", "diagnose",
-    "evaluate", "export", "gear", "identify", "merge", "plan", "simulate",
+    "evaluate", "export", "gear", "identifiable", "identify", "merge", "plan", "simulate", "study",
 )
 NAMES = {
     "load_robot": "exactarm.robot_file", "write_robot": "exactarm.robot_file",

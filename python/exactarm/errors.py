@@ -20,7 +20,7 @@ class InputError(ValueError):
         # what a file holds may stand in them, the name of a column among it
         message, column = _BROKEN.sub(" ", message), None if column is None else _BROKEN.sub(" ", column)
         message = message if len(message) <= LONGEST_MESSAGE else message[:LONGEST_MESSAGE - 3] + "..."
-        self.message, self.file, self.row, self.column = message, file, row, column
+        self.message, self.file, self.row, self.line, self.column = message, file, row, line, column
         place = [str(file)] if file is not None else []
         place += [f"row {row}"] if row is not None else []
         place += [f"line {line}"] if line is not None else []
@@ -34,7 +34,7 @@ class InputError(ValueError):
             ("--", "argument ", "unrecognized arguments")
         ):
             return self
-        return InputError(self.message, file=file, row=self.row, column=self.column)
+        return InputError(self.message, file=file, row=self.row, line=self.line, column=self.column)
 
 
 class ComputationError(RuntimeError):

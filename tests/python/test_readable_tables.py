@@ -3,11 +3,11 @@
 from matplotlib.figure import Figure as Canvas
 
 from exactarm.commands.error_sections import geometry_tables
-from exactarm.report import Estimate, Quantity, Report, Table
+from exactarm.report import Estimate, Highlight, Highlights, Quantity, Report, Table
 from exactarm.report.html import render_html
 from exactarm.report.numbers import change, format_cells, quantities
 from exactarm.report.plots.style import house_style, readable_decades
-from exactarm.report.terminal import columns_of
+from exactarm.report.terminal import columns_of, highlight_texts
 
 
 def test_logarithmic_axes_are_labelled_in_text_that_a_reader_can_read(tmp_path):
@@ -58,6 +58,14 @@ def test_numbers_of_one_unit_share_a_prefix_in_a_column_of_several_units():
     cells = [Estimate(1.443e-4, 1.38e-4, 1.50e-4, "rad"), Estimate(2.98e-3, 2.95e-3, 3.01e-3, "s"),
              Estimate(4.88e-5, 4.5e-5, 5.3e-5, "rad"), Quantity(2e-8, "rad"), None]
     assert [text.rsplit(" ", 1)[-1] for text in format_cells(cells)] == ["mrad", "ms", "mrad", "µrad", "–"]
+
+
+def test_headline_numbers_of_one_unit_have_one_prefix():
+    pair = lambda label, after, before: Highlight(label, Quantity(after, "m"), Quantity(before, "m"))
+    section = Highlights((pair("mean", 7.6e-5, 8.1e-5), pair("maximum", 1.76e-4, 1.9e-4),
+                          Highlight("poses", Quantity(9, "", exact=True))))
+    assert highlight_texts(section) == [
+        ("mean", "0.0760 mm", "0.0810 mm"), ("maximum", "0.176 mm", "0.190 mm"), ("poses", "9", None)]
 
 
 def test_statistics_of_one_error_stand_in_one_unit():

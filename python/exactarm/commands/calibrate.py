@@ -15,6 +15,7 @@ from exactarm.commands.call import AnyData, AnyFixture, AnyRobot, asked, data_of
 from exactarm.commands.error_sections import error_figures, error_table, geometry_tables, highlights, unit_of
 from exactarm.commands.load_section import with_load_section
 from exactarm.commands.memory import within_memory
+from exactarm.commands.next_steps import next_steps
 from exactarm.commands.payload_section import with_payload_section
 from exactarm.commands.result import CommandResult, estimate
 from exactarm.commands.steps import CHECKING, READING, STEPS
@@ -28,7 +29,7 @@ from exactarm.identify.closures import calibrate_closures
 from exactarm.identify.declared import geometry_layout
 from exactarm.identify.identifiability import Dropped
 from exactarm.identify.parameter_name import Group, parse_parameter
-from exactarm.kinds import CLOSURES, POSES
+from exactarm.kinds import CLOSURES, POSES, kind_of
 from exactarm.progress import SILENT, Progress
 from exactarm.report import Estimate, Figure, Quantity, Report, Table, Warnings
 from exactarm.report.numbers import change, quantities
@@ -213,6 +214,7 @@ def _report(robot: Robot, data: Dataset, result: Calibration, rule: str) -> Repo
         note = "Before: nominal parameters with only contacts and tool fitted. " + rule
     sections = (
         highlights(result.before, result.after, unit),
+        next_steps(robot, kind_of(data.kind), before.mean, after.mean),
         error_table(result.before, result.after, unit, what.capitalize(), note),
         *known,
         *error_figures(result.error_before, result.error_after, result.identification, unit, what, row),

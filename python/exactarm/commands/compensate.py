@@ -278,7 +278,6 @@ def _stop_at_refused(corrections: list[Any], arguments: argparse.Namespace) -> N
     if refused and not arguments.keep_refused:
         more = f" (and {len(refused) - 1} more)" if len(refused) > 1 else ""
         raise InputError(
-            f"{refused[0]}{more}; nothing was written: name the points to correct with --points, or leave "
-            "these as they "
-            "are with --keep-refused"
+            f"{refused[0].message}{more}; nothing was written: name the points to correct with --points, or "
+            "leave these as they are with --keep-refused", file=refused[0].file, line=refused[0].line,
         )

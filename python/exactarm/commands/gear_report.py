@@ -7,8 +7,10 @@ from functools import partial
 
 import numpy as np
 
+from exactarm.commands.next_steps import ENOUGH_FALL, next_steps
 from exactarm.identify.gear import Gear, GearIdentification
 from exactarm.identify.gear_declared import SIDES
+from exactarm.kinds import GEAR_RUN
 from exactarm.report import Estimate, Figure, Highlight, Highlights, Quantity, Report, Table, Text, Warnings
 from exactarm.report.numbers import change, fixed, quantity
 from exactarm.report.plots.residual import residual_over_signal, spectrum
@@ -30,9 +32,10 @@ def gear_report(robot: Robot, result: GearIdentification, rule: str) -> Report:
         f"{'never fitted' if judge == 'validation' else 'fitted (none was held out)'} "
         f"{change(before, after, unit)} RMS; {_noise_sentence(result.gears)}."
     )
-    fall = after < 0.9 * before  # less is no success worth a green verdict
+    fall = after < ENOUGH_FALL * before
     sections = (
         Highlights((Highlight(f"{judge}, RMS", Quantity(after, unit), Quantity(before, unit)),)),
+        next_steps(robot, GEAR_RUN, before, after),
         _error_table(result.gears, error, rule),
         _method_table(result, unit),
         *_alignment_table(result),

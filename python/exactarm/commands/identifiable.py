@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from exactarm.chain import Layout
 from exactarm.commands.arguments import add_files, add_fixture, add_robot
+from exactarm.commands.call import AnyRobot, arguments_of, asked, robot_of, threads_of
 from exactarm.commands.planning_arguments import (
     add_noise,
     add_planning,
@@ -19,23 +23,23 @@ from exactarm.commands.planning_arguments import (
     target_hint,
     with_tool,
 )
+from exactarm.commands.publish import sources
 from exactarm.commands.result import CommandResult
 from exactarm.dataset import Dataset, read_planned_poses
 from exactarm.errors import InputError
 from exactarm.fixture import Fixture, load_fixture
 from exactarm.identify.closure_fit import Pulls, expected_deviations
+from exactarm.identify.closure_scale import gravity_alone, scale_is_known
 from exactarm.identify.closures import (
     GRAVITY_ALONE,
     SCALE,
     carried_effects,
-    gravity_alone,
     identifiable_closures,
     nominal_closures,
-    scale_is_known,
 )
 from exactarm.identify.compliance import compliance_layout
 from exactarm.identify.declared import carried_layout, frames_layout, geometry_layout, require_geometry
-from exactarm.identify.identifiability import Identifiability, still_axes
+from exactarm.identify.identifiability import Dropped, Identifiability, still_axes
 from exactarm.identify.joint_limits import beyond_limits
 from exactarm.identify.match import require_match
 from exactarm.identify.model_check import ModelCheck, check_model
@@ -45,11 +49,13 @@ from exactarm.identify.planned import PlannedModel, controller_angles, pose_bloc
 from exactarm.identify.pose_space import PoseSpace
 from exactarm.kinds import CLOSURES
 from exactarm.measurement.closures import touches
-from exactarm.report import Figure, Quantity, Report, Section, Table, Text, Warnings
+from exactarm.progress import SILENT, Progress
+from exactarm.report import Cell, Figure, Quantity, Report, Section, Table, Text, Warnings
 from exactarm.report.numbers import number
 from exactarm.report.plots.parameters import singular_values
 from exactarm.robot import Robot
 from exactarm.robot_file import load_robot
+from exactarm.split import DEFAULT_SEED
 
 NAME = "identifiable"
 HELP = "which parameters the planned or measured poses can identify, and which collide with which"
@@ -79,8 +85,29 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_noise(parser)
 
 
+def identifiable(
+    robot: AnyRobot, files: str | Path | Sequence[str | Path] = (), *, seed: int = DEFAULT_SEED,
+    threads: int | None = None, progress: Progress = SILENT, **options: Any,
+) -> CommandResult:
+    """Which parameters measured or planned poses can show, and how well; without files: random poses.
+
+    options: those of `exactarm identifiable --help` with their names (count=200, use="pose", ...).
+
+        >>> import exactarm as ea
+        >>> found = ea.identifiable("ur10", count=60)
+        >>> "d_1_m" in found.summary()
+        True
+    """
+    paths = [files] if isinstance(files, (str, Path)) else list(files)
+    arguments = arguments_of(add_arguments, robot_of(robot), paths, options)
+    vars(arguments).update(seed=seed, threads=threads_of(threads), progress=progress)
+    given = {"files": [str(path) for path in paths]} if paths else {}
+    called = asked("identifiable", robot, None, seed, given | options)
+    return run(arguments).asked_as(replace(called, files=called.files + sources(arguments.files)))
+
+
 def run(arguments: argparse.Namespace) -> CommandResult:
-    robot = with_tool(load_robot(arguments.robot), arguments.tool)
+    robot = with_tool(robot_of(arguments.robot), arguments.tool)
     require_geometry(robot)
     noise = noise_of(arguments.noise)
     touched = _touches(robot, arguments)
@@ -126,7 +153,7 @@ def _closures(robot: Robot, data: Dataset, noise: float,
                                      Pulls.of(geometry_layout(robot), data.fixture), arguments.threads)
     known = dict(zip(layout.names, deviations))
     found = replace(found, sigma_parameter=np.array([known.get(name, np.nan) for name in found.names]))
-    warnings = () if scale_is_known(layout, data) else (SCALE,)
+    warnings: tuple[str, ...] = () if scale_is_known(layout, data) else (SCALE,)
     warnings += (GRAVITY_ALONE,) if gravity_alone(data) else ()
     poses = _Poses(robot, layout, data, False, nominal.layout.size, f"{len(data)} touches", warnings)
     return ModelCheck(found, (), ()), poses
@@ -165,7 +192,7 @@ def _limit_warnings(space: PoseSpace) -> tuple[str, ...]:
     return (f"the robot file has no limits for axis {axes}: half a turn either way was assumed",)
 
 
-def _json(check: ModelCheck, poses: _Poses, noise: float) -> dict:
+def _json(check: ModelCheck, poses: _Poses, noise: float) -> dict[str, Any]:
     result = check.identifiability
     return {
         "poses": len(poses.data),
@@ -186,12 +213,12 @@ def _warnings(check: ModelCheck, poses: _Poses) -> list[str]:
     return [*poses.warnings, *(gap.why for gap in check.gaps), *hints]
 
 
-def _dropped(entry) -> dict:
+def _dropped(entry: Dropped) -> dict[str, Any]:
     return {"parameter": entry.name, "why": entry.why, "collides_with": entry.collides_with,
             "exact": entry.exact}
 
 
-def _parameter_columns(check: ModelCheck) -> dict[str, list]:
+def _parameter_columns(check: ModelCheck) -> dict[str, list[Any]]:
     result = check.identifiability
     dropped = {entry.name: entry for entry in result.dropped}
     why = [dropped[name].why if name in dropped else "" for name in result.names]
@@ -199,7 +226,7 @@ def _parameter_columns(check: ModelCheck) -> dict[str, list]:
     return {
         "parameter": list(result.names),
         "identifiable": ["yes" if keep else "no" for keep in result.kept],
-        "standard_deviation": list(result.sigma_parameter),
+        "standard_deviation": list(_deviations(result)),
         "collides_with": collides,
         "why": why,
     }
@@ -232,7 +259,7 @@ def _frame_table(robot: Robot, check: ModelCheck) -> Table:
         if p.axis is not None and "." not in name:
             symbols[p.symbol, p.axis] = mark
     columns = ("d", "a", "alpha", "beta", "q_offset", "ratio")
-    rows = tuple(
+    rows: tuple[tuple[Cell, ...], ...] = tuple(
         (axis, *(symbols.get((column, axis), "x") for column in columns)) for axis in range(1, robot.axes + 1)
     )
     note = "i: identifiable, n: not identifiable, x: not in the model, gap: not in the model, but would show"
@@ -255,6 +282,11 @@ def _index_table(result: Identifiability) -> Table:
     return Table("Observability", ("index", "value"), rows, note)
 
 
+def _deviations(result: Identifiability) -> np.ndarray:
+    """(P,) at the noise; NaN where none is known."""
+    return np.full(len(result.names), np.nan) if result.sigma_parameter is None else result.sigma_parameter
+
+
 def _figure(result: Identifiability) -> Figure:
     return Figure(
         "singular_values",
@@ -269,7 +301,7 @@ def _figure(result: Identifiability) -> Figure:
 
 def _sigma_table(result: Identifiability, noise: float) -> Table:
     rows = []
-    for name, sigma in zip(result.names, result.sigma_parameter):
+    for name, sigma in zip(result.names, _deviations(result)):
         if np.isfinite(sigma):
             unit = "m" if name.endswith("_m") else "rad" if name.endswith("_rad") else ""
             rows.append((name, Quantity(float(sigma), unit)))

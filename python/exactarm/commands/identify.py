@@ -13,6 +13,7 @@ from exactarm.commands.arguments import add_files, add_robot, add_sessions
 from exactarm.commands.call import AnyData, AnyRobot, asked, data_of, robot_of, threads_of
 from exactarm.commands.error_sections import SETS, error_table, highlights, parameter_table, unit_of
 from exactarm.commands.memory import within_memory
+from exactarm.commands.next_steps import next_steps
 from exactarm.commands.payload_section import with_payload_section
 from exactarm.commands.result import CommandResult, estimate
 from exactarm.commands.steps import CHECKING, READING, STEPS
@@ -186,6 +187,7 @@ def _report(robot: Robot, result: DynamicsIdentification, rule: str) -> Report:
         verdict,
         (
             highlights(summaries["before"], summaries["after"], "Nm"),
+            next_steps(robot, MOTION, before.rms, after.rms),
             error_table(summaries["before"], summaries["after"], "Nm", "Torque error", note),
             _axis_table(result, judge),
             *_bodies(result),

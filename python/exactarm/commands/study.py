@@ -9,12 +9,15 @@ knots and between them. The weight of the jerk is nu / (100 rad/s)^2: at 16 Hz b
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from exactarm.commands.arguments import add_robot
+from exactarm.commands.call import AnyRobot, arguments_of, asked, robot_of, threads_of
 from exactarm.commands.compare import BETWEEN, Motion, play
 from exactarm.commands.result import CommandResult
 from exactarm.commands.steps import CASES, STEPS
@@ -25,11 +28,12 @@ from exactarm.identify.statistics import summarise
 from exactarm.plan.optimal import PlanOptions, plan_path
 from exactarm.plan.path_file import PlannedPath, load_path, shipped_paths
 from exactarm.plan.spectrum import PEAK_SHARE, peak_bandwidth, ringing
+from exactarm.progress import SILENT, Progress
 from exactarm.robot import Robot
-from exactarm.robot_file import load_robot
 from exactarm.simulate import VirtualRobot
 from exactarm.simulate.plant import is_elastic
 from exactarm.simulate.virtual_robot import one_sided
+from exactarm.split import DEFAULT_SEED
 
 NAME = "study"
 HELP = "the weight of the input: accuracy against bandwidth, acceleration against jerk as the input"
@@ -49,8 +53,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="samples a second (default: that of the path)")
 
 
+def study(
+    robot: AnyRobot, paths: str | Path | Sequence[str | Path], *, seed: int = DEFAULT_SEED,
+    threads: int | None = None, progress: Progress = SILENT, **options: Any,
+) -> CommandResult:
+    """Plans with several weights of the input: accuracy against bandwidth. Nothing in it is random: `seed` is
+    recorded.
+
+    paths: path files (.toml), or line, spiral. options: nu="1e-14,1e-10", rate=250.0.
+    """
+    named = [str(path) for path in ([paths] if isinstance(paths, (str, Path)) else paths)]
+    arguments = arguments_of(add_arguments, robot_of(robot), named, options, apart=("paths",))
+    vars(arguments).update(seed=seed, threads=threads_of(threads), progress=progress)
+    called = asked("study", robot, None, seed, {"paths": named} | options)
+    return run(arguments).asked_as(called)
+
+
 def run(arguments: argparse.Namespace) -> CommandResult:
-    robot = load_robot(arguments.robot)
+    robot = robot_of(arguments.robot)
     if not is_elastic(robot):
         raise InputError(f"robot {robot.name}: a study expects a spring on every axis and link masses",
                          file=robot.file)
@@ -113,14 +133,14 @@ def _study(robot: Robot, path: PlannedPath, weights: tuple[float, ...],
     return found
 
 
-def _all(studies: dict[str, dict[str, list[Case]]]):
+def _all(studies: dict[str, dict[str, list[Case]]]) -> Iterator[tuple[str, str, Case]]:
     for path, kinds in studies.items():
         for kind, cases in kinds.items():
             for case in cases:
                 yield path, kind, case
 
 
-def _json(studies: dict[str, dict[str, list[Case]]]) -> dict:
+def _json(studies: dict[str, dict[str, list[Case]]]) -> dict[str, Any]:
     return {
         "between_knots": {"held_by": "quintic spline through the motor angles at the knots",
                           "samples_a_knot": BETWEEN},
@@ -141,10 +161,10 @@ def _json(studies: dict[str, dict[str, list[Case]]]) -> dict:
     }
 
 
-def _columns(studies: dict[str, dict[str, list[Case]]]) -> dict[str, list]:
+def _columns(studies: dict[str, dict[str, list[Case]]]) -> dict[str, list[Any]]:
     """One row a case."""
     rows = list(_all(studies))
-    columns = {
+    columns: dict[str, list[Any]] = {
         "path": [path for path, _, _ in rows], "input": [kind for _, kind, _ in rows],
         "nu": [case.plan.path.nu for *_, case in rows],
         "planned_rms_m": [case.plan.tracking.position_rms for *_, case in rows],

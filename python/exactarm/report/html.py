@@ -34,7 +34,7 @@ def render_html(report: Report, drawings: Sequence[Drawing] = ()) -> str:
     blocks = []
     for section in report.sections:
         if isinstance(section, Highlights):
-            blocks.append(("highlights", [(item.label, *highlight_texts(item)) for item in section.items]))
+            blocks.append(("highlights", highlight_texts(section)))
         elif isinstance(section, Table) and section.rows:
             blocks.append(("table", _table(section)))
         elif isinstance(section, Figure):
@@ -50,10 +50,9 @@ def render_verdict_html(report: Report) -> str:
     parts = [Markup("<p><strong>{}</strong><br>{}</p>").format(report.title, report.verdict)]
     for section in report.sections:
         if isinstance(section, Highlights):
-            for item in section.items:
-                value, before = highlight_texts(item)
+            for label, value, before in highlight_texts(section):
                 text = f"{before} → {value}" if before else value
-                parts.append(Markup("<div>{}: <strong>{}</strong></div>").format(item.label, text))
+                parts.append(Markup("<div>{}: <strong>{}</strong></div>").format(label, text))
     table = next((section for section in report.sections if isinstance(section, Table) and section.rows),
                  None)
     if table is not None:

@@ -7,7 +7,7 @@ import textwrap
 from collections.abc import Sequence
 
 from exactarm.report.numbers import DASH, common_unit, format_cells
-from exactarm.report.sections import Cell, Estimate, Highlight, Highlights, Quantity, Report, Table, Text
+from exactarm.report.sections import Cell, Estimate, Highlights, Quantity, Report, Table, Text
 
 WIDTH = 100
 MOST_ROWS = 40
@@ -50,20 +50,26 @@ def _wrap(text: str, width: int, indent: str = "", hanging: str = "") -> str:
                          break_long_words=False, break_on_hyphens=False)
 
 
-def highlight_texts(highlight: Highlight) -> tuple[str, str | None]:
-    """The number and the number before, both with the same unit."""
-    if highlight.before is None:
-        return format_cells([highlight.value])[0], None
-    value, before = format_cells([highlight.value, highlight.before])
-    return value, before
+def highlight_texts(section: Highlights) -> list[tuple[str, str, str | None]]:
+    """Label, number and the number before of each; numbers that changed, of one unit, have one prefix."""
+    changed = [cell for item in section.items if item.before is not None
+               for cell in (item.value, item.before)]
+    texts: list[tuple[str, str, str | None]] = []
+    for item in section.items:
+        if item.before is None:
+            texts.append((item.label, format_cells([item.value])[0], None))
+            continue
+        alike = [cell for cell in changed if cell.unit == item.value.unit]
+        value, before = format_cells([item.value, item.before], beside=alike)
+        texts.append((item.label, value, before))
+    return texts
 
 
 def _highlights(section: Highlights) -> list[str]:
     width = max(len(highlight.label) for highlight in section.items)
     lines = []
-    for highlight in section.items:
-        value, before = highlight_texts(highlight)
-        lines.append(f"  {highlight.label:<{width}}  " + (f"{before} → {value}" if before else value))
+    for label, value, before in highlight_texts(section):
+        lines.append(f"  {label:<{width}}  " + (f"{before} → {value}" if before else value))
     return lines
 
 
