@@ -383,3 +383,15 @@ def test_the_page_lets_nothing_run_and_nothing_be_fetched(page):
     policy = re.search(r'http-equiv="Content-Security-Policy" content="([^"]*)"', page)[1]
     assert "default-src 'none'" in policy and "script-src" not in policy
     assert page.index("Content-Security-Policy") < page.index("<style>")
+
+
+def test_an_effect_of_two_sides_is_drawn_as_two_levels_that_one_can_see():
+    side = np.repeat([-1.0, 1.0], 20)
+    two = effects.EffectPanel("Hysteresis of axis 2", "approach of axis 2", "", "rad", side, 3e-4 * side,
+                              np.full(40, 3e-5), 3e-4 * side, np.zeros(40), True, True)
+    (axes,) = effects.effect_panels([two]).axes
+    bars = [line for line in axes.lines if len(line.get_xdata()) == 2]
+    assert [np.ptp(bar.get_xdata()) > 0.3 for bar in bars] == [True, True]
+    assert list(axes.get_xticks()) == [-1.0, 1.0]
+    points = axes.lines[0].get_xdata()
+    assert len(np.unique(points)) == 40 and np.abs(points - side).max() < 0.5

@@ -35,7 +35,7 @@ def gear_report(robot: Robot, result: GearIdentification, rule: str) -> Report:
     fall = after < ENOUGH_FALL * before
     sections = (
         Highlights((Highlight(f"{judge}, RMS", Quantity(after, unit), Quantity(before, unit)),)),
-        next_steps(robot, GEAR_RUN, before, after),
+        next_steps(robot, GEAR_RUN, _pooled(result.gears, "declared", judge), after),
         _error_table(result.gears, error, rule),
         _method_table(result, unit),
         *_alignment_table(result),

@@ -38,7 +38,7 @@ class Hysteresis(Effect):
     by_rows: bool = False
 
     name: ClassVar[str] = "hysteresis"
-    plain: ClassVar[str] = "an angle that stays behind, by the side from which it comes"
+    plain: ClassVar[str] = "lost motion (the angle lags by the side from which it comes)"
     in_axis_units: ClassVar[bool] = True
     station: ClassVar[Station] = Station.SPRING
     kinds: ClassVar[tuple[str, ...]] = ALL_KINDS

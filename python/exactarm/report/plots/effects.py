@@ -24,6 +24,8 @@ from exactarm.report.plots.style import (
 
 COLUMNS, PANEL_IN, ROW_IN = 2, 2.05, 0.24
 _GAP_SHARE = 0.03  # of the signal's range without a measured row, over which no curve is drawn
+_LEVELS, _SPREAD = 8, 0.15  # a signal of so few values is drawn as levels, so wide beside their distance
+_GOLDEN = 0.618034  # multiples of it fill the unit interval evenly: the same points at every run
 _SHOWN = 99.0  # percentile of the points that the panel's height holds
 
 
@@ -72,14 +74,18 @@ def _draw(axes: Axes, panel: EffectPanel) -> None:
     x_size, x_shown = scaled(panel.x, panel.signal_unit)
     size, shown = scaled(panel.without if panel.same else panel.value, panel.unit)
     x = panel.x / x_size
+    levels, wide = _levels(x)
+    spread = x + wide * np.linspace(-1.0, 1.0, len(x))[np.argsort(np.arange(len(x)) * _GOLDEN % 1.0)]
     raster = len(x) > RASTER_ABOVE
     if panel.same or not panel.curve:
-        axes.plot(x, panel.without / size, ".", color=BEFORE, markersize=3.4, alpha=0.75, markeredgewidth=0.0,
-                  rasterized=raster, label="error without it")
+        axes.plot(spread, panel.without / size, ".", color=BEFORE, markersize=3.4, alpha=0.75,
+                  markeredgewidth=0.0, rasterized=raster, label="error without it")
     if not panel.curve:
-        axes.plot(x, panel.with_ / size, ".", color=AFTER, markersize=3.0, markeredgewidth=0.0,
+        axes.plot(spread, panel.with_ / size, ".", color=AFTER, markersize=3.0, markeredgewidth=0.0,
                   rasterized=raster,
                   label="error with it")
+    elif wide:
+        _steps(axes, panel, x, levels, wide, size)
     else:
         _curve(axes, panel, x, size)
     axes.plot(x, np.zeros_like(x), "|", color=FLOOR, markersize=5, markeredgewidth=0.5, rasterized=raster,
@@ -93,9 +99,31 @@ def _draw(axes: Axes, panel: EffectPanel) -> None:
     )
     before, after = (np.sqrt(np.mean(np.square(values))) for values in (panel.without, panel.with_))
     axes.set(ylim=(-top, top), xlabel=label_with(panel.signal, x_shown), ylabel=f"[{shown}]" if shown else "")
-    axes.locator_params(axis="x", nbins=6)
+    if wide:
+        axes.set_xticks(levels)
+    else:
+        axes.locator_params(axis="x", nbins=6)
     rms = f": RMS {before / size:.2g} → {after / size:.2g} {shown}" if panel.same else ""
     axes.set_title(panel.title + rms, fontsize=8.6)
+
+
+def _levels(x: np.ndarray) -> tuple[np.ndarray, float]:
+    """The values of a signal that has few, and half the width to draw them with; 0 for other signals."""
+    levels = np.unique(x)
+    if not 2 <= len(levels) <= _LEVELS:
+        return levels, 0.0
+    return levels, _SPREAD * float(np.min(np.diff(levels)))
+
+
+def _steps(axes: Axes, panel: EffectPanel, x: np.ndarray, levels: np.ndarray, wide: float,
+           size: float) -> None:
+    """Effect and band at each level of the signal."""
+    for number, level in enumerate(levels):
+        value, half = (np.mean(values[x == level]) / size for values in (panel.value, panel.half))
+        axes.fill_between([level - wide, level + wide], value - half, value + half, color=AFTER, alpha=0.25,
+                          linewidth=0.0, label="95 % band" if number == 0 else None)
+        axes.plot([level - wide, level + wide], [value, value], color=AFTER, linewidth=1.4,
+                  label="effect" if number == 0 else None)
 
 
 def _curve(axes: Axes, panel: EffectPanel, x: np.ndarray, size: float) -> None:
