@@ -70,6 +70,10 @@ RIGHT = {
         f"L P[2] "
         "9mm/sec FINE", place(1, comment=':"J P 4"') + place(2) + place(3) + place(4) + place(5)),
     "two groups": (f"{SET}J P[1] 100% FINE", place(1, more=GROUP2)),
+    "two groups, the second first": (f"{SET}J P[1] 100% FINE",
+                                     place(1).replace("   GP1:", f"{GROUP2}\n   GP1:")),
+    "numbers and units without blanks": (
+        f"{SET}J P[1] 100% FINE", place(1).replace(" = ", "=").replace("  mm", "mm").replace(" deg", "deg")),
     "positions in another order, a number twice in the text": (
         f"{SET}J P[12] 100% FINE\nL P[1] 9mm/sec FINE\nL P[12] 9mm/sec FINE", place(2, 12) + place(1)),
     "jumps and loops": (
@@ -82,6 +86,7 @@ RIGHT = {
     "an extended axis at zero": (f"{SET}J P[1] 100% FINE", place(1, more=",\n\tE1=     0.000  mm")),
 }
 REFUSED = {
+    "a spline": (f"{SET}J P[1] 100% FINE\nS P[2] 9mm/sec FINE\nS P[3] 9mm/sec FINE", ALL),
     "an increment": (f"{SET}J P[1] 100% FINE\nL P[2] 9mm/sec FINE INC", ALL),
     "an offset": (f"{SET}J P[1] 100% FINE Offset,PR[1]", ALL),
     "an offset of the tool": (f"{SET}J P[1] 100% FINE Tool_Offset,PR[1]", ALL),

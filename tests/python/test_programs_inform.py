@@ -69,6 +69,8 @@ RIGHT = {
     "waiting for the end": (TWO, "MOVJ C00001 VJ=50.00 NWAIT\nMOVJ C00002 VJ=50.00 PL=0 ACC=20 DEC=20"),
 }
 REFUSED = {
+    "a motion of two arms together": (TWO, "MOVJ C00001 VJ=50.00\n+MOVL C00002 V=9.0"),
+    "a motion of a second arm to the first": (TWO, "MOVJ C00001 VJ=50.00\nSMOVL C00002 V=9.0"),
     "a position variable": (TWO, "MOVJ C00001 VJ=50.00\nMOVJ P001 VJ=50.00"),
     "a step": (TWO, "MOVJ C00001 VJ=50.00\nIMOV P001 V=9.0 RF"),
     "a shift": (TWO, "SFTON P001 BF\nMOVJ C00001 VJ=50.00\nSFTOF"),

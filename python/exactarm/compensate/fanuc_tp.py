@@ -27,15 +27,16 @@ from exactarm.robot import Placement
 from exactarm.whole_number import whole_number
 
 NAME, SUFFIXES = "Fanuc TP", (".ls",)
-_MOTION = re.compile(r"(?m)^[ \t]*\d*[ \t]*:[ \t]*([JLCA])[ \t]+(P|PR)\[([^\]]*)\]([^;]*);?")
+_MOTION = re.compile(r"(?m)^[ \t]*\d*[ \t]*:[ \t]*([JLCAS])[ \t]+(P|PR)\[([^\]]*)\]([^;]*);?")
 _POSITION = re.compile(r"P\[\s*(\d+)\s*(?::[^\]]*)?\]\s*\{(.*?)\}\s*;", re.S)
 _GROUP = re.compile(r"GP(\d+)\s*:")
+_GROUP_1 = re.compile(r"GP1\s*:.*?(?=GP\d+\s*:|$)", re.S)
 _FORBIDDEN = re.compile(r"(?i)\b(Offset|Tool_Offset|INC|RTCP|VOFFSET|COORD)\b")
 _SET = re.compile(r"\b(?:UTOOL\[[^\]]*\]|UFRAME\[[^\]]*\]|P\[[^\]]*\](?=[ \t]*=))[ \t]*=")
 _ACTIVE = re.compile(  # what sets the frames that are active, and where ways part and meet
     r"(?m)^[ \t]*\d*[ \t]*:[ \t]*(?:(?P<which>UFRAME|UTOOL)_NUM[ \t]*=[ \t]*(?P<number>[^;\r\n]*?)[ \t]*;"
     r"|(?P<way>LBL\[|CALL\b|IF\b|ELSE|ENDIF|SELECT\b|FOR\b|ENDFOR|JMP\b|RUN\b|=))")
-_FIELD = re.compile(r"\b(X|Y|Z|W|P|R|J\d|E\d)\s*=\s*([^,\s]+)\s*(mm|deg)?")
+_FIELD = re.compile(r"\b(X|Y|Z|W|P|R|J\d|E\d)\s*=\s*([^,\s]+?)\s*(mm|deg)?(?=[\s,]|$)")
 CARTESIAN = ("X", "Y", "Z", "W", "P", "R")
 LEAST_DECIMALS = 3  # as controllers write them
 
@@ -114,11 +115,9 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
             insert = partial(listing.before, match, above, position, targets[first])
         above = match
         _require_active(source, position, active, match.start(1))
-        if match[1] == "A":
-            raise source.refuse(
-                match.start(1),
-                "a circular motion of the form A takes several lines together; expected J, L or C",
-            )
+        if match[1] in "AS":
+            kind = "circular motion of the form A" if match[1] == "A" else "spline motion S"
+            raise source.refuse(match.start(1), f"a {kind} takes several lines together; expected J, L or C")
         if match[1] == "C":
             second = re.compile(r"\s*:?\s*(P|PR)\[([^\]]*)\]([^;]*)").match(match[4])
             if second is None:
@@ -142,7 +141,7 @@ def _require_active(source: SourceText, position: re.Match, active: dict[str, st
     """The frames of a position are those that the program has chosen: else a controller stops, or takes the
     position in other frames."""
     for key, which in (("UF", "UFRAME"), ("UT", "UTOOL")):
-        found = re.search(rf"\b{key}\s*:\s*(\d+)", position[2])
+        found = re.search(rf"\b{key}\s*:\s*(\d+)", _GROUP_1.search(position[2])[0])
         number = active.get(which, "")
         chosen = whole_number(number)
         if found and chosen is not None and chosen != whole_number(found[1]):

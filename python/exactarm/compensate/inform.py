@@ -32,6 +32,7 @@ LEAST_DECIMALS = 2  # of the angles, as controllers write them
 KINDS = {"MOVJ": "joint", "MOVL": "linear", "MOVC": "circular", "MOVS": "joint"}
 _LINE = re.compile(r"(?m)^([^\r\n]*)")
 _MOTION = re.compile(r"\s*(MOVJ|MOVL|MOVC|MOVS|IMOV)\b\s*(\S*)([^\r\n]*)")
+_OTHER_MOTION = re.compile(r"\s*(\+?S?MOV[JLCS]|EIMOV[LC])\b")  # with a second arm; from where the arm is
 
 
 def placement(numbers) -> Placement:
@@ -107,6 +108,8 @@ class _Reader:
             raise self.source.refuse(place, f"{match[1]}: a frame that the job sets; expected frames that "
                                             f"stay")
         match = _MOTION.match(text)
+        if match is None and (other := _OTHER_MOTION.match(text)):
+            raise self.source.refuse(place, f"{other[1]} is not read; expected MOVJ, MOVL, MOVC, MOVS")
         if match is None:
             self.stands = self.stands and bool(SILENT.match(text))
             return
