@@ -139,3 +139,12 @@ def test_a_table_with_a_column_that_nobody_can_fill_is_told_and_stays_as_long(tm
     assert "row 2 (line 3, 0.0" in told
     fine = ea.compensate(robot, tmp_path / name, tolerance_mm=5.0, threads=1)
     assert not fine.json["programs"][0]["straight_motions"]
+
+
+def test_a_time_that_does_not_rise_is_told(tmp_path):
+    robot = smooth_arm()
+    old = table(robot)
+    old["time_s"] = [0.0, 0.1, 0.1, 0.2, 0.3]
+    (tmp_path / "t.csv").write_bytes(written_as(old, "csv")[0])
+    result = ea.compensate(robot, tmp_path / "t.csv", threads=1)
+    assert any("time_s does not rise at row 3" in words for words in result.json["warnings"])

@@ -44,6 +44,10 @@ RIGHT = {
     "comments that look like numbers": FLOW.replace("points:",
                                                     "points:  # [1, 2, 3]\n# positions: [1, 2, 3]"),
     "quoted names": FLOW.replace("a4", "'a4'").replace("a2", '"a2"'),
+    "as it is shown, with the end of the message": FLOW + "---\n",
+    "a goal of no joints beside it": dump({"trajectory": trajectory(), "multi_dof_trajectory": {
+        "joint_names": [], "points": []}}),
+    "times in seconds": re.sub(r"(time_from_start: )\{nanosec: 0, sec: (\d+)\}", r"\1\2.0", FLOW),
     "JSON": json.dumps(trajectory()),
     "JSON of several lines": json.dumps(trajectory(), indent=2),
 }

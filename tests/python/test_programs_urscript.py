@@ -55,6 +55,12 @@ RIGHT = {
     "a variable that is set once": f"{SET}here = {pose(1)}\nthere={joints(2)}\nmovej(here)\nmovej(there)\n"
                                    f"movel(here)",
     "a global variable": f"{SET}global here = {pose(1)}\nlocal there = {pose(2)}\nmovej(here)\nmovel(there)",
+    "poses as its own editor writes them": (
+        f"{SET}global w_1_p={pose(1)}\nglobal w_1_q={joints(1)}\nglobal w_2_p={pose(2)}\n"
+        f"movej(get_inverse_kin(w_1_p, qnear=w_1_q), a=1.4, v=1.05)\nmovel(w_2_p, a=1.2, v=0.25)\n"
+        f"movej(get_inverse_kin({pose(3)}, qnear={joints(3)}), a=1.4)\n"
+        f"movej(get_inverse_kin(w_2_p,{joints(2)}))"),
+    "names of arguments": f"{SET}movej(q={joints(1)}, a=1.4)\nmovel(pose={pose(2)}, v=0.1)",
     "an arc": f"{SET}movej({pose(1)})\nmovec({pose(2)}, {pose(3)}, a=1.2, v=0.2)",
     "a loop": f"{SET}i = 0\nwhile i < 2:\nmovej({pose(1)})\nmovel({pose(2)})\ni = i + 1\nend",
     "a branch": f"{SET}if 1 < 2:\nmovej({pose(1)})\nelse:\nmovej({pose(2)})\nend\nmovel({pose(3)})",

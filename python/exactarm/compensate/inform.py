@@ -109,7 +109,7 @@ class _Reader:
                                             f"stay")
         match = _MOTION.match(text)
         if match is None and (other := _OTHER_MOTION.match(text)):
-            raise self.source.refuse(place, f"{other[1]} is not read; expected MOVJ, MOVL, MOVC, MOVS")
+            raise self.source.refuse(place, f"motion {other[1]} is not read; expected MOVJ, MOVL, MOVC, MOVS")
         if match is None:
             self.stands = self.stands and bool(SILENT.match(text))
             return

@@ -187,6 +187,7 @@ def _document(source: SourceText):
             file=source.path,
             line=None if mark is None else mark.line + 1,
         ) from None
+    nodes = [node for node in nodes if not isinstance(node, yaml.ScalarNode) or node.value]  # --- at its end
     if len(nodes) != 1 or not isinstance(nodes[0], yaml.MappingNode):
         raise source.refuse(0, "expected one document with joint_names and points")
     if len(text) == len(source.content):
@@ -218,19 +219,22 @@ def _trajectory(source: SourceText, node) -> dict:
         if "points" in fields and "joint_names" in fields:
             found.append(fields)
         todo += [value for value in fields.values() if isinstance(value, yaml.MappingNode)]
+    found = [fields for fields in found if getattr(fields["points"], "value", None)] or found  # not the empty
     if len(found) != 1:
         raise source.refuse(0, f"{len(found)} trajectories; expected one, with joint_names and points")
     return found[0]
 
 
 def _time(source: SourceText, fields: dict, line: int) -> float | None:
-    parts = _fields(fields.get("time_from_start"), source)
-    if not parts:
+    given = fields.get("time_from_start")
+    if given is None:
         return None
+    parts = {"sec": given} if isinstance(given, yaml.ScalarNode) else _fields(given, source)
     try:
         values = {key: float(node.value) for key, node in parts.items()}
     except (TypeError, ValueError):
-        raise InputError("time_from_start: expected sec and nanosec", file=source.path, line=line) from None
+        raise InputError("time_from_start: expected sec and nanosec, or seconds", file=source.path,
+                         line=line) from None
     time = values.get("sec", values.get("secs", 0.0)) + 1e-9 * values.get("nanosec", values.get("nsecs", 0.0))
     if not abs(time) < LONGEST_S:
         raise InputError(f"time_from_start of {time:g} s; expected less than {LONGEST_S:g}", file=source.path,

@@ -60,6 +60,11 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
         data.joints.get("approach"),
         data.time is not None and bool(np.all(np.diff(data.time) > 0.0)),
     )
+    told = ()
+    if data.time is not None and not timed and approach is None:
+        late = int(np.argmax(np.diff(data.time) <= 0.0)) + 2
+        told = (f"{source.path.name}: time_s does not rise at row {late}: the rows are taken as motions from "
+                "point to point, not as a time series",)
     lines, rows = (data.row + 1).tolist(), _Rows(source, setting)
     for i, line in enumerate(lines):
         name = f"row {line - 1}"
@@ -73,7 +78,7 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
         insert = partial(rows.between, i) if time is not None and i and poses is None else None
         motions.append(Motion("joint", i, line, time=time, approach=side, insert=insert))
     finish = partial(_finish, source, setting)
-    return Program(NAME, sources, tuple(targets), tuple(motions), calculated=True, finish=finish)
+    return Program(NAME, sources, tuple(targets), tuple(motions), told, calculated=True, finish=finish)
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,8 @@
 """URScript: movej, movel, movep, movec, servoj with `[q1, ..]` (rad) or `p[x, y, z, rx, ry, rz]` (m, rotation
 vector).
 
-Targets stand in the call, or as a literal in a variable that is set once. Poses are of the TCP that
+Targets stand in the call, or as a literal in a variable that is set once; `get_inverse_kin(pose, qnear=q)` of
+such literals is the pose, on the branch of q, which stays. Poses are of the TCP that
 `set_tcp(p[..])` sets, in the controller's base; `set_payload(kg, [x, y, z])` is the load. A pose is taken on
 the branch nearest to the target before. The controller turns poses by its own calibrated frames: the robot
 file must have them ([controller] chain = "calibrated"). Not read: what is computed (`pose_trans`, `pose_add`,
@@ -12,7 +13,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -45,9 +46,12 @@ _ALONE = re.compile(
 )
 _SILENT = re.compile(  # calls that neither move the arm nor lead elsewhere
     r"[ \t]*(?:sleep|textmsg|set_\w+|write_output_\w+|sync)[ \t]*\([^()]*\)[ \t]*$"
-    r"|[ \t]*(?:global[ \t]+|local[ \t]+)?\w+[ \t]*=[ \t]*p?\[[^()]*$")
+    r"|[ \t]*\$|[ \t]*(?:global[ \t]+|local[ \t]+)?\w+[ \t]*=[ \t]*p?\[[^()]*$")
 _NAMED = re.compile(r"([A-Za-z_]\w*)\s*([,)])")
-_BLANK = re.compile(r"\s*")
+_BLANK = re.compile(r"\s*(?:(?:q|pose)\s*=(?!=)\s*)?")
+_INVERSE = re.compile(r"get_inverse_kin\s*\(\s*")
+_NEAR = re.compile(r"\s*,\s*(?:qnear\s*=\s*)?")
+_CLOSED = re.compile(r"\s*\)\s*[,)]")
 _BRACKETS = re.compile(r"[()\[\]]")
 _BEHIND = re.compile(r"[ \t]*(?:[,)\]\r\n]|$)")  # what may follow numbers that nothing is done with
 
@@ -73,6 +77,7 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
     motions: list[Motion] = []
     index: dict[tuple, int] = {}
     begun: set[int] = set()
+    close: list[str] = []  # names of angles that choose a branch
     tool, load = _given_tool(setting), None
 
     def literal(place: int) -> _Literal | None:
@@ -91,12 +96,12 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
             raise source.refuse(match.end(), "numbers that are calculated with; expected numbers alone")
         return _Literal(bool(match[1]), tuple(numbers), place)
 
-    def argument(place: int) -> tuple[str, _Literal]:
-        """Name and numbers of a target that stands at `place`."""
+    def argument(place: int) -> tuple[str, _Literal, int]:
+        """Name and numbers of a target that stands at `place`, and where it ends."""
         place = _BLANK.match(text, place).end()
         found = literal(place)
         if found is not None:
-            return f"line {source.line(place)}", found
+            return f"line {source.line(place)}", found, _LITERAL.match(text, place).end()
         word = _NAMED.match(text, place)
         if word is None:
             shown = re.split(r"[\r\n]", text[place : place + 40])[0]
@@ -112,10 +117,24 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
         found = literal(places[0])
         if found is None:
             raise source.refuse(places[0], f"{word[1]} is computed; expected numbers")
-        return word[1], found
+        return word[1], found, word.end(1)
+
+    def inverse(place: int) -> tuple[str, _Literal, np.ndarray] | None:
+        """Name and numbers of the pose in a call of get_inverse_kin at `place`, and the angles near by."""
+        if (call := _INVERSE.match(text, place)) is None:
+            return None
+        name, found, end = argument(call.end())
+        if comma := _NEAR.match(text, end):
+            word, angles, end = argument(comma.end())
+            close.append(word)
+            if found.is_pose and not angles.is_pose and _CLOSED.match(text, end):
+                return name, found, setting.joints([number.value for number in angles.numbers])
+        raise source.refuse(
+            place, "the target is computed; expected numbers, or get_inverse_kin(pose, qnear=angles) alone")
 
     def target(place: int) -> int:
-        name, found = argument(place)
+        solved = inverse(_BLANK.match(text, place).end())
+        name, found, near = (*argument(place)[:2], None) if solved is None else solved
         key = (found.start, id(tool) if found.is_pose else 0, load)
         if key in index:
             return index[key]
@@ -124,7 +143,7 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
                 place, f"{name} is used with different tools or loads: no one number is right for all"
             )
         if found.is_pose:
-            made = _pose(source, name, found, tool, load, setting)
+            made = replace(_pose(source, name, found, tool, load, setting), near=near)
         else:
             made = _joints(source, name, found, tool, load, setting)
         targets.append(made)
@@ -164,7 +183,7 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
         above = (match.start(), spans[-1][1] + 1)
     points = [name for name, places in assigned.items() if (match := _LITERAL.match(text, places[0]))
               and match[2].count(",") == (5 if match[1] else n - 1)]
-    told += unread(sources, [text], points, [target.name for target in targets], [spans])
+    told += unread(sources, [text], points, [*close, *(target.name for target in targets)], [spans])
     return Program(NAME, sources, tuple(targets), tuple(motions), tuple(told))
 
 

@@ -25,6 +25,8 @@ def execute(files: dict[str, bytes], arm: Arm, start, names) -> list:
     for file, text in files.items():
         for document in yaml.safe_load_all(text.decode("utf-8")):
             for trajectory in trajectories(document):
+                if not trajectory["points"]:
+                    continue
                 order = [trajectory["joint_names"].index(name) for name in names]
                 for i, point in enumerate(trajectory["points"]):
                     q = np.array(point["positions"], float)[order]

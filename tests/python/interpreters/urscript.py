@@ -145,9 +145,10 @@ class UrScript:
             return getattr(math, name)
         return getattr(self, f"do_{name}", None)
 
-    def move(self, kind, target, *_, **__):
+    def move(self, kind, target=None, *_, q=None, pose=None, **__):
         import sys
 
+        target = next(given for given in (target, q, pose) if given is not None)
         frame = sys._getframe(1)
         while frame.f_code.co_filename != self.file:
             frame = frame.f_back
