@@ -12,10 +12,10 @@ import numpy as np
 
 from exactarm.dataset import Dataset
 from exactarm.identify.clock_drift import lags
+from exactarm.identify.odd_gear_runs import gyro_runs, odd_gear_runs
 from exactarm.identify.signal_mistakes import LONG_STEP_S
-from exactarm.identify.suspicion import Suspicion
+from exactarm.identify.suspicion import Suspicion, run_words
 from exactarm.identify.tracked_mistakes import clock_suspicions
-from exactarm.kinds.base import STANDS_STILL
 from exactarm.robot import Robot
 from exactarm.signals import typical_step
 from exactarm.view import motor_angles
@@ -25,6 +25,7 @@ RATIO_TOLERANCE = 0.03  # teeth are counted; a gear's error is below a thousandt
 MUCH_LAG_S, LEAST_DRIFT_S = 0.05, 0.02
 NEARLY = 0.1  # for a slope that is meant to be some other number
 LEAST_CORRELATION = 0.5
+FAR = 0.2  # of the longest run of an axis: backlash makes a ratio of a shorter one
 # a small gyroscope's scale is wrong by up to 3 %, and its bias of 0.01 rad/s adds 3 % to runs one way at
 # 0.3 rad/s
 GYRO_TOLERANCE = 0.06
@@ -44,27 +45,50 @@ def _of_encoders(robot: Robot, data: Dataset) -> list[Suspicion]:
     found = []
     both = np.flatnonzero(~np.isnan(theta[0]) & ~np.isnan(q[0]))
     for i in both:
-        motor, link = _centred(theta[:, i], data.run), _centred(q[:, i], data.run)
-        size = float(np.linalg.norm(motor) * np.linalg.norm(link))
-        if size == 0.0:
+        rows, where = _off(robot, data, int(i))
+        if rows.size == 0:
             continue
-        slope, correlation = float(motor @ link / (link @ link)), float(motor @ link) / size
-        share = slope / robot.ratios[i]
-        if abs(share - 1.0) < RATIO_TOLERANCE:
-            continue
+        slope, correlation = _slope(theta[rows, i], q[rows, i], data.run[rows])
         if abs(correlation) < LEAST_CORRELATION:
-            words = _other_link(robot, theta[:, i], q, data.run, int(i), both)
+            words = _other_link(robot, theta[rows, i], q[rows], data.run[rows], int(i), both)
             if words:
-                found.append(Suspicion(words, sentence=True))
+                found.append(Suspicion(f"{where}{words}", sentence=True))
             continue
+        share = slope / robot.ratios[i]
         found.append(
             Suspicion(
-                f"axis {i + 1}: theta_{i + 1} goes {slope:.4g} times as far as q_{i + 1}, the file's gear "
-                f"ratio is {robot.ratios[i]:.4g}: {_meant(share, slope * robot.ratios[i], int(i) + 1)}",
+                f"{where}axis {i + 1}: theta_{i + 1} goes {slope:.4g} times as far as q_{i + 1}, the file's "
+                f"gear ratio is {robot.ratios[i]:.4g}: {_meant(share, slope * robot.ratios[i], int(i) + 1)}",
                 sentence=True,
             )
         )
     return found or _of_clocks(robot, data, both)
+
+
+def _off(robot: Robot, data: Dataset, axis: int) -> tuple[np.ndarray, str]:
+    """Rows in which the two sides of the gear do not follow its ratio; and where that is, if not in all
+    runs."""
+    theta, q = data.joints["theta"][:, axis], data.joints["q"][:, axis]
+    rows = [np.flatnonzero(data.run == run) for run in np.unique(data.run)]
+    spans = [min(np.ptp(theta[each] / robot.ratios[axis]), np.ptp(q[each])) for each in rows]
+    moving = [each for each, span in zip(rows, spans) if span > FAR * max(spans)]
+    off = []
+    for each in moving:
+        slope, correlation = _slope(theta[each], q[each], data.run[each])
+        follows = abs(slope / robot.ratios[axis] - 1.0) < RATIO_TOLERANCE
+        if correlation and not (follows and abs(correlation) > LEAST_CORRELATION):
+            off.append(each)
+    if not off:
+        return np.zeros(0, int), ""
+    where = f"{run_words(data, off[0])}: " if len(off) < len(moving) else ""
+    return np.concatenate(off), where
+
+
+def _slope(motor: np.ndarray, link: np.ndarray, run: np.ndarray) -> tuple[float, float]:
+    """Of the motor's angle over the link's, and their correlation; zero where one of them stands still."""
+    motor, link = _centred(motor, run), _centred(link, run)
+    size = float(np.linalg.norm(motor) * np.linalg.norm(link))
+    return (float(motor @ link / (link @ link)), float(motor @ link) / size) if size else (0.0, 0.0)
 
 
 def _of_clocks(robot: Robot, data: Dataset, both: np.ndarray) -> list[Suspicion]:
@@ -137,21 +161,19 @@ def _meant(share: float, product: float, axis: int) -> str:
 def _of_gyroscope(robot: Robot, data: Dataset) -> list[Suspicion]:
     theta, found = motor_angles(robot, data), []
     slopes: dict[int, list[float]] = {}
-    for run in np.unique(data.run):
-        rows = np.flatnonzero(data.run == run)
-        rows = rows[np.argsort(data.time[rows], kind="stable")]
-        span = np.ptp(theta[rows], axis=0) / np.abs(robot.ratios)
-        if rows.size < _LEAST_ROWS or span.max() == 0.0 or np.sum(span > STANDS_STILL * span.max()) != 1:
-            continue
-        axis, time = int(np.argmax(span)), data.time[rows]
+    runs = gyro_runs(robot, data, _smooth)
+    for run in runs:
+        rows, axis = run.rows, run.axis
+        time = data.time[rows]
         rate = np.gradient(_smooth(theta[rows, axis] / robot.ratios[axis]), time)
         reading = _smooth(np.linalg.norm(data.gyro[rows], axis=1))
         along = np.linalg.norm(data.gyro[rows].T @ rate)
         slopes.setdefault(axis, []).append(float(along / max(rate @ rate, 1e-300)))
         late = lags(time, np.abs(rate), reading)
-        found += clock_suspicions(late, f"run {run}", "the gyroscope", MUCH_LAG_S)
+        found += clock_suspicions(late, f"run {data.run[rows[0]]}", "the gyroscope", MUCH_LAG_S)
     shares = {axis: float(np.median(values)) for axis, values in slopes.items() if np.median(values) > 0.0}
-    return _far_off(shares) or found[:1] or _somewhat_off(robot, shares)
+    odd = odd_gear_runs(data, runs, GYRO_TOLERANCE, _reading)
+    return odd or _far_off(shares) or found[:1] or _somewhat_off(robot, shares)
 
 
 def _far_off(shares: dict[int, float]) -> list[Suspicion]:

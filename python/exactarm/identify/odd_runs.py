@@ -32,7 +32,7 @@ from exactarm.identify.motion_mistakes import (
     is_measured_whole,
     undone,
 )
-from exactarm.identify.suspicion import FALL, Suspicion, in_order
+from exactarm.identify.suspicion import FALL, Suspicion, in_order, run_words
 from exactarm.robot import Robot
 from exactarm.signals import typical_step
 
@@ -107,7 +107,7 @@ def _among(robot: Robot, data: Dataset, rows: list[np.ndarray]) -> list[Suspicio
     likely = [(run, each) for run, each in found if each.fall >= _AS_GOOD * best]
     run, told = max(likely, key=lambda pair: pair[1].fall)
     either = " (or the reverse in the other run)" if len(rows) == 2 == len(likely) else ""
-    return [replace(told, words=f"{told.words} in {_place(data, rows[run])}{either}")]
+    return [replace(told, words=f"{told.words} in {run_words(data, rows[run])}{either}")]
 
 
 def _could_fall(runs: _Runs, run: int, now: Explained) -> bool:
@@ -150,8 +150,3 @@ def _other_masses(runs: _Runs, run: int) -> Iterator[Suspicion]:
     apart = np.sqrt(share * own**2 + (1.0 - share) * others**2)
     if (better := float(np.max(common / np.maximum(apart, 1e-9)))) >= FALL:
         yield Suspicion("other masses (payload, tool or robot)", better)
-
-
-def _place(data: Dataset, rows: np.ndarray) -> str:
-    first, last = data.place_of(int(rows[0])), data.place_of(int(rows[-1]))
-    return f"run {data.run[rows[0]]} ({first} to {last})"

@@ -28,6 +28,7 @@ RATE_BEYOND = 3.0
 FAR_OFF = 1e3  # times the 99.9 % of a column's cells
 TURN = 2.0 * np.pi
 NEARLY_A_TURN = 1.0  # rad, that an axis may turn between two samples beside the jump
+NEARLY_ALL, LITTLE = 0.8, 0.1  # of what a run spans: one step, and the usual one
 GEARED = 10.0  # ratio from which a turn of the motor is a small part of an axis' range
 LEAST_OF_A_TURN = 20  # rows
 LEAST_TORQUES = 10  # rows
@@ -132,20 +133,18 @@ def _without_sign(data: Dataset) -> Iterator[Suspicion]:
 
 def _wrapped(robot: Robot, data: Dataset) -> Iterator[Suspicion]:
     revolute = np.array([joint.type == "revolute" for joint in robot.joints])
-    ends = data.run[1:] != data.run[:-1]
     for name in ("theta", "q"):
         values = data.joints.get(name)
         if values is None or len(values) < LEAST_OF_A_TURN:
             continue
         if not kind_of(data.kind).at_rest:
-            within = revolute & (np.nan_to_num(np.ptp(values, axis=0), nan=np.inf) <= TURN)
-            step = np.where(ends[:, None] | ~within, 0.0, np.diff(values, axis=0))
-            jumps = (np.abs(step) > np.pi) & (np.abs(np.abs(step) - TURN) < NEARLY_A_TURN)
+            jumps = _full_turns(values, data.run) & revolute
             if jumps.any():
                 row, axis = np.argwhere(jumps)[0]
                 yield Suspicion(
-                    f"{name}_{axis + 1} jumps by a full turn at {data.place_of(int(row) + 1)}: are the "
-                    "angles wrapped to one turn, as -180 to 180 degrees?", sentence=True,
+                    f"{name}_{axis + 1} jumps by {_turns(values, row, axis)} at "
+                    f"{data.place_of(int(row) + 1)}: are the angles wrapped to one turn, as -180 to 180 "
+                    "degrees, or does a counter begin anew?", sentence=True,
                 )
                 return
         elif name == "theta" and (np.abs(robot.ratios[revolute]) > GEARED).all():
@@ -155,6 +154,29 @@ def _wrapped(robot: Robot, data: Dataset) -> Iterator[Suspicion]:
                     "the motor angles of all axes lie within one turn of the motor: are they wrapped, as "
                     "-180 to 180 degrees?", sentence=True,
                 )
+
+
+def _full_turns(values: np.ndarray, run: np.ndarray) -> np.ndarray:
+    """(N - 1, n) bool: steps (of a run) over a turn where the whole run spans no more, and over nearly all
+    that a longer run spans: no motion takes that in one step."""
+    step = np.diff(values, axis=0)
+    jumps = np.zeros(step.shape, bool)
+    for number in np.unique(run):
+        rows = np.flatnonzero(run == number)
+        rows = rows[:-1][np.diff(rows) == 1]
+        if rows.size < LEAST_OF_A_TURN:
+            continue
+        span = np.nan_to_num(np.ptp(values[[*rows, rows[-1] + 1]], axis=0), nan=np.inf)
+        size = np.abs(step[rows])
+        one = (span <= TURN) & (size > np.pi) & (np.abs(size - TURN) < NEARLY_A_TURN)
+        more = (span > TURN) & (size > NEARLY_ALL * span) & (np.median(size, axis=0) < LITTLE * span)
+        jumps[rows] = one | more
+    return jumps
+
+
+def _turns(values: np.ndarray, row: int, axis: int) -> str:
+    turns = abs(values[row + 1, axis] - values[row, axis]) / TURN
+    return "a full turn" if turns < 1.5 else f"{turns:.3g} turns"
 
 
 def _stuck(data: Dataset) -> Iterator[Suspicion]:

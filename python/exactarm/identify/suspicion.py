@@ -7,6 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from exactarm.dataset import Dataset
+
 # A mistake in a column moves targets by centimetres, torques by their own size: undone, a fit to usual data
 # falls ten times and more. Three times leaves room for arms that are a centimetre wrong, and no set of poses
 # falls so far by chance.
@@ -52,3 +54,9 @@ def listed(axes: Iterable[int]) -> str:
     if len(numbers) == 1:
         return f"axis {numbers[0]}"
     return f"axes {', '.join(numbers[:-1])} and {numbers[-1]}"
+
+
+def run_words(data: Dataset, rows: np.ndarray) -> str:
+    """The run of `rows`, with its first and its last row."""
+    first, last = data.place_of(int(rows[0])), data.place_of(int(rows[-1]))
+    return f"run {data.run[rows[0]]} ({first} to {last})"

@@ -1,0 +1,98 @@
+"""Mistakes in one of several gear runs: told with the run and the guess; right runs are not suspected."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from exactarm.identify.first_aid import first_aid
+from exactarm.robot_file import load_robot
+from exactarm.simulate import Sensors, VirtualRobot, measure_gear_runs
+from test_first_aid import kr300  # noqa: F401
+from test_first_aid_units import wrapped
+
+DEGREE = np.pi / 180.0
+SECOND = 2
+
+
+@pytest.fixture(scope="module")
+def gyro_runs():
+    """Axes 2 and 3, two runs each, there and back."""
+    robot = load_robot("racer-7-1.4")
+    data = measure_gear_runs(VirtualRobot.of(robot), [1, 2], [0.6], 2, Sensors(), np.random.default_rng(5),
+                             250.0)
+    assert len(np.unique(data.run)) >= 4
+    return robot, data
+
+
+def gyro(change):
+    def changed(data, rows):
+        reading = data.gyro.copy()
+        reading[rows] = change(reading[rows])
+        return replace(data, gyro=reading)
+
+    return changed
+
+
+def angles(name, change):
+    def changed(data, rows):
+        values = data.joints[name].copy()
+        values[rows] = change(values[rows])
+        return replace(data, joints=data.joints | {name: values})
+
+    return changed
+
+
+UNDER_A_GYROSCOPE = {
+    "deg/s": (gyro(lambda v: v / DEGREE), "is it in deg/s labelled as rad/s"),
+    "rad/s as deg/s": (gyro(lambda v: v * DEGREE), "is it in rad/s labelled as deg/s"),
+    "z negated": (gyro(lambda v: v * [1, 1, -1]), "has its axis z, or the motor's angle, the opposite sign"),
+    "motor negated": (angles("theta", lambda v: -v), "or the motor's angle, the opposite sign"),
+    "y and z exchanged": (gyro(lambda v: v[:, [0, 2, 1]]), "are its axes y, z exchanged"),
+    "another ratio": (angles("theta", lambda v: 1.25 * v), "is the ratio in the robot file that of this arm"),
+}
+
+
+@pytest.mark.parametrize("name", UNDER_A_GYROSCOPE)
+def test_a_mistake_in_one_run_under_a_gyroscope_is_told_with_the_run(gyro_runs, name):
+    robot, data = gyro_runs
+    change, words = UNDER_A_GYROSCOPE[name]
+    said = first_aid(robot, change(data, data.run == SECOND))
+    assert any(each.startswith(f"run {SECOND} (row ") and words in each for each in said), said
+
+
+def test_right_runs_and_runs_of_another_stance_are_not_suspected(gyro_runs):
+    robot, data = gyro_runs
+    assert first_aid(robot, data) == ()
+    both = gyro(lambda v: v[:, [2, 1, 0]])(data, np.ones(len(data), bool))
+    assert first_aid(robot, both) == ()  # as the sensor's axes are named: the same in every run
+
+
+BETWEEN_ENCODERS = {
+    "motor in degrees": (angles("theta", lambda v: v / DEGREE), "is theta in degrees"),
+    "link in degrees": (angles("q", lambda v: v / DEGREE), "is q in degrees"),
+    "another ratio": (angles("theta", lambda v: 1.1 * v), "is the ratio in the robot file that of this arm"),
+    "negated": (angles("q", lambda v: -v), "does one of the two have the opposite sign?"),
+    "exchanged": (angles("q", lambda v: v[:, [1, 0, 2, 3, 4, 5]]), "axes exchanged?"),
+}
+
+
+@pytest.mark.parametrize("name", BETWEEN_ENCODERS)
+def test_a_mistake_in_one_run_between_encoders_is_told_with_the_run(kr300, name):  # noqa: F811
+    robot, data = kr300
+    change, words = BETWEEN_ENCODERS[name]
+    said = first_aid(robot, change(data, data.run == SECOND))
+    assert said and f"run {SECOND} (row 1 of run_B.parquet to row " in said[0] and words in said[0], said
+
+
+def counter_of(turns):
+    return lambda values: values % (2.0 * np.pi * turns)
+
+
+@pytest.mark.parametrize("change, words", [
+    (wrapped, "jumps by a full turn"), (counter_of(16), "jumps by 16 turns"),
+])
+def test_angles_that_wrap_in_one_run_are_told(kr300, change, words):  # noqa: F811
+    robot, data = kr300
+    said = first_aid(robot, angles("theta", change)(data, data.run == SECOND))
+    assert words in said[0] and "run_B.parquet" in said[0], said
