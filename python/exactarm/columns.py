@@ -2,7 +2,8 @@
 
 `parse_column` turns a header's name into a `Column` with the factor that takes its numbers to SI
 (rad, m, s, Nm, A). A name that starts like a known quantity and goes on wrongly (no axis number,
-a unit that does not belong to it) is refused; any other name is a covariate, kept as it is.
+a unit that does not belong to it) is refused, and so is a payload or temperature in another unit; any other
+name is a covariate, kept as it is.
 """
 
 from __future__ import annotations
@@ -84,6 +85,11 @@ _INDEXED = re.compile(rf"({_JOINT_NAMES})_(\d+)(?:_(.*))?")
 _NO_INDEX = re.compile(rf"({_JOINT_NAMES})(?:_({'|'.join(_ALL_UNITS)}))?")
 _SCALAR = re.compile(rf"({'|'.join(SCALAR_UNITS)})(?:_(.*))?")
 _PAYLOAD_CENTRE = re.compile(r"(payload_[xyz])(?:_(.*))?")
+# loads and temperatures, which have one unit: in any other they would be covariates of other numbers
+_ONE_UNIT = {
+    "kg": re.compile(r"(payload)(?:_(lbs?|pounds?|oz|g|t|N|lbf))?", flags=re.IGNORECASE),
+    "degC": re.compile(r"(.*temp.*|.*(?=_degF))_(degF|F|fahrenheit|degK|K|kelvin)", flags=re.IGNORECASE),
+}
 _LENGTH = re.compile(rf"length_({'|'.join(LENGTH)})")
 
 
@@ -139,6 +145,10 @@ def parse_column(name: str, file: str, prismatic: frozenset[int] = frozenset()) 
     if match := _SCALAR.fullmatch(name):
         quantity, unit = match[1], match[2] or ""
         return Column(quantity, None, name, _factor(quantity, unit, SCALAR_UNITS[quantity], file, name))
+    for known, pattern in _ONE_UNIT.items():
+        if match := pattern.fullmatch(name):
+            found = f"unknown unit {match[2]!r}" if match[2] else "no unit"
+            raise InputError(f"{found}; expected {match[1]}_{known}", file=file, column=name)
     if meant := _misspelt(name):
         raise InputError(f"is no quantity of a joint; did you mean {meant}?", file=file, column=name)
     return Column("covariate", None, name)

@@ -7,6 +7,7 @@ import pytest
 
 import exactarm as ea
 from exactarm import cli
+from exactarm.columns import parse_column
 from exactarm.errors import InputError
 from exactarm.robot import Joint, Robot
 from exactarm.table import read_table
@@ -112,3 +113,21 @@ def test_the_command_maps_columns_and_tells_the_file(tmp_path, capsys):
     )
     assert cli.main(["evaluate", "ur10", str(path), "--map", "J1", "--out", str(tmp_path / "o")]) == 2
     assert "expected the file's name and ours, as J1=q_1_deg" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name, expected", [
+    ("payload_lb", "unknown unit 'lb'; expected payload_kg"), ("payload", "no unit; expected payload_kg"),
+    ("payload_g", "unknown unit 'g'; expected payload_kg"),
+    ("temperature_degF", "unknown unit 'degF'; expected temperature_degC"),
+    ("temp_motor_F", "unknown unit 'F'; expected temp_motor_degC"),
+    ("motor_temp_K", "unknown unit 'K'; expected motor_temp_degC"),
+    ("oil_degF", "unknown unit 'degF'; expected oil_degC"), ("temperature_degC", ""), ("humidity", ""),
+    ("payload_id", ""),
+])
+def test_a_load_or_temperature_in_another_unit_is_no_covariate(name, expected):
+    if not expected:
+        assert parse_column(name, "poses.csv").quantity == "covariate"
+        return
+    with pytest.raises(InputError) as told:
+        parse_column(name, "poses.csv")
+    assert str(told.value) == f"poses.csv, column {name}: {expected}"
