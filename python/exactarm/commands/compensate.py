@@ -19,6 +19,7 @@ from exactarm.commands.publish import sources
 from exactarm.commands.result import CommandResult
 from exactarm.commands.steps import CORRECTING, FRAMES, STEPS, TRUSTED
 from exactarm.compensate import target_table
+from exactarm.compensate.collector import collector_at_rest
 from exactarm.compensate.correction import correct
 from exactarm.compensate.formats import Job, jobs
 from exactarm.compensate.frames import cell_frames, with_nominal
@@ -137,6 +138,7 @@ def compensate(
     return run(arguments).asked_as(replace(called, files=called.files + sources(paths)))
 
 
+@collector_at_rest()
 def run(arguments: argparse.Namespace) -> CommandResult:
     robot = robot_of(arguments.robot)
     if arguments.nominal:

@@ -30,13 +30,16 @@ NAME, SUFFIXES = "Fanuc TP", (".ls",)
 _MOTION = re.compile(r"(?m)^[ \t]*\d*[ \t]*:[ \t]*([JLCAS])[ \t]+(P|PR)\[([^\]]*)\]([^;]*);?")
 _POSITION = re.compile(r"P\[\s*(\d+)\s*(?::[^\]]*)?\]\s*\{(.*?)\}\s*;", re.S)
 _GROUP = re.compile(r"GP(\d+)\s*:")
-_GROUP_1 = re.compile(r"GP1\s*:.*?(?=GP\d+\s*:|$)", re.S)
+_FRAME = {key: re.compile(rf"\b{key}\s*:\s*(\w+)") for key in ("UF", "UT")}
+_CONFIG = re.compile(r"CONFIG\s*:\s*'([^']*)'")
+_QUOTED = re.compile(r"'[^']*'")
 _FORBIDDEN = re.compile(r"(?i)\b(Offset|Tool_Offset|INC|RTCP|VOFFSET|COORD)\b")
 _SET = re.compile(r"\b(?:UTOOL\[[^\]]*\]|UFRAME\[[^\]]*\]|P\[[^\]]*\](?=[ \t]*=))[ \t]*=")
 _ACTIVE = re.compile(  # what sets the frames that are active, and where ways part and meet
     r"(?m)^[ \t]*\d*[ \t]*:[ \t]*(?:(?P<which>UFRAME|UTOOL)_NUM[ \t]*=[ \t]*(?P<number>[^;\r\n]*?)[ \t]*;"
     r"|(?P<way>LBL\[|CALL\b|IF\b|ELSE|ENDIF|SELECT\b|FOR\b|ENDFOR|JMP\b|RUN\b|=))")
-_FIELD = re.compile(r"\b(X|Y|Z|W|P|R|J\d|E\d)\s*=\s*([^,\s]+?)\s*(mm|deg)?(?=[\s,]|$)")
+_FIELD = re.compile(r"\b(X|Y|Z|W|P|R|J\d|E\d)\s*=\s*([-+]?\d+\.?\d*(?=[ \tmd])|[^,\s]+?)"
+                    r"\s*(mm|deg)?(?=[\s,]|$)")
 CARTESIAN = ("X", "Y", "Z", "W", "P", "R")
 LEAST_DECIMALS = 3  # as controllers write them
 
@@ -140,11 +143,14 @@ def _same_branch(targets: list[Target], motions: list[Motion], last: int) -> boo
 def _require_active(source: SourceText, position: re.Match, active: dict[str, str], place: int) -> None:
     """The frames of a position are those that the program has chosen: else a controller stops, or takes the
     position in other frames."""
+    groups = list(_GROUP.finditer(position[2]))
+    first = next((k for k, group in enumerate(groups) if group[1] == "1"), 0)
+    begin, end = (groups[first].end(), *(group.start() for group in groups[first + 1 : first + 2]), None)[:2]
     for key, which in (("UF", "UFRAME"), ("UT", "UTOOL")):
-        found = re.search(rf"\b{key}\s*:\s*(\d+)", _GROUP_1.search(position[2])[0])
+        found = _FRAME[key].search(position[2][begin:end])
         number = active.get(which, "")
         chosen = whole_number(number)
-        if found and chosen is not None and chosen != whole_number(found[1]):
+        if found and found[1].isdigit() and chosen is not None and chosen != whole_number(found[1]):
             raise source.refuse(place, f"P[{position[1]}] is of {key} {found[1]}, and {which}_NUM is "
                                        f"{number} "
                                        "here; expected the same")
@@ -160,7 +166,7 @@ def _target(source: SourceText, number: int, match: re.Match, setting: Setting) 
     end = groups[first[0] + 1].start() if first[0] + 1 < len(groups) else len(body)
     part = body[start:end]
     fields: dict[str, Number] = {}
-    quoted = re.sub(r"'[^']*'", lambda m: " " * len(m[0]), part)
+    quoted = _QUOTED.sub(lambda m: " " * len(m[0]), part)
     for field in _FIELD.finditer(quoted):
         if field[1] in fields:
             raise source.refuse(at + start + field.start(), f"{field[1]} is given twice")
@@ -188,7 +194,7 @@ def _target(source: SourceText, number: int, match: re.Match, setting: Setting) 
             ]
 
         q = setting.joints(np.radians([field.value for field in numbers]))
-        found = re.search(r"\bUT\s*:\s*(\d+)", part)
+        found = _FRAME["UT"].search(part)
         tool = setting.tool(found[1]) if found else None  # of a straight motion to it
         known = {"tool": placement(tool)} if tool is not None and len(tool) == 6 else {}
         if found and found[1] == "0":
@@ -205,12 +211,12 @@ def _target(source: SourceText, number: int, match: re.Match, setting: Setting) 
             for field, value, fine in zip(numbers, [*(1e3 * tip.position), *np.degrees([w, p, r])], digits)
         ]
 
-    config = re.search(r"CONFIG\s*:\s*'([^']*)'", part)
+    config = _CONFIG.search(part)
     if config is None:
         raise source.refuse(match.start(), f"P[{number}] without CONFIG; expected CONFIG : '...'")
     frames, why = {}, []
     for key, option, given in (("UF", "base", setting.base), ("UT", "tool", setting.tool)):
-        found = re.search(rf"\b{key}\s*:\s*(\w+)", part)
+        found = _FRAME[key].search(part)
         which = found[1] if found else ""
         frame = given(which)
         if which != "0" and (frame is None or len(frame) != 6):

@@ -42,6 +42,7 @@ _SILENT = re.compile(  # instructions that neither move the arm nor lead elsewhe
     r"(?i)[ \t]*(?:(?:Set(?:DO|AO|GO)?|Reset|Pulse[DG]O|InvertDO|Wait(?:Time|Until|[DAG][IO])|Conf[LJ]"
     r"|TP(?:Write|Erase)|SingArea|AccSet|VelSet|SpeedRefresh|Clk(?:Start|Stop|Reset)|Incr|Decr|Add|Clear)\b"
     r"|\w+(?:\{[^}]*\})?[ \t]*:=)[^;]*;[ \t]*$")
+_MARKS = re.compile(r"[\[({\])},\\]")
 KINDS = {
     "movel": "linear",
     "movej": "joint",
@@ -344,11 +345,14 @@ def _arguments(text: str, place: int) -> list[tuple[str, str, int]]:
         elif part.strip():
             found.append(("", part, place + start))
 
-    for i, letter in enumerate(text + ","):
+    for mark in _MARKS.finditer(text):
+        letter = mark[0]
         depth += (letter in "[({") - (letter in "])}")
         if depth == 0 and letter in ",\\":
-            close(i)
-            start, switch = i + 1, letter == "\\"
+            close(mark.start())
+            start, switch = mark.end(), letter == "\\"
+    if depth == 0:
+        close(len(text))
     return found
 
 

@@ -9,12 +9,13 @@ set by the program. Comments and strings are blank in `texts`; places are those 
 
 from __future__ import annotations
 
+import math
 import re
 from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from exactarm.compensate.program import Number, SourceText
+from exactarm.compensate.program import NUMBER, Number, SourceText
 
 _DATA = re.compile(
     r"(?i)\b(LOCAL\s+)?(?:CONST|PERS|VAR|TASK\s+PERS)\s+(robtarget|jointtarget|tooldata|wobjdata)\s+"
@@ -23,6 +24,9 @@ _DATA = re.compile(
 _ROUTINE = re.compile(r"(?i)\b(END)?(?:PROC|FUNC|TRAP)\b")
 _WORD = re.compile(r"[A-Za-z_]\w*")
 _BLANK = re.compile(r"\s*")
+_LIST = lambda count: r"\[" + ",".join([rf"\s*({NUMBER})\s*"] * count) + r"\]"
+_ROBTARGET = re.compile(r"\[\s*" + r"\s*,\s*".join(map(_LIST, (3, 4, 4, 6))) + r"\s*\]")
+_LISTS = ((1, 4), (4, 8), (8, 12), (12, 18))  # groups of its numbers
 _MARKS = re.compile(r"[\[\],;]")
 _ARGUMENTS = re.compile(r"(?i)\b(?:PROC|FUNC\s+\w+)\s+\w+\s*\(([^)]*)\)")
 _ARGUMENT = re.compile(r"(?i)\b(?:robtarget|jointtarget|tooldata|wobjdata)\s+(\w+)")
@@ -31,7 +35,7 @@ _ASSIGNED = re.compile(r"(?i)(?<![\w\\.}])(\w+)[ \t]*(?:\{[^}]*\}|\.\w+)*\s*:=")
 
 @dataclass(frozen=True)
 class Literal:
-    """A bracketed aggregate: nested lists of (text, place)."""
+    """A bracketed aggregate: nested lists of (text, place), or of numbers."""
 
     parts: list
     start: int
@@ -87,6 +91,10 @@ class Declarations:
         place = _BLANK.match(text, place).end()
         if text[place : place + 1] != "[":
             return None
+        if plain := _ROBTARGET.match(text, place):  # most literals; the rest of the way is for all others
+            numbers = [Number(float(plain[k]), *plain.span(k)) for k in range(1, 18)]
+            if all(math.isfinite(number.value) for number in numbers):
+                return Literal([numbers[a - 1 : b - 1] for a, b in _LISTS], place, plain.end())
         stack: list[list] = [[]]
         start = place + 1
         for match in _MARKS.finditer(text, place):
@@ -118,7 +126,7 @@ class Declarations:
             raise source.refuse(literal.start, f"{what} is missing; expected it as list {where + 1}")
         if count is not None and len(parts) != count:
             raise source.refuse(literal.start, f"{what}: {len(parts)} numbers; expected {count}")
-        return [Number.read(source, text, place) for text, place in parts]
+        return [part if isinstance(part, Number) else Number.read(source, *part) for part in parts]
 
     def datum(self, index: int, name: str, place: int, kinds: tuple[str, ...]) -> Datum:
         """The one declaration of a name, with numbers."""
