@@ -151,18 +151,25 @@ def _width() -> int | None:
 
 
 def overview(commands: dict[str, tuple[str, str]]) -> str:
-    """The text of `exactarm --help`."""
+    """The text of `exactarm --help`, as wide as the terminal, in a pipe 80 columns."""
+    import textwrap
+
+    columns = max(shutil.get_terminal_size().columns, LEAST_WIDTH)
     width = max((len(name) for name in commands), default=0)
-    lines = [f"  {name:<{width}}  {text}" for name, (_, text) in commands.items()]
+    wrapped = lambda text, first="", rest="": textwrap.wrap(
+        text, columns, initial_indent=first, subsequent_indent=rest, break_on_hyphens=False)
+    lines = [line for name, (_, text) in commands.items()
+             for line in wrapped(text, f"  {name:<{width}}  ", " " * (width + 4))]
     return "\n".join([
         "usage: exactarm COMMAND ROBOT [FILES] --out DIR",
         "",
-        "Finds out why a robot arm misses, puts the cause into its model, and plans motions that cancel it.",
+        *wrapped("Finds out why a robot arm misses, puts the cause into its model, and plans motions that "
+                 "cancel it."),
         "",
         *lines,
         "",
-        "`exactarm COMMAND --help` lists the options of a command; tab completion: eval \"$(exactarm "
-        "--completion bash)\"",
+        "`exactarm COMMAND --help` lists the options of a command.",
+        "Tab completion: eval \"$(exactarm --completion bash)\"",
         "Exit code: 0 done, 1 the computation failed, 2 bad input.",
         "",
     ])

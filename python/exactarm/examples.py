@@ -11,6 +11,7 @@ line.
 
 from __future__ import annotations
 
+from difflib import get_close_matches
 from pathlib import Path
 
 from exactarm.errors import InputError
@@ -44,3 +45,11 @@ def file_or_example(path: str | Path) -> Path:
     except (InputError, ValueError, OSError):  # no such name, or one that no file can have
         return path
     return found if found.is_file() else path
+
+
+def meant_example(path: str | Path) -> str:
+    """The shipped file that a name without an ending may have meant; empty where none is like it."""
+    names = [file.relative_to(EXAMPLES).with_suffix("").as_posix() for file in EXAMPLES.rglob("*")
+             if file.suffix in (".csv", ".parquet")]
+    close = get_close_matches(str(path), names, n=1)
+    return close[0] if close and not Path(path).suffix else ""

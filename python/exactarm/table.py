@@ -26,6 +26,7 @@ import pyarrow.parquet
 
 from exactarm.csv_dialect import Dialect, dialect_of, split_header
 from exactarm.errors import InputError
+from exactarm.examples import meant_example
 
 LARGEST_NUMBER = 1e30  # its square and the square's sum over all rows are still numbers
 _NOT_BLANK = re.compile(rb"\S")
@@ -102,7 +103,9 @@ def _read_bytes(path: str | Path) -> bytes:
     try:
         content = Path(path).read_bytes()
     except FileNotFoundError:
-        raise InputError("no such file; expected a CSV or Parquet file", file=path) from None
+        meant = meant_example(path)
+        hint = f"; did you mean the shipped {meant}?" if meant else ""
+        raise InputError(f"no such file; expected a CSV or Parquet file{hint}", file=path) from None
     except IsADirectoryError:
         raise InputError("is a directory; expected a CSV or Parquet file", file=path) from None
     except OSError as error:

@@ -211,6 +211,8 @@ def test_python_dash_m_is_the_command():
 
 
 @pytest.mark.parametrize("words, line", [
+    (["evaluate", "ur10", "ur10/seires_B"], "did you mean the shipped ur10/series_B?"),
+    (["evaluate", "ur10", "poses_deg.csv"], "did you mean it with q6_deg (--map q6_deg=q_6_deg)?"),
     (["calibrte"], "unknown command 'calibrte', did you mean calibrate?"),
     (["simulate", "ur10", "--effect", "backlsh joint=2 width_rad=1e-4"],
      "unknown effect 'backlsh'; did you mean backlash?"),
@@ -221,9 +223,23 @@ def test_python_dash_m_is_the_command():
 def test_what_is_misspelt_is_answered_with_what_was_meant(tmp_path, monkeypatch, capsys, words, line):
     monkeypatch.chdir(tmp_path)
     Path("poses.csv").write_text("thta_1_rad,x_m,y_m,z_m\n0,0,0,0\n")
+    angles = ",".join(f"q_{axis}_deg" for axis in range(1, 6))
+    Path("poses_deg.csv").write_text(f"{angles},q6_deg,x_m,y_m,z_m\n0,0,0,0,0,0,0,0,0\n")
     out = ["--out", "out"] if len(words) > 1 else []
     assert cli.main([*words, *out]) == 2
     assert line in capsys.readouterr().err
+
+
+def test_a_missing_option_that_was_misspelt_is_told(capsys):
+    assert cli.main(["evaluate", "ur10", "ur10/series_B", "--ou", "x"]) == 2
+    assert "did you mean --out for --ou?" in capsys.readouterr().err
+
+
+def test_the_overview_fits_80_columns(capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    assert cli.main(["--help"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert max(map(len, lines)) <= 80 and any(line.startswith("  identifiable  ") for line in lines)
 
 
 @pytest.mark.slow

@@ -26,20 +26,22 @@ from exactarm.report.plots.files import DRAWING
 class _Parser(argparse.ArgumentParser):
     """Reports a wrong argument as any other bad input: one line, exit 2, with the option that was meant."""
 
+    words: Sequence[str] = ()  # what is parsed: of a wrong option argparse may tell that another is missing
+
     def error(self, message: str) -> NoReturn:
         raise InputError(f"{message}{self._meant(message)} (see {self.prog} --help)")
 
     def _meant(self, message: str) -> str:
-        head, _, words = message.partition("unrecognized arguments: ")
-        wrong = (
-            next((word.partition("=")[0] for word in words.split() if word.startswith("--")), "")
-            if not head else ""
-        )
+        if not message.startswith(("unrecognized arguments", "the following arguments are required")):
+            return ""
+        given = (word.partition("=")[0] for word in self.words if word.startswith("--"))
+        wrong = next((word for word in given if word not in self._option_string_actions), "")
         close = difflib.get_close_matches(wrong, self._option_string_actions, n=1) if wrong else []
-        return f"; did you mean {close[0]}?" if close else ""
+        instead = "" if message.startswith("unrecognized") else f" for {wrong}"
+        return f"; did you mean {close[0]}{instead}?" if close else ""
 
 
-def parser_of(module: Any) -> argparse.ArgumentParser:
+def parser_of(module: Any) -> _Parser:
     """The parser of a command."""
     parser = _Parser(prog=f"exactarm {module.NAME}", description=module.HELP, allow_abbrev=False)
     module.add_arguments(parser)
@@ -50,7 +52,9 @@ def parser_of(module: Any) -> argparse.ArgumentParser:
 def parse(module: Any, words: Sequence[str]) -> argparse.Namespace:
     """The arguments of a command from its words (without its name)."""
     _require_text(words)
-    arguments = parser_of(module).parse_intermixed_args(list(words))
+    parser = parser_of(module)
+    parser.words = words
+    arguments = parser.parse_intermixed_args(list(words))
     arguments.line = shlex.join(["exactarm", module.NAME,
                                  *_open(words, getattr(module, "HIDDEN_OPTIONS", ()))])
     return arguments

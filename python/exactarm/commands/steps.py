@@ -1,8 +1,8 @@
 """The steps of each long command in their order, and the share of its time that each takes.
 
-Shares are processor time on shipped data, rounded, as `python bench/step_times.py` measured them: those of
-a diagnosis within one `loop`; those of `check`, `compensate` and AT_POSES are estimates. Another arm or file
-has others, which is why time left is told as "about". A command may leave steps out.
+Shares are processor time, rounded, as `python bench/step_times.py` measured them on shipped data and on days
+and targets that it makes; where kinds of data differ, in between. Another arm or file has others, which is
+why time left is told as "about". A command may leave steps out.
 """
 
 from __future__ import annotations
@@ -29,17 +29,18 @@ _DIAGNOSIS = dict(zip(diagnosis.STEPS, (0.02, 0.5, 0.1, 0.2, 0.1, 0.08)))
 STEPS: dict[str, dict[str, float]] = {
     "batch": {JOBS: 1.0},
     "calibrate": _START | {calibrate.FRAMES: 0.1, calibrate.GEOMETRY: 0.4, calibrate.JUDGING: 0.2},
-    "certify": _START | {JUDGING: 0.3},
-    "check": {READING: 0.2, SERIES: 0.4, DETECTING: 0.4},
-    "compensate": {FRAMES: 0.1, CORRECTING: 0.8, TRUSTED: 0.1},
+    "certify": {READING: 0.02, CHECKING: 0.63, JUDGING: 0.35},
+    "check": {READING: 0.02, SERIES: 0.75, DETECTING: 0.23},
+    "compensate": {FRAMES: 0.01, CORRECTING: 0.7, TRUSTED: 0.29},
     "corners": {PICTURES: 1.0},
     "design": {design.CANDIDATES: 0.05, design.EXCHANGE: 0.15, design.POLISH: 0.15, CAUSES: 0.65},
     "diagnose": {READING: 0.02, CHECKING: 0.02} | _DIAGNOSIS,
-    "evaluate": _START | {JUDGING: 0.2, AT_POSES: 0.5},
+    "evaluate": {READING: 0.02, CHECKING: 0.5, JUDGING: 0.36, AT_POSES: 0.12},
     "gear": _START | {gear.FITTING: 0.7},
-    "identify": _START | {dynamics.EXCITED: 0.1, dynamics.FITTING: 0.4, dynamics.CONSISTENT: 0.2},
-    "loop": {MEASURING: 0.01, CALIBRATING: 0.05} | {name: 0.8 * share for name, share in _DIAGNOSIS.items()}
-    | {EXECUTING: 0.14},
+    "identify": {READING: 0.02, CHECKING: 0.39, dynamics.EXCITED: 0.1, dynamics.FITTING: 0.28,
+                 dynamics.CONSISTENT: 0.21},
+    "loop": {MEASURING: 0.01, CALIBRATING: 0.05} | {name: 0.69 * share for name, share in _DIAGNOSIS.items()}
+    | {EXECUTING: 0.25},
     "plan": {PLANNING: 0.9, TRUSTED: 0.1},
     "study": {CASES: 1.0},
 }

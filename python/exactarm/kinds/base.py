@@ -15,6 +15,7 @@ that only static poses have (`visit`, `approach`).
 
 from __future__ import annotations
 
+from difflib import get_close_matches
 from enum import Enum
 from typing import ClassVar
 
@@ -28,6 +29,7 @@ STANDS_STILL = 0.02  # an axis moves when its range is more than this share of t
 NEARLY_EQUAL = 0.5  # a step may differ from the median by this share ...
 NEARLY_ALL = 0.9  # ... in this share of all steps, at least: logs lose samples
 LEAST_SAMPLES = 8  # of a run: fewer have no derivative that is more than rounding
+_UNITS = {"rad": ("rad", "deg"), "m": ("m", "mm")}  # of a column -> those that its name may end with
 LONGEST_STEP_S = 1.0  # a robot's motion cannot be followed in longer steps
 
 
@@ -137,7 +139,18 @@ def check_joints(data: Rows, robot: Robot) -> None:
         if not (q[index] or theta[index]):
             expected = f"{own} or theta_{index + 1}_rad" if joint.has_gear else own
             message = f"column missing; robot {robot.name} has {robot.axes} axes, expected {expected}"
-            raise InputError(message, file=file_of(data), column=own)
+            raise InputError(message + _meant(data, own), file=file_of(data), column=own)
+
+
+def _meant(data: Rows, own: str) -> str:
+    """A column of the file that may be the missing one by another name, in the unit that this name has."""
+    close = get_close_matches(own, data.covariates, n=1)
+    if not close:
+        return ""
+    stem, _, unit = own.rpartition("_")
+    theirs = close[0].rpartition("_")[2]
+    shown = theirs if theirs in _UNITS[unit] else unit
+    return f"; did you mean it with {close[0]} (--map {close[0]}={stem}_{shown})?"
 
 
 def check_geometry(robot: Robot) -> None:
