@@ -24,6 +24,7 @@ from numpy.typing import ArrayLike
 
 from exactarm import _core
 from exactarm.covariance import ParameterCovariance
+from exactarm.errors import InputError
 from exactarm.value import Value
 
 GRAVITY_M_S2 = 9.81
@@ -247,7 +248,7 @@ class Robot(Value):
             >>> pose.position.round(3).tolist()
             [-0.708, -0.17, 0.622]
         """
-        rows = np.atleast_2d(np.asarray(q, float))
+        rows = self._rows("q", q)
         position, rotation = at_reported_angles().forward(self, rows, of, seen_from)
         return Placement(rotation, position) if np.ndim(q) == 2 else Placement(rotation[0], position[0])
 
@@ -263,24 +264,48 @@ class Robot(Value):
             >>> bool(np.allclose(robot.ik(robot.fk(q), start=q + 0.1), q))
             True
         """
-        goal = pose if isinstance(pose, Placement) else Placement.of_matrix(np.asarray(pose))
-        near = None if start is None else np.asarray(start, float)
+        goal = pose if isinstance(pose, Placement) else Placement.of_matrix(_numbers("pose", pose, (4, 4)))
+        _numbers("pose", goal.matrix, (4, 4))
+        near = None if start is None else _numbers("start", start, (self.axes,))
         return at_reported_angles().inverse(self, goal.position, goal.rotation, near, of, seen_from)
 
     def jacobian(self, q: ArrayLike, *, of: Point = "flange", seen_from: Frame = "base") -> np.ndarray:
         """(6, n) or (N, 6, n): change of position (m) and orientation (rad) with the controller's angles."""
-        found = at_reported_angles().jacobian(self, np.atleast_2d(np.asarray(q, float)), of, seen_from)
+        found = at_reported_angles().jacobian(self, self._rows("q", q), of, seen_from)
         return found if np.ndim(q) == 2 else found[0]
 
     def inverse_dynamics(self, q: ArrayLike, q_dot: ArrayLike | None = None,
                          q_ddot: ArrayLike | None = None) -> np.ndarray:
         """(n,) or (N, n) joint torques in Nm without friction, at the controller's angles; gravity alone
         without rates."""
-        rows = np.atleast_2d(np.asarray(q, float))
-        rates = [np.zeros_like(rows) if each is None else np.atleast_2d(np.asarray(each, float))
-                 for each in (q_dot, q_ddot)]
+        rows = self._rows("q", q)
+        rates = [np.zeros_like(rows) if each is None else np.atleast_2d(_numbers(name, each, np.shape(q)))
+                 for name, each in (("q_dot", q_dot), ("q_ddot", q_ddot))]
         found = at_reported_angles().inverse_dynamics(self, rows, *rates)
         return found if np.ndim(q) == 2 else found[0]
+
+    def _rows(self, name: str, q: ArrayLike) -> np.ndarray:
+        """(N, n) of angles (n,) or (N, n)."""
+        found = _array(name, q)
+        return np.atleast_2d(_numbers(name, found, (*found.shape[:-1], self.axes)[-2:]))
+
+
+def _array(name: str, values: ArrayLike) -> np.ndarray:
+    try:
+        return np.asarray(values, float)
+    except (TypeError, ValueError):
+        raise InputError(f"{name}: no numbers; expected an array of them") from None
+
+
+def _numbers(name: str, values: ArrayLike, shape: tuple[int, ...]) -> np.ndarray:
+    """Finite numbers of that shape."""
+    found = _array(name, values)
+    if found.shape != shape:
+        raise InputError(f"{name} has the shape {found.shape}; expected {shape}")
+    if not np.isfinite(found).all():
+        place = tuple(int(i) for i in np.argwhere(~np.isfinite(found))[0])
+        raise InputError(f"{name}[{', '.join(map(str, place))}] is {found[place]}; expected a finite number")
+    return found
 
 
 class ReportedAngles(Protocol):

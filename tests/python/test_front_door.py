@@ -4,6 +4,7 @@ import doctest
 import importlib
 import inspect
 import pickle
+import re
 import resource
 import subprocess
 import sys
@@ -206,3 +207,21 @@ def test_a_robot_is_shown_in_a_line_and_a_wrong_name_gets_the_right_one():
     with pytest.raises(AttributeError, match="did you mean calibrate?"):
         ea.calibarte
     assert not hasattr(ea, "__wrapped__")
+
+
+@pytest.mark.parametrize("ask, said", [
+    (lambda robot: robot.fk([0.0] * 5), r"q has the shape (5,); expected (6,)"),
+    (lambda robot: robot.fk([[0.0] * 7]), r"q has the shape (1, 7); expected (1, 6)"),
+    (lambda robot: robot.fk([0.0, np.nan, 0.0, 0.0, 0.0, 0.0]), "q[1] is nan; expected a finite number"),
+    (lambda robot: robot.jacobian([np.inf] + [0.0] * 5), "q[0] is inf"),
+    (lambda robot: robot.fk("home"), "q: no numbers"),
+    (lambda robot: robot.fk([[0.0], [0.0, 1.0]]), "q: no numbers"),
+    (lambda robot: robot.ik(np.eye(3)), "pose has the shape (3, 3); expected (4, 4)"),
+    (lambda robot: robot.ik(np.full((4, 4), np.nan)), "pose[0, 0] is nan"),
+    (lambda robot: robot.ik(robot.fk([0.1] * 6), start=[0.0] * 5), "start has the shape (5,)"),
+    (lambda robot: robot.inverse_dynamics([0.0] * 6, [0.0] * 3), "q_dot has the shape (3,); expected (6,)"),
+])
+def test_a_robot_refuses_angles_that_are_none(ask, said):
+    """A missing angle (nan) was taken as zero."""
+    with pytest.raises(ea.InputError, match=re.escape(said)):
+        ask(ea.load_robot("racer-7-1.4"))
