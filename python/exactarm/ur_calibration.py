@@ -25,6 +25,7 @@ from exactarm.urdf import merged_link
 
 KEYS = ("delta_theta", "delta_a", "delta_d", "delta_alpha")
 FARTHEST_M = 0.05  # of an axis or the flange from the nominal one: beyond, it is another arm's file
+NEAR = 0.05  # of a cosine of right or parallel axes: calibrations tilt axes by some 0.01 rad
 _LINE = re.compile(r"\s*(\w+)\s*=\s*\[(.*)\]\s*")
 
 
@@ -35,6 +36,13 @@ def read_ur_calibration(path: str | Path, nominal: Robot) -> Robot:
         raise InputError(
             f"robot {nominal.name} has other axes than an arm of Universal Robots; expected a "
             "nominal file of one, as calibration.conf#ur10",
+            file=path,
+        )
+    if not like_universal_robots(np.array([frame.rotation[:, 2] for frame in
+                                           _frames(nominal, np.zeros((4, nominal.axes)))[:-1]])):
+        raise InputError(
+            f"robot {nominal.name} is not built as an arm of Universal Robots (axes 2, 3, 4 parallel, right "
+            "angles between the others); expected the nominal file of one, as calibration.conf#ur10",
             file=path,
         )
     drawn, calibrated = _frames(nominal, np.zeros((4, nominal.axes))), _frames(nominal, deltas)
@@ -80,6 +88,14 @@ def read_ur_calibration(path: str | Path, nominal: Robot) -> Robot:
         tool=compose(chain.tool, nominal.tool),
         file=str(path),
     )
+
+
+def like_universal_robots(axes: np.ndarray) -> bool:
+    """Whether directions of axes (n, 3) are those of such an arm."""
+    if axes.shape != (6, 3):
+        return False
+    cosines = np.abs(np.sum(axes[1:] * axes[:-1], axis=1))
+    return bool(np.abs(cosines - [0.0, 1.0, 1.0, 0.0, 0.0]).max() < NEAR)
 
 
 def _frames(robot: Robot, deltas: np.ndarray) -> list[Placement]:

@@ -93,6 +93,12 @@ def test_a_missing_key_or_nominal_arm_is_named(tmp_path):
         ea.load_robot(written(tmp_path, small()).partition("#")[0])
 
 
+@pytest.mark.parametrize("arm", ["tx40", "racer-7-1.4"])
+def test_an_arm_that_is_not_built_so_is_refused(tmp_path, arm):
+    with pytest.raises(InputError, match="is not built as an arm of Universal Robots"):
+        ea.load_robot(written(tmp_path, small()).replace("ur10", arm))
+
+
 def test_a_xacro_that_cannot_be_expanded_is_refused_with_the_line_of_its_include(tmp_path):
     text = (
         '<robot xmlns:xacro="x" name="a">\n<!-- <xacro:macro> -->\n<xacro:include filename="b"/>\n</robot>\n'

@@ -18,9 +18,9 @@ from exactarm.errors import InputError
 from exactarm.export.chain import reported_chain
 from exactarm.mdh_frames import compose, relative
 from exactarm.robot import Placement, Robot
+from exactarm.ur_calibration import like_universal_robots
 from exactarm.urdf import roll_pitch_yaw
 
-NEAR = 0.05  # of a cosine of right or parallel axes: calibrations tilt axes by some 0.01 rad
 LINKS = ("shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3")
 
 
@@ -36,8 +36,7 @@ def link_origins(robot: Robot) -> list[Placement]:
         )
     chain, before, origins = reported_chain(robot), Placement(), []
     axes = np.array([start.rotation[:, 2] for start in chain.starts])
-    cosines = np.abs(np.sum(axes[1:] * axes[:-1], axis=1))
-    if np.abs(cosines - [0.0, 1.0, 1.0, 0.0, 0.0]).max() > NEAR:
+    if not like_universal_robots(axes):
         raise InputError(
             f"robot {robot.name}: expected an arm of Universal Robots (axes 2, 3, 4 parallel, right angles "
             "between the others); for another arm use --format urdf, with --source FILE for its own",
