@@ -19,6 +19,9 @@ import numpy as np
 from exactarm.mdh_frames import compose, relative
 from exactarm.robot import Controller, Placement, Robot
 
+# in files of joint angles that bring the real arm where it is meant: a second correction makes them wrong
+FOR_THE_REAL_ARM = "joint angles for the real arm, not to be corrected again"
+
 
 def at_base(robot: Robot) -> Robot:
     """The robot with its target, seen from the controller's base."""

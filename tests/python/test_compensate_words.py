@@ -2,7 +2,10 @@
 
 import pytest
 
+import exactarm as ea
 from exactarm import cli
+from exactarm.errors import InputError
+from exactarm.robot_file import load_robot
 
 TARGETS = "q_1_rad,q_2_rad,q_3_rad,q_4_rad,q_5_rad,q_6_rad\n0.8,-1.1,1.5,-0.3,1.0,-0.1\n"
 
@@ -21,3 +24,26 @@ def test_a_word_that_no_cell_can_mean_is_refused(tmp_path, capsys, option, value
     said = capsys.readouterr().err
     assert said.count("\n") == 1 and f"{option} {value}: " in said and says in said
     assert not (tmp_path / "out" / "result.json").exists()
+
+
+def test_what_was_corrected_is_not_corrected_again(tmp_path):
+    (tmp_path / "targets.csv").write_text(TARGETS)
+    ea.compensate("ur10", tmp_path / "targets.csv").save(tmp_path / "out")
+    with pytest.raises(InputError, match="targets.csv: compensate has written it for the real arm"):
+        ea.compensate("ur10", tmp_path / "out" / "targets.csv")
+    named = ea.compensate("ur10", tmp_path / "out" / "targets.csv", points="row 1")
+    assert named.json["correction"]["n"] == 1
+
+
+@pytest.mark.parametrize("send, name, line", [
+    ("joint_trajectory", "trajectory.yaml", 1), ("servoj", "trajectory.script", 2),
+    ("krl", "trajectory.src", 2), ("csv", "sent.csv", None)])
+def test_what_plan_has_written_for_the_real_arm_is_not_corrected(tmp_path, send, name, line):
+    robot = load_robot("racer-7-1.4")
+    ea.plan(robot, "line", rate_hz=100, send=send, threads=1).save(tmp_path / "plan")
+    with pytest.raises(InputError, match=f"{name}: plan has written it"):
+        ea.compensate(robot, tmp_path / "plan" / name, points="calculated")
+    if line is not None:
+        (tmp_path / name).write_bytes((tmp_path / "plan" / name).read_bytes())
+        with pytest.raises(InputError, match=f"{name}, line {line}: joint angles for the real arm"):
+            ea.compensate(robot, tmp_path / name, points="calculated")

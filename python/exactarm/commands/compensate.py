@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -217,6 +218,10 @@ def _check(robot: Robot, arguments: argparse.Namespace) -> None:
             )
         if path.name in RESULTS:
             raise InputError("has the name of a result; expected another name", file=path)
+        if arguments.points in (None, "calculated") and (command := _written_by(path)) in (NAME, "plan"):
+            raise InputError(f"{command} has written it for the real arm, says result.json beside it; a "
+                             "second correction makes it wrong: expected the program before it, or --points "
+                             "NAMES", file=path)
     if arguments.frame == "device":
         if arguments.frames != "nominal":
             raise InputError(
@@ -231,6 +236,15 @@ def _check(robot: Robot, arguments: argparse.Namespace) -> None:
                 f"{sessions[0]}; "
                 "expected that one, or a file calibrated with the other alone"
             )
+
+
+def _written_by(path: Path) -> str:
+    """The command whose result.json beside a file counts it among its own; empty: none."""
+    try:
+        result = json.loads((path.parent / "result.json").read_text())
+        return str(result["command"]) if path.name in result["files"] else ""
+    except (OSError, ValueError, KeyError, TypeError):
+        return ""
 
 
 def _setting(robot: Robot, arguments: argparse.Namespace) -> Setting:

@@ -13,6 +13,7 @@ from exactarm.compensate.collector import collector_at_rest
 from exactarm.compensate.program import Program, SourceText
 from exactarm.compensate.rapid_data import linked
 from exactarm.compensate.setting import Setting
+from exactarm.controller_frames import FOR_THE_REAL_ARM
 from exactarm.errors import InputError
 
 DIALECTS: tuple[ModuleType, ...] = (krl, rapid, fanuc_tp, urscript, inform, joint_trajectory, target_table)
@@ -28,7 +29,12 @@ class Job:
     @collector_at_rest()
     def read(self, setting: Setting) -> Program:
         load = getattr(self.dialect, "load", SourceText.read)  # tables may be binary
-        return self.dialect.read(tuple(load(path) for path in self.paths), setting)
+        sources = tuple(load(path) for path in self.paths)
+        for source in sources:
+            if (place := source.content.find(FOR_THE_REAL_ARM.encode())) >= 0:
+                raise source.refuse(place, f"{FOR_THE_REAL_ARM}: plan has written it; expected a program for "
+                                           "the arm as its controller knows it")
+        return self.dialect.read(sources, setting)
 
     @collector_at_rest()
     def reread(self, contents: Sequence[bytes], setting: Setting) -> Program:

@@ -19,6 +19,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from exactarm.controller_frames import FOR_THE_REAL_ARM
 from exactarm.errors import InputError
 from exactarm.plan.optimal import Plan
 from exactarm.robot import Robot
@@ -69,7 +70,7 @@ def _table(plan: Plan, names: list[str], rows: list[list[str]]) -> str:
 def _joint_trajectory(robot: Robot, plan: Plan) -> str:
     names = robot.controller.joint_names or tuple(f"joint_{i + 1}" for i in range(robot.axes))
     q, rate = sent_angles(robot, plan)
-    lines = ["joint_names: [" + ", ".join(names) + "]", "points:"]
+    lines = [f"# {FOR_THE_REAL_ARM}", "joint_names: [" + ", ".join(names) + "]", "points:"]
     for time, angles, rates in zip(plan.time, q, rate):
         nanoseconds = round(1e9 * float(time))
         lines += [f"- positions: {_list(angles)}", f"  velocities: {_list(rates)}",
@@ -80,7 +81,7 @@ def _joint_trajectory(robot: Robot, plan: Plan) -> str:
 def _servoj(robot: Robot, plan: Plan) -> str:
     q, _ = sent_angles(robot, plan)
     step = float(plan.time[1] - plan.time[0])
-    lines = ["def exactarm_trajectory():", f"  movej({_list(q[0])})"]
+    lines = ["def exactarm_trajectory():", f"  # {FOR_THE_REAL_ARM}", f"  movej({_list(q[0])})"]
     lines += [f"  servoj({_list(angles)}, t={step:.6g}, lookahead_time=0.03, gain=2000)" for angles in q]
     return "\n".join([*lines, "  stopj(2.0)", "end", "exactarm_trajectory()", ""])
 
@@ -95,7 +96,7 @@ def _krl(robot: Robot, plan: Plan) -> str:
     between = CubicSpline(plan.time[kept], degrees[kept])(plan.time)
     off = float(np.max(np.abs(between - degrees)))
     share = np.diff(plan.time[kept]) / (plan.time[-1] - plan.time[0])
-    lines = ["DEF EXACTARM_TRAJECTORY()",
+    lines = ["DEF EXACTARM_TRAJECTORY()", f"; {FOR_THE_REAL_ARM}",
              f"; {len(kept)} of {len(q)} points; a cubic spline through them is off the plan by {off:.2g} "
              "deg at most",
              f"PTP {_axis_angles(degrees[0])}", "PTP_SPLINE", "  TIME_BLOCK START"]
@@ -111,4 +112,5 @@ def _axis_angles(degrees: np.ndarray) -> str:
 
 
 def _list(values: np.ndarray) -> str:
-    return "[" + ", ".join(f"{value:.12g}" for value in values.tolist()) + "]"
+    """Without exponents: YAML takes 5e-05 for a word."""
+    return "[" + ", ".join(f"{value:.12f}" for value in values.tolist()) + "]"
