@@ -72,3 +72,10 @@ def test_statistics_of_one_error_stand_in_one_unit():
     table = Table("Error", ("", "rows", "mean", "RMS", "maximum", "std. dev."),
                   (("after", 9, *(Quantity(x, "m") for x in (7.2e-5, 7.8e-5, 1.34e-4, 3.1e-5))),))
     assert columns_of(table)[0] == ["", "rows", "mean [mm]", "RMS [mm]", "maximum [mm]", "std. dev. [mm]"]
+
+
+def test_on_a_phone_a_number_that_heads_a_block_says_what_it_is():
+    page = render_html(Report("T", "v", (Table("Axes", ("axis", "rate", "load", "error"),
+                                               (("1", "2", "3", "4"),)),)), [])
+    assert '<td data-name="axis" class="number">1</td>' in page
+    assert '.stack td.number:first-child::before { content: attr(data-name) " "; }' in page

@@ -33,7 +33,8 @@ SCALES: dict[str, tuple[tuple[str, float], ...]] = {
 }
 # From which size a unit is used, in itself: 0.4 mm stays mm, but so does 2500 mm; and angles are rad only
 # when large.
-LEAST = {"m": 10.0, "mm": 0.1, "µm": 0.1, "rad": 0.1, "mrad": 0.1, "rad/s": 0.1, "mrad/s": 0.1, "s": 0.1}
+LEAST = {"m": 10.0, "mm": 0.1, "µm": 0.1, "rad": 0.1, "mrad": 0.1, "rad/s": 0.1, "mrad/s": 0.1, "s": 0.1,
+         "rad/s²": 0.1}
 
 
 @dataclass(frozen=True)
