@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from exactarm.columns import JOINT_UNITS, SCALAR_UNITS
+from exactarm.commands.listing import find_commands
 from exactarm.dataset import read_dataset
 from exactarm.plan.path_file import CHOICES, COMMON, load_path, shipped_paths
 from exactarm.robot import Joint, Robot
@@ -71,3 +72,9 @@ def test_the_controllers_keys_are_read(tmp_path):
         controller.chain == "calibrated" and controller.coupling == ((3, 2, 1.0),)
         and len(controller.frames) == 6
     )
+
+
+def test_the_result_of_every_command_is_documented():
+    page = (Path(__file__).parents[2] / "docs" / "results.md").read_text()
+    told = {line.split("|")[1].strip() for line in page.splitlines() if line.startswith("| `")}
+    assert {f"`{name}`" for name in find_commands()} <= told
