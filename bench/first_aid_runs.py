@@ -1,6 +1,6 @@
 """First aid in one of several runs: blind data (bench/blind), as they are and with a mistake in one run.
 
-    python bench/first_aid_runs.py motion|gear_run --seed 81000 --count 20 [--conditions wide]
+    python bench/first_aid_runs.py motion|gear_run|tracked_motion --seed 81000 --count 20 [--conditions wide]
 
 A motion of one run is cut into two to four. Counted are the data as they are on which first aid says
 something, and of every mistake, made in one run drawn at random, how often it is told with that run, and with
@@ -22,12 +22,13 @@ import numpy as np
 TOP = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(TOP / "bench"))
 
-from blind import gear_scenario, motion_scenario  # noqa: E402
+from blind import gear_scenario, motion_scenario, tracked_scenario  # noqa: E402
 from blind.run import ROBOTS  # noqa: E402
 from exactarm.dataset import Dataset, read_dataset  # noqa: E402
 from exactarm.identify.first_aid import first_aid  # noqa: E402
 from exactarm.robot_file import load_robot  # noqa: E402
 
+DRAWS = {"motion": motion_scenario, "gear_run": gear_scenario, "tracked_motion": tracked_scenario}
 Change = Callable[[Dataset, np.ndarray], Dataset]
 
 
@@ -67,6 +68,10 @@ GEAR: dict[str, tuple[Change, str]] = {
     "another ratio": (lambda d, r: changed(d, r, ("theta",), lambda v: 1.2 * v), "ratio"),
     "motor angles in degrees": (lambda d, r: changed(d, r, ("theta",), np.degrees), "degrees"),
 }
+TRACKED: dict[str, tuple[Change, str]] = {
+    name: MOTION[name] for name in ("axis 2 negated", "axes 2 and 3 exchanged", "degrees")
+}
+MISTAKES = {"motion": MOTION, "gear_run": GEAR, "tracked_motion": TRACKED}
 
 
 def _samples(data: Dataset, rows: np.ndarray, seconds: float) -> int:
@@ -85,18 +90,17 @@ def _swap(axis: int) -> list[int]:
 
 
 def case_of(kind: str, folder: Path, seed: int, conditions: str):
-    draw = (motion_scenario if kind == "motion" else gear_scenario).draw_case
-    case = draw(folder, seed, ROBOTS, None, conditions)
+    case = DRAWS[kind].draw_case(folder, seed, ROBOTS, None, conditions)
     robot = load_robot(str(case.robot))
     data = read_dataset(case.data, robot, kind)
-    if kind == "motion" and len(np.unique(data.run)) == 1:
+    if kind != "gear_run" and len(np.unique(data.run)) == 1:
         data = replace(data, run=1 + (2 + seed % 3) * np.arange(len(data)) // len(data))
     return robot, data
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("kind", choices=("motion", "gear_run"))
+    parser.add_argument("kind", choices=tuple(DRAWS))
     parser.add_argument("--seed", type=int, required=True)
     parser.add_argument("--count", type=int, default=20)
     parser.add_argument("--conditions", default="wide")
@@ -116,14 +120,15 @@ def main() -> None:
             continue
         run = int(random.choice(np.unique(data.run)))
         rows = np.flatnonzero(data.run == run)
-        for name, (change, words) in (MOTION if arguments.kind == "motion" else GEAR).items():
+        where = "row" if arguments.kind == "tracked_motion" else f"run {run} "
+        for name, (change, words) in MISTAKES[arguments.kind].items():
             if "gyro" in change.__code__.co_names and data.gyro is None:
                 continue
             said = first_aid(robot, change(data, rows))
             tried[name] += 1
-            told[name] += any(words in each and f"run {run} " in each for each in said)
+            told[name] += any(words in each and where in each for each in said)
             told[f"{name}: anything"] += bool(said)
-            if not any(words in each and f"run {run} " in each for each in said):
+            if not any(words in each and where in each for each in said):
                 print(f"  {name} in run {run}: {said}", flush=True)
     print(f"data as they are: {told['right']} of {tried['right']} suspected")
     for name in tried:

@@ -85,11 +85,9 @@ _INDEXED = re.compile(rf"({_JOINT_NAMES})_(\d+)(?:_(.*))?")
 _NO_INDEX = re.compile(rf"({_JOINT_NAMES})(?:_({'|'.join(_ALL_UNITS)}))?")
 _SCALAR = re.compile(rf"({'|'.join(SCALAR_UNITS)})(?:_(.*))?")
 _PAYLOAD_CENTRE = re.compile(r"(payload_[xyz])(?:_(.*))?")
-# loads and temperatures, which have one unit: in any other they would be covariates of other numbers
-_ONE_UNIT = {
-    "kg": re.compile(r"(payload)(?:_(lbs?|pounds?|oz|g|t|N|lbf))?", flags=re.IGNORECASE),
-    "degC": re.compile(r"(.*temp.*|.*(?=_degF))_(degF|F|fahrenheit|degK|K|kelvin)", flags=re.IGNORECASE),
-}
+# loads and temperatures have one unit: in any other they would be covariates of other numbers
+_OTHER_MASSES = {"", "lb", "lbs", "pound", "pounds", "oz", "g", "t", "n", "lbf"}
+_OTHER_TEMPERATURES = {"degf", "f", "fahrenheit", "degk", "k", "kelvin"}
 _LENGTH = re.compile(rf"length_({'|'.join(LENGTH)})")
 
 
@@ -145,13 +143,22 @@ def parse_column(name: str, file: str, prismatic: frozenset[int] = frozenset()) 
     if match := _SCALAR.fullmatch(name):
         quantity, unit = match[1], match[2] or ""
         return Column(quantity, None, name, _factor(quantity, unit, SCALAR_UNITS[quantity], file, name))
-    for known, pattern in _ONE_UNIT.items():
-        if match := pattern.fullmatch(name):
-            found = f"unknown unit {match[2]!r}" if match[2] else "no unit"
-            raise InputError(f"{found}; expected {match[1]}_{known}", file=file, column=name)
+    _check_load_or_temperature(name, file)
     if meant := _misspelt(name):
         raise InputError(f"is no quantity of a joint; did you mean {meant}?", file=file, column=name)
     return Column("covariate", None, name)
+
+
+def _check_load_or_temperature(name: str, file: str) -> None:
+    stem, _, unit = name.rpartition("_") if "_" in name else (name, "", "")
+    if stem.lower() == "payload" and unit.lower() in _OTHER_MASSES:
+        expected = PAYLOAD
+    elif unit.lower() in _OTHER_TEMPERATURES and ("temp" in stem.lower() or unit.lower() == "degf"):
+        expected = f"{stem}_degC"
+    else:
+        return
+    raise InputError(f"{f'unknown unit {unit!r}' if unit else 'no unit'}; expected {expected}", file=file,
+                     column=name)
 
 
 def _misspelt(name: str) -> str | None:

@@ -1,5 +1,5 @@
-"""Mistakes in one of several runs of a motion: told with the run and the guess; right runs are not suspected,
-though friction and declared payloads differ between them."""
+"""Mistakes in one of several runs of a motion, with torques or under a tracker: told with the run and the
+guess; right runs are not suspected, though friction and declared payloads differ between them."""
 
 from dataclasses import replace
 
@@ -12,6 +12,8 @@ from exactarm.examples import data_path
 from exactarm.identify.first_aid import first_aid
 from exactarm.identify.odd_runs import odd_runs
 from exactarm.robot_file import load_robot
+from exactarm.simulate import Sensors, VirtualRobot, measure_tracked_motion
+from exactarm.simulate.profiles import excitation
 from six_axis import six_axis
 from test_first_aid import column, order, scaled, shifted
 from test_first_aid_units import later
@@ -119,3 +121,37 @@ def test_the_shipped_motion_in_parts_is_not_suspected(parts):
     robot = load_robot("tx40")
     data = read_dataset(data_path("tx40/motion.parquet"), robot)
     assert first_aid(robot, replace(data, run=1 + parts * np.arange(len(data)) // len(data))) == ()
+
+
+@pytest.fixture(scope="module")
+def tracked():
+    """Three runs of 10 s under a tracker."""
+    robot = load_robot("racer-7-1.4")
+    virtual = VirtualRobot.of(robot)
+    parts = [excitation(robot, 10.0, 100.0, np.random.default_rng(6 + k)) for k in range(3)]
+    time, q = (np.concatenate([part[k] for part in parts]) for k in (0, 1))
+    run = np.repeat([1, 2, 3], [len(part[0]) for part in parts])
+    return robot, measure_tracked_motion(virtual, time, virtual.motor_angles(q), Sensors(),
+                                         np.random.default_rng(7), run=run, quasi_static=True)
+
+
+TRACKED = {
+    "degrees": (np.degrees, None, "degrees labelled as radians from about row"),
+    "a negated axis": (scaled(1, -1.0), None, "the opposite sign of axis 2 from about row"),
+    "millimetres": (None, lambda p: 1e3 * p, "millimetres labelled as metres from about row"),
+    "half a second": (None, lambda p: np.roll(p, 50, axis=0), "run 2: the tracker lags by"),
+    "a tenth of a second": (None, lambda p: np.roll(p, 10, axis=0), "s later than in the other runs"),
+}
+
+
+@pytest.mark.parametrize("name", TRACKED)
+def test_a_mistake_in_one_run_under_a_tracker_is_told_with_its_rows(tracked, name):
+    robot, data = tracked
+    angles, positions, words = TRACKED[name]
+    rows = np.flatnonzero(data.run == 2)
+    theta, position = data.joints["theta"].copy(), data.position.copy()
+    theta[rows] = angles(theta[rows]) if angles else theta[rows]
+    position[rows] = positions(position[rows]) if positions else position[rows]
+    assert first_aid(robot, data) == ()
+    said = first_aid(robot, replace(data, joints=data.joints | {"theta": theta}, position=position))
+    assert any(words in each for each in said), said

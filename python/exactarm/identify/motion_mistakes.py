@@ -185,6 +185,8 @@ def _other_clock(model: Model, samples: MotionSamples, now: Explained) -> Iterat
         around = sorted((0.3 * near, np.sign(near) * min(2.0 * abs(near), most / shape[-1])))
         best = float(minimize_scalar(left, bounds=around, method="bounded", options={"maxiter": _REFINED}).x)
         best = min(near, best, key=left)
+        if abs(best * shape[-1]) < _LAGS_S[0]:
+            continue
         if shape is since:
             way = "slower" if best > 0.0 else "faster"
             words = f"torques of a clock that runs {1e2 * abs(best):.2g} % {way} than that of the angles"

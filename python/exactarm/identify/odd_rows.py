@@ -32,6 +32,7 @@ _FIRST, _BEST, _STEPS = 2, 10, 6
 _ODD = 5.0  # times the median error of the better half: of errors normal in three directions none in 1e15
 _LEAST_ODD = 3  # rows: fewer are gross errors, which are told by themselves
 _MOST_ODD = 0.55  # share: of an even split one half is odd
+_MOST_OF_A_RUN = 0.8  # share of its rows
 _APART = 0.005  # of the reach: what rows of other poses leave at least, under frames of their own
 _GROSS_SHARE = 0.05  # fewer rows than this are told as gross errors
 _ZEROS = np.deg2rad(np.concatenate([np.arange(1.0, 10.0), np.arange(10.0, 181.0, 5.0)]))
@@ -81,7 +82,7 @@ def _of_session(bare: Robot, carried: Layout, whole: Dataset, rows: np.ndarray,
     frames = _agreed(given, np.random.default_rng(seed))
     error = frames.left(*given)
     near = np.sort(error)[: len(error) // 2 + 1]
-    odd = error > _ODD * max(float(np.median(near)), 1e-9)
+    odd = _whole_runs(error > _ODD * max(float(np.median(near)), 1e-9), data.run)
     if not _LEAST_ODD <= odd.sum() <= _MOST_ODD * len(error) or len(error) - odd.sum() < LEAST_ROWS:
         return []
     frames = _Frames.of(*(values[~odd] for values in given))
@@ -109,6 +110,15 @@ def _of_session(bare: Robot, carried: Layout, whole: Dataset, rows: np.ndarray,
     if alone >= FALL and _rms(own) > _APART * reach(bare) and len(part) > _GROSS_SHARE * len(data):
         return [Suspicion(f"other angles {place} (positions of other poses, or of another file?)", alone)]
     return []
+
+
+def _whole_runs(odd: np.ndarray, run: np.ndarray) -> np.ndarray:
+    """Nearly all rows of some runs and nearly none of the others are these runs: what is left are rows whose
+    mistake does not show, and right ones that are somewhat worse."""
+    _, which = np.unique(run, return_inverse=True)
+    share = np.bincount(which, odd) / np.bincount(which)
+    certain = (share > _MOST_OF_A_RUN) | (share < 1.0 - _MOST_OF_A_RUN)
+    return share[which] > _MOST_OF_A_RUN if certain.all() and (share > _MOST_OF_A_RUN).any() else odd
 
 
 def _agreed(given: tuple[np.ndarray, ...], random: np.random.Generator) -> _Frames:

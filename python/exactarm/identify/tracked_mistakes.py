@@ -12,13 +12,14 @@ import numpy as np
 
 from exactarm import _core
 from exactarm.dataset import Dataset
-from exactarm.identify.clock_drift import Lags, lags
+from exactarm.identify.clock_drift import LEAST_DRIFT_STEPS, SURE, Lags, lags
 from exactarm.identify.planned import controller_angles
 from exactarm.identify.pose_mistakes import linear_tool
 from exactarm.identify.suspicion import Suspicion
 from exactarm.robot import Placement, Robot
 
 TOOL_ROWS = 300  # from which the tool point is found
+OTHER_LAG_S = 0.02  # between runs: what starts a device delays it alike, within its step
 MUCH_LAG_S = 0.3  # an effect of the library fits what is shorter
 
 
@@ -26,6 +27,7 @@ def tracked_mistakes(robot: Robot, data: Dataset) -> list[Suspicion]:
     if not robot.has_geometry or data.time is None:
         return []
     found, bare = [], replace(robot, base=Placement(), tool=Placement()).core
+    late: dict[int, Lags | None] = {}
     for run in np.unique(data.run):
         rows = np.flatnonzero(data.run == run)
         rows = rows[np.argsort(data.time[rows], kind="stable")]
@@ -38,8 +40,24 @@ def tracked_mistakes(robot: Robot, data: Dataset) -> list[Suspicion]:
         some = np.unique(np.linspace(0, rows.size - 1, TOOL_ROWS).astype(int))
         target = flange + rotation @ linear_tool(flange[some], rotation[some], measured[some])
         speed = [np.linalg.norm(np.gradient(points, time, axis=0), axis=1) for points in (target, measured)]
-        found += clock_suspicions(lags(time, *speed), f"run {run}", "the tracker")
-    return found[:1]
+        late[run] = lags(time, *speed)
+        found += clock_suspicions(late[run], f"run {run}", "the tracker")
+    return found[:1] or _other_starts({run: each for run, each in late.items() if each is not None})
+
+
+def _other_starts(late: dict[int, Lags]) -> list[Suspicion]:
+    """A run whose device lags otherwise than in all others; those of one lag have it in common."""
+    for run, own in late.items():
+        others = [each.first for other, each in late.items() if other != run]
+        if not others:
+            continue
+        apart = own.first - np.median(others)
+        least = max(OTHER_LAG_S, 2.0 * LEAST_DRIFT_STEPS * own.step, SURE * own.deviation)
+        if abs(apart) > least and np.ptp(others) < 0.5 * abs(apart):
+            way = "later" if apart > 0.0 else "earlier"
+            return [Suspicion(f"run {run}: the tracker logs {abs(apart):.3g} s {way} than in the other runs: "
+                              "do its samples begin at another instant there?", sentence=True)]
+    return []
 
 
 def clock_suspicions(found: Lags | None, run: str, device: str, much: float = MUCH_LAG_S) -> list[Suspicion]:
