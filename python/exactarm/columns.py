@@ -86,6 +86,7 @@ _NO_INDEX = re.compile(rf"({_JOINT_NAMES})(?:_({'|'.join(_ALL_UNITS)}))?")
 _SCALAR = re.compile(rf"({'|'.join(SCALAR_UNITS)})(?:_(.*))?")
 _PAYLOAD_CENTRE = re.compile(r"(payload_[xyz])(?:_(.*))?")
 # loads and temperatures have one unit: in any other they would be covariates of other numbers
+_LOAD = PAYLOAD.removesuffix("_kg")
 _OTHER_MASSES = {"", "lb", "lbs", "pound", "pounds", "oz", "g", "t", "n", "lbf"}
 _OTHER_TEMPERATURES = {"degf", "f", "fahrenheit", "degk", "k", "kelvin"}
 _LENGTH = re.compile(rf"length_({'|'.join(LENGTH)})")
@@ -151,7 +152,7 @@ def parse_column(name: str, file: str, prismatic: frozenset[int] = frozenset()) 
 
 def _check_load_or_temperature(name: str, file: str) -> None:
     stem, _, unit = name.rpartition("_") if "_" in name else (name, "", "")
-    if stem.lower() == "payload" and unit.lower() in _OTHER_MASSES:
+    if stem.lower() == _LOAD and unit.lower() in _OTHER_MASSES:
         expected = PAYLOAD
     elif unit.lower() in _OTHER_TEMPERATURES and ("temp" in stem.lower() or unit.lower() == "degf"):
         expected = f"{stem}_degC"

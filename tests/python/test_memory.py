@@ -60,6 +60,17 @@ def test_more_rows_than_are_worked_at_once_are_thinned_evenly_and_said(ur10, mon
     assert memory.within_memory("calibrate", "poses", some.select(np.arange(300)), Said(said))[1] == ()
 
 
+def test_of_more_rows_than_fit_a_command_that_may_leave_some_out_takes_those_that_fit(ur10, monkeypatch):
+    _, data = ur10
+    monkeypatch.setattr(memory, "free_bytes", lambda: 2.0 * memory.GIGABYTE)
+    some, (warning,) = memory.within_memory("diagnose", "poses", data)
+    assert memory.LEAST_WORKED <= len(some) < len(data)
+    cost = memory.BASE_BYTES + len(some) * memory.COSTS["diagnose", "poses"].bytes_a_row
+    assert cost <= memory.SHARE * 2.0 * memory.GIGABYTE
+    assert warning.startswith(f"1,495 rows are more than diagnose takes at once in the memory that is free: "
+                              f"it works on {len(some):,}")
+
+
 def test_a_long_command_says_how_long_before_it_works(ur10, monkeypatch):
     _, data = ur10
     said = []

@@ -1,9 +1,9 @@
 """Memory and time before the work: what a command will need for so many rows, beside what is free.
 
 Bytes and seconds a row are measured (`bench/limits.py`; docs/limits.md); what a row takes is work, so both
-grow in proportion. Above `Cost.most` rows a command works on that many, evenly spread over the sessions, and
-says so: more rows of the same poses narrow the intervals and change nothing else. A command that the system
-would kill is refused with the number of rows that fit.
+grow in proportion. Above `Cost.most` rows, or above those that fit into what is free, such a command works on
+that many, evenly spread over the sessions, and says so: more rows of the same poses narrow the intervals and
+change nothing else. A command that the system would kill is refused with the number of rows that fit.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ MEMINFO, GROUP, STATM = Path("/proc/meminfo"), Path("/sys/fs/cgroup"), Path("/pr
 SHARE = 0.9  # of what is free that one command may take
 BASE_BYTES = 0.3 * GIGABYTE  # of the libraries and the figures
 WORTH_SAYING_S = 60.0  # a command that takes longer says so before it works
+LEAST_WORKED = 500  # rows: on fewer than that a command which may leave rows out does not work unasked
 LEAST_OF_A_SESSION = 50  # rows that a session keeps, however many there are of others
 
 
@@ -51,16 +52,18 @@ def within_memory(command: str, kind: str, data: Dataset,
     cost, free = COSTS.get((command, kind)), free_bytes()
     if cost is None:
         return data, ()
-    rows, told = _evenly(data, cost.most), ()
+    fits = len(data) if free is None else max(int((SHARE * free - BASE_BYTES) / cost.bytes_a_row), 0)
+    most = cost.most if cost.most is None or fits < LEAST_WORKED else min(cost.most, fits)
+    rows, told = _evenly(data, most), ()
     if len(rows) < len(data):
-        told = (f"{len(data):,} rows are more than {command} takes at once: it works on {len(rows):,}, "
-                f"evenly spread over the {kind.replace('_', ' ')} of every session",)
+        where = " in the memory that is free" if most != cost.most else ""
+        told = (f"{len(data):,} rows are more than {command} takes at once{where}: it works on "
+                f"{len(rows):,}, evenly spread over the {kind.replace('_', ' ')} of every session",)
     needed, seconds = BASE_BYTES + cost.bytes_a_row * len(rows), cost.seconds_a_row * len(rows)
     if free is not None and needed > SHARE * free:
-        most = max(int((SHARE * free - BASE_BYTES) / cost.bytes_a_row), 0)
         raise InputError(
             f"{len(rows)} rows need about {needed / GIGABYTE:.3g} GB of memory, {free / GIGABYTE:.3g} GB are "
-            f"free; expected at most {most} rows: leave out rows, evenly, or take the sessions one by one",
+            f"free; expected at most {fits} rows: leave out rows, evenly, or take the sessions one by one",
             file=data.first_file)
     if seconds > WORTH_SAYING_S or told:
         minutes = max(seconds / 60.0, 1.0)
