@@ -155,6 +155,10 @@ def _rows(path: str | Path, text: str) -> _Rows:
                           f"line {data[0][0]}, 3 of them numbers at least", line))
             continue
         before = parted[:first]
+        if before and len(before[-1][1]) == width and _count(before[-1][1]) >= 2:
+            line, cells = before[-1]  # no header: a point whose numbers cannot all be read
+            raise InputError(f"{width} cells, {_count(cells)} of them numbers; expected 3 of them as in line "
+                             f"{data[0][0]}, or the names of the columns", file=path, line=line)
         headed = bool(before) and len(before[-1][1]) == width and _count(before[-1][1]) < 2
         commas = any("," in cell and _count([cell]) for _, cells in data for cell in cells)
         return _Rows(

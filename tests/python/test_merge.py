@@ -104,6 +104,15 @@ def test_half_of_polar_coordinates_is_refused(tmp_path, layout):
         read_points(written(tmp_path, polar("deg")), layout=layout)
 
 
+@pytest.mark.parametrize("number", ["1.512,301", "1 512,301", "512,3O1"])
+def test_a_first_point_that_cannot_be_read_is_not_taken_for_a_heading(tmp_path, number):
+    """It was left out."""
+    text = f"Name;X;Y;Z\np1;{number};-20,118;834,002\np2;498,710;33,921;790,215\n"
+    (tmp_path / "points.txt").write_text(text)
+    with pytest.raises(InputError, match="points.txt, line 2: 4 cells, 2 of them numbers"):
+        read_points(tmp_path / "points.txt", unit="mm")
+
+
 @pytest.mark.parametrize("old, new, place", [
     ("p2 498.710", "p2", "line 2: 3 cells, 2 of them numbers; expected 4 as in line 1"),
     ("498.710", "498,710,1", "line 2: 4 cells, 2 of them numbers"),
