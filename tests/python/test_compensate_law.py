@@ -116,3 +116,25 @@ def test_sides_without_motions_and_behind_an_unknown_place():
     np.testing.assert_array_equal(started[0], 1.0)
     told = [Motion("joint", 0, 1), Motion("joint", 1, 2, approach=(0.0, 1.0, 1.0, -1.0, 1.0, 1.0))]
     np.testing.assert_array_equal(approaches(model, told, q)[1], told[1].approach)
+
+
+@pytest.mark.parametrize("values", [np.full((2, 6), np.nan), np.zeros((2, 5)), np.zeros(6), "abc"])
+def test_what_is_no_row_of_angles_is_refused(values):
+    """An angle that is not a number came back as finite angles."""
+    for function in (command_of, actual_of):
+        with pytest.raises(InputError, match=r"expected an array \(N, 6\) of finite numbers"):
+            function("ur10", values)
+
+
+def test_rows_that_no_command_reaches_are_no_numbers():
+    """At a singular pose they came back as they were."""
+    robot = identified()
+    q = np.vstack([reachable(robot, 2), reachable(robot, 1)])
+    q[1, 4] = 0.0  # axes 4 and 6 are one
+    found = command_of(robot, q)
+    assert np.isnan(found[1]).all() and np.isfinite(found[[0, 2]]).all()
+    poses = CompensationModel.of(robot).controller.poses(q)
+    places = np.vstack([poses.position, [[9.0, 0.0, 0.0]]])
+    far = Poses(places, np.concatenate([poses.rotation, np.eye(3)[None]]))
+    found = command_of(robot, far, near=np.vstack([q, q[:1]]))
+    assert np.isnan(found[3]).all() and np.isfinite(found[0]).all()

@@ -18,7 +18,7 @@ import numpy as np
 from exactarm.compensate.approach import approaches
 from exactarm.compensate.collector import collector_at_rest
 from exactarm.compensate.flange_poses import Poses, flange_poses, pose_error, stacked, tip_poses
-from exactarm.compensate.law import NEAR_SINGULAR, CompensationModel
+from exactarm.compensate.law import NEAR_SINGULAR, NOT_REACHED, CompensationModel
 from exactarm.compensate.program import HERE, Edit, Program, Target
 from exactarm.compensate.series import series_bends
 from exactarm.compensate.straightness import Bend, bends, unknown_tips
@@ -28,7 +28,6 @@ from exactarm.robot import Placement
 LARGEST_TURN_RAD = (
     0.2  # a correction that turns an axis further changes the branch, or the model is not this arm's
 )
-NOT_REACHED = 1e-8  # m and rad left over by the law
 SAME_SIDE = 1e-3  # of a passage between two gear tables that differ by some 1e-4 rad
 SETTLED = 4  # passes in which a correction may change the direction from which an axis comes
 UNUSED = "not used by a motion of these files"

@@ -26,6 +26,7 @@ from exactarm.compensate.controller import ControllerChain
 from exactarm.compensate.flange_poses import Poses, missing, pose_error, pseudo_inverse
 from exactarm.dataset import Dataset
 from exactarm.effects.payload import Payload
+from exactarm.errors import InputError
 from exactarm.kinds import POSES
 from exactarm.mdh_frames import compose
 from exactarm.robot import Placement, Robot
@@ -36,6 +37,7 @@ STEPS = (
 )
 FAR_RAD = 0.1  # of a joint from where it was meant: a coupling; gears and springs deviate by less than 0.02
 SAME_JACOBIAN = 3  # steps with the Jacobian of the start
+NOT_REACHED = 1e-8  # m and rad left over: a thousandth of what a program has to hold
 REACHED = 1e-10  # m and rad: a hundredth of the last digit that any program carries
 # Frobenius norm of J^-1 (rad per m or rad): 1 mrad, the orientation error of an arm as delivered, turns an
 # axis by 0.1 rad.
@@ -161,15 +163,37 @@ def command_of(
 
     targets: joint angles (N, n) as a planner means them (the pose of the controller's own chain), or Poses
     with `near` (N, n) beside them, angles on the branch that is wanted. approach (N, n): as each axis comes
-    to its target.
+    to its target. NaN in rows that no command reaches, as at a singular pose.
     """
     model = CompensationModel.of(robot_of(robot))
     if isinstance(targets, Poses):
         if near is None:
             near = model.controller.nearest_path(targets, None)
-        return model.commands(targets, near, approach, threads).q
-    targets = np.asarray(targets, float)
-    return model.commands(model.controller.poses(targets), targets, approach, threads).q
+        found = np.full(np.shape(near), np.nan)
+        rows = np.flatnonzero(np.isfinite(near).all(axis=1))
+        poses, start = targets.rows(rows), np.asarray(near, float)[rows]
+    else:
+        start = _rows(model, targets, "targets")
+        found, rows = np.full(start.shape, np.nan), np.arange(len(start))
+        poses = model.controller.poses(start)
+    side = None if approach is None else _rows(model, approach, "approach", len(found))[rows]
+    commands = model.commands(poses, start, side, threads)
+    found[rows] = np.where(commands.left_over[:, None] < NOT_REACHED, commands.q, np.nan)
+    return found
+
+
+def _rows(model: CompensationModel, values: np.ndarray, name: str, count: int | None = None) -> np.ndarray:
+    """Angles, or what stands beside them, of each axis."""
+    try:
+        rows = np.asarray(values, float)
+    except (TypeError, ValueError):
+        rows = np.empty(0)
+    n = model.actual.axes
+    if rows.ndim != 2 or rows.shape[1] != n or count not in (None, len(rows)) or not np.isfinite(rows).all():
+        shape = f"({'N' if count is None else count}, {n})"
+        raise InputError(f"{name}: expected an array {shape} of finite numbers, found shape "
+                         f"{np.shape(values)}")
+    return rows
 
 
 def actual_of(
@@ -181,7 +205,8 @@ def actual_of(
     The controller's own chain has there the pose in which the real arm stands.
     """
     model = CompensationModel.of(robot_of(robot))
-    joints = np.asarray(joints, float)
-    there = model.prediction(joints, approach, threads)
+    joints = _rows(model, joints, "joints")
+    side = None if approach is None else _rows(model, approach, "approach", len(joints))
+    there = model.prediction(joints, side, threads)
     near = model.controller.unturned(there.view.q)
     return model.controller.joints(Poses(there.position, there.rotation), near)

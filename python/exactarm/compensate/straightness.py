@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from exactarm import _core
 from exactarm.compensate.flange_poses import Poses
-from exactarm.compensate.law import CompensationModel
+from exactarm.compensate.law import NOT_REACHED, CompensationModel
 from exactarm.compensate.program import Motion, Program
 from exactarm.mdh_frames import compose, relative
 from exactarm.robot import Placement
@@ -120,7 +120,7 @@ def _commands(model: CompensationModel, line: _Line, shares: np.ndarray) -> np.n
         return None
     flanges = _flanges(line, tips)
     found = model.commands(flanges, near, _sides(model, np.vstack([line.q[:1], near]))[1:])
-    return found.q if np.all(found.left_over < 1e-8) else None
+    return found.q if np.all(found.left_over < NOT_REACHED) else None
 
 
 def _deviation(model: CompensationModel, line: _Line, knots: np.ndarray, q: np.ndarray) -> float:
