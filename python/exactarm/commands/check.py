@@ -258,6 +258,17 @@ def _sentence(series: Daily, change: Change, days_per_year: float) -> str:
     return f"{what} has moved since {span}{_size(best)}. Alarm on {series.labels[change.alarm]} ({rate})."
 
 
+def _next(change: Change) -> tuple[str, ...]:
+    """After an alarm: these few poses detect, they do not calibrate."""
+    if change.unexplained < UNEXPLAINED:
+        return ("Measure some fifty poses (`exactarm design`) and run `exactarm diagnose`: it tells what "
+                "these few poses cannot. Until then the robot file is not to be trusted.",)
+    return ("See what happened: a collision, a belt that slipped or new mastering moves a zero; a push moves "
+            "the base or the instrument; mounting the target anew moves the tool.",
+            "If it is the arm, measure some fifty poses (`exactarm design`) and `exactarm calibrate` anew. "
+            "Then measure BEFORE again: all later days are compared with it.")
+
+
 def _size(cause: Cause) -> str:
     if len(cause.parameters) == 1:
         low, high = cause.intervals[0]
@@ -287,6 +298,7 @@ def _report(robot: Robot, series: Daily, change: Change, days_per_year: float) -
         ),
     ]
     if moved:
+        sections.append(Text("What to do next", _next(change)))
         rows = [
             (
                 cause.name,

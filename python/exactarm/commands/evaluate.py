@@ -15,6 +15,7 @@ from exactarm.commands.call import AnyData, AnyFixture, AnyRobot, asked, data_of
 from exactarm.commands.certified import with_uncertainty
 from exactarm.commands.load_section import with_load_section
 from exactarm.commands.memory import within_memory
+from exactarm.commands.next_steps import to_improve
 from exactarm.commands.outcome import Column
 from exactarm.commands.result import CommandResult
 from exactarm.commands.steps import AT_POSES, CHECKING, JUDGING, READING, STEPS
@@ -161,6 +162,7 @@ def _report(robot: Robot, data: Dataset, result: Evaluation) -> Report:
             Highlight("mean", Quantity(s.mean, unit)), Highlight("RMS", Quantity(s.rms, unit)),
             Highlight("maximum", Quantity(s.max, unit)),
         )),
+        to_improve(kind_of(data.kind)),
         Table("By session", ("session", "rows", "mean", "RMS", "maximum", "std. dev."), rows),
         *known,
         Figure("error_per_row", f"{name.capitalize()} of every row",

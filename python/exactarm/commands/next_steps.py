@@ -1,12 +1,23 @@
-"""What to do next after a fit: the same three sentences for every command that gives a robot file."""
+"""What to do next after a fit (the same sentences for every command that gives a robot file), and after a
+judgement."""
 
 from __future__ import annotations
 
-from exactarm.kinds.base import Kind
+from exactarm.kinds.base import Device, Kind
 from exactarm.report import Text
 from exactarm.robot import Robot
 
 ENOUGH_FALL = 0.9  # of the error before: less is no success worth a new robot file
+_FITTED_BY = {Device.GEAR: "gear", Device.DRIVES: "identify"}  # else calibrate
+
+
+def to_improve(kind: Kind) -> Text:
+    """After a judgement."""
+    fit = _FITTED_BY.get(kind.device, "calibrate")
+    return Text("What to do next", (
+        f"If this is more than your work allows, `exactarm {fit}` and `exactarm diagnose` with other "
+        f"{kind.rows} lower it; keep these to judge by.",
+    ))
 
 
 def next_steps(robot: Robot, kind: Kind, before: float, after: float) -> Text:
