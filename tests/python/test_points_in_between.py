@@ -209,6 +209,11 @@ def urscript_of(between, behind=""):
     return Case(urscript, urscript.files(moves))
 
 
+def changed(case, name, old, new):
+    assert old in case.files[name]
+    return Case(case.cell, case.files | {name: case.files[name].replace(old, new)})
+
+
 STRAIGHT_ON = {
     "krl": krl_of("$OUT[1]=TRUE\nBAS(#VEL_CP,0.2)\n; LOOP\nWAIT SEC 0.1\n"),
     "rapid": rapid_of("SetDO do1,1;\nWaitTime\\InPos,0.1;\n! WHILE TRUE DO\nn:=n+1;\n"),
@@ -227,6 +232,21 @@ ELSEWHERE = {
     "urscript, branch": urscript_of(f"if n == 1:\nmovej({urscript.pose(3)})\nend\n"),
     "urscript, routine": urscript_of("end\ndef other():\n"),
 }
+
+
+TIMED = {  # what is said of the whole way does not hold for each part of it
+    "rapid, a time": changed(rapid_of(""), "prog.mod", b"MoveL p2,v100", b"MoveL p2,v100\\T:=5"),
+    "rapid, a number": changed(rapid_of(""), "prog.mod", b"MoveL p2,", b"MoveL p2\\ID:=10,"),
+    "urscript, a time": changed(urscript_of(""), "prog.script", b"v=0.1", b"t=5"),
+}
+
+
+@pytest.mark.parametrize("name", TIMED)
+def test_no_points_are_put_into_a_motion_whose_time_is_given(tmp_path, name):
+    written, result = dense(tmp_path, TIMED[name])
+    assert any("where no points in between can be put" in word for word in result["warnings"])
+    (old,), (new,) = TIMED[name].files.values(), written.values()
+    assert old.count(b"\n") == new.count(b"\n")
 
 
 @pytest.mark.parametrize("name", STRAIGHT_ON)

@@ -31,6 +31,7 @@ NAME, SUFFIXES = "RAPID", (".mod", ".modx", ".sys", ".sysx")
 MM_DECIMALS, DEG_DECIMALS, QUATERNION_DECIMALS = 5, 7, 9
 NO_AXIS = 9e9
 FRAME_NUMBERS = 7
+SPREAD = {"v", "wobj", "tload"}  # switches that hold for each part of a way; a time, a number does not
 FLY_BY = "z1"  # the zone at points in between: the arm does not stop there
 NORM_TOLERANCE = 1e-2  # of a quaternion typed with three decimals
 
@@ -127,7 +128,7 @@ class _Reader(Declarations):
             places = [self.target(index, value, place, axes, tool, wobj) for value, place in plain[:count]]
             via = places[0] if count == 2 else None
             insert = None
-            if kind == "linear":
+            if kind == "linear" and switches.keys() <= SPREAD:
                 insert = partial(self.insertion, index, match, end, plain, before)
             before = (match.start(), end + 1)
             self.motions.append(Motion(kind, places[-1], source.line(match.start()), via, insert=insert))

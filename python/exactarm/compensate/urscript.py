@@ -42,7 +42,7 @@ _BLOCK = re.compile(
 _UNREAD = re.compile(r"\b(servoc|speedj|speedl|optimovej|optimovel|force_mode|conveyor_pulse_decode)[ \t]*\(")
 _LITERAL = re.compile(r"(p?)\s*\[([^\[\]]*)\]")
 _ALONE = re.compile(
-    r"(?m)^([ \t]*)movel\([ \t]*p\[[^\]]*\]((?:[ \t]*,[ \t]*\w+[ \t]*=[^,()\r\n]*)*)\)[ \t]*$"
+    r"(?m)^([ \t]*)movel\([ \t]*p\[[^\]]*\]((?:[ \t]*,[ \t]*[avr][ \t]*=[^,()\r\n]*)*)\)[ \t]*$"
 )
 _SILENT = re.compile(  # calls that neither move the arm nor lead elsewhere
     r"[ \t]*(?:sleep|textmsg|set_\w+|write_output_\w+|sync)[ \t]*\([^()]*\)[ \t]*$"
