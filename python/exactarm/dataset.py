@@ -103,6 +103,16 @@ def read_targets(
     return replace(_join(files, robot), kind=POSES.name, kinds=(POSES.name,))
 
 
+def read_named_targets(
+    path: str | Path, robot: Robot, columns: Mapping[str, str] | None = None
+) -> tuple[Dataset, list[str]]:
+    """`read_targets` of one file, and its column `name`; empty where it has none."""
+    file = _read_file(str(path), robot, columns, ("name",))
+    _check_files([file])
+    data = replace(_join([file], robot), kind=POSES.name, kinds=(POSES.name,))
+    return data, file.text.get("name", [])
+
+
 def read_joint_log(
     path: str | Path, robot: Robot, columns: Mapping[str, str] | None = None, text: Sequence[str] = ()
 ) -> tuple[Dataset, dict[str, list[str]]]:

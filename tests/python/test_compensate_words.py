@@ -47,3 +47,14 @@ def test_what_plan_has_written_for_the_real_arm_is_not_corrected(tmp_path, send,
         (tmp_path / name).write_bytes((tmp_path / "plan" / name).read_bytes())
         with pytest.raises(InputError, match=f"{name}, line {line}: joint angles for the real arm"):
             ea.compensate(robot, tmp_path / name, points="calculated")
+
+
+def test_a_table_may_name_its_targets(tmp_path):
+    head, row = TARGETS.split()
+    (tmp_path / "targets.csv").write_text(f"Punkt;{head.replace(',', ';')}\nP1;{row.replace(',', ';')}\n"
+                                          f"H\u00f6he;{row.replace(',', ';')}\n", encoding="utf-8")
+    result = ea.compensate("ur10", tmp_path / "targets.csv", points="P*", columns={"Punkt": "name"})
+    lines = result.contents["targets.csv"].decode().splitlines()
+    assert result.json["correction"]["n"] == 1
+    assert lines[0].startswith("Punkt;q_1_rad") and lines[1].startswith("P1;0.")
+    assert lines[2] == "H\u00f6he;" + row.replace(",", ";")  # taught: right already

@@ -5,9 +5,10 @@ Poses are in the robot's base, of the flange or the --tool; with --frame device 
 frame, of the target that it measures ([base], [tool] of the robot file). `q_i` beside a pose say which branch
 is wanted; a pose without orientation keeps that of its `q_i`. `approach_i` (-1, 0, 1): from which side each
 axis comes; without it the targets follow each other as joint motions, with `time_s` as a time series. Out:
-the table with `q_i_rad`, the command that reaches the target, in
-place of `q_i` or behind the rest. Points in between of a time series are rows of their own, with their time;
-all other columns must be the same in the rows before and behind, and are so in them.
+the table with `q_i_rad`, the command that reaches the target, in place of `q_i` or behind the rest. Joint
+angles that are not corrected stay; poses that are not have no command. Points in between of a time series are
+rows of their own, with their time; all other columns must be the same in the rows before and behind, and are
+so in them. `name`: words for --points.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ from exactarm.compensate.program import Motion, Program, SourceText, Target
 from exactarm.compensate.setting import Setting
 from exactarm.controller_frames import base_in_device, target_on_flange
 from exactarm.csv_dialect import Dialect, dialect_of, split_header
-from exactarm.dataset import Dataset, read_targets
+from exactarm.dataset import Dataset, read_named_targets
 from exactarm.errors import InputError
 from exactarm.mdh_frames import relative
 from exactarm.robot import Placement, Robot
@@ -49,7 +50,7 @@ def load(path: str | Path) -> SourceText:
 
 def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
     (source,) = sources
-    data = read_targets(source.path, setting.robot, setting.columns)
+    data, names = read_named_targets(source.path, setting.robot, setting.columns)
     if data.position is None and "q" not in data.joints:
         raise InputError("no targets: expected columns q_i, or x, y, z with qw, qx, qy, qz", file=source.path)
     q = _joint_angles(data, source)
@@ -67,7 +68,7 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
                 "point to point, not as a time series",)
     lines, rows = (data.row + 1).tolist(), _Rows(source, setting)
     for i, line in enumerate(lines):
-        name = f"row {line - 1}"
+        name = names[i] if names else f"row {line - 1}"
         if poses is None:
             targets.append(Target(name, 0, line, _nothing, q[i]))
         else:
@@ -77,7 +78,7 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
         time = float(data.time[i]) if timed and side is None else None
         insert = partial(rows.between, i) if time is not None and i and poses is None else None
         motions.append(Motion("joint", i, line, time=time, approach=side, insert=insert))
-    finish = partial(_finish, source, setting)
+    finish = partial(_finish, source, setting, q if poses is None else None)
     return Program(NAME, sources, tuple(targets), tuple(motions), told, calculated=True, finish=finish)
 
 
@@ -164,9 +165,12 @@ def placement(numbers) -> Placement:
 
 # -- out ---------------------------------------------------------------------------------------------
 def _finish(
-    source: SourceText, setting: Setting, contents: list[bytes], commands: np.ndarray,
+    source: SourceText, setting: Setting, q: np.ndarray | None, contents: list[bytes], commands: np.ndarray,
     inserted: list[tuple[int, list]]
 ) -> list[bytes]:
+    """q (N, n): joint targets, which stay as they are where they are not corrected."""
+    if q is not None:
+        commands = np.where(np.isnan(commands), q, commands)
     write = _write_parquet if _is_parquet(source) else _write_csv
     return [write(source, setting, _written(setting.reported(commands), inserted, setting))]
 
