@@ -15,8 +15,10 @@ import test_programs_inform as inform
 import test_programs_krl as krl
 import test_programs_rapid as rapid
 import test_programs_urscript as urscript
+from exactarm.errors import InputError
 from interpreters.motion import matrix
 from interpreters.verdict import same_motions, true_flange
+from test_compensate_fuzz import mutated
 
 TOLERANCE_MM = 0.01
 FANUC_HEAD = b'PROG_SIZE\t= 636;\r\nLINE_COUNT\t= 99;\r\nCOMMENT = "'
@@ -266,3 +268,24 @@ def test_no_points_are_put_where_the_arm_may_come_from_elsewhere(tmp_path, name)
         k: v.count(b"\n") for k, v in ELSEWHERE[name].files.items()}
     if result["programs"][0]["straight_motions"]:
         assert any("where no points in between can be put" in word for word in result["warnings"])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["TP", "TP, joint angles", "INFORM", "INFORM, heads that change"])
+def test_damaged_programs_with_points_in_between_are_refused_or_can_be_read_again(tmp_path, name, count=40):
+    case, random, grown = TAKEN[name], np.random.default_rng(3), 0
+    (file, content), = case.files.items()
+    for _ in range(count):
+        case = Case(case.cell, {file: mutated(content, random)})
+        try:
+            written, result = dense(tmp_path, case, 0.02)
+        except InputError as error:
+            assert file in str(error)
+            continue
+        more = sum(bend["points_in_between"] for bend in result["programs"][0]["straight_motions"])
+        again = ea.compensate(case.cell.ROBOT, write(tmp_path, file, written[file]), points="taught",
+                              keep_refused=True, **case.cell.GIVEN)
+        assert again.contents[file] == written[file]
+        assert again.json["programs"][0]["targets"] == result["programs"][0]["targets"] + more
+        grown += more > 0
+    assert grown
