@@ -36,6 +36,7 @@ from exactarm.diagnose.verdict import (
     verdict_by_rules,
     verdict_of_causes,
 )
+from exactarm.diagnose.wave_in_time import wave_instead
 from exactarm.effects.base import Effect
 from exactarm.identify.loads import kept_masses
 from exactarm.identify.statistics import ErrorSummary, summarise
@@ -145,12 +146,20 @@ def diagnose(
     progress(DECLARED)
     declared = problem.declared()
     selection, causes = _search(problem, declared, progress)
+    for _ in range(problem.most_waves_in_time):
+        wave = wave_instead(problem, selection, len(declared.effects))
+        if wave is None:
+            break
+        problem = problem.without_wave(wave)
+        declared = problem.declared()
+        selection, causes = _search(problem, declared, progress)
     declared = Layout(declared.effects, selection.fits[0].layout.free)
     selection = replace(selection, fits=tuple(problem.settled(f) for f in selection.fits))
     first, last = selection.fits[0], selection.fits[-1]
     progress(LEFT)
     noise = noise_floor(problem, last)
-    left, had = dossier(problem, last), dossier(problem, first)
+    left = dossier(problem, last)
+    had = left if first is last else dossier(problem, first)
     errors = [_errors(problem, fitted) for fitted in selection.fits]
     before = {name: summarise(values[np.isfinite(values)]) for name, values in errors[0].items()}
     after = {name: summarise(values[np.isfinite(values)]) for name, values in errors[-1].items()}
@@ -171,7 +180,7 @@ def diagnose(
         verdict = verdict_by_rules(problem, before, after, noise, left, bool(findings), spread, excess)
     else:
         verdict = verdict_of_causes(causes, after, noise, excess)
-    lines = problem.lines_left(last, noise.value) if noise.measured else ()
+    lines = problem.waves_taken_out() + (problem.lines_left(last, noise.value) if noise.measured else ())
     unknown = _unknown_beside(causes, findings) + lines
     if verdict == NOTHING and not noise.measured and problem.share_of_measured(last) > MUCH_LEFT:
         verdict = UNEXPLAINED  # a floor that comes from the fit proves nothing by itself

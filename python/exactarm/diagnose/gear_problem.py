@@ -22,16 +22,17 @@ from exactarm.diagnose.coloured_noise import ColouredNoise, NoiseMemory
 from exactarm.diagnose.next_runs import separating_run
 from exactarm.diagnose.problem import Fitted, Problem, orthonormal
 from exactarm.diagnose.problem_in_time import ProblemInTime
-from exactarm.diagnose.resampled_run import resampled_run
+from exactarm.diagnose.resampled_run import resampled_run, with_reading
 from exactarm.diagnose.scan import free_mask
 from exactarm.diagnose.time_groups import time_groups
+from exactarm.diagnose.wave_in_time import WaveInTime
 from exactarm.effects.base import Effect
 from exactarm.identify.drifting_noise import DriftingNoise
 from exactarm.identify.gear_declared import declared_gear_layout, sensor_layout
 from exactarm.identify.gear_fit import fit_gear_runs
 from exactarm.identify.sensor_tone import find_tones, without_tones
 from exactarm.kinds import GEAR_RUN
-from exactarm.noise.broadband import broadband_noise, strongest_line
+from exactarm.noise.broadband import broadband_noise, oscillation, strongest_line
 from exactarm.regression import Fit
 from exactarm.robot import Robot
 from exactarm.signals import typical_step
@@ -64,12 +65,14 @@ class GearProblem(ProblemInTime):
 
     kind = GEAR_RUN.name
     unit = "rad/s"
+    most_waves_in_time = 3
     repeat_source = "spectrum of the residual without its lines"
 
     def __init__(self, robot: Robot, data: Dataset, held_out: Dataset, threads: int = 1, seed: int = 0):
         self._tones = find_tones(data)
         data, held_out = without_tones(data, self._tones), without_tones(held_out, self._tones)
         super().__init__(robot, data, held_out, threads, seed)
+        self._waves: tuple[WaveInTime, ...] = ()
         self._estimator, self._noise = ColouredNoise(self), NoiseMemory()
         self._records = {"identification": gear_record(robot, data, accelerating=True)}
         if len(held_out):
@@ -86,6 +89,22 @@ class GearProblem(ProblemInTime):
 
     def declared(self) -> Layout:
         return declared_gear_layout(self.robot, self.resampled, self.record)
+
+    def without_wave(self, wave: WaveInTime) -> GearProblem:
+        """The same runs without a wave in time, estimated beside what stands with it."""
+        record = self._records["identification"]
+        parts = [(rows, wave.values(number, record.time[rows])) for number, rows in enumerate(record.runs)]
+        robot, threads, seed = self.robot, self.threads, self.seed
+        calm = GearProblem(robot, _less(self.data, record, parts), self.held_out, threads, seed)
+        if len(self.held_out):
+            record, fitted = self._records["validation"], calm.fit(wave.beside)
+            new = calm._new_set_up(fitted.layout, self.held_out, record)
+            residual = calm._predicted(fitted.layout, new, self.held_out, record).residual()
+            parts = [(rows, wave.of_residual(record.time[rows], residual[rows], record.keep[rows]))
+                     for rows in record.runs]
+            calm = GearProblem(robot, calm.data, _less(self.held_out, record, parts), threads, seed)
+        calm._tones, calm._waves = self._tones, (*self._waves, wave)
+        return calm
 
     def fit(self, layout: Layout, weight: np.ndarray | None = None,
             sigma: np.ndarray | None = None) -> Fitted:
@@ -295,12 +314,20 @@ class GearProblem(ProblemInTime):
                                for name, ratio in both))
         return float(np.mean(squares)) if squares else 0.0
 
+    def waves_taken_out(self) -> tuple[str, ...]:
+        return tuple(
+            f"a wave of {wave.frequency:.3g} Hz in time, {1e3 * wave.size:.2g} m{self.unit}, which follows "
+            f"no axis's angle, is likelier than {_listed(wave.instead)} (probability "
+            f"{wave.probability:.2f}) and was taken out: look for a floor or a mount that shakes"
+            for wave in self._waves)
+
     def lines_left(self, fitted: Fitted, floor: float) -> tuple[str, ...]:
         pieces = self._pieces(fitted)
         rms = np.sqrt(np.mean(np.concatenate([piece for column in pieces for piece in column]) ** 2))
         rows = sum(piece.size for piece in pieces[0])
         if floor * (_LINES + _SCATTER / np.sqrt(rows)) > rms:
-            return ()
+            steady = any(oscillation(column) for column in pieces)
+            return ("an oscillation whose size is steady stands in its noise",) if steady else ()
         worst = max(pieces, key=lambda column: sum(float(np.sum(piece**2)) for piece in column))
         step = float(np.median([typical_step(self.data.time[rows])
                                 for rows in self._records["identification"].runs]))
@@ -314,6 +341,19 @@ class GearProblem(ProblemInTime):
 
     def separating_experiment(self, fitted: Fitted, one: Effect, other: Effect) -> str:
         return separating_run(self.robot, fitted, self.record, one, other)
+
+
+def _listed(effects: tuple[Effect, ...]) -> str:
+    return " and ".join(dict.fromkeys(effect.title for effect in effects))
+
+
+def _less(data: Dataset, record: GearRecord, parts) -> Dataset:
+    """The data without what each of `parts`, (rows, (K, m)), says of its rows' reading."""
+    axes = list(record.encoder_axes)
+    reading = (data.joints["q"][:, axes] if axes else data.gyro).copy()
+    for rows, values in parts:
+        reading[rows] -= values
+    return with_reading(data, axes, reading)
 
 
 def _without_gaps(rows: np.ndarray, kept: np.ndarray) -> list[np.ndarray]:

@@ -187,6 +187,7 @@ class Problem(ABC):
     repeat_source = "repeated visits of the same pose"
     by_posterior = False  # whether causes are found by the posterior over sets of them
     unknown_rivals = False  # whether effects found step by step have unknown functions for rivals
+    most_waves_in_time = 0  # that may stand in the place of effects found step by step (wave_in_time.py)
     groups_independent = False  # whether the residuals of different groups of rows are
     drafts = False  # whether effects are drafted for what no cause explains
     numbers_of_error = 1  # of the measurement that make up one judged error: 3 of a position
@@ -278,6 +279,10 @@ class Problem(ABC):
         """Of the square sum: what the rounding of an encoder's angles may leave as waves. Nothing is named
         that takes away no more."""
         return 0.0
+
+    def waves_taken_out(self) -> tuple[str, ...]:
+        """In words: waves in time that were likelier than effects."""
+        return ()
 
     def lines_left(self, fitted: Fitted, floor: float) -> tuple[str, ...]:
         """In words: waves in time that stand out of a measured noise floor, in the unit of the errors; empty

@@ -59,10 +59,10 @@ def resampled_run(robot: Robot, data: Dataset, record: GearRecord) -> tuple[Data
         record.encoder_axes,
         record.moving, record.furthest,
     )
-    return _with_reading(data, axes, smooth).select(chosen), resampled
+    return with_reading(data, axes, smooth).select(chosen), resampled
 
 
-def _with_reading(data: Dataset, axes: list[int], reading: np.ndarray) -> Dataset:
+def with_reading(data: Dataset, axes: list[int], reading: np.ndarray) -> Dataset:
     """The data with another reading of the gyroscope, or of the link encoders of `axes`."""
     if not axes:
         return replace(data, gyro=reading)

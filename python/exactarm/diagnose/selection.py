@@ -87,7 +87,7 @@ def select(problem: Problem, declared: Layout, progress: Progress = lambda text:
         progress(f"{len(chosen)} found so far")
         fitted = fits[-1]
         problem = problem.knowing(fitted)
-        ranking = tuple(scan(fitted, candidates_for(problem, fitted), _count(problem, fitted)))
+        ranking = tuple(scan(fitted, candidates_for(problem, fitted), count_of(problem, fitted)))
         first_ranking = first_ranking or ranking
         step = _best_addition(problem, declared, chosen, fitted, ranking)
         if step is None:
@@ -106,7 +106,7 @@ def select(problem: Problem, declared: Layout, progress: Progress = lambda text:
     return Selection(tuple(fits), tuple(accepted), ranking, first_ranking)
 
 
-def _count(problem: Problem, fitted: Fitted) -> float:
+def count_of(problem: Problem, fitted: Fitted) -> float:
     """Independent numbers in the residual: those of the data less the parameters fitted to them."""
     data = float(np.count_nonzero(fitted.whitened[: fitted.data_numbers]))
     return max(problem.correlation_factor(fitted) * data - fitted.basis.shape[1], 1.0)
@@ -168,7 +168,7 @@ def _evidence(problem: Problem, fitted: Fitted, candidate: Candidate) -> float:
     if candidate.evidence < LEAST_EVIDENCE or not problem.groups_independent or effect.excludes_rows():
         return candidate.evidence
     columns = linear_columns(fitted, effect)
-    return robust_evidence(fitted, candidate, columns, problem.groups(), _count(problem, fitted))
+    return robust_evidence(fitted, candidate, columns, problem.groups(), count_of(problem, fitted))
 
 
 def _worthy_form(problem, fitted, candidate: Candidate, folds, without) -> Candidate | None:
@@ -178,7 +178,7 @@ def _worthy_form(problem, fitted, candidate: Candidate, folds, without) -> Candi
         return candidate
     if not candidate.effect.family:
         return None
-    field, count = candidates_for(problem, fitted), _count(problem, fitted)
+    field, count = candidates_for(problem, fitted), count_of(problem, fitted)
     forms = forms_of(fitted, candidate.effect, field, count, LEAST_EVIDENCE)
     for form in sorted(forms.values(), key=lambda form: -form.evidence):
         if (_differs(form.effect, candidate.effect) and _evidence(problem, fitted, form) >= LEAST_EVIDENCE
@@ -189,7 +189,7 @@ def _worthy_form(problem, fitted, candidate: Candidate, folds, without) -> Candi
 
 def _best_pair(problem, declared, chosen, fitted, shortlist: list[Candidate], folds, without):
     """Two candidates that hide each other: neither is worth its place alone, both together are; else None."""
-    count = _count(problem, fitted)
+    count = count_of(problem, fitted)
     linear = [c for c in shortlist if not c.effect.excludes_rows()][:_PAIRED]
     pairs = []
     for place, first in enumerate(linear):
@@ -239,7 +239,7 @@ def _beside_unknown(problem: Problem, declared: Layout, accepted: list[Accepted]
     first = len(declared.effects)
     places = [place for place, own in enumerate(accepted) if not own.effect.excludes_rows()]
     field = lambda without: candidates_for(problem, without)
-    numbers = lambda without: _count(problem, without)
+    numbers = lambda without: count_of(problem, without)
 
     def beside(group: list[int]) -> Beside:
         steps, without = [], fitted
@@ -272,7 +272,7 @@ def _independent(problem, fitted, shortlist: list[Candidate], folds, without) ->
     Saves a search over the whole library for each of many independent causes (a curve on every axis).
     """
     group = [shortlist[0].effect]
-    beside, count = fitted.beside(linear_columns(fitted, shortlist[0].effect)), _count(problem, fitted)
+    beside, count = fitted.beside(linear_columns(fitted, shortlist[0].effect)), count_of(problem, fitted)
     for candidate in shortlist[1:]:
         if candidate.evidence < _INDEPENDENT_EVIDENCE or candidate.effect.excludes_rows():
             continue
@@ -303,7 +303,7 @@ def _prune(problem, declared, chosen, fitted):
 
 def _lost(problem: Problem, without: Fitted, effect: Effect) -> bool:
     """Whether an effect that is taken out of the fit would no longer be asked for."""
-    own = scan(without, [_emptied(effect)], _count(problem, without))[0]
+    own = scan(without, [_emptied(effect)], count_of(problem, without))[0]
     square = float(without.free_residual @ without.free_residual)
     small = (own.gain < problem.least_share * square
              or problem.judged_share(without, own.effect) < Problem.least_share)
@@ -324,7 +324,7 @@ def _contest(problem, declared, chosen, rounds, fitted, first_ranking, progress)
         without = fitted.without(len(declared.effects) + place)
         if chosen[place].excludes_rows():
             without = replace(without, weight=rows_kept(without.layout, without.view).astype(float))
-        count = _count(problem, without)
+        count = count_of(problem, without)
         field = _rivals_of(chosen[place], candidates_for(problem, without), first_ranking)
         forms = [*field, *chosen[place].richer()]
         form = best_form(problem, without, chosen[place], forms, count, LEAST_EVIDENCE)

@@ -84,7 +84,7 @@ def find_tones(data: Dataset) -> tuple[Tone, ...]:
     tones, left = [], ratio.copy()
     while len(tones) < _MOST_TONES and left.max() > limit:
         peak = int(np.argmax(left))
-        tones.append(_tone(data, rests, _summit(frequency, ratio, peak)))
+        tones.append(_tone(data, rests, summit(frequency, ratio, peak)))
         left[max(0, peak - 2 * resolved): peak + 2 * resolved + 1] = 0.0
     return tuple(tones)
 
@@ -128,8 +128,8 @@ def _straightened(values: np.ndarray) -> np.ndarray:
     return level * (np.sqrt(2.0 / 3.0) * 2.0 * np.cos(0.5 * np.pi * at) ** 2)
 
 
-def _summit(frequency: np.ndarray, power: np.ndarray, peak: int) -> float:
-    """Of the parabola through the peak and its neighbours."""
+def summit(frequency: np.ndarray, power: np.ndarray, peak: int) -> float:
+    """Frequency of the top of the parabola through the logarithms of a peak and its neighbours."""
     if not 0 < peak < frequency.size - 1:
         return float(frequency[peak])
     low, top, high = np.log(power[peak - 1: peak + 2])
