@@ -13,7 +13,7 @@ from exactarm.chain import gear_record
 from exactarm.chain.encoder_counts import smoothest
 from exactarm.dataset import Dataset
 from exactarm.diagnose.diagnosis import diagnose
-from exactarm.noise.broadband import broadband_noise, strongest_line
+from exactarm.noise.broadband import broadband_noise, oscillation, strongest_line
 from exactarm.robot import GearTable
 from exactarm.robot_file import load_robot
 from exactarm.signals import derivative, gaussian_filter, step_of_quantisation
@@ -46,7 +46,8 @@ def test_counts_of_a_steady_motion_leave_no_wave_in_its_rate(cruise):
     angle = trapezoid(time, cruise)
     counts = counted(angle)[:, None]
     plain = derivative(gaussian_filter(counts, time, 100.0), time)[:, 0]
-    smooth = derivative(smoothest(counts, time, 100.0), time)[:, 0]
+    # of the same noise: putting back what the filter rounds asks for a cutoff lower by (131.9 / 60.6)^(1/3)
+    smooth = derivative(smoothest(counts, time, 77.2), time)[:, 0]
     true = derivative(angle, time)
     steady = slice(600, 3400)
     assert np.std((plain - true)[steady]) > 5.0 * np.std((smooth - true)[steady])
@@ -210,3 +211,73 @@ def test_counts_of_both_encoders_are_no_gear(racer, wave_rad):
         assert result.after["validation"].rms < 0.4 * result.before["validation"].rms
     else:
         assert result.findings == () and result.verdict == "no_undeclared_effect"
+
+
+@pytest.mark.parametrize("kind", ["low-passed in the sensor", "autoregression", "heavy tails", "random walk"])
+def test_noise_of_any_colour_is_no_oscillation(kind):
+    random = np.random.default_rng(11)
+    for _ in range(20):
+        noise = [np.cumsum(random.normal(size=400)) if kind == "random walk" else coloured(kind, 400, random)
+                 for _ in range(6)]
+        assert not oscillation(noise)
+
+
+def test_a_wave_whose_frequency_wanders_is_an_oscillation_and_no_noise():
+    """Its lines run into each other in short runs: their level is taken for coloured noise."""
+    random, time = np.random.default_rng(12), 0.004 * np.arange(400)
+    pieces = []
+    for _ in range(6):
+        turn = 2.0 * np.pi * 3.7 * time + 5.0 * np.sin(2.0 * np.pi * 1.7 * time) + random.uniform(0.0, 6.0)
+        pieces.append(3.0 * np.sin(turn) + random.normal(size=time.size))
+    assert broadband_noise(pieces) > 2.0  # of 1
+    assert oscillation(pieces)
+
+
+def test_the_cut_ends_of_a_run_in_motion_carry_no_spike(racer):
+    """The derivative falls to the second order there, which does not follow a wave of 60 Hz: 40 times the
+    noise at the last row before."""
+    order, ripple, joint = 400.0, 3e-2, racer.joints[AXIS]
+    table = GearTable(np.array([order]), np.array([ripple]), np.zeros(1))
+    joints = list(racer.joints)
+    joints[AXIS] = replace(joint, cw=table, ccw=table)
+    robot, random, noise = replace(racer, joints=tuple(joints), links=None), np.random.default_rng(9), 3e-4
+    time = np.arange(0.0, 3.0, 0.0025)
+    parts = []
+    for run, speed in enumerate((0.94, -0.94)):
+        theta, gyro = np.zeros((time.size, robot.axes)), random.normal(0.0, noise, (time.size, 3))
+        theta[:, AXIS] = speed * time * joint.ratio
+        fine = np.arange(-1e-3, 3.001, 1e-4)
+        angle = _core.gear_outputs(joint.ratio, table.core(), speed * fine * joint.ratio)[0]
+        gyro[:, 2] += np.interp(time, fine, np.gradient(angle, fine))
+        parts.append((theta, gyro, time, np.full(time.size, run + 1)))
+    theta, gyro, times, run = map(np.concatenate, zip(*parts))
+    data = Dataset.of_arrays("gear_run", {"theta": theta}, time=times, run=run, gyro=gyro)
+    record = gear_record(robot, data)
+    phi = _core.gear_outputs(joint.ratio, table.core(), record.theta[:, AXIS])[0]
+    off = np.abs(gyro[:, 2] - record.rate(phi)) / noise
+    assert np.max(off[record.keep]) < 6.0 < np.max(off)
+    assert record.keep.mean() > 0.99
+
+
+def test_smooth_ramps_keep_their_samples_and_show_a_delay(racer):
+    """A filter that lets a tenth of the gyroscope's noise through rounds ramps by six times the noise: all of
+    them were left out, and a delay shows nowhere else."""
+    random, noise, delay, joint = np.random.default_rng(10), 1e-3, 4e-3, racer.joints[AXIS]
+    time, parts = np.arange(0.0, 4.0, 0.0025), []
+    robot = replace(racer, links=None, joints=tuple(replace(j, cw=None, ccw=None) for j in racer.joints))
+    fine = np.arange(-0.1, 4.0, 1e-4)
+    rate = gaussian_filter(np.clip(np.minimum(fine, 3.9 - fine) / 0.25, 0.0, 1.0), fine, 6.0)
+    output = np.cumsum(rate) * 1e-4
+    for run, sign in enumerate((1.0, -1.0, 1.0, -1.0)):
+        theta, gyro = np.zeros((time.size, robot.axes)), random.normal(0.0, noise, (time.size, 3))
+        # the sum lags the rate by half of a fine step
+        theta[:, AXIS] = np.round(sign * np.interp(time, fine + 5e-5, output) * joint.ratio / 1.5e-3) * 1.5e-3
+        gyro[:, 2] += sign * np.interp(time - delay, fine, rate)
+        parts.append((theta, gyro, time, np.full(time.size, run + 1)))
+    theta, gyro, times, run = map(np.concatenate, zip(*parts))
+    data = Dataset.of_arrays("gear_run", {"theta": theta}, time=times, run=run, gyro=gyro)
+    record = gear_record(robot, data)
+    assert record.cutoff_hz < 60.0 and record.keep.mean() > 0.97
+    result = diagnose(robot, data)
+    assert [finding.effect.name for finding in result.findings] == ["time_delay"]
+    assert_allclose(result.findings[0].effect.values[0], delay, atol=1e-4)

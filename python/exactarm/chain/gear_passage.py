@@ -29,9 +29,9 @@ def in_passage(error: np.ndarray, beside: np.ndarray, columns: np.ndarray, rate:
                angle: np.ndarray, time: np.ndarray, runs, usable: np.ndarray) -> np.ndarray:
     """(N,) bool of one axis.
 
-    error (N,): measured less declared; beside (N, b): what each run may have of its own in it, an offset or
-    a scale; columns (N, k): what a passage leaves in it; rate, angle (N,) of the axis (rad/s, rad); runs: row
-    indices; usable (N,) bool: rows on which everything else is well.
+    error (N,): measured less declared; beside (N, b): what each run may have of its own in it, an offset,
+    a scale or a delay; columns (N, k): what a passage leaves in it; rate, angle (N,) of the axis (rad/s,
+    rad); runs: row indices; usable (N,) bool: rows on which everything else is well.
     """
     behind, before, unseen = np.full((3, time.size), np.inf)
     for rows in runs:

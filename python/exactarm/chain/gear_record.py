@@ -31,7 +31,9 @@ from exactarm.kinds import GEAR_RUN
 from exactarm.kinds.base import STANDS_STILL
 from exactarm.robot import Robot
 from exactarm.signals import (
+    HALF_STENCIL,
     block_starts,
+    blocks,
     derivative,
     even_clock,
     gaussian_filter,
@@ -48,11 +50,13 @@ _ENCODER_SHARE = 0.1  # of the gyroscope's noise that the encoder may add to the
 _LOWEST_CUTOFF_HZ, _HIGHEST_SHARE = 15.0, 0.35  # of the sampling rate
 _DIRECTION_CUTOFF_HZ = 15.0
 _STENCIL_GAIN = 1.18  # noise of the eighth-order central difference per step
-_NOISE_BANDWIDTH = 60.6  # integral of (2 pi f)^2 exp(-ln 2 f^2 / f_c^2) 2 df / f_c^3
+# integral of (2 pi f)^2 (2 H - H^2)^2 2 df / f_c^3, H = exp(-ln 2 / 2 f^2 / f_c^2), twice applied
+_NOISE_BANDWIDTH = 131.9
 _ROUNDED_SHARE = 0.3  # of the gyroscope's noise that the filter may take from the motion's own rate
 _ROUNDED_REACH = 3.0  # deviations of the filter
+_STANDING = 0.02  # of the highest speed, as at a reversal
 # of the encoder's part in the rate, in what a second filter takes; deviations
-_ROUNDED_NOISE, _CERTAIN = 0.515, 6.0
+_ROUNDED_NOISE, _CERTAIN = 0.420, 6.0
 
 
 @dataclass(frozen=True)
@@ -123,7 +127,8 @@ def gear_record(robot: Robot, data: Dataset, *, accelerating: bool = False) -> G
     runs, moving = view.runs, np.flatnonzero(view.moving)
     encoder_axes = () if data.gyro is not None else _encoder_axes(data)
     noise = None if encoder_axes else _gyro_noise(view)
-    cutoff, blur = (None, 0.0) if encoder_axes or not np.any(data.gyro) else _cutoff(view, robot, noise)
+    measured = not encoder_axes and bool(np.any(data.gyro))
+    cutoff, blur = _cutoff(view, robot, noise) if measured else (None, 0.0)
     theta_dot, direction = np.zeros((2, *theta.shape))
     keep, swinging = np.ones(len(data), bool), np.zeros(len(data), bool)
     bending = np.zeros(len(data))
@@ -149,6 +154,8 @@ def gear_record(robot: Robot, data: Dataset, *, accelerating: bool = False) -> G
             if axis == main and not encoder_axes:
                 acceleration = derivative(slow[:, column], time)
                 keep[rows] &= ~reversal
+                if measured:
+                    keep[rows] &= ~_cut_in_motion(slow[:, column], time)
                 bending[rows] = bending_rate(robot, theta[rows], acceleration, time, axis)
                 swinging[rows] = swings(bending[rows], time, noise)
                 if cutoff is not None:
@@ -157,9 +164,18 @@ def gear_record(robot: Robot, data: Dataset, *, accelerating: bool = False) -> G
     record = GearRecord(theta, theta_dot, direction, keep, runs, clock, cutoff, encoder_axes, view.moving,
                         tuple(axis for _, axis in view.moving_runs))
     record = replace(record, keep=keep & ~_passing(robot, data, record))
-    asked = accelerating and swinging.any() and np.any(data.gyro)
+    asked = accelerating and measured and swinging.any()
     quiet = _quiet_axes(robot, data, record, bending, swinging) if asked else []
     return replace(record, keep=record.keep & ~(swinging & ~np.isin(record.sensor_axis, quiet)))
+
+
+def _cut_in_motion(rate: np.ndarray, time: np.ndarray) -> np.ndarray:
+    """(R,) bool: rows so near to an end of a run, or to lost samples, that the derivative is of a lower
+    order, where the axis (rate (R,)) moves: it does not follow the faster waves of a gear."""
+    cut = np.zeros(time.size, bool)
+    for rows in blocks(time):
+        cut[rows[:HALF_STENCIL]] = cut[rows[-HALF_STENCIL:]] = True
+    return cut & (np.abs(rate) > _STANDING * np.max(np.abs(rate)))
 
 
 def _quiet_axes(robot: Robot, data: Dataset, record: GearRecord, bending: np.ndarray,
@@ -201,14 +217,16 @@ def _passing(robot: Robot, data: Dataset, record: GearRecord) -> np.ndarray:
             continue
         runs = [rows for rows, main in zip(record.runs, record.furthest)
                 if record.encoder_axes or main == axis]
-        error, beside = np.zeros(len(data)), np.ones((len(data), 1 if record.encoder_axes else 2))
-        columns = (other - own)[:, [axis] * beside.shape[1]]
+        error, beside = np.zeros(len(data)), np.ones((len(data), 2 if record.encoder_axes else 3))
+        columns = (other - own)[:, [axis] * (beside.shape[1] - 1)]
         for rows in runs:
             if record.encoder_axes:
                 error[rows] = data.joints["q"][rows, axis] - own[rows, axis]
+                beside[rows, 1] = derivative(own[rows, axis], record.time[rows])
                 continue
             clock, kept = record.time[rows], rows[record.keep[rows]]
             beside[rows, 1] = rate = derivative(own[rows, axis], clock)
+            beside[rows, 2] = gaussian_filter(derivative(rate, clock), clock, _DIRECTION_CUTOFF_HZ)
             columns[rows, 1] = derivative(columns[rows, 0], clock)
             toward = data.gyro[kept].T @ beside[kept, 1]
             error[rows] = data.gyro[rows] @ (toward / max(np.linalg.norm(toward), 1e-300)) - rate
@@ -256,7 +274,8 @@ def _cutoff(view: View, robot: Robot, gyro_noise: float) -> tuple[float | None, 
 
 
 def _rounded(angle: np.ndarray, time: np.ndarray, cutoff: float, limit: float) -> np.ndarray:
-    """(R,) where filtering the filtered angle (R,) once more changes its rate by more than `limit` rad/s, and
-    around."""
-    taken = np.abs(derivative(angle - gaussian_filter(angle, time, cutoff), time)) > limit
+    """(R,) where filtering the filtered angle (R,) once more, and putting back what that rounds, changes its
+    rate by more than `limit` rad/s, and around."""
+    beside = angle - gaussian_filter(angle, time, cutoff)
+    taken = np.abs(derivative(beside - gaussian_filter(beside, time, cutoff), time)) > limit
     return widened(taken, time, _ROUNDED_REACH * gaussian_sigma(cutoff))

@@ -5,10 +5,11 @@ the declared spring of the moving axis as well; b(t) is the rate of that. Sample
 gyroscope's noise are left out, as the thesis keeps to the stretch of constant velocity, unless the data
 themselves say that nothing swings there:
 
-    reading along the axis - predicted rate = c0 + c1 rate + c2 acceleration + s b + noise
+    reading along the axis - predicted rate = c0 + c1 rate + c2 acceleration + s b + noise,   all d s before
 
-A scale error, a delay or a bias (c) may show, a share s near 1 of the bending may not, and what is left must
-be no more than elsewhere. A delay shows only where an axis accelerates, so these samples are worth keeping.
+A scale error, a delay d (for which c2 is zero) or a bias may show, a share s near 1 of the bending may not,
+and what is left must be no more than elsewhere. A delay shows only where an axis accelerates, so these
+samples are worth keeping.
 """
 
 from __future__ import annotations
@@ -25,6 +26,8 @@ LEAST_RATE_RAD_S = 2e-4
 _SMOOTH_HZ = 40.0  # of the acceleration that a delay follows
 _SHARE, _SCATTER = 0.35, 1.25  # of the bending that may show; of what is left beside what is left elsewhere
 _LEAST_ROWS = 50
+# of a delay: what time_delay allows, a hundredth of a millisecond moves no reading beyond noise; passes
+_MOST_S, _SAME_S, _PASSES = 0.1, 1e-5, 8
 
 
 def bending_rate(robot: Robot, theta: np.ndarray, acceleration: np.ndarray, time: np.ndarray,
@@ -63,25 +66,36 @@ def follows_quietly(gyro, predicted, bending, time, runs, swinging, usable) -> b
     gyro (N, 3); predicted (N,) rate of the link, bending (N,); runs: row indices of the runs of this axis;
     swinging, usable (N,) bool: rows in question, and rows on which everything else is well.
     """
-    parts = []
+    along = []
     for rows in runs:
         toward = gyro[rows].T @ predicted[rows]
-        along = gyro[rows] @ (toward / max(np.linalg.norm(toward), 1e-300))
-        acceleration = gaussian_filter(derivative(predicted[rows], time[rows]), time[rows], _SMOOTH_HZ)
-        parts.append(np.column_stack([along - predicted[rows], np.ones(rows.size), predicted[rows],
-                                      acceleration, bending[rows]]))
-    rows = np.concatenate(runs)
-    table, kept = np.concatenate(parts)[usable[rows]], swinging[rows][usable[rows]]
+        along.append(gyro[rows] @ (toward / max(np.linalg.norm(toward), 1e-300)))
+    rows, answer, delay = np.concatenate(runs), np.concatenate(along), 0.0
+    kept = swinging[rows][usable[rows]]
     if kept.sum() < _LEAST_ROWS or (~kept).sum() < _LEAST_ROWS:
         return False
-    design, answer = table[:, 1:], table[:, 0]
-    norm = np.linalg.norm(design, axis=0)
-    if norm.min() == 0.0:
-        return False
-    inverse = np.linalg.pinv(design / norm)
-    values = inverse @ answer / norm
-    left = answer - design @ values
+    for _ in range(_PASSES):
+        late = np.concatenate([_late(predicted[run], bending[run], time[run], delay) for run in runs])
+        design, beside = late[usable[rows]], (answer - late[:, 1])[usable[rows]]
+        norm = np.linalg.norm(design, axis=0)
+        if norm.min() == 0.0:
+            return False
+        inverse = np.linalg.pinv(design / norm)
+        values = inverse @ beside / norm
+        # (1 + c1) rate(t - delay) = (1 + c1) rate + c2 acceleration, to first order
+        later = delay - values[2] / (1.0 + values[1])
+        if abs(later) > _MOST_S or abs(later - delay) < _SAME_S:
+            break
+        delay = later
+    left = beside - design @ values
     scatter = np.sqrt(np.mean(left[kept] ** 2))
     uncertain = scatter * np.sqrt(inverse[3] @ inverse[3]) / norm[3]
     elsewhere = np.sqrt(np.mean(left[~kept] ** 2))
     return bool(abs(values[3]) + 2.0 * uncertain < _SHARE and scatter < _SCATTER * elsewhere)
+
+
+def _late(predicted: np.ndarray, bending: np.ndarray, time: np.ndarray, delay: float) -> np.ndarray:
+    """(R, 4) what a reading `delay` s late follows in one run: a bias, rate, acceleration, bending."""
+    rate, bent = (np.interp(time - delay, time, values) for values in (predicted, bending))
+    acceleration = gaussian_filter(derivative(rate, time), time, _SMOOTH_HZ)
+    return np.column_stack([np.ones(time.size), rate, acceleration, bent])
