@@ -251,6 +251,12 @@ def test_no_points_are_put_into_a_motion_whose_time_is_given(tmp_path, name):
     assert old.count(b"\n") == new.count(b"\n")
 
 
+def test_a_program_without_lines_says_that_none_was_looked_at(tmp_path):
+    joints = "\n".join(f"MOVJ C0000{i} VJ=50.00" for i in (1, 2, 3))
+    _, result = dense(tmp_path, jbi(joints))
+    assert any("no line or path whose tolerance" in word for word in result["warnings"])
+
+
 @pytest.mark.parametrize("name", STRAIGHT_ON)
 def test_statements_that_move_nothing_do_not_keep_points_out(tmp_path, name):
     written, result = dense(tmp_path, STRAIGHT_ON[name])

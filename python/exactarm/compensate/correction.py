@@ -158,6 +158,11 @@ def _told(program: Program, found: list[Bend], tolerance: float | None, q_after:
         return []
     unknown = [f"{program.targets[motion.target].name} (line {motion.line})"
                for motion in unknown_tips(program, q_after)]
+    followed = any(motion.time is not None and program.targets[motion.target].joints is not None
+                   for motion in program.motions if motion.target is not None)
+    if not (found or unknown or followed):
+        return ["no straight motion between corrected targets, and no time series of joint angles: there is "
+                "no line or path whose tolerance could be looked at"]
     left = [bend for bend in found if bend.after > tolerance]
     return [
         f"motions that leave their line or path by more than the tolerance{why}: {_named(program, those)}"
