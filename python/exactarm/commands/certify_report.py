@@ -13,7 +13,7 @@ from exactarm.commands.result import estimate
 from exactarm.dataset import Dataset
 from exactarm.identify.statistics import ErrorSummary
 from exactarm.report import Figure, Highlight, Highlights, Quantity, Report, Table, Text, Warnings
-from exactarm.report.numbers import change, quantity
+from exactarm.report.numbers import change, quantities, quantity
 from exactarm.report.plots.errors import error_histogram, error_histogram_panel
 from exactarm.report.plots.style import on_one_panel
 from exactarm.report.plots.workspace_error import distance_error_panel, error_over_workspace
@@ -187,7 +187,7 @@ def certificate(c: Certified) -> Report:
     verdict = (
         f"{who}: at {after.n} measured positions that were never fitted the mean error "
         f"{change(before.mean, after.mean, 'm')} "
-        f"(largest: {quantity(before.max, 'm')} to {quantity(after.max, 'm')}). "
+        f"(largest: {' to '.join(quantities([before.max, after.max], 'm'))}). "
         f"The model's position has an "
         f"expanded uncertainty of {quantity(c.budget.expanded, 'm')} a coordinate (k = "
         f"{c.budget.coverage_factor:.2f}, 95 %)."

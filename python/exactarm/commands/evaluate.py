@@ -29,7 +29,7 @@ from exactarm.identify.pose_uncertainty import pose_uncertainty
 from exactarm.kinds import kind_of
 from exactarm.progress import SILENT, Progress
 from exactarm.report import Cell, Figure, Highlight, Highlights, Quantity, Report, Table, Warnings
-from exactarm.report.numbers import quantity
+from exactarm.report.numbers import quantities, quantity
 from exactarm.report.plots.errors import (
     error_histogram,
     error_histogram_panel,
@@ -137,14 +137,15 @@ def distance_json(distances: dict[str, float] | None) -> dict[str, Any]:
 
 def _report(robot: Robot, data: Dataset, result: Evaluation) -> Report:
     s, unit = result.overall, result.unit
+    mean, most = quantities([s.mean, s.max], unit)
     verdict = (
-        f"{robot.name} as its file describes it is off by {quantity(s.mean, unit)} on average, "
-        f"by {quantity(s.max, unit)} at most ({s.n} rows; only the set-up was fitted)."
+        f"{robot.name} as its file describes it is off by {mean} on average, by {most} at most "
+        f"({s.n} rows; only the set-up was fitted)."
     )
     known: tuple[Table, ...] = ()
     if result.distances:
-        mean = float(np.mean(list(result.distances.values())))
-        verdict += f" Known distances are missed by {quantity(mean, unit)} on average."
+        missed = float(np.mean(list(result.distances.values())))
+        verdict += f" Known distances are missed by {quantity(missed, unit)} on average."
         known = (Table("Known distances", ("distance", "error"),
                        tuple((k, Quantity(v, unit)) for k, v in result.distances.items())),)
     if result.tilt is not None:

@@ -30,7 +30,7 @@ from exactarm.plan.optimal import PlanOptions, plan_path
 from exactarm.plan.path_file import PlannedPath, load_path
 from exactarm.plan.reference import Reference
 from exactarm.report import Figure, Highlight, Highlights, Quantity, Report, Table, Text
-from exactarm.report.numbers import quantity
+from exactarm.report.numbers import quantities
 from exactarm.report.plots.curves import curves
 from exactarm.robot import Robot
 from exactarm.robot_file import load_robot
@@ -182,11 +182,10 @@ def _json(rounds: list[_Round], diagnosis: Diagnosis) -> dict:
 def _report(robot: Robot, path: PlannedPath, rounds: list[_Round], diagnosis: Diagnosis,
             hidden: list[Effect]) -> Report:
     first, middle, last = rounds
+    drawn, calibrated, diagnosed = quantities([r.summary.rms for r in rounds], "m")
     verdict = (
-        f"On the path {path.name} the target of the virtual {robot.name} misses by "
-        f"{quantity(first.summary.rms, 'm')} RMS as "
-        f"drawn, by {quantity(middle.summary.rms, 'm')} calibrated and by {quantity(last.summary.rms, 'm')} "
-        "diagnosed."
+        f"On the path {path.name} the target of the virtual {robot.name} misses by {drawn} RMS as drawn, by "
+        f"{calibrated} calibrated and by {diagnosed} diagnosed."
     )
     rows = tuple((r.name, *(Quantity(getattr(r.summary, f), "m") for f in ("mean", "rms", "max")))
                  for r in rounds)

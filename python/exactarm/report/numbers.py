@@ -100,7 +100,7 @@ def quantities(values: Sequence[float], unit: str = "") -> list[str]:
     """Numbers that one sentence compares, with the prefix of the largest: "0.176 mm" and "0.0784 mm". One
     that is smaller by more than `_COMPARED` has its own."""
     cells = [Quantity(value, unit) for value in values]
-    return [format_cells([cell], beside=_near(cell, cells))[0] for cell in cells]
+    return [format_cells([cell], beside=read_beside(cell, cells))[0] for cell in cells]
 
 
 def change(before: float, after: float, unit: str = "") -> str:
@@ -136,7 +136,7 @@ def format_cells(cells: Sequence[Cell], with_unit: bool = True, beside: Sequence
     """
     units = {cell.unit for cell in cells if isinstance(cell, (Quantity, Estimate))}
     if len(units) > 1:
-        return [text for cell in cells for text in format_cells([cell], with_unit, _near(cell, cells))]
+        return [text for cell in cells for text in format_cells([cell], with_unit, read_beside(cell, cells))]
     scale = _scale_of([*cells, *beside], units.pop() if units else "")
     decimals = _common_decimals(cells, scale)
     texts = []
@@ -149,7 +149,7 @@ def format_cells(cells: Sequence[Cell], with_unit: bool = True, beside: Sequence
     return texts
 
 
-def _near(cell: Cell, cells: Sequence[Cell]) -> list[Cell]:
+def read_beside(cell: Cell, cells: Sequence[Cell]) -> list[Cell]:
     """The largest number of the cell's unit among `cells`, where the cell is not far below it."""
     if not isinstance(cell, (Quantity, Estimate)) or not cell.value or not math.isfinite(cell.value):
         return []

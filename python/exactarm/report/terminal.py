@@ -6,7 +6,7 @@ import re
 import textwrap
 from collections.abc import Sequence
 
-from exactarm.report.numbers import DASH, common_unit, format_cells
+from exactarm.report.numbers import DASH, common_unit, format_cells, read_beside
 from exactarm.report.sections import Cell, Estimate, Highlights, Quantity, Report, Table, Text
 
 WIDTH = 100
@@ -51,13 +51,14 @@ def _wrap(text: str, width: int, indent: str = "", hanging: str = "") -> str:
 
 
 def highlight_texts(section: Highlights) -> list[tuple[str, str, str | None]]:
-    """Label, number and the number before of each; numbers that changed, of one unit, have one prefix."""
+    """Label, number and the number before of each; numbers of one unit have one prefix, as in a sentence."""
     changed = [cell for item in section.items if item.before is not None
                for cell in (item.value, item.before)]
     texts: list[tuple[str, str, str | None]] = []
     for item in section.items:
         if item.before is None:
-            texts.append((item.label, format_cells([item.value])[0], None))
+            alike = read_beside(item.value, [other.value for other in section.items if other.before is None])
+            texts.append((item.label, format_cells([item.value], beside=alike)[0], None))
             continue
         alike = [cell for cell in changed if cell.unit == item.value.unit]
         value, before = format_cells([item.value, item.before], beside=alike)
