@@ -32,6 +32,7 @@ import numpy as np
 from exactarm.columns import LENGTH, MOST, POSITION, parse_column
 from exactarm.csv_dialect import Dialect
 from exactarm.errors import InputError
+from exactarm.file_bytes import file_bytes
 
 UNITS = LENGTH | {"in": 0.0254}
 DELIMITERS = (";", "\t", ",", " ")  # in this order: a point of a semicolon file may hold decimal commas
@@ -122,7 +123,7 @@ def header_names(path: str | Path) -> list[str]:
 
 def _text(path: str | Path) -> str:
     try:
-        content = Path(path).read_bytes()
+        content = file_bytes(path)
     except OSError as error:
         raise InputError(f"cannot be read ({error.strerror}); expected a text file of points",
                          file=path) from None

@@ -27,8 +27,11 @@ import pyarrow.parquet
 from exactarm.csv_dialect import Dialect, dialect_of, split_header
 from exactarm.errors import InputError
 from exactarm.examples import meant_example
+from exactarm.file_bytes import file_bytes
+from exactarm.free_memory import GIGABYTE, SHARE, free_bytes
 
 LARGEST_NUMBER = 1e30  # its square and the square's sum over all rows are still numbers
+_COPIES = 2.0  # of a Parquet file's numbers: Arrow's, and the table's
 _NOT_BLANK = re.compile(rb"\S")
 
 
@@ -66,7 +69,7 @@ def column_names(path: str | Path) -> list[str]:
     """The names in the header of a table."""
     content = _read_bytes(path)
     if _is_parquet(path):
-        return _parquet_table(path, content).column_names
+        return parquet_table(path, content).column_names
     return _csv_header(path, content)[0]
 
 
@@ -101,7 +104,7 @@ def _is_parquet(path: str | Path) -> bool:
 
 def _read_bytes(path: str | Path) -> bytes:
     try:
-        content = Path(path).read_bytes()
+        content = file_bytes(path)
     except FileNotFoundError:
         meant = meant_example(path)
         hint = f"; did you mean the shipped {meant}?" if meant else ""
@@ -235,15 +238,26 @@ def _number(path: str | Path, name: str, row: int, cell: str) -> float:
 
 
 # -- Parquet -----------------------------------------------------------------------------------------
-def _parquet_table(path: str | Path, content: bytes) -> pa.Table:
+def parquet_table(path: str | Path, content: bytes) -> pa.Table:
     try:
-        return pa.parquet.read_table(pa.BufferReader(content))
+        file = pa.parquet.ParquetFile(pa.BufferReader(content))
+        _check_memory(path, file.metadata)
+        return file.read()
     except (pa.ArrowException, OSError) as error:
         raise InputError(f"is no Parquet file: {str(error).splitlines()[0]}", file=path) from None
 
 
+def _check_memory(path: str | Path, told: pa.parquet.FileMetaData) -> None:
+    """A small file can hold a value a thousand million times: in memory every cell is a number."""
+    needed, free = _COPIES * 8.0 * told.num_rows * told.num_columns, free_bytes()
+    if free is not None and needed > SHARE * free:
+        raise InputError(
+            f"{told.num_rows} rows of {told.num_columns} columns need {needed / GIGABYTE:.3g} GB of memory, "
+            f"{free / GIGABYTE:.3g} GB are free; expected fewer rows", file=path)
+
+
 def _parquet(path: str | Path, content: bytes, text: Collection[str]) -> pa.Table:
-    table = _parquet_table(path, content)
+    table = parquet_table(path, content)
     # Row labels that pandas adds are not measured.
     names = [name for name in table.column_names if not name.startswith("__index_level_")]
     _check_names(path, names)

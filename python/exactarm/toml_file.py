@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from exactarm.errors import InputError
+from exactarm.file_bytes import file_text
 
 DEEPEST = 32  # tables within tables; a robot file has four, a record of records of commands some more
 LARGEST_WHOLE = 2**63 - 1  # what TOML promises to hold
@@ -23,7 +24,7 @@ LARGEST_WHOLE = 2**63 - 1  # what TOML promises to hold
 def read_toml(path: str | Path, expected: str) -> dict[str, Any]:
     """The tables of a file; `expected` says what the caller wanted, for the messages."""
     try:
-        tables = tomllib.loads(Path(path).read_text(encoding="utf-8"))
+        tables = tomllib.loads(file_text(path))
     except FileNotFoundError:
         raise InputError(f"no such file; expected {expected}", file=path) from None
     except OSError as error:

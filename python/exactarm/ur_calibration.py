@@ -19,6 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from exactarm.errors import InputError
+from exactarm.file_bytes import file_text
 from exactarm.mdh_frames import Axis, compose, frame_at_zero, mdh_chain, relative, rotation_z
 from exactarm.robot import Controller, Placement, Robot, frame_of
 from exactarm.urdf import merged_link
@@ -113,7 +114,7 @@ def _frames(robot: Robot, deltas: np.ndarray) -> list[Placement]:
 def _deltas(path: str | Path, axes: int) -> np.ndarray:
     """(4, n) in the order of KEYS."""
     try:
-        lines = Path(path).read_text(encoding="utf-8").splitlines()
+        lines = file_text(path).splitlines()
     except FileNotFoundError:
         raise InputError("no such file; expected a calibration.conf", file=path) from None
     except (OSError, UnicodeDecodeError) as error:

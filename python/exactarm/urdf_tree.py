@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from exactarm.errors import InputError
+from exactarm.file_bytes import file_bytes
 from exactarm.mdh_frames import rotation_x, rotation_y, rotation_z
 from exactarm.robot import Link, Placement
 
@@ -133,7 +134,7 @@ class UrdfTree:
 def read_tree(path: str | Path, content: bytes | None = None) -> UrdfTree:
     """The tree of a URDF file; content: what stands for the file's own."""
     try:
-        robot = xml.fromstring(Path(path).read_bytes() if content is None else content)
+        robot = xml.fromstring(file_bytes(path) if content is None else content)
     except FileNotFoundError:
         raise InputError("no such file; expected a robot file (.urdf)", file=path) from None
     except OSError as error:

@@ -1,19 +1,27 @@
 """What rows cost in memory is said before the work, and evaluations do it in blocks."""
 
 import json
+import os
 import re
+import threading
 from dataclasses import replace
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet
 import pytest
 
-from exactarm import cli
+from exactarm import cli, free_memory, point_text, table
 from exactarm.commands import memory
+from exactarm.compensate.program import SourceText
 from exactarm.dataset import read_dataset
 from exactarm.errors import InputError
 from exactarm.examples import data_path
 from exactarm.identify import evaluate as evaluation
 from exactarm.robot_file import load_robot
+from exactarm.toml_file import read_toml
+from exactarm.ur_calibration import _deltas
+from exactarm.urdf_tree import read_tree
 
 
 class Said:
@@ -93,14 +101,14 @@ def test_a_command_on_some_of_the_rows_warns_in_its_result(ur10, monkeypatch, tm
 
 
 def test_a_system_that_does_not_say_refuses_nothing(ur10, monkeypatch, tmp_path):
-    monkeypatch.setattr(memory, "MEMINFO", tmp_path / "nothing")
+    monkeypatch.setattr(free_memory, "MEMINFO", tmp_path / "nothing")
     assert memory.free_bytes() is None
     memory.within_memory("diagnose", "poses", ur10[1])
 
 
 def test_free_memory_is_read(tmp_path, monkeypatch):
     (tmp_path / "meminfo").write_text("MemTotal:  8 kB\nMemAvailable:     2048 kB\n")
-    monkeypatch.setattr(memory, "MEMINFO", tmp_path / "meminfo")
+    monkeypatch.setattr(free_memory, "MEMINFO", tmp_path / "meminfo")
     assert memory.free_bytes() == 2.0**21
 
 
@@ -123,9 +131,9 @@ def test_frames_from_some_of_many_rows_judge_all_of_them(ur10, monkeypatch):
 
 
 def test_the_limit_of_a_container_or_of_the_process_counts_where_it_is_smaller(monkeypatch, tmp_path):
-    monkeypatch.setattr(memory, "MEMINFO", tmp_path / "meminfo")
-    monkeypatch.setattr(memory, "GROUP", tmp_path)
-    monkeypatch.setattr(memory, "STATM", tmp_path / "statm")
+    monkeypatch.setattr(free_memory, "MEMINFO", tmp_path / "meminfo")
+    monkeypatch.setattr(free_memory, "GROUP", tmp_path)
+    monkeypatch.setattr(free_memory, "STATM", tmp_path / "statm")
     assert memory.free_bytes() is None
     (tmp_path / "meminfo").write_text("MemTotal: 9000000 kB\nMemAvailable: 4000000 kB\n")
     assert memory.free_bytes() == 1024.0 * 4000000
@@ -138,3 +146,39 @@ def test_the_limit_of_a_container_or_of_the_process_counts_where_it_is_smaller(m
     monkeypatch.setattr(resource, "getrlimit", lambda which: (200 * resource.getpagesize(), 0))
     (tmp_path / "statm").write_text("190 7 3\n")
     assert memory.free_bytes() == 10.0 * resource.getpagesize() < 500000.0
+
+
+def test_a_small_file_of_many_rows_is_refused_before_it_is_read(tmp_path, monkeypatch):
+    rows = pa.table({"q_1_rad": np.full(1_000_000, 0.5)})
+    pa.parquet.write_table(rows, tmp_path / "poses.parquet")
+    assert (tmp_path / "poses.parquet").stat().st_size < 20_000
+    monkeypatch.setattr(table, "free_bytes", lambda: 1e7)
+    with pytest.raises(InputError, match="poses.parquet: 1000000 rows of 1 columns need 0.0149 GB of memory"):
+        table.read_table(tmp_path / "poses.parquet")
+
+
+def test_a_file_larger_than_the_memory_is_refused_before_it_is_read(tmp_path, monkeypatch):
+    path = tmp_path / "poses.csv"
+    with path.open("wb") as file:
+        file.truncate(2**40)  # without a block on the disk
+    with pytest.raises(InputError, match="poses.csv: cannot be read .larger than the memory that is free"):
+        table.read_table(path)
+
+
+@pytest.mark.parametrize("read", [
+    lambda path: table.read_table(path), lambda path: read_toml(path, "a robot file"), read_tree,
+    point_text.header_names, SourceText.read, lambda path: _deltas(path, 6),
+])
+def test_a_device_without_an_end_is_refused(read):
+    with pytest.raises(InputError, match="/dev/zero: cannot be read"):
+        read("/dev/zero")
+
+
+def test_a_pipe_is_read(tmp_path):
+    """As a shell hands over what a command prints."""
+    pipe = tmp_path / "robot.toml"
+    os.mkfifo(pipe)
+    writer = threading.Thread(target=pipe.write_text, args=("name = 'arm'",))
+    writer.start()
+    assert read_toml(pipe, "a robot file") == {"name": "arm"}
+    writer.join()

@@ -14,6 +14,7 @@ import argparse
 import csv
 import difflib
 import hashlib
+import io
 import json
 import re
 import time
@@ -33,9 +34,11 @@ from exactarm.commands.result import CommandResult
 from exactarm.commands.steps import JOBS, STEPS
 from exactarm.errors import ComputationError, InputError
 from exactarm.examples import file_or_example
+from exactarm.file_bytes import file_bytes
 from exactarm.progress import SILENT, Progress
 from exactarm.report import Cell, Highlight, Highlights, Link, Quantity, Report, Table
 from exactarm.split import DEFAULT_SEED
+from exactarm.table import parquet_table
 
 NAME = "batch"
 HELP = "many robots from one table: one summary, and only what is new is computed"
@@ -211,14 +214,14 @@ def _rows(manifest: AnyManifest) -> tuple[list[Mapping[str, Any]], Path, Any]:
     path = Path(manifest)
     try:
         if path.suffix == ".parquet":
-            from pyarrow import parquet
-
-            table = parquet.read_table(path)
+            table = parquet_table(path, file_bytes(path))
             names, rows = table.column_names, table.to_pylist()
         else:
-            with path.open(newline="", encoding="utf-8-sig") as stream:
-                reader = csv.DictReader(stream, restkey=TOO_MANY, strict=True)
-                names, rows = reader.fieldnames or [], list(reader)
+            text = io.StringIO(file_bytes(path).decode("utf-8-sig"), newline="")
+            reader = csv.DictReader(text, restkey=TOO_MANY, strict=True)
+            names, rows = reader.fieldnames or [], list(reader)
+    except InputError:
+        raise
     except (OSError, UnicodeDecodeError, csv.Error, ValueError) as error:
         raise InputError(f"cannot be read ({getattr(error, 'strerror', None) or error}); expected a table of "
                          "jobs", file=path) from None

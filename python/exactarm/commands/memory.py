@@ -9,18 +9,15 @@ change nothing else. A command that the system would kill is refused with the nu
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
 from exactarm.dataset import Dataset
 from exactarm.errors import InputError
+from exactarm.free_memory import GIGABYTE, SHARE, free_bytes
 from exactarm.kinds import GEAR_RUN, MOTION, POSES
 from exactarm.progress import SILENT, Progress
 
-GIGABYTE = 2.0**30
-MEMINFO, GROUP, STATM = Path("/proc/meminfo"), Path("/sys/fs/cgroup"), Path("/proc/self/statm")
-SHARE = 0.9  # of what is free that one command may take
 BASE_BYTES = 0.3 * GIGABYTE  # of the libraries and the figures
 WORTH_SAYING_S = 60.0  # a command that takes longer says so before it works
 LEAST_WORKED = 500  # rows: on fewer than that a command which may leave rows out does not work unasked
@@ -82,40 +79,3 @@ def _evenly(data: Dataset, most: int | None) -> Dataset:
         count = min(len(rows), max(LEAST_OF_A_SESSION, most * len(rows) // len(data)))
         kept.append(rows[np.linspace(0, len(rows) - 1, count).astype(int)])
     return data.select(np.sort(np.concatenate(kept)))
-
-
-def free_bytes() -> float | None:
-    """What a process can still have: of the machine, of its control group, of its own limit; None where the
-    system says nothing."""
-    told = [each for each in (_of_machine(), _of_group(), _of_process()) if each is not None]
-    return max(min(told), 0.0) if told else None
-
-
-def _of_machine() -> float | None:
-    try:
-        lines = MEMINFO.read_text(encoding="ascii").splitlines()
-        return 1024.0 * int(next(line.split()[1] for line in lines if line.startswith("MemAvailable:")))
-    except (OSError, StopIteration, ValueError, IndexError):
-        return None
-
-
-def _of_group() -> float | None:
-    """Of a container (Linux control groups, version 2); the word max stands for no limit."""
-    try:
-        most, used = (int((GROUP / name).read_text(encoding="ascii"))
-                      for name in ("memory.max", "memory.current"))
-    except (OSError, ValueError):
-        return None
-    return float(most - used)
-
-
-def _of_process() -> float | None:
-    """Of its address space, as `ulimit -v` bounds it."""
-    try:
-        import resource
-
-        most = resource.getrlimit(resource.RLIMIT_AS)[0]
-        pages = int(STATM.read_text(encoding="ascii").split()[0])
-    except (ImportError, OSError, ValueError, IndexError):
-        return None
-    return None if most == resource.RLIM_INFINITY else float(most - pages * resource.getpagesize())

@@ -20,6 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from exactarm.errors import InputError
+from exactarm.file_bytes import file_bytes
 from exactarm.robot import Placement
 
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
@@ -140,7 +141,7 @@ class SourceText:
     @staticmethod
     def read(path: str | Path) -> SourceText:
         try:
-            content = Path(path).read_bytes()
+            content = file_bytes(path)
         except FileNotFoundError:
             raise InputError("no such file; expected a robot program", file=path) from None
         except OSError as error:

@@ -10,7 +10,6 @@ takes what is left, so that the tip is exact. Of a xacro the elements of the joi
 from __future__ import annotations
 
 import re
-from pathlib import Path
 
 import numpy as np
 
@@ -25,6 +24,7 @@ from exactarm.export.xacro_source import (
     stands_for_several,
     without_comments,
 )
+from exactarm.file_bytes import file_bytes
 from exactarm.mdh_frames import compose, relative
 from exactarm.robot import Placement, Robot
 from exactarm.rotation import exp
@@ -42,7 +42,7 @@ def patched_urdf(robot: Robot, source: str) -> bytes:
     path, _, ends = source.partition("#")
     base, tip = ends.split(":", 1) if ":" in ends else (None, ends or None)
     try:
-        content = Path(path).read_bytes()
+        content = file_bytes(path)
     except OSError as error:
         raise InputError(f"cannot be read ({error.strerror}); expected a URDF or xacro", file=path) from None
     macros = is_xacro(content)
