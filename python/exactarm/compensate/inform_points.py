@@ -14,6 +14,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from exactarm.compensate.program import Edit, SourceText, Target
+from exactarm.whole_number import whole_number
 
 FLY_BY = "PL=1"
 # of a motion whose other words hold for each part of its way
@@ -57,7 +58,7 @@ class Places:
         name = max(places, key=lambda name: places[name][2])
         state, numbers, _ = places[name]
         counts = _COUNTS.search(source.text)
-        plain = counts is not None and int(counts[1]) == len(places) and not others
+        plain = counts is not None and whole_number(counts[1]) == len(places) and not others
         return Places(source, len(places), name, numbers[-1].end, state, plain)
 
     def before(self, line: str, place: int, entry: tuple, target: Target, points: list) -> _Points | None:
