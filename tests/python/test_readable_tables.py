@@ -51,6 +51,8 @@ def test_on_a_phone_every_cell_carries_the_name_of_its_column():
 def test_numbers_that_a_sentence_compares_share_a_prefix_unless_far_apart():
     assert quantities([1.76e-4, 7.84e-5], "m") == ["0.176 mm", "0.0784 mm"]
     assert change(5.62e-4, 6.5e-5, "rad") == "falls from 0.562 mrad to 0.0650 mrad"
+    assert quantities([3.9e-4, 5.37e-5], "rad") == ["0.390 mrad", "0.0537 mrad"]
+    assert quantities([None, 4.47e-4], "m") == ["–", "0.447 mm"]
     assert change(1.14e-3, 7.3e-9, "m") == "falls from 1.14 mm to 7.30 nm"
 
 

@@ -16,6 +16,7 @@ from exactarm.commands.result import CommandResult
 from exactarm.errors import ComputationError, InputError
 from exactarm.examples import data_path
 from exactarm.report import Link, Quantity, Report, Section, Table, Text, Warnings
+from exactarm.report.numbers import quantities
 
 NAME = "demo"
 HELP = "all of it, on shipped real and simulated data"
@@ -118,7 +119,7 @@ def _report(outcomes: list[Outcome], failed: list[Outcome]) -> Report:
         before, after, unit = _errors(outcome.published.json) if outcome.published else (None, None, "")
         rows.append((
             outcome.step.title, "measured" if outcome.step.real else "simulated",
-            *_cells(before, after, unit),
+            *quantities([before, after], unit),
             Quantity(outcome.seconds, "s"),
             Link(f"{outcome.step.folder}/report.html", "report") if outcome.published else "failed",
         ))
@@ -141,7 +142,3 @@ def _picture(outcome: Outcome) -> list[Section]:
     )
     chosen = figures.get(outcome.step.picture)
     return [] if chosen is None else [replace(chosen, name=f"{outcome.step.folder}_{chosen.name}")]
-
-
-def _cells(before: float | None, after: float | None, unit: str) -> tuple:
-    return tuple(None if value is None else Quantity(value, unit) for value in (before, after))

@@ -96,7 +96,7 @@ def quantity(value: float | None, unit: str = "") -> str:
     return format_cells([Quantity(value, unit)])[0]
 
 
-def quantities(values: Sequence[float], unit: str = "") -> list[str]:
+def quantities(values: Sequence[float | None], unit: str = "") -> list[str]:
     """Numbers that one sentence compares, with the prefix of the largest: "0.176 mm" and "0.0784 mm". One
     that is smaller by more than `_COMPARED` has its own."""
     cells = [Quantity(value, unit) for value in values]
