@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+import exactarm as ea
 from compensation_cell import BASE, TOOL, nearby, sign_bits
 from interpreters import krl
 from interpreters.motion import numbers_zyx, zyx
@@ -175,3 +176,16 @@ def test_every_motion_reaches_what_the_program_meant(tmp_path, name):
 @pytest.mark.parametrize("name", REFUSED)
 def test_what_has_no_one_right_number_is_refused(tmp_path, name):
     refused(tmp_path, ROBOT, files(*REFUSED[name]), **OPTIONS)
+
+
+def test_a_first_point_of_several_branches_is_told_where_nothing_says_which(tmp_path):
+    program = files(f"{SET}LIN {pose(1, turn=False)}")
+    said = {}
+    for name, start in (("guessed", {}), ("said", {"start": ",".join(map(str, np.degrees(Q[0])))})):
+        (tmp_path / name).mkdir()
+        paths = [tmp_path / name / file for file in program]
+        for path in paths:
+            path.write_bytes(program[path.name])
+        result = ea.compensate(ROBOT, paths, points="calculated", threads=1, **OPTIONS, **start)
+        said[name] = [words for words in result.json["warnings"] if "on which branch" in words]
+    assert len(said["guessed"]) == 1 and "(line 5)" in said["guessed"][0] and not said["said"]

@@ -30,6 +30,8 @@ LARGEST_TURN_RAD = (
 )
 SAME_SIDE = 1e-3  # of a passage between two gear tables that differ by some 1e-4 rad
 SETTLED = 4  # passes in which a correction may change the direction from which an axis comes
+GUESSED = ("{} (line {}): nothing says on which branch of the arm it is; the one nearest to the middle of "
+           "the joint limits is taken: --start J1,J2,... says it")
 UNUSED = "not used by a motion of these files"
 
 
@@ -66,6 +68,7 @@ class _Resolved:
     poses: Poses
     q: np.ndarray
     refusals: dict[int, str]
+    guessed: tuple[int, ...]  # targets of several branches, of which nothing says which
 
 
 @collector_at_rest()
@@ -112,6 +115,7 @@ def correct(
     if tolerance is not None:
         found_bends = bends(program, model, resolved.poses, q_after, tolerance)
         found_bends += series_bends(program, model, resolved.q, q_after, tolerance)
+    warnings += [GUESSED.format(program.targets[i].name, program.targets[i].line) for i in resolved.guessed]
     warnings += _told(program, found_bends, tolerance, q_after)
     if not program.targets:
         warnings.append(f"{program.files[0].path.name}: no target was found")
@@ -136,20 +140,8 @@ def correct(
     reached = _reached(written, program, model, resolved, sides, q_after, threads)
     shifts = model.controller.poses(np.nan_to_num(q_after)).position - resolved.poses.position
     shifts[np.isnan(q_after).any(axis=1)] = np.nan
-    return Correction(
-        program,
-        contents,
-        resolved.q,
-        q_after,
-        moved,
-        resolved.poses.position,
-        shifts,
-        tuple(why),
-        tuple(refused),
-        reached,
-        tuple(warnings),
-        tuple(found_bends),
-    )
+    return Correction(program, contents, resolved.q, q_after, moved, resolved.poses.position, shifts,
+                      tuple(why), tuple(refused), reached, tuple(warnings), tuple(found_bends))
 
 
 def _told(program: Program, found: list[Bend], tolerance: float | None, q_after: np.ndarray) -> list[str]:
@@ -203,7 +195,7 @@ def _resolve(program: Program, model: CompensationModel, start: np.ndarray | Non
     posed = [i for i, target in enumerate(program.targets) if target.joints is None and not target.refusal]
     flanges = _flanges([program.targets[i] for i in posed]) if posed else Poses(np.empty(0), np.empty(0))
     flange_of = dict(zip(posed, map(Placement, flanges.rotation, flanges.position)))
-    before, word = start, ""
+    before, word, guessed = start, "", []
     order = [i for motion in program.motions for i in (motion.via, motion.target) if i is not None]
     for i in order:
         target = program.targets[i]
@@ -214,7 +206,11 @@ def _resolve(program: Program, model: CompensationModel, start: np.ndarray | Non
         elif np.isnan(position[i, 0]):
             flange = flange_of[i]
             position[i], rotation[i] = flange.position, flange.rotation
-            found = _branch(model, target, flange, before if target.near is None else target.near, word)
+            near = before if target.near is None else target.near
+            found = _branch(model, target, flange, near, word)
+            if near is None and target.matches is None and not isinstance(found, str) and (
+                    len(model.controller.branches(flange.position, flange.rotation)) > 1):
+                guessed.append(i)
             if isinstance(found, str):
                 refusals[i] = found
             else:
@@ -222,7 +218,7 @@ def _resolve(program: Program, model: CompensationModel, start: np.ndarray | Non
                 word = target.configuration
         else:
             before = before if np.isnan(q[i, 0]) else q[i]
-    return _Resolved(Poses(np.nan_to_num(position), rotation), q, refusals)
+    return _Resolved(Poses(np.nan_to_num(position), rotation), q, refusals, tuple(guessed))
 
 
 def _flanges(targets: Sequence[Target]) -> Poses:
