@@ -188,3 +188,20 @@ def test_an_error_line_stands_alone_where_the_home_cannot_be_written(tmp_path):
 def test_a_name_from_a_file_does_not_steer_the_terminal():
     assert cli.visible("a\x1b]0;title\x07 b\n") == "a\\x1b]0;title\\x07 b\n"
     assert cli.visible("75 µm ± 3\t≤") == "75 µm ± 3\t≤"
+
+
+def test_a_signal_while_the_folder_is_taken_leaves_nothing(tmp_path, monkeypatch):
+    """Where an old result is removed: no `with` has begun that would end."""
+    def interrupted(path, missing_ok=False):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched:
+        patched.setattr(Path, "unlink", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            OutputFolder(tmp_path / "out").__enter__()
+    assert not (tmp_path / "out/.partial").exists()
+    with OutputFolder(tmp_path / "out"):  # the lock is free
+        assert (tmp_path / "out/.partial").exists()
+        with pytest.raises(InputError, match="another run is writing here"):
+            OutputFolder(tmp_path / "out").__enter__()
+        assert (tmp_path / "out/.partial").exists()

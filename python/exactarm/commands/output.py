@@ -38,16 +38,22 @@ class OutputFolder:
         self.run, self._owned = uuid.uuid4().hex, -1
 
     def __enter__(self) -> OutputFolder:
+        mine = False  # until the folder is, .partial may be that of another run
         try:
             self.path.mkdir(parents=True, exist_ok=True)
             self._lock()
-            (self.path / RESULT).unlink(missing_ok=True)
+            mine = True
             shutil.rmtree(self._partial, ignore_errors=True)
             self._partial.mkdir()
+            (self.path / RESULT).unlink(missing_ok=True)
         except OSError as error:
             self._unlock()
             raise InputError(f"cannot write here ({error.strerror}), expected a folder",
                              file=self.path) from error
+        except BaseException:  # a signal here would find no `with` to end
+            if mine:
+                self.__exit__()
+            raise
         return self
 
     def __exit__(self, *_: object) -> None:
