@@ -195,3 +195,15 @@ def test_a_fast_wave_beside_slow_errors_is_judged_without_what_changes_more_slow
     steepest = 3.0 * 1e-4 * 2.0 * np.pi / 300.0  # of the slow one over a wave: a ramp's RMS is a part of it
     assert rms(slow) < steepest / np.sqrt(12.0) and rms(wave) > 0.99 * np.sqrt(np.mean(wave**2))
     assert _waves(SimpleNamespace(layout=fitted.layout, view=SimpleNamespace(phi=phi[::30, None])), 0) is None
+
+
+@pytest.mark.slow
+def test_every_finding_of_the_shipped_gear_runs_has_a_picture_that_lowers_its_own_error():
+    """A wave of 24 urad beside slow errors of 60 urad had none: it does not lower the plain residual."""
+    robot = ea.load_robot("kr300")
+    runs = [ea.example(f"kr300/run_{name}") for name in "AB"]
+    data = ea.read(runs, robot, kind="gear_run")
+    found = diagnose(robot, data)
+    shown = {c.effect.label: c for c in found.contributions}
+    assert {finding.effect.label for finding in found.findings} == set(shown) and len(shown) >= 2
+    assert all(c.rms[1] < c.rms[0] for c in shown.values())
