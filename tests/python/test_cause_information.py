@@ -16,6 +16,11 @@ ROW = np.array([[[1.0, 0.0]]])  # one row that sees the first parameter
 BLIND = np.array([[[0.0, 1.0]]])
 
 
+def bits_of(one, rows):
+    """(C,) bits of experiments (C, r, P)."""
+    return one.seen_in(rows.reshape(-1, 2)).bits(np.arange(rows[..., 0].size).reshape(rows.shape[:2]))
+
+
 def simulated(apart, p, count=400_000):
     """Mutual information in bits between the cause and one reading of unit noise."""
     rng = np.random.default_rng(0)
@@ -30,7 +35,7 @@ def simulated(apart, p, count=400_000):
 @pytest.mark.parametrize("apart", [0.3, 1.0, 2.0, 4.0, 8.0])
 @pytest.mark.parametrize("p", [(0.5, 0.5), (0.9, 0.1)])
 def test_a_lower_bound_that_is_not_far_below(apart, p):
-    bits = field(apart, p).bits(np.einsum("cri,crj->cij", ROW, ROW))[0]
+    bits = bits_of(field(apart, p), ROW)[0]
     truth = simulated(apart, p)
     assert 0.45 * truth - 1e-3 <= bits <= truth + 2e-3
 
@@ -42,14 +47,17 @@ def test_simulated_bits_are_the_information(apart):
 
 
 def test_blind_rows_tell_nothing_and_far_causes_all():
-    squares = np.einsum("cri,crj->cij", np.concatenate([ROW, BLIND]), np.concatenate([ROW, BLIND]))
-    bits = field(30.0).bits(squares)
+    bits = bits_of(field(30.0), np.concatenate([ROW, BLIND]))
     assert bits == pytest.approx([1.0, 0.0], abs=1e-6)
 
 
 def test_what_is_uncertain_in_either_cause_is_no_evidence():
-    square = np.einsum("cri,crj->cij", ROW, ROW)
-    assert field(3.0, spread=100.0).bits(square)[0] < 0.02 < 0.5 < field(3.0).bits(square)[0]
+    assert bits_of(field(3.0, spread=100.0), ROW)[0] < 0.02 < 0.5 < bits_of(field(3.0), ROW)[0]
+
+
+def test_a_row_twice_tells_as_much_as_one_of_less_noise():
+    one, two = bits_of(field(1.0), ROW)[0], bits_of(field(1.0), np.repeat(ROW, 2, axis=1))[0]
+    assert one < two == pytest.approx(bits_of(field(np.sqrt(2.0)), ROW)[0])
 
 
 def test_the_telling_row_is_chosen_until_enough_is_known():

@@ -9,19 +9,17 @@ Tracey 2017)
     C_ij = 1/8 d' V^-1 d + 1/2 log(|V| / sqrt(|V_i| |V_j|)),   d = G (m_i - m_j),  V = (V_i + V_j) / 2
     (Bhattacharyya)
 
-(a choice is made by it, and the bits that are said are simulated), and depends on the rows through W = G'G
-alone (P, P): |V_i| = |I + L'W L| with S_i = L L', and so on. W of several rows is a sum.
+(a choice is made by it, and the bits that are said are simulated). All of it lies in the space of the rows:
+few of them tell about many parameters.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from scipy import linalg
 
-_JITTER = 1e-12  # of the largest variance: parameters that a hypothesis does not have vary by nothing
 _DRAWS = 400  # outcomes of each hypothesis: two digits of a bit
 _FOLLOWED = 60  # candidates that are worth a second look after the first choice
 
@@ -34,10 +32,6 @@ class Hypothesis:
     probability: float
     mean: np.ndarray
     covariance: np.ndarray
-
-    @cached_property
-    def factor(self) -> np.ndarray:
-        return _factor(self.covariance)
 
 
 @dataclass(frozen=True)
@@ -53,30 +47,11 @@ class Field:
         p = p[p > 0.0]
         return float(-np.sum(p * np.log2(p)))
 
-    @cached_property
-    def pairs(self) -> dict[tuple[int, int], np.ndarray]:
-        """(i, j) -> factor of the mean covariance."""
+    def seen_in(self, rows: np.ndarray) -> Seen:
+        """What rows (R, P) would read under every hypothesis."""
         h = self.hypotheses
-        return {(i, j): _factor(0.5 * (h[i].covariance + h[j].covariance)) for i in range(len(h))
-                for j in range(i)}
-
-    def bits(self, information: np.ndarray) -> np.ndarray:
-        """(C,) lower bound of the information on the cause, of rows with W (C, P, P)."""
-        h, count = self.hypotheses, len(information)
-        single = [_log_det(information, each.factor) for each in h]
-        overlap = np.ones((len(h), len(h), count))
-        for (i, j), factor in self.pairs.items():
-            difference = h[i].mean - h[j].mean
-            seen = information @ difference  # (C, P)
-            inner, log_det = _inner(information, factor)
-            across = seen @ factor
-            distance = seen @ difference - np.einsum("ck,ck->c", across,
-                                                     np.linalg.solve(inner, across[:, :, None])[:, :, 0])
-            c = 0.125 * np.maximum(distance, 0.0) + 0.5 * (log_det - 0.5 * (single[i] + single[j]))
-            overlap[i, j] = overlap[j, i] = np.exp(-np.maximum(c, 0.0))
-        p = np.array([each.probability for each in h])
-        return -np.einsum("i,ic->c", p, np.log2(np.einsum("j,ijc->ic", p, overlap)))
-
+        return Seen(np.array([each.probability for each in h]), np.stack([rows @ each.mean for each in h]),
+                    np.stack([rows @ each.covariance @ rows.T for each in h]))
 
     def simulated_bits(self, rows: np.ndarray, rng: np.random.Generator, draws: int = _DRAWS) -> float:
         """The information on the cause itself, of rows G (r, P): mean over simulated outcomes."""
@@ -95,6 +70,34 @@ class Field:
         return max(self.entropy - left, 0.0)
 
 
+@dataclass(frozen=True)
+class Seen:
+    """Rows under each of h hypotheses: probability (h,), mean (h, R), covariance (h, R, R) without the
+    noise."""
+
+    probability: np.ndarray
+    mean: np.ndarray
+    covariance: np.ndarray
+
+    def bits(self, which: np.ndarray) -> np.ndarray:
+        """(C,) lower bound of the information on the cause, of the rows which (C, r); a row may be taken
+        twice."""
+        count, number = len(self.probability), which.shape[1]
+        mean = self.mean[:, which]
+        law = self.covariance[:, which[:, :, None], which[:, None, :]] + np.eye(number)
+        single = np.linalg.slogdet(law)[1]
+        overlap = np.ones((count, count, len(which)))
+        for i in range(count):
+            for j in range(i):
+                both, apart = 0.5 * (law[i] + law[j]), (mean[i] - mean[j])[:, :, None]
+                distance = np.sum(apart * np.linalg.solve(both, apart), axis=(1, 2))
+                log_det = np.linalg.slogdet(both)[1]
+                c = 0.125 * np.maximum(distance, 0.0) + 0.5 * (log_det - 0.5 * (single[i] + single[j]))
+                overlap[i, j] = overlap[j, i] = np.exp(-np.maximum(c, 0.0))
+        inside = np.log2(np.einsum("j,ijc->ic", self.probability, overlap))
+        return -np.einsum("i,ic->c", self.probability, inside)
+
+
 def chosen_for(fields: list[Field], blocks: list[np.ndarray], most: int, enough: float,
                least: float = 0.0) -> tuple[list[int], list[float]]:
     """Greedy choice among C experiments, again and again from the same: indices, and bits after each of them.
@@ -103,34 +106,22 @@ def chosen_for(fields: list[Field], blocks: list[np.ndarray], most: int, enough:
     when `enough` of all that is not known yet would be known, or when one more tells less than `least` of it.
     """
     unknown = sum(field.entropy for field in fields)
-    squares = [np.einsum("cri,crj->cij", each, each) for each in blocks]
-    at, total = np.arange(len(blocks[0])), [np.zeros(square.shape[1:]) for square in squares]
+    seen = [field.seen_in(each.reshape(-1, each.shape[2])) for field, each in zip(fields, blocks)]
+    rows = np.arange(blocks[0].shape[0] * blocks[0].shape[1]).reshape(blocks[0].shape[:2])
+    at, taken = np.arange(len(rows)), np.zeros(0, int)
     chosen, bits = [], []
     while len(chosen) < most and (not bits or bits[-1] < enough * unknown):
         if len(bits) > 1 and bits[-1] - bits[-2] < least * unknown:
             break
-        worth = sum(field.bits(so_far + square[at]) for field, so_far, square in zip(fields, total, squares))
+        which = np.concatenate([np.tile(taken, (len(at), 1)), rows[at]], axis=1)
+        worth = sum(each.bits(which) for each in seen)
         best = int(np.argmax(worth))
         chosen.append(int(at[best]))
         bits.append(float(worth[best]))
-        total = [so_far + square[chosen[-1]] for so_far, square in zip(total, squares)]
+        taken = np.concatenate([taken, rows[chosen[-1]]])
         if len(chosen) == 1:
             at = at[np.sort(np.argsort(-worth, kind="stable")[:_FOLLOWED])]
     return chosen, bits
-
-
-def _factor(covariance: np.ndarray) -> np.ndarray:
-    jitter = _JITTER * np.max(np.diag(covariance)) * np.eye(len(covariance))
-    return linalg.cholesky(covariance + jitter, lower=True)
-
-
-def _inner(information: np.ndarray, factor: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    inner = factor.T @ information @ factor + np.eye(len(factor))
-    return inner, np.linalg.slogdet(inner)[1]
-
-
-def _log_det(information: np.ndarray, factor: np.ndarray) -> np.ndarray:
-    return _inner(information, factor)[1]
 
 
 def _log_density(outcome: np.ndarray, mean: np.ndarray, factor: np.ndarray) -> np.ndarray:

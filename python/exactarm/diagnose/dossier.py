@@ -57,7 +57,7 @@ def dossier(problem: Problem, fitted: Fitted) -> Dossier:
     """Tests every signal of the problem along every direction of it; keeps the best direction of each
     signal."""
     residual = fitted.whitened
-    numbers, freedom = fitted.data_numbers, max(_effective(problem, fitted) - fitted.basis.shape[1], 1.0)
+    numbers, freedom = fitted.data_numbers, max(_effective(problem, fitted) - fitted.spent, 1.0)
     square = float(residual[:numbers] @ residual[:numbers])
     signals, directions = problem.signals(fitted), problem.directions(fitted)
     columns = {signal: indicator(values) for signal, values in signals.items()} | problem.surfaces(fitted)
@@ -117,7 +117,7 @@ def _over_space(problem: Problem, fitted: Fitted, tests: int) -> list[Follows]:
     used = np.flatnonzero(fitted.weight > 0)
     rows = used[:: max(1, -(-3 * used.size // _NUMBERS_IN_SPACE))]
     pick = lambda values: values[: fitted.data_numbers].reshape(*fitted.residual.shape, -1)[rows, :3]
-    basis = orthonormal(pick(fitted.basis).reshape(3 * rows.size, -1))
+    basis = orthonormal(pick(fitted.determined).reshape(3 * rows.size, -1))
     residual = pick(fitted.whitened).reshape(-1)
     residual = (residual - basis @ (basis.T @ residual)).reshape(-1, 3)
     axes = [np.tile(np.eye(3)[k], (rows.size, 1)) * fitted.scale[rows, :3] for k in range(3)]

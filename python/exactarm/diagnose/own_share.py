@@ -8,8 +8,11 @@ others in the model.
 from __future__ import annotations
 
 import numpy as np
+from scipy import linalg
 
 from exactarm.diagnose.problem import Fitted, Problem
+
+_RIDGE = 1e-10  # of a column's square sum: what the data cannot tell stays where it is
 
 
 def own_shares(problem: Problem, fitted: Fitted, first: int) -> tuple[float, ...] | None:
@@ -22,16 +25,16 @@ def own_shares(problem: Problem, fitted: Fitted, first: int) -> tuple[float, ...
     square = float(np.sum((residual / scale) ** 2))
     design = np.concatenate([fitted.standard(fitted.jacobian), fitted.prior_rows])
     rows = fitted.data_numbers
+    norm = np.maximum(np.linalg.norm(design, axis=0), 1e-300)
+    gram = design.T @ design / np.outer(norm, norm) + _RIDGE * np.eye(len(norm))
     found = []
     for place in range(first, len(fitted.layout.effects)):
         where = fitted.layout.slices[place]
         linear = np.array([not p.search for p in fitted.layout.parameters[where]], bool)
         values = np.where(linear, fitted.layout.values[where], 0.0)
         rest = np.delete(np.arange(fitted.layout.size), np.arange(where.start, where.stop))
-        norm = np.maximum(np.linalg.norm(design[:, rest], axis=0), 1e-300)
-        moved = np.zeros(len(design))
-        moved[:rows] = design[:rows, where] @ values
-        step = np.linalg.lstsq(design[:, rest] / norm, moved, rcond=1e-10)[0] / norm
+        onto = design[:rows, rest].T @ (design[:rows, where] @ values) / norm[rest]
+        step = linalg.solve(gram[np.ix_(rest, rest)], onto, assume_a="pos") / norm[rest]
         without = residual + jacobian[:, :, where] @ values - jacobian[:, :, rest] @ step
         found.append(1.0 - square / max(float(np.sum((without / scale) ** 2)), 1e-300))
     return tuple(found)

@@ -102,6 +102,23 @@ class Fitted:
         columns = np.concatenate([self.standard(self.jacobian), self.prior_rows])
         return orthonormal(columns)
 
+    @cached_property
+    def spent(self) -> float:
+        """Numbers of the data that the free parameters have used up: their count, less what priors pay
+        for."""
+        data = self.basis[: self.data_numbers].ravel(order="K")
+        return float(data @ data)
+
+    @cached_property
+    def determined(self) -> np.ndarray:
+        """(N m, d) orthonormal basis of what the free parameters explain, without what their priors determine
+        more than the data do."""
+        data = self.basis[: self.data_numbers]
+        if not len(self.prior_rows):
+            return data
+        share, vectors = linalg.eigh(data.T @ data)
+        return data @ (vectors[:, share > 0.5] / np.sqrt(share[share > 0.5]))
+
     def beside(self, columns: np.ndarray) -> Fitted:
         """The same fit, in whose linear picture further whitened columns (N m + r, k) are free too."""
         wider = replace(self)

@@ -168,3 +168,18 @@ def _gain(normal: np.ndarray, onto: np.ndarray, usable: np.ndarray) -> tuple[flo
     scaled = normal[np.ix_(usable, usable)] / np.outer(scale, scale)
     values[usable] = np.linalg.lstsq(scaled, onto[usable] / scale, rcond=1e-8)[0] / scale
     return float(values @ onto), values
+
+
+def same_cause(one: Effect, other: Effect) -> bool:
+    """Whether both are one effect of one axis, or one of them has every term of the other."""
+    alike = one.name == other.name and one.joint == other.joint
+    return alike or one.includes(other) or other.includes(one)
+
+
+def probability(candidate: Candidate, ranking: list[Candidate]) -> float:
+    """Posterior probability among all other causes and 'nothing', equal prior odds each."""
+    rivals = [c.evidence for c in ranking if not same_cause(c.effect, candidate.effect)]
+    own = max([candidate.evidence] + [c.evidence for c in ranking if same_cause(c.effect, candidate.effect)])
+    evidences = np.array([own, 0.0, *rivals])
+    weights = np.exp(evidences - evidences.max())
+    return float(weights[0] / weights.sum())

@@ -19,8 +19,9 @@ from exactarm.diagnose.bagging import bagged_contest
 from exactarm.diagnose.cluster_robust import robust_evidence
 from exactarm.diagnose.cross_validation import folds_of, held_out_squares
 from exactarm.diagnose.forms import best_form, forms_of, same_family
+from exactarm.diagnose.gear_curves import with_curves
 from exactarm.diagnose.problem import Fitted, Problem, rows_kept
-from exactarm.diagnose.scan import Candidate, free_mask, linear_columns, scan
+from exactarm.diagnose.scan import Candidate, free_mask, linear_columns, probability, same_cause, scan
 from exactarm.diagnose.something_else import Beside, beside_unknown, pieces_of
 from exactarm.diagnose.worth import holds_elsewhere, is_worth
 from exactarm.effects import library
@@ -82,17 +83,21 @@ def candidates_for(problem: Problem, fitted: Fitted) -> list[Effect]:
 def select(problem: Problem, declared: Layout, progress: Progress = lambda text: None) -> Selection:
     """Forward selection from the declared model, then the contest for every place."""
     fits, chosen, rounds = [problem.fit(declared)], [], []
-    first_ranking, ranking = (), ()
+    first_ranking, ranking, curved = (), (), False
     while len(chosen) < MOST_EFFECTS:
         progress(f"{len(chosen)} found so far")
         fitted = fits[-1]
         problem = problem.knowing(fitted)
-        ranking = tuple(scan(fitted, candidates_for(problem, fitted), count_of(problem, fitted)))
+        field = candidates_for(problem, fitted)
+        ranking = tuple(scan(fitted, field, count_of(problem, fitted)))
         first_ranking = first_ranking or ranking
         step = _best_addition(problem, declared, chosen, fitted, ranking)
+        if step is None and not curved:
+            curved, step = True, _curves(problem, declared, rounds, fitted, field, len(fits) - 1)
+            rounds = rounds if step is None else step[2]
         if step is None:
             break
-        chosen, trial = step
+        chosen, trial = step[:2]
         rounds += [len(fits) - 1] * (len(chosen) - len(rounds))
         fits.append(trial)
     places, fitted = _prune(problem, declared, chosen, fits[-1])
@@ -106,10 +111,26 @@ def select(problem: Problem, declared: Layout, progress: Progress = lambda text:
     return Selection(tuple(fits), tuple(accepted), ranking, first_ranking)
 
 
+def _curves(problem, declared, rounds, fitted: Fitted, field: list[Effect], turn: int):
+    """The effects with curves of all gears, the fit, and the round in which each effect came in; else
+    None."""
+    found = fitted.layout.effects[len(declared.effects):]
+    templates = {effect.joint: effect for effect in field if effect.any_curve}
+    effects = with_curves(problem, fitted, len(declared.effects), [*templates.values()],
+                          count_of(problem, fitted))
+    if effects is None:
+        return None
+    trial = refit(problem, declared, effects, fitted)
+    if not trial.fit.converged:
+        return None
+    rounds = [rounds[found.index(effect)] if effect in found else turn for effect in effects]
+    return [*trial.layout.effects[len(declared.effects):]], trial, rounds
+
+
 def count_of(problem: Problem, fitted: Fitted) -> float:
     """Independent numbers in the residual: those of the data less the parameters fitted to them."""
     data = float(np.count_nonzero(fitted.whitened[: fitted.data_numbers]))
-    return max(problem.correlation_factor(fitted) * data - fitted.basis.shape[1], 1.0)
+    return max(problem.correlation_factor(fitted) * data - fitted.spent, 1.0)
 
 
 def refit(problem: Problem, declared: Layout, effects: list[Effect], last: Fitted, noise=None) -> Fitted:
@@ -326,7 +347,9 @@ def _contest(problem, declared, chosen, rounds, fitted, first_ranking, progress)
             without = replace(without, weight=rows_kept(without.layout, without.view).astype(float))
         count = count_of(problem, without)
         field = _rivals_of(chosen[place], candidates_for(problem, without), first_ranking)
-        forms = [*field, *chosen[place].richer()]
+        # A curve has its law already: it is asked only whether less would do.
+        forms = [form for form in (*field, *chosen[place].richer())
+                 if not (form.any_curve and chosen[place].any_curve) or form == _emptied(chosen[place])]
         form = best_form(problem, without, chosen[place], forms, count, LEAST_EVIDENCE)
         if form is not None and _differs(form.effect, chosen[place]):
             trial = refit(problem, declared, chosen[:place] + [form.effect] + chosen[place + 1 :], fitted)
@@ -348,7 +371,7 @@ def _contest(problem, declared, chosen, rounds, fitted, first_ranking, progress)
         own = own or Candidate(effect, 0.0, 0, 1, LEAST_EVIDENCE)
         # Rows that are wrong by themselves pull at every other candidate: the only rival is to keep them.
         ranking = [] if effect.excludes_rows() else ranking
-        rivals = tuple(c for c in ranking if not _same_cause(c.effect, effect))
+        rivals = tuple(c for c in ranking if not same_cause(c.effect, effect))
         accepted.append(Accepted(effect, own.evidence, probability(own, ranking), rivals[:8], rounds[place]))
     return accepted, fitted
 
@@ -371,16 +394,3 @@ def _rivals_of(effect: Effect, library_field: list[Effect], first_ranking) -> li
 def _differs(one: Effect, other: Effect) -> bool:
     """In kind or in the number of parameters."""
     return one.name != other.name or len(one.values) != len(other.values)
-
-
-def _same_cause(one: Effect, other: Effect) -> bool:
-    return one.name == other.name and one.joint == other.joint
-
-
-def probability(candidate: Candidate, ranking: list[Candidate]) -> float:
-    """Posterior probability among all other causes and 'nothing', equal prior odds each."""
-    rivals = [c.evidence for c in ranking if not _same_cause(c.effect, candidate.effect)]
-    own = max([candidate.evidence] + [c.evidence for c in ranking if _same_cause(c.effect, candidate.effect)])
-    evidences = np.array([own, 0.0, *rivals])
-    weights = np.exp(evidences - evidences.max())
-    return float(weights[0] / weights.sum())

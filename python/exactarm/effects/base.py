@@ -261,6 +261,11 @@ class Effect(ABC):
         found."""
         return ()
 
+    def laws(self) -> Iterable[Effect]:
+        """A curve under every law that its amplitudes may follow, at zero size; the terms of one that has
+        fewer are the first of one that has more."""
+        return ()
+
     def companions(self) -> Iterable[Effect]:
         """Effects that often act where this one does, at zero size: tried beside it once it is found."""
         return ()

@@ -30,6 +30,7 @@ _MOST_MULTIPLES = 2  # of an element whose order was searched
 _MOTOR_MULTIPLES = (1.0, 2.0)  # that motions are searched for
 _REFINED, _BESIDE = 3, (-0.5, -0.25, 0.25, 0.5)  # peaks, and steps in cells of resolution
 _CURVE_KNEE = 25.0  # order above which the amplitudes of a gear or encoder curve fall (cycles per revolution)
+_FALLS_FROM = 10.0  # order whose amplitude a law of falling amplitudes is told by
 
 
 @dataclass(frozen=True)
@@ -38,8 +39,8 @@ class HarmonicFamily(Effect):
     ...
 
     `search`: orders to be tried; empty once the order is known. `curve_rad` > 0: all orders together as one
-    smooth curve of the angle, each term regularised by a Gaussian prior of that amplitude that falls above
-    `_CURVE_KNEE`.
+    smooth curve of the angle, each term regularised by a Gaussian prior of that amplitude: with `fall` = 0 it
+    falls above the order `_CURVE_KNEE`, else it is curve_rad * (order / `_FALLS_FROM`)^-fall.
     `seen`: output angles (rad) between which a curve was measured; beyond, it keeps the value of the nearer
     end.
     `known`: how well it is known, angle by angle; None in files of earlier versions and in a fit under way.
@@ -47,6 +48,7 @@ class HarmonicFamily(Effect):
 
     search: tuple[float, ...] = ()
     curve_rad: float = 0.0
+    fall: float = 0.0
     seen: tuple[float, float] | None = None
     known: KnownCurve | None = None
 
@@ -67,9 +69,9 @@ class HarmonicFamily(Effect):
 
     @classmethod
     def curve(cls, joint: int, multiples: int, amplitude_rad: float,
-              seen: tuple[float, float]) -> HarmonicFamily:
+              seen: tuple[float, float], fall: float = 0.0) -> HarmonicFamily:
         """Orders 1 to `multiples` together, without any size yet."""
-        return cls(joint, (1.0,) + (0.0, 0.0) * multiples, (), amplitude_rad, seen)
+        return cls(joint, (1.0,) + (0.0, 0.0) * multiples, (), amplitude_rad, fall, seen)
 
     def measured(self, phi: np.ndarray) -> np.ndarray | None:
         if self.known is not None:
@@ -152,6 +154,8 @@ class HarmonicFamily(Effect):
         if self.curve_rad == 0.0:
             return np.full(self.multiples, np.inf)
         orders = self.values[0] * np.arange(1, self.multiples + 1)
+        if self.fall > 0.0:
+            return self.curve_rad * orders * (orders / _FALLS_FROM) ** -self.fall
         return self.curve_rad * orders / np.maximum(1.0, orders / _CURVE_KNEE) ** 1.5
 
     def parameter_label(self, parameter: Parameter) -> str:
@@ -184,6 +188,8 @@ class HarmonicFamily(Effect):
         if self.seen is not None:
             table |= {"seen_from_rad": self.seen[0], "seen_to_rad": self.seen[1],
                       "each_order_rad": self.curve_rad}
+        if self.fall > 0.0:
+            table |= {"order_fall": self.fall}
         return table if self.known is None else table | self.known.to_table()
 
     @classmethod
@@ -192,8 +198,8 @@ class HarmonicFamily(Effect):
         seen = (
             (float(table["seen_from_rad"]), float(table["seen_to_rad"])) if "seen_from_rad" in table else None
         )
-        order = float(table.get("each_order_rad", 0.0))
-        raw = cls(table.get("joint"), (1.0,) + (0.0, 0.0) * multiples, curve_rad=order, seen=seen)
+        raw = cls(table.get("joint"), (1.0,) + (0.0, 0.0) * multiples, seen=seen,
+                  curve_rad=float(table.get("each_order_rad", 0.0)), fall=float(table.get("order_fall", 0.0)))
         found = raw.with_values(table[parameter.name] for parameter in raw.parameters())
         return replace(found, known=KnownCurve.from_table(table))
 

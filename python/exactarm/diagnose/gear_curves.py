@@ -1,0 +1,168 @@
+"""Curves of all gears together, each under the law of its amplitudes that the data ask for.
+
+A real arm has errors of many orders on every axis. Found one by one, each is judged beside the noise of all
+others, and a few single orders stand for a curve. Here, in the linear picture of a fit without any of them,
+every axis has one of
+
+    what was found on it,    or a curve under one of its laws (amplitude at an order, fall, number of orders),
+                             with or without the single orders that were found beside it
+
+and the choice is the one of greatest evidence (type II maximum likelihood; MacKay 1992), axis by axis until
+it stands still. B: columns times the standard deviations of their priors, S: square sum of the residual,
+n: independent numbers:
+
+    log p = -n/2 log(1 - r'B (I + B'B)^-1 B'r / S) - 1/2 log det(I + B'B)
+
+A parameter without prior has that of unit information, standard deviation sqrt(n) / |column| (Kass and
+Wasserman 1995). A curve pays log(number of laws), and all together must lower the cross-validated error.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import linalg
+
+from exactarm.diagnose.cross_validation import folds_of, held_out_squares
+from exactarm.diagnose.forms import same_family
+from exactarm.diagnose.problem import Fitted, Problem
+from exactarm.diagnose.scan import free_mask, linear_columns, prior_of
+from exactarm.effects.base import Effect
+
+_LEAST_GAIN = 5.0  # nats that a curve must be likelier by than what it replaces, as for any cause
+_PASSES = 5  # over all axes; two or three are enough
+
+
+@dataclass(frozen=True)
+class _Choice:
+    """What an axis may have: effects, and for all columns of the axis (k,) the standard deviations of their
+    priors, 0 = not there."""
+
+    effects: tuple[Effect, ...]
+    sizes: np.ndarray
+
+
+def with_curves(problem: Problem, fitted: Fitted, first: int, templates: list[Effect],
+                count: float) -> list[Effect] | None:
+    """The effects of the layout from the place `first` on, with a curve in place of what it takes in or
+    beside it, on every axis that asks for one; None where none does.
+
+    templates: a curve of each axis that has one, of zero size; count: independent numbers of the residual.
+    """
+    found = fitted.layout.effects[first:]
+    places = [place for place, effect in enumerate(found)
+              if any(same_family(effect, template) for template in templates)]
+    if not places:
+        return None
+    without = fitted
+    for place in reversed(places):
+        without = without.without(first + place)
+    axes = [_choices(without, template, [found[place] for place in places
+                                         if same_family(found[place], template)], count)
+            for template in templates]
+    picture = _Linear(without, [columns for columns, _ in axes], count)
+    chosen = picture.chosen([choices for _, choices in axes])
+    if not any(chosen):
+        return None
+    now, then = ([choices[k].sizes for (_, choices), k in zip(axes, which)]
+                 for which in ([0] * len(axes), chosen))
+    folds = folds_of(problem.groups(), problem.seed)
+    fall = picture.held_out(now, folds) - picture.held_out(then, folds)
+    if fall.mean() <= fall.std(ddof=1) / np.sqrt(len(fall)):  # one standard error, as for forms (forms.py)
+        return None
+    kept = [effect for place, effect in enumerate(found) if place not in places]
+    return kept + [effect for (_, choices), k in zip(axes, chosen) for effect in choices[k].effects]
+
+
+def _choices(without: Fitted, template: Effect, found: list[Effect],
+             count: float) -> tuple[np.ndarray, list[_Choice]]:
+    """The columns (R, k) of an axis, those of what was found before those of a curve, and its choices: first
+    what was found."""
+    laws = list(template.laws())
+    longest = max(laws, key=lambda law: len(law.values))
+    own = [linear_columns(without, effect.with_values(np.where(free_mask(effect), 0.0, effect.values)))
+           for effect in found]
+    columns = np.concatenate([*own, linear_columns(without, longest)], axis=1)
+    width = columns.shape[1] - sum(part.shape[1] for part in own)
+    sizes = []
+    for effect, part in zip(found, own):
+        prior, beside = prior_of(effect), part - without.basis @ (without.basis.T @ part)
+        length = np.linalg.norm(beside, axis=0)
+        unit = np.sqrt(count) / np.maximum(length, 1e-300)
+        sizes.append(np.where(np.isfinite(prior), prior, np.where(length > 0.0, unit, 0.0)))
+
+    def choice(kept: list[bool], law: Effect | None) -> _Choice:
+        curve = np.zeros(width)
+        if law is not None:
+            prior = prior_of(law)
+            curve[: len(prior)] = prior
+        effects = tuple(effect for effect, keep in zip(found, kept) if keep)
+        return _Choice(effects + (() if law is None else (law,)),
+                       np.concatenate([*(size * keep for size, keep in zip(sizes, kept)), curve]))
+
+    choices = [choice([True] * len(found), None)]
+    for law in laws:
+        highest = max(order for order, _ in law.orders())
+        beyond = [not e.any_curve and max(order for order, _ in e.orders()) > highest for e in found]
+        beside = [not (e.any_curve or law.includes(e)) for e in found]
+        choices.append(choice(beyond, law))
+        if beside != beyond:
+            choices.append(choice(beside, law))
+    return columns, choices
+
+
+class _Linear:
+    """The columns of all axes beside what is free, and the evidence of any sizes of their priors."""
+
+    def __init__(self, without: Fitted, columns: list[np.ndarray], count: float):
+        self.without, self.count = without, count
+        ends = np.cumsum([0, *(part.shape[1] for part in columns)])
+        self.where = [slice(a, b) for a, b in zip(ends, ends[1:])]
+        self.columns = np.concatenate(columns, axis=1)
+        absorbed, residual = without.basis.T @ self.columns, without.free_residual
+        self.gram = self.columns.T @ self.columns - absorbed.T @ absorbed
+        self.onto = self.columns.T @ residual
+        self.square = float(residual @ residual)
+
+    def chosen(self, axes: list[list[_Choice]]) -> list[int]:
+        """For every axis the place of its choice; 0 where no other is likelier by enough."""
+        now = [0] * len(axes)
+        price = [np.log(max(len(choices) - 1, 1)) + _LEAST_GAIN for choices in axes]
+        for _ in range(_PASSES):
+            before = list(now)
+            for axis, choices in enumerate(axes):
+                others = [c[k].sizes if a != axis else np.zeros(c[k].sizes.shape)
+                          for a, (c, k) in enumerate(zip(axes, now))]
+                weight = self._beside(np.concatenate(others), self.where[axis], choices)
+                weight[1:] -= price[axis]
+                now[axis] = int(np.argmax(weight))
+            if now == before:
+                break
+        return now
+
+    def _beside(self, others: np.ndarray, where: slice, choices: list[_Choice]) -> np.ndarray:
+        """Log evidence of every choice of one axis beside those of the others (p,), which it does not
+        count."""
+        on = np.flatnonzero(others)
+        size = others[on]
+        lower = np.linalg.cholesky(np.eye(len(on)) + size[:, None] * self.gram[np.ix_(on, on)] * size)
+        cross = linalg.solve_triangular(lower, size[:, None] * self.gram[on, where], lower=True)
+        taken = linalg.solve_triangular(lower, size * self.onto[on], lower=True)
+        gram, onto = self.gram[where, where] - cross.T @ cross, self.onto[where] - cross.T @ taken
+        square = self.square - float(taken @ taken)
+        return np.array([self._evidence(gram, onto, square, choice.sizes) for choice in choices])
+
+    def _evidence(self, gram: np.ndarray, onto: np.ndarray, square: float, sizes: np.ndarray) -> float:
+        on = np.flatnonzero(sizes)
+        size = sizes[on]
+        lower = np.linalg.cholesky(np.eye(len(on)) + size[:, None] * gram[np.ix_(on, on)] * size)
+        taken = linalg.solve_triangular(lower, size * onto[on], lower=True)
+        left = max(square - float(taken @ taken), 1e-12 * square)
+        return float(-np.log(np.diag(lower)).sum() - 0.5 * self.count * np.log(left / self.square))
+
+    def held_out(self, sizes: list[np.ndarray], folds: np.ndarray) -> np.ndarray:
+        """(folds,) square sums by cross-validation."""
+        every = np.concatenate(sizes)
+        on = np.flatnonzero(every)
+        return held_out_squares(self.without, self.columns[:, on], folds, every[on])

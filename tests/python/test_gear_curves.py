@@ -1,0 +1,87 @@
+"""Curves of all gears at once, each under the law of its amplitudes that the data ask for."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from exactarm.chain import Layout
+from exactarm.diagnose.gear_curves import with_curves
+from exactarm.diagnose.problems import problem_for
+from exactarm.effects import effect_from_table
+from exactarm.effects.gear_eccentricity import GearEccentricity
+from exactarm.effects.gear_harmonics import GearHarmonics
+from exactarm.robot_file import load_robot
+from set_ups import joints_in_limits, measured, true_robot
+
+ROWS, NOISE_M, AXES = 300, 4e-5, 6
+RUN_OUT = GearEccentricity(2, (3e-4, -2e-4, 1e-4, 1e-4))
+
+
+def curve(axis: int, amplitude_rad: float, fall: float, orders: int, rng) -> GearHarmonics:
+    """Drawn from its law; at every angle."""
+    law = GearHarmonics.curve(axis, orders, amplitude_rad, (-np.pi, np.pi), fall)
+    sizes = np.array([p.prior if np.isfinite(p.prior) else 0.0 for p in law.parameters()])
+    values = np.where(sizes > 0.0, rng.standard_normal(sizes.size) * sizes, law.values)
+    return effect_from_table({k: v for k, v in law.with_values(values).to_table().items()
+                              if k not in ("seen_from_rad", "seen_to_rad")})
+
+
+def with_run_outs_found(hidden, seed=5):
+    """A fit of poses with hidden effects, to which a run-out of axis 2 has been added."""
+    rng, robot = np.random.default_rng(seed), load_robot("ur10")
+    true = true_robot(robot, rng, 0.0)
+    q = [joints_in_limits(robot, ROWS, rng)]
+    data = measured(robot, [true], q, NOISE_M, rng, layout=Layout.of(tuple(hidden(rng)), estimate=False))
+    every = np.ones(len(data), bool)
+    problem = problem_for(robot, data.select(every), data.select(~every), 1, 0)
+    declared = problem.declared()
+    found = RUN_OUT.with_values((0.0,) * 4)
+    fitted = problem.fit(declared.joined(Layout.of((found,))))
+    templates = [GearHarmonics.curve(axis, 40, 3e-5, (float(q[0][:, axis - 1].min()),
+                                                     float(q[0][:, axis - 1].max())))
+                 for axis in range(1, AXES + 1)]
+    count = float(3 * ROWS - declared.size)
+    return problem, fitted, len(declared.effects), templates, count
+
+
+def test_every_axis_gets_the_curve_that_it_asks_for():
+    hidden = lambda rng: [curve(axis, 3e-5, 1.0, 40, rng) for axis in (1, 2, 3)]
+    problem, fitted, first, templates, count = with_run_outs_found(hidden)
+    effects = with_curves(problem, fitted, first, templates, count)
+    curves = {effect.joint: effect for effect in effects if effect.any_curve}
+    assert {1, 2, 3} <= set(curves)
+    # Nothing is hidden on the others: what a curve there may take is an order of magnitude less.
+    assert all(effect.curve_rad <= 3e-6 for axis, effect in curves.items() if axis > 3)
+    assert all(1e-5 <= curves[axis].curve_rad <= 1e-4 for axis in (1, 2, 3))
+    # The run-out is part of the curve now.
+    assert [effect.joint for effect in effects].count(2) == 1
+    before = problem.errors(fitted, problem.data)
+    layout = Layout(fitted.layout.effects[:first], fitted.layout.free[:first])
+    after = problem.errors(problem.fit(layout.joined(Layout.of(tuple(effects)))), problem.data)
+    assert np.sqrt(np.mean(after**2)) < 0.6 * np.sqrt(np.mean(before**2))
+
+
+@pytest.mark.parametrize("hidden", [lambda rng: [RUN_OUT], lambda rng: []], ids=["run-out", "nothing"])
+def test_what_is_no_curve_gets_none(hidden):
+    assert with_curves(*with_run_outs_found(hidden)) is None
+
+
+def test_without_any_error_of_a_gear_nothing_is_asked():
+    fitted = SimpleNamespace(layout=SimpleNamespace(effects=(SimpleNamespace(family="", joint=None),)))
+    assert with_curves(None, fitted, 0, [GearHarmonics.curve(1, 40, 3e-5, (-1.0, 1.0))], 100.0) is None
+
+
+def test_a_law_is_written_and_read_back():
+    law = GearHarmonics.curve(3, 4, 1e-5, (-1.0, 2.0), 1.5)
+    read = effect_from_table(law.to_table())
+    assert (read.fall, read.curve_rad, read.values) == (1.5, 1e-5, law.values)
+    amplitudes = np.array([p.prior for p in read.parameters()][1::2]) / np.arange(1, 5)
+    assert amplitudes == pytest.approx(1e-5 * (np.arange(1, 5) / 10.0) ** -1.5)
+
+
+def test_laws_share_their_first_terms():
+    laws = list(GearHarmonics.curve(3, 4, 1e-5, (-1.0, 2.0)).laws())
+    assert len({(law.curve_rad, law.fall, law.multiples) for law in laws}) == len(laws)
+    assert all(law.values[0] == 1.0 and law.seen == (-1.0, 2.0) for law in laws)
+    assert not list(GearHarmonics.zero(3, (5.0,)).laws())
