@@ -146,7 +146,7 @@ def test_a_pair_whose_search_ends_under_another_label_is_still_a_pair(monkeypatc
             return False
 
     monkeypatch.setattr(selection, "_emptied", lambda effect: effect)
-    monkeypatch.setattr(selection, "_count", lambda problem, fitted: 100.0)
+    monkeypatch.setattr(selection, "count_of", lambda problem, fitted: 100.0)
     monkeypatch.setattr(selection, "linear_columns", lambda fitted, effect: None)
     monkeypatch.setattr(selection, "scan",
                         lambda fitted, effects, count: [Named("order 7 of axis 2", 9.0)])
