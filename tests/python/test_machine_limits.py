@@ -109,6 +109,19 @@ def test_a_result_never_replaces_a_file_that_no_run_has_written(package, tmp_pat
     assert run(package, "weigh", "nobody", "--out", tmp_path, "--quiet") == 0
 
 
+def test_what_an_earlier_result_names_is_its_own(package, tmp_path):  # noqa: F811
+    """A folder of an earlier version, or a copy without hidden files, has no list of what runs have put in."""
+    assert run(package, "weigh", "nobody", "--out", tmp_path, "--quiet") == 0
+    (tmp_path / ".written").unlink()
+    assert run(package, "weigh", "nobody", "--out", tmp_path, "--quiet") == 0
+
+
+@pytest.mark.parametrize("result", ["", "[]", '{"files": 3}', '{"files": "abc"}', "{" * 100_000, "\x00"])
+def test_a_result_that_is_none_names_nothing(package, tmp_path, result):  # noqa: F811
+    (tmp_path / "result.json").write_text(result)
+    assert run(package, "weigh", "nobody", "--out", tmp_path, "--quiet") == 0
+
+
 @pytest.mark.parametrize("out", ["", "  "])
 def test_a_folder_without_a_name_is_refused(package, capsys, out):  # noqa: F811
     assert run(package, "weigh", "nobody", "--out", out) == 2

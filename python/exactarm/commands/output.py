@@ -45,6 +45,7 @@ class OutputFolder:
             mine = True
             shutil.rmtree(self._partial, ignore_errors=True)
             self._partial.mkdir()
+            self._own_files_of(self.path / RESULT)
             (self.path / RESULT).unlink(missing_ok=True)
         except OSError as error:
             self._unlock()
@@ -116,15 +117,26 @@ class OutputFolder:
             if target.resolve() in read or (target.is_file() and str(name) not in own):
                 raise InputError("would be overwritten by the result of the same name; expected another "
                                  "--out", file=target)
-        new = [str(name) for name in self._names() if str(name) not in own]
-        with (self.path / WRITTEN).open("a", encoding="utf-8") as file:
-            file.writelines(f"{name}\n" for name in new)
+        self._note(str(name) for name in self._names() if str(name) not in own)
         names = sorted(self._names(), key=lambda name: name == Path(RESULT))
         for name in names:
             target = self.path / name
             target.parent.mkdir(parents=True, exist_ok=True)
             os.replace(self._partial / name, target)
         return [self.path / name for name in names]
+
+    def _note(self, names: Iterable[str]) -> None:
+        with (self.path / WRITTEN).open("a", encoding="utf-8") as file:
+            file.writelines(f"{name}\n" for name in names)
+
+    def _own_files_of(self, result: Path) -> None:
+        """Notes what a result names as its own: a folder of an earlier version, or a copy, has no list."""
+        try:
+            files = json.loads(result.read_text(encoding="utf-8"))["files"]
+        except (OSError, ValueError, KeyError, TypeError, RecursionError):
+            return
+        own, names = self._written(), [RESULT, *files] if isinstance(files, dict) else []
+        self._note(name for name in names if name not in own and "\n" not in name)
 
     def _written(self) -> set[str]:
         """Names of files that runs have put here."""
