@@ -110,7 +110,7 @@ def test_a_result_never_replaces_a_file_that_no_run_has_written(package, tmp_pat
 
 
 def test_what_an_earlier_result_names_is_its_own(package, tmp_path):  # noqa: F811
-    """A folder of an earlier version, or a copy without hidden files, has no list of what runs have put in."""
+    """A folder of an earlier version, or a copy without hidden files, has no list of what runs wrote."""
     assert run(package, "weigh", "nobody", "--out", tmp_path, "--quiet") == 0
     (tmp_path / ".written").unlink()
     assert run(package, "weigh", "nobody", "--out", tmp_path, "--quiet") == 0
