@@ -267,6 +267,10 @@ def _search(problem: Problem, declared: Layout, progress: Progress) -> tuple[Sel
             by_steps = select(part, declared, progress)
             if by_steps.accepted and steps_win(causes, by_steps):
                 found, causes = by_steps, None
+        elif any(place.effect.any_curve for place in causes.places):
+            # Where one gear has an error of many orders, the others will: too many for one picture.
+            curved = select(part, declared, progress, found)
+            found, causes = (found, causes) if curved is None else (curved, None)
     fits = list(found.fits)
     if rows is not None:
         progress(ALL_ROWS)

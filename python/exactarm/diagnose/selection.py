@@ -80,9 +80,13 @@ def candidates_for(problem: Problem, fitted: Fitted) -> list[Effect]:
     return [effect for effect in found if effect.joint is None or moves[effect.index]]
 
 
-def select(problem: Problem, declared: Layout, progress: Progress = lambda text: None) -> Selection:
-    """Forward selection from the declared model, then the contest for every place."""
-    fits, chosen, rounds = [problem.fit(declared)], [], []
+def select(problem: Problem, declared: Layout, progress: Progress = lambda text: None,
+           found: Selection | None = None) -> Selection | None:
+    """Forward selection from the declared model, then the contest for every place. found: what stands
+    already; then curves of all gears come first, and where none is asked for the result is None."""
+    fits = [problem.fit(declared)] if found is None else list(found.fits)
+    stand = () if found is None else found.accepted
+    chosen, rounds = [a.effect for a in stand], [a.round for a in stand]
     first_ranking, ranking, curved = (), (), False
     while len(chosen) < MOST_EFFECTS:
         progress(f"{len(chosen)} found so far")
@@ -91,9 +95,12 @@ def select(problem: Problem, declared: Layout, progress: Progress = lambda text:
         field = candidates_for(problem, fitted)
         ranking = tuple(scan(fitted, field, count_of(problem, fitted)))
         first_ranking = first_ranking or ranking
-        step = _best_addition(problem, declared, chosen, fitted, ranking)
+        search = curved or found is None
+        step = _best_addition(problem, declared, chosen, fitted, ranking) if search else None
         if step is None and not curved:
             curved, step = True, _curves(problem, declared, rounds, fitted, field, len(fits) - 1)
+            if step is None and found is not None:
+                return None
             rounds = rounds if step is None else step[2]
         if step is None:
             break
@@ -114,14 +121,11 @@ def select(problem: Problem, declared: Layout, progress: Progress = lambda text:
 def _curves(problem, declared, rounds, fitted: Fitted, field: list[Effect], turn: int):
     """The effects with curves of all gears, the fit, and the round in which each effect came in; else
     None."""
-    found = fitted.layout.effects[len(declared.effects):]
+    found, count = fitted.layout.effects[len(declared.effects):], count_of(problem, fitted)
     templates = {effect.joint: effect for effect in field if effect.any_curve}
-    effects = with_curves(problem, fitted, len(declared.effects), [*templates.values()],
-                          count_of(problem, fitted))
-    if effects is None:
-        return None
-    trial = refit(problem, declared, effects, fitted)
-    if not trial.fit.converged:
+    effects = with_curves(problem, fitted, len(declared.effects), [*templates.values()], count)
+    trial = effects and refit(problem, declared, effects, fitted)
+    if not trial or not trial.fit.converged:
         return None
     rounds = [rounds[found.index(effect)] if effect in found else turn for effect in effects]
     return [*trial.layout.effects[len(declared.effects):]], trial, rounds

@@ -48,9 +48,9 @@ class HarmonicFamily(Effect):
 
     search: tuple[float, ...] = ()
     curve_rad: float = 0.0
-    fall: float = 0.0
     seen: tuple[float, float] | None = None
     known: KnownCurve | None = None
+    fall: float = 0.0
 
     station = Station.GEAR
     repeatable = True
@@ -71,7 +71,7 @@ class HarmonicFamily(Effect):
     def curve(cls, joint: int, multiples: int, amplitude_rad: float,
               seen: tuple[float, float], fall: float = 0.0) -> HarmonicFamily:
         """Orders 1 to `multiples` together, without any size yet."""
-        return cls(joint, (1.0,) + (0.0, 0.0) * multiples, (), amplitude_rad, fall, seen)
+        return cls(joint, (1.0,) + (0.0, 0.0) * multiples, (), amplitude_rad, seen, fall=fall)
 
     def measured(self, phi: np.ndarray) -> np.ndarray | None:
         if self.known is not None:
