@@ -9,7 +9,7 @@ whole library; the evidences of that contest give its probability and its rivals
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from exactarm.diagnose.forms import best_form, forms_of, same_family
 from exactarm.diagnose.gear_curves import with_curves
 from exactarm.diagnose.problem import Fitted, Problem, rows_kept
 from exactarm.diagnose.scan import Candidate, free_mask, linear_columns, probability, same_cause, scan
+from exactarm.diagnose.selected import Accepted, Selection
 from exactarm.diagnose.something_else import Beside, beside_unknown, pieces_of
 from exactarm.diagnose.worth import holds_elsewhere, is_worth
 from exactarm.effects import library
@@ -38,34 +39,6 @@ _HIDDEN_GAIN = 1.5  # gain of the second beside the first, over what both promis
 _KEPT_GAIN = 0.5  # share of the predicted gain that the joint fit must confirm
 
 Progress = Callable[[str], None]
-
-
-@dataclass(frozen=True)
-class Accepted:
-    """An effect in the model: its evidence, its probability among all rivals, the rivals by evidence.
-
-    round: it came in between fits[round] and fits[round + 1] of the selection. share: of it beside unknown
-    functions, where the kind of data has them for rivals; likelier: such a function that beats it, in words.
-    """
-
-    effect: Effect
-    evidence: float
-    probability: float
-    rivals: tuple[Candidate, ...]
-    round: int
-    credible_set: tuple[tuple[str, int | None, float], ...] = ()
-    share: float = 1.0
-    likelier: str = ""
-
-
-@dataclass(frozen=True)
-class Selection:
-    """fits[0] is the declared model, fits[i] the one after i rounds; ranking: last scan of what is left."""
-
-    fits: tuple[Fitted, ...]
-    accepted: tuple[Accepted, ...]
-    ranking: tuple[Candidate, ...]
-    first_ranking: tuple[Candidate, ...]
 
 
 def candidates_for(problem: Problem, fitted: Fitted) -> list[Effect]:
@@ -87,6 +60,7 @@ def select(problem: Problem, declared: Layout, progress: Progress = lambda text:
     fits = [problem.fit(declared)] if found is None else list(found.fits)
     stand = () if found is None else found.accepted
     chosen, rounds = [a.effect for a in stand], [a.round for a in stand]
+    settled = {a.effect.label: a for a in stand if not a.effect.any_curve}
     first_ranking, ranking, curved = (), (), False
     while len(chosen) < MOST_EFFECTS:
         progress(f"{len(chosen)} found so far")
@@ -98,7 +72,16 @@ def select(problem: Problem, declared: Layout, progress: Progress = lambda text:
         search = curved or found is None
         step = _best_addition(problem, declared, chosen, fitted, ranking) if search else None
         if step is None and not curved:
-            curved, step = True, _curves(problem, declared, rounds, fitted, field, len(fits) - 1)
+            # Which load or device acts is asked while the curves are stiff: loose ones hide it.
+            templates = [effect for effect in field if effect.any_curve]
+            gears = {e.label for e in chosen if any(same_family(e, template) for template in templates)}
+            places = [place for place, e in enumerate(chosen)
+                      if templates and e.label not in gears and e.label not in settled]
+            done, fitted = _contest(problem, declared, chosen, rounds, fitted, first_ranking, progress,
+                                    places)
+            chosen, fits[-1] = [*fitted.layout.effects[len(declared.effects):]], fitted
+            settled |= {each.effect.label: each for each in done}
+            curved, step = True, _curves(problem, declared, rounds, fitted, templates, len(fits) - 1)
             if step is None and found is not None:
                 return None
             rounds = rounds if step is None else step[2]
@@ -109,7 +92,12 @@ def select(problem: Problem, declared: Layout, progress: Progress = lambda text:
         fits.append(trial)
     places, fitted = _prune(problem, declared, chosen, fits[-1])
     chosen, rounds = [*fitted.layout.effects[len(declared.effects):]], [rounds[place] for place in places]
-    accepted, fitted = _contest(problem, declared, chosen, rounds, fitted, first_ranking, progress)
+    places = [place for place, effect in enumerate(chosen) if effect.label not in settled]
+    done, fitted = _contest(problem, declared, chosen, rounds, fitted, first_ranking, progress, places)
+    contested = dict(zip(places, done))
+    accepted = [replace(contested[place] if place in contested else settled[effect.label], effect=effect,
+                        round=rounds[place])
+                for place, effect in enumerate(fitted.layout.effects[len(declared.effects):])]
     accepted, fitted = _admissible(problem, declared, accepted, fitted)
     if problem.unknown_rivals:
         accepted = _beside_unknown(problem.knowing(fitted), declared, accepted, fitted)
@@ -118,12 +106,12 @@ def select(problem: Problem, declared: Layout, progress: Progress = lambda text:
     return Selection(tuple(fits), tuple(accepted), ranking, first_ranking)
 
 
-def _curves(problem, declared, rounds, fitted: Fitted, field: list[Effect], turn: int):
+def _curves(problem, declared, rounds, fitted: Fitted, templates: list[Effect], turn: int):
     """The effects with curves of all gears, the fit, and the round in which each effect came in; else
     None."""
     found, count = fitted.layout.effects[len(declared.effects):], count_of(problem, fitted)
-    templates = {effect.joint: effect for effect in field if effect.any_curve}
-    effects = with_curves(problem, fitted, len(declared.effects), [*templates.values()], count)
+    each = {effect.joint: effect for effect in templates}
+    effects = with_curves(problem, fitted, len(declared.effects), [*each.values()], count)
     trial = effects and refit(problem, declared, effects, fitted)
     if not trial or not trial.fit.converged:
         return None
@@ -340,10 +328,11 @@ def _emptied(effect: Effect) -> Effect:
     return effect.with_values(np.where(free_mask(effect), 0.0, effect.values))
 
 
-def _contest(problem, declared, chosen, rounds, fitted, first_ranking, progress):
-    """Every effect against the whole library, with the others in place; a stronger rival takes the place."""
+def _contest(problem, declared, chosen, rounds, fitted, first_ranking, progress, places):
+    """The effects of these places against the whole library, with all others in place; a stronger rival
+    takes the place."""
     accepted: list[Accepted] = []
-    for place in range(len(chosen)):
+    for place in places:
         progress(f"contest for {chosen[place].label}")
         problem = problem.knowing(fitted)
         without = fitted.without(len(declared.effects) + place)

@@ -30,7 +30,7 @@ _MOST_MULTIPLES = 2  # of an element whose order was searched
 _MOTOR_MULTIPLES = (1.0, 2.0)  # that motions are searched for
 _REFINED, _BESIDE = 3, (-0.5, -0.25, 0.25, 0.5)  # peaks, and steps in cells of resolution
 _CURVE_KNEE = 25.0  # order above which the amplitudes of a gear or encoder curve fall (cycles per revolution)
-_FALLS_FROM = 10.0  # order whose amplitude a law of falling amplitudes is told by
+_FALLS_FROM = 10.0  # from 1 on, two measured series of a UR10 are less likely, by 19 and 39 nats
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class HarmonicFamily(Effect):
 
     `search`: orders to be tried; empty once the order is known. `curve_rad` > 0: all orders together as one
     smooth curve of the angle, each term regularised by a Gaussian prior of that amplitude: with `fall` = 0 it
-    falls above the order `_CURVE_KNEE`, else it is curve_rad * (order / `_FALLS_FROM`)^-fall.
+    falls above the order `_CURVE_KNEE`, else above `_FALLS_FROM`, as (order / `_FALLS_FROM`)^-fall.
     `seen`: output angles (rad) between which a curve was measured; beyond, it keeps the value of the nearer
     end.
     `known`: how well it is known, angle by angle; None in files of earlier versions and in a fit under way.
@@ -155,7 +155,7 @@ class HarmonicFamily(Effect):
             return np.full(self.multiples, np.inf)
         orders = self.values[0] * np.arange(1, self.multiples + 1)
         if self.fall > 0.0:
-            return self.curve_rad * orders * (orders / _FALLS_FROM) ** -self.fall
+            return self.curve_rad * orders * np.maximum(1.0, orders / _FALLS_FROM) ** -self.fall
         return self.curve_rad * orders / np.maximum(1.0, orders / _CURVE_KNEE) ** 1.5
 
     def parameter_label(self, parameter: Parameter) -> str:
