@@ -1,5 +1,7 @@
 """Curves of all gears at once, each under the law of its amplitudes that the data ask for."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -65,8 +67,11 @@ def test_what_is_no_curve_gets_none(hidden):
     assert with_curves(*with_run_outs_found(hidden)) is None
 
 
-def test_data_that_show_no_curve_are_not_asked():
-    assert with_curves(None, None, 0, [], 100.0) is None
+@pytest.mark.parametrize("found", [(), (SimpleNamespace(family="", joint=None),)])
+def test_without_any_error_of_a_gear_nothing_is_asked(found):
+    """Encoders of 65,536 counts, each pose visited twice, showed curves otherwise (test_quantisation.py)."""
+    fitted = SimpleNamespace(layout=SimpleNamespace(effects=found))
+    assert with_curves(None, fitted, 0, [GearHarmonics.curve(1, 40, 3e-5, (-1.0, 1.0))], 100.0) is None
 
 
 def test_a_law_is_written_and_read_back():

@@ -50,11 +50,11 @@ def with_curves(problem: Problem, fitted: Fitted, first: int, templates: list[Ef
 
     templates: a curve of each axis that has one, of zero size; count: independent numbers of the residual.
     """
-    if not templates:
-        return None
     found = fitted.layout.effects[first:]
     places = [place for place, effect in enumerate(found)
               if any(same_family(effect, template) for template in templates)]
+    if not places:  # rows that share what an encoder rounds away would look like curves of many axes
+        return None
     without = fitted
     for place in reversed(places):
         without = without.without(first + place)
