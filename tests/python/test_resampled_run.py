@@ -81,7 +81,10 @@ def test_clean_runs_that_are_cut_in_motion_lack_nothing():
     data = measure_gear_runs(VirtualRobot.of(robot), [1], [0.5, 1.0], 2, Sensors(), np.random.default_rng(1),
                              in_motion=True)
     found = diagnose(robot, data)
-    assert not found.findings and found.verdict == NOTHING and not found.left_out
+    assert not found.findings and found.verdict == NOTHING
+    # Four samples at both ends of eight runs: the derivative has a lower order there (6 times the noise).
+    (said,) = found.left_out
+    assert said.startswith(f"64 of {len(data)} samples were left out: there a run is cut in motion")
     assert found.after["identification"].rms == pytest.approx(Sensors().gyro_rad_s, rel=0.05)
 
 

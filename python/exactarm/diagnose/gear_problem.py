@@ -223,7 +223,8 @@ class GearProblem(ProblemInTime):
     def left_out(self) -> tuple[str, ...]:
         out, rows = (sum(int(np.sum(part)) for part in parts) for parts in
                      zip(*((~record.keep, np.ones(record.keep.size)) for record in self._records.values())))
-        why = "a gear passes between its tables, inertia swings the drive train or a filter rounds the motion"
+        why = ("a run is cut in motion, a gear passes between its tables, inertia swings the drive train "
+               "or a filter rounds the motion")
         rows_out = (f"{out} of {rows} samples were left out: there {why}",) if out else ()
         return (*rows_out, *map(str, self._tones))
 
