@@ -27,8 +27,10 @@ def curve(axis: int, amplitude_rad: float, fall: float, orders: int, rng) -> Gea
                               if k not in ("seen_from_rad", "seen_to_rad")})
 
 
-def with_run_outs_found(hidden, seed=5):
-    """A fit of poses with hidden effects, to which a run-out of axis 2 has been added."""
+def with_run_outs_found(hidden, seed=1):
+    """A fit of poses with hidden effects, to which a run-out of axis 2 has been added. Any seed will do: the
+    tests below hold for 1 to 20 (a curve of no size once beat a run-out that is not there, but for seeds 4 to
+    6, 15 and 19: seed 5 hid it, and is not the one any more)."""
     rng, robot = np.random.default_rng(seed), load_robot("ur10")
     true = true_robot(robot, rng, 0.0)
     q = [joints_in_limits(robot, ROWS, rng)]
@@ -62,9 +64,10 @@ def test_every_axis_gets_the_curve_that_it_asks_for():
     assert np.sqrt(np.mean(after**2)) < 0.6 * np.sqrt(np.mean(before**2))
 
 
+@pytest.mark.parametrize("seed", [1, 2, 3])
 @pytest.mark.parametrize("hidden", [lambda rng: [RUN_OUT], lambda rng: []], ids=["run-out", "nothing"])
-def test_what_is_no_curve_gets_none(hidden):
-    assert with_curves(*with_run_outs_found(hidden)) is None
+def test_what_is_no_curve_gets_none(hidden, seed):
+    assert with_curves(*with_run_outs_found(hidden, seed)) is None
 
 
 @pytest.mark.parametrize("found", [(), (SimpleNamespace(family="", joint=None),)])

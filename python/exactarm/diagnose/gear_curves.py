@@ -126,24 +126,26 @@ class _Linear:
         self.square = float(residual @ residual)
 
     def chosen(self, axes: list[list[_Choice]]) -> list[int]:
-        """For every axis the place of its choice; 0 where no other is likelier by enough."""
+        """For every axis the place of its choice; 0 where no curve is likelier by enough."""
         now = [0] * len(axes)
-        price = [np.log(max(len(choices) - 1, 1)) + _LEAST_GAIN for choices in axes]
+        price = [np.log(len(choices) - 1) + _LEAST_GAIN for choices in axes]
         for _ in range(_PASSES):
             before = list(now)
             for axis, choices in enumerate(axes):
                 others = [c[k].sizes if a != axis else np.zeros(c[k].sizes.shape)
                           for a, (c, k) in enumerate(zip(axes, now))]
-                weight = self._beside(np.concatenate(others), self.where[axis], choices)
-                weight[1:] -= price[axis]
-                now[axis] = int(np.argmax(weight))
+                sizes = [np.zeros(choices[0].sizes.shape), *(choice.sizes for choice in choices)]
+                nothing, found, *curves = self._beside(np.concatenate(others), self.where[axis], sizes)
+                best = int(np.argmax(curves))
+                # A run-out that is not there costs more than a curve of no size: nothing is a rival, too.
+                now[axis] = best + 1 if curves[best] - price[axis] > max(nothing, found) else 0
             if now == before:
                 break
         return now
 
-    def _beside(self, others: np.ndarray, where: slice, choices: list[_Choice]) -> np.ndarray:
-        """Log evidence of every choice of one axis beside those of the others (p,), which it does not
-        count."""
+    def _beside(self, others: np.ndarray, where: slice, sizes: list[np.ndarray]) -> list[float]:
+        """Log evidence of every choice of sizes (k,) of one axis beside those of the others (p,), which it
+        does not count."""
         on = np.flatnonzero(others)
         size = others[on]
         lower = np.linalg.cholesky(np.eye(len(on)) + size[:, None] * self.gram[np.ix_(on, on)] * size)
@@ -151,7 +153,7 @@ class _Linear:
         taken = linalg.solve_triangular(lower, size * self.onto[on], lower=True)
         gram, onto = self.gram[where, where] - cross.T @ cross, self.onto[where] - cross.T @ taken
         square = self.square - float(taken @ taken)
-        return np.array([self._evidence(gram, onto, square, choice.sizes) for choice in choices])
+        return [self._evidence(gram, onto, square, size) for size in sizes]
 
     def _evidence(self, gram: np.ndarray, onto: np.ndarray, square: float, sizes: np.ndarray) -> float:
         on = np.flatnonzero(sizes)

@@ -24,7 +24,7 @@ _CURVE_AMPLITUDES_RAD = (3e-5, 1e-4)  # per order; the evidence chooses
 # laws that a curve is fitted with once it is found: half decades, from what no device sees to a coarse gear
 _LAW_AMPLITUDES_RAD = (1e-6, 3e-6, 1e-5, 3e-5, 1e-4, 3e-4)
 _LAW_FALLS = (0.0, 0.5, 1.0, 1.5)
-_LAW_ORDERS = (20, 40, 80)  # more took nothing away on a measured UR10: 80 and 120 leave 0.089, 0.091 mm RMS
+_LAW_ORDERS = (20, 40, 80)  # waves of 4.5 degrees; the fit grows with the square of their number
 
 
 @dataclass(frozen=True)

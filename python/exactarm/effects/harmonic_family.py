@@ -30,7 +30,9 @@ _MOST_MULTIPLES = 2  # of an element whose order was searched
 _MOTOR_MULTIPLES = (1.0, 2.0)  # that motions are searched for
 _REFINED, _BESIDE = 3, (-0.5, -0.25, 0.25, 0.5)  # peaks, and steps in cells of resolution
 _CURVE_KNEE = 25.0  # order above which the amplitudes of a gear or encoder curve fall (cycles per revolution)
-_FALLS_FROM = 10.0  # from 1 on, two measured series of a UR10 are less likely, by 19 and 39 nats
+# lower orders are run-outs, no larger than what falls from here on: on part of a turn, wider ones would
+# imitate geometry and springs
+_FALLS_FROM = 10.0
 
 
 @dataclass(frozen=True)
