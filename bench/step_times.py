@@ -67,7 +67,7 @@ def prepare(folder):
         table = {f"q_{i}_deg": random.uniform(20.0, 70.0, count) for i in range(1, 7)}
         pandas.DataFrame(table).to_csv(path, index=False)
     for day in range(DAYS_BEFORE + DAYS):
-        made = ea.simulate("racer-7-1.4", poses, frames="declared", seed=day)
+        made = ea.simulate("racer-7-1.4", poses, frames="declared", seed=day)  # noise of its own
         made.save(folder / "day")
         days.append(pandas.read_csv(folder / "day/measured.csv").assign(day=day))
     pandas.concat(days[:DAYS_BEFORE]).to_csv(folder / "before.csv", index=False)
