@@ -1,10 +1,12 @@
-"""What a test must not take from the one who runs it: an ignored Ctrl-C, and his own library of effects."""
+"""What a test must not take from the one who runs it: an ignored Ctrl-C, and his own library of effects; and
+what holds in every test: a command writes the files alone that it says before its work."""
 
 import gc
 import itertools
 import os
 import signal
 import tempfile
+from fnmatch import fnmatchcase
 
 import pytest
 
@@ -26,3 +28,19 @@ _NUMBERS = itertools.count()
 def own_effects(tmp_path_factory, monkeypatch):
     """A library of its own for every test: what one accepts, no other finds."""
     monkeypatch.setenv("EXACTARM_EFFECTS", str(tmp_path_factory.getbasetemp() / f"effects_{next(_NUMBERS)}"))
+
+
+@pytest.fixture(autouse=True)
+def only_declared_files(monkeypatch):
+    """What a command publishes is what its `WRITES` declares: else a file in the way is found at the end."""
+    from exactarm.commands.output import ALWAYS, OutputFolder
+
+    publish = OutputFolder.publish
+
+    def checked(folder, *inputs):
+        undeclared = [name for name in map(str, folder._names())
+                      if not any(fnmatchcase(name, pattern) for pattern in folder._writes)]
+        assert folder._writes == ALWAYS or undeclared == []  # those of no command
+        return publish(folder, *inputs)
+
+    monkeypatch.setattr(OutputFolder, "publish", checked)

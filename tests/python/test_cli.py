@@ -26,6 +26,7 @@ from exactarm.report import Estimate, Report, Table
 
 NAME = "weigh"
 HELP = "weighs the robot"
+WRITES = ("weights.csv",)
 
 def add_arguments(parser):
     add_robot(parser)

@@ -117,9 +117,12 @@ def test_what_an_earlier_result_names_is_its_own(package, tmp_path):  # noqa: F8
 
 
 @pytest.mark.parametrize("result", ["", "[]", '{"files": 3}', '{"files": "abc"}', "{" * 100_000, "\x00"])
-def test_a_result_that_is_none_names_nothing(package, tmp_path, result):  # noqa: F811
+def test_a_result_that_is_none_names_nothing(package, tmp_path, capsys, result):  # noqa: F811
+    """And is another program's: ours are whole, and name us."""
     (tmp_path / "result.json").write_text(result)
-    assert run(package, "weigh", "nobody", "--out", tmp_path, "--quiet") == 0
+    assert run(package, "weigh", "nobody", "--out", tmp_path, "--quiet") == 2
+    assert "result.json: would be overwritten" in capsys.readouterr().err
+    assert (tmp_path / "result.json").read_text() == result
 
 
 @pytest.mark.parametrize("out", ["", "  "])

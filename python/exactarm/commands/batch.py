@@ -28,8 +28,9 @@ import exactarm
 from exactarm.commands.execute import execute, parse, parser_of
 from exactarm.commands.listing import find_commands, import_command
 from exactarm.commands.outcome import Asked
+from exactarm.commands.output import ALWAYS, OutputFolder
 from exactarm.commands.plain import sha256
-from exactarm.commands.publish import save, sources
+from exactarm.commands.publish import publish, sources
 from exactarm.commands.result import CommandResult
 from exactarm.commands.steps import JOBS, STEPS
 from exactarm.errors import ComputationError, InputError
@@ -45,6 +46,7 @@ HELP = "many robots from one table: one summary, and only what is new is compute
 KEY = ".batch"
 COLUMNS = ("name", "command", "robot", "files")
 SUMMARY = "summary.parquet"
+WRITES = (SUMMARY,)
 TOO_MANY = "\0cells"  # key of the cells of a row beyond its columns; no column has this name
 _NOT_IN_BATCH = ("batch", "demo")
 _GIVEN = ("out", "threads", "quiet", "debug", "help")  # options that the batch gives to every job itself
@@ -97,8 +99,11 @@ def batch(manifest: AnyManifest, folder: str | Path, *, executor: Executor | Non
     executor: any of concurrent.futures (processes, Dask's `client.get_executor()`); None: one after the
     other. threads: of each job. A job whose inputs have not changed is kept, unless `again`.
     """
-    result = _fleet(manifest, Path(folder), executor, again, seed, threads, progress)
-    save(result, folder)
+    started = time.perf_counter()
+    read = [manifest] if isinstance(manifest, (str, Path)) else []
+    with OutputFolder(Path(folder), [*ALWAYS, *WRITES], read) as place:
+        result = _fleet(manifest, Path(folder), executor, again, seed, threads, progress)
+        publish(result, place, started, progress)
     return result
 
 

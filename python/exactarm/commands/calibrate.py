@@ -16,6 +16,7 @@ from exactarm.commands.error_sections import error_figures, error_table, geometr
 from exactarm.commands.load_section import with_load_section
 from exactarm.commands.memory import within_memory
 from exactarm.commands.next_steps import next_steps
+from exactarm.commands.output import PICTURES, ROBOT_FILES
 from exactarm.commands.payload_section import with_payload_section
 from exactarm.commands.result import CommandResult, estimate
 from exactarm.commands.steps import CHECKING, READING, STEPS
@@ -39,6 +40,7 @@ from exactarm.split import DEFAULT_SEED
 
 NAME = "calibrate"
 HELP = "identify the geometry (and joint compliance) from measured poses"
+WRITES = (*ROBOT_FILES, *PICTURES, "residuals.csv", "payloads.csv")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -16,6 +16,7 @@ from exactarm.commands.calibrate import require_poses
 from exactarm.commands.call import AnyData, AnyRobot, asked, data_of, robot_of, threads_of
 from exactarm.commands.certify_report import Certified, certificate, results_of
 from exactarm.commands.memory import within_memory
+from exactarm.commands.output import PICTURES
 from exactarm.commands.plain import sha256
 from exactarm.commands.result import CommandResult
 from exactarm.commands.steps import CHECKING, JUDGING, READING, STEPS
@@ -37,6 +38,7 @@ from exactarm.verify.uncertainty import budget, by_region
 NAME = "certify"
 HELP = "a certificate: the arm before and after by ISO 9283 and on held-out poses, with its uncertainty"
 PDF = "certificate.pdf"
+WRITES = (*PICTURES, "residuals.csv", PDF)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -15,6 +15,7 @@ from exactarm.commands.arguments import add_map, add_robot
 from exactarm.commands.calibrate import require_poses
 from exactarm.commands.call import AnyData, AnyRobot, asked, data_of, robot_of
 from exactarm.commands.error_sections import unit_of
+from exactarm.commands.output import PICTURES
 from exactarm.commands.result import CommandResult, estimate
 from exactarm.commands.steps import DETECTING, READING, SERIES, STEPS
 from exactarm.commands.suspicions import suspicions
@@ -36,6 +37,7 @@ NOT_SEEN = 0.1  # rad, m: what moves so far is seen without a check
 NAME = "check"
 HELP = "a few poses a day: has something moved, which parameter, since when"
 UNUSED_OPTIONS = ("threads",)
+WRITES = (*PICTURES, "days.csv")
 DAYS_A_YEAR = 250.0  # working days on which the poses are measured
 FEW_DAYS = 5  # within which a change is to be seen, for the table of what the check can see
 UNEXPLAINED = 0.01  # p-value below which no single one of the parameters explains the change

@@ -6,6 +6,7 @@ import argparse
 import json
 from collections.abc import Sequence
 from dataclasses import replace
+from glob import escape
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from exactarm.commands.arguments import add_files, add_map, add_robot
 from exactarm.commands.call import AnyRobot, arguments_of, asked, robot_of, threads_of
 from exactarm.commands.compensate_report import compensation_table, report_of, summary_of
 from exactarm.commands.model_trust import trust_json
+from exactarm.commands.output import PICTURES
 from exactarm.commands.publish import sources
 from exactarm.commands.result import CommandResult
 from exactarm.commands.steps import CORRECTING, FRAMES, STEPS, TRUSTED
@@ -38,6 +40,11 @@ NAME = "compensate"
 HELP = "correct robot programs by the identified model: the same files, with other numbers"
 UNUSED_OPTIONS = ("seed",)  # nothing in it is random
 RESULTS = ("compensation.csv",)
+
+
+def WRITES(arguments: argparse.Namespace) -> list[str]:  # of other commands a tuple
+    """The programs keep their names."""
+    return [*PICTURES, *RESULTS, *(escape(Path(file).name) for file in arguments.files)]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

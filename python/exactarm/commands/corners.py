@@ -28,6 +28,7 @@ NAME = "corners"
 HELP = "pictures of a ChArUco board and a log of joint angles become one table of corners"
 UNUSED_OPTIONS = ("seed", "threads")  # nothing in it is random
 FILE = "corners.csv"
+WRITES = (FILE,)
 LEAST = 6  # corners: a picture with fewer tells nothing that calibrates
 
 

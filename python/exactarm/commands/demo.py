@@ -11,6 +11,7 @@ from typing import Any
 from exactarm.commands.demo_steps import STEPS, Step
 from exactarm.commands.execute import execute, parse
 from exactarm.commands.listing import import_command
+from exactarm.commands.output import PICTURES
 from exactarm.commands.publish import Published
 from exactarm.commands.result import CommandResult
 from exactarm.errors import ComputationError, InputError
@@ -20,6 +21,7 @@ from exactarm.report.numbers import quantities
 
 NAME = "demo"
 HELP = "all of it, on shipped real and simulated data"
+WRITES = PICTURES
 REFERENCE = re.compile(r"\{(example|out)/([^}]+)\}")
 
 

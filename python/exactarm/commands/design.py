@@ -15,6 +15,7 @@ from exactarm.commands.call import AnyRobot, asked, robot_of, threads_of
 from exactarm.commands.closure_design import designed_closures, designed_pictures, designed_readings
 from exactarm.commands.design_for import designed_for, minutes_of, pose_columns
 from exactarm.commands.isolability_table import isolability_columns, isolability_json, isolability_table
+from exactarm.commands.output import PICTURES
 from exactarm.commands.planning_arguments import (
     add_planning,
     add_station,
@@ -52,6 +53,11 @@ from exactarm.split import DEFAULT_SEED
 NAME = "design"
 NOISE_MM = 0.05  # of a measured coordinate: a laser tracker on an arm that repeats to 0.03 mm
 HELP = "optimal measurement poses, and others to validate with"
+
+
+def WRITES(arguments: argparse.Namespace) -> list[str]:  # of other commands a tuple
+    beside = ["isolability.csv"] if arguments.contact is None else ["fixture.toml"]
+    return [*PICTURES, "poses.csv", *beside, *(["measure.*"] if arguments.program else ())]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -15,6 +15,7 @@ from exactarm.commands.design_for import experiment_json
 from exactarm.commands.diagnose_report import report_of
 from exactarm.commands.load_section import with_load_section
 from exactarm.commands.memory import within_memory
+from exactarm.commands.output import PICTURES, ROBOT_FILES
 from exactarm.commands.payload_section import with_payload_section
 from exactarm.commands.result import CommandResult, estimate
 from exactarm.commands.steps import CHECKING, READING, STEPS, step_of, steps_of_kinds
@@ -34,6 +35,7 @@ from exactarm.split import DEFAULT_SEED
 
 NAME = "diagnose"
 DRAFT_FILE = "draft.toml"
+WRITES = (*ROBOT_FILES, *PICTURES, "residuals.csv", DRAFT_FILE)
 HELP = "find what the model lacks: residual, cause, new effect, error before and after"
 
 

@@ -12,11 +12,12 @@ import numpy as np
 from exactarm.chain.extrapolation import extrapolations
 from exactarm.commands.arguments import add_files, add_fixture, add_robot, add_sessions
 from exactarm.commands.call import AnyData, AnyFixture, AnyRobot, asked, data_of, robot_of, threads_of
-from exactarm.commands.certified import with_uncertainty
+from exactarm.commands.certified import FILE, with_uncertainty
 from exactarm.commands.load_section import with_load_section
 from exactarm.commands.memory import within_memory
 from exactarm.commands.next_steps import to_improve
 from exactarm.commands.outcome import Column
+from exactarm.commands.output import PICTURES
 from exactarm.commands.result import CommandResult
 from exactarm.commands.steps import AT_POSES, CHECKING, JUDGING, READING, STEPS
 from exactarm.commands.suspicions import suspicions
@@ -41,6 +42,7 @@ from exactarm.split import DEFAULT_SEED
 
 NAME = "evaluate"
 HELP = "the error of a robot file, as it is, on data it has not seen"
+WRITES = (*PICTURES, "residuals.csv", FILE)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

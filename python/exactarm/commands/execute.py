@@ -9,12 +9,13 @@ import shlex
 import time
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any, NoReturn
 
 from exactarm._core import InvalidArgument
 from exactarm.commands.arguments import add_common
 from exactarm.commands.outcome import Asked
-from exactarm.commands.output import OutputFolder
+from exactarm.commands.output import OutputFolder, may_write
 from exactarm.commands.publish import Published, publish, sources
 from exactarm.commands.result import CommandResult
 from exactarm.dataset import read_dataset
@@ -103,13 +104,20 @@ def _with_columns(arguments: argparse.Namespace) -> argparse.Namespace:
     return argparse.Namespace(**(vars(arguments) | {"files": data}))
 
 
+def _paths_in(arguments: argparse.Namespace) -> list[str | Path]:
+    """Whatever of the arguments could name a file that is read."""
+    given = [value for key, value in vars(arguments).items() if key != "out"]
+    each = [item for value in given for item in (value if isinstance(value, (list, tuple)) else [value])]
+    return [item for item in each if isinstance(item, (str, Path))]
+
+
 def execute(module: Any, arguments: argparse.Namespace, progress: Progress,
             width: int | None = None) -> Published:
     """Does the work and writes all results; on any failure nothing is left half written."""
     arguments.progress = progress
     progress.ends_with(DRAWING)
     started = time.perf_counter()
-    with OutputFolder(arguments.out) as folder:
+    with OutputFolder(arguments.out, may_write(module, arguments), _paths_in(arguments)) as folder:
         try:
             result = module.run(_with_columns(arguments))
         except InputError as error:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
+from glob import escape
 from pathlib import Path
 from typing import Any
 
@@ -33,13 +34,24 @@ HELP = "the identified arm as URDF (patched in place), ur_description, MJCF, tab
 UNUSED_OPTIONS = ("seed", "threads")  # nothing in it is random
 
 
-def _urdf(robot: Robot, source: str | None, given_hash: str | None) -> tuple[str, bytes]:
-    if source is None:
-        return "robot.urdf", urdf_text(robot).encode()
-    return Path(source.partition("#")[0]).name, patched_urdf(robot, source)
+FILES = {"urdf": "robot.urdf", "ur_description": "default_kinematics.yaml", "mjcf": "robot.xml",
+         "csv": "parameters.csv", "offsets": "offsets.txt", "robodk": "station.py"}  # format -> its file
 
 
-def _parameters(robot: Robot, *_: Any) -> tuple[str, bytes]:
+def _name(format: str, source: str | None) -> str:
+    """Of the file written: a patched one keeps its own."""
+    return FILES[format] if source is None else Path(source.partition("#")[0]).name
+
+
+def WRITES(arguments: argparse.Namespace) -> list[str]:  # of other commands a tuple
+    return [escape(_name(arguments.format, arguments.source))]
+
+
+def _urdf(robot: Robot, source: str | None, given_hash: str | None) -> bytes:
+    return urdf_text(robot).encode() if source is None else patched_urdf(robot, source)
+
+
+def _parameters(robot: Robot, *_: Any) -> bytes:
     head = (
         "joint,type,sign,zero_rad,d_m,a_m,alpha_rad,beta_rad,q_offset_rad,"
         "controller_offset_rad,ratio,controller_ratio"
@@ -59,19 +71,16 @@ def _parameters(robot: Robot, *_: Any) -> tuple[str, bytes]:
             robot.controller_ratios[i],
         )
         rows.append(f"{i + 1},{joint.type}," + ",".join(repr(float(number)) for number in numbers))
-    return "parameters.csv", ("\n".join([head, *rows]) + "\n").encode()
+    return ("\n".join([head, *rows]) + "\n").encode()
 
 
-FORMATS: dict[str, Callable[..., tuple[str, bytes]]] = {
+FORMATS: dict[str, Callable[..., bytes]] = {
     "urdf": _urdf,
-    "ur_description": lambda robot, source, given: (
-        "default_kinematics.yaml",
-        kinematics_yaml(robot, given).encode(),
-    ),
-    "mjcf": lambda robot, *_: ("robot.xml", mjcf_text(robot).encode()),
+    "ur_description": lambda robot, source, given: kinematics_yaml(robot, given).encode(),
+    "mjcf": lambda robot, *_: mjcf_text(robot).encode(),
     "csv": _parameters,
-    "offsets": lambda robot, *_: ("offsets.txt", offsets_text(robot).encode()),
-    "robodk": lambda robot, *_: ("station.py", station_script(robot).encode()),
+    "offsets": lambda robot, *_: offsets_text(robot).encode(),
+    "robodk": lambda robot, *_: station_script(robot).encode(),
 }
 
 
@@ -105,7 +114,8 @@ def export(
         raise InputError(f"robot {arm.name} declares no geometry; expected one to export", file=arm.file)
     if format not in FORMATS:
         raise InputError(f"format {format!r}; expected one of {', '.join(FORMATS)}")
-    name, content = FORMATS[format](arm, None if source is None else str(source), hash)
+    given = None if source is None else str(source)
+    name, content = _name(format, given), FORMATS[format](arm, given, hash)
     cost = lost(arm, _flange_poses(arm, format))
     verdict = (
         f"{name} is written. By what the format cannot carry, the flange is off by "
@@ -117,7 +127,7 @@ def export(
         if cost.parts
         else "All of the model is in the file."
     )
-    options = {"format": format, "source": None if source is None else str(source), "hash": hash}
+    options = {"format": format, "source": given, "hash": hash}
     return CommandResult(
         json={
             "format": format,

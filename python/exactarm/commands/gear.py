@@ -12,6 +12,7 @@ from exactarm.commands.arguments import add_files, add_robot
 from exactarm.commands.call import AnyData, AnyRobot, asked, data_of, robot_of, threads_of
 from exactarm.commands.gear_report import gear_report
 from exactarm.commands.memory import within_memory
+from exactarm.commands.output import PICTURES, ROBOT_FILES
 from exactarm.commands.result import CommandResult, estimate
 from exactarm.commands.steps import CHECKING, READING, STEPS
 from exactarm.commands.suspicions import suspicions
@@ -25,6 +26,7 @@ from exactarm.split import DEFAULT_SEED
 
 NAME = "gear"
 HELP = "gear ratio and its harmonics per axis and direction, from gear runs"
+WRITES = (*ROBOT_FILES, *PICTURES, "residuals.csv")
 _LEVEL = 1.96  # a million samples: Student's t is the normal distribution
 
 

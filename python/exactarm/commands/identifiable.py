@@ -14,6 +14,7 @@ import numpy as np
 from exactarm.chain import Layout
 from exactarm.commands.arguments import add_files, add_fixture, add_robot
 from exactarm.commands.call import AnyRobot, arguments_of, asked, robot_of, threads_of
+from exactarm.commands.output import PICTURES
 from exactarm.commands.planning_arguments import (
     add_noise,
     add_planning,
@@ -59,6 +60,7 @@ from exactarm.split import DEFAULT_SEED
 
 NAME = "identifiable"
 HELP = "which parameters the planned or measured poses can identify, and which collide with which"
+WRITES = (*PICTURES, "parameters.csv")
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from exactarm.commands.call import AnyData, AnyRobot, asked, data_of, robot_of, 
 from exactarm.commands.error_sections import SETS, error_table, highlights, parameter_table, unit_of
 from exactarm.commands.memory import within_memory
 from exactarm.commands.next_steps import next_steps
+from exactarm.commands.output import PICTURES, ROBOT_FILES
 from exactarm.commands.payload_section import with_payload_section
 from exactarm.commands.result import CommandResult, estimate
 from exactarm.commands.steps import CHECKING, READING, STEPS
@@ -39,6 +40,7 @@ from exactarm.split import DEFAULT_SEED
 
 NAME = "identify"
 HELP = "identify masses, rotors and friction from motion data"
+WRITES = (*ROBOT_FILES, *PICTURES, "residuals.csv", "payloads.csv")
 _NANOMETRE = 9  # decimals of a metre: a centre on an axis is there but for rounding
 
 

@@ -15,6 +15,7 @@ from functools import partial
 import numpy as np
 
 from exactarm.commands.arguments import add_robot
+from exactarm.commands.output import PICTURES, ROBOT_FILES
 from exactarm.commands.result import CommandResult
 from exactarm.commands.steps import CALIBRATING, EXECUTING, MEASURING, STEPS
 from exactarm.controller_frames import base_in_device, target_on_flange
@@ -42,6 +43,7 @@ from exactarm.simulate.virtual_robot import placed
 
 NAME = "loop"
 HELP = "the full loop on a virtual robot: identify, plan, execute, measure, diagnose, plan and execute again"
+WRITES = (*ROBOT_FILES, *PICTURES, "tracking.csv", "truth.toml")
 # of the springs over their stiffness: an undamped arm would ring from the first reversal on
 _DAMPING_S = 1e-3
 ROUNDS = ("as drawn", "calibrated", "diagnosed")

@@ -30,6 +30,7 @@ NAME = "merge"
 HELP = "points of a tracker's program as text and a log of joint angles become one table of poses"
 UNUSED_OPTIONS = ("seed", "threads")  # nothing in it is random
 FILE = "poses.csv"
+WRITES = (FILE,)
 LISTED = 10  # names in one sentence
 
 

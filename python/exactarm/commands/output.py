@@ -9,12 +9,15 @@ lists every file that a run has put here: a result takes the place of those alon
 
 from __future__ import annotations
 
+import argparse
 import fcntl
 import json
 import os
 import shutil
 import uuid
 from collections.abc import Iterable, Mapping, Sequence
+from fnmatch import fnmatchcase
+from glob import escape
 from pathlib import Path
 from typing import Any
 
@@ -28,13 +31,26 @@ from exactarm.errors import InputError
 RESULT = "result.json"
 PARTIAL = ".partial"
 WRITTEN = ".written"  # names, one a line; grows before a file is put in place, so a killed run knows its own
+PLOTS = "plots"
+ALWAYS = (RESULT, "report.html")
+PICTURES = (f"{PLOTS}/*.svg", f"{PLOTS}/*.png")
+ROBOT_FILES = ("robot.toml", "robot.urdf")
+
+
+def may_write(module: Any, arguments: argparse.Namespace) -> list[str]:
+    """Names (patterns of fnmatch) that a command may write: its `WRITES`, a tuple, or a function of its
+    arguments."""
+    own = getattr(module, "WRITES", ())
+    return [*ALWAYS, *(own(arguments) if callable(own) else own)]
 
 
 class OutputFolder:
     """DIR of one run; a context manager that leaves nothing half written."""
 
-    def __init__(self, path: Path):
+    def __init__(self, path: Path, writes: Iterable[str] = ALWAYS, inputs: Iterable[Any] = ()):
+        """writes: patterns of the names that may be written; inputs: files that the run reads."""
         self.path, self._partial = Path(path), Path(path) / PARTIAL
+        self._writes, self._inputs = tuple(writes), tuple(inputs)
         self.run, self._owned = uuid.uuid4().hex, -1
 
     def __enter__(self) -> OutputFolder:
@@ -46,9 +62,12 @@ class OutputFolder:
             shutil.rmtree(self._partial, ignore_errors=True)
             self._partial.mkdir()
             self._own_files_of(self.path / RESULT)
+            if (self.path / WRITTEN).exists():
+                self._note(())
+            self._require_free(self._writes, self._inputs)
             (self.path / RESULT).unlink(missing_ok=True)
         except OSError as error:
-            self._unlock()
+            self.__exit__() if mine else self._unlock()
             raise InputError(f"cannot write here ({error.strerror}), expected a folder",
                              file=self.path) from error
         except BaseException:  # a signal here would find no `with` to end
@@ -111,12 +130,8 @@ class OutputFolder:
     def publish(self, inputs: Iterable[Any] = ()) -> list[Path]:
         """Renames all files into place, `result.json` last, over none that the run has read or that no run
         has written. Returns their paths."""
-        read, own = {Path(path).resolve() for path in inputs}, self._written()
-        for name in self._names():
-            target = self.path / name
-            if target.resolve() in read or (target.is_file() and str(name) not in own):
-                raise InputError("would be overwritten by the result of the same name; expected another "
-                                 "--out", file=target)
+        own = self._written()
+        self._require_free([escape(str(name)) for name in self._names()], inputs)
         self._note(str(name) for name in self._names() if str(name) not in own)
         names = sorted(self._names(), key=lambda name: name == Path(RESULT))
         for name in names:
@@ -125,6 +140,28 @@ class OutputFolder:
             os.replace(self._partial / name, target)
         return [self.path / name for name in names]
 
+    def _require_free(self, patterns: Sequence[str], inputs: Iterable[Any]) -> None:
+        """Refuses what results of such names could not, or must not, replace."""
+        read, own = {Path(path).resolve() for path in inputs}, self._written()
+        there = [*self.path.iterdir()]
+        if any(pattern.startswith(f"{PLOTS}/") for pattern in patterns) and os.path.lexists(
+            plots := self.path / PLOTS
+        ):
+            if plots.is_symlink() or not plots.is_dir() or not os.access(plots, os.W_OK):
+                raise InputError("stands where a folder of plots is to be written; expected another --out",
+                                 file=plots)
+            there += plots.iterdir()
+        for target in there:
+            name = target.relative_to(self.path).as_posix()
+            if not any(fnmatchcase(name, pattern) for pattern in patterns):
+                continue
+            if target.is_dir():
+                raise InputError("is a folder where a result is to be written; expected another --out",
+                                 file=target)
+            if target.resolve() in read or name not in own:
+                raise InputError("would be overwritten by the result of the same name; expected another "
+                                 "--out", file=target)
+
     def _note(self, names: Iterable[str]) -> None:
         with (self.path / WRITTEN).open("a", encoding="utf-8") as file:
             file.writelines(f"{name}\n" for name in names)
@@ -132,10 +169,13 @@ class OutputFolder:
     def _own_files_of(self, result: Path) -> None:
         """Notes what a result names as its own: a folder of an earlier version, or a copy, has no list."""
         try:
-            files = json.loads(result.read_text(encoding="utf-8"))["files"]
-        except (OSError, ValueError, KeyError, TypeError, RecursionError):
+            known = json.loads(result.read_text(encoding="utf-8"))
+        except (OSError, ValueError, RecursionError):
             return
-        own, names = self._written(), [RESULT, *files] if isinstance(files, dict) else []
+        if not isinstance(known, dict) or "exactarm" not in known:
+            return
+        own, files = self._written(), known.get("files")
+        names = [RESULT, *(files if isinstance(files, dict) else ())]
         self._note(name for name in names if name not in own and "\n" not in name)
 
     def _written(self) -> set[str]:

@@ -15,6 +15,7 @@ from exactarm.chain.direction import TRANSITION_S, reversals
 from exactarm.commands.arguments import add_robot
 from exactarm.commands.call import AnyRobot, asked, robot_of, threads_of
 from exactarm.commands.model_trust import thinned, trust_highlights, trust_json, trust_text
+from exactarm.commands.output import PICTURES
 from exactarm.commands.result import CommandResult
 from exactarm.commands.steps import PLANNING, STEPS, TRUSTED
 from exactarm.errors import InputError
@@ -34,6 +35,10 @@ from exactarm.split import DEFAULT_SEED
 NAME = "plan"
 HELP = "motor trajectory that puts the flange on a path (line, spiral, or a path file)"
 UNUSED_OPTIONS = ("seed",)  # nothing in it is random
+
+
+def WRITES(arguments: argparse.Namespace) -> list[str]:  # of other commands a tuple
+    return [*PICTURES, f"trajectory.{arguments.format}", *([FILES[arguments.send]] if arguments.send else ())]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -7,13 +7,14 @@ import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
+from glob import escape
 from importlib import metadata
 from pathlib import Path
 from typing import Any
 
 import exactarm
 from exactarm.commands.outcome import Asked, Outcome
-from exactarm.commands.output import OutputFolder
+from exactarm.commands.output import ALWAYS, PLOTS, ROBOT_FILES, OutputFolder
 from exactarm.commands.plain import plain, rows_of, sha256
 from exactarm.errors import ComputationError, InputError
 from exactarm.progress import SILENT, Progress
@@ -42,9 +43,19 @@ class Published:
 def save(result: Outcome, folder: str | Path, progress: Progress = SILENT) -> Path:
     """Writes a result that Python holds; returns the path of its report."""
     started = time.perf_counter()
-    with OutputFolder(Path(folder)) as place:
+    read = [*result.inputs, *(source.path for source in (result.asked.files if result.asked else ()))]
+    with OutputFolder(Path(folder), [escape(name) for name in _names(result)], read) as place:
         publish(result, place, started, progress)
     return Path(folder) / "report.html"
+
+
+def _names(result: Outcome) -> list[str]:
+    """Of all files that `publish` writes."""
+    robot = ROBOT_FILES if result.robot is not None else ()
+    pictures = [f"{PLOTS}/{figure.name}.{kind}" for figure in result.report.figures
+                for kind in ("svg", "png")]
+    printed = [result.pdf] if result.pdf else []
+    return [*ALWAYS, *robot, *result.tables, *result.texts, *result.contents, *pictures, *printed]
 
 
 def publish(result: Outcome, folder: OutputFolder, started: float, progress: Progress = SILENT,

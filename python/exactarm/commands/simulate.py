@@ -20,15 +20,16 @@ import numpy as np
 from exactarm.commands import compare
 from exactarm.commands.arguments import add_files, add_robot
 from exactarm.commands.call import AnyRobot, arguments_of, asked, robot_of, threads_of
+from exactarm.commands.output import PICTURES
 from exactarm.commands.publish import sources
 from exactarm.commands.result import CommandResult
-from exactarm.commands.virtual_measurements import MEASURES, SHOW_THE_TARGET, Played
+from exactarm.commands.virtual_measurements import FILES, FIXTURE_FILES, MEASURES, SHOW_THE_TARGET, Played
 from exactarm.dataset import Dataset, dataset_columns, read_planned_poses
 from exactarm.errors import InputError
 from exactarm.generic_masses import with_generic_masses
 from exactarm.identify.joint_limits import beyond_limits
 from exactarm.identify.statistics import summarise
-from exactarm.kinds import MOTION, POSES, TRACKED_MOTION
+from exactarm.kinds import CLOSURES, MOTION, POSES, TRACKED_MOTION
 from exactarm.progress import SILENT, Progress
 from exactarm.report import Highlight, Highlights, Quantity, Report, Text
 from exactarm.report.numbers import quantity
@@ -41,8 +42,15 @@ from exactarm.split import DEFAULT_SEED
 
 NAME = "simulate"
 HELP = "play a trajectory or measure poses, gears and motions on a virtual robot"
-
 HIDDEN_OPTIONS = ("--effect",)  # the truth stands in truth.toml alone
+
+
+def WRITES(arguments: argparse.Namespace) -> list[str]:  # of other commands a tuple
+    if arguments.compare is not None:
+        return [*PICTURES, "truth.toml", "compare.csv"]
+    asked = [arguments.measure] if arguments.measure else [POSES.measured_as, TRACKED_MOTION.measured_as]
+    beside = FIXTURE_FILES if CLOSURES.measured_as in asked else ()
+    return [*PICTURES, "truth.toml", *(FILES[measure] for measure in asked), *beside]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -19,6 +19,7 @@ import numpy as np
 from exactarm.commands.arguments import add_robot
 from exactarm.commands.call import AnyRobot, arguments_of, asked, robot_of, threads_of
 from exactarm.commands.compare import BETWEEN, Motion, play
+from exactarm.commands.output import PICTURES
 from exactarm.commands.result import CommandResult
 from exactarm.commands.steps import CASES, STEPS
 from exactarm.commands.study_case import Case
@@ -38,6 +39,7 @@ from exactarm.split import DEFAULT_SEED
 NAME = "study"
 HELP = "the weight of the input: accuracy against bandwidth, acceleration against jerk as the input"
 UNUSED_OPTIONS = ("seed",)  # nothing in it is random
+WRITES = (*PICTURES, "study.csv")
 WEIGHTS = tuple(10.0**k for k in range(-14, -5))
 SAME_COST_RAD_S = 100.0  # where a jerk costs what an acceleration does
 # of the acceleration; above it the flange leaves the path by a tenth of a millimetre and more

@@ -30,6 +30,7 @@ from exactarm.simulate import (
 from exactarm.simulate.closures import fixture_text, measure_closures
 from exactarm.simulate.independent import independent_path
 from exactarm.simulate.measure import true_path
+from exactarm.simulate.partner import FILE as PARTNER_FILE
 from exactarm.simulate.profiles import excitation, limit
 
 _SPEEDS = (0.4, 0.3)  # of the largest rate, as in the thesis (3.1.2)
@@ -77,7 +78,7 @@ def _poses(arguments: argparse.Namespace, virtual: VirtualRobot, planned: Datase
         approach=None if planned is None else planned.joints.get("approach"),
         torques=arguments.torques is not None,
     )
-    return Played(data, "measured.csv")
+    return Played(data, FILES[POSES.measured_as])
 
 
 def _closures(arguments: argparse.Namespace, virtual: VirtualRobot, planned: Dataset | None,
@@ -88,7 +89,7 @@ def _closures(arguments: argparse.Namespace, virtual: VirtualRobot, planned: Dat
     texts = {"fixture.toml": fixture_text(fixture)}
     if (partner := fixture.partner) is not None:
         texts[partner.file] = robot_text(partner.robot)
-    return Played(data, "closures.csv", texts=texts)
+    return Played(data, FILES[CLOSURES.measured_as], texts=texts)
 
 
 def _gear(arguments: argparse.Namespace, virtual: VirtualRobot, planned: Dataset | None,
@@ -115,7 +116,7 @@ def _gear(arguments: argparse.Namespace, virtual: VirtualRobot, planned: Dataset
             virtual, [axis], speeds, arguments.repeats, _sensors(arguments), random, arguments.rate or 1000.0,
             in_motion=arguments.in_motion,
         ))
-    return Played(_joined(parts), "gear_runs.parquet")
+    return Played(_joined(parts), FILES[GEAR_RUN.measured_as])
 
 
 def _joined(parts: list[Dataset]) -> Dataset:
@@ -148,7 +149,7 @@ def _motion(arguments: argparse.Namespace, virtual: VirtualRobot, planned: Datas
     damping = 1e-3 if arguments.damping is None else arguments.damping
     data = measure_motion(virtual, time, theta, _sensors(arguments), random, run=run, joints=joints,
                           quasi_static=arguments.quasi_static, damping_s=damping)
-    return Played(data, "motion.parquet")
+    return Played(data, FILES[MOTION.measured_as])
 
 
 def _tracked(arguments: argparse.Namespace, virtual: VirtualRobot, planned: Dataset | None,
@@ -168,7 +169,7 @@ def _tracked(arguments: argparse.Namespace, virtual: VirtualRobot, planned: Data
     if planned.position is not None:
         desired = make_interp_spline(planned.sample_times, planned.position, k=5)(time)
         tracking = np.linalg.norm(flange - desired, axis=1)
-    return Played(data, "tracked.csv", tracking)
+    return Played(data, FILES[TRACKED_MOTION.measured_as], tracking)
 
 
 def _resampled(planned: Dataset, robot: Robot,
@@ -205,4 +206,10 @@ MEASURES = {
     POSES.measured_as: _poses, GEAR_RUN.measured_as: _gear, MOTION.measured_as: _motion,
     TRACKED_MOTION.measured_as: _tracked, CLOSURES.measured_as: _closures,
 }
+FILES = {
+    POSES.measured_as: "measured.csv", GEAR_RUN.measured_as: "gear_runs.parquet",
+    MOTION.measured_as: "motion.parquet", TRACKED_MOTION.measured_as: "tracked.csv",
+    CLOSURES.measured_as: "closures.csv",
+}
+FIXTURE_FILES = ("fixture.toml", PARTNER_FILE)  # beside closures
 SHOW_THE_TARGET = (POSES.measured_as, TRACKED_MOTION.measured_as, CLOSURES.measured_as)

@@ -1,0 +1,183 @@
+"""A folder that could not take the results is refused before the work: exit 2, one line, what stood there
+stands there still."""
+
+import os
+import re
+import sys
+from pathlib import Path
+
+import pytest
+
+import exactarm as ea
+from exactarm import cli
+from exactarm.commands.execute import parse
+from exactarm.commands.listing import find_commands, import_command
+from exactarm.commands.output import ALWAYS, OutputFolder, may_write
+from exactarm.errors import InputError
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+from robustness.short_runs import RUNS, prepare, words_of
+
+ROOT = os.geteuid() == 0
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    made = tmp_path_factory.mktemp("samples")
+    prepare(made)
+    return made
+
+
+def idle(command: str, monkeypatch):
+    """The command's module, its work taken out."""
+    module = import_command(command)
+
+    def work(_):
+        raise AssertionError("the work has begun")
+
+    monkeypatch.setattr(module, "run", work)
+    return module
+
+
+def one_line(words, capsys) -> str:
+    assert cli.main(words) == 2
+    told = capsys.readouterr().err
+    assert re.fullmatch(r"exactarm: error: [^\n]+\n", told), told
+    return told
+
+
+@pytest.mark.parametrize("command", RUNS)
+def test_a_file_of_the_user_is_found_before_the_work(command, folder, tmp_path, monkeypatch, capsys):
+    words = words_of(command, folder, tmp_path / "out")
+    module = idle(command, monkeypatch)
+    (tmp_path / "out").mkdir()
+    for pattern in may_write(module, parse(module, words[1:])):
+        mine = tmp_path / "out" / pattern.replace("[[]", "[").replace("*", "mine")
+        mine.parent.mkdir(exist_ok=True)
+        mine.write_text("mine")
+        told = one_line(words, capsys)
+        assert f"{mine}: would be overwritten by the result of the same name; expected another --out" in told
+        assert mine.read_text() == "mine"
+        mine.unlink()
+    if (tmp_path / "out/plots").exists():
+        (tmp_path / "out/plots").rmdir()
+    assert [path.name for path in (tmp_path / "out").iterdir()] == []
+
+
+def _file(out):
+    out.write_text("x")
+
+
+def _under_a_file(out):
+    out.parent.write_text("x")
+
+
+def _dangling(out):
+    out.symlink_to(out.parent / "nowhere" / "x")
+
+
+def _folder_of_that_name(out):
+    (out / "report.html").mkdir(parents=True)
+
+
+def _dangling_result(out):
+    out.mkdir()
+    (out / "residuals.csv").symlink_to("nowhere")
+
+
+def _plots_file(out):
+    out.mkdir()
+    (out / "plots").write_text("x")
+
+
+def _plots_elsewhere(out):
+    out.mkdir()
+    (out.parent / "elsewhere").mkdir()
+    (out / "plots").symlink_to("../elsewhere")
+
+
+def _own_result(out):
+    out.mkdir()
+    (out / "result.json").write_text('{"of": "another program"}')
+
+
+def _read_only(out):
+    out.mkdir(mode=0o500)
+
+
+def _locked_list(out):
+    (out / ".written").mkdir(parents=True)
+
+
+OBSTACLES = {
+    _file: "expected a folder", _under_a_file: "expected a folder", _dangling: "expected a folder",
+    _folder_of_that_name: "report.html: is a folder where a result is to be written",
+    _dangling_result: "residuals.csv: would be overwritten",
+    _plots_file: "plots: stands where a folder of plots is to be written",
+    _plots_elsewhere: "plots: stands where a folder of plots is to be written",
+    _own_result: "result.json: would be overwritten",
+    _read_only: "expected a folder", _locked_list: "expected a folder",
+}
+
+
+@pytest.mark.parametrize("obstacle", OBSTACLES)
+def test_what_stands_in_the_way_is_found_before_the_work(obstacle, tmp_path, monkeypatch, capsys):
+    if obstacle is _read_only and ROOT:
+        pytest.skip("root writes everywhere")
+    out = tmp_path / "parent" / "out"
+    if obstacle is not _under_a_file:
+        out.parent.mkdir()
+    obstacle(out)
+    idle("calibrate", monkeypatch)
+    told = one_line(["calibrate", "ur10", "ur10/series_B", "--out", str(out)], capsys)
+    assert OBSTACLES[obstacle] in told
+
+
+@pytest.mark.parametrize("out", ["/proc/x", "", " ", "x" * 300, "a\0b"])
+def test_a_folder_that_cannot_be_made_is_found_before_the_work(out, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    idle("calibrate", monkeypatch)
+    told = one_line(["calibrate", "ur10", "ur10/series_B", "--out", out], capsys)
+    assert "expected" in told and list(tmp_path.iterdir()) == []
+
+
+def test_a_result_that_the_run_reads_is_found_before_the_work(tmp_path, monkeypatch, capsys):
+    """As `calibrate out/robot.toml ... --out out`: the file is of an earlier run, and an input of this one."""
+    result = ea.export("ur10", format="urdf")
+    result.save(tmp_path)
+    idle("gear", monkeypatch)
+    words = ["gear", str(tmp_path / "robot.urdf"), "kr300/run_A", "--out", str(tmp_path)]
+    assert "robot.urdf: would be overwritten" in one_line(words, capsys)
+    assert (tmp_path / "result.json").exists()  # a refused run costs no earlier result
+
+
+def test_functions_with_a_folder_refuse_it_before_the_work(tmp_path, monkeypatch):
+    (tmp_path / "summary.parquet").write_text("mine")
+    monkeypatch.setattr("exactarm.commands.batch.run_job", lambda *_: pytest.fail("the work has begun"))
+    with pytest.raises(InputError, match="summary.parquet: would be overwritten"):
+        ea.batch([{"command": "export", "robot": "ur10", "format": "csv"}], tmp_path)
+    result = ea.export("ur10", format="csv")
+    (tmp_path / "parameters.csv").write_text("mine")
+    monkeypatch.setattr("exactarm.commands.publish.draw", lambda *_: pytest.fail("the work has begun"))
+    with pytest.raises(InputError, match="parameters.csv: would be overwritten"):
+        result.save(tmp_path)
+
+
+def test_what_comes_into_the_way_during_the_work_is_found_at_its_end(tmp_path):
+    with OutputFolder(tmp_path, ["a.csv", *ALWAYS]) as folder:
+        folder.write_text("a.csv", "result")
+        folder.write_result({})
+        (tmp_path / "a.csv").mkdir()
+        with pytest.raises(InputError, match=r"a\.csv: is a folder where a result is to be written"):
+            folder.publish()
+        (tmp_path / "a.csv").rmdir()
+        (tmp_path / "a.csv").write_text("mine")
+        with pytest.raises(InputError, match=r"a\.csv: would be overwritten"):
+            folder.publish()
+
+
+def test_every_command_says_what_it_writes():
+    """`accept` writes into the library of effects alone. That nothing else is written, conftest.py looks at in
+    every test."""
+    silent = [name for name in find_commands() if not hasattr(import_command(name), "WRITES")]
+    assert silent == ["accept"]
