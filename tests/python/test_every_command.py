@@ -8,18 +8,22 @@ import re
 import shutil
 import subprocess
 import sys
+from fnmatch import fnmatch
 from pathlib import Path
 
 import pytest
 
 from exactarm import cli
-from exactarm.commands.output import OutputFolder
+from exactarm.commands.execute import parse
+from exactarm.commands.listing import import_command
+from exactarm.commands.output import WRITTEN, OutputFolder, may_write
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from robustness.short_runs import RUNS, environment, prepare, words_of
 
 PACKAGE, WATCHED = Path(cli.__file__).parents[1], Path(__file__).parents[1] / "robustness/watched.py"
+PARTS = {"batch": ["*/*"], "demo": ["*/*"]}  # folders that commands of their own write
 CHANGES = ("run", "seconds", "files", "asked", "pdf")  # keys of result.json that a second run has anew
 PLANNED_IN = r"iterations and [0-9.]+ \w*s\b"  # how long a plan took, in a verdict
 LEAST_FILE = 4096  # bytes that a file may have on the full disk
@@ -75,6 +79,11 @@ def test_a_command_gives_the_same_bits_and_touches_nothing_else(command, folder,
                    TMPDIR=str(folder / "tmp"))
         assert (done.returncode, done.stderr) == (0, "")
         found.append(content(tmp_path / "out"))
+        module, words = import_command(command), words_of(command, folder, tmp_path / "out")
+        declared = may_write(module, parse(module, words[1:])) + PARTS.get(command, [])
+        written = [path.relative_to(tmp_path / "out").as_posix() for path in (tmp_path / "out").rglob("*")
+                   if path.is_file() and path.name != WRITTEN]
+        assert [name for name in written if not any(fnmatch(name, each) for each in declared)] == []
         shutil.rmtree(tmp_path / "out")
     assert len(found[0]) > 0 and found[0].keys() == found[1].keys()
     assert [name for name in found[0] if found[0][name] != found[1][name]] == []

@@ -142,7 +142,7 @@ def test_a_folder_that_cannot_be_made_is_found_before_the_work(out, tmp_path, mo
 
 
 def test_a_result_that_the_run_reads_is_found_before_the_work(tmp_path, monkeypatch, capsys):
-    """As `calibrate out/robot.toml ... --out out`: the file is of an earlier run, and an input of this one."""
+    """As `calibrate out/robot.toml ... --out out`: the file is of an earlier run and an input of this one."""
     result = ea.export("ur10", format="urdf")
     result.save(tmp_path)
     idle("gear", monkeypatch)
@@ -177,7 +177,7 @@ def test_what_comes_into_the_way_during_the_work_is_found_at_its_end(tmp_path):
 
 
 def test_every_command_says_what_it_writes():
-    """`accept` writes into the library of effects alone. That nothing else is written, conftest.py looks at in
-    every test."""
+    """`accept` writes into the library of effects alone. conftest.py holds in every test that nothing else is
+    written."""
     silent = [name for name in find_commands() if not hasattr(import_command(name), "WRITES")]
     assert silent == ["accept"]
