@@ -396,6 +396,5 @@ def test_a_robot_without_gears_reports_exact_angles_unless_counts_are_asked_for(
     np.testing.assert_array_equal(exact, q - robot.controller_offsets)
     step = 2.0 * np.pi / 2**16
     np.testing.assert_allclose(counted / step, np.round(counted / step), atol=1e-6)
-    geared = load_robot("racer-7-1.4")
-    theta = measure_poses(VirtualRobot.of(geared), q, Sensors(), random).joints["theta"]
+    theta = measure_poses(VirtualRobot.of(load_robot("racer-7-1.4")), q, Sensors(), random).joints["theta"]
     np.testing.assert_allclose(theta / step, np.round(theta / step), atol=1e-5)
