@@ -47,15 +47,17 @@ def with_run_outs_found(hidden, seed=1):
     return problem, fitted, len(declared.effects), templates, count
 
 
-def test_every_axis_gets_the_curve_that_it_asks_for():
+@pytest.mark.parametrize("seed", [1, 2])
+def test_every_axis_gets_the_curve_that_it_asks_for(seed):
     hidden = lambda rng: [curve(axis, 3e-5, 1.0, 40, rng) for axis in (1, 2, 3)]
-    problem, fitted, first, templates, count = with_run_outs_found(hidden)
+    problem, fitted, first, templates, count = with_run_outs_found(hidden, seed)
     effects = with_curves(problem, fitted, first, templates, count)
     curves = {effect.joint: effect for effect in effects if effect.any_curve}
     assert {1, 2, 3} <= set(curves)
     # Nothing is hidden on the others: what a curve there may take is an order of magnitude less.
     assert all(effect.curve_rad <= 3e-6 for axis, effect in curves.items() if axis > 3)
-    assert all(1e-5 <= curves[axis].curve_rad <= 1e-4 for axis in (1, 2, 3))
+    # The amplitude is the drawn one, not one beside a noise that the curves were part of.
+    assert all(curves[axis].curve_rad == 3e-5 for axis in (1, 2, 3))
     # The run-out is part of the curve now.
     assert [effect.joint for effect in effects].count(2) == 1
     before = problem.errors(fitted, problem.data)

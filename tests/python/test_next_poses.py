@@ -8,7 +8,7 @@ import pytest
 from exactarm.chain import Layout, predict_poses
 from exactarm.dataset import Dataset
 from exactarm.diagnose.confusion import Place
-from exactarm.diagnose.next_poses import PAYLOAD_KG, next_poses, sentence_of, told_by
+from exactarm.diagnose.next_poses import PAYLOAD_KG, Experiment, next_poses, sentence_of, told_by
 from exactarm.diagnose.pose_problem import PoseProblem
 from exactarm.effects.gear_ratio import GearRatio
 from exactarm.effects.joint_compliance import JointCompliance
@@ -89,6 +89,13 @@ def test_sentence_names_poses_causes_bits_and_minutes(experiments):
     assert "of 1.00 bits" in text and "minutes" in text
     assert text == sentence_of(next_poses(robot, fitted,
                                           [Place(fitted.layout.effects[-1], 0.5, ((RATIO, 0.5),))], 0))
+
+
+@pytest.mark.parametrize("poses, time", [(1, "in less than a minute "), (2, "in some 1 minute "),
+                                         (6, "in some 3 minutes ")])
+def test_time_is_said_as_a_person_says_it(poses, time):
+    experiment = Experiment(np.zeros((poses, 6)), 0.0, 1.0, 1.0, "one or the other")
+    assert time in sentence_of([experiment])
 
 
 def test_mounting_a_payload_costs_its_minutes(experiments):

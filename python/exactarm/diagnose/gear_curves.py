@@ -15,6 +15,12 @@ n: independent numbers:
 
 A parameter without prior has that of unit information, standard deviation sqrt(n) / |column| (Kass and
 Wasserman 1995). A curve pays log(number of laws), and all together must lower the cross-validated error.
+
+The columns stand in the noise of a fit without the curves, which is larger than what they leave: priors that
+are lengths (rad) are divided by the ratio s of both, estimated anew after every pass with N numbers of data
+and g = tr(B'B (I + B'B)^-1) of them spent (MacKay 1992, eq. 4.8):
+
+    s² = |r - B v|² / (N - g),  v the posterior mean
 """
 
 from __future__ import annotations
@@ -31,16 +37,21 @@ from exactarm.diagnose.scan import free_mask, linear_columns, prior_of
 from exactarm.effects.base import Effect
 
 _LEAST_GAIN = 5.0  # nats that a curve must be likelier by than what it replaces, as for any cause
-_PASSES = 5  # over all axes; two or three are enough
+_PASSES = 10  # over all axes and the noise that they leave; four or five are enough
 
 
 @dataclass(frozen=True)
 class _Choice:
     """What an axis may have: effects, and for all columns of the axis (k,) the standard deviations of their
-    priors, 0 = not there."""
+    priors, 0 = not there; in_noise (k,) bool: those of unit information, which grow with the noise."""
 
     effects: tuple[Effect, ...]
     sizes: np.ndarray
+    in_noise: np.ndarray
+
+    def beside(self, noise: float) -> np.ndarray:
+        """(k,) the sizes where the noise is so many times that of the columns."""
+        return np.where(self.in_noise, self.sizes, self.sizes / noise)
 
 
 def with_curves(problem: Problem, fitted: Fitted, first: int, templates: list[Effect],
@@ -62,11 +73,11 @@ def with_curves(problem: Problem, fitted: Fitted, first: int, templates: list[Ef
                                          if same_family(found[place], template)], count)
             for template in templates]
     picture = _Linear(without, [columns for columns, _ in axes], count)
-    chosen = picture.chosen([choices for _, choices in axes])
+    chosen, noise = picture.chosen([choices for _, choices in axes])
     if not any(chosen):
         return None
-    now, then = ([choices[k].sizes for (_, choices), k in zip(axes, which)]
-                 for which in ([0] * len(axes), chosen))
+    now = np.concatenate([choices[0].sizes for _, choices in axes])
+    then = np.concatenate([choices[k].beside(noise) for (_, choices), k in zip(axes, chosen)])
     folds = folds_of(problem.groups(), problem.seed)
     fall = picture.held_out(now, folds) - picture.held_out(then, folds)
     if fall.mean() <= fall.std(ddof=1) / np.sqrt(len(fall)):  # one standard error, as for forms (forms.py)
@@ -85,12 +96,14 @@ def _choices(without: Fitted, template: Effect, found: list[Effect],
            for effect in found]
     columns = np.concatenate([*own, linear_columns(without, longest)], axis=1)
     width = columns.shape[1] - sum(part.shape[1] for part in own)
-    sizes = []
+    sizes, known = [], []
     for effect, part in zip(found, own):
         prior, beside = prior_of(effect), part - without.basis @ (without.basis.T @ part)
         length = np.linalg.norm(beside, axis=0)
         unit = np.sqrt(count) / np.maximum(length, 1e-300)
         sizes.append(np.where(np.isfinite(prior), prior, np.where(length > 0.0, unit, 0.0)))
+        known.append(np.isfinite(prior))
+    in_noise = ~np.concatenate([*known, np.ones(width, bool)])
 
     def choice(kept: list[bool], law: Effect | None) -> _Choice:
         curve = np.zeros(width)
@@ -99,7 +112,7 @@ def _choices(without: Fitted, template: Effect, found: list[Effect],
             curve[: len(prior)] = prior
         effects = tuple(effect for effect, keep in zip(found, kept) if keep)
         return _Choice(effects + (() if law is None else (law,)),
-                       np.concatenate([*(size * keep for size, keep in zip(sizes, kept)), curve]))
+                       np.concatenate([*(size * keep for size, keep in zip(sizes, kept)), curve]), in_noise)
 
     choices = [choice([True] * len(found), None)]
     for law in laws:
@@ -125,23 +138,37 @@ class _Linear:
         self.onto = self.columns.T @ residual
         self.square = float(residual @ residual)
 
-    def chosen(self, axes: list[list[_Choice]]) -> list[int]:
-        """For every axis the place of its choice; 0 where no curve is likelier by enough."""
-        now = [0] * len(axes)
+    def chosen(self, axes: list[list[_Choice]]) -> tuple[list[int], float]:
+        """For every axis the place of its choice, 0 where no curve is likelier by enough; and the noise that
+        is left beside that of the columns."""
+        now, noise = [0] * len(axes), 1.0
         price = [np.log(len(choices) - 1) + _LEAST_GAIN for choices in axes]
         for _ in range(_PASSES):
-            before = list(now)
+            before, last = list(now), noise
             for axis, choices in enumerate(axes):
-                others = [c[k].sizes if a != axis else np.zeros(c[k].sizes.shape)
+                others = [np.zeros(len(c[k].sizes)) if a == axis else c[k].beside(noise)
                           for a, (c, k) in enumerate(zip(axes, now))]
-                sizes = [np.zeros(choices[0].sizes.shape), *(choice.sizes for choice in choices)]
+                sizes = [np.zeros(len(choices[0].sizes)), *(choice.beside(noise) for choice in choices)]
                 nothing, found, *curves = self._beside(np.concatenate(others), self.where[axis], sizes)
                 best = int(np.argmax(curves))
                 # A run-out that is not there costs more than a curve of no size: nothing is a rival, too.
                 now[axis] = best + 1 if curves[best] - price[axis] > max(nothing, found) else 0
-            if now == before:
+            noise = self._left(np.concatenate([c[k].beside(noise) for c, k in zip(axes, now)]))
+            if now == before and abs(noise / last - 1.0) < 0.01:
                 break
-        return now
+        return now, noise
+
+    def _left(self, sizes: np.ndarray) -> float:
+        """The noise beside that of the columns, behind a fit with these sizes (p,)."""
+        on = np.flatnonzero(sizes)
+        size = sizes[on]
+        system = size[:, None] * self.gram[np.ix_(on, on)] * size
+        factor = linalg.cho_factor(np.eye(len(on)) + system, lower=True)
+        values = linalg.cho_solve(factor, size * self.onto[on])
+        square = self.square - 2.0 * float(values @ (size * self.onto[on])) + float(values @ system @ values)
+        spent = float(np.trace(linalg.cho_solve(factor, system)))
+        data = np.count_nonzero(self.without.whitened[: self.without.data_numbers]) - self.without.spent
+        return float(np.sqrt(square / max(data - spent, 1.0)))
 
     def _beside(self, others: np.ndarray, where: slice, sizes: list[np.ndarray]) -> list[float]:
         """Log evidence of every choice of sizes (k,) of one axis beside those of the others (p,), which it
@@ -163,8 +190,7 @@ class _Linear:
         left = max(square - float(taken @ taken), 1e-12 * square)
         return float(-np.log(np.diag(lower)).sum() - 0.5 * self.count * np.log(left / self.square))
 
-    def held_out(self, sizes: list[np.ndarray], folds: np.ndarray) -> np.ndarray:
-        """(folds,) square sums by cross-validation."""
-        every = np.concatenate(sizes)
-        on = np.flatnonzero(every)
-        return held_out_squares(self.without, self.columns[:, on], folds, every[on])
+    def held_out(self, sizes: np.ndarray, folds: np.ndarray) -> np.ndarray:
+        """(folds,) square sums by cross-validation with sizes (p,)."""
+        on = np.flatnonzero(sizes)
+        return held_out_squares(self.without, self.columns[:, on], folds, sizes[on])

@@ -78,9 +78,11 @@ def sentence_of(experiments: Sequence[Experiment]) -> str:
                 f"both directions, with and without {PAYLOAD_KG:g} kg: {told} at most): measure at another "
                 "temperature or speed, or the gear of the axis alone.")
     load = f" with {best.payload_kg:g} kg at the flange" if best.payload_kg else ""
+    minutes = round(best.minutes())
+    time = "less than a minute" if minutes < 1 else f"some {minutes} minute{'s' * (minutes > 1)}"
     return (
-        f"Measure {_named(best.q)}{load}, approached from both directions: in some {best.minutes():.0f} "
-        f"minutes this tells {told} about whether it is {best.between}. `exactarm design --for result.json` "
+        f"Measure {_named(best.q)}{load}, approached from both directions: in {time} "
+        f"this tells {told} about whether it is {best.between}. `exactarm design --for result.json` "
         "writes these poses."
     )
 
