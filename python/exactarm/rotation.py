@@ -40,6 +40,7 @@ def left_jacobian(vector: np.ndarray) -> np.ndarray:
 
 
 def nearest(matrix: np.ndarray) -> np.ndarray:
-    """The rotation nearest to a 3 x 3 matrix in the Frobenius norm."""
+    """The rotations nearest to matrices in the Frobenius norm."""
     u, _, vt = np.linalg.svd(matrix)
-    return u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))]) @ vt
+    u[..., 2] *= np.sign(np.linalg.det(u @ vt))[..., None]
+    return u @ vt

@@ -18,7 +18,7 @@ from exactarm.chain import Layout, predict_poses
 from exactarm.dataset import Dataset
 from exactarm.errors import InputError
 from exactarm.robot import Placement, Robot
-from exactarm.rotation import nearest
+from exactarm.rotation import nearest, skew
 from exactarm.split import DEFAULT_SEED
 
 _STARTS = 12
@@ -65,10 +65,10 @@ def find_frames(robot: Robot, data: Dataset, layout: Layout | None = None,
         )
     starts = np.random.default_rng(seed).normal(0.0, _TOOL_REACH_M, (_STARTS, 3))
     starts[0] = 0.0
-    ends = [_refine(points, rotations, measured, start) for start in starts]
-    tool_point, cost = min(ends, key=lambda end: end[1])
-    as_good = (end for end, other in ends
-               if other <= _AS_GOOD**2 * cost and np.linalg.norm(end - tool_point) > _APART_M)
+    ends, costs = _refine(points, rotations, measured, starts)
+    tool_point = ends[np.argmin(costs)]
+    apart = np.linalg.norm(ends - tool_point, axis=1) > _APART_M
+    as_good = ends[apart & (costs <= _AS_GOOD**2 * costs.min())]
     base, residual = procrustes(points + rotations @ tool_point, measured)
     tool_rotation = np.eye(3)
     if data.rotation is not None:
@@ -76,7 +76,7 @@ def find_frames(robot: Robot, data: Dataset, layout: Layout | None = None,
                                         axis=0))
     rms = float(np.sqrt(np.mean(np.sum(residual**2, axis=1))))
     scale = _scale(points + rotations @ tool_point, measured)
-    return FoundFrames(base, Placement(tool_rotation, tool_point), rms, scale, next(as_good, None))
+    return FoundFrames(base, Placement(tool_rotation, tool_point), rms, scale, as_good[0] if len(as_good) else None)
 
 
 def procrustes(source: np.ndarray, target: np.ndarray) -> tuple[Placement, np.ndarray]:
@@ -93,35 +93,43 @@ def _scale(source: np.ndarray, target: np.ndarray) -> float:
     return float(spread(target) / max(spread(source), 1e-300))
 
 
-def _refine(points, rotations, measured, tool_point) -> tuple[np.ndarray, float]:
-    """Gauss-Newton on base increment and tool point; the base is projected out anew at every step."""
-    base, residual = procrustes(points + rotations @ tool_point, measured)
-    cost, damping = float(np.sum(residual**2)), 1e-9
+def _refine(points, rotations, measured, tool_points) -> tuple[np.ndarray, np.ndarray]:
+    """Where Gauss-Newton on base increment and tool point ends from each of the starts (S, 3), and the sums of
+    squares there (S,); the base is projected out anew at every step.
+
+    Sums over rows are all it needs, and an orthogonal transformation of the rows leaves them as they are: of
+    any number of poses the 15 rows of R of a QR decomposition are left, of which all starts are refined at
+    once.
+    """
+    columns = np.column_stack([points, rotations.reshape(-1, 9), measured])
+    few = np.linalg.qr(columns - columns.mean(0), mode="r")
+    points, rotations, measured = few[:, :3], few[:, 3:12].reshape(-1, 3, 3), few[:, 12:]
+
+    def placed(tools: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        arm = points + np.einsum("kij,sj->ski", rotations, tools)
+        base = nearest(measured.T @ arm)
+        arm = arm @ np.swapaxes(base, -1, -2)
+        return base, arm, measured - arm
+
+    base, arm, residual = placed(tool_points)
+    cost, damping = np.sum(residual**2, axis=(1, 2)), np.full(len(tool_points), 1e-9)
+    ended = np.zeros(len(tool_points), bool)
     for _ in range(_STEPS):
-        turned = base.rotation @ rotations
-        arm = (points + rotations @ tool_point) @ base.rotation.T
-        arm -= arm.mean(0)
-        jacobian = np.zeros((len(points), 3, 9))
-        jacobian[:, :, :3] = np.eye(3)
-        jacobian[:, 0, 4], jacobian[:, 0, 5] = arm[:, 2], -arm[:, 1]
-        jacobian[:, 1, 3], jacobian[:, 1, 5] = -arm[:, 2], arm[:, 0]
-        jacobian[:, 2, 3], jacobian[:, 2, 4] = arm[:, 1], -arm[:, 0]
-        jacobian[:, :, 6:] = turned
-        rows = jacobian.reshape(-1, 9)
-        normal = rows.T @ rows
-        step = np.linalg.lstsq(normal + damping * np.diag(np.diag(normal)), rows.T @ residual.ravel(),
-                               rcond=1e-12)[0]
-        trial_tool = tool_point + step[6:]
-        trial_base, trial_residual = procrustes(points + rotations @ trial_tool, measured)
-        trial_cost = float(np.sum(trial_residual**2))
-        if trial_cost < cost:
-            small = cost - trial_cost < 1e-12 * cost
-            tool_point, base, residual, cost = trial_tool, trial_base, trial_residual, trial_cost
-            damping = max(0.1 * damping, 1e-12)
-            if small:
-                break
-        else:
-            damping *= 30.0
-            if damping > 1e6:
-                break
-    return tool_point, cost
+        jacobian = np.concatenate([-skew(arm), base[:, None] @ rotations], axis=-1).reshape(len(base), -1, 6)
+        normal = np.swapaxes(jacobian, -1, -2) @ jacobian
+        damped = normal + (damping[:, None, None] * normal) * np.eye(6)
+        slope = np.einsum("srk,sr->sk", jacobian, residual.reshape(len(base), -1))
+        step = np.einsum("skl,sl->sk", np.linalg.pinv(damped, rcond=1e-12, hermitian=True), slope)
+        trial = tool_points + step[:, 3:]
+        trial_base, trial_arm, trial_residual = placed(trial)
+        trial_cost = np.sum(trial_residual**2, axis=(1, 2))
+        better = (trial_cost < cost) & ~ended
+        ended |= (better & (cost - trial_cost < 1e-12 * cost)) | (damping > 1e6)
+        damping = np.where(better, np.maximum(0.1 * damping, 1e-12), np.minimum(30.0 * damping, 1e8))
+        tool_points = np.where(better[:, None], trial, tool_points)
+        base, arm, residual = (np.where(better[:, None, None], new, old) for new, old in (
+            (trial_base, base), (trial_arm, arm), (trial_residual, residual)))
+        cost = np.where(better, trial_cost, cost)
+        if ended.all():
+            break
+    return tool_points, cost
