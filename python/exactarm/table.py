@@ -15,7 +15,7 @@ import os
 import re
 import reprlib
 from collections.abc import Callable, Collection, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -190,16 +190,24 @@ def _csv_cell_by_cell(
     except pa.ArrowInvalid:
         _refuse_ragged(path, body, names, dialect)
         raise InputError(f"is no CSV file: {str(error).splitlines()[0]}", file=path) from None
-    columns = {}
-    for name in names:
-        cells = strings.column(name)
-        if name not in text:
-            cells = [
-                np.nan if name in gaps and not cell.strip() else _number(path, name, row, dialect.plain(cell))
-                for row, cell in enumerate(cells.to_pylist(), start=1)
-            ]
-        columns[name] = cells
-    return pa.table(columns)
+    return pa.table({
+        name: strings.column(name) if name in text
+        else _numbers(path, name, strings.column(name), name in gaps, dialect)
+        for name in names
+    })
+
+
+def _numbers(
+    path: str | Path, name: str, cells: pa.ChunkedArray, may_be_empty: bool, dialect: Dialect
+) -> pa.ChunkedArray | list[float]:
+    """A column's cells as numbers; one by one only where not all are numbers as they stand."""
+    if dialect.decimal == ".":
+        with suppress(pa.ArrowInvalid):
+            return cells.cast(pa.float64())
+    return [
+        np.nan if may_be_empty and not cell.strip() else _number(path, name, row, dialect.plain(cell))
+        for row, cell in enumerate(cells.to_pylist(), start=1)
+    ]
 
 
 def _refuse_ragged(path: str | Path, body: pa.Buffer, names: list[str], dialect: Dialect) -> None:

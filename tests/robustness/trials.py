@@ -11,6 +11,7 @@ What holds for commands holds for words. Within bounds of time; a trial is told 
 from __future__ import annotations
 
 import contextlib
+import functools
 import io
 import json
 import math
@@ -51,9 +52,12 @@ SHARE_OF_WORDS = 0.5  # of the trials of commands
 SLOW = ("demo", "loop")  # minutes on spoiled input are no fault of theirs
 
 
+shipped = functools.cache(load_robot)  # read once, not for every spoiled file
+
+
 def _program(name: str) -> Callable[[Path], object]:
-    robot = load_robot("ur10")
-    pulses = with_pulses(load_robot("racer-7-1.4")) if name.startswith("measure") else None
+    robot = shipped("ur10")
+    pulses = with_pulses(shipped("racer-7-1.4")) if name.startswith("measure") else None
     return lambda path: [job.read(Setting(pulses or robot)) for job in jobs([path])]
 
 
@@ -64,12 +68,12 @@ def _in_sessions(path: Path) -> object:
 
 PROGRAMS = ("part.script", "measure.mod", "measure.ls", "measure.jbi", "trajectory.yaml", "targets.csv")
 READERS: dict[str, Callable[[Path], object]] = {
-    "poses.csv": lambda path: read_dataset(path, load_robot("ur10")),
-    "poses.parquet": lambda path: read_dataset(path, load_robot("ur10")),
-    "motion.csv": lambda path: read_dataset(path, load_robot("tx40")),
-    "runs.csv": lambda path: read_dataset(path, load_robot("kr300")),
-    "closures.csv": lambda path: read_dataset(path, load_robot("ur10")),
-    "trajectory.csv": lambda path: read_planned_poses(path, load_robot("racer-7-1.4")),
+    "poses.csv": lambda path: read_dataset(path, shipped("ur10")),
+    "poses.parquet": lambda path: read_dataset(path, shipped("ur10")),
+    "motion.csv": lambda path: read_dataset(path, shipped("tx40")),
+    "runs.csv": lambda path: read_dataset(path, shipped("kr300")),
+    "closures.csv": lambda path: read_dataset(path, shipped("ur10")),
+    "trajectory.csv": lambda path: read_planned_poses(path, shipped("racer-7-1.4")),
     "racer.toml": load_robot,
     "ur10.toml": load_robot,
     "ur10.urdf": load_robot,
@@ -77,12 +81,12 @@ READERS: dict[str, Callable[[Path], object]] = {
     "line.toml": load_path,
     "fixture.toml": load_fixture,
     "draft.toml": accept,
-    "part.src": lambda path: [job.read(Setting(load_robot("ur10")))
+    "part.src": lambda path: [job.read(Setting(shipped("ur10")))
                               for job in jobs([path, path.with_suffix(".dat")])],
-    "camera.csv": lambda path: read_dataset(path, load_robot("ur10")),
+    "camera.csv": lambda path: read_dataset(path, shipped("ur10")),
     "camera.toml": load_fixture,
     "sessions.csv": _in_sessions,
-    "experiments.json": lambda path: read_experiments(path, load_robot("ur10")),
+    "experiments.json": lambda path: read_experiments(path, shipped("ur10")),
     "about.toml": lambda path: about_of(path, {}),
     "calibration.conf": lambda path: load_robot(f"{path}#ur10"),
     **{name: _program(name) for name in PROGRAMS},

@@ -76,7 +76,7 @@ def find_frames(robot: Robot, data: Dataset, layout: Layout | None = None,
                                         axis=0))
     rms = float(np.sqrt(np.mean(np.sum(residual**2, axis=1))))
     scale = _scale(points + rotations @ tool_point, measured)
-    return FoundFrames(base, Placement(tool_rotation, tool_point), rms, scale, as_good[0] if len(as_good) else None)
+    return FoundFrames(base, Placement(tool_rotation, tool_point), rms, scale, next(iter(as_good), None))
 
 
 def procrustes(source: np.ndarray, target: np.ndarray) -> tuple[Placement, np.ndarray]:
@@ -94,8 +94,8 @@ def _scale(source: np.ndarray, target: np.ndarray) -> float:
 
 
 def _refine(points, rotations, measured, tool_points) -> tuple[np.ndarray, np.ndarray]:
-    """Where Gauss-Newton on base increment and tool point ends from each of the starts (S, 3), and the sums of
-    squares there (S,); the base is projected out anew at every step.
+    """Where Gauss-Newton on base increment and tool point ends from each of the starts (S, 3), and the sums
+    of squares there (S,); the base is projected out anew at every step.
 
     Sums over rows are all it needs, and an orthogonal transformation of the rows leaves them as they are: of
     any number of poses the 15 rows of R of a QR decomposition are left, of which all starts are refined at
