@@ -21,7 +21,7 @@ def test_each_form_is_the_same_turn_as_with_scipy(vector):
     assert np.abs(angles.from_quaternion(3.0 * wxyz) - wanted).max() < 1e-14
     a, b, c = angles.to_zyx(wanted, np.array([0.1, 0.2, 7.0]))
     assert np.abs(Rotation.from_euler("ZYX", [a, b, c]).as_matrix() - wanted).max() < 1e-14
-    assert np.abs(angles.from_zyx(a, b, c) - wanted).max() < 1e-14
+    assert np.abs(angles.from_zyx((a, b, c)) - wanted).max() < 1e-14
     for turns in (-1, 0, 2):
         near = np.array(vector) * (1.0 + turns * 2.0 * np.pi / max(np.linalg.norm(vector), 1e-3))
         back = angles.to_vector(wanted, near)

@@ -36,7 +36,7 @@ def test_the_reader_of_the_dialect_finds_every_target(dialect, robot, stops, tmp
     (tmp_path / name).write_bytes(text.encode())
     (job,) = jobs([tmp_path / name])
     program = job.read(Setting(robot))
-    found = np.array([program.targets[motion.target].joints for motion in program.motions])
+    found = program.notation.joints(np.array([program.targets[i].numbers for i in program.visits]))
     wanted = np.array([angles for stop in stops[0] for angles in (stop.before, stop.q)])
     assert found.shape == wanted.shape and np.allclose(found, wanted, atol=LEAST_COUNT_RAD[dialect])
     assert all(motion.kind == "joint" for motion in program.motions)

@@ -171,7 +171,7 @@ def run(arguments: argparse.Namespace) -> CommandResult:
         program = job.read(setting)
         if setting.load is not None:
             program = replace(
-                program, targets=tuple(replace(target, load=None) for target in program.targets)
+                program, targets=tuple(target._replace(load=None) for target in program.targets)
             )
         chosen = chosen_points(program, arguments.points)
         reread = lambda contents, job=job: job.reread(contents, setting)

@@ -15,9 +15,32 @@ import numpy as np
 from exactarm.chain.direction import direction_of_motion
 from exactarm.compensate.flange_poses import Poses, pseudo_inverse
 from exactarm.compensate.law import CompensationModel
-from exactarm.compensate.program import Motion
+from exactarm.compensate.program import Motion, Program
 from exactarm.rotation import log as rotation_log
 from exactarm.rows import LEAST_TURN_RAD
+
+
+def sides_of(
+    program: Program, model: CompensationModel, q: np.ndarray, start: np.ndarray | None
+) -> tuple[np.ndarray, list[str]]:
+    """(T, n) from which side each axis comes; 0 where motions to one target come from different sides. And
+    what is to be told."""
+    by_motion = approaches(model, program.motions, q, start)
+    visits = np.array(program.visits, int)
+    stops = [(motion.via is not None) + (motion.target is not None) for motion in program.motions]
+    comes = np.repeat(by_motion, stops, axis=0)
+    sides, warnings = np.zeros_like(q), list(program.warnings)
+    met, first = np.unique(visits, return_index=True)
+    sides[met] = comes[first]
+    other = np.flatnonzero(np.any(comes != sides[visits], axis=1))
+    for index in dict.fromkeys(visits[other].tolist()):
+        target = program.targets[index]
+        warnings.append(f"{target.name} (line {target.line}) is approached from different sides: the mean of "
+                        "both gear tables is taken there")
+    for visit in other:
+        index = visits[visit]
+        sides[index] = np.where(sides[index] == comes[visit], sides[index], 0.0)
+    return sides, warnings
 
 
 def approaches(
@@ -59,9 +82,8 @@ def _final_twist(start: Poses, over: Poses, end: Poses) -> np.ndarray:
     third point."""
     chord = end.position - start.position
     tangent = chord.copy()
-    for k, (a, b, c) in enumerate(zip(start.position, over.position, end.position)):
-        if np.array_equal(b, c):
-            continue
+    for k in np.flatnonzero(np.any(over.position != end.position, axis=1)):
+        a, b, c = start.position[k], over.position[k], end.position[k]
         normal = np.cross(b - a, c - a)
         if np.linalg.norm(normal) < 1e-9:  # three points on a line
             continue

@@ -13,13 +13,15 @@ ZERO_RAD = 2e-5  # an angle that small may carry either sign
 _QUARTER = 0.5 * np.pi
 
 
-def quadrants(q: np.ndarray) -> list[int]:
-    """cf1, cf4, cf6 of joint angles (6,)."""
-    return [int(np.floor(angle / _QUARTER)) for angle in q[[0, 3, 5]]]
+def quadrants(q: np.ndarray) -> np.ndarray:
+    """cf1, cf4, cf6 (..., 3) of joint angles (..., 6)."""
+    return np.floor(q[..., [0, 3, 5]] / _QUARTER).astype(int)
 
 
-def in_quadrant(angle: float, quadrant: int) -> bool:
-    return quadrant * _QUARTER - EDGE_RAD <= angle <= (quadrant + 1) * _QUARTER + EDGE_RAD
+def in_quadrants(q: np.ndarray, words: np.ndarray) -> np.ndarray:
+    """(..., 3) whether cf1, cf4, cf6 (..., 3) say where the axes of q (..., 6) stand."""
+    angles, least = q[..., [0, 3, 5]], words * _QUARTER
+    return (least - EDGE_RAD <= angles) & (angles <= least + _QUARTER + EDGE_RAD)
 
 
 def sign_bits(q: np.ndarray) -> int:

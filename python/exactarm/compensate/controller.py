@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import product
 from typing import Any
 
@@ -29,6 +30,9 @@ from exactarm.robot import Robot, frame_of
 STEPS = 8  # from an error of 1e-3 rad, the Jacobian of the start for all
 SAME_BRANCH_RAD = 1.0  # two branches of an arm differ by more in one axis, unless it is close to singular
 _TURN = 2.0 * np.pi
+ANYWHERE = _core.InverseKinematicsOptions()
+ANYWHERE.check_limits, ANYWHERE.largest_jump = False, np.inf
+SOLVED = _core.InverseKinematicsStatus.solved
 _CALIBRATING = ("calibrate", "diagnose")  # commands that change frames
 
 
@@ -73,13 +77,18 @@ class ControllerChain:
         largest = [np.inf if joint.q_max is None else joint.q_max for joint in robot.joints]
         return ControllerChain(own.core, np.array([least, largest]), *_turns(robot, own))
 
+    @cached_property
+    def plain(self) -> bool:
+        """Whether no axis turns another one."""
+        return bool(np.array_equal(self.turns, np.eye(len(self.turns))) and not self.shift.any())
+
     def turned(self, q: np.ndarray) -> np.ndarray:
         """Angles of the joints, by the controller, for those of its axes (..., n)."""
-        return q @ self.turns.T + self.shift
+        return q if self.plain else q @ self.turns.T + self.shift
 
     def unturned(self, joints: np.ndarray) -> np.ndarray:
         """The inverse of `turned`."""
-        return np.linalg.solve(self.turns, (joints - self.shift)[..., None])[..., 0]
+        return joints if self.plain else np.linalg.solve(self.turns, (joints - self.shift)[..., None])[..., 0]
 
     def jacobian(self, q: np.ndarray, threads: int = 1) -> np.ndarray:
         """(N, 6, n) of the flange by the angles (N, n) of the controller's axes."""
@@ -100,12 +109,10 @@ class ControllerChain:
     def newton(self, position: np.ndarray, rotation: np.ndarray, start: np.ndarray) -> np.ndarray | None:
         """Joint angles of one pose from a start that may be far; None where Newton's method does not come
         there."""
-        options = _core.InverseKinematicsOptions()
-        options.check_limits, options.largest_jump = False, np.inf
         q, report = _core.inverse_kinematics_path(
-            self.core, position[None], rotation.reshape(1, 9), self.turned(start), options
+            self.core, position[None], rotation.reshape(1, 9), self.turned(start), ANYWHERE
         )
-        return self.unturned(q[0]) if report.status == _core.InverseKinematicsStatus.solved else None
+        return self.unturned(q[0]) if report.status == SOLVED else None
 
     def branches(self, position: np.ndarray, rotation: np.ndarray) -> np.ndarray:
         """(K, n) all joint angles of one pose within the limits, whole turns included."""

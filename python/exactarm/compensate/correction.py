@@ -12,10 +12,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 
-from exactarm.compensate.approach import approaches
+from exactarm.compensate.approach import sides_of
 from exactarm.compensate.collector import collector_at_rest
 from exactarm.compensate.flange_poses import Poses, flange_poses, pose_error, stacked, tip_poses
 from exactarm.compensate.law import NEAR_SINGULAR, NOT_REACHED, CompensationModel
@@ -23,7 +24,6 @@ from exactarm.compensate.program import HERE, Edit, Program, Target
 from exactarm.compensate.series import series_bends
 from exactarm.compensate.straightness import Bend, bends, unknown_tips
 from exactarm.errors import InputError
-from exactarm.robot import Placement
 
 LARGEST_TURN_RAD = (
     0.2  # a correction that turns an axis further changes the branch, or the model is not this arm's
@@ -62,9 +62,10 @@ class Correction:
 
 @dataclass(frozen=True)
 class _Resolved:
-    """Targets as the controller takes them: flange poses, joint angles q (T, n) NaN where none, refusals by
-    target."""
+    """Targets as the controller takes them: tips of those that are poses (of others anything), flange poses,
+    joint angles q (T, n) NaN where none, refusals by target."""
 
+    tips: Poses
     poses: Poses
     q: np.ndarray
     refusals: dict[int, str]
@@ -88,15 +89,15 @@ def correct(
     """
     resolved = _resolve(program, model, start)
     used = np.zeros(len(program.targets), bool)
-    used[[i for motion in program.motions for i in (motion.target, motion.via) if i is not None]] = True
+    used[program.visits] = True
     why = ["" if u else UNUSED for u in used]
     rows = np.flatnonzero(used & chosen & ~np.isnan(resolved.q).any(axis=1))
     q_after = np.full_like(resolved.q, np.nan)
-    sides, warnings = _sides(program, model, resolved.q, start)
+    sides, warnings = sides_of(program, model, resolved.q, start)
     timed = any(motion.time is not None for motion in program.motions)
     found, left_over, amplification = _commands(program, model, resolved, rows, sides, threads)
     for attempt in range(1, SETTLED + 1):
-        again, warnings = _sides(program, model, _filled(resolved.q, rows, found), start)
+        again, warnings = sides_of(program, model, _filled(resolved.q, rows, found), start)
         other = np.flatnonzero(~np.all(np.abs(again[rows] - sides[rows]) < SAME_SIDE, axis=1))
         if attempt == SETTLED or not other.size:
             break
@@ -110,7 +111,7 @@ def correct(
     refusals |= _refusals(model, resolved.q, rows, found, left_over, amplification)
     rows_good = np.array([r not in refusals for r in rows], bool)
     q_after[rows[rows_good]] = found[rows_good]
-    edits, moved = _edits(program, model, q_after)
+    edits, moved = _edits(program, model, resolved, q_after)
     found_bends = []
     if tolerance is not None:
         found_bends = bends(program, model, resolved.poses, q_after, tolerance)
@@ -150,7 +151,7 @@ def _told(program: Program, found: list[Bend], tolerance: float | None, q_after:
         return []
     unknown = [f"{program.targets[motion.target].name} (line {motion.line})"
                for motion in unknown_tips(program, q_after)]
-    followed = any(motion.time is not None and program.targets[motion.target].joints is not None
+    followed = any(motion.time is not None and not program.targets[motion.target].is_pose
                    for motion in program.motions if motion.target is not None)
     if not (found or unknown or followed):
         return ["no straight motion between corrected targets, and no time series of joint angles: there is "
@@ -184,28 +185,30 @@ def _filled(q: np.ndarray, rows: np.ndarray, found: np.ndarray) -> np.ndarray:
 
 # -- targets as the controller takes them ------------------------------------------------------------
 def _resolve(program: Program, model: CompensationModel, start: np.ndarray | None) -> _Resolved:
-    count, n = len(program.targets), model.actual.axes
-    position, rotation = np.full((count, 3), np.nan), np.tile(np.eye(3), (count, 1, 1))
+    targets = program.targets
+    count, n = len(targets), model.actual.axes
+    tips = Poses(np.full((count, 3), np.nan), np.tile(np.eye(3), (count, 1, 1)))
+    poses = Poses(tips.position.copy(), tips.rotation.copy())
     q, refusals = np.full((count, n), np.nan), {}
-    joints = [i for i, target in enumerate(program.targets) if target.joints is not None]
+    joints = [i for i, target in enumerate(targets) if not target.is_pose]
     if joints:
-        q[joints] = [program.targets[i].joints for i in joints]
-        poses = model.controller.poses(q[joints])
-        position[joints], rotation[joints] = poses.position, poses.rotation
-    posed = [i for i, target in enumerate(program.targets) if target.joints is None and not target.refusal]
-    flanges = _flanges([program.targets[i] for i in posed]) if posed else Poses(np.empty(0), np.empty(0))
-    flange_of = dict(zip(posed, map(Placement, flanges.rotation, flanges.position)))
-    before, word, guessed = start, "", []
-    order = [i for motion in program.motions for i in (motion.via, motion.target) if i is not None]
-    for i in order:
-        target = program.targets[i]
+        q[joints] = _joints(program, joints)
+        poses.set(joints, model.controller.poses(q[joints]))
+    posed = [i for i, target in enumerate(targets) if target.is_pose and not target.refusal]
+    if posed:
+        tips.set(posed, _tips(program, posed))
+        flanges = _flanges(program, posed, tips.rows(posed))
+    flange_of = {i: k for k, i in enumerate(posed)}
+    before, word, guessed, seen = start, "", [], set()
+    for i in program.visits:
+        target = targets[i]
         if target.refusal:
             refusals[i] = target.refusal
-        elif target.joints is not None:
-            before, word = target.joints, ""
-        elif np.isnan(position[i, 0]):
-            flange = flange_of[i]
-            position[i], rotation[i] = flange.position, flange.rotation
+        elif not target.is_pose:
+            before, word = q[i], ""
+        elif i not in seen:
+            seen.add(i)
+            flange = flanges.rows(flange_of[i])
             near = before if target.near is None else target.near
             found = _branch(model, target, flange, near, word)
             if near is None and target.matches is None and not isinstance(found, str) and (
@@ -218,17 +221,30 @@ def _resolve(program: Program, model: CompensationModel, start: np.ndarray | Non
                 word = target.configuration
         else:
             before = before if np.isnan(q[i, 0]) else q[i]
-    return _Resolved(Poses(np.nan_to_num(position), rotation), q, refusals, tuple(guessed))
+    met = list(seen)
+    if met:
+        poses.set(met, flanges.rows([flange_of[i] for i in met]))
+    return _Resolved(tips, Poses(np.nan_to_num(poses.position), poses.rotation), q, refusals, tuple(guessed))
 
 
-def _flanges(targets: Sequence[Target]) -> Poses:
-    """Of targets with a pose: where the controller puts the flange for them."""
-    return flange_poses(stacked([t.pose for t in targets]), [t.base for t in targets],
-                        [t.tool for t in targets])
+def _joints(program: Program, rows: Sequence[int]) -> np.ndarray:
+    """Joint angles of targets that are such."""
+    return program.notation.joints(np.array([program.targets[i].numbers for i in rows], float))
+
+
+def _tips(program: Program, rows: Sequence[int]) -> Poses:
+    """Of targets that are poses, in their bases."""
+    return program.notation.poses(np.array([program.targets[i].numbers for i in rows], float))
+
+
+def _flanges(program: Program, rows: Sequence[int], tips: Poses) -> Poses:
+    """Where the controller puts the flange for targets that are poses."""
+    targets = [program.targets[i] for i in rows]
+    return flange_poses(tips, [t.base for t in targets], [t.tool for t in targets])
 
 
 def _branch(
-    model: CompensationModel, target: Target, flange: Placement, before: np.ndarray | None, word: str
+    model: CompensationModel, target: Target, flange: Poses, before: np.ndarray | None, word: str
 ) -> np.ndarray | str:
     """Joint angles of a pose, or why there are none."""
     chain = model.controller
@@ -266,30 +282,6 @@ def _branch(
             "--start J1,J2,... (deg)"
         )
     return matching[0]
-
-
-def _sides(
-    program: Program, model: CompensationModel, q: np.ndarray, start: np.ndarray | None
-) -> tuple[np.ndarray, list[str]]:
-    """(T, n) from which side each axis comes; 0 where motions to one target come from different sides."""
-    by_motion = approaches(model, program.motions, q, start)
-    sides, seen, warnings = np.zeros_like(q), {}, list(program.warnings)
-    for motion, side in zip(program.motions, by_motion):
-        for index in (motion.via, motion.target):
-            if index is None:
-                continue
-            if index in seen and not np.array_equal(sides[index], side):
-                side = np.where(sides[index] == side, side, 0.0)
-                if index not in warnings and seen[index] == 1:
-                    target = program.targets[index]
-                    warnings.append(
-                        f"{target.name} (line {target.line}) is approached from different sides: "
-                        "the mean of both gear tables is taken there"
-                    )
-                seen[index] = 2
-            seen.setdefault(index, 1)
-            sides[index] = side
-    return sides, warnings
 
 
 # -- commands ----------------------------------------------------------------------------------------
@@ -344,25 +336,25 @@ def _refusals(model, q, rows, found, left_over, amplification) -> dict[int, str]
     return refusals
 
 
-def _edits(program: Program, model: CompensationModel, q_after: np.ndarray) -> tuple[list[Edit], np.ndarray]:
+def _edits(
+    program: Program, model: CompensationModel, resolved: _Resolved, q_after: np.ndarray
+) -> tuple[list[Edit], np.ndarray]:
     """The edits of all corrected targets, and (T, 6) how the commanded poses move."""
-    edits, moved = [], np.full((len(q_after), 6), np.nan)
+    moved = np.full((len(q_after), 6), np.nan)
     rows = np.flatnonzero(~np.isnan(q_after).any(axis=1))
+    targets = [program.targets[i] for i in rows.tolist()]
+    is_pose = np.array([target.is_pose for target in targets], bool)
+    joints, posed = np.flatnonzero(~is_pose), np.flatnonzero(is_pose)
     poses = model.controller.poses(q_after[rows])
-    joints = [k for k, i in enumerate(rows) if program.targets[i].joints is not None]
-    posed = [k for k, i in enumerate(rows) if program.targets[i].joints is None]
-    if joints:
-        old = model.controller.poses(np.array([program.targets[rows[k]].joints for k in joints]))
-        moved[rows[joints]] = pose_error(poses.rows(joints), old)
-    tips: dict[int, Placement] = {}
-    if posed:
-        targets = [program.targets[i] for i in rows[posed]]
-        there = tip_poses(poses.rows(posed), [t.base for t in targets], [t.tool for t in targets])
-        moved[rows[posed]] = pose_error(there, stacked([target.pose for target in targets]))
-        tips = dict(zip(posed, map(Placement, there.rotation, there.position)))
-    for k, i in enumerate(rows):
-        edits += program.targets[i].encode(q_after[i], tips.get(k))
-    return edits, moved
+    if joints.size:
+        moved[rows[joints]] = pose_error(poses.rows(joints), resolved.poses.rows(rows[joints]))
+    tips = None
+    if posed.size:
+        own = [targets[k] for k in posed.tolist()]
+        tips = tip_poses(poses.rows(posed), [t.base for t in own], [t.tool for t in own])
+        moved[rows[posed]] = pose_error(tips, resolved.tips.rows(rows[posed]))
+    edits = program.notation.edits(program.files, targets, q_after[rows], tips)
+    return list(chain.from_iterable(edits)), moved
 
 
 def _reached(written, program, model, resolved, sides, q_after, threads) -> np.ndarray:
@@ -371,22 +363,21 @@ def _reached(written, program, model, resolved, sides, q_after, threads) -> np.n
     rows = np.flatnonzero(~np.isnan(q_after).any(axis=1))
     if not rows.size:
         return distance
-    q, posed = q_after[rows].copy(), []
-    for k, row in enumerate(rows):
-        target = written.targets[row]
-        if target.joints is not None:
-            q[k] = target.joints
-        else:
-            posed.append(k)
-    if posed:
-        q[posed] = model.controller.joints(_flanges([written.targets[i] for i in rows[posed]]), q[posed])
+    q = q_after[rows].copy()
+    is_pose = np.array([written.targets[row].is_pose for row in rows.tolist()], bool)
+    joints, posed = np.flatnonzero(~is_pose), np.flatnonzero(is_pose)
+    if joints.size:
+        q[joints] = _joints(written, rows[joints])
+    if posed.size:
+        there = rows[posed]
+        q[posed] = model.controller.joints(_flanges(written, there, _tips(written, there)), q[posed])
+    tools = [target.tool if target.is_pose else HERE for target in map(program.targets.__getitem__, rows)]
+    arm = stacked(tools).position
     for load, members in _by_load(program, rows).items():
         loaded = model if load is None else model.with_load(load[0], np.array(load[1]))
         there = loaded.reached(q[members], sides[rows[members]], threads)
         wanted = resolved.poses.rows(rows[members])
-        targets = [program.targets[row] for row in rows[members]]
-        arm = np.array([HERE.position if t.pose is None else t.tool.position for t in targets])
-        turned = (there.rotation - wanted.rotation) @ arm[:, :, None]
+        turned = (there.rotation - wanted.rotation) @ arm[members][:, :, None]
         missed = there.position - wanted.position + turned[:, :, 0]
         distance[rows[members]] = np.linalg.norm(missed, axis=1)
     return distance

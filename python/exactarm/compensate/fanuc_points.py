@@ -15,7 +15,7 @@ from bisect import bisect_right
 from dataclasses import dataclass
 from functools import cached_property
 
-from exactarm.compensate.program import Edit, SourceText, Target
+from exactarm.compensate.program import Edit, Notation, SourceText, Target
 from exactarm.compensate.ways import goes_on
 
 FLY_BY = "CNT100"
@@ -53,6 +53,7 @@ class Listing:
     lines: int
     places: int
     last: int
+    notation: Notation
 
     def before(self, motion: re.Match, above: re.Match | None, entry: re.Match, target: Target,
                points: list) -> _Points | None:
@@ -66,12 +67,7 @@ class Listing:
             or re.search(r"\bGP[2-9]\s*:", entry[2])  # where another arm is on the way is not known
         ):
             return None
-        bodies = []
-        for q, tip in points:
-            body, offset = entry[2], entry.start(2)
-            for edit in sorted(target.encode(q, tip), reverse=True):
-                body = body[: edit.start - offset] + edit.text.decode() + body[edit.end - offset :]
-            bodies.append(body)
+        bodies = self.notation.bodies((self.source,), target, *entry.span(2), points)
         return _Points(start, (whole[1], whole[2]), (whole[3], whole[4] + FLY_BY + whole[5] + self.newline),
                        bodies)
 

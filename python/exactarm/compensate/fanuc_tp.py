@@ -14,13 +14,26 @@ sets, UFRAME_NUM and UTOOL_NUM other than those of a position, PAYLOAD without -
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
 
 from exactarm.compensate.angles import from_zyx, to_zyx
 from exactarm.compensate.fanuc_points import Listing
-from exactarm.compensate.program import Motion, Number, Program, SourceText, Target, in_range
+from exactarm.compensate.flange_poses import Poses
+from exactarm.compensate.program import (
+    HERE,
+    NUMBER,
+    Motion,
+    Notation,
+    Number,
+    Numbers,
+    Program,
+    SourceText,
+    Target,
+    decimals,
+)
 from exactarm.compensate.setting import Setting
 from exactarm.errors import InputError
 from exactarm.robot import Placement
@@ -42,12 +55,17 @@ _FIELD = re.compile(r"\b(X|Y|Z|W|P|R|J\d|E\d)\s*=\s*([-+]?\d+\.?\d*(?=[ \tmd])|[
                     r"\s*(mm|deg)?(?=[\s,]|$)")
 CARTESIAN = ("X", "Y", "Z", "W", "P", "R")
 LEAST_DECIMALS = 3  # as controllers write them
+_GIVEN = lambda keys, unit: r"\s*,\s*".join(rf"{key}\s*=\s*({NUMBER})\s*{unit}" for key in keys)
+_SIX = (slice(3, 9), slice(9, 15))  # groups of it: of a pose, of joint angles
+_PLAIN = re.compile(  # most positions; the rest of the way is for all others
+    r"\s*GP1\s*:\s*UF\s*:\s*(\w+)\s*,\s*UT\s*:\s*(\w+)\s*,\s*(?:CONFIG\s*:\s*'([^']*)'\s*,\s*"
+    + _GIVEN(CARTESIAN[:3], "mm") + r"\s*,\s*" + _GIVEN(CARTESIAN[3:], "deg") + "|"
+    + _GIVEN([f"J{i}" for i in range(1, 7)], "deg") + r")\s*")
 
 
 def placement(numbers) -> Placement:
     """Of a frame: X, Y, Z in mm, W, P, R in deg."""
-    w, p, r = np.radians(numbers[3:6])
-    return Placement(from_zyx(r, p, w), 1e-3 * np.array(numbers[:3], float))
+    return Placement(from_zyx(np.radians(numbers[5:2:-1])), 1e-3 * np.array(numbers[:3], float))
 
 
 def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
@@ -70,6 +88,7 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
     targets: list[Target] = []
     motions: list[Motion] = []
     index: dict[int, int] = {}
+    cells = _Cells(setting)
 
     def target(kind: str, word: str, place: int) -> int:
         i = whole_number(word.split(":")[0])
@@ -84,7 +103,7 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
                 place, f"P[{i}] is {'not' if not found else f'{len(found)} times'} in /POS; expected it once"
             )
         if i not in index:
-            targets.append(_target(source, i, found[0], setting))
+            targets.append(_target(source, i, found[0], setting, cells))
             index[i] = len(targets) - 1
         return index[i]
 
@@ -96,7 +115,7 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
         raise source.refuse(match.start(), "PAYLOAD chooses a load of the controller; expected --payload")
     active: dict[str, str] = {}
     last = max((found[-1].end() for found in positions.values()), default=end)
-    listing, above = Listing(source, text, start, end, last), None
+    listing, above = Listing(source, text, start, end, last, _notation(setting)), None
     events = [*_MOTION.finditer(text, start, end), *_ACTIVE.finditer(text, start, end)]
     for match in sorted(events, key=lambda match: match.start()):
         if match.re is _ACTIVE:
@@ -117,7 +136,8 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
         if match[1] == "L" and _same_branch(targets, motions, first):
             insert = partial(listing.before, match, above, position, targets[first])
         above = match
-        _require_active(source, position, active, match.start(1))
+        if active:
+            _require_active(source, position, active, match.start(1))
         if match[1] in "AS":
             kind = "circular motion of the form A" if match[1] == "A" else "spline motion S"
             raise source.refuse(match.start(1), f"a {kind} takes several lines together; expected J, L or C")
@@ -130,13 +150,27 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
             motions.append(Motion("joint" if match[1] == "J" else "linear", first, line, insert=insert))
     left = [f"P[{found[0][1][:9]}]" for number, found in positions.items() if number not in index]
     told = (f"no motion that is read goes to {', '.join(left)}: they stay as they are",) if left else ()
-    return Program(NAME, sources, tuple(targets), tuple(motions), told, numbered=listing.numbered)
+    return Program(NAME, sources, tuple(targets), tuple(motions), listing.notation, told,
+                   numbered=listing.numbered)
+
+
+def _notation(setting: Setting) -> Notation:
+    def shown(tips: Poses, old: np.ndarray) -> np.ndarray:
+        angles = to_zyx(tips.rotation, np.radians(old[:, 5:2:-1]))
+        return np.hstack([1e3 * tips.position, np.degrees(angles[:, ::-1])])
+
+    return Notation(
+        joints=lambda numbers: setting.joints(np.radians(numbers)),
+        reported=lambda q: np.degrees(setting.reported(q)),
+        poses=lambda numbers: Poses(1e-3 * numbers[:, :3], from_zyx(np.radians(numbers[:, 5:2:-1]))),
+        shown=shown,
+    )
 
 
 def _same_branch(targets: list[Target], motions: list[Motion], last: int) -> bool:
     """Whether what CONFIG says of a target holds on the way to it; joint angles need none."""
     before = motions[-1].target if motions else None
-    return targets[last].joints is not None or (
+    return not targets[last].is_pose or (
         before is not None and targets[before].configuration == targets[last].configuration)
 
 
@@ -156,7 +190,37 @@ def _require_active(source: SourceText, position: re.Match, active: dict[str, st
                                        "here; expected the same")
 
 
-def _target(source: SourceText, number: int, match: re.Match, setting: Setting) -> Target:
+def _target(source: SourceText, number: int, match: re.Match, setting: Setting, cells: _Cells) -> Target:
+    name, line, n = f"P[{number}]", source.line(match.start()), setting.robot.axes
+    plain = _PLAIN.fullmatch(match.string, *match.span(2))
+    if plain and n == 6 and (found := Numbers.groups(plain, _SIX[plain[3] is None])).sound:
+        frames, config, is_pose = plain.groups()[:2], plain[3], plain[3] is not None
+    else:
+        found, frames, config, is_pose = _fields(source, number, match, n)
+    if not is_pose:
+        digits = (_decimals(source, found.places),) * n
+        tool = cells.of("UT", frames[1])[0] if frames[1] else HERE  # of a straight motion to it
+        return Target(name, 0, line, *found, digits, tool=tool)
+    (base, why_base), (tool, why_tool) = cells.of("UF", frames[0]), cells.of("UT", frames[1])
+    digits = (_decimals(source, found.places[:3]),) * 3 + (_decimals(source, found.places[3:]),) * 3
+    return Target(
+        name,
+        0,
+        line,
+        *found,
+        digits,
+        is_pose=True,
+        tool=tool,
+        base=base,
+        configuration=" ".join(config.split()),
+        refusal=" and ".join(filter(None, (why_base, why_tool))),
+    )
+
+
+def _fields(
+    source: SourceText, number: int, match: re.Match, n: int
+) -> tuple[Numbers, tuple[str, str], str, bool]:
+    """Numbers, UF and UT, CONFIG, and whether it is a pose, of a position in any layout."""
     body, at = match[2], match.start(2)
     groups = list(_GROUP.finditer(body))
     first = [k for k, group in enumerate(groups) if group[1] == "1"]
@@ -182,69 +246,47 @@ def _target(source: SourceText, number: int, match: re.Match, setting: Setting) 
                 at + start + field.start(), f"{field[1]} in {field[3] or 'no unit'}; expected {unit}"
             )
         fields[field[1]] = Number.read(source, field[2], at + start + field.start(2))
-    name, line, n = f"P[{number}]", source.line(match.start()), setting.robot.axes
+    named = [_FRAME[key].search(part) for key in ("UF", "UT")]
+    frames = tuple(found[1] if found else "" for found in named)
     if "J1" in fields:
-        numbers = _all(source, match, fields, [f"J{i}" for i in range(1, n + 1)])
-        fine = _decimals(source, numbers)
-
-        def encode(q, _):
-            return [
-                number.edit(source, 0, value, fine)
-                for number, value in zip(numbers, np.degrees(setting.reported(q)))
-            ]
-
-        q = setting.joints(np.radians([field.value for field in numbers]))
-        found = _FRAME["UT"].search(part)
-        tool = setting.tool(found[1]) if found else None  # of a straight motion to it
-        known = {"tool": placement(tool)} if tool is not None and len(tool) == 6 else {}
-        if found and found[1] == "0":
-            known = {"tool": Placement()}
-        return Target(name, 0, line, encode, joints=q, **known)
-    numbers = _all(source, match, fields, CARTESIAN)
-    old = np.radians([field.value for field in numbers[3:]])
-    digits = [_decimals(source, numbers[:3])] * 3 + [_decimals(source, numbers[3:])] * 3
-
-    def encode_pose(_, tip):
-        r, p, w = to_zyx(tip.rotation, old[::-1])
-        return [
-            field.edit(source, 0, value, fine)
-            for field, value, fine in zip(numbers, [*(1e3 * tip.position), *np.degrees([w, p, r])], digits)
-        ]
-
-    config = _CONFIG.search(part)
+        return _all(source, match, fields, [f"J{i}" for i in range(1, n + 1)]), frames, "", False
+    numbers, config = _all(source, match, fields, CARTESIAN), _CONFIG.search(part)
     if config is None:
         raise source.refuse(match.start(), f"P[{number}] without CONFIG; expected CONFIG : '...'")
-    frames, why = {}, []
-    for key, option, given in (("UF", "base", setting.base), ("UT", "tool", setting.tool)):
-        found = _FRAME[key].search(part)
-        which = found[1] if found else ""
-        frame = given(which)
-        if which != "0" and (frame is None or len(frame) != 6):
-            why.append(f"unknown {key} {which or '(none)'}: give --{option} {which}=X,Y,Z,W,P,R (mm, deg)")
-        frames[option] = Placement() if which == "0" or frame is None else placement(frame)
-    return Target(
-        name,
-        0,
-        line,
-        encode_pose,
-        pose=placement([field.value for field in numbers]),
-        tool=frames["tool"],
-        base=frames["base"],
-        configuration=" ".join(config[1].split()),
-        refusal=" and ".join(why),
-    )
+    return numbers, frames, config[1], True
 
 
-def _all(source: SourceText, match: re.Match, fields: dict[str, Number], wanted) -> list[Number]:
+class _Cells:
+    """User frames and tools by their numbers, asked once for all positions in them."""
+
+    def __init__(self, setting: Setting):
+        self.setting = setting
+        self.known: dict[tuple[str, str], tuple[Placement, str]] = {}
+
+    def of(self, key: str, which: str) -> tuple[Placement, str]:
+        """Of UF or UT; `HERE` where it is not known, and why."""
+        if (key, which) not in self.known:
+            option, given = ("base", self.setting.base) if key == "UF" else ("tool", self.setting.tool)
+            frame = given(which)
+            if which == "0":
+                found = Placement(), ""
+            elif frame is not None and len(frame) == 6:
+                found = placement(frame), ""
+            else:
+                found = HERE, (f"unknown {key} {which or '(none)'}: give --{option} {which}=X,Y,Z,W,P,R "
+                               "(mm, deg)")
+            self.known[key, which] = found
+        return self.known[key, which]
+
+
+def _all(source: SourceText, match: re.Match, fields: dict[str, Number], wanted) -> Numbers:
     missing = [key for key in wanted if key not in fields]
     if missing:
         raise source.refuse(
             match.start(), f"P[{match[1]}]: {missing[0]} is missing; expected all of {', '.join(wanted)}"
         )
-    numbers = [fields[key] for key in wanted]
-    in_range(source, numbers)
-    return numbers
+    return Numbers.of([fields[key] for key in wanted]).checked(source)
 
 
-def _decimals(source: SourceText, numbers: list[Number]) -> int:
-    return max(LEAST_DECIMALS, *(number.decimals(source) for number in numbers))
+def _decimals(source: SourceText, places: Sequence[tuple[int, int]]) -> int:
+    return max(LEAST_DECIMALS, *(decimals(source.text[start:end]) for start, end in places))

@@ -24,8 +24,11 @@ class Poses:
     def __len__(self) -> int:
         return len(self.position)
 
-    def rows(self, index: np.ndarray) -> Poses:
+    def rows(self, index: np.ndarray | Sequence[int] | int) -> Poses:
         return Poses(self.position[index], self.rotation[index])
+
+    def set(self, index: np.ndarray | Sequence[int], poses: Poses) -> None:
+        self.position[index], self.rotation[index] = poses.position, poses.rotation
 
 
 def stacked(placements: Sequence[Placement]) -> Poses:

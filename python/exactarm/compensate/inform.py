@@ -20,8 +20,9 @@ from typing import Any
 import numpy as np
 
 from exactarm.compensate.angles import from_zyx, to_zyx
+from exactarm.compensate.flange_poses import Poses
 from exactarm.compensate.inform_points import SILENT, Places
-from exactarm.compensate.program import Edit, Motion, Number, Program, SourceText, Target, in_range
+from exactarm.compensate.program import HERE, Motion, Notation, Numbers, Program, SourceText, Target, decimals
 from exactarm.compensate.setting import Setting
 from exactarm.errors import InputError
 from exactarm.robot import Placement
@@ -32,13 +33,17 @@ LEAST_DECIMALS = 2  # of the angles, as controllers write them
 KINDS = {"MOVJ": "joint", "MOVL": "linear", "MOVC": "circular", "MOVS": "joint"}
 _LINE = re.compile(r"(?m)^([^\r\n]*)")
 _MOTION = re.compile(r"\s*(MOVJ|MOVL|MOVC|MOVS|IMOV)\b\s*(\S*)([^\r\n]*)")
+_OWN = re.compile(r"C\d+")
+_HEAD = re.compile(r"\s*///\s*(\w+)\s*(.*)")
+_PLACE = re.compile(r"\s*([A-Z]+\d+)\s*=\s*(.*)")
+_SECOND = re.compile(r"\b(EC|BC|C|BP|EX|P)\d+\b|\+MOV")
+_TAG = re.compile(r"\b(TL|UF|BF|RF|TF|MTF)\b[ \t]*#?")
 _OTHER_MOTION = re.compile(r"\s*(\+?S?MOV[JLCS]|EIMOV[LC])\b")  # with a second arm; from where the arm is
 
 
 def placement(numbers) -> Placement:
     """Of a frame: X, Y, Z in mm, Rx, Ry, Rz in deg."""
-    x, y, z = np.radians(numbers[3:6])
-    return Placement(from_zyx(z, y, x), 1e-3 * np.array(numbers[:3], float))
+    return Placement(from_zyx(np.radians(numbers[5:2:-1])), 1e-3 * np.array(numbers[:3], float))
 
 
 def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
@@ -51,78 +56,81 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
         if word.startswith("//") and not word.startswith("///"):
             section = word[2:].split()[0].upper() if word[2:].strip() else ""
         elif section == "POS" and word:
-            reader.position(match[1], match.start())
+            reader.position(text, match.start(), match.end())
         elif section == "INST" and word:
             reader.instruction(match[1], match.start())
     left = [name for name in reader.places if name not in reader.index]
     told = (f"no motion that is read goes to {', '.join(left)}: they stay as they are",) if left else ()
     numbered = None if reader.known is None else reader.known.numbered
-    return Program(NAME, sources, tuple(reader.targets), tuple(reader.motions), told, numbered=numbered)
+    return Program(NAME, sources, tuple(reader.targets), tuple(reader.motions), reader.notation, told,
+                   numbered=numbered)
+
+
+def _notation(setting: Setting) -> Notation:
+    scale = np.array(setting.robot.controller.pulses_per_rad)
+
+    def shown(tips: Poses, old: np.ndarray) -> np.ndarray:
+        angles = to_zyx(tips.rotation, np.radians(old[:, 5:2:-1]))
+        return np.hstack([1e3 * tips.position, np.degrees(angles[:, ::-1])])
+
+    return Notation(
+        joints=lambda pulses: setting.joints(pulses / scale),
+        reported=lambda q: np.round(setting.reported(q) * scale),
+        poses=lambda numbers: Poses(1e-3 * numbers[:, :3], from_zyx(np.radians(numbers[:, 5:2:-1]))),
+        shown=shown,
+    )
 
 
 class _Reader:
     def __init__(self, source: SourceText, setting: Setting):
-        self.source, self.setting = source, setting
+        self.source, self.setting, self.notation = source, setting, _notation(setting)
         self.state = {"TOOL": "", "USER": "", "POSTYPE": "", "RCONF": ""}
-        self.places: dict[str, tuple[dict, list[Number], int]] = {}
+        self.places: dict[str, tuple[dict, Numbers, int]] = {}
         self.targets: list[Target] = []
         self.motions: list[Motion] = []
         self.index: dict[str, int] = {}
+        self.cells: dict[tuple[str, str, str], tuple[Placement, Placement, str]] = {}
         self.arcs = 0  # points of the circle that is under way
         self.others = False  # whether there are positions of external axes or variables
         self.stands = False  # at the end of the motion above, when the next instruction begins
 
-    def position(self, text: str, place: int) -> None:
+    def position(self, text: str, place: int, end: int) -> None:
         """One line of the section //POS."""
-        head = re.match(r"\s*///\s*(\w+)\s*(.*)", text)
-        if head:
+        if head := _HEAD.match(text, place, end):
+            self.state = dict(self.state)  # one for all positions under the same heads
             key = head[1].upper()
             if key in self.state:
                 self.state[key] = head[2].strip().upper()
             if key == "POSTYPE":
                 self.state["RCONF"] = ""
             return
-        match = re.match(r"\s*([A-Z]+\d+)\s*=\s*(.*)", text)
+        match = _PLACE.match(text, place, end)
         if match is None:
-            raise self.source.refuse(place, f"found {text.strip()[:40]!r}; expected a position as C00000=...")
-        if not re.fullmatch(r"C\d+", match[1]):
+            raise self.source.refuse(
+                place, f"found {text[place:end].strip()[:40]!r}; expected a position as C00000=...")
+        if not _OWN.fullmatch(match[1]):
             self.others = True
             return  # external axes and variables stay; a motion to them is refused
         if match[1] in self.places:
             raise self.source.refuse(place, f"{match[1]} is given twice")
-        numbers, at = [], place + match.start(2)
-        for part in match[2].split(","):
-            numbers.append(Number.read(self.source, part, at))
-            at += len(part) + 1
-        self.places[match[1]] = (dict(self.state), numbers, place)
+        numbers = Numbers.listed(self.source, text, *match.span(2))
+        self.places[match[1]] = (self.state, numbers, place)
 
     def instruction(self, text: str, place: int) -> None:
-        group = re.match(r"\s*///\s*GROUP\d*\s+(.*)", text)
-        if group and group[1].strip().upper() != "RB1":
-            raise self.source.refuse(place, f"control group {group[1].strip()}; expected RB1 alone")
-        if re.match(r"\s*SFTON\b", text):
-            raise self.source.refuse(
-                place, "SFTON moves all positions that follow; expected positions as they are"
-            )
-        if match := re.match(r"\s*(MFRAME|SETTOOL|GETTOOL)\b", text):
-            raise self.source.refuse(place, f"{match[1]}: a frame that the job sets; expected frames that "
-                                            f"stay")
         match = _MOTION.match(text)
-        if match is None and (other := _OTHER_MOTION.match(text)):
-            raise self.source.refuse(place, f"motion {other[1]} is not read; expected MOVJ, MOVL, MOVC, MOVS")
         if match is None:
-            self.stands = self.stands and bool(SILENT.match(text))
+            self.other_instruction(text, place)
             return
         line = self.source.line(place)
-        if match[1] == "IMOV" or not re.fullmatch(r"C\d+", match[2]):
+        if match[1] == "IMOV" or not _OWN.fullmatch(match[2]):
             raise self.source.refuse(
                 place, f"{match[1]} {match[2]}: an increment or a variable; expected a position C of this job"
             )
-        if re.search(r"\b(EC|BC|C|BP|EX|P)\d+\b|\+MOV", match[3]):
+        if _SECOND.search(match[3]):
             raise self.source.refuse(
                 place, "a second position in one motion: external axes or a second arm; expected one"
             )
-        if tag := re.search(r"\b(TL|UF|BF|RF|TF|MTF)\b[ \t]*#?", match[3]):
+        if tag := _TAG.search(match[3]):
             raise self.source.refuse(place, f"{tag[0].strip()}: a tool or frame of this motion alone; "
                                             f"expected "
                                             "those of its position")
@@ -140,10 +148,25 @@ class _Reader:
             self.motions.append(
                 Motion("joint" if kind == "joint" else "linear", target, line, insert=insert))
 
+    def other_instruction(self, text: str, place: int) -> None:
+        group = re.match(r"\s*///\s*GROUP\d*\s+(.*)", text)
+        if group and group[1].strip().upper() != "RB1":
+            raise self.source.refuse(place, f"control group {group[1].strip()}; expected RB1 alone")
+        if re.match(r"\s*SFTON\b", text):
+            raise self.source.refuse(
+                place, "SFTON moves all positions that follow; expected positions as they are"
+            )
+        if match := re.match(r"\s*(MFRAME|SETTOOL|GETTOOL)\b", text):
+            raise self.source.refuse(place, f"{match[1]}: a frame that the job sets; expected frames that "
+                                            f"stay")
+        if other := _OTHER_MOTION.match(text):
+            raise self.source.refuse(place, f"motion {other[1]} is not read; expected MOVJ, MOVL, MOVC, MOVS")
+        self.stands = self.stands and bool(SILENT.match(text))
+
     @cached_property
     def known(self) -> Places | None:
         """The positions, when all of them are read."""
-        return Places.of(self.source, self.places, self.others)
+        return Places.of(self.source, self.places, self.others, self.notation)
 
     def points_before(self, line: str, place: int, name: str, target: int, points: list) -> Any:
         return self.known.before(line, place, self.places[name], self.targets[target], points)
@@ -151,7 +174,7 @@ class _Reader:
     def same_branch(self, before: int | None, target: int) -> bool:
         """Whether what RCONF says of a target holds on the way to it; pulses need none."""
         end = self.targets[target]
-        return end.joints is not None or (
+        return not end.is_pose or (
             before is not None and self.targets[before].configuration == end.configuration)
 
     def target(self, name: str, place: int) -> int:
@@ -164,81 +187,70 @@ class _Reader:
             self.index[name] = len(self.targets) - 1
         return self.index[name]
 
-    def pulses(self, name: str, state: dict, numbers: list[Number], place: int) -> Target:
+    def pulses(self, name: str, state: dict, numbers: Numbers, place: int) -> Target:
         robot = self.setting.robot
-        scale = np.array(robot.controller.pulses_per_rad)
-        if not scale.size:
+        if not robot.controller.pulses_per_rad:
             raise InputError(
                 "positions in pulses; expected the pulses per rad of each axis in the robot file: "
                 "[controller] pulses_per_rad",
                 file=self.source.path,
                 line=self.source.line(place),
             )
-        if len(numbers) != robot.axes or any(abs(number.value) > LARGEST_PULSES for number in numbers):
+        count = len(numbers.values)
+        if count != robot.axes or any(abs(value) > LARGEST_PULSES for value in numbers.values):
             raise self.source.refuse(
-                place, f"{len(numbers)} pulses; expected {robot.axes} whole numbers below {LARGEST_PULSES}"
+                place, f"{count} pulses; expected {robot.axes} whole numbers below {LARGEST_PULSES}"
             )
-        source = self.source
+        return Target(name, 0, self.source.line(place), *numbers, tool=self.frames(state)[0])
 
-        def encode(q, _):
-            counts = np.round(self.setting.reported(q) * scale).astype(int)
-            return [
-                Edit(0, number.start, number.end, str(count).encode())
-                for number, count in zip(numbers, counts)
-            ]
-
-        q = self.setting.joints(np.array([number.value for number in numbers]) / scale)
-        tool = self.setting.tool(state["TOOL"].split(",")[0])  # of a straight motion to it
-        known = {"tool": placement(tool)} if tool is not None and len(tool) == 6 else {}
-        return Target(name, 0, source.line(place), encode, joints=q, **known)
-
-    def pose(self, name: str, state: dict, numbers: list[Number], place: int) -> Target:
+    def pose(self, name: str, state: dict, numbers: Numbers, place: int) -> Target:
         source = self.source
         if state["POSTYPE"] not in ("BASE", "ROBOT", "USER"):
             raise source.refuse(
                 place,
                 f"positions of the type {state['POSTYPE'] or '(none)'}; expected PULSE, BASE, ROBOT or USER",
             )
-        if len(numbers) != 6:
-            raise source.refuse(place, f"{len(numbers)} numbers; expected X, Y, Z, Rx, Ry, Rz")
-        in_range(source, numbers)
-        old = np.radians([number.value for number in numbers[3:]])
+        if len(numbers.values) != 6:
+            raise source.refuse(place, f"{len(numbers.values)} numbers; expected X, Y, Z, Rx, Ry, Rz")
         digits = [
-            max(LEAST_DECIMALS, *(number.decimals(source) for number in part))
-            for part in (numbers[:3], numbers[3:])
+            max(LEAST_DECIMALS, *(decimals(source.text[start:end]) for start, end in part))
+            for part in (numbers.places[:3], numbers.places[3:])
         ]
+        tool, base, why = self.frames(state)
+        return Target(
+            name,
+            0,
+            source.line(place),
+            *numbers.checked(source),
+            (digits[0],) * 3 + (digits[1],) * 3,
+            is_pose=True,
+            tool=tool,
+            base=base,
+            configuration=state["RCONF"] or "none",
+            refusal=why,
+        )
 
-        def encode(_, tip):
-            z, y, x = to_zyx(tip.rotation, old[::-1])
-            values = [*(1e3 * tip.position), *np.degrees([x, y, z])]
-            return [
-                number.edit(source, 0, value, digits[i // 3])
-                for i, (number, value) in enumerate(zip(numbers, values))
-            ]
+    def frames(self, state: dict) -> tuple[Placement, Placement, str]:
+        """Tool and base of positions under these heads, `HERE` where not known, and why; asked once for all
+        of them."""
+        key = (state["TOOL"], state["USER"], state["POSTYPE"])
+        if key not in self.cells:
+            self.cells[key] = self.frames_of(state)
+        return self.cells[key]
 
-        why, tool, base = [], self.setting.tool(state["TOOL"].split(",")[0]), Placement()
+    def frames_of(self, state: dict) -> tuple[Placement, Placement, str]:
+        why, tool, base = [], self.setting.tool(state["TOOL"].split(",")[0]), None
         if tool is None or len(tool) != 6:
             why.append(
                 f"unknown tool {state['TOOL'] or '(none)'}: give --tool {state['TOOL']}=X,Y,Z,Rx,Ry,Rz (mm, "
                 "deg)"
             )
         if state["POSTYPE"] == "USER":
-            given = self.setting.base(state["USER"])
-            if given is None or len(given) != 6:
+            base = self.setting.base(state["USER"])
+            if base is None or len(base) != 6:
                 why.append(
                     f"unknown user frame {state['USER'] or '(none)'}: give --base "
                     f"{state['USER']}=X,Y,Z,Rx,Ry,Rz (mm, deg)"
                 )
-            else:
-                base = placement(given)
-        return Target(
-            name,
-            0,
-            source.line(place),
-            encode,
-            pose=placement([number.value for number in numbers]),
-            tool=Placement() if tool is None else placement(tool),
-            base=base,
-            configuration=state["RCONF"] or "none",
-            refusal=" and ".join(why),
-        )
+        known = lambda frame: placement(frame) if frame is not None and len(frame) == 6 else HERE
+        return known(tool), known(base), " and ".join(why)

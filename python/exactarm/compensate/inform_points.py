@@ -13,7 +13,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from exactarm.compensate.program import Edit, SourceText, Target
+from exactarm.compensate.program import Edit, Notation, SourceText, Target
 from exactarm.whole_number import whole_number
 
 FLY_BY = "PL=1"
@@ -48,9 +48,12 @@ class Places:
     end: int
     state: Mapping[str, str]
     plain: bool
+    notation: Notation
 
     @staticmethod
-    def of(source: SourceText, places: Mapping[str, tuple], others: bool) -> Places | None:
+    def of(
+        source: SourceText, places: Mapping[str, tuple], others: bool, notation: Notation
+    ) -> Places | None:
         """places: name -> heads, numbers, place; others: whether there are positions of external axes or
         variables."""
         if not places:
@@ -59,7 +62,7 @@ class Places:
         state, numbers, _ = places[name]
         counts = _COUNTS.search(source.text)
         plain = counts is not None and whole_number(counts[1]) == len(places) and not others
-        return Places(source, len(places), name, numbers[-1].end, state, plain)
+        return Places(source, len(places), name, numbers.places[-1][1], state, plain, notation)
 
     def before(self, line: str, place: int, entry: tuple, target: Target, points: list) -> _Points | None:
         """Points before the motion in `line`, to the position `entry`."""
@@ -67,13 +70,8 @@ class Places:
         state, numbers, _ = entry
         if whole is None or not self.plain or not (state["TOOL"] or not self.state["TOOL"]):
             return None
-        begin, end = numbers[0].start, numbers[-1].end
-        bodies = []
-        for q, tip in points:
-            body = self.source.text[begin:end]
-            for edit in sorted(target.encode(q, tip), reverse=True):
-                body = body[: edit.start - begin] + edit.text.decode() + body[edit.end - begin :]
-            bodies.append(body)
+        begin, end = numbers.places[0][0], numbers.places[-1][1]
+        bodies = self.notation.bodies((self.source,), target, begin, end, points)
         newline = re.search(r"\r\n|\n|\r", self.source.text)[0]
         return _Points(place, (whole[1], f"{whole[2]} {FLY_BY}{whole[3]}{newline}"), bodies, state)
 

@@ -16,7 +16,7 @@ from functools import partial
 import numpy as np
 import yaml
 
-from exactarm.compensate.program import Edit, Motion, Number, Program, SourceText, Target, in_range
+from exactarm.compensate.program import Edit, Motion, Notation, Number, Numbers, Program, SourceText, Target
 from exactarm.compensate.setting import Setting
 from exactarm.errors import InputError
 from exactarm.robot import Robot
@@ -64,8 +64,8 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
         for node in positions.value:
             start = place(node.start_mark.index)
             numbers.append(Number.read(source, source.text[start : place(node.end_mark.index)], start))
-        in_range(source, numbers)
-        targets.append((i, numbers, line))
+        targets.append(
+            Target(f"point {i + 1}", 0, line, *Numbers.of(numbers).checked(source), (DECIMALS,) * len(order)))
         rates = _rates(fields, order)
         insert = partial(_insertion, source, point, fields, place, order, len(rates)) if i else None
         motions.append(
@@ -75,14 +75,13 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
         raise InputError(
             "time_from_start is given for some points alone",
             file=source.path,
-            line=targets[times.index(None)][2],
+            line=targets[times.index(None)].line,
         )
     if None not in times and np.any(np.diff(times) <= 0.0):
         late = int(np.argmax(np.diff(times) <= 0.0)) + 1
         raise InputError(
-            f"point {late + 1}: time_from_start does not rise", file=source.path, line=targets[late][2]
+            f"point {late + 1}: time_from_start does not rise", file=source.path, line=targets[late].line
         )
-    made = tuple(_target(source, numbers, order, i, line) for i, numbers, line in targets)
     other = {key for point in points.value for key in _fields(point)} & {
         "velocities",
         "accelerations",
@@ -91,7 +90,8 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
     warnings = (
         (f"{', '.join(sorted(other))} stay as they are: they change by about a thousandth",) if other else ()
     )
-    return Program(NAME, sources, made, tuple(motions), warnings, calculated=True)
+    notation = Notation(joints=lambda numbers: numbers[:, np.argsort(order)], reported=lambda q: q[:, order])
+    return Program(NAME, sources, tuple(targets), tuple(motions), notation, warnings, calculated=True)
 
 
 def _rates(fields: dict, order: list[int]) -> tuple[np.ndarray, ...]:
@@ -240,13 +240,3 @@ def _time(source: SourceText, fields: dict, line: int) -> float | None:
         raise InputError(f"time_from_start of {time:g} s; expected less than {LONGEST_S:g}", file=source.path,
                          line=line)
     return time
-
-
-
-def _target(source: SourceText, numbers: list[Number], order: list[int], index: int, line: int) -> Target:
-    def encode(q, _):
-        return [number.edit(source, 0, q[axis], DECIMALS) for number, axis in zip(numbers, order)]
-
-    q = np.empty(len(order))
-    q[order] = [number.value for number in numbers]
-    return Target(f"point {index + 1}", 0, line, encode, joints=q)

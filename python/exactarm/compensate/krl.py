@@ -13,18 +13,19 @@ changes, a $TOOL or $BASE that hangs on its way (ways.py), tools at rest (#TCP),
 
 from __future__ import annotations
 
-import math
 import re
 from bisect import bisect_left
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 
 from exactarm.compensate.angles import from_zyx, to_zyx
 from exactarm.compensate.configuration import ZERO_RAD, sign_bits, signs_fit
-from exactarm.compensate.krl_data import AGGREGATE, ASSIGNED, Aggregate, Declarations, arguments
-from exactarm.compensate.program import Edit, Motion, Program, SourceText, Target, in_range
+from exactarm.compensate.flange_poses import Poses
+from exactarm.compensate.krl_data import AGGREGATE, ASSIGNED, CARTESIAN, Aggregate, Declarations, arguments
+from exactarm.compensate.program import HERE, Edit, Motion, Notation, Program, SourceText, Target
 from exactarm.compensate.setting import Setting
 from exactarm.compensate.ways import UNCERTAIN, Step, goes_on, unread, walk
 from exactarm.errors import InputError
@@ -32,7 +33,7 @@ from exactarm.robot import Placement
 
 NAME, SUFFIXES = "KRL", (".src", ".dat")
 MM_DECIMALS, DEG_DECIMALS = 5, 7  # 1e-8 m and 2e-9 rad: below a micrometre at any reach
-CARTESIAN = ("X", "Y", "Z", "A", "B", "C")
+DIGITS = (MM_DECIMALS,) * 3 + (DEG_DECIMALS,) * 3
 _MOTION = re.compile(r"(?im)^[ \t]*(S?PTP|S?LIN|S?CIRC|SPL)(_REL)?\b[ \t]*([^\r\n]*)")
 _BAS = re.compile(r"(?im)^[ \t]*BAS[ \t]*\([ \t]*#(TOOL|BASE|FRAMES)[ \t]*(?:,[ \t]*([^)\r\n]*))?\)")
 _POINT = re.compile(r"(?im)^[ \t]*(?:(?:global|decl)[ \t]+)*(?:E6)?(?:POS|AXIS)[ \t]+(\w+)[ \t]*=")
@@ -49,6 +50,7 @@ _BLOCK = re.compile(
 _SILENT = re.compile(  # lines that neither move the arm nor lead elsewhere
     r"(?i)[ \t]*(?:\$\w+(?:\[[^\]\r\n]*\])?(?:\.\w+)?[ \t]*=|[FPL]DAT_ACT[ \t]*=|BAS[ \t]*\([ \t]*#|"
     r"WAIT[ \t]+(?:SEC|FOR)\b|CONTINUE\b|PULSE[ \t]*\()")
+NOWHERE = (0, 0)  # of a T that is not given
 START = {"$TOOL": None, "$BASE": None, "$IPO_MODE": "#BASE"}
 KINDS = {
     "PTP": "joint",
@@ -68,6 +70,15 @@ class _Frames:
     tool: Placement | str
     base: Placement | str
 
+    @cached_property
+    def refusal(self) -> str:
+        return " and ".join(part for part in (self.tool, self.base) if isinstance(part, str))
+
+    def agree(self, target: Target) -> bool:
+        """Whether those that are known are those of a target."""
+        pairs = ((self.tool, target.tool), (self.base, target.base))
+        return all(isinstance(mine, str) or mine == its for mine, its in pairs)
+
 
 def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
     reader = _Reader(sources, setting)
@@ -77,7 +88,25 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
     reader.warnings += unread(sources, reader.texts, reader.declared, [t.name for t in reader.targets],
                               reader.spans)
     told = tuple(dict.fromkeys(reader.warnings))
-    return Program(NAME, sources, tuple(reader.targets), tuple(reader.motions), told)
+    return Program(NAME, sources, tuple(reader.targets), tuple(reader.motions), _notation(setting), told)
+
+
+def _notation(setting: Setting) -> Notation:
+    def words(targets: Sequence[Target], q: np.ndarray) -> Iterator[tuple[int, Edit]]:
+        for k, (target, reported) in enumerate(zip(targets, setting.reported(q))):
+            turn = int(target.numbers[-1])
+            if target.is_pose and target.places[-1] != NOWHERE and not signs_fit(turn, reported):
+                bits = turn & ~(2 ** len(reported) - 1) | sign_bits(reported)
+                yield k, Edit(target.file, *target.places[-1], b"%d" % bits)
+
+    return Notation(
+        joints=lambda numbers: setting.joints(np.radians(numbers)),
+        reported=lambda q: np.degrees(setting.reported(q)),
+        poses=lambda numbers: Poses(1e-3 * numbers[:, :3], from_zyx(np.radians(numbers[:, 3:6]))),
+        shown=lambda tips, old: np.hstack(
+            [1e3 * tips.position, np.degrees(to_zyx(tips.rotation, np.radians(old[:, 3:6])))]),
+        words=words,
+    )
 
 
 class _Reader(Declarations):
@@ -92,6 +121,7 @@ class _Reader(Declarations):
         self.spans = [[match.span() for match in (*_MOTION.finditer(text), *ASSIGNED.finditer(text))]
                       for text in self.texts]
         self.known: dict[tuple[str, str | None], Placement | str] = {}
+        self.seen: dict[tuple, _Frames] = {}
         places = lambda word, text: [m.start() for m in re.finditer(rf"(?im)^[ \t]*;{word}\b", text)]
         self.folds = [(places("FOLD", source.text), places("ENDFOLD", source.text)) for source in sources]
         if not any(source.path.suffix.lower() == ".src" for source in sources):
@@ -135,7 +165,7 @@ class _Reader(Declarations):
 
     def inline_form(self, index: int, match: re.Match, inline: str | None) -> str | None:
         """Name of the FDAT that holds tool and base of a motion."""
-        clause = re.search(r"(?i)\bWITH\b(.*)", match[3])
+        clause = re.search(r"(?i)\bWITH\b(.*)", match[3]) if "$" in match[3] else None
         if clause is None or not re.search(r"(?i)\$(TOOL|BASE)\b", clause[1]):
             return inline
         forms = set(re.findall(r"(?i)\bS(?:TOOL2?|BASE)[ \t]*\([ \t]*(\w+)", clause[1]))
@@ -217,102 +247,66 @@ class _Reader(Declarations):
         self, index: int, name: str, point: Aggregate, state: dict, inline: str | None, kind: str
     ) -> int:
         key = (point.file, point.start)
-        is_axis = "A1" in point.fields
-        frames = None if is_axis else self.frames(index, name, state, inline)
+        frames = None if point.is_axis else self.frames(index, name, state, inline)
         if key in self.used:
-            other = self.targets[self.used[key]]
-            if frames is not None and not all(
-                isinstance(a, str) or a == b
-                for a, b in ((frames.tool, other.tool), (frames.base, other.base))
-            ):
+            if frames is not None and not frames.agree(self.targets[self.used[key]]):
                 raise self.sources[point.file].refuse(
                     point.start,
                     f"point {name} is used with different tools or bases: no one number is right for all",
                 )
             return self.used[key]
-        made = self.axes(name, point) if is_axis else self.pose(name, point, frames, kind)
+        made = self.axes(name, point) if frames is None else self.pose(name, point, frames, kind)
         self.targets.append(made)
         self.used[key] = len(self.targets) - 1
         return self.used[key]
 
     def axes(self, name: str, point: Aggregate) -> Target:
         source, n = self.sources[point.file], self.setting.robot.axes
-        wanted = [f"A{i}" for i in range(1, n + 1)]
-        self.complete(point, wanted)
-        numbers = [self.number(point, key) for key in wanted]
-        in_range(source, numbers)
-
-        def encode(q, _):
-            return [
-                number.edit(source, point.file, value, DEG_DECIMALS)
-                for number, value in zip(numbers, np.degrees(self.setting.reported(q)))
-            ]
-
-        q = self.setting.joints(np.radians([number.value for number in numbers]))
-        return Target(name, point.file, source.line(point.start), encode, joints=q)
+        numbers, places = self.numbers(point, [f"A{i}" for i in range(1, n + 1)])
+        digits = (DEG_DECIMALS,) * n
+        return Target(name, point.file, source.line(point.start), numbers, places, digits)
 
     def pose(self, name: str, point: Aggregate, frames: _Frames, kind: str) -> Target:
-        source, n = self.sources[point.file], self.setting.robot.axes
-        self.complete(point, CARTESIAN)
-        for key in (f"E{i}" for i in range(1, 7)):
-            if key in point.fields and 0.0 < abs(self.number(point, key).value) < 9e9:
-                raise source.refuse(point.fields[key][1],
-                                    f"external axis {key} is in use; expected an arm that stands still")
-        numbers = [self.number(point, key) for key in CARTESIAN]
-        in_range(source, numbers)
-        status, turn = (self.number(point, key) if key in point.fields else None for key in ("S", "T"))
-        old = np.radians([number.value for number in numbers[3:]])
-
-        def encode(q, tip):
-            values = [*(1e3 * tip.position), *np.degrees(to_zyx(tip.rotation, old))]
-            edits = [
-                number.edit(source, point.file, value, MM_DECIMALS if i < 3 else DEG_DECIMALS)
-                for i, (number, value) in enumerate(zip(numbers, values))
-            ]
-            if turn is not None and not signs_fit(int(turn.value), self.setting.reported(q)):
-                bits = int(turn.value) & ~(2**n - 1) | sign_bits(self.setting.reported(q))
-                edits.append(Edit(point.file, turn.start, turn.end, str(bits).encode()))
-            return edits
-
-        matches = None
+        source = self.sources[point.file]
+        numbers, places = self.numbers(point, CARTESIAN)
+        status, turn = self.status_and_turn(point)
+        matches, written = None, NOWHERE if turn is None else (turn.start, turn.end)
         if turn is not None and kind in ("PTP", "SPTP"):
-            wrist = None if status is None or n != 6 else bool(int(status.value) & 4)
-
-            def matches(q):
-                reported = self.setting.reported(q)
-                wrist_fits = (
-                    wrist is None
-                    or abs(np.sin(reported[4])) < ZERO_RAD
-                    or wrist == (np.sin(reported[4]) < 0.0)
-                )
-                return signs_fit(int(turn.value), reported) and wrist_fits
-
-        unknown = " and ".join(part for part in (frames.tool, frames.base) if isinstance(part, str))
-        known = lambda part: part if isinstance(part, Placement) else Placement()
+            wrist = None if status is None or self.setting.robot.axes != 6 else bool(int(status.value) & 4)
+            matches = partial(self.fits, int(turn.value), wrist)
+        known = lambda part: part if isinstance(part, Placement) else HERE
         return Target(
             name,
             point.file,
             source.line(point.start),
-            encode,
-            pose=placement([n.value for n in numbers]),
+            (*numbers, 0.0 if turn is None else turn.value),
+            (*places, written),
+            DIGITS,
+            is_pose=True,
             tool=known(frames.tool),
             base=known(frames.base),
             matches=matches,
-            refusal=unknown,
+            refusal=frames.refusal,
         )
 
-    def complete(self, point: Aggregate, wanted) -> None:
-        missing = [key for key in wanted if key not in point.fields]
-        if missing:
-            raise self.sources[point.file].refuse(
-                point.start,
-                f"{missing[0]} is missing: it would stay as it is when the arm comes there; expected all of "
-                f"{', '.join(wanted)}",
-            )
+    def fits(self, turn: int, wrist: bool | None, q: np.ndarray) -> bool:
+        """Whether joint angles have the signs of T and, where S says it, that of axis 5."""
+        reported = self.setting.reported(q)
+        if wrist is None:
+            return signs_fit(turn, reported)
+        sine = np.sin(reported[4])
+        return signs_fit(turn, reported) and (abs(sine) < ZERO_RAD or wrist == (sine < 0.0))
 
     # -- tool and base -------------------------------------------------------------------------------
     def frames(self, index: int, name: str, state: dict, inline: str | None) -> _Frames:
-        """Those of a motion: of its inline form, else of $TOOL and $BASE."""
+        """Those of a motion: of its inline form, else of $TOOL and $BASE. One object for the same frames: a
+        program has few, and compares them at every motion."""
+        key = (index, inline, *(state[name] for name in START), name if name[:1].upper() == "X" else "")
+        if key not in self.seen:
+            self.seen[key] = self.frames_of(index, name, state, inline)
+        return self.seen[key]
+
+    def frames_of(self, index: int, name: str, state: dict, inline: str | None) -> _Frames:
         own = "F" + name[1:].upper() if name[:1].upper() == "X" else ""
         if inline is None and own in self.values:
             said, here = self.frames(index, "", state, own), self.frames(index, "", state, None)
@@ -375,7 +369,7 @@ class _Reader(Declarations):
 
 def placement(numbers) -> Placement:
     """Of a frame as the controller shows it."""
-    return Placement(from_zyx(*map(math.radians, numbers[3:6])), 1e-3 * np.array(numbers[:3], float))
+    return Placement(from_zyx(np.radians(numbers[3:6])), 1e-3 * np.array(numbers[:3], float))
 
 
 def _blocks(text: str) -> list[Step]:

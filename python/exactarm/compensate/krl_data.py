@@ -9,9 +9,10 @@ program sets. Comments and strings are blank in `texts`; places are those of the
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-from exactarm.compensate.program import Number, SourceText
+from exactarm.compensate.program import NUMBER, Number, Numbers, SourceText
 from exactarm.errors import InputError
 
 ELSEWHERE = (
@@ -30,6 +31,7 @@ ASSIGNED = re.compile(
     r"\t]*(\[[^\]\r\n]*\])?(\.\w+)?[ \t]*=(?!=)[ \t]*"
 )
 _SPLITS = re.compile(r"[,{}()]")
+_ONE = re.compile(r"[ \t]*(\w+|\{[^{}()]*\})(?:[ \t]+C_\w+)*[ \t]*")
 _WITH = re.compile(r"(?i)[ \t]+WITH\b.*$")
 _BLEND = re.compile(r"(?i)(?<=[\w}])[ \t]+(C_\w+|WITH\b.*)\s*$")
 _HEAD = re.compile(r"\s*\w+\s*:")
@@ -37,13 +39,35 @@ _FIELD = re.compile(r"\s*([A-Za-z_]\w*)(\[\])?\s*")
 _NAME = re.compile(r"(?i)\$?[a-z_]\w*$")
 
 
-@dataclass(frozen=True)
+CARTESIAN = ("X", "Y", "Z", "A", "B", "C")
+_FIELDS = lambda keys: r"\s*,\s*".join(rf"{key}\s+(?P<{key}>{NUMBER})" for key in keys)
+_PLAIN = re.compile(  # most points; the rest of the way is for all others
+    r"(?i)\{\s*(?:\w+\s*:\s*)?(?:" + _FIELDS(CARTESIAN)
+    + r"(?:\s*,\s*S\s+(?P<S>\d+)\s*,\s*T\s+(?P<T>\d+))?|" + _FIELDS([f"A{i}" for i in range(1, 7)]) + ")"
+    + "".join(rf"(?:\s*,\s*E{i}\s+(?:0(?:\.0*)?|9E9))?" for i in range(1, 7)) + r"\s*\}")
+_GROUPS = {"X": slice(0, 6), "A1": slice(8, 14)}
+
+
+@dataclass(eq=False)
 class Aggregate:
-    """`{X 1, Y 2}` of file `file`: field -> its text and place, and numbers of those that are numbers."""
+    """`{X 1, Y 2}` of file `file`: field -> its text and place. plain: six coordinates, with S and T or
+    without, or six axes, and no external axis in use."""
 
     file: int
     start: int
-    fields: dict[str, tuple[str, int]]
+    plain: re.Match | None
+    given: dict[str, tuple[str, int]]
+
+    @property
+    def fields(self) -> dict[str, tuple[str, int]]:
+        match = self.plain
+        if match is None:
+            return self.given
+        return {key: (match[key], match.start(key)) for key in _PLAIN.groupindex if match[key] is not None}
+
+    @property
+    def is_axis(self) -> bool:
+        return "A1" in self.given if self.plain is None else self.plain["A1"] is not None
 
 
 class Declarations:
@@ -82,6 +106,8 @@ class Declarations:
 
     def aggregate(self, index: int, match: re.Match) -> Aggregate:
         """Fields of `{TYPE: NAME VALUE, ...}`."""
+        if plain := _PLAIN.fullmatch(self.texts[index], *match.span()):
+            return Aggregate(index, match.start(), plain, {})
         inner, at = match[1], match.start(1)
         head = _HEAD.match(inner)
         if head:
@@ -98,11 +124,39 @@ class Declarations:
                 raise self.sources[index].refuse(at, f"{key} is given twice")
             fields[key] = (part[word.end() :], at + word.end())
             at += len(part) + 1
-        return Aggregate(index, match.start(), fields)
+        return Aggregate(index, match.start(), None, fields)
 
     def number(self, aggregate: Aggregate, key: str) -> Number:
         text, place = aggregate.fields[key]
         return Number.read(self.sources[aggregate.file], text, place)
+
+    def numbers(self, point: Aggregate, wanted: Sequence[str]) -> Numbers:
+        """Those of a point."""
+        source = self.sources[point.file]
+        if point.plain is not None and len(wanted) == 6 and (wanted[0] == "A1") == point.is_axis:
+            found = Numbers.groups(point.plain, _GROUPS[wanted[0]])
+            if found.sound:
+                return found
+        self.complete(point, wanted)
+        for key in () if wanted[0] == "A1" else (f"E{i}" for i in range(1, 7)):
+            if key in point.fields and 0.0 < abs(self.number(point, key).value) < 9e9:
+                raise source.refuse(point.fields[key][1],
+                                    f"external axis {key} is in use; expected an arm that stands still")
+        return Numbers.of([self.number(point, key) for key in wanted]).checked(source)
+
+    def status_and_turn(self, point: Aggregate) -> list[Number | None]:
+        if point.plain is not None and point.plain["T"] is None:
+            return [None, None]
+        return [self.number(point, key) if key in point.fields else None for key in ("S", "T")]
+
+    def complete(self, point: Aggregate, wanted: Sequence[str]) -> None:
+        missing = [key for key in wanted if key not in point.fields]
+        if missing:
+            raise self.sources[point.file].refuse(
+                point.start,
+                f"{missing[0]} is missing: it would stay as it is when the arm comes there; expected all of "
+                f"{', '.join(wanted)}",
+            )
 
     def point(self, index: int, text: str, place: int) -> tuple[str, Aggregate] | None:
         """Name and fields of a point that stands in a motion; None for one of the controller's own."""
@@ -146,6 +200,8 @@ class Declarations:
 def arguments(text: str, place: int) -> list[tuple[str, int]]:
     """The arguments of a motion, split at commas outside braces; blending words behind the last are cut
     off."""
+    if one := _ONE.fullmatch(text):
+        return [(one[1], place + one.start(1))]
     parts, depth, start = [], 0, 0
     for match in _SPLITS.finditer(text):
         letter = match[0]

@@ -13,15 +13,27 @@ tools at rest, external axes.
 
 from __future__ import annotations
 
+import math
 import re
+from collections.abc import Iterator, Sequence
 from functools import partial
 
 import numpy as np
 
 from exactarm.compensate.angles import from_quaternion, to_quaternion
-from exactarm.compensate.configuration import EDGE_RAD, in_quadrant, quadrants
-from exactarm.compensate.program import Edit, Motion, Number, Program, SourceText, Target, in_range
-from exactarm.compensate.rapid_data import Datum, Declarations, Literal
+from exactarm.compensate.configuration import EDGE_RAD, in_quadrants, quadrants
+from exactarm.compensate.flange_poses import Poses
+from exactarm.compensate.program import (
+    Edit,
+    Motion,
+    Notation,
+    Number,
+    Numbers,
+    Program,
+    SourceText,
+    Target,
+)
+from exactarm.compensate.rapid_data import ROBTARGET, Datum, Declarations, Literal
 from exactarm.compensate.setting import Setting
 from exactarm.compensate.ways import goes_on, unread
 from exactarm.mdh_frames import compose
@@ -29,15 +41,19 @@ from exactarm.robot import Placement
 
 NAME, SUFFIXES = "RAPID", (".mod", ".modx", ".sys", ".sysx")
 MM_DECIMALS, DEG_DECIMALS, QUATERNION_DECIMALS = 5, 7, 9
+DIGITS = (MM_DECIMALS,) * 3 + (QUATERNION_DECIMALS,) * 4
+PARTS = ((3, "the position"), (4, "the orientation"), (4, "the configuration"), (6, "the external axes"))
 NO_AXIS = 9e9
 FRAME_NUMBERS = 7
 SPREAD = {"v", "wobj", "tload"}  # switches that hold for each part of a way; a time, a number does not
 FLY_BY = "z1"  # the zone at points in between: the arm does not stop there
 NORM_TOLERANCE = 1e-2  # of a quaternion typed with three decimals
 
-_LITERAL_ELSEWHERE = re.compile(r"(?i)(?:^|;)\s*([A-Za-z]\w*)\s+(?:\\\w+\s*,\s*)?\[\s*\[")
-_MOVE = re.compile(
-    r"(?i)\b(Move(?:L|J|C|AbsJ)|TriggL|TriggJ|TriggC|SearchL|Arc[LC])(DO|Sync|AO|GO|Start|End)?\b\s*(?![\w:=(])"
+_ELSEWHERE = re.compile(r"\s*([A-Za-z]\w*)\s+(?:\\\w+\s*,\s*)?")  # before a literal; the whole of it
+_BRACKETS = re.compile(r"\[\s*\[")
+_MOVE = re.compile(  # letters first and the edge of the word behind them: so the search is quick
+    r"([MmTtSsAa](?<!\w.)(?i:(?<=M)ove(?:L|J|C|AbsJ)|(?<=T)rigg[LJC]|(?<=S)earchL|(?<=A)rc[LC]))"
+    r"(?i:(DO|Sync|AO|GO|Start|End)?)\b\s*(?![\w:=(])"
 )
 _SILENT = re.compile(  # instructions that neither move the arm nor lead elsewhere
     r"(?i)[ \t]*(?:(?:Set(?:DO|AO|GO)?|Reset|Pulse[DG]O|InvertDO|Wait(?:Time|Until|[DAG][IO])|Conf[LJ]"
@@ -66,7 +82,29 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
             reader.motions.insert(begun, Motion("joint", None, reader.motions[begun].line))
     points = [name for name, data in reader.data.items() if data[0].kind in ("robtarget", "jointtarget")]
     told = unread(sources, reader.texts, points, [target.name for target in reader.targets], reader.spans)
-    return Program(NAME, sources, tuple(reader.targets), tuple(reader.motions), (*reader.warnings, *told))
+    return Program(NAME, sources, tuple(reader.targets), tuple(reader.motions), _notation(setting),
+                   (*reader.warnings, *told))
+
+
+def _notation(setting: Setting) -> Notation:
+    def words(targets: Sequence[Target], q: np.ndarray) -> Iterator[tuple[int, Edit]]:
+        rows = [k for k, target in enumerate(targets) if target.is_pose and setting.robot.axes == 6]
+        if not rows:
+            return
+        old = np.array([targets[k].numbers[7:10] for k in rows])
+        reported = setting.reported(q[rows])
+        new = quadrants(reported)
+        for k, i in np.argwhere(~in_quadrants(reported, np.trunc(old))):
+            target = targets[rows[k]]
+            yield rows[k], Edit(target.file, *target.places[7 + i], b"%d" % new[k, i])
+
+    return Notation(
+        joints=lambda numbers: setting.joints(np.radians(numbers)),
+        reported=lambda q: np.degrees(setting.reported(q)),
+        poses=lambda numbers: Poses(1e-3 * numbers[:, :3], from_quaternion(numbers[:, 3:7])),
+        shown=lambda tips, old: np.hstack([1e3 * tips.position, to_quaternion(tips.rotation, old[:, 3:7])]),
+        words=words,
+    )
 
 
 def placement(numbers) -> Placement:
@@ -82,6 +120,7 @@ class _Reader(Declarations):
         self.motions: list[Motion] = []
         self.used: dict[tuple[int, int], int] = {}
         self.warnings: list[str] = []
+        self.frames: dict[tuple[str, str, int], tuple] = {}
         self.spans: list[list[tuple[int, int]]] = [
             [(datum.place, datum.place + 1) for data in self.data.values() for datum in data
              if datum.file == index] for index in range(len(sources))]
@@ -89,17 +128,20 @@ class _Reader(Declarations):
     # -- motions -------------------------------------------------------------------------------------
     def motions_of(self, index: int) -> None:
         source, text = self.sources[index], self.texts[index]
-        if match := re.search(r"(?i)\b(PDispOn|PDispSet|EOffsOn|EOffsSet)\b", text):
+        if match := re.search(r"[PpEe](?<!\w.)(?i:(?<=P)Disp(?:On|Set)|(?<=E)Offs(?:On|Set))\b", text):
             raise source.refuse(
-                match.start(), f"{match[1]} moves all targets that follow; expected targets as they are"
+                match.start(), f"{match[0]} moves all targets that follow; expected targets as they are"
             )
-        for match in re.finditer(r"(?i)\bGripLoad\s+(?!load0\b)", text):
+        for match in re.finditer(r"[Gg](?<!\w.)(?i:ripLoad\s+(?!load0\b))", text):
             if self.setting.load is None:
                 raise source.refuse(match.start(), "GripLoad: a load besides that of the tool; expected "
                                                    "--payload with both together")
-        for match in _LITERAL_ELSEWHERE.finditer(text):
-            if not _MOVE.match(text, match.start(1)):
-                self.warnings.append(f"{source.path.name} line {source.line(match.start(1))}: {match[1]} is "
+        begin = 0
+        for match in _BRACKETS.finditer(text):
+            begin = max(begin, text.rfind(";", begin, match.start()) + 1)
+            word = _ELSEWHERE.fullmatch(text, begin, match.start())
+            if word and not _MOVE.match(text, word.start(1)):
+                self.warnings.append(f"{source.path.name} line {source.line(word.start(1))}: {word[1]} is "
                                      "not read; a target in it stays as it is")
         before = None  # the statement of the motion above
         for match in _MOVE.finditer(text):
@@ -110,10 +152,10 @@ class _Reader(Declarations):
             if match[1].lower() == "searchl":
                 raise source.refuse(match.start(), "SearchL stops where a sensor says; expected a target")
             kind = KINDS[match[1].lower()]
-            arguments = _arguments(text[match.end() : end], match.end())
+            arguments = _arguments(text, match.end(), end)
             switches = {name.lower(): value for name, value, _ in arguments if name}
             plain = [(value, place) for name, value, place in arguments if not name]
-            if passed := [name for name in switches if re.match(r"(wobj|tload)\s*\?", name)]:
+            if passed := [name for name in switches if "?" in name and re.match(r"(wobj|tload)\s*\?", name)]:
                 raise source.refuse(match.start(), f"a frame or load that a caller gives (\\{passed[0]}); "
                                                    "expected a name of these files")
             count = 2 if kind == "circular" else 1
@@ -162,7 +204,7 @@ class _Reader(Declarations):
             position = ",".join(f"{value:.{MM_DECIMALS}f}" for value in 1e3 * tip.position)
             turn = ",".join(f"{value:.{QUATERNION_DECIMALS}f}" for value in wxyz)
             reported = self.setting.reported(q)
-            word = [*quadrants(reported), self.wrist(index, target, place, reported)]
+            word = [*quadrants(reported).tolist(), self.wrist(index, target, place, reported)]
             literal = f"[[{position}],[{turn}],[{','.join(map(str, word))}],[9E9,9E9,9E9,9E9,9E9,9E9]]"
             lines.append(head + literal + middle + FLY_BY + tail + newline[0])
         return Edit(index, start, start, "".join(lines).encode("latin-1"))
@@ -209,76 +251,63 @@ class _Reader(Declarations):
         numbers = self.numbers(file, literal, 0, None, "the joint angles")[:n]
         if len(numbers) != n:
             raise source.refuse(literal.start, f"{len(numbers)} joint angles; expected {n}")
-        in_range(source, numbers)
-
-        def encode(q, _):
-            degrees = np.degrees(self.setting.reported(q))
-            return [number.edit(source, file, value, DEG_DECIMALS) for number, value in zip(numbers, degrees)]
-
-        q = self.setting.joints(np.radians([number.value for number in numbers]))
         load = self.tool(tool, index, place)[2]  # the arm bends under it, wherever the tip is
-        return Target(name, file, source.line(literal.start), encode, joints=q, load=load)
+        return Target(name, file, source.line(literal.start), *Numbers.of(numbers).checked(source),
+                      (DEG_DECIMALS,) * n, load=load)
 
     def pose(
         self, name: str, file: int, literal: Literal, tool: str, wobj: str, index: int, place: int
     ) -> Target:
         source = self.sources[file]
-        position = self.numbers(file, literal, 0, 3, "the position")
-        turn = self.numbers(file, literal, 1, 4, "the orientation")
-        word = self.numbers(file, literal, 2, 4, "the configuration")
-        outer = self.numbers(file, literal, 3, 6, "the external axes")
-        if any(number.value != NO_AXIS and number.value != 0.0 for number in outer):
+        numbers, places = self.robtarget(file, literal)
+        if any(number not in (NO_AXIS, 0.0) for number in numbers[11:]):
             raise source.refuse(literal.start, "an external axis is in use; expected 9E9 in all of them")
-        in_range(source, [*position, *turn])
-        wxyz = np.array([number.value for number in turn])
-        if abs(np.linalg.norm(wxyz) - 1.0) > NORM_TOLERANCE:
-            raise source.refuse(turn[0].start, f"quaternion of norm {np.linalg.norm(wxyz):.4g}; expected 1")
-        cf = [int(number.value) for number in word]
-
-        def encode(q, tip):
-            values = [*(1e3 * tip.position), *to_quaternion(tip.rotation, wxyz)]
-            decimals = [MM_DECIMALS] * 3 + [QUATERNION_DECIMALS] * 4
-            edits = [
-                n.edit(source, file, value, d) for n, value, d in zip([*position, *turn], values, decimals)
-            ]
-            new_quadrants = quadrants(self.setting.reported(q))
-            edits += [
-                Edit(file, n.start, n.end, str(new).encode())
-                for n, new, old, angle in zip(word, new_quadrants, cf, self.setting.reported(q)[[0, 3, 5]])
-                if not in_quadrant(angle, old)
-            ]
-            return edits
-
-        matches = None
-        if self.setting.robot.axes == 6:
-
-            def matches(q):
-                reported = self.setting.reported(q)
-                fits = all(in_quadrant(angle, quadrant) for angle, quadrant in zip(reported[[0, 3, 5]], cf))
-                return fits and (
-                    abs(np.sin(reported[4])) < EDGE_RAD
-                    or bool(cf[3] & 1) == (np.sin(reported[4]) < 0.0)
-                    or cf[3] == 0
-                )
-
+        Numbers(numbers[:7], places).checked(source)
+        norm = math.hypot(*numbers[3:7])
+        if abs(norm - 1.0) > NORM_TOLERANCE:
+            raise source.refuse(places[3][0], f"quaternion of norm {norm:.4g}; expected 1")
         tip, why, load = self.tool(tool, index, place)
         base, why_base = self.work_object(wobj, index, place)
         return Target(
             name,
             file,
             source.line(literal.start),
-            encode,
-            pose=placement([n.value for n in (*position, *turn)]),
+            numbers[:11],
+            places[:11],
+            DIGITS,
+            is_pose=True,
             tool=tip,
             base=base,
             load=load,
-            matches=matches,
+            matches=partial(self.fits, numbers[7:11]) if self.setting.robot.axes == 6 else None,
             refusal=why or why_base,
         )
 
+    def robtarget(self, file: int, literal: Literal) -> Numbers:
+        """Its numbers."""
+        if literal.plain is not None:
+            found = Numbers.groups(literal.plain)
+            if max(map(abs, found.values)) < math.inf:
+                return found
+        numbers = [number for k, (count, what) in enumerate(PARTS)
+                   for number in self.numbers(file, literal, k, count, what)]
+        return Numbers.of(numbers)
+
+    def fits(self, cf: Sequence[float], q: np.ndarray) -> bool:
+        """Whether joint angles are of a configuration."""
+        reported, words = self.setting.reported(q), np.trunc(cf)
+        return bool(in_quadrants(reported, words[:3]).all()) and (
+            abs(np.sin(reported[4])) < EDGE_RAD or words[3] == 0.0
+            or bool(int(words[3]) & 1) == (np.sin(reported[4]) < 0.0))
+
     # -- tool and work object ------------------------------------------------------------------------
     def tool(self, name: str, index: int, place: int):
-        """Placement and, where it is not known, why; load."""
+        """Placement and, where it is not known, why; load. Read once for all motions with it."""
+        if ("tool", name, index) not in self.frames:
+            self.frames["tool", name, index] = self.tool_of(name, index, place)
+        return self.frames["tool", name, index]
+
+    def tool_of(self, name: str, index: int, place: int):
         if name.lower() == "tool0":
             return Placement(), "", None
         if not self.seen(index, name):
@@ -295,6 +324,11 @@ class _Reader(Declarations):
 
     def work_object(self, name: str, index: int, place: int):
         """Placement of user frame and object frame, and, where they are not known, why."""
+        if ("base", name, index) not in self.frames:
+            self.frames["base", name, index] = self.work_object_of(name, index, place)
+        return self.frames["base", name, index]
+
+    def work_object_of(self, name: str, index: int, place: int):
         if name.lower() == "wobj0":
             return Placement(), ""
         if not self.seen(index, name):
@@ -323,7 +357,7 @@ class _Reader(Declarations):
         return "" if same else f"{name} has other numbers in these files than by --{option}"
 
     def frame(self, datum: Datum, parts) -> Placement:
-        literal = Literal(parts if isinstance(parts, list) else [], datum.literal.start, datum.literal.end)
+        literal = Literal(datum.literal.start, datum.literal.end, parts if isinstance(parts, list) else [])
         numbers = self.numbers(datum.file, literal, 0, 3, "the position") + self.numbers(
             datum.file, literal, 1, 4, "the orientation"
         )
@@ -334,26 +368,27 @@ def _expected(option: str, name: str) -> str:
     return f"expected --{option} {name}=x,y,z,q1,q2,q3,q4 (mm), or its data in these files"
 
 
-def _arguments(text: str, place: int) -> list[tuple[str, str, int]]:
+def _arguments(text: str, begin: int, end: int) -> list[tuple[str, str, int]]:
     """(switch or "", value, place) of each argument, split at commas and backslashes outside brackets."""
-    found, depth, start, switch = [], 0, 0, False
+    found, depth, start, switch = [], 0, begin, False
 
     def close(end: int) -> None:
         part = text[start:end]
         if switch:
             name, _, value = part.partition(":=")
-            found.append((name.strip(), value.strip(), place + start))
+            found.append((name.strip(), value.strip(), start))
         elif part.strip():
-            found.append(("", part, place + start))
+            found.append(("", part, start))
 
-    for mark in _MARKS.finditer(text):
+    whole = ROBTARGET.match(text, begin, end)  # most targets in brackets; nothing in them is looked at
+    for mark in _MARKS.finditer(text, whole.end() if whole else begin, end):
         letter = mark[0]
         depth += (letter in "[({") - (letter in "])}")
         if depth == 0 and letter in ",\\":
             close(mark.start())
             start, switch = mark.end(), letter == "\\"
     if depth == 0:
-        close(len(text))
+        close(end)
     return found
 
 

@@ -9,37 +9,45 @@ set by the program. Comments and strings are blank in `texts`; places are those 
 
 from __future__ import annotations
 
-import math
 import re
 from bisect import bisect_right
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from exactarm.compensate.program import NUMBER, Number, SourceText
 
+# Of what stands before a `:=`
 _DATA = re.compile(
     r"(?i)\b(LOCAL\s+)?(?:CONST|PERS|VAR|TASK\s+PERS)\s+(robtarget|jointtarget|tooldata|wobjdata)\s+"
-    r"(\w+)\s*(\{[^}]*\})?\s*:=\s*"
+    r"(\w+)\s*(\{[^}]*\})?\s*\Z"
 )
-_ROUTINE = re.compile(r"(?i)\b(END)?(?:PROC|FUNC|TRAP)\b")
+_ASSIGNED = re.compile(r"(?<![\w\\.}])(\w+)[ \t]*(?:\{[^}]*\}|\.\w+)*\s*\Z")
+# Of text in small letters; letters first and the edge of the word behind them: so the search is quick
+_ROUTINE = re.compile(r"(?:proc|func|trap)\b(?:(?<=\b(end)....)|(?<=\b....))")
 _WORD = re.compile(r"[A-Za-z_]\w*")
 _BLANK = re.compile(r"\s*")
 _LIST = lambda count: r"\[" + ",".join([rf"\s*({NUMBER})\s*"] * count) + r"\]"
-_ROBTARGET = re.compile(r"\[\s*" + r"\s*,\s*".join(map(_LIST, (3, 4, 4, 6))) + r"\s*\]")
-_LISTS = ((1, 4), (4, 8), (8, 12), (12, 18))  # groups of its numbers
+ROBTARGET = re.compile(r"\[\s*" + r"\s*,\s*".join(map(_LIST, (3, 4, 4, 6))) + r"\s*\]")
+_LISTS = ((0, 3), (3, 7), (7, 11), (11, 17))  # of its numbers
 _MARKS = re.compile(r"[\[\],;]")
-_ARGUMENTS = re.compile(r"(?i)\b(?:PROC|FUNC\s+\w+)\s+\w+\s*\(([^)]*)\)")
+_ARGUMENTS = re.compile(r"[pf](?<!\w.)(?:(?<=p)roc|(?<=f)unc\s+\w+)\s+\w+\s*\(([^)]*)\)")
 _ARGUMENT = re.compile(r"(?i)\b(?:robtarget|jointtarget|tooldata|wobjdata)\s+(\w+)")
-_ASSIGNED = re.compile(r"(?i)(?<![\w\\.}])(\w+)[ \t]*(?:\{[^}]*\}|\.\w+)*\s*:=")
-
 
 @dataclass(frozen=True)
 class Literal:
-    """A bracketed aggregate: nested lists of (text, place), or of numbers."""
+    """A bracketed aggregate: nested lists of (text, place). plain: a robtarget whose numbers
+    are such."""
 
-    parts: list
     start: int
     end: int
+    nested: list
+    plain: re.Match | None = None
+
+    @property
+    def parts(self) -> list:
+        if self.plain is None:
+            return self.nested
+        return [[(self.plain[k + 1], self.plain.start(k + 1)) for k in range(a, b)] for a, b in _LISTS]
 
 
 @dataclass(frozen=True)
@@ -60,21 +68,21 @@ class Declarations:
         self.data: dict[str, list[Datum]] = {}
         self.assigned: dict[str, dict[int, int]] = {}  # name -> file -> the first place
         for index, text in enumerate(self.texts):
-            found = list(_DATA.finditer(text))
-            for match, within in zip(found, _in_routines(text, [match.start() for match in found])):
-                literal = None if match[4] else self.literal(index, match.end())
-                own = bool(match[1]) or within
-                self.data.setdefault(match[3].lower(), []).append(
-                    Datum(match[2].lower(), literal, index, match.start(3), own)
-                )
-            for match in _ARGUMENTS.finditer(text):
+            routines = list(_ROUTINE.finditer(text.lower()))
+            starts = [match.start() for match in routines]
+            for begin, place in _set(text):
+                if match := _DATA.search(text, begin, place):
+                    k = bisect_right(starts, match.start())
+                    own = bool(match[1]) or k > 0 and routines[k - 1][1] is None
+                    literal = None if match[4] else self.literal(index, place + 2)
+                    self.data.setdefault(match[3].lower(), []).append(
+                        Datum(match[2].lower(), literal, index, match.start(3), own)
+                    )
+                elif match := _ASSIGNED.search(text, begin, place):
+                    self._assign(match[1], index, match.start(1))
+            for match in _ARGUMENTS.finditer(text.lower()):
                 for argument in _ARGUMENT.finditer(match[1]):
                     self._assign(argument[1], index, match.start())
-            declared = {datum.place for data in self.data.values() for datum in data if datum.file == index}
-            for match in _ASSIGNED.finditer(text):
-                if match.start(1) in declared:
-                    continue
-                self._assign(match[1], index, match.start(1))
 
     def _assign(self, name: str, index: int, place: int) -> None:
         self.assigned.setdefault(name.lower(), {}).setdefault(index, place)
@@ -91,10 +99,8 @@ class Declarations:
         place = _BLANK.match(text, place).end()
         if text[place : place + 1] != "[":
             return None
-        if plain := _ROBTARGET.match(text, place):  # most literals; the rest of the way is for all others
-            numbers = [Number(float(plain[k]), *plain.span(k)) for k in range(1, 18)]
-            if all(math.isfinite(number.value) for number in numbers):
-                return Literal([numbers[a - 1 : b - 1] for a, b in _LISTS], place, plain.end())
+        if plain := ROBTARGET.match(text, place):  # most literals; the rest of the way is for all others
+            return Literal(place, plain.end(), [], plain)
         stack: list[list] = [[]]
         start = place + 1
         for match in _MARKS.finditer(text, place):
@@ -111,7 +117,7 @@ class Declarations:
                     done = stack.pop()
                     stack[-1].append(done)
                     if len(stack) == 1:
-                        return Literal(done, place, i + 1)
+                        return Literal(place, i + 1, done)
             else:
                 break
         raise self.sources[index].refuse(place, "a bracket is not closed; expected ]")
@@ -126,7 +132,7 @@ class Declarations:
             raise source.refuse(literal.start, f"{what} is missing; expected it as list {where + 1}")
         if count is not None and len(parts) != count:
             raise source.refuse(literal.start, f"{what}: {len(parts)} numbers; expected {count}")
-        return [part if isinstance(part, Number) else Number.read(source, *part) for part in parts]
+        return [Number.read(source, *part) for part in parts]
 
     def datum(self, index: int, name: str, place: int, kinds: tuple[str, ...]) -> Datum:
         """The one declaration of a name, with numbers."""
@@ -164,9 +170,10 @@ def linked(sources: Sequence[SourceText]) -> list[list[int]]:
     return [[i for i, each in enumerate(group) if each == one] for one in dict.fromkeys(group)]
 
 
-def _in_routines(text: str, places: Sequence[int]) -> list[bool]:
-    """Whether each place stands between the head of a routine and its end."""
-    marks = list(_ROUTINE.finditer(text))
-    starts = [mark.start() for mark in marks]
-    before = [bisect_right(starts, place) for place in places]
-    return [k > 0 and marks[k - 1][1] is None for k in before]
+def _set(text: str) -> Iterator[tuple[int, int]]:
+    """Each `:=`, and where its statement begins."""
+    begin, place = 0, text.find(":=")
+    while place >= 0:
+        begin = max(begin, text.rfind(";", begin, place) + 1)
+        yield begin, place
+        begin, place = place + 2, text.find(":=", place + 2)

@@ -36,7 +36,7 @@ def series_bends(
     pairs = [(a, b) for a, b in zip(program.motions, program.motions[1:])
              if None not in (a.time, b.time, a.target, b.target)
              and not np.isnan(q_after[[a.target, b.target]]).any()
-             and program.targets[b.target].joints is not None]
+             and not program.targets[b.target].is_pose]
     if not pairs:
         return []
     ways = [_Way(a, b, q) for a, b in pairs]

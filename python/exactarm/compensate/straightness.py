@@ -15,6 +15,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
 from exactarm import _core
+from exactarm.compensate.controller import ANYWHERE, SOLVED
 from exactarm.compensate.flange_poses import Poses
 from exactarm.compensate.law import NOT_REACHED, CompensationModel
 from exactarm.compensate.program import Motion, Program
@@ -144,14 +145,11 @@ def _deviation(model: CompensationModel, line: _Line, knots: np.ndarray, q: np.n
 def _joints(model: CompensationModel, line: _Line, tips: list[Placement]) -> np.ndarray | None:
     """The controller's joint angles along tips close to each other, from the first of line.q on."""
     flanges = _flanges(line, tips)
-    options = _core.InverseKinematicsOptions()
-    options.check_limits, options.largest_jump = False, np.inf
     q, report = _core.inverse_kinematics_path(
         model.controller.core, flanges.position, flanges.rotation.reshape(-1, 9),
-        model.controller.turned(line.q[0]), options
+        model.controller.turned(line.q[0]), ANYWHERE
     )
-    solved = report.status == _core.InverseKinematicsStatus.solved
-    return model.controller.unturned(q) if solved else None
+    return model.controller.unturned(q) if report.status == SOLVED else None
 
 
 def _flanges(line: _Line, tips: list[Placement]) -> Poses:

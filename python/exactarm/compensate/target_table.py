@@ -25,7 +25,8 @@ import pyarrow.parquet
 
 from exactarm.compensate.angles import from_vector
 from exactarm.compensate.controller import ControllerChain
-from exactarm.compensate.program import Motion, Program, SourceText, Target
+from exactarm.compensate.flange_poses import Poses
+from exactarm.compensate.program import Motion, Notation, Program, SourceText, Target
 from exactarm.compensate.setting import Setting
 from exactarm.controller_frames import base_in_device, target_on_flange
 from exactarm.csv_dialect import Dialect, dialect_of, split_header
@@ -70,16 +71,18 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
     for i, line in enumerate(lines):
         name = names[i] if names else f"row {line - 1}"
         if poses is None:
-            targets.append(Target(name, 0, line, _nothing, q[i]))
+            targets.append(Target(name, 0, line, q[i]))
         else:
             near = None if q is None else q[i]
-            targets.append(Target(name, 0, line, _nothing, pose=poses[i], tool=tool, base=base, near=near))
+            targets.append(Target(name, 0, line, (i,), is_pose=True, tool=tool, base=base, near=near))
         side = None if approach is None else tuple(np.nan_to_num(approach[i]))
         time = float(data.time[i]) if timed and side is None else None
         insert = partial(rows.between, i) if time is not None and i and poses is None else None
         motions.append(Motion("joint", i, line, time=time, approach=side, insert=insert))
     finish = partial(_finish, source, setting, q if poses is None else None)
-    return Program(NAME, sources, tuple(targets), tuple(motions), told, calculated=True, finish=finish)
+    notation = Notation(joints=_as_they_are, poses=lambda rows: poses.rows(rows[:, 0].astype(int)))
+    return Program(NAME, sources, tuple(targets), tuple(motions), notation, told, calculated=True,
+                   finish=finish)
 
 
 @dataclass(frozen=True)
@@ -112,13 +115,12 @@ def read_commands(sources: tuple[SourceText, ...], setting: Setting) -> Program:
     table = _table(source)
     q = np.column_stack([table.column(_name(setting.robot, i)).to_numpy() for i in range(setting.robot.axes)])
     q = setting.robot.controller.joints(q)
-    targets = tuple(Target(f"row {i}", 0, i + 1, _nothing, row) for i, row in enumerate(q, start=1))
-    return Program(NAME, sources, targets, ())
+    targets = tuple(Target(f"row {i}", 0, i + 1, row) for i, row in enumerate(q, start=1))
+    return Program(NAME, sources, targets, (), Notation(joints=_as_they_are))
 
 
-def _nothing(*_) -> list:
-    """The edits of one target: `_finish` writes the table as a whole."""
-    return []
+def _as_they_are(q: np.ndarray) -> np.ndarray:
+    return q
 
 
 def _joint_angles(data: Dataset, source: SourceText) -> np.ndarray | None:
@@ -133,7 +135,7 @@ def _joint_angles(data: Dataset, source: SourceText) -> np.ndarray | None:
     return q
 
 
-def _poses(data: Dataset, q: np.ndarray | None, setting: Setting, source: SourceText) -> list[Placement]:
+def _poses(data: Dataset, q: np.ndarray | None, setting: Setting, source: SourceText) -> Poses:
     rotations = data.rotation
     if rotations is None:
         if q is None:
@@ -144,7 +146,7 @@ def _poses(data: Dataset, q: np.ndarray | None, setting: Setting, source: Source
             )
         tool, base = _frames(setting)
         rotations = base.rotation.T @ ControllerChain.of(setting.robot).poses(q).rotation @ tool.rotation
-    return [Placement(rotation, position) for rotation, position in zip(rotations, data.position)]
+    return Poses(data.position, rotations)
 
 
 def _frames(setting: Setting) -> tuple[Placement, Placement]:

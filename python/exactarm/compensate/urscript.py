@@ -12,24 +12,36 @@ file must have them ([controller] chain = "calibrated"). Not read: what is compu
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 
 from exactarm.compensate.angles import from_vector, to_vector
-from exactarm.compensate.program import NUMBER, Edit, Motion, Number, Program, SourceText, Target, in_range
+from exactarm.compensate.flange_poses import Poses
+from exactarm.compensate.program import (
+    HERE,
+    NUMBER,
+    Edit,
+    Motion,
+    Notation,
+    Numbers,
+    Program,
+    SourceText,
+    Target,
+)
 from exactarm.compensate.setting import Setting
 from exactarm.compensate.ways import UNCERTAIN, Step, goes_on, unread, walk
 from exactarm.robot import Placement
 
 NAME, SUFFIXES = "URScript", (".script", ".urscript")
 DECIMALS = 9  # m and rad: a nanometre
+DIGITS = (DECIMALS,) * 6
 BLEND_M = 0.001  # at points in between, so that the arm does not stop there
 KINDS = {"movej": "joint", "servoj": "joint", "movel": "linear", "movep": "linear", "movec": "circular"}
-_MOVE = re.compile(r"\b(movej|movel|movep|movec|servoj)\s*\(")
-_SET = re.compile(r"\b(set_tcp|set_payload|set_payload_mass|set_payload_cog|set_target_payload)\s*\(")
+_MOVE = re.compile(r"([ms](?<!\w.)(?:(?<=m)ove[jlpc]|(?<=s)ervoj))\s*\(")  # a letter first: quick
+_SET = re.compile(r"(s(?<!\w.)et_(?:tcp|payload|payload_mass|payload_cog|target_payload))\s*\(")
 _ASSIGNED = re.compile(
     r"(?m)^[ \t]*(?:global[ \t]+|local[ \t]+)?([A-Za-z_]\w*)[ \t]*(?:\[[^\]\r\n]*\][ \t]*)*=(?!=)[ \t]*"
 )
@@ -37,8 +49,8 @@ _ARGUMENTS = re.compile(r"(?m)^[ \t]*(?:def|thread)[ \t]+\w+[ \t]*\(([^)]*)\)")
 _BLOCK = re.compile(
     r"(?m)^[ \t]*(?:(?P<open>(?:if|switch)\b)|(?P<loop>(?:while|for)\b)|"
     r"(?P<branch>(?:elif|else|case|default)\b)|(?P<close>end\b)|(?:def|thread|sec)[ \t]+(?P<routine>\w+))"
-    r"|\b(?P<call>[A-Za-z_]\w*)[ \t]*\("
 )
+_CALL = re.compile(r"([A-Za-z_](?<!\w.)\w*)[ \t]*\(")
 _UNREAD = re.compile(r"\b(servoc|speedj|speedl|optimovej|optimovel|force_mode|conveyor_pulse_decode)[ \t]*\(")
 _LITERAL = re.compile(r"(p?)\s*\[([^\[\]]*)\]")
 _ALONE = re.compile(
@@ -59,8 +71,10 @@ _BEHIND = re.compile(r"[ \t]*(?:[,)\]\r\n]|$)")  # what may follow numbers that 
 @dataclass(frozen=True)
 class _Literal:
     is_pose: bool
-    numbers: tuple[Number, ...]
+    numbers: Sequence[float]
+    places: Sequence[tuple[int, int]]
     start: int
+    end: int
 
 
 def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
@@ -68,9 +82,10 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
     text = source.without(r"#[^\r\n]*", r'"[^"\r\n]*"')
     n = setting.robot.axes
     assigned: dict[str, list[int]] = {}
-    for match in _ASSIGNED.finditer(text):
+    assignments = source.at_lines(_ASSIGNED, text)
+    for match in assignments:
         assigned.setdefault(match[1], []).append(match.end())
-    for match in _ARGUMENTS.finditer(text):  # a name of their own, whatever stands outside
+    for match in source.at_lines(_ARGUMENTS, text):  # a name of their own, whatever stands outside
         for word in re.finditer(r"[A-Za-z_]\w*", match[1]):
             assigned.setdefault(word[0], []).append(match.start(1) + word.end())
     targets: list[Target] = []
@@ -84,24 +99,21 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
         match = _LITERAL.match(text, place)
         if match is None:
             return None
-        numbers, at = [], match.start(2)
-        for part in match[2].split(","):
-            numbers.append(Number.read(source, part, at))
-            at += len(part) + 1
+        numbers = Numbers.listed(source, text, *match.span(2))
         expected = 6 if match[1] else n
-        if len(numbers) != expected:
-            raise source.refuse(place, f"{len(numbers)} numbers; expected {expected}")
-        in_range(source, numbers)
+        if len(numbers.values) != expected:
+            raise source.refuse(place, f"{len(numbers.values)} numbers; expected {expected}")
+        numbers.checked(source)
         if not _BEHIND.match(text, match.end()):
             raise source.refuse(match.end(), "numbers that are calculated with; expected numbers alone")
-        return _Literal(bool(match[1]), tuple(numbers), place)
+        return _Literal(bool(match[1]), *numbers, place, match.end())
 
     def argument(place: int) -> tuple[str, _Literal, int]:
         """Name and numbers of a target that stands at `place`, and where it ends."""
         place = _BLANK.match(text, place).end()
         found = literal(place)
         if found is not None:
-            return f"line {source.line(place)}", found, _LITERAL.match(text, place).end()
+            return f"line {source.line(place)}", found, found.end
         word = _NAMED.match(text, place)
         if word is None:
             shown = re.split(r"[\r\n]", text[place : place + 40])[0]
@@ -128,7 +140,7 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
             word, angles, end = argument(comma.end())
             close.append(word)
             if found.is_pose and not angles.is_pose and _CLOSED.match(text, end):
-                return name, found, setting.joints([number.value for number in angles.numbers])
+                return name, found, setting.joints(np.array(angles.numbers))
         raise source.refuse(
             place, "the target is computed; expected numbers, or get_inverse_kin(pose, qnear=angles) alone")
 
@@ -142,11 +154,8 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
             raise source.refuse(
                 place, f"{name} is used with different tools or loads: no one number is right for all"
             )
-        if found.is_pose:
-            made = replace(_pose(source, name, found, tool, load, setting), near=near)
-        else:
-            made = _joints(source, name, found, tool, load, setting)
-        targets.append(made)
+        made = _pose if found.is_pose else _joints
+        targets.append(made(source, name, found, tool, load, setting)._replace(near=near))
         begun.add(found.start)
         index[key] = len(targets) - 1
         return index[key]
@@ -159,12 +168,12 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
             if found is None or not found.is_pose:
                 raise source.refuse(match.end(), "the tool is computed; expected set_tcp(p[...])")
             steps.append(Step(match.start(), "set",
-                              ("tool", placement([number.value for number in found.numbers]))))
+                              ("tool", placement(found.numbers))))
         else:
             steps.append(Step(match.start(), "set", ("load", _load(source, text, match))))
-    spans = [match.span() for match in _ASSIGNED.finditer(text)]
+    spans = [match.span() for match in assignments]
     told, above = [], None
-    for match, state in walk([*steps, *_blocks(text)], {"tool": tool, "load": None}):
+    for match, state in walk([*steps, *_blocks(source, text)], {"tool": tool, "load": None}):
         tool, load, line = state["tool"], state["load"], source.line(match.start())
         spans.append((match.start(), _end(text, match.end())))
         if match.re is _UNREAD:
@@ -184,21 +193,34 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
     points = [name for name, places in assigned.items() if (match := _LITERAL.match(text, places[0]))
               and match[2].count(",") == (5 if match[1] else n - 1)]
     told += unread(sources, [text], points, [*close, *(target.name for target in targets)], [spans])
-    return Program(NAME, sources, tuple(targets), tuple(motions), tuple(told))
+    return Program(NAME, sources, tuple(targets), tuple(motions), _notation(setting), tuple(told))
 
 
-def _blocks(text: str) -> list[Step]:
+def _notation(setting: Setting) -> Notation:
+    return Notation(
+        joints=setting.joints,
+        reported=setting.reported,
+        poses=lambda numbers: Poses(numbers[:, :3], from_vector(numbers[:, 3:])),
+        shown=lambda tips, old: np.hstack([tips.position, to_vector(tips.rotation, old[:, 3:])]),
+    )
+
+
+def _blocks(source: SourceText, text: str) -> list[Step]:
     """Where the ways of a program part and meet, and calls; `end` closes whatever was opened last."""
-    steps, begun = [], []
-    for match in _BLOCK.finditer(text):
+    steps, begun, names = [], [], {}
+    for match in source.at_lines(_BLOCK, text):
         what = match.lastgroup
         if what in ("open", "loop", "routine"):
             begun.append(what)
         elif what == "close" and begun and begun.pop() == "routine":
             what = "end"
+        if what == "routine":
+            names.setdefault(match[what], set()).add(match.start(what))
         word = match[0].split()[0].rstrip(":")
-        data = {"branch": word in ("else", "default"), "routine": match["routine"], "call": match["call"]}
+        data = {"branch": word in ("else", "default"), "routine": match["routine"]}
         steps.append(Step(match.start(), what, data.get(what)))
+    steps += [Step(match.start(), "call", match[1]) for match in _CALL.finditer(text)
+              if match[1] in names and match.start() not in names[match[1]]]
     return steps
 
 
@@ -227,11 +249,11 @@ def _insertion(
         return None
     options = re.sub(r"[ \t]*,[ \t]*r[ \t]*=[^,]*", "", whole[2].rstrip()) + f", r={BLEND_M}"
     end = re.search(r"\r\n|\n|\r", source.text)
-    values = np.array([number.value for number in found.numbers])
+    near = np.array(found.numbers[3:])
     lines = []
     for _, tip in points:
         pose = ", ".join(
-            f"{value:.{DECIMALS}f}" for value in [*tip.position, *to_vector(tip.rotation, values[3:])]
+            f"{value:.{DECIMALS}f}" for value in [*tip.position, *to_vector(tip.rotation, near)]
         )
         lines.append(f"{whole[1]}movel(p[{pose}]{options}){end[0] if end else ''}")
     return Edit(0, start, start, "".join(lines).encode("latin-1")) if end else None
@@ -254,9 +276,7 @@ def _load(source: SourceText, text: str, match: re.Match):
             match.start(),
             f"{match[1]} without mass and centre; expected {match[1]}(kg, [x, y, z]), or --payload",
         )
-    centre, at = [], call.start(2)
-    for part in call[2].split(","):
-        centre.append(Number.read(source, part, at).value)
+    centre = Numbers.listed(source, text, *call.span(2)).values
     if len(centre) != 3:
         raise source.refuse(call.start(2), f"{len(centre)} numbers; expected the centre of the load, three")
     return float(call[1]), tuple(centre)
@@ -275,17 +295,10 @@ def placement(numbers) -> Placement:
 def _joints(
     source: SourceText, name: str, found: _Literal, tool: Placement | None, load, setting: Setting
 ) -> Target:
-    def encode(q, _):
-        return [
-            number.edit(source, 0, value, DECIMALS)
-            for number, value in zip(found.numbers, setting.reported(q))
-        ]
-
-    q = setting.joints([number.value for number in found.numbers])
-    known = load if isinstance(load, tuple) else None
-    tip = {"tool": tool} if isinstance(tool, Placement) else {}
-    line = source.line(found.start)
-    return Target(name, 0, line, encode, joints=q, load=known, refusal=_unknown(load), **tip)
+    digits = (DECIMALS,) * len(found.numbers)
+    return Target(name, 0, source.line(found.start), found.numbers, found.places, digits,
+                  tool=tool if isinstance(tool, Placement) else HERE,
+                  load=load if isinstance(load, tuple) else None, refusal=_unknown(load))
 
 
 def _unknown(load) -> str:
@@ -296,12 +309,6 @@ def _unknown(load) -> str:
 def _pose(
     source: SourceText, name: str, found: _Literal, tool: Placement | None, load, setting: Setting
 ) -> Target:
-    values = np.array([number.value for number in found.numbers])
-
-    def encode(_, tip):
-        new = [*tip.position, *to_vector(tip.rotation, values[3:])]
-        return [number.edit(source, 0, value, DECIMALS) for number, value in zip(found.numbers, new)]
-
     refusal = ""
     if setting.robot.controller.chain != "calibrated":
         refusal = (
@@ -321,9 +328,11 @@ def _pose(
         name,
         0,
         source.line(found.start),
-        encode,
-        pose=placement(values),
-        tool=tool if isinstance(tool, Placement) else Placement(),
+        found.numbers,
+        found.places,
+        DIGITS,
+        is_pose=True,
+        tool=tool if isinstance(tool, Placement) else HERE,
         load=load if isinstance(load, tuple) else None,
         refusal=refusal or _unknown(load),
     )

@@ -10,17 +10,17 @@ from __future__ import annotations
 
 import re
 from collections.abc import Container, Iterable, Iterator, Mapping
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from exactarm.compensate.program import SourceText
 
 LISTED = 8  # names in one warning
+_WORD = re.compile(r"[A-Za-z_]\w*")
+_BEGUN = re.compile(r"(?<=\w)\w*|")  # the rest of a word
 UNCERTAIN = "set differently on several ways through the program"
 
 
-@dataclass(frozen=True)
-class Step:
+class Step(NamedTuple):
     """One statement. what: "open", "loop", "branch" (data: whether one of the ways is always taken), "close",
     "routine" (data: its name), "end", "set" (data: setting, value), "call" (data: name), "label" or
     "move"."""
@@ -148,11 +148,10 @@ def _listed(words: list[str]) -> str:
 
 def _elsewhere(text: str, names: Container[str], spans: Iterable[tuple[int, int]]) -> dict[str, int]:
     """Name in small letters -> the first place where it stands outside of `spans`."""
-    taken, found, k = sorted(spans), {}, 0
-    for word in re.finditer(r"[A-Za-z_]\w*", text):
-        while k < len(taken) and taken[k][1] <= word.start():
-            k += 1
-        within = k < len(taken) and taken[k][0] <= word.start()
-        if not within and word[0].lower() in names:
-            found.setdefault(word[0].lower(), word.start())
+    found, last = {}, 0
+    for start, end in (*sorted(spans), (len(text), len(text))) if names else ():
+        for word in _WORD.finditer(text, last, max(start, last)):
+            if word[0].lower() in names:
+                found.setdefault(word[0].lower(), word.start())
+        last = max(last, _BEGUN.match(text, end).end())
     return found
