@@ -38,6 +38,7 @@ from exactarm.diagnose.problems import problem_for  # noqa: E402
 from exactarm.diagnose.scan import free_mask, grid  # noqa: E402
 from exactarm.diagnose.selection import candidates_for  # noqa: E402
 from exactarm.effects.base import Effect  # noqa: E402
+from exactarm.generic_masses import with_generic_masses  # noqa: E402
 from exactarm.robot import Placement, Robot  # noqa: E402
 from exactarm.robot_file import load_robot  # noqa: E402
 from exactarm.rotation import exp  # noqa: E402
@@ -132,7 +133,7 @@ def case(seed: int, folder: Path, kind: str | None = None, count: int | None = N
     place = Placement(exp(random.normal(0.0, 1.0, (1, 3)))[0], random.normal(0.0, 2.0, 3))
     true = replace(
         deviated(known, 0.5, random, frames=False),
-        links=known.links,
+        links=(known if known.links else with_generic_masses(known)).links,  # no arm is without masses
         base=place,
         tool=Placement(position=random.uniform(-0.2, 0.2, 3) + np.array([0.0, 0.0, 0.15])),
     )
