@@ -15,6 +15,7 @@ from exactarm.commands.arguments import add_map, add_robot
 from exactarm.commands.calibrate import require_poses
 from exactarm.commands.call import AnyData, AnyRobot, asked, data_of, robot_of
 from exactarm.commands.error_sections import unit_of
+from exactarm.commands.next_steps import after_check
 from exactarm.commands.output import PICTURES
 from exactarm.commands.result import CommandResult, estimate
 from exactarm.commands.steps import DETECTING, READING, SERIES, STEPS
@@ -260,17 +261,6 @@ def _sentence(series: Daily, change: Change, days_per_year: float) -> str:
     return f"{what} has moved since {span}{_size(best)}. Alarm on {series.labels[change.alarm]} ({rate})."
 
 
-def _next(change: Change) -> tuple[str, ...]:
-    """After an alarm: these few poses detect, they do not calibrate."""
-    if change.unexplained < UNEXPLAINED:
-        return ("Measure some fifty poses (`exactarm design`) and run `exactarm diagnose`: it tells what "
-                "these few poses cannot. Until then the robot file is not to be trusted.",)
-    return ("See what happened: a collision, a belt that slipped or new mastering moves a zero; a push moves "
-            "the base or the instrument; mounting the target anew moves the tool.",
-            "If it is the arm, measure some fifty poses (`exactarm design`) and `exactarm calibrate` anew. "
-            "Then measure BEFORE again: all later days are compared with it.")
-
-
 def _size(cause: Cause) -> str:
     if len(cause.parameters) == 1:
         low, high = cause.intervals[0]
@@ -300,7 +290,7 @@ def _report(robot: Robot, series: Daily, change: Change, days_per_year: float) -
         ),
     ]
     if moved:
-        sections.append(Text("What to do next", _next(change)))
+        sections.append(after_check(change.unexplained < UNEXPLAINED))
         rows = [
             (
                 cause.name,

@@ -20,6 +20,7 @@ from exactarm.commands.effect_sections import (
 )
 from exactarm.commands.error_sections import error_figures, error_table, highlights
 from exactarm.commands.measure_more import measure_more
+from exactarm.commands.next_steps import HEADING
 from exactarm.diagnose.contribution import Contribution
 from exactarm.diagnose.diagnosis import Diagnosis, Finding
 from exactarm.diagnose.dossier import Dossier
@@ -169,7 +170,7 @@ def _next(robot: Robot, result: Diagnosis, found: list[tuple[Finding, Contributi
     if result.drafts:
         lines.append("`draft.toml` holds an effect for what is left. Check it, then `exactarm accept "
                      "draft.toml` and diagnose again: every command knows it from then on.")
-    return [Text("What to do next", tuple(lines))] if lines else []
+    return [Text(HEADING, tuple(lines))] if lines else []
 
 
 def _drafts(result: Diagnosis) -> list:

@@ -138,4 +138,13 @@ def _asked(command: str, arguments: argparse.Namespace, result: CommandResult) -
     named = {source.path: source for source in (*known, *sources(read, known))}
     files = tuple(named.pop(path) for path in dict.fromkeys(map(str, read))
                   if path in named) + tuple(named.values())
-    return Asked(command, arguments.line, robot, files, arguments.seed)
+    return Asked(command, arguments.line, robot, files, arguments.seed, _reading(arguments))
+
+
+def _reading(arguments: argparse.Namespace) -> tuple[str, ...]:
+    """The options of FILES that another command takes too."""
+    given = vars(arguments)
+    words = [word for name in ("kind", "fixture", "sessions") if given.get(name)
+             for word in (f"--{name}", str(given[name]))]
+    renamed = given.get("map") or given.get("columns") or []
+    return (*words, *(word for theirs, ours in renamed for word in ("--map", f"{theirs}={ours}")))

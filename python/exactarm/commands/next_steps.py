@@ -1,20 +1,43 @@
-"""What to do next after a fit (the same sentences for every command that gives a robot file), and after a
-judgement."""
+"""What to do next: after a fit and a diagnosis with the page's numbers, and for every command with a line to
+copy, which reads the files that the run has written.
+
+A paragraph that is one `command` alone is such a line; it stands on a line of its own, as long as it is.
+"""
 
 from __future__ import annotations
 
-from exactarm.kinds.base import Device, Kind
-from exactarm.report import Text
-from exactarm.robot import Robot
+import shlex
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
 
+from exactarm.commands.outcome import Asked, Outcome
+from exactarm.examples import EXAMPLES
+from exactarm.kinds import kind_of
+from exactarm.kinds.base import Device, Kind
+from exactarm.plan.path_file import shipped_paths
+from exactarm.report import Highlights, Report, Text, Warnings
+from exactarm.robot import Robot
+from exactarm.robot_file import shipped_robots
+
+HEADING = "What to do next"
 ENOUGH_FALL = 0.9  # of the error before: less is no success worth a new robot file
+DAILY_POSES = 16  # `design` takes no fewer for seven axes: 4 numbers each, 9 of the frames, 3 a pose
 _FITTED_BY = {Device.GEAR: "gear", Device.DRIVES: "identify"}  # else calibrate
+_LOADED = {  # format of an export -> where the file goes
+    "ur_description": "Give it to the driver as `kinematics_params_file`.",
+    "mjcf": "MuJoCo opens it: `python -m mujoco.viewer --mjcf=robot.xml`.",
+    "csv": "Its columns are those of the robot file: DH parameters, offsets, ratios.",
+    "offsets": "Type the offsets into the controller's mastering, or into a program, not into both.",
+    "robodk": "Run it in RoboDK's own Python, with the station open.",
+    "urdf": "Any program that reads URDF takes it.",
+}
 
 
 def to_improve(kind: Kind) -> Text:
     """After a judgement."""
     fit = _FITTED_BY.get(kind.device, "calibrate")
-    return Text("What to do next", (
+    return Text(HEADING, (
         f"If this is more than your work allows, `exactarm {fit}` and `exactarm diagnose` with other "
         f"{kind.rows} lower it; keep these to judge by.",
     ))
@@ -32,4 +55,168 @@ def next_steps(robot: Robot, kind: Kind, before: float, after: float) -> Text:
     else:
         lines.append("Keep your robot file: what was estimated hardly lowers the error.")
     lines.append("`exactarm diagnose` with the same robot and files looks for the causes of what is left.")
-    return Text("What to do next", tuple(lines))
+    return Text(HEADING, tuple(lines))
+
+
+def after_check(unexplained: bool) -> Text:
+    """After an alarm: these few poses detect, they do not calibrate."""
+    if unexplained:
+        return Text(HEADING, (
+            "Measure some fifty poses and run `exactarm diagnose`: it tells what these few poses cannot. "
+            "Until then the robot file is not to be trusted.",
+        ))
+    return Text(HEADING, (
+        "See what happened: a collision, a belt that slipped or new mastering moves a zero; a push moves the "
+        "base or the instrument; mounting the target anew moves the tool.",
+        "If it is the arm, measure some fifty poses and `exactarm calibrate` anew. Then measure BEFORE "
+        "again: all later days are compared with it.",
+    ))
+
+
+# -- lines to copy -----------------------------------------------------------------------------------------
+@dataclass(frozen=True)
+class _Run:
+    """What a run has read and written, as words of a command line."""
+
+    result: Outcome
+    asked: Asked
+    folder: Path
+
+    @property
+    def robot(self) -> str:
+        """As it was named, or ROBOT where only a value in Python is known."""
+        name = self.asked.robot or ""
+        named = self.asked.line.startswith("exactarm ") or f"({name!r}" in self.asked.line
+        known = name in shipped_robots() or Path(name.partition("#")[0]).is_file()
+        return name if named and known else "ROBOT"
+
+    @property
+    def data(self) -> list[str]:
+        """FILES that were read, with the options that say how."""
+        others = {str(self.asked.robot), *map(str, self.result.inputs)}
+        files = [source.path for source in self.asked.files
+                 if source.rows is not None and source.path not in others]
+        return [*(_named(Path(file)) for file in files), *self.asked.reading]
+
+    def written(self, name: str) -> str:
+        return str(self.folder / name)
+
+    def line(self, what: str, command: str, *words: str) -> str:
+        """`what` names the folder of the next run, beside this one."""
+        named = self.folder.name not in ("", "..")
+        out = self.folder.with_name(f"{self.folder.name}_{what}") if named else self.folder / what
+        return f"`{shlex.join(['exactarm', command, *words, '--out', str(out)])}`"
+
+
+def _named(path: Path) -> str:
+    """A shipped file by its short name."""
+    inside = path.is_absolute() and path.is_relative_to(EXAMPLES)
+    return path.relative_to(EXAMPLES).with_suffix("").as_posix() if inside else str(path)
+
+
+def _plan(run: _Run) -> Sequence[str]:
+    return (
+        "Play it on a virtual robot before the real one drives it:",
+        run.line("played", "simulate", run.robot, run.written(next(iter(run.result.tables)))),
+        "The real one takes the joint angles in the words of its controller: `exactarm plan` with `--send`.",
+    )
+
+
+def _simulate(run: _Run) -> Sequence[str]:
+    if "compare.csv" in run.result.tables:
+        path = run.result.json["path"]["name"]
+        line = run.line("planned", "plan", run.robot, path)
+        return ("Plan the same path for the real arm:", line) if path in shipped_paths() else ()
+    kind = kind_of(run.result.data.kind)
+    command = "diagnose" if "tracked.csv" in run.result.tables else _FITTED_BY.get(kind.device, "calibrate")
+    fixture = ["--fixture", run.written("fixture.toml")] if "fixture.toml" in run.result.texts else []
+    return (
+        "The rows are read as measured ones are. To see what a method finds of the truth:",
+        run.line(command, command, run.robot, run.written(next(iter(run.result.tables))), *fixture),
+    )
+
+
+def _design(run: _Run) -> Sequence[str]:
+    if "deviation_m" in run.result.json:  # without a tracker
+        fixture = " --fixture fixture.toml" if "fixture.toml" in run.result.texts else ""
+        return ("Drive to the poses of `poses.csv`, write what is touched or read there beside the joint "
+                f"angles, and run `exactarm calibrate {run.robot} TOUCHED.csv{fixture}`.",)
+    return (
+        "Rehearse the measurement on a virtual robot:",
+        run.line("rehearsed", "simulate", run.robot, run.written("poses.csv"), "--measure", "poses"),
+        "Then drive to the poses of `poses.csv`, write what the tracker shows into columns `x_mm`, `y_mm`, "
+        f"`z_mm` beside the angles, and run `exactarm calibrate {run.robot} MEASURED.csv`.",
+    )
+
+
+def _certify(run: _Run) -> Sequence[str]:
+    return (
+        "Keep the certificate with the arm. A few poses a day tell when it no longer holds "
+        "(`exactarm check`; five do). Poses that show every parameter:",
+        run.line("daily", "design", run.robot, "--count", str(DAILY_POSES), "--validation", "0"),
+    )
+
+
+def _compensate(run: _Run) -> Sequence[str]:
+    read = {Path(source.path).name: source.path for source in run.asked.files}
+    name = next((name for name in run.result.contents if name in read and not name.endswith(".parquet")), "")
+    changed = shlex.join(["diff", read[name], run.written(name)]) if name else ""
+    return (
+        *(["See what has changed; only numbers have:", f"`{changed}`"] if name else []),
+        "Drive the corrected program slowly at first: clearances were not checked. Then measure some of its "
+        f"poses and run `exactarm evaluate {run.robot} NEW.csv`.",
+    )
+
+
+def _check(run: _Run) -> Sequence[str]:
+    if run.result.json["moved"]:
+        return ("Fifty poses to measure:", run.line("poses", "design", run.robot))
+    words = [run.robot, *run.data, "NEXT.csv"]
+    return ("Measure the same poses on the next day, and give all days again with the new one behind them:",
+            run.line("next", "check", *words))
+
+
+def _evaluate(run: _Run) -> Sequence[str]:
+    return ("The causes of this error (rows that were used for this no longer judge):",
+            run.line("diagnosed", "diagnose", run.robot, *run.data))
+
+
+def _fitted(run: _Run) -> Sequence[str]:
+    return (run.line("diagnosed", "diagnose", run.robot, *run.data),)
+
+
+def _table(run: _Run) -> Sequence[str]:
+    return ("Calibrate with the table:",
+            run.line("calibrated", "calibrate", run.robot, run.written(next(iter(run.result.tables)))))
+
+
+def _export(run: _Run) -> Sequence[str]:
+    format = run.result.json["format"]
+    if format != "urdf":
+        return (_LOADED[format],)
+    return (_LOADED[format], "To see what a program reads in it, written as a table:",
+            run.line("read", "export", run.written(run.result.json["file"]), "--format", "csv"))
+
+
+NEXT: dict[str, Callable[[_Run], Sequence[str]]] = {
+    "calibrate": _fitted, "gear": _fitted, "identify": _fitted, "evaluate": _evaluate, "check": _check,
+    "plan": _plan, "simulate": _simulate, "design": _design, "certify": _certify, "compensate": _compensate,
+    "export": _export, "merge": _table,
+}
+
+
+def with_lines(report: Report, result: Outcome, asked: Asked, folder: Path) -> Report:
+    """The report with the lines to copy after what it says itself, or behind the numbers that matter most."""
+    make = NEXT.get(asked.command)
+    lines = tuple(make(_Run(result, asked, folder))) if make else ()
+    if not lines:
+        return report
+    sections = list(report.sections)
+    own = next((k for k, each in enumerate(sections) if getattr(each, "heading", "") == HEADING), None)
+    if own is not None and isinstance(said := sections[own], Text):
+        sections[own] = replace(said, paragraphs=(*said.paragraphs, *lines))
+        return replace(report, sections=tuple(sections))
+    first = next((k for k, each in enumerate(sections) if not isinstance(each, (Highlights, Warnings))),
+                 len(sections))
+    sections.insert(first, Text(HEADING, lines))
+    return replace(report, sections=tuple(sections))

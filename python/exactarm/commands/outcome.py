@@ -17,13 +17,15 @@ Column = Sequence[Any] | np.ndarray
 
 @dataclass(frozen=True)
 class Asked:
-    """What was asked: the command, the line that asks for it again, robot, files read, seed."""
+    """What was asked: the command, the line that asks for it again, robot, files read, seed; the options that
+    say how the files are read (words of a command line)."""
 
     command: str
     line: str
     robot: str | None = None
     files: tuple[Source, ...] = ()
     seed: int = 0
+    reading: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import exactarm
+from exactarm.commands.next_steps import with_lines
 from exactarm.commands.outcome import Asked, Outcome
 from exactarm.commands.output import ALWAYS, PLOTS, ROBOT_FILES, OutputFolder
 from exactarm.commands.plain import plain, rows_of, sha256
@@ -64,7 +65,8 @@ def publish(result: Outcome, folder: OutputFolder, started: float, progress: Pro
     asked = result.asked or Asked("computed", "")
     asked = replace(asked, files=asked.files + sources(result.inputs, asked.files))
     made = datetime.now(UTC).isoformat(timespec="seconds")
-    report = replace(result.report, details=_details(asked, made) | {"run": folder.run})
+    report = with_lines(result.report, result, asked, folder.path)
+    report = replace(report, details=_details(asked, made) | {"run": folder.run})
     for file, columns in result.tables.items():
         folder.write_table(file, columns)
     for file, text in result.texts.items():

@@ -15,7 +15,7 @@ import jinja2
 from markupsafe import Markup, escape
 
 from exactarm.report.plots.files import Drawing
-from exactarm.report.sections import Figure, Highlights, Link, Report, Table, Text
+from exactarm.report.sections import Figure, Highlights, Link, Report, Table, Text, line_to_copy
 from exactarm.report.terminal import columns_of, highlight_texts
 
 TEMPLATE = Path(__file__).parent / "page.html"
@@ -29,6 +29,7 @@ def render_html(report: Report, drawings: Sequence[Drawing] = ()) -> str:
     environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True,
                                      undefined=jinja2.StrictUndefined)
     environment.filters["prose"] = _prose
+    environment.tests["line"] = line_to_copy
     template = environment.from_string(TEMPLATE.read_text(encoding="utf-8"))
     pending = list(drawings)
     blocks = []

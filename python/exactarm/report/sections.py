@@ -107,10 +107,16 @@ class Highlights:
 
 @dataclass(frozen=True)
 class Text:
-    """A heading and paragraphs."""
+    """A heading and paragraphs. One that is `code` alone is a line to copy: it is never broken."""
 
     heading: str
     paragraphs: tuple[str, ...]
+
+
+def line_to_copy(paragraph: str) -> str | None:
+    """The line of such a paragraph."""
+    found = re.fullmatch(r"`([^`]+)`", paragraph)
+    return found and found[1]
 
 
 @dataclass(frozen=True)

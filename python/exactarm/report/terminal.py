@@ -7,7 +7,7 @@ import textwrap
 from collections.abc import Sequence
 
 from exactarm.report.numbers import DASH, common_unit, format_cells, read_beside
-from exactarm.report.sections import Cell, Estimate, Highlights, Quantity, Report, Table, Text
+from exactarm.report.sections import Cell, Estimate, Highlights, Quantity, Report, Table, Text, line_to_copy
 
 WIDTH = 100
 MOST_ROWS = 40
@@ -39,9 +39,14 @@ def render_text(report: Report, width: int | None = None) -> str:
             blocks.append(_table(section, width))
         elif isinstance(section, Text):
             blocks.append("\n".join([section.heading,
-                                     *(_wrap(paragraph, width, "  ") for paragraph in section.paragraphs)]))
+                                     *(_paragraph(text, width) for text in section.paragraphs)]))
     blocks += [_wrap(f"warning: {item}", width, hanging="  ") for item in report.warnings]
     return "\n\n".join(blocks) + "\n"
+
+
+def _paragraph(text: str, width: int) -> str:
+    line = line_to_copy(text)
+    return _wrap(text, width, "  ") if line is None else f"    {line}"
 
 
 def _wrap(text: str, width: int, indent: str = "", hanging: str = "") -> str:
