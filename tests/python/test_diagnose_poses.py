@@ -10,6 +10,7 @@ import pytest
 
 from exactarm import cli
 from exactarm.chain import Layout
+from exactarm.commands.diagnose_report import report_of
 from exactarm.dataset import write_dataset
 from exactarm.diagnose.diagnosis import diagnose
 from exactarm.diagnose.pose_problem import PoseProblem
@@ -301,6 +302,16 @@ def test_gross_rows_in_a_narrow_range_are_all_that_is_named():
     result = diagnose(ur10(), data)
     assert [finding.effect.name for finding in result.findings] == ["outliers"]
     assert np.all(result.selection.fits[-1].weight[wrong] == 0.0) and result.verdict == "explained"
+    # Its size is that of the gross errors: the median of |3 mm * normal(3)| is 4.6 mm, of these few 3 to 7.
+    assert 3e-3 < result.excluded_error < 7e-3
+    report = report_of(ur10(), [result], "", [])
+    (table,) = (section for section in report.sections if getattr(section, "heading", "") == "Causes found")
+    row = dict(zip(table.header, table.rows[0]))
+    assert row["measure"] == f"median error of {result.excluded} rows left out"
+    assert row["size (95 %)"].value == result.excluded_error
+    assert row["at the tool"].value == pytest.approx(1e6 * result.excluded_error)
+    assert "median error of the rows that are left out" in table.note
+    assert f"single wrong measurements ({result.excluded} rows, " in report.verdict
 
 
 @pytest.mark.slow

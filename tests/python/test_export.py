@@ -8,6 +8,7 @@ import pytest
 import yaml
 from scipy.spatial.transform import Rotation
 
+import exactarm as ea
 from compensation_cell import identified
 from exactarm.cli import main
 from exactarm.compensate.law import CompensationModel
@@ -210,3 +211,11 @@ def test_the_station_script_shows_the_identified_axes_and_measures_the_model(cap
     for frame, start, direction in zip(frames, chain.starts, chain.directions(), strict=False):
         np.testing.assert_allclose(frame.pose[:3, 2], direction, atol=1e-12)
         np.testing.assert_allclose(frame.pose[:3, 3], 1e3 * start.position, atol=1e-9)
+
+
+def test_an_exact_file_is_said_to_be_exact_and_a_loss_has_its_size():
+    result = ea.export("ur10", format="csv")
+    assert result["lost_max_m"] < 1e-12
+    assert result.verdict.endswith("exact to rounding.") and "nm" not in result.summary()
+    lossy = ea.export("racer-7-1.4", format="csv")
+    assert lossy["lost_mean_m"] > 1e-6 and "on average" in lossy.verdict and "lost, mean" in lossy.summary()

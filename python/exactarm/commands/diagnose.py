@@ -13,6 +13,7 @@ from exactarm.commands.arguments import add_files, add_fixture, add_robot, add_s
 from exactarm.commands.call import AnyData, AnyFixture, AnyRobot, asked, data_of, robot_of, threads_of
 from exactarm.commands.design_for import experiment_json
 from exactarm.commands.diagnose_report import report_of
+from exactarm.commands.effect_sections import rows_left_out
 from exactarm.commands.load_section import with_load_section
 from exactarm.commands.memory import within_memory
 from exactarm.commands.output import PICTURES, ROBOT_FILES
@@ -201,6 +202,8 @@ def _own(finding: Finding, result: Diagnosis) -> dict[str, Any]:
     if finding.own_share is not None:
         found["own_share"] = finding.own_share
     at_tool = next((c.at_tool for c in result.contributions if c.effect.label == finding.effect.label), None)
+    if (left := rows_left_out(result, finding)) is not None:
+        at_tool = left.value
     if at_tool is not None:
         found["at_tool_um"] = 1e6 * at_tool
     return found

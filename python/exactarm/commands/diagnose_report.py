@@ -89,8 +89,8 @@ def verdict_of(robot: Robot, result: Diagnosis, found: list[tuple[Finding, Contr
     lacked = [pair for pair in found if pair[0].effect.label in lacks]
     against = beside(refuted)
     text = (
-        f"The model lacked {causes_in_words(lacked, robot.axes)}. With this{against} in it the RMS error on "
-        f"{whose} {change(before, after, result.unit)}."
+        f"The model lacked {causes_in_words(result, lacked, robot.axes)}. With this{against} in it the RMS "
+        f"error on {whose} {change(before, after, result.unit)}."
     )
     doubtful = [a for a in result.alternatives if a.collides]
     if doubtful:

@@ -14,6 +14,7 @@ from exactarm.diagnose.contribution import Contribution
 from exactarm.diagnose.diagnosis import Diagnosis, Finding
 from exactarm.effects.base import Effect
 from exactarm.effects.order_source import likely_source
+from exactarm.effects.outliers import Outliers
 from exactarm.report import Cell, Estimate, Figure, Quantity, Table
 from exactarm.report.numbers import quantities, quantity
 from exactarm.report.plots.effects import EffectPanel, contribution_bars, effect_panels
@@ -62,7 +63,15 @@ def in_words(items: Sequence[str]) -> str:
     return " and ".join(part for part in (", ".join(items[:-1]), *items[-1:]) if part)
 
 
-def causes_in_words(found: Sequence[tuple[Finding, Contribution | None]], axes: int) -> str:
+def rows_left_out(result: Diagnosis, finding: Finding) -> Quantity | None:
+    """The size of an effect that moves nothing but leaves rows out: the median error of those rows."""
+    if finding.effect.name != Outliers.name or result.excluded_error is None:
+        return None
+    return Quantity(result.excluded_error, "m")
+
+
+def causes_in_words(result: Diagnosis, found: Sequence[tuple[Finding, Contribution | None]],
+                    axes: int) -> str:
     """All causes in one phrase, the largest at the tool first: like ones of several axes together, with their
     size."""
     groups: dict[str, list[tuple[Finding, Contribution | None]]] = {}
@@ -75,6 +84,8 @@ def causes_in_words(found: Sequence[tuple[Finding, Contribution | None]], axes: 
         widths = [c.peak_to_peak[0] for _, c in members if c is not None and c.curve and c.unit == "rad"]
         sizes = [f"up to {quantity(max(widths), 'rad')} peak to peak"] if widths else []
         sizes += [f"{told[words]} at the tool"] if size(members) else []
+        sizes += [f"{result.excluded} row{'s' if result.excluded > 1 else ''}, {quantity(left.value, 'm')} "
+                  "off in the median" for finding, _ in members if (left := rows_left_out(result, finding))]
         phrases.append(words + axes_in_words([f.effect.joint for f, _ in members], axes)
                        + (f" ({', '.join(sizes)})" if sizes else ""))
     return "; ".join(phrases)
@@ -84,9 +95,11 @@ def effects_table(result: Diagnosis, found: Sequence[tuple[Finding, Contribution
     """One line an effect. Columns that no result fills are left out."""
     header = ["cause", "axis", "measure", "size (95 %)", "at the tool", "own share", "probability",
               "or instead"]
-    rows = [_row(finding, contribution, result.robot) for finding, contribution in in_order(found)]
+    rows = [_row(result, finding, contribution) for finding, contribution in in_order(found)]
     kept = [k for k in range(len(header)) if any(row[k] not in (None, "") for row in rows)]
     note = _at_tool_note(result, [c for _, c in found if c is not None])
+    if any(rows_left_out(result, finding) for finding, _ in found):
+        note += "Of single wrong measurements: the median error of the rows that are left out. "
     if any(getattr(finding, "own_share", None) is not None for finding, _ in found):
         note += ("Own share: a model without this effect alone, the others estimated again, has a larger "
                  "held-out square sum; so much of it goes with the effect.")
@@ -104,13 +117,16 @@ def _at_tool_note(result: Diagnosis, told: Sequence[Contribution]) -> str:
     return note
 
 
-def _row(finding: Finding, contribution: Contribution | None, robot: Robot) -> list[Cell]:
+def _row(result: Diagnosis, finding: Finding, contribution: Contribution | None) -> list[Cell]:
     effect = finding.effect
-    measure, size = _size(finding, contribution, robot)
+    measure, size = _size(finding, contribution, result.robot)
     at_tool = getattr(finding, "at_tool_um", None)
     tool = (
         1e-6 * at_tool if at_tool is not None else contribution.at_tool if contribution is not None else None
     )
+    if left := rows_left_out(result, finding):
+        measure, tool = f"median error of {result.excluded} rows left out", left.value
+        size = Estimate(left.value, None, None, left.unit)
     share = getattr(finding, "own_share", None)
     others = [other for other in getattr(finding, "set", None) or () if _label(other) != effect.label]
     return [

@@ -34,6 +34,7 @@ HELP = "the identified arm as URDF (patched in place), ur_description, MJCF, tab
 UNUSED_OPTIONS = ("seed", "threads")  # nothing in it is random
 
 
+ROUNDING_M = 1e-9  # all formats hold nine digits or more of numbers of some metres; no device shows less
 FILES = {"urdf": "robot.urdf", "ur_description": "default_kinematics.yaml", "mjcf": "robot.xml",
          "csv": "parameters.csv", "offsets": "offsets.txt", "robodk": "station.py"}  # format -> its file
 
@@ -117,7 +118,8 @@ def export(
     given = None if source is None else str(source)
     name, content = _name(format, given), FORMATS[format](arm, given, hash)
     cost = lost(arm, _flange_poses(arm, format))
-    verdict = (
+    exact = cost.largest < ROUNDING_M
+    verdict = f"{name} is written; its arm is that of the whole model, exact to rounding." if exact else (
         f"{name} is written. By what the format cannot carry, the flange is off by "
         f"{quantity(cost.mean, 'm')} on average and "
         f"{quantity(cost.largest, 'm')} at most, against the whole model over the work space."
@@ -140,12 +142,10 @@ def export(
             f"Export of {arm.name}",
             verdict,
             (
-                Highlights(
-                    (
-                        Highlight("lost, mean", Quantity(cost.mean, "m")),
-                        Highlight("lost, at most", Quantity(cost.largest, "m")),
-                    )
-                ),
+                *([] if exact else [Highlights((
+                    Highlight("lost, mean", Quantity(cost.mean, "m")),
+                    Highlight("lost, at most", Quantity(cost.largest, "m")),
+                ))]),
                 Text("What the format cannot carry", (carried,)),
                 Warnings(_warnings(arm, format, cost)),
             ),

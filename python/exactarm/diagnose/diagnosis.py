@@ -123,6 +123,7 @@ class Diagnosis:
     held_out_gain: float = 0.0
     drafts: tuple[Draft, ...] = ()
     lines: tuple[str, ...] = ()
+    excluded_error: float | None = None  # m, median of the rows that are left out
 
     @property
     def unknown(self) -> tuple[str, ...]:
@@ -193,6 +194,7 @@ def diagnose(
     if verdict == UNEXPLAINED and problem.drafts and not unconverged:
         progress(DRAFTING)
         drafts = drafts_of(problem, declared, last)
+    wrong = (last.weight == 0.0) & (first.weight > 0.0)  # rows that an effect of the record leaves out
     return Diagnosis(
         robot=kept_masses(_bound(problem.updated_robot(last), robot, data), robot),
         kind=problem.kind,
@@ -219,7 +221,8 @@ def diagnose(
         errors_after=errors[-1],
         selection=selection,
         problem=problem,
-        excluded=int(np.sum((last.weight == 0.0) & (first.weight > 0.0))),  # by effects of the record
+        excluded=int(wrong.sum()),
+        excluded_error=_median_error(last.residual[wrong]),
         axes=problem.axes(first, last),
         left_out=problem.left_out(),
         contributions=contributions(problem, last, declared),
@@ -239,6 +242,11 @@ def _unconverged(selection: Selection) -> tuple[str, ...]:
     fits = {"of the declared model": selection.fits[0], "with the effects found": selection.fits[-1]}
     return tuple(f"the fit {name} did not converge: {fitted.fit.reason}" for name, fitted in fits.items()
                  if not fitted.fit.converged)
+
+
+def _median_error(residual: np.ndarray) -> float | None:
+    """Of positions (N, 3 or more) m; only their effects leave rows out."""
+    return float(np.median(np.linalg.norm(residual[:, :3], axis=1))) if len(residual) else None
 
 
 def _bound(updated: Robot, robot: Robot, data: Dataset) -> Robot:
