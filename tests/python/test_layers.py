@@ -117,6 +117,12 @@ def test_the_package_itself_imports_nothing():
     assert not list(imported_modules(ast.parse((PYTHON / "__init__.py").read_text())))
 
 
+def test_no_module_imports_what_takes_long():
+    """scipy.signal imports scipy.stats, which takes half a second of every command; scipy.special and
+    scipy.fft have what is used of them."""
+    assert not [path.name for path in python_files() if every_import(path) & {"scipy.stats", "scipy.signal"}]
+
+
 def test_includes_run_downwards():
     assert not [
         f"{path.name} includes {target}" for room, allowed in CPP_MAY_INCLUDE.items()

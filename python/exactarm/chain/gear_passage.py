@@ -15,7 +15,7 @@ Rows nearer than that are left out, and as many where a run begins in motion, wh
 from __future__ import annotations
 
 import numpy as np
-from scipy.stats import chi2
+from scipy import special
 
 from exactarm.chain.direction import reversals
 
@@ -53,7 +53,8 @@ def in_passage(error: np.ndarray, beside: np.ndarray, columns: np.ndarray, rate:
     residual /= np.sqrt(np.mean(residual[far] ** 2))
     plain = [_told(residual[band], columns[band])
              for band in _bands(np.minimum(behind, before), far)]
-    limit = max(1.0, float(np.mean(plain)) / columns.shape[1]) * float(chi2.isf(FALSE, columns.shape[1]))
+    freedom = columns.shape[1]
+    limit = max(1.0, float(np.mean(plain)) / freedom) * float(special.chdtri(freedom, FALSE))
     lasts = []
     for lag in (behind, before):
         end = 0.0

@@ -12,7 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from exactarm.diagnose.problem import Fitted, Problem, orthonormal
 from exactarm.diagnose.smoothness import closeness, follows_space
@@ -105,7 +105,7 @@ def _test(fitted, residual, bins, pattern, square, freedom) -> tuple[float, floa
     explained = float(np.sum((vectors[:, keep].T @ onto) ** 2 / values[keep]))
     # Correlated samples count as fewer: the same shares with the effective number of them.
     f = (explained / rank) / max((square - explained) / (freedom - rank), 1e-300)
-    return float(stats.f.sf(f, rank, freedom - rank)), explained / square
+    return float(special.fdtrc(rank, freedom - rank, f)), explained / square
 
 
 def _over_space(problem: Problem, fitted: Fitted, tests: int) -> list[Follows]:

@@ -11,7 +11,7 @@ the line says which frame, how much, and what to write. Source: Rao's score test
 from __future__ import annotations
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from exactarm.chain import Layout, predict_poses
 from exactarm.dataset import Dataset
@@ -48,7 +48,7 @@ def missing_tilts(robot: Robot, layout: Layout, data: Dataset, threads: int = 1)
     sizes = np.linalg.lstsq(added, rest, rcond=1e-9)[0]
     left = float(np.sum((rest - added @ sizes) ** 2))
     share = 1.0 - left / max(float(rest @ rest), 1e-300)
-    chance = stats.f.sf(share / max(1.0 - share, 1e-12) * freedom / len(frames), len(frames), freedom)
+    chance = special.fdtrc(len(frames), freedom, share / max(1.0 - share, 1e-12) * freedom / len(frames))
     if chance > CHANCE:
         return ()
     listed = lambda words: ", ".join(map(str, words))

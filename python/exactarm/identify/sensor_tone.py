@@ -19,7 +19,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import fft, ndimage, stats
+from scipy import fft, ndimage, special
 
 from exactarm.dataset import Dataset
 from exactarm.kinds.base import rows_of_runs
@@ -75,12 +75,15 @@ def find_tones(data: Dataset) -> tuple[Tone, ...]:
     background = np.maximum(beside[np.maximum(at - apart, 0)], beside[np.minimum(at + apart, at[-1])])
     freedom, components = 2 * len(rests), power.shape[1]
     # the median of an average of squares lies below its mean, the less the more there are
-    mean = stats.chi2.median(freedom) / freedom
+    mean = 2.0 * special.gammaincinv(0.5 * freedom, 0.5) / freedom
     ratio = np.sum(power / np.maximum(background, np.finfo(float).tiny), axis=1) * mean / components
     ratio[:apart] = 0.0  # nothing below to compare with
     # a median of m independent bins is worth 2 / pi of them; a Hann window makes 2 of 3 independent
     known = 2.0 / np.pi * 2.0 / 3.0 * _NEIGHBOURS * freedom * components
-    limit = stats.f.isf(_FALSE_ALARM / ratio.size, freedom * components, known)
+    # the F distribution's own inverse takes 1 - p, which rounds
+    own = freedom * components
+    share = special.betaincinv(0.5 * known, 0.5 * own, _FALSE_ALARM / ratio.size)
+    limit = known / own * (1.0 - share) / share
     tones, left = [], ratio.copy()
     while len(tones) < _MOST_TONES and left.max() > limit:
         peak = int(np.argmax(left))

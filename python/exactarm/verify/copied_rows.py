@@ -12,7 +12,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from exactarm.dataset import Dataset
 
@@ -35,7 +35,7 @@ class CopiedRows:
     def chance(self, sigma: float) -> float:
         """That so many rows are the same with a noise of sigma, m."""
         same = min(1.0, self.step / (2.0 * np.sqrt(np.pi) * sigma)) ** 3 if sigma > 0.0 else 1.0
-        return float(stats.poisson.sf(self.count - 1, same * self.rows * self.others))
+        return float(special.pdtrc(self.count - 1, same * self.rows * self.others))
 
 
 def copied_rows(days: Sequence[tuple[str, Dataset]]) -> Iterator[CopiedRows]:

@@ -24,7 +24,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from exactarm.dataset import Dataset
 from exactarm.identify.statistics import ErrorSummary, summarise
@@ -104,8 +104,8 @@ def budget(data: Dataset, judged: Judged, instrument: float | None) -> Budget:
         else MANY
     )
     freedom = min(freedom, MANY)
-    k = float(stats.t.ppf(0.5 + 0.5 * LEVEL, freedom))
-    radius = u * float(np.sqrt(3.0 * stats.f.ppf(LEVEL, 3.0, freedom)))
+    k = float(special.stdtrit(freedom, 0.5 + 0.5 * LEVEL))
+    radius = u * float(np.sqrt(3.0 * special.fdtri(3.0, freedom, LEVEL)))
     return Budget(tuple(entries), u, freedom, k, k * u, radius, float(np.mean(judged.error <= radius)))
 
 
@@ -129,7 +129,7 @@ def mean_with_interval(data: Dataset, error: np.ndarray) -> tuple[float, float, 
     if poses < 2:
         return mean, float("nan"), float("nan")
     spread = float(np.sqrt(poses / (poses - 1) * np.sum((sums - counts * mean) ** 2))) / len(error)
-    half = float(stats.t.ppf(0.5 + 0.5 * LEVEL, poses - 1)) * spread
+    half = float(special.stdtrit(poses - 1, 0.5 + 0.5 * LEVEL)) * spread
     return mean, mean - half, mean + half
 
 
