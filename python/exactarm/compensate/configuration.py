@@ -18,10 +18,9 @@ def quadrants(q: np.ndarray) -> np.ndarray:
     return np.floor(q[..., [0, 3, 5]] / _QUARTER).astype(int)
 
 
-def in_quadrants(q: np.ndarray, words: np.ndarray) -> np.ndarray:
-    """(..., 3) whether cf1, cf4, cf6 (..., 3) say where the axes of q (..., 6) stand."""
-    angles, least = q[..., [0, 3, 5]], words * _QUARTER
-    return (least - EDGE_RAD <= angles) & (angles <= least + _QUARTER + EDGE_RAD)
+def in_quadrant(angle, word):
+    """Whether axes stand where cf1, cf4 or cf6 say: of one, or of arrays."""
+    return (word * _QUARTER - EDGE_RAD <= angle) & (angle <= (word + 1) * _QUARTER + EDGE_RAD)
 
 
 def sign_bits(q: np.ndarray) -> int:

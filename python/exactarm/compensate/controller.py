@@ -150,7 +150,7 @@ class ControllerChain:
         """Joint angles of one pose nearest to `start`; nearest to the middle of the limits without one."""
         if start is not None:
             near = self.newton(position, rotation, start)
-            if near is not None and np.max(np.abs(near - start)) < SAME_BRANCH_RAD:
+            if near is not None and abs(near - start).max() < SAME_BRANCH_RAD:
                 return near
         found = self.branches(position, rotation)
         if not len(found):

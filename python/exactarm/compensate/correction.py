@@ -208,11 +208,11 @@ def _resolve(program: Program, model: CompensationModel, start: np.ndarray | Non
             before, word = q[i], ""
         elif i not in seen:
             seen.add(i)
-            flange = flanges.rows(flange_of[i])
+            flange = flanges.position[flange_of[i]], flanges.rotation[flange_of[i]]
             near = before if target.near is None else target.near
             found = _branch(model, target, flange, near, word)
             if near is None and target.matches is None and not isinstance(found, str) and (
-                    len(model.controller.branches(flange.position, flange.rotation)) > 1):
+                    len(model.controller.branches(*flange)) > 1):
                 guessed.append(i)
             if isinstance(found, str):
                 refusals[i] = found
@@ -244,7 +244,8 @@ def _flanges(program: Program, rows: Sequence[int], tips: Poses) -> Poses:
 
 
 def _branch(
-    model: CompensationModel, target: Target, flange: Poses, before: np.ndarray | None, word: str
+    model: CompensationModel, target: Target, flange: tuple[np.ndarray, np.ndarray],
+    before: np.ndarray | None, word: str
 ) -> np.ndarray | str:
     """Joint angles of a pose, or why there are none."""
     chain = model.controller
@@ -260,12 +261,12 @@ def _branch(
             "J1,J2,... (deg)"
         )
     if target.matches is None or before is not None:
-        near = chain.nearest(flange.position, flange.rotation, before)
+        near = chain.nearest(*flange, before)
         if near is not None and (target.matches is None or target.matches(near)):
             return near
         if near is None:
             return "the pose is out of reach of the controller's own chain"
-    branches = chain.branches(flange.position, flange.rotation)
+    branches = chain.branches(*flange)
     if not len(branches):
         return "the pose is out of reach of the controller's own chain, or of the joint limits"
     matching = np.array([q for q in branches if target.matches(q)])

@@ -118,8 +118,9 @@ class _Reader(Declarations):
         self.used: dict[tuple, int] = {}
         data = [text for source, text in zip(sources, self.texts) if source.path.suffix.lower() == ".dat"]
         self.declared = [match[1] for text in data for match in _POINT.finditer(text)]
-        self.spans = [[match.span() for match in (*_MOTION.finditer(text), *ASSIGNED.finditer(text))]
-                      for text in self.texts]
+        self.moves = [source.at_lines(_MOTION, text) for source, text in zip(sources, self.texts)]
+        self.spans = [[match.span() for match in (*moves, *assigned)]
+                      for moves, assigned in zip(self.moves, self.assigned)]
         self.known: dict[tuple[str, str | None], Placement | str] = {}
         self.seen: dict[tuple, _Frames] = {}
         places = lambda word, text: [m.start() for m in re.finditer(rf"(?im)^[ \t]*;{word}\b", text)]
@@ -131,14 +132,14 @@ class _Reader(Declarations):
     # -- motions -------------------------------------------------------------------------------------
     def motions_of(self, index: int) -> None:
         text, source = self.texts[index], self.sources[index]
-        if match := _SPLINE.search(text):
+        for match in source.at_lines(_SPLINE, text):
             raise source.refuse(match.start(), "$TOOL or $BASE in the head of a spline block; expected them "
                                                "set before it")
-        if (match := _LOAD.search(text)) and self.setting.load is None:
+        for match in source.at_lines(_LOAD, text) if self.setting.load is None else ():
             raise source.refuse(match.start(1),
                                 "the program sets its load, $LOAD; expected --payload with it")
-        events = [*_MOTION.finditer(text), *_BAS.finditer(text), *ASSIGNED.finditer(text)]
-        steps, inline = _blocks(text), None
+        events = [*self.moves[index], *source.at_lines(_BAS, text), *self.assigned[index]]
+        steps, inline = _blocks(source, text), None
         for match in sorted(events, key=lambda match: match.start()):
             place = match.start()
             if match.re is _BAS:
@@ -372,10 +373,10 @@ def placement(numbers) -> Placement:
     return Placement(from_zyx(np.radians(numbers[3:6])), 1e-3 * np.array(numbers[:3], float))
 
 
-def _blocks(text: str) -> list[Step]:
+def _blocks(source: SourceText, text: str) -> list[Step]:
     """Where the ways of a program part and meet, and calls."""
     steps = []
-    for match in _BLOCK.finditer(text):
+    for match in source.at_lines(_BLOCK, text):
         what = match.lastgroup
         data = {"branch": match[0].strip().upper() in ("ELSE", "DEFAULT"), "routine": match["routine"],
                 "call": match["call"]}.get(what)

@@ -80,6 +80,7 @@ class Declarations:
         self.values: dict[
             str, list[tuple[int, int, Aggregate | None]]
         ] = {}  # NAME or NAME[i] -> (file, place, aggregate)
+        self.assigned: list[list[re.Match]] = []  # of each file
         self.parts: dict[str, tuple[int, int]] = {}  # NAME of which a component is set -> (file, place)
         for index in range(len(sources)):
             self.declarations_of(index)
@@ -91,7 +92,8 @@ class Declarations:
                 match.start(),
                 "$ABS_ACCUR: the controller corrects this program by itself; it must not be corrected twice",
             )
-        for match in ASSIGNED.finditer(text):
+        self.assigned.append(source.at_lines(ASSIGNED, text))
+        for match in self.assigned[index]:
             _, name, subscript, component = match.groups()
             key = name.upper() + re.sub(r"\s", "", subscript or "")
             if component:
@@ -163,6 +165,9 @@ class Declarations:
         source, word = self.sources[index], text.strip()
         place += len(text) - len(text.lstrip())
         if word.startswith("{"):
+            plain = _PLAIN.match(self.texts[index], place)
+            if plain and plain.end() == place + len(word):
+                return f"line {source.line(place)}", Aggregate(index, place, plain, {})
             match = AGGREGATE.fullmatch(word)
             if match is None:
                 raise source.refuse(place, f"found {word[:40]!r}; expected one {{...}}")

@@ -183,10 +183,11 @@ class Program:
 
     def rewritten(self, edits: Iterable[Edit]) -> list[bytes]:
         """The content of each file with the edits."""
-        contents, ordered = [], sorted(edits, key=itemgetter(0, 1))
+        contents, all_edits = [], list(edits)
         for index, source in enumerate(self.files):
             parts, last, content = [], 0, source.content
-            for _, start, end, text in (edit for edit in ordered if edit.file == index):
+            own = [edit for edit in all_edits if edit[0] == index]
+            for _, start, end, text in sorted(own, key=itemgetter(1)):
                 if start < last:
                     raise ValueError(f"edits of {source.path} overlap at byte {start}")
                 parts += [content[last:start], text]
@@ -273,16 +274,22 @@ def _edits(source: SourceText, target: Target, values: list[float]) -> list[Edit
     file, text = target.file, source.text
     if not target.digits:
         return [Edit(file, *place, b"%d" % value) for place, value in zip(target.places, values)]
+    old = [text[start:end] for start, end in target.places]
+    written = _format(tuple(map(max, map(decimals, old), target.digits))) % tuple(values)
     edits = []
-    for (start, end), value, digits in zip(target.places, values, target.digits):
-        old = text[start:end]
-        new = f"{value:.{max(decimals(old), digits)}f}"
+    for place, before, new in zip(target.places, old, written.split()):
         if new[0] == "-" and float(new) == 0.0:
             new = new[1:]
-        if old[0] == "+" and new[0] != "-":
+        if before[0] == "+" and new[0] != "-":
             new = "+" + new
-        edits.append(Edit(file, start, end, new.encode()))
+        edits.append(Edit(file, *place, new.encode()))
     return edits
+
+
+@cache
+def _format(each: tuple[int, ...]) -> str:
+    """The format of numbers with so many decimals."""
+    return " ".join(f"%.{count}f" for count in each)
 
 
 def decimals(text: str) -> int:

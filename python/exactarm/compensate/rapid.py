@@ -21,7 +21,7 @@ from functools import partial
 import numpy as np
 
 from exactarm.compensate.angles import from_quaternion, to_quaternion
-from exactarm.compensate.configuration import EDGE_RAD, in_quadrants, quadrants
+from exactarm.compensate.configuration import EDGE_RAD, in_quadrant, quadrants
 from exactarm.compensate.flange_poses import Poses
 from exactarm.compensate.program import (
     Edit,
@@ -33,7 +33,7 @@ from exactarm.compensate.program import (
     SourceText,
     Target,
 )
-from exactarm.compensate.rapid_data import ROBTARGET, Datum, Declarations, Literal
+from exactarm.compensate.rapid_data import ROBTARGET, Datum, Declarations, Literal, arguments, tool_of
 from exactarm.compensate.setting import Setting
 from exactarm.compensate.ways import goes_on, unread
 from exactarm.mdh_frames import compose
@@ -59,7 +59,6 @@ _SILENT = re.compile(  # instructions that neither move the arm nor lead elsewhe
     r"(?i)[ \t]*(?:(?:Set(?:DO|AO|GO)?|Reset|Pulse[DG]O|InvertDO|Wait(?:Time|Until|[DAG][IO])|Conf[LJ]"
     r"|TP(?:Write|Erase)|SingArea|AccSet|VelSet|SpeedRefresh|Clk(?:Start|Stop|Reset)|Incr|Decr|Add|Clear)\b"
     r"|\w+(?:\{[^}]*\})?[ \t]*:=)[^;]*;[ \t]*$")
-_MARKS = re.compile(r"[\[({\])},\\]")
 KINDS = {
     "movel": "linear",
     "movej": "joint",
@@ -94,7 +93,7 @@ def _notation(setting: Setting) -> Notation:
         old = np.array([targets[k].numbers[7:10] for k in rows])
         reported = setting.reported(q[rows])
         new = quadrants(reported)
-        for k, i in np.argwhere(~in_quadrants(reported, np.trunc(old))):
+        for k, i in np.argwhere(~in_quadrant(reported[:, [0, 3, 5]], np.trunc(old))):
             target = targets[rows[k]]
             yield rows[k], Edit(target.file, *target.places[7 + i], b"%d" % new[k, i])
 
@@ -122,8 +121,9 @@ class _Reader(Declarations):
         self.warnings: list[str] = []
         self.frames: dict[tuple[str, str, int], tuple] = {}
         self.spans: list[list[tuple[int, int]]] = [
-            [(datum.place, datum.place + 1) for data in self.data.values() for datum in data
-             if datum.file == index] for index in range(len(sources))]
+            [(datum.place, datum.literal.end if datum.literal else datum.place + 1)
+             for data in self.data.values() for datum in data if datum.file == index]
+            for index in range(len(sources))]
 
     # -- motions -------------------------------------------------------------------------------------
     def motions_of(self, index: int) -> None:
@@ -152,22 +152,26 @@ class _Reader(Declarations):
             if match[1].lower() == "searchl":
                 raise source.refuse(match.start(), "SearchL stops where a sensor says; expected a target")
             kind = KINDS[match[1].lower()]
-            arguments = _arguments(text, match.end(), end)
-            switches = {name.lower(): value for name, value, _ in arguments if name}
-            plain = [(value, place) for name, value, place in arguments if not name]
-            if passed := [name for name in switches if "?" in name and re.match(r"(wobj|tload)\s*\?", name)]:
-                raise source.refuse(match.start(), f"a frame or load that a caller gives (\\{passed[0]}); "
-                                                   "expected a name of these files")
+            whole = ROBTARGET.match(text, match.end(), end)  # most targets in brackets
+            given = arguments(text, match.end(), end, whole)
+            switches = {name.lower(): value for name, value, _ in given if name}
+            plain = [(value, place) for name, value, place in given if not name]
+            for name in switches:
+                if "?" in name and re.match(r"(wobj|tload)\s*\?", name):
+                    raise source.refuse(match.start(), f"a frame or load that a caller gives (\\{name}); "
+                                                       "expected a name of these files")
             count = 2 if kind == "circular" else 1
             if len(plain) < count:
                 raise source.refuse(match.start(), f"{match[1]} without a target")
             axes = match[1].lower() == "moveabsj"
             wobj = switches.get("wobj", "wobj0")
-            tool = _tool_of(plain, count + 2 if match[2] and match[1].lower().startswith("move") else -1)
+            tool = tool_of(plain, count + 2 if match[2] and match[1].lower().startswith("move") else -1)
             if switches.get("tload", "load0").lower() != "load0" and self.setting.load is None:
                 raise source.refuse(match.start(), "\\TLoad in place of the load of the tool; expected "
                                                    "--payload with it")
-            places = [self.target(index, value, place, axes, tool, wobj) for value, place in plain[:count]]
+            found = None if whole is None else Literal(whole.start(), whole.end(), [], whole)
+            places = [self.target(index, value, place, axes, tool, wobj, found)
+                      for value, place in plain[:count]]
             via = places[0] if count == 2 else None
             insert = None
             if kind == "linear" and switches.keys() <= SPREAD:
@@ -215,11 +219,15 @@ class _Reader(Declarations):
         literal = self.literal(index, place) if word.startswith("[") else self.seen(index, word)[0].literal
         return int(float(literal.parts[2][3][0]))
 
-    def target(self, index: int, value: str, place: int, axes: bool, tool: str, wobj: str) -> int:
+    def target(
+        self, index: int, value: str, place: int, axes: bool, tool: str, wobj: str, whole: Literal | None
+    ) -> int:
         source = self.sources[index]
         place += len(value) - len(value.lstrip())
         word = value.strip()
-        literal = self.literal(index, place) if word.startswith("[") else None
+        literal = None
+        if word.startswith("["):
+            literal = whole if whole and whole.start == place else self.literal(index, place)
         name, file = f"line {source.line(place)}", index
         if literal is None:
             if not re.fullmatch(r"\w+", word):
@@ -295,10 +303,12 @@ class _Reader(Declarations):
 
     def fits(self, cf: Sequence[float], q: np.ndarray) -> bool:
         """Whether joint angles are of a configuration."""
-        reported, words = self.setting.reported(q), np.trunc(cf)
-        return bool(in_quadrants(reported, words[:3]).all()) and (
-            abs(np.sin(reported[4])) < EDGE_RAD or words[3] == 0.0
-            or bool(int(words[3]) & 1) == (np.sin(reported[4]) < 0.0))
+        angles, (first, fourth, sixth, wrist) = self.setting.reported(q).tolist(), map(int, cf)
+        if not (in_quadrant(angles[0], first) and in_quadrant(angles[3], fourth)
+                and in_quadrant(angles[5], sixth)):
+            return False
+        sine = math.sin(angles[4])
+        return abs(sine) < EDGE_RAD or wrist == 0 or bool(wrist & 1) == (sine < 0.0)
 
     # -- tool and work object ------------------------------------------------------------------------
     def tool(self, name: str, index: int, place: int):
@@ -366,33 +376,3 @@ class _Reader(Declarations):
 
 def _expected(option: str, name: str) -> str:
     return f"expected --{option} {name}=x,y,z,q1,q2,q3,q4 (mm), or its data in these files"
-
-
-def _arguments(text: str, begin: int, end: int) -> list[tuple[str, str, int]]:
-    """(switch or "", value, place) of each argument, split at commas and backslashes outside brackets."""
-    found, depth, start, switch = [], 0, begin, False
-
-    def close(end: int) -> None:
-        part = text[start:end]
-        if switch:
-            name, _, value = part.partition(":=")
-            found.append((name.strip(), value.strip(), start))
-        elif part.strip():
-            found.append(("", part, start))
-
-    whole = ROBTARGET.match(text, begin, end)  # most targets in brackets; nothing in them is looked at
-    for mark in _MARKS.finditer(text, whole.end() if whole else begin, end):
-        letter = mark[0]
-        depth += (letter in "[({") - (letter in "])}")
-        if depth == 0 and letter in ",\\":
-            close(mark.start())
-            start, switch = mark.end(), letter == "\\"
-    if depth == 0:
-        close(end)
-    return found
-
-
-def _tool_of(plain: list[tuple[str, int]], where: int) -> str:
-    """The last argument without a switch: target(s), speed, zone, tool; behind that of MoveLDO, a signal."""
-    word = plain[where][0].strip() if where < len(plain) else ""
-    return word if re.fullmatch(r"\w+", word) else ""

@@ -13,6 +13,7 @@ import re
 from bisect import bisect_right
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from exactarm.compensate.program import NUMBER, Number, SourceText
 
@@ -29,12 +30,12 @@ _BLANK = re.compile(r"\s*")
 _LIST = lambda count: r"\[" + ",".join([rf"\s*({NUMBER})\s*"] * count) + r"\]"
 ROBTARGET = re.compile(r"\[\s*" + r"\s*,\s*".join(map(_LIST, (3, 4, 4, 6))) + r"\s*\]")
 _LISTS = ((0, 3), (3, 7), (7, 11), (11, 17))  # of its numbers
+_SPLITS = re.compile(r"[\[({\])},\\]")
 _MARKS = re.compile(r"[\[\],;]")
 _ARGUMENTS = re.compile(r"[pf](?<!\w.)(?:(?<=p)roc|(?<=f)unc\s+\w+)\s+\w+\s*\(([^)]*)\)")
 _ARGUMENT = re.compile(r"(?i)\b(?:robtarget|jointtarget|tooldata|wobjdata)\s+(\w+)")
 
-@dataclass(frozen=True)
-class Literal:
+class Literal(NamedTuple):
     """A bracketed aggregate: nested lists of (text, place). plain: a robtarget whose numbers
     are such."""
 
@@ -177,3 +178,33 @@ def _set(text: str) -> Iterator[tuple[int, int]]:
         begin = max(begin, text.rfind(";", begin, place) + 1)
         yield begin, place
         begin, place = place + 2, text.find(":=", place + 2)
+
+
+def arguments(text: str, begin: int, end: int, whole: re.Match | None) -> list[tuple[str, str, int]]:
+    """(switch or "", value, place) of each argument, split at commas and backslashes outside brackets; whole:
+    the target at the begin."""
+    found, depth, start, switch = [], 0, begin, False
+
+    def close(end: int) -> None:
+        part = text[start:end]
+        if switch:
+            name, _, value = part.partition(":=")
+            found.append((name.strip(), value.strip(), start))
+        elif part.strip():
+            found.append(("", part, start))
+
+    for mark in _SPLITS.finditer(text, whole.end() if whole else begin, end):
+        letter = mark[0]
+        depth += (letter in "[({") - (letter in "])}")
+        if depth == 0 and letter in ",\\":
+            close(mark.start())
+            start, switch = mark.end(), letter == "\\"
+    if depth == 0:
+        close(end)
+    return found
+
+
+def tool_of(plain: list[tuple[str, int]], where: int) -> str:
+    """The last argument without a switch: target(s), speed, zone, tool; behind that of MoveLDO, a signal."""
+    word = plain[where][0].strip() if where < len(plain) else ""
+    return word if re.fullmatch(r"\w+", word) else ""
