@@ -190,7 +190,8 @@ def _figures(corrections: Sequence[Correction]) -> tuple[Figure, ...]:
             "correction_per_target",
             "By how much",
             lambda: shift_per_target(sizes),
-            "Change of the commanded position of each target, in the order of the programs.",
+            "Change of the commanded position of each target, in the order of the programs; of many "
+            "targets the smallest and the largest of each stretch.",
             "size of the correction of each target",
         ),
     )

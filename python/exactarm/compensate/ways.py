@@ -9,7 +9,9 @@ is UNCERTAIN, and what needs it is refused. Routines of other files are not foll
 from __future__ import annotations
 
 import re
+from bisect import bisect_left, bisect_right
 from collections.abc import Container, Iterable, Iterator, Mapping
+from operator import attrgetter
 from typing import Any, NamedTuple
 
 from exactarm.compensate.program import SourceText
@@ -51,7 +53,7 @@ def walk(steps: Iterable[Step], start: Mapping[str, Any]) -> Iterator[tuple[Any,
         elif step.what in ("open", "loop", "routine"):
             blocks.append((dict(state), [], False))
             if step.what == "loop":
-                body = [other for other in ordered if step.place < other.place < ends[step]]
+                body = _between(ordered, step.place, ends[step])
                 _meet(state, [dict([other.data]) for other in body if other.what == "set"])
                 _meet(state, [{key: only[key] for key in changed.get(other.data, ())} for other in body
                               if other.what == "call"])
@@ -94,15 +96,26 @@ def _ends(ordered: list[Step]) -> dict[Step, float]:
 
 def _changed(ordered: list[Step], ends: Mapping[Step, float]) -> dict[str, set[str]]:
     """Routine -> settings that it sets, itself or by what it calls."""
-    routines = [(step.data, step.place, ends[step]) for step in ordered if step.what == "routine"]
-    found = {name: {step.data[0] for step in ordered if step.what == "set" and begin < step.place < end}
-             for name, begin, end in routines}
-    calls = {name: {step.data for step in ordered if step.what == "call" and begin < step.place < end}
-             for name, begin, end in routines}
-    for _ in routines:
+    found: dict[str, set[str]] = {}
+    calls: dict[str, set[str]] = {}
+    for step in ordered:
+        if step.what == "routine":
+            body = _between(ordered, step.place, ends[step])
+            found[step.data] = {other.data[0] for other in body if other.what == "set"}
+            calls[step.data] = {other.data for other in body if other.what == "call"}
+    grown = True
+    while grown:
+        grown = False
         for name, called in calls.items():
-            found[name] = found[name].union(*(found.get(other, set()) for other in called))
+            more = found[name].union(*(found.get(other, ()) for other in called))
+            grown, found[name] = grown or len(more) > len(found[name]), more
     return found
+
+
+def _between(ordered: list[Step], begin: int, end: float) -> list[Step]:
+    """The statements behind one place and before another."""
+    place = attrgetter("place")
+    return ordered[bisect_right(ordered, begin, key=place) : bisect_left(ordered, end, key=place)]
 
 
 def _only(values: list[Any]) -> Any:

@@ -6,6 +6,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
+from exactarm.report.plots.curves import envelope
 from exactarm.report.plots.style import (
     AFTER,
     INK,
@@ -20,6 +21,7 @@ from exactarm.report.plots.style import (
 )
 from exactarm.report.plots.workspace import AXIS_NAMES, VIEWS
 
+MOST_DRAWN = 1000  # targets: more are a blot, and a vector picture of all takes longer than their correction
 LONGEST_ARROW = 0.12  # of the width of the plot
 ROUND = np.array([1.0, 2.0, 5.0, 10.0])
 
@@ -27,6 +29,9 @@ ROUND = np.array([1.0, 2.0, 5.0, 10.0])
 def shift_view(points: np.ndarray, shifts: np.ndarray) -> Figure:
     """Points (N, 3) m of the flange in the base frame; shifts (N, 3) m of their commands, drawn much
     longer."""
+    every = -(-len(points) // MOST_DRAWN)
+    drawn = np.unique([*range(0, len(points), every), int(np.argmax(np.linalg.norm(shifts, axis=1)))])
+    points, shifts = points[drawn], shifts[drawn]
     figure = new_figure(4.2)
     panels = figure.subplots(1, 2)
     span = max(float(np.ptp(np.vstack([points, np.zeros(3)]), axis=0).max()), 0.2)  # the base is drawn too
@@ -36,7 +41,8 @@ def shift_view(points: np.ndarray, shifts: np.ndarray) -> Figure:
     factor = decade * ROUND[ROUND <= factor / decade].max()
     for axes, (title, i, j) in zip(panels, VIEWS):
         axes.plot(
-            points[:, i], points[:, j], "o", color=SOFT, markersize=marker_size(len(points)), label="target"
+            points[:, i], points[:, j], "o", color=SOFT, markersize=marker_size(len(points)),
+            label="target" if every == 1 else f"target (one in {every} drawn)",
         )
         axes.quiver(
             points[:, i],
@@ -67,13 +73,14 @@ def shift_per_target(sizes: np.ndarray) -> Figure:
     figure = new_figure(2.8)
     axes = figure.subplots()
     size, unit = scaled(np.nan_to_num(sizes), "m")
-    number = np.arange(1, len(sizes) + 1)
-    axes.plot(number, sizes / size, "o", color=AFTER, markersize=marker_size(len(sizes)))
-    left = np.isnan(sizes)
+    number, left = np.arange(1, len(sizes) + 1), np.isnan(sizes)
+    x, y = envelope(number[~left], sizes[~left] / size)
+    axes.plot(x, y, "o", color=AFTER, markersize=marker_size(len(x)))
     if left.any():
+        x = number[left][:: -(-left.sum() // MOST_DRAWN)]
         axes.plot(
-            number[left],
-            np.zeros(left.sum()),
+            x,
+            np.zeros(len(x)),
             "x",
             color=VALIDATION,
             markersize=5,
