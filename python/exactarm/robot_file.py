@@ -12,6 +12,7 @@ import difflib
 import math
 from collections.abc import Collection, Mapping
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -45,8 +46,7 @@ SHIPPED = Path(__file__).parent / "data" / "robots"
 ROTATION_TOLERANCE = 1e-6  # a matrix typed by hand has at least seven digits
 
 TOP_KEYS = ("format", "name", "gravity_m_s2", "has_geometry", "mass_kg", "generic_masses", "record", "base",
-            "tool", "joints",
-            "controller", "links", "effects", "intervals", "covariance")
+            "tool", "joints", "controller", "links", "effects", "intervals", "covariance")
 
 
 def _at_reported_angles() -> ReportedAngles:
@@ -64,11 +64,16 @@ def shipped_robots() -> tuple[str, ...]:
     return tuple(sorted(path.stem for path in SHIPPED.glob("*.toml")))
 
 
+@cache
+def _shipped(name: str) -> Robot:
+    return replace(read_robot(SHIPPED / f"{name}.toml"), file=name)
+
+
 def load_robot(name_or_path: str | Path) -> Robot:
     """The robot of that shipped name, or of that `.toml` or `.urdf` file."""
     text, path = str(name_or_path), Path(name_or_path)
     if text in shipped_robots():
-        return replace(read_robot(SHIPPED / f"{text}.toml"), file=text)
+        return _shipped(text)
     if text.partition("#")[0].lower().endswith(".urdf"):
         return replace(read_urdf(path), file=text)
     if path.suffix.lower() == ".xacro":
@@ -83,9 +88,8 @@ def load_robot(name_or_path: str | Path) -> Robot:
         return read_robot(path)
     close = difflib.get_close_matches(text.lower(), shipped_robots(), n=1, cutoff=0.5)
     hint = f"; did you mean {close[0]}?" if close else ""
-    names = ", ".join(shipped_robots())
-    raise InputError(f"no robot of that name; expected one of {names}, or a .toml or .urdf file{hint}",
-                     file=text or repr(text))
+    raise InputError(f"no robot of that name; expected one of {', '.join(shipped_robots())}, or a .toml or "
+                     f".urdf file{hint}", file=text or repr(text))
 
 
 def robot_of(robot: AnyRobot) -> Robot:

@@ -92,7 +92,7 @@ def pose_mistakes(robot: Robot, data: Dataset, carried: Layout, seed: int = 0) -
         # What was found on this arm says nothing of another one, which may not even have the masses that it
         # needs.
         own = carried if other.name == bare.name else Layout.of(())
-        fall = now.fall_to(_misfit(other, own, changed)[0])
+        fall = _fall(now, other, own, changed)
         if fall >= FALL:
             found.append(Suspicion(words, fall))
     found += _another_size(bare, carried, data, size, now, seed)
@@ -137,27 +137,36 @@ def _searched(bare: Robot, carried: Layout, data: Dataset, seed: int) -> float:
 
 
 # -- the misfit of one candidate ---------------------------------------------------------------------
-def _misfit(bare: Robot, carried: Layout, data: Dataset) -> tuple[Misfit, float]:
+def _fall(now: Misfit, bare: Robot, carried: Layout, changed: Dataset) -> float:
+    return now.fall_to(_misfit(bare, carried, changed, _NOT_WORSE * now.position)[0])
+
+
+def _misfit(bare: Robot, carried: Layout, data: Dataset, most: float = np.inf) -> tuple[Misfit, float]:
     """The misfit, and how many times as far apart as the robot says the points lie."""
     flange = predict_poses(bare, carried, data, tangents=False)
-    return _misfit_of(flange.position, flange.rotation, data, data.session)
+    return _misfit_of(flange.position, flange.rotation, data, data.session, most)
 
 
 def _misfit_of(
-    points: np.ndarray, rotations: np.ndarray, data: Dataset, group: np.ndarray
+    points: np.ndarray, rotations: np.ndarray, data: Dataset, group: np.ndarray, most: float
 ) -> tuple[Misfit, float]:
-    """Of all groups of rows together, each with frames of its own."""
-    position, orientation, sizes = 0.0, 0.0 if data.rotation is not None else np.nan, []
-    for number in np.unique(group):
-        rows = np.flatnonzero(group == number)
+    """Of all groups of rows together, each with frames of its own; orientations only where positions are off
+    by no more than `most`, m."""
+    position, orientation, bases, sizes = 0.0, np.nan, [], []
+    parts = [np.flatnonzero(group == number) for number in np.unique(group)]
+    for rows in parts:
         base, left, size = linear_frames(points[rows], rotations[rows], data.position[rows])
+        bases.append(base)
         sizes.append(size)
         position += float(np.sum(left**2))
-        if data.rotation is not None:
+    position = float(np.sqrt(position / len(points)))
+    if data.rotation is not None and not position > most:
+        orientation = 0.0
+        for rows, base in zip(parts, bases):
             seen = np.swapaxes(rotations[rows], -1, -2) @ base.T @ data.rotation[rows]
             orientation += float(np.sum(rotation_log(nearest(seen.mean(axis=0)).T @ seen) ** 2))
-    rms = [float(np.sqrt(square / len(points))) for square in (position, orientation)]
-    return Misfit(*rms), float(np.mean(sizes))
+        orientation = float(np.sqrt(orientation / len(points)))
+    return Misfit(position, orientation), float(np.mean(sizes))
 
 
 def linear_frames(
@@ -246,7 +255,7 @@ def _scaled_columns(bare: Robot, carried: Layout, data: Dataset, now: Misfit) ->
     if not ANOTHER_SIZE < abs(factors[k] - 1.0) or not 1.0 / FARTHEST_SIZE < factors[k] < FARTHEST_SIZE:
         return
     changed = replace(data, position=data.position * np.where(np.arange(3) == k, factors[k], 1.0))
-    fall = now.fall_to(_misfit(bare, carried, changed)[0])
+    fall = _fall(now, bare, carried, changed)
     if fall >= FALL:
         yield Suspicion(f"column {'xyz'[k]} alone {factors[k]:.3g} times as large (inches or feet?)", fall)
 
@@ -276,9 +285,9 @@ def _another_clock(
     best = minimize_scalar(lambda value: -fall(value), bounds=(factor / _CLOCK_STEP, factor * _CLOCK_STEP),
                            method="bounded", options={"maxiter": 40, "xatol": 1e-5})
     longest = max(float(np.ptp(data.time[data.run == run])) for run in np.unique(data.run))
-    if fall(float(best.x)) >= FALL and abs(float(best.x) - 1.0) * longest > _CLOCK_GAP_S:
+    if -best.fun >= FALL and abs(float(best.x) - 1.0) * longest > _CLOCK_GAP_S:
         yield Suspicion(f"a device whose time runs {best.x:.4g} times as fast as the controller's",
-                        fall(float(best.x)))
+                        -float(best.fun))
 
 
 def _scales_of_axes(bare: Robot, carried: Layout, data: Dataset, now: Misfit) -> Iterator[Suspicion]:
@@ -290,7 +299,7 @@ def _scales_of_axes(bare: Robot, carried: Layout, data: Dataset, now: Misfit) ->
         joints = {name: data.joints[name].copy() for name in ("theta", "q") if name in data.joints}
         for values in joints.values():
             values[:, axis] *= factor
-        return now.fall_to(_misfit(bare, carried, replace(data, joints=data.joints | joints))[0])
+        return _fall(now, bare, carried, replace(data, joints=data.joints | joints))
 
     axis, factor = max(
         ((i, factor) for i in range(bare.axes) for factor in _SCALES), key=lambda pair: fall(*pair)
@@ -304,9 +313,9 @@ def _scales_of_axes(bare: Robot, carried: Layout, data: Dataset, now: Misfit) ->
         method="bounded",
         options={"maxiter": 40, "xatol": 1e-5},
     )
-    if fall(axis, float(best.x)) >= FALL:
+    if -best.fun >= FALL:
         words = f"axis {axis + 1} turning {best.x:.4g} times as far as the data say (its gear ratio?)"
-        yield Suspicion(words, fall(axis, float(best.x)))
+        yield Suspicion(words, -float(best.fun))
 
 
 def _changes_midway(bare: Robot, carried: Layout, data: Dataset, now: Misfit) -> Iterator[Suspicion]:
@@ -320,7 +329,8 @@ def _changes_midway(bare: Robot, carried: Layout, data: Dataset, now: Misfit) ->
         def fall(place: int, rows: np.ndarray = rows) -> float:
             group = data.session * 2
             group[rows[place:]] += 1
-            return now.fall_to(_misfit_of(flange.position, flange.rotation, data, group)[0])
+            return now.fall_to(_misfit_of(flange.position, flange.rotation, data, group,
+                                          _NOT_WORSE * now.position)[0])
 
         last = rows.size - LEAST_ROWS
         places = np.unique(np.linspace(LEAST_ROWS, last, _SPLITS).astype(int))
