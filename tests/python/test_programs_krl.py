@@ -12,6 +12,7 @@ from interpreters.verdict import arm_of, corrected, refused, robot_of
 OTHER_TOOL = (10.0, 20.0, 150.0, -30.0, 10.0, 5.0)
 OTHER_BASE = (-80.0, 60.0, 40.0, 7.0, 2.0, -6.0)
 TEXT = lambda name, values: f"{name}={','.join(map(str, values))}"
+RECORD = lambda values: "{" + ",".join(f"{key} {value}" for key, value in zip("XYZABC", values)) + "}"
 OPTIONS = {"tool": [TEXT(1, TOOL), TEXT(2, OTHER_TOOL)], "base": [TEXT(1, BASE), TEXT(2, OTHER_BASE)]}
 ROBOT = robot_of()
 ARM = arm_of(ROBOT)
@@ -118,6 +119,13 @@ RIGHT = {
                                                           Y=f"{numbers_zyx(tip(1))[1]:+.6f}") + "\n" + P[2]),
 }
 REFUSED = {
+    "a base that is numbers and an offset": (
+        f"{SET}$BASE={RECORD(BASE)}:BASE_DATA[2]\nPTP XP1", P[1]),
+    "a tool that is numbers and an offset, in the data list": (
+        f"{SET}$TOOL=MINE\nPTP XP1",
+        P[1] + f"DECL FRAME MINE={RECORD(TOOL)}:{RECORD((10.0, 0, 0, 0, 0, 0))}"),
+    "a point that is numbers and an offset": (
+        f"{SET}XP1={pose(1)} : {RECORD((10.0, 0, 0, 0, 0, 0))}\nPTP XP1", "DECL E6POS XP1"),
     "a load that the program sets": (f"{SET}$LOAD={{M 5.0,CM {{X 0,Y 0,Z 100,A 0,B 0,C 0}}}}\nPTP XP1", P[1]),
     "a load that the program picks": (f"{SET}$LOAD=LOAD_DATA[3]\nPTP XP1", P[1]),
     "a mass that the program sets": (f"{SET}$LOAD.M=5.0\nPTP XP1", P[1]),

@@ -97,6 +97,18 @@ RIGHT = {
     "numbers in every form": ("", f"MoveJ {EXPONENT},v100,fine,{T}"),
 }
 REFUSED = {
+    "a tool without an orientation": (
+        P[1] + f"PERS tooldata flat:=[TRUE,[[0,0,100],[0,0,0,0]],{LIGHT}];\n",
+        "MoveJ p1,v100,fine,flat\\WObj:=table;"),
+    "a work object without an orientation": (
+        P[1] + f'PERS wobjdata flat:=[FALSE,TRUE,"",[[0,0,0],[0,0,0,0]],{frame((0,) * 6)}];\n',
+        "MoveJ p1,v100,fine,torch\\WObj:=flat;"),
+    "a load whose mass is a list": (
+        P[1] + f"PERS tooldata flat:=[TRUE,{frame(TOOL)},[[1],[0,0,0]]];\n",
+        "MoveJ p1,v100,fine,flat\\WObj:=table;"),
+    "a load with two numbers of its centre": (
+        P[1] + f"PERS tooldata flat:=[TRUE,{frame(TOOL)},[1,[0,0],[1,0,0,0],0,0,0]];\n",
+        "MoveJ p1,v100,fine,flat\\WObj:=table;"),
     "a work object that a routine may be given": (
         P[1], "go\\w:=table;\nENDPROC\nPROC go(\\PERS wobjdata w)\nMoveJ p1,v100,fine,torch\\WObj?w;"),
     "a load that a routine may be given": (
@@ -184,6 +196,12 @@ def test_data_of_the_program_count_and_not_a_frame_of_the_command_line(tmp_path)
     corrected(tmp_path, ROBOT, execute, program, tool=[seven], base=[seven])
     refused(tmp_path, ROBOT, program, tool=[f"torch={seven}"])
     refused(tmp_path, ROBOT, program, base=[f"table={seven}"])
+
+
+def test_a_frame_of_the_command_line_without_an_orientation_is_refused(tmp_path):
+    program = files("", f"MoveJ {target(1)},v100,fine,mine;")
+    with pytest.raises(InputError, match="frame 0,0,100,0,0,0,0: quaternion of norm 0; expected 1"):
+        compensate(tmp_path, ROBOT, program, tool=["mine=0,0,100,0,0,0,0"])
 
 
 def test_one_frame_without_a_name_does_not_stand_for_two(tmp_path):

@@ -24,7 +24,7 @@ import numpy as np
 from exactarm.compensate.angles import from_zyx, to_zyx
 from exactarm.compensate.configuration import ZERO_RAD, sign_bits, signs_fit
 from exactarm.compensate.flange_poses import Poses
-from exactarm.compensate.krl_data import AGGREGATE, ASSIGNED, CARTESIAN, Aggregate, Declarations, arguments
+from exactarm.compensate.krl_data import ASSIGNED, CARTESIAN, Aggregate, Declarations, arguments
 from exactarm.compensate.program import HERE, Edit, Motion, Notation, Program, SourceText, Target
 from exactarm.compensate.setting import Setting
 from exactarm.compensate.ways import UNCERTAIN, Step, goes_on, unread, walk
@@ -153,8 +153,7 @@ class _Reader(Declarations):
                 if name == "FDAT_ACT":
                     inline = rest.upper()
                 elif name in START:
-                    aggregate = AGGREGATE.match(text, match.end())
-                    value = self.aggregate(index, aggregate) if aggregate else re.sub(r"\s", "", rest.upper())
+                    value = self.assigned_record(index, match) or re.sub(r"\s", "", rest.upper())
                     steps.append(Step(place, "set", (name, UNCERTAIN if match[4] else value)))
             else:
                 form = self.inline_form(index, match, inline)

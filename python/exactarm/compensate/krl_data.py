@@ -25,6 +25,7 @@ ELSEWHERE = (
     "$POS_ACT",
 )  # of the controller itself
 
+_ALONE = re.compile(r"\{([^{}]*)\}(?=[ \t]*(?:[\r\n]|\Z))")
 AGGREGATE = re.compile(r"\{([^{}]*)\}")
 ASSIGNED = re.compile(
     r"(?im)^[ \t]*((?:(?:global|decl|const)[ \t]+)*(?:[a-z]\w*[ \t]+)?)(\$?[a-z_]\w*)[ "
@@ -99,12 +100,16 @@ class Declarations:
             if component:
                 self.parts.setdefault(key, (index, match.start(2)))
                 continue
-            aggregate = AGGREGATE.match(text, match.end())
             try:
-                found = None if aggregate is None else self.aggregate(index, aggregate)
+                found = self.assigned_record(index, match)
             except InputError:  # other records than points; a point among them is refused where it is used
                 found = None
             self.values.setdefault(key, []).append((index, match.start(2), found))
+
+    def assigned_record(self, index: int, assigned: re.Match) -> Aggregate | None:
+        """What is set to a name, where it is one record and nothing more: `{..}:{..}` is computed."""
+        match = _ALONE.match(self.texts[index], assigned.end())
+        return None if match is None else self.aggregate(index, match)
 
     def aggregate(self, index: int, match: re.Match) -> Aggregate:
         """Fields of `{TYPE: NAME VALUE, ...}`."""

@@ -36,6 +36,7 @@ from exactarm.compensate.program import (
 from exactarm.compensate.rapid_data import ROBTARGET, Datum, Declarations, Literal, arguments, tool_of
 from exactarm.compensate.setting import Setting
 from exactarm.compensate.ways import goes_on, unread
+from exactarm.errors import InputError
 from exactarm.mdh_frames import compose
 from exactarm.robot import Placement
 
@@ -107,7 +108,9 @@ def _notation(setting: Setting) -> Notation:
 
 
 def placement(numbers) -> Placement:
-    """Of a frame: x, y, z in mm and a quaternion, w first."""
+    """Of a frame: x, y, z in mm and a quaternion, w first; refused where that is none."""
+    if (off := _no_turn(numbers[3:7])):
+        raise InputError(f"frame {','.join(f'{number:g}' for number in numbers)}: {off}")
     return Placement(from_quaternion(np.array(numbers[3:7])), 1e-3 * np.array(numbers[:3], float))
 
 
@@ -271,9 +274,8 @@ class _Reader(Declarations):
         if any(number not in (NO_AXIS, 0.0) for number in numbers[11:]):
             raise source.refuse(literal.start, "an external axis is in use; expected 9E9 in all of them")
         Numbers(numbers[:7], places).checked(source)
-        norm = math.hypot(*numbers[3:7])
-        if abs(norm - 1.0) > NORM_TOLERANCE:
-            raise source.refuse(places[3][0], f"quaternion of norm {norm:.4g}; expected 1")
+        if off := _no_turn(numbers[3:7]):
+            raise source.refuse(places[3][0], off)
         tip, why, load = self.tool(tool, index, place)
         base, why_base = self.work_object(wobj, index, place)
         return Target(
@@ -327,10 +329,18 @@ class _Reader(Declarations):
         if len(parts) != 3 or not isinstance(parts[0], tuple) or parts[0][0].strip().upper() != "TRUE":
             return Placement(), f"{name} is not held by the robot; expected tooldata with TRUE", None
         frame = self.frame(datum, parts[1])
-        mass = Number.read(self.sources[datum.file], *parts[2][0]).value
-        centre = [Number.read(self.sources[datum.file], *part).value for part in parts[2][1]]
-        load = (mass, tuple(1e-3 * value for value in centre)) if mass > 0.0 else None
+        load = self.load(datum, parts[2])
         return frame, self.otherwise("tool", name, frame), load
+
+    def load(self, datum: Datum, parts) -> tuple[float, tuple[float, ...]] | None:
+        """kg and its centre, m; -1 kg: not known."""
+        source = self.sources[datum.file]
+        if not isinstance(parts, list) or not parts or not isinstance(parts[0], tuple):
+            raise source.refuse(datum.literal.start, "the mass of the load is missing; expected it in list 3")
+        mass = Number.read(source, *parts[0]).value
+        inner = Literal(datum.literal.start, datum.literal.end, parts)
+        centre = self.numbers(datum.file, inner, 1, 3, "the centre of the load")
+        return (mass, tuple(1e-3 * number.value for number in centre)) if mass > 0.0 else None
 
     def work_object(self, name: str, index: int, place: int):
         """Placement of user frame and object frame, and, where they are not known, why."""
@@ -371,7 +381,15 @@ class _Reader(Declarations):
         numbers = self.numbers(datum.file, literal, 0, 3, "the position") + self.numbers(
             datum.file, literal, 1, 4, "the orientation"
         )
+        if off := _no_turn([number.value for number in numbers[3:]]):
+            raise self.sources[datum.file].refuse(numbers[3].start, off)
         return placement([number.value for number in numbers])
+
+
+def _no_turn(wxyz: Sequence[float]) -> str:
+    """Why four numbers are no orientation; empty: they are."""
+    norm = math.hypot(*wxyz)
+    return "" if abs(norm - 1.0) <= NORM_TOLERANCE else f"quaternion of norm {norm:.4g}; expected 1"
 
 
 def _expected(option: str, name: str) -> str:
