@@ -3,13 +3,15 @@
     python bench/compensate_time.py [--count 20000] [--repeats 3] [--out FILE.json]
 
 Random joint targets of the virtual Racer with a random approach; one thread, seconds of the processor
-(median). Programs are read and written besides: `--program` times as many targets from file to file, as a
-table and as programs of each controller (joint angles, or poses along a path).
+(median). Programs are read and written besides: `--program` times as many targets from file to file, as
+tables and as programs of each controller (joint angles, or poses along a path): median of `--repeats`,
+behind a first one of 100 targets, in which what is read but once (libraries) is not counted.
 """
 
 from __future__ import annotations
 
 import argparse
+import io
 import json
 import tempfile
 import time
@@ -18,6 +20,8 @@ from pathlib import Path
 from statistics import median
 
 import numpy as np
+import pyarrow
+import pyarrow.parquet
 from scipy.spatial.transform import Rotation
 
 from exactarm.compensate.angles import to_zyx
@@ -137,17 +141,32 @@ def inform_of(robot: Robot, q: np.ndarray) -> str:
                       "NOP", *moves, "END", ""])
 
 
+def trajectory_of(q: np.ndarray) -> str:
+    names = ", ".join(f"joint_{i + 1}" for i in range(q.shape[1]))
+    points = [f"- positions: [{', '.join(map(repr, row))}]\n"
+              f"  time_from_start: {{sec: {i // 10}, nanosec: {100_000_000 * (i % 10)}}}"
+              for i, row in enumerate(q.tolist(), start=1)]
+    return "\n".join([f"joint_names: [{names}]", "points:", *points, ""])
+
+
+def parquet_of(robot: Robot, q: np.ndarray) -> bytes:
+    written = io.BytesIO()
+    columns = {f"q_{i + 1}_rad": q[:, i] for i in range(robot.axes)}
+    pyarrow.parquet.write_table(pyarrow.table(columns), written)
+    return written.getvalue()
+
+
 def _poses(robot: Robot, q: np.ndarray):
     at = CompensationModel.of(robot).controller.poses(q)
     return zip(q, at.position, np.reshape(at.rotation, (-1, 3, 3)))
 
 
 @collector_at_rest()
-def program(robot: Robot, name: str, text: str, q: np.ndarray) -> float:
+def program(robot: Robot, name: str, text: str | bytes, q: np.ndarray) -> float:
     """Targets a second from file to file, with the check of what was written; q (T, n): their angles."""
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / name
-        file.write_text(text)
+        file.write_bytes(text.encode() if isinstance(text, str) else text)
         (job,), setting = jobs([file]), Setting(robot, start=q[0])
         start = time.process_time()
         read = job.read(setting)
@@ -174,17 +193,24 @@ def main() -> None:
     if arguments.program:
         robot, count = arms()["gears and springs"], arguments.count
         random, along = targets(robot, count), path(robot, count)
-        texts = {"table": ("table.csv", table_of(robot, random), random),
-                 "KRL, joint angles": ("axes.src", krl_of(robot, random, poses=False), random),
-                 "KRL, poses": ("poses.src", krl_of(robot, along, poses=True), along),
-                 "RAPID, poses": ("poses.mod", rapid_of(robot, along), along),
-                 "Fanuc TP, poses": ("poses.ls", fanuc_of(robot, along), along),
-                 "URScript, poses": ("poses.script", urscript_of(robot, along), along),
-                 "INFORM, pulses": ("pulses.jbi", inform_of(robot, along), along)}
+        writers = {
+            "table, CSV": ("table.csv", lambda q: table_of(robot, q), random),
+            "table, Parquet": ("table.parquet", lambda q: parquet_of(robot, q), random),
+            "JointTrajectory": ("points.yaml", trajectory_of, along),
+            "KRL, joint angles": ("axes.src", lambda q: krl_of(robot, q, poses=False), random),
+            "KRL, poses": ("poses.src", lambda q: krl_of(robot, q, poses=True), along),
+            "RAPID, poses": ("poses.mod", lambda q: rapid_of(robot, q), along),
+            "Fanuc TP, poses": ("poses.ls", lambda q: fanuc_of(robot, q), along),
+            "URScript, poses": ("poses.script", lambda q: urscript_of(robot, q), along),
+            "INFORM, pulses": ("pulses.jbi", lambda q: inform_of(robot, q), along)}
         pulses = (1e5,) * robot.axes
-        robot = replace(robot, controller=replace(robot.controller, chain="calibrated", coupling=(),
+        known = replace(robot, controller=replace(robot.controller, chain="calibrated", coupling=(),
                                                   pulses_per_rad=pulses))
-        rows["program"] = {kind: program(robot, *given) for kind, given in texts.items()}
+        rows["program"] = {}
+        for kind, (name, write, q) in writers.items():
+            program(known, name, write(q[:100]), q[:100])
+            text = write(q)
+            rows["program"][kind] = median(program(known, name, text, q) for _ in range(arguments.repeats))
         for kind, speed in rows["program"].items():
             print(f"{kind:18}  {speed:8.0f} targets a second and core, from file to file")
     if arguments.out:

@@ -119,6 +119,12 @@ def test_every_motion_reaches_what_the_program_meant(tmp_path, name):
     corrected(tmp_path, ROBOT, execute, files(*RIGHT[name]), **GIVEN)
 
 
+def test_a_comment_that_names_a_section_begins_none(tmp_path):
+    told = files(f"{SET}J P[1] 100% FINE\nL P[2] 500mm/sec FINE", ALL)
+    told["prog.ls"] = told["prog.ls"].replace(b"/ATTR\n", b'/ATTR\nOWNER = "see /MN, /POS";\n')
+    corrected(tmp_path, ROBOT, execute, told, **GIVEN)
+
+
 @pytest.mark.parametrize("name", REFUSED)
 def test_what_has_no_one_right_number_is_refused(tmp_path, name):
     refused(tmp_path, ROBOT, files(*REFUSED[name]), **GIVEN)

@@ -119,6 +119,8 @@ RIGHT = {
                                                           Y=f"{numbers_zyx(tip(1))[1]:+.6f}") + "\n" + P[2]),
 }
 REFUSED = {
+    "a place of the arm that the program sets": (
+        f"{SET}$ROBROOT={RECORD((0, 0, 500.0, 0, 0, 0))}\nPTP XP1", P[1]),
     "a base that is numbers and an offset": (
         f"{SET}$BASE={RECORD(BASE)}:BASE_DATA[2]\nPTP XP1", P[1]),
     "a tool that is numbers and an offset, in the data list": (

@@ -41,6 +41,7 @@ from exactarm.whole_number import whole_number
 
 NAME, SUFFIXES = "Fanuc TP", (".ls",)
 _MOTION = re.compile(r"(?m)^[ \t]*\d*[ \t]*:[ \t]*([JLCAS])[ \t]+(P|PR)\[([^\]]*)\]([^;]*);?")
+_SECTION = re.compile(r"(?m)^[ \t]*/(MN|POS)\b")
 _POSITION = re.compile(r"P\[\s*(\d+)\s*(?::[^\]]*)?\]\s*\{(.*?)\}\s*;", re.S)
 _GROUP = re.compile(r"GP(\d+)\s*:")
 _FRAME = {key: re.compile(rf"\b{key}\s*:\s*(\w+)") for key in ("UF", "UT")}
@@ -78,10 +79,10 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
             "[controller] coupling = [[3, 2, 1.0]] (q_3 = J3 + J2), or coupling = [] where J3 is q_3",
             file=source.path,
         )
-    start = text.find("/MN")
-    if start < 0 or "/POS" not in text:
+    sections = {match[1]: match.start() for match in reversed(source.at_lines(_SECTION, text))}  # the first
+    start, end = sections.get("MN", -1), sections.get("POS", -1)
+    if min(start, end) < 0:
         raise source.refuse(0, "no sections /MN and /POS; expected a TP program as text")
-    end = text.index("/POS")
     positions: dict[int | None, list[re.Match]] = {}
     for match in _POSITION.finditer(text, end):
         positions.setdefault(whole_number(match[1]), []).append(match)

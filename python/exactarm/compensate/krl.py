@@ -38,6 +38,7 @@ _MOTION = re.compile(r"(?im)^[ \t]*(S?PTP|S?LIN|S?CIRC|SPL)(_REL)?\b[ \t]*([^\r\
 _BAS = re.compile(r"(?im)^[ \t]*BAS[ \t]*\([ \t]*#(TOOL|BASE|FRAMES)[ \t]*(?:,[ \t]*([^)\r\n]*))?\)")
 _POINT = re.compile(r"(?im)^[ \t]*(?:(?:global|decl)[ \t]+)*(?:E6)?(?:POS|AXIS)[ \t]+(\w+)[ \t]*=")
 _FRAME = re.compile(r"\$?\w+(\[\d*\])?")
+_ROBOT_BASE = re.compile(r"(?im)^[ \t]*(\$ROBROOT\b[^\r\n=]*=(?!=))")
 _LOAD = re.compile(r"(?im)^[ \t]*(\$LOAD\b[^\r\n=]*=(?!=))")
 _REST = re.compile(r"[^\r\n]*")
 _SPLINE = re.compile(r"(?im)^[ \t]*(?:PTP_)?SPLINE\b[^\r\n]*\bWITH\b[^\r\n]*\$(?:TOOL|BASE)\b")
@@ -135,6 +136,9 @@ class _Reader(Declarations):
         for match in source.at_lines(_SPLINE, text):
             raise source.refuse(match.start(), "$TOOL or $BASE in the head of a spline block; expected them "
                                                "set before it")
+        for match in source.at_lines(_ROBOT_BASE, text):
+            raise source.refuse(match.start(1), "the program sets where the arm stands, $ROBROOT, from which "
+                                                "bases count; expected an arm that stays")
         for match in source.at_lines(_LOAD, text) if self.setting.load is None else ():
             raise source.refuse(match.start(1),
                                 "the program sets its load, $LOAD; expected --payload with it")

@@ -22,10 +22,10 @@ COMPARE = {"=": "__eq__", "<>": "__ne__", "<": "__lt__", ">": "__gt__", "<=": "_
 
 class Program:
     def __init__(self, file: str, text: str):
-        head, _, rest = text.partition("/MN")
-        body, _, places = rest.partition("/POS")
+        head, _, rest = text.partition("\n/MN")
+        body, _, places = rest.partition("\n/POS")
         self.lines, self.places = [], {}
-        start = head.count("\n") + 1
+        start = head.count("\n") + 2
         for match in re.finditer(r"(?m)^\s*\d*\s*:([^;]*);", body):
             line = start + body.count("\n", 0, match.start(1))
             words = re.sub(r"\n\s*:", " ", match[1])
