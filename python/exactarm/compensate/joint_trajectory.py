@@ -11,6 +11,7 @@ and efforts stay (they change by about a thousandth). Joint states that come bac
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from functools import partial
 
 import numpy as np
@@ -60,12 +61,8 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
         positions = fields.get("positions")
         if not isinstance(positions, yaml.SequenceNode) or len(positions.value) != len(order):
             raise InputError(f"point {i + 1}: expected {len(order)} positions", file=source.path, line=line)
-        numbers = []
-        for node in positions.value:
-            start = place(node.start_mark.index)
-            numbers.append(Number.read(source, source.text[start : place(node.end_mark.index)], start))
-        targets.append(
-            Target(f"point {i + 1}", 0, line, *Numbers.of(numbers).checked(source), (DECIMALS,) * len(order)))
+        numbers = _numbers(source, positions, place).checked(source)
+        targets.append(Target(f"point {i + 1}", 0, line, *numbers, (DECIMALS,) * len(order)))
         rates = _rates(fields, order)
         insert = partial(_insertion, source, point, fields, place, order, len(rates)) if i else None
         motions.append(
@@ -92,6 +89,17 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
     )
     notation = Notation(joints=lambda numbers: numbers[:, np.argsort(order)], reported=lambda q: q[:, order])
     return Program(NAME, sources, tuple(targets), tuple(motions), notation, warnings, calculated=True)
+
+
+def _numbers(source: SourceText, positions: yaml.SequenceNode, place: Callable[[int], int]) -> Numbers:
+    start, end = place(positions.start_mark.index), place(positions.end_mark.index)
+    if source.text[start] == "[" and (found := Numbers.plain(source.text, start + 1, end - 1)):
+        return found
+    numbers = []
+    for node in positions.value:
+        start = place(node.start_mark.index)
+        numbers.append(Number.read(source, source.text[start : place(node.end_mark.index)], start))
+    return Numbers.of(numbers)
 
 
 def _rates(fields: dict, order: list[int]) -> tuple[np.ndarray, ...]:
@@ -167,7 +175,7 @@ def _common_prefix(names: list[str]) -> str:
 
 def _check_events(source: SourceText, text: str) -> None:
     """Numbers that stand for others cannot be changed on their own."""
-    for event in yaml.parse(text, Loader=LOADER):
+    for event in yaml.parse(text, Loader=LOADER) if "*" in text else ():  # the mark of all aliases
         if isinstance(event, yaml.AliasEvent):
             raise InputError("an alias; expected numbers", file=source.path, line=event.start_mark.line + 1)
 

@@ -318,12 +318,17 @@ class Numbers(NamedTuple):
         return Numbers(tuple(map(float, match.groups()[which])), match.regs[1:][which])
 
     @staticmethod
-    def listed(source: SourceText, text: str, start: int, end: int) -> Numbers:
-        """Those between commas in a part of the source's text; anything else is refused."""
+    def plain(text: str, start: int, end: int) -> Numbers | None:
+        """Those between commas in a part of a text; None where anything else is there, or too many."""
         count = text.count(",", start, end) + 1
         match = _listed(count).fullmatch(text, start, end) if count <= MOST_LISTED else None
         found = None if match is None else Numbers.groups(match)
-        if found is not None and max(map(abs, found.values)) < math.inf:
+        return found if found is not None and max(map(abs, found.values)) < math.inf else None
+
+    @staticmethod
+    def listed(source: SourceText, text: str, start: int, end: int) -> Numbers:
+        """The same; anything else is refused."""
+        if found := Numbers.plain(text, start, end):
             return found
         numbers = []
         for part in text[start:end].split(","):
