@@ -168,6 +168,14 @@ def test_noise_that_neighbours_share_is_noise_and_widens_the_frames_intervals():
 
 
 @pytest.mark.slow
+def test_a_slow_drift_that_no_effect_describes_is_not_noise():
+    """The tripod sways once and a half while the poses are measured, by twice the noise."""
+    sway = 1.0e-4 * np.sin(np.linspace(0.0, 3.0 * np.pi, COUNT) + 0.4)[:, None] * np.array([0.6, -0.48, 0.64])
+    result = diagnose(ur10(), data_with((), 93, lambda position: sway)[0])
+    assert result.verdict == "unexplained" and "drifts with time" in result.sentence
+
+
+@pytest.mark.slow
 def test_validation_rows_choose_nothing():
     result, data, _ = diagnosis_of("joint_compliance")
     held = ~data.identification

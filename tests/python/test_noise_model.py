@@ -1,12 +1,14 @@
 """The noise of independent rows: its family is recognised, weights and scales come back, whitening makes unit
 covariance."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from exactarm.noise.estimate import estimate_noise
 from exactarm.noise.model import NoiseModel
-from exactarm.noise.wandering import Wandering, kernel
+from exactarm.noise.wandering import SESSIONS_APART, Wandering, kernel
 
 ROWS, SIGMA = 600, 4e-5
 
@@ -35,6 +37,19 @@ def test_a_few_gross_rows_are_wrong_by_themselves():
     noise = estimate_noise(residual)
     assert noise.family == "gross" and np.flatnonzero(noise.wrong).tolist() == [7, 90, 311]
     assert noise.sigma == pytest.approx(SIGMA, rel=0.06)
+
+
+def test_few_independent_stretches_of_a_session_are_a_drift():
+    one = NoiseModel(np.full(3, SIGMA), np.ones(200), wandering=Wandering(0.8, 8.0, 50.0),
+                     order=np.arange(200.0))
+    assert one.stretches == pytest.approx(200.0 / 8.0, rel=0.05)
+    slow = replace(one, wandering=Wandering(0.8, 128.0, 50.0))
+    assert 1.0 < slow.stretches < 3.0
+    # Two sessions, each with a drift of its own, are twice the values and no fewer drifts.
+    twice = replace(slow, weight=np.ones(400),
+                    order=np.concatenate([slow.order, slow.order + SESSIONS_APART]))
+    assert twice.stretches == pytest.approx(slow.stretches, rel=1e-6)
+    assert replace(one, wandering=None).stretches == np.inf
 
 
 def moderate_rows(seed, rows, freedom=np.inf, share=0.03):

@@ -18,7 +18,7 @@ from exactarm.kinds.base import Device, Kind
 _AXIS = r" of axis (?P<axis>\d+)"
 # What is said, of which the first that is found in the words of the structure counts; for rows at rest.
 _AT_REST = (
-    (r"wanders or jumps",
+    (r"wanders or jumps|drifts with time",
      "see that nothing moved (base, device, reflector), and visit one pose again after every ten others: "
      "drift and jumps show there by themselves"),
     (r"approach" + _AXIS,

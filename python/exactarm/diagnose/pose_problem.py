@@ -32,6 +32,7 @@ from exactarm.identify.missing_tilt import missing_tilts
 from exactarm.identify.pose_fit import fit_poses
 from exactarm.kinds import POSES
 from exactarm.noise.model import NoiseModel
+from exactarm.noise.wandering import SESSIONS_APART
 from exactarm.robot import Robot
 from exactarm.split import pose_groups, pose_split
 
@@ -40,7 +41,6 @@ _TOLERANCE = 1e-7  # relative fall of the square sum that ends a fit: a thousand
 _SEARCH_POSES = 600  # enough to find every large cause in good time; the smallest may need more poses
 
 LEAST_REPEATS = 10
-_APART = 1e4  # rows between sessions: the device was set up anew
 
 
 class PoseProblem(Problem):
@@ -128,7 +128,7 @@ class PoseProblem(Problem):
         session = np.unique(self.data.session, return_inverse=True)[1]
         step = np.diff(time[np.lexsort((time, session))])
         typical = float(np.median(step[step > 0.0])) if np.any(step > 0.0) else 1.0
-        return (time - time.min()) / typical + session * (np.ptp(time) / typical + _APART)
+        return (time - time.min()) / typical + session * (np.ptp(time) / typical + SESSIONS_APART)
 
     def signals(self, fitted: Fitted) -> dict[str, np.ndarray]:
         view, data = fitted.view, self.data

@@ -32,6 +32,10 @@ from exactarm.noise.model import NoiseModel
 
 WRONG_ROW_FALSE_ALARM = 0.01  # of a whole data set: what the threshold of the effect is set for
 WANDERS_AT = 2.0  # times the noise without it: a device that stands still would halve what is left
+# independent stretches of a session, below which what a device wanders is a drift: drifts gave 1.9
+# (bench/leave_one_out.py), noise with a memory of 2 to 12 rows 11 to 121 (bench/reliability.py)
+DRIFTS_BELOW = 5.0
+DRIFTS_AT = 0.1  # of a row's variance: less is no structure either (Problem.share_left)
 # of a row's variance that the next one shares: less, and a row is mostly its own, whatever it is called
 COMMON = 0.5
 UNKNOWN = "unknown"  # in the place of a name, for a cause that the library lacks
@@ -83,12 +87,14 @@ class Causes:
 
     @property
     def wanders(self) -> tuple[str, ...]:
-        """In words: the device wanders, where that is as much as all other noise."""
-        if self.noise.wander_over_rest < WANDERS_AT or self.noise.common_to_neighbours < COMMON:
+        """In words: the device wanders, where that is as much as all other noise, or drifts."""
+        noise = self.noise
+        drifts = noise.stretches < DRIFTS_BELOW and noise.common_to_neighbours >= DRIFTS_AT
+        if not drifts and (noise.wander_over_rest < WANDERS_AT or noise.common_to_neighbours < COMMON):
             return ()
-        return ("the device wanders or jumps: neighbouring rows share "
-                f"{self.noise.wander_over_rest**2 - 1.0:.0f} times the variance "
-                f"of one row alone, for about {self.noise.wandering.memory:.0f} rows",)
+        return (f"the device {'drifts with time' if drifts else 'wanders or jumps'}: neighbouring rows share "
+                f"{noise.wander_over_rest**2 - 1.0:.1g} times the variance "
+                f"of one row alone, for about {noise.wandering.memory:.0f} rows",)
 
 
 def find_causes(problem: Problem, declared: Layout, progress: Progress = lambda text: None) -> Causes | None:

@@ -23,7 +23,7 @@ LENGTHS = (0.4, 1.0, 2.4)  # 0.2, 0.5 and 1.2 of the range [-1, 1]
 _TERMS, _TERMS_OF_TWO = 15, 4
 _HALF_WIDTH = 1.3  # L: at the ends of the range the basis is still free
 AMPLITUDE = 3e-4  # rad of an axis, m of the device: what gears, springs and devices leave
-_OF_TIME = ("time", "order of measurement")
+OF_TIME = ("time", "order of measurement")
 _LEAST_VALUES = 5  # different values of a signal; fewer are levels, not a curve
 
 
@@ -92,7 +92,7 @@ def unknown_functions(fitted, signals: dict,
         for signal, basis in bases.items():
             found.append((Unknown(name, (signal,)), pattern[:, :, None] * basis[:, None, :], lengths))
     whole = {name: basis for name, basis in bases.items()
-             if not name.startswith(("angle", "load", "approach", *_OF_TIME))}
+             if not name.startswith(("angle", "load", "approach", *OF_TIME))}
     for signal, basis in whole.items() if device else ():
         response = np.concatenate([pattern[:, :, None] * basis[:, None, :] for pattern in device], axis=2)
         found.append((Unknown("the device", (signal,)), response,

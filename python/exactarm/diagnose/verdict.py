@@ -17,6 +17,7 @@ from exactarm.diagnose.held_out_evidence import AGAINST
 from exactarm.diagnose.noise import NoiseFloor
 from exactarm.diagnose.posterior import Causes
 from exactarm.diagnose.selection import NAMED_AT
+from exactarm.diagnose.unknown import OF_TIME
 
 EXPLAINED, NOTHING, UNEXPLAINED = "explained", "no_undeclared_effect", "unexplained"
 _NOISE_REACHED = 1.25  # RMS after, beside the noise floor
@@ -158,8 +159,9 @@ def sentence_of(verdict, findings, alternatives, before, after, left: Dossier, e
             f"{remains(left, excess, unknown)}."
         )
     if left.structure:
+        like = ", as noise does that neighbouring rows share" if left.strongest.signal in OF_TIME else ""
         return (f"No effect of the library earns its place: the residual follows the {left.strongest.signal} "
-                f"beyond chance, but this is {100 * left.strongest.share:.0f} % of its square sum.")
+                f"beyond chance, with {100 * left.strongest.share:.0f} % of its square sum{like}.")
     return "Nothing is missing: the residual of the declared model cannot be told from noise."
 
 

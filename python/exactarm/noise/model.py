@@ -19,7 +19,7 @@ from functools import cached_property
 import numpy as np
 from scipy import linalg, sparse
 
-from exactarm.noise.wandering import Wandering, kernel
+from exactarm.noise.wandering import SESSIONS_APART, Wandering, kernel
 
 
 @dataclass(frozen=True)
@@ -119,6 +119,16 @@ class NoiseModel:
             return 0.0
         ratio = self.wandering.ratio
         return float(ratio * np.exp(-1.0 / self.wandering.memory) / (1.0 + ratio))
+
+    @cached_property
+    def stretches(self) -> float:
+        """How many independent values the wandering takes in a session, on the average: (tr K)² / tr K², K
+        (N, N) its correlation. Few are a drift: no mean over the rows is free of it."""
+        if self.wandering is None:
+            return np.inf
+        sessions = 1 + np.count_nonzero(np.diff(np.sort(self.order)) > 0.5 * SESSIONS_APART)
+        together = kernel(self.order, self.wandering.memory)
+        return float(len(self.order) ** 2 / np.sum(together**2) / sessions)
 
     @cached_property
     def _parting(self) -> sparse.csr_array:

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 MEMORIES = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 128.0)  # rows; the longest are drifts
+SESSIONS_APART = 1e4  # rows between sessions: the device was set up anew
 _RATIOS = np.geomspace(0.05, 400.0, 40)
 _PARAMETERS = 2.0
 _LEAST_NATS = 3.0  # above the price of the parameters: 1 in 20, beside rows that share nothing
