@@ -19,20 +19,21 @@ _NEWTON_STEPS = 4  # from an error of the two tables' difference, 1e-3 rad
 def declared_output_angle(view: View) -> tuple[np.ndarray, np.ndarray]:
     """phi (N, n) of the declared gears at view.theta, and dphi/dtheta (N, n)."""
     phi, slope = view.theta / view.robot.ratios, np.ones((view.rows, view.axes)) / view.robot.ratios
+    way = view.direction
     for i, joint in enumerate(view.robot.joints):
         if not joint.has_harmonics:
             continue
         for direction, table in direction_tables(joint):
-            rows = view.direction[:, i] == direction
+            rows = way[:, i] == direction
             if rows.any():
                 theta = view.theta[rows, i]
                 # an axis that stands still needs one row
                 theta = theta[:1] if np.ptp(theta) == 0.0 else theta
                 output, ratio = _core.gear_outputs(joint.ratio, table, theta)
                 phi[rows, i], slope[rows, i] = output, 1.0 / ratio
-        rows = np.flatnonzero(np.mod(view.direction[:, i], 1.0))
+        rows = np.flatnonzero(np.mod(way[:, i], 1.0))
         if rows.size:
-            phi[rows, i], slope[rows, i] = _between(joint, view.direction[rows, i], view.theta[rows, i])
+            phi[rows, i], slope[rows, i] = _between(joint, way[rows, i], view.theta[rows, i])
     return phi, slope
 
 

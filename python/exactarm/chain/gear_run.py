@@ -104,7 +104,7 @@ def predict_gear_run(
         observed = data.gyro
     _pass(view, layout, Station.DEVICE, "measured", passed)
     device = device_map(view, passed)
-    along = None if record.encoder_axes else _along(view, device)
+    along = None if record.encoder_axes else _along(device)
     _keep_axis_residual(view, observed, along, record)
     jacobian = None
     if tangents and layout.size:
@@ -184,7 +184,7 @@ def _measured_load(view: View) -> np.ndarray:
     return torque
 
 
-def _along(view: View, device: np.ndarray) -> np.ndarray:
+def _along(device: np.ndarray) -> np.ndarray:
     """(N, 3) direction of the moving axis in the sensor's axes."""
     along = device[:, :, 2]
     return along / np.linalg.norm(along, axis=1)[:, None]

@@ -125,7 +125,7 @@ def drafts_of(problem: Problem, declared: Layout, last: Fitted) -> tuple[Draft, 
             break
         axis = max(axes, key=lambda a: probabilities[a][0])
         probability, names = probabilities[axis]
-        formula, log_bayes = _best_formula(problem, fitted, noise, folds, axis, names)
+        formula, log_bayes = _best_formula(fitted, noise, folds, axis, names)
         if formula is None:
             break
         titled = replace(formula, heading=_title(formula))
@@ -186,21 +186,21 @@ def _taken(picture: Picture, members: Members) -> np.ndarray:
 
 
 def _best_formula(
-    problem, fitted: Fitted, noise: NoiseModel, folds, axis: int, names: list[str]
+    fitted: Fitted, noise: NoiseModel, folds, axis: int, names: list[str]
 ) -> tuple[Expression | None, float]:
     """The likeliest formula in the signals with these names, its log Bayes factor; None where none holds."""
     formulas = [formula for formula in map(_in_formulas, names) if formula is not None][:_MOST_SIGNALS]
     signals = {name: signal_of(fitted.view, name) for name in formulas}
     if not signals:
         return None, 0.0
-    best, value, picture, members = _likeliest(problem, fitted, noise, forms_of(axis, signals))
+    best, value, picture, members = _likeliest(fitted, noise, forms_of(axis, signals))
     for term in range(2, _MOST_TERMS + 1):
         if best is None or is_series(best):
             break
         fixed = replace(best, searched=())
         sums = [sum_of(fixed, form) for form in forms_of(axis, signals, term) if not is_series(form)]
         further = [form for form in sums if len(form.form) <= LONGEST]
-        more, sum_value, *rest = _likeliest(problem, fitted, noise, further)
+        more, sum_value, *rest = _likeliest(fitted, noise, further)
         if more is None or sum_value < value + _LEAST_NATS:
             break
         best, value, (picture, members) = more, sum_value, rest
@@ -211,7 +211,7 @@ def _best_formula(
     return best, value
 
 
-def _likeliest(problem, fitted, noise, forms: list[Expression]):
+def _likeliest(fitted, noise, forms: list[Expression]):
     """The likeliest of formulas at its best grid point and coefficients, its log Bayes factor (its grid
     summed over), picture, set."""
     vocabulary: Vocabulary = vocabulary_of(fitted, forms, {}, {})

@@ -103,7 +103,7 @@ def design_closures(robot: Robot, options: ClosureDesignOptions = ClosureDesignO
     space = PoseSpace.of(robot, options.box, options.clearance)
     places = _places(robot, space, options, random)
     model = _Model(robot, places, options)
-    chosen = list(range(len(places))) if options.at else model.choose_places(space, random)
+    chosen = list(range(len(places))) if options.at else model.choose_places(random)
     return model.design(space, chosen, random)
 
 
@@ -243,7 +243,7 @@ class _Model:
         """Root mean square of the expected error over the work space, m."""
         return float(np.sqrt(np.trace(np.linalg.solve(information, self.weight))))
 
-    def choose_places(self, space: PoseSpace, random: np.random.Generator) -> list[int]:
+    def choose_places(self, random: np.random.Generator) -> list[int]:
         """Greedy: the place that helps most beside those chosen; each brings the same number of poses."""
         each = max(self.options.count // self.options.places, 2)
         of_place = [information_of(self.blocks[self._some(place, each, random)])

@@ -153,7 +153,7 @@ def fit_closures(
         noise, sigma = new, new.of(data, prediction.used)
     weight = keep * _tail_weights(prediction.residual / sigma, prediction.used)
     pull, tail = pulls.rows(layout)
-    fit = _finished(fit, layout, prediction, sigma, keep, weight, pull, tail, settled)
+    fit = _finished(fit, prediction, sigma, keep, weight, pull, tail, settled)
     return ClosureFit(robot, layout, fit, noise, prediction, sigma, weight, pull, tail)
 
 
@@ -250,7 +250,7 @@ def _pseudo_inverse(matrix: np.ndarray) -> np.ndarray:
     return linalg.pinvh(matrix / np.outer(scale, scale), rtol=1e-12) / np.outer(scale, scale)
 
 
-def _finished(fit, layout, prediction, sigma, keep, weight, pull, tail, settled) -> Fit:
+def _finished(fit, prediction, sigma, keep, weight, pull, tail, settled) -> Fit:
     """The fit with the covariance of the M-estimator and a check of convergence beside
     the solver's own."""
     used = prediction.used & (keep > 0)[:, None]

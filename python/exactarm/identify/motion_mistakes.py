@@ -70,7 +70,7 @@ def motion_mistakes(robot: Robot, data: Dataset) -> list[Suspicion]:
         other = next(_other_robot(robot, data, now), None)
         better = other and (own is None or _MUCH_BETTER * other[0] < own[0])
         found = [best[1] for best in [other if better else own] if best]
-    return found or list(_units(robot, data, samples, now))
+    return found or list(_units(robot, samples))
 
 
 def undone(tried: Iterator[Candidate], model: Model, now: Explained) -> list[Suspicion]:
@@ -232,7 +232,7 @@ def _other_robot(robot: Robot, data: Dataset, now: Explained) -> Iterator[Rival]
             return
 
 
-def _units(robot: Robot, data: Dataset, samples: MotionSamples, now: Explained) -> Iterator[Suspicion]:
+def _units(robot: Robot, samples: MotionSamples) -> Iterator[Suspicion]:
     """Torques far from what declared masses, or an arm of this size, can ask for."""
     torque = float(np.quantile(np.abs(samples.torque), 0.99, axis=0).max())
     if robot.links is not None and sum(link.mass for link in robot.links) > 0.0:

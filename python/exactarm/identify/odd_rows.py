@@ -18,7 +18,7 @@ from exactarm.chain import Layout, predict_poses
 from exactarm.dataset import Dataset
 from exactarm.identify.frames import find_frames
 from exactarm.identify.pose_candidates import Candidate, candidates
-from exactarm.identify.pose_mistakes import LEAST_ROWS, linear_frames, solved
+from exactarm.identify.pose_mistakes import LEAST_ROWS, linear_frames
 from exactarm.identify.reach import reach
 from exactarm.identify.suspicion import FALL, Suspicion, in_order
 from exactarm.robot import Placement, Robot
@@ -48,9 +48,8 @@ class _Frames:
 
     @staticmethod
     def of(points: np.ndarray, rotations: np.ndarray, measured: np.ndarray) -> _Frames:
-        base, _, _ = linear_frames(points, rotations, measured)
-        centre = measured.mean(axis=0)
-        return _Frames(base, centre, solved(_columns(rotations), points - (measured - centre) @ base))
+        base, offset, *_ = linear_frames(points, rotations, measured)
+        return _Frames(base, measured.mean(axis=0), offset)
 
     def left(self, points: np.ndarray, rotations: np.ndarray, measured: np.ndarray) -> np.ndarray:
         """(N,) m."""

@@ -49,12 +49,12 @@ def candidates(
             other.has_geometry
             and other.axes == robot.axes
             and other.name != robot.name
-            and _turns_alike(robot, other, data)
+            and _turns_alike(other, data)
         ):
             yield f"data of {name}", replace(other, base=Placement(), tool=Placement()), data
 
 
-def _turns_alike(robot: Robot, other: Robot, data: Dataset) -> bool:
+def _turns_alike(other: Robot, data: Dataset) -> bool:
     """Whether `other` can turn the angles of the data into joint angles."""
     return "theta" not in data.joints or all(joint.has_gear for joint in other.joints)
 

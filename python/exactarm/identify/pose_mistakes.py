@@ -155,7 +155,7 @@ def _misfit_of(
     position, orientation, bases, sizes = 0.0, np.nan, [], []
     parts = [np.flatnonzero(group == number) for number in np.unique(group)]
     for rows in parts:
-        base, left, size = linear_frames(points[rows], rotations[rows], data.position[rows])
+        base, _, left, size = linear_frames(points[rows], rotations[rows], data.position[rows])
         bases.append(base)
         sizes.append(size)
         position += float(np.sum(left**2))
@@ -171,16 +171,17 @@ def _misfit_of(
 
 def linear_frames(
     points: np.ndarray, rotations: np.ndarray, measured: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, float]:
-    """Rotation of the base frame, what is left of every row (N, 3), and the size of the device's points
-    beside the arm's."""
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+    """Rotation of the base frame, offset of the points and tool (6,), what is left of every row (N, 3), and
+    the size of the device's points beside the arm's."""
     columns, scale, found = _free(points, rotations, measured)
     centred = measured - measured.mean(axis=0)
     base = nearest(found[:9].reshape(3, 3) / scale).T
     turned, goal = columns[:, :, 9:], points - centred @ base
     target = points + rotations @ found[12:]  # a spread, not a determinant: points may lie on a line
     arm = float(np.sqrt(np.mean((target - target.mean(axis=0)) ** 2)))
-    return base, goal - turned @ solved(turned, goal), float(np.clip(scale / max(arm, 1e-300), 1e-9, 1e9))
+    offset = solved(turned, goal)
+    return base, offset, goal - turned @ offset, float(np.clip(scale / max(arm, 1e-300), 1e-9, 1e9))
 
 
 def _free(points: np.ndarray, rotations: np.ndarray,
@@ -362,7 +363,7 @@ def _gross_rows(bare: Robot, carried: Layout, data: Dataset) -> Iterator[Suspici
         good = np.ones(rows.size, bool)
         for _ in range(10):
             part = rows[good]
-            base, _, _ = linear_frames(flange.position[part], flange.rotation[part], data.position[part])
+            base, *_ = linear_frames(flange.position[part], flange.rotation[part], data.position[part])
             left = _left(flange.position[rows], flange.rotation[rows], data.position[rows], base, good)
             before, good = good, left <= _GROSS * max(float(np.median(left)), 1e-9)
             if np.array_equal(before, good):
