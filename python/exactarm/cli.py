@@ -115,6 +115,8 @@ def _explain(error: BaseException) -> tuple[int, str]:
 
 def _run(words: list[str], progress: Progress, package: str) -> int:
     commands = find_commands(package)
+    if words[:1] == ["help"] and len(words) > 1:
+        words = [words[1], "--help"]
     if not words or words[0] in ("-h", "--help", "help"):
         print(overview(commands), end="")
         return DONE

@@ -3,6 +3,7 @@ column."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from difflib import get_close_matches
 from typing import Any
@@ -67,7 +68,8 @@ def check_vectors(path: str, columns: Mapping[Any, Column]) -> None:
         if missing and len(missing) < len(vector):
             found = next(name for name in vector if name not in missing)
             message = f"column missing; expected it beside column {columns[found, None].name}"
-            others = {key.rpartition("_")[0] or key: key for key in columns if isinstance(key, str)}
+            others = {re.split(r"[\s\[(]|_(?=[^_]*$)", key)[0]: key  # "x_inch", "x [mm]"
+                      for key in columns if isinstance(key, str)}
             close = get_close_matches(missing[0], others, n=1)
             message += f"; did you mean it with {others[close[0]]}?" if close else ""
             raise InputError(message, file=path, column=missing[0])

@@ -47,6 +47,11 @@ def file_or_example(path: str | Path) -> Path:
     return found if found.is_file() else path
 
 
+def is_table(path: str | Path) -> bool:
+    """Whether the name is that of measured data, of a file or a shipped one."""
+    return file_or_example(path).suffix.lower() in (".csv", ".parquet")
+
+
 def meant_example(path: str | Path) -> str:
     """The shipped file that a name without an ending may have meant; empty where none is like it."""
     names = [file.relative_to(EXAMPLES).with_suffix("").as_posix() for file in EXAMPLES.rglob("*")

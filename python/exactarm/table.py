@@ -33,6 +33,9 @@ from exactarm.free_memory import GIGABYTE, SHARE, free_bytes
 LARGEST_NUMBER = 1e30  # its square and the square's sum over all rows are still numbers
 _COPIES = 2.0  # of a Parquet file's numbers: Arrow's, and the table's
 _NOT_BLANK = re.compile(rb"\S")
+_BEFORE_HEADER = re.compile(rb"(?:\xef\xbb\xbf)?(?:sep=.\r?\n)?")  # mark of UTF-8; Excel's line
+_NO_CSV = {b"PK\x03\x04": "an Excel workbook or another archive", b"\xd0\xcf\x11\xe0": "an Excel workbook",
+           b"\xff\xfe": "text in UTF-16", b"\xfe\xff": "text in UTF-16"}  # first bytes -> what it is
 
 
 @dataclass(frozen=True)
@@ -115,6 +118,11 @@ def _read_bytes(path: str | Path) -> bytes:
         raise InputError(f"cannot be read ({error.strerror})", file=path) from None
     if not _NOT_BLANK.search(content):
         raise InputError("is empty; expected a header row and data", file=path)
+    if not _is_parquet(path):
+        for start, what in _NO_CSV.items():
+            if content.startswith(start):
+                raise InputError(f"is {what}; expected a CSV file in UTF-8 (Excel: save as CSV UTF-8)",
+                                 file=path)
     return content
 
 
@@ -148,13 +156,14 @@ def _parse_csv(
 
 def _csv_header(path: str | Path, content: bytes) -> tuple[list[str], str, int]:
     """Names in the first line, what parts them, and where the data start."""
-    bom = 3 if content.startswith(b"\xef\xbb\xbf") else 0
+    bom = len(_BEFORE_HEADER.match(content)[0])
     end = content.find(b"\n", bom)
     end = len(content) if end < 0 else end + 1
     try:
         line = content[bom:end].decode()
     except UnicodeDecodeError:
-        raise InputError("first line is no text; expected a header row", file=path) from None
+        raise InputError("first line is no text in UTF-8; expected a header row (Excel: save as CSV UTF-8)",
+                         file=path) from None
     if "\0" in line:
         raise InputError("first line is no text; expected a header row", file=path)
     if "\r" in line.rstrip("\r\n"):

@@ -353,7 +353,7 @@ def test_nothing_is_called_before_where_nothing_changed():
     assert legend(error_per_pose(same, same, np.ones(3, bool))) == ["not fitted"]
     changed = legend(error_per_pose(2.0 * same, same, marked))
     assert changed == ["before", "after, fitted", "after, not fitted"]
-    assert legend(error_histogram(same, same)) == ["mean 2 mm"]
+    assert legend(error_histogram(same, same)) == ["mean 2.00 mm"]
 
 
 NASTY = 'a"><img src=x onerror=alert(1)>../$\\frac{'

@@ -121,7 +121,7 @@ def _sections(robot: Robot, result: Diagnosis, found: list[tuple[Finding, Contri
         geared = [joint.has_gear for joint in robot.joints]
         sections += [effects_table(result, found), *curves_figure(found),
                      orders_table(found, robot.ratios, geared),
-                     *sizes_figure(found, result.after[judged].rms, unit), parameters_table(found, robot)]
+                     *sizes_figure(result, found, result.after[judged].rms), parameters_table(found, robot)]
     sections += [error_table(result.before, result.after, unit, name.capitalize(), note),
                  *_axes_table(result), *_arm(result)]
     sections += _error_figures(result, name, row)

@@ -15,13 +15,14 @@ from exactarm.diagnose.diagnosis import Diagnosis, Finding
 from exactarm.effects.base import Effect
 from exactarm.effects.order_source import likely_source
 from exactarm.effects.outliers import Outliers
+from exactarm.kinds import kind_of
 from exactarm.report import Cell, Estimate, Figure, Quantity, Table
 from exactarm.report.numbers import quantities, quantity
 from exactarm.report.plots.effects import EffectPanel, contribution_bars, effect_panels
 from exactarm.robot import Robot
 
 _AT_TOOL = {  # by the unit of the error: of positions, of torques; else of angles
-    "m": "At the tool: median over the poses of what the effect moves the target and nothing else in the "
+    "m": "At the tool: median over the {rows} of what the effect moves the target and nothing else in the "
     "model makes up for.",
     "Nm": "At the tool: the torque over the stiffness of the joints in the robot file, times the distance of "
     "the flange from their axes, median over the rows; of friction at most so much, for what acts on the "
@@ -107,9 +108,13 @@ def effects_table(result: Diagnosis, found: Sequence[tuple[Finding, Contribution
                  tuple(tuple(row[k] for k in kept) for row in rows), note)
 
 
+def _what_at_tool(result: Diagnosis) -> str:
+    return _AT_TOOL.get(result.unit, _OF_ANGLES).format(rows=kind_of(result.kind).rows)
+
+
 def _at_tool_note(result: Diagnosis, told: Sequence[Contribution]) -> str:
     """What the column is, or why there is none."""
-    note = _AT_TOOL.get(result.unit, _OF_ANGLES) + " " if any(c.tool is not None for c in told) else ""
+    note = _what_at_tool(result) + " " if any(c.tool is not None for c in told) else ""
     rigid = [axis for c in told for axis in c.rigid]
     if rigid:
         note += (f"No size at the tool where the robot file declares no stiffness "
@@ -235,15 +240,15 @@ def _title(effect: Effect) -> str:
     return effect.title[:1].upper() + effect.title[1:]
 
 
-def sizes_figure(found: Sequence[tuple[Finding, Contribution | None]], left: float,
-                 unit: str) -> list[Figure]:
-    """Bars of what each effect moves the target, in the order of the chain; left: what is left, in `unit`."""
+def sizes_figure(result: Diagnosis, found: Sequence[tuple[Finding, Contribution | None]],
+                 left: float) -> list[Figure]:
+    """Bars of what each effect moves the target, in the order of the chain; left: what is left."""
     told = [(_title(finding.effect), c.at_tool) for finding, c in in_order(found)
             if c is not None and c.at_tool is not None]
     if len(told) < 2:
         return []
     labels, sizes = [label for label, _ in told], np.array([size for _, size in told])
     return [Figure("contributions", "Which axis costs how much",
-                   partial(contribution_bars, labels, sizes, left if unit == "m" else None),
-                   _AT_TOOL.get(unit, _OF_ANGLES),
+                   partial(contribution_bars, labels, sizes, left if result.unit == "m" else None),
+                   _what_at_tool(result),
                    "bars of the movement at the tool by cause")]

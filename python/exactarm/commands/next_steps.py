@@ -13,7 +13,7 @@ from pathlib import Path
 
 from exactarm.commands.outcome import Asked, Outcome
 from exactarm.examples import EXAMPLES
-from exactarm.kinds import kind_of
+from exactarm.kinds import GEAR_RUN, MOTION, POSES, kind_of
 from exactarm.kinds.base import Device, Kind
 from exactarm.plan.path_file import shipped_paths
 from exactarm.report import Highlights, Report, Text, Warnings
@@ -118,7 +118,8 @@ def _plan(run: _Run) -> Sequence[str]:
     return (
         "Play it on a virtual robot before the real one drives it:",
         run.line("played", "simulate", run.robot, run.written(next(iter(run.result.tables)))),
-        "The real one takes the joint angles in the words of its controller: `exactarm plan` with `--send`.",
+        *(() if run.result.texts else ("The real one takes the joint angles in the words of its controller: "
+                                       "`exactarm plan` with `--send`.",)),
     )
 
 
@@ -143,7 +144,7 @@ def _design(run: _Run) -> Sequence[str]:
                 f"angles, and run `exactarm calibrate {run.robot} TOUCHED.csv{fixture}`.",)
     return (
         "Rehearse the measurement on a virtual robot:",
-        run.line("rehearsed", "simulate", run.robot, run.written("poses.csv"), "--measure", "poses"),
+        run.line("rehearsed", "simulate", run.robot, run.written("poses.csv"), "--measure", POSES.measured_as),
         "Then drive to the poses of `poses.csv`, write what the tracker shows into columns `x_mm`, `y_mm`, "
         f"`z_mm` beside the angles, and run `exactarm calibrate {run.robot} MEASURED.csv`.",
     )
@@ -170,19 +171,21 @@ def _compensate(run: _Run) -> Sequence[str]:
 
 def _check(run: _Run) -> Sequence[str]:
     if run.result.json["moved"]:
-        return ("Fifty poses to measure:", run.line("poses", "design", run.robot))
+        return ("Fifty poses to measure:", run.line("designed", "design", run.robot))
     words = [run.robot, *run.data, "NEXT.csv"]
     return ("Measure the same poses on the next day, and give all days again with the new one behind them:",
             run.line("next", "check", *words))
 
 
 def _evaluate(run: _Run) -> Sequence[str]:
-    return ("The causes of this error (rows that were used for this no longer judge):",
+    return ("To see its causes in these rows, which then no longer judge:",
             run.line("diagnosed", "diagnose", run.robot, *run.data))
 
 
 def _fitted(run: _Run) -> Sequence[str]:
-    return (run.line("diagnosed", "diagnose", run.robot, *run.data),)
+    kind = {"gear": GEAR_RUN, "identify": MOTION}.get(run.asked.command)  # a file may hold two kinds
+    read = run.data if kind is None or "--kind" in run.data else [*run.data, "--kind", kind.name]
+    return (run.line("diagnosed", "diagnose", run.robot, *read),)
 
 
 def _table(run: _Run) -> Sequence[str]:

@@ -35,6 +35,7 @@ from exactarm.split import DEFAULT_SEED
 NAME = "plan"
 HELP = "motor trajectory that puts the flange on a path (line, spiral, or a path file)"
 UNUSED_OPTIONS = ("seed",)  # nothing in it is random
+STANDS = 1e-4  # of the largest rate: an axis below only makes up for what springs give
 
 
 def WRITES(arguments: argparse.Namespace) -> list[str]:  # of other commands a tuple
@@ -208,15 +209,20 @@ def _report(robot: Robot, plan: Plan, radius: np.ndarray | None, send: str | Non
 
 
 def _axis_table(robot: Robot, plan: Plan) -> Table:
-    rate = np.abs(plan.theta_dot / robot.ratios).max(axis=0)
-    acceleration = np.abs(plan.theta_ddot / robot.ratios).max(axis=0)
+    sliding = np.array([joint.type == "prismatic" for joint in robot.joints])
+    unit, size = np.where(sliding, "m", "deg"), np.where(sliding, 1.0, np.degrees(1.0))
+    rate = size * np.abs(plan.theta_dot / robot.ratios).max(axis=0)
+    acceleration = size * np.abs(plan.theta_ddot / robot.ratios).max(axis=0)
+    moves = rate > STANDS * rate.max()
     rows = tuple(
-        (str(i + 1), Quantity(float(rate[i]), "rad/s"), Quantity(float(acceleration[i]), "rad/s²"),
-         Quantity(plan.bandwidth[i], "Hz"))
+        (str(i + 1), *(Quantity(float(value) if moves[i] else None, named) for value, named in
+                       ((rate[i], f"{unit[i]}/s"), (acceleration[i], f"{unit[i]}/s²"),
+                        (plan.bandwidth[i], "Hz"))))
         for i in range(robot.axes)
     )
     note = (
         f"Output side. Bandwidth: below it lie {100 * ENERGY_SHARE:.0f} % of the energy of the acceleration."
+        + ("" if moves.all() else " An axis that stands still has none.")
     )
     return Table("Axes", ("axis", "largest rate", "largest acceleration", "bandwidth"), rows, note)
 

@@ -12,6 +12,7 @@ from exactarm.report.sections import Cell, Estimate, Highlights, Quantity, Repor
 WIDTH = 100
 MOST_ROWS = 40
 LEAST_TEXT_WIDTH = 30
+_UNBROKEN = "\u00a0"  # between a number and its unit
 
 
 def render_verdict(report: Report, most: int, width: int = WIDTH) -> str:
@@ -50,9 +51,9 @@ def _paragraph(text: str, width: int) -> str:
 
 
 def _wrap(text: str, width: int, indent: str = "", hanging: str = "") -> str:
-    return textwrap.fill(" ".join(text.split()), width, initial_indent=indent,
-                         subsequent_indent=indent + hanging,
-                         break_long_words=False, break_on_hyphens=False)
+    whole = re.sub(r"(?<=\d) (?=%|[nµmkM]?(?:m|rad|s|Nm|Hz|g|deg)\b)", _UNBROKEN, " ".join(text.split()))
+    return textwrap.fill(whole, width, initial_indent=indent, subsequent_indent=indent + hanging,
+                         break_long_words=False, break_on_hyphens=False).replace(_UNBROKEN, " ")
 
 
 def highlight_texts(section: Highlights) -> list[tuple[str, str, str | None]]:

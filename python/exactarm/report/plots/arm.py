@@ -6,6 +6,7 @@ import numpy as np
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
+from exactarm.report.numbers import number
 from exactarm.report.plots.style import INK, SOFT, new_figure, scaled
 
 _MOST_ARROWS = 220
@@ -37,7 +38,8 @@ def arm_with_errors(arm: np.ndarray, points: np.ndarray, before: np.ndarray, aft
                             linewidth=0.9)
         drawn.set_array(np.concatenate([length, np.repeat(length, 2)]))
         drawn.set_norm(colours)
-        axes.set_title(f"{title}: RMS {np.sqrt(np.mean(np.sum(errors**2, axis=1))) / size:.3g} {shown}")
+        rms = float(np.sqrt(np.mean(np.sum(errors**2, axis=1)))) / size
+        axes.set_title(f"{title}: RMS {number(rms)} {shown}")
         for k, name in enumerate("xyz"):
             getattr(axes, f"set_{name}lim")(centre[k] - half, centre[k] + half)
             getattr(axes, f"set_{name}label")(f"{name} [m]", labelpad=-6)

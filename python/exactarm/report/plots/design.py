@@ -15,7 +15,7 @@ def observability_over_steps(values: np.ndarray, *, name: str = "O1",
     """Index (N,) after each exchange step; `references` are other pose sets as dashed lines."""
     figure = new_figure(3.2)
     axes = figure.subplots()
-    axes.plot(np.arange(len(values)), values, color=AFTER, drawstyle="steps-post", label="this design")
+    axes.plot(np.arange(len(values)), values, color=AFTER, drawstyle="steps-post", label="exchange")
     for (label, level), colour in zip((references or {}).items(), CYCLE[1:]):
         axes.axhline(level, color=colour, linestyle="--", linewidth=1.2, label=label)
     axes.set(xlabel="exchange step", ylabel=label_with(f"observability {name}", ""))

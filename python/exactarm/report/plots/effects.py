@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from exactarm.report.numbers import number
 from exactarm.report.plots.style import (
     AFTER,
     BEFORE,
@@ -24,6 +25,7 @@ from exactarm.report.plots.style import (
 
 COLUMNS, PANEL_IN, ROW_IN = 2, 2.05, 0.24
 _GAP_SHARE = 0.03  # of the signal's range without a measured row, over which no curve is drawn
+_SPIKE = 0.25  # of the range: what a wave of four rows or more leaves between neighbours is less
 _LEVELS, _SPREAD = 8, 0.15  # a signal of so few values is drawn as levels, so wide beside their distance
 _GOLDEN = 0.618034  # multiples of it fill the unit interval evenly: the same points at every run
 _SHOWN = 99.0  # percentile of the points that the panel's height holds
@@ -84,6 +86,9 @@ def _draw(axes: Axes, panel: EffectPanel) -> None:
         axes.plot(spread, panel.with_ / size, ".", color=AFTER, markersize=3.0, markeredgewidth=0.0,
                   rasterized=raster,
                   label="error with it")
+    elif not wide and _spikes(panel.value):
+        axes.plot(x, panel.value / size, ".", color=AFTER, markersize=3.0, markeredgewidth=0.0,
+                  rasterized=raster, label="effect")
     elif wide:
         _steps(axes, panel, x, levels, wide, size)
     else:
@@ -103,8 +108,16 @@ def _draw(axes: Axes, panel: EffectPanel) -> None:
         axes.set_xticks(levels)
     else:
         axes.locator_params(axis="x", nbins=6)
-    rms = f": RMS {before / size:.2g} → {after / size:.2g} {shown}" if panel.same else ""
+    rms = f": RMS {number(before / size, 2)} → {number(after / size, 2)} {shown}" if panel.same else ""
     axes.set_title(panel.title + rms, fontsize=8.6)
+
+
+def _spikes(value: np.ndarray) -> bool:
+    """Whether values (N,) over their sorted signal leap there and back, as of an effect with a memory near a
+    reversal: a line through them would be no curve."""
+    middle = np.median([value[:-2], value[1:-1], value[2:]], axis=0) if len(value) > 2 else value
+    apart = np.abs(value[1:-1] - middle) if len(value) > 2 else np.zeros(1)
+    return bool(np.max(apart) > _SPIKE * max(float(np.ptp(value)), 1e-300))
 
 
 def _levels(x: np.ndarray) -> tuple[np.ndarray, float]:
@@ -118,23 +131,23 @@ def _levels(x: np.ndarray) -> tuple[np.ndarray, float]:
 def _steps(axes: Axes, panel: EffectPanel, x: np.ndarray, levels: np.ndarray, wide: float,
            size: float) -> None:
     """Effect and band at each level of the signal."""
-    for number, level in enumerate(levels):
+    for place, level in enumerate(levels):
         value, half = (np.mean(values[x == level]) / size for values in (panel.value, panel.half))
         axes.fill_between([level - wide, level + wide], value - half, value + half, color=AFTER, alpha=0.25,
-                          linewidth=0.0, label="95 % band" if number == 0 else None)
+                          linewidth=0.0, label="95 % band" if place == 0 else None)
         axes.plot([level - wide, level + wide], [value, value], color=AFTER, linewidth=1.4,
-                  label="effect" if number == 0 else None)
+                  label="effect" if place == 0 else None)
 
 
 def _curve(axes: Axes, panel: EffectPanel, x: np.ndarray, size: float) -> None:
     """Curve and band, broken where no row was measured."""
     breaks = np.flatnonzero(np.diff(x) > _GAP_SHARE * max(float(np.ptp(x)), 1e-300)) + 1
-    for number, rows in enumerate(np.split(np.arange(len(x)), breaks)):
+    for place, rows in enumerate(np.split(np.arange(len(x)), breaks)):
         low, high = ((panel.value[rows] + side * panel.half[rows]) / size for side in (-1.0, 1.0))
         axes.fill_between(x[rows], low, high, color=AFTER, alpha=0.25, linewidth=0.0,
-                          label="95 % band" if number == 0 else None)
+                          label="95 % band" if place == 0 else None)
         axes.plot(x[rows], panel.value[rows] / size, color=AFTER, linewidth=1.4,
-                  label="effect" if number == 0 else None)
+                  label="effect" if place == 0 else None)
 
 
 def contribution_bars(labels: Sequence[str], sizes_m: np.ndarray, left_m: float | None) -> Figure:

@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from exactarm.report.numbers import number
 from exactarm.report.plots.style import (
     AFTER,
     BEFORE,
@@ -76,7 +77,7 @@ def error_histogram_panel(before: np.ndarray, after: np.ndarray, unit: str, axes
     for values, colour, label in ((before, BEFORE, "before: "), (after, AFTER, "after: "))[not changed :]:
         mean, label = float(np.mean(values)) / size, label if changed else ""
         axes.hist(values / size, bins, color=colour, alpha=0.7, edgecolor="white", linewidth=0.4,
-                  label=f"{label}mean {mean:.3g} {shown}")
+                  label=f"{label}mean {number(mean)} {shown}")
     if noise_floor is not None:
         axes.axvline(noise_floor / size, color=FLOOR, linestyle="--", label="noise of the measurement")
     axes.set(xlabel=label_with(name, shown), ylabel=f"number of {of}", xlim=(0.0, largest))

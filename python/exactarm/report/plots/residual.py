@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
+from exactarm.report.numbers import number
 from exactarm.report.plots.style import (
     AFTER,
     BEFORE,
@@ -43,7 +44,7 @@ def residual_over_signal(signal: np.ndarray, before: np.ndarray, after: np.ndarr
                       capsize=0, elinewidth=1.2, label="mean of a bin, ± 95 %")
         axes.axhline(0.0, color=INK, linewidth=0.7)
         rms = float(np.sqrt(np.mean(np.square(values)))) / size
-        axes.set_title(f"{title}: RMS {rms:.3g} {shown}")
+        axes.set_title(f"{title}: RMS {number(rms)} {shown}")
         axes.set_xlabel(label_with(signal_name, x_shown))
     panels[0].set_ylabel(label_with(name, shown))
     legend_above(panels[-1], "right")
