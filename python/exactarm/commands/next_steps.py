@@ -144,7 +144,8 @@ def _design(run: _Run) -> Sequence[str]:
                 f"angles, and run `exactarm calibrate {run.robot} TOUCHED.csv{fixture}`.",)
     return (
         "Rehearse the measurement on a virtual robot:",
-        run.line("rehearsed", "simulate", run.robot, run.written("poses.csv"), "--measure", POSES.measured_as),
+        run.line("rehearsed", "simulate", run.robot, run.written("poses.csv"), "--measure",
+                 POSES.measured_as),
         "Then drive to the poses of `poses.csv`, write what the tracker shows into columns `x_mm`, `y_mm`, "
         f"`z_mm` beside the angles, and run `exactarm calibrate {run.robot} MEASURED.csv`.",
     )
