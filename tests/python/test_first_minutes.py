@@ -96,6 +96,18 @@ def test_a_value_with_a_memory_is_drawn_as_points_and_a_curve_as_a_line():
         assert effect.get_linestyle() == style
 
 
+def test_a_long_title_ends_within_its_panel():
+    """As of the gear harmonics of a KR300: "... of axis 2: RMS 0.062 → 0.023 mrad" lost its last letter."""
+    x = np.linspace(0.0, 6.0, 50)
+    panel = EffectPanel("Gear harmonics of axis 2", "phase of axis 2, order 826.3", "rad", "rad", x,
+                        6.2e-5 * np.sin(x), 1e-6 * np.ones(50), 8.8e-5 * np.sin(x), 3.3e-5 * np.cos(x), True,
+                        True)
+    figure = effect_panels([panel, panel])
+    figure.canvas.draw()
+    for axes in figure.axes:
+        assert axes.title.get_window_extent().x1 <= figure.bbox.x1 - 1
+
+
 def test_numbers_beside_a_plot_keep_their_digits():
     figure = error_histogram(np.full(9, 1.0337e-3), np.full(9, 3.8e-4))
     told = [text.get_text() for text in figure.legends[0].get_texts()] if figure.legends else [

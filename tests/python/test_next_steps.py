@@ -86,6 +86,8 @@ def test_the_line_to_copy_runs_as_it_stands(command, folder, tmp_path, capsys):
         done = subprocess.run(words, capture_output=True, text=True)
         assert done.returncode == 1 and "movej" in done.stdout  # there are differences
         return
+    if command == "check":
+        assert words[2:5] == ["ur10", str(folder / "poses.csv"), str(folder / "day.csv")]
     if "NEXT.csv" in words:  # the one file that nobody has written yet: the day, a little later
         place = words.index("NEXT.csv")
         day = (folder / "day.csv").read_text().splitlines()

@@ -134,7 +134,8 @@ def _asked(command: str, arguments: argparse.Namespace, result: CommandResult) -
     """The words of the command line in place of the Python call."""
     robot = getattr(arguments, "robot", None)
     known = result.asked.files if result.asked else ()
-    read = [*([robot] if robot else []), *(getattr(arguments, "files", None) or [])]
+    given = [robot, getattr(arguments, "before", None)]  # in the order of the command line
+    read = [*(each for each in given if each), *(getattr(arguments, "files", None) or [])]
     named = {source.path: source for source in (*known, *sources(read, known))}
     files = tuple(named.pop(path) for path in dict.fromkeys(map(str, read))
                   if path in named) + tuple(named.values())

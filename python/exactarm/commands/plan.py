@@ -214,10 +214,10 @@ def _axis_table(robot: Robot, plan: Plan) -> Table:
     rate = size * np.abs(plan.theta_dot / robot.ratios).max(axis=0)
     acceleration = size * np.abs(plan.theta_ddot / robot.ratios).max(axis=0)
     moves = rate > STANDS * rate.max()
+    shown = lambda i, value, named: Quantity(value if moves[i] else None, named)
     rows = tuple(
-        (str(i + 1), *(Quantity(float(value) if moves[i] else None, named) for value, named in
-                       ((rate[i], f"{unit[i]}/s"), (acceleration[i], f"{unit[i]}/s²"),
-                        (plan.bandwidth[i], "Hz"))))
+        (str(i + 1), shown(i, float(rate[i]), f"{unit[i]}/s"),
+         shown(i, float(acceleration[i]), f"{unit[i]}/s²"), shown(i, plan.bandwidth[i], "Hz"))
         for i in range(robot.axes)
     )
     note = (

@@ -12,7 +12,7 @@ from exactarm.identify.statistics import summarise
 from exactarm.plan.compensation import planning_model
 from exactarm.plan.spectrum import PEAK_SHARE, amplitude
 from exactarm.report import Figure, Highlight, Highlights, Quantity, Report, Section, Table, Text
-from exactarm.report.numbers import quantity
+from exactarm.report.numbers import number, quantity
 from exactarm.report.plots.weighting import histories, over_weight, path_in_space, spectra_per_axis, trade_off
 from exactarm.robot import Robot
 
@@ -105,7 +105,7 @@ def _ringing_table(studies: dict[str, Study]) -> Table:
 def _compared(case: Case) -> tuple[str, ...]:
     return (quantity(_rms(case.played.knots), "m"), quantity(_rms(case.played.between), "m"),
             quantity(case.widest, "Hz"),
-            f"{1e3 * case.ringing.max():.2g}")
+            number(float(1e3 * case.ringing.max()), 2))
 
 
 def _trade_off(studies: dict[str, Study]):

@@ -25,6 +25,7 @@ from exactarm.report.plots.style import (
 
 COLUMNS, PANEL_IN, ROW_IN = 2, 2.05, 0.24
 _GAP_SHARE = 0.03  # of the signal's range without a measured row, over which no curve is drawn
+_TITLE = 44  # characters that fit above a panel
 _SPIKE = 0.25  # of the range: what a wave of four rows or more leaves between neighbours is less
 _LEVELS, _SPREAD = 8, 0.15  # a signal of so few values is drawn as levels, so wide beside their distance
 _GOLDEN = 0.618034  # multiples of it fill the unit interval evenly: the same points at every run
@@ -109,7 +110,8 @@ def _draw(axes: Axes, panel: EffectPanel) -> None:
     else:
         axes.locator_params(axis="x", nbins=6)
     rms = f": RMS {number(before / size, 2)} → {number(after / size, 2)} {shown}" if panel.same else ""
-    axes.set_title(panel.title + rms, fontsize=8.6)
+    title = panel.title + rms
+    axes.set_title(title, fontsize=8.6 * min(1.0, _TITLE / len(title)))
 
 
 def _spikes(value: np.ndarray) -> bool:
