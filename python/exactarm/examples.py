@@ -11,6 +11,7 @@ line.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from difflib import get_close_matches
 from pathlib import Path
 
@@ -58,3 +59,11 @@ def meant_example(path: str | Path) -> str:
              if file.suffix in (".csv", ".parquet")]
     close = get_close_matches(str(path), names, n=1)
     return close[0] if close and not Path(path).suffix else ""
+
+
+def meant_robot(text: str, names: Sequence[str]) -> str:
+    """The question for the shipped robot that was meant, with the maker's name before it or without; empty
+    where none is like it."""
+    words = [text.lower(), *text.lower().replace("_", " ").split()]
+    close = [meant for word in words for meant in get_close_matches(word, names, n=1)]
+    return f"; did you mean {close[0]}?" if close else ""
