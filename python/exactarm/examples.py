@@ -61,9 +61,9 @@ def meant_example(path: str | Path) -> str:
     return close[0] if close and not Path(path).suffix else ""
 
 
-def meant_robot(text: str, names: Sequence[str]) -> str:
-    """The question for the shipped robot that was meant, with the maker's name before it or without; empty
-    where none is like it."""
+def no_such_robot(text: str, names: Sequence[str]) -> str:
+    """What to say of a name that is none of the shipped robots', with the maker's name before it or without."""
     words = [text.lower(), *text.lower().replace("_", " ").split()]
     close = [meant for word in words for meant in get_close_matches(word, names, n=1)]
-    return f"; did you mean {close[0]}?" if close else ""
+    hint = f"; did you mean {close[0]}?" if close else ""
+    return f"no robot of that name; expected one of {', '.join(names)}, or a .toml or .urdf file{hint}"

@@ -21,7 +21,7 @@ import numpy as np
 from exactarm.covariance import ParameterCovariance
 from exactarm.effects import Effect, effect_from_table, library
 from exactarm.errors import InputError
-from exactarm.examples import is_table, meant_robot
+from exactarm.examples import is_table, no_such_robot
 from exactarm.robot import Controller, GearTable, Joint, Link, Placement, ReportedAngles, Robot, provide
 from exactarm.robot_keys import (
     CONTROLLER_KEYS,
@@ -89,9 +89,7 @@ def load_robot(name_or_path: str | Path) -> Robot:
         raise InputError("is measured data; expected a robot before it", file=text)
     if path.suffix.lower() == ".toml" or path.exists() or len(path.parts) > 1:
         return read_robot(path)
-    hint = meant_robot(text, shipped_robots())
-    raise InputError(f"no robot of that name; expected one of {', '.join(shipped_robots())}, or a .toml or "
-                     f".urdf file{hint}", file=text or repr(text))
+    raise InputError(no_such_robot(text, shipped_robots()), file=text or repr(text))
 
 
 def robot_of(robot: AnyRobot) -> Robot:
