@@ -62,7 +62,7 @@ def meant_example(path: str | Path) -> str:
 
 
 def no_such_robot(text: str, names: Sequence[str]) -> str:
-    """What to say of a name that is none of the shipped robots', with the maker's name before it or without."""
+    """What to say of a name that is no shipped robot's; the maker's name may stand before it."""
     words = [text.lower(), *text.lower().replace("_", " ").split()]
     close = [meant for word in words for meant in get_close_matches(word, names, n=1)]
     hint = f"; did you mean {close[0]}?" if close else ""
