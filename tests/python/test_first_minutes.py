@@ -1,11 +1,15 @@
 """What a stranger types in the first ten minutes: one clear line that says what was meant, or it simply
 works."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 import exactarm as ea
 from exactarm import cli
+from exactarm.commands.effect_sections import _size
+from exactarm.effects import effect_from_table
 from exactarm.report.plots.effects import EffectPanel, _spikes, effect_panels
 from exactarm.report.plots.errors import error_histogram
 from exactarm.report.sections import Report, Text
@@ -94,6 +98,14 @@ def test_a_value_with_a_memory_is_drawn_as_points_and_a_curve_as_a_line():
         (axes,) = effect_panels([panel(value)]).axes
         (effect,) = (line for line in axes.lines if line.get_label() == "effect")
         assert effect.get_linestyle() == style
+
+
+def test_every_size_has_a_name():
+    """A base that gives way has one number whose name is all unit, rad_per_Nm."""
+    effect = effect_from_table({"effect": "base_compliance", "rad_per_Nm": 1e-6})
+    finding = SimpleNamespace(effect=effect, intervals=[(0.9e-6, 1.1e-6)], derived={})
+    measure, size = _size(finding, None, ea.load_robot("ur10"))
+    assert measure == "slope" and (size.value, size.unit) == (1e-6, "rad/Nm")
 
 
 def test_a_long_title_ends_within_its_panel():

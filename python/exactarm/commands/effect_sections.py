@@ -168,7 +168,8 @@ def _size(finding: Finding, contribution: Contribution | None, robot: Robot) -> 
         return "", None
     parameter, value, (low, high) = next((one for one in free if not one[2][0] <= 0.0 <= one[2][1]), free[0])
     name = effect.in_units_of(robot, parameter.name)
-    return words_of(name), Estimate(float(value), float(low), float(high), unit_of(name))
+    # a name that is all unit, as rad_per_Nm
+    return words_of(name) or "slope", Estimate(float(value), float(low), float(high), unit_of(name))
 
 
 def percent(probability: float) -> str:
