@@ -1,8 +1,10 @@
 """What to do next where something is left: an experiment that one can do, not the finding said again."""
 
+from types import SimpleNamespace as Plain
+
 import pytest
 
-from exactarm.commands.measure_more import experiment_for
+from exactarm.commands.measure_more import experiment_for, to_tell_noise
 from exactarm.kinds import CLOSURES, GEAR_RUN, MOTION, POSES, TRACKED_MOTION
 
 
@@ -16,6 +18,7 @@ from exactarm.kinds import CLOSURES, GEAR_RUN, MOTION, POSES, TRACKED_MOTION
     (POSES, "approach of axis 2", "both sides of axis 2"),
     (POSES, "temperature_degC", "another temperature_degC"),
     (POSES, "the device wanders or jumps: neighbouring rows share 3 times", "one pose again"),
+    (POSES, "the device drifts with time: neighbouring rows share 0.8 times", "one pose again"),
     (POSES, "", "five poses ten times each"),
     (CLOSURES, "position", "another place of the fixture"),
     (CLOSURES, "load of axis 3", "known payload"),
@@ -31,6 +34,18 @@ def test_every_structure_has_an_experiment_that_varies_what_it_follows(kind, tol
     said = experiment_for(kind, told)
     assert words in said and said.startswith("To find what is left, ") and said.endswith(".")
     assert "{" not in said
+
+
+@pytest.mark.parametrize("kind, held, words", [
+    (POSES, 4, "left (RMS) are noise is what the fit says of itself"),
+    (CLOSURES, 4, "the 3.00 mm left"),
+    (CLOSURES, 0, "the 2.00 mm left"),
+    (MOTION, 4, "the same motion three times"),
+])
+def test_what_only_the_fit_calls_noise_is_to_be_measured(kind, held, words):
+    sets = {"validation": Plain(n=held, rms=3e-3), "identification": Plain(n=9, rms=2e-3)}
+    said = to_tell_noise(Plain(kind=kind.name, unit="Nm" if kind is MOTION else "m", after=sets))
+    assert words in said and said.endswith(".")
 
 
 def test_where_fitted_rows_say_little_of_others_more_of_them_are_asked_for():

@@ -14,6 +14,7 @@ from exactarm.diagnose.diagnosis import Diagnosis
 from exactarm.diagnose.verdict import carries_badly
 from exactarm.kinds import kind_of
 from exactarm.kinds.base import Device, Kind
+from exactarm.report.numbers import quantity
 
 _AXIS = r" of axis (?P<axis>\d+)"
 # What is said, of which the first that is found in the words of the structure counts; for rows at rest.
@@ -78,6 +79,13 @@ def measure_more(result: Diagnosis) -> str:
     left = result.dossier_after
     told = result.unknown or ((left.strongest.signal,) if left.structure else ())
     return experiment_for(kind, "; ".join(told), carries_badly(result.excess))
+
+
+def to_tell_noise(result: Diagnosis) -> str:
+    """One sentence for a diagnosis that finds nothing, where no repeated visit says how loud the noise is."""
+    rms = result.after["validation" if result.after["validation"].n else "identification"].rms
+    return (f"That the {quantity(rms, result.unit)} left (RMS) are noise is what the fit says of itself. If "
+            f"the device is better than that, {_NOTHING[not kind_of(result.kind).at_rest]}.")
 
 
 def experiment_for(kind: Kind, told: str, far_larger: bool = False) -> str:
