@@ -87,12 +87,14 @@ def test_a_number_is_not_parted_from_its_unit():
 
 
 def test_a_value_with_a_memory_is_drawn_as_points_and_a_curve_as_a_line():
-    speed = np.linspace(-1.0, 1.0, 400)
+    speed = np.linspace(-1.0, 1.0, 900)
     wave, step = np.sin(40.0 * speed), np.where(speed < 0.0, 1.0, -1.0)
-    lagging = np.where((np.abs(speed) < 0.2) & (np.arange(400) % 9 == 0), -step, step)
-    assert not _spikes(wave) and not _spikes(step) and _spikes(lagging)
-    assert not _spikes(step[:2]) and not _spikes(np.zeros(5))
-    panel = lambda value: EffectPanel("t", "speed", "rad/s", "rad", speed, value, 0.1 * np.ones(400), value,
+    lagging = np.where((np.abs(speed) < 0.2) & (np.arange(900) % 9 == 0), -step, step)
+    assert not _spikes(speed, wave) and not _spikes(speed, step) and _spikes(speed, lagging)
+    assert not _spikes(speed[:2], step[:2]) and not _spikes(np.arange(5.0), np.zeros(5))
+    few = speed[::15]  # three rows a wave leap, and are a curve all the same
+    assert not _spikes(few, np.sin(60.0 * few))
+    panel = lambda value: EffectPanel("t", "speed", "rad/s", "rad", speed, value, 0.1 * np.ones(900), value,
                                       0.1 * value, True, True)
     for value, style in ((step, "-"), (lagging, "None")):
         (axes,) = effect_panels([panel(value)]).axes

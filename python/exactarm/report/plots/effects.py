@@ -26,7 +26,8 @@ from exactarm.report.plots.style import (
 COLUMNS, PANEL_IN, ROW_IN = 2, 2.05, 0.24
 _GAP_SHARE = 0.03  # of the signal's range without a measured row, over which no curve is drawn
 _TITLE = 44  # characters that fit above a panel
-_SPIKE = 0.25  # of the range: what a wave of four rows or more leaves between neighbours is less
+_SPIKE = 0.25  # of the range: a leap there and back
+_CLOSE = 5e-3  # of the signal's range, in which a leap counts: a curve's waves are slower
 _LEVELS, _SPREAD = 8, 0.15  # a signal of so few values is drawn as levels, so wide beside their distance
 _GOLDEN = 0.618034  # multiples of it fill the unit interval evenly: the same points at every run
 _SHOWN = 99.0  # percentile of the points that the panel's height holds
@@ -87,7 +88,7 @@ def _draw(axes: Axes, panel: EffectPanel) -> None:
         axes.plot(spread, panel.with_ / size, ".", color=AFTER, markersize=3.0, markeredgewidth=0.0,
                   rasterized=raster,
                   label="error with it")
-    elif not wide and _spikes(panel.value):
+    elif not wide and _spikes(panel.x, panel.value):
         axes.plot(x, panel.value / size, ".", color=AFTER, markersize=3.0, markeredgewidth=0.0,
                   rasterized=raster, label="effect")
     elif wide:
@@ -114,12 +115,14 @@ def _draw(axes: Axes, panel: EffectPanel) -> None:
     axes.set_title(title, fontsize=8.6 * min(1.0, _TITLE / len(title)))
 
 
-def _spikes(value: np.ndarray) -> bool:
-    """Whether values (N,) over their sorted signal leap there and back, as of an effect with a memory near a
-    reversal: a line through them would be no curve."""
-    middle = np.median([value[:-2], value[1:-1], value[2:]], axis=0) if len(value) > 2 else value
-    apart = np.abs(value[1:-1] - middle) if len(value) > 2 else np.zeros(1)
-    return bool(np.max(apart) > _SPIKE * max(float(np.ptp(value)), 1e-300))
+def _spikes(x: np.ndarray, value: np.ndarray) -> bool:
+    """Whether values (N,) over their sorted signal x leap there and back between rows that lie close, as of
+    an effect with a memory near a reversal: a line through them would be no curve."""
+    if len(value) < 3:
+        return False
+    apart = np.abs(value[1:-1] - np.median([value[:-2], value[1:-1], value[2:]], axis=0))
+    close = x[2:] - x[:-2] <= _CLOSE * np.ptp(x)
+    return bool(np.any(apart[close] > _SPIKE * np.ptp(value)))
 
 
 def _levels(x: np.ndarray) -> tuple[np.ndarray, float]:
