@@ -58,7 +58,7 @@ def test_the_report_tells_one_line_an_effect_and_a_verdict_in_words(result):
     table = next(s for s in report.sections if getattr(s, "heading", "") == "Causes found")
     assert len(table.rows) == len(result.findings)
     assert "run-out" in report.verdict or "angle errors that repeat every turn" in report.verdict
-    assert causes_in_words(found_effects(result), 6) in report.verdict
+    assert causes_in_words(result, found_effects(result), 6) in report.verdict
     assert {"effects", "arm"} <= {figure.name for figure in report.figures}
 
 
