@@ -6,7 +6,8 @@ A case: an arm of six or seven axes, 300 to 900 poses, noise of 50 µm, on every
 random amplitudes under a law of its own (10 to 100 µrad up to an order of 5 to 20, then falling with
 a power of 0.5 to 1.5, up to 30 to 120 orders), and none to two other causes as in `bench/reliability.py`.
 Held-out position RMS over that of the noise, and over that of a fit that is told the other causes and the
-laws (with the bend at order 10, where all of them bend in the library): what these rows can give.
+laws (with the bend at order 10, where all of them bend in the library): what these rows can give. Seeds 59000
+and 60000 to 60005 have been looked at.
 """
 
 from __future__ import annotations
@@ -28,11 +29,12 @@ from exactarm.diagnose.diagnosis import diagnose
 from exactarm.diagnose.problems import problem_for
 from exactarm.effects.base import Effect
 from exactarm.effects.gear_harmonics import GearHarmonics
+from exactarm.generic_masses import with_generic_masses
 from exactarm.robot import Placement, Robot
 from exactarm.robot_file import load_robot
 from exactarm.rotation import exp
 from exactarm.simulate.virtual_robot import deviated
-from reliability import SIGMA_M, drawn_causes, is_right, measured
+from reliability import SIGMA_M, angles, drawn_causes, is_right, measured
 
 ROWS, ORDERS, BEND, FALL = (300, 901), (30, 121), (5, 21), (0.5, 1.5)
 AMPLITUDE_RAD = (1e-5, 1e-4)
@@ -53,11 +55,7 @@ def curve(axis: int, random: np.random.Generator) -> tuple[Effect, Effect]:
 def commands(robot: Robot, random: np.random.Generator) -> Dataset:
     """Poses within the limits, 70 % of them to identify with."""
     rows = int(random.integers(*ROWS))
-    low = np.array([-2.0 if joint.q_min is None else joint.q_min for joint in robot.joints])
-    high = np.array([2.0 if joint.q_max is None else joint.q_max for joint in robot.joints])
-    q = random.uniform(low, high, (rows, robot.axes))
-    joints = {"theta": (q - robot.controller_offsets) * robot.controller_ratios,
-              "approach": random.choice((-1.0, 1.0), (rows, robot.axes))}
+    joints = angles(robot, rows, random) | {"approach": random.choice((-1.0, 1.0), (rows, robot.axes))}
     return Dataset.of_arrays("poses", joints, position=np.zeros((rows, 3)),
                              identification=random.random(rows) < 0.7)
 
@@ -76,7 +74,7 @@ def case(seed: int, folder: Path) -> dict:
     known = load_robot(folder / "arm.toml")
     true = replace(
         deviated(known, 0.5, random, frames=False),
-        links=known.links,
+        links=with_generic_masses(known).links,  # no arm is without masses
         base=Placement(exp(random.normal(0.0, 1.0, (1, 3)))[0], random.normal(0.0, 2.0, 3)),
         tool=Placement(position=random.uniform(-0.2, 0.2, 3) + np.array([0.0, 0.0, 0.15])),
     )
@@ -88,6 +86,7 @@ def case(seed: int, folder: Path) -> dict:
     data = replace(exact, position=exact.position + SIGMA_M * random.standard_normal((len(data), 3)))
     worked = time.process_time()
     result = diagnose(known, data, seed=0)
+    worked = time.process_time() - worked
     hidden = (*curves, *others)
     stated = [(f.effect.label, float(f.probability), is_right(f.effect, hidden, "")) for f in result.findings]
     held_out = ~data.identification
@@ -101,7 +100,7 @@ def case(seed: int, folder: Path) -> dict:
         "verdict": result.verdict,
         "over_noise": result.after["validation"].rms / best,
         "over_told": result.after["validation"].rms / told(known, data, (*others, *laws)),
-        "seconds": time.process_time() - worked,
+        "seconds": worked,
     }
 
 

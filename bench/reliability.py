@@ -74,14 +74,18 @@ def measured(true: Robot, hidden: tuple[Effect, ...], data: Dataset, noise: np.n
     return replace(data, position=prediction.position + noise)
 
 
-def commands(robot: Robot, random: np.random.Generator) -> Dataset:
-    """Poses within the limits, 70 % of them to identify with."""
-    rows = int(random.integers(60, 301))
+def angles(robot: Robot, rows: int, random: np.random.Generator) -> dict[str, np.ndarray]:
+    """Within the limits."""
     low = np.array([-2.0 if joint.q_min is None else joint.q_min for joint in robot.joints])
     high = np.array([2.0 if joint.q_max is None else joint.q_max for joint in robot.joints])
     q = random.uniform(low, high, (rows, robot.axes))
-    joints = {"theta": (q - robot.controller_offsets) * robot.controller_ratios}
-    columns: dict = {}
+    return {"theta": (q - robot.controller_offsets) * robot.controller_ratios}
+
+
+def commands(robot: Robot, random: np.random.Generator) -> Dataset:
+    """Poses within the limits, 70 % of them to identify with."""
+    rows = int(random.integers(60, 301))
+    joints, columns = angles(robot, rows, random), {}
     if random.random() < 0.5:
         columns["time"] = np.cumsum(random.uniform(15.0, 60.0, rows))
     if random.random() < 0.5:
@@ -133,7 +137,7 @@ def case(seed: int, folder: Path, kind: str | None = None, count: int | None = N
     place = Placement(exp(random.normal(0.0, 1.0, (1, 3)))[0], random.normal(0.0, 2.0, 3))
     true = replace(
         deviated(known, 0.5, random, frames=False),
-        links=(known if known.links else with_generic_masses(known)).links,  # no arm is without masses
+        links=with_generic_masses(known).links,  # no arm is without masses
         base=place,
         tool=Placement(position=random.uniform(-0.2, 0.2, 3) + np.array([0.0, 0.0, 0.15])),
     )
