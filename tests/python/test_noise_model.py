@@ -2,10 +2,12 @@
 covariance."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from exactarm.diagnose.posterior import Causes
 from exactarm.noise.estimate import estimate_noise
 from exactarm.noise.model import NoiseModel
 from exactarm.noise.wandering import SESSIONS_APART, Wandering, kernel
@@ -50,6 +52,20 @@ def test_few_independent_stretches_of_a_session_are_a_drift():
                     order=np.concatenate([slow.order, slow.order + SESSIONS_APART]))
     assert twice.stretches == pytest.approx(slow.stretches, rel=1e-6)
     assert replace(one, wandering=None).stretches == np.inf
+
+
+@pytest.mark.parametrize("ratio, memory, words", [
+    (0.8, 128.0, "drifts with time: neighbouring rows share 0.8 times"),
+    (12.6, 128.0, "drifts with time: neighbouring rows share 13 times"),
+    (12.6, 8.0, "wanders or jumps: neighbouring rows share 13 times"),
+    (0.8, 8.0, None),  # noise, however the neighbours share it
+    (0.05, 128.0, None),  # too little to be a structure
+])
+def test_a_device_that_drifts_or_wanders_is_told_in_words(ratio, memory, words):
+    noise = NoiseModel(np.full(3, SIGMA), np.ones(200), wandering=Wandering(ratio, memory, 50.0),
+                       order=np.arange(200.0))
+    said = Causes.wanders.fget(SimpleNamespace(noise=noise))
+    assert words in said[0] if words else not said
 
 
 def moderate_rows(seed, rows, freedom=np.inf, share=0.03):

@@ -14,7 +14,6 @@ from exactarm.diagnose.contribution import Contribution
 from exactarm.diagnose.diagnosis import Diagnosis, Finding
 from exactarm.effects.base import Effect
 from exactarm.effects.order_source import likely_source
-from exactarm.effects.outliers import Outliers
 from exactarm.kinds import kind_of
 from exactarm.report import Cell, Estimate, Figure, Quantity, Table
 from exactarm.report.numbers import quantities, quantity
@@ -66,7 +65,7 @@ def in_words(items: Sequence[str]) -> str:
 
 def rows_left_out(result: Diagnosis, finding: Finding) -> Quantity | None:
     """The size of an effect that moves nothing but leaves rows out: the median error of those rows."""
-    if finding.effect.name != Outliers.name or result.excluded_error is None:
+    if not finding.effect.excludes_rows() or result.excluded_error is None:
         return None
     return Quantity(result.excluded_error, "m")
 

@@ -35,7 +35,6 @@ WANDERS_AT = 2.0  # times the noise without it: a device that stands still would
 # independent stretches of a session, below which what a device wanders is a drift: drifts gave 1.9
 # (bench/leave_one_out.py), noise with a memory of 2 to 12 rows 11 to 121 (bench/reliability.py)
 DRIFTS_BELOW = 5.0
-DRIFTS_AT = 0.1  # of a row's variance: less is no structure either (Problem.share_left)
 # of a row's variance that the next one shares: less, and a row is mostly its own, whatever it is called
 COMMON = 0.5
 UNKNOWN = "unknown"  # in the place of a name, for a cause that the library lacks
@@ -89,11 +88,12 @@ class Causes:
     def wanders(self) -> tuple[str, ...]:
         """In words: the device wanders, where that is as much as all other noise, or drifts."""
         noise = self.noise
-        drifts = noise.stretches < DRIFTS_BELOW and noise.common_to_neighbours >= DRIFTS_AT
+        drifts = noise.stretches < DRIFTS_BELOW and noise.common_to_neighbours >= Problem.share_left
         if not drifts and (noise.wander_over_rest < WANDERS_AT or noise.common_to_neighbours < COMMON):
             return ()
+        shared = noise.wander_over_rest**2 - 1.0
         return (f"the device {'drifts with time' if drifts else 'wanders or jumps'}: neighbouring rows share "
-                f"{noise.wander_over_rest**2 - 1.0:.1g} times the variance "
+                f"{shared:.{0 if shared >= 1.0 else 1}f} times the variance "
                 f"of one row alone, for about {noise.wandering.memory:.0f} rows",)
 
 

@@ -75,7 +75,7 @@ def find_tones(data: Dataset) -> tuple[Tone, ...]:
     background = np.maximum(beside[np.maximum(at - apart, 0)], beside[np.minimum(at + apart, at[-1])])
     freedom, components = 2 * len(rests), power.shape[1]
     # the median of an average of squares lies below its mean, the less the more there are
-    mean = 2.0 * special.gammaincinv(0.5 * freedom, 0.5) / freedom
+    mean = special.chdtri(freedom, 0.5) / freedom
     ratio = np.sum(power / np.maximum(background, np.finfo(float).tiny), axis=1) * mean / components
     ratio[:apart] = 0.0  # nothing below to compare with
     # a median of m independent bins is worth 2 / pi of them; a Hann window makes 2 of 3 independent
