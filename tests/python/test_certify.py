@@ -11,7 +11,7 @@ import exactarm as ea
 from exactarm import cli
 from exactarm.dataset import Dataset, write_dataset
 from exactarm.errors import InputError
-from exactarm.report import printing
+from exactarm.report import Highlights, printing
 from exactarm.robot_writer import write_robot
 from exactarm.rows import Source
 from exactarm.verify.held_out import FRAME_POSES, choose_rows, judge, nominal_robot
@@ -355,3 +355,12 @@ def test_shipped_measurements_of_another_set_up_certify_the_calibration(tmp_path
     assert (
         result["after"]["validation"]["n"] > 1900 and 0.9 < result["uncertainty"]["share_within_radius"] < 1.0
     )
+
+
+def test_a_file_that_was_never_calibrated_is_not_compared_with_itself():
+    """Its error is said once: it used to stay at 1.04 mm, "2.28 mm to 2.28 mm"."""
+    result = ea.certify("ur10", ea.example("ur10/series_B"), threads=1)
+    assert "by one model alone" in result.report.verdict and " to 2." not in result.report.verdict
+    assert sum("before and after are one model" in warning for warning in result["warnings"]) == 1
+    highlights = next(each for each in result.report.sections if isinstance(each, Highlights))
+    assert all(item.before is None for item in highlights.items)

@@ -25,6 +25,7 @@ from exactarm.verify.iso_path import LEAST_CYCLES, STANDARD_CYCLES, PathTest
 from exactarm.verify.uncertainty import MANY, Budget, mean_with_interval
 
 FEW_VISITS = "the standard asks for {} visits of a pose; here are {} at the least"
+SAME_M = 1e-9  # no measurement tells two models apart that agree to a nanometre
 MANY_FREEDOM = 1000  # degrees of freedom beyond which a number says nothing
 
 
@@ -49,6 +50,11 @@ class Certified:
     regions: list[tuple[str, ErrorSummary, ErrorSummary]]
 
     @property
+    def compared(self) -> bool:
+        """Whether before and after differ: a file that was never calibrated is the controller's chain."""
+        return not np.allclose(self.before.residual, self.after.residual, rtol=0.0, atol=SAME_M)
+
+    @property
     def missing(self) -> dict[str, str]:
         """Measures of the standard that the rows do not allow, with the reason."""
         out = dict(self.iso.missing)
@@ -71,6 +77,9 @@ class Certified:
             options = ", ".join(f"--{key.replace('_', '-')}" for key in absent)
             out.append(f"not on this certificate: {'; '.join(KEYS[key] for key in absent)}. Say it with "
                        f"{options}, or in the file of --about")
+        if not self.compared:
+            out.append("before and after are one model: the robot file holds nothing that its controller does "
+                       "not know. Give the calibrated file, or --before ROBOT to compare with another")
         if self.iso.poses and self.iso.visits < STANDARD_VISITS:
             out.append(FEW_VISITS.format(STANDARD_VISITS, self.iso.visits))
         if self.paths and min(test.cycles for test in self.paths) < STANDARD_CYCLES:
@@ -184,10 +193,11 @@ def certificate(c: Certified) -> Report:
     """The page."""
     before, after = c.summaries
     who = f"{c.robot.name}" + (f", serial number {c.about['serial']}" if "serial" in c.about else "")
+    largest = quantities([before.max, after.max], "m")
+    error = (f"{change(before.mean, after.mean, 'm')} (largest: {' to '.join(largest)})" if c.compared else
+             f"is {quantity(after.mean, 'm')} (largest: {largest[0]}), by one model alone")
     verdict = (
-        f"{who}: at {after.n} measured positions that were never fitted the mean error "
-        f"{change(before.mean, after.mean, 'm')} "
-        f"(largest: {' to '.join(quantities([before.max, after.max], 'm'))}). "
+        f"{who}: at {after.n} measured positions that were never fitted the mean error {error}. "
         f"The model's position has an "
         f"expanded uncertainty of {quantity(c.budget.expanded, 'm')} a coordinate (k = "
         f"{c.budget.coverage_factor:.2f}, 95 %)."
@@ -239,8 +249,8 @@ def certificate(c: Certified) -> Report:
 def _highlights(c: Certified) -> tuple[Highlight, ...]:
     before, after = c.summaries
     items = [
-        Highlight("held-out, mean", Quantity(after.mean, "m"), Quantity(before.mean, "m")),
-        Highlight("held-out, maximum", Quantity(after.max, "m"), Quantity(before.max, "m")),
+        Highlight(f"held-out, {name}", Quantity(now, "m"), Quantity(then, "m") if c.compared else None)
+        for name, now, then in (("mean", after.mean, before.mean), ("maximum", after.max, before.max))
     ]
     if c.iso.poses:
         items.append(
