@@ -68,7 +68,7 @@ def read(dialect, change, where=None):
     (urscript, ("def prog():", "def prog(start):"), "start is set 2 times"),
     (krl, ("  PTP XP1 ", "  SPTP XP1 WITH $TOOL=TOOL_DATA[3] "), "of this motion alone"),
     (krl, ("  PTP XP1 ", "  SPLINE WITH $BASE=BASE_DATA[3]\r\n  PTP XP1 "), "spline block"),
-    (fanuc_tp, ("   1:J P[1", "   1:  UTOOL[4]=PR[1] ;\n   1:J P[1"), "UTOOL[4] is set by the program"),
+    (fanuc_tp, ("   1:J P[1", "   1:  UTOOL[4]=PR[1] ;\n   1:J P[1"), "the program sets UTOOL[4]"),
 ])
 def test_what_changes_a_target_behind_its_numbers_is_refused(dialect, change, reason):
     with pytest.raises(InputError) as error:

@@ -86,6 +86,12 @@ RIGHT = {
     "an extended axis at zero": (f"{SET}J P[1] 100% FINE", place(1, more=",\n\tE1=     0.000  mm")),
 }
 REFUSED = {
+    "a tool whose number is in a register, that the program sets": (
+        f"{SET}  UTOOL[R[1:tool]]=PR[2]\nJ P[1] 100% FINE", ALL),
+    "a pallet": (f"{SET}J P[1] 100% FINE\nL PAL_1[BTM] 100mm/sec FINE\nL P[2] 100mm/sec FINE", ALL),
+    "an offset by touching": (f"{SET}  Touch Offset PR[5]\nJ P[1] 100% FINE\n  Touch Offset End", ALL),
+    "a seam that is tracked": (f"{SET}J P[1] 100% FINE\n  Track TAST[1] RPM[1]\nL P[2] 9mm/sec FINE", ALL),
+    "a motion that ends where it touches": (f"{SET}J P[1] 100% FINE\nL P[2] 9mm/sec FINE Search[-Z]", ALL),
     "a spline": (f"{SET}J P[1] 100% FINE\nS P[2] 9mm/sec FINE\nS P[3] 9mm/sec FINE", ALL),
     "an increment": (f"{SET}J P[1] 100% FINE\nL P[2] 9mm/sec FINE INC", ALL),
     "an offset": (f"{SET}J P[1] 100% FINE Offset,PR[1]", ALL),
@@ -122,6 +128,26 @@ def test_every_motion_reaches_what_the_program_meant(tmp_path, name):
 def test_a_comment_that_names_a_section_begins_none(tmp_path):
     told = files(f"{SET}J P[1] 100% FINE\nL P[2] 500mm/sec FINE", ALL)
     told["prog.ls"] = told["prog.ls"].replace(b"/ATTR\n", b'/ATTR\nOWNER = "see /MN, /POS";\n')
+    corrected(tmp_path, ROBOT, execute, told, **GIVEN)
+
+
+OF_CONTROLLERS = {
+    "a conveyor": (b"/MN", b"/APPL\n\nLINE_TRACK;\n  LINE_TRACK_SCHEDULE_NUMBER      : 1;\n/MN"),
+    "a frame that a system variable sets": (b"UFRAME_NUM=3 ", b"$MNUFRAME[1,3]=PR[2] "),
+    "a listing in German": (b"COMMENT = ", b"EIGN. = AUROM;\nKOMMENTAR = "),
+}
+
+
+@pytest.mark.parametrize("name", OF_CONTROLLERS)
+def test_what_else_moves_targets_is_refused(tmp_path, name):
+    told = files(f"{SET}J P[1] 100% FINE", ALL)["prog.ls"]
+    refused(tmp_path, ROBOT, {"prog.ls": told.replace(*OF_CONTROLLERS[name], 1)}, **GIVEN)
+
+
+def test_a_conveyor_that_is_not_followed_is_none(tmp_path):
+    told = files(f"{SET}J P[1] 100% FINE", ALL)
+    told["prog.ls"] = told["prog.ls"].replace(
+        b"/MN", b"/APPL\n\nLINE_TRACK;\n  LINE_TRACK_SCHEDULE_NUMBER      : 0;\n/MN", 1)
     corrected(tmp_path, ROBOT, execute, told, **GIVEN)
 
 

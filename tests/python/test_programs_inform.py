@@ -69,6 +69,8 @@ RIGHT = {
     "waiting for the end": (TWO, "MOVJ C00001 VJ=50.00 NWAIT\nMOVJ C00002 VJ=50.00 PL=0 ACC=20 DEC=20"),
 }
 REFUSED = {
+    "a motion along a conveyor": (TWO, "MOVJ C00001 VJ=50.00\nSYMOVL C00002 V=9.0 CV#(1)"),
+    "a conveyor": (TWO, "SYSTART CV#(1) STP=10.0\nMOVJ C00001 VJ=50.00"),
     "a motion of two arms together": (TWO, "MOVJ C00001 VJ=50.00\n+MOVL C00002 V=9.0"),
     "a motion of a second arm to the first": (TWO, "MOVJ C00001 VJ=50.00\nSMOVL C00002 V=9.0"),
     "a position variable": (TWO, "MOVJ C00001 VJ=50.00\nMOVJ P001 VJ=50.00"),

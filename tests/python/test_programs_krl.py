@@ -7,7 +7,7 @@ import exactarm as ea
 from compensation_cell import BASE, TOOL, nearby, sign_bits
 from interpreters import krl
 from interpreters.motion import numbers_zyx, zyx
-from interpreters.verdict import arm_of, corrected, refused, robot_of
+from interpreters.verdict import arm_of, compensate, corrected, refused, robot_of
 
 OTHER_TOOL = (10.0, 20.0, 150.0, -30.0, 10.0, 5.0)
 OTHER_BASE = (-80.0, 60.0, 40.0, 7.0, 2.0, -6.0)
@@ -111,6 +111,11 @@ RIGHT = {
     "a base that both ways of a branch agree on": (
         f"{SET}IF I==1 THEN\n$BASE=BASE_DATA[2]\nPTP XP1\nELSE\n$BASE=BASE_DATA[2]\nPTP XP2\nENDIF\nLIN XP3",
         "INT I=2\n" + "".join(f"DECL E6POS XP{i}={pose(i, TOOL, OTHER_BASE)}\n" for i in (1, 2, 3))),
+    "the head of every program": (
+        f"""GLOBAL INTERRUPT DECL 3 WHEN $STOPMESS==TRUE DO IR_STOPM()
+        INTERRUPT ON 3
+        BAS(#INITMOV,0)
+        {SET}PTP XP1""", P[1]),
     "the world as base, no tool": (
         "$TOOL=$NULLFRAME\n$BASE=$WORLD\nPTP XP1\n$BASE=BASE_DATA[0]\nLIN XP2",
         "".join(f"DECL GLOBAL E6POS XP{i}={pose(i, (0,) * 6, (0,) * 6)}\n" for i in (1, 2))),
@@ -119,6 +124,19 @@ RIGHT = {
                                                           Y=f"{numbers_zyx(tip(1))[1]:+.6f}") + "\n" + P[2]),
 }
 REFUSED = {
+    "a base of an external axis": (f"{SET}PTP XP1\nBAS(#EX_BASE,17)\nLIN XP2", P[1] + P[2]),
+    "a tool before what may take it back": (f"{SET}BAS(#INITMOV,0)\nPTP XP1", P[1]),
+    "an orientation that stays": (f"{SET}PTP XP1\n$ORI_TYPE=#CONSTANT\nLIN XP2", P[1] + P[2]),
+    "an orientation that stays, by its form": (
+        f"{SET}PTP XP1\nLDAT_ACT=LCPDAT1\nBAS(#CP_PARAMS,2)\nLIN XP2",
+        P[1] + P[2] + "DECL LDAT LCPDAT1={VEL 2.0,ACC 100.0,APO_DIST 100.0,APO_FAC 50.0,ORI_TYP #CONSTANT}"),
+    "a base that a trigger sets": (
+        f"{SET}PTP XP1\nTRIGGER WHEN PATH=0 DELAY=0 DO $BASE=BASE_DATA[2]\nLIN XP2\nLIN XP3",
+        P[1] + P[2] + P[3]),
+    "a tool that an interrupt sets": (
+        f"INTERRUPT DECL 5 WHEN $IN[1]==TRUE DO hand()\nINTERRUPT ON 5\n{SET}PTP XP1", P[1],
+        "DEF hand()\n$TOOL=TOOL_DATA[2]\nEND"),
+    "a path that a sensor corrects": (f"{SET}PTP XP1\nRET=RSI_ON(#RELATIVE)\nLIN XP2", P[1] + P[2]),
     "a place of the arm that the program sets": (
         f"{SET}$ROBROOT={RECORD((0, 0, 500.0, 0, 0, 0))}\nPTP XP1", P[1]),
     "a base that is numbers and an offset": (
@@ -199,3 +217,26 @@ def test_a_first_point_of_several_branches_is_told_where_nothing_says_which(tmp_
         result = ea.compensate(ROBOT, paths, points="calculated", threads=1, **OPTIONS, **start)
         said[name] = [words for words in result.json["warnings"] if "on which branch" in words]
     assert len(said["guessed"]) == 1 and "(line 5)" in said["guessed"][0] and not said["said"]
+
+
+def test_axis_angles_are_corrected_beside_an_external_axis_which_moves_the_arm_as_one_body(tmp_path):
+    """On a track the flange is wrong by the same, seen from the arm's own base; a pose is refused there."""
+    there, here = (compensate(tmp_path, ROBOT, files(f"PTP {axes(1)[:-1]},E1 {away}}}"))["prog.src"]
+                   for away in ("850.0", "9E9"))
+    assert there.replace(b"E1 850.0", b"E1 9E9") == here != files(f"PTP {axes(1)[:-1]},E1 9E9}}")["prog.src"]
+
+
+def test_the_middle_of_a_circle_that_is_turned_is_told(tmp_path):
+    """KUKA takes its place alone: its orientation is that of the way between both ends."""
+    said = []
+    for turned in (0.0, 20.0):
+        x, y, z, a, b, c = numbers_zyx(tip(1))
+        end, middle = (f"{{X {x + dx:.4f},Y {y:.4f},Z {z + dz:.4f},A {a + angle:.4f},B {b:.4f},C {c:.4f}}}"
+                       for dx, dz, angle in ((80.0, 0.0, 0.0), (40.0, 30.0, turned)))
+        program = files(f"{SET}PTP XP1\nCIRC {middle},{end}", P[1])
+        paths = [tmp_path / name for name in program]
+        for path in paths:
+            path.write_bytes(program[path.name])
+        result = ea.compensate(ROBOT, paths, points="calculated", threads=1, **OPTIONS)
+        said.append([words for words in result.json["warnings"] if "middle points of circles" in words])
+    assert not said[0] and len(said[1]) == 1 and "line 6" in said[1][0]

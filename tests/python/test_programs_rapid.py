@@ -97,6 +97,12 @@ RIGHT = {
     "numbers in every form": ("", f"MoveJ {EXPONENT},v100,fine,{T}"),
 }
 REFUSED = {
+    "a correction by a sensor": (P[1] + P[2], f"MoveJ p1,v100,fine,{T}\nMoveL p2,v100,fine,{T[:-1]}\\Corr;"),
+    "a seam that is tracked": (
+        P[1] + P[2], f"MoveJ p1,v100,fine,{T}\nArcL p2,v100,seam1,weld1\\Track:=track1,fine,{T}"),
+    "a work object on a conveyor": (P[1], f"WaitWObj table\\RelDist:=10;\nMoveJ p1,v100,fine,{T}"),
+    "an axis that stays": (P[1], f"SingArea\\LockAxis4;\nMoveJ p1,v100,fine,{T}"),
+    "offsets of external axes": (P[1], f"EOffsSet [100,0,0,0,0,0];\nMoveJ p1,v100,fine,{T}"),
     "a tool without an orientation": (
         P[1] + f"PERS tooldata flat:=[TRUE,[[0,0,100],[0,0,0,0]],{LIGHT}];\n",
         "MoveJ p1,v100,fine,flat\\WObj:=table;"),
@@ -215,6 +221,33 @@ def test_one_frame_without_a_name_does_not_stand_for_two(tmp_path):
 @pytest.mark.parametrize("name", REFUSED)
 def test_what_has_no_one_right_number_is_refused(tmp_path, name):
     refused(tmp_path, ROBOT, files(*REFUSED[name]))
+
+
+def test_joint_angles_are_corrected_beside_an_external_axis_which_moves_the_arm_as_one_body(tmp_path):
+    """On a track the flange is wrong by the same, seen from the arm's own base; a pose is refused there."""
+    moves = lambda outside: files("", f"MoveAbsJ {joints(1, outside)},v100,fine,torch;")
+    away, none = "[850,9E9,9E9,9E9,9E9,9E9]", "[9E9,9E9,9E9,9E9,9E9,9E9]"
+    there, here = (compensate(tmp_path, ROBOT, moves(outside))["prog.mod"] for outside in (away, none))
+    assert there.replace(away.encode(), none.encode()) == here != moves(none)["prog.mod"]
+
+
+@pytest.mark.parametrize("off", ["ConfJ\\Off;\n", "ConfL \\Off;\n"])
+def test_configurations_that_the_program_switches_off_choose_no_branch(tmp_path, off):
+    """cf1 to cfx of such programs are often 0, whatever branch the arm is on; they are written anew."""
+    move = "MoveJ" if "J" in off else "MoveL"
+    words = target(2).split("],[")[2]
+    written = [compensate(tmp_path, ROBOT, files("", f"{off}MoveJ {target(1)},v100,fine,{T}\n"
+                                                     f"{move} {point},v100,fine,{T}"))["prog.mod"]
+               for point in (target(2), target(2).replace(f"[{words}]", "[0,0,0,0]"))]
+    assert words != "0,0,0,0" and written[0].replace(words.encode(), b"") == written[1].replace(
+        (words[: words.rindex(",")] + ",0").encode(), b"")
+    with pytest.raises(InputError, match="no branch of the arm has the configuration"):
+        compensate(tmp_path, ROBOT, files("", f"MoveJ {target(1)},v100,fine,{T}\n{move} "
+                                              f"{target(2).replace(words, '0,0,0,0')},v100,fine,{T}"))
+
+
+def test_a_check_of_configurations_that_is_switched_on_and_off_is_refused(tmp_path):
+    refused(tmp_path, ROBOT, files(P[1], f"ConfJ\\Off;\nMoveJ p1,v100,fine,{T}\nConfJ\\On;"))
 
 
 def module(name, text):

@@ -62,6 +62,8 @@ RIGHT = {
         f"movej(get_inverse_kin(w_2_p,{joints(2)}))"),
     "names of arguments": f"{SET}movej(q={joints(1)}, a=1.4)\nmovel(pose={pose(2)}, v=0.1)",
     "an arc": f"{SET}movej({pose(1)})\nmovec({pose(2)}, {pose(3)}, a=1.2, v=0.2)",
+    "an arc of the usual mode": f"{SET}movej({pose(1)})\n"
+                                f"movec({pose(2)}, {pose(3)}, a=1.2, v=0.2, r=0, mode=0)",
     "a loop": f"{SET}i = 0\nwhile i < 2:\nmovej({pose(1)})\nmovel({pose(2)})\ni = i + 1\nend",
     "a branch": f"{SET}if 1 < 2:\nmovej({pose(1)})\nelse:\nmovej({pose(2)})\nend\nmovel({pose(3)})",
     "a routine": f"{SET}def sub():\nmovel({pose(2)})\nend\nmovej({pose(1)})\nsub()\nsub()",
@@ -72,6 +74,20 @@ RIGHT = {
     "a name that looks like a pose": f"{SET}stop = {joints(1)}\nmovej(stop)\nmovep({pose(2)}, r=0.02)",
 }
 REFUSED = {
+    "another base": f"{SET}set_base(p[0.1,0,0,0,0,0])\nmovej({pose(1)})",
+    "a base that is set on one line with its condition":
+        f"{SET}movej({pose(1)})\nif 1 > 2: set_tcp(p[{row(OTHER_TOOL)}]) end\nmovel({pose(2)})",
+    "an offset of the path":
+        f"{SET}path_offset_enable()\npath_offset_set(p[0,0,0.01,0,0,0], 1)\nmovel({pose(1)})",
+    "a conveyor":
+        f"{SET}track_conveyor_linear(p[1,0,0,0,0,0], 500.0)\nmovel({pose(1)})\nstop_conveyor_tracking()",
+    "a round conveyor": f"{SET}track_conveyor_circular(p[0.5,0,0,0,0,0], 500.0)\nmovel({pose(1)})",
+    "an arc that turns with its tangent":
+        f"{SET}movej({pose(1)})\nmovec({pose(2)}, {pose(3)}, a=1.2, v=0.2, mode=1)",
+    "an arc that turns with its tangent, by place":
+        f"{SET}movej({pose(1)})\nmovec({pose(2)}, {pose(3)}, 1.2, 0.2, 0.0, 1)",
+    "a variable that is set on the line of its condition":
+        f"{SET}a = {pose(1)}\nif 1 < 2: a = {pose(2)} end\nmovej(a)",
     "a tool with a name": f'a = 0.2\nset_tcp(p[0,0,a,0,0,0], "grip")\nmovej({pose(1)})',
     "a variable that another routine sets": f"{SET}a = {pose(1)}\ndef sub():\nglobal a = {pose(2)}\nend\n"
                                             f"movej(a)\nsub()\nmovej(a)",

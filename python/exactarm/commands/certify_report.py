@@ -78,8 +78,8 @@ class Certified:
             out.append(f"not on this certificate: {'; '.join(KEYS[key] for key in absent)}. Say it with "
                        f"{options}, or in the file of --about")
         if not self.compared:
-            out.append("before and after are one model: the robot file holds nothing that its controller does "
-                       "not know. Give the calibrated file, or --before ROBOT to compare with another")
+            out.append("before and after are one model: the robot file holds nothing that its controller "
+                       "does not know. Give the calibrated file, or --before ROBOT to compare with another")
         if self.iso.poses and self.iso.visits < STANDARD_VISITS:
             out.append(FEW_VISITS.format(STANDARD_VISITS, self.iso.visits))
         if self.paths and min(test.cycles for test in self.paths) < STANDARD_CYCLES:

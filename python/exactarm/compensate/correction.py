@@ -17,12 +17,14 @@ from itertools import chain
 import numpy as np
 
 from exactarm.compensate.approach import sides_of
+from exactarm.compensate.circles import odd_middles
 from exactarm.compensate.collector import collector_at_rest
 from exactarm.compensate.flange_poses import Poses, flange_poses, pose_error, stacked, tip_poses
 from exactarm.compensate.law import NEAR_SINGULAR, NOT_REACHED, CompensationModel
 from exactarm.compensate.program import HERE, Edit, Program, Target
 from exactarm.compensate.series import series_bends
 from exactarm.compensate.straightness import Bend, bends, unknown_tips
+from exactarm.compensate.ways import listed
 from exactarm.errors import InputError
 
 LARGEST_TURN_RAD = (
@@ -117,6 +119,7 @@ def correct(
         found_bends = bends(program, model, resolved.poses, q_after, tolerance)
         found_bends += series_bends(program, model, resolved.q, q_after, tolerance)
     warnings += [GUESSED.format(program.targets[i].name, program.targets[i].line) for i in resolved.guessed]
+    warnings += odd_middles(program, resolved.q, resolved.poses)
     warnings += _told(program, found_bends, tolerance, q_after)
     if not program.targets:
         warnings.append(f"{program.files[0].path.name}: no target was found")
@@ -165,16 +168,12 @@ def _told(program: Program, found: list[Bend], tolerance: float | None, q_after:
              [bend for bend in left if not bend.open]),
         ) if those
     ] + ([f"straight motions to joint angles with a tool that is not known (--tool): their lines are not "
-          f"looked at: {_listed(unknown)}"] if unknown else [])
+          f"looked at: {listed(unknown)}"] if unknown else [])
 
 
 def _named(program: Program, found: list[Bend]) -> str:
-    return _listed([f"{program.targets[bend.target].name} (line {bend.line}, {1e3 * bend.after:.3f} mm)"
+    return listed([f"{program.targets[bend.target].name} (line {bend.line}, {1e3 * bend.after:.3f} mm)"
                     for bend in found])
-
-
-def _listed(names: list[str]) -> str:
-    return ", ".join(names[:5]) + (f" and {len(names) - 5} more" if len(names) > 5 else "")
 
 
 def _filled(q: np.ndarray, rows: np.ndarray, found: np.ndarray) -> np.ndarray:

@@ -47,8 +47,13 @@ _GROUP = re.compile(r"GP(\d+)\s*:")
 _FRAME = {key: re.compile(rf"\b{key}\s*:\s*(\w+)") for key in ("UF", "UT")}
 _CONFIG = re.compile(r"CONFIG\s*:\s*'([^']*)'")
 _QUOTED = re.compile(r"'[^']*'")
-_FORBIDDEN = re.compile(r"(?i)\b(Offset|Tool_Offset|INC|RTCP|VOFFSET|COORD)\b")
-_SET = re.compile(r"\b(?:UTOOL\[[^\]]*\]|UFRAME\[[^\]]*\]|P\[[^\]]*\](?=[ \t]*=))[ \t]*=")
+_FORBIDDEN = re.compile(r"(?i)\b(Offset|Tool_Offset|INC|RTCP|VOFFSET|COORD|Search(?=[ \t]*\[))\b")
+_INDEX = r"\[(?:[^\[\]\r\n]|\[[^\]\r\n]*\])*\]"  # of a number, or of a register: [R[1]]
+_SET = re.compile(rf"(?:\b(?:UTOOL|UFRAME|P)|\$MNU(?:TOOL|FRAME)){_INDEX}[ \t]*=")
+_MOVED = re.compile(  # what moves the targets that follow, or goes to one in a way that is not read
+    r"[ \t]*\d*[ \t]*:[ \t]*((?:Touch|MP)[ \t]+Offset\b|Track\b|[JLCAS][ \t]+(?!PR?\[)[^ \t;=\[]+)")
+_TRACKED = re.compile(r"[ \t]*LINE_TRACK_SCHEDULE_NUMBER[ \t]*:[ \t]*0*[1-9]")
+_ATTRIBUTES = re.compile(r"(?m)^/ATTR\b[^/]*")  # words of a listing are of one language, all of it
 _ACTIVE = re.compile(  # what sets the frames that are active, and where ways part and meet
     r"(?m)^[ \t]*\d*[ \t]*:[ \t]*(?:(?P<which>UFRAME|UTOOL)_NUM[ \t]*=[ \t]*(?P<number>[^;\r\n]*?)[ \t]*;"
     r"|(?P<way>LBL\[|CALL\b|IF\b|ELSE|ENDIF|SELECT\b|FOR\b|ENDFOR|JMP\b|RUN\b|=))")
@@ -83,6 +88,13 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
     start, end = sections.get("MN", -1), sections.get("POS", -1)
     if min(start, end) < 0:
         raise source.refuse(0, "no sections /MN and /POS; expected a TP program as text")
+    _require_english(source, text[:start])
+    for match in source.at_lines(_TRACKED, text):
+        raise source.refuse(match.start(), "the arm follows a conveyor (line tracking); expected schedule 0")
+    for match in source.at_lines(_MOVED, text):
+        if start < match.start() < end:
+            raise source.refuse(match.start(), f"{' '.join(match[1].split())} moves targets that follow, or "
+                                               "is no motion that is read; expected J, L or C to P[number]")
     positions: dict[int | None, list[re.Match]] = {}
     for match in _POSITION.finditer(text, end):
         positions.setdefault(whole_number(match[1]), []).append(match)
@@ -109,8 +121,8 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
         return index[i]
 
     if match := _SET.search(text, start, end):
-        raise source.refuse(match.start(), f"{match[0].rstrip(' =')} is set by the program; expected frames "
-                                           "and positions that stay as they are")
+        raise source.refuse(match.start(), f"the program sets {match[0].rstrip(' =')}; expected frames and "
+                                           "positions that stay as they are")
     match = re.compile(r"\bPAYLOAD[ \t]*\[").search(text, start, end)
     if match and setting.load is None:
         raise source.refuse(match.start(), "PAYLOAD chooses a load of the controller; expected --payload")
@@ -166,6 +178,14 @@ def _notation(setting: Setting) -> Notation:
         poses=lambda numbers: Poses(1e-3 * numbers[:, :3], from_zyx(np.radians(numbers[:, 5:2:-1]))),
         shown=shown,
     )
+
+
+def _require_english(source: SourceText, head: str) -> None:
+    """Controllers list programs in their own language, with their own words for frames, loads and offsets."""
+    found = _ATTRIBUTES.search(head)
+    words = set(re.findall(r"(?m)^[ \t]*(\S+)[ \t]*=", found[0])) if found else set()
+    if found and words and not words & {"OWNER", "COMMENT", "PROG_SIZE", "DEFAULT_GROUP", "CREATE"}:
+        raise source.refuse(found.start(), f"a listing in another language ({min(words)}); expected English")
 
 
 def _same_branch(targets: list[Target], motions: list[Motion], last: int) -> bool:

@@ -38,7 +38,8 @@ _HEAD = re.compile(r"\s*///\s*(\w+)\s*(.*)")
 _PLACE = re.compile(r"\s*([A-Z]+\d+)\s*=\s*(.*)")
 _SECOND = re.compile(r"\b(EC|BC|C|BP|EX|P)\d+\b|\+MOV")
 _TAG = re.compile(r"\b(TL|UF|BF|RF|TF|MTF)\b[ \t]*#?")
-_OTHER_MOTION = re.compile(r"\s*(\+?S?MOV[JLCS]|EIMOV[LC])\b")  # with a second arm; from where the arm is
+# with a second arm; from where the arm is; along a conveyor
+_OTHER_MOTION = re.compile(r"\s*(\+?[A-Z]*MOV[A-Z]*|SYSTART|CNVSYNC)\b")
 
 
 def placement(numbers) -> Placement:

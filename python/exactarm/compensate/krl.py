@@ -8,7 +8,8 @@ taken in $ROBROOT. T holds the sign of each axis in a bit: it chooses the branch
 its third bit is the sign of A5.
 LIN and CIRC take the branch nearest to the point before, as the controller does.
 Refused: $ABS_ACCUR, relative motions, geometric operators, computed points or frames, frames that the program
-changes, a $TOOL or $BASE that hangs on its way (ways.py), tools at rest (#TCP), external axes.
+changes, a $TOOL or $BASE that hangs on its way (ways.py), tools at rest (#TCP), external axes beside poses,
+and what moves targets (krl_data.py).
 """
 
 from __future__ import annotations
@@ -24,10 +25,17 @@ import numpy as np
 from exactarm.compensate.angles import from_zyx, to_zyx
 from exactarm.compensate.configuration import ZERO_RAD, sign_bits, signs_fit
 from exactarm.compensate.flange_poses import Poses
-from exactarm.compensate.krl_data import ASSIGNED, CARTESIAN, Aggregate, Declarations, arguments
+from exactarm.compensate.krl_data import (
+    ASSIGNED,
+    CARTESIAN,
+    Aggregate,
+    Declarations,
+    arguments,
+    blocks,
+)
 from exactarm.compensate.program import HERE, Edit, Motion, Notation, Program, SourceText, Target
 from exactarm.compensate.setting import Setting
-from exactarm.compensate.ways import UNCERTAIN, Step, goes_on, unread, walk
+from exactarm.compensate.ways import UNCERTAIN, Step, goes_on, settings_of, unread, walk
 from exactarm.errors import InputError
 from exactarm.robot import Placement
 
@@ -35,19 +43,15 @@ NAME, SUFFIXES = "KRL", (".src", ".dat")
 MM_DECIMALS, DEG_DECIMALS = 5, 7  # 1e-8 m and 2e-9 rad: below a micrometre at any reach
 DIGITS = (MM_DECIMALS,) * 3 + (DEG_DECIMALS,) * 3
 _MOTION = re.compile(r"(?im)^[ \t]*(S?PTP|S?LIN|S?CIRC|SPL)(_REL)?\b[ \t]*([^\r\n]*)")
-_BAS = re.compile(r"(?im)^[ \t]*BAS[ \t]*\([ \t]*#(TOOL|BASE|FRAMES)[ \t]*(?:,[ \t]*([^)\r\n]*))?\)")
+_BAS = re.compile(r"(?im)^[ \t]*BAS[ \t]*\([ \t]*#(TOOL|BASE|FRAMES|EX_BASE|INITMOV)[ \t]*"
+                  r"(?:,[ \t]*([^)\r\n]*))?\)")
+_AT_ANY_TIME = re.compile(r"(?i)\bDO[ \t]+(\w+)[ \t]*\(")  # of an interrupt or a trigger
 _POINT = re.compile(r"(?im)^[ \t]*(?:(?:global|decl)[ \t]+)*(?:E6)?(?:POS|AXIS)[ \t]+(\w+)[ \t]*=")
 _FRAME = re.compile(r"\$?\w+(\[\d*\])?")
 _ROBOT_BASE = re.compile(r"(?im)^[ \t]*(\$ROBROOT\b[^\r\n=]*=(?!=))")
 _LOAD = re.compile(r"(?im)^[ \t]*(\$LOAD\b[^\r\n=]*=(?!=))")
 _REST = re.compile(r"[^\r\n]*")
 _SPLINE = re.compile(r"(?im)^[ \t]*(?:PTP_)?SPLINE\b[^\r\n]*\bWITH\b[^\r\n]*\$(?:TOOL|BASE)\b")
-_BLOCK = re.compile(
-    r"(?im)^[ \t]*(?:(?P<open>IF\b[^\r\n]*\bTHEN\b|SWITCH\b)|(?P<loop>(?:FOR|WHILE|LOOP|REPEAT)\b)"
-    r"|(?P<branch>(?:ELSE|CASE|DEFAULT)\b)|(?P<close>(?:ENDIF|ENDSWITCH|ENDFOR|ENDWHILE|ENDLOOP|UNTIL)\b)"
-    r"|(?:GLOBAL[ \t]+)?DEF(?:FCT[ \t]+\w+(?:\[[^\]]*\])?)?[ \t]+(?P<routine>\w+)[ \t]*\("
-    r"|(?P<end>END(?:FCT)?\b)|(?P<label>\w+[ \t]*:(?!=))|(?P<call>\w+)[ \t]*\()"
-)
 _SILENT = re.compile(  # lines that neither move the arm nor lead elsewhere
     r"(?i)[ \t]*(?:\$\w+(?:\[[^\]\r\n]*\])?(?:\.\w+)?[ \t]*=|[FPL]DAT_ACT[ \t]*=|BAS[ \t]*\([ \t]*#|"
     r"WAIT[ \t]+(?:SEC|FOR)\b|CONTINUE\b|PULSE[ \t]*\()")
@@ -143,14 +147,11 @@ class _Reader(Declarations):
             raise source.refuse(match.start(1),
                                 "the program sets its load, $LOAD; expected --payload with it")
         events = [*self.moves[index], *source.at_lines(_BAS, text), *self.assigned[index]]
-        steps, inline = _blocks(source, text), None
+        steps, inline = blocks(source, text), None
         for match in sorted(events, key=lambda match: match.start()):
             place = match.start()
             if match.re is _BAS:
-                if match[1].upper() == "FRAMES":
-                    continue
-                which = "TOOL" if match[1].upper() == "TOOL" else "BASE"
-                steps.append(Step(place, "set", (f"${which}", f"{which}_DATA[{(match[2] or '').strip()}]")))
+                steps += self.set_by_bas(place, match[1].upper(), match[2] or "", steps)
             elif match.re is ASSIGNED:
                 name = match[2].upper()
                 rest = _REST.match(text, match.end())[0].strip()
@@ -163,9 +164,25 @@ class _Reader(Declarations):
                 form = self.inline_form(index, match, inline)
                 steps += [Step(place, "move", (match, form)), *self.left_behind(place, inline)]
                 inline = None
+        setting = settings_of(steps)
+        for match in _AT_ANY_TIME.finditer(text):
+            if setting.get(match[1].upper()):
+                raise source.refuse(match.start(1), f"{match[1]} sets {min(setting[match[1].upper()])} at "
+                                                    "any time; expected it set between motions")
         self.above: tuple[int, int] | None = None  # the line of the motion above
         for (match, form), state in walk(steps, START):
             self.motion(index, match, state, form)
+
+    def set_by_bas(self, place: int, which: str, number: str, above: list[Step]) -> list[Step]:
+        """INITMOV takes back what is set above it, or leaves it, by what stands in BAS.SRC."""
+        if which == "INITMOV":
+            return [Step(place, "set", (name, "perhaps taken back by #INITMOV"))
+                    for name in ("$TOOL", "$BASE")
+                    if any(step.what == "set" and step.data[0] == name for step in above)]
+        if which == "EX_BASE":
+            return [Step(place, "set", ("$BASE", f"the base {number.strip()} of an external axis"))]
+        return [] if which == "FRAMES" else [
+            Step(place, "set", (f"${which}", f"{which}_DATA[{number.strip()}]"))]
 
     def inline_form(self, index: int, match: re.Match, inline: str | None) -> str | None:
         """Name of the FDAT that holds tool and base of a motion."""
@@ -374,14 +391,3 @@ class _Reader(Declarations):
 def placement(numbers) -> Placement:
     """Of a frame as the controller shows it."""
     return Placement(from_zyx(np.radians(numbers[3:6])), 1e-3 * np.array(numbers[:3], float))
-
-
-def _blocks(source: SourceText, text: str) -> list[Step]:
-    """Where the ways of a program part and meet, and calls."""
-    steps = []
-    for match in source.at_lines(_BLOCK, text):
-        what = match.lastgroup
-        data = {"branch": match[0].strip().upper() in ("ELSE", "DEFAULT"), "routine": match["routine"],
-                "call": match["call"]}.get(what)
-        steps.append(Step(match.start(), what, data.upper() if isinstance(data, str) else data))
-    return steps

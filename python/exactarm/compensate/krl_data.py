@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from exactarm.compensate.program import NUMBER, Number, Numbers, SourceText
+from exactarm.compensate.ways import Step
 from exactarm.errors import InputError
 
 ELSEWHERE = (
@@ -40,6 +41,17 @@ _FIELD = re.compile(r"\s*([A-Za-z_]\w*)(\[\])?\s*")
 _NAME = re.compile(r"(?i)\$?[a-z_]\w*$")
 
 
+_SENSED = "a sensor decides where the arm goes; expected targets that are reached as they stand"
+REASONS = dict.fromkeys(("rsi_on", "rsi_movecorr", "st_on", "st_on1", "st_movesens"), _SENSED)
+_KEPT = re.compile(  # an orientation that the arm keeps
+    r"(?i)(\$ORI_TYPE[ \t]*=|\bORI_TYP[ \t]+)[ \t]*#(?:CONSTANT|IGNORE)\b")
+_AT_ANY_TIME = re.compile(r"(?i)\bDO[ \t]+(\$(?:TOOL|BASE|IPO_MODE|LOAD)\b)")
+_BLOCK = re.compile(
+    r"(?im)^[ \t]*(?:(?P<open>IF\b[^\r\n]*\bTHEN\b|SWITCH\b)|(?P<loop>(?:FOR|WHILE|LOOP|REPEAT)\b)"
+    r"|(?P<branch>(?:ELSE|CASE|DEFAULT)\b)|(?P<close>(?:ENDIF|ENDSWITCH|ENDFOR|ENDWHILE|ENDLOOP|UNTIL)\b)"
+    r"|(?:GLOBAL[ \t]+)?DEF(?:FCT[ \t]+\w+(?:\[[^\]]*\])?)?[ \t]+(?P<routine>\w+)[ \t]*\("
+    r"|(?P<end>END(?:FCT)?\b)|(?P<label>\w+[ \t]*:(?!=))|(?P<call>\w+)[ \t]*\()"
+)
 CARTESIAN = ("X", "Y", "Z", "A", "B", "C")
 _FIELDS = lambda keys: r"\s*,\s*".join(rf"{key}\s+(?P<{key}>{NUMBER})" for key in keys)
 _PLAIN = re.compile(  # most points; the rest of the way is for all others
@@ -93,6 +105,13 @@ class Declarations:
                 match.start(),
                 "$ABS_ACCUR: the controller corrects this program by itself; it must not be corrected twice",
             )
+        source.refuse_words(text, REASONS)
+        if match := _KEPT.search(text):
+            raise source.refuse(match.start(), f"the arm keeps its orientation and does not take that of a "
+                                               f"point ({match[0]}); expected #VAR")
+        if match := _AT_ANY_TIME.search(text):
+            raise source.refuse(match.start(1), f"what sets {match[1]} on the way of a motion, or at any "
+                                                "time; expected it set between motions")
         self.assigned.append(source.at_lines(ASSIGNED, text))
         for match in self.assigned[index]:
             _, name, subscript, component = match.groups()
@@ -231,3 +250,14 @@ def _without_words(part: str) -> str:
     while before != part:
         before, part = part, _BLEND.sub("", part)
     return part
+
+
+def blocks(source: SourceText, text: str) -> list[Step]:
+    """Where the ways of a program part and meet, and calls."""
+    steps = []
+    for match in source.at_lines(_BLOCK, text):
+        what = match.lastgroup
+        data = {"branch": match[0].strip().upper() in ("ELSE", "DEFAULT"), "routine": match["routine"],
+                "call": match["call"]}.get(what)
+        steps.append(Step(match.start(), what, data.upper() if isinstance(data, str) else data))
+    return steps

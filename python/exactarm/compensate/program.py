@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 import re
 from bisect import bisect_right
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
 from itertools import repeat
@@ -241,6 +241,13 @@ class SourceText:
 
     def refuse(self, offset: int, message: str) -> InputError:
         return InputError(message, file=self.path, line=self.line(offset))
+
+    def refuse_words(self, text: str, reasons: Mapping[str, str]) -> None:
+        """Refuses the words (small letters; of `text`, in any) for which a reason is given."""
+        small = text.lower()
+        for word, why in reasons.items():
+            if word in small and (match := re.search(rf"(?<![\w$]){re.escape(word)}(?!\w)", small)):
+                raise self.refuse(match.start(), f"{text[match.start() : match.end()]}: {why}")
 
     def without(self, *patterns: str) -> str:
         """The text with what matches (comments, strings) as blanks; every other letter at its place."""

@@ -8,7 +8,7 @@ another module beside the program too, or come by --tool, --base; tool0 and wobj
 tooldata are the load. cf1, cf4, cf6 are the quadrants of the axes 1, 4, 6: they choose the branch and are
 written anew; the last bit of cfx is the sign of axis 5 and stays, as all of cfx. Refused: Offs and RelTool,
 computed targets, arguments of routines, GripLoad and TLoad without --payload, moving or held work objects,
-tools at rest, external axes.
+tools at rest, external axes beside poses, and what moves targets (REASONS of rapid_data.py).
 """
 
 from __future__ import annotations
@@ -27,13 +27,21 @@ from exactarm.compensate.program import (
     Edit,
     Motion,
     Notation,
-    Number,
     Numbers,
     Program,
     SourceText,
     Target,
 )
-from exactarm.compensate.rapid_data import ROBTARGET, Datum, Declarations, Literal, arguments, tool_of
+from exactarm.compensate.rapid_data import (
+    REASONS,
+    ROBTARGET,
+    SENSED,
+    Datum,
+    Declarations,
+    Literal,
+    arguments,
+    tool_of,
+)
 from exactarm.compensate.setting import Setting
 from exactarm.compensate.ways import goes_on, unread
 from exactarm.errors import InputError
@@ -122,6 +130,7 @@ class _Reader(Declarations):
         self.motions: list[Motion] = []
         self.used: dict[tuple[int, int], int] = {}
         self.warnings: list[str] = []
+        self.nearest = {kind for index in range(len(sources)) for kind in self.unmonitored(index)}
         self.frames: dict[tuple[str, str, int], tuple] = {}
         self.spans: list[list[tuple[int, int]]] = [
             [(datum.place, datum.literal.end if datum.literal else datum.place + 1)
@@ -131,10 +140,7 @@ class _Reader(Declarations):
     # -- motions -------------------------------------------------------------------------------------
     def motions_of(self, index: int) -> None:
         source, text = self.sources[index], self.texts[index]
-        if match := re.search(r"[PpEe](?<!\w.)(?i:(?<=P)Disp(?:On|Set)|(?<=E)Offs(?:On|Set))\b", text):
-            raise source.refuse(
-                match.start(), f"{match[0]} moves all targets that follow; expected targets as they are"
-            )
+        source.refuse_words(text, REASONS)
         for match in re.finditer(r"[Gg](?<!\w.)(?i:ripLoad\s+(?!load0\b))", text):
             if self.setting.load is None:
                 raise source.refuse(match.start(), "GripLoad: a load besides that of the tool; expected "
@@ -166,14 +172,18 @@ class _Reader(Declarations):
             count = 2 if kind == "circular" else 1
             if len(plain) < count:
                 raise source.refuse(match.start(), f"{match[1]} without a target")
+            if found := switches.keys() & SENSED:
+                raise source.refuse(match.start(), f"a sensor guides the motion (\\{found.pop()}); "
+                                                   "expected a target that is reached as it stands")
             axes = match[1].lower() == "moveabsj"
+            nearest = kind in self.nearest and any(motion.target is not None for motion in self.motions)
             wobj = switches.get("wobj", "wobj0")
             tool = tool_of(plain, count + 2 if match[2] and match[1].lower().startswith("move") else -1)
             if switches.get("tload", "load0").lower() != "load0" and self.setting.load is None:
                 raise source.refuse(match.start(), "\\TLoad in place of the load of the tool; expected "
                                                    "--payload with it")
             found = None if whole is None else Literal(whole.start(), whole.end(), [], whole)
-            places = [self.target(index, value, place, axes, tool, wobj, found)
+            places = [self.target(index, value, place, axes, tool, wobj, found, nearest)
                       for value, place in plain[:count]]
             via = places[0] if count == 2 else None
             insert = None
@@ -223,7 +233,8 @@ class _Reader(Declarations):
         return int(float(literal.parts[2][3][0]))
 
     def target(
-        self, index: int, value: str, place: int, axes: bool, tool: str, wobj: str, whole: Literal | None
+        self, index: int, value: str, place: int, axes: bool, tool: str, wobj: str, whole: Literal | None,
+        nearest: bool,
     ) -> int:
         source = self.sources[index]
         place += len(value) - len(value.lstrip())
@@ -243,7 +254,7 @@ class _Reader(Declarations):
         made = (
             self.joints(name, file, literal, tool, index, place)
             if axes
-            else self.pose(name, file, literal, tool, wobj, index, place)
+            else self.pose(name, file, literal, tool, wobj, index, place, nearest)
         )
         if key in self.used:
             before = self.targets[self.used[key]]
@@ -267,7 +278,8 @@ class _Reader(Declarations):
                       (DEG_DECIMALS,) * n, load=load)
 
     def pose(
-        self, name: str, file: int, literal: Literal, tool: str, wobj: str, index: int, place: int
+        self, name: str, file: int, literal: Literal, tool: str, wobj: str, index: int, place: int,
+        nearest: bool,
     ) -> Target:
         source = self.sources[file]
         numbers, places = self.robtarget(file, literal)
@@ -289,7 +301,8 @@ class _Reader(Declarations):
             tool=tip,
             base=base,
             load=load,
-            matches=partial(self.fits, numbers[7:11]) if self.setting.robot.axes == 6 else None,
+            matches=partial(self.fits, numbers[7:11])
+            if self.setting.robot.axes == 6 and not nearest else None,
             refusal=why or why_base,
         )
 
@@ -331,16 +344,6 @@ class _Reader(Declarations):
         frame = self.frame(datum, parts[1])
         load = self.load(datum, parts[2])
         return frame, self.otherwise("tool", name, frame), load
-
-    def load(self, datum: Datum, parts) -> tuple[float, tuple[float, ...]] | None:
-        """kg and its centre, m; -1 kg: not known."""
-        source = self.sources[datum.file]
-        if not isinstance(parts, list) or not parts or not isinstance(parts[0], tuple):
-            raise source.refuse(datum.literal.start, "the mass of the load is missing; expected it in list 3")
-        mass = Number.read(source, *parts[0]).value
-        inner = Literal(datum.literal.start, datum.literal.end, parts)
-        centre = self.numbers(datum.file, inner, 1, 3, "the centre of the load")
-        return (mass, tuple(1e-3 * number.value for number in centre)) if mass > 0.0 else None
 
     def work_object(self, name: str, index: int, place: int):
         """Placement of user frame and object frame, and, where they are not known, why."""

@@ -35,6 +35,16 @@ _MARKS = re.compile(r"[\[\],;]")
 _ARGUMENTS = re.compile(r"[pf](?<!\w.)(?:(?<=p)roc|(?<=f)unc\s+\w+)\s+\w+\s*\(([^)]*)\)")
 _ARGUMENT = re.compile(r"(?i)\b(?:robtarget|jointtarget|tooldata|wobjdata)\s+(\w+)")
 
+_MOVED = "moves the targets that follow; expected targets as they are"
+_CARRIED = "the work object moves with a conveyor; expected one that stands still"
+REASONS = {"pdispon": _MOVED, "pdispset": _MOVED, "eoffson": _MOVED, "eoffsset": _MOVED,
+           "waitwobj": _CARRIED, "dropwobj": _CARRIED,
+           "lockaxis4": "axis 4 stays where it is, and the orientation of a target is not reached; expected "
+                        "SingArea without it"}
+_CONF = re.compile(r"\bconf([jl])\s*\\\s*(on|off)\b")
+SENSED = {"corr", "track"}  # switches of motions that a sensor guides
+
+
 class Literal(NamedTuple):
     """A bracketed aggregate: nested lists of (text, place). plain: a robtarget whose numbers
     are such."""
@@ -85,6 +95,17 @@ class Declarations:
                 for argument in _ARGUMENT.finditer(match[1]):
                     self._assign(argument[1], index, match.start())
 
+    def unmonitored(self, index: int) -> list[str]:
+        """Kinds of motions for which the module switches the check of configurations off: a controller then
+        takes the branch nearest to where the arm is, whatever cf1 to cfx say."""
+        found = {(match[1], match[2]): match for match in _CONF.finditer(self.texts[index].lower())}
+        if {("j", "on"), ("j", "off")} <= found.keys():
+            raise self.sources[index].refuse(
+                found["j", "off"].start(), "the check of configurations of MoveJ is switched on and off; "
+                                           "expected one of both")
+        kinds = {"j": ("joint",), "l": ("linear", "circular")}
+        return [kind for letter, switch in found if switch == "off" for kind in kinds[letter]]
+
     def _assign(self, name: str, index: int, place: int) -> None:
         self.assigned.setdefault(name.lower(), {}).setdefault(index, place)
 
@@ -134,6 +155,16 @@ class Declarations:
         if count is not None and len(parts) != count:
             raise source.refuse(literal.start, f"{what}: {len(parts)} numbers; expected {count}")
         return [Number.read(source, *part) for part in parts]
+
+    def load(self, datum: Datum, parts) -> tuple[float, tuple[float, ...]] | None:
+        """kg and its centre, m; -1 kg: not known."""
+        source = self.sources[datum.file]
+        if not isinstance(parts, list) or not parts or not isinstance(parts[0], tuple):
+            raise source.refuse(datum.literal.start, "the mass of the load is missing; expected it in list 3")
+        mass = Number.read(source, *parts[0]).value
+        inner = Literal(datum.literal.start, datum.literal.end, parts)
+        centre = self.numbers(datum.file, inner, 1, 3, "the centre of the load")
+        return (mass, tuple(1e-3 * number.value for number in centre)) if mass > 0.0 else None
 
     def datum(self, index: int, name: str, place: int, kinds: tuple[str, ...]) -> Datum:
         """The one declaration of a name, with numbers."""

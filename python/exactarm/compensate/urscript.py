@@ -6,7 +6,8 @@ such literals is the pose, on the branch of q, which stays. Poses are of the TCP
 `set_tcp(p[..])` sets, in the controller's base; `set_payload(kg, [x, y, z])` is the load. A pose is taken on
 the branch nearest to the target before. The controller turns poses by its own calibrated frames: the robot
 file must have them ([controller] chain = "calibrated"). Not read: what is computed (`pose_trans`, `pose_add`,
-...), relative moves, blends. A tool or load that hangs on the way through the program (ways.py) is refused.
+...), relative moves, blends. What moves targets (REASONS) is refused, and so is a tool or load that hangs on
+the way through the program (ways.py).
 """
 
 from __future__ import annotations
@@ -50,6 +51,11 @@ _BLOCK = re.compile(
     r"(?m)^[ \t]*(?:(?P<open>(?:if|switch)\b)|(?P<loop>(?:while|for)\b)|"
     r"(?P<branch>(?:elif|else|case|default)\b)|(?P<close>end\b)|(?:def|thread|sec)[ \t]+(?P<routine>\w+))"
 )
+MOVED = "moves the targets that follow; expected targets as they are"
+REASONS = {"set_base": MOVED, "path_offset_enable": MOVED, "path_offset_set": MOVED,
+           "track_conveyor_linear": MOVED, "track_conveyor_circular": MOVED}
+_CROWDED = re.compile(  # a block whose statements stand in the line of its head
+    r"[ \t]*(?:if|elif|else|while|for|switch|case|default|def|thread|sec)\b[^\r\n]*:[ \t]*[^\s:]")
 _CALL = re.compile(r"([A-Za-z_](?<!\w.)\w*)[ \t]*\(")
 _UNREAD = re.compile(r"\b(servoc|speedj|speedl|optimovej|optimovel|force_mode|conveyor_pulse_decode)[ \t]*\(")
 _LITERAL = re.compile(r"(p?)\s*\[([^\[\]]*)\]")
@@ -80,6 +86,9 @@ class _Literal:
 def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
     (source,) = sources
     text = source.without(r"#[^\r\n]*", r'"[^"\r\n]*"')
+    source.refuse_words(text, REASONS)
+    for match in source.at_lines(_CROWDED, text):
+        raise source.refuse(match.start(), "statements behind a colon; expected each on a line of its own")
     n = setting.robot.axes
     assigned: dict[str, list[int]] = {}
     assignments = source.at_lines(_ASSIGNED, text)
@@ -181,8 +190,11 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
                         "is")
             motions.append(Motion("joint", None, line))
         elif match[1] == "movec":
-            via = target(match.end())
-            motions.append(Motion("circular", target(_next_argument(text, match.end())), line, via))
+            via, behind = target(match.end()), _next_argument(text, match.end())
+            if _mode(text[_next_argument(text, behind) : spans[-1][1]]) != "0":
+                raise source.refuse(match.start(), "movec with another mode than 0: the arm does not take "
+                                                   "the orientation of its end; expected mode=0")
+            motions.append(Motion("circular", target(behind), line, via))
         else:
             insert = None
             if match[1] == "movel":
@@ -257,6 +269,13 @@ def _insertion(
         )
         lines.append(f"{whole[1]}movel(p[{pose}]{options}){end[0] if end else ''}")
     return Edit(0, start, start, "".join(lines).encode("latin-1")) if end else None
+
+
+def _mode(options: str) -> str:
+    """That of a movec with `a, v, r, mode`, by their order or by name."""
+    given = [part.split("=") for part in options.split(",")]
+    named = [part[1] for part in given if part[0].strip() == "mode" and len(part) == 2]
+    return (named or [part[0] for part in given[3:4]] or ["0"])[0].strip()
 
 
 def _next_argument(text: str, place: int) -> int:

@@ -71,6 +71,12 @@ def walk(steps: Iterable[Step], start: Mapping[str, Any]) -> Iterator[tuple[Any,
             state = blocks.pop()[0]
 
 
+def settings_of(steps: Iterable[Step]) -> dict[str, set[str]]:
+    """Routine -> what it sets, itself or by what it calls."""
+    ordered = sorted(steps, key=lambda step: step.place)
+    return _changed(ordered, _ends(ordered))
+
+
 def goes_on(text: str, before: tuple[int, int] | None, start: int, harmless: re.Pattern[str]) -> bool:
     """Whether the arm stands at the end of the motion above (start and end of its statement) when the one at
     `start` begins: nothing but lines that are `harmless` is between them. Anything else may be a way that
@@ -145,17 +151,17 @@ def unread(
     told = []
     left = [name for low, name in known.items() if low not in met]
     if left:
-        told.append(f"no motion that is read goes to {_listed(left)}: they stay as they are")
+        told.append(f"no motion that is read goes to {listed(left)}: they stay as they are")
     for source, text, taken in zip(sources, texts, spans):
         found = _elsewhere(text, known, taken)
         if found:
-            places = _listed([f"{known[name]} (line {source.line(place)})" for name, place in found.items()])
+            places = listed([f"{known[name]} (line {source.line(place)})" for name, place in found.items()])
             told.append(f"{source.path.name}: used by what is no motion that is read, and not followed: "
                         f"{places}")
     return told
 
 
-def _listed(words: list[str]) -> str:
+def listed(words: list[str]) -> str:
     return ", ".join(words[:LISTED]) + (f" and {len(words) - LISTED} more" if len(words) > LISTED else "")
 
 
