@@ -20,7 +20,7 @@ from exactarm.fixture import CameraSetup, Fixture
 from exactarm.fixture import Partner as Declared
 from exactarm.identify.camera_design import design_pictures
 from exactarm.identify.closure_design import ClosureDesignOptions, design_closures
-from exactarm.identify.drive_model import MotionSamples
+from exactarm.identify.drive_model import Motion, MotionSamples
 from exactarm.identify.line_of_sight import Station
 from exactarm.identify.load_mistakes import payload_mistakes
 from exactarm.identify.motion_mistakes import candidates
@@ -287,9 +287,11 @@ def test_the_loop_keeps_its_path_in_the_base_of_the_drawing(tmp_path):
 def test_a_mounting_that_is_suspected_is_told_by_the_axes_of_the_base():
     turn = FIRST.rotation
     none = np.zeros((2, 6))
-    samples = MotionSamples(none, none, none, none, np.array([0.0, 0.0, -9.81]), np.zeros(6), np.ones(6),
-                            np.ones(6), np.zeros(2), np.zeros(2), none, turn)
-    told = {name: other.gravity for name, other in candidates(samples) if "mounting" in name}
+    arm = six_axis(placed=False)
+    arm = replace(arm, gravity=np.array([0.0, 0.0, -9.81]), controller=replace(arm.controller, base=FIRST))
+    samples = MotionSamples(Motion(arm, none, none, none), none, np.ones(6), np.ones(6), np.zeros(2),
+                            np.zeros(2), none)
+    told = {name: other.motion.robot.gravity for name, other in candidates(samples) if "mounting" in name}
     along = told["gravity along +x of the base (the arm's mounting)"]
     np.testing.assert_allclose(turn @ along, [9.81, 0.0, 0.0], atol=1e-12)
 

@@ -59,14 +59,14 @@ def motion_mistakes(robot: Robot, data: Dataset) -> list[Suspicion]:
     """The mistakes that explain these torques better, best first."""
     if not robot.has_geometry or not is_measured_whole(data):
         return []
-    samples, model = samples_of(robot, data), alone(robot)
-    now = model(samples)
-    found = undone(candidates(samples), model, now)
+    samples = samples_of(robot, data)
+    now = alone(samples)
+    found = undone(candidates(samples), alone, now)
     if not found:
         found = list(_driving_friction(now))
     if not found:
         step = typical_step(data.time[data.run == data.run[0]])
-        own = min(clocks(model, samples, now, step), key=lambda rival: rival[0], default=None)
+        own = min(clocks(alone, samples, now, step), key=lambda rival: rival[0], default=None)
         other = next(_other_robot(robot, data, now), None)
         better = other and (own is None or _MUCH_BETTER * other[0] < own[0])
         found = [best[1] for best in [other if better else own] if best]
@@ -97,30 +97,27 @@ def fall(now: Explained, other: Explained) -> float:
 
 
 def candidates(samples: MotionSamples) -> Iterator[Candidate]:
-    n = samples.q.shape[1]
+    motion = samples.motion
+    n, pairs = motion.robot.axes, {}
     yield "degrees labelled as radians", samples.with_angles(lambda values: _DEGREE * values)
     yield "radians labelled as degrees", samples.with_angles(lambda values: values / _DEGREE)
     yield "whole turns labelled as radians", samples.with_angles(lambda values: 2.0 * np.pi * values)
     for i, j in combinations(range(n), 2):
         order = list(range(n))
         order[i], order[j] = j, i
-        yield (
-            f"the angles of {listed((i, j))} exchanged",
-            samples.with_angles(lambda values, order=order: values[:, order]),
-        )
-        yield (
-            f"the torques of {listed((i, j))} exchanged",
-            samples.with_torques(lambda values, order=order: values[:, order]),
-        )
-    up = samples.gravity
-    yield "gravity pointing the other way", replace(samples, gravity=-up)
+        exchange = lambda values, order=order: values[:, order]
+        pairs[i, j] = samples.with_angles(exchange), exchange
+        yield f"the angles of {listed((i, j))} exchanged", pairs[i, j][0]
+        yield f"the torques of {listed((i, j))} exchanged", samples.with_torques(exchange)
+    up = motion.robot.gravity
+    yield "gravity pointing the other way", replace(samples, motion=motion.under(-up))
     for k, name in enumerate("xyz"):
         for sign in (1.0, -1.0):
-            along = sign * np.linalg.norm(up) * samples.base_axes[k]
+            along = sign * np.linalg.norm(up) * motion.robot.controller.base.rotation[k]
             if np.linalg.norm(np.cross(along, up)) > 0.5 * np.linalg.norm(up) ** 2:
                 yield (
                     f"gravity along {'+' if sign > 0 else '-'}{name} of the base (the arm's mounting)",
-                    replace(samples, gravity=along),
+                    replace(samples, motion=motion.under(along)),
                 )
     for i in range(n):
         other = np.where(np.arange(n) == i, -1.0, 1.0)
@@ -132,15 +129,9 @@ def candidates(samples: MotionSamples) -> Iterator[Candidate]:
         for angle in (90.0, -90.0, 180.0):
             zero = np.where(np.arange(n) == i, angle * _DEGREE, 0.0)
             words = f"another zero of axis {i + 1} (by {angle:+.0f} degrees)"
-            yield words, replace(samples, q=samples.q + zero)
-    for i, j in combinations(range(n), 2):
-        order = list(range(n))
-        order[i], order[j] = j, i
-        yield (
-            f"{listed((i, j))} exchanged",
-            samples.with_angles(lambda values, order=order: values[:, order]).with_torques(
-                lambda values, order=order: values[:, order]),
-        )
+            yield words, replace(samples, motion=replace(motion, q=motion.q + zero))
+    for pair, (exchanged, exchange) in pairs.items():
+        yield f"{listed(pair)} exchanged", exchanged.with_torques(exchange)
 
 
 def _driving_friction(now: Explained) -> Iterator[Suspicion]:
@@ -201,8 +192,7 @@ def _scaled_time(model: Model, samples: MotionSamples, now: Explained) -> Iterat
     """All times too long or too short: masses hold against gravity and against acceleration, in
     proportion."""
     def at(k: float) -> Explained:
-        return model(replace(samples, rate=k * samples.rate, clock=k,
-                             acceleration=k**2 * samples.acceleration))
+        return model(replace(samples, motion=samples.motion.at(k)))
 
     left = lambda k: float(np.prod(at(k).shares))
     near = min(_TIMES, key=left)
@@ -222,7 +212,7 @@ def _other_robot(robot: Robot, data: Dataset, now: Explained) -> Iterator[Rival]
         geared = all(joint.has_gear for joint in other.joints)
         if not other.has_geometry or other.axes != robot.axes or other.name == robot.name or not geared:
             continue
-        explained = lambda hz, other=other: alone(other)(samples_of(other, data, bandwidth_hz=hz)).shares
+        explained = lambda hz, other=other: alone(samples_of(other, data, bandwidth_hz=hz)).shares
         shares = np.maximum(explained(None), 1e-9)
         falls = now.shares / shares
         many = 2 * np.sum(falls >= _ROBOT_FALL) >= robot.axes
@@ -236,8 +226,8 @@ def _units(robot: Robot, samples: MotionSamples) -> Iterator[Suspicion]:
     """Torques far from what declared masses, or an arm of this size, can ask for."""
     torque = float(np.quantile(np.abs(samples.torque), 0.99, axis=0).max())
     if robot.links is not None and sum(link.mass for link in robot.links) > 0.0:
-        arrays = map(np.ascontiguousarray, (samples.q, samples.rate, samples.acceleration))
-        declared = float(np.quantile(np.abs(_core.inverse_dynamics(robot.core, *arrays)), 0.99, axis=0).max())
+        rigid = _core.inverse_dynamics(robot.core, *samples.motion.arrays)
+        declared = float(np.quantile(np.abs(rigid), 0.99, axis=0).max())
         share = torque / max(declared, 1e-12)
         if not _LEAST_OF_DECLARED < share < _MOST_OF_DECLARED:
             yield Suspicion(

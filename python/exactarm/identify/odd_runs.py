@@ -19,7 +19,6 @@ from exactarm.identify.drive_model import (
     Equations,
     Explained,
     MotionSamples,
-    equations,
     explained,
     samples_of,
     torque_sizes,
@@ -49,7 +48,6 @@ _POUND_KG = 0.45359237
 class _Runs:
     """Samples of the runs, the usual size (n,) of torques, and the equations of every run."""
 
-    robot: Robot
     samples: tuple[MotionSamples, ...]
     usual: np.ndarray
     blocks: tuple[Equations, ...]
@@ -60,11 +58,11 @@ class _Runs:
         samples = tuple(samples_of(robot, data.select(each), most) for each in rows)
         sizes = np.sort([torque_sizes(each.torque) for each in samples], axis=0)
         usual = sizes[(len(rows) - 1) // 2]
-        runs = _Runs(robot, samples, usual, ())
+        runs = _Runs(samples, usual, ())
         return replace(runs, blocks=tuple(map(runs.block, samples)))
 
     def block(self, samples: MotionSamples) -> Equations:
-        return equations(self.robot, samples, np.maximum(torque_sizes(samples.torque), self.usual))
+        return Equations.of(samples, np.maximum(torque_sizes(samples.torque), self.usual))
 
     def others(self, run: int) -> tuple[Equations, ...]:
         return self.blocks[:run] + self.blocks[run + 1 :]
@@ -140,11 +138,8 @@ def _tried(robot: Robot, samples: MotionSamples) -> Iterator[Candidate]:
 
 def _other_masses(runs: _Runs, run: int) -> Iterator[Suspicion]:
     """Masses of its own, where friction and zeros of its own do not explain it as well."""
-    n = len(runs.usual)
     block = runs.blocks[run]
-    wider = lambda each, more: replace(each, matrix=np.concatenate([each.matrix, more], axis=2))
-    common = explained((*(wider(each, np.zeros((*each.goal.shape, 3 * n))) for each in runs.others(run)),
-                        wider(block, block.matrix[:, :, 11 * n :]))).shares
+    common = explained((*runs.others(run), replace(block, own_friction=True))).shares
     own, others = explained([block]).shares, explained(runs.others(run)).shares
     share = len(block.goal) / sum(len(each.goal) for each in runs.blocks)
     apart = np.sqrt(share * own**2 + (1.0 - share) * others**2)

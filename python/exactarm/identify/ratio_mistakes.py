@@ -22,7 +22,7 @@ from scipy import optimize
 from exactarm import _core
 from exactarm.dataset import Dataset
 from exactarm.effects.link_masses import tolerance
-from exactarm.identify.drive_model import MotionSamples, dry_friction_of, samples_of
+from exactarm.identify.drive_model import MotionSamples, dry_friction_of, samples_of, torque_sizes
 from exactarm.identify.suspicion import Suspicion
 from exactarm.robot import Robot
 
@@ -41,12 +41,12 @@ def ratio_mistakes(robot: Robot, data: Dataset) -> Iterator[Suspicion]:
     if robot.links is None or robot.generic_masses or not {"theta", "tau_motor"} & set(data.joints):
         return
     samples = samples_of(robot, data)
-    dry = dry_friction_of(samples.rate)  # a width fitted by way of a ratio would pass for one
-    left = lambda axis, scale: _left(robot, _with_ratio(samples, data, axis, scale), dry)
+    dry = dry_friction_of(samples.motion.rate)  # a width fitted by way of a ratio would pass for one
+    left = lambda axis, scale: _left(_with_ratio(samples, data, axis, scale), dry)
     now = left(0, 1.0)
     if now.max() < _LITTLE_LEFT:
         return
-    moving = np.flatnonzero(np.ptp(samples.q, axis=0) > _LEAST_OFF)
+    moving = np.flatnonzero(np.ptp(samples.motion.q, axis=0) > _LEAST_OFF)
     tried = {(axis, scale): np.log(left(axis, scale)).sum() for axis in moving for scale in SCALES}
     axis, start = min(tried, key=lambda key: tried[key], default=(0, 1.0))
     found = optimize.minimize_scalar(lambda x: np.log(left(axis, np.exp(x))).sum(), method="bounded",
@@ -62,26 +62,24 @@ def ratio_mistakes(robot: Robot, data: Dataset) -> Iterator[Suspicion]:
 
 
 def _with_ratio(samples: MotionSamples, data: Dataset, axis: int, scale: float) -> MotionSamples:
-    angles, torques = np.ones((2, samples.q.shape[1]))
+    angles, torques = np.ones((2, len(samples.angle_scale)))
     angles[axis] = 1.0 / scale if "theta" in data.joints else 1.0
     torques[axis] = 1.0 if "tau" in data.joints else scale
-    return replace(samples, q=(samples.q - samples.offset) * angles + samples.offset,
-                   rate=samples.rate * angles, acceleration=samples.acceleration * angles,
-                   torque=samples.torque * torques)
+    motion, offset = samples.motion, samples.motion.robot.offsets
+    turned = replace(motion, q=(motion.q - offset) * angles + offset, rate=motion.rate * angles,
+                     acceleration=motion.acceleration * angles)
+    return replace(samples, motion=turned, torque=samples.torque * torques)
 
 
-def _left(robot: Robot, samples: MotionSamples, dry: np.ndarray) -> np.ndarray:
+def _left(samples: MotionSamples, dry: np.ndarray) -> np.ndarray:
     """(n,) share of every axis' torque that the declared masses, within their tolerance, leave; dry (N, n):
     sign of dry friction."""
-    rows, n = samples.q.shape
-    size = np.sqrt(np.mean(samples.torque**2, axis=0))
-    size = np.maximum(size, 1e-9 * max(size.max(), 1e-9))
-    motion = [np.ascontiguousarray(v) for v in (samples.q, samples.rate, samples.acceleration)]
+    robot, (rows, n), size = samples.motion.robot, samples.torque.shape, torque_sizes(samples.torque)
+    motion = samples.motion.arrays
     goal = (samples.torque - _core.inverse_dynamics(robot.core, *motion)) / size
     masses = _core.dynamics_regressor(robot.core, *motion) * (tolerance(robot) / NOISE)
     columns = np.zeros((rows, n, 4 * n))
-    for k, values in enumerate((samples.acceleration, dry, samples.rate,
-                                np.ones_like(samples.rate))):
+    for k, values in enumerate((samples.motion.acceleration, dry, samples.motion.rate, np.ones((rows, n)))):
         columns[:, np.arange(n), k * n + np.arange(n)] = values
     matrix = np.concatenate([masses, columns], axis=2) / size[:, None]
     matrix = matrix.reshape(rows * n, -1)
