@@ -91,13 +91,12 @@ orientation_wxyz = [0, 0, 1, 0]
 
 
 def program(folder: Path, rows: int) -> list[str]:
-    """A URScript program of so many straight motions."""
-    random = np.random.default_rng(3)
-    lines = [f"  movel(p[{x:.4f}, {y:.4f}, {z:.4f}, 0.0, 3.14, 0.0], a=1.2, v=0.25)"
-             for x, y, z in random.uniform([0.4, -0.2, 0.2], [0.7, 0.2, 0.5], (rows, 3))]
-    start = "  movej([0.1, -1.2, 1.3, -0.4, 1.5, 0.2], a=1.4, v=1.05)"
-    (folder / "part.script").write_text("\n".join(["def part():", start, *lines, "end", ""]))
-    return [str(folder / "part.script"), "--keep-refused", "--points", "calculated"]
+    """A URScript program of so many motions to joint angles, far from singular poses."""
+    about = np.array([0.1, -1.2, 1.3, -0.4, 1.5, 0.2])
+    angles = about + np.random.default_rng(3).uniform(-0.4, 0.4, (rows, 6))
+    lines = ["  movej([" + ", ".join(f"{angle:.6f}" for angle in row) + "], a=1.4, v=1.05)" for row in angles]
+    (folder / "part.script").write_text("\n".join(["def part():", *lines, "end", ""]))
+    return [str(folder / "part.script"), "--points", "calculated"]
 
 
 def count(folder: Path, rows: int) -> list[str]:
@@ -116,7 +115,7 @@ CASES = {
     "design": (("design", "ur10"), count, (20, 100)),
     "simulate": (("simulate", "ur10"), count, (1000, 10000, 100000)),
     "plan": (("plan", "racer-7-1.4"), path, (500, 2000, 8000)),
-    "compensate": (("compensate", "ur10"), program, (100, 1000)),
+    "compensate": (("compensate", "ur10"), program, (1000, 10000, 100000, 1000000)),
 }
 
 

@@ -9,10 +9,11 @@ import pytest
 
 import compensation_cell as cells
 from compensation_cell import BASE, PULSES, TOOL, Cell, identified, nearby
-from exactarm.compensate.correction import correct
+from exactarm.compensate.correction import Correction, correct
+from exactarm.compensate.flange_poses import flange_poses
 from exactarm.compensate.formats import Job, dialect_of
 from exactarm.compensate.law import CompensationModel
-from exactarm.compensate.program import SourceText
+from exactarm.compensate.program import Program, SourceText
 from exactarm.compensate.setting import Setting, chosen_points
 from exactarm.errors import InputError
 from exactarm.robot import Placement
@@ -23,6 +24,7 @@ MAKERS = {
     "trajectory": lambda cell, q: cells.trajectory(q),
 }
 NUMBER = rb"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+FAR_M = 1e-5  # of pulses: a unit in the last place turns an axis by up to 1e-7 rad; of poses: of 3 decimals
 MICROMETRE = 1e-6
 
 
@@ -82,6 +84,20 @@ def mutated(content: bytes, random: np.random.Generator) -> bytes:
     return content
 
 
+def far_from_commands(model: CompensationModel, again: Program, result: Correction) -> float:
+    """m of the flange between the commands and the targets of the new program, read as anyone would."""
+    assert [target.name for target in again.targets] == [target.name for target in result.program.targets]
+    rows = np.flatnonzero(~np.isnan(result.q_after).any(axis=1))
+    wanted = model.controller.poses(result.q_after[rows])
+    far = []
+    for target, position in zip([again.targets[row] for row in rows], wanted.position):
+        numbers = np.array([target.numbers])
+        flange = (flange_poses(again.notation.poses(numbers), [target.base], [target.tool]) if target.is_pose
+                  else model.controller.poses(again.notation.joints(numbers)))
+        far.append(np.linalg.norm(flange.position[0] - position))
+    return max(far)
+
+
 def one(dialect: str, random: np.random.Generator) -> str:
     """What became of a mutated program: "refused" or "right"."""
     files = dict(program_of(dialect))
@@ -108,6 +124,7 @@ def one(dialect: str, random: np.random.Generator) -> str:
     assert corrected.sum() + len(result.refused) + sum(map(bool, result.why)) >= len(program.targets)
     if corrected.any():
         assert np.nanmax(result.reached) < MICROMETRE
+        assert far_from_commands(model, job.reread(result.contents, setting), result) < FAR_M
     return "refused" if result.refused else "right"
 
 

@@ -13,10 +13,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from exactarm.chain.direction import direction_of_motion
-from exactarm.compensate.flange_poses import Poses, pseudo_inverse
+from exactarm.compensate.flange_poses import Poses, solved
 from exactarm.compensate.law import CompensationModel
 from exactarm.compensate.program import Motion, Program
-from exactarm.rotation import log as rotation_log
+from exactarm.rotation import turn
 from exactarm.rows import LEAST_TURN_RAD
 
 
@@ -71,9 +71,9 @@ def approaches(
         ends = target[rows]
         over = np.array([end if motions[i].via is None else motions[i].via for i, end in zip(rows, ends)])
         twist = _final_twist(poses.rows(before), poses.rows(over), poses.rows(ends))
-        inverse = pseudo_inverse(model.controller.jacobian(np.nan_to_num(q[ends])))
+        jacobian = model.controller.jacobian(np.nan_to_num(q[ends]))
         with np.errstate(invalid="ignore"):
-            arrival[rows] = np.nan_to_num((inverse @ twist[:, :, None])[:, :, 0], posinf=0.0, neginf=0.0)
+            arrival[rows] = np.nan_to_num(solved(jacobian, twist), posinf=0.0, neginf=0.0)
     return _kept(np.nan_to_num(arrival), motions) * sense
 
 
@@ -92,8 +92,8 @@ def _final_twist(start: Poses, over: Poses, end: Poses) -> np.ndarray:
         centre = a + np.linalg.solve(rows, [0.5 * (b - a) @ (b - a), 0.5 * (c - a) @ (c - a), 0.0])
         along = np.cross(normal, c - centre)
         tangent[k] = along / np.linalg.norm(along) * max(np.linalg.norm(c - a), np.linalg.norm(b - a))
-    turn = rotation_log(end.rotation @ np.swapaxes(start.rotation, -1, -2))
-    return np.concatenate([tangent, turn], axis=1)
+    turned = turn(end.rotation @ np.swapaxes(start.rotation, -1, -2))
+    return np.concatenate([tangent, turned], axis=1)
 
 
 def _kept(arrival: np.ndarray, motions: Sequence[Motion]) -> np.ndarray:

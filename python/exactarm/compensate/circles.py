@@ -9,7 +9,7 @@ import numpy as np
 from exactarm.compensate.flange_poses import Poses
 from exactarm.compensate.program import Program
 from exactarm.compensate.ways import listed
-from exactarm.rotation import log as rotation_log
+from exactarm.rotation import turn
 
 OFF_THE_WAY_RAD = 0.1  # by which an error of 1 mm, or 1 mrad at 1 m, changes by 0.1 mm
 
@@ -29,7 +29,7 @@ def odd_middles(program: Program, q: np.ndarray, poses: Poses) -> list[str]:
     if not rows:
         return []
     start, via, end, lines = np.array(rows).T
-    part, whole = (rotation_log(np.swapaxes(poses.rotation[start], 1, 2) @ poses.rotation[i])
+    part, whole = (turn(np.swapaxes(poses.rotation[start], 1, 2) @ poses.rotation[i])
                    for i in (via, end))
     along = np.sum(part * whole, axis=1) / np.maximum(np.sum(whole**2, axis=1), np.finfo(float).tiny)
     off = np.linalg.norm(part - np.clip(along, 0.0, 1.0)[:, None] * whole, axis=1)

@@ -28,6 +28,7 @@ from exactarm.kinds import POSES
 from exactarm.robot import Robot, frame_of
 
 STEPS = 8  # from an error of 1e-3 rad, the Jacobian of the start for all
+SETTLED_RAD = 1e-13  # of a step: what the next ones would add are the last bits
 SAME_BRANCH_RAD = 1.0  # two branches of an arm differ by more in one axis, unless it is close to singular
 _TURN = 2.0 * np.pi
 ANYWHERE = _core.InverseKinematicsOptions()
@@ -103,7 +104,10 @@ class ControllerChain:
         q = np.array(near, dtype=float)
         inverse = pseudo_inverse(self.jacobian(q))
         for _ in range(STEPS):
-            q = q + (inverse @ pose_error(targets, self.poses(q))[:, :, None])[:, :, 0]
+            step = (inverse @ pose_error(targets, self.poses(q))[:, :, None])[:, :, 0]
+            q = q + step
+            if not np.any(np.abs(step) > SETTLED_RAD):
+                break
         return q
 
     def newton(self, position: np.ndarray, rotation: np.ndarray, start: np.ndarray) -> np.ndarray | None:
@@ -150,7 +154,7 @@ class ControllerChain:
         """Joint angles of one pose nearest to `start`; nearest to the middle of the limits without one."""
         if start is not None:
             near = self.newton(position, rotation, start)
-            if near is not None and abs(near - start).max() < SAME_BRANCH_RAD:
+            if near is not None and max(map(abs, (near - start).tolist())) < SAME_BRANCH_RAD:
                 return near
         found = self.branches(position, rotation)
         if not len(found):

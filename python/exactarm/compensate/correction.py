@@ -4,14 +4,14 @@
 configuration word,
    else nearest to the one before); 2. from which side each axis comes; 3. the command, by the law, with the
    load of its tool;
-4. the refusals; 5. the new numbers; 6. the new file is read again, and what the arm does with it is compared
-with the targets.
+4. the refusals; 5. the new numbers; 6. the numbers that were written are read again, tables as a whole, and
+what the arm does with them is compared with the targets.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain
 
 import numpy as np
@@ -113,7 +113,8 @@ def correct(
     refusals |= _refusals(model, resolved.q, rows, found, left_over, amplification)
     rows_good = np.array([r not in refusals for r in rows], bool)
     q_after[rows[rows_good]] = found[rows_good]
-    edits, moved = _edits(program, model, resolved, q_after)
+    by_target, moved = _edits(program, model, resolved, q_after)
+    edits = list(chain.from_iterable(by_target))
     found_bends = []
     if tolerance is not None:
         found_bends = bends(program, model, resolved.poses, q_after, tolerance)
@@ -126,7 +127,13 @@ def correct(
     contents = program.rewritten(edits)
     if program.finish is not None:
         contents = program.finish(contents, q_after, [])
-    written = reread(contents)
+    if program.finish is None:  # all but the numbers is as it was read
+        targets = list(program.targets)
+        for row, own in zip(np.flatnonzero(~np.isnan(q_after).any(axis=1)).tolist(), by_target):
+            targets[row] = targets[row].as_written(own)
+        written = replace(program, targets=tuple(targets))
+    else:
+        written = reread(contents)
     inserted = [bend.edit for bend in found_bends if bend.edit is not None]
     if inserted and program.finish is not None:
         contents = program.finish(program.rewritten(edits), q_after, inserted)
@@ -338,8 +345,8 @@ def _refusals(model, q, rows, found, left_over, amplification) -> dict[int, str]
 
 def _edits(
     program: Program, model: CompensationModel, resolved: _Resolved, q_after: np.ndarray
-) -> tuple[list[Edit], np.ndarray]:
-    """The edits of all corrected targets, and (T, 6) how the commanded poses move."""
+) -> tuple[list[list[Edit]], np.ndarray]:
+    """The edits of each corrected target, and (T, 6) how the commanded poses move."""
     moved = np.full((len(q_after), 6), np.nan)
     rows = np.flatnonzero(~np.isnan(q_after).any(axis=1))
     targets = [program.targets[i] for i in rows.tolist()]
@@ -353,12 +360,11 @@ def _edits(
         own = [targets[k] for k in posed.tolist()]
         tips = tip_poses(poses.rows(posed), [t.base for t in own], [t.tool for t in own])
         moved[rows[posed]] = pose_error(tips, resolved.tips.rows(rows[posed]))
-    edits = program.notation.edits(program.files, targets, q_after[rows], tips)
-    return list(chain.from_iterable(edits)), moved
+    return program.notation.edits(program.files, targets, q_after[rows], tips), moved
 
 
 def _reached(written, program, model, resolved, sides, q_after, threads) -> np.ndarray:
-    """Where the arm goes with the numbers of the new file: they are read as anyone would read them."""
+    """Where the arm goes with the numbers of the new file."""
     distance = np.full(len(q_after), np.nan)
     rows = np.flatnonzero(~np.isnan(q_after).any(axis=1))
     if not rows.size:

@@ -80,6 +80,17 @@ def _measure(axes: int) -> np.ndarray:
     return np.repeat([1.0, PLACE_FIRST_M if axes < 6 else 1.0], 3)
 
 
+def solved(jacobian: np.ndarray, twist: np.ndarray) -> np.ndarray:
+    """(N, n) steps of the joints that make up twists (N, 6), as by `pseudo_inverse`."""
+    try:
+        if jacobian.shape[2] == 6:
+            return np.linalg.solve(jacobian, twist[:, :, None])[:, :, 0]
+    except np.linalg.LinAlgError:  # one of them is singular to the last bit
+        pass
+    step: np.ndarray = (pseudo_inverse(jacobian) @ twist[:, :, None])[:, :, 0]
+    return step
+
+
 def pseudo_inverse(jacobian: np.ndarray) -> np.ndarray:
     """(N, n, 6) of Jacobians (N, 6, n): the least step for more axes than six, least squares for fewer, the
     place first (`_measure`).

@@ -108,20 +108,23 @@ class CompensationModel:
         turned: np.ndarray = transmission(prediction.view, self.layout) * self.actual.controller_ratios
         return turned
 
-    def _inverse(self, q: np.ndarray, approach: np.ndarray, threads: int) -> np.ndarray:
+    def _inverse(self, prediction: PosePrediction, threads: int) -> np.ndarray:
         """(J M)^+ (N, n, 6)."""
-        prediction = self.prediction(q, approach, threads)
         jacobian = _core.geometric_jacobian(self.actual.core, prediction.view.q, threads)
         return pseudo_inverse(jacobian @ self._turned(prediction))
 
-    def _started(self, near: np.ndarray, approach: np.ndarray, threads: int) -> np.ndarray:
-        """Commands (N, n) that bring the joints to about `near`, where couplings turn them far from it."""
+    def _started(self, near: np.ndarray, approach: np.ndarray,
+                 threads: int) -> tuple[np.ndarray, PosePrediction]:
+        """Commands (N, n) that bring the joints to about `near`, where couplings turn them far from it; and
+        the chain there."""
         prediction = self.prediction(near, approach, threads)
         missed = self.controller.turned(near) - prediction.view.q
         far = np.abs(missed).max(axis=1) > FAR_RAD
         q = np.array(near, dtype=float)
-        q[far] += np.linalg.solve(self._turned(prediction)[far], missed[far, :, None])[:, :, 0]
-        return q
+        if far.any():
+            q[far] += np.linalg.solve(self._turned(prediction)[far], missed[far, :, None])[:, :, 0]
+            prediction = self.prediction(q, approach, threads)
+        return q, prediction
 
     def commands(
         self, targets: Poses, near: np.ndarray, approach: np.ndarray | None = None, threads: int = 1
@@ -129,10 +132,10 @@ class CompensationModel:
         """The joint angles that reach the targets, started from `near` (N, n): those by the controller's
         chain."""
         side = np.zeros_like(near, dtype=float) if approach is None else approach
-        q = self._started(np.asarray(near, float), side, threads)
-        inverse = self._inverse(q, side, threads)
+        q, there = self._started(np.asarray(near, float), side, threads)
+        inverse = self._inverse(there, threads)
         amplification = np.linalg.norm(inverse, axis=(1, 2))
-        error = pose_error(targets, self.reached(q, side, threads))
+        error = pose_error(targets, Poses(there.position, there.rotation))
         axes = q.shape[1]
         left_over = missing(error, axes)
         for step in range(STEPS):
@@ -140,7 +143,7 @@ class CompensationModel:
             if not rows.size:
                 break
             if step >= SAME_JACOBIAN:
-                inverse[rows] = self._inverse(q[rows], side[rows], threads)
+                inverse[rows] = self._inverse(self.prediction(q[rows], side[rows], threads), threads)
             trial = q[rows] + (inverse[rows] @ error[rows, :, None])[:, :, 0]
             left = pose_error(targets.rows(rows), self.reached(trial, side[rows], threads))
             better = missing(left, axes) < left_over[rows]

@@ -83,6 +83,13 @@ class Target(NamedTuple):
         return self.is_pose or self.tool is not HERE
 
 
+    def as_written(self, edits: Sequence[Edit]) -> Target:
+        """The same with the numbers that stand in the bytes of its edits (`Notation.edits`)."""
+        count = len(self.digits) or len(self.places)
+        numbers = [*[float(text) for _, _, _, text in edits[:count]], *self.numbers[count:]]
+        return self._replace(numbers=numbers)
+
+
 class Motion(NamedTuple):
     """One motion: "joint", "linear" or "circular" to a target (index), over another one where circular.
 
@@ -302,8 +309,10 @@ def _format(each: tuple[int, ...]) -> str:
 def decimals(text: str) -> int:
     """How many a number has."""
     rest = text.partition(".")[2]
-    if rest.isdigit() or text.isdigit():
+    if rest.isdigit():
         return len(rest)
+    if text.isdigit():
+        return 0
     mantissa, _, exponent = text.lower().partition("e")
     return max(len(mantissa.partition(".")[2]) - (int(exponent) if exponent else 0), 0)
 
