@@ -81,3 +81,46 @@ def test_on_a_phone_a_number_that_heads_a_block_says_what_it_is():
                                                (("1", "2", "3", "4"),)),)), [])
     assert '<td data-name="axis" class="number">1</td>' in page
     assert '.stack td.number:first-child::before { content: attr(data-name) " "; }' in page
+
+
+def test_a_study_shows_its_errors_in_one_unit():
+    """7 nm stood over 0.2 mm in one column."""
+    from types import SimpleNamespace
+
+    import numpy as np
+
+    from exactarm.commands import study_report
+
+    def case(nu, error):
+        played = SimpleNamespace(knots=np.full(3, error), between=np.full(3, 2.0 * error))
+        plan = SimpleNamespace(tracking=SimpleNamespace(position_rms=error),
+                               solver=SimpleNamespace(iterations=3))
+        return SimpleNamespace(nu=nu, played=played, plan=plan, widest=19.8, ringing=np.array([0.9]))
+
+    cases = [case(1e-14, 7.3e-9), case(1e-9, 1.92e-4)]
+    table = study_report._table("line", {"acceleration": cases})
+    header, columns, numeric = columns_of(table)
+    assert header[2] == "knots, RMS [µm]" and columns[2] == ["0.00730", "192"] and numeric[2]
+    assert study_report._verdict("line", cases) == (
+        "line: between the knots of its plan the flange is off by 14.6 nm RMS with the smallest weight "
+        "(ν = 10⁻¹⁴), by 0.384 mm with the largest (ν = 10⁻⁹).")
+
+
+def test_the_picture_of_a_calibration_has_the_unit_of_its_table():
+    import numpy as np
+
+    from exactarm.report.plots.parameters import parameter_forest
+
+    change = np.array([-1.46e-3, 2e-4])
+    figure = parameter_forest(["alpha_3", "a_1"], change, change - 1e-4, change + 1e-4, ["rad", "m"])
+    assert [axes.get_xlabel() for axes in figure.axes] == ["change [deg]", "change [mm]"]
+
+
+def test_highlights_show_one_number_where_nothing_changed():
+    from exactarm.commands.error_sections import highlights
+    from exactarm.identify.statistics import summarise
+
+    same = {"identification": summarise([1e-3]), "validation": summarise([1e-3, 2e-3])}
+    lower = same | {"validation": summarise([1e-4])}
+    assert [item.before for item in highlights(same, same, "m").items] == [None] * 3
+    assert all(item.before is not None for item in highlights(same, lower, "m").items)

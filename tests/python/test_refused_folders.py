@@ -1,6 +1,7 @@
 """A folder that could not take the results is refused before the work: exit 2, one line, what stood there
 stands there still."""
 
+import json
 import os
 import re
 import sys
@@ -12,7 +13,7 @@ import exactarm as ea
 from exactarm import cli
 from exactarm.commands.execute import parse
 from exactarm.commands.listing import find_commands, import_command
-from exactarm.commands.output import ALWAYS, OutputFolder, may_write
+from exactarm.commands.output import ALWAYS, PICTURES, OutputFolder, may_write
 from exactarm.errors import InputError
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
@@ -52,6 +53,8 @@ def test_a_file_of_the_user_is_found_before_the_work(command, folder, tmp_path, 
     module = idle(command, monkeypatch)
     (tmp_path / "out").mkdir()
     for pattern in may_write(module, parse(module, words[1:])):
+        if pattern in PICTURES:  # they give way: below
+            continue
         mine = tmp_path / "out" / pattern.replace("[[]", "[").replace("*", "mine")
         mine.parent.mkdir(exist_ok=True)
         mine.write_text("mine")
@@ -59,9 +62,29 @@ def test_a_file_of_the_user_is_found_before_the_work(command, folder, tmp_path, 
         assert f"{mine}: would be overwritten by the result of the same name; expected another --out" in told
         assert mine.read_text() == "mine"
         mine.unlink()
-    if (tmp_path / "out/plots").exists():
-        (tmp_path / "out/plots").rmdir()
     assert [path.name for path in (tmp_path / "out").iterdir()] == []
+
+
+def test_a_picture_of_the_user_among_the_plots_stays_and_no_run_is_refused(tmp_path):
+    first = ea.calibrate("ur10", ea.example("ur10/series_B"), threads=1)
+    first.save(tmp_path)
+    plots = tmp_path / "plots"
+    (plots / "my_sketch.svg").write_text("mine")
+    (plots / "error_histogram.svg").unlink()
+    (plots / "error_histogram.svg").mkdir()  # not even a file
+    listed = (tmp_path / ".written").read_text().replace("plots/error_per_row.png\n", "")
+    (tmp_path / ".written").write_text(listed)  # as if no run had written it
+    (tmp_path / "result.json").unlink()  # which names it, too
+    (plots / "error_per_row.png").write_text("mine too")
+    first.save(tmp_path)
+    assert (plots / "my_sketch.svg").read_text() == "mine"
+    assert (plots / "error_per_row.png").read_text() == "mine too"
+    assert (plots / "error_per_row_2.png").read_bytes().startswith(b"\x89PNG")
+    named = json.loads((tmp_path / "result.json").read_text())["files"]
+    assert {"plots/error_per_row_2.png", "plots/parameters.svg"} <= set(named)
+    assert not {"plots/error_per_row.png", "plots/my_sketch.svg"} & set(named)
+    first.save(tmp_path)  # again: the numbered picture is a run's own now
+    assert not (plots / "error_per_row_3.png").exists()
 
 
 def _file(out):

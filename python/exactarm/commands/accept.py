@@ -57,7 +57,7 @@ def accept(draft: str | Path) -> CommandResult:
     return CommandResult(
         json={"effects": [effect.to_table() for effect in effects], "file": str(path),
               "warnings": list(empty)},
-        report=Report("Accepted effects", f"{', '.join(titles)} in your library.",
+        report=Report("Accepted effects", f"Now in your library: {'; '.join(titles)}.",
                       (Text("Effects", lines), Warnings(empty)), "caution" if empty else "good"),
         asked=Asked("accept", f'exactarm.accept("{draft}")', None, (Source(str(draft), sha256(draft)),),
                     DEFAULT_SEED),

@@ -35,7 +35,7 @@ from exactarm.diagnose.verdict import (
 )
 from exactarm.kinds import kind_of
 from exactarm.report import Figure, Quantity, Report, Table, Text, Warnings
-from exactarm.report.numbers import change, number, quantities
+from exactarm.report.numbers import change, fixed, number, quantities
 from exactarm.report.plots.arm import arm_with_errors
 from exactarm.robot import Robot
 
@@ -244,7 +244,7 @@ def _dossier_table(heading: str, dossier: Dossier) -> Table:
         for f in dossier.follows[:8]
     )
     note = (f"Share of the square sum explained by bins of the signal; p-values corrected for all tests. "
-            f"Autocorrelation from row to row: {dossier.autocorrelation:.2f}.")
+            f"Autocorrelation from row to row: {fixed(dossier.autocorrelation, 2)}.")
     return Table(heading, ("signal", "along", "share", "p-value", "beyond chance"), rows, note)
 
 

@@ -40,11 +40,12 @@ def error_table(
 
 def highlights(before: Mapping[str, ErrorSummary], after: Mapping[str, ErrorSummary],
                unit: str) -> Highlights:
-    """Mean and maximum of the rows that judge: validation where there are any."""
+    """Mean and maximum of the rows that judge: validation where there are any. One number where nothing
+    changed."""
     judge = "validation" if after["validation"].n else "identification"
     return Highlights(tuple(
         Highlight(f"{judge}, {name}", Quantity(getattr(after[judge], field), unit),
-                  Quantity(getattr(before[judge], field), unit))
+                  None if before == after else Quantity(getattr(before[judge], field), unit))
         for name, field in (("mean", "mean"), ("RMS", "rms"), ("maximum", "max"))
     ))
 

@@ -264,7 +264,8 @@ def _parameters(robot: Robot, result: DynamicsIdentification) -> Table:
 def _groups(result: DynamicsIdentification) -> Table:
     base = result.base
     free = set(result.fit.layout.names)
-    rows = tuple((base.names[c], base.group(k)) for k, c in enumerate(base.kept) if base.names[c] in free)
+    sums = ((base.names[c], base.group(k)) for k, c in enumerate(base.kept) if base.names[c] in free)
+    rows = tuple((name, group) for name, group in sums if group != name)
     return Table("What the inertial parameters stand for", ("parameter", "base parameter"), rows,
-                 "A motion shows these sums only; how it is shared out among them follows the bodies "
-                 "that the links are drawn to.")
+                 "A motion shows these sums only; how each is shared out among its parts follows the "
+                 "bodies that the links are drawn to. All other parameters stand for themselves.")

@@ -41,5 +41,6 @@ def trust_text(radius: np.ndarray | None, where: str) -> Text:
     return Text(HEADING, (
         f"By the covariance in the robot file, 95 % of the real arm's errors {where} stay within {median} "
         f"(median), {worst} at the worst: estimates, curves of gears where they were not measured, and what "
-        "the identification left. Of the target that was measured, in the frame of its measuring device.",
+        "the identification left. They are errors of the target that was measured, in the frame of the "
+        "measuring device.",
         "`exactarm evaluate robot.toml NEW.csv --at POSES` scales this by poses that were measured."))

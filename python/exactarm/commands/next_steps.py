@@ -194,6 +194,17 @@ def _table(run: _Run) -> Sequence[str]:
             run.line("calibrated", "calibrate", run.robot, run.written(next(iter(run.result.tables)))))
 
 
+def _corners(run: _Run) -> Sequence[str]:
+    return ("Calibrate with them:",
+            run.line("calibrated", "calibrate", run.robot, run.written(next(iter(run.result.tables))),
+                     *run.asked.reading))
+
+
+def _accept(run: _Run) -> Sequence[str]:
+    return ("Run `exactarm diagnose` with the same robot and files again: it chooses among the effects of"
+            " your library as among its own. `exactarm accept` writes no robot file.",)
+
+
 def _export(run: _Run) -> Sequence[str]:
     format = run.result.json["format"]
     if format != "urdf":
@@ -205,7 +216,7 @@ def _export(run: _Run) -> Sequence[str]:
 NEXT: dict[str, Callable[[_Run], Sequence[str]]] = {
     "calibrate": _fitted, "gear": _fitted, "identify": _fitted, "evaluate": _evaluate, "check": _check,
     "plan": _plan, "simulate": _simulate, "design": _design, "certify": _certify, "compensate": _compensate,
-    "export": _export, "merge": _table,
+    "export": _export, "merge": _table, "corners": _corners, "accept": _accept,
 }
 
 

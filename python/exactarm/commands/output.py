@@ -5,12 +5,14 @@ before the work begins, so that a run that was killed leaves none. A folder has 
 run is refused by a lock on the folder itself, which ends with the process that holds it, however that ends.
 `result.json` names the run (`run`) and the files that belong to it with their SHA-256 (`files`). `.written`
 lists every file that a run has put here: a result takes the place of those alone, never of a user's own file.
+A file of the user among the plots is no reason to refuse: a picture of its name gets a number.
 """
 
 from __future__ import annotations
 
 import argparse
 import fcntl
+import itertools
 import json
 import os
 import shutil
@@ -123,6 +125,7 @@ class OutputFolder:
 
     def write_result(self, result: Mapping[str, Any]) -> None:
         """`result` with the run's id and the files that belong to it; it is published last."""
+        self._leave_pictures_of_others()
         own = {"run": self.run, "files": {str(name): sha256(self._partial / name) for name in self._names()}}
         self.write_text(RESULT, json.dumps(plain(dict(result) | own), indent=1, allow_nan=False,
                                            ensure_ascii=False) + "\n")
@@ -150,7 +153,7 @@ class OutputFolder:
             if plots.is_symlink() or not plots.is_dir() or not os.access(plots, os.W_OK):
                 raise InputError("stands where a folder of plots is to be written; expected another --out",
                                  file=plots)
-            there += plots.iterdir()
+            there += (target for target in plots.iterdir() if target.resolve() in read)
         for target in there:
             name = target.relative_to(self.path).as_posix()
             if not any(fnmatchcase(name, pattern) for pattern in patterns):
@@ -161,6 +164,19 @@ class OutputFolder:
             if target.resolve() in read or name not in own:
                 raise InputError("would be overwritten by the result of the same name; expected another "
                                  "--out", file=target)
+
+    def _leave_pictures_of_others(self) -> None:
+        """Pictures of which a file that no run has written has the name get a number; the page has them
+        inside."""
+        own = self._written()
+        taken = lambda name: os.path.lexists(self.path / name) and (
+            str(name) not in own or (self.path / name).is_dir())
+        for name in self._names():
+            if name.parts[0] == PLOTS and taken(name):
+                numbered = (name.with_stem(f"{name.stem}_{k}") for k in itertools.count(2))
+                free = next(other for other in numbered
+                            if not taken(other) and not (self._partial / other).exists())
+                (self._partial / name).rename(self._partial / free)
 
     def _note(self, names: Iterable[str]) -> None:
         with (self.path / WRITTEN).open("a", encoding="utf-8") as file:

@@ -15,7 +15,7 @@ from typing import Any
 import exactarm
 from exactarm.commands.next_steps import with_lines
 from exactarm.commands.outcome import Asked, Outcome
-from exactarm.commands.output import ALWAYS, PLOTS, ROBOT_FILES, OutputFolder
+from exactarm.commands.output import ALWAYS, PICTURES, ROBOT_FILES, OutputFolder
 from exactarm.commands.plain import plain, rows_of, sha256
 from exactarm.errors import ComputationError, InputError
 from exactarm.progress import SILENT, Progress
@@ -45,18 +45,17 @@ def save(result: Outcome, folder: str | Path, progress: Progress = SILENT) -> Pa
     """Writes a result that Python holds; returns the path of its report."""
     started = time.perf_counter()
     read = [*result.inputs, *(source.path for source in (result.asked.files if result.asked else ()))]
-    with OutputFolder(Path(folder), [escape(name) for name in _names(result)], read) as place:
+    with OutputFolder(Path(folder), _names(result), read) as place:
         publish(result, place, started, progress)
     return Path(folder) / "report.html"
 
 
 def _names(result: Outcome) -> list[str]:
-    """Of all files that `publish` writes."""
+    """Of all files that `publish` writes, as patterns."""
     robot = ROBOT_FILES if result.robot is not None else ()
-    pictures = [f"{PLOTS}/{figure.name}.{kind}" for figure in result.report.figures
-                for kind in ("svg", "png")]
-    printed = [result.pdf] if result.pdf else []
-    return [*ALWAYS, *robot, *result.tables, *result.texts, *result.contents, *pictures, *printed]
+    pictures = PICTURES if result.report.figures else ()
+    own = [*result.tables, *result.texts, *result.contents, *([result.pdf] if result.pdf else [])]
+    return [*ALWAYS, *robot, *pictures, *map(escape, own)]
 
 
 def publish(result: Outcome, folder: OutputFolder, started: float, progress: Progress = SILENT,

@@ -13,7 +13,14 @@ from exactarm.plan.compensation import planning_model
 from exactarm.plan.spectrum import PEAK_SHARE, amplitude
 from exactarm.report import Figure, Highlight, Highlights, Quantity, Report, Section, Table, Text
 from exactarm.report.numbers import number, quantity
-from exactarm.report.plots.weighting import histories, over_weight, path_in_space, spectra_per_axis, trade_off
+from exactarm.report.plots.weighting import (
+    MICROMETRE,
+    histories,
+    over_weight,
+    path_in_space,
+    spectra_per_axis,
+    trade_off,
+)
 from exactarm.robot import Robot
 
 Study = dict[str, list[Case]]
@@ -24,14 +31,7 @@ _INPUTS = {"acceleration": "acceleration", "jerk": "jerk"}
 def study_report(robot: Robot, studies: dict[str, Study]) -> Report:
     """`studies`: path -> input -> cases in the order of their weights."""
     best = {path: kinds["acceleration"][0] for path, kinds in studies.items()}
-    verdict = "; ".join(
-        f"{path}: {quantity(_rms(case.played.knots), 'm')} RMS at the knots and "
-        f"{quantity(_rms(case.played.between), 'm')} between "
-        f"them with ν = {_power(case.nu)}, {quantity(_rms(kinds['acceleration'][-1].played.knots), 'm')} "
-        "with "
-        f"{_power(kinds['acceleration'][-1].nu)}"
-        for (path, kinds), case in zip(studies.items(), best.values())
-    )
+    verdict = " ".join(_verdict(path, kinds["acceleration"]) for path, kinds in studies.items())
     sections: list[Section] = [
         Highlights(tuple(Highlight(f"{path}, between the knots, RMS",
                                    Quantity(_rms(case.played.between), "m"))
@@ -40,13 +40,13 @@ def study_report(robot: Robot, studies: dict[str, Study]) -> Report:
         _ringing_table(studies),
         Figure("tradeoff", "Accuracy against bandwidth", partial(_trade_off, studies),
                "Error of the flange between the knots on the virtual robot over the largest bandwidth of an "
-               "axis; each point is a "
-               "weight, the smallest at the bottom.",
+               "axis. Each point is a weight; a line joins them in their order.",
                "error over bandwidth, both logarithmic, for both inputs"),
     ]
     for path, kinds in studies.items():
         sections += _figures(robot, path, kinds)
     sections.append(Text("How to read it", (
+        "Knots: the samples of the plan.",
         "Bandwidth: highest frequency at which the spectrum of the motor acceleration of an axis is above "
         f"{PEAK_SHARE:g} of the largest peak of all axes. "
         "Ringing: RMS of what alternates from knot to knot, the eigenvalue −1 of the trapezoidal rule. All "
@@ -57,11 +57,24 @@ def study_report(robot: Robot, studies: dict[str, Study]) -> Report:
         "The weight of the jerk is ν / (100 rad/s)²: at 16 Hz both inputs cost the same, and a row compares "
         "two such plans.",
     )))
-    return Report(f"Weight of the input on {robot.name}", verdict + ".", tuple(sections), "plain")
+    return Report(f"Weight of the input on {robot.name}", verdict, tuple(sections), "plain")
 
 
 def _rms(errors: np.ndarray) -> float:
     return summarise(errors).rms
+
+
+def _verdict(path: str, cases: list[Case]) -> str:
+    """cases: in the order of their weights."""
+    ends = [(quantity(_rms(case.played.between), "m"), _power(case.nu)) for case in (cases[0], cases[-1])]
+    (least, smallest), (most, largest) = ends
+    return (f"{path}: between the knots of its plan the flange is off by {least} RMS with the smallest "
+            f"weight (ν = {smallest}), by {most} with the largest (ν = {largest}).")
+
+
+def _micrometres(error: float) -> str:
+    """One unit for errors that span many decades, each with its own digits."""
+    return number(error / MICROMETRE)
 
 
 def _power(nu: float) -> str:
@@ -74,15 +87,13 @@ def _power(nu: float) -> str:
 
 def _table(path: str, kinds: Study) -> Table:
     rows = tuple(
-        (_power(case.nu), Quantity(case.plan.tracking.position_rms, "m"),
-         Quantity(_rms(case.played.knots), "m"),
-         Quantity(_rms(case.played.between), "m"), Quantity(summarise(case.played.between).max, "m"),
-         Quantity(case.widest, "Hz"), str(case.plan.solver.iterations))
+        (_power(case.nu), *map(_micrometres, (case.plan.tracking.position_rms, _rms(case.played.knots),
+                                              _rms(case.played.between), summarise(case.played.between).max)),
+         Quantity(case.widest, "Hz"), case.plan.solver.iterations)
         for case in kinds["acceleration"]
     )
-    rows = tuple((row[0], *(quantity(cell.value, cell.unit) for cell in row[1:6]), row[6]) for row in rows)
-    header = ("ν", "planned, RMS", "knots, RMS", "between, RMS", "between, largest", "bandwidth",
-              "iterations")
+    header = ("ν", "planned, RMS [µm]", "knots, RMS [µm]", "between, RMS [µm]", "between, largest [µm]",
+              "bandwidth", "iterations")
     return Table(f"Weights on {path}, acceleration as the input", header, rows,
                  "Error of the flange: on the planner's model, then on the virtual robot at and between the "
                  "knots.", 0)
@@ -95,17 +106,15 @@ def _ringing_table(studies: dict[str, Study]) -> Table:
             plain = next(case for case in kinds["acceleration"] if case.nu == jerk.nu)
             rows.append((path, _power(jerk.nu), *(
                 cell for pair in zip(_compared(plain), _compared(jerk)) for cell in pair)))
-    header = ("path", "ν", *(f"{name}, {kind}" for name in ("knots", "between", "bandwidth", "ringing")
-                             for kind in ("a", "j")))
+    header = ("path", "ν", *(f"{name}, {kind}{unit}" for name, unit in (
+        ("knots", " [µm]"), ("between", " [µm]"), ("bandwidth", ""), ("ringing", "")) for kind in ("a", "j")))
     return Table("Acceleration (a) and jerk (j) as the input", header, tuple(rows),
-                 "RMS errors of the flange on the virtual robot; largest bandwidth and ringing (mrad/s²) of "
-                 "an axis.")
+                 "RMS errors of the flange on the virtual robot; largest bandwidth and ringing of an axis.")
 
 
-def _compared(case: Case) -> tuple[str, ...]:
-    return (quantity(_rms(case.played.knots), "m"), quantity(_rms(case.played.between), "m"),
-            quantity(case.widest, "Hz"),
-            number(float(1e3 * case.ringing.max()), 2))
+def _compared(case: Case) -> tuple[str | Quantity, ...]:
+    return (_micrometres(_rms(case.played.knots)), _micrometres(_rms(case.played.between)),
+            Quantity(case.widest, "Hz"), Quantity(float(1e3 * case.ringing.max()), "mrad/s²"))
 
 
 def _trade_off(studies: dict[str, Study]):

@@ -7,11 +7,20 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from exactarm.report.plots.style import AFTER, FLOOR, VALIDATION, label_with, legend_above, new_figure, scaled
+from exactarm.report.plots.style import (
+    AFTER,
+    CYCLE,
+    FLOOR,
+    VALIDATION,
+    label_with,
+    legend_above,
+    new_figure,
+    scaled,
+)
 
 LEAST = 1e-3  # of the statistic that is drawn
 MOST = 1e12
-MOST_NAMED = 8  # poses with a colour of their own
+MOST_NAMED = len(CYCLE)  # poses with a colour of their own
 
 
 def statistic_over_days(

@@ -26,7 +26,7 @@ LONG_LABEL = 22
 def parameter_forest(labels: Sequence[str], values: np.ndarray, low: np.ndarray, high: np.ndarray,
                      units: Sequence[str]) -> Figure:
     """Changes of the parameters (k,) with 95 % intervals; one panel per unit, two in a line; zero = as
-    declared."""
+    declared. Angles are in degrees, as in the tables of a calibration."""
     rows_of = {unit: [index for index, other in enumerate(units) if other == unit]
                for unit in dict.fromkeys(units)}
     wide = [unit for unit, rows in rows_of.items() if max(len(labels[index]) for index in rows) > LONG_LABEL]
@@ -44,7 +44,7 @@ def parameter_forest(labels: Sequence[str], values: np.ndarray, low: np.ndarray,
 
 
 def _forest_panel(axes, labels, values, low, high, unit) -> None:
-    size, shown = scaled(values, unit, low, high)
+    size, shown = (np.pi / 180.0, "deg") if unit == "rad" else scaled(values, unit, low, high)
     rows = np.arange(len(values))[::-1]
     certain = (low > 0.0) | (high < 0.0)
     axes.axvline(0.0, color=INK, linewidth=0.8)

@@ -24,6 +24,7 @@ from exactarm.report.plots.style import (
 
 MOST_POINTS = 600  # a trace; a report holds many
 MICROMETRE = 1e-6  # one unit for errors that span many decades
+MOST_PLAIN = 1e3  # over more decades, three ticks each run into another
 _MARKERS = "osDv^P*X"
 
 
@@ -44,6 +45,7 @@ def over_weight(nu: np.ndarray, errors: Mapping[str, np.ndarray], bandwidth_hz: 
     for axes in (left, right):
         axes.set_xlabel("weight ν of the input")
         axes.grid(True, which="major")
+    _plain_numbers(left.yaxis)
     _plain_numbers(right.yaxis)
     legend_above(left, columns=3)
     handles, labels = right.get_legend_handles_labels()
@@ -65,6 +67,7 @@ def trade_off(paths: Mapping[str, Mapping[str, tuple[np.ndarray, np.ndarray]]], 
         axes.set_title(path)
         _plain_numbers(axes.xaxis)
     panels[0].set_ylabel(label_with(name, "µm"))
+    _plain_numbers(panels[0].yaxis)
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper right", ncols=2)
     return figure
 
@@ -154,7 +157,10 @@ def path_in_space(desired: np.ndarray, calculated: np.ndarray, rotation: np.ndar
 
 
 def _plain_numbers(axis) -> None:
-    """Ticks of a short logarithmic axis as 10, 20, 50."""
+    """Ticks of a short logarithmic axis as 10, 20, 50; one of many decades keeps its powers."""
+    low, high = axis.get_view_interval()
+    if high > MOST_PLAIN * low:
+        return
     axis.set_major_locator(LogLocator(base=10.0, subs=(1.0, 2.0, 5.0)))
     axis.set_major_formatter(FormatStrFormatter("%g"))
     axis.set_minor_formatter(NullFormatter())
