@@ -121,7 +121,8 @@ class _Stepper:
                 break
             if iteration and iteration % _SLOW == 0:
                 self._factorise(q_nodes[2], v_nodes[2], output[2], h)
-            a = a - linalg.lu_solve(self.factor, residual.ravel(), check_finite=False).reshape(3, self.n)
+            # LAPACK itself: the checks of `linalg.lu_solve` take longer than 18 unknowns do
+            a = a - linalg.lapack.dgetrs(*self.factor, residual.ravel())[0].reshape(3, self.n)
         else:
             raise ComputationError(f"the simulation of the springs does not converge at {t:.4g} s")
         self.acceleration = a
