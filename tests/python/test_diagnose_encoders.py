@@ -10,7 +10,7 @@ from exactarm.dataset import Dataset
 from exactarm.diagnose.diagnosis import diagnose
 from exactarm.effects import effect_from_table
 from exactarm.effects.load_dependence import LoadDependence
-from exactarm.identify.gear_evaluate import gear_run_error
+from exactarm.identify.gear_evaluate import evaluate_gear_runs
 from exactarm.robot_file import load_robot
 
 RATE_HZ, SECONDS, RUNS = 125.0, 8.0, 2
@@ -71,8 +71,8 @@ def test_names_the_gear_that_winds_up_under_a_measured_torque(result):
 
 
 def test_the_updated_robot_carries_what_was_found(robot, result):
-    left = gear_run_error(result.robot, measured(robot, COMPLIANCE)).error
-    declared = gear_run_error(robot, measured(robot, COMPLIANCE)).error
+    left = evaluate_gear_runs(result.robot, measured(robot, COMPLIANCE)).error
+    declared = evaluate_gear_runs(robot, measured(robot, COMPLIANCE)).error
     assert np.sqrt(np.mean(left**2)) < 0.5 * np.sqrt(np.mean(declared**2))
 
 

@@ -8,7 +8,7 @@ import pytest
 
 import exactarm as ea
 from exactarm.errors import InputError
-from exactarm.identify.motion_evaluate import motion_error
+from exactarm.identify.motion_evaluate import evaluate_motion
 from exactarm.robot_file import load_robot
 from motions import fourier_motion, motion_data
 
@@ -21,10 +21,10 @@ def motion():
 @pytest.mark.slow
 def test_the_arm_that_made_it_is_off_by_the_noise(motion):
     robot = load_robot("racer-7-1.4")
-    own = motion_error(robot, motion)
+    own = evaluate_motion(robot, motion)
     last = robot.links[-1]
     heavier = replace(robot, links=robot.links[:-1] + (replace(last, mass=last.mass + 5.0),))
-    other = motion_error(heavier, motion)
+    other = evaluate_motion(heavier, motion)
     assert np.sqrt(np.mean(own.error**2)) < 0.5 < 5.0 < np.sqrt(np.mean(other.error**2))
     assert own.residual.shape == (len(own.data), 6) and own.columns[0] == "dtau_1_Nm"
     assert np.allclose(own.error, np.sqrt(np.mean(own.residual**2, axis=1)))
@@ -34,4 +34,4 @@ def test_a_file_without_masses_is_refused():
     robot = replace(load_robot("racer-7-1.4"), links=None)
     time, angle, _, _ = fourier_motion(robot, 1.0, 100.0, 3)
     with pytest.raises(InputError, match="has no masses"):
-        motion_error(robot, motion_data(robot, time, angle))
+        evaluate_motion(robot, motion_data(robot, time, angle))

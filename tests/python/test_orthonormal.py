@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from exactarm.diagnose.problem import extended, orthonormal
+from exactarm.diagnose.orthonormal import extended, orthonormal
 
 
 @pytest.fixture

@@ -145,7 +145,7 @@ def test_a_pair_whose_search_ends_under_another_label_is_still_a_pair(monkeypatc
         def excludes_rows(self):
             return False
 
-    monkeypatch.setattr(selection, "_emptied", lambda effect: effect)
+    monkeypatch.setattr(selection, "emptied", lambda effect: effect)
     monkeypatch.setattr(selection, "count_of", lambda problem, fitted: 100.0)
     monkeypatch.setattr(selection, "linear_columns", lambda fitted, effect: None)
     monkeypatch.setattr(selection, "scan",

@@ -5,7 +5,7 @@ import pytest
 from scipy.signal import lfilter
 
 from exactarm.dataset import Dataset
-from exactarm.identify.gear_evaluate import gear_run_error
+from exactarm.identify.gear_evaluate import evaluate_gear_runs
 from exactarm.identify.sensor_tone import find_tones, without_tones
 from rigid_arm import rigid
 
@@ -79,5 +79,5 @@ def test_runs_without_a_rest_show_no_tone():
 
 
 def test_a_run_is_judged_without_its_tone():
-    error = lambda data: np.sqrt(np.mean(gear_run_error(rigid(), data).error ** 2))
+    error = lambda data: np.sqrt(np.mean(evaluate_gear_runs(rigid(), data).error ** 2))
     assert error(runs(tone=(50.0, 3.0 * NOISE))) == pytest.approx(error(runs()), rel=0.02)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from exactarm.diagnose.problem import orthonormal
+from exactarm.diagnose.orthonormal import orthonormal
 from exactarm.diagnose.smoothness import closeness, follows_space, second_order
 
 ROWS = 90

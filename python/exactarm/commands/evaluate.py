@@ -23,7 +23,8 @@ from exactarm.commands.steps import AT_POSES, CHECKING, JUDGING, READING, STEPS
 from exactarm.commands.suspicions import suspicions
 from exactarm.dataset import Dataset, read_planned_poses
 from exactarm.errors import InputError
-from exactarm.identify.evaluate import EVALUATORS, Evaluation
+from exactarm.identify.evaluate import EVALUATORS
+from exactarm.identify.evaluation import Evaluation
 from exactarm.identify.joint_limits import beyond_limits
 from exactarm.identify.planned import controller_angles
 from exactarm.identify.pose_uncertainty import pose_uncertainty

@@ -19,8 +19,9 @@ import numpy as np
 from exactarm.chain import Layout
 from exactarm.dataset import Dataset
 from exactarm.diagnose.noise import repeat_scatter
+from exactarm.diagnose.orthonormal import orthonormal
 from exactarm.diagnose.pose_problem import LEAST_REPEATS, PoseProblem
-from exactarm.diagnose.problem import Fitted, Problem, orthonormal
+from exactarm.diagnose.problem import Fitted, Problem
 from exactarm.effects.base import Effect, Station
 from exactarm.identify.closure_fit import ClosureFit, Pulls, fit_closures
 from exactarm.identify.closures import (
@@ -75,19 +76,14 @@ class ClosureFitted(Fitted):
         return self.weight[:, None] * self.prediction.used / self.sigmas
 
     @cached_property
-    def prior_rows(self) -> np.ndarray:
-        return self.pulls.rows(self.layout)[0]
-
-    @cached_property
-    def whitened(self) -> np.ndarray:
-        return np.concatenate([self.standard(self.residual[:, :, None]).ravel(),
-                               self.pulls.rows(self.layout)[1]])
+    def prior(self) -> tuple[np.ndarray, np.ndarray]:
+        return self.pulls.rows(self.layout)
 
     def square(self, like: Fitted) -> float:
         return float(np.sum((self.residual * like.scale) ** 2))
 
-    def columns_of(self, effects: list[Effect]) -> list[np.ndarray]:
-        return [self.whiten(self.prediction.response(effect)) for effect in effects]
+    def responses_of(self, effects: list[Effect]) -> list[np.ndarray]:
+        return [self.prediction.response(effect) for effect in effects]
 
     @cached_property
     def of_contacts(self) -> np.ndarray:
@@ -104,21 +100,18 @@ class WithoutContacts(ClosureFitted):
 
     @cached_property
     def contact_basis(self) -> np.ndarray:
-        columns = np.concatenate([self.standard(self.jacobian), self.prior_rows])
-        return orthonormal(columns[:, self.of_contacts])
+        return orthonormal(self.design[:, self.of_contacts])
 
     def _cleared(self, columns: np.ndarray) -> np.ndarray:
         return columns - self.contact_basis @ (self.contact_basis.T @ columns)
 
     @cached_property
     def whitened(self) -> np.ndarray:
-        return self._cleared(np.concatenate([self.standard(self.residual[:, :, None]).ravel(),
-                                             self.pulls.rows(self.layout)[1]]))
+        return self._cleared(super().whitened)
 
     @cached_property
     def basis(self) -> np.ndarray:
-        columns = np.concatenate([self.standard(self.jacobian), self.prior_rows])
-        return orthonormal(self._cleared(columns[:, ~self.of_contacts]))
+        return orthonormal(self._cleared(self.design[:, ~self.of_contacts]))
 
     def whiten(self, response: np.ndarray) -> np.ndarray:
         return self._cleared(super().whiten(response))
@@ -127,11 +120,9 @@ class WithoutContacts(ClosureFitted):
 class ClosureProblem(PoseProblem):
     """Rows have one device each (`touches`)."""
 
-    unit = "m"
     kind = CLOSURES.name
     # contacts are fitted beside the effects: the posterior has not been measured on them
-    by_posterior = drafts = False
-    groups_independent = True
+    by_posterior = False
     # places are few and far apart: an effect that hardly helps there is none
     least_elsewhere = Problem.least_share
 

@@ -25,12 +25,11 @@ from exactarm.diagnose.problem import Fitted, Problem
 from exactarm.diagnose.problems import problem_for
 from exactarm.diagnose.selection import Accepted, Progress, Selection, refit, select
 from exactarm.diagnose.verdict import (
-    MUCH_LEFT,
-    NOTHING,
     UNEXPLAINED,
     held_out_excess,
     no_verdict,
     rises,
+    rms_of,
     sentence_of,
     stood_and_refuted,
     verdict_by_rules,
@@ -178,20 +177,19 @@ def diagnose(
     spread = problem.spread(last)
     excess = held_out_excess(errors[-1], problem.error_of_unit_noise(last), _SPREADS * spread)
     if causes is None:
-        verdict = verdict_by_rules(problem, before, after, noise, left, bool(findings), spread, excess)
+        verdict = verdict_by_rules(problem, before, after, noise, left, bool(findings), spread, excess,
+                                   problem.share_of_measured(last))
     else:
         verdict = verdict_of_causes(causes, after, noise, excess)
     lines = problem.waves_taken_out() + (problem.lines_left(last, noise.value) if noise.measured else ())
     unknown = _unknown_beside(causes, findings) + lines
-    if verdict == NOTHING and not noise.measured and problem.share_of_measured(last) > MUCH_LEFT:
-        verdict = UNEXPLAINED  # a floor that comes from the fit proves nothing by itself
     unconverged = _unconverged(selection)
     _, refuted = stood_and_refuted(findings)
     worse = sum(gains) < 0.0 and rises(before, after)
     if unconverged or refuted or worse or lines or sum(gains) < AGAINST:
         verdict = UNEXPLAINED
     drafts = ()
-    if verdict == UNEXPLAINED and problem.drafts and not unconverged:
+    if verdict == UNEXPLAINED and problem.by_posterior and not unconverged:
         progress(DRAFTING)
         drafts = drafts_of(problem, declared, last)
     wrong = (last.weight == 0.0) & (first.weight > 0.0)  # rows that an effect of the record leaves out
@@ -323,10 +321,6 @@ def _judged(errors: dict[str, np.ndarray]) -> np.ndarray:
     return values[np.isfinite(values)]
 
 
-def _rms(values: np.ndarray) -> float:
-    return float(np.sqrt(np.mean(values**2))) if values.size else float("nan")
-
-
 def _finding(accepted: Accepted, last, declared, place, errors, problem, own_share,
              probability: float) -> Finding:
     index = len(declared.effects) + place
@@ -342,12 +336,12 @@ def _finding(accepted: Accepted, last, declared, place, errors, problem, own_sha
     caveat = effect.caveat(covariance)
     before, after = errors[accepted.round], errors[accepted.round + 1]
     judged = "validation" if before["validation"].size else "identification"
-    fall = f"{judged} RMS {_rms(_judged(before)):.3g} to {_rms(_judged(after)):.3g} {problem.unit}"
+    fall = f"{judged} RMS {rms_of(_judged(before)):.3g} to {rms_of(_judged(after)):.3g} {problem.unit}"
     return Finding(
         effect,
         intervals,
-        _rms(_judged(before)),
-        _rms(_judged(after)),
+        rms_of(_judged(before)),
+        rms_of(_judged(after)),
         probability,
         f"{effect.describe_on(problem.robot)}; log evidence {accepted.evidence:.0f} over a model without it, "
         + fall
@@ -374,7 +368,7 @@ def _alternatives(problem: Problem, declared: Layout, selection: Selection) -> t
         accepted = selection.accepted[place]
         fitted = problem.settled(refit(problem, declared,
                                        chosen[:place] + [rival.effect] + chosen[place + 1 :], last))
-        left = _rms(_judged(_errors(problem, fitted)))
+        left = rms_of(_judged(_errors(problem, fitted)))
         probability = float(np.exp(min(rival.evidence - accepted.evidence, 0.0)) * accepted.probability)
         found.append(Alternative(
             fitted.layout.effects[len(declared.effects) + place], accepted.effect.label,

@@ -14,7 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
-from exactarm.diagnose.problem import Fitted, Problem, orthonormal
+from exactarm.diagnose.orthonormal import orthonormal
+from exactarm.diagnose.problem import Fitted, Problem
 from exactarm.diagnose.smoothness import closeness, follows_space
 
 BINS = 8

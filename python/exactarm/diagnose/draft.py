@@ -241,7 +241,7 @@ def _draft(
     intervals = np.column_stack([effect.values, effect.values]).astype(float)
     intervals[free] = after.fit.interval()[where]
     signals = {name: signal_of(after.view, name) for name in effect.of}
-    data = problem.held_out if len(problem.held_out) else problem.data
+    data = problem.judged
     return Draft(
         effect,
         intervals,

@@ -22,7 +22,7 @@ from functools import cached_property
 import numpy as np
 from scipy import linalg, special
 
-from exactarm.diagnose.problem import orthonormal
+from exactarm.diagnose.orthonormal import orthonormal
 from exactarm.diagnose.vocabulary import SCALE_WEIGHTS, SCALES, Vocabulary
 
 # share of a column's square sum left after projection, below which the declared model explains it

@@ -18,9 +18,9 @@ import numpy as np
 from exactarm.chain import GearRecord, GearRunPrediction, Layout, gear_record, predict_gear_run
 from exactarm.chain.encoder_counts import folded_rounding
 from exactarm.dataset import Dataset
-from exactarm.diagnose.coloured_noise import ColouredNoise, NoiseMemory
 from exactarm.diagnose.next_runs import separating_run
-from exactarm.diagnose.problem import Fitted, Problem, orthonormal
+from exactarm.diagnose.orthonormal import orthonormal
+from exactarm.diagnose.problem import Fitted, Problem
 from exactarm.diagnose.problem_in_time import ProblemInTime
 from exactarm.diagnose.resampled_run import resampled_run, with_reading
 from exactarm.diagnose.scan import free_mask
@@ -73,18 +73,12 @@ class GearProblem(ProblemInTime):
         data, held_out = without_tones(data, self._tones), without_tones(held_out, self._tones)
         super().__init__(robot, data, held_out, threads, seed)
         self._waves: tuple[WaveInTime, ...] = ()
-        self._estimator, self._noise = ColouredNoise(self), NoiseMemory()
-        self._records = {"identification": gear_record(robot, data, accelerating=True)}
-        if len(held_out):
-            self._records["validation"] = gear_record(robot, held_out, accelerating=True)
         self.resampled, self.record = resampled_run(robot, data, self._records["identification"])
         self._step = typical_step(self.resampled.time[self.record.runs[0]])
         if self.record.encoder_axes:
             self.unit = "rad"
 
-    def _record_of(self, data: Dataset) -> GearRecord:
-        if data is self.data or data is self.held_out:
-            return self._records["identification" if data is self.data else "validation"]
+    def _new_record(self, data: Dataset) -> GearRecord:
         return gear_record(self.robot, data, accelerating=True)
 
     def declared(self) -> Layout:
@@ -196,13 +190,8 @@ class GearProblem(ProblemInTime):
         return fit_gear_runs(self.robot, new.joined(layout.held), data, record=record,
                              threads=self.threads).prediction
 
-    def axes(self, before: Fitted, after: Fitted) -> list:
-        data = self.held_out if len(self.held_out) else self.data
-        rms = [self._rms_by_axis(fitted, data) for fitted in (before, after)]
-        return [{"joint": axis + 1, "before": rms[0][axis], "after": rms[1][axis]} for axis in sorted(rms[0])]
-
-    def _rms_by_axis(self, fitted: Fitted, data: Dataset) -> dict[int, float]:
-        """RMS of the deviations by axis (from 0): of each encoder, or of the runs in which the axis moves."""
+    def rms_by_axis(self, fitted: Fitted, data: Dataset) -> dict[int, float]:
+        """Of each encoder, or of the runs in which the axis moves."""
         record, deviations = self._record_of(data), self._deviations(fitted, data)
         if record.encoder_axes:
             parts = dict(zip(record.encoder_axes, deviations.reshape(len(data), -1).T))

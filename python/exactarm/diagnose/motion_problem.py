@@ -23,7 +23,6 @@ from exactarm.chain import (
 )
 from exactarm.chain.motion_record import measured_torque, runs_of
 from exactarm.dataset import Dataset
-from exactarm.diagnose.coloured_noise import ColouredNoise, NoiseMemory
 from exactarm.diagnose.next_motions import separating_motion
 from exactarm.diagnose.problem import Fitted
 from exactarm.diagnose.problem_in_time import ProblemInTime
@@ -116,18 +115,13 @@ class MotionProblem(ProblemInTime):
         inertial = robot.links is None or inertia_was_estimated(robot)
         super().__init__(with_links(robot) if inertial else robot, data, held_out, threads, seed)
         self.inertial = inertial
-        self.record = self._new_record(data)
-        self._held = self._new_record(held_out, self.record.bandwidth_hz) if len(held_out) else None
-        self._estimator, self._noise = ColouredNoise(self), NoiseMemory()
+        self.record = self._records["identification"]
         self._fits: dict[tuple, MotionFit] = {}  # shared with the problems that come of this one
 
-    def _record_of(self, data: Dataset) -> MotionRecord:
-        if data is self.data or data is self.held_out:
-            return self.record if data is self.data else self._held
-        return self._new_record(data, self.record.bandwidth_hz)
-
-    def _new_record(self, data: Dataset, bandwidth_hz: float | None = None) -> MotionRecord:
-        record = motion_record(self.robot, data, bandwidth_hz, _ROWS_SHARE)
+    def _new_record(self, data: Dataset) -> MotionRecord:
+        """Behind the low-pass of the identification rows."""
+        first = self._records.get("identification")
+        record = motion_record(self.robot, data, first.bandwidth_hz if first else None, _ROWS_SHARE)
         return motion_clear_of_reversals(self.robot, record, data, self.threads)
 
     def declared(self) -> Layout:
@@ -206,22 +200,24 @@ class MotionProblem(ProblemInTime):
     def errors(self, fitted: Fitted, data: Dataset) -> np.ndarray:
         return np.abs(self._residual(fitted, data)).ravel()
 
-    def axes(self, before: Fitted, after: Fitted) -> list | None:
-        data = self.held_out if len(self.held_out) else self.data
-        rms = [np.sqrt(np.mean(self._residual(fitted, data) ** 2, axis=0)) for fitted in (before, after)]
-        return [{"joint": int(axis) + 1, "before": float(rms[0][k]), "after": float(rms[1][k])}
-                for k, axis in enumerate(self.record.measured_axes)]
+    def rms_by_axis(self, fitted: Fitted, data: Dataset) -> dict[int, float]:
+        rms = np.sqrt(np.mean(self._residual(fitted, data) ** 2, axis=0))
+        return {int(axis): float(value) for axis, value in zip(self.record.measured_axes, rms)}
 
     def left_out(self) -> tuple[str, ...]:
         silent = [str(axis + 1) for axis in range(self.robot.axes) if axis not in self.record.measured_axes]
         words = (
             (f"no torque was measured on axis {', '.join(silent)}: nothing is said of it",) if silent else ()
         )
-        words += reversals_left_out([self.record] + ([self._held] if self._held is not None else []))
+        words += reversals_left_out(self._records.values())
         if not self.inertial:
             words += ("masses and inertias are taken as the robot file declares them, 3 % more or less: "
                       "where they come from a drawing, `exactarm identify` first",)
         return words
+
+    def share_of_measured(self, fitted: Fitted) -> float:
+        torque = self.record.torque[self.record.keep][:, self.record.measured_axes]
+        return self.error_of_unit_noise(fitted) / max(float(np.sqrt(np.mean(torque**2))), 1e-12)
 
     def shows(self, effect: type[Effect]) -> bool:
         return super().shows(effect) and not (self.inertial and effect.inertia_of)

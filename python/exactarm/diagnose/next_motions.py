@@ -13,7 +13,8 @@ from dataclasses import replace
 import numpy as np
 
 from exactarm.chain import MotionRecord, predict_motion
-from exactarm.diagnose.problem import Fitted, orthonormal
+from exactarm.diagnose.orthonormal import orthonormal
+from exactarm.diagnose.problem import Fitted
 from exactarm.diagnose.scan import free_mask
 from exactarm.effects.base import Effect
 from exactarm.robot import Robot

@@ -12,7 +12,8 @@ import numpy as np
 
 from exactarm.chain import GearRecord, predict_gear_run
 from exactarm.dataset import Dataset
-from exactarm.diagnose.problem import Fitted, orthonormal
+from exactarm.diagnose.orthonormal import orthonormal
+from exactarm.diagnose.problem import Fitted
 from exactarm.diagnose.scan import free_mask
 from exactarm.effects.base import Effect
 from exactarm.kinds import GEAR_RUN

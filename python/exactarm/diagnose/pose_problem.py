@@ -50,7 +50,7 @@ class PoseProblem(Problem):
     numbers_of_error = 3
     kind = POSES.name
     groups_independent = True
-    by_posterior = drafts = True
+    by_posterior = True
 
     def __init__(self, robot: Robot, data: Dataset, held_out: Dataset, threads: int = 1, seed: int = 0):
         super().__init__(robot, data, held_out, threads, seed)
@@ -103,14 +103,12 @@ class PoseProblem(Problem):
         return np.where(rows_kept(fitted.layout, prediction.view), error, np.nan)
 
     def in_space(self, first: Fitted, last: Fitted) -> InSpace:
-        held = len(self.held_out) > 0
-        data, which = (self.held_out, "validation") if held else (self.data, "identification")
-        used = np.isfinite(self.errors(last, data))
-        return errors_in_space(self.robot, first.layout, last.layout, data, which, used, self.threads)
+        which = "validation" if len(self.held_out) else "identification"
+        used = np.isfinite(self.errors(last, self.judged))
+        return errors_in_space(self.robot, first.layout, last.layout, self.judged, which, used, self.threads)
 
     def held_out_picture(self, fitted: Fitted) -> tuple[np.ndarray, np.ndarray] | None:
-        data = self.held_out if len(self.held_out) else self.data
-        prediction = predict_poses(self.robot, fitted.layout, data, threads=self.threads)
+        prediction = predict_poses(self.robot, fitted.layout, self.judged, threads=self.threads)
         residual = prediction.residual(self.orientation)
         kept = rows_kept(fitted.layout, prediction.view)
         return residual[kept], prediction.jacobian[kept, : residual.shape[1]]

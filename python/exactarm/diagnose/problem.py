@@ -17,6 +17,7 @@ from scipy import linalg
 from exactarm.chain import Layout, View
 from exactarm.dataset import Dataset
 from exactarm.diagnose.in_space import InSpace
+from exactarm.diagnose.orthonormal import extended, orthonormal
 from exactarm.effects.base import Effect
 from exactarm.noise.estimate import estimate_noise
 from exactarm.noise.model import NoiseModel
@@ -49,15 +50,25 @@ class Fitted:
         return self.weight[:, None] / self.sigma
 
     @cached_property
+    def prior(self) -> tuple[np.ndarray, np.ndarray]:
+        """Pseudo-observations (r, P) of the regularised parameters, and what they lack (r,)."""
+        rows = self.layout.prior_rows()
+        return rows, -rows @ self.layout.values
+
+    @property
     def prior_rows(self) -> np.ndarray:
         """(r, P) pseudo-observations of the regularised parameters."""
-        return self.layout.prior_rows()
+        return self.prior[0]
 
     @cached_property
     def whitened(self) -> np.ndarray:
         """(N m + r,) the residual with unit variance, then the pseudo-residuals of the priors."""
-        data = self.standard(self.residual[:, :, None]).ravel()
-        return np.concatenate([data, -self.prior_rows @ self.layout.values])
+        return np.concatenate([self.standard(self.residual[:, :, None]).ravel(), self.prior[1]])
+
+    @property
+    def design(self) -> np.ndarray:
+        """(N m + r, P) whitened columns of the free parameters, then the rows of the priors."""
+        return np.concatenate([self.standard(self.jacobian), self.prior_rows])
 
     @cached_property
     def free_residual(self) -> np.ndarray:
@@ -99,8 +110,7 @@ class Fitted:
     @cached_property
     def basis(self) -> np.ndarray:
         """(N m + r, b) orthonormal basis of what the free parameters can explain."""
-        columns = np.concatenate([self.standard(self.jacobian), self.prior_rows])
-        return orthonormal(columns)
+        return orthonormal(self.design)
 
     @cached_property
     def spent(self) -> float:
@@ -155,58 +165,17 @@ def rows_kept(layout: Layout, view: View) -> np.ndarray:
     return keep
 
 
-def orthonormal(columns: np.ndarray, weakest: float = 1e-6) -> np.ndarray:
-    """Orthonormal basis (R, b) of the span of `columns`: Cholesky QR, twice for accuracy (Yamamoto et al.
-    2015).
-
-    Far faster than a rank-revealing factorisation for tall matrices. Where the columns are nearly dependent,
-    the eigenvectors of their Gram matrix serve, without the directions weaker than `weakest` (beside the
-    strongest; above 3e-8, where the Gram matrix shows rounding only).
-    """
-    norm = np.linalg.norm(columns, axis=0)
-    basis = columns[:, norm > 0] / norm[norm > 0]
-    for _ in range(2):
-        if basis.shape[1]:
-            basis = _whitened(basis, weakest)
-    return basis
-
-
-def extended(basis: np.ndarray, columns: np.ndarray) -> np.ndarray:
-    """(R, b + c) an orthonormal basis with what columns (R, k) add to it, without what is weaker than
-    1e-6."""
-    norm = np.linalg.norm(columns, axis=0)
-    added = columns[:, norm > 0] / norm[norm > 0]
-    for least in (1e-12, 0.5):  # twice for accuracy: the second time all are of unit length
-        added = added - basis @ (basis.T @ added)
-        values, vectors = linalg.eigh(added.T @ added)
-        added = added @ (vectors[:, values > least] / np.sqrt(values[values > least]))
-    return np.concatenate([basis, added], axis=1)
-
-
-def _whitened(basis: np.ndarray, weakest: float) -> np.ndarray:
-    gram = basis.T @ basis
-    try:
-        factor = linalg.cholesky(gram, lower=True, check_finite=False)
-        if np.diag(factor).min() > 1e-4:
-            return linalg.solve_triangular(factor, basis.T, lower=True, check_finite=False).T
-    except linalg.LinAlgError:
-        pass
-    values, vectors = linalg.eigh(gram)
-    keep = values > weakest**2 * values[-1]
-    return basis @ (vectors[:, keep] / np.sqrt(values[keep]))
-
-
 class Problem(ABC):
     """One kind of data of one robot. `data` are the identification rows, `held_out` the validation rows."""
 
     unit: str = ""
     kind: str = ""
     repeat_source = "repeated visits of the same pose"
-    by_posterior = False  # whether causes are found by the posterior over sets of them
+    # whether causes are found by the posterior over sets of them, and effects drafted for what none explains
+    by_posterior = False
     unknown_rivals = False  # whether effects found step by step have unknown functions for rivals
     most_waves_in_time = 0  # that may stand in the place of effects found step by step (wave_in_time.py)
     groups_independent = False  # whether the residuals of different groups of rows are
-    drafts = False  # whether effects are drafted for what no cause explains
     numbers_of_error = 1  # of the measurement that make up one judged error: 3 of a position
     least_share = 0.02  # of the cross-validated square sum that an effect must take away
     # share of the square sum that it must take away in stretches it has not learnt from
@@ -388,9 +357,20 @@ class Problem(ABC):
         explains."""
         return 0.0
 
+    @property
+    def judged(self) -> Dataset:
+        """The validation rows; all others where there are none."""
+        return self.held_out if len(self.held_out) else self.data
+
     def axes(self, before: Fitted, after: Fitted) -> list | None:
-        """RMS per axis of the validation rows, where the kind of data has one number per axis; else None."""
-        return None
+        """RMS per axis of the judged rows, where the kind of data has one number per axis; else None."""
+        rms = [self.rms_by_axis(fitted, self.judged) for fitted in (before, after)]
+        return [{"joint": axis + 1, "before": rms[0][axis], "after": rms[1][axis]}
+                for axis in sorted(rms[0])] or None
+
+    def rms_by_axis(self, fitted: Fitted, data: Dataset) -> dict[int, float]:
+        """RMS of any rows by axis (from 0)."""
+        return {}
 
     def correlation_factor(self, fitted: Fitted) -> float:
         """Independent numbers per number of data; below 1 where neighbouring samples are correlated."""

@@ -6,12 +6,14 @@ one has left in `_noise`, and its intervals are wider by 1 / sqrt(share).
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from copy import copy
 from dataclasses import replace
 from typing import Any, Self
 
 import numpy as np
 
+from exactarm.dataset import Dataset
 from exactarm.diagnose.coloured_noise import ColouredNoise, NoiseMemory
 from exactarm.diagnose.problem import Fitted, Problem
 from exactarm.diagnose.time_groups import run_groups, stretches_of_response
@@ -23,8 +25,23 @@ class ProblemInTime(Problem):
     """record: of the identification rows, as they are fitted."""
 
     record: Any
-    _estimator: ColouredNoise
-    _noise: NoiseMemory
+
+    def __init__(self, robot: Robot, data: Dataset, held_out: Dataset, threads: int = 1, seed: int = 0):
+        super().__init__(robot, data, held_out, threads, seed)
+        self._records: dict[str, Any] = {}
+        for name, rows in (("identification", data), ("validation", held_out)):
+            if len(rows):
+                self._records[name] = self._new_record(rows)
+        self._estimator, self._noise = ColouredNoise(self), NoiseMemory()
+
+    @abstractmethod
+    def _new_record(self, data: Dataset) -> Any:
+        """The rates of any rows, and which of them count."""
+
+    def _record_of(self, data: Dataset) -> Any:
+        if data is self.data or data is self.held_out:
+            return self._records["identification" if data is self.data else "validation"]
+        return self._new_record(data)
 
     def knowing(self, fitted: Fitted) -> Self:
         other = copy(self)

@@ -24,6 +24,7 @@ from exactarm.diagnose.problem import Fitted, Problem, rows_kept
 from exactarm.diagnose.scan import Candidate, free_mask, linear_columns, probability, same_cause, scan
 from exactarm.diagnose.selected import Accepted, Selection
 from exactarm.diagnose.something_else import Beside, beside_unknown, pieces_of
+from exactarm.diagnose.vocabulary import emptied
 from exactarm.diagnose.worth import holds_elsewhere, is_worth
 from exactarm.effects import library
 from exactarm.effects.base import Effect
@@ -209,7 +210,7 @@ def _best_pair(problem, declared, chosen, fitted, shortlist: list[Candidate], fo
         beside = fitted.beside(linear_columns(fitted, first.effect))
         for alone in linear[place + 1 :]:
             # Another search beside the first may end at another order and label: it is the same candidate.
-            for second in scan(beside, [_emptied(alone.effect)], count):
+            for second in scan(beside, [emptied(alone.effect)], count):
                 if second.gain > _HIDDEN_GAIN * (first.gain + alone.gain):
                     pairs.append((first.gain + second.gain, first.effect, second.effect))
     for gain, *effects in sorted(pairs, key=lambda pair: -pair[0]):
@@ -289,7 +290,7 @@ def _independent(problem, fitted, shortlist: list[Candidate], folds, without) ->
     for candidate in shortlist[1:]:
         if candidate.evidence < _INDEPENDENT_EVIDENCE or candidate.effect.excludes_rows():
             continue
-        found = scan(beside, [_emptied(candidate.effect)], count)[0]
+        found = scan(beside, [emptied(candidate.effect)], count)[0]
         independent = found.gain >= _INDEPENDENT_SHARE * candidate.gain
         if independent and is_worth(problem, fitted, [candidate.effect], folds, without):
             group.append(found.effect)
@@ -316,16 +317,11 @@ def _prune(problem, declared, chosen, fitted):
 
 def _lost(problem: Problem, without: Fitted, effect: Effect) -> bool:
     """Whether an effect that is taken out of the fit would no longer be asked for."""
-    own = scan(without, [_emptied(effect)], count_of(problem, without))[0]
+    own = scan(without, [emptied(effect)], count_of(problem, without))[0]
     square = float(without.free_residual @ without.free_residual)
     small = (own.gain < problem.least_share * square
              or problem.judged_share(without, own.effect) < Problem.least_share)
     return own.evidence < LEAST_EVIDENCE or small
-
-
-def _emptied(effect: Effect) -> Effect:
-    """The effect with its linear parameters at zero, its non-linear ones where they are."""
-    return effect.with_values(np.where(free_mask(effect), 0.0, effect.values))
 
 
 def _contest(problem, declared, chosen, rounds, fitted, first_ranking, progress, places):
@@ -342,7 +338,7 @@ def _contest(problem, declared, chosen, rounds, fitted, first_ranking, progress,
         field = _rivals_of(chosen[place], candidates_for(problem, without), first_ranking)
         # A curve has its law already: it is asked only whether less would do.
         forms = [form for form in (*field, *chosen[place].richer())
-                 if not (form.any_curve and chosen[place].any_curve) or form == _emptied(chosen[place])]
+                 if not (form.any_curve and chosen[place].any_curve) or form == emptied(chosen[place])]
         form = best_form(problem, without, chosen[place], forms, count, LEAST_EVIDENCE)
         if form is not None and _differs(form.effect, chosen[place]):
             trial = refit(problem, declared, chosen[:place] + [form.effect] + chosen[place + 1 :], fitted)
@@ -373,12 +369,12 @@ def _rivals_of(effect: Effect, library_field: list[Effect], first_ranking) -> li
     """The whole library against `effect`; on other axes, searched families only at the best point of the
     first search."""
     best = {c.label: c.effect for c in first_ranking}
-    field = [] if effect.excludes_rows() else [_emptied(effect)]
+    field = [] if effect.excludes_rows() else [emptied(effect)]
     for other in library_field:
         searched = any(p.search for p in other.parameters())
         if searched and other.joint != effect.joint:
             if other.label in best:
-                field.append(_emptied(best.pop(other.label)))
+                field.append(emptied(best.pop(other.label)))
         else:
             field.append(other)
     return field

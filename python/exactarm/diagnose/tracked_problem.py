@@ -15,7 +15,7 @@ import numpy as np
 
 from exactarm.chain import Layout, MotionRecord, reversals_left_out
 from exactarm.dataset import Dataset
-from exactarm.diagnose.coloured_noise import ColouredNoise, NoiseMemory
+from exactarm.diagnose.coloured_noise import ColouredNoise
 from exactarm.diagnose.next_motions import separating_motion
 from exactarm.diagnose.problem import Fitted, rows_kept
 from exactarm.diagnose.problem_in_time import ProblemInTime
@@ -52,20 +52,11 @@ class TrackedFitted(Fitted):
     drawing: Drawing = field(default_factory=dict, kw_only=True)
 
     @cached_property
-    def _pulls(self) -> tuple[np.ndarray, np.ndarray]:
-        """Rows (r, P) of the priors and their residuals (r,)."""
+    def prior(self) -> tuple[np.ndarray, np.ndarray]:
         centre, spread = priors_of(self.layout, self.drawing)
         drawn = np.flatnonzero(np.isfinite(spread))
         rows = np.eye(self.layout.size)[drawn] / spread[drawn, None]
         return rows, rows @ (centre - self.layout.values)
-
-    @cached_property
-    def prior_rows(self) -> np.ndarray:
-        return self._pulls[0]
-
-    @cached_property
-    def whitened(self) -> np.ndarray:
-        return np.concatenate([self.standard(self.residual[:, :, None]).ravel(), self._pulls[1]])
 
     def responses_of(self, effects: list[Effect]) -> list[np.ndarray]:
         return [self._response(effect)[:, :3] for effect in effects]
@@ -97,17 +88,13 @@ class TrackedProblem(ProblemInTime):
 
     def __init__(self, robot: Robot, data: Dataset, held_out: Dataset, threads: int = 1, seed: int = 0):
         super().__init__(robot, data, held_out, threads, seed)
-        self._records = {"identification": tracked_record(data, robot)}
         if len(held_out):
             require_sessions(data, held_out)
-            self._records["validation"] = tracked_record(held_out, robot)
         self.record = subsampled_record(self._records["identification"], robot)
-        self._estimator, self._noise = ColouredNoise(self, short=True), NoiseMemory()
+        self._estimator = ColouredNoise(self, short=True)
         self._drawing: Drawing = {}  # see declared()
 
-    def _record_of(self, data: Dataset) -> MotionRecord:
-        if data is self.data or data is self.held_out:
-            return self._records["identification" if data is self.data else "validation"]
+    def _new_record(self, data: Dataset) -> MotionRecord:
         return tracked_record(data, self.robot)
 
     def declared(self) -> Layout:

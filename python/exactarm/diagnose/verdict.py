@@ -30,9 +30,8 @@ _SHARE_EXPLAINED = 0.5  # of the square sum above the noise; less, and the cause
 _CARRIES_OVER, _WRONG_SHARE = 1.6, 0.1
 # of what the held-out error had above noise and spread of the fit; more, and the structure left counts
 _SHARE_STRAY = 0.25
-
 # of the RMS of a torque: drives are noisy, but a model that leaves half of it has not explained it
-MUCH_LEFT = 0.5
+_MUCH_LEFT = 0.5
 
 
 def verdict_of_causes(causes: Causes, after, noise: NoiseFloor, excess: float) -> str:
@@ -46,7 +45,8 @@ def verdict_of_causes(causes: Causes, after, noise: NoiseFloor, excess: float) -
     return NOTHING if causes.probability_nothing >= _NOT_NOTHING else UNEXPLAINED
 
 
-def _rms(values: np.ndarray) -> float:
+def rms_of(values: np.ndarray) -> float:
+    """NaN where there are none."""
     return float(np.sqrt(np.mean(values**2))) if values.size else float("nan")
 
 
@@ -63,13 +63,14 @@ def held_out_excess(errors: dict[str, np.ndarray], unit: float, spread: float = 
                     for values in (errors["validation"], errors["identification"]))
     if not held.size or not fitted.size:
         return 1.0
-    most = lambda values: _rms(values[: max(1, int((1.0 - _WRONG_SHARE) * len(values)))])
+    most = lambda values: rms_of(values[: max(1, int((1.0 - _WRONG_SHARE) * len(values)))])
     return float(np.sqrt(max(most(held) ** 2 - spread, 0.0)) / max(most(fitted), 1e-300)
-                 / max(1.0, unit / max(_rms(fitted), 1e-300)) ** 2)
+                 / max(1.0, unit / max(rms_of(fitted), 1e-300)) ** 2)
 
 
 def verdict_by_rules(problem, before, after, noise: NoiseFloor, left: Dossier, found: bool, spread: float,
-                     excess: float) -> str:
+                     excess: float, share: float = 0.0) -> str:
+    """share: RMS of what is left over that of what was measured, where that starts at nothing."""
     if carries_badly(excess):
         return UNEXPLAINED
     judged = "validation" if after["validation"].n else "identification"
@@ -91,7 +92,10 @@ def verdict_by_rules(problem, before, after, noise: NoiseFloor, left: Dossier, f
         still = still or (spread > 0.0 and remaining - spread > _SHARE_STRAY * max(above - spread, 1e-300))
     if still:
         return UNEXPLAINED
-    return EXPLAINED if found else NOTHING
+    if found:
+        return EXPLAINED
+    # a floor that comes from the fit proves nothing by itself
+    return NOTHING if noise.measured or share < _MUCH_LEFT else UNEXPLAINED
 
 
 def rises(before, after) -> bool:

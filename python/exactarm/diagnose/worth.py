@@ -10,7 +10,8 @@ from __future__ import annotations
 import numpy as np
 
 from exactarm.diagnose.cross_validation import folds_of, held_out_squares
-from exactarm.diagnose.problem import Fitted, Problem, orthonormal
+from exactarm.diagnose.orthonormal import orthonormal
+from exactarm.diagnose.problem import Fitted, Problem
 from exactarm.diagnose.scan import linear_columns, prior_of
 from exactarm.effects.base import Effect
 

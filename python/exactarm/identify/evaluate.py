@@ -8,7 +8,7 @@ function a kind of data, found by its name in `EVALUATORS`.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -23,13 +23,13 @@ from exactarm.identify.closures import (
     tilt_error,
 )
 from exactarm.identify.declared import carried_layout, frames_layout, require_geometry
-from exactarm.identify.gear_evaluate import gear_run_error
+from exactarm.identify.evaluation import Evaluation
+from exactarm.identify.gear_evaluate import evaluate_gear_runs
 from exactarm.identify.judged_rows import judged_rows, unjudged_lines
 from exactarm.identify.match import require_match
-from exactarm.identify.motion_evaluate import motion_error
+from exactarm.identify.motion_evaluate import evaluate_motion
 from exactarm.identify.planned import controller_angles
 from exactarm.identify.pose_fit import fit_poses
-from exactarm.identify.statistics import ErrorSummary, summarise
 from exactarm.identify.tracked_fit import (
     fit_tracked,
     predict_record,
@@ -50,31 +50,6 @@ RESIDUAL_COLUMNS = ("dx_m", "dy_m", "dz_m", "drx_rad", "dry_rad", "drz_rad")
 MOST_FITTED = 20000
 LEAST_FITTED = 200  # of a session
 BLOCK_ROWS = 20000  # 9 kB a row at work
-
-
-@dataclass(frozen=True)
-class Evaluation:
-    """error (N,) of every row in `unit`; residual (N, m) with its column names; summaries overall and by
-    session.
-
-    warnings: effects that are used where they were never measured. data: the rows, where they are not those
-    of the file (closures); distances: of closures, known distance -> |error| in m;
-    tilt: mean angle in rad by which gravity's direction is missed;
-    pixels: RMS that corners in pictures are missed by.
-    """
-
-    unit: str
-    error: np.ndarray
-    residual: np.ndarray
-    columns: tuple[str, ...]
-    overall: ErrorSummary
-    sessions: tuple[tuple[int, ErrorSummary], ...]
-    warnings: tuple[str, ...] = ()
-    data: Dataset | None = None
-    distances: dict[str, float] | None = None
-    frames: Layout | None = None  # as fitted, of poses
-    tilt: float | None = None
-    pixels: float | None = None
 
 
 def evaluate_poses(robot: Robot, data: Dataset, seed: int = DEFAULT_SEED, threads: int = 1) -> Evaluation:
@@ -119,25 +94,11 @@ def evaluate_tracked_motion(robot: Robot, data: Dataset, seed: int = DEFAULT_SEE
 def _of_positions(robot: Robot, data: Dataset, residual: np.ndarray,
                   record: MotionRecord | None = None) -> Evaluation:
     """record: of a motion, whose rows at reversals are not judged."""
-    error, judged = (
-        np.linalg.norm(residual, axis=1), np.ones(len(data), bool) if record is None else ~record.at_reversal
-    )
-    sessions = tuple((int(s), summarise(error[judged & (data.session == s)]))
-                     for s in np.unique(data.session))
+    judged = np.ones(len(data), bool) if record is None else ~record.at_reversal
     warnings = (*extrapolations(robot, controller_angles(robot, data)),
                 *(() if record is None else reversals_left_out([record])))
-    return Evaluation("m", error, residual, ("dx_m", "dy_m", "dz_m"), summarise(error[judged]), sessions,
-                      warnings)
-
-
-def evaluate_gear_runs(robot: Robot, data: Dataset, seed: int = DEFAULT_SEED, threads: int = 1) -> Evaluation:
-    """The unfiltered rate along the moving axis (or the angle between two encoders), on the rows that
-    count."""
-    found = gear_run_error(robot, data, threads)
-    judged = lambda rows: summarise(found.error[rows & found.keep])
-    sessions = tuple((int(s), judged(data.session == s)) for s in np.unique(data.session))
-    overall = judged(np.ones(len(data), bool))
-    return Evaluation(found.unit, found.error, found.residual, found.columns, overall, sessions)
+    return Evaluation.of("m", np.linalg.norm(residual, axis=1), residual, ("dx_m", "dy_m", "dz_m"),
+                         data.session, judged, warnings=warnings)
 
 
 def evaluate_closures(robot: Robot, data: Dataset, seed: int = 0, threads: int = 1) -> Evaluation:
@@ -145,26 +106,16 @@ def evaluate_closures(robot: Robot, data: Dataset, seed: int = 0, threads: int =
     lengths."""
     rows = touches(data)
     fit = nominal_closures(robot, rows, carried_effects(robot, rows), seed, threads)
-    error, residual, place = fit.prediction.error(), fit.prediction.seen, judged_rows(rows)
-    sessions = tuple((int(s), summarise(error[place & (rows.session == s)])) for s in np.unique(rows.session))
+    residual = fit.prediction.seen
     warnings = (*extrapolations(robot, controller_angles(robot, rows)), *unjudged_lines(rows))
     if not fit.fit.converged:
         warnings = (*warnings, f"the fit of contacts and tool did not converge ({fit.fit.reason})")
     unit, columns = ("rad", GRAVITY_COLUMNS) if gravity_alone(rows) else ("m", RESIDUAL_COLUMNS)
-    return Evaluation(
-        unit, error, residual, columns[: residual.shape[1]], summarise(error[place]), sessions, warnings,
-        rows, set_distance_errors(robot, fit.layout, rows, threads),
+    return Evaluation.of(
+        unit, fit.prediction.error(), residual, columns[: residual.shape[1]], rows.session, judged_rows(rows),
+        warnings=warnings, data=rows, distances=set_distance_errors(robot, fit.layout, rows, threads),
         tilt=tilt_error(fit.prediction), pixels=fit.prediction.reprojection(),
     )
-
-
-def evaluate_motion(robot: Robot, data: Dataset, seed: int = 0, threads: int = 1) -> Evaluation:
-    """The drive torque; nothing is fitted."""
-    found = motion_error(robot, data, threads)
-    sessions = tuple((int(s), summarise(found.error[found.data.session == s]))
-                     for s in np.unique(found.data.session))
-    return Evaluation("Nm", found.error, found.residual, found.columns, summarise(found.error), sessions,
-                      found.warnings, found.data)
 
 
 EVALUATORS: dict[str, Callable[..., Evaluation]] = {

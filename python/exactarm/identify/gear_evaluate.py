@@ -6,13 +6,12 @@ two encoders. The error is the unfiltered rate along the moving axis, or the ang
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from exactarm.chain import gear_record
 from exactarm.dataset import Dataset
 from exactarm.identify.declared import carried_layout
+from exactarm.identify.evaluation import Evaluation
 from exactarm.identify.gear_declared import sensor_layout
 from exactarm.identify.gear_fit import fit_gear_runs
 from exactarm.identify.sensor_tone import find_tones, without_tones
@@ -20,29 +19,18 @@ from exactarm.kinds import GEAR_RUN
 from exactarm.robot import Robot
 
 
-@dataclass(frozen=True)
-class GearRunError:
-    """error (N,) magnitude along the moving axis (RMS over the axes between encoders), residual (N, m) with
-    names, keep (N,)."""
-
-    unit: str
-    error: np.ndarray
-    residual: np.ndarray
-    columns: tuple[str, ...]
-    keep: np.ndarray
-
-
-def gear_run_error(robot: Robot, data: Dataset, threads: int = 1) -> GearRunError:
-    """Fits the set-up on all rows that count and returns what is left on every row, tones of the sensor
-    aside."""
+def evaluate_gear_runs(robot: Robot, data: Dataset, seed: int = 0, threads: int = 1) -> Evaluation:
+    """Fits the set-up on all rows that count; what is left on every row, tones of the sensor aside: the
+    magnitude along the moving axis (RMS over the axes between encoders)."""
     data = without_tones(data, find_tones(data))
     record = gear_record(robot, data)
     layout = sensor_layout(robot, data, record, bias=True).joined(carried_layout(robot, data, GEAR_RUN.name))
     prediction = fit_gear_runs(robot, layout, data, record=record, threads=threads).prediction
     residual = prediction.residual()
     if prediction.along is None:
-        columns = tuple(f"dq_{axis + 1}_rad" for axis in record.encoder_axes)
-        return GearRunError("rad", np.sqrt(np.mean(residual**2, axis=1)), residual, columns, prediction.keep)
-    error = np.abs(np.einsum("ij,ij->i", residual, prediction.along))
-    return GearRunError("rad/s", error, residual, tuple(f"dgyro_{axis}_rad_s" for axis in "xyz"),
-                        prediction.keep)
+        unit, columns = "rad", tuple(f"dq_{axis + 1}_rad" for axis in record.encoder_axes)
+        error = np.sqrt(np.mean(residual**2, axis=1))
+    else:
+        unit, columns = "rad/s", tuple(f"dgyro_{axis}_rad_s" for axis in "xyz")
+        error = np.abs(np.einsum("ij,ij->i", residual, prediction.along))
+    return Evaluation.of(unit, error, residual, columns, data.session, prediction.keep)

@@ -7,7 +7,7 @@ motion, as `identify` does.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -22,25 +22,15 @@ from exactarm.dataset import Dataset
 from exactarm.errors import InputError
 from exactarm.identify.declared import carried_layout, require_geometry
 from exactarm.identify.dynamics import friction_layout
+from exactarm.identify.evaluation import Evaluation
 from exactarm.identify.friction_width import friction_widths
 from exactarm.kinds import MOTION
 from exactarm.robot import Robot
 
 
-@dataclass(frozen=True)
-class MotionError:
-    """data: the rows that are judged; error (N,) Nm, RMS over the axes that measure; residual (N, m) with its
-    column names."""
-
-    data: Dataset
-    error: np.ndarray
-    residual: np.ndarray
-    columns: tuple[str, ...]
-    warnings: tuple[str, ...]
-
-
-def motion_error(robot: Robot, data: Dataset, threads: int = 1) -> MotionError:
-    """Measured less predicted drive torque. Raises InputError where the robot file has no masses."""
+def evaluate_motion(robot: Robot, data: Dataset, seed: int = 0, threads: int = 1) -> Evaluation:
+    """Measured less predicted drive torque, RMS over the axes that measure. Raises InputError where the robot
+    file has no masses."""
     require_geometry(robot)
     if robot.links is None:
         raise InputError(f"{robot.name} has no masses, so it predicts no torques; expected a robot file as "
@@ -53,6 +43,6 @@ def motion_error(robot: Robot, data: Dataset, threads: int = 1) -> MotionError:
     axes, keep = record.measured_axes, record.keep
     residual = predict_motion(robot, carried, record, tangents=False,
                               threads=threads).residual()[keep][:, axes]
-    columns = tuple(f"dtau_{axis + 1}_Nm" for axis in axes)
-    return MotionError(record.data.select(keep), np.sqrt(np.mean(residual**2, axis=1)), residual, columns,
-                       reversals_left_out([record]))
+    judged, error = record.data.select(keep), np.sqrt(np.mean(residual**2, axis=1))
+    return Evaluation.of("Nm", error, residual, tuple(f"dtau_{axis + 1}_Nm" for axis in axes), judged.session,
+                         np.ones(len(judged), bool), warnings=reversals_left_out([record]), data=judged)

@@ -1,0 +1,47 @@
+"""Orthonormal bases of tall matrices, whose columns may be nearly dependent."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import linalg
+
+
+def orthonormal(columns: np.ndarray, weakest: float = 1e-6) -> np.ndarray:
+    """Orthonormal basis (R, b) of the span of `columns`: Cholesky QR, twice for accuracy (Yamamoto et al.
+    2015).
+
+    Far faster than a rank-revealing factorisation for tall matrices. Where the columns are nearly dependent,
+    the eigenvectors of their Gram matrix serve, without the directions weaker than `weakest` (beside the
+    strongest; above 3e-8, where the Gram matrix shows rounding only).
+    """
+    norm = np.linalg.norm(columns, axis=0)
+    basis = columns[:, norm > 0] / norm[norm > 0]
+    for _ in range(2):
+        if basis.shape[1]:
+            basis = _whitened(basis, weakest)
+    return basis
+
+
+def extended(basis: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    """(R, b + c) an orthonormal basis with what columns (R, k) add to it, without what is weaker than
+    1e-6."""
+    norm = np.linalg.norm(columns, axis=0)
+    added = columns[:, norm > 0] / norm[norm > 0]
+    for least in (1e-12, 0.5):  # twice for accuracy: the second time all are of unit length
+        added = added - basis @ (basis.T @ added)
+        values, vectors = linalg.eigh(added.T @ added)
+        added = added @ (vectors[:, values > least] / np.sqrt(values[values > least]))
+    return np.concatenate([basis, added], axis=1)
+
+
+def _whitened(basis: np.ndarray, weakest: float) -> np.ndarray:
+    gram = basis.T @ basis
+    try:
+        factor = linalg.cholesky(gram, lower=True, check_finite=False)
+        if np.diag(factor).min() > 1e-4:
+            return linalg.solve_triangular(factor, basis.T, lower=True, check_finite=False).T
+    except linalg.LinAlgError:
+        pass
+    values, vectors = linalg.eigh(gram)
+    keep = values > weakest**2 * values[-1]
+    return basis @ (vectors[:, keep] / np.sqrt(values[keep]))

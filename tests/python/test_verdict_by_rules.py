@@ -1,0 +1,34 @@
+"""The verdict where no posterior gives one: a floor that comes from the fit proves nothing by itself."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from exactarm.diagnose.dossier import Dossier
+from exactarm.diagnose.motion_problem import MotionProblem
+from exactarm.diagnose.noise import NoiseFloor
+from exactarm.diagnose.verdict import EXPLAINED, NOTHING, UNEXPLAINED, verdict_by_rules
+from exactarm.identify.statistics import summarise
+from six_axis import six_axis
+from test_identify_dynamics import log_of, true_arm
+
+ERRORS = {"identification": summarise(np.ones(50)), "validation": summarise(np.ones(20))}
+
+
+@pytest.mark.parametrize("measured, found, share, verdict", [
+    (False, False, 0.6, UNEXPLAINED), (False, False, 0.1, NOTHING), (True, False, 0.6, NOTHING),
+    (False, True, 0.6, EXPLAINED),
+])
+def test_torques_of_which_half_is_left_are_not_called_explained(measured, found, share, verdict):
+    floor = NoiseFloor(1.0, "as the test says", measured)
+    problem = SimpleNamespace(share_left=0.1)
+    said = verdict_by_rules(problem, ERRORS, ERRORS, floor, Dossier((), 0.0), found, 0.0, 1.0, share)
+    assert said == verdict
+
+
+def test_what_is_left_of_torques_is_their_share():
+    data = log_of(true_arm(5), 4.0, 10, 100.0)
+    problem = MotionProblem(six_axis(), data, data.select(np.zeros(0, int)))
+    share = problem.share_of_measured(problem.fit(problem.declared()))
+    assert 0.001 < share < 0.1  # noise of 1 %, and friction that turns over smoothly
