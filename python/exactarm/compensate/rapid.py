@@ -39,7 +39,6 @@ from exactarm.compensate.rapid_data import (
     Datum,
     Declarations,
     Literal,
-    arguments,
     tool_of,
 )
 from exactarm.compensate.setting import Setting
@@ -52,7 +51,7 @@ NAME, SUFFIXES = "RAPID", (".mod", ".modx", ".sys", ".sysx")
 MM_DECIMALS, DEG_DECIMALS, QUATERNION_DECIMALS = 5, 7, 9
 DIGITS = (MM_DECIMALS,) * 3 + (QUATERNION_DECIMALS,) * 4
 PARTS = ((3, "the position"), (4, "the orientation"), (4, "the configuration"), (6, "the external axes"))
-NO_AXIS = 9e9
+NOT_IN_USE = {9e9, 0.0}  # of an external axis
 FRAME_NUMBERS = 7
 SPREAD = {"v", "wobj", "tload"}  # switches that hold for each part of a way; a time, a number does not
 FLY_BY = "z1"  # the zone at points in between: the arm does not stop there
@@ -158,13 +157,12 @@ class _Reader(Declarations):
             if end < 0:
                 raise source.refuse(match.start(), f"{match[1]} without its end; expected ;")
             self.spans[index].append((match.start(), end))
-            if match[1].lower() == "searchl":
+            word = match[1].lower()
+            if word == "searchl":
                 raise source.refuse(match.start(), "SearchL stops where a sensor says; expected a target")
-            kind = KINDS[match[1].lower()]
+            kind = KINDS[word]
             whole = ROBTARGET.match(text, match.end(), end)  # most targets in brackets
-            given = arguments(text, match.end(), end, whole)
-            switches = {name.lower(): value for name, value, _ in given if name}
-            plain = [(value, place) for name, value, place in given if not name]
+            switches, plain = self.arguments(text, match.end(), end, whole)
             for name in switches:
                 if "?" in name and re.match(r"(wobj|tload)\s*\?", name):
                     raise source.refuse(match.start(), f"a frame or load that a caller gives (\\{name}); "
@@ -175,10 +173,10 @@ class _Reader(Declarations):
             if found := switches.keys() & SENSED:
                 raise source.refuse(match.start(), f"a sensor guides the motion (\\{found.pop()}); "
                                                    "expected a target that is reached as it stands")
-            axes = match[1].lower() == "moveabsj"
+            axes = word == "moveabsj"
             nearest = kind in self.nearest and any(motion.target is not None for motion in self.motions)
             wobj = switches.get("wobj", "wobj0")
-            tool = tool_of(plain, count + 2 if match[2] and match[1].lower().startswith("move") else -1)
+            tool = tool_of(plain, count + 2 if match[2] and word.startswith("move") else -1)
             if switches.get("tload", "load0").lower() != "load0" and self.setting.load is None:
                 raise source.refuse(match.start(), "\\TLoad in place of the load of the tool; expected "
                                                    "--payload with it")
@@ -283,7 +281,7 @@ class _Reader(Declarations):
     ) -> Target:
         source = self.sources[file]
         numbers, places = self.robtarget(file, literal)
-        if any(number not in (NO_AXIS, 0.0) for number in numbers[11:]):
+        if not NOT_IN_USE.issuperset(numbers[11:]):
             raise source.refuse(literal.start, "an external axis is in use; expected 9E9 in all of them")
         Numbers(numbers[:7], places).checked(source)
         if off := _no_turn(numbers[3:7]):

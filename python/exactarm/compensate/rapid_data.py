@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import re
 from bisect import bisect_right
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -26,6 +26,7 @@ _ASSIGNED = re.compile(r"(?<![\w\\.}])(\w+)[ \t]*(?:\{[^}]*\}|\.\w+)*\s*\Z")
 # Of text in small letters; letters first and the edge of the word behind them: so the search is quick
 _ROUTINE = re.compile(r"(?:proc|func|trap)\b(?:(?<=\b(end)....)|(?<=\b....))")
 _WORD = re.compile(r"[A-Za-z_]\w*")
+_NAME = re.compile(r"\s*\w+\s*")
 _BLANK = re.compile(r"\s*")
 _LIST = lambda count: r"\[" + ",".join([rf"\s*({NUMBER})\s*"] * count) + r"\]"
 ROBTARGET = re.compile(r"\[\s*" + r"\s*,\s*".join(map(_LIST, (3, 4, 4, 6))) + r"\s*\]")
@@ -77,6 +78,7 @@ class Declarations:
         self.sources = sources
         self.texts = [source.without(r'"[^"\r\n]*"', r"![^\r\n]*") for source in sources]
         self.data: dict[str, list[Datum]] = {}
+        self.tails: dict[str, tuple[dict[str, str], list[tuple[str, int]]]] = {}
         self.assigned: dict[str, dict[int, int]] = {}  # name -> file -> the first place
         for index, text in enumerate(self.texts):
             routines = list(_ROUTINE.finditer(text.lower()))
@@ -105,6 +107,22 @@ class Declarations:
                                            "expected one of both")
         kinds = {"j": ("joint",), "l": ("linear", "circular")}
         return [kind for letter, switch in found if switch == "off" for kind in kinds[letter]]
+
+    def arguments(
+        self, text: str, begin: int, end: int, whole: re.Match | None
+    ) -> tuple[Mapping[str, str], list[tuple[str, int]]]:
+        """Switches (small letters) of a motion, and its other arguments with their places. What stands behind
+        the first one is the same in most motions, and taken apart once."""
+        comma = text.find(",", whole.end() if whole else begin, end)
+        head = "" if comma < 0 else text[begin:comma]
+        if head and (text[whole.end() : comma].isspace() or whole.end() == comma if whole
+                     else _NAME.fullmatch(head)):
+            tail = text[comma:end]
+            if tail not in self.tails:
+                self.tails[tail] = _sorted(arguments(tail, 0, len(tail), None))
+            switches, others = self.tails[tail]
+            return switches, [(head, begin), *[(value, place + comma) for value, place in others]]
+        return _sorted(arguments(text, begin, end, whole))
 
     def _assign(self, name: str, index: int, place: int) -> None:
         self.assigned.setdefault(name.lower(), {}).setdefault(index, place)
@@ -233,6 +251,12 @@ def arguments(text: str, begin: int, end: int, whole: re.Match | None) -> list[t
     if depth == 0:
         close(end)
     return found
+
+
+def _sorted(given: list[tuple[str, str, int]]) -> tuple[dict[str, str], list[tuple[str, int]]]:
+    """Switches, and arguments without one."""
+    return ({name.lower(): value for name, value, _ in given if name},
+            [(value, place) for name, value, place in given if not name])
 
 
 def tool_of(plain: list[tuple[str, int]], where: int) -> str:

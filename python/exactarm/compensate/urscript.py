@@ -14,8 +14,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -70,12 +70,13 @@ _BLANK = re.compile(r"\s*(?:(?:q|pose)\s*=(?!=)\s*)?")
 _INVERSE = re.compile(r"get_inverse_kin\s*\(\s*")
 _NEAR = re.compile(r"\s*,\s*(?:qnear\s*=\s*)?")
 _CLOSED = re.compile(r"\s*\)\s*[,)]")
+_SIX = re.compile(  # most targets; the rest of the way is for all others
+    r"\s*(p?)\s*\[" + ",".join([rf"\s*({NUMBER})\s*"] * 6) + r"\](?=[ \t]*(?:[,)\]\r\n]|$))")
 _BRACKETS = re.compile(r"[()\[\]]")
 _BEHIND = re.compile(r"[ \t]*(?:[,)\]\r\n]|$)")  # what may follow numbers that nothing is done with
 
 
-@dataclass(frozen=True)
-class _Literal:
+class _Literal(NamedTuple):
     is_pose: bool
     numbers: Sequence[float]
     places: Sequence[tuple[int, int]]
@@ -154,8 +155,14 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
             place, "the target is computed; expected numbers, or get_inverse_kin(pose, qnear=angles) alone")
 
     def target(place: int) -> int:
-        solved = inverse(_BLANK.match(text, place).end())
-        name, found, near = (*argument(place)[:2], None) if solved is None else solved
+        six = _SIX.match(text, place)
+        numbers = Numbers.groups(six, slice(1, 7)) if six and (six[1] or n == 6) else None
+        if numbers is not None and numbers.sound:
+            found, near = _Literal(bool(six[1]), *numbers, six.start(1), six.end()), None
+            name = f"line {source.line(found.start)}"
+        else:
+            solved = inverse(_BLANK.match(text, place).end())
+            name, found, near = (*argument(place)[:2], None) if solved is None else solved
         key = (found.start, id(tool) if found.is_pose else 0, load)
         if key in index:
             return index[key]
@@ -164,7 +171,8 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
                 place, f"{name} is used with different tools or loads: no one number is right for all"
             )
         made = _pose if found.is_pose else _joints
-        targets.append(made(source, name, found, tool, load, setting)._replace(near=near))
+        new = made(source, name, found, tool, load, setting)
+        targets.append(new if near is None else new._replace(near=near))
         begun.add(found.start)
         index[key] = len(targets) - 1
         return index[key]
@@ -238,6 +246,9 @@ def _blocks(source: SourceText, text: str) -> list[Step]:
 
 def _end(text: str, place: int) -> int:
     """Where the bracket closes in which `place` is."""
+    first = text.find(")", place)
+    if first >= 0 and text.find("(", place, first) < 0:  # most calls: lists of numbers are closed before
+        return first
     depth = 1
     for match in _BRACKETS.finditer(text, place):
         depth += 1 if match[0] in "([" else -1
