@@ -51,8 +51,8 @@ _FORBIDDEN = re.compile(r"(?i)\b(Offset|Tool_Offset|INC|RTCP|VOFFSET|COORD|Searc
 _INDEX = r"\[(?:[^\[\]\r\n]|\[[^\]\r\n]*\])*\]"  # of a number, or of a register: [R[1]]
 _SET = re.compile(rf"(?:\b(?:UTOOL|UFRAME|P)|\$MNU(?:TOOL|FRAME)){_INDEX}[ \t]*=")
 _MOVED = re.compile(  # what moves the targets that follow, or goes to one in a way that is not read
-    r"[ \t]*\d*[ \t]*:[ \t]*((?:Touch|MP)[ \t]+Offset\b|Track\b|[JLCAS][ \t]+(?!PR?\[)[^ \t;=\[]+)")
-_TRACKED = re.compile(r"[ \t]*LINE_TRACK_SCHEDULE_NUMBER[ \t]*:[ \t]*0*[1-9]")
+    r"(?m)^[ \t]*\d*[ \t]*:[ \t]*((?:Touch|MP)[ \t]+Offset\b|Track\b|[JLCAS][ \t]+(?!PR?\[)[^ \t;=\[]+)")
+_TRACKED = re.compile(r"LINE_TRACK_SCHEDULE_NUMBER[ \t]*:[ \t]*0*[1-9]")
 _ATTRIBUTES = re.compile(r"(?m)^/ATTR\b[^/]*")  # words of a listing are of one language, all of it
 _ACTIVE = re.compile(  # what sets the frames that are active, and where ways part and meet
     r"(?m)^[ \t]*\d*[ \t]*:[ \t]*(?:(?P<which>UFRAME|UTOOL)_NUM[ \t]*=[ \t]*(?P<number>[^;\r\n]*?)[ \t]*;"
@@ -89,12 +89,11 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
     if min(start, end) < 0:
         raise source.refuse(0, "no sections /MN and /POS; expected a TP program as text")
     _require_english(source, text[:start])
-    for match in source.at_lines(_TRACKED, text):
+    if match := _TRACKED.search(text):
         raise source.refuse(match.start(), "the arm follows a conveyor (line tracking); expected schedule 0")
-    for match in source.at_lines(_MOVED, text):
-        if start < match.start() < end:
-            raise source.refuse(match.start(), f"{' '.join(match[1].split())} moves targets that follow, or "
-                                               "is no motion that is read; expected J, L or C to P[number]")
+    if match := _MOVED.search(text, start, end):
+        raise source.refuse(match.start(), f"{' '.join(match[1].split())} moves targets that follow, or "
+                                           "is no motion that is read; expected J, L or C to P[number]")
     positions: dict[int | None, list[re.Match]] = {}
     for match in _POSITION.finditer(text, end):
         positions.setdefault(whole_number(match[1]), []).append(match)

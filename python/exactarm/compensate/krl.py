@@ -137,13 +137,14 @@ class _Reader(Declarations):
     # -- motions -------------------------------------------------------------------------------------
     def motions_of(self, index: int) -> None:
         text, source = self.texts[index], self.sources[index]
-        for match in source.at_lines(_SPLINE, text):
+        small = text.lower()
+        for match in source.at_lines(_SPLINE, text) if "spline" in small else ():
             raise source.refuse(match.start(), "$TOOL or $BASE in the head of a spline block; expected them "
                                                "set before it")
-        for match in source.at_lines(_ROBOT_BASE, text):
+        for match in source.at_lines(_ROBOT_BASE, text) if "$robroot" in small else ():
             raise source.refuse(match.start(1), "the program sets where the arm stands, $ROBROOT, from which "
                                                 "bases count; expected an arm that stays")
-        for match in source.at_lines(_LOAD, text) if self.setting.load is None else ():
+        for match in source.at_lines(_LOAD, text) if "$load" in small and self.setting.load is None else ():
             raise source.refuse(match.start(1),
                                 "the program sets its load, $LOAD; expected --payload with it")
         events = [*self.moves[index], *source.at_lines(_BAS, text), *self.assigned[index]]
@@ -165,7 +166,7 @@ class _Reader(Declarations):
                 steps += [Step(place, "move", (match, form)), *self.left_behind(place, inline)]
                 inline = None
         setting = settings_of(steps)
-        for match in _AT_ANY_TIME.finditer(text):
+        for match in _AT_ANY_TIME.finditer(text) if any(setting.values()) else ():
             if setting.get(match[1].upper()):
                 raise source.refuse(match.start(1), f"{match[1]} sets {min(setting[match[1].upper()])} at "
                                                     "any time; expected it set between motions")

@@ -100,16 +100,17 @@ class Declarations:
 
     def declarations_of(self, index: int) -> None:
         source, text = self.sources[index], self.texts[index]
-        if match := re.search(r"(?i)\$ABS_ACCUR(?![ \t]*=[ \t]*FALSE)", text):
+        small = text.lower()  # words are looked for in it first: that is quick
+        if match := "$abs_accur" in small and re.search(r"(?i)\$ABS_ACCUR(?![ \t]*=[ \t]*FALSE)", text):
             raise source.refuse(
                 match.start(),
                 "$ABS_ACCUR: the controller corrects this program by itself; it must not be corrected twice",
             )
         source.refuse_words(text, REASONS)
-        if match := _KEPT.search(text):
+        if match := "ori_typ" in small and _KEPT.search(text):
             raise source.refuse(match.start(), f"the arm keeps its orientation and does not take that of a "
                                                f"point ({match[0]}); expected #VAR")
-        if match := _AT_ANY_TIME.search(text):
+        if match := ("trigger" in small or "interrupt" in small) and _AT_ANY_TIME.search(text):
             raise source.refuse(match.start(1), f"what sets {match[1]} on the way of a motion, or at any "
                                                 "time; expected it set between motions")
         self.assigned.append(source.at_lines(ASSIGNED, text))
