@@ -3,16 +3,14 @@
     import exactarm as ea
 
     robot = ea.load_robot("ur10")                   # a shipped name, a .toml or a .urdf
-    result = ea.calibrate(robot, "poses.csv")       # and ea.diagnose, ea.identify, ea.gear, ea.plan,
-                                                    ea.design,
-    print(result)                                   # ea.simulate, ea.evaluate, ea.batch: as on the command
-                                                    line
+    result = ea.calibrate(robot, "poses.csv")       # every command of the command line is a function
+    print(result)                                   # the verdict in ten lines; result.summary(): all of it
+    result.parameters                               # estimates with their intervals, a pandas table
     better = result.robot
     better.fk([0, -1.5, 1.5, 0, 1.5, 0])            # the pose at the angles that the controller shows
 
-Nothing is imported before it is used. A command that shares its name with a room of the package (`plan`,
-`diagnose`,
-`identify`, `simulate`, ...) is that package, and can be called.
+Nothing is imported before it is used. A command that shares its name with a package inside this one (`plan`,
+`diagnose`, `identify`, `simulate`, ...) is that package, and can be called.
 """
 
 from __future__ import annotations

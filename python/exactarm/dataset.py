@@ -49,9 +49,15 @@ _ROBOT_FILES = (".toml", ".urdf", ".xacro")
 QUATERNION_NORM_TOLERANCE = 0.01  # three decimals per component pass, a wrong column does not
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Dataset(Rows):
     """Rows, and how they are divided into those that identify and those that judge."""
+
+    def __repr__(self) -> str:
+        """One line: how many rows of what, from where."""
+        files = ", ".join(Path(source.path).name for source in self.sources)
+        what = kind_of(self.kind).name.replace("_", " ")
+        return f"<Dataset: {len(self)} rows, {what}, {self.axes} axes{f'; {files}' if files else ''}>"
 
     def split(self, seed: int, fraction: float = 0.7) -> np.ndarray:
         """(N,) bool: the rows to identify with; `split_rule` says in words how they were chosen."""

@@ -17,6 +17,7 @@ import numpy as np
 from exactarm.columns import PAYLOAD, PAYLOAD_CENTRE
 from exactarm.fixture import Fixture
 from exactarm.robot import Placement
+from exactarm.value import Value
 
 
 @dataclass(frozen=True)
@@ -37,8 +38,8 @@ NO_CONTACT = -1  # the mark of a row without one
 LEAST_TURN_RAD = 1e-4  # 20 arc seconds: less is within the wind-up of a gear
 
 
-@dataclass(frozen=True)
-class Rows:
+@dataclass(frozen=True, eq=False, repr=False)
+class Rows(Value):
     """Measurements in SI units.
 
     kind, kinds     the kind of data (exactarm.kinds): the first to analyse, and all in order

@@ -11,7 +11,16 @@ from typing import Any, Literal
 import numpy as np
 
 from exactarm.commands.arguments import add_files, add_fixture, add_robot, add_sessions
-from exactarm.commands.call import AnyData, AnyFixture, AnyRobot, asked, data_of, robot_of, threads_of
+from exactarm.commands.call import (
+    AnyData,
+    AnyFixture,
+    AnyRobot,
+    asked,
+    data_of,
+    require_choice,
+    robot_of,
+    threads_of,
+)
 from exactarm.commands.error_sections import error_figures, error_table, geometry_tables, highlights, unit_of
 from exactarm.commands.load_section import with_load_section
 from exactarm.commands.memory import within_memory
@@ -76,6 +85,7 @@ def calibrate(
         >>> 0.3e-3 < result.after["validation"].mean < 0.5e-3 < result.before["validation"].mean
         True
     """
+    require_choice("use", use, ("auto", "position", "pose"))
     given = {"use": use, "compliance": compliance, "robust": robust, "sessions": sessions}
     declared = robot_of(robot)
     progress.plan(STEPS["calibrate"])

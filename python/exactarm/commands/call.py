@@ -24,7 +24,7 @@ from exactarm.examples import file_or_example
 from exactarm.fixture import Fixture, load_fixture
 from exactarm.robot import Robot
 from exactarm.robot_file import AnyRobot as AnyRobot
-from exactarm.robot_file import load_robot
+from exactarm.robot_file import load_robot, shipped_robots
 from exactarm.robot_file import robot_of as robot_of
 from exactarm.rows import Source
 from exactarm.session_table import with_sessions
@@ -43,8 +43,7 @@ def data_of(
     estimates."""
     known = load_fixture(fixture, load_robot) if isinstance(fixture, (str, Path)) else fixture
     if not isinstance(data, Dataset):
-        named = [data] if isinstance(data, (str, Path)) else data
-        files = [file_or_example(path) for path in named]
+        files = [file_or_example(path) for path in files_of(data, "files, or what exactarm.read returns")]
         data = read_dataset(files, robot, kind, known or Fixture(), columns)
     elif known is not None:
         data = replace(data, fixture=known)
@@ -56,6 +55,22 @@ def data_of(
             file=None if sessions is None else str(sessions), column=PAYLOAD,
         )
     return data
+
+
+def files_of(data: Any, expected: str = "files") -> list[str | Path]:
+    """Paths of one or more files. A table of pandas would iterate over the names of its columns."""
+    several = hasattr(data, "__iter__") and not isinstance(data, str) and not hasattr(data, "columns")
+    files = list(data) if several else [data]
+    for file in files:
+        if not isinstance(file, (str, Path)):
+            raise InputError(f"data given as {type(file).__name__}; expected {expected}")
+    return files
+
+
+def require_choice(name: str, value: object, choices: Collection[object]) -> None:
+    """As the command line refuses it."""
+    if value not in choices:
+        raise InputError(f"{name}={value!r}; expected one of {', '.join(map(repr, choices))}")
 
 
 def threads_of(threads: int | None) -> int:
@@ -93,6 +108,9 @@ def arguments_of(add_arguments: Callable[[argparse.ArgumentParser], None], robot
             close = difflib.get_close_matches(name, free, n=1)
             raise InputError(f"no option {name!r}; expected "
                              f"{close[0] if close else 'one of ' + ', '.join(sorted(free))}")
+    for action in parser._actions:
+        if action.dest in options and action.choices is not None and options[action.dest] is not None:
+            require_choice(action.dest, options[action.dest], tuple(action.choices))
     return argparse.Namespace(**(known | dict(options) | {"robot": robot}))
 
 
@@ -112,4 +130,6 @@ def read(
         >>> data.kind, data.position.shape
         ('poses', (1495, 3))
     """
+    if isinstance(files, Robot) or files in shipped_robots():
+        raise InputError("read takes the files first, then the robot: read(files, robot)")
     return data_of(files, robot_of(robot), kind, fixture, columns=columns)

@@ -13,7 +13,7 @@ import numpy as np
 
 from exactarm.chain import Layout
 from exactarm.commands.arguments import add_files, add_fixture, add_robot
-from exactarm.commands.call import AnyRobot, arguments_of, asked, robot_of, threads_of
+from exactarm.commands.call import AnyRobot, arguments_of, asked, files_of, robot_of, threads_of
 from exactarm.commands.output import PICTURES
 from exactarm.commands.planning_arguments import (
     add_noise,
@@ -100,7 +100,7 @@ def identifiable(
         >>> "d_1_m" in found.summary()
         True
     """
-    paths = [files] if isinstance(files, (str, Path)) else list(files)
+    paths = files_of(files)
     arguments = arguments_of(add_arguments, robot_of(robot), paths, options)
     vars(arguments).update(seed=seed, threads=threads_of(threads), progress=progress)
     given = {"files": [str(path) for path in paths]} if paths else {}

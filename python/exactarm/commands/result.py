@@ -4,6 +4,7 @@
     print(result)              the verdict in ten lines
     result.summary()           the whole text, as on a terminal
     result["after"]["validation"]["mean"]    any key of result.json
+    result.parameters          estimates with their 95 % intervals, a pandas table
     result.to_dataframe()      residuals, poses or trajectory as a pandas table
     result.plot(axes)          matplotlib axes in, axes out
     result.save("folder")      report.html, result.json, robot.toml, tables, plots
@@ -12,7 +13,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -35,6 +36,15 @@ PRINTED_LINES = 10
 PRINTED_WIDTH = 100
 
 
+class _Shown(str):
+    """Text that a prompt and a notebook show as lines, not quoted."""
+
+    __slots__ = ()
+
+    def __repr__(self) -> str:
+        return str(self)
+
+
 @dataclass(frozen=True, eq=False)
 class CommandResult(Outcome):
     """All results of one command."""
@@ -51,7 +61,12 @@ class CommandResult(Outcome):
 
     def __getitem__(self, key: str) -> Any:
         """A key of result.json."""
+        if key not in self.json:
+            raise KeyError(f"{key!r}: a result of {self.command} has {', '.join(self.json)}")
         return plain(self.json[key])
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.json)
 
     def __contains__(self, key: str) -> bool:
         return key in self.json
@@ -73,7 +88,7 @@ class CommandResult(Outcome):
     def _errors(self, when: str) -> dict[str, ErrorSummary]:
         sets = self.json.get(when)
         if not isinstance(sets, Mapping):
-            raise AttributeError(f"a {self.command} result has no errors {when}; its keys are "
+            raise AttributeError(f"a result of {self.command} has no errors {when}; its keys are "
                                  f"{', '.join(self.json)}")
         names = ErrorSummary.__dataclass_fields__
         nan = float("nan")
@@ -102,21 +117,39 @@ class CommandResult(Outcome):
         return render_verdict_html(self.report)
 
     def summary(self) -> str:
-        """The whole report as text, without its figures."""
+        """The whole report as text, without its figures; at a prompt it shows as it is."""
         from exactarm.report.terminal import render_text
 
-        return render_text(self.report)
+        return _Shown(render_text(self.report))
+
+    @property
+    def parameters(self) -> pandas.DataFrame:
+        """Estimates in SI units: a row a parameter, columns value, low and high (95 %)."""
+        import pandas
+
+        found = dict(self.json.get("parameters") or {})
+        for each in self.json.get("effects") or ():
+            place = "" if each["joint"] is None else f"_{each['joint']}"
+            found |= {f"{each['effect']}{place}.{name}": value for name, value in each["parameters"].items()}
+        estimates = {name: value for name, value in plain(found).items()
+                     if isinstance(value, Mapping) and "ci95" in value}
+        if not estimates and "effects" not in self.json:
+            raise AttributeError(f"a result of {self.command} has no estimated parameters; its keys are "
+                                 f"{', '.join(self.json)}")
+        rows = [(value["value"], *(value["ci95"] or (None, None))) for value in estimates.values()]
+        return pandas.DataFrame(rows, index=list(estimates), columns=["value", "low", "high"], dtype=float)
 
     # -- tables and figures ---------------------------------------------------------------------------
     def to_dataframe(self, name: str | None = None) -> pandas.DataFrame:
-        """A table by its file name ("residuals.csv"); the first one without a name."""
+        """A table by its file name ("residuals.csv" or "residuals"); the first one without a name."""
         import pandas
 
         if not self.tables:
-            raise InputError(f"a {self.command} result holds no table")
-        if name is not None and name not in self.tables:
+            raise InputError(f"a result of {self.command} holds no table")
+        named = {Path(file).stem: file for file in self.tables} | {file: file for file in self.tables}
+        if name is not None and name not in named:
             raise InputError(f"no table {name!r}; expected one of {', '.join(self.tables)}")
-        return pandas.DataFrame(dict(self.tables[name or next(iter(self.tables))]))
+        return pandas.DataFrame(dict(self.tables[named[name] if name else next(iter(self.tables))]))
 
     @property
     def figures(self) -> tuple[str, ...]:
@@ -133,6 +166,8 @@ class CommandResult(Outcome):
         return draw_figure(self._figure(ax, what), ax)
 
     def _figure(self, ax: Axes | None, what: str | None) -> Figure:
+        if isinstance(ax, str):
+            raise InputError(f"ax={ax!r}; expected matplotlib axes; a figure is named by what={ax!r}")
         drawn = {figure.name: figure for figure in self.report.figures}
         usable = [name for name, figure in drawn.items() if ax is None or figure.panel is not None]
         if what is None and usable:

@@ -1,0 +1,97 @@
+"""Results and data at a Python prompt: shown in a line, compared, listed; calls that cannot be meant."""
+
+import copy
+import pickle
+
+import pandas as pd
+import pytest
+
+import exactarm as ea
+from exactarm.errors import InputError
+
+
+@pytest.fixture(scope="module")
+def data():
+    return ea.read(ea.example("ur10/series_B"), "ur10")
+
+
+@pytest.fixture(scope="module")
+def result(data):
+    return ea.calibrate("ur10", data, compliance=(2,), threads=1)
+
+
+def test_data_are_a_value_that_shows_in_one_line(data):
+    assert repr(data) == "<Dataset: 1495 rows, poses, 6 axes; series_B.csv>"
+    same = pickle.loads(pickle.dumps(data))
+    assert same == data and hash(same) == hash(data) and copy.deepcopy(data) == data
+    other = data.select([True] * 10 + [False] * (len(data) - 10))
+    assert other != data and len({data, same, other}) == 2
+
+
+def test_estimates_are_a_table(result):
+    table = result.parameters
+    assert list(table.columns) == ["value", "low", "high"]
+    assert ((table["low"] < table["value"]) & (table["value"] < table["high"])).all()
+    assert table.loc["a_2_m", "value"] == result["parameters"]["a_2_m"]["value"]
+    assert "joint_compliance_2.linear_rad_per_Nm" in table.index
+
+
+def test_estimates_of_causes_are_a_table():
+    from exactarm.commands.result import CommandResult, estimate
+    from exactarm.report import Report
+
+    def found(effects):
+        return CommandResult({"effects": effects}, Report("t", "v"))
+
+    width, mass = estimate(4e-4, 3.8e-4, 4.2e-4), {"value": 2.0, "ci95": None}
+    effects = [{"effect": "backlash", "joint": 2, "parameters": {"width_rad": width}},
+               {"effect": "payload", "joint": None, "parameters": {"mass_kg": mass}}]
+    table = found(effects).parameters
+    assert list(table.index) == ["backlash_2.width_rad", "payload.mass_kg"]
+    assert table.loc["backlash_2.width_rad"].tolist() == [4e-4, 3.8e-4, 4.2e-4]
+    assert table.loc["payload.mass_kg"].isna().tolist() == [False, True, True]
+    assert len(found([]).parameters) == 0
+    with pytest.raises(AttributeError, match="has no estimated parameters; its keys are"):
+        _ = CommandResult({"gears": []}, Report("t", "v")).parameters
+
+
+def test_a_result_is_a_mapping_of_its_keys(result):
+    assert list(result) == list(result.keys()) and dict(result)["unit"] == "m"
+    with pytest.raises(KeyError, match="'zz': a result of calibrate has unit, before, after"):
+        result["zz"]
+
+
+def test_a_summary_shows_as_lines(result):
+    assert isinstance(result.summary(), str) and repr(result.summary()) == str(result.summary())
+    assert repr(pickle.loads(pickle.dumps(result.summary()))) == result.summary()
+
+
+def test_a_table_is_found_by_its_stem(result):
+    assert result.to_dataframe("residuals").equals(result.to_dataframe("residuals.csv"))
+    with pytest.raises(InputError, match="no table 'poses'; expected one of residuals.csv"):
+        result.to_dataframe("poses")
+
+
+def test_a_figure_given_as_axes_is_told():
+    figure = ea.export("ur10", format="csv")
+    with pytest.raises(InputError, match="a figure is named by what='parameters'"):
+        figure.plot("parameters")
+
+
+REFUSED = {
+    "data given as DataFrame; expected files, or what exactarm.read returns":
+        lambda data: ea.calibrate("ur10", pd.DataFrame({"q_1_rad": [0.0]})),
+    "data given as int; expected files": lambda data: ea.calibrate("ur10", [1, 2]),
+    "data given as Dataset; expected files": lambda data: ea.identifiable("ur10", data),
+    r"read takes the files first, then the robot: read\(files, robot\)":
+        lambda data: ea.read("ur10", ea.example("ur10/series_B")),
+    "use='poses'; expected one of 'auto', 'position', 'pose'":
+        lambda data: ea.calibrate("ur10", data, use="poses"),
+    "use='poses'; expected one of 'position', 'pose'": lambda data: ea.identifiable("ur10", use="poses"),
+}
+
+
+@pytest.mark.parametrize("said", REFUSED)
+def test_a_call_that_cannot_be_meant_is_refused_in_words(said, data):
+    with pytest.raises(InputError, match=said):
+        REFUSED[said](data)
