@@ -180,7 +180,7 @@ def _report(robot: Robot, path: PlannedPath, played: list[Played], silent: str) 
     first = {method: next(p for p in played if p.method == method) for method in _METHODS}
     rms = {method: summarise(p.knots).rms for method, p in first.items()}
     verdict = (
-        f"On the path {path.name} the flange of the true {robot.name} misses by "
+        f"On the path '{path.name}' the flange of the true {robot.name} misses by "
         f"{quantity(rms['nominal'], 'm')} RMS with rigid inverse "
         f"kinematics as drawn, by {quantity(rms['identified'], 'm')} with its geometry identified, and by "
         f"{quantity(rms['exactarm'], 'm')} with exactarm's plan."

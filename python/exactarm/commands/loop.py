@@ -186,8 +186,8 @@ def _report(robot: Robot, path: PlannedPath, rounds: list[_Round], diagnosis: Di
     first, middle, last = rounds
     drawn, calibrated, diagnosed = quantities([r.summary.rms for r in rounds], "m")
     verdict = (
-        f"On the path {path.name} the target of the virtual {robot.name} misses by {drawn} RMS as drawn, by "
-        f"{calibrated} calibrated and by {diagnosed} diagnosed."
+        f"On the path '{path.name}' the target of the virtual {robot.name} misses by {drawn} RMS as drawn, "
+        f"by {calibrated} calibrated and by {diagnosed} diagnosed."
     )
     rows = tuple((r.name, *(Quantity(getattr(r.summary, f), "m") for f in ("mean", "rms", "max")))
                  for r in rounds)
