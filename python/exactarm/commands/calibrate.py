@@ -37,8 +37,10 @@ from exactarm.identify.calibrate import calibrate as identify_geometry
 from exactarm.identify.closure_scale import gravity_alone
 from exactarm.identify.closures import calibrate_closures
 from exactarm.identify.declared import geometry_layout
+from exactarm.identify.drawing import FREE
 from exactarm.identify.identifiability import Dropped
 from exactarm.identify.parameter_name import Group, parse_parameter
+from exactarm.identify.pose_fit import PoseFit
 from exactarm.kinds import CLOSURES, POSES, kind_of
 from exactarm.progress import SILENT, Progress
 from exactarm.report import Estimate, Figure, Quantity, Report, Table, Warnings
@@ -167,9 +169,17 @@ def _json(result: Calibration) -> dict[str, Any]:
         ],
         "observability": result.identifiability.observability.as_dict(),
         "noise": {"position_m": result.fit.sigma_position, "orientation_rad": result.fit.sigma_orientation},
+        **_drawing(result),
         "converged": result.fit.fit.converged,
         "warnings": list(result.warnings),
     }
+
+
+def _drawing(result: Calibration) -> dict[str, Any]:
+    """How far the arm is from its drawing, where that was estimated: deviations beside plausible ones, and
+    how many parameters the data tell."""
+    drawn = result.fit.drawn if isinstance(result.fit, PoseFit) else FREE
+    return {"drawing": {"scale": drawn.scale, "told_by_data": drawn.told}} if drawn.to else {}
 
 
 def _summaries(summaries: dict[str, Any], distances: dict[str, float | None],
@@ -277,11 +287,15 @@ def _parameter_sections(robot: Robot, result: Calibration) -> tuple[Any, ...]:
         return names, start, x, intervals, [unit_of(name) for name in names]
 
     names, start, x, intervals, units = pick(~frame)
+    drawing, beside = _drawing(result).get("drawing"), ""
+    if drawing:
+        beside = (f" Deviations are {drawing['scale']:.2g} times as large as plausible ones; the poses tell "
+                  f"{drawing['told_by_data']:.0f} of these {len(names)} parameters, the drawing the rest.")
     tables = geometry_tables(names, start, x, intervals, units, result.fit.fit.at_bound[~frame])
     figures = (Figure(
         "parameters", "What changed",
         partial(parameter_forest, names, x - start, intervals[:, 0] - start, intervals[:, 1] - start, units),
-        "Change of each parameter from its declared value, with its 95 % interval.",
+        "Change of each parameter from its declared value, with its 95 % interval." + beside,
         "parameter changes with intervals",
     ),) if names else ()
     frames_names, _, frames_x, frames_intervals, frames_units = pick(frame)

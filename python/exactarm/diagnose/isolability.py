@@ -16,6 +16,7 @@ on one axis are not held against each other.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -27,6 +28,8 @@ from exactarm.diagnose.selection import candidates_for
 from exactarm.diagnose.vocabulary import Vocabulary, vocabulary_of
 from exactarm.effects.base import Effect
 from exactarm.identify.declared import carried_layout
+from exactarm.identify.drawing import FREE
+from exactarm.identify.pose_fit import PoseFit
 from exactarm.noise.estimate import normal_noise
 from exactarm.robot import Robot
 
@@ -58,6 +61,14 @@ class Isolability:
         return np.min(self.apart, axis=1)
 
 
+class _Planned(PoseProblem):
+    """Poses that nobody has measured: nothing says yet how far the arm is from its drawing."""
+
+    @cached_property
+    def calibrated(self) -> PoseFit:
+        return replace(super().calibrated, drawn=FREE)
+
+
 def isolability(robot: Robot, poses: Dataset, noise_m: float, seed: int, threads: int = 1) -> Isolability:
     """Of measuring `poses` (angles, and the direction of approach where it is planned) with a noise of
     noise_m a coordinate."""
@@ -65,7 +76,7 @@ def isolability(robot: Robot, poses: Dataset, noise_m: float, seed: int, threads
                           threads=threads).position
     position = exact + np.random.default_rng(seed).normal(0.0, noise_m, exact.shape)
     data = replace(poses, position=position, rotation=None, identification=None)
-    problem = PoseProblem(robot, data, data.select(np.zeros(len(data), bool)), threads, seed)
+    problem = _Planned(robot, data, data.select(np.zeros(len(data), bool)), threads, seed)
     fitted = problem.fit(problem.declared())
     effects = [effect for effect in candidates_for(problem, fitted) if not effect.excludes_rows()]
     vocabulary = vocabulary_of(fitted, effects, {}, {})

@@ -3,6 +3,8 @@ once."""
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 
 from exactarm.chain import Layout, predict_poses
@@ -29,7 +31,7 @@ from exactarm.identify.declared import (
 )
 from exactarm.identify.match import require_match
 from exactarm.identify.missing_tilt import missing_tilts
-from exactarm.identify.pose_fit import fit_poses
+from exactarm.identify.pose_fit import PoseFit, fit_poses
 from exactarm.kinds import POSES
 from exactarm.noise.model import NoiseModel
 from exactarm.noise.wandering import SESSIONS_APART
@@ -59,12 +61,15 @@ class PoseProblem(Problem):
         if len(held_out):
             require_sessions(data, held_out)
 
-    def declared(self) -> Layout:
+    @cached_property
+    def calibrated(self) -> PoseFit:
         frames, found = frames_layout(self.robot, self.data, orientation=self.orientation, seed=self.seed)
         require_match(self.robot, self.data, found, carried_layout(self.robot, self.data), self.seed)
         options = CalibrationOptions(threads=self.threads, seed=self.seed)
-        fit, _ = fit_identifiable(self.robot, self._whole(frames), self.data, self.orientation, options)
-        return fit.layout
+        return fit_identifiable(self.robot, self._whole(frames), self.data, self.orientation, options)[0]
+
+    def declared(self) -> Layout:
+        return self.calibrated.layout
 
     def _whole(self, frames: Layout) -> Layout:
         """The declared model beside these frames, whether the poses can tell its parameters or not."""
@@ -87,6 +92,7 @@ class PoseProblem(Problem):
         result = fit_poses(
             self.robot, layout, self.data, orientation=self.orientation, weights=weight, threads=self.threads,
             sigma=None if sigma is None else sigma[::3], tolerance=_TOLERANCE,
+            drawn=self.calibrated.drawn,
         )
         prediction = predict_poses(self.robot, result.layout, self.data, threads=self.threads)
         residual = prediction.residual(self.orientation)
@@ -95,7 +101,7 @@ class PoseProblem(Problem):
         view.signals["residual"] = residual
         jacobian = prediction.jacobian[:, : residual.shape[1]]
         return Fitted(self.robot, result.layout, result.fit, residual, jacobian, np.array(sigma), weight,
-                      view)
+                      view, drawing=self.calibrated.drawn.to)
 
     def errors(self, fitted: Fitted, data: Dataset) -> np.ndarray:
         prediction = predict_poses(self.robot, fitted.layout, data, tangents=False, threads=self.threads)

@@ -19,6 +19,7 @@ from exactarm.dataset import Dataset
 from exactarm.diagnose.in_space import InSpace
 from exactarm.diagnose.orthonormal import extended, orthonormal
 from exactarm.effects.base import Effect
+from exactarm.identify.layout_fit import Drawing, priors_of
 from exactarm.noise.estimate import estimate_noise
 from exactarm.noise.model import NoiseModel
 from exactarm.regression import Fit
@@ -31,7 +32,8 @@ class Fitted:
 
     residual (N, m) measured minus predicted; jacobian (N, m, P) of the prediction; sigma (m,) standard
     deviation of each component; weight (N,) 0 for rows that are left out, 1 otherwise; noise: what else is
-    known of the noise, in the terms of the problem, for the next fit to begin with.
+    known of the noise, in the terms of the problem, for the next fit to begin with; drawing: declared
+    parameters that the fit draws to their declared values.
     """
 
     robot: Robot
@@ -43,6 +45,7 @@ class Fitted:
     weight: np.ndarray
     view: View
     noise: object = field(default=None, kw_only=True)
+    drawing: Drawing = field(default_factory=dict, kw_only=True)
 
     @cached_property
     def scale(self) -> np.ndarray:
@@ -52,8 +55,10 @@ class Fitted:
     @cached_property
     def prior(self) -> tuple[np.ndarray, np.ndarray]:
         """Pseudo-observations (r, P) of the regularised parameters, and what they lack (r,)."""
-        rows = self.layout.prior_rows()
-        return rows, -rows @ self.layout.values
+        centre, spread = priors_of(self.layout, self.drawing)
+        held = np.flatnonzero(np.isfinite(spread))
+        rows = np.eye(self.layout.size)[held] / spread[held, None]
+        return rows, rows @ (centre - self.layout.values)
 
     @property
     def prior_rows(self) -> np.ndarray:

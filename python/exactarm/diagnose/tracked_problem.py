@@ -8,8 +8,7 @@ pieces of them are held out. Fitted and searched on subsampled runs, judged on a
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from functools import cached_property
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -23,7 +22,7 @@ from exactarm.diagnose.smoothness import second_order
 from exactarm.effects.base import Effect, Station
 from exactarm.identify.calibrate import calibrated_robot, identifiable_layout, require_sessions
 from exactarm.identify.declared import carried_layout, geometry_layout
-from exactarm.identify.layout_fit import Drawing, priors_of
+from exactarm.identify.layout_fit import Drawing
 from exactarm.identify.tracked_fit import (
     KIND,
     fit_tracked,
@@ -44,19 +43,7 @@ _SPREAD_ROWS = 300
 
 @dataclass(frozen=True)
 class TrackedFitted(Fitted):
-    """Columns of most effects straight from their station; what changes the load goes through the springs.
-
-    drawing: the declared parameters that the data cannot tell; the fit draws them to their declared values.
-    """
-
-    drawing: Drawing = field(default_factory=dict, kw_only=True)
-
-    @cached_property
-    def prior(self) -> tuple[np.ndarray, np.ndarray]:
-        centre, spread = priors_of(self.layout, self.drawing)
-        drawn = np.flatnonzero(np.isfinite(spread))
-        rows = np.eye(self.layout.size)[drawn] / spread[drawn, None]
-        return rows, rows @ (centre - self.layout.values)
+    """Columns of most effects straight from their station; what changes the load goes through the springs."""
 
     def responses_of(self, effects: list[Effect]) -> list[np.ndarray]:
         return [self._response(effect)[:, :3] for effect in effects]

@@ -28,6 +28,7 @@ from exactarm.identify.declared import (
     require_geometry,
     with_estimates,
 )
+from exactarm.identify.drawing import FREE, Drawn
 from exactarm.identify.identifiability import Identifiability, select_identifiable, still_axes
 from exactarm.identify.loads import kept_masses, with_loads
 from exactarm.identify.match import require_match
@@ -179,20 +180,20 @@ def calibrate(robot: Robot, data: Dataset, options: CalibrationOptions = Calibra
 def fit_identifiable(
     robot: Robot, layout: Layout, data: Dataset, orientation: bool, options: CalibrationOptions
 ) -> tuple[PoseFit, Identifiability]:
-    """Fits what the poses can tell; parameters that turn out to lie under the noise are dropped and it fits
-    anew."""
+    """Fits what the poses can tell: freely, then without what turns out to lie under the noise, then drawn to
+    the drawing as far as the data say (drawing.py)."""
     kept, result = identifiable_layout(robot, layout, data, orientation, threads=options.threads)
     require_enough(kept, data, orientation)
 
-    def fit(chosen: Layout) -> PoseFit:
-        return fit_poses(
-            robot, chosen, data, orientation=orientation, robust=bool(options.robust), threads=options.threads
-        )
+    def fit(chosen: Layout, drawn: Drawn = FREE) -> PoseFit:
+        return fit_poses(robot, chosen, data, orientation=orientation, robust=bool(options.robust),
+                         threads=options.threads, drawn=drawn)
 
-    first = fit(kept)
-    sigma = np.array([first.sigma_position] + ([first.sigma_orientation] if orientation else []))
+    flat = fit(kept)
+    sigma = np.array([flat.sigma_position] + ([flat.sigma_orientation] if orientation else []))
     fewer, result = identifiable_layout(robot, layout, data, orientation, sigma, options.threads)
-    return (first if fewer.names == kept.names else fit(fewer)), result
+    flat = flat if fewer.names == kept.names else fit(fewer)
+    return fit(flat.layout, Drawn.around(geometry_layout(robot), flat.layout, flat.fit)), result
 
 
 def identifiable_layout(

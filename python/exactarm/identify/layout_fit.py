@@ -99,9 +99,21 @@ def fit_layout(
         x, sigma = fit.x, new
         if settled:
             break
+    if drawn.size:
+        fit = _beside_priors(fit, spread)
     if not settled and fit.converged:
         fit = replace(fit, reason=f"noise and parameters did not settle on each other in {_ROUNDS} rounds")
     return LayoutFit(layout.at(x), fit, sigma)
+
+
+def _beside_priors(fit: Fit, spread: np.ndarray) -> Fit:
+    """The fit whose uncertainty knows that sigma is what the data alone have left: priors are no measure of
+    it, and what the data tell of their parameters is spent."""
+    if not fit.freedom > 0:
+        return fit
+    covariance = fit.covariance / fit.sigma**2
+    told = np.sum(1.0 - np.clip(np.diag(covariance) / spread**2, 0.0, 1.0)[np.isfinite(spread)])
+    return fit.known_by(covariance, max(fit.freedom - round(float(told)), 1))
 
 
 def _spread(residual: np.ndarray, spent: np.ndarray, alike: np.ndarray) -> np.ndarray:

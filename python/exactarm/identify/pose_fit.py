@@ -6,12 +6,13 @@ Position and orientation carry different noise: two variances, estimated togethe
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from exactarm.chain import Layout, predict_poses
 from exactarm.dataset import Dataset
+from exactarm.identify.drawing import FREE, Drawn
 from exactarm.identify.layout_fit import fit_layout
 from exactarm.regression import Fit
 from exactarm.robot import Robot
@@ -29,6 +30,7 @@ class PoseFit:
     fit: Fit
     sigma_position: float
     sigma_orientation: float | None
+    drawn: Drawn = field(default_factory=Drawn)
 
     def error(self, data: Dataset, threads: int = 1) -> np.ndarray:
         """(N,) Euclidean position errors in m on any rows of the same sessions."""
@@ -50,10 +52,12 @@ def fit_poses(
     threads: int = 1,
     sigma: np.ndarray | None = None,
     tolerance: float = 1e-10,
+    drawn: Drawn = FREE,
 ) -> PoseFit:
     """Estimates the free parameters of `layout` from all rows of `data`. `weights` (N,) per row, 0 leaves
     it out; `sigma` (1,) or (2,): first guess of the standard deviations (m, rad);
-    `tolerance`: relative fall of the square sum at which the search ends."""
+    `tolerance`: relative fall of the square sum at which the search ends; `drawn`: to what the
+    declared parameters are."""
     def predict(at: Layout, with_jacobian: bool):
         prediction = predict_poses(robot, at, data, tangents=with_jacobian, threads=threads)
         residual = prediction.residual(orientation)
@@ -62,7 +66,9 @@ def fit_poses(
     weight = np.ones(len(data.session)) if weights is None else weights
     alike = np.repeat(np.arange(2 if orientation else 1), 3)
     first = np.full(alike.size, _FIRST_SIGMA) if sigma is None else np.repeat(np.asarray(sigma, float), 3)
-    found = fit_layout(predict, layout, weight, first, alike=alike, robust=robust, tolerance=tolerance)
+    found = fit_layout(predict, layout, weight, first, alike=alike, robust=robust, tolerance=tolerance,
+                       drawing=drawn.to)
     return PoseFit(
-        robot, found.layout, found.fit, float(found.sigma[0]), float(found.sigma[3]) if orientation else None
+        robot, found.layout, found.fit, float(found.sigma[0]), float(found.sigma[3]) if orientation else None,
+        drawn,
     )
