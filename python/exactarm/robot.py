@@ -350,13 +350,16 @@ def _build_core(robot: Robot) -> _core.Robot:
     return _core.Robot(joints, robot.base.core(), robot.tool.core(), robot.gravity)
 
 
+_EVEN = GearTable().core()  # of a gear without harmonics
+
+
 def _core_joint(joint: Joint, ratio: float, link: Link | None) -> _core.Joint:
     kind = getattr(_core.JointType, joint.type)
     motor = _core.Friction(coulomb=joint.coulomb or 0.0, viscous=joint.viscous or 0.0)
     return _core.Joint(
         frame=_core.Frame(kind, joint.sign, joint.zero, joint.d, joint.a, joint.alpha, joint.beta or 0.0),
         q_offset=joint.q_offset,
-        gear=_core.Gear(ratio, *((table or GearTable()).core() for table in (joint.cw, joint.ccw))),
+        gear=_core.Gear(ratio, *(table.core() if table else _EVEN for table in (joint.cw, joint.ccw))),
         spring=_core.Spring(joint.spring_linear or 0.0, joint.spring_cubic),
         drive=_core.Drive(joint.rotor_inertia or 0.0, motor=motor),
         limits=_core_limits(joint),

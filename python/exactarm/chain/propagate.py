@@ -24,7 +24,8 @@ def acts(effect: Effect, view: View, station: Station) -> bool:
 
 def pass_station(view: View, layout: Layout, station: Station, signal: str, tangents: bool) -> None:
     """Adds all changes at `station` to the named signal, one effect after another."""
-    acting = [(i, effect) for i, effect in enumerate(layout.effects) if acts(effect, view, station)]
+    acting = [(i, effect) for i, effect in enumerate(layout.effects)
+              if acts(effect, view, station) and (tangents or not effect.only_in_tables)]
     if acting and tangents:
         view.tangents[signal] = view.tangents[signal].copy()
     for index, effect in acting:
