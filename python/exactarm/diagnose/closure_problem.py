@@ -18,10 +18,9 @@ import numpy as np
 
 from exactarm.chain import Layout
 from exactarm.dataset import Dataset
-from exactarm.diagnose.noise import repeat_scatter
 from exactarm.diagnose.orthonormal import orthonormal
-from exactarm.diagnose.pose_problem import LEAST_REPEATS, PoseProblem
 from exactarm.diagnose.problem import Fitted, Problem
+from exactarm.diagnose.problem_at_rest import ProblemAtRest
 from exactarm.effects.base import Effect, Station
 from exactarm.identify.closure_fit import ClosureFit, Pulls, fit_closures
 from exactarm.identify.closures import (
@@ -34,7 +33,7 @@ from exactarm.identify.closures import (
     tilt_error,
     updated_robot,
 )
-from exactarm.identify.declared import geometry_layout, reestimated_layout, require_geometry
+from exactarm.identify.declared import geometry_layout, reestimated_layout
 from exactarm.identify.judged_rows import judged_rows
 from exactarm.kinds import CLOSURES, POSES
 from exactarm.measurement.closures import (
@@ -117,22 +116,19 @@ class WithoutContacts(ClosureFitted):
         return self._cleared(super().whiten(response))
 
 
-class ClosureProblem(PoseProblem):
-    """Rows have one device each (`touches`)."""
+class ClosureProblem(ProblemAtRest):
+    """Rows have one device each (`touches`). No target is measured, and no planned pose of a free one would
+    be a touch: faces, spheres and bars show a part of the error alone, and where the target is said to be
+    holds the residual itself. Rows have no positions in common that a tilt could be seen in."""
 
     kind = CLOSURES.name
-    # contacts are fitted beside the effects: the posterior has not been measured on them
-    by_posterior = False
+    # not `by_posterior`: contacts are fitted beside the effects, and it has not been measured on them
     # places are few and far apart: an effect that hardly helps there is none
     least_elsewhere = Problem.least_share
 
-    def held_out_picture(self, fitted: Fitted) -> None:
-        """No target is measured."""
-
     def __init__(self, robot: Robot, data: Dataset, held_out: Dataset, threads: int = 1, seed: int = 0):
-        Problem.__init__(self, robot, touches(data), touches(held_out) if len(held_out) else held_out,
-                         threads, seed)
-        require_geometry(robot)
+        super().__init__(robot, touches(data), touches(held_out) if len(held_out) else held_out, threads,
+                         seed)
         self.pulls = Pulls.of(geometry_layout(robot), data.fixture)
 
     def shows(self, effect: type[Effect]) -> bool:
@@ -171,22 +167,6 @@ class ClosureProblem(PoseProblem):
         }
         return {name: error for name, error in found.items() if error is not None}
 
-    def lacks_of_tables(self, fitted: Fitted) -> tuple[str, ...]:
-        """Rows have no positions in common that a tilt could be seen in."""
-        return ()
-
-    def signals(self, fitted: Fitted) -> dict[str, np.ndarray]:
-        """Where the target is said to be holds the residual itself: it tells nothing here."""
-        return {name: values for name, values in super().signals(fitted).items()
-                if not name.startswith("position ")}
-
-    def space(self, fitted: Fitted) -> None:
-        return None
-
-    def in_space(self, first: Fitted, last: Fitted) -> None:
-        """Faces, spheres and bars show a part of the error alone."""
-        return None
-
     def directions(self, fitted: Fitted) -> dict[str, np.ndarray]:
         prediction = fitted.prediction
         turn = {f"a turn of axis {i + 1}": turn_of_axis(prediction, i) for i in range(self.robot.axes)}
@@ -223,11 +203,8 @@ class ClosureProblem(PoseProblem):
     def repeat_noise(self, fitted: Fitted) -> float | None:
         used = (fitted.weight > SLIPPED) & fitted.prediction.used[:, :3].all(axis=1)
         used &= shows_a_place(self.data)
-        groups = (self.groups() * (1 + self.data.session.max()) + self.data.session)[used]
-        if len(groups) - len(np.unique(groups)) < LEAST_REPEATS:
-            return None
         unit = self.error_of_unit_noise(fitted) / np.sqrt(3.0)
-        return repeat_scatter(fitted.residual[used, :3] / unit, groups)
+        return self.repeats(fitted.residual[:, :3] / unit, used)
 
     def correlation_factor(self, fitted: Fitted) -> float:
         """Pairs: the means that were projected out are no data."""
@@ -236,10 +213,6 @@ class ClosureProblem(PoseProblem):
 
     def updated_robot(self, fitted: Fitted) -> Robot:
         return updated_robot(self.robot, self.data, fitted)
-
-    def next_experiments(self, fitted: Fitted, places: tuple) -> tuple[str, tuple]:
-        """In words: poses of a free target are no touches."""
-        return Problem.next_experiments(self, fitted, places)
 
     def separating_experiment(self, fitted: Fitted, one: Effect, other: Effect) -> str:
         """In words: what the touches lack that would show the difference."""

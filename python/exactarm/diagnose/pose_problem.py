@@ -11,9 +11,8 @@ from exactarm.chain import Layout, predict_poses
 from exactarm.dataset import Dataset
 from exactarm.diagnose.in_space import InSpace, errors_in_space
 from exactarm.diagnose.next_poses import next_poses, sentence_of
-from exactarm.diagnose.noise import repeat_scatter
-from exactarm.diagnose.problem import Fitted, Problem, rows_kept
-from exactarm.diagnose.smoothness import second_order
+from exactarm.diagnose.problem import Fitted, rows_kept
+from exactarm.diagnose.problem_at_rest import ProblemAtRest
 from exactarm.effects.base import Station
 from exactarm.identify.calibrate import (
     CalibrationOptions,
@@ -27,36 +26,25 @@ from exactarm.identify.declared import (
     frames_layout,
     geometry_layout,
     reestimated_layout,
-    require_geometry,
 )
 from exactarm.identify.match import require_match
 from exactarm.identify.missing_tilt import missing_tilts
 from exactarm.identify.pose_fit import PoseFit, fit_poses
 from exactarm.kinds import POSES
 from exactarm.noise.model import NoiseModel
-from exactarm.noise.wandering import SESSIONS_APART
 from exactarm.robot import Robot
-from exactarm.split import pose_groups, pose_split
 
 _TOLERANCE = 1e-7  # relative fall of the square sum that ends a fit: a thousandth of what evidence can notice
 
-_SEARCH_POSES = 600  # enough to find every large cause in good time; the smallest may need more poses
 
-LEAST_REPEATS = 10
-
-
-class PoseProblem(Problem):
+class PoseProblem(ProblemAtRest):
     """`orientation` residuals are used where every row has them."""
 
-    unit = "m"
-    numbers_of_error = 3
     kind = POSES.name
-    groups_independent = True
     by_posterior = True
 
     def __init__(self, robot: Robot, data: Dataset, held_out: Dataset, threads: int = 1, seed: int = 0):
         super().__init__(robot, data, held_out, threads, seed)
-        require_geometry(robot)
         self.orientation = data.rotation is not None
         if len(held_out):
             require_sessions(data, held_out)
@@ -119,38 +107,9 @@ class PoseProblem(Problem):
         kept = rows_kept(fitted.layout, prediction.view)
         return residual[kept], prediction.jacobian[kept, : residual.shape[1]]
 
-    def search_rows(self) -> np.ndarray | None:
-        if len(self.data) <= _SEARCH_POSES:
-            return None
-        return pose_split(self.data, np.random.default_rng(self.seed), _SEARCH_POSES / len(self.data))
-
-    def groups(self) -> np.ndarray:
-        return pose_groups(self.data)
-
-    def order(self) -> np.ndarray:
-        time = self.data.time if self.data.time is not None else np.arange(len(self.data), dtype=float)
-        session = np.unique(self.data.session, return_inverse=True)[1]
-        step = np.diff(time[np.lexsort((time, session))])
-        typical = float(np.median(step[step > 0.0])) if np.any(step > 0.0) else 1.0
-        return (time - time.min()) / typical + session * (np.ptp(time) / typical + SESSIONS_APART)
-
     def signals(self, fitted: Fitted) -> dict[str, np.ndarray]:
-        view, data = fitted.view, self.data
-        signals = {f"angle of axis {i + 1}": view.q[:, i] for i in range(view.axes)}
-        signals |= {f"load of axis {i + 1}": view.torque[:, i] for i in range(view.axes)
-                    if np.ptp(view.torque[:, i]) > 0}
-        directions = view.direction
-        signals |= {f"approach of axis {i + 1}": directions[:, i] for i in range(view.axes)
-                    if np.ptp(directions[:, i]) > 0}
-        position = view.signals["target"]
-        signals |= {f"position {axis}": position[:, k] for k, axis in enumerate("xyz")}
-        order = data.time if data.time is not None else np.arange(len(data), dtype=float)
-        signals["time" if data.time is not None else "order of measurement"] = order
-        return signals | {name: values for name, values in data.covariates.items() if np.ptp(values) > 0}
-
-    def surfaces(self, fitted: Fitted) -> dict[str, np.ndarray]:
-        q = fitted.view.q
-        return {"angles of two axes together": second_order(q[:, np.ptp(q, axis=0) > 0.0])}
+        position = fitted.view.signals["target"]
+        return super().signals(fitted) | {f"position {axis}": position[:, k] for k, axis in enumerate("xyz")}
 
     def space(self, fitted: Fitted) -> tuple[str, np.ndarray]:
         """Where the target is; set-ups stand far apart."""
@@ -173,11 +132,7 @@ class PoseProblem(Problem):
     def repeat_noise(self, fitted: Fitted) -> float | None:
         """Pure error of rows measured at the same commanded pose in the same session, those left out
         excepted."""
-        used = fitted.weight > 0
-        groups = (self.groups() * (1 + self.data.session.max()) + self.data.session)[used]
-        if len(groups) - len(np.unique(groups)) < LEAST_REPEATS:
-            return None
-        return repeat_scatter(fitted.residual[used, :3] / fitted.sigma[:3], groups)
+        return self.repeats(fitted.residual[:, :3] / fitted.sigma[:3], fitted.weight > 0)
 
     def updated_robot(self, fitted: Fitted) -> Robot:
         return calibrated_robot(self.robot, self.data, fitted.layout, fitted.fit)
