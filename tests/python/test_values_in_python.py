@@ -37,11 +37,12 @@ def test_estimates_are_a_table(result):
 
 
 def test_estimates_of_causes_are_a_table():
+    from exactarm.commands.outcome import Asked
     from exactarm.commands.result import CommandResult, estimate
     from exactarm.report import Report
 
     def found(effects):
-        return CommandResult({"effects": effects}, Report("t", "v"))
+        return CommandResult({"effects": effects}, Report("t", "v"), asked=Asked("diagnose", ""))
 
     width, mass = estimate(4e-4, 3.8e-4, 4.2e-4), {"value": 2.0, "ci95": None}
     effects = [{"effect": "backlash", "joint": 2, "parameters": {"width_rad": width}},
@@ -52,7 +53,17 @@ def test_estimates_of_causes_are_a_table():
     assert table.loc["payload.mass_kg"].isna().tolist() == [False, True, True]
     assert len(found([]).parameters) == 0
     with pytest.raises(AttributeError, match="has no estimated parameters; its keys are"):
-        _ = CommandResult({"gears": []}, Report("t", "v")).parameters
+        _ = CommandResult({"O1": 0.5, "effects": ["a sentence"]}, Report("t", "v")).parameters
+
+
+def test_estimates_of_gears_are_a_table():
+    from exactarm.commands.result import CommandResult, estimate
+    from exactarm.report import Report
+
+    gear = {"joint": 2, "direction": "cw", "ratio": estimate(101.0, 100.9, 101.1),
+            "harmonics": [{key: estimate(1.0, 0.9, 1.1) for key in ("order", "a", "b")}]}
+    table = CommandResult({"gears": [gear]}, Report("t", "v")).parameters
+    assert list(table.index) == [f"gear_2_cw.{name}" for name in ("ratio", "order_1", "a_1", "b_1")]
 
 
 def test_a_result_is_a_mapping_of_its_keys(result):
@@ -73,9 +84,20 @@ def test_a_table_is_found_by_its_stem(result):
 
 
 def test_a_figure_given_as_axes_is_told():
-    figure = ea.export("ur10", format="csv")
+    bare = ea.export("ur10", format="csv")
     with pytest.raises(InputError, match="a figure is named by what='parameters'"):
-        figure.plot("parameters")
+        bare.plot("parameters")
+    with pytest.raises(InputError, match="a result of export holds no figure"):
+        bare.plot()
+
+
+def test_corrected_programs_are_a_value(tmp_path):
+    header = ",".join(f"q_{i}_deg" for i in range(1, 7))
+    (tmp_path / "targets.csv").write_text(f"{header}\n5,-70,70,0,60,0\n")
+    result = ea.compensate("ur10", tmp_path / "targets.csv")
+    assert pickle.loads(pickle.dumps(result)) == result and result.figures
+    with pytest.raises(InputError, match="have several panels; expected no axes"):
+        result.plot(object())
 
 
 REFUSED = {

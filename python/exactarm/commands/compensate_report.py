@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 
@@ -181,7 +182,7 @@ def _figures(corrections: Sequence[Correction]) -> tuple[Figure, ...]:
         Figure(
             "correction_view",
             "What moved",
-            lambda: shift_view(points[good], shifts[good]),
+            partial(shift_view, points[good], shifts[good]),
             "Targets in the base frame of the controller (flange), with the way by which their commands "
             "moved.",
             "targets with arrows of their corrections, from above and from the side",
@@ -189,7 +190,7 @@ def _figures(corrections: Sequence[Correction]) -> tuple[Figure, ...]:
         Figure(
             "correction_per_target",
             "By how much",
-            lambda: shift_per_target(sizes),
+            partial(shift_per_target, sizes),
             "Change of the commanded position of each target, in the order of the programs; of many "
             "targets the smallest and the largest of each stretch.",
             "size of the correction of each target",

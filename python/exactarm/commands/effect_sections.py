@@ -220,8 +220,8 @@ def curves_figure(found: Sequence[tuple[Finding, Contribution | None]]) -> list[
         "effects", "Every cause over its own signal", partial(effect_panels, panels),
         ("Grey: the error that is left when this one cause is taken out of the model, on the fitted rows. "
          if grey else "")
-        + "Blue: the cause as estimated, with its 95 % band, drawn only where something was measured; green "
-        "ticks: what was measured."
+        + "Blue: the cause as estimated, a line with its 95 % band, or points where it depends on the motion "
+        "before; drawn only where something was measured. Green ticks: what was measured."
         + (" RMS of the grey points, and of what is left with the cause." if grey else "")
         + (" Over a phase: without what changes more slowly than a wave." if any(
             c.fast for _, c in found if c is not None) else ""),

@@ -65,7 +65,9 @@ def error_figures(
                partial(error_per_pose_panel, before, after, validation, unit, name=name, row=row)),
         Figure("error_histogram", f"Distribution of the {name}",
                partial(error_histogram, before[shown], after[shown], unit, name=name, of=which),
-               f"Number of {which} by their error, before and after.", f"histogram of the {name}",
+               f"Number of {which} by their error"
+               + ("." if np.array_equal(before, after) else ", before and after."),
+               f"histogram of the {name}",
                partial(error_histogram_panel, before[shown], after[shown], unit, name=name, of=which)),
     )
 

@@ -127,13 +127,9 @@ class CommandResult(Outcome):
         """Estimates in SI units: a row a parameter, columns value, low and high (95 %)."""
         import pandas
 
-        found = dict(self.json.get("parameters") or {})
-        for each in self.json.get("effects") or ():
-            place = "" if each["joint"] is None else f"_{each['joint']}"
-            found |= {f"{each['effect']}{place}.{name}": value for name, value in each["parameters"].items()}
-        estimates = {name: value for name, value in plain(found).items()
+        estimates = {name: value for name, value in plain(_estimates(self.json)).items()
                      if isinstance(value, Mapping) and "ci95" in value}
-        if not estimates and "effects" not in self.json:
+        if not estimates and self.command != "diagnose":
             raise AttributeError(f"a result of {self.command} has no estimated parameters; its keys are "
                                  f"{', '.join(self.json)}")
         rows = [(value["value"], *(value["ci95"] or (None, None))) for value in estimates.values()]
@@ -172,6 +168,10 @@ class CommandResult(Outcome):
         usable = [name for name, figure in drawn.items() if ax is None or figure.panel is not None]
         if what is None and usable:
             return drawn[usable[0]]
+        if not drawn:
+            raise InputError(f"a result of {self.command} holds no figure")
+        if not usable:
+            raise InputError(f"figures of a result of {self.command} have several panels; expected no axes")
         if what not in usable:
             raise InputError(f"no figure {what!r}{' of one panel' if ax is not None else ''}; expected one "
                              f"of {', '.join(usable)}")
@@ -210,6 +210,21 @@ class CommandResult(Outcome):
 
     def _numbers(self) -> str:
         return json.dumps(plain(self.json), sort_keys=True)
+
+
+def _estimates(result: Mapping[str, Any]) -> dict[str, Any]:
+    """Name -> estimate: parameters of a fit, of the effects of a diagnosis, of gears."""
+    found = dict(result.get("parameters") or {})
+    for each in result.get("effects") or ():
+        if isinstance(each, Mapping) and isinstance(each.get("parameters"), Mapping):
+            place = "" if each["joint"] is None else f"_{each['joint']}"
+            found |= {f"{each['effect']}{place}.{name}": value for name, value in each["parameters"].items()}
+    for gear in result.get("gears") or ():
+        name = f"gear_{gear['joint']}_{gear['direction']}"
+        found[f"{name}.ratio"] = gear["ratio"]
+        found |= {f"{name}.{key}_{k}": wave[key] for k, wave in enumerate(gear["harmonics"], start=1)
+                  for key in ("order", "a", "b")}
+    return found
 
 
 def _worse(result: Mapping[str, Any]) -> list[str]:
