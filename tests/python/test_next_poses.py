@@ -115,3 +115,20 @@ def test_says_so_when_no_pose_parts_them(doubtful):
     problem = PoseProblem(robot, fitted.view.data, fitted.view.data.select(np.zeros(60, bool)))
     found = next_poses(robot, problem.fit(layout), [Place(same, 0.5, ((same, 0.5),))], 0)
     assert sentence_of(found).startswith("No poses inside the limits tell")
+
+
+@pytest.mark.parametrize("spread", [0.03, 1e-6])
+def test_poses_measured_in_a_corner_ask_for_others_all_the_same(narrow, spread):
+    """So narrow that hardly any pose within the limits has its target there: it ended with an error."""
+    robot, _ = narrow
+    rng = np.random.default_rng(6)
+    q = np.array([0.4, -0.9, 0.8, -0.3, 0.5, 0.2]) + rng.uniform(-spread, spread, (40, 6))
+    data = Dataset.of_arrays("poses", {"q": q})
+    exact = predict_poses(robot, Layout.of(()), data, tangents=False).position
+    measured = replace(data, position=exact + rng.normal(0.0, 1e-4, (40, 3)))
+    problem = PoseProblem(robot, measured, measured.select(np.zeros(40, bool)))
+    frames = problem.calibrated.layout
+    fitted = problem.fit(frames.joined(Layout.of((SPRING,))))
+    words, found = problem.next_experiments(fitted, (Place(fitted.layout.effects[-1], 0.5, ((RATIO, 0.5),)),))
+    assert found and all(len(each.q) for each in found)
+    assert words.startswith(("Measure", "No poses"))

@@ -22,6 +22,7 @@ from exactarm.diagnose.confusion import Place
 from exactarm.diagnose.problem import Fitted
 from exactarm.diagnose.scan import free_mask, linear_columns
 from exactarm.effects.base import Effect
+from exactarm.errors import ComputationError
 from exactarm.identify.pose_space import Box, PoseSpace
 from exactarm.kinds import POSES
 from exactarm.robot import Robot
@@ -228,17 +229,23 @@ def _view(robot: Robot, fitted: Fitted, q: np.ndarray, payload_kg: float) -> Vie
 
 
 def _candidate_poses(robot: Robot, fitted: Fitted, seed: int) -> np.ndarray:
-    """(C, n) poses; an axis without limits stays in its measured range, the target in the measured space."""
+    """(C, n) poses with the target in the measured space, where the device sees it; an axis without limits
+    stays in its measured range. Where hardly any pose of the whole range leads there, all axes do; at last
+    the target may be anywhere. Raises ComputationError where even so hardly any pose is clear of the arm."""
     measured = fitted.view.q
+    low, high = measured.min(axis=0), measured.max(axis=0)
     joints = tuple(
-        replace(
-            joint,
-            q_min=measured[:, i].min() if joint.q_min is None else joint.q_min,
-            q_max=measured[:, i].max() if joint.q_max is None else joint.q_max,
-        )
+        replace(joint, q_min=low[i] if joint.q_min is None else joint.q_min,
+                q_max=high[i] if joint.q_max is None else joint.q_max)
         for i, joint in enumerate(robot.joints)
     )
     open_space = PoseSpace.of(replace(robot, joints=joints), Box(np.full(3, -np.inf), np.full(3, np.inf)))
     seen = open_space.target(measured)
-    box = Box(seen.min(axis=0), seen.max(axis=0))
-    return replace(open_space, box=box).draw(_CANDIDATES, np.random.default_rng(seed))
+    space = replace(open_space, box=Box(seen.min(axis=0), seen.max(axis=0)))
+    near = replace(space, lower=np.maximum(low, space.lower), upper=np.minimum(high, space.upper))
+    for each in (space, near):
+        try:
+            return each.draw(_CANDIDATES, np.random.default_rng(seed))
+        except ComputationError:
+            continue
+    return open_space.draw(_CANDIDATES, np.random.default_rng(seed))

@@ -14,6 +14,7 @@ from exactarm.diagnose.next_poses import next_poses, sentence_of
 from exactarm.diagnose.problem import Fitted, rows_kept
 from exactarm.diagnose.problem_at_rest import ProblemAtRest
 from exactarm.effects.base import Station
+from exactarm.errors import ComputationError
 from exactarm.identify.calibrate import (
     CalibrationOptions,
     calibrated_robot,
@@ -138,5 +139,8 @@ class PoseProblem(ProblemAtRest):
         return calibrated_robot(self.robot, self.data, fitted.layout, fitted.fit)
 
     def next_experiments(self, fitted: Fitted, places: tuple) -> tuple[str, tuple]:
-        found = next_poses(self.robot, fitted, places, self.seed)
+        try:
+            found = next_poses(self.robot, fitted, places, self.seed)
+        except ComputationError as error:
+            return f"No poses that part the causes could be planned: {error}.", ()
         return sentence_of(found), found
