@@ -4,8 +4,12 @@ import io
 import time
 
 import numpy as np
+import pytest
 
+import exactarm as ea
+from exactarm.compensate import formats
 from exactarm.compensate.ways import Step, walk
+from exactarm.errors import InputError
 from exactarm.report.plots.compensation import MOST_DRAWN, shift_per_target, shift_view
 
 
@@ -50,3 +54,14 @@ def test_ways_through_many_loops_and_routines_are_found_in_a_time_that_grows_wit
     found = list(walk(steps, {"tool": None}))
     assert time.process_time() - begun < 10.0
     assert [(data, state["tool"]) for data, state in found[:2]] == [(0, 0), (1, 1)] and len(found) == 20_000
+
+
+def test_a_program_that_needs_more_memory_than_is_free_is_refused_in_one_line(tmp_path, monkeypatch):
+    path = tmp_path / "part.script"
+    path.write_text("def part():\n" + "  movej([0.1, -1.2, 1.3, -0.4, 1.5, 0.2])\n" * 1000 + "end\n")
+    monkeypatch.setattr(formats, "free_bytes", lambda: 2e6)
+    with pytest.raises(InputError, match=r"part.script: a program of 0.042 MB needs about .* GB of memory, "
+                                         r".* expected at most 0.0257 MB: split it"):
+        ea.compensate("ur10", path, points="calculated")
+    monkeypatch.setattr(formats, "free_bytes", lambda: 4e6)
+    assert ea.compensate("ur10", path, points="calculated").contents["part.script"] != path.read_bytes()
