@@ -46,8 +46,6 @@ from exactarm.measurement.closures import (
 from exactarm.measurement.contact import Contact
 from exactarm.robot import Robot
 
-_TOLERANCE = 1e-7  # relative fall of the square sum that ends a fit: a thousandth of what evidence can notice
-
 
 @dataclass(frozen=True)
 class ClosureFitted(Fitted):
@@ -149,7 +147,8 @@ class ClosureProblem(ProblemAtRest):
     def fit(self, layout: Layout, weight: np.ndarray | None = None,
             sigma: np.ndarray | None = None) -> Fitted:
         fit = fit_closures(
-            self.robot, layout, self.data, self.pulls, keep=weight, threads=self.threads, tolerance=_TOLERANCE
+            self.robot, layout, self.data, self.pulls, keep=weight, threads=self.threads,
+            tolerance=self.tolerance,
         )
         fit.prediction.view.signals["residual"] = fit.prediction.residual
         return ClosureFitted.of(fit, self.pulls)

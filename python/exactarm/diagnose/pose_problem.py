@@ -35,8 +35,6 @@ from exactarm.kinds import POSES
 from exactarm.noise.model import NoiseModel
 from exactarm.robot import Robot
 
-_TOLERANCE = 1e-7  # relative fall of the square sum that ends a fit: a thousandth of what evidence can notice
-
 
 class PoseProblem(ProblemAtRest):
     """`orientation` residuals are used where every row has them."""
@@ -80,7 +78,7 @@ class PoseProblem(ProblemAtRest):
         weight = np.ones(len(self.data)) if weight is None else weight
         result = fit_poses(
             self.robot, layout, self.data, orientation=self.orientation, weights=weight, threads=self.threads,
-            sigma=None if sigma is None else sigma[::3], tolerance=_TOLERANCE,
+            sigma=None if sigma is None else sigma[::3], tolerance=self.tolerance,
             drawn=self.calibrated.drawn,
         )
         prediction = predict_poses(self.robot, result.layout, self.data, threads=self.threads)

@@ -21,6 +21,8 @@ class ProblemAtRest(Problem):
     unit = "m"
     numbers_of_error = 3
     groups_independent = True
+    # relative fall of the square sum that ends a fit: a thousandth of what evidence can notice
+    tolerance = 1e-7
 
     def __init__(self, robot: Robot, data: Dataset, held_out: Dataset, threads: int = 1, seed: int = 0):
         super().__init__(robot, data, held_out, threads, seed)

@@ -14,6 +14,7 @@ import numpy as np
 
 from exactarm.effects.base import Change, Effect, Parameter, Station
 from exactarm.kinds import GEAR_RUN
+from exactarm.mdh_frames import rotation_x, rotation_y
 
 _UPSIDE_DOWN = np.diag([1.0, -1.0, -1.0])
 
@@ -49,8 +50,8 @@ class GyroAlignment(Effect):
         alpha, beta = self.values
         nominal = _UPSIDE_DOWN if self.flipped else np.eye(3)
         turn = tilt(alpha, beta).T @ nominal
-        by_alpha = (about_y(beta).T @ slope_x(alpha).T) @ nominal
-        by_beta = (slope_y(beta).T @ about_x(alpha).T) @ nominal
+        by_alpha = (rotation_y(beta).T @ slope_x(alpha).T) @ nominal
+        by_beta = (slope_y(beta).T @ rotation_x(alpha).T) @ nominal
         here = (view.sensor_axis == self.index) & (view.data.session == self.session)
         rate = view.measured * here[:, None]
         value = rate @ (turn - np.eye(3)).T
@@ -59,29 +60,19 @@ class GyroAlignment(Effect):
         return Change((0, 1, 2), value, derivative, {"measured": by_measured})
 
 
-def about_x(angle: float) -> np.ndarray:
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
-
-
-def about_y(angle: float) -> np.ndarray:
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
-
-
 def slope_x(angle: float) -> np.ndarray:
-    """d about_x / d angle."""
-    return about_x(angle + 0.5 * np.pi) - np.diag([1.0, 0.0, 0.0])
+    """d rotation_x / d angle."""
+    return rotation_x(angle + 0.5 * np.pi) - np.diag([1.0, 0.0, 0.0])
 
 
 def slope_y(angle: float) -> np.ndarray:
-    """d about_y / d angle."""
-    return about_y(angle + 0.5 * np.pi) - np.diag([0.0, 1.0, 0.0])
+    """d rotation_y / d angle."""
+    return rotation_y(angle + 0.5 * np.pi) - np.diag([0.0, 1.0, 0.0])
 
 
 def tilt(alpha: float, beta: float) -> np.ndarray:
     """R_x(alpha) R_y(beta): from the sensor's axes to the moving axis'."""
-    return about_x(alpha) @ about_y(beta)
+    return rotation_x(alpha) @ rotation_y(beta)
 
 
 def aligning_angles(axis: np.ndarray) -> tuple[float, float]:

@@ -13,8 +13,9 @@ from typing import ClassVar
 import numpy as np
 
 from exactarm.effects.base import Change, Effect, Parameter, Station
-from exactarm.effects.gyro_alignment import about_x, about_y, slope_x, slope_y
+from exactarm.effects.gyro_alignment import slope_x, slope_y
 from exactarm.kinds import GEAR_RUN
+from exactarm.mdh_frames import rotation_x, rotation_y
 
 
 @dataclass(frozen=True)
@@ -41,10 +42,10 @@ class GyroMisalignment(Effect):
         run, x, y = self.values
         since = view.data.run >= run
         rate = view.measured * since[:, None]
-        turn = about_x(x) @ about_y(y) - np.eye(3)
+        turn = rotation_x(x) @ rotation_y(y) - np.eye(3)
         derivative = np.zeros((view.rows, 3, 3))
-        derivative[:, :, 1] = rate @ (slope_x(x) @ about_y(y)).T
-        derivative[:, :, 2] = rate @ (about_x(x) @ slope_y(y)).T
+        derivative[:, :, 1] = rate @ (slope_x(x) @ rotation_y(y)).T
+        derivative[:, :, 2] = rate @ (rotation_x(x) @ slope_y(y)).T
         return Change((0, 1, 2), rate @ turn.T, derivative, {"measured": since[:, None, None] * turn})
 
     @classmethod
