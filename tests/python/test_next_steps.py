@@ -1,6 +1,7 @@
 """After a fit the page says what to do: with a robot file that is better, and with one that is not."""
 
 import html
+import re
 import shlex
 import subprocess
 import sys
@@ -59,7 +60,8 @@ def lines_of(report) -> list[str]:
             for line in map(line_to_copy, section.paragraphs) if line]
 
 
-TOLD = ("plan", "design", "certify", "compensate", "check", "evaluate", "export", "calibrate")
+TOLD = ("plan", "design", "certify", "compensate", "check", "evaluate", "export", "calibrate",
+        "identifiable")
 
 
 @pytest.fixture(scope="module")
@@ -77,7 +79,8 @@ def test_the_line_to_copy_runs_as_it_stands(command, folder, tmp_path, capsys):
     out = tmp_path / "my results"
     assert cli.main([word for word in words_of(command, folder, out) if word != "--quiet"]) == 0
     printed = capsys.readouterr().out
-    page = html.unescape((out / "report.html").read_text())
+    page = re.sub(r'<span class="whole">(.*?)</span>', r"\1", (out / "report.html").read_text())
+    page = html.unescape(page)
     lines = [line.strip() for line in printed.split("What to do next\n")[1].split("\n\n")[0].splitlines()
              if line.startswith("    ")]
     assert len(lines) == 1 and f"<pre>{lines[0]}</pre>" in page
@@ -134,3 +137,13 @@ def test_a_robot_that_only_python_knows_is_no_file_to_name():
     asked = Asked("certify", "exactarm.certify(robot, data)", "ur10")
     (line,) = lines_of(with_lines(result.report, result, asked, Path("o")))
     assert line.startswith("exactarm design ROBOT ")
+
+
+def test_corners_are_calibrated_with_their_board():
+    result = Outcome({}, Report("t", "v"), tables={"corners.csv": {}})
+    asked = Asked("corners", "exactarm corners ur10 j.csv a.png --fixture board.toml --out o", "ur10", (), 0,
+                  ("--fixture", "board.toml"))
+    (line,) = lines_of(with_lines(result.report, result, asked, Path("o")))
+    assert line == "exactarm calibrate ur10 o/corners.csv --fixture board.toml --out o_calibrated"
+    touched = replace(asked, command="identifiable")  # of a fixture, `design` needs more than the robot
+    assert lines_of(with_lines(result.report, result, touched, Path("o"))) == []

@@ -63,8 +63,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="what is fitted: positions alone, or orientations too (default: what was "
                              "measured)")
     parser.add_argument("--compliance", metavar="AXES", default="auto",
-                        help="axes whose joint compliance is estimated, as 2,3; none; default: those under "
-                             "load")
+                        help="axes whose joint compliance is estimated, as 2,3, or none (default: those "
+                             "under load)")
     parser.add_argument("--robust", action="store_true", default=None,
                         help="Huber's loss: gross errors weigh less (default: where some rows are wild)")
 

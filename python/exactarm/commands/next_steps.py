@@ -151,6 +151,12 @@ def _design(run: _Run) -> Sequence[str]:
     )
 
 
+def _identifiable(run: _Run) -> Sequence[str]:
+    if "--fixture" in run.asked.reading:
+        return ()
+    return ("Poses that show the parameters best, to be measured:", run.line("designed", "design", run.robot))
+
+
 def _certify(run: _Run) -> Sequence[str]:
     return (
         "Keep the certificate with the arm. A few poses a day tell when it no longer holds "
@@ -217,6 +223,7 @@ NEXT: dict[str, Callable[[_Run], Sequence[str]]] = {
     "calibrate": _fitted, "gear": _fitted, "identify": _fitted, "evaluate": _evaluate, "check": _check,
     "plan": _plan, "simulate": _simulate, "design": _design, "certify": _certify, "compensate": _compensate,
     "export": _export, "merge": _table, "corners": _corners, "accept": _accept,
+    "identifiable": _identifiable,
 }
 
 
