@@ -124,6 +124,10 @@ RIGHT = {
                                                           Y=f"{numbers_zyx(tip(1))[1]:+.6f}") + "\n" + P[2]),
 }
 REFUSED = {
+    "a point that a routine changes which is given it": (
+        f"{SET}raise(XP1)\nPTP XP1", P[1], "DEF raise(P:OUT)\nDECL E6POS P\nP.Z=P.Z+10.0\nEND"),
+    "a point that a routine sets which is given it": (
+        f"{SET}raise(XP1)\nPTP XP1", P[1], "DEF raise(P)\nE6POS P\nP=XP2\nEND"),
     "a base of an external axis": (f"{SET}PTP XP1\nBAS(#EX_BASE,17)\nLIN XP2", P[1] + P[2]),
     "a tool before what may take it back": (f"{SET}BAS(#INITMOV,0)\nPTP XP1", P[1]),
     "an orientation that stays": (f"{SET}PTP XP1\n$ORI_TYPE=#CONSTANT\nLIN XP2", P[1] + P[2]),

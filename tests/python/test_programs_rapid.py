@@ -75,6 +75,9 @@ RIGHT = {
     "an arc": (P[1] + P[2] + P[3], f"MoveJ p1,v100,fine,{T}\nMoveC p2,p3,v100,z10,{T}"),
     "joint targets": (f"CONST jointtarget home:={joints(1)};\n",
                       f"MoveAbsJ home,v100,fine,torch;\nMoveAbsJ {joints(2)}\\NoEOffs,v100,fine,{T}"),
+    "a routine that changes a copy of what it is given": (
+        P[1], f"look p1;\nMoveJ p1,v100,fine,{T}\nENDPROC\nPROC see(robtarget q)\nENDPROC\n"
+              "PROC show(PERS robtarget q)\nENDPROC\nPROC look(robtarget p)\np.trans.z:=0;"),
     "events on the way": (
         P[1] + P[2] + P[3], f"TriggJ p1,v100,io1,fine,{T}\nMoveLDO p2,v100,z10,{T[:-1]},do1,1;\n"
                             f"MoveLSync p3,v100,z10,{T[:-1]},\"sub\";\n"),
@@ -97,6 +100,12 @@ RIGHT = {
     "numbers in every form": ("", f"MoveJ {EXPONENT},v100,fine,{T}"),
 }
 REFUSED = {
+    "a tool that a routine changes which is given it": (
+        P[1], f"change torch;\nMoveJ p1,v100,fine,{T}\nENDPROC\nPROC change(PERS tooldata t)\n"
+              "t.tframe.trans.z:=300;"),
+    "a target that a routine changes which is given it": (
+        f"VAR robtarget p1:={target(1)};\n", f"raise p1;\nMoveJ p1,v100,fine,{T}\nENDPROC\n"
+        "PROC raise(INOUT robtarget p)\np.trans.z:=p.trans.z+10;"),
     "a correction by a sensor": (P[1] + P[2], f"MoveJ p1,v100,fine,{T}\nMoveL p2,v100,fine,{T[:-1]}\\Corr;"),
     "a seam that is tracked": (
         P[1] + P[2], f"MoveJ p1,v100,fine,{T}\nArcL p2,v100,seam1,weld1\\Track:=track1,fine,{T}"),

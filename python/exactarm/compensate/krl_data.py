@@ -41,6 +41,7 @@ _FIELD = re.compile(r"\s*([A-Za-z_]\w*)(\[\])?\s*")
 _NAME = re.compile(r"(?i)\$?[a-z_]\w*$")
 
 
+_HEADS = re.compile(r"(?i)[ \t]*(?:GLOBAL[ \t]+)?DEF[ \t]+\w+[ \t]*\(([^)\r\n]*\w[^)\r\n]*)\)")
 _SENSED = "a sensor decides where the arm goes; expected targets that are reached as they stand"
 REASONS = dict.fromkeys(("rsi_on", "rsi_movecorr", "st_on", "st_on1", "st_movesens"), _SENSED)
 _KEPT = re.compile(  # an orientation that the arm keeps
@@ -125,6 +126,13 @@ class Declarations:
             except InputError:  # other records than points; a point among them is refused where it is used
                 found = None
             self.values.setdefault(key, []).append((index, match.start(2), found))
+        for match in source.at_lines(_HEADS, text):
+            for name, _, mode in (word.partition(":") for word in match[1].upper().split(",")):
+                place = rf"(?im)^[ \t]*(?:DECL[ \t]+)?(?:E6)?(?:POS|AXIS|FRAME)[ \t]+{name.strip()}\b"
+                if mode.strip() != "IN" and {name.strip()} & (self.parts.keys() | self.values.keys()) and (
+                        re.search(place, text)):
+                    raise source.refuse(match.start(), f"the routine sets {name.strip()}, which it is given; "
+                                                       "expected points and frames that stay")
 
     def assigned_record(self, index: int, assigned: re.Match) -> Aggregate | None:
         """What is set to a name, where it is one record and nothing more: `{..}:{..}` is computed."""

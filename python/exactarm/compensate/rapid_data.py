@@ -34,6 +34,7 @@ _LISTS = ((0, 3), (3, 7), (7, 11), (11, 17))  # of its numbers
 _SPLITS = re.compile(r"[\[({\])},\\]")
 _MARKS = re.compile(r"[\[\],;]")
 _ARGUMENTS = re.compile(r"[pf](?<!\w.)(?:(?<=p)roc|(?<=f)unc\s+\w+)\s+\w+\s*\(([^)]*)\)")
+_LENT = re.compile(r"\b(?:inout|pers|var)\s+(?:robtarget|jointtarget|tooldata|wobjdata)\s+(\w+)")
 _ARGUMENT = re.compile(r"(?i)\b(?:robtarget|jointtarget|tooldata|wobjdata)\s+(\w+)")
 
 _MOVED = "moves the targets that follow; expected targets as they are"
@@ -93,7 +94,12 @@ class Declarations:
                     )
                 elif match := _ASSIGNED.search(text, begin, place):
                     self._assign(match[1], index, match.start(1))
+            changed = {name for name, places in self.assigned.items() if index in places}
             for match in _ARGUMENTS.finditer(text.lower()):
+                if lent := changed.intersection(_LENT.findall(match[1])):
+                    raise self.sources[index].refuse(
+                        match.start(), f"the routine sets {min(lent)}, which it is given; expected data that "
+                                       "stay as they are")
                 for argument in _ARGUMENT.finditer(match[1]):
                     self._assign(argument[1], index, match.start())
 
