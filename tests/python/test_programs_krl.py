@@ -244,3 +244,19 @@ def test_the_middle_of_a_circle_that_is_turned_is_told(tmp_path):
         result = ea.compensate(ROBOT, paths, points="calculated", threads=1, **OPTIONS)
         said.append([words for words in result.json["warnings"] if "middle points of circles" in words])
     assert not said[0] and len(said[1]) == 1 and "line 6" in said[1][0]
+
+
+def test_points_of_an_arm_with_absolute_accuracy_are_told(tmp_path):
+    """Bit 4 of S: once for all of them."""
+    status = lambda i: str(16 + 4 * int(Q[i][4] < 0))
+    data = "".join(f"DECL E6POS XP{i}={pose(i, S=status(i))}\n" for i in (1, 2))
+    program = files(f"{SET}PTP XP1\nPTP XP2", data)
+    paths = [tmp_path / name for name in program]
+    for path in paths:
+        path.write_bytes(program[path.name])
+    result = ea.compensate(ROBOT, paths, points="calculated", threads=1, **OPTIONS)
+    (told,) = [words for words in result.json["warnings"] if "bit 4 of S" in words]
+    assert told.startswith("XP1 (line 2)")
+    plain = tmp_path / "plain"
+    plain.mkdir()
+    corrected(plain, ROBOT, execute, program, **OPTIONS)

@@ -55,6 +55,9 @@ _SPLINE = re.compile(r"(?im)^[ \t]*(?:PTP_)?SPLINE\b[^\r\n]*\bWITH\b[^\r\n]*\$(?
 _SILENT = re.compile(  # lines that neither move the arm nor lead elsewhere
     r"(?i)[ \t]*(?:\$\w+(?:\[[^\]\r\n]*\])?(?:\.\w+)?[ \t]*=|[FPL]DAT_ACT[ \t]*=|BAS[ \t]*\([ \t]*#|"
     r"WAIT[ \t]+(?:SEC|FOR)\b|CONTINUE\b|PULSE[ \t]*\()")
+ACCURATE = 16  # of S: for information alone; the arm goes where it would without
+TWICE = ("bit 4 of S says that an arm with absolute accuracy was taught it; where the controller corrects by "
+         "itself, it must not be corrected twice")
 NOWHERE = (0, 0)  # of a T that is not given
 START = {"$TOOL": None, "$BASE": None, "$IPO_MODE": "#BASE"}
 KINDS = {
@@ -293,6 +296,9 @@ class _Reader(Declarations):
         numbers, places = self.numbers(point, CARTESIAN)
         status, turn = self.status_and_turn(point)
         matches, written = None, NOWHERE if turn is None else (turn.start, turn.end)
+        accurate = status is not None and int(status.value) & ACCURATE
+        if accurate and not any(TWICE in told for told in self.warnings):
+            self.warnings.append(f"{name} (line {source.line(point.start)}): {TWICE}")
         if turn is not None and kind in ("PTP", "SPTP"):
             wrist = None if status is None or self.setting.robot.axes != 6 else bool(int(status.value) & 4)
             matches = partial(self.fits, int(turn.value), wrist)
