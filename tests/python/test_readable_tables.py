@@ -124,3 +124,18 @@ def test_highlights_show_one_number_where_nothing_changed():
     lower = same | {"validation": summarise([1e-4])}
     assert [item.before for item in highlights(same, same, "m").items] == [None] * 3
     assert all(item.before is not None for item in highlights(same, lower, "m").items)
+
+
+def test_an_axis_that_stands_still_is_drawn_so():
+    """1e-4 deg/s of axis 4 filled its panel, beside 28 deg/s of axis 1."""
+    import numpy as np
+
+    from exactarm.report.plots.curves import LEAST_RANGE, curves_per_axis
+
+    time = np.linspace(0.0, 1.0, 50)
+    rates = np.stack([0.5 * np.sin(6.0 * time), 2e-6 * np.sin(6.0 * time), 0.5 + 0.0 * time], axis=1)
+    first, still, steady = curves_per_axis(time, {"motor": rates}, unit="rad/s", name="rate").axes
+    largest = np.degrees(np.abs(rates).max())
+    for axes in (still, steady):
+        assert np.ptp(axes.get_ylim()) >= 0.999 * LEAST_RANGE * largest
+    assert still.get_ylim()[0] < 0.0 < still.get_ylim()[1] and np.ptp(first.get_ylim()) > largest

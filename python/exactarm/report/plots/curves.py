@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from exactarm.report.plots.style import CYCLE, label_with, legend_above, new_figure, scaled
 
 MOST_POINTS = 2000
+LEAST_RANGE = 1e-3  # of the largest value of all axes: an axis that stands still is drawn so
 
 
 def curves(x: np.ndarray, traces: Mapping[str, np.ndarray], *, unit: str = "", name: str = "",
@@ -35,9 +36,12 @@ def curves_per_axis(x: np.ndarray, traces: Mapping[str, np.ndarray], *, unit: st
                     x_name: str = "time",
                     x_unit: str = "s", log_x: bool = False, log_y: bool = False,
                     colours: tuple[str, ...] = CYCLE) -> Figure:
-    """Traces label -> (N, n): one panel per axis of the robot, all with the same unit."""
+    """Traces label -> (N, n): one panel per axis of the robot, all with the same unit, each with its own
+    range."""
     size, shown = scaled(np.concatenate([np.ravel(trace) for trace in traces.values()]), unit)
     count = next(iter(traces.values())).shape[1]
+    largest = max(np.nanmax(np.abs(trace), initial=0.0) for trace in traces.values()) / size
+    least = LEAST_RANGE * float(largest)
     columns = min(count, 3)
     lines = -(-count // columns)
     figure = new_figure(0.6 + 1.75 * lines)
@@ -51,11 +55,15 @@ def curves_per_axis(x: np.ndarray, traces: Mapping[str, np.ndarray], *, unit: st
         axes.set_title(f"axis {index + 1}")
         axes.set_xscale("log" if log_x else "linear")
         axes.set_yscale("log" if log_y else "linear")
+        low, high = axes.get_ylim()
+        if not log_y and high - low < least:
+            axes.set_ylim(0.5 * (low + high - least), 0.5 * (low + high + least))
         if index >= count - columns:
             axes.set_xlabel(label_with(x_name, x_unit))
             axes.tick_params(labelbottom=True)
     for row in panels:
         row[0].set_ylabel(label_with(name, shown))
+    figure.align_ylabels(panels[:, 0])
     if len(traces) > 1:
         figure.legend(*panels.flat[0].get_legend_handles_labels(), loc="outside upper right",
                       ncols=len(traces))
