@@ -157,8 +157,9 @@ def test_pictures_of_a_board_calibrate_the_arm_and_its_scale(name, seed, given, 
     robot, data = pictures(name, seed, 40, wobble_rad=2e-5, setup=setup)
     result = calibrate_closures(robot.nominal, data, ALONE)
     assert result.fit.fit.converged and not result.warnings
-    assert result.pixels_before["validation"] > 1.5
-    assert result.pixels_after["validation"] < 0.35  # two numbers of 0.1 px, and what the arm does not repeat
+    assert result.beside_before["validation"]["reprojection_px"] > 1.5
+    # two numbers of 0.1 px, and what the arm does not repeat
+    assert result.beside_after["validation"]["reprojection_px"] < 0.35
     assert np.mean(covered(robot, result)) >= 0.8
     random, true = np.random.default_rng(1), robot.true
     q = random.uniform(limit(true, "q_min"), limit(true, "q_max"), (60, true.axes))

@@ -102,8 +102,8 @@ def test_gravity_alone_recovers_the_angles_of_the_arm(name, robot):
     arm, data = read_by(name, 3, robot=robot)
     result = calibrate_closures(arm.nominal, data)
     assert result.fit.fit.converged
-    assert result.tilts_before["validation"] > 10 * ANGLE_RAD
-    assert result.tilts_after["validation"] < 2.0 * ANGLE_RAD  # of two or three numbers a row: 1.25 or 1.6
+    assert result.beside_before["validation"]["tilt_error_rad"] > 10 * ANGLE_RAD
+    assert result.beside_after["validation"]["tilt_error_rad"] < 2.0 * ANGLE_RAD  # of two or three: 1.25, 1.6
     dropped = {entry.name: entry.why for entry in result.identifiability.dropped}
     assert {name for name in geometry_layout(arm.nominal).names if name.endswith("_m")} <= set(dropped)
     assert dropped["q_offset_1_rad"].endswith(GRAVITY_ALONE) and GRAVITY_ALONE in result.warnings
@@ -126,7 +126,7 @@ def test_sockets_and_an_accelerometer_are_one_estimate():
     data = both(sockets, sensor)
     mixed = calibrate_closures(robot.nominal, replace(data, identification=np.ones(len(data), bool)), options)
     assert mixed.before["identification"].n == len(sockets)
-    assert mixed.tilts_after["identification"] < 2.0 * ANGLE_RAD
+    assert mixed.beside_after["identification"]["tilt_error_rad"] < 2.0 * ANGLE_RAD
     error = lambda result: evaluate_closures(result.robot, judge).overall.mean
     assert error(mixed) < 0.8 * error(alone)
 

@@ -155,10 +155,8 @@ def _json(result: Calibration) -> dict[str, Any]:
     shown = result.shown
     return {
         "unit": _unit(result),
-        "before": _summaries(result.before, result.distances_before, result.tilts_before,
-                             result.pixels_before),
-        "after": _summaries(result.after, result.distances_after, result.tilts_after,
-                            result.pixels_after),
+        "before": _summaries(result.before, result.beside_before),
+        "after": _summaries(result.after, result.beside_after),
         "parameters": {
             name: estimate(float(value), float(low), float(high))
             for name, value, (low, high) in zip(result.names, shown.x, shown.interval())
@@ -182,16 +180,9 @@ def _drawing(result: Calibration) -> dict[str, Any]:
     return {"drawing": {"scale": drawn.scale, "told_by_data": drawn.told}} if drawn.to else {}
 
 
-def _summaries(summaries: dict[str, Any], distances: dict[str, float | None],
-               tilts: dict[str, float | None], pixels: dict[str, float | None]) -> dict[str, Any]:
-    """Each set's summary, of closures with the mean errors of known distances and of gravity's direction and
-    the RMS of corners beside it."""
-    beside = {"distance_error_m": distances, "tilt_error_rad": tilts, "reprojection_px": pixels}
-    return {
-        name: summary.to_json() | {key: values[name] for key, values in beside.items()
-                                   if values.get(name) is not None}
-        for name, summary in summaries.items()
-    }
+def _summaries(summaries: dict[str, Any], beside: dict[str, dict[str, float]]) -> dict[str, Any]:
+    """Each set's summary, of closures with the other errors beside it."""
+    return {name: summary.to_json() | beside.get(name, {}) for name, summary in summaries.items()}
 
 
 def residual_table(data: Dataset, identification: np.ndarray, before: np.ndarray,
@@ -251,27 +242,23 @@ def _report(robot: Robot, data: Dataset, result: Calibration, rule: str) -> Repo
 def _distance_tables(result: Calibration) -> tuple[Any, ...]:
     """The known distances before and after; on the validation rows, with the contacts fitted to these rows
     alone."""
-    rows = tuple(
-        (name, Quantity(result.distances_before[name], "m"), Quantity(value, "m"))
-        for name, value in result.distances_after.items() if value is not None
-    )
-    note = "Mean absolute error. The scatter about contacts cannot show a wrong scale; a known distance does."
-    tilts = tuple(
-        (name, Quantity(result.tilts_before[name], "rad"), Quantity(value, "rad"))
-        for name, value in result.tilts_after.items() if value is not None
-    )
-    pixels = tuple(
-        (name, Quantity(result.pixels_before[name], "px"), Quantity(value, "px"))
-        for name, value in result.pixels_after.items() if value is not None
-    )
+    def table(title: str, error: str, unit: str, note: str) -> Table:
+        rows = tuple(
+            (name, Quantity(result.beside_before[name].get(error), unit), Quantity(after[error], unit))
+            for name, after in result.beside_after.items() if error in after
+        )
+        return Table(title, ("rows", "before", "after"), rows, note)
+
     tables = (
-        Table("Corners in pictures", ("rows", "before", "after"), pixels,
+        table("Corners in pictures", "reprojection_px", "px",
               "RMS of the reprojection error. In m it is what a pixel makes at the distance of the board."),
-        Table("Known distances", ("rows", "before", "after"), rows, note),
-        Table("Direction of gravity", ("rows", "before", "after"), tilts,
+        table("Known distances", "distance_error_m", "m",
+              "Mean absolute error. The scatter about contacts cannot show a wrong scale; a known distance "
+              "does."),
+        table("Direction of gravity", "tilt_error_rad", "rad",
               "Mean angle. In plots, 1 mrad stands as 1 mm: what it makes at a lever of 1 m."),
     )
-    return tuple(table for table in tables if table.rows)
+    return tuple(each for each in tables if each.rows)
 
 
 def _parameter_sections(robot: Robot, result: Calibration) -> tuple[Any, ...]:

@@ -28,9 +28,8 @@ from exactarm.identify.closures import (
     carried_effects,
     closure_errors,
     declare_closures,
-    mean_distance_error,
+    other_errors,
     sessions_of,
-    tilt_error,
     updated_robot,
 )
 from exactarm.identify.declared import geometry_layout, reestimated_layout
@@ -159,12 +158,8 @@ class ClosureProblem(ProblemAtRest):
         return np.where(judged_rows(data, known), error, np.nan)
 
     def also_judged(self, fitted: Fitted, data: Dataset) -> dict[str, float]:
-        found = {
-            "distance_error_m": mean_distance_error(self.robot, fitted.layout, data, self.threads),
-            "reprojection_px": closure_errors(self.robot, fitted.layout, data, self.threads).reprojection(),
-            "tilt_error_rad": tilt_error(closure_errors(self.robot, fitted.layout, data, self.threads)),
-        }
-        return {name: error for name, error in found.items() if error is not None}
+        errors = closure_errors(self.robot, fitted.layout, data, self.threads)
+        return other_errors(self.robot, fitted.layout, data, errors, threads=self.threads)
 
     def directions(self, fitted: Fitted) -> dict[str, np.ndarray]:
         prediction = fitted.prediction

@@ -73,9 +73,9 @@ class CalibrationOptions:
 class Calibration:
     """Result of a calibration; errors in m, per row of `data`.
 
-    distances_before, distances_after: of closures, set -> mean absolute error of the known distances, m, or
-    None; tilts_before, tilts_after: mean angle by which gravity's direction is missed, rad, or None;
-    pixels_before, pixels_after: RMS that corners in pictures are missed by, px, or None.
+    beside_before, beside_after: of closures, set -> errors that are not distances from contacts, where they
+    are measured: distance_error_m, mean absolute error of the known distances; tilt_error_rad, mean angle by
+    which gravity's direction is missed; reprojection_px, RMS that corners in pictures are missed by.
     """
 
     robot: Robot
@@ -90,12 +90,8 @@ class Calibration:
     identifiability: Identifiability
     orientation: bool
     warnings: tuple[str, ...] = field(default=())
-    distances_before: dict[str, float | None] = field(default_factory=dict)
-    distances_after: dict[str, float | None] = field(default_factory=dict)
-    tilts_before: dict[str, float | None] = field(default_factory=dict)
-    tilts_after: dict[str, float | None] = field(default_factory=dict)
-    pixels_before: dict[str, float | None] = field(default_factory=dict)
-    pixels_after: dict[str, float | None] = field(default_factory=dict)
+    beside_before: dict[str, dict[str, float]] = field(default_factory=dict)
+    beside_after: dict[str, dict[str, float]] = field(default_factory=dict)
     payloads: tuple[EstimatedPayload, ...] = ()  # of each session, where some were not weighed
 
     @property

@@ -113,8 +113,8 @@ def calibrate_closures(robot: Robot, data: Dataset,
     )
     parts = {"identification": rows.identification, "validation": ~rows.identification}
     place = judged_rows(rows)
-    judge = lambda layout: {
-        name: mean_distance_error(robot, layout, rows.select(mask), options.threads)
+    beside = lambda each, errors: {
+        name: other_errors(robot, each.layout, rows, errors, mask, options.threads)
         for name, mask in parts.items()
     }
     return Calibration(
@@ -129,12 +129,8 @@ def calibrate_closures(robot: Robot, data: Dataset,
         after={name: summarise(after.error()[mask & place]) for name, mask in parts.items()},
         identifiability=declared.identifiability,
         orientation=fit.prediction.used.shape[1] == 6,
-        distances_before=judge(declared.nominal.layout),
-        distances_after=judge(fit.layout),
-        tilts_before={name: tilt_error(before, mask) for name, mask in parts.items()},
-        tilts_after={name: tilt_error(after, mask) for name, mask in parts.items()},
-        pixels_before={name: before.reprojection(mask) for name, mask in parts.items()},
-        pixels_after={name: after.reprojection(mask) for name, mask in parts.items()},
+        beside_before=beside(declared.nominal, before),
+        beside_after=beside(fit, after),
         warnings=(*_warnings(declared, train), *gross_corner_warning(data), *unjudged_lines(rows),
                   *partner_warnings(fit, train, declared.pulls, options.threads)),
     )
@@ -258,6 +254,18 @@ def closure_errors(robot: Robot, layout: Layout, data: Dataset, threads: int = 1
     return predict_closures(robot, complete, data, tangents=False, threads=threads)
 
 
+def other_errors(robot: Robot, layout: Layout, data: Dataset, prediction: ClosurePrediction,
+                 rows: np.ndarray | None = None, threads: int = 1) -> dict[str, float]:
+    """Errors of some rows (N,) bool that are not distances from contacts, by their names with units; those
+    that nothing measures are left out."""
+    some = data if rows is None else data.select(rows)
+    distances = list(set_distance_errors(robot, layout, some, threads).values())
+    found = {"distance_error_m": float(np.mean(distances)) if distances else None,
+             "tilt_error_rad": tilt_error(prediction, rows),
+             "reprojection_px": prediction.reprojection(rows)}
+    return {name: error for name, error in found.items() if error is not None}
+
+
 def tilt_error(prediction: ClosurePrediction, rows: np.ndarray | None = None) -> float | None:
     """Mean angle, rad, by which gravity's direction is missed on some rows; None where none measures it."""
     at = np.isin(device_of(prediction.view.data), list(SENSORS))
@@ -265,15 +273,8 @@ def tilt_error(prediction: ClosurePrediction, rows: np.ndarray | None = None) ->
     return float(prediction.error()[at].mean()) if at.any() else None
 
 
-def mean_distance_error(robot: Robot, layout: Layout, data: Dataset, threads: int = 1) -> float | None:
-    """Mean absolute error of the known distances, m, with the contacts fitted anew to these rows alone; None
-    without any."""
-    errors = list(set_distance_errors(robot, layout, data, threads).values())
-    return float(np.mean(errors)) if errors else None
-
-
 def set_distance_errors(robot: Robot, layout: Layout, data: Dataset, threads: int = 1) -> dict[str, float]:
-    """Name of a known distance -> |error| in m; see `mean_distance_error`."""
+    """Name of a known distance -> |error| in m, with the contacts fitted anew to these rows alone."""
     if not data.fixture.distances or not len(data):
         return {}
     pairs = [(e, m) for e, m in zip(layout.effects, layout.free) if not isinstance(e, Contact)]
