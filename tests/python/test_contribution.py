@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 import exactarm as ea
-from exactarm.commands.diagnose_report import found_effects, report_of
+from exactarm.commands.diagnose_report import _many_left_out, _outliers, found_effects, report_of
 from exactarm.commands.effect_sections import _at_tool_note, _size, axes_in_words, causes_in_words, percent
 from exactarm.commands.error_sections import words_of
 from exactarm.diagnose.contribution import (
+    _at_tool,
     _follows,
     _less_mean,
     _loaded_without_spring,
@@ -21,6 +22,7 @@ from exactarm.diagnose.contribution import (
 )
 from exactarm.diagnose.diagnosis import diagnose
 from exactarm.effects.order_source import likely_source
+from exactarm.effects.tracker_step import TrackerStep
 
 EFFECTS = ["gear_eccentricity joint=3 first_cos_rad=6e-4 first_sin_rad=3e-4",
            "joint_compliance joint=2 linear_rad_per_Nm=8e-6"]
@@ -208,3 +210,35 @@ def test_every_finding_of_the_shipped_gear_runs_has_a_picture_that_lowers_its_ow
     shown = {c.effect.label: c for c in found.contributions}
     assert {finding.effect.label for finding in found.findings} == set(shown) and len(shown) >= 2
     assert all(c.rms[1] < c.rms[0] for c in shown.values())
+
+
+def test_of_a_push_the_largest_component_is_told():
+    values = (14.5, -0.4e-3, 3.2e-3, -0.1e-3, 0.0, 0.0, 0.0)
+    half = np.array([1.0, 0.1e-3, 0.1e-3, 0.2e-3, 0.0, 0.0, 0.0])
+    finding = SimpleNamespace(effect=TrackerStep(None, values), derived={},
+                              intervals=np.stack([values - half, values + half], axis=1))
+    measure, size = _size(finding, None, ea.load_robot("ur10"))
+    assert measure == "y" and size.value == 3.2e-3
+
+
+def test_the_size_at_the_tool_is_that_of_the_rows_that_are_moved():
+    """A zero that moved in the last quarter of the rows: their median, not that of all."""
+    moved = np.zeros((40, 3))
+    moved[30:, 1] = 2e-3
+    without = SimpleNamespace(whiten=lambda rows: rows.reshape(-1, 1) / 1e-4, basis=np.zeros((120, 0)),
+                              data_numbers=120, sigma=np.full(3, 1e-4))
+    assert np.allclose(_at_tool(without, moved), np.full(10, 2e-3))
+
+
+def test_rows_left_out_are_told_of_both_sets_and_many_in_the_verdict():
+    def result(excluded, before, after):
+        sets = [{"identification": SimpleNamespace(n=50), "validation": SimpleNamespace(n=n)}
+                for n in (before, after)]
+        return SimpleNamespace(excluded=excluded, before=sets[0], after=sets[1])
+
+    assert _outliers(result(0, 18, 18)) == () and _many_left_out(result(0, 18, 18), "validation") == ""
+    assert _outliers(result(1, 18, 18)) == ("1 identification row was left out as an outlier",)
+    many = result(1, 18, 15)
+    assert _outliers(many) == ("1 identification row and 3 validation rows were left out as outliers",)
+    assert _many_left_out(many, "validation") == " (3 of the 18 left out as outliers)"
+    assert _many_left_out(result(2, 450, 449), "validation") == ""

@@ -276,8 +276,9 @@ def _parameter_sections(robot: Robot, result: Calibration) -> tuple[Any, ...]:
     names, start, x, intervals, units = pick(~frame)
     drawing, beside = _drawing(result).get("drawing"), ""
     if drawing:
-        beside = (f" Deviations are {drawing['scale']:.2g} times as large as plausible ones; the poses tell "
-                  f"{drawing['told_by_data']:.0f} of these {len(names)} parameters, the drawing the rest.")
+        beside = (f" This arm deviates from its drawing {drawing['scale']:.2g} times as far as is plausible. "
+                  f"Of {drawing['told_by_data']:.0f} of these {len(names)} parameters the poses know more "
+                  "than the drawing does.")
     tables = geometry_tables(names, start, x, intervals, units, result.fit.fit.at_bound[~frame])
     figures = (Figure(
         "parameters", "What changed",

@@ -40,6 +40,7 @@ from exactarm.report.plots.arm import arm_with_errors
 from exactarm.robot import Robot
 
 _LESS = 1.02  # of the error with the accepted causes: a rival below leaves no more than they do
+_MANY = 0.02  # of the rows left out: a tracker's wild rows are fewer
 _NEVER = 1e-16  # p-values below are all the same to a reader
 
 
@@ -90,7 +91,7 @@ def verdict_of(robot: Robot, result: Diagnosis, found: list[tuple[Finding, Contr
     against = beside(refuted)
     text = (
         f"The model lacked {causes_in_words(result, lacked, robot.axes)}. With this{against} in it the RMS "
-        f"error on {whose} {change(before, after, result.unit)}."
+        f"error on {whose} {change(before, after, result.unit)}{_many_left_out(result, judged)}."
     )
     doubtful = [a for a in result.alternatives if a.collides]
     if doubtful:
@@ -136,12 +137,28 @@ def _sections(robot: Robot, result: Diagnosis, found: list[tuple[Finding, Contri
            _dossier_table("What the error still follows, after", result.dossier_after)] if found
           else [_dossier_table("What the error follows", result.dossier_after)]),
     ]
-    outliers = (
-        (f"{result.excluded} identification rows were left out as outliers",) if result.excluded else ()
-    )
+    outliers = _outliers(result)
     if outliers or result.left_out or result.unconverged:
         sections.append(Warnings((*result.unconverged, *outliers, *result.left_out)))
     return sections
+
+
+def _many_left_out(result: Diagnosis, judged: str) -> str:
+    """A better error that is that of fewer rows, where they are many."""
+    rows = result.before[judged].n
+    left = rows - result.after[judged].n
+    return f" ({left} of the {rows} left out as outliers)" if left > _MANY * rows else ""
+
+
+def _outliers(result: Diagnosis) -> tuple[str, ...]:
+    """How many rows of each set are taken for wrong measurements; an error after is that of the others."""
+    counts = {"identification": result.excluded,
+              "validation": result.before["validation"].n - result.after["validation"].n}
+    told = " and ".join(f"{n} {name} row{'s' if n > 1 else ''}" for name, n in counts.items() if n)
+    if not told:
+        return ()
+    one = sum(counts.values()) == 1
+    return (f"{told} {'was left out as an outlier' if one else 'were left out as outliers'}",)
 
 
 def _next(robot: Robot, result: Diagnosis, found: list[tuple[Finding, Contribution | None]]) -> list[Text]:

@@ -21,8 +21,8 @@ from exactarm.report.plots.effects import EffectPanel, contribution_bars, effect
 from exactarm.robot import Robot
 
 _AT_TOOL = {  # by the unit of the error: of positions, of torques; else of angles
-    "m": "At the tool: median over the {rows} of what the effect moves the target and nothing else in the "
-    "model makes up for.",
+    "m": "At the tool: median, over the {rows} that the effect moves, of what it moves the target and "
+    "nothing else in the model makes up for.",
     "Nm": "At the tool: the torque over the stiffness of the joints in the robot file, times the distance of "
     "the flange from their axes, median over the rows; of friction at most so much, for what acts on the "
     "motor's side of the spring does not bend it.",
@@ -84,8 +84,9 @@ def causes_in_words(result: Diagnosis, found: Sequence[tuple[Finding, Contributi
         widths = [c.peak_to_peak[0] for _, c in members if c is not None and c.curve and c.unit == "rad"]
         sizes = [f"up to {quantity(max(widths), 'rad')} peak to peak"] if widths else []
         sizes += [f"{told[words]} at the tool"] if size(members) else []
-        sizes += [f"{result.excluded} row{'s' if result.excluded > 1 else ''}, {quantity(left.value, 'm')} "
-                  "off in the median" for finding, _ in members if (left := rows_left_out(result, finding))]
+        sizes += [f"{result.excluded} rows, {quantity(left.value, 'm')} off in the median"
+                  if result.excluded > 1 else f"1 row, {quantity(left.value, 'm')} off"
+                  for finding, _ in members if (left := rows_left_out(result, finding))]
         phrases.append(words + axes_in_words([f.effect.joint for f, _ in members], axes)
                        + (f" ({', '.join(sizes)})" if sizes else ""))
     return "; ".join(phrases)
@@ -129,7 +130,9 @@ def _row(result: Diagnosis, finding: Finding, contribution: Contribution | None)
         1e-6 * at_tool if at_tool is not None else contribution.at_tool if contribution is not None else None
     )
     if left := rows_left_out(result, finding):
-        measure, tool = f"median error of {result.excluded} rows left out", left.value
+        measure = (f"median error of {result.excluded} rows left out" if result.excluded > 1
+                   else "error of the row left out")
+        tool = left.value
         size = Estimate(left.value, None, None, left.unit)
     share = getattr(finding, "own_share", None)
     others = [other for other in getattr(finding, "set", None) or () if _label(other) != effect.label]
@@ -153,8 +156,8 @@ def _probability(member: Any) -> float:
 
 
 def _size(finding: Finding, contribution: Contribution | None, robot: Robot) -> tuple[str, Cell]:
-    """What is told of the effect's size: peak to peak of a curve, else its first number whose interval
-    does not hold zero."""
+    """What is told of the effect's size: peak to peak of a curve, else its first number whose interval does
+    not hold zero, or the largest of these in the same unit."""
     effect = finding.effect
     if effect.orders() and contribution is not None:
         value, half = contribution.peak_to_peak
@@ -165,7 +168,9 @@ def _size(finding: Finding, contribution: Contribution | None, robot: Robot) -> 
             if not p.fixed]
     if not free:
         return "", None
-    parameter, value, (low, high) = next((one for one in free if not one[2][0] <= 0.0 <= one[2][1]), free[0])
+    clear = [one for one in free if not one[2][0] <= 0.0 <= one[2][1]] or free[:1]
+    alike = [one for one in clear if unit_of(one[0].name) == unit_of(clear[0][0].name)]
+    parameter, value, (low, high) = max(alike, key=lambda one: abs(one[1]))
     name = effect.in_units_of(robot, parameter.name)
     # a name that is all unit, as rad_per_Nm
     return words_of(name) or "slope", Estimate(float(value), float(low), float(high), unit_of(name))

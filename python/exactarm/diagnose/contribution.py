@@ -140,11 +140,11 @@ def _contribution(fitted: Fitted, index: int, signals: dict, directions: dict, u
 
 
 def _at_tool(without: Fitted, moved: np.ndarray) -> np.ndarray:
-    """(N,) m of the movement (N, m) that the free parameters of the model without the effect cannot make up
-    for."""
+    """(K,) m of the movement (N, m), in the rows that it moves, that the free parameters of the model without
+    the effect cannot make up for."""
     white = without.whiten(moved[:, :, None])[:, 0]
     left = (white - without.basis @ (without.basis.T @ white))[: without.data_numbers].reshape(moved.shape)
-    return np.linalg.norm((left * without.sigma)[:, :_POSITION], axis=1)
+    return np.linalg.norm((left * without.sigma)[np.any(moved, axis=1), :_POSITION], axis=1)
 
 
 def _by_lever(fitted: Fitted, effect: Effect, value: np.ndarray, unit: str) -> np.ndarray | None:
