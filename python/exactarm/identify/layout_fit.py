@@ -109,7 +109,7 @@ def fit_layout(
 def _beside_priors(fit: Fit, spread: np.ndarray) -> Fit:
     """The fit whose uncertainty knows that sigma is what the data alone have left: priors are no measure of
     it, and what the data tell of their parameters is spent."""
-    if not fit.freedom > 0:
+    if not (fit.freedom > 0 and fit.sigma > 0.0):
         return fit
     covariance = fit.covariance / fit.sigma**2
     told = np.sum(1.0 - np.clip(np.diag(covariance) / spread**2, 0.0, 1.0)[np.isfinite(spread)])
