@@ -4,7 +4,7 @@ from types import SimpleNamespace as Plain
 
 import pytest
 
-from exactarm.commands.measure_more import experiment_for, to_tell_noise
+from exactarm.commands.measure_more import experiment_for, to_tell_noise, worse_elsewhere
 from exactarm.kinds import CLOSURES, GEAR_RUN, MOTION, POSES, TRACKED_MOTION
 
 
@@ -51,3 +51,12 @@ def test_what_only_the_fit_calls_noise_is_to_be_measured(kind, held, words):
 def test_where_fitted_rows_say_little_of_others_more_of_them_are_asked_for():
     assert "at least two other motions" in experiment_for(MOTION, "time", far_larger=True)
     assert "elsewhere in the work space" in experiment_for(POSES, "time", far_larger=True)
+
+
+@pytest.mark.parametrize("rows, rms, told", [((188, 438), 1.5, True), ((188, 438), 1.1, False),
+                                             ((4, 9), 1.5, False), ((0, 9), 1.0, False)])
+def test_rows_that_were_not_fitted_and_err_more_are_said_beside_nothing_missing(rows, rms, told):
+    sets = {"validation": Plain(n=rows[0], rms=rms), "identification": Plain(n=rows[1], rms=1.0)}
+    said = worse_elsewhere(Plain(kind=TRACKED_MOTION.name, after=sets))
+    assert (said is not None) == told
+    assert not told or ("1.5 times as large" in said and "at least two other motions" in said)

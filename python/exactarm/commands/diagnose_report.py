@@ -19,7 +19,7 @@ from exactarm.commands.effect_sections import (
     sizes_figure,
 )
 from exactarm.commands.error_sections import error_figures, error_table, highlights
-from exactarm.commands.measure_more import measure_more, to_tell_noise
+from exactarm.commands.measure_more import measure_more, to_tell_noise, worse_elsewhere
 from exactarm.commands.next_steps import HEADING
 from exactarm.diagnose.contribution import Contribution
 from exactarm.diagnose.diagnosis import Diagnosis, Finding
@@ -177,6 +177,8 @@ def _next(robot: Robot, result: Diagnosis, found: list[tuple[Finding, Contributi
     elif result.verdict == NOTHING and robot.has_geometry:
         lines.append("Nothing need be added. `robot.toml` of this folder is your robot file with its own "
                      "parameters estimated again from these data.")
+    if result.verdict == NOTHING and (worse := worse_elsewhere(result)):
+        lines.append(worse)
     if result.verdict == NOTHING and not result.noise.measured:
         lines.append(to_tell_noise(result))
     if found:

@@ -10,6 +10,8 @@ from __future__ import annotations
 
 import re
 
+from scipy import special
+
 from exactarm.diagnose.diagnosis import Diagnosis
 from exactarm.diagnose.verdict import carries_badly
 from exactarm.kinds import kind_of
@@ -67,6 +69,7 @@ _NOTHING = (
     "device; if not, it is the arm, and more poses are needed",
     "record the same motion three times: what repeats is the arm, what does not is the sensor",
 )
+_WORTH_A_WORD, _CHANCE = 1.2, 0.01  # ratio of two errors, and how often chance alone makes one as large
 _FEW_ROWS = {
     True: "measure as many poses again, elsewhere in the work space",
     False: "record at least two other motions with other speeds and postures",
@@ -86,6 +89,20 @@ def to_tell_noise(result: Diagnosis) -> str:
     rms = result.after["validation" if result.after["validation"].n else "identification"].rms
     return (f"That the {quantity(rms, result.unit)} left (RMS) are noise is what the fit says of itself. If "
             f"the device is better than that, {_NOTHING[not kind_of(result.kind).at_rest]}.")
+
+
+def worse_elsewhere(result: Diagnosis) -> str | None:
+    """One sentence for a diagnosis that finds nothing, whose rows that were not fitted err more than the
+    others do, beyond chance (F-test, of one number a row: neighbours may share their errors)."""
+    held, fitted = result.after["validation"], result.after["identification"]
+    if not held.n or not fitted.rms > 0.0:
+        return None
+    ratio = held.rms / fitted.rms
+    if ratio < _WORTH_A_WORD or special.fdtrc(held.n, fitted.n, ratio**2) > _CHANCE:
+        return None
+    kind = kind_of(result.kind)
+    return (f"On {kind.rows} that were not fitted the error is {ratio:.2g} times as large as on the fitted "
+            f"ones: so uncertain are the parameters there. To rely on them, {_FEW_ROWS[kind.at_rest]}.")
 
 
 def experiment_for(kind: Kind, told: str, far_larger: bool = False) -> str:
