@@ -55,7 +55,7 @@ def check_values(path: str, column: Column, numbers: np.ndarray) -> None:
 
 def check_size(path: str, column: Column, values: np.ndarray) -> None:
     """A cell that no device measures is no measurement; one alone would carry any fit with it."""
-    most = MOST.get(column.quantity, MOST.get(column.name, np.inf))
+    most = MOST.get(column.quantity.rstrip("0123456789"), MOST.get(column.name, np.inf))
     if most < np.inf and np.nanmax(np.abs(values), initial=0.0) > most:
         row = int(np.nanargmax(np.abs(values)))
         message = f"{values[row]:.6g} in SI units; expected at most {most:g} in size"

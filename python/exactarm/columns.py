@@ -84,6 +84,7 @@ _ALL_UNITS = {unit for units in (*JOINT_UNITS.values(), *PRISMATIC_UNITS.values(
 _INDEXED = re.compile(rf"({_JOINT_NAMES})_(\d+)(?:_(.*))?")
 _NO_INDEX = re.compile(rf"({_JOINT_NAMES})(?:_({'|'.join(_ALL_UNITS)}))?")
 _SCALAR = re.compile(rf"({'|'.join(SCALAR_UNITS)})(?:_(.*))?")
+_REFLECTOR = re.compile(rf"([xyz])_?(\d+)_({'|'.join(LENGTH)})")  # one of several on the tool
 _PAYLOAD_CENTRE = re.compile(r"(payload_[xyz])(?:_(.*))?")
 # loads and temperatures have one unit: in any other they would be covariates of other numbers
 _LOAD = PAYLOAD.removesuffix("_kg")
@@ -138,6 +139,8 @@ def parse_column(name: str, file: str, prismatic: frozenset[int] = frozenset()) 
         return Column(name, None, name)
     if match := _LENGTH.fullmatch(name):
         return Column("length", None, name, LENGTH[match[1]])
+    if match := _REFLECTOR.fullmatch(name):
+        return Column(f"{match[1]}{whole_number(match[2])}", None, name, LENGTH[match[3]])
     if match := _PAYLOAD_CENTRE.fullmatch(name):
         return Column("covariate", None, f"{match[1]}_m",
                       _factor(match[1], match[2] or "", LENGTH, file, name))

@@ -39,6 +39,7 @@ from exactarm.errors import InputError
 from exactarm.fixture import Fixture
 from exactarm.kinds import POSES, data_kinds, kind_of
 from exactarm.kinds.base import check_joints, is_a_series
+from exactarm.reflectors import with_target
 from exactarm.robot import Robot
 from exactarm.rows import NO_CONTACT, Rows, Source, by_name
 from exactarm.sensor_rows import with_sensors
@@ -237,6 +238,7 @@ def _read_file(
         columns[column.key] = column
         values[column.key] = numbers if column.factor == 1.0 else numbers * column.factor
         check_size(path, column, values[column.key])
+    columns, values = with_target(path, columns, values)
     check_vectors(path, columns)
     return _File(path, table, columns, values, kept)
 
