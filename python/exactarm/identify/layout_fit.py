@@ -99,21 +99,21 @@ def fit_layout(
         x, sigma = fit.x, new
         if settled:
             break
-    if drawn.size:
-        fit = _beside_priors(fit, spread)
+    if fit.freedom > 0 and fit.sigma > 0.0 and not one_scale:
+        # sigma is what the data alone have left: the pulls of priors are no measure of it
+        covariance = fit.covariance / fit.sigma**2 if drawn.size else fit.covariance
+        fit = fit.known_by(covariance, _freedom(spent, alike, len(rows)))
     if not settled and fit.converged:
         fit = replace(fit, reason=f"noise and parameters did not settle on each other in {_ROUNDS} rounds")
     return LayoutFit(layout.at(x), fit, sigma)
 
 
-def _beside_priors(fit: Fit, spread: np.ndarray) -> Fit:
-    """The fit whose uncertainty knows that sigma is what the data alone have left: priors are no measure of
-    it, and what the data tell of their parameters is spent."""
-    if not (fit.freedom > 0 and fit.sigma > 0.0):
-        return fit
-    covariance = fit.covariance / fit.sigma**2
-    told = np.sum(1.0 - np.clip(np.diag(covariance) / spread**2, 0.0, 1.0)[np.isfinite(spread)])
-    return fit.known_by(covariance, max(fit.freedom - round(float(told)), 1))
+def _freedom(spent: np.ndarray, alike: np.ndarray, rows: int) -> int:
+    """Degrees of freedom of the variances together, by what each has paid for parameters (Satterthwaite
+    1946): what one component tells is as uncertain as its own variance is."""
+    paid = np.bincount(alike, weights=spent)
+    left = np.maximum(rows * np.bincount(alike) - paid, 1.0)
+    return max(round(float(paid.sum() ** 2 / np.sum(paid**2 / left))), 1) if paid.any() else rows
 
 
 def _spread(residual: np.ndarray, spent: np.ndarray, alike: np.ndarray) -> np.ndarray:
