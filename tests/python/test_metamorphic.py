@@ -75,6 +75,8 @@ def test_a_moved_tracker_gives_the_same_arm(poses, calibrated):
 
 @pytest.mark.slow
 def test_doubled_poses_give_the_same_arm_and_narrower_intervals(poses):
+    """To 1e-4 until estimates were drawn to the drawing: twice the data move further from it, by less
+    than they leave open."""
     robot, data = poses
     twice = data.select(np.repeat(np.arange(len(data)), 2))
     one, other = (calibrate(robot, each, compliance=(), use="position", threads=1) for each in (data, twice))
@@ -82,7 +84,9 @@ def test_doubled_poses_give_the_same_arm_and_narrower_intervals(poses):
                                      for entry in plain(result.json["parameters"]).values()])
     names = [list(plain(result.json["parameters"])) for result in (one, other)]
     if names[0] == names[1]:  # more rows may identify more
-        assert geometry(other) == pytest.approx(geometry(one), rel=1e-4, abs=1e-7)
+        robots = np.array([not name.startswith("session") for name in names[0]])
+        moved = np.abs(geometry(other) - geometry(one)) / (0.5 * width(one)[robots])
+        assert moved.max() < 0.25
         assert np.median(width(other) / width(one)) == pytest.approx(np.sqrt(0.5), rel=0.1)
     assert rms(other) == pytest.approx(rms(one), rel=0.05)
 
