@@ -16,6 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from exactarm.columns import POSITION, QUATERNION, ROTATION_VECTOR, Column
 from exactarm.errors import InputError
+from exactarm.rotation import nearest
 
 Key = tuple[str, int | None] | str
 _RIGID = 0.02  # of the plate's size: reflectors are exchanged or moved, not measured badly
@@ -87,10 +88,7 @@ def _laid_over(shape: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.nd
     """Rotations (N, 3, 3) that bring the shape (k, 3) closest to points (N, k, 3), about their centres
     (N, 3)."""
     centre = points.mean(axis=1)
-    spread = np.einsum("nki,kj->nij", points - centre[:, None], shape - shape.mean(axis=0))
-    left, _, right = np.linalg.svd(spread)
-    left[:, :, 2] *= np.sign(np.linalg.det(left @ right))[:, None]  # a plate is turned, not mirrored
-    return left @ right, centre
+    return nearest(np.einsum("nki,kj->nij", points - centre[:, None], shape - shape.mean(axis=0))), centre
 
 
 def _own_axes(shape: np.ndarray) -> np.ndarray:

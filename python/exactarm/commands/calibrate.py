@@ -37,10 +37,8 @@ from exactarm.identify.calibrate import calibrate as identify_geometry
 from exactarm.identify.closure_scale import gravity_alone
 from exactarm.identify.closures import calibrate_closures
 from exactarm.identify.declared import geometry_layout
-from exactarm.identify.drawing import FREE
 from exactarm.identify.identifiability import Dropped
 from exactarm.identify.parameter_name import Group, parse_parameter
-from exactarm.identify.pose_fit import PoseFit
 from exactarm.kinds import CLOSURES, POSES, kind_of
 from exactarm.progress import SILENT, Progress
 from exactarm.report import Estimate, Figure, Quantity, Report, Table, Warnings
@@ -176,7 +174,7 @@ def _json(result: Calibration) -> dict[str, Any]:
 def _drawing(result: Calibration) -> dict[str, Any]:
     """How far the arm is from its drawing, where that was estimated: deviations beside plausible ones, and
     how many parameters the data tell."""
-    drawn = result.fit.drawn if isinstance(result.fit, PoseFit) else FREE
+    drawn = result.drawn
     return {"drawing": {"scale": drawn.scale, "told_by_data": drawn.told}} if drawn.to else {}
 
 

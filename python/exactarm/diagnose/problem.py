@@ -19,7 +19,7 @@ from exactarm.dataset import Dataset
 from exactarm.diagnose.in_space import InSpace
 from exactarm.diagnose.orthonormal import extended, orthonormal
 from exactarm.effects.base import Effect
-from exactarm.identify.layout_fit import Drawing, priors_of
+from exactarm.identify.layout_fit import Drawing, pulls_of
 from exactarm.noise.estimate import estimate_noise
 from exactarm.noise.model import NoiseModel
 from exactarm.regression import Fit
@@ -55,9 +55,7 @@ class Fitted:
     @cached_property
     def prior(self) -> tuple[np.ndarray, np.ndarray]:
         """Pseudo-observations (r, P) of the regularised parameters, and what they lack (r,)."""
-        centre, spread = priors_of(self.layout, self.drawing)
-        held = np.flatnonzero(np.isfinite(spread))
-        rows = np.eye(self.layout.size)[held] / spread[held, None]
+        rows, centre = pulls_of(self.layout, self.drawing)
         return rows, rows @ (centre - self.layout.values)
 
     @property

@@ -92,6 +92,7 @@ class Calibration:
     warnings: tuple[str, ...] = field(default=())
     beside_before: dict[str, dict[str, float]] = field(default_factory=dict)
     beside_after: dict[str, dict[str, float]] = field(default_factory=dict)
+    drawn: Drawn = FREE
     payloads: tuple[EstimatedPayload, ...] = ()  # of each session, where some were not weighed
 
     @property
@@ -169,6 +170,7 @@ def calibrate(robot: Robot, data: Dataset, options: CalibrationOptions = Calibra
         warnings=(*_warnings(fit, train, found), *wild,
                   *missing_tilts(robot, fit.layout, train, options.threads),
                   *_left_over(robot, float(np.sqrt(np.mean(error_after[~apart] ** 2))))),
+        drawn=fit.drawn,
         payloads=session_payloads(data, fit.layout, fit.fit.interval()),
     )
 

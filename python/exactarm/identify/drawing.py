@@ -30,7 +30,6 @@ from exactarm.regression import Fit
 
 _TAILS = 4.0
 _SETTLED, _ROUNDS = 1e-3, 200  # relative change of the scale
-_LEAST, _MOST = 1e-3, 1e3  # scales: a nominal robot that is exact, and a drawing that says nothing
 
 
 @dataclass(frozen=True)
@@ -76,7 +75,7 @@ def _scale(known: np.ndarray, found: np.ndarray, drawn: np.ndarray) -> tuple[flo
         covariance = np.linalg.inv(known + np.diag(pull))
         deviation = (covariance @ right)[drawn]
         told = float(np.sum(1.0 - np.clip(pull[drawn] * np.diag(covariance)[drawn], 0.0, 1.0)))
-        new = float(np.clip(np.sqrt((weight @ deviation**2 + 1.0) / (told + 1.0)), _LEAST, _MOST))
+        new = float(np.sqrt((weight @ deviation**2 + 1.0) / (told + 1.0)))
         settled = abs(new / scale - 1.0) < _SETTLED
         scale, weight = new, (_TAILS + 1.0) / (_TAILS + (deviation / new) ** 2)
         if settled:

@@ -57,9 +57,7 @@ def fit_layout(
     """
     parameters, rows = layout.parameters, np.flatnonzero(weight > 0.0)
     bounds = np.array([p.lower for p in parameters]), np.array([p.upper for p in parameters])
-    centre, spread = priors_of(layout, drawing)
-    drawn = np.flatnonzero(np.isfinite(spread))
-    pull = np.eye(layout.size)[drawn] / spread[drawn, None]
+    pull, centre = pulls_of(layout, drawing)
 
     latest: dict[bytes, Evaluation] = {}  # at the last point that was accepted, where the next round begins
 
@@ -71,9 +69,9 @@ def fit_layout(
         if not with_jacobian:
             return Evaluation(value, None)
         columns = np.empty((value.size, layout.size))
-        columns[value.size - drawn.size :] = pull
+        columns[value.size - len(pull) :] = pull
         if layout.size:
-            data = columns[: value.size - drawn.size].reshape(rows.size, -1, layout.size)
+            data = columns[: value.size - len(pull)].reshape(rows.size, -1, layout.size)
             np.take(jacobian, rows, axis=0, out=data, mode="clip")  # in place
         latest.clear()
         latest[x.tobytes()] = Evaluation(value, columns)
@@ -83,12 +81,12 @@ def fit_layout(
     if sigma is None:
         start = evaluate(x, False).residual[: rows.size * components].reshape(-1, components)
         sigma = np.maximum(_spread(start, np.zeros(components), alike), floor)
-    one_scale = not drawn.size and np.unique(alike).size == 1  # which no estimate hangs on
-    numbers = float(np.sum(np.minimum(weight[rows] ** 2, 1.0))) * components + drawn.size
+    one_scale = not len(pull) and np.unique(alike).size == 1  # which no estimate hangs on
+    numbers = float(np.sum(np.minimum(weight[rows] ** 2, 1.0))) * components + len(pull)
     for _ in range(_ROUNDS):
         each = (weight[rows, None] / sigma).ravel()
         fit = least_squares(
-            evaluate, x, weights=np.concatenate([each, np.ones(drawn.size)]), bounds=bounds, robust=robust,
+            evaluate, x, weights=np.concatenate([each, np.ones(len(pull))]), bounds=bounds, robust=robust,
             group=_group(alike), data_rows=each.size,
             numbers=numbers, tolerance=tolerance,
         )
@@ -101,7 +99,7 @@ def fit_layout(
             break
     if fit.freedom > 0 and fit.sigma > 0.0 and not one_scale:
         # sigma is what the data alone have left: the pulls of priors are no measure of it
-        covariance = fit.covariance / fit.sigma**2 if drawn.size else fit.covariance
+        covariance = fit.covariance / fit.sigma**2 if len(pull) else fit.covariance
         fit = fit.known_by(covariance, _freedom(spent, alike, len(rows)))
     if not settled and fit.converged:
         fit = replace(fit, reason=f"noise and parameters did not settle on each other in {_ROUNDS} rounds")
@@ -139,6 +137,13 @@ def _spent(columns: np.ndarray, weight: np.ndarray, sigma: np.ndarray, alike: np
     inverse = inverse / np.outer(scale, scale)
     shared = np.array([np.sum(inverse * gram) for gram in each]) / np.bincount(alike)
     return shared[alike]
+
+
+def pulls_of(layout: Layout, drawing: Drawing | None = None) -> tuple[np.ndarray, np.ndarray]:
+    """Priors as observations of unit variance: rows (r, P), and the values (P,) that they draw to."""
+    centre, spread = priors_of(layout, drawing)
+    drawn = np.flatnonzero(np.isfinite(spread))
+    return np.eye(layout.size)[drawn] / spread[drawn, None], centre
 
 
 def priors_of(layout: Layout, drawing: Drawing | None = None) -> tuple[np.ndarray, np.ndarray]:

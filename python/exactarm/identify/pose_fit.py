@@ -6,7 +6,7 @@ Position and orientation carry different noise: two variances, estimated togethe
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -30,7 +30,7 @@ class PoseFit:
     fit: Fit
     sigma_position: float
     sigma_orientation: float | None
-    drawn: Drawn = field(default_factory=Drawn)
+    drawn: Drawn = FREE
 
     def error(self, data: Dataset, threads: int = 1) -> np.ndarray:
         """(N,) Euclidean position errors in m on any rows of the same sessions."""
