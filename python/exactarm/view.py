@@ -17,7 +17,7 @@ import numpy as np
 from exactarm import _core
 from exactarm.dataset import Dataset
 from exactarm.kinds import Device, Kind, kind_of
-from exactarm.kinds.base import STANDS_STILL
+from exactarm.kinds.base import STANDS_STILL, rows_of_runs
 from exactarm.rest_load import RestLoad
 from exactarm.robot import Placement, Robot
 from exactarm.signals import order_of_sampling
@@ -141,8 +141,7 @@ class View:
     @cached_property
     def runs(self) -> tuple[np.ndarray, ...]:
         """Row indices of every run, in the order of sampling."""
-        order = np.argsort(self.data.run, kind="stable")
-        parts = np.split(order, np.flatnonzero(np.diff(self.data.run[order])) + 1)
+        parts = rows_of_runs(self.data)
         if self.data.time is None:
             return tuple(parts)
         return tuple(rows[order_of_sampling(self.data.time[rows])] for rows in parts)

@@ -59,21 +59,9 @@ class GearRunPrediction:
     def keep(self) -> np.ndarray:
         return self.view.keep
 
-    @property
-    def unit(self) -> str:
-        return "rad" if self.along is None else "rad/s"
-
     def residual(self) -> np.ndarray:
         """(N, m) observed minus predicted."""
         return self.observed - self.measured
-
-    def judged(self) -> np.ndarray:
-        """(K,) residual along the moving axis of the rows that count, unfiltered; of all axes with two
-        encoders."""
-        residual = self.residual()[self.keep]
-        return (
-            residual.ravel() if self.along is None else np.einsum("ij,ij->i", residual, self.along[self.keep])
-        )
 
 
 def predict_gear_run(
@@ -106,9 +94,7 @@ def predict_gear_run(
     device = device_map(view, passed)
     along = None if record.encoder_axes else _along(device)
     _keep_axis_residual(view, observed, along, record)
-    jacobian = None
-    if tangents and layout.size:
-        jacobian = _jacobian(view, layout, record, passed, weights)
+    jacobian = _jacobian(view, layout, record, passed, weights) if tangents else None
     view.transfers = _transfers(view, record, device @ weights)
     return GearRunPrediction(view.measured, observed, jacobian, along, view)
 

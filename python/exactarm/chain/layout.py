@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -32,6 +33,11 @@ class Layout:
     def joined(self, other: Layout) -> Layout:
         return Layout(self.effects + other.effects, self.free + other.free)
 
+    def only(self, places: Iterable[int]) -> Layout:
+        """The effects at these places, with what is free of them."""
+        kept = list(places)
+        return Layout(tuple(self.effects[k] for k in kept), tuple(self.free[k] for k in kept))
+
     @property
     def held(self) -> Layout:
         """The same effects with nothing free."""
@@ -48,13 +54,9 @@ class Layout:
         """The same with the named parameters held at their present values."""
         masks = []
         for effect, mask in zip(self.effects, self.free):
-            masks.append(mask & np.array([self._name(effect, p) not in names for p in effect.parameters()],
-                                         bool))
+            masks.append(mask & np.array([effect.parameter_label(p) not in names
+                                          for p in effect.parameters()], bool))
         return Layout(self.effects, tuple(masks))
-
-    @staticmethod
-    def _name(effect: Effect, parameter: Parameter) -> str:
-        return effect.parameter_label(parameter)
 
     @cached_property
     def size(self) -> int:
@@ -76,7 +78,7 @@ class Layout:
     def names(self) -> tuple[str, ...]:
         """Unique labels of the free parameters, with units."""
         return tuple(
-            self._name(e, p) for e, mask in zip(self.effects, self.free)
+            e.parameter_label(p) for e, mask in zip(self.effects, self.free)
             for p, keep in zip(e.parameters(), mask) if keep
         )
 

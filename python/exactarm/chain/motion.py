@@ -106,10 +106,10 @@ def predict_motion(
     """
     view = motion_view(robot, layout, record, tangents=tangents, threads=threads, bent=bent)
     view.predict = lambda *about: predict_motion(*about[:3], threads=about[3], bent=about[4])
-    tangents = tangents and layout.size > 0
-    predict_drive(view, robot, layout, tangents)
+    predict_drive(view, robot, layout, tangents and layout.size > 0)
     torque = record.smooth(view.signals["measured"])
-    jacobian = record.smooth(view.tangents["measured"]) if tangents else None
+    nothing = np.zeros((*torque.shape, 0))
+    jacobian = record.smooth(view.tangents.get("measured", nothing)) if tangents else None
     return MotionPrediction(torque, jacobian, view, record)
 
 

@@ -23,6 +23,7 @@ from exactarm import _core
 from exactarm.chain.direction import direction_of_motion
 from exactarm.dataset import Dataset
 from exactarm.errors import InputError
+from exactarm.kinds.base import runs_in_time
 from exactarm.rest_load import declared_constants, drive_torque
 from exactarm.robot import Robot
 from exactarm.signals import derivative_operator, typical_step
@@ -144,7 +145,7 @@ def motion_record(robot: Robot, data: Dataset, bandwidth_hz: float | None = None
     torque, theta = measured_torque(robot, data), motor_angles(robot, data)
     rates = _given_rates(robot, data)
     parts, steps = [], []
-    for rows in runs_of(data):
+    for rows in runs_in_time(data):
         step = typical_step(data.time[rows]) if rows.size > 1 else np.inf
         steps.append(step)
         filtered = bandwidth < _LARGEST / step
@@ -210,7 +211,7 @@ def full_record(
     theta = motor_angles(robot, data)
     turned = theta / np.abs(robot.ratios) if joints is None else joints * np.sign(robot.ratios)
     rate, acceleration, direction = np.zeros_like(theta), np.zeros_like(theta), np.zeros_like(theta)
-    runs = runs_of(data)
+    runs = runs_in_time(data)
     step = float(np.median(np.concatenate([np.diff(data.time[rows]) for rows in runs])))
     filtered = _WIDE * bandwidth_hz < _LARGEST / step
     for rows in runs:
@@ -246,11 +247,6 @@ def _given_rates(robot: Robot, data: Dataset) -> np.ndarray | None:
             angles |= ~np.isnan(data.joints[name]).all(axis=0)
     missing = np.isnan(rates).any(axis=0)
     return None if np.any(missing & angles) else np.nan_to_num(rates)
-
-
-def runs_of(data: Dataset) -> list[np.ndarray]:
-    return [rows[np.argsort(data.time[rows], kind="stable")]
-            for rows in (np.flatnonzero(data.run == r) for r in np.unique(data.run))]
 
 
 @dataclass(frozen=True)

@@ -23,9 +23,10 @@ from exactarm.chain.direction import direction_of_motion
 from exactarm.chain.gear import differs_with_direction
 from exactarm.chain.layout import Layout
 from exactarm.chain.motion import predict_motion
-from exactarm.chain.motion_record import MotionRecord, measured_torque, runs_of
+from exactarm.chain.motion_record import MotionRecord, measured_torque
 from exactarm.chain.tracked_motion import predict_tracked_motion
 from exactarm.dataset import Dataset
+from exactarm.kinds.base import runs_in_time
 from exactarm.robot import Robot
 from exactarm.signals import typical_step, white_noise
 
@@ -46,7 +47,7 @@ def motion_clear_of_reversals(robot: Robot, record: MotionRecord, data: Dataset,
     if not _reverses(robot, record):
         return record
     axes, torque = record.measured_axes, measured_torque(robot, data)
-    runs = runs_of(data)
+    runs = runs_in_time(data)
     white = np.array([_white(torque[:, axis], runs) for axis in axes])
     white *= np.sqrt(record.white_share(min(typical_step(data.time[rows]) for rows in runs)))
     noise = np.maximum(white, _LEAST_TORQUE_SHARE * np.sqrt(np.mean(record.torque[:, axes] ** 2, axis=0)))

@@ -138,6 +138,7 @@ def _joint_tangents(view: View, layout: Layout, declared: np.ndarray, slope: np.
 def predict_target(view: View, layout: Layout, tangents: bool) -> PosePrediction:
     """From joint angles to the measured target: geometry, frames of each session, device."""
     rows, n, size = view.rows, view.axes, layout.size
+    jacobian = np.zeros((rows, 6, size)) if tangents else None
     tangents = tangents and size > 0
     position, rotation = np.empty((rows, 3)), np.empty((rows, 3, 3))
     columns = np.empty((rows, 6, _core.identification_columns(n))) if tangents else None
@@ -166,12 +167,11 @@ def predict_target(view: View, layout: Layout, tangents: bool) -> PosePrediction
     view.signals["measured"] = position + moved[:, :3]
     if np.any(moved[:, 3:]):
         rotation = rotation_exp(moved[:, 3:]) @ rotation
-    angular = None
     if tangents:
         view.tangents["measured"] = view.tangents["displacement"][:, :3]
-        angular = view.tangents["displacement"][:, 3:]
     pass_station(view, layout, Station.DEVICE, "measured", tangents)
-    jacobian = np.concatenate([view.tangents["measured"], angular], axis=1) if tangents else None
+    if tangents:
+        jacobian[:, :3], jacobian[:, 3:] = view.tangents["measured"], view.tangents["displacement"][:, 3:]
     return PosePrediction(view.measured, rotation, jacobian, view)
 
 

@@ -60,10 +60,9 @@ class ClosureFitted(Fitted):
         prediction, used = fit.prediction, fit.prediction.used
         mean = [float(np.sqrt(np.mean(fit.sigma[used[:, k], k] ** 2))) if used[:, k].any() else 1.0
                 for k in range(used.shape[1])]
-        jacobian = prediction.jacobian if prediction.jacobian is not None else np.zeros((*used.shape, 0))
         return ClosureFitted(
-            fit.robot, fit.layout, fit.fit, prediction.residual, jacobian, np.array(mean), fit.weight,
-            prediction.view,
+            fit.robot, fit.layout, fit.fit, prediction.residual, prediction.jacobian, np.array(mean),
+            fit.weight, prediction.view,
             fit.sigma, pulls, prediction,
         )
 
@@ -137,9 +136,8 @@ class ClosureProblem(ProblemAtRest):
             sorted({*sessions_of(self.data), *(sessions_of(self.held_out) if len(self.held_out) else ())})
         )
         own = reestimated_layout(self.robot, self.data)
-        keep = [i for i, effect in enumerate(own.effects)
-                if effect in carried_effects(self.robot, self.data).effects]
-        carried = Layout(tuple(own.effects[i] for i in keep), tuple(own.free[i] for i in keep))
+        known = carried_effects(self.robot, self.data).effects
+        carried = own.only(k for k, effect in enumerate(own.effects) if effect in known)
         return declare_closures(self.robot, self.data, (), self.seed, self.threads, sessions,
                                 carried).fit.layout
 

@@ -127,7 +127,7 @@ class GearProblem(ProblemInTime):
             layout=found.layout,
             fit=found.fit,
             residual=residual,
-            jacobian=np.zeros((*residual.shape, 0)) if prediction.jacobian is None else prediction.jacobian,
+            jacobian=prediction.jacobian,
             sigma=np.maximum(np.sqrt(np.mean(white[keep] ** 2, axis=0)), _LEAST_SIGMA),
             weight=keep.astype(float),
             view=prediction.view,

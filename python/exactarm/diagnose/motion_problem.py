@@ -21,7 +21,7 @@ from exactarm.chain import (
     predict_motion,
     reversals_left_out,
 )
-from exactarm.chain.motion_record import measured_torque, runs_of
+from exactarm.chain.motion_record import measured_torque
 from exactarm.dataset import Dataset
 from exactarm.diagnose.next_motions import separating_motion
 from exactarm.diagnose.problem import Fitted
@@ -42,6 +42,7 @@ from exactarm.identify.friction_width import friction_widths
 from exactarm.identify.motion_fit import MotionFit, fit_motion
 from exactarm.identify.session_payloads import payload_layout_of_motion
 from exactarm.kinds import MOTION
+from exactarm.kinds.base import runs_in_time
 from exactarm.robot import Robot
 from exactarm.signals import typical_step, white_noise
 
@@ -149,16 +150,13 @@ class MotionProblem(ProblemInTime):
         residual = np.where(keep[:, None], prediction.residual()[:, axes], 0.0)
         left = prediction.view.signals["axis_residual"] = np.zeros((len(keep), self.robot.axes))
         left[:, axes] = residual
-        jacobian = np.zeros((*residual.shape, 0))
-        if prediction.jacobian is not None:
-            jacobian = prediction.jacobian[:, axes]
         fitted = MotionFitted(
             robot=self.robot,
             layout=found.layout,
             fit=replace(found.fit, covariance=found.uncertainty.covariance,
                         freedom=max(int(found.uncertainty.freedom), 1)),
             residual=residual,
-            jacobian=jacobian,
+            jacobian=prediction.jacobian[:, axes],
             sigma=found.sigma,
             weight=keep.astype(float),
             view=prediction.view,
@@ -252,7 +250,7 @@ class MotionProblem(ProblemInTime):
         None where that noise is not white: then nothing says how much of it lies below.
         """
         torque = measured_torque(self.robot, self.data)
-        parts = [rows for rows in runs_of(self.data) if rows.size > 4 * _LEAST_SAMPLES]
+        parts = [rows for rows in runs_in_time(self.data) if rows.size > 4 * _LEAST_SAMPLES]
         if not parts:
             return None
         variances = []

@@ -106,9 +106,7 @@ def _apart(robot: Robot, fitted: Fitted, data: Dataset, one, other, old, values,
     rows = prediction.view.response(one) @ np.where(free_mask(one), one.values, 0.0)
     rows = rows - prediction.view.response(other)[:, :, free_mask(other)] @ values
     keep = _shared(fitted, one, other)
-    new = np.zeros((rows.size, int(keep.sum())))
-    if prediction.jacobian is not None:
-        new = (prediction.jacobian[:, :, keep] / fitted.sigma[:, None]).reshape(rows.size, -1)
+    new = (prediction.jacobian[:, :, keep] / fitted.sigma[:, None]).reshape(rows.size, declared.shape[1])
     basis = orthonormal(np.concatenate([declared, new]))
     difference = np.concatenate([old, (rows / fitted.sigma).ravel()])
     left = (difference - basis @ (basis.T @ difference))[old.size :].reshape(rows.shape) * fitted.sigma

@@ -214,7 +214,7 @@ def selection_of(causes: Causes) -> Selection:
         )
         accepted.append(Accepted(place.effect, place.log_odds, place.probability, rivals, place.round,
                                  _credible(place)))
-    return Selection(causes.fits, tuple(accepted), (), ())
+    return Selection(causes.fits, tuple(accepted))
 
 
 def _credible(place: Place) -> tuple[tuple[str, int | None, float], ...]:

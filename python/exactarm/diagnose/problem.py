@@ -83,8 +83,7 @@ class Fitted:
         where = self.layout.slices[index]
         keep = np.ones(self.layout.size, bool)
         keep[where] = False
-        effects = self.layout.effects[:index] + self.layout.effects[index + 1 :]
-        layout = Layout(effects, self.layout.free[:index] + self.layout.free[index + 1 :])
+        layout = self.layout.only(k for k in range(len(self.layout.effects)) if k != index)
         # A non-linear parameter (an order) is no part of what the effect has moved: its linear ones have
         # moved it all.
         linear = np.array([not p.search for p in self.layout.parameters[where]], bool)

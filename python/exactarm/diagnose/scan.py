@@ -35,7 +35,6 @@ class Candidate:
     free: int
     tried: int
     evidence: float
-    absorbed: bool = False
 
     @property
     def label(self) -> str:
@@ -142,7 +141,7 @@ def _score_block(basis, block, columns, residual, square, count, tried, families
         if known is None or evidence > known.evidence:
             start[mask] += values
             best[point.label] = Candidate(point.with_values(start), gain, int(usable.sum()),
-                                          tried[point.label], evidence, not usable.any())
+                                          tried[point.label], evidence)
 
 
 def prior_of(effect: Effect) -> np.ndarray:

@@ -29,9 +29,7 @@ class Accepted:
 
 @dataclass(frozen=True)
 class Selection:
-    """fits[0] is the declared model, fits[i] the one after i rounds; ranking: last scan of what is left."""
+    """fits[0] is the declared model, fits[i] the one after i rounds."""
 
     fits: tuple[Fitted, ...]
     accepted: tuple[Accepted, ...]
-    ranking: tuple[Candidate, ...]
-    first_ranking: tuple[Candidate, ...]

@@ -62,7 +62,7 @@ def select(problem: Problem, declared: Layout, progress: Progress = lambda text:
     stand = () if found is None else found.accepted
     chosen, rounds = [a.effect for a in stand], [a.round for a in stand]
     settled = {a.effect.label: a for a in stand if not a.effect.any_curve}
-    first_ranking, ranking, curved = (), (), False
+    first_ranking, curved = (), False
     while len(chosen) < MOST_EFFECTS:
         progress(f"{len(chosen)} found so far")
         fitted = fits[-1]
@@ -104,7 +104,7 @@ def select(problem: Problem, declared: Layout, progress: Progress = lambda text:
         accepted = _beside_unknown(problem.knowing(fitted), declared, accepted, fitted)
     if len(fits) > 1:
         fits[-1] = fitted
-    return Selection(tuple(fits), tuple(accepted), ranking, first_ranking)
+    return Selection(tuple(fits), tuple(accepted))
 
 
 def _curves(problem, declared, rounds, fitted: Fitted, templates: list[Effect], turn: int):

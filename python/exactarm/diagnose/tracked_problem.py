@@ -122,11 +122,9 @@ class TrackedProblem(ProblemInTime):
         prediction, clear = found.prediction, ~self.record.at_reversal & (rows > 0.0)
         residual, view = np.where(clear[:, None], prediction.residual(), 0.0), prediction.view
         view.signals["residual"] = residual
-        jacobian = (
-            np.zeros((*residual.shape, 0)) if prediction.jacobian is None else prediction.jacobian[:, :3]
-        )
         fitted = TrackedFitted(
-            robot=self.robot, layout=found.layout, fit=found.fit, residual=residual, jacobian=jacobian,
+            robot=self.robot, layout=found.layout, fit=found.fit, residual=residual,
+            jacobian=prediction.jacobian[:, :3],
             sigma=np.full(3, max(found.sigma, _LEAST_SIGMA)), weight=clear.astype(float), view=view,
             drawing=self._drawing,
         )

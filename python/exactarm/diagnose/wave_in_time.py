@@ -113,8 +113,7 @@ def wave_instead(problem: ProblemInTime, selection: Selection, first: int) -> Wa
         return None
     odds, kept, wave = found
     instead = tuple(effect for number, effect in enumerate(effects) if number not in kept)
-    stay = [place for place, effect in enumerate(last.layout.effects) if effect not in instead]
-    beside = Layout(tuple(last.layout.effects[k] for k in stay), tuple(last.layout.free[k] for k in stay))
+    beside = last.layout.only(k for k, effect in enumerate(last.layout.effects) if effect not in instead)
     values = contest.values(wave, kept).reshape(len(runs), -1, bare.residual.shape[1])
     return WaveInTime(wave.frequency, np.swapaxes(values, 1, 2), instead, beside, odds - without)
 

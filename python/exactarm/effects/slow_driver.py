@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from exactarm.kinds.base import is_a_series
+from exactarm.kinds.base import is_a_series, rows_of_runs
 
 TIME, ROW = "time", "row"
 REFERENCE_DEGC = 20.0
@@ -76,8 +76,7 @@ def _elapsed(data) -> np.ndarray:
     elapsed = np.array(data.time, float)
     if not is_a_series(data):
         return elapsed
-    for run in np.unique(data.run):
-        rows = np.flatnonzero(data.run == run)
+    for rows in rows_of_runs(data):
         time, row = elapsed[rows], data.row[rows].astype(float)
         steps = np.diff(row)
         if not np.any(steps > 0.0):

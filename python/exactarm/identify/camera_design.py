@@ -236,7 +236,7 @@ def _designed(robot: Robot, space: PoseSpace, places: list[_Place], options: Clo
     of_camera = np.array([name in known for name in layout.names])
     prior = information_of(pull[:, None, :] * plausible) + np.diag(of_camera.astype(float))
     weight = np.zeros((layout.size, layout.size))
-    of_arm = Layout(layout.effects[len(cameras):], layout.free[len(cameras):])
+    of_arm = layout.only(range(len(cameras), len(layout.effects)))
     weight[np.ix_(~of_camera, ~of_camera)] = work_space_weight(robot, of_arm, options, plausible[~of_camera])
     deviation = lambda information: float(np.sqrt(np.trace(np.linalg.solve(prior + information, weight))))
     criterion = MeanVariance(weight)

@@ -56,8 +56,7 @@ class Noise:
 
 @dataclass(frozen=True)
 class ClosureFit:
-    """The layout at its estimate; `weight` (N,): square roots of the rows' robust weights; `pull` (r, P),
-    `tail` (r,): known lengths and priors as whitened rows and residuals."""
+    """The layout at its estimate; `weight` (N,): square roots of the rows' robust weights."""
 
     robot: Robot
     layout: Layout
@@ -66,8 +65,6 @@ class ClosureFit:
     prediction: ClosurePrediction
     sigma: np.ndarray
     weight: np.ndarray
-    pull: np.ndarray
-    tail: np.ndarray
 
     @property
     def sigma_position(self) -> float:
@@ -154,7 +151,7 @@ def fit_closures(
     weight = keep * _tail_weights(prediction.residual / sigma, prediction.used)
     pull, tail = pulls.rows(layout)
     fit = _finished(fit, prediction, sigma, keep, weight, pull, tail, settled)
-    return ClosureFit(robot, layout, fit, noise, prediction, sigma, weight, pull, tail)
+    return ClosureFit(robot, layout, fit, noise, prediction, sigma, weight)
 
 
 def expected_deviations(
@@ -178,10 +175,7 @@ def _inner(robot, layout, data, pulls, prediction, scale, bounds, threads, toler
         residual = np.concatenate([now.residual.ravel(), tail])
         if not with_jacobian:
             return Evaluation(residual, None)
-        jacobian = (
-            np.zeros((numbers, layout.size)) if now.jacobian is None else now.jacobian.reshape(numbers, -1)
-        )
-        return Evaluation(residual, np.concatenate([jacobian, pull]))
+        return Evaluation(residual, np.concatenate([now.jacobian.reshape(numbers, layout.size), pull]))
 
     rows = len(pulls.rows(layout)[1])
     weights = np.concatenate([(scale * prediction.used).ravel(), np.ones(rows)])
@@ -238,9 +232,7 @@ def _estimated_noise(data, prediction: ClosurePrediction, sigma, keep, pull) -> 
 
 def _leverage(prediction: ClosurePrediction, scale: np.ndarray, pull: np.ndarray) -> np.ndarray:
     """(N, m) how much of each number its own measurement decides."""
-    if prediction.jacobian is None:
-        return np.zeros(prediction.residual.shape)
-    rows = (scale[:, :, None] * prediction.jacobian).reshape(scale.size, -1)
+    rows = (scale[:, :, None] * prediction.jacobian).reshape(scale.size, pull.shape[1])
     solved = _pseudo_inverse(rows.T @ rows + pull.T @ pull)
     return np.einsum("ij,jk,ik->i", rows, solved, rows).reshape(scale.shape)
 
@@ -258,10 +250,7 @@ def _finished(fit, prediction, sigma, keep, weight, pull, tail, settled) -> Fit:
     psi = (keep * weight**2)[:, None] * prediction.residual / sigma * used
     numbers = int(used.sum()) - prediction.projected
     scale = used / sigma
-    jacobian = (
-        np.zeros((scale.size, 0)) if prediction.jacobian is None
-        else prediction.jacobian.reshape(scale.size, -1)
-    )
+    jacobian = prediction.jacobian.reshape(scale.size, pull.shape[1])
     rows = scale.ravel()[:, None] * jacobian
     redundancy = numbers - float(_leverage(prediction, weight[:, None] * scale, pull).sum())
     freedom = max(int(round(redundancy)), 1)

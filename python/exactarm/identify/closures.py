@@ -147,8 +147,7 @@ def declare_closures(
     nominal = nominal_closures(robot, data, carried, seed, threads, sessions or sessions_of(data))
     geometry = geometry_layout(robot)
     start = nominal.layout.at(nominal.layout.values)
-    setup = with_open_partner(Layout(start.effects[: len(start.effects) - len(carried.effects)],
-                                     start.free[: len(start.free) - len(carried.free)]))
+    setup = with_open_partner(start.only(range(len(start.effects) - len(carried.effects))))
 
     def fitted(setup: Layout) -> tuple[Layout, Pulls, Identifiability, ClosureFit]:
         beside = geometry.joined(compliance_layout(robot, data, compliance)).joined(carried)
@@ -277,8 +276,7 @@ def set_distance_errors(robot: Robot, layout: Layout, data: Dataset, threads: in
     """Name of a known distance -> |error| in m, with the contacts fitted anew to these rows alone."""
     if not data.fixture.distances or not len(data):
         return {}
-    pairs = [(e, m) for e, m in zip(layout.effects, layout.free) if not isinstance(e, Contact)]
-    bare = Layout(tuple(e for e, _ in pairs), tuple(m for _, m in pairs)).held
+    bare = layout.only(k for k, e in enumerate(layout.effects) if not isinstance(e, Contact)).held
     complete = with_contacts(robot, bare, data, threads)
     if not complete.size:
         return {}
@@ -322,8 +320,7 @@ def identifiable_closures(
 def carried_effects(robot: Robot, data: Dataset) -> Layout:
     """The robot file's own effects that act before the device, none of them free."""
     layout = carried_layout(robot, data)
-    keep = [i for i, effect in enumerate(layout.effects) if effect.station != Station.DEVICE]
-    return Layout(tuple(layout.effects[i] for i in keep), tuple(layout.free[i] for i in keep))
+    return layout.only(k for k, effect in enumerate(layout.effects) if effect.station != Station.DEVICE)
 
 
 def updated_robot(robot: Robot, data: Dataset, fit: ClosureFit) -> Robot:
@@ -355,9 +352,8 @@ def _with_tools_apart(setup: Layout, data: Dataset) -> Layout | None:
     rest = tuple(session for session in tool.sessions if session not in here)
     groups = [(here[0], *rest), *((session,) for session in here[1:])]
     each = Layout.of(tuple(replace(tool, sessions=group, shared=False) for group in groups))
-    before, after = (Layout(setup.effects[part], setup.free[part])
-                     for part in (slice(0, at), slice(at + 1, None)))
-    return before.joined(each).joined(after)
+    behind = setup.only(range(at + 1, len(setup.effects)))
+    return setup.only(range(at)).joined(each).joined(behind)
 
 
 def gross_corner_warning(data: Dataset) -> tuple[str, ...]:

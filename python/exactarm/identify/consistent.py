@@ -69,16 +69,15 @@ def consistent_fit(
     n = robot.axes
     baked = fit.layout.baked(robot, declared=True)
     blocks = [_Block(np.arange(10 * i, 10 * i + 10), BASIS, Q) for i, Q in enumerate(prior_bodies(declared))]
-    others = [
-        (e, mask) for e, mask in zip(fit.layout.effects, fit.layout.free) if e.inertia_of != "links"
-    ]
-    others = [(e, mask) for e, mask in others if mask.any() or not e.declared]
+    each = enumerate(zip(fit.layout.effects, fit.layout.free))
+    others = fit.layout.only(k for k, (e, mask) in each
+                             if e.inertia_of != "links" and (mask.any() or not e.declared))
     lent = _lent_rotors(baked, fit.layout)
     for k, rotor in enumerate(lent):
         if rotor.values[0] > 0.0:
             blocks.append(_Block(np.array([10 * n + k]), np.ones((1, 1, 1)), np.array([[rotor.values[0]]])))
     layout = Layout.of((LinkInertia.of(baked, range(10 * n)), *lent))
-    layout = layout.joined(Layout(tuple(e for e, _ in others), tuple(mask for _, mask in others)))
+    layout = layout.joined(others)
     weight = np.sqrt(np.minimum(fit.uncertainty.effective / record.keep.sum(), 1.0)) / fit.sigma
 
     z, reason = layout.values, "the bodies did not settle"
@@ -97,7 +96,7 @@ def consistent_fit(
         if arrived and np.sqrt(np.mean((found - expected) ** 2)) <= _AS_PREDICTED * noise:
             reason = ""
             break
-    beside = dict(zip((id(e) for e, _ in others), layout.at(z).effects[len(layout.effects) - len(others):]))
+    beside = dict(zip(map(id, others.effects), layout.at(z).effects[-len(others.effects):]))
     settled = tuple(beside.get(id(effect), effect) for effect in fit.layout.effects)
     return Consistent(_at(fit, settled, layout.at(z).baked(robot, declared=True), record, threads), reason)
 

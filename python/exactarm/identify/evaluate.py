@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from exactarm.chain import Layout, MotionRecord, reversals_left_out
+from exactarm.chain import MotionRecord, reversals_left_out
 from exactarm.chain.extrapolation import extrapolations
 from exactarm.dataset import Dataset
 from exactarm.identify.closures import (
@@ -66,8 +66,7 @@ def evaluate_poses(robot: Robot, data: Dataset, seed: int = DEFAULT_SEED, thread
     starts = range(0, len(data), BLOCK_ROWS)
     blocks = (data.select(np.arange(start, min(start + BLOCK_ROWS, len(data)))) for start in starts)
     found = _of_positions(robot, data, np.concatenate([fit.residual(block, threads) for block in blocks]))
-    count = len(frames.effects)
-    return replace(found, frames=Layout(fit.layout.effects[:count], fit.layout.free[:count]))
+    return replace(found, frames=fit.layout.only(range(len(frames.effects))))
 
 
 def _spread(data: Dataset) -> np.ndarray:

@@ -18,6 +18,7 @@ from exactarm.effects.gyro_alignment import GyroAlignment, aligning_angles
 from exactarm.effects.gyro_bias import GyroBias
 from exactarm.identify.declared import carried_layout
 from exactarm.kinds import GEAR_RUN
+from exactarm.kinds.base import rows_of_runs
 from exactarm.robot import Robot
 
 SIDES = {"cw": -1.0, "ccw": 1.0}
@@ -74,12 +75,11 @@ def alignments(robot: Robot, data: Dataset, record: GearRecord,
 
 def _offsets(robot: Robot, data: Dataset, record: GearRecord) -> Layout:
     effects = []
-    for run in np.unique(data.run):
-        rows = data.run == run
+    for rows in rows_of_runs(data):
         for column, axis in enumerate(record.encoder_axes):
             predicted = record.theta[rows, axis] / robot.ratios[axis] + robot.offsets[axis]
             start = float(np.mean(data.joints["q"][rows, axis] - predicted))
-            effects.append(EncoderOffset(axis + 1, (start,), int(run), column))
+            effects.append(EncoderOffset(axis + 1, (start,), int(data.run[rows[0]]), column))
     return Layout.of(tuple(effects))
 
 

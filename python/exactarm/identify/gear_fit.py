@@ -64,7 +64,7 @@ def fit_gear_runs(
 
     def predict(at: Layout, with_jacobian: bool):
         prediction = predicted(at)
-        return white(prediction.residual()), white(prediction.jacobian) if with_jacobian and at.size else None
+        return white(prediction.residual()), white(prediction.jacobian) if with_jacobian else None
 
     components = predicted(layout).residual().shape[1]
     found = fit_layout(

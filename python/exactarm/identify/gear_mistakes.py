@@ -16,6 +16,7 @@ from exactarm.identify.odd_gear_runs import gyro_runs, odd_gear_runs
 from exactarm.identify.signal_mistakes import LONG_STEP_S
 from exactarm.identify.suspicion import Suspicion, run_words
 from exactarm.identify.tracked_mistakes import clock_suspicions
+from exactarm.kinds.base import rows_of_runs, runs_in_time
 from exactarm.robot import Robot
 from exactarm.signals import typical_step
 from exactarm.view import motor_angles
@@ -69,7 +70,7 @@ def _off(robot: Robot, data: Dataset, axis: int) -> tuple[np.ndarray, str]:
     """Rows in which the two sides of the gear do not follow its ratio; and where that is, if not in all
     runs."""
     theta, q = data.joints["theta"][:, axis], data.joints["q"][:, axis]
-    rows = [np.flatnonzero(data.run == run) for run in np.unique(data.run)]
+    rows = rows_of_runs(data)
     spans = [min(np.ptp(theta[each] / robot.ratios[axis]), np.ptp(q[each])) for each in rows]
     moving = [each for each, span in zip(rows, spans) if span > FAR * max(spans)]
     off = []
@@ -93,13 +94,9 @@ def _slope(motor: np.ndarray, link: np.ndarray, run: np.ndarray) -> tuple[float,
 
 def _of_clocks(robot: Robot, data: Dataset, both: np.ndarray) -> list[Suspicion]:
     """Encoders on the two sides of the gears that do not keep the same time, as all axes have it."""
-    for run in np.unique(data.run):
-        rows = np.flatnonzero(data.run == run)
-        if data.time is None or rows.size < _LEAST_ROWS:
-            continue
-        rows = rows[np.argsort(data.time[rows], kind="stable")]
+    for rows in runs_in_time(data):
         time, told = data.time[rows], []
-        if not 0.0 < typical_step(time) < LONG_STEP_S:
+        if rows.size < _LEAST_ROWS or not 0.0 < typical_step(time) < LONG_STEP_S:
             continue
         for i in both:
             sides = (data.joints["theta"][rows, i] / robot.ratios[i], data.joints["q"][rows, i])
@@ -112,6 +109,7 @@ def _of_clocks(robot: Robot, data: Dataset, both: np.ndarray) -> list[Suspicion]
         one_way = bool(np.all(np.sign(drift) == np.sign(drift[0])))
         if (one_way and abs(np.median(drift)) > LEAST_DRIFT_S) or abs(np.median(first)) > MUCH_LAG_S:
             typical = replace(told[0], first=float(np.median(first)), last=float(np.median(last)))
+            run = data.run[rows[0]]
             return clock_suspicions(typical, f"run {run}", "the encoder behind the gear", MUCH_LAG_S)
     return []
 

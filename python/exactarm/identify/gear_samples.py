@@ -20,6 +20,7 @@ from exactarm.dataset import Dataset
 from exactarm.identify.declared import carried_layout
 from exactarm.identify.gear_declared import sensor_layout
 from exactarm.kinds import GEAR_RUN
+from exactarm.kinds.base import rows_by_number
 from exactarm.robot import Robot
 from exactarm.signals import typical_step
 from exactarm.station import Station
@@ -62,7 +63,7 @@ class GearSamples:
         return "rad/s" if self.rated else "rad"
 
     @cached_property
-    def runs(self) -> tuple[np.ndarray, ...]:
+    def runs(self) -> list[np.ndarray]:
         """Index arrays of the runs, in the order of their numbers."""
         return rows_by_number(self.run)
 
@@ -108,12 +109,6 @@ def gear_samples(
         record.keep[rows], data.run[rows], identification[rows], disturbances, names, rated,
     )
     return samples, setup
-
-
-def rows_by_number(numbers: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Index arrays of equal numbers (N,), in rising order of the numbers."""
-    order = np.argsort(numbers, kind="stable")
-    return tuple(np.split(order, np.flatnonzero(np.diff(numbers[order])) + 1))
 
 
 def _setup_rows(data: Dataset, here: np.ndarray, identification: np.ndarray) -> np.ndarray:

@@ -50,7 +50,7 @@ def fit_layout(
 ) -> LayoutFit:
     """Estimates the free parameters of `layout`.
 
-    predict(layout, with_jacobian): residual (N, m) and Jacobian (N, m, P) of the prediction, or None, of
+    predict(layout, with_jacobian): residual (N, m) and Jacobian (N, m, P) of the prediction (if asked), of
     noise that is independent from row to row. sigma (m,): first guess, None = from the residual at the start;
     alike (m,): number of the variance that a component has, from 0; floor (m,): no sigma is smaller. robust:
     Huber's loss on whole rows. drawing: parameters that are drawn to their declared values.
@@ -70,9 +70,8 @@ def fit_layout(
             return Evaluation(value, None)
         columns = np.empty((value.size, layout.size))
         columns[value.size - len(pull) :] = pull
-        if layout.size:
-            data = columns[: value.size - len(pull)].reshape(rows.size, -1, layout.size)
-            np.take(jacobian, rows, axis=0, out=data, mode="clip")  # in place
+        data = columns[: value.size - len(pull)].reshape(rows.size, residual.shape[1], layout.size)
+        np.take(jacobian, rows, axis=0, out=data, mode="clip")  # in place
         latest.clear()
         latest[x.tobytes()] = Evaluation(value, columns)
         return latest[x.tobytes()]

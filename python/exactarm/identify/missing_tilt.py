@@ -30,12 +30,8 @@ def missing_tilts(robot: Robot, layout: Layout, data: Dataset, threads: int = 1)
     ]
     if not frames:
         return ()
-    tilts = Layout(
-        tuple(Geometry(i + 1, (0.0,), ("beta_rad",)) for i in frames), tuple(np.ones(1, bool) for _ in frames)
-    )
+    tilts = Layout.of(tuple(Geometry(i + 1, (0.0,), ("beta_rad",)) for i in frames))
     found = predict_poses(robot, layout.joined(tilts), data, threads=threads)
-    if found.jacobian is None:
-        return ()
     columns = found.jacobian[:, :3].reshape(-1, layout.size + len(frames))
     fitted, added = columns[:, : layout.size], columns[:, layout.size :]
     basis = np.linalg.svd(fitted / np.maximum(np.linalg.norm(fitted, axis=0), 1e-300), full_matrices=False)

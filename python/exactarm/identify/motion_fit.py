@@ -56,18 +56,18 @@ def fit_motion(
     weight = record.keep.astype(float) * (1.0 if weights is None else weights)
     rows = np.flatnonzero(weight)
 
+    accepted: list[MotionPrediction] = []  # the last: a fit asks for tangents where it stands alone
+
     def predict(at: Layout, with_jacobian: bool):
         prediction = predict_motion(robot, at, record, tangents=with_jacobian, threads=threads)
-        return (
-            prediction.residual()[:, axes],
-            prediction.jacobian[:, axes] if with_jacobian and at.size else None
-        )
+        accepted[:] = [prediction] if with_jacobian else accepted
+        return prediction.residual()[:, axes], prediction.jacobian[:, axes] if with_jacobian else None
 
     torque = np.sqrt(np.mean(record.torque[np.ix_(rows, axes)] ** 2, axis=0))
     floor = np.maximum(_LEAST_SHARE * torque, max(_LEAST_OF_ALL * torque.max(), _LEAST_NM))
     first = np.maximum(torque, floor) if sigma is None else sigma
     fitted = fit_layout(predict, layout, weight, first, alike=np.arange(axes.size), floor=floor)
-    prediction = predict_motion(robot, fitted.layout, record, threads=threads)
+    prediction = accepted[0]
     residual = prediction.residual()[np.ix_(rows, axes)]
     found = _uncertainty(prediction, residual, fitted.sigma, rows, axes, record, layout, fitted.fit.at_bound)
     return MotionFit(robot, fitted.layout, fitted.fit, fitted.sigma, axes, found, prediction)
@@ -75,9 +75,7 @@ def fit_motion(
 
 def _uncertainty(prediction, residual, sigma, rows, axes, record, layout, held) -> Uncertainty:
     """Of the free parameters; none of those that `held` (P,) says a bound holds."""
-    jacobian = np.zeros((len(rows), len(axes), layout.size))
-    if layout.size:
-        jacobian = prediction.jacobian[np.ix_(rows, axes)]
+    jacobian = prediction.jacobian[np.ix_(rows, axes)]
     place = np.full(len(record.keep), -1)
     place[rows] = np.arange(len(rows))
     runs = [place[run][place[run] >= 0] for run in record.runs]

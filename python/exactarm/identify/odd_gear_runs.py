@@ -17,7 +17,7 @@ import numpy as np
 
 from exactarm.dataset import Dataset
 from exactarm.identify.suspicion import Suspicion, run_words
-from exactarm.kinds.base import STANDS_STILL
+from exactarm.kinds.base import STANDS_STILL, runs_in_time
 from exactarm.robot import Robot
 from exactarm.view import motor_angles
 
@@ -55,9 +55,7 @@ class GyroRun:
 def gyro_runs(robot: Robot, data: Dataset, smooth: Callable[[np.ndarray], np.ndarray]) -> list[GyroRun]:
     """Of the runs in which one axis moves."""
     theta, found = motor_angles(robot, data), []
-    for run in np.unique(data.run):
-        rows = np.flatnonzero(data.run == run)
-        rows = rows[np.argsort(data.time[rows], kind="stable")]
+    for rows in runs_in_time(data):
         span = np.ptp(theta[rows], axis=0) / np.abs(robot.ratios)
         if rows.size < _LEAST_ROWS or span.max() == 0.0 or np.sum(span > STANDS_STILL * span.max()) != 1:
             continue

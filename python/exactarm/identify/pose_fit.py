@@ -61,7 +61,7 @@ def fit_poses(
     def predict(at: Layout, with_jacobian: bool):
         prediction = predict_poses(robot, at, data, tangents=with_jacobian, threads=threads)
         residual = prediction.residual(orientation)
-        return residual, prediction.jacobian[:, : residual.shape[1]] if with_jacobian and at.size else None
+        return residual, prediction.jacobian[:, : residual.shape[1]] if with_jacobian else None
 
     weight = np.ones(len(data.session)) if weights is None else weights
     alike = np.repeat(np.arange(2 if orientation else 1), 3)

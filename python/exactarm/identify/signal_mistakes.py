@@ -14,6 +14,7 @@ from exactarm.dataset import Dataset
 from exactarm.identify.planned import controller_angles
 from exactarm.identify.suspicion import Suspicion, listed
 from exactarm.kinds import kind_of
+from exactarm.kinds.base import runs_in_time
 from exactarm.robot import Robot
 from exactarm.signals import typical_step
 
@@ -225,9 +226,7 @@ def _ranges(robot: Robot, angles: np.ndarray) -> Iterator[Suspicion]:
 
 def _rates(robot: Robot, data: Dataset, angles: np.ndarray) -> Iterator[Suspicion]:
     steps, fastest = [], np.zeros(robot.axes)
-    for run in np.unique(data.run):
-        rows = np.flatnonzero(data.run == run)
-        rows = rows[np.argsort(data.time[rows], kind="stable")]
+    for rows in runs_in_time(data):
         if rows.size < 3:
             continue
         step = typical_step(data.time[rows])

@@ -121,13 +121,15 @@ def fit_tracked(
     row's number is worth (correlated noise counts less). Rows at reversals that no model defines count for
     nothing. drawing: parameters that are drawn to their declared values."""
 
+    accepted: list[PosePrediction] = []  # the last: a fit asks for tangents where it stands alone
+
     def predict(at: Layout, with_jacobian: bool):
         prediction = predict_record(robot, at, record, tangents=with_jacobian, threads=threads)
-        return prediction.residual(), prediction.jacobian[:, :3] if with_jacobian and at.size else None
+        accepted[:] = [prediction] if with_jacobian else accepted
+        return prediction.residual(), prediction.jacobian[:, :3] if with_jacobian else None
 
     weight = (~record.at_reversal).astype(float) * (1.0 if weights is None else weights)
     first = np.full(3, _FIRST_SIGMA_M if sigma is None else sigma)
     found = fit_layout(predict, layout, weight, first, alike=np.zeros(3, int), tolerance=_TOLERANCE,
                        drawing=drawing)
-    prediction = predict_record(robot, found.layout, record, threads=threads)
-    return TrackedFit(found.layout, found.fit, float(found.sigma[0]), prediction)
+    return TrackedFit(found.layout, found.fit, float(found.sigma[0]), accepted[0])

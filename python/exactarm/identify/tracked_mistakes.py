@@ -16,6 +16,7 @@ from exactarm.identify.clock_drift import LEAST_DRIFT_STEPS, SURE, Lags, lags
 from exactarm.identify.planned import controller_angles
 from exactarm.identify.pose_mistakes import linear_tool
 from exactarm.identify.suspicion import Suspicion
+from exactarm.kinds.base import runs_in_time
 from exactarm.robot import Placement, Robot
 
 TOOL_ROWS = 300  # from which the tool point is found
@@ -28,9 +29,7 @@ def tracked_mistakes(robot: Robot, data: Dataset) -> list[Suspicion]:
         return []
     found, bare = [], replace(robot, base=Placement(), tool=Placement()).core
     late: dict[int, Lags | None] = {}
-    for run in np.unique(data.run):
-        rows = np.flatnonzero(data.run == run)
-        rows = rows[np.argsort(data.time[rows], kind="stable")]
+    for rows in runs_in_time(data):
         if rows.size < 60:
             continue
         time, measured = data.time[rows], data.position[rows]
@@ -40,6 +39,7 @@ def tracked_mistakes(robot: Robot, data: Dataset) -> list[Suspicion]:
         some = np.unique(np.linspace(0, rows.size - 1, TOOL_ROWS).astype(int))
         target = flange + rotation @ linear_tool(flange[some], rotation[some], measured[some])
         speed = [np.linalg.norm(np.gradient(points, time, axis=0), axis=1) for points in (target, measured)]
+        run = int(data.run[rows[0]])
         late[run] = lags(time, *speed)
         found += clock_suspicions(late[run], f"run {run}", "the tracker")
     return found[:1] or _other_starts({run: each for run, each in late.items() if each is not None})

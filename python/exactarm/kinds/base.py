@@ -86,10 +86,20 @@ def has(values: np.ndarray | None) -> np.ndarray | bool:
     return False if values is None else ~np.isnan(values[0])
 
 
+def rows_by_number(numbers: np.ndarray) -> list[np.ndarray]:
+    """Row indices of equal numbers (N,), in rising order of the numbers."""
+    order = np.argsort(numbers, kind="stable")
+    return np.split(order, np.flatnonzero(np.diff(numbers[order])) + 1)
+
+
 def rows_of_runs(data: Rows) -> list[np.ndarray]:
     """Row indices of each run, in the order of the file."""
-    order = np.argsort(data.run, kind="stable")
-    return np.split(order, np.flatnonzero(np.diff(data.run[order])) + 1)
+    return rows_by_number(data.run)
+
+
+def runs_in_time(data: Rows) -> list[np.ndarray]:
+    """The same, in the order of time."""
+    return [rows[np.argsort(data.time[rows], kind="stable")] for rows in rows_of_runs(data)]
 
 
 def file_of(data: Rows, index: int = 0) -> str | None:
