@@ -22,6 +22,22 @@ def pytest_collection_finish():
 
 
 _NUMBERS = itertools.count()
+_EMPTY_SVG = '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 1 1"></svg>'
+
+
+@pytest.fixture(autouse=True)
+def figures_are_built_not_drawn(request, monkeypatch):
+    """Quick tests of commands look at numbers: all figures are built, and what stands in their files is
+    empty. Drawing would take most of their time; the slow ones and those marked `drawn` draw."""
+    if request.node.get_closest_marker("slow") or request.node.get_closest_marker("drawn"):
+        return
+
+    def written(figure, vector, raster):
+        figure.build()
+        vector.write_text(_EMPTY_SVG)
+        raster.write_bytes(b"\x89PNG")
+
+    monkeypatch.setattr("exactarm.report.plots.files._write", written)
 
 
 @pytest.fixture(autouse=True)

@@ -49,15 +49,17 @@ def profile(distance: float, speed: float, acceleration: float, rate_hz: float, 
 
 
 def link_angle(theta: np.ndarray, ratio: float, table) -> np.ndarray:
-    """phi with ratio (phi + sum (a sin + b (cos - 1)) / w) = theta, by fixed-point iteration."""
+    """phi with ratio (phi + sum (a sin + b (cos - 1)) / w) = theta, by Newton's method."""
     phi = theta / ratio
     if table is None:
         return phi
     for _ in range(60):
         angle = np.multiply.outer(phi, table.order)
-        error = (np.sin(angle) * table.a + (np.cos(angle) - 1.0) * table.b) / table.order
-        before, phi = phi, theta / ratio - error.sum(axis=-1)
-        if np.max(np.abs(phi - before)) < 1e-14:
+        sine, cosine = np.sin(angle), np.cos(angle)
+        error = sine @ (table.a / table.order) + (cosine - 1.0) @ (table.b / table.order)
+        step = (theta / ratio - error - phi) / (1.0 + cosine @ table.a - sine @ table.b)
+        phi = phi + step
+        if np.max(np.abs(step)) < 1e-9:  # its square, times the largest slope of the ratio, is rounding
             break
     return phi
 
@@ -72,8 +74,9 @@ def simulate(robot, case: GearRuns, gravity=None, rest=None, extra=None) -> Data
     theta_all, gyro_all, time_all, run_all = [], [], [], []
     low, high = joint.q_min + case.margin - joint.q_offset, joint.q_max - case.margin - joint.q_offset
     acceleration = joint.q_ddot_max
-    for k in range(case.runs):
-        sign = 1.0 if k % 2 == 0 else -1.0
+
+    def run(sign: float):
+        """Time, motor angle and rate of the link (N,) of one way: all runs that go it are alike."""
         time, path = profile(high - low, case.speed, acceleration, case.rate_hz)
         # Ten times as fine, so that the difference quotient below is as good as exact.
         fine = np.arange(0, 10 * time.size) / (10.0 * case.rate_hz)
@@ -90,7 +93,11 @@ def simulate(robot, case: GearRuns, gravity=None, rest=None, extra=None) -> Data
             q_link = q_link - gravity(q)[:, index] / joint.spring_linear
         if extra is not None:
             q_link = q_link + extra(fine, phi, sign)
-        rate = np.gradient(q_link, fine, edge_order=2)[::10]
+        return time, theta[::10], np.gradient(q_link, fine, edge_order=2)[::10]
+
+    ways = {sign: run(sign) for sign in (1.0, -1.0)[: case.runs]}
+    for k in range(case.runs):
+        time, motor, rate = ways[1.0 if k % 2 == 0 else -1.0]
         reading = np.zeros((time.size, 3))
         reading[:, 2] = rate
         a, b = case.tilt
@@ -98,7 +105,6 @@ def simulate(robot, case: GearRuns, gravity=None, rest=None, extra=None) -> Data
         about_y = np.array([[np.cos(b), 0, np.sin(b)], [0, 1, 0], [-np.sin(b), 0, np.cos(b)]])
         reading = reading @ (about_x @ about_y)  # R' omega, row by row
         gyro_all.append(reading + random.normal(0.0, case.noise, reading.shape))
-        motor = theta[::10]
         if case.counts:
             step = 2.0 * np.pi / case.counts
             motor = np.round(motor / step) * step

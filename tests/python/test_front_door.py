@@ -124,6 +124,7 @@ def test_plots_take_axes_and_give_axes(result):
         result.plot(axes, "parameters")
 
 
+@pytest.mark.drawn
 def test_a_result_is_saved_as_the_command_line_saves_it(result, tmp_path):
     page = result.save(tmp_path / "out")
     assert page.read_text().count("SHA-256") == 1 and "exactarm.calibrate(" in page.read_text()

@@ -62,6 +62,12 @@ def syntax_of(path: Path) -> ast.Module:
     return ast.parse(path.read_text())
 
 
+@cache
+def nodes_of(path: Path) -> tuple[ast.AST, ...]:
+    """All nodes of a file: walked once, for walking takes as long as reading."""
+    return tuple(ast.walk(syntax_of(path)))
+
+
 def python_files():
     return sorted(PYTHON.rglob("*.py"))
 
@@ -72,6 +78,7 @@ def own_files():
     return sorted(path for folder in folders for path in folder.rglob("*") if path.suffix in kinds)
 
 
+@cache
 def room_of(module: str) -> str:
     """The room of exactarm.a.b; a module directly in the package that has no rules of its own is a leaf."""
     name = module.split(".")[1]
@@ -81,7 +88,8 @@ def room_of(module: str) -> str:
 def imported_modules(tree: ast.AST):
     """Names exactarm.x that a module imports when it runs; imports for type checkers do not count."""
     for node in ast.iter_child_nodes(tree):
-        if isinstance(node, ast.If) and getattr(node.test, "id", "") == "TYPE_CHECKING":
+        checked = isinstance(node, ast.If) and getattr(node.test, "id", "") == "TYPE_CHECKING"
+        if checked or isinstance(node, ast.expr):  # no statement stands in an expression
             continue
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names if alias.name.startswith("exactarm."))
@@ -134,7 +142,7 @@ def test_includes_run_downwards():
 def every_import(path: Path) -> set[str]:
     """Modules exactarm.x that a file names in any import, those for type checkers and in functions too."""
     found = set()
-    for node in ast.walk(syntax_of(path)):
+    for node in nodes_of(path):
         if isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module:
@@ -168,7 +176,7 @@ OTHER_MEANINGS = 17
 
 def words_of_kinds(path: Path) -> int:
     return sum(isinstance(node, ast.Constant) and node.value in KIND_NAMES
-               for node in ast.walk(syntax_of(path)))
+               for node in nodes_of(path))
 
 
 def test_no_other_room_names_a_kind_of_data():
@@ -180,7 +188,7 @@ def test_no_other_room_names_a_kind_of_data():
 
 def kinds_asked_for(path: Path) -> int:
     """Comparisons with the name of a kind's object, `... == POSES.name` or `... in (POSES.name, ...)`."""
-    compared = [node for node in ast.walk(syntax_of(path)) if isinstance(node, ast.Compare)]
+    compared = [node for node in nodes_of(path) if isinstance(node, ast.Compare)]
     sides = [side for node in compared for side in node.comparators]
     sides += [node.left for node in compared if isinstance(node.ops[0], ast.Eq | ast.NotEq)]
     each = [item for side in sides for item in getattr(side, "elts", [side])]
@@ -242,7 +250,7 @@ def test_every_module_says_what_it_is():
 
 def test_only_the_command_line_prints():
     for path in python_files():
-        calls = [node for node in ast.walk(syntax_of(path))
+        calls = [node for node in nodes_of(path)
                  if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "print"]
         assert not calls or path.name == "cli.py", path
 
@@ -250,7 +258,7 @@ def test_only_the_command_line_prints():
 def effect_names():
     names = set()
     for path in (PYTHON / "effects").glob("*.py"):
-        for node in ast.walk(syntax_of(path)):
+        for node in nodes_of(path):
             target = node.targets[0] if isinstance(node, ast.Assign) else getattr(node, "target", None)
             value = getattr(node, "value", None)
             if getattr(target, "id", "") == "name" and isinstance(value, ast.Constant) and value.value:
@@ -264,7 +272,7 @@ def test_no_room_treats_an_effect_specially():
     for path in python_files():
         if PYTHON / "effects" in path.parents:
             continue
-        for node in ast.walk(syntax_of(path)):
+        for node in nodes_of(path):
             if isinstance(node, (ast.Compare, ast.MatchValue)):
                 words = {part.value for part in ast.walk(node) if isinstance(part, ast.Constant)}
                 assert not words & names, f"{path.name}:{node.lineno} compares with the name of an effect"
@@ -273,12 +281,12 @@ def test_no_room_treats_an_effect_specially():
 def test_no_room_asks_for_the_class_of_an_effect():
     """What an effect is said to be is a property that any effect may have."""
     files = [path for path in (PYTHON / "effects").glob("*.py") if path.stem != "base"]
-    classes = {node.name for path in files for node in ast.walk(syntax_of(path))
+    classes = {node.name for path in files for node in nodes_of(path)
                if isinstance(node, ast.ClassDef)}
     assert {"Frames", "Payload"} <= classes
     asks = [
         f"{path.name}:{node.lineno}" for path in python_files() if PYTHON / "effects" not in path.parents
-        for node in ast.walk(syntax_of(path))
+        for node in nodes_of(path)
         if isinstance(node, ast.Call) and getattr(node.func, "id", "") in ("isinstance", "issubclass")
         and {part.id for part in ast.walk(node.args[1]) if isinstance(part, ast.Name)} & classes
     ]
