@@ -74,21 +74,19 @@ def test_a_moved_tracker_gives_the_same_arm(poses, calibrated):
 
 
 @pytest.mark.slow
-def test_doubled_poses_give_the_same_arm_and_narrower_intervals(poses):
-    """To 1e-4 until estimates were drawn to the drawing: twice the data move further from it, by less
-    than they leave open."""
+def test_doubled_poses_give_the_same_arm_and_the_same_intervals(poses):
+    """A copy tells nothing new. (Intervals narrower by the root of two were asked for here until readings of one
+    pose counted for what they do not share.)"""
     robot, data = poses
     twice = data.select(np.repeat(np.arange(len(data)), 2))
     one, other = (calibrate(robot, each, compliance=(), use="position", threads=1) for each in (data, twice))
     width = lambda result: np.array([np.ptp(entry["ci95"])
                                      for entry in plain(result.json["parameters"]).values()])
-    names = [list(plain(result.json["parameters"])) for result in (one, other)]
-    if names[0] == names[1]:  # more rows may identify more
-        robots = np.array([not name.startswith("session") for name in names[0]])
-        moved = np.abs(geometry(other) - geometry(one)) / (0.5 * width(one)[robots])
-        # shrunk by V / (V + tau^2), two tau differ by at most 0.23 half-widths between V and V / 2
-        assert moved.max() < 0.25
-        assert np.median(width(other) / width(one)) == pytest.approx(np.sqrt(0.5), rel=0.1)
+    assert plain(other.json["parameters"]).keys() == plain(one.json["parameters"]).keys()
+    robots = np.array([not name.startswith("session") for name in plain(one.json["parameters"])])
+    moved = np.abs(geometry(other) - geometry(one)) / (0.5 * width(one)[robots])
+    assert moved.max() < 0.05
+    assert width(other) / width(one) == pytest.approx(1.0, rel=0.05)
     assert rms(other) == pytest.approx(rms(one), rel=0.05)
 
 

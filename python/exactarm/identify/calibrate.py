@@ -35,6 +35,7 @@ from exactarm.identify.match import require_match
 from exactarm.identify.missing_tilt import missing_tilts
 from exactarm.identify.pose_fit import PoseFit, fit_poses
 from exactarm.identify.reach import reach
+from exactarm.identify.repeats import worth_of_rows
 from exactarm.identify.session_payloads import EstimatedPayload, payload_layout, session_payloads
 from exactarm.identify.statistics import ErrorSummary, summarise
 from exactarm.identify.wild_rows import wild_rows, wild_rows_line
@@ -43,7 +44,7 @@ from exactarm.measurement.session_payload import SessionPayload
 from exactarm.regression import Fit
 from exactarm.robot import Placement, Robot
 from exactarm.rotation import log
-from exactarm.split import DEFAULT_SEED
+from exactarm.split import DEFAULT_SEED, pose_groups
 from exactarm.view import motor_angles
 
 if TYPE_CHECKING:
@@ -179,17 +180,24 @@ def fit_identifiable(
     robot: Robot, layout: Layout, data: Dataset, orientation: bool, options: CalibrationOptions
 ) -> tuple[PoseFit, Identifiability]:
     """Fits what the poses can tell: freely, then without what turns out to lie under the noise, then drawn to
-    the drawing as far as the data say (drawing.py)."""
+    the drawing as far as the data say (drawing.py). Readings of one pose count for what they are worth."""
     kept, result = identifiable_layout(robot, layout, data, orientation, threads=options.threads)
     require_enough(kept, data, orientation)
+    worth = None
 
     def fit(chosen: Layout, drawn: Drawn = FREE) -> PoseFit:
         return fit_poses(robot, chosen, data, orientation=orientation, robust=bool(options.robust),
-                         threads=options.threads, drawn=drawn)
+                         threads=options.threads, drawn=drawn, worth=worth)
 
     flat = fit(kept)
+    left = flat.fit.clipped[: len(data) * (6 if orientation else 3)].reshape(len(data), -1)
+    scale = np.repeat([flat.sigma_position] + ([flat.sigma_orientation] if orientation else []), 3)
+    told = worth_of_rows(left / scale, pose_groups(data), kept.size)
+    if told.min() < 1.0:
+        worth = told
+        flat = fit(kept)
     sigma = np.array([flat.sigma_position] + ([flat.sigma_orientation] if orientation else []))
-    fewer, result = identifiable_layout(robot, layout, data, orientation, sigma, options.threads)
+    fewer, result = identifiable_layout(robot, layout, data, orientation, sigma, options.threads, worth)
     flat = flat if fewer.names == kept.names else fit(fewer)
     return fit(flat.layout, Drawn.around(geometry_layout(robot), flat.layout, flat.fit)), result
 
@@ -201,15 +209,18 @@ def identifiable_layout(
     orientation: bool,
     sigma: np.ndarray | None = None,
     threads: int = 1,
+    worth: np.ndarray | None = None,
 ) -> tuple[Layout, Identifiability]:
     """The layout without the parameters that these poses cannot tell, and why.
 
     sigma (1,) or (2,): standard deviations of position (m) and orientation (rad) components, where known;
-    then parameters whose estimate would be less certain than they are plausible are left out too.
+    then parameters whose estimate would be less certain than they are plausible are left out too. worth (N,):
+    independent rows that each is worth.
     """
     prediction = predict_poses(robot, layout, data, threads=threads)
     rows = prediction.jacobian if orientation else prediction.jacobian[:, :3]
-    weights = None if sigma is None else np.tile(np.repeat(1.0 / sigma, 3), len(rows))
+    share = np.ones(len(rows)) if worth is None else np.sqrt(worth)
+    weights = None if sigma is None else np.outer(share, np.repeat(1.0 / sigma, 3)).ravel()
     result = select_identifiable(
         rows.reshape(-1, layout.size),
         layout.names,

@@ -47,14 +47,18 @@ def fit_layout(
     robust: bool = False,
     tolerance: float = 1e-10,
     drawing: Drawing | None = None,
+    worth: np.ndarray | None = None,
 ) -> LayoutFit:
     """Estimates the free parameters of `layout`.
 
     predict(layout, with_jacobian): residual (N, m) and Jacobian (N, m, P) of the prediction (if asked), of
     noise that is independent from row to row. sigma (m,): first guess, None = from the residual at the start;
     alike (m,): number of the variance that a component has, from 0; floor (m,): no sigma is smaller. robust:
-    Huber's loss on whole rows. drawing: parameters that are drawn to their declared values.
+    Huber's loss on whole rows. drawing: parameters that are drawn to their declared values. worth (N,): how many
+    independent rows a row is worth whose noise others share, 1 at most; None = 1.
     """
+    share = np.ones(len(weight)) if worth is None else worth
+    weight = weight * np.sqrt(share)
     parameters, rows = layout.parameters, np.flatnonzero(weight > 0.0)
     bounds = np.array([p.lower for p in parameters]), np.array([p.upper for p in parameters])
     pull, centre = pulls_of(layout, drawing)
@@ -79,9 +83,9 @@ def fit_layout(
     x, components = layout.values, len(alike)
     if sigma is None:
         start = evaluate(x, False).residual[: rows.size * components].reshape(-1, components)
-        sigma = np.maximum(_spread(start, np.zeros(components), alike), floor)
+        sigma = np.maximum(_spread(start, np.zeros(components), alike, share[rows]), floor)
     one_scale = not len(pull) and np.unique(alike).size == 1  # which no estimate hangs on
-    numbers = float(np.sum(np.minimum(weight[rows] ** 2, 1.0))) * components + len(pull)
+    numbers = float(np.sum(np.minimum(weight[rows] ** 2, share[rows]))) * components + len(pull)
     for _ in range(_ROUNDS):
         each = (weight[rows, None] / sigma).ravel()
         fit = least_squares(
@@ -91,32 +95,37 @@ def fit_layout(
         )
         (columns,) = (evaluation.jacobian[: each.size] for evaluation in latest.values())
         spent = _spent(columns, weight[rows], sigma, alike, pull, ~fit.at_bound)
-        new = np.maximum(_spread(fit.clipped[: each.size].reshape(-1, components), spent, alike), floor)
+        left = fit.clipped[: each.size].reshape(-1, components)
+        new = np.maximum(_spread(left, spent, alike, share[rows]), floor)
         settled = one_scale or bool(np.all(np.abs(new / sigma - 1.0) < _SETTLED))
         x, sigma = fit.x, new
         if settled:
             break
     if fit.freedom > 0 and fit.sigma > 0.0 and not one_scale:
         # sigma is what the data alone have left: the pulls of priors are no measure of it
-        covariance = fit.covariance / fit.sigma**2 if len(pull) else fit.covariance
-        fit = fit.known_by(covariance, _freedom(spent, alike, len(rows)))
+        covariance = fit.covariance / fit.sigma**2 if len(pull) or worth is not None else fit.covariance
+        fit = fit.known_by(covariance, _freedom(spent, alike, float(share[rows].sum())))
+    elif one_scale and worth is not None:
+        freedom = max(round(numbers) - int(np.sum(~fit.at_bound)), 1)
+        fit = fit.known_by(fit.covariance * (max(fit.freedom, 1) / freedom), freedom)
     if not settled and fit.converged:
         fit = replace(fit, reason=f"noise and parameters did not settle on each other in {_ROUNDS} rounds")
     return LayoutFit(layout.at(x), fit, sigma)
 
 
-def _freedom(spent: np.ndarray, alike: np.ndarray, rows: int) -> int:
+def _freedom(spent: np.ndarray, alike: np.ndarray, rows: float) -> int:
     """Degrees of freedom of the variances together, by what each has paid for parameters (Satterthwaite
     1946): what one component tells is as uncertain as its own variance is."""
     paid = np.bincount(alike, weights=spent)
     left = np.maximum(rows * np.bincount(alike) - paid, 1.0)
-    return max(round(float(paid.sum() ** 2 / np.sum(paid**2 / left))), 1) if paid.any() else rows
+    return max(round(float(paid.sum() ** 2 / np.sum(paid**2 / left))), 1) if paid.any() else round(rows)
 
 
-def _spread(residual: np.ndarray, spent: np.ndarray, alike: np.ndarray) -> np.ndarray:
-    """(m,) standard deviations of the components of (n, m); spent (m,): parameters that each has paid for."""
-    square = np.bincount(alike, weights=np.sum(residual**2, axis=0))
-    numbers = len(residual) * np.bincount(alike)
+def _spread(residual: np.ndarray, spent: np.ndarray, alike: np.ndarray, share: np.ndarray) -> np.ndarray:
+    """(m,) standard deviations of the components of (n, m); spent (m,): parameters that each has paid for;
+    share (n,): independent rows that each is worth."""
+    square = np.bincount(alike, weights=np.sum(share[:, None] * residual**2, axis=0))
+    numbers = float(share.sum()) * np.bincount(alike)
     left = np.maximum(numbers - np.bincount(alike, weights=spent), _LEAST_FREE_SHARE * numbers)
     return np.sqrt(square / np.maximum(left, 1e-300))[alike]
 

@@ -17,7 +17,9 @@ from exactarm.chain import Layout, predict_poses
 from exactarm.dataset import Dataset
 from exactarm.effects.geometry import Geometry
 from exactarm.identify.collision import NEARLY_PARALLEL_RAD, deviation_from_parallel
+from exactarm.identify.repeats import worth_of_rows
 from exactarm.robot import Robot
+from exactarm.split import pose_groups
 
 CHANCE = 1e-4  # of one such line in ten thousand calibrations of an arm that lacks nothing
 
@@ -32,18 +34,21 @@ def missing_tilts(robot: Robot, layout: Layout, data: Dataset, threads: int = 1)
         return ()
     tilts = Layout.of(tuple(Geometry(i + 1, (0.0,), ("beta_rad",)) for i in frames))
     found = predict_poses(robot, layout.joined(tilts), data, threads=threads)
-    columns = found.jacobian[:, :3].reshape(-1, layout.size + len(frames))
+    left = found.residual()
+    worth = worth_of_rows(left, pose_groups(data), layout.size)
+    root = np.sqrt(worth)[:, None]
+    columns = (root[:, :, None] * found.jacobian[:, :3]).reshape(-1, layout.size + len(frames))
     fitted, added = columns[:, : layout.size], columns[:, layout.size :]
     basis = np.linalg.svd(fitted / np.maximum(np.linalg.norm(fitted, axis=0), 1e-300), full_matrices=False)
     basis = basis[0][:, basis[1] > 1e-9 * basis[1][0]]
     cleared = lambda values: values - basis @ (basis.T @ values)
-    rest, added = cleared(found.residual().ravel()), cleared(added)
-    freedom = rest.size - basis.shape[1] - len(frames)
+    rest, added = cleared((root * left).ravel()), cleared(added)
+    freedom = 3.0 * float(worth.sum()) - basis.shape[1] - len(frames)
     if freedom < 1:
         return ()
     sizes = np.linalg.lstsq(added, rest, rcond=1e-9)[0]
-    left = float(np.sum((rest - added @ sizes) ** 2))
-    share = 1.0 - left / max(float(rest @ rest), 1e-300)
+    still = float(np.sum((rest - added @ sizes) ** 2))
+    share = 1.0 - still / max(float(rest @ rest), 1e-300)
     chance = special.fdtrc(len(frames), freedom, share / max(1.0 - share, 1e-12) * freedom / len(frames))
     if chance > CHANCE:
         return ()

@@ -53,11 +53,12 @@ def fit_poses(
     sigma: np.ndarray | None = None,
     tolerance: float = 1e-10,
     drawn: Drawn = FREE,
+    worth: np.ndarray | None = None,
 ) -> PoseFit:
     """Estimates the free parameters of `layout` from all rows of `data`. `weights` (N,) per row, 0 leaves
     it out; `sigma` (1,) or (2,): first guess of the standard deviations (m, rad);
     `tolerance`: relative fall of the square sum at which the search ends; `drawn`: to what the
-    declared parameters are."""
+    declared parameters are; `worth` (N,): independent rows that each is worth (repeats.py)."""
     def predict(at: Layout, with_jacobian: bool):
         prediction = predict_poses(robot, at, data, tangents=with_jacobian, threads=threads)
         residual = prediction.residual(orientation)
@@ -67,7 +68,7 @@ def fit_poses(
     alike = np.repeat(np.arange(2 if orientation else 1), 3)
     first = np.full(alike.size, _FIRST_SIGMA) if sigma is None else np.repeat(np.asarray(sigma, float), 3)
     found = fit_layout(predict, layout, weight, first, alike=alike, robust=robust, tolerance=tolerance,
-                       drawing=drawn.to)
+                       drawing=drawn.to, worth=worth)
     return PoseFit(
         robot, found.layout, found.fit, float(found.sigma[0]), float(found.sigma[3]) if orientation else None,
         drawn,
