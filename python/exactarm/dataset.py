@@ -36,6 +36,7 @@ from exactarm.columns import (
     renamed,
 )
 from exactarm.errors import InputError
+from exactarm.euler import with_orientation
 from exactarm.fixture import Fixture
 from exactarm.kinds import POSES, data_kinds, kind_of
 from exactarm.kinds.base import check_joints, is_a_series
@@ -238,7 +239,7 @@ def _read_file(
         columns[column.key] = column
         values[column.key] = numbers if column.factor == 1.0 else numbers * column.factor
         check_size(path, column, values[column.key])
-    columns, values = with_target(path, columns, values)
+    columns, values = with_target(path, *with_orientation(path, columns, values))
     check_vectors(path, columns)
     return _File(path, table, columns, values, kept)
 
@@ -299,6 +300,7 @@ def _join(files: Sequence[_File], robot: Robot) -> Dataset:
         time=stack(("time", None)) if ("time", None) in first else None,
         position=vector(POSITION),
         rotation=_rotation(files, vector),
+        rotation_vector=vector(ROTATION_VECTOR),
         gyro=vector(GYRO),
         visit=visit,
         identification=stack(("set", None)) == "identification" if ("set", None) in first else None,

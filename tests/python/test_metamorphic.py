@@ -75,8 +75,8 @@ def test_a_moved_tracker_gives_the_same_arm(poses, calibrated):
 
 @pytest.mark.slow
 def test_doubled_poses_give_the_same_arm_and_the_same_intervals(poses):
-    """A copy tells nothing new. (Intervals narrower by the root of two were asked for here until readings of one
-    pose counted for what they do not share.)"""
+    """A copy tells nothing new. (Intervals narrower by the root of two were asked for here until readings of
+    one pose counted for what they do not share.)"""
     robot, data = poses
     twice = data.select(np.repeat(np.arange(len(data)), 2))
     one, other = (calibrate(robot, each, compliance=(), use="position", threads=1) for each in (data, twice))

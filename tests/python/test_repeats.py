@@ -23,10 +23,11 @@ def arm():
 
 
 def read_again(rng, readings, nominal=None, built=None):
-    """Poses that the arm misses by errors of its own, each read several times by a device that scatters less."""
+    """Poses that the arm misses by errors of its own, each read several times by a device of less scatter."""
     nominal = nominal or arm()
-    data = measured(nominal, [at_random_place(built or nominal, rng)], [joints_in_limits(nominal, POSES, rng)],
-                    OF_THE_ARM_M, rng, identification=np.ones(POSES, bool))
+    data = measured(nominal, [at_random_place(built or nominal, rng)],
+                    [joints_in_limits(nominal, POSES, rng)], OF_THE_ARM_M, rng,
+                    identification=np.ones(POSES, bool))
     again = data.select(np.repeat(np.arange(POSES), readings))
     return replace(again, position=again.position + rng.normal(0.0, OF_THE_DEVICE_M, again.position.shape))
 
@@ -82,7 +83,7 @@ def test_readings_that_scatter_by_themselves_all_count():
 
 
 def test_a_tilt_is_no_better_told_by_reading_each_pose_twelve_times():
-    """One of 1.6 standard deviations, which chance makes in one set of nine (p = 0.1; twelve readings: 1e-9)."""
+    """One of 1.6 standard deviations, which chance makes in one set of nine (p = 0.1; twelve times: 1e-9)."""
     nominal = racer_like(hayati=False)
     joints = nominal.joints
     leaning = replace(nominal, joints=(joints[0], replace(joints[1], beta=4e-5), *joints[2:]))

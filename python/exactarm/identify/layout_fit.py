@@ -54,8 +54,8 @@ def fit_layout(
     predict(layout, with_jacobian): residual (N, m) and Jacobian (N, m, P) of the prediction (if asked), of
     noise that is independent from row to row. sigma (m,): first guess, None = from the residual at the start;
     alike (m,): number of the variance that a component has, from 0; floor (m,): no sigma is smaller. robust:
-    Huber's loss on whole rows. drawing: parameters that are drawn to their declared values. worth (N,): how many
-    independent rows a row is worth whose noise others share, 1 at most; None = 1.
+    Huber's loss on whole rows. drawing: parameters that are drawn to their declared values. worth (N,): how
+    many independent rows a row is worth whose noise others share, 1 at most; None = 1.
     """
     share = np.ones(len(weight)) if worth is None else worth
     weight = weight * np.sqrt(share)

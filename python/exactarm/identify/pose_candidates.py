@@ -16,6 +16,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from exactarm.dataset import Dataset
+from exactarm.euler import read_as
 from exactarm.identify.suspicion import listed
 from exactarm.robot import Placement, Robot
 from exactarm.robot_file import load_robot, shipped_robots
@@ -163,8 +164,20 @@ def _of_device(data: Dataset) -> Iterator[tuple[str, Dataset]]:
         for words, order, signs in _CONVENTIONS:
             meant = quaternion[:, order] * signs
             yield words, replace(data, rotation=_rotations(meant))
+    if data.rotation_vector is not None:
+        for words, axes in _TURNS:
+            meant = read_as(axes, data.rotation_vector).as_matrix()
+            yield f"rx, ry, rz as {words} in place of a rotation vector", replace(data, rotation=meant)
+        meant = Rotation.from_rotvec(np.nan_to_num(data.rotation_vector) * _DEGREE).as_matrix()
+        yield "a rotation vector in degrees labelled as radians", replace(data, rotation=meant)
 
 
+_TURNS = (
+    ("roll, pitch and yaw (to be named so)", "xyz"),
+    ("yaw, pitch and roll (to be named so)", "ZYX"),
+    ("turns about moving x, y and z", "XYZ"),
+    ("turns about moving z, y and z", "ZYZ"),
+)
 _CONVENTIONS = (
     ("a conjugate quaternion (of the device in the target)", [0, 1, 2, 3], [1.0, -1.0, -1.0, -1.0]),
     ("a quaternion in the order x, y, z, w", [3, 0, 1, 2], [1.0, 1.0, 1.0, 1.0]),

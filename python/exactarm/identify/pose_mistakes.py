@@ -101,13 +101,15 @@ def pose_mistakes(robot: Robot, data: Dataset, carried: Layout, seed: int = 0) -
     for further in (_scales_of_axes, _changes_midway):
         found = found or list(further(bare, carried, data, now))
     found = found or list(_gross_rows(bare, carried, whole))
-    told = now.orientation > _LEAST_ORIENTATION_RAD and now.position < 0.3 * _LEAST_ORIENTATION_RAD
-    if not found and told and _turns_otherwise(bare, carried, data) > _LEAST_ORIENTATION_RAD:
+    # positions that an arm may miss by, or that a tenth of the turns would make at a lever of 0.3 m
+    least = max(_LEAST_ORIENTATION_RAD, 0.1 * np.nan_to_num(now.orientation))
+    told = now.orientation > _LEAST_ORIENTATION_RAD and now.position < 0.3 * least
+    if not found and told and _turns_otherwise(bare, carried, data) > least:
         found.append(
             Suspicion(
                 f"the measured orientations do not follow the arm ({now.orientation:.2g} rad RMS beside "
                 f"{1e3 * now.position:.2g} mm): "
-                "are the quaternion's columns in another order, or its rows shuffled?",
+                "are they angles of another convention, a quaternion in another order, or rows shuffled?",
                 np.inf,
                 sentence=True,
             )

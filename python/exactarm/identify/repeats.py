@@ -1,10 +1,10 @@
-"""What a row is worth among others of its pose: readings of one pose share the error that the model leaves there.
+"""What a row is worth among others of its pose: its readings share the error that the model leaves there.
 
     residual e_i of pose v = t_v + z_i,     r = var t / (var t + var z),     worth = 1 / (1 + (n_v - 1) r)
 
-n_v readings of a pose are worth n_v / (1 + (n_v - 1) r) independent ones (Kish 1965): all of them where only the
-device scatters, one where the arm misses the pose alike each time. Counted as independent, ten readings of each
-pose would make every interval three times too narrow, and the drawing weigh a tenth.
+n_v readings of a pose are worth n_v / (1 + (n_v - 1) r) independent ones (Kish 1965): all of them where only
+the device scatters, one where the arm misses the pose alike each time. Counted as independent, ten readings
+of each pose would make every interval three times too narrow, and the drawing weigh a tenth.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ _LEAST_READINGS = 10
 
 
 def worth_of_rows(residual: np.ndarray, poses: np.ndarray, spent: float = 0.0) -> np.ndarray:
-    """(N,) independent readings that each row is worth, from residuals (N, m) of one scale, the numbers (N,) of
-    the poses from 0, and how many parameters were fitted to them (analysis of variance, by moments)."""
+    """(N,) independent readings that each row is worth, from residuals (N, m) of one scale, the numbers (N,)
+    of the poses from 0, and how many parameters were fitted to them (analysis of variance, by moments)."""
     rows, m = residual.shape
     counts = np.bincount(poses)
     if rows - len(counts) < _LEAST_READINGS:
