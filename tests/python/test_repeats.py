@@ -26,7 +26,7 @@ def read_again(rng, readings, nominal=None, built=None):
     """Poses that the arm misses by errors of its own, each read several times by a device of less scatter."""
     nominal = nominal or arm()
     data = measured(nominal, [at_random_place(built or nominal, rng)],
-                    [joints_in_limits(nominal, POSES, rng)], OF_THE_ARM_M, rng,
+                    [joints_in_limits(nominal, POSES, rng)], OF_THE_ARM_M, rng, noise_rad=1e-4,
                     identification=np.ones(POSES, bool))
     again = data.select(np.repeat(np.arange(POSES), readings))
     return replace(again, position=again.position + rng.normal(0.0, OF_THE_DEVICE_M, again.position.shape))
@@ -50,8 +50,10 @@ def test_poses_read_once_are_worth_a_row_each():
     assert np.all(worth[:35] == 1.0) and worth[35:] == pytest.approx(1.0 / 15.0)
 
 
-def test_more_readings_of_the_same_poses_narrow_no_interval():
-    once, often = (calibrate(arm(), read_again(np.random.default_rng(3), count), OPTIONS)
+@pytest.mark.parametrize("orientation", [False, True])
+def test_more_readings_of_the_same_poses_narrow_no_interval(orientation):
+    options = replace(OPTIONS, orientation=orientation)
+    once, often = (calibrate(arm(), read_again(np.random.default_rng(3), count), options)
                    for count in (1, READINGS))
     assert once.names == often.names
     assert np.ptp(often.intervals, axis=1) == pytest.approx(np.ptp(once.intervals, axis=1), rel=0.05)

@@ -223,7 +223,7 @@ def _report(robot: Robot, data: Dataset, result: Calibration, rule: str) -> Repo
         known = _distance_tables(result)
         verdict = verdict.replace("position error", what)
         note = "Before: nominal parameters with only contacts and tool fitted. " + rule
-    if isinstance(result.fit, PoseFit) and result.fit.sigma_orientation is not None:
+    if data.kind == POSES.name and result.fit.sigma_orientation is not None:
         (turn,) = quantities([np.sqrt(3.0) * result.fit.sigma_orientation], "rad")
         note += f" The measured orientations of the fitted rows are missed by {turn} (RMS)."
     sections = (
