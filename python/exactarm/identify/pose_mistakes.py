@@ -20,6 +20,7 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from exactarm.chain import Layout, predict_poses
+from exactarm.chain.poses import PosePrediction
 from exactarm.dataset import Dataset
 from exactarm.identify.frames import find_frames
 from exactarm.identify.pose_candidates import ANOTHER_SIZE, FARTHEST_SIZE, candidates
@@ -83,16 +84,18 @@ def pose_mistakes(robot: Robot, data: Dataset, carried: Layout, seed: int = 0) -
         return []
     whole, data = data, data.select(rows)
     bare = replace(robot, base=Placement(), tool=Placement())
-    if np.ptp(predict_poses(bare, carried, data, tangents=False).position, axis=0).max() < _ON_ITS_PLACE_M:
+    flange = predict_poses(bare, carried, data, tangents=False)
+    now, size = _misfit_of(flange.position, flange.rotation, data, data.session, np.inf)
+    if np.ptp(flange.position, axis=0).max() < _ON_ITS_PLACE_M:
         return in_order(list(_gross_rows(bare, carried, whole)))
-    now, size = _misfit(bare, carried, data)
     now = replace(now, position=min(now.position, _searched(bare, carried, data, seed)))
     found = []
     for words, other, changed in candidates(bare, data, whole, rows, size):
         # What was found on this arm says nothing of another one, which may not even have the masses that it
         # needs.
         own = carried if other.name == bare.name else Layout.of(())
-        fall = _fall(now, other, own, changed)
+        same = flange if other is bare and changed.joints is data.joints else None
+        fall = _fall(now, other, own, changed, same)
         if fall >= FALL:
             found.append(Suspicion(words, fall))
     found += _another_size(bare, carried, data, size, now, seed)
@@ -139,25 +142,25 @@ def _searched(bare: Robot, carried: Layout, data: Dataset, seed: int) -> float:
 
 
 # -- the misfit of one candidate ---------------------------------------------------------------------
-def _fall(now: Misfit, bare: Robot, carried: Layout, changed: Dataset) -> float:
-    return now.fall_to(_misfit(bare, carried, changed, _NOT_WORSE * now.position)[0])
-
-
-def _misfit(bare: Robot, carried: Layout, data: Dataset, most: float = np.inf) -> tuple[Misfit, float]:
-    """The misfit, and how many times as far apart as the robot says the points lie."""
-    flange = predict_poses(bare, carried, data, tangents=False)
-    return _misfit_of(flange.position, flange.rotation, data, data.session, most)
+def _fall(now: Misfit, bare: Robot, carried: Layout, changed: Dataset,
+          flange: PosePrediction | None = None) -> float:
+    """flange: as the arm carries it, where that is known."""
+    flange = flange or predict_poses(bare, carried, changed, tangents=False)
+    most = _NOT_WORSE * now.position
+    return now.fall_to(_misfit_of(flange.position, flange.rotation, changed, changed.session, most)[0])
 
 
 def _misfit_of(
     points: np.ndarray, rotations: np.ndarray, data: Dataset, group: np.ndarray, most: float
 ) -> tuple[Misfit, float]:
-    """Of all groups of rows together, each with frames of its own; orientations only where positions are off
-    by no more than `most`, m."""
+    """The misfit of all groups of rows together, each with frames of its own, and how many times as far apart
+    as the robot says the points lie. Where positions are off by more than `most`, m, they may be off by even
+    more, and orientations are not looked at."""
     position, orientation, bases, sizes = 0.0, np.nan, [], []
     parts = [np.flatnonzero(group == number) for number in np.unique(group)]
     for rows in parts:
-        base, _, left, size = linear_frames(points[rows], rotations[rows], data.position[rows])
+        enough = most * np.sqrt(len(points) / rows.size)
+        base, _, left, size = linear_frames(points[rows], rotations[rows], data.position[rows], enough)
         bases.append(base)
         sizes.append(size)
         position += float(np.sum(left**2))
@@ -172,11 +175,15 @@ def _misfit_of(
 
 
 def linear_frames(
-    points: np.ndarray, rotations: np.ndarray, measured: np.ndarray
+    points: np.ndarray, rotations: np.ndarray, measured: np.ndarray, most: float = np.inf
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
     """Rotation of the base frame, offset of the points and tool (6,), what is left of every row (N, 3), and
-    the size of the device's points beside the arm's."""
+    the size of the device's points beside the arm's. Where no matrix in place of the rotation leaves less
+    than `most` (RMS, m), what that one leaves, and no frames."""
     columns, scale, found = _free(points, rotations, measured)
+    bound = points - columns @ found
+    if np.sum(bound**2) > most**2 * len(points):
+        return np.eye(3), np.zeros(6), bound, 1.0
     centred = measured - measured.mean(axis=0)
     base = nearest(found[:9].reshape(3, 3) / scale).T
     turned, goal = columns[:, :, 9:], points - centred @ base
