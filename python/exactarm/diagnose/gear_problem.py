@@ -257,17 +257,8 @@ class GearProblem(ProblemInTime):
 
     def signals(self, fitted: Fitted) -> dict[str, np.ndarray]:
         view = fitted.view
-        signals = {}
-        for i in np.flatnonzero(view.moving):
-            signals[f"motor angle of axis {i + 1} within a revolution"] = np.mod(view.theta[:, i],
-                                                                                 2.0 * np.pi)
-            signals[f"angle of axis {i + 1}"] = view.q[:, i]
-            signals[f"direction of axis {i + 1}"] = view.direction[:, i]
-            signals[f"speed of axis {i + 1}"] = view.signals["theta_dot"][:, i] / view.robot.ratios[i]
-            signals[f"load of axis {i + 1}"] = view.torque[:, i]
-        signals["time"] = self.resampled.time
-        signals |= self.resampled.covariates
-        return {name: values for name, values in signals.items() if np.ptp(values) > 0.0}
+        rate = view.signals["theta_dot"] / view.robot.ratios
+        return self._signals(view, self.resampled, np.flatnonzero(view.moving), rate, view.direction)
 
     def directions(self, fitted: Fitted) -> dict[str, np.ndarray]:
         shape = fitted.residual.shape

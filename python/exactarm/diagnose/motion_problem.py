@@ -221,19 +221,8 @@ class MotionProblem(ProblemInTime):
         return super().shows(effect) and not (self.inertial and effect.inertia_of)
 
     def signals(self, fitted: Fitted) -> dict[str, np.ndarray]:
-        view, data, signals = fitted.view, self.record.data, {}
-        rate = view.signals["theta_dot"] / view.robot.controller_ratios
-        for i in range(view.axes):
-            signals[f"motor angle of axis {i + 1} within a revolution"] = np.mod(view.theta[:, i],
-                                                                                 2.0 * np.pi)
-            signals[f"angle of axis {i + 1}"] = view.q[:, i]
-            signals[f"direction of axis {i + 1}"] = np.sign(rate[:, i])
-            signals[f"speed of axis {i + 1}"] = rate[:, i]
-            signals[f"acceleration of axis {i + 1}"] = view.signals["theta_ddot"][:, i]
-            signals[f"load of axis {i + 1}"] = view.torque[:, i]
-        signals["time"] = data.time
-        signals |= data.covariates
-        return {name: values for name, values in signals.items() if np.ptp(values) > 0.0}
+        rate = fitted.view.signals["theta_dot"] / self.robot.controller_ratios
+        return self._signals(fitted.view, self.record.data, range(self.robot.axes), rate, np.sign(rate))
 
     def directions(self, fitted: Fitted) -> dict[str, np.ndarray]:
         rows, m = fitted.residual.shape

@@ -7,6 +7,7 @@ one has left in `_noise`, and its intervals are wider by 1 / sqrt(share).
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Iterable
 from copy import copy
 from dataclasses import replace
 from typing import Any, Self
@@ -19,12 +20,14 @@ from exactarm.diagnose.problem import Fitted, Problem
 from exactarm.diagnose.time_groups import run_groups, stretches_of_response
 from exactarm.identify.declared import all_effects, with_estimates
 from exactarm.robot import Robot
+from exactarm.view import View
 
 
 class ProblemInTime(Problem):
     """record: of the identification rows, as they are fitted."""
 
     record: Any
+    motors_within_revolutions = True  # whether the residual may follow these
 
     def __init__(self, robot: Robot, data: Dataset, held_out: Dataset, threads: int = 1, seed: int = 0):
         super().__init__(robot, data, held_out, threads, seed)
@@ -47,6 +50,23 @@ class ProblemInTime(Problem):
         other = copy(self)
         other._noise = fitted.noise
         return other
+
+    def _signals(self, view: View, data: Dataset, axes: Iterable[int], rate: np.ndarray,
+                 direction: np.ndarray) -> dict[str, np.ndarray]:
+        """Of some axes, whose motors turn at `rate` (N, n) on the output side, and of what all share."""
+        signals = {}
+        for i in axes:
+            signals[f"angle of axis {i + 1}"] = view.q[:, i]
+            signals[f"direction of axis {i + 1}"] = direction[:, i]
+            signals[f"speed of axis {i + 1}"] = rate[:, i]
+            if "theta_ddot" in view.signals:
+                signals[f"acceleration of axis {i + 1}"] = view.signals["theta_ddot"][:, i]
+            signals[f"load of axis {i + 1}"] = view.torque[:, i]
+            if self.motors_within_revolutions:
+                within = np.mod(view.theta[:, i], 2.0 * np.pi)
+                signals[f"motor angle of axis {i + 1} within a revolution"] = within
+        signals |= {"time": data.time} | data.covariates
+        return {name: values for name, values in signals.items() if np.ptp(values) > 0.0}
 
     def _counted(self, fitted: Fitted, known: NoiseMemory, step: float) -> Fitted:
         """Correlated samples, `step` s apart, count as fewer, against priors and in intervals."""

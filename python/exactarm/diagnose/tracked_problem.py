@@ -71,6 +71,7 @@ class TrackedProblem(ProblemInTime):
     kind = KIND
     repeat_source = "paths that were played again"
     unknown_rivals = True
+    motors_within_revolutions = False
     share_left = 0.02  # thousands of rows show a smaller one
 
     def __init__(self, robot: Robot, data: Dataset, held_out: Dataset, threads: int = 1, seed: int = 0):
@@ -153,18 +154,12 @@ class TrackedProblem(ProblemInTime):
         return float(np.mean(np.einsum("nap,pq,naq->n", jacobian, fitted.fit.covariance, jacobian)))
 
     def signals(self, fitted: Fitted) -> dict[str, np.ndarray]:
-        view, data, signals = fitted.view, self.record.data, {}
-        rate = view.signals["theta_dot"] / view.robot.controller_ratios
-        for i in np.flatnonzero(view.moving):
-            signals[f"angle of axis {i + 1}"] = view.q[:, i]
-            signals[f"direction of axis {i + 1}"] = np.sign(rate[:, i])
-            signals[f"speed of axis {i + 1}"] = rate[:, i]
-            signals[f"acceleration of axis {i + 1}"] = view.signals["theta_ddot"][:, i]
-            signals[f"load of axis {i + 1}"] = view.torque[:, i]
-        signals |= {f"position {axis}": view.signals["target"][:, k] for k, axis in enumerate("xyz")}
-        signals["time"] = data.time
-        signals |= data.covariates
-        return {name: values for name, values in signals.items() if np.ptp(values) > 0.0}
+        view = fitted.view
+        rate = view.signals["theta_dot"] / self.robot.controller_ratios
+        moving = np.flatnonzero(view.moving)
+        own = self._signals(view, self.record.data, moving, rate, np.sign(rate))
+        place = {f"position {axis}": view.signals["target"][:, k] for k, axis in enumerate("xyz")}
+        return own | {name: values for name, values in place.items() if np.ptp(values) > 0.0}
 
     def surfaces(self, fitted: Fitted) -> dict[str, np.ndarray]:
         return {"angles of two axes together": second_order(fitted.view.q[:, fitted.view.moving])}

@@ -85,9 +85,8 @@ class Backlash(Effect):
         half = 0.5 * self.values[0]
         derivative = np.zeros((view.rows, 1, len(self.values)))
         derivative[:, 0, :2] = np.stack([-0.5 * s, -half * by_friction], axis=1)
-        by_torque = np.zeros((view.rows, 1, view.axes))
-        by_torque[:, 0, self.index] = -half * slope
-        return Change((self.index,), (-half * s)[:, None], derivative, {"torque": by_torque})
+        return Change((self.index,), (-half * s)[:, None], derivative,
+                      {"torque": self.by_own_entry(view, -half * slope)})
 
     @classmethod
     def candidates(cls, robot, view) -> Iterable[Effect]:

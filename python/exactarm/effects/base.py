@@ -275,6 +275,12 @@ class Effect(ABC):
         """What the effect adds to the signal at its station."""
         raise NotImplementedError
 
+    def by_own_entry(self, view: View, slope: np.ndarray | float) -> np.ndarray:
+        """(N, 1, n) what changes by `slope` (N,) with the axis's own entry of a signal."""
+        matrix = np.zeros((view.rows, 1, view.axes))
+        matrix[:, 0, self.index] = slope
+        return matrix
+
     def place(self, session: int, base: Placement, tool: Placement) -> tuple[Placement, Placement]:
         """Base and tool frames of a session; only the effects that are frames change them."""
         return base, tool

@@ -76,9 +76,7 @@ class DriveEffect(Effect, ABC):
         for name, slope in slopes.items():
             if name == "rate":
                 name, slope = "theta_dot", slope / view.robot.controller_ratios[self.index]
-            matrix = np.zeros((view.rows, 1, view.axes))
-            matrix[:, 0, self.index] = slope
-            result[name] = matrix
+            result[name] = self.by_own_entry(view, slope)
         return result
 
     @classmethod

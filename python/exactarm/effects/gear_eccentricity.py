@@ -50,8 +50,7 @@ class GearEccentricity(Effect):
         slopes = [-np.sin(phi), np.cos(phi), -2.0 * np.sin(2.0 * phi),
                   2.0 * np.cos(2.0 * phi)][: len(self.values)]
         shape, values = np.stack(shapes, axis=1), np.array(self.values)
-        by_phi = np.zeros((view.rows, 1, view.axes))
-        by_phi[:, 0, self.index] = np.stack(slopes, axis=1) @ values
+        by_phi = self.by_own_entry(view, np.stack(slopes, axis=1) @ values)
         return Change((self.index,), (shape @ values)[:, None], shape[:, None, :], {"phi": by_phi})
 
     @classmethod

@@ -10,8 +10,6 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import ClassVar
 
-import numpy as np
-
 from exactarm.effects.base import Change, Effect, Parameter, Station
 from exactarm.kinds import ALL_KINDS
 
@@ -36,8 +34,7 @@ class GearRatio(Effect):
 
     def change(self, view) -> Change:
         phi = view.phi[:, [self.index]]
-        by_phi = np.zeros((view.rows, 1, view.axes))
-        by_phi[:, 0, self.index] = self.values[0]
+        by_phi = self.by_own_entry(view, self.values[0])
         return Change((self.index,), self.values[0] * phi, phi[:, :, None], {"phi": by_phi})
 
     @classmethod

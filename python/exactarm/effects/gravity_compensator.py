@@ -48,8 +48,7 @@ class GravityCompensator(Effect):
         stiffness, _, cosine, sine = self.values
         q = view.q[:, self.index]
         columns = -np.stack([q, np.ones_like(q), np.cos(q), np.sin(q)], axis=1)
-        by_q = np.zeros((view.rows, 1, view.axes))
-        by_q[:, 0, self.index] = -(stiffness - cosine * np.sin(q) + sine * np.cos(q))
+        by_q = self.by_own_entry(view, -(stiffness - cosine * np.sin(q) + sine * np.cos(q)))
         value = columns @ np.asarray(self.values)
         return Change((self.index,), value[:, None], columns[:, None, :], {"q": by_q})
 

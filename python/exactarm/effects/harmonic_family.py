@@ -179,8 +179,7 @@ class HarmonicFamily(Effect):
         derivative[:, 0, 0] = (x * slope - error) / order
         inverse = 1.0 / (1.0 + factor * slope)
         derivative *= -(factor * inverse)[:, None, None]
-        by_phi = np.zeros((view.rows, 1, view.axes))
-        by_phi[:, 0, self.index] = np.where(inside, inverse - 1.0, 0.0)
+        by_phi = self.by_own_entry(view, np.where(inside, inverse - 1.0, 0.0))
         by_signal = {name: -(error * inverse)[:, None, None] * row[:, None, :]
                      for name, row in by_factor.items()}
         return Change((self.index,), (x - phi)[:, None], derivative, {"phi": by_phi} | by_signal)
@@ -242,15 +241,14 @@ def declared_orders(robot, index: int) -> np.ndarray:
     return np.concatenate(tables) if tables else np.zeros(0)
 
 
-def growing_error(view, index: int, size: float, follows: np.ndarray) -> tuple[Change, np.ndarray]:
-    """The whole error of a gear grows by size * follows (N,): the change, and the error e = theta / ratio -
-    phi (N,)."""
+def growing_error(effect: Effect, view, follows: np.ndarray) -> tuple[Change, np.ndarray]:
+    """The whole error of a gear grows by the effect's value times `follows` (N,): the change, and the error
+    e = theta / ratio - phi (N,)."""
+    size, index = effect.values[0], effect.index
     error = view.theta[:, index] / view.robot.ratios[index] - view.phi[:, index]
-    by_phi, by_theta = np.zeros((2, view.rows, 1, view.axes))
-    by_phi[:, 0, index] = size * follows
-    by_theta[:, 0, index] = -size * follows / view.robot.ratios[index]
     change = -(follows * error)
-    signals = {"phi": by_phi, "theta": by_theta}
+    signals = {"phi": effect.by_own_entry(view, size * follows),
+               "theta": effect.by_own_entry(view, -size * follows / view.robot.ratios[index])}
     return Change((index,), (size * change)[:, None], change[:, None, None], signals), error
 
 

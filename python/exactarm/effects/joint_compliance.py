@@ -66,8 +66,7 @@ class JointCompliance(Effect):
         linear, cubic = self.values
         torque = view.torque[:, self.index]
         derivative = np.stack([-torque, -(torque**3)], axis=1)[:, None, :]
-        by_torque = np.zeros((view.rows, 1, view.axes))
-        by_torque[:, 0, self.index] = -(linear + 3.0 * cubic * torque**2)
+        by_torque = self.by_own_entry(view, -(linear + 3.0 * cubic * torque**2))
         value = -(linear * torque + cubic * torque**3)
         return Change((self.index,), value[:, None], derivative, {"torque": by_torque})
 
@@ -133,9 +132,7 @@ class RelativeCompliance(JointCompliance):
             moments = view.rest_load.moments(view.q, i) if at_rest else np.zeros((rows, len(shares)))
             columns = np.concatenate([columns, moments], axis=1)
             slope = slope + (view.rest_load.moments_slope(view.q, i, shares) if at_rest else 0.0)
-        by_torque = np.zeros((rows, 1, n))
-        by_torque[:, 0, i] = -linear
-        signals = {"torque": by_torque, "q": -slope[:, None, :]}
+        signals = {"torque": self.by_own_entry(view, -linear), "q": -slope[:, None, :]}
         return Change((i,), -columns @ np.array(self.values)[:, None], -columns[:, None, :], signals)
 
     @classmethod

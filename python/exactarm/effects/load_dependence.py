@@ -65,16 +65,15 @@ class LoadDependence(HarmonicFamily):
         if len(self.values) > 2:
             return super().change(view)
         size, torque = self.values[0], view.torque[:, self.index]
-        by_torque = np.zeros((view.rows, 1, view.axes))
         if self.of_declared:
-            grown, error = growing_error(view, self.index, size, np.abs(torque))
-            by_torque[:, 0, self.index] = -size * np.sign(torque) * error
+            grown, error = growing_error(self, view, np.abs(torque))
+            by_torque = self.by_own_entry(view, -size * np.sign(torque) * error)
             return replace(grown, by_signal=grown.by_signal | {"torque": by_torque})
-        by_torque[:, 0, self.index] = -size
         columns = -torque[:, None]
         if len(self.values) == 2:
             columns = np.stack([-torque, self._sign(view)], axis=1)
         value = columns @ np.array(self.values)
+        by_torque = self.by_own_entry(view, -size)
         return Change((self.index,), value[:, None], columns[:, None, :], {"torque": by_torque})
 
     def _sign(self, view) -> np.ndarray:

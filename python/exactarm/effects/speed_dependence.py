@@ -53,7 +53,7 @@ class SpeedDependence(HarmonicFamily):
     def change(self, view) -> Change:
         if len(self.values) != 1:
             return super().change(view)
-        return growing_error(view, self.index, self.values[0], self.speed(view))[0]
+        return growing_error(self, view, self.speed(view))[0]
 
     @classmethod
     def from_table(cls, table) -> Effect:

@@ -25,10 +25,9 @@ from exactarm.dataset import Dataset
 from exactarm.errors import InputError
 from exactarm.fixture import CameraSetup, Fixture
 from exactarm.identify.closure_design import (
-    LEAST_FALL,
     ClosureDesignOptions,
-    MeanVariance,
     find_places,
+    least_variance,
     work_space_weight,
 )
 from exactarm.identify.closure_fit import Pulls
@@ -36,7 +35,6 @@ from exactarm.identify.closures import identifiable_closures
 from exactarm.identify.criterion import information_of
 from exactarm.identify.declared import geometry_layout, require_geometry
 from exactarm.identify.design import short_way
-from exactarm.identify.exchange import ExchangeOptions, exchange
 from exactarm.identify.identifiability import Identifiability
 from exactarm.identify.pose_space import PoseSpace
 from exactarm.measurement.board_views import (
@@ -238,13 +236,7 @@ def _designed(robot: Robot, space: PoseSpace, places: list[_Place], options: Clo
     weight = np.zeros((layout.size, layout.size))
     of_arm = layout.only(range(len(cameras), len(layout.effects)))
     weight[np.ix_(~of_camera, ~of_camera)] = work_space_weight(robot, of_arm, options, plausible[~of_camera])
-    deviation = lambda information: float(np.sqrt(np.trace(np.linalg.solve(prior + information, weight))))
-    criterion = MeanVariance(weight)
-    start = random.choice(len(q), options.count, replace=False)
-    how = replace(ExchangeOptions(), keep=criterion, add=criterion, threshold=LEAST_FALL)
-    best = exchange(pool, start, random, how, prior).chosen
-    deviations = tuple(deviation(more) for more in
-                       (0.0, information_of(pool[start]), information_of(pool[best])))
+    best, start, deviations = least_variance(pool, prior, weight, options.count, random)
     of_place = [short_way(space, q[best[place_of[best] == k]]) for k in range(len(places))]
     return CameraDesign(
         np.concatenate(of_place), np.repeat(np.arange(1, len(places) + 1), [len(part) for part in of_place]),

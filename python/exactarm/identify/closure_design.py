@@ -207,6 +207,24 @@ def work_space_weight(robot: Robot, layout: Layout, options: ClosureDesignOption
     return information_of(full) / len(q)
 
 
+def least_variance(
+    pool: np.ndarray, known: np.ndarray, weight: np.ndarray, count: int, random: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray, tuple[float, ...]]:
+    """Indices (count,) of the blocks of `pool` (C, r, m) with the least mean variance beside what is `known`
+    (m, m), random ones to begin with; and the expected error by what is known, with these, with the best."""
+    criterion = MeanVariance(weight)
+    start = random.choice(len(pool), count, replace=False)
+    how = replace(ExchangeOptions(), keep=criterion, add=criterion, threshold=LEAST_FALL)
+    best = exchange(pool, start, random, how, known).chosen
+    told = (0.0, information_of(pool[start]), information_of(pool[best]))
+    return best, start, tuple(expected_error(known + more, weight) for more in told)
+
+
+def expected_error(information: np.ndarray, weight: np.ndarray) -> float:
+    """Root mean square over the work space, m."""
+    return float(np.sqrt(np.trace(np.linalg.solve(information, weight))))
+
+
 class _Model:
     """Information of touches about tool, geometry and the seats of the candidates, in units of the drawing's
     prior."""
@@ -239,10 +257,6 @@ class _Model:
         self.known = information_of(pull[:, None, :] * plausible) + np.diag(loose.astype(float))
         self.weight = work_space_weight(robot, self.layout, options, plausible)
 
-    def deviation(self, information: np.ndarray) -> float:
-        """Root mean square of the expected error over the work space, m."""
-        return float(np.sqrt(np.trace(np.linalg.solve(information, self.weight))))
-
     def choose_places(self, random: np.random.Generator) -> list[int]:
         """Greedy: the place that helps most beside those chosen; each brings the same number of poses."""
         each = max(self.options.count // self.options.places, 2)
@@ -251,7 +265,7 @@ class _Model:
         chosen, information = [], self.known
         for _ in range(self.options.places):
             best = min((p for p in range(len(self.places)) if p not in chosen),
-                       key=lambda p: self.deviation(information + of_place[p]))
+                       key=lambda p: expected_error(information + of_place[p], self.weight))
             chosen.append(best)
             information = information + of_place[best]
         return sorted(chosen)
@@ -266,11 +280,9 @@ class _Model:
         if len(rows) <= self.options.count:
             raise InputError(f"--count {self.options.count}: expected fewer poses than the {len(rows)} that "
                              "were found at these places")
-        pool = self.blocks[rows]
-        start = random.choice(len(rows), self.options.count, replace=False)
-        criterion = MeanVariance(self.weight)
-        how = replace(ExchangeOptions(), keep=criterion, add=criterion, threshold=LEAST_FALL)
-        picked = rows[exchange(pool, start, random, how, self.known).chosen]
+        best, _, errors = least_variance(self.blocks[rows], self.known, self.weight, self.options.count,
+                                         random)
+        picked = rows[best]
         number = {place: k for k, place in enumerate(chosen, 1)}
         order = np.concatenate([
             _in_short_way(space, self.q,
@@ -280,9 +292,7 @@ class _Model:
         return ClosureDesign(
             self.q[order], np.array([number[s - 1] for s in self.session[order]]), self.socket[order],
             {(number[place], k): seat for place in chosen for k, seat in enumerate(self.places[place].seats)},
-            tuple(self.deviation(self.known + more)
-                  for more in (0.0, information_of(pool[start]), information_of(self.blocks[picked]))),
-            self.found, space,
+            errors, self.found, space,
         )
 
 

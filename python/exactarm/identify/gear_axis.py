@@ -18,7 +18,7 @@ from exactarm.errors import InputError
 from exactarm.harmonics import delivered
 from exactarm.identify.gear_declared import SIDES
 from exactarm.identify.gear_orders import Found, Table, find_orders, fit_all, order_uncertainty, whole_orders
-from exactarm.identify.gear_profile import AngleProfile, angle_profile, search_band
+from exactarm.identify.gear_profile import AngleProfile, angle_profile, highest_order
 from exactarm.identify.gear_samples import GearSamples
 from exactarm.robot import GearTable
 
@@ -82,7 +82,8 @@ def first_look(samples: GearSamples) -> FirstLook | None:
     if not profiles:
         return None
     sides = list(profiles.values())
-    band = search_band(sides, samples.ratio, samples)
+    # from two periods within the range on
+    band = 2.0 / max(profile.range_rev for profile in sides), highest_order(samples)
     nothing = fit_all(sides, np.zeros(0))
     whole = whole_orders(sides, band, nothing) if band[1] > band[0] else nothing
     return FirstLook(scale, disturbance, sigma, profiles, band, whole)
@@ -130,13 +131,8 @@ def _profiles(samples, fitted, scale, disturbance) -> dict[str, AngleProfile]:
     sides = {side: fitted & samples.side(way) for side, way in SIDES.items()}
     sides = {side: rows for side, rows in sides.items()
              if rows.sum() >= _LEAST_CELLS and np.ptp(samples.angle[rows]) > 0}
-    if not sides:
-        return {}
-    # A first look at the range and the sampling sets the band, the band the width of the cells.
-    spacing = np.median(np.abs(np.diff(samples.angle))[samples.keep[1:]])
-    highest = min(5.0 * max(abs(samples.ratio), 20.0), 0.8 * np.pi / max(spacing, 1e-12))
     return {
-        side: angle_profile(samples, rows, SIDES[side], highest, scale, beside)
+        side: angle_profile(samples, rows, SIDES[side], highest_order(samples), scale, beside)
         for side, rows in sides.items()
     }
 

@@ -100,12 +100,10 @@ def angle_profile(samples, chosen: np.ndarray, way: float, highest: float, scale
     return AngleProfile(way, centre, value, weight, full, step, int(chosen.sum()), samples.rated)
 
 
-def search_band(profiles: list[AngleProfile], ratio: float, samples) -> tuple[float, float]:
-    """Orders that the data can tell: from two periods within the range to five per motor revolution or
-    Nyquist's."""
+def highest_order(samples) -> float:
+    """That the samples of a gear can tell: five per motor revolution or Nyquist's."""
     spacing = np.median(np.abs(np.diff(samples.angle))[samples.keep[1:]])
-    longest = max(profile.range_rev for profile in profiles)
-    return 2.0 / longest, min(5.0 * max(abs(ratio), 20.0), 0.8 * np.pi / max(spacing, 1e-12))
+    return min(5.0 * max(abs(samples.ratio), 20.0), 0.8 * np.pi / max(spacing, 1e-12))
 
 
 def false_alarm(power: float, profiles: int, range_rev: float, low: float, high: float) -> float:

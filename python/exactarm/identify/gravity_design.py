@@ -16,18 +16,12 @@ from exactarm.chain import Layout
 from exactarm.controller_frames import at_base
 from exactarm.errors import InputError
 from exactarm.fixture import Fixture
-from exactarm.identify.closure_design import (
-    LEAST_FALL,
-    ClosureDesignOptions,
-    MeanVariance,
-    work_space_weight,
-)
+from exactarm.identify.closure_design import ClosureDesignOptions, least_variance, work_space_weight
 from exactarm.identify.closure_fit import Pulls
 from exactarm.identify.closures import identifiable_closures
 from exactarm.identify.criterion import information_of
 from exactarm.identify.declared import geometry_layout, require_geometry
 from exactarm.identify.design import short_way
-from exactarm.identify.exchange import ExchangeOptions, exchange
 from exactarm.identify.identifiability import Identifiability
 from exactarm.identify.pose_space import PoseSpace
 from exactarm.measurement.closures import predict_closures
@@ -75,11 +69,5 @@ def design_gravity(robot: Robot, sensor: str, options: ClosureDesignOptions) -> 
     loose = np.array([name not in set(geometry.names) for name in layout.names])
     known = information_of(pull[:, None, :] * plausible) + np.diag(loose.astype(float))
     weight = work_space_weight(robot, layout, options, plausible)
-    deviation = lambda information: float(np.sqrt(np.trace(np.linalg.solve(information, weight))))
-    criterion = MeanVariance(weight)
-    start = random.choice(len(q), options.count, replace=False)
-    how = replace(ExchangeOptions(), keep=criterion, add=criterion, threshold=LEAST_FALL)
-    chosen = exchange(pool, start, random, how, known).chosen
-    expected = (0.0, information_of(pool[start]), information_of(pool[chosen]))
-    deviations = tuple(deviation(known + more) for more in expected)
+    chosen, _, deviations = least_variance(pool, known, weight, options.count, random)
     return GravityDesign(short_way(space, q[chosen]), deviations, found)

@@ -54,11 +54,7 @@ class _Frames:
     def left(self, points: np.ndarray, rotations: np.ndarray, measured: np.ndarray) -> np.ndarray:
         """(N,) m."""
         goal = points - (measured - self.centre) @ self.base
-        return np.linalg.norm(goal - _columns(rotations) @ self.offset, axis=1)
-
-
-def _columns(rotations: np.ndarray) -> np.ndarray:
-    return np.concatenate([np.broadcast_to(np.eye(3), rotations.shape), -rotations], axis=2)
+        return np.linalg.norm(goal - self.offset[:3] + rotations @ self.offset[3:], axis=1)
 
 
 def odd_rows(robot: Robot, data: Dataset, carried: Layout, seed: int = 0) -> list[Suspicion]:

@@ -214,10 +214,7 @@ def free_frames(points: np.ndarray, rotations: np.ndarray, measured: np.ndarray)
 
 def linear_tool(points: np.ndarray, rotations: np.ndarray, measured: np.ndarray) -> np.ndarray:
     """(3,) the tool point that the linear fit of all frames finds, m."""
-    columns = np.concatenate([np.tile(np.eye(3), (len(points), 1, 1)), -rotations], axis=2)
-    centred = measured - measured.mean(axis=0)
-    turned = np.einsum("ni,kl->nkil", centred, np.eye(3)).transpose(0, 1, 3, 2).reshape(len(points), 3, 9)
-    return solved(np.concatenate([turned, columns], axis=2), points)[12:]
+    return _free(points, rotations, measured)[2][12:]
 
 
 def solved(columns: np.ndarray, goal: np.ndarray) -> np.ndarray:

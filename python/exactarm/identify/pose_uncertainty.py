@@ -63,8 +63,9 @@ class PoseUncertainty:
 
 
 def pose_uncertainty(
-    robot: Robot, frames: Layout, data: Dataset, residual: np.ndarray, poses: Dataset, seed: int, threads:
-int = 1 ) -> PoseUncertainty:
+    robot: Robot, frames: Layout, data: Dataset, residual: np.ndarray, poses: Dataset, seed: int,
+    threads: int = 1
+) -> PoseUncertainty:
     """frames: as fitted to `data`, whose `residual` (N, 3) is measured minus predicted; poses: to be
     judged."""
     judged, own = _judged(robot, data, seed)
