@@ -23,7 +23,7 @@ def own_shares(problem: Problem, fitted: Fitted, first: int) -> tuple[float, ...
     residual, jacobian = judged
     scale = fitted.sigma
     square = float(np.sum((residual / scale) ** 2))
-    design = np.concatenate([fitted.standard(fitted.jacobian), fitted.prior_rows])
+    design = fitted.design
     rows = fitted.data_numbers
     norm = np.maximum(np.linalg.norm(design, axis=0), 1e-300)
     gram = design.T @ design / np.outer(norm, norm) + _RIDGE * np.eye(len(norm))
