@@ -22,7 +22,7 @@ from exactarm.identify.closures import calibrate_closures
 from exactarm.identify.declared import geometry_layout
 from exactarm.identify.evaluate import evaluate_closures, evaluate_poses
 from exactarm.identify.match import WORST_SHARE
-from exactarm.identify.partner_misfit import partner_misfit
+from exactarm.identify.partner_misfit import distances, partner_misfit
 from exactarm.identify.partner_prior import NO_SCALE, prior_of
 from exactarm.identify.reach import reach
 from exactarm.measurement.closures import device_of, predict_closures, touches
@@ -81,6 +81,16 @@ def test_the_base_and_the_ball_of_a_partner_are_found_from_nowhere():
     found = placed_by(points, flange, turned, np.zeros(3))
     for got, true in zip(found, (turn, base, ball)):
         np.testing.assert_allclose(got, true, atol=1e-6)
+
+
+@pytest.mark.parametrize("size", [0.0, 1e-8, 1.0])
+def test_derivatives_of_the_distance_of_two_balls(size):
+    random = np.random.default_rng(2)
+    places, turns = random.normal(size=(2, 5, 3)), exp(random.normal(size=(2, 5, 3)))
+    v = random.normal(size=12)
+    v[3:6] *= size
+    about = (places[0], turns[0], places[1], turns[1], exp(random.normal(size=3)))
+    assert_derivative(lambda v: distances(v, *about)[0], v, distances(v, *about)[1], 1e-4)
 
 
 @pytest.mark.parametrize("slipped", [0.0, 0.05])

@@ -26,7 +26,7 @@ from exactarm.errors import InputError
 from exactarm.file_bytes import file_bytes
 from exactarm.robot import Placement
 
-NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?"
 _NUMBER = re.compile(rf"\s*({NUMBER})\s*")
 MOST_LISTED = 16  # numbers with commas between that are read at once
 LARGEST = (

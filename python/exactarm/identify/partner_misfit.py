@@ -21,7 +21,7 @@ from exactarm.dataset import Dataset
 from exactarm.measurement.closures import predict_closures
 from exactarm.measurement.partner import Partner, partner_of, placed_by
 from exactarm.robot import Robot
-from exactarm.rotation import exp
+from exactarm.rotation import exp, left_jacobian
 
 MOST_ROWS = 300
 _SOFT_M = 0.02  # beyond, a row counts by its distance and no more by its square: far above any deviation
@@ -41,14 +41,26 @@ def partner_misfit(robot: Robot, carried: Layout, data: Dataset, tools: Sequence
     best = np.inf
     for tool in tools:
         turn, base, ball = placed_by(last + turned @ tool, other.position, other.rotation, np.zeros(3))
-
-        def missed(v: np.ndarray, turn: np.ndarray = turn) -> np.ndarray:
-            there = (other.position + other.rotation @ v[6:9]) @ (exp(v[3:6]) @ turn).T + v[:3]
-            return np.linalg.norm(last + turned @ v[9:] - there, axis=1) - declared.distance
-
+        about = (last, turned, other.position, other.rotation, turn)
         start = np.concatenate([base, np.zeros(3), ball, tool])
-        found = least_squares(missed, start, loss="soft_l1", f_scale=_SOFT_M, max_nfev=_STEPS)
-        best = min(best, float(np.median(np.abs(missed(found.x)))))
+        found = least_squares(lambda v, about=about: distances(v, *about)[0] - declared.distance, start,
+                              lambda v, about=about: distances(v, *about)[1], loss="soft_l1",
+                              f_scale=_SOFT_M, max_nfev=_STEPS)
+        best = min(best, float(np.median(np.abs(found.fun))))
         if best < enough:
             break
     return best
+
+
+def distances(v: np.ndarray, last: np.ndarray, turned: np.ndarray, position: np.ndarray, rotation: np.ndarray,
+              turn: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(N,) m between the balls at v (12,): base, its turn beside `turn`, the partner's ball and the arm's, on
+    flanges at `last` and `position` (N, 3), turned by (N, 3, 3); and the derivatives (N, 12)."""
+    placed = exp(v[3:6]) @ turn
+    there = (position + rotation @ v[6:9]) @ placed.T
+    way = last + turned @ v[9:] - there - v[:3]
+    distance = np.linalg.norm(way, axis=1)
+    way /= np.maximum(distance, 1e-300)[:, None]
+    by_turn = np.cross(way, there) @ left_jacobian(v[3:6])
+    by_ball, by_tool = (np.einsum("ni,nij->nj", way, by) for by in (placed @ rotation, turned))
+    return distance, np.concatenate([-way, by_turn, -by_ball, by_tool], axis=1)
