@@ -166,6 +166,24 @@ def test_friction_only_keeps_the_masses():
     assert result.robot.links[3].mass == six_axis().links[3].mass
 
 
+@pytest.mark.parametrize(("declared", "words"), [
+    ((), "no torque constant of axes 1, 2, 3, 4, 5 and 6 is declared"),
+    (range(5), "no torque constant of axis 6 is declared"), (range(6), None),
+])
+def test_currents_are_said_to_lack_a_constant_where_they_do(declared, words):
+    """It was said of every log of currents, whatever the robot file declares."""
+    truth = true_arm()
+    data = log_of(truth, 8.0, 1)
+    current = {"current": data.joints["tau"] / truth.ratios / 0.3}
+    robot = six_axis()
+    for axis in declared:
+        robot = robot.with_joint(axis, torque_constant=0.3)
+    joints = {name: values for name, values in data.joints.items() if name != "tau"} | current
+    told = identify_dynamics(robot, replace(data, joints=joints), DynamicsOptions(inertial=False)).warnings
+    about = [line for line in told if "torque constant" in line]
+    assert (about == []) if words is None else (len(about) == 1 and words in about[0])
+
+
 def test_axis_that_stands_still_has_no_friction_to_tell():
     robot = six_axis()
     data = log_of(robot, 8.0, 2)

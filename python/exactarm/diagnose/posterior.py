@@ -149,6 +149,9 @@ def _causes(problem: Problem, declared: Layout, progress: Progress) -> Causes | 
             noise, nothing = None, nothing if chosen else None
         else:
             break
+    while idle := _idle(fits[-1], declared):  # what the causes of later rounds have taken over
+        chosen, places = ([one for k, one in enumerate(each) if k not in idle] for each in (chosen, places))
+        fits[-1] = refit(problem, declared, chosen, fits[-1], noise) if chosen else first
     wrong = _wrong_rows(problem, declared, chosen, fits[-1], noise)
     if wrong is not None:
         place, fit = wrong
@@ -323,18 +326,28 @@ def _holding(found: Found, places: list[Place], folds: np.ndarray) -> list[Place
 
 
 def _confirmed(problem, declared, chosen, fitted, found: Found, places: list[Place]):
-    """The joint non-linear fit with the new effects; the weakest is left out while less than half of the gain
-    comes true."""
+    """The joint non-linear fit with the new effects; those that come out as nothing are left out, and the
+    weakest while less than half of the gain comes true."""
     while places:
         effects = [*chosen, *(place.effect for place in places)]
         trial = refit(problem, declared, effects, fitted, found.noise)
         before, after = (_weighted_square(found.noise, at.residual) for at in (fitted, trial))
         functions, labels = _only(found, ()), tuple(p.label for p in places)
         promised = found.picture.quadratic(functions)[1] - found.picture.quadratic(_only(found, labels))[1]
-        if before - after >= _CONFIRMED * promised:
+        idle = [k - len(chosen) for k in _idle(trial, declared) if k >= len(chosen)]
+        if before - after >= _CONFIRMED * promised and not idle:
             return places, trial
-        places = places[:-1]
+        places = [place for k, place in enumerate(places) if k not in (idle or [len(places) - 1])]
     return [], fitted
+
+
+def _idle(fitted: Fitted, declared: Layout) -> list[int]:
+    """Places, behind the declared ones, of effects that their bounds hold at zero: they move nothing,
+    whatever they were taken for beside others."""
+    layout, first = fitted.layout, len(declared.effects)
+    each = list(zip(layout.effects, layout.free, layout.slices))[first:]
+    return [k for k, (effect, free, where) in enumerate(each)
+            if free.any() and fitted.fit.at_bound[where].all() and not np.any(np.array(effect.values)[free])]
 
 
 def _only(found: Found, labels: tuple[str, ...]) -> Members:

@@ -42,7 +42,10 @@ from exactarm.identify.session_payloads import (
     payload_layout_of_motion,
     session_payloads,
 )
+from exactarm.identify.suspicion import listed
 from exactarm.kinds import MOTION
+from exactarm.kinds.motion import TORQUES
+from exactarm.rest_load import declared_constants
 from exactarm.robot import Link, Robot
 from exactarm.split import DEFAULT_SEED
 from exactarm.view import SIGN_WIDTH_RAD_S
@@ -241,7 +244,18 @@ def _warnings(fit: MotionFit, data: Dataset, unsettled: str):
                 f"{name} lies at its bound, 0: the data ask for a negative one, so something else in them "
                 "acts as it does"
             )
-    if "current" in data.joints and not {"tau", "tau_motor"} & set(data.joints):
+    if without := _currents_of_no_constant(fit.robot, data):
         yield (
-            "no torque constant is declared: the currents were taken at 1 Nm/A, and all results scale with it"
+            f"no torque constant of {listed(without)} is declared: the currents were taken at 1 Nm/A, and "
+            "what they tell scales with it"
         )
+
+
+def _currents_of_no_constant(robot: Robot, data: Dataset) -> list[int]:
+    """Axes from 0 whose torque is known by a current alone, without a constant that makes Nm of it."""
+    told = {name: ~np.isnan(values).all(axis=0) for name, values in data.joints.items() if name in TORQUES}
+    if "current" not in told:
+        return []
+    alone = told["current"] & ~np.any([told[name] for name in told if name != "current"], axis=0)
+    constants = declared_constants(robot)
+    return [i for i in range(robot.axes) if alone[i] and np.isnan(constants[i])]

@@ -1,0 +1,50 @@
+"""A cause whose size comes out as nothing beside the others is none, however likely it was before them."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from exactarm.chain import Layout
+from exactarm.diagnose import posterior
+from exactarm.diagnose.evidence import Members
+from exactarm.diagnose.posterior import Place
+from exactarm.effects import effect_from_table
+
+BASE = effect_from_table({"effect": "base_compliance", "rad_per_Nm": 0.0})
+RUN_OUT = effect_from_table({"effect": "gear_eccentricity", "joint": 2, "first_cos_rad": 3e-4,
+                             "first_sin_rad": 0.0})
+DECLARED = Layout.of(())
+
+
+def fitted(effects, residual=0.0):
+    """A fit whose bound holds the base at zero."""
+    layout = Layout.of(tuple(effects))
+    held = np.concatenate([np.full(int(free.sum()), effect is BASE)
+                           for effect, free in zip(layout.effects, layout.free)] or [np.zeros(0, bool)])
+    return SimpleNamespace(layout=layout, fit=SimpleNamespace(at_bound=held.astype(bool)),
+                           residual=np.full((5, 3), residual))
+
+
+@pytest.mark.parametrize(("effects", "idle"),
+                         [([BASE, RUN_OUT], [0]), ([RUN_OUT, BASE], [1]), ([RUN_OUT], [])])
+def test_what_a_bound_holds_at_zero_is_idle(effects, idle):
+    assert posterior._idle(fitted(effects), DECLARED) == idle
+
+
+@pytest.mark.parametrize("chosen", [[], [RUN_OUT]])
+def test_the_others_are_fitted_anew_without_it(monkeypatch, chosen):
+    tried = []
+
+    def refit(problem, declared, effects, last, noise):
+        tried.append(list(effects))
+        return fitted(effects)
+
+    monkeypatch.setattr(posterior, "refit", refit)
+    picture = SimpleNamespace(quadratic=lambda members: (None, 0.0), vocabulary=SimpleNamespace(blocks=()))
+    noise = SimpleNamespace(whiten=lambda columns: columns.reshape(-1, 1))
+    found = SimpleNamespace(noise=noise, picture=picture, members=Members((), ()))
+    new = [Place(effect.label, effect, 0.999, 9.0, (), 0) for effect in (BASE, RUN_OUT)]
+    kept, fit = posterior._confirmed(None, DECLARED, chosen, fitted(chosen, 1.0), found, new)
+    assert [place.effect for place in kept] == [RUN_OUT] and tried[-1] == [*chosen, RUN_OUT]
+    assert fit.layout.effects == (*chosen, RUN_OUT)
