@@ -11,8 +11,11 @@ def declared_deflection(robot: Robot, torque: np.ndarray) -> tuple[np.ndarray, n
     """Change of q under the torque (N, n) that the springs carry, -kappa^{-1}(torque), and its slope by the
     torque."""
     value, slope = np.zeros_like(torque), np.zeros_like(torque)
+    springs = [i for i, joint in enumerate(robot.joints) if joint.spring_linear]
+    linear = np.array([robot.joints[i].spring_linear for i in springs])
+    value[:, springs], slope[:, springs] = -torque[:, springs] / linear, -1.0 / linear
     for i, joint in enumerate(robot.joints):
-        if joint.spring_linear:
+        if joint.spring_linear and joint.spring_cubic:
             stretch, by_torque = spring_inverse(joint.spring_linear, joint.spring_cubic, torque[:, i])
             value[:, i], slope[:, i] = -stretch, -by_torque
     return value, slope
