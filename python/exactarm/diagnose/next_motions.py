@@ -13,9 +13,8 @@ from dataclasses import replace
 import numpy as np
 
 from exactarm.chain import MotionRecord, predict_motion
-from exactarm.diagnose.orthonormal import orthonormal
+from exactarm.diagnose.next_runs import Difference
 from exactarm.diagnose.problem import Fitted
-from exactarm.diagnose.scan import free_mask
 from exactarm.effects.base import Effect
 from exactarm.robot import Robot
 
@@ -32,29 +31,12 @@ def separating_motion(
     predict: (robot, layout, record) -> prediction; columns: those of its jacobian that are measured (default:
     all torques).
     """
-    axes, numbers = record.measured_axes if columns is None else columns, fitted.data_numbers
-    values = np.where(free_mask(one), one.values, 0.0)[free_mask(one)]
-    first = fitted.columns(one)[:numbers, free_mask(one)] @ values
-    second = fitted.columns(other)[:numbers, free_mask(other)]
-    keep = np.ones(fitted.layout.size, bool)
-    for effect, where in zip(fitted.layout.effects, fitted.layout.slices):
-        keep[where] &= effect.label not in (one.label, other.label)
-    declared = (fitted.jacobian[:, :, keep] * fitted.scale[:, :, None]).reshape(numbers, -1)
-    basis = orthonormal(declared)
-    free = lambda columns: columns - basis @ (basis.T @ columns)
-    imitation = np.linalg.lstsq(free(second), free(first), rcond=1e-9)[0]
-    old = first - second @ imitation
+    axes, difference = record.measured_axes if columns is None else columns, Difference.of(fitted, one, other)
     best, best_apart = "", -1.0
     for name, planned in _variants(record):
         prediction = predict(robot, fitted.layout, planned)
         used = np.ix_(np.flatnonzero(planned.keep), axes)
-        view = prediction.view
-        rows = view.response(one)[used][..., free_mask(one)] @ values
-        rows = rows - view.response(other)[used][..., free_mask(other)] @ imitation
-        new = (prediction.jacobian[used][..., keep] / fitted.sigma[:, None]).reshape(rows.size, -1)
-        both = orthonormal(np.concatenate([declared, new]))
-        difference = np.concatenate([old, (rows / fitted.sigma).ravel()])
-        left = (difference - both @ (both.T @ difference))[old.size :]
+        left = difference.left(prediction.view, prediction.jacobian, used)
         apart = float(np.sqrt(np.mean(left**2)))
         if apart > 1.02 * best_apart:
             best, best_apart = name, apart

@@ -8,6 +8,8 @@ together; the run with the most left of it is named (T-optimality: Atkinson and 
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from exactarm.chain import GearRecord, predict_gear_run
@@ -18,6 +20,7 @@ from exactarm.diagnose.scan import free_mask
 from exactarm.effects.base import Effect
 from exactarm.kinds import GEAR_RUN
 from exactarm.robot import Robot
+from exactarm.view import View
 
 _SPEED_SHARES = (0.25, 0.5, 1.0)
 _TURNS_RAD = (0.0, 0.5 * np.pi)
@@ -28,12 +31,14 @@ _CERTAIN = 4.0  # standard deviations between two explanations
 def separating_run(robot: Robot, fitted: Fitted, record: GearRecord, one: Effect, other: Effect) -> str:
     """One sentence with the best run and by how much the two effects differ in it."""
     best, best_apart, best_rows = "", -1.0, 1
-    old = _difference_on_record(fitted, one, other)
+    difference = Difference.of(fitted, one, other)
     for axis in np.flatnonzero(fitted.view.moving):
         for share in _SPEED_SHARES:
             for turn in _TURNS_RAD:
                 data, speed = _planned(robot, fitted, record, int(axis), share, turn)
-                apart = _apart(robot, fitted, data, one, other, *old)
+                prediction = predict_gear_run(robot, fitted.layout, data)
+                left = difference.left(prediction.view, prediction.jacobian) * fitted.sigma
+                apart = float(np.sqrt(np.mean(np.sum(left**2, axis=1))))
                 if apart > 1.02 * best_apart:
                     posture = " with the other axes turned by 90 degrees" if turn else " in the same posture"
                     best = f"axis {axis + 1} to and fro at {np.rad2deg(speed):.0f} deg/s{posture}"
@@ -77,37 +82,40 @@ def _planned(robot: Robot, fitted: Fitted, record: GearRecord, axis: int, share:
     return Dataset.of_arrays(GEAR_RUN.name, joints, time=time, covariates=covariates, **where, **more), speed
 
 
-def _shared(fitted: Fitted, one: Effect, other: Effect) -> np.ndarray:
-    """(P,) the free parameters of neither effect."""
-    keep = np.ones(fitted.layout.size, bool)
-    for effect, where in zip(fitted.layout.effects, fitted.layout.slices):
-        if effect.label in (one.label, other.label):
-            keep[where] = False
-    return keep
+@dataclass(frozen=True)
+class Difference:
+    """What two effects at their best values differ by on the record, the second as like the first as it can
+    be: old (R,) in units of the noise sigma (m,); declared (R, p): whitened columns of the parameters that
+    are free beside both, kept (P,) of all."""
 
+    one: Effect
+    other: Effect
+    sigma: np.ndarray
+    kept: np.ndarray
+    declared: np.ndarray
+    imitation: np.ndarray
+    old: np.ndarray
 
-def _difference_on_record(fitted: Fitted, one: Effect, other: Effect):
-    """The first effect less the best imitation by the second on the record: (R,), coefficients, the others'
-    columns."""
-    numbers = fitted.data_numbers
-    first = fitted.columns(one)[:numbers, free_mask(one)] @ np.array(one.values)[free_mask(one)]
-    second = fitted.columns(other)[:numbers, free_mask(other)]
-    keep = _shared(fitted, one, other)
-    declared = fitted.standard(fitted.jacobian[:, :, keep])
-    basis = orthonormal(declared)
-    free = lambda columns: columns - basis @ (basis.T @ columns)
-    values = np.linalg.lstsq(free(second), free(first), rcond=1e-9)[0]
-    return first - second @ values, values, declared
+    @staticmethod
+    def of(fitted: Fitted, one: Effect, other: Effect) -> Difference:
+        numbers = fitted.data_numbers
+        first = fitted.columns(one)[:numbers, free_mask(one)] @ np.array(one.values)[free_mask(one)]
+        second = fitted.columns(other)[:numbers, free_mask(other)]
+        kept = np.ones(fitted.layout.size, bool)
+        for effect, where in zip(fitted.layout.effects, fitted.layout.slices):
+            kept[where] &= effect.label not in (one.label, other.label)
+        declared = fitted.standard(fitted.jacobian[:, :, kept])
+        basis = orthonormal(declared)
+        free = lambda columns: columns - basis @ (basis.T @ columns)
+        imitation = np.linalg.lstsq(free(second), free(first), rcond=1e-9)[0]
+        return Difference(one, other, fitted.sigma, kept, declared, imitation, first - second @ imitation)
 
-
-def _apart(robot: Robot, fitted: Fitted, data: Dataset, one, other, old, values, declared) -> float:
-    """RMS over the new run of the difference that nothing can absorb, in the unit of the residual."""
-    prediction = predict_gear_run(robot, fitted.layout, data)
-    rows = prediction.view.response(one) @ np.where(free_mask(one), one.values, 0.0)
-    rows = rows - prediction.view.response(other)[:, :, free_mask(other)] @ values
-    keep = _shared(fitted, one, other)
-    new = (prediction.jacobian[:, :, keep] / fitted.sigma[:, None]).reshape(rows.size, declared.shape[1])
-    basis = orthonormal(np.concatenate([declared, new]))
-    difference = np.concatenate([old, (rows / fitted.sigma).ravel()])
-    left = (difference - basis @ (basis.T @ difference))[old.size :].reshape(rows.shape) * fitted.sigma
-    return float(np.sqrt(np.mean(np.sum(left**2, axis=1))))
+    def left(self, view: View, jacobian: np.ndarray, used=...) -> np.ndarray:
+        """(K, m), in units of the noise, what nothing that is free can absorb on old and new rows together of
+        the difference on the `used` numbers of new rows."""
+        rows = view.response(self.one)[used] @ np.where(free_mask(self.one), self.one.values, 0.0)
+        rows = rows - view.response(self.other)[used][..., free_mask(self.other)] @ self.imitation
+        new = (jacobian[used][..., self.kept] / self.sigma[:, None]).reshape(rows.size, -1)
+        basis = orthonormal(np.concatenate([self.declared, new]))
+        difference = np.concatenate([self.old, (rows / self.sigma).ravel()])
+        return (difference - basis @ (basis.T @ difference))[self.old.size :].reshape(rows.shape)

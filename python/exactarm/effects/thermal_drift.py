@@ -61,6 +61,11 @@ class ThermalDrift(Effect):
     def to_table(self):
         return super().to_table() | {"form": self.form, "driver": self.driver}
 
+    def change(self, view) -> Change:
+        """Of three columns, each by a value of its own."""
+        x = slow_signal(view.data, self.driver)
+        return Change((0, 1, 2), x[:, None] * np.asarray(self.values), x[:, None, None] * np.eye(3))
+
     @classmethod
     def from_table(cls, table) -> Effect:
         form = next(sub for sub in ThermalDrift.__subclasses__() if sub.form == table["form"])
@@ -128,10 +133,6 @@ class ThermalTargetDrift(ThermalDrift):
         size = 1e6 * float(np.linalg.norm(self.values))
         return f"the target drifts by {size:.3g} micrometres per {self.unit} (it follows {self.driver})"
 
-    def change(self, view) -> Change:
-        x = slow_signal(view.data, self.driver)
-        return Change((0, 1, 2), x[:, None] * np.asarray(self.values), x[:, None, None] * np.eye(3))
-
     @classmethod
     def of(cls, robot, view) -> Iterable[Effect]:
         """Only along a temperature: along time it is the drift of the measuring device."""
@@ -181,10 +182,6 @@ class ThermalSensorDrift(ThermalDrift):
         return (
             f"the bias of the gyroscope drifts by {size:.3g} rad/s per {self.unit} (it follows {self.driver})"
         )
-
-    def change(self, view) -> Change:
-        x = slow_signal(view.data, self.driver)
-        return Change((0, 1, 2), x[:, None] * np.asarray(self.values), x[:, None, None] * np.eye(3))
 
     @classmethod
     def of(cls, robot, view) -> Iterable[Effect]:
