@@ -3,6 +3,7 @@
 import json
 import tomllib
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from exactarm import cli
 from exactarm.dataset import write_dataset
 from exactarm.diagnose.diagnosis import diagnose
 from exactarm.diagnose.dictionary import forms_of, is_series
-from exactarm.diagnose.draft import gaps_in_words, gaps_of
+from exactarm.diagnose.draft import Draft, gaps_in_words, gaps_of
 from exactarm.formula import Formula, divisors, linear_names
 from exactarm.robot_file import load_robot
 from set_ups import measured, true_robot
@@ -132,3 +133,12 @@ def test_the_widest_gaps_are_told_in_degrees():
     assert gaps_in_words("q_4", gaps) == (
         "q_4 from -114.6 to -57.3, 11.46 to 28.65, 34.38 to 51.57 deg and 2 narrower gaps")
     assert gaps_in_words("temperature_degC", gaps[:1]) == "temperature_degC from -2 to -1"
+
+
+def test_what_is_drafted_of_an_axis_that_slides_is_a_length():
+    effect = SimpleNamespace(joint=3, form="a*q_3", names=("a",), values=(2e-5,), title="axis 3 follows q_3")
+    draft = Draft(effect, np.zeros((1, 2)), {}, {"q_3": ((0.01, 0.02),)}, 9.0, 0.99, (1e-4, 5e-5), "a screw",
+                  True, frozenset({3}))
+    assert "a*q_3 m with a = 2e-05" in draft.sentence and "q_3 from 10 to 20 mm" in draft.sentence
+    turning = replace(draft, slides=frozenset())
+    assert "a*q_3 rad with a = 2e-05" in turning.sentence and "deg" in turning.sentence

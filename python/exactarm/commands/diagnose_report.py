@@ -199,10 +199,10 @@ def _drafts(result: Diagnosis) -> list:
     if not result.drafts:
         return []
     unit = result.unit
-    rows = tuple((draft.effect.title, draft.effect.form if draft.short else "a series of cosines",
-                  percent(draft.probability),
+    formula = lambda draft: draft.effect.form if draft.short else "a series of cosines"
+    rows = tuple((draft.effect.title, f"{formula(draft)}, {draft.unit}", percent(draft.probability),
                   *(Quantity(value, unit) for value in draft.held_out)) for draft in result.drafts)
-    header = ("drafted effect", "formula, rad", "probability", "held-out RMS before", "with it")
+    header = ("drafted effect", "formula", "probability", "held-out RMS before", "with it")
     return [Text("Drafted: effects that nobody wrote yet", tuple(draft.sentence for draft in result.drafts)),
             Table("Drafts", header, rows,
                   "In `draft.toml`; no part of `robot.toml` until they are accepted.")]

@@ -49,11 +49,14 @@ _GAPS_TOLD = 3  # of each signal; the file has all
 _RARE_GAP = 0.01  # chance that evenly scattered values leave one gap as wide
 
 
-def gaps_in_words(signal: str, gaps: Sequence[tuple[float, float]]) -> str:
-    """The widest, in the order of the signal; angles in degrees."""
+def gaps_in_words(signal: str, gaps: Sequence[tuple[float, float]],
+                  slides: frozenset[int] = frozenset()) -> str:
+    """The widest, in the order of the signal; angles in degrees, places of axes (from 1) that slide in mm."""
     widest = sorted(sorted(gaps, key=lambda gap: gap[0] - gap[1])[:_GAPS_TOLD])
-    angle = re.fullmatch(r"(q|theta)_\d+", signal)
+    angle = re.fullmatch(r"(q|theta)_(\d+)", signal)
     unit, factor = (" deg", np.degrees(1.0)) if angle else ("", 1.0)
+    if angle and angle[1] == "q" and int(angle[2]) in slides:
+        unit, factor = " mm", 1e3
     told = ", ".join(f"{factor * low:.4g} to {factor * high:.4g}" for low, high in widest)
     others = len(gaps) - len(widest)
     more = f" and {others} narrower gap{'s' if others > 1 else ''}" if others else ""
@@ -64,7 +67,7 @@ def gaps_in_words(signal: str, gaps: Sequence[tuple[float, float]]) -> str:
 class Draft:
     """effect at its fitted values with intervals (k, 2); measured: signal -> (low, high); gaps: signal ->
     intervals inside without a value; log_bayes over the model without it; held_out: RMS error before and
-    after it, in the unit of the errors; short: a formula, not a series."""
+    after it, in the unit of the errors; short: a formula, not a series; slides: axes (from 1) that slide."""
 
     effect: Expression
     intervals: np.ndarray
@@ -75,6 +78,12 @@ class Draft:
     held_out: tuple[float, float]
     suspect: str
     short: bool  # a formula, not a series
+    slides: frozenset[int] = frozenset()
+
+    @property
+    def unit(self) -> str:
+        """Of what the formula adds to its axis."""
+        return "m" if self.effect.joint in self.slides else "rad"
 
     @property
     def sentence(self) -> str:
@@ -85,8 +94,8 @@ class Draft:
             if self.short
             else ""
         )
-        gaps = [gaps_in_words(name, gaps) for name, gaps in self.gaps.items() if gaps]
-        values = f" rad with {numbers}" if numbers else ""
+        gaps = [gaps_in_words(name, gaps, self.slides) for name, gaps in self.gaps.items() if gaps]
+        values = f" {self.unit} with {numbers}" if numbers else ""
         return (
             f"{self.effect.title}: {formula}{values}. Suspect: {self.suspect}."
             + (f" Not measured: {'; '.join(gaps)}." if gaps else "")
@@ -252,6 +261,7 @@ def _draft(
         tuple(float(np.sqrt(np.nanmean(problem.errors(fitted, data) ** 2))) for fitted in (before, after)),
         _suspect(effect),
         short,
+        frozenset(i for i, joint in enumerate(problem.robot.joints, start=1) if joint.type == "prismatic"),
     )
 
 
