@@ -87,7 +87,7 @@ def _newton(robot: Robot, position: np.ndarray, rotation: np.ndarray, q: np.ndar
             seen_from: Frame) -> np.ndarray | None:
     for _ in range(_PASSES):
         at, turned = forward(robot, q[None], of, seen_from)
-        error = np.concatenate([position - at[0], _rotation_vector(rotation @ turned[0].T)])
+        error = np.concatenate([position - at[0], log(rotation @ turned[0].T)])
         if np.linalg.norm(error[:3]) < _CLOSE_M and np.linalg.norm(error[3:]) < _CLOSE_RAD:
             return q
         slope = jacobian(robot, q[None], of, seen_from)[0]
@@ -138,7 +138,3 @@ def _predict(robot: Robot, q: np.ndarray, approach: np.ndarray | None) -> PosePr
         joints["approach"] = np.broadcast_to(np.asarray(approach, float), q.shape)
     data = Dataset.of_arrays(POSES.name, joints)
     return predict_poses(robot, Layout.of(robot.effects, estimate=False), data, tangents=False)
-
-
-def _rotation_vector(rotation: np.ndarray) -> np.ndarray:
-    return log(rotation[None])[0]

@@ -76,11 +76,6 @@ class GearSamples:
         return float(np.median(np.abs(self.rate[self.keep]))) if self.keep.any() else 0.0
 
 
-def plain_gear(robot: Robot, axis: int) -> Robot:
-    """The robot with a constant ratio in one axis."""
-    return robot.with_joint(axis, cw=None, ccw=None)
-
-
 def gear_samples(
     robot: Robot, data: Dataset, record: GearRecord, axis: int, identification: np.ndarray, threads: int = 1
 ) -> tuple[GearSamples, Layout]:
@@ -88,7 +83,7 @@ def gear_samples(
     rows."""
     here = np.ones(len(data), bool) if record.encoder_axes else record.sensor_axis == axis
     rows = np.flatnonzero(here)
-    plain = plain_gear(robot, axis)
+    plain = robot.with_joint(axis, cw=None, ccw=None)  # of a constant ratio
     fitted = here if record.encoder_axes else _setup_rows(data, here, identification)
     setup = sensor_layout(plain, data, record, chosen=fitted)
     carried = carried_layout(plain, data, GEAR_RUN.name)

@@ -160,7 +160,7 @@ def _of_device(data: Dataset) -> Iterator[tuple[str, Dataset]]:
     mirrored = replace(data, position=data.position * [1.0, 1.0, -1.0], rotation=None)
     yield "one of x, y, z with the opposite sign, or two of them exchanged", mirrored
     if data.rotation is not None:
-        quaternion = _quaternions(data.rotation)
+        quaternion = Rotation.from_matrix(data.rotation).as_quat()[:, [3, 0, 1, 2]]
         for words, order, signs in _CONVENTIONS:
             meant = quaternion[:, order] * signs
             yield words, replace(data, rotation=_rotations(meant))
@@ -189,10 +189,6 @@ _CONVENTIONS = (
     ("the opposite sign of qy", [0, 1, 2, 3], [1.0, 1.0, -1.0, 1.0]),
     ("the opposite sign of qz", [0, 1, 2, 3], [1.0, 1.0, 1.0, -1.0]),
 )
-
-
-def _quaternions(rotations: np.ndarray) -> np.ndarray:
-    return Rotation.from_matrix(rotations).as_quat()[:, [3, 0, 1, 2]]
 
 
 def _rotations(quaternions: np.ndarray) -> np.ndarray:
