@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from exactarm.commands.calibrate import _parameter_sections
+from exactarm.identify.drawing import FREE
 from exactarm.report import Figure
 from exactarm.robot_file import load_robot
 
@@ -13,7 +14,7 @@ def result(*names: str) -> SimpleNamespace:
     count = len(names)
     fit = SimpleNamespace(x=np.full(count, 0.1), at_bound=np.zeros(count, bool),
                           interval=lambda: np.tile([0.05, 0.15], (count, 1)))
-    return SimpleNamespace(names=names, fit=SimpleNamespace(fit=fit), shown=fit)
+    return SimpleNamespace(names=names, fit=SimpleNamespace(fit=fit), shown=fit, drawn=FREE)
 
 
 def figures(*names: str) -> list[Figure]:
