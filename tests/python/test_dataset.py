@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 from exactarm.dataset import Dataset, read_dataset, write_dataset
 from exactarm.errors import InputError
 from exactarm.robot import Joint, Robot
+from exactarm.robot_file import load_robot
 from exactarm.table import write_table
 
 AXES = 3
@@ -363,3 +364,10 @@ def test_a_motor_angle_of_an_axis_without_a_gear_is_written_as_its_joint_angle(t
     back = read_dataset(tmp_path / "poses.csv", robot)
     np.testing.assert_allclose(back.joints["q"][:, 0], [0.6, 0.7])
     np.testing.assert_allclose(back.joints["theta"][:, 1], [20.0, 30.0])
+
+
+def test_columns_of_other_names_are_told_how_to_get_ours(tmp_path):
+    """A log as a controller writes it: all its columns were covariates, and nothing said what to do."""
+    (tmp_path / "log.csv").write_text("J1 (deg),J2 (deg),X [mm],Y [mm],Z [mm]\n1,2,3,4,5\n")
+    with pytest.raises(InputError, match=r"J1 \(deg\), J2 \(deg\), X \[mm\], ... stand for is told by --map"):
+        read_dataset(tmp_path / "log.csv", load_robot("ur10"))

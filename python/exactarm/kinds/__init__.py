@@ -48,6 +48,9 @@ def data_kinds(data: Rows, robot: Robot, name: str | None = None) -> dict[str, A
             "notes": words_of_set_ups(data.session, session, data.run)}
 
 
+_NAMES_SHOWN, _LETTERS_SHOWN = 3, 30  # of columns, in a refusal of one line
+
+
 def _from_columns(data: Rows) -> tuple[Kind, ...]:
     held = [kind for kind in _IN_ORDER if kind.held_by(data)]
     if not held:
@@ -55,7 +58,14 @@ def _from_columns(data: Rows) -> tuple[Kind, ...]:
             "no measured quantity; expected x, y, z (poses), socket, plane, sphere, bar, pair, "
             "tilt_x_rad, accel_x_m_s2 or u_px (closures), "
             "gyro_x, gyro_y, gyro_z or theta_i beside q_i "
-            "(gear run), or tau_i, tau_motor_i or current_i (motion)",
+            "(gear run), or tau_i, tau_motor_i or current_i (motion)" + _other_names(data),
             file=file_of(data),
         )
     return (held[0],) if held[0].alone else tuple(held)
+
+
+def _other_names(data: Rows) -> str:
+    """Columns that mean nothing by their names, and how they are given others."""
+    names = [name[:_LETTERS_SHOWN] for name in data.covariates]
+    shown = ", ".join(names[:_NAMES_SHOWN]) + (", ..." if len(names) > _NAMES_SHOWN else "")
+    return f'; what {shown} stand for is told by --map "{names[0]}=q_1_deg" and so on' if names else ""
