@@ -64,6 +64,17 @@ def test_compliance_is_never_negative_and_its_bound_is_told(arm):
                for warning in result.warnings)
 
 
+def test_an_arm_that_hangs_from_the_ceiling_is_asked_for_its_gravity(arm):
+    """Its springs give way the other way: what a file that stands on the floor says is asked after."""
+    rng = np.random.default_rng(48)
+    hangs = replace(arm, gravity=-arm.gravity)
+    data = measured(hangs, [at_random_place(hangs, rng)], [joints_in_limits(arm, 60, rng)], NOISE_M, rng,
+                    layout=Layout.of((JointCompliance(2, (8e-6, 0.0)),), estimate=False), **all_identify(60))
+    told = [calibrate(robot, data, CalibrationOptions(orientation=False, compliance=(2,))).warnings
+            for robot in (arm, hangs)]
+    assert ["gravity_m_s2" in " ".join(lines) for lines in told] == [True, False]
+
+
 @pytest.mark.slow
 def test_truth_lies_in_19_of_20_intervals(arm):
     rng = np.random.default_rng(40)
