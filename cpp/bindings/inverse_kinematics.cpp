@@ -17,6 +17,7 @@ void bind_inverse_kinematics(py::module_& module) {
       .def_readwrite("tolerance", &InverseKinematicsOptions::tolerance)
       .def_readwrite("iterations", &InverseKinematicsOptions::iterations)
       .def_readwrite("singular", &InverseKinematicsOptions::singular)
+      .def_readwrite("extrapolate", &InverseKinematicsOptions::extrapolate)
       .def_readwrite("largest_jump", &InverseKinematicsOptions::largest_jump)
       .def_readwrite("check_limits", &InverseKinematicsOptions::check_limits);
 

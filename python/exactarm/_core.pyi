@@ -319,6 +319,7 @@ class InverseKinematicsStatus:
         ...
 class InverseKinematicsOptions:
     check_limits: bool
+    extrapolate: bool
     def __init__(self) -> None:
         ...
     @property

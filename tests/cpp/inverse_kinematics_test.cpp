@@ -147,6 +147,24 @@ TEST(InverseKinematics, SevenAxesGiveTheNearestSolution) {
   }
 }
 
+TEST(InverseKinematics, WithoutExtrapolationAPathIsItsPosesOneByOne) {
+  const Robot robot = testing::racer();
+  InverseKinematicsOptions options;
+  options.extrapolate = false;
+  RowMatrix positions, rotations, q, alone;
+  line({0.834, 0, 1}, {0.834, 0.5, 1}, 11, positions, rotations);
+  ASSERT_EQ(inverse_kinematics_path(robot, positions, rotations, kStart, q, options).status, Status::solved);
+  Vector start = kStart;
+  for (long k = 0; k < q.rows(); ++k) {
+    inverse_kinematics_path(robot, positions.row(k), rotations.row(k), start, alone, options);
+    EXPECT_EQ(q.row(k), alone.row(0)) << "pose " << k;
+    start = alone.row(0);
+  }
+  // A step away from the solution before it counts as a jump, as one away from the extrapolation does.
+  options.largest_jump = 0.5 * (q.row(4) - q.row(3)).cwiseAbs().maxCoeff();
+  EXPECT_EQ(inverse_kinematics_path(robot, positions, rotations, kStart, q, options).index, 1);
+}
+
 TEST(InverseKinematics, UnreachablePoseIsReportedWithItsIndex) {
   RowMatrix positions, rotations, q;
   line({0.834, 0, 1}, {3.0, 0, 1}, 201, positions, rotations);

@@ -69,6 +69,7 @@ void inverse(Numbers& from) {
   InverseKinematicsOptions options;
   if (from.flag()) options.tolerance = from.number();
   if (from.flag()) options.largest_jump = from.number();
+  options.extrapolate = from.flag();
   options.iterations = from.whole(-1, 60);
   const long rows = from.whole(0, 4);
   RowMatrix q;

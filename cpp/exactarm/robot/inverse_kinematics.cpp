@@ -193,9 +193,12 @@ InverseKinematicsReport inverse_kinematics_path(const Robot& robot, ConstRowMatr
   InverseKinematicsReport report;
   Vector guess = start, solution(robot.axes());
   for (long k = 0; k < positions.rows(); ++k) {
-    if (k == 1) guess = q.row(0);
-    if (k == 2) guess = 2.0 * q.row(1) - q.row(0);
-    if (k >= 3) guess = 3.0 * (q.row(k - 1) - q.row(k - 2)) + q.row(k - 3);
+    if (k == 1 || (k > 1 && !options.extrapolate))
+      guess = q.row(k - 1);
+    else if (k == 2)
+      guess = 2.0 * q.row(1) - q.row(0);
+    else if (k >= 3)
+      guess = 3.0 * (q.row(k - 1) - q.row(k - 2)) + q.row(k - 3);
     Pose target;
     target.position = positions.row(k).transpose();
     target.rotation = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(rotations.row(k).data());

@@ -19,7 +19,8 @@ struct InverseKinematicsOptions {
   double tolerance = 1e-12;         // m and rad
   int iterations = 60;              // for one pose
   double singular = 1e-4;           // conditioning below which a pose counts as singular
-  double largest_jump = 0.2;        // rad (m) away from the extrapolation, along a path
+  bool extrapolate = true;          // along a path; else every pose starts from the solution before it
+  double largest_jump = 0.2;        // rad (m) away from that start, along a path
   bool check_limits = true;
 };
 
