@@ -77,7 +77,7 @@ sanitize: .setup/tests
 	@cmake -S . -B $(SANITIZE) -DCMAKE_BUILD_TYPE=Release -DEXACTARM_SANITIZE=address,undefined -DEXACTARM_TESTS=ON \
 	  -DEXACTARM_MODULE_FOLDER=$(CURDIR)/$(SANITIZE)/core -DPython_EXECUTABLE=$(CURDIR)/$(BIN)/python \
 	  -Dpybind11_DIR=$$($(BIN)/python -m pybind11 --cmakedir) > $(SANITIZE)/configure.log
-	@cmake --build $(SANITIZE) > $(SANITIZE)/build.log || { tail -n 40 $(SANITIZE)/build.log; exit 1; }
+	@cmake --build $(SANITIZE) > $(SANITIZE)/build.log 2>&1 || { tail -n 40 $(SANITIZE)/build.log; exit 1; }
 	@$(SANITIZE)/exactarm_tests --gtest_brief=1
 	@$(BIN)/python tests/robustness/sanitized.py $(SANITIZE)
 
@@ -86,7 +86,7 @@ sanitize-threads: .setup/system
 	@mkdir -p $(SANITIZE)-threads
 	@cmake -S . -B $(SANITIZE)-threads -DCMAKE_BUILD_TYPE=Release -DEXACTARM_SANITIZE=thread -DEXACTARM_TESTS=ON \
 	  -DEXACTARM_PYTHON=OFF > $(SANITIZE)-threads/configure.log
-	@cmake --build $(SANITIZE)-threads > $(SANITIZE)-threads/build.log || { tail -n 40 $(SANITIZE)-threads/build.log; exit 1; }
+	@cmake --build $(SANITIZE)-threads > $(SANITIZE)-threads/build.log 2>&1 || { tail -n 40 $(SANITIZE)-threads/build.log; exit 1; }
 	@$(SANITIZE)-threads/exactarm_tests --gtest_brief=1
 
 # Coverage-guided fuzzing of the core (libFuzzer) with address and undefined-behaviour sanitizers; the corpus stays.
@@ -95,7 +95,7 @@ fuzz-core: .setup/system .setup/fuzz
 	@mkdir -p $(CORE_FUZZ)
 	@cmake -S . -B $(CORE_FUZZ) -DCMAKE_BUILD_TYPE=Release -DCMAKE_CXX_COMPILER=clang++-14 -DEXACTARM_FUZZ=ON \
 	  -DEXACTARM_SANITIZE=address,undefined -DEXACTARM_PYTHON=OFF > $(CORE_FUZZ)/configure.log
-	@cmake --build $(CORE_FUZZ) > $(CORE_FUZZ)/build.log || { tail -n 40 $(CORE_FUZZ)/build.log; exit 1; }
+	@cmake --build $(CORE_FUZZ) > $(CORE_FUZZ)/build.log 2>&1 || { tail -n 40 $(CORE_FUZZ)/build.log; exit 1; }
 	@for fuzzer in robot_fuzz plan_fuzz; do mkdir -p $(CORE_FUZZ)/$$fuzzer-corpus; \
 	  $(CORE_FUZZ)/$$fuzzer -max_total_time=$(or $(SECONDS_EACH),600) -timeout=20 -rss_limit_mb=2048 -max_len=4096 \
 	    -artifact_prefix=$(CORE_FUZZ)/ $(CORE_FUZZ)/$$fuzzer-corpus || exit 1; done

@@ -9,9 +9,13 @@ namespace {
 std::atomic<long> count{0};
 }  // namespace
 
-// Sanitizers have an allocator of their own: under them nothing is counted.
-#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
 namespace {
+constexpr bool kCounted = false;
+}  // namespace
+#else
+namespace {
+constexpr bool kCounted = true;
 
 void* counted(std::size_t size, std::size_t alignment) {
   ++count;
@@ -41,4 +45,5 @@ extern "C" void* malloc(std::size_t size) {
 
 namespace exactarm::testing {
 long allocation_count() { return count; }
+bool allocations_are_counted() { return kCounted; }
 }  // namespace exactarm::testing
