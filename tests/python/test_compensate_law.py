@@ -98,24 +98,24 @@ def test_a_calibrated_file_without_the_controllers_frames_is_refused_and_a_decla
 
 def test_sides_without_motions_and_behind_an_unknown_place():
     """An axis that rests keeps its side; behind a place that nobody knows, nothing is kept."""
-    from exactarm.compensate.approach import approaches
+    from exactarm.compensate.approach import Approaches
     from exactarm.compensate.program import Motion
 
     robot = identified(effects=False)
     model = CompensationModel.of(robot)
     sense = np.sign(model.actual.ratios)
-    assert approaches(model, [], np.zeros((0, 6))).shape == (0, 6)
+    assert Approaches(model, []).of(np.zeros((0, 6))).shape == (0, 6)
     steps = np.array([[0.0], [0.1], [0.1], [0.3]]) * np.array([1.0, -1.0, 1.0, 0.0, 1.0, 1.0])
     q = reachable(robot, 1) + steps
     motions = [Motion("joint", k, k) for k in (0, 1, 2)] + [Motion("joint", None, 4), Motion("joint", 3, 5)]
-    found = approaches(model, motions, q) * sense
+    found = Approaches(model, motions).of(q) * sense
     np.testing.assert_array_equal(found[1], [1.0, -1.0, 1.0, 0.0, 1.0, 1.0])
     np.testing.assert_array_equal(found[2], found[1])
     np.testing.assert_array_equal(found[[0, 3, 4]], 0.0)
-    started = approaches(model, motions[:1], q, q[0] - 0.2) * sense
+    started = Approaches(model, motions[:1], q[0] - 0.2).of(q) * sense
     np.testing.assert_array_equal(started[0], 1.0)
     told = [Motion("joint", 0, 1), Motion("joint", 1, 2, approach=(0.0, 1.0, 1.0, -1.0, 1.0, 1.0))]
-    np.testing.assert_array_equal(approaches(model, told, q)[1], told[1].approach)
+    np.testing.assert_array_equal(Approaches(model, told).of(q)[1], told[1].approach)
 
 
 @pytest.mark.parametrize("values", [np.full((2, 6), np.nan), np.zeros((2, 5)), np.zeros(6), "abc"])

@@ -43,7 +43,10 @@ def direction_of_motion(time: np.ndarray, angle: np.ndarray, passage_s: float | 
         first, turns = reversals(time, column)
         direction[:, i] = first
         for turn, after in turns:
-            direction[:, i] += 2.0 * after * _passed((time - turn - late_s) / passage_s)
+            share = (time - turn - late_s) / passage_s
+            begin, end = np.searchsorted(share, (-0.5, 0.5))  # of the passage: few of the samples
+            direction[begin:end, i] += 2.0 * after * _passed(share[begin:end])
+            direction[end:, i] += 2.0 * after
     return np.clip(direction, -1.0, 1.0)
 
 

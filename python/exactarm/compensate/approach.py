@@ -20,61 +20,88 @@ from exactarm.rotation import turn
 from exactarm.rows import LEAST_TURN_RAD
 
 
-def sides_of(
-    program: Program, model: CompensationModel, q: np.ndarray, start: np.ndarray | None
-) -> tuple[np.ndarray, list[str]]:
-    """(T, n) from which side each axis comes; 0 where motions to one target come from different sides. And
-    what is to be told."""
-    by_motion = approaches(model, program.motions, q, start)
-    visits = np.array(program.visits, int)
-    stops = [(motion.via is not None) + (motion.target is not None) for motion in program.motions]
-    comes = np.repeat(by_motion, stops, axis=0)
-    sides, warnings = np.zeros_like(q), list(program.warnings)
-    met, first = np.unique(visits, return_index=True)
-    sides[met] = comes[first]
-    other = np.flatnonzero(np.any(comes != sides[visits], axis=1))
-    for index in dict.fromkeys(visits[other].tolist()):
-        target = program.targets[index]
-        warnings.append(f"{target.name} (line {target.line}) is approached from different sides: the mean of "
-                        "both gear tables is taken there")
-    for visit in other:
-        index = visits[visit]
-        sides[index] = np.where(sides[index] == comes[visit], sides[index], 0.0)
-    return sides, warnings
+class Sides:
+    """Of the targets of a program, for joint angles that change a little from one call to the next."""
+
+    def __init__(self, program: Program, model: CompensationModel, start: np.ndarray | None):
+        self.program, self.approaches = program, Approaches(model, program.motions, start)
+        self.visits = np.array(program.visits, int)
+        self.stops = [(motion.via is not None) + (motion.target is not None) for motion in program.motions]
+        self.met, self.first = np.unique(self.visits, return_index=True)
+
+    def of(self, q: np.ndarray) -> tuple[np.ndarray, list[str]]:
+        """(T, n) from which side each axis comes; 0 where motions to one target come from different sides.
+        And what is to be told."""
+        comes = np.repeat(self.approaches.of(q), self.stops, axis=0)
+        sides, warnings = np.zeros_like(q), list(self.program.warnings)
+        sides[self.met] = comes[self.first]
+        other = np.flatnonzero(np.any(comes != sides[self.visits], axis=1))
+        for index in dict.fromkeys(self.visits[other].tolist()):
+            target = self.program.targets[index]
+            warnings.append(f"{target.name} (line {target.line}) is approached from different sides: the "
+                            "mean of both gear tables is taken there")
+        for visit in other:
+            index = self.visits[visit]
+            sides[index] = np.where(sides[index] == comes[visit], sides[index], 0.0)
+        return sides, warnings
 
 
-def approaches(
-    model: CompensationModel, motions: Sequence[Motion], q: np.ndarray, start: np.ndarray | None = None
-) -> np.ndarray:
-    """(M, n) from -1 to 1 for each motion; q (T, n): joint angles of the targets, NaN where not known.
+class Approaches:
+    """(M, n) from -1 to 1 for each motion. Straight ones are looked at again only where an end has changed.
 
     start (n,): where the arm stands before the first motion, as far as it is known.
     """
-    sense, n = np.sign(model.actual.ratios), q.shape[1]
-    if motions and all(motion.time is not None for motion in motions):
-        path = q[[motion.target for motion in motions]]
-        return direction_of_motion(np.array([motion.time for motion in motions]), path * sense)
-    poses = model.controller.poses(np.nan_to_num(q))
-    arrival = np.zeros((len(motions), n))
-    target = np.array([-1 if motion.target is None else motion.target for motion in motions], int)
-    given = np.array([motion.approach is not None for motion in motions], bool)
-    before = np.concatenate([[-1], target])[:-1]
-    known = (target >= 0) & (before >= 0) & ~given
-    arrival[known] = q[target[known]] - q[before[known]]
-    for i in np.flatnonzero(given):
-        arrival[i] = np.asarray(motions[i].approach) * sense  # taken as it is, below
-    if start is not None and motions and target[0] >= 0 and not given[0]:
-        arrival[0] = q[target[0]] - start
-    rows = np.flatnonzero(known & np.array([motion.kind != "joint" for motion in motions], bool))
-    if rows.size:
-        before = before[rows]
-        ends = target[rows]
-        over = np.array([end if motions[i].via is None else motions[i].via for i, end in zip(rows, ends)])
-        twist = _final_twist(poses.rows(before), poses.rows(over), poses.rows(ends))
-        jacobian = model.controller.jacobian(np.nan_to_num(q[ends]))
+
+    def __init__(self, model: CompensationModel, motions: Sequence[Motion], start: np.ndarray | None = None):
+        self.model, self.motions, self.start = model, motions, start
+        self.sense = np.sign(model.actual.ratios)
+        self.timed = bool(motions) and all(motion.time is not None for motion in motions)
+        index = lambda motion: -1 if motion.target is None else motion.target
+        self.target = np.array([index(motion) for motion in motions], int)
+        self.given = np.array([motion.approach is not None for motion in motions], bool)
+        self.before = np.concatenate([[-1], self.target])[:-1]
+        self.known = (self.target >= 0) & (self.before >= 0) & ~self.given
+        straight = np.array([motion.kind != "joint" for motion in motions], bool)
+        self.rows = np.flatnonzero(self.known & straight)
+        over = [motions[i].via for i in self.rows.tolist()]
+        self.over = np.array([end if via is None else via for via, end in zip(over, self.target[self.rows])],
+                             int)
+        self.q = np.empty(0)
+        self.arrival = np.zeros((len(self.rows), model.actual.axes))  # of the straight ones, for q
+
+    def of(self, q: np.ndarray) -> np.ndarray:
+        """q (T, n): joint angles of the targets, NaN where not known."""
+        if self.timed:
+            path = q[self.target] * self.sense
+            return direction_of_motion(np.array([motion.time for motion in self.motions]), path)
+        arrival = np.zeros((len(self.motions), q.shape[1]))
+        arrival[self.known] = q[self.target[self.known]] - q[self.before[self.known]]
+        for i in np.flatnonzero(self.given):
+            arrival[i] = np.asarray(self.motions[i].approach) * self.sense  # taken as it is, below
+        if self.start is not None and self.motions and self.target[0] >= 0 and not self.given[0]:
+            arrival[0] = q[self.target[0]] - self.start
+        if self.rows.size:
+            self.straight(np.nan_to_num(q))
+            arrival[self.rows] = self.arrival
+        return _kept(np.nan_to_num(arrival), self.motions) * self.sense
+
+    def straight(self, q: np.ndarray) -> None:
+        """Brings `arrival` up to date."""
+        changed = np.ones(len(q), bool) if not self.q.size else np.any(q != self.q, axis=1)
+        start, end = self.before[self.rows], self.target[self.rows]
+        these = np.flatnonzero(changed[start] | changed[self.over] | changed[end])
+        self.q = q
+        if not these.size:
+            return
+        start, over, end = start[these], self.over[these], end[these]
+        chain = self.model.controller
+        there = chain.poses(q[end])
+        by = Poses(there.position.copy(), there.rotation)
+        if (circles := np.flatnonzero(over != end)).size:
+            by.position[circles] = chain.poses(q[over[circles]]).position
+        twist = _final_twist(chain.poses(q[start]), by, there)
         with np.errstate(invalid="ignore"):
-            arrival[rows] = np.nan_to_num(solved(jacobian, twist), posinf=0.0, neginf=0.0)
-    return _kept(np.nan_to_num(arrival), motions) * sense
+            self.arrival[these] = np.nan_to_num(solved(chain.jacobian(q[end]), twist), posinf=0.0, neginf=0.0)
 
 
 def _final_twist(start: Poses, over: Poses, end: Poses) -> np.ndarray:

@@ -33,6 +33,9 @@ SAME_BRANCH_RAD = 1.0  # two branches of an arm differ by more in one axis, unle
 _TURN = 2.0 * np.pi
 ANYWHERE = _core.InverseKinematicsOptions()
 ANYWHERE.check_limits, ANYWHERE.largest_jump = False, np.inf
+ONE_BY_ONE = _core.InverseKinematicsOptions()
+ONE_BY_ONE.check_limits, ONE_BY_ONE.extrapolate = False, False
+ONE_BY_ONE.largest_jump = np.nextafter(SAME_BRANCH_RAD, 0.0)  # less than it
 SOLVED = _core.InverseKinematicsStatus.solved
 _CALIBRATING = ("calibrate", "diagnose")  # commands that change frames
 
@@ -117,6 +120,16 @@ class ControllerChain:
             self.core, position[None], rotation.reshape(1, 9), self.turned(start), ANYWHERE
         )
         return self.unturned(q[0]) if report.status == SOLVED else None
+
+    def followed(self, targets: Poses, start: np.ndarray) -> np.ndarray:
+        """What `newton` finds for each pose from the one before, (K, n): all, or those before the first that
+        it does not find, or finds on another branch. Empty where axes turn each other: `nearest` is asked."""
+        if not self.plain or not len(targets):
+            return np.empty((0, self.core.axes))
+        q, report = _core.inverse_kinematics_path(
+            self.core, targets.position, targets.rotation.reshape(-1, 9), start, ONE_BY_ONE)
+        found = q if report.status == SOLVED else q[: report.index]
+        return found if len(found) and np.abs(found[0] - start).max() < SAME_BRANCH_RAD else q[:0]
 
     def branches(self, position: np.ndarray, rotation: np.ndarray) -> np.ndarray:
         """(K, n) all joint angles of one pose within the limits, whole turns included."""

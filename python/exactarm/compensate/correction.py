@@ -11,17 +11,17 @@ what the arm does with them is compared with the targets.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from itertools import chain
+from dataclasses import dataclass
 
 import numpy as np
 
-from exactarm.compensate.approach import sides_of
+from exactarm.compensate.approach import Sides
 from exactarm.compensate.circles import odd_middles
 from exactarm.compensate.collector import collector_at_rest
-from exactarm.compensate.flange_poses import Poses, flange_poses, pose_error, stacked, tip_poses
+from exactarm.compensate.flange_poses import pose_error, stacked, tip_poses
 from exactarm.compensate.law import NEAR_SINGULAR, NOT_REACHED, CompensationModel
-from exactarm.compensate.program import HERE, Edit, Program, Target
+from exactarm.compensate.program import HERE, Edit, Program
+from exactarm.compensate.resolution import Resolved, flanges_of, joints_of, resolve, tips_of
 from exactarm.compensate.series import series_bends
 from exactarm.compensate.straightness import Bend, bends, unknown_tips
 from exactarm.compensate.ways import listed
@@ -34,6 +34,7 @@ SAME_SIDE = 1e-3  # of a passage between two gear tables that differ by some 1e-
 SETTLED = 4  # passes in which a correction may change the direction from which an axis comes
 GUESSED = ("{} (line {}): nothing says on which branch of the arm it is; the one nearest to the middle of "
            "the joint limits is taken: --start J1,J2,... says it")
+_Numbers = tuple[np.ndarray | None, np.ndarray | None]  # of joint targets, of poses
 UNUSED = "not used by a motion of these files"
 
 
@@ -62,18 +63,6 @@ class Correction:
     bends: tuple[Bend, ...] = ()
 
 
-@dataclass(frozen=True)
-class _Resolved:
-    """Targets as the controller takes them: tips of those that are poses (of others anything), flange poses,
-    joint angles q (T, n) NaN where none, refusals by target."""
-
-    tips: Poses
-    poses: Poses
-    q: np.ndarray
-    refusals: dict[int, str]
-    guessed: tuple[int, ...]  # targets of several branches, of which nothing says which
-
-
 @collector_at_rest()
 def correct(
     program: Program,
@@ -89,17 +78,18 @@ def correct(
 
     tolerance: m, how far a straight motion may leave its line; None: not asked.
     """
-    resolved = _resolve(program, model, start)
+    resolved = resolve(program, model, start)
     used = np.zeros(len(program.targets), bool)
     used[program.visits] = True
     why = ["" if u else UNUSED for u in used]
     rows = np.flatnonzero(used & chosen & ~np.isnan(resolved.q).any(axis=1))
     q_after = np.full_like(resolved.q, np.nan)
-    sides, warnings = sides_of(program, model, resolved.q, start)
+    ways = Sides(program, model, start)
+    sides, warnings = ways.of(resolved.q)
     timed = any(motion.time is not None for motion in program.motions)
     found, left_over, amplification = _commands(program, model, resolved, rows, sides, threads)
     for attempt in range(1, SETTLED + 1):
-        again, warnings = sides_of(program, model, _filled(resolved.q, rows, found), start)
+        again, warnings = ways.of(_filled(resolved.q, rows, found))
         other = np.flatnonzero(~np.all(np.abs(again[rows] - sides[rows]) < SAME_SIDE, axis=1))
         if attempt == SETTLED or not other.size:
             break
@@ -113,8 +103,7 @@ def correct(
     refusals |= _refusals(model, resolved.q, rows, found, left_over, amplification)
     rows_good = np.array([r not in refusals for r in rows], bool)
     q_after[rows[rows_good]] = found[rows_good]
-    by_target, moved = _edits(program, model, resolved, q_after)
-    edits = list(chain.from_iterable(by_target))
+    edits, numbers, moved = _edits(program, model, resolved, q_after)
     found_bends = []
     if tolerance is not None:
         found_bends = bends(program, model, resolved.poses, q_after, tolerance)
@@ -128,12 +117,9 @@ def correct(
     if program.finish is not None:
         contents = program.finish(contents, q_after, [])
     if program.finish is None:  # all but the numbers is as it was read
-        targets = list(program.targets)
-        for row, own in zip(np.flatnonzero(~np.isnan(q_after).any(axis=1)).tolist(), by_target):
-            targets[row] = targets[row].as_written(own)
-        written = replace(program, targets=tuple(targets))
+        written = program
     else:
-        written = reread(contents)
+        written, numbers = reread(contents), (None, None)
     inserted = [bend.edit for bend in found_bends if bend.edit is not None]
     if inserted and program.finish is not None:
         contents = program.finish(program.rewritten(edits), q_after, inserted)
@@ -148,7 +134,7 @@ def correct(
             why[i] = refusals[i]
             place = program.files[target.file]
             refused.append(InputError(f"{target.name}: {refusals[i]}", file=place.path, line=target.line))
-    reached = _reached(written, program, model, resolved, sides, q_after, threads)
+    reached = _reached(written, numbers, program, model, resolved, sides, q_after, threads)
     shifts = model.controller.poses(np.nan_to_num(q_after)).position - resolved.poses.position
     shifts[np.isnan(q_after).any(axis=1)] = np.nan
     return Correction(program, contents, resolved.q, q_after, moved, resolved.poses.position, shifts,
@@ -189,108 +175,6 @@ def _filled(q: np.ndarray, rows: np.ndarray, found: np.ndarray) -> np.ndarray:
     return filled
 
 
-# -- targets as the controller takes them ------------------------------------------------------------
-def _resolve(program: Program, model: CompensationModel, start: np.ndarray | None) -> _Resolved:
-    targets = program.targets
-    count, n = len(targets), model.actual.axes
-    tips = Poses(np.full((count, 3), np.nan), np.tile(np.eye(3), (count, 1, 1)))
-    poses = Poses(tips.position.copy(), tips.rotation.copy())
-    q, refusals = np.full((count, n), np.nan), {}
-    joints = [i for i, target in enumerate(targets) if not target.is_pose]
-    if joints:
-        q[joints] = _joints(program, joints)
-        poses.set(joints, model.controller.poses(q[joints]))
-    posed = [i for i, target in enumerate(targets) if target.is_pose and not target.refusal]
-    if posed:
-        tips.set(posed, _tips(program, posed))
-        flanges = _flanges(program, posed, tips.rows(posed))
-    flange_of = {i: k for k, i in enumerate(posed)}
-    before, word, guessed, seen = start, "", [], set()
-    for i in program.visits:
-        target = targets[i]
-        if target.refusal:
-            refusals[i] = target.refusal
-        elif not target.is_pose:
-            before, word = q[i], ""
-        elif i not in seen:
-            seen.add(i)
-            flange = flanges.position[flange_of[i]], flanges.rotation[flange_of[i]]
-            near = before if target.near is None else target.near
-            found = _branch(model, target, flange, near, word)
-            if near is None and target.matches is None and not isinstance(found, str) and (
-                    len(model.controller.branches(*flange)) > 1):
-                guessed.append(i)
-            if isinstance(found, str):
-                refusals[i] = found
-            else:
-                q[i] = before = found
-                word = target.configuration
-        else:
-            before = before if np.isnan(q[i, 0]) else q[i]
-    met = list(seen)
-    if met:
-        poses.set(met, flanges.rows([flange_of[i] for i in met]))
-    return _Resolved(tips, Poses(np.nan_to_num(poses.position), poses.rotation), q, refusals, tuple(guessed))
-
-
-def _joints(program: Program, rows: Sequence[int]) -> np.ndarray:
-    """Joint angles of targets that are such."""
-    return program.notation.joints(np.array([program.targets[i].numbers for i in rows], float))
-
-
-def _tips(program: Program, rows: Sequence[int]) -> Poses:
-    """Of targets that are poses, in their bases."""
-    return program.notation.poses(np.array([program.targets[i].numbers for i in rows], float))
-
-
-def _flanges(program: Program, rows: Sequence[int], tips: Poses) -> Poses:
-    """Where the controller puts the flange for targets that are poses."""
-    targets = [program.targets[i] for i in rows]
-    return flange_poses(tips, [t.base for t in targets], [t.tool for t in targets])
-
-
-def _branch(
-    model: CompensationModel, target: Target, flange: tuple[np.ndarray, np.ndarray],
-    before: np.ndarray | None, word: str
-) -> np.ndarray | str:
-    """Joint angles of a pose, or why there are none."""
-    chain = model.controller
-    if target.configuration and word and word != target.configuration:
-        return (
-            f"its configuration {target.configuration!r} differs from {word!r} of the pose before, and what "
-            "the words mean "
-            "for this arm is not certain: split the program there, and give --start for each part"
-        )
-    if target.configuration and before is None:
-        return (
-            "the branch of the arm is not certain: give the joint angles of the first pose with --start "
-            "J1,J2,... (deg)"
-        )
-    if target.matches is None or before is not None:
-        near = chain.nearest(*flange, before)
-        if near is not None and (target.matches is None or target.matches(near)):
-            return near
-        if near is None:
-            return "the pose is out of reach of the controller's own chain"
-    branches = chain.branches(*flange)
-    if not len(branches):
-        return "the pose is out of reach of the controller's own chain, or of the joint limits"
-    matching = np.array([q for q in branches if target.matches(q)])
-    if not len(matching):
-        return (
-            "no branch of the arm has the configuration that the program names: is it this robot, this tool "
-            "and this base?"
-        )
-    if before is not None:
-        return matching[np.argmin(np.linalg.norm(matching - before, axis=1))]
-    if np.ptp(matching, axis=0).max() > 1e-6:
-        return (
-            f"{len(matching)} branches of the arm have the configuration that the program names: give "
-            "--start J1,J2,... (deg)"
-        )
-    return matching[0]
-
-
 # -- commands ----------------------------------------------------------------------------------------
 def _commands(program, model, resolved, rows, sides, threads):
     """Commands of the rows, those with one load together."""
@@ -308,9 +192,12 @@ def _commands(program, model, resolved, rows, sides, threads):
 
 
 def _by_load(program: Program, rows: Sequence[int]) -> dict:
+    loads = [program.targets[row].load for row in rows]
+    if loads and all(load is loads[0] for load in loads):  # most programs
+        return {loads[0]: np.arange(len(loads))}
     groups: dict = {}
-    for k, row in enumerate(rows):
-        groups.setdefault(program.targets[row].load, []).append(k)
+    for k, load in enumerate(loads):
+        groups.setdefault(load, []).append(k)
     return groups
 
 
@@ -344,9 +231,10 @@ def _refusals(model, q, rows, found, left_over, amplification) -> dict[int, str]
 
 
 def _edits(
-    program: Program, model: CompensationModel, resolved: _Resolved, q_after: np.ndarray
-) -> tuple[list[list[Edit]], np.ndarray]:
-    """The edits of each corrected target, and (T, 6) how the commanded poses move."""
+    program: Program, model: CompensationModel, resolved: Resolved, q_after: np.ndarray
+) -> tuple[list[Edit], _Numbers, np.ndarray]:
+    """The edits of the corrected targets, the numbers that they write, and (T, 6) how the commanded poses
+    move."""
     moved = np.full((len(q_after), 6), np.nan)
     rows = np.flatnonzero(~np.isnan(q_after).any(axis=1))
     targets = [program.targets[i] for i in rows.tolist()]
@@ -360,11 +248,12 @@ def _edits(
         own = [targets[k] for k in posed.tolist()]
         tips = tip_poses(poses.rows(posed), [t.base for t in own], [t.tool for t in own])
         moved[rows[posed]] = pose_error(tips, resolved.tips.rows(rows[posed]))
-    return program.notation.edits(program.files, targets, q_after[rows], tips), moved
+    return *program.notation.edits(program.files, targets, q_after[rows], tips), moved
 
 
-def _reached(written, program, model, resolved, sides, q_after, threads) -> np.ndarray:
-    """Where the arm goes with the numbers of the new file."""
+def _reached(written, numbers, program, model, resolved, sides, q_after, threads) -> np.ndarray:
+    """How far from its targets the arm goes with the numbers of the new file, those of `written` where they
+    are not given."""
     distance = np.full(len(q_after), np.nan)
     rows = np.flatnonzero(~np.isnan(q_after).any(axis=1))
     if not rows.size:
@@ -372,11 +261,14 @@ def _reached(written, program, model, resolved, sides, q_after, threads) -> np.n
     q = q_after[rows].copy()
     is_pose = np.array([written.targets[row].is_pose for row in rows.tolist()], bool)
     joints, posed = np.flatnonzero(~is_pose), np.flatnonzero(is_pose)
+    own_joints, own_poses = numbers
     if joints.size:
-        q[joints] = _joints(written, rows[joints])
+        q[joints] = (joints_of(written, rows[joints]) if own_joints is None
+                     else written.notation.joints(own_joints))
     if posed.size:
         there = rows[posed]
-        q[posed] = model.controller.joints(_flanges(written, there, _tips(written, there)), q[posed])
+        tips = tips_of(written, there) if own_poses is None else written.notation.poses(own_poses)
+        q[posed] = model.controller.joints(flanges_of(written, there, tips), q[posed])
     tools = [target.tool if target.is_pose else HERE for target in map(program.targets.__getitem__, rows)]
     arm = stacked(tools).position
     for load, members in _by_load(program, rows).items():

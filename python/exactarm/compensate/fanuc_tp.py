@@ -47,6 +47,7 @@ _GROUP = re.compile(r"GP(\d+)\s*:")
 _FRAME = {key: re.compile(rf"\b{key}\s*:\s*(\w+)") for key in ("UF", "UT")}
 _CONFIG = re.compile(r"CONFIG\s*:\s*'([^']*)'")
 _QUOTED = re.compile(r"'[^']*'")
+FORBIDDEN = ("offset", "inc", "rtcp", "coord", "search")
 _FORBIDDEN = re.compile(r"(?i)\b(Offset|Tool_Offset|INC|RTCP|VOFFSET|COORD|Search(?=[ \t]*\[))\b")
 _INDEX = r"\[(?:[^\[\]\r\n]|\[[^\]\r\n]*\])*\]"  # of a number, or of a register: [R[1]]
 _SET = re.compile(rf"(?:\b(?:UTOOL|UFRAME|P)|\$MNU(?:TOOL|FRAME)){_INDEX}[ \t]*=")
@@ -129,6 +130,8 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
     last = max((found[-1].end() for found in positions.values()), default=end)
     listing, above = Listing(source, text, start, end, last, _notation(setting)), None
     events = [*_MOTION.finditer(text, start, end), *_ACTIVE.finditer(text, start, end)]
+    small = text[start:end].lower()  # words are looked for in it first: that is quick
+    forbidden = any(word in small for word in FORBIDDEN)
     for match in sorted(events, key=lambda match: match.start()):
         if match.re is _ACTIVE:
             if match["way"]:
@@ -136,7 +139,7 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
             else:
                 active[match["which"]] = match["number"]
             continue
-        if word := _FORBIDDEN.search(match[4]):
+        if word := forbidden and _FORBIDDEN.search(match[4]):
             raise source.refuse(
                 match.start(1),
                 f"{word[1]}: the motion does not end where P[{match[3].strip()}] says; expected it without",
@@ -309,4 +312,4 @@ def _all(source: SourceText, match: re.Match, fields: dict[str, Number], wanted)
 
 
 def _decimals(source: SourceText, places: Sequence[tuple[int, int]]) -> int:
-    return max(LEAST_DECIMALS, *(decimals(source.text[start:end]) for start, end in places))
+    return max(LEAST_DECIMALS, *[decimals(source.text[start:end]) for start, end in places])

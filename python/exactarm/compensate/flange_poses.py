@@ -33,11 +33,12 @@ class Poses:
 
 def stacked(placements: Sequence[Placement]) -> Poses:
     """Placements as arrays: those of a tool or a base are few, and of all targets."""
-    kinds = {id(placement): placement for placement in placements}
+    kinds = dict(zip(map(id, placements), placements))
     if 2 * len(kinds) > len(placements):
         return Poses(np.array([p.position for p in placements]), np.array([p.rotation for p in placements]))
     place = {name: k for k, name in enumerate(kinds)}
-    return stacked(list(kinds.values())).rows(np.array([place[id(p)] for p in placements]))
+    rows = np.fromiter(map(place.__getitem__, map(id, placements)), int)
+    return stacked(list(kinds.values())).rows(rows)
 
 
 def flange_poses(tips: Poses, bases: Sequence[Placement], tools: Sequence[Placement]) -> Poses:

@@ -17,8 +17,7 @@ from __future__ import annotations
 import re
 from bisect import bisect_left
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import partial
 
 import numpy as np
 
@@ -29,10 +28,11 @@ from exactarm.compensate.krl_data import (
     ASSIGNED,
     CARTESIAN,
     Aggregate,
-    Declarations,
     arguments,
     blocks,
 )
+from exactarm.compensate.krl_frames import START, Frames, ToolAndBase
+from exactarm.compensate.krl_frames import placement as placement  # what the dialect shows of a frame
 from exactarm.compensate.program import HERE, Edit, Motion, Notation, Program, SourceText, Target
 from exactarm.compensate.setting import Setting
 from exactarm.compensate.ways import UNCERTAIN, Step, goes_on, settings_of, unread, walk
@@ -47,7 +47,6 @@ _BAS = re.compile(r"(?im)^[ \t]*BAS[ \t]*\([ \t]*#(TOOL|BASE|FRAMES|EX_BASE|INIT
                   r"(?:,[ \t]*([^)\r\n]*))?\)")
 _AT_ANY_TIME = re.compile(r"(?i)\bDO[ \t]+(\w+)[ \t]*\(")  # of an interrupt or a trigger
 _POINT = re.compile(r"(?im)^[ \t]*(?:(?:global|decl)[ \t]+)*(?:E6)?(?:POS|AXIS)[ \t]+(\w+)[ \t]*=")
-_FRAME = re.compile(r"\$?\w+(\[\d*\])?")
 _ROBOT_BASE = re.compile(r"(?im)^[ \t]*(\$ROBROOT\b[^\r\n=]*=(?!=))")
 _LOAD = re.compile(r"(?im)^[ \t]*(\$LOAD\b[^\r\n=]*=(?!=))")
 _REST = re.compile(r"[^\r\n]*")
@@ -59,7 +58,6 @@ ACCURATE = 16  # of S: for information alone; the arm goes where it would withou
 TWICE = ("bit 4 of S says that an arm with absolute accuracy was taught it; where the controller corrects by "
          "itself, it must not be corrected twice")
 NOWHERE = (0, 0)  # of a T that is not given
-START = {"$TOOL": None, "$BASE": None, "$IPO_MODE": "#BASE"}
 KINDS = {
     "PTP": "joint",
     "SPTP": "joint",
@@ -69,23 +67,6 @@ KINDS = {
     "CIRC": "circular",
     "SCIRC": "circular",
 }
-
-
-@dataclass(frozen=True)
-class _Frames:
-    """What $TOOL and $BASE are at some line: placements, or why they are not known."""
-
-    tool: Placement | str
-    base: Placement | str
-
-    @cached_property
-    def refusal(self) -> str:
-        return " and ".join(part for part in (self.tool, self.base) if isinstance(part, str))
-
-    def agree(self, target: Target) -> bool:
-        """Whether those that are known are those of a target."""
-        pairs = ((self.tool, target.tool), (self.base, target.base))
-        return all(isinstance(mine, str) or mine == its for mine, its in pairs)
 
 
 def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
@@ -100,12 +81,12 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
 
 
 def _notation(setting: Setting) -> Notation:
-    def words(targets: Sequence[Target], q: np.ndarray) -> Iterator[tuple[int, Edit]]:
-        for k, (target, reported) in enumerate(zip(targets, setting.reported(q))):
+    def words(targets: Sequence[Target], q: np.ndarray) -> Iterator[Edit]:
+        for target, reported in zip(targets, setting.reported(q)):
             turn = int(target.numbers[-1])
             if target.is_pose and target.places[-1] != NOWHERE and not signs_fit(turn, reported):
                 bits = turn & ~(2 ** len(reported) - 1) | sign_bits(reported)
-                yield k, Edit(target.file, *target.places[-1], b"%d" % bits)
+                yield Edit(target.file, *target.places[-1], b"%d" % bits)
 
     return Notation(
         joints=lambda numbers: setting.joints(np.radians(numbers)),
@@ -117,10 +98,12 @@ def _notation(setting: Setting) -> Notation:
     )
 
 
-class _Reader(Declarations):
+ALONE = {kind for kind in KINDS if not kind.endswith("CIRC")}  # with one point
+
+
+class _Reader(Frames):
     def __init__(self, sources: tuple[SourceText, ...], setting: Setting):
-        super().__init__(sources)
-        self.setting = setting
+        super().__init__(sources, setting)
         self.targets: list[Target] = []
         self.motions: list[Motion] = []
         self.used: dict[tuple, int] = {}
@@ -129,8 +112,6 @@ class _Reader(Declarations):
         self.moves = [source.at_lines(_MOTION, text) for source, text in zip(sources, self.texts)]
         self.spans = [[match.span() for match in (*moves, *assigned)]
                       for moves, assigned in zip(self.moves, self.assigned)]
-        self.known: dict[tuple[str, str | None], Placement | str] = {}
-        self.seen: dict[tuple, _Frames] = {}
         places = lambda word, text: [m.start() for m in re.finditer(rf"(?im)^[ \t]*;{word}\b", text)]
         self.folds = [(places("FOLD", source.text), places("ENDFOLD", source.text)) for source in sources]
         if not any(source.path.suffix.lower() == ".src" for source in sources):
@@ -215,6 +196,10 @@ class _Reader(Declarations):
         if match[2]:
             raise source.refuse(match.start(),
                                 f"{kind}_REL moves from where the arm is; expected absolute targets")
+        if kind in ALONE and (record := self.record(index, match, 3)):
+            place = self.target(index, f"line {line}", record, state, inline, kind)
+            self.arrive(index, match, line, [place], state, inline)
+            return
         words = arguments(match[3], match.start(3))
         if not words or not words[0][0].strip():
             raise source.refuse(match.start(), f"{kind} without a point")
@@ -229,8 +214,13 @@ class _Reader(Declarations):
         for word, place in words:
             found = self.point(index, word, place)
             places.append(None if found is None else self.target(index, *found, state, inline, kind))
+        self.arrive(index, match, line, places, state, inline)
+
+    def arrive(self, index: int, match: re.Match, line: int, places: list[int | None], state: dict,
+               inline: str | None) -> None:
+        """A motion to the targets `places`."""
+        kind, insert = match[1].upper(), None
         via = places[0] if len(places) == 2 else None
-        insert = None
         if kind == "LIN" and inline is None and places[-1] is not None:
             insert = partial(self.insertion, index, match, state, places[-1], self.above)
         self.above = match.span()
@@ -291,7 +281,7 @@ class _Reader(Declarations):
         digits = (DEG_DECIMALS,) * n
         return Target(name, point.file, source.line(point.start), numbers, places, digits)
 
-    def pose(self, name: str, point: Aggregate, frames: _Frames, kind: str) -> Target:
+    def pose(self, name: str, point: Aggregate, frames: ToolAndBase, kind: str) -> Target:
         source = self.sources[point.file]
         numbers, places = self.numbers(point, CARTESIAN)
         status, turn = self.status_and_turn(point)
@@ -324,77 +314,3 @@ class _Reader(Declarations):
             return signs_fit(turn, reported)
         sine = np.sin(reported[4])
         return signs_fit(turn, reported) and (abs(sine) < ZERO_RAD or wrist == (sine < 0.0))
-
-    # -- tool and base -------------------------------------------------------------------------------
-    def frames(self, index: int, name: str, state: dict, inline: str | None) -> _Frames:
-        """Those of a motion: of its inline form, else of $TOOL and $BASE. One object for the same frames: a
-        program has few, and compares them at every motion."""
-        key = (index, inline, *(state[name] for name in START), name if name[:1].upper() == "X" else "")
-        if key not in self.seen:
-            self.seen[key] = self.frames_of(index, name, state, inline)
-        return self.seen[key]
-
-    def frames_of(self, index: int, name: str, state: dict, inline: str | None) -> _Frames:
-        own = "F" + name[1:].upper() if name[:1].upper() == "X" else ""
-        if inline is None and own in self.values:
-            said, here = self.frames(index, "", state, own), self.frames(index, "", state, None)
-            if state["$TOOL"] is None and state["$BASE"] is None or said == here:
-                return said
-            return _Frames(f"{own} says another tool or base than $TOOL and $BASE at this motion", said.base)
-        if inline is not None:
-            known = self.values.get(inline, [])
-            if len(known) != 1 or known[0][2] is None:
-                return _Frames(f"unknown tool: {inline} is not given once in the data list", Placement())
-            fields = known[0][2].fields
-            if "IPO_FRAME" in fields and fields["IPO_FRAME"][0].strip().upper() != "#BASE":
-                return _Frames("the tool stands still and the arm holds the part (#TCP)", Placement())
-            tool, base = (
-                str(int(self.number(known[0][2], key).value)) if key in fields else ""
-                for key in ("TOOL_NO", "BASE_NO")
-            )
-            return _Frames(self.frame("TOOL", f"TOOL_DATA[{tool}]"), self.frame("BASE", f"BASE_DATA[{base}]"))
-        if str(state["$IPO_MODE"]).upper() != "#BASE":
-            return _Frames("the tool stands still and the arm holds the part (#TCP)", Placement())
-        return _Frames(self.frame("TOOL", state["$TOOL"]), self.frame("BASE", state["$BASE"]))
-
-    def frame(self, which: str, value: str | Aggregate | None) -> Placement | str:
-        """`placed` of a name once for all motions: they compare their frames, and one object is quick."""
-        if isinstance(value, Aggregate):
-            return self.placed(which, value)
-        if (which, value) not in self.known:
-            self.known[which, value] = self.placed(which, value)
-        return self.known[which, value]
-
-    def placed(self, which: str, value: str | Aggregate | None) -> Placement | str:
-        """The placement of a frame: literal, by number or by name; else why it is not known."""
-        given = self.setting.tool if which == "TOOL" else self.setting.base
-        key = value.upper() if isinstance(value, str) else ""
-        if key in self.parts:
-            return f"a component of {value} is set by the program; expected numbers alone"
-        if value is not None and not isinstance(value, Aggregate) and not _FRAME.fullmatch(value):
-            return f"${which} is {value}; expected one frame by its name, its number or its numbers"
-        if isinstance(value, Aggregate):
-            self.complete(value, CARTESIAN)
-            return placement([self.number(value, key).value for key in CARTESIAN])
-        number = (re.fullmatch(rf"{which}_DATA\[(\d+)\]", value or "") or [None, None])[1]
-        if value in ("$NULLFRAME", "$WORLD") or number == "0":
-            return Placement()
-        numbers = given(number or (value or ""))
-        known = self.values.get(key, [])
-        if numbers is not None and len(numbers) == 6:
-            if any(frame is None or self.placed(which, frame) != placement(numbers) for _, _, frame in known):
-                return f"{value} is set in these files otherwise than by --{which.lower()}"
-            return placement(numbers)
-        if len(known) == 1 and known[0][2] is not None:
-            return self.frame(which, known[0][2])
-        word = which.lower()
-        told = f"{word} {number or value}" if value else f"{word} (nothing sets ${which})"
-        return (
-            f"unknown {told}: give --{word} {number or ''}{'=' if number else ''}X,Y,Z,A,B,C (mm, deg) as "
-            "the controller shows it"
-        )
-
-
-def placement(numbers) -> Placement:
-    """Of a frame as the controller shows it."""
-    return Placement(from_zyx(np.radians(numbers[3:6])), 1e-3 * np.array(numbers[:3], float))

@@ -193,6 +193,14 @@ class Declarations:
                 f"{', '.join(wanted)}",
             )
 
+    def record(self, index: int, match: re.Match, group: int) -> Aggregate | None:
+        """The plain record that the group of a match is, with blanks at most behind it: most motions."""
+        text, start = self.texts[index], match.start(group)
+        plain = _PLAIN.match(text, start, match.end(group)) if text[start : start + 1] == "{" else None
+        if plain is None or plain.end() < match.end(group) and text[plain.end() : match.end(group)].strip():
+            return None
+        return Aggregate(index, start, plain, {})
+
     def point(self, index: int, text: str, place: int) -> tuple[str, Aggregate] | None:
         """Name and fields of a point that stands in a motion; None for one of the controller's own."""
         source, word = self.sources[index], text.strip()

@@ -13,9 +13,9 @@ import re
 from bisect import bisect_right
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache, cached_property
-from itertools import repeat
-from operator import itemgetter
+from functools import cache, cached_property, partial
+from itertools import chain, repeat
+from operator import itemgetter, lt
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -43,6 +43,7 @@ class Edit(NamedTuple):
     text: bytes
 
 
+_EDIT = partial(tuple.__new__, Edit)  # as Edit._make, in half the time
 HERE = Placement()  # one for all targets of joint angles: a program may have some hundred thousand
 
 
@@ -83,13 +84,6 @@ class Target(NamedTuple):
         return self.is_pose or self.tool is not HERE
 
 
-    def as_written(self, edits: Sequence[Edit]) -> Target:
-        """The same with the numbers that stand in the bytes of its edits (`Notation.edits`)."""
-        count = len(self.digits) or len(self.places)
-        numbers = [*[float(text) for _, _, _, text in edits[:count]], *self.numbers[count:]]
-        return self._replace(numbers=numbers)
-
-
 class Motion(NamedTuple):
     """One motion: "joint", "linear" or "circular" to a target (index), over another one where circular.
 
@@ -117,35 +111,33 @@ class Notation:
 
     joints, reported  numbers -> joint angles, and back
     poses, shown      numbers -> poses; (poses, numbers before) -> numbers
-    words   (targets, joint angles) -> (which of them, edit) of configurations that the new angles leave
+    words   (targets, joint angles) -> edits of configurations that the new angles leave
     """
 
     joints: Callable[[np.ndarray], np.ndarray]
     reported: Callable[[np.ndarray], np.ndarray] | None = None
     poses: Callable[[np.ndarray], Poses] | None = None
     shown: Callable[[Poses, np.ndarray], np.ndarray] | None = None
-    words: Callable[[Sequence[Target], np.ndarray], Iterable[tuple[int, Edit]]] | None = None
+    words: Callable[[Sequence[Target], np.ndarray], Iterable[Edit]] | None = None
 
     def edits(self, sources: Sequence[SourceText], targets: Sequence[Target], q: np.ndarray,
-              tips: Poses | None) -> list[list[Edit]]:
-        """Those of each target, that write the commands q (K, n); tips: of the poses among them, in their
-        bases."""
+              tips: Poses | None) -> tuple[list[Edit], tuple[np.ndarray | None, np.ndarray | None]]:
+        """Those that write the commands q (K, n); tips: of the poses among them, in their bases. And the
+        numbers (K, m) that then stand there: of the joint targets, of the poses."""
         posed = np.array([target.is_pose for target in targets], bool)
-        found: list[list[Edit]] = [[] for _ in targets]
+        edits: list[Edit] = []
+        written: list[np.ndarray | None] = []
         for rows in (np.flatnonzero(~posed), np.flatnonzero(posed)):
             these = [targets[row] for row in rows.tolist()]
             if not these or not these[0].places:
-                continue
-            if these[0].is_pose:
-                numbers = self.shown(tips, np.array([target.numbers for target in these]))
+                written.append(None)
+            elif these[0].is_pose:
+                written.append(_write(sources, these, self.shown(tips, numbers_of(these)), edits))
             else:
-                numbers = self.reported(q[rows])
-            for row, target, values in zip(rows.tolist(), these, numbers.tolist()):
-                found[row] = _edits(sources[target.file], target, values)
+                written.append(_write(sources, these, self.reported(q[rows]), edits))
         if self.words is not None and len(targets):
-            for row, edit in self.words(targets, q):
-                found[row].append(edit)
-        return found
+            edits += self.words(targets, q)
+        return edits, (written[0], written[1])
 
     def bodies(self, sources: Sequence[SourceText], target: Target, begin: int, end: int,
                points: list) -> list[str]:
@@ -153,9 +145,9 @@ class Notation:
         tips = Poses(np.array([tip.position for _, tip in points]),
                      np.array([tip.rotation for _, tip in points]))
         found, text = [], sources[target.file].text
-        angles = np.array([q for q, _ in points])
-        for edits in self.edits(sources, [target] * len(points), angles, tips):
+        for k, (q, _) in enumerate(points):
             body = text[begin:end]
+            edits, _ = self.edits(sources, [target], q[None], tips.rows([k]))
             for edit in sorted(edits, reverse=True):
                 body = body[: edit.start - begin] + edit.text.decode() + body[edit.end - begin :]
             found.append(body)
@@ -190,16 +182,14 @@ class Program:
 
     def rewritten(self, edits: Iterable[Edit]) -> list[bytes]:
         """The content of each file with the edits."""
-        contents, all_edits = [], list(edits)
+        contents, all_edits = [], sorted(edits, key=itemgetter(1))
         for index, source in enumerate(self.files):
-            parts, last, content = [], 0, source.content
-            own = [edit for edit in all_edits if edit[0] == index]
-            for _, start, end, text in sorted(own, key=itemgetter(1)):
-                if start < last:
-                    raise ValueError(f"edits of {source.path} overlap at byte {start}")
-                parts += [content[last:start], text]
-                last = end
-            contents.append(b"".join([*parts, content[last:]]))
+            own = all_edits if len(self.files) == 1 else [edit for edit in all_edits if edit[0] == index]
+            starts, ends, texts = (list(map(itemgetter(k), own)) for k in (1, 2, 3))
+            if any(map(lt, starts[1:], ends)):
+                raise ValueError(f"edits of {source.path} overlap")
+            kept = map(source.content.__getitem__, map(slice, [0, *ends], [*starts, None]))
+            contents.append(b"".join(chain.from_iterable(zip(kept, [*texts, b""]))))
         return contents
 
 
@@ -232,6 +222,31 @@ class SourceText:
     @cached_property
     def _starts(self) -> list[int]:
         return [0, *(match.end() for match in re.finditer(r"[\r\n](?:(?<=\r)\n)?", self.text))]
+
+    @cached_property
+    def _marks(self) -> tuple[np.ndarray, np.ndarray]:
+        """Places of the dots, and of the letters that may begin an exponent."""
+        letters = np.frombuffer(self.content, np.uint8)
+        return np.flatnonzero(letters == ord(".")), np.flatnonzero((letters | 0x20) == ord("e"))
+
+    def numbers(self, places: np.ndarray, digits: np.ndarray, values: np.ndarray) -> list[bytes]:
+        """New ones (K,) for those at places (K, 2): with as many decimals as these have, at least `digits`;
+        with a plus where they have one."""
+        (dots, powers), (start, end) = self._marks, places.T
+        each = np.append(dots, len(self.content))[np.searchsorted(dots, start)]
+        each = np.maximum(end - each - 1, 0)
+        for k in np.flatnonzero(np.searchsorted(powers, start) < np.searchsorted(powers, end)).tolist():
+            each[k] = decimals(self.text[start[k] : end[k]])
+        each = np.maximum(each, digits)
+        texts = np.empty(len(values), object)
+        for count in np.unique(each).tolist():
+            rows, form = np.flatnonzero(each == count), b"%%.%df" % count
+            texts[rows] = [form % value for value in values[rows].tolist()]
+        plus = np.frombuffer(self.content, np.uint8)[start] == ord("+")
+        for k in np.flatnonzero(plus | (np.abs(values) < 10.0**-each)).tolist():
+            text = texts[k][1:] if texts[k][:1] == b"-" and float(texts[k]) == 0.0 else texts[k]
+            texts[k] = b"+" + text if plus[k] and text[:1] != b"-" else text
+        return texts.tolist()
 
     def at_lines(self, pattern: re.Pattern[str], text: str) -> list[re.Match[str]]:
         """What a pattern that begins with ^ finds in `text`, which has the lines of the source: asked there
@@ -283,27 +298,28 @@ class Number(NamedTuple):
         return Number(value, start + match.start(1), start + match.end(1))
 
 
-def _edits(source: SourceText, target: Target, values: list[float]) -> list[Edit]:
-    """Numbers with as many decimals as they have, at least `digits`; with a plus where they have one."""
-    file, text = target.file, source.text
-    if not target.digits:
-        return [Edit(file, *place, b"%d" % value) for place, value in zip(target.places, values)]
-    old = [text[start:end] for start, end in target.places]
-    written = _format(tuple(map(max, map(decimals, old), target.digits))) % tuple(values)
-    edits = []
-    for place, before, new in zip(target.places, old, written.split()):
-        if new[0] == "-" and float(new) == 0.0:
-            new = new[1:]
-        if before[0] == "+" and new[0] != "-":
-            new = "+" + new
-        edits.append(Edit(file, *place, new.encode()))
-    return edits
+def numbers_of(targets: Sequence[Target]) -> np.ndarray:
+    """(K, m) of targets of one kind."""
+    found = np.fromiter(chain.from_iterable(target.numbers for target in targets), float)
+    return found.reshape(len(targets), -1)
 
 
-@cache
-def _format(each: tuple[int, ...]) -> str:
-    """The format of numbers with so many decimals."""
-    return " ".join(f"%.{count}f" for count in each)
+def _write(sources: Sequence[SourceText], targets: Sequence[Target], values: np.ndarray,
+           edits: list[Edit]) -> np.ndarray:
+    """The numbers (K, m) that stand in the files when `values` are written; puts their edits to `edits`."""
+    count, written = values.shape[1], np.empty(values.shape)
+    files = np.array([target.file for target in targets])
+    for file in np.unique(files).tolist():
+        rows = np.flatnonzero(files == file)
+        own = [targets[row] for row in rows.tolist()]
+        places = list(chain.from_iterable(target.places[:count] for target in own))
+        digits = np.fromiter(chain.from_iterable(target.digits for target in own), int)
+        new = values[rows].ravel()
+        texts = sources[file].numbers(np.array(places), digits, new) if digits.size else [
+            b"%d" % value for value in new.tolist()]
+        edits += map(_EDIT, zip(repeat(file), map(itemgetter(0), places), map(itemgetter(1), places), texts))
+        written[rows] = np.fromiter(map(float, texts), float).reshape(-1, count)
+    return written
 
 
 def decimals(text: str) -> int:

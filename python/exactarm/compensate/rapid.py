@@ -36,16 +36,13 @@ from exactarm.compensate.rapid_data import (
     REASONS,
     ROBTARGET,
     SENSED,
-    Datum,
-    Declarations,
     Literal,
     tool_of,
 )
+from exactarm.compensate.rapid_frames import Frames, no_turn
+from exactarm.compensate.rapid_frames import placement as placement  # what the dialect shows of a frame
 from exactarm.compensate.setting import Setting
 from exactarm.compensate.ways import goes_on, unread
-from exactarm.errors import InputError
-from exactarm.mdh_frames import compose
-from exactarm.robot import Placement
 
 NAME, SUFFIXES = "RAPID", (".mod", ".modx", ".sys", ".sysx")
 MM_DECIMALS, DEG_DECIMALS, QUATERNION_DECIMALS = 5, 7, 9
@@ -55,7 +52,6 @@ NOT_IN_USE = {9e9, 0.0}  # of an external axis
 FRAME_NUMBERS = 7
 SPREAD = {"v", "wobj", "tload"}  # switches that hold for each part of a way; a time, a number does not
 FLY_BY = "z1"  # the zone at points in between: the arm does not stop there
-NORM_TOLERANCE = 1e-2  # of a quaternion typed with three decimals
 
 _ELSEWHERE = re.compile(r"\s*([A-Za-z]\w*)\s+(?:\\\w+\s*,\s*)?")  # before a literal; the whole of it
 _BRACKETS = re.compile(r"\[\s*\[")
@@ -94,7 +90,7 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
 
 
 def _notation(setting: Setting) -> Notation:
-    def words(targets: Sequence[Target], q: np.ndarray) -> Iterator[tuple[int, Edit]]:
+    def words(targets: Sequence[Target], q: np.ndarray) -> Iterator[Edit]:
         rows = [k for k, target in enumerate(targets) if target.is_pose and setting.robot.axes == 6]
         if not rows:
             return
@@ -103,7 +99,7 @@ def _notation(setting: Setting) -> Notation:
         new = quadrants(reported)
         for k, i in np.argwhere(~in_quadrant(reported[:, [0, 3, 5]], np.trunc(old))):
             target = targets[rows[k]]
-            yield rows[k], Edit(target.file, *target.places[7 + i], b"%d" % new[k, i])
+            yield Edit(target.file, *target.places[7 + i], b"%d" % new[k, i])
 
     return Notation(
         joints=lambda numbers: setting.joints(np.radians(numbers)),
@@ -114,23 +110,15 @@ def _notation(setting: Setting) -> Notation:
     )
 
 
-def placement(numbers) -> Placement:
-    """Of a frame: x, y, z in mm and a quaternion, w first; refused where that is none."""
-    if (off := _no_turn(numbers[3:7])):
-        raise InputError(f"frame {','.join(f'{number:g}' for number in numbers)}: {off}")
-    return Placement(from_quaternion(np.array(numbers[3:7])), 1e-3 * np.array(numbers[:3], float))
-
-
-class _Reader(Declarations):
+class _Reader(Frames):
     def __init__(self, sources: tuple[SourceText, ...], setting: Setting):
-        super().__init__(sources)
-        self.setting = setting
+        super().__init__(sources, setting)
         self.targets: list[Target] = []
         self.motions: list[Motion] = []
         self.used: dict[tuple[int, int], int] = {}
         self.warnings: list[str] = []
+        self.outside: dict[tuple[str, ...], tuple[float, ...]] = {}  # external axes: the same in most
         self.nearest = {kind for index in range(len(sources)) for kind in self.unmonitored(index)}
-        self.frames: dict[tuple[str, str, int], tuple] = {}
         self.spans: list[list[tuple[int, int]]] = [
             [(datum.place, datum.literal.end if datum.literal else datum.place + 1)
              for data in self.data.values() for datum in data if datum.file == index]
@@ -140,7 +128,8 @@ class _Reader(Declarations):
     def motions_of(self, index: int) -> None:
         source, text = self.sources[index], self.texts[index]
         source.refuse_words(text, REASONS)
-        for match in re.finditer(r"[Gg](?<!\w.)(?i:ripLoad\s+(?!load0\b))", text):
+        grips = re.finditer(r"[Gg](?<!\w.)(?i:ripLoad\s+(?!load0\b))", text)
+        for match in grips if "gripload" in text.lower() else ():
             if self.setting.load is None:
                 raise source.refuse(match.start(), "GripLoad: a load besides that of the tool; expected "
                                                    "--payload with both together")
@@ -284,7 +273,7 @@ class _Reader(Declarations):
         if not NOT_IN_USE.issuperset(numbers[11:]):
             raise source.refuse(literal.start, "an external axis is in use; expected 9E9 in all of them")
         Numbers(numbers[:7], places).checked(source)
-        if off := _no_turn(numbers[3:7]):
+        if off := no_turn(numbers[3:7]):
             raise source.refuse(places[3][0], off)
         tip, why, load = self.tool(tool, index, place)
         base, why_base = self.work_object(wobj, index, place)
@@ -307,9 +296,12 @@ class _Reader(Declarations):
     def robtarget(self, file: int, literal: Literal) -> Numbers:
         """Its numbers."""
         if literal.plain is not None:
-            found = Numbers.groups(literal.plain)
-            if max(map(abs, found.values)) < math.inf:
-                return found
+            words = literal.plain.groups()
+            if words[11:] not in self.outside:
+                self.outside[words[11:]] = tuple(map(float, words[11:]))
+            values = (*map(float, words[:11]), *self.outside[words[11:]])
+            if max(map(abs, values)) < math.inf:
+                return Numbers(values, literal.plain.regs[1:])
         numbers = [number for k, (count, what) in enumerate(PARTS)
                    for number in self.numbers(file, literal, k, count, what)]
         return Numbers.of(numbers)
@@ -322,76 +314,3 @@ class _Reader(Declarations):
             return False
         sine = math.sin(angles[4])
         return abs(sine) < EDGE_RAD or wrist == 0 or bool(wrist & 1) == (sine < 0.0)
-
-    # -- tool and work object ------------------------------------------------------------------------
-    def tool(self, name: str, index: int, place: int):
-        """Placement and, where it is not known, why; load. Read once for all motions with it."""
-        if ("tool", name, index) not in self.frames:
-            self.frames["tool", name, index] = self.tool_of(name, index, place)
-        return self.frames["tool", name, index]
-
-    def tool_of(self, name: str, index: int, place: int):
-        if name.lower() == "tool0":
-            return Placement(), "", None
-        if not self.seen(index, name):
-            return *self.given("tool", name), None
-        datum = self.datum(index, name, place, ("tooldata",))
-        parts = datum.literal.parts
-        if len(parts) != 3 or not isinstance(parts[0], tuple) or parts[0][0].strip().upper() != "TRUE":
-            return Placement(), f"{name} is not held by the robot; expected tooldata with TRUE", None
-        frame = self.frame(datum, parts[1])
-        load = self.load(datum, parts[2])
-        return frame, self.otherwise("tool", name, frame), load
-
-    def work_object(self, name: str, index: int, place: int):
-        """Placement of user frame and object frame, and, where they are not known, why."""
-        if ("base", name, index) not in self.frames:
-            self.frames["base", name, index] = self.work_object_of(name, index, place)
-        return self.frames["base", name, index]
-
-    def work_object_of(self, name: str, index: int, place: int):
-        if name.lower() == "wobj0":
-            return Placement(), ""
-        if not self.seen(index, name):
-            return self.given("base", name)
-        datum = self.datum(index, name, place, ("wobjdata",))
-        parts = datum.literal.parts
-        flags = [part[0].strip().upper() for part in parts[:2] if isinstance(part, tuple)]
-        if flags != ["FALSE", "TRUE"] or len(parts) != 5:
-            return Placement(), f"{name} is held or moved; expected wobjdata with FALSE, TRUE"
-        frame = compose(self.frame(datum, parts[3]), self.frame(datum, parts[4]))
-        return frame, self.otherwise("base", name, frame)
-
-    def given(self, option: str, name: str) -> tuple[Placement, str]:
-        """A frame of the command line, and why it is not known."""
-        numbers = (self.setting.tool if option == "tool" else self.setting.base)(name)
-        if numbers is not None and len(numbers) == 7:
-            return placement(numbers), ""
-        what = "tool" if option == "tool" else "work object"
-        return Placement(), f"unknown {what} {name or '(none in the motion)'}: {_expected(option, name)}"
-
-    def otherwise(self, option: str, name: str, frame: Placement) -> str:
-        """What is wrong where the command line has other numbers for a frame than the file."""
-        named = self.setting.tools if option == "tool" else self.setting.bases
-        numbers = {key.lower(): numbers for key, numbers in named.items()}.get(name.lower())
-        same = numbers is None or (len(numbers) == 7 and placement(numbers) == frame)
-        return "" if same else f"{name} has other numbers in these files than by --{option}"
-
-    def frame(self, datum: Datum, parts) -> Placement:
-        literal = Literal(datum.literal.start, datum.literal.end, parts if isinstance(parts, list) else [])
-        numbers = self.numbers(datum.file, literal, 0, 3, "the position") + self.numbers(
-            datum.file, literal, 1, 4, "the orientation"
-        )
-        if off := _no_turn([number.value for number in numbers[3:]]):
-            raise self.sources[datum.file].refuse(numbers[3].start, off)
-        return placement([number.value for number in numbers])
-
-
-def _no_turn(wxyz: Sequence[float]) -> str:
-    """Why four numbers are no orientation; empty: they are."""
-    norm = math.hypot(*wxyz)
-    return "" if abs(norm - 1.0) <= NORM_TOLERANCE else f"quaternion of norm {norm:.4g}; expected 1"
-
-
-def _expected(option: str, name: str) -> str:
-    return f"expected --{option} {name}=x,y,z,q1,q2,q3,q4 (mm), or its data in these files"

@@ -27,13 +27,14 @@ _ASSIGNED = re.compile(r"(?<![\w\\.}])(\w+)[ \t]*(?:\{[^}]*\}|\.\w+)*\s*\Z")
 _ROUTINE = re.compile(r"(?:proc|func|trap)\b(?:(?<=\b(end)....)|(?<=\b....))")
 _WORD = re.compile(r"[A-Za-z_]\w*")
 _NAME = re.compile(r"\s*\w+\s*")
+_WHOLE = re.compile(r"\w+")
 _BLANK = re.compile(r"\s*")
 _LIST = lambda count: r"\[" + ",".join([rf"\s*({NUMBER})\s*"] * count) + r"\]"
 ROBTARGET = re.compile(r"\[\s*" + r"\s*,\s*".join(map(_LIST, (3, 4, 4, 6))) + r"\s*\]")
 _LISTS = ((0, 3), (3, 7), (7, 11), (11, 17))  # of its numbers
 _SPLITS = re.compile(r"[\[({\])},\\]")
 _MARKS = re.compile(r"[\[\],;]")
-_ARGUMENTS = re.compile(r"[pf](?<!\w.)(?:(?<=p)roc|(?<=f)unc\s+\w+)\s+\w+\s*\(([^)]*)\)")
+_ARGUMENTS = re.compile(r"(?<!\w)(?:proc|func\s+\w+)\s+\w+\s*\(([^)]*)\)")
 _LENT = re.compile(r"\b(?:inout|pers|var)\s+(?:robtarget|jointtarget|tooldata|wobjdata)\s+(\w+)")
 _ARGUMENT = re.compile(r"(?i)\b(?:robtarget|jointtarget|tooldata|wobjdata)\s+(\w+)")
 
@@ -82,7 +83,8 @@ class Declarations:
         self.tails: dict[str, tuple[dict[str, str], list[tuple[str, int]]]] = {}
         self.assigned: dict[str, dict[int, int]] = {}  # name -> file -> the first place
         for index, text in enumerate(self.texts):
-            routines = list(_ROUTINE.finditer(text.lower()))
+            small = text.lower()
+            routines = list(_ROUTINE.finditer(small))
             starts = [match.start() for match in routines]
             for begin, place in _set(text):
                 if match := _DATA.search(text, begin, place):
@@ -95,7 +97,7 @@ class Declarations:
                 elif match := _ASSIGNED.search(text, begin, place):
                     self._assign(match[1], index, match.start(1))
             changed = {name for name, places in self.assigned.items() if index in places}
-            for match in _ARGUMENTS.finditer(text.lower()):
+            for match in filter(None, (_ARGUMENTS.match(small, begin) for begin in starts)):
                 if lent := changed.intersection(_LENT.findall(match[1])):
                     raise self.sources[index].refuse(
                         match.start(), f"the routine sets {min(lent)}, which it is given; expected data that "
@@ -106,7 +108,8 @@ class Declarations:
     def unmonitored(self, index: int) -> list[str]:
         """Kinds of motions for which the module switches the check of configurations off: a controller then
         takes the branch nearest to where the arm is, whatever cf1 to cfx say."""
-        found = {(match[1], match[2]): match for match in _CONF.finditer(self.texts[index].lower())}
+        small = self.texts[index].lower()  # the word is looked for in it first: that is quick
+        found = {(match[1], match[2]): match for match in _CONF.finditer(small)} if "conf" in small else {}
         if {("j", "on"), ("j", "off")} <= found.keys():
             raise self.sources[index].refuse(
                 found["j", "off"].start(), "the check of configurations of MoveJ is switched on and off; "
@@ -268,4 +271,4 @@ def _sorted(given: list[tuple[str, str, int]]) -> tuple[dict[str, str], list[tup
 def tool_of(plain: list[tuple[str, int]], where: int) -> str:
     """The last argument without a switch: target(s), speed, zone, tool; behind that of MoveLDO, a signal."""
     word = plain[where][0].strip() if where < len(plain) else ""
-    return word if re.fullmatch(r"\w+", word) else ""
+    return word if _WHOLE.fullmatch(word) else ""

@@ -57,7 +57,8 @@ REASONS = {"set_base": MOVED, "path_offset_enable": MOVED, "path_offset_set": MO
 _CROWDED = re.compile(  # a block whose statements stand in the line of its head
     r"[ \t]*(?:if|elif|else|while|for|switch|case|default|def|thread|sec)\b[^\r\n]*:[ \t]*[^\s:]")
 _CALL = re.compile(r"([A-Za-z_](?<!\w.)\w*)[ \t]*\(")
-_UNREAD = re.compile(r"\b(servoc|speedj|speedl|optimovej|optimovel|force_mode|conveyor_pulse_decode)[ \t]*\(")
+UNREAD = ("servoc", "speedj", "speedl", "optimovej", "optimovel", "force_mode", "conveyor_pulse_decode")
+_UNREAD = re.compile(rf"\b({'|'.join(UNREAD)})[ \t]*\(")
 _LITERAL = re.compile(r"(p?)\s*\[([^\[\]]*)\]")
 _ALONE = re.compile(
     r"(?m)^([ \t]*)movel\([ \t]*p\[[^\]]*\]((?:[ \t]*,[ \t]*[avr][ \t]*=[^,()\r\n]*)*)\)[ \t]*$"
@@ -177,7 +178,9 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
         index[key] = len(targets) - 1
         return index[key]
 
-    moves = (*_MOVE.finditer(text), *_UNREAD.finditer(text))
+    moves = [*_MOVE.finditer(text)]
+    if any(word in text for word in UNREAD):  # that is quick
+        moves += _UNREAD.finditer(text)
     steps = [Step(match.start(), "move", match) for match in moves]
     for match in _SET.finditer(text):
         if match[1] == "set_tcp":

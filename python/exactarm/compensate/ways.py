@@ -34,17 +34,20 @@ class Step(NamedTuple):
 
 def walk(steps: Iterable[Step], start: Mapping[str, Any]) -> Iterator[tuple[Any, dict[str, Any]]]:
     """(data, setting -> value) of every motion; start: what holds before the first statement."""
-    ordered = sorted(steps, key=lambda step: step.place)
+    ordered = sorted(steps, key=attrgetter("place"))
     ends = _ends(ordered)
     only = {key: _only([step.data[1] for step in ordered if step.what == "set" and step.data[0] == key])
             for key in start}
     changed = _changed(ordered, ends)
     state, blocks = dict(start), []  # of each block: state before it, ends of its ways, one always taken
-    inside = False
+    inside, shown = False, None  # one dictionary for all motions that nothing changes between
     for step in ordered:
         if step.what == "move":
-            yield step.data, dict(state)
-        elif step.what == "set":
+            shown = dict(state) if shown is None else shown
+            yield step.data, shown
+            continue
+        shown = None
+        if step.what == "set":
             state[step.data[0]] = step.data[1]
         elif step.what == "call":
             state |= {key: only[key] for key in changed.get(step.data, ())}
