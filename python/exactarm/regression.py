@@ -340,16 +340,12 @@ def _finish(now, weight, soft, slope, x, lower, upper, reason, iterations, model
     unbounded = np.stack([x, np.sqrt(np.diag(covariance))])
     if at_bound.any():
         unbounded = beyond_bounds(unbounded, gram, downhill / slope, at_bound, variance)
+    if gram is not model.normal:
+        inverse, scale = gram_inverse(model.normal[np.ix_(free, free)])
+    onto = downhill[free] / scale
     return Fit(
         x=x, covariance=covariance, sigma=float(np.sqrt(variance)), freedom=freedom, reason=reason,
         iterations=iterations, cost=0.5 * square, at_bound=at_bound, weights=soft, residual=now.residual,
         slope=slope, bounds=np.stack([lower, upper]), unbounded=unbounded,
-        offset=_offset(model.normal[np.ix_(free, free)], downhill[free], square),
+        offset=float(onto @ inverse @ onto) / square if square > 0.0 else 0.0,
     )
-
-
-def _offset(gram: np.ndarray, downhill: np.ndarray, square: float) -> float:
-    """Share of the square sum that lies in the span of the free columns J: J'J (P, P), J'r (P,)."""
-    inverse, scale = gram_inverse(gram)
-    onto = downhill / scale
-    return float(onto @ inverse @ onto) / square if square > 0.0 else 0.0

@@ -15,10 +15,14 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import linalg
+from scipy.linalg import lapack
 
 _SQUARED = 1e-10  # eigenvalue beside the largest, below which J'J leaves less than six digits of it
 _ROUNDING = 1e-14  # singular value beside the largest, below which it is rounding
 _SURE = 1e-3  # smallest of a Cholesky factor's diagonal beside the largest: no direction near rounding
+_FEW = 0.2  # share of the columns that may be nearly dependent on the others
+# singular value of what is left of columns beside others, to the largest: known to a percent, and rounding
+_SEEN, _LOST = 1e-12, 1e-14
 _SHIFT_ROUNDS = 60
 _RADIUS_MET = 0.05  # relative
 
@@ -60,14 +64,44 @@ class Model:
     def lowest(self, free: np.ndarray, gradient: np.ndarray) -> np.ndarray | None:
         """(f,) the minimum of the quadratic form over the free variables; None where it has directions so
         weak that the spectrum has to say which of them are seen."""
+        gram = self.gram[np.ix_(free, free)]
         try:
-            factor = linalg.cho_factor(self.gram[np.ix_(free, free)], check_finite=False)
+            factor = linalg.cho_factor(gram, check_finite=False)
         except linalg.LinAlgError:
-            return None
+            return self._lowest_in_two(gram, free, gradient)
         sizes = np.diag(factor[0])
         if not sizes.min(initial=np.inf) > _SURE * sizes.max(initial=0.0):
-            return None
+            return self._lowest_in_two(gram, free, gradient)
         return -linalg.cho_solve(factor, gradient, check_finite=False)
+
+    def _lowest_in_two(self, gram: np.ndarray, free: np.ndarray, gradient: np.ndarray) -> np.ndarray | None:
+        """The same where few columns are nearly dependent on the others: what is left of these beside the
+        others is taken from J itself, for J'J holds too few digits of it. Of all minima the shortest, where
+        directions are lost in rounding; None where columns are many, or a direction is neither lost nor
+        seen."""
+        lower, order, _, _ = lapack.dpstrf(gram, lower=1)
+        sizes, order = np.diag(lower), order - 1
+        strong = int(np.argmin(np.append(sizes, -np.inf) > _SURE * sizes[0]))  # the first that is not
+        if len(sizes) - strong > _FEW * len(sizes):
+            return None
+        factor = (lower[:strong, :strong], True)
+        one, other = order[:strong], order[strong:]
+        columns = self.jacobian[:, free][:, order] / self.unit[free][order]
+        part = linalg.cho_solve(factor, gram[np.ix_(one, other)], check_finite=False)
+        left = columns[:, strong:] - columns[:, :strong] @ part
+        again = linalg.cho_solve(factor, columns[:, :strong].T @ left, check_finite=False)
+        part, left = part + again, left - columns[:, :strong] @ again
+        singular, rows = linalg.svd(linalg.qr(left, mode="r", check_finite=False)[0][: left.shape[1]],
+                                    check_finite=False)[1:]
+        seen, lost = singular > _SEEN * sizes[0], singular < _LOST * sizes[0]
+        if not np.all(seen | lost):
+            return None
+        onto = rows @ (gradient[other] - part.T @ gradient[one])
+        step, unseen = np.empty(len(order)), np.empty((len(order), int(lost.sum())))
+        step[other] = -rows[seen].T @ (onto[seen] / singular[seen] ** 2)
+        step[one] = -linalg.cho_solve(factor, gradient[one], check_finite=False) - part @ step[other]
+        unseen[other], unseen[one] = rows[lost].T, -part @ rows[lost].T
+        return step - unseen @ linalg.solve(unseen.T @ unseen, unseen.T @ step) if lost.any() else step
 
     def spectrum(self, free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Eigenvalues (f,) and vectors (f, f) of B on the free variables, rounding as zero."""

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from exactarm.diagnose.orthonormal import extended, orthonormal
+from exactarm.diagnose.orthonormal import extended, narrowed, orthonormal
 
 
 @pytest.fixture
@@ -41,3 +41,13 @@ def test_directions_weaker_than_asked_for_are_left_out(rng, weakest, kept):
     basis = orthonormal(columns, weakest)
     assert basis.shape == (80, kept)
     assert_allclose(basis.T @ basis, np.eye(kept), atol=1e-14)
+
+
+def test_a_basis_without_some_columns_spans_the_others(rng):
+    columns = rng.normal(size=(80, 7)) * 10.0 ** rng.uniform(-6, 6, 7)
+    columns[:, 2] = columns[:, :2] @ [1.0, 2.0] + 1e-4 * columns[:, 2] * np.linalg.norm(columns[:, :2])
+    gone = np.isin(np.arange(7), [2, 5])
+    whole = orthonormal(columns)
+    basis = narrowed(whole, np.linalg.inv(whole.T @ columns), gone)
+    assert_allclose(basis.T @ basis, np.eye(5), atol=1e-14)
+    assert_allclose(projection(basis), projection(orthonormal(columns[:, ~gone])), atol=1e-9)

@@ -15,6 +15,7 @@ from exactarm.diagnose import selection
 from exactarm.diagnose.admissible import is_possible
 from exactarm.diagnose.closure_problem import ClosureProblem
 from exactarm.diagnose.diagnosis import _unconverged, diagnose
+from exactarm.diagnose.orthonormal import orthonormal
 from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.problems import problem_for
 from exactarm.diagnose.verdict import UNEXPLAINED
@@ -50,6 +51,20 @@ def test_nothing_is_proposed_for_an_axis_that_stands_still():
     found = selection.candidates_for(problem, problem.fit(declared))
     assert found and not [effect.label for effect in found if effect.joint == 4]
     assert {effect.joint for effect in found} >= {1, 2, 3, 5, 6}
+
+
+def test_a_fit_without_an_effect_is_clear_of_all_others():
+    """Its basis is turned out of that of the whole fit, the rows of the effect's own priors left out."""
+    problem, declared = fitted_problem(*poses())
+    field = selection.candidates_for(problem, problem.fit(declared))
+    effects = tuple({effect.joint: effect for effect in field if effect.any_curve}.values())[1:3]
+    whole = problem.fit(declared.joined(Layout.of(effects)))
+    without = whole.without(len(declared.effects))
+    assert len(without.prior_rows) < len(whole.prior_rows)
+    expected = orthonormal(without.design)
+    assert without.basis.shape == expected.shape
+    assert without.basis @ (without.basis.T @ expected) == pytest.approx(expected, abs=1e-9)
+    assert without.spent == pytest.approx(float(np.sum(expected[: without.data_numbers] ** 2)), rel=1e-9)
 
 
 def test_an_effect_that_ends_at_its_bound_does_not_enter(monkeypatch):

@@ -282,7 +282,8 @@ def _search(problem: Problem, declared: Layout, progress: Progress) -> tuple[Sel
         progress(ALL_ROWS)
         first = problem.fit(declared)
         effects = [accepted.effect for accepted in found.accepted]
-        fits = [first, *fits[1:-1]] + ([refit(problem, declared, effects, first)] if effects else [])
+        start = replace(first, sigma=fits[-1].sigma)  # what the effects leave
+        fits = [first, *fits[1:-1]] + ([refit(problem, declared, effects, start)] if effects else [])
     if causes is not None:
         fits[-1] = _known_beside(problem, fits[-1], causes.noise, rows)
     return replace(found, fits=tuple(fits)), causes

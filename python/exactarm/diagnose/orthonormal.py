@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from scipy import linalg
+from scipy.linalg import lapack
 
 
 def orthonormal(columns: np.ndarray, weakest: float = 1e-6) -> np.ndarray:
@@ -32,6 +33,18 @@ def extended(basis: np.ndarray, columns: np.ndarray) -> np.ndarray:
         values, vectors = linalg.eigh(added.T @ added)
         added = added @ (vectors[:, values > least] / np.sqrt(values[values > least]))
     return np.concatenate([basis, added], axis=1)
+
+
+def narrowed(basis: np.ndarray, coordinates: np.ndarray, gone: np.ndarray) -> np.ndarray:
+    """(R, c) an orthonormal basis of the c columns that stay, of all (R, b) that `basis` (R, b) spans.
+
+    coordinates (b, b): inverse of the columns' coordinates in the basis; its rows are orthogonal to every
+    column but their own. gone (b,) bool: the columns that do not stay. The basis is turned by reflections
+    until its first columns are orthogonal to all that stays.
+    """
+    turn, tau, _, _ = lapack.dgeqrf(coordinates[gone].T)
+    work = int(lapack.dormqr("R", "N", turn, tau, basis, -1)[1][0])
+    return lapack.dormqr("R", "N", turn, tau, basis, work)[0][:, len(tau) :]
 
 
 def _whitened(basis: np.ndarray, weakest: float) -> np.ndarray:

@@ -10,6 +10,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 from scipy import linalg
@@ -17,7 +18,7 @@ from scipy import linalg
 from exactarm.chain import Layout, View
 from exactarm.dataset import Dataset
 from exactarm.diagnose.in_space import InSpace
-from exactarm.diagnose.orthonormal import extended, orthonormal
+from exactarm.diagnose.orthonormal import extended, narrowed, orthonormal
 from exactarm.effects.base import Effect
 from exactarm.identify.layout_fit import Drawing, pulls_of
 from exactarm.noise.estimate import estimate_noise
@@ -46,6 +47,7 @@ class Fitted:
     view: View
     noise: object = field(default=None, kw_only=True)
     drawing: Drawing = field(default_factory=dict, kw_only=True)
+    _taken_from: ClassVar[tuple[Fitted, np.ndarray] | None] = None  # a fit, and (P,) bool: not of this one
 
     @cached_property
     def scale(self) -> np.ndarray:
@@ -89,7 +91,9 @@ class Fitted:
         linear = np.array([not p.search for p in self.layout.parameters[where]], bool)
         residual = self.residual + self.jacobian[:, :,
                                                  where] @ np.where(linear, self.layout.values[where], 0.0)
-        return replace(self, layout=layout, residual=residual, jacobian=self.jacobian[:, :, keep])
+        narrower = replace(self, layout=layout, residual=residual, jacobian=self.jacobian[:, :, keep])
+        vars(narrower)["_taken_from"] = self, ~keep
+        return narrower
 
     @property
     def data_numbers(self) -> int:
@@ -112,7 +116,19 @@ class Fitted:
     @cached_property
     def basis(self) -> np.ndarray:
         """(N m + r, b) orthonormal basis of what the free parameters can explain."""
-        return orthonormal(self.design)
+        if self._taken_from is None or self._taken_from[0].coordinates is None:
+            return orthonormal(self.design)
+        whole, gone = self._taken_from
+        pulled = np.any(whole.prior_rows[:, gone] != 0.0, axis=1)  # rows of what is gone
+        rows = np.concatenate([np.ones(self.data_numbers, bool), ~pulled])
+        return narrowed(whole.basis, whole.coordinates, gone)[rows]
+
+    @cached_property
+    def coordinates(self) -> np.ndarray | None:
+        """(P, P) inverse of the columns' coordinates in the basis; None where they are dependent."""
+        if self.basis.shape[1] < self.layout.size:
+            return None
+        return linalg.inv(self.basis.T @ self.design, check_finite=False)
 
     @cached_property
     def spent(self) -> float:

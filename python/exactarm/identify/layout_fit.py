@@ -23,6 +23,7 @@ Drawing = Mapping[str, tuple[float, float]]  # name of a parameter: declared val
 
 _ROUNDS = 12
 _SETTLED = 0.01  # relative change of a standard deviation
+_ALONG = 1e-3  # share of the square sum still to fall, which moves its root by far less than that
 _LEAST_FREE_SHARE = 0.1  # of the numbers that is left for the noise, however many parameters there are
 
 
@@ -86,18 +87,20 @@ def fit_layout(
         sigma = np.maximum(_spread(start, np.zeros(components), alike, share[rows]), floor)
     one_scale = not len(pull) and np.unique(alike).size == 1  # which no estimate hangs on
     numbers = float(np.sum(np.minimum(weight[rows] ** 2, share[rows]))) * components + len(pull)
+    exact = one_scale  # the noise is sought along the way: only its last round is brought to the end
     for _ in range(_ROUNDS):
         each = (weight[rows, None] / sigma).ravel()
         fit = least_squares(
             evaluate, x, weights=np.concatenate([each, np.ones(len(pull))]), bounds=bounds, robust=robust,
             group=_group(alike), data_rows=each.size,
-            numbers=numbers, tolerance=tolerance,
+            numbers=numbers, tolerance=tolerance if exact else max(tolerance, _ALONG),
         )
         (columns,) = (evaluation.jacobian[: each.size] for evaluation in latest.values())
         spent = _spent(columns, weight[rows], sigma, alike, pull, ~fit.at_bound)
         left = fit.clipped[: each.size].reshape(-1, components)
         new = np.maximum(_spread(left, spent, alike, share[rows]), floor)
-        settled = one_scale or bool(np.all(np.abs(new / sigma - 1.0) < _SETTLED))
+        near = one_scale or bool(np.all(np.abs(new / sigma - 1.0) < _SETTLED))
+        settled, exact = near and exact, near
         x, sigma = fit.x, new
         if settled:
             break
