@@ -27,6 +27,7 @@ from exactarm.report.plots.files import draw
 from exactarm.report.plots.style import house_style
 from exactarm.report.terminal import columns_of, render_text
 
+pytestmark = pytest.mark.drawn  # what the files of figures hold is looked at
 RANDOM = np.random.default_rng(11)
 
 
