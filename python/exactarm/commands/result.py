@@ -184,7 +184,7 @@ class CommandResult(Outcome):
     def warned(self, found: Sequence[str]) -> CommandResult:
         """The same with more warnings, before its own: in result.json, in the report, and in its colour; and
         with one more where the new model errs more on held-out rows than the declared one."""
-        found = [*found, *_worse(self.json)]
+        found = [*found, *_worse(self.json, self.tables.get("residuals.csv", {}))]
         if not found:
             return self
         report, json = self.report, dict(self.json)
@@ -227,9 +227,9 @@ def _estimates(result: Mapping[str, Any]) -> dict[str, Any]:
     return found
 
 
-def _worse(result: Mapping[str, Any]) -> list[str]:
+def _worse(result: Mapping[str, Any], residuals: Mapping[str, Column]) -> list[str]:
     """Whether a result is worse than what it began with: no estimate is to be used then, whatever it
-    converged to."""
+    converged to. And the row that makes it so, where one alone does."""
     sets = [plain(result.get(when)) for when in ("before", "after")]
     if not all(isinstance(each, Mapping) and isinstance(each.get("validation"), Mapping) for each in sets):
         return []
@@ -238,7 +238,22 @@ def _worse(result: Mapping[str, Any]) -> list[str]:
         return []
     return [f"on rows that were never fitted the error rises from {before:.3g} to {after:.3g}: the new model "
             "is worse than the declared "
-            "one, do not use it before the data are checked"]
+            "one, do not use it before the data are checked" + _one_row(residuals)]
+
+
+def _one_row(residuals: Mapping[str, Column]) -> str:
+    """The row without which a model that errs more would err less, as an end of a sentence; else nothing."""
+    if not {"file", "row", "set", "error_before_m", "error_after_m"} <= residuals.keys():
+        return ""
+    held_out = np.flatnonzero(np.asarray(residuals["set"]) == "validation")
+    before, after = (np.asarray(residuals[f"error_{when}_m"])[held_out] for when in ("before", "after"))
+    worst = int(np.argmax(after))
+    rms = [float(np.sqrt(np.mean(np.delete(each, worst) ** 2))) for each in (before, after)]
+    if not rms[1] < rms[0]:
+        return ""
+    place, row = held_out[worst], residuals["row"]
+    return (f"; row {row[place]} of {Path(str(residuals['file'][place])).name}, where it is "
+            f"{after[worst]:.3g}, makes it so: without it the error falls from {rms[0]:.3g} to {rms[1]:.3g}")
 
 
 def _same_table(one: Mapping[str, Column], other: Mapping[str, Column]) -> bool:
