@@ -64,6 +64,8 @@ def test_a_fit_without_an_effect_is_clear_of_all_others():
     expected = orthonormal(without.design)
     assert without.basis.shape == expected.shape
     assert without.basis @ (without.basis.T @ expected) == pytest.approx(expected, abs=1e-9)
+    wider = whole.beside(np.eye(len(whole.basis))[:, :1])  # its basis holds more than its own columns
+    assert wider.coordinates is None
     assert without.spent == pytest.approx(float(np.sum(expected[: without.data_numbers] ** 2)), rel=1e-9)
 
 

@@ -125,8 +125,9 @@ class Fitted:
 
     @cached_property
     def coordinates(self) -> np.ndarray | None:
-        """(P, P) inverse of the columns' coordinates in the basis; None where they are dependent."""
-        if self.basis.shape[1] < self.layout.size:
+        """(P, P) inverse of the columns' coordinates in the basis; None where they are dependent, or the basis
+        holds others."""
+        if self.basis.shape[1] != self.layout.size:
             return None
         return linalg.inv(self.basis.T @ self.design, check_finite=False)
 
