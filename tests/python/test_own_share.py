@@ -37,8 +37,7 @@ def test_the_share_is_that_of_a_fit_without_the_effect():
     expected = 1.0 - np.sum(left**2) / np.sum(left_without**2)
     parameters = [Plain(search=False)] * 121
     fitted = Plain(
-        sigma=np.ones(1), jacobian=design[fitted_rows, None, :], prior_rows=priors, data_numbers=40,
-        standard=lambda wide: wide[:, 0],
+        sigma=np.ones(1), design=np.concatenate([design[fitted_rows], priors]), data_numbers=40,
         layout=Plain(effects=("small", "curve"), slices=(slice(0, 1), slice(1, 121)), size=121, values=values,
                      parameters=parameters))
     problem = Plain(held_out_picture=lambda fitted: (left[:, None], design[judged, None, :]))

@@ -125,8 +125,8 @@ class Fitted:
 
     @cached_property
     def coordinates(self) -> np.ndarray | None:
-        """(P, P) inverse of the columns' coordinates in the basis; None where they are dependent, or the basis
-        holds others."""
+        """(P, P) inverse of the columns' coordinates in the basis; None where they are dependent, or it holds
+        others."""
         if self.basis.shape[1] != self.layout.size:
             return None
         return linalg.inv(self.basis.T @ self.design, check_finite=False)
