@@ -36,6 +36,11 @@ def test_a_fit_that_does_not_pay_leaves_the_robot_file():
     assert keep.startswith("Keep your robot file") and "exactarm diagnose" in diagnose
 
 
+def test_a_model_that_is_warned_of_is_not_handed_out():
+    look, diagnose = next_steps(ea.load_robot("ur10"), POSES, 1e-3, 4e-4, worse=True).paragraphs
+    assert look.startswith("Look at the largest errors before") and "exactarm diagnose" in diagnose
+
+
 def test_the_page_of_a_calibration_says_it_before_the_evidence():
     report = ea.calibrate("ur10", "ur10/series_B", threads=1).report
     assert [getattr(section, "heading", "") for section in report.sections][1] == "What to do next"

@@ -19,7 +19,7 @@ def test_a_worse_model_is_told(before, after, told):
     done = result(before, after).warned(())
     assert bool(done.json.get("warnings")) == told and (done.report.tone == "caution") == told
     if told:
-        assert "rises from 0.37 to 5.48" in done.warnings[0]
+        assert "rises from 0.370 to 5.48" in done.warnings[0]
 
 
 @pytest.mark.parametrize("wild, told", [(4e-3, True), (4e-4, False)])
@@ -30,12 +30,13 @@ def test_the_row_that_alone_makes_it_worse_is_named(wild, told):
     error = lambda held_out: np.append(np.zeros(3), held_out)
     before = np.full(10, 5e-4)
     rms = lambda error: {"validation": {"rms": float(np.sqrt(np.mean(error**2)))}}
-    done = CommandResult({"before": rms(before), "after": rms(after)}, Report("T", "V."), tables={
-        "residuals.csv": {"file": ["a/poses.csv"] * 13, "row": np.arange(1, 14), "set": sets,
-                          "error_before_m": error(before), "error_after_m": error(after)}})
+    rows = {"file": ["a/poses.csv"] * 13, "row": np.arange(1, 14), "set": sets,
+            "error_before_m": error(before), "error_after_m": error(after)}
+    done = CommandResult({"before": rms(before), "after": rms(after), "unit": "m"}, Report("T", "V."),
+                         tables={"residuals.csv": rows})
     (said,) = done.warned(()).warnings
-    assert ("row 13 of poses.csv, where it is 0.004, makes it so: without it the error falls from 0.0005 to "
-            "0.0002" in said) == told and said.count(";") == told
+    assert ("row 13 of poses.csv makes it so, by 4.00 mm: without it the error falls from 0.500 mm to 0.200 "
+            "mm" in said) == told and said.count(";") == told
 
 
 def test_what_has_no_before_is_left_alone():

@@ -27,7 +27,7 @@ from exactarm.commands.memory import within_memory
 from exactarm.commands.next_steps import next_steps
 from exactarm.commands.output import PICTURES, ROBOT_FILES
 from exactarm.commands.payload_section import with_payload_section
-from exactarm.commands.result import CommandResult, estimate
+from exactarm.commands.result import WORSE, CommandResult, estimate
 from exactarm.commands.steps import CHECKING, READING, STEPS
 from exactarm.commands.suspicions import suspicions
 from exactarm.dataset import Dataset
@@ -228,7 +228,7 @@ def _report(robot: Robot, data: Dataset, result: Calibration, rule: str) -> Repo
         note += f" The measured orientations of the fitted rows are missed by {turn} (RMS)."
     sections = (
         highlights(result.before, result.after, unit),
-        next_steps(robot, kind_of(data.kind), before.mean, after.mean),
+        next_steps(robot, kind_of(data.kind), before.mean, after.mean, after.rms > WORSE * before.rms),
         error_table(result.before, result.after, unit, what.capitalize(), note),
         *known,
         *error_figures(result.error_before, result.error_after, result.identification, unit, what, row),

@@ -43,10 +43,13 @@ def to_improve(kind: Kind) -> Text:
     ))
 
 
-def next_steps(robot: Robot, kind: Kind, before: float, after: float) -> Text:
-    """before, after: errors of the rows that judge."""
+def next_steps(robot: Robot, kind: Kind, before: float, after: float, worse: bool = False) -> Text:
+    """before, after: errors of the rows that judge; worse: a warning says that the model is, all the same."""
     lines = []
-    if after < ENOUGH_FALL * before:
+    if worse:
+        lines.append("Look at the largest errors before `robot.toml` of this folder is used: are these rows "
+                     "right, and is the arm measured well around them?")
+    elif after < ENOUGH_FALL * before:
         lines.append("Use `robot.toml` of this folder in place of your robot file"
                      + (": `exactarm compensate` (programs) and `exactarm plan` (paths) calculate with it."
                         if robot.has_geometry else "."))

@@ -25,6 +25,7 @@ from exactarm.commands.plain import plain
 from exactarm.commands.publish import save
 from exactarm.errors import InputError
 from exactarm.identify.statistics import ErrorSummary
+from exactarm.report.numbers import change, quantity
 from exactarm.report.sections import Figure, Warnings
 
 if TYPE_CHECKING:
@@ -236,9 +237,9 @@ def _worse(result: Mapping[str, Any], residuals: Mapping[str, Column]) -> list[s
     before, after = (each["validation"].get("rms") for each in sets)
     if before is None or after is None or after <= WORSE * before:
         return []
-    return [f"on rows that were never fitted the error rises from {before:.3g} to {after:.3g}: the new model "
-            "is worse than the declared "
-            "one, do not use it before the data are checked" + _one_row(residuals)]
+    return [f"on rows that were never fitted the RMS error {change(before, after, result.get('unit', ''))}: "
+            "the new model is worse than the declared one, do not use it before the data are checked"
+            + _one_row(residuals)]
 
 
 def _one_row(residuals: Mapping[str, Column]) -> str:
@@ -247,13 +248,15 @@ def _one_row(residuals: Mapping[str, Column]) -> str:
         return ""
     held_out = np.flatnonzero(np.asarray(residuals["set"]) == "validation")
     before, after = (np.asarray(residuals[f"error_{when}_m"])[held_out] for when in ("before", "after"))
+    if len(held_out) < 2:
+        return ""
     worst = int(np.argmax(after))
-    rms = [float(np.sqrt(np.mean(np.delete(each, worst) ** 2))) for each in (before, after)]
-    if not rms[1] < rms[0]:
+    was, now = (float(np.sqrt(np.mean(np.delete(each, worst) ** 2))) for each in (before, after))
+    if not now < was:
         return ""
     place, row = held_out[worst], residuals["row"]
-    return (f"; row {row[place]} of {Path(str(residuals['file'][place])).name}, where it is "
-            f"{after[worst]:.3g}, makes it so: without it the error falls from {rms[0]:.3g} to {rms[1]:.3g}")
+    return (f"; row {row[place]} of {Path(str(residuals['file'][place])).name} makes it so, by "
+            f"{quantity(float(after[worst]), 'm')}: without it the error {change(was, now, 'm')}")
 
 
 def _same_table(one: Mapping[str, Column], other: Mapping[str, Column]) -> bool:
