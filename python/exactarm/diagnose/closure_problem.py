@@ -11,7 +11,7 @@ A known length of the place left out stays among the rows that are learnt from: 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 
 import numpy as np
@@ -182,8 +182,7 @@ class ClosureProblem(ProblemAtRest):
         return super().holds(without, left) and bool(np.all(left < (1.0 + self.least_elsewhere) * without))
 
     def elsewhere(self, fitted: Fitted) -> Fitted:
-        values = {name: getattr(fitted, name) for name in fitted.__dataclass_fields__}
-        return WithoutContacts(**values)
+        return WithoutContacts(**{each.name: getattr(fitted, each.name) for each in fields(fitted)})
 
     def error_of_unit_noise(self, fitted: Fitted) -> float:
         """RMS error of the rows that have not slipped, for the degrees of freedom that the fit has taken."""
