@@ -280,6 +280,9 @@ def main() -> None:
         for call in range(calls):
             name = list(found)[call % len(found)]
             came_through[name] += attack(hostile, name, found[name], log)
+        # a right call is rare where a whole model is an argument: those without one get a tenth of all more
+        for name in [name for name, count in came_through.items() if count == 0]:
+            came_through[name] += any(attack(hostile, name, found[name], log) for _ in range(calls // 10))
     never = [name for name, count in came_through.items() if count == 0]
     print(f"{calls} calls of {len(found)} targets, seed {seed}; never came through: "
           f"{', '.join(never) or 'none'}")
