@@ -20,7 +20,7 @@ from scipy.linalg import lapack
 _SQUARED = 1e-10  # eigenvalue beside the largest, below which J'J leaves less than six digits of it
 _ROUNDING = 1e-14  # singular value beside the largest, below which it is rounding
 _SURE = 1e-3  # smallest of a Cholesky factor's diagonal beside the largest: no direction near rounding
-_FEW = 0.2  # share of the columns that may be nearly dependent on the others
+_FEW = 0.2  # share of columns nearly dependent on the others, where parting them costs a third of a QR of all
 # singular value of what is left of columns beside others, to the largest: known to a percent, and rounding
 _SEEN, _LOST = 1e-12, 1e-14
 _SHIFT_ROUNDS = 60

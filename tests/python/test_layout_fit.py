@@ -64,6 +64,19 @@ def test_components_are_weighed_by_their_own_noise():
     np.testing.assert_allclose(found.fit.x, [1.0, 0.2, -2.0, 0.5], atol=0.01)
 
 
+def test_the_last_round_is_brought_to_the_end():
+    """The noise is sought along the way, in a curved model that steps approach little by little."""
+    columns, measured = case(np.random.default_rng(9), sigma=(0.5, 2.0))
+
+    def predict(at, with_jacobian):
+        straight = columns @ np.array(at.effects[0].values)
+        slope = (1.0 + 0.6 * straight)[:, :, None] * columns[:, :, at.free[0]]
+        return measured - straight - 0.3 * straight**2, slope
+
+    found = fit_layout(predict, layout(), np.ones(60), alike=np.arange(2), tolerance=1e-12)
+    assert found.fit.converged and 0.0 < found.fit.offset < 1e-11
+
+
 @pytest.mark.parametrize(("effect", "drawing", "centre", "spread"), [
     (Line, {}, [0.0] * 4, [np.inf, PRIOR, np.inf, np.inf]), (DrawnLine, {}, [0.5] * 4, [1.0, 1.0, 2.0, 1.0]),
     (Line, {"one": (0.7, 0.2)}, [0.7, 0.0, 0.0, 0.0], [0.2, PRIOR, np.inf, np.inf]),

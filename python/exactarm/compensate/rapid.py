@@ -260,7 +260,7 @@ class _Reader(Frames):
         numbers = self.numbers(file, literal, 0, None, "the joint angles")[:n]
         if len(numbers) != n:
             raise source.refuse(literal.start, f"{len(numbers)} joint angles; expected {n}")
-        load = self.tool(tool, index, place)[2]  # the arm bends under it, wherever the tip is
+        load = self.once(self.tool, tool, index, place)[2]  # the arm bends under it, wherever the tip is
         return Target(name, file, source.line(literal.start), *Numbers.of(numbers).checked(source),
                       (DEG_DECIMALS,) * n, load=load)
 
@@ -275,8 +275,8 @@ class _Reader(Frames):
         Numbers(numbers[:7], places).checked(source)
         if off := no_turn(numbers[3:7]):
             raise source.refuse(places[3][0], off)
-        tip, why, load = self.tool(tool, index, place)
-        base, why_base = self.work_object(wobj, index, place)
+        tip, why, load = self.once(self.tool, tool, index, place)
+        base, why_base = self.once(self.work_object, wobj, index, place)
         return Target(
             name,
             file,

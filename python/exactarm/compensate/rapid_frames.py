@@ -4,7 +4,7 @@ the command line, or why that is not known."""
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -32,13 +32,15 @@ class Frames(Declarations):
         self.setting = setting
         self.frames: dict[tuple[str, str, int], tuple] = {}
 
-    def tool(self, name: str, index: int, place: int):
-        """Placement and, where it is not known, why; load. Read once for all motions with it."""
-        if ("tool", name, index) not in self.frames:
-            self.frames["tool", name, index] = self.tool_of(name, index, place)
-        return self.frames["tool", name, index]
+    def once(self, read: Callable[[str, int, int], tuple], name: str, index: int, place: int) -> tuple:
+        """What `read` finds of a frame: the same for all motions with it."""
+        key = read.__name__, name, index
+        if key not in self.frames:
+            self.frames[key] = read(name, index, place)
+        return self.frames[key]
 
-    def tool_of(self, name: str, index: int, place: int):
+    def tool(self, name: str, index: int, place: int):
+        """Placement and, where it is not known, why; load."""
         if name.lower() == "tool0":
             return Placement(), "", None
         if not self.seen(index, name):
@@ -53,11 +55,6 @@ class Frames(Declarations):
 
     def work_object(self, name: str, index: int, place: int):
         """Placement of user frame and object frame, and, where they are not known, why."""
-        if ("base", name, index) not in self.frames:
-            self.frames["base", name, index] = self.work_object_of(name, index, place)
-        return self.frames["base", name, index]
-
-    def work_object_of(self, name: str, index: int, place: int):
         if name.lower() == "wobj0":
             return Placement(), ""
         if not self.seen(index, name):

@@ -182,7 +182,8 @@ class ClosureProblem(ProblemAtRest):
         return super().holds(without, left) and bool(np.all(left < (1.0 + self.least_elsewhere) * without))
 
     def elsewhere(self, fitted: Fitted) -> Fitted:
-        return WithoutContacts(**{each.name: getattr(fitted, each.name) for each in fields(fitted)})
+        given = [each.name for each in fields(fitted) if each.init]
+        return WithoutContacts(**{name: getattr(fitted, name) for name in given})
 
     def error_of_unit_noise(self, fitted: Fitted) -> float:
         """RMS error of the rows that have not slipped, for the degrees of freedom that the fit has taken."""

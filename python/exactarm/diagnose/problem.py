@@ -10,7 +10,6 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import ClassVar
 
 import numpy as np
 from scipy import linalg
@@ -47,7 +46,8 @@ class Fitted:
     view: View
     noise: object = field(default=None, kw_only=True)
     drawing: Drawing = field(default_factory=dict, kw_only=True)
-    _taken_from: ClassVar[tuple[Fitted, np.ndarray] | None] = None  # a fit, and (P,) bool: not of this one
+    # the fit that this one is a part of, and (P,) bool: its parameters that are not of this one
+    _taken_from: tuple[Fitted, np.ndarray] | None = field(default=None, init=False, repr=False, compare=False)
 
     @cached_property
     def scale(self) -> np.ndarray:

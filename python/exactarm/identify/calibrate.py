@@ -314,10 +314,11 @@ def _beyond_bounds(fit: PoseFit, data: Dataset):
     for k in np.flatnonzero(fit.fit.at_bound):
         alone = columns[:, k] - free @ np.linalg.lstsq(free, columns[:, k], rcond=None)[0]
         if abs(alone @ residual) > _BEYOND * np.linalg.norm(alone):
-            name = fit.layout.names[k]
-            mounted = "; is the arm mounted as its file's gravity_m_s2 says?" if "compliance" in name else ""
-            yield (f"{name} lies at its bound: the data asks for a value that no drive or structure can "
-                   f"have{mounted}")
+            effect = next(effect for effect, where in zip(fit.layout.effects, fit.layout.slices)
+                          if where.start <= k < where.stop)
+            mounted = "; is the arm mounted as its file's gravity_m_s2 says?" if effect.by_load else ""
+            yield (f"{fit.layout.names[k]} lies at its bound: the data asks for a value that no drive or "
+                   f"structure can have{mounted}")
 
 
 def _parallel(robot: Robot) -> bool:

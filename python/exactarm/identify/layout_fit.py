@@ -23,7 +23,7 @@ Drawing = Mapping[str, tuple[float, float]]  # name of a parameter: declared val
 
 _ROUNDS = 12
 _SETTLED = 0.01  # relative change of a standard deviation
-_ALONG = 1e-3  # share of the square sum still to fall, which moves its root by far less than that
+_ALONG = 1e-3  # share of the square sum still to fall: a twentieth of `_SETTLED` in a standard deviation
 _LEAST_FREE_SHARE = 0.1  # of the numbers that is left for the noise, however many parameters there are
 
 

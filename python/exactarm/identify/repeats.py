@@ -11,7 +11,8 @@ from __future__ import annotations
 
 import numpy as np
 
-# readings beyond the first of their pose, below which nothing is said of what they share
+# readings beyond the first of their pose, below which nothing is said of what they share: these tell the
+# device's variance, in three components, to a fourth
 _LEAST_READINGS = 10
 
 
