@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from exactarm.effects.axis_units import slides
 from exactarm.robot import Robot
 
 _LEAST_SHARE = 0.01  # of the rows; deflections move single rows across an end
@@ -21,10 +22,12 @@ def extrapolations(robot: Robot, q: np.ndarray, what: str = "rows") -> tuple[str
     for effect in robot.effects:
         inside = effect.measured(q - robot.offsets)
         if inside is not None and np.mean(~inside) > _LEAST_SHARE:
-            low, high = np.rad2deg(effect.angles_measured) + np.rad2deg(robot.offsets[effect.index])
+            low, high = np.asarray(effect.angles_measured) + robot.offsets[effect.index]
+            seen = (f"{low:.3f} to {high:.3f} m" if slides(robot, effect.joint)
+                    else f"{np.rad2deg(low):.0f} to {np.rad2deg(high):.0f} deg")
             told.append(
-                f"the curve of {effect.name} of axis {effect.joint} was measured from {low:.0f} to "
-                f"{high:.0f} deg; {np.sum(~inside):,} of {len(q):,} {what} lie beyond, where it keeps its "
+                f"the curve of {effect.name} of axis {effect.joint} was measured from {seen}; "
+                f"{np.sum(~inside):,} of {len(q):,} {what} lie beyond, where it keeps its "
                 "end value, or in a gap"
             )
     return tuple(told)

@@ -19,6 +19,7 @@ from exactarm.report import Cell, Estimate, Figure, Quantity, Table
 from exactarm.report.numbers import quantities, quantity
 from exactarm.report.plots.effects import EffectPanel, contribution_bars, effect_panels
 from exactarm.robot import Robot
+from exactarm.station import Station
 
 _AT_TOOL = {  # by the unit of the error: of positions, of torques; else of angles
     "m": "At the tool: median, over the {rows} that the effect moves, of what it moves the target and "
@@ -81,7 +82,8 @@ def causes_in_words(result: Diagnosis, found: Sequence[tuple[Finding, Contributi
     told = dict(zip(groups, quantities([size(members) for members in groups.values()], "m")))
     phrases = []
     for words, members in sorted(groups.items(), key=lambda item: -size(item[1])):
-        widths = [c.peak_to_peak[0] for _, c in members if c is not None and c.curve and c.unit == "rad"]
+        widths = [c.peak_to_peak[0] for _, c in members if c is not None and c.curve and c.unit == "rad"
+                  and c.effect.station is not Station.GEOMETRY]
         sizes = [f"up to {quantity(max(widths), 'rad')} peak to peak"] if widths else []
         sizes += [f"{told[words]} at the tool"] if size(members) else []
         sizes += [f"{result.excluded} rows, {quantity(left.value, 'm')} off in the median"

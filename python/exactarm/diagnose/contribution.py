@@ -129,8 +129,9 @@ def _contribution(fitted: Fitted, index: int, signals: dict, directions: dict, u
     rigid = _loaded_without_spring(fitted, moved) if unit == "Nm" else ()
     tool = (_at_tool(without, moved) if unit == "m" else _by_lever(fitted, effect, value, value_unit)
             if unit != "Nm" else None if rigid else _by_springs(fitted, moved))
+    told = _of_a_way(signal, fitted.robot)
     return Contribution(
-        effect, signal, _UNITS.get(signal.split()[0], ""), _follows(named[signal], value) > FOLLOWS,
+        effect, told, _UNITS.get(told.split()[0], ""), _follows(named[signal], value) > FOLLOWS,
         named[signal][rows], value[rows], _half(fitted, slopes[rows], covariance), value_unit, direction,
         before[rows],
         after[rows], tool, residual_unit,
@@ -294,6 +295,12 @@ def _own_signals(effect: Effect, signals: dict[str, np.ndarray], fitted: Fitted,
         phase = np.mod(orders[0] * fitted.view.phi[:, effect.index], _TURN)
         own[f"phase of {element}axis {effect.joint}, order {orders[0]:.4g}"] = phase
     return own or signals
+
+
+def _of_a_way(signal: str, robot: Robot) -> str:
+    """The name of a signal to a reader: an axis that slides has a position, and no angle."""
+    name, _, axis = signal.rpartition(" ")
+    return f"position of axis {axis}" if name == "angle of axis" and slides(robot, int(axis)) else signal
 
 
 def _follows(signal: np.ndarray, value: np.ndarray) -> float:

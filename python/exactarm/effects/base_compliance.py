@@ -13,7 +13,8 @@ from typing import ClassVar
 import numpy as np
 
 from exactarm.effects.base import Change, Effect, Parameter, Station
-from exactarm.effects.gravity_moment import bending, gravity_moment
+from exactarm.effects.gravity_moment import gravity_moment
+from exactarm.effects.moving_frames import turned_about
 from exactarm.kinds import WITH_TARGET
 
 
@@ -43,7 +44,8 @@ class BaseCompliance(Effect):
         # Joint 1 stands on the base: its axis is the base's z, its origin the base's.
         up = at.axis[:, :, None] * at.axis[:, None, :]
         across = np.eye(3) - up
-        value, by_q = bending(view, (across @ at.moment[:, :, None])[:, :, 0], across @ at.moment_by_q, at)
+        value, by_q = turned_about(view, (across @ at.moment[:, :, None])[:, :, 0],
+                                   across @ at.moment_by_q, at.point, at.point_by_q)
         return Change(tuple(range(6)), compliance * value, value[:, :, None], {"q": compliance * by_q})
 
     @classmethod

@@ -13,6 +13,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from exactarm.effects.axis_units import slides
 from exactarm.effects.base import Change, Effect, Parameter, Station
 from exactarm.kinds import ALL_KINDS
 
@@ -61,5 +62,6 @@ class GearEccentricity(Effect):
     @classmethod
     def candidates(cls, robot, view) -> Iterable[Effect]:
         for index in np.flatnonzero(view.moving & (np.ptp(view.phi, axis=0) > _LEAST_RANGE_RAD)):
-            yield cls(int(index) + 1, (0.0, 0.0), second=False)
-            yield cls(int(index) + 1, (0.0, 0.0, 0.0, 0.0))
+            if not slides(robot, index + 1):  # a way has no turn
+                yield cls(int(index) + 1, (0.0, 0.0), second=False)
+                yield cls(int(index) + 1, (0.0, 0.0, 0.0, 0.0))

@@ -14,6 +14,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from exactarm.effects.axis_units import slides
 from exactarm.effects.base import Effect
 from exactarm.effects.harmonic_family import HarmonicFamily, motor_orders, searched_orders
 from exactarm.harmonics import delivered_angle
@@ -50,7 +51,7 @@ class GearHarmonics(HarmonicFamily):
             own = motor_orders(robot, orders, index)
             if len(own):
                 yield cls.zero(index + 1, own, multiples=2)
-            if not view.is_series:
+            if not view.is_series and not slides(robot, index + 1):  # whose curve is a guide_error
                 seen = (float(view.phi[:, index].min()), float(view.phi[:, index].max()))
                 yield from (cls.curve(index + 1, _CURVE_ORDERS, amplitude, seen)
                             for amplitude in _CURVE_AMPLITUDES_RAD)

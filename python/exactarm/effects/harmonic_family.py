@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from exactarm.effects.axis_units import slides
 from exactarm.effects.base import Change, Effect, Parameter, Station
 from exactarm.effects.known_curve import KnownCurve
 from exactarm.harmonics import delivered_angle, waves
@@ -130,6 +131,16 @@ class HarmonicFamily(Effect):
         orders = self.values[0] * np.arange(1, self.multiples + 1)
         return tuple((float(order), float(np.hypot(a, b) / order))
                      for order, a, b in zip(orders, self.values[1::2], self.values[2::2]))
+
+    def describe_on(self, robot) -> str:
+        """Orders of an axis that slides count the waves in 2 pi m of its way."""
+        if not slides(robot, self.joint):
+            return self.describe()
+        length = f"{2e3 * np.pi / self.values[0]:.4g} mm"
+        return f"the position of axis {self.joint} errs by waves {length} long: {self.in_plain_words}"
+
+    def in_units_of(self, robot, words: str) -> str:
+        return words.replace("per_rev", "rad_per_m") if slides(robot, self.joint) else words
 
     def parameters(self) -> tuple[Parameter, ...]:
         each = [f"{c}_{k + 1}{self.unit}" for k in range(self.multiples) for c in "ab"]

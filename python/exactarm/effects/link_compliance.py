@@ -15,7 +15,8 @@ from typing import ClassVar
 import numpy as np
 
 from exactarm.effects.base import Change, Effect, Parameter, Station
-from exactarm.effects.gravity_moment import bending, gravity_moment
+from exactarm.effects.gravity_moment import gravity_moment
+from exactarm.effects.moving_frames import turned_about
 from exactarm.kinds import WITH_TARGET
 
 
@@ -47,7 +48,7 @@ class LinkCompliance(Effect):
         across_by_q = at.moment_by_q - at.axis_by_q * along[:, None,
                                                             None] - at.axis[:, :, None] * along_by_q[:, None,
                                                                                                      :]
-        value, by_q = bending(view, across, across_by_q, at)
+        value, by_q = turned_about(view, across, across_by_q, at.point, at.point_by_q)
         return Change(tuple(range(6)), compliance * value, value[:, :, None], {"q": compliance * by_q})
 
     @classmethod

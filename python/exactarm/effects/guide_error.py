@@ -1,0 +1,160 @@
+"""Guide error: the way of a sliding axis is neither straight nor free of turns.
+
+What the carriage does beside its way, at the place s from the axis's position x (m), by the frame before the
+joint (z along the way):
+
+    shift_a(x) = sum_k A_ak cos(k pi s),   turn_a(x) = sum_k B_ak cos(k pi s),   a = x, y, z;  k = 1 ... 16
+    s = (x - seen_from) / R,   R = seen_to - seen_from: the way that was measured; beyond, s = 0 or 1
+
+    displacement of the target = shift + turn x (target - carriage), and the turn
+
+shift_z is the positioning error, shift_x and shift_y the straightness, turn_z the roll, turn_x and turn_y
+pitch and yaw (the six error motions of a linear axis, ISO 230-1:2012). Terms are drawn to zero as those
+of a rail whose curvature is white noise: sd(A_k) = size (2 / k)^2, and turns as the slopes of such shifts,
+sd(B_k) = sd(A_k) k pi / R. Constant shifts and turns, and shifts in proportion to x, are the geometry's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+
+from exactarm.effects.base import Change, Effect, Parameter, Station
+from exactarm.effects.moving_frames import MovingFrames, turned_about
+from exactarm.kinds import WITH_TARGET
+
+_WAVES = 16  # the shortest is an eighth of the way long; they fall, and more cost the fit alone
+_MOTIONS = tuple(f"{motion}_{axis}" for motion in ("shift", "turn") for axis in "xyz")
+# size beside the way: from a ground machine guide (10 um/m) to a welded floor track (0.3 mm/m)
+_SIZES_PER_WAY = (1e-5, 3e-5, 1e-4, 3e-4)
+_PLACES = 101  # along the way, at which deviations are taken
+_STRAIGHT, _TURNS = slice(0, 2), slice(3, 6)  # of the motions: across the way, and turns
+
+
+@dataclass(frozen=True)
+class GuideError(Effect):
+    """values: A_x1 ... A_x16, A_y1 ..., A_z1 ..., B_x1 ... B_z16; `seen`: the way in m, of the axis's
+    position less its offset; `size_m`: see the module."""
+
+    seen: tuple[float, float] = (0.0, 1.0)
+    size_m: float = 1e-4
+
+    name: ClassVar[str] = "guide_error"
+    plain: ClassVar[str] = "a guide that is not straight"
+    station: ClassVar[Station] = Station.GEOMETRY
+    kinds: ClassVar[tuple[str, ...]] = WITH_TARGET
+    compensable: ClassVar[bool] = True
+    source: ClassVar[str] = "ISO 230-1:2012, error motions of a linear axis"
+    open_parameters: ClassVar[str] = "of each motion as many terms as were fitted, each with its prior"
+
+    @property
+    def waves(self) -> int:
+        return len(self.values) // len(_MOTIONS)
+
+    @property
+    def coefficients(self) -> np.ndarray:
+        """(6, K) m and rad."""
+        return np.reshape(self.values, (len(_MOTIONS), self.waves))
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        wave = np.arange(1, self.waves + 1)
+        shift = self.size_m * (2.0 / wave) ** 2
+        turn = shift * wave * np.pi / (self.seen[1] - self.seen[0])
+        spread = [float(sd) for sd in (*np.tile(shift, 3), *np.tile(turn, 3))]
+        names = [f"{motion}_{k}_{'m' if motion.startswith('shift') else 'rad'}"
+                 for motion in _MOTIONS for k in wave]
+        return tuple(Parameter(name, sd, prior=sd) for name, sd in zip(names, spread))
+
+    def _waves_at(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Waves (N, K) at positions x (N,) m less the offset, and their slopes by x."""
+        low, high = self.seen
+        angle = np.pi * np.arange(1, self.waves + 1) / (high - low)
+        phase = (np.clip(x, low, high) - low)[:, None] * angle
+        inside = ((low < x) & (x < high))[:, None]
+        return np.cos(phase), -angle * np.sin(phase) * inside
+
+    def change(self, view) -> Change:
+        frames, index = MovingFrames.of(view), self.index
+        waves, slopes = self._waves_at(view.q[:, index] - view.robot.offsets[index])
+        along = frames.rotations[:, index]
+        carriage = frames.origins[:, index + 1]
+        carriage_by_q = frames.point_by_q(carriage, index)
+        motion, motion_by_x = waves @ self.coefficients.T, slopes @ self.coefficients.T
+        by_motion = np.zeros((view.rows, 6, 6))
+        by_motion[:, :3, :3] = along
+        by_q = np.zeros((view.rows, 6, view.axes))
+        turn, turn_by_q = np.zeros((view.rows, 3)), np.zeros((view.rows, 3, view.axes))
+        still = np.zeros_like(turn_by_q)
+        for a in range(3):
+            direction = along[:, :, a]
+            direction_by_q = frames.direction_by_q(direction, index - 1)
+            by_motion[:, :, 3 + a] = turned_about(view, direction, still, carriage, carriage_by_q)[0]
+            by_q[:, :3] += motion[:, a, None, None] * direction_by_q
+            by_q[:, :3, index] += motion_by_x[:, a, None] * direction
+            turn += motion[:, 3 + a, None] * direction
+            turn_by_q += motion[:, 3 + a, None, None] * direction_by_q
+            turn_by_q[:, :, index] += motion_by_x[:, 3 + a, None] * direction
+        by_q += turned_about(view, turn, turn_by_q, carriage, carriage_by_q)[1]
+        by_parameters = (by_motion[:, :, :, None] * waves[:, None, None, :]).reshape(view.rows, 6, -1)
+        return Change(tuple(range(6)), (by_motion @ motion[:, :, None])[:, :, 0], by_parameters, {"q": by_q})
+
+    def measured(self, phi: np.ndarray) -> np.ndarray:
+        low, high = self.seen
+        return (low <= phi[:, self.index]) & (phi[:, self.index] <= high)
+
+    @property
+    def angles_measured(self) -> tuple[float, float]:
+        return self.seen
+
+    def _deviations(self) -> tuple[np.ndarray, np.ndarray]:
+        """(6, P) deviations along the way, and what makes them of the coefficients of one motion of each sort
+        (2, P, K): of a shift less its straight line, of a turn less its mean."""
+        waves, _ = self._waves_at(np.linspace(*self.seen, _PLACES))
+        line = np.stack([np.ones(_PLACES), np.linspace(-1.0, 1.0, _PLACES)], axis=1)
+        shift = waves - line @ np.linalg.lstsq(line, waves, rcond=None)[0]
+        makes = np.stack([shift, waves - waves.mean(axis=0)])
+        return np.concatenate([self.coefficients[:3] @ makes[0].T, self.coefficients[3:] @ makes[1].T]), makes
+
+    def describe(self) -> str:
+        deviation, _ = self._deviations()
+        height = 1e6 * np.ptp(deviation, axis=1)
+        across, along, turn = height[_STRAIGHT].max(), height[2], height[_TURNS].max()
+        return (f"the guide of axis {self.joint} deviates by {across:.0f} µm from a straight line, by "
+                f"{along:.0f} µm along it, and turns by {turn:.0f} µrad, peak to peak over the way measured")
+
+    def derived(self, covariance: np.ndarray) -> tuple[tuple[str, float, float], ...]:
+        deviation, makes = self._deviations()
+        found = []
+        for name, motions, sort in (("straightness_m", _STRAIGHT, 0), ("turn_rad", _TURNS, 1)):
+            height = np.ptp(deviation[motions], axis=1)
+            motion = motions.start + int(np.argmax(height))
+            difference = makes[sort][np.argmax(deviation[motion])] - makes[sort][np.argmin(deviation[motion])]
+            part = slice(motion * self.waves, (motion + 1) * self.waves)
+            variance = float(difference @ covariance[part, part] @ difference)
+            found.append((name, float(height.max()), float(np.sqrt(max(variance, 0.0)))))
+        return tuple(found)
+
+    def to_table(self):
+        return super().to_table() | {"seen_from_m": self.seen[0], "seen_to_m": self.seen[1],
+                                     "size_m": self.size_m}
+
+    @classmethod
+    def from_table(cls, table: Mapping[str, float | int | str]) -> Effect:
+        waves = sum(1 for name in table if name.startswith("shift_x_"))
+        raw = cls(table.get("joint"), (0.0,) * (len(_MOTIONS) * waves),
+                  seen=(float(table["seen_from_m"]), float(table["seen_to_m"])),
+                  size_m=float(table["size_m"]))
+        return raw.with_values(table[parameter.name] for parameter in raw.parameters())
+
+    @classmethod
+    def candidates(cls, robot, view) -> Iterable[Effect]:
+        """Of every axis that slides, in several sizes; the evidence chooses."""
+        for index, joint in enumerate(robot.joints):
+            x = view.phi[:, index]
+            if joint.type == "prismatic" and view.moving[index] and np.ptp(x) > 0.0:
+                seen = (float(x.min()), float(x.max()))
+                empty = cls(index + 1, (0.0,) * (len(_MOTIONS) * _WAVES), seen=seen)
+                yield from (replace(empty, size_m=size * (seen[1] - seen[0])) for size in _SIZES_PER_WAY)

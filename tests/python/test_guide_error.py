@@ -1,0 +1,217 @@
+"""The guide of a sliding axis: derivatives, exact rigid motions of an independent plant, found where hidden,
+compensated."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import exactarm as ea
+from central_difference import assert_derivative
+from exactarm import _core
+from exactarm.chain import Layout, predict_poses
+from exactarm.chain.extrapolation import extrapolations
+from exactarm.dataset import Dataset
+from exactarm.effects import effect_from_table, library
+from exactarm.effects.frames import Frames
+from exactarm.effects.gear_harmonics import GearHarmonics
+from exactarm.effects.guide_error import GuideError
+from exactarm.plan.compensation import known_functions, planning_model
+from exactarm.robot import Placement
+from test_robot_types import arm_on_a_track, slide
+
+WAVES, NOISE_M, WAY_M = 3, 2e-5, 3.0
+
+
+def track_on_a_turntable():
+    """The guide itself turns: its directions follow the axis before it."""
+    track = arm_on_a_track()
+    return replace(track, joints=(replace(track.joints[1], a=0.3, alpha=0.4), *track.joints[:4]))
+
+
+def angles(robot, rows: int, seed: int) -> np.ndarray:
+    span = np.array([(-2.2, 2.2) if joint.type == "revolute" else (joint.q_min, joint.q_max)
+                     for joint in robot.joints])
+    return np.random.default_rng(seed).uniform(*span.T, (rows, robot.axes))
+
+
+def bent(joint: int, seed: int = 1, seen=(0.1, 2.9), size_m: float = 3e-4) -> GuideError:
+    empty = GuideError(joint, (0.0,) * 6 * WAVES, seen=seen, size_m=size_m)
+    sizes = [parameter.prior for parameter in empty.parameters()]
+    return empty.with_values(np.random.default_rng(seed).normal(size=len(sizes)) * sizes)
+
+
+def poses(q: np.ndarray, position: np.ndarray | None = None) -> Dataset:
+    position = np.zeros((len(q), 3)) if position is None else position
+    return Dataset.of_arrays("poses", {"q": q}, position=position)
+
+
+def placed(robot, seed: int = 5):
+    random = np.random.default_rng(seed)
+    return replace(robot, base=Placement(Rotation.random(rng=random).as_matrix(), random.normal(size=3)),
+                   tool=Placement(Rotation.random(rng=random).as_matrix(), np.array([0.05, 0.02, 0.15])))
+
+
+def moved_by_the_guide(robot, q: np.ndarray, axis: int, motions) -> tuple[np.ndarray, np.ndarray]:
+    """(N, 3) targets on an ideal guide and on one whose carriage makes `motions` (N, 6), by exact
+    rotations."""
+    origins, rotations = _core.frame_poses(replace(robot, base=Placement(), tool=Placement()).core, q)
+    target = origins[:, -1] + rotations[:, -1] @ robot.tool.position
+    carriage, guide = origins[:, axis + 1], rotations[:, axis]
+    shift, turn = (np.einsum("nij,nj->ni", guide, part) for part in (motions[:, :3], motions[:, 3:]))
+    moved = carriage + shift + Rotation.from_rotvec(turn).apply(target - carriage)
+    return tuple(point @ robot.base.rotation.T + robot.base.position for point in (target, moved))
+
+
+def predicted(robot, q: np.ndarray, *effects) -> np.ndarray:
+    frames = Frames.of(1, robot.base, robot.tool, False)
+    return predict_poses(robot, Layout.of((frames, *effects)), poses(q), tangents=False).position
+
+
+ARMS = pytest.mark.parametrize("build, joint", [(arm_on_a_track, 1), (track_on_a_turntable, 2)])
+
+
+@ARMS
+def test_the_target_follows_the_carriage_as_a_rigid_body(build, joint):
+    robot, effect = placed(build()), bent(joint)
+    q = angles(robot, 40, 2)
+    waves = np.cos(np.pi * np.arange(1, WAVES + 1) * (np.clip(q[:, [joint - 1]], 0.1, 2.9) - 0.1) / 2.8)
+    motions = waves @ np.reshape(effect.values, (6, WAVES)).T
+    ideal, moved = moved_by_the_guide(robot, q, joint - 1, motions)
+    np.testing.assert_allclose(predicted(robot, q), ideal, atol=1e-12)
+    assert np.linalg.norm(moved - ideal, axis=1).max() > 5e-4
+    np.testing.assert_allclose(predicted(robot, q, effect), moved, atol=3.0 * np.abs(motions).max() ** 2)
+
+
+@ARMS
+def test_derivatives_by_parameters_and_by_the_joints(build, joint):
+    robot, effect = placed(build()), bent(joint)
+    q = angles(robot, 12, 3)
+    frames = Frames.of(1, robot.base, robot.tool, False)
+    layout = Layout.of((effect,))
+    at = lambda x: predict_poses(robot, layout.at(x), poses(q), tangents=False).position
+    jacobian = predict_poses(robot, layout, poses(q)).jacobian[:, :3]
+    assert_derivative(at, layout.values, jacobian, [0.1 * p.plausible for p in layout.parameters])
+    change = lambda x: effect.change(predict_poses(robot, Layout.of((frames,)), poses(q + x),
+                                                   tangents=False).view).value
+    by_q = effect.change(predict_poses(robot, Layout.of((frames,)), poses(q)).view).by_signal["q"]
+    assert_derivative(change, np.zeros(robot.axes), by_q, 1e-4)
+
+
+def test_a_file_gives_it_back_and_says_it_in_numbers():
+    effect = bent(1)
+    assert effect_from_table(effect.to_table()) == effect
+    waves = np.cos(np.pi * np.linspace(0.0, 1.0, 101)[:, None] * np.arange(1, WAVES + 1))
+    roll = 1e6 * np.ptp(waves @ np.reshape(effect.values, (6, WAVES))[3:].T, axis=0).max()
+    assert f"turns by {roll:.0f} µrad" in effect.describe()
+    covariance = 1e-12 * np.eye(len(effect.values))
+    derived = {name: (value, sd) for name, value, sd in effect.derived(covariance)}
+    assert derived["turn_rad"][0] == pytest.approx(1e-6 * roll, abs=1e-6)
+    assert 0.0 < derived["turn_rad"][1] < 5e-6
+    assert 0.0 < derived["straightness_m"][0] < 5e-3
+
+
+def test_what_is_no_straightness_is_not_told_as_one():
+    """Shifts in proportion to the position are the geometry's, a constant turn too."""
+    many = 40
+    empty = GuideError(1, (0.0,) * 6 * many, seen=(0.0, WAY_M))
+    k = np.arange(1, many + 1)
+    slope = np.where(k % 2 == 1, -4.0 / (np.pi * k) ** 2, 0.0)  # cosine series of s - 1/2
+    told = empty.with_values([*(1e-3 * slope), *([0.0] * 5 * many)])
+    (name, height, _), _ = told.derived(np.zeros((6 * many,) * 2))
+    assert name == "straightness_m" and height < 0.02 * 1e-3
+
+
+def test_only_a_slide_that_moves_has_a_guide_and_no_turn_of_its_own():
+    def candidates(name, robot, q):
+        view = predict_poses(robot, Layout.of(()), poses(q)).view
+        return {effect.joint for effect in library()[name].candidates(robot, view)}
+
+    track, arm = arm_on_a_track(), replace(arm_on_a_track(), joints=arm_on_a_track().joints[1:])
+    q = angles(track, 30, 4)
+    still = q.copy()
+    still[:, 0] = 1.0
+    assert candidates("guide_error", track, q) == {1}
+    assert candidates("guide_error", track, still) == candidates("guide_error", arm, q[:, 1:]) == set()
+    assert candidates("gear_eccentricity", track, q) == set(range(2, 8))
+    view = predict_poses(track, Layout.of(()), poses(q)).view
+    assert {e.joint for e in GearHarmonics.candidates(track, view) if e.any_curve} == set(range(2, 8))
+
+
+def test_waves_of_a_slide_are_told_by_their_length():
+    track = arm_on_a_track()
+    wave = GearHarmonics(1, (200.0, 1e-3, 0.0))
+    assert "31.42 mm long" in wave.describe_on(track)
+    assert wave.in_units_of(track, "order_per_rev") == "order_rad_per_m"
+    assert "revolution" in GearHarmonics(2, (200.0, 1e-3, 0.0)).describe_on(track)
+
+
+def test_beyond_the_way_measured_it_holds_and_is_told():
+    robot, effect = placed(arm_on_a_track()), bent(1, seen=(0.5, 2.0))
+    q = np.repeat(angles(robot, 1, 6), 3, axis=0)
+    q[:, 0] = 2.0, 2.5, 3.0
+    moved = predicted(robot, q, effect) - predicted(robot, q)
+    np.testing.assert_allclose(moved[1:], moved[[0, 0]], atol=1e-12)
+    assert np.linalg.norm(moved[0]) > 1e-5
+    line, = extrapolations(replace(robot, effects=(effect,)), q)
+    assert "from 0.500 to 2.000 m; 2 of 3" in line
+
+
+def test_commands_and_plans_correct_it():
+    robot = arm_on_a_track()
+    identified = replace(robot, effects=(bent(1),))
+    q = 0.5 + 0.3 * angles(robot, 8, 7)
+    command = ea.command_of(identified, q)
+    reached = predicted(robot, command, bent(1))
+    assert np.linalg.norm(predicted(robot, q, bent(1)) - predicted(robot, q), axis=1).max() > 1e-4
+    np.testing.assert_allclose(reached, predicted(robot, q), atol=1e-8)
+    path = np.linspace(q[0], q[1], 20)
+    shifts = [known_functions(planning_model(each), path, 0.01, "motion", 1).displacement
+              for each in (robot, identified)]
+    assert np.abs(shifts[1] - shifts[0]).max() > 1e-4
+
+
+def rail(seed: int, size_m: float):
+    """Six motions of a carriage along `WAY_M`: sines of random lengths that fit into no window."""
+    random = np.random.default_rng(seed)
+    motions = []
+    for motion in range(6):
+        length = WAY_M * random.uniform(0.3, 1.3, 3)
+        amplitude = random.normal(size=3) * size_m * (length / WAY_M) ** (2 if motion < 3 else 1)
+        motions.append((amplitude * (1.0 if motion < 3 else 2.0 * np.pi / WAY_M), length,
+                        random.uniform(0.0, 2.0 * np.pi, 3)))
+    return lambda x: np.stack([np.sin(2.0 * np.pi * x[:, None] / length + phase) @ amplitude
+                               for amplitude, length, phase in motions], axis=1)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed, size_m, count", [(1, 2e-4, 120), (2, 5e-5, 80), (3, 5e-4, 150)])
+def test_a_hidden_bent_rail_is_found_and_nothing_beside_it(seed, size_m, count):
+    """Plant: exact rigid motions of a deviated arm."""
+    random = np.random.default_rng(seed)
+    robot = arm_on_a_track()
+    off = lambda joint: {name: getattr(joint, name) + 3e-4 * random.normal() for name in ("d", "a", "alpha")}
+    true = placed(replace(robot, joints=tuple(replace(joint, **off(joint)) for joint in robot.joints)), seed)
+    q, motions = angles(robot, count, seed), rail(seed, size_m)
+    _, moved = moved_by_the_guide(true, q, 0, motions(q[:, 0]))
+    data = poses(q, moved + NOISE_M * random.normal(size=moved.shape))
+    result = ea.diagnose(robot, data, seed=seed, threads=1)
+    assert [(found["effect"], found["joint"]) for found in result["effects"]] == [("guide_error", 1)]
+    assert result["verdict"] == "explained" and result["converged"]
+    assert result.after["validation"].rms < 0.6 * result.before["validation"].rms
+    found, = (effect for effect in result.robot.effects if effect.name == "guide_error")
+    x = np.linspace(*found.seen, 101)
+    waves = np.cos(np.pi * np.arange(1, found.waves + 1) * np.linspace(0.0, 1.0, 101)[:, None])
+    line = np.stack([np.ones(101), x], axis=1)
+    apart = [motion - line @ np.linalg.lstsq(line, motion, rcond=None)[0]
+             for motion in (motions(x), waves @ found.coefficients.T)]
+    assert np.std(apart[1] - apart[0], axis=0).max() < 0.35 * np.std(apart[0], axis=0).max()
+
+
+def test_a_short_slide_is_drawn_to_a_smaller_error():
+    """Priors are in proportion to the way: a quill of 0.2 m is not bent by 0.9 mm."""
+    short = replace(arm_on_a_track(), joints=(slide(0.2, alpha=-np.pi / 2), *arm_on_a_track().joints[1:]))
+    view = predict_poses(short, Layout.of(()), poses(angles(short, 30, 8))).view
+    sizes = [effect.size_m for effect in GuideError.candidates(short, view)]
+    assert len(sizes) == 4 and max(sizes) < 6.1e-5
