@@ -136,7 +136,11 @@ def test_only_a_slide_that_moves_has_a_guide_and_no_turn_of_its_own():
     assert candidates("guide_error", track, still) == candidates("guide_error", arm, q[:, 1:]) == set()
     assert candidates("gear_eccentricity", track, q) == set(range(2, 8))
     view = predict_poses(track, Layout.of(()), poses(q)).view
-    assert {e.joint for e in GearHarmonics.candidates(track, view) if e.any_curve} == set(range(2, 8))
+    waves = list(GearHarmonics.candidates(track, view))
+    assert {e.joint for e in waves if e.any_curve} == set(range(2, 8))
+    ratio = track.joints[0].ratio
+    tried = {order for e in waves if e.joint == 1 for order in e.search}
+    assert tried and all(min(abs(order - ratio), abs(order - 0.5 * ratio)) <= 1.0 for order in tried)
 
 
 def test_waves_of_a_slide_are_told_by_their_length():
@@ -209,9 +213,40 @@ def test_a_hidden_bent_rail_is_found_and_nothing_beside_it(seed, size_m, count):
     assert np.std(apart[1] - apart[0], axis=0).max() < 0.35 * np.std(apart[0], axis=0).max()
 
 
+def test_the_width_of_its_priors_follows_what_it_was_found_to_be():
+    """Ten times too tight, it comes to the width of its terms, and stays there."""
+    made = bent(1, seed=4)
+    tight = replace(made, size_m=0.1 * made.size_m)
+    known = np.zeros((len(made.values),) * 2)
+    redrawn = tight.redrawn(known)
+    sizes = np.array(made.values) / [parameter.prior for parameter in made.parameters()]
+    assert redrawn.size_m == pytest.approx(made.size_m * np.sqrt(np.mean(sizes**2)))
+    assert redrawn.redrawn(known) is redrawn
+    nothing = made.with_values([0.0] * len(made.values))
+    prior = np.diag([parameter.prior**2 for parameter in made.parameters()])
+    assert nothing.redrawn(prior) is nothing  # data that say nothing leave the width as it is
+
+
 def test_a_short_slide_is_drawn_to_a_smaller_error():
     """Priors are in proportion to the way: a quill of 0.2 m is not bent by 0.9 mm."""
     short = replace(arm_on_a_track(), joints=(slide(0.2, alpha=-np.pi / 2), *arm_on_a_track().joints[1:]))
     view = predict_poses(short, Layout.of(()), poses(angles(short, 30, 8))).view
     sizes = [effect.size_m for effect in GuideError.candidates(short, view)]
     assert len(sizes) == 4 and max(sizes) < 6.1e-5
+
+
+@pytest.mark.slow
+def test_a_bent_rail_and_a_run_out_beside_it_are_both_found():
+    """Priors held at the size of the first picture left 0.43 mm; now they are as wide as the terms are
+    found."""
+    random = np.random.default_rng(58)
+    robot = arm_on_a_track()
+    q = angles(robot, 120, 58)
+    turned = q.copy()
+    turned[:, 3] += 4e-4 * np.cos(q[:, 3]) - 3e-4 * np.sin(2.0 * q[:, 3])
+    _, moved = moved_by_the_guide(placed(robot, 8), turned, 0, rail(108, 2e-4)(q[:, 0]))
+    data = poses(q, moved + NOISE_M * random.normal(size=moved.shape))
+    result = ea.diagnose(robot, data, seed=8, threads=1)
+    found = {(each["effect"], each["joint"]) for each in result["effects"]}
+    assert found == {("guide_error", 1), ("gear_eccentricity", 4)} and result["converged"]
+    assert result.after["validation"].rms < 4.0 * NOISE_M

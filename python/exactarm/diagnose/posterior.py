@@ -244,7 +244,8 @@ def _places(found: Found, turn: int) -> list[Place]:
     members, inclusion = found.members, found.posterior.inclusion()
     whole = weight_of(found.picture, members)
     places = []
-    for k, (index, value) in enumerate(zip(members.blocks, found.picture.coefficients(members))):
+    values = found.picture.coefficients(members)
+    for k, (index, scale, value) in enumerate(zip(members.blocks, members.scales, values)):
         block = found.block(index)
         if block.effect is None:
             continue
@@ -252,8 +253,8 @@ def _places(found: Found, turn: int) -> list[Place]:
                        members.scales[:k] + members.scales[k + 1 :])
         log_odds = whole - weight_of(found.picture, rest)
         if k < len(found.certain.blocks):
-            places.append(Place(block.label, at_values(block, value), 1.0 - np.exp(-CERTAIN), log_odds, (),
-                                turn))
+            places.append(Place(block.label, at_values(block, scale, value), 1.0 - np.exp(-CERTAIN), log_odds,
+                                (), turn))
             continue
         others = list(found.posterior.best)
         others.remove(block.label)
@@ -263,8 +264,8 @@ def _places(found: Found, turn: int) -> list[Place]:
                         key=lambda e: -e[1])
         named = tuple((label, _effect_at(found, others, label), float(np.exp(weight - total)))
                       for label, weight in rivals[:8])
-        places.append(Place(block.label, at_values(block, value), min(inclusion[block.label], 1.0), log_odds,
-                            named, turn))
+        places.append(Place(block.label, at_values(block, scale, value), min(inclusion[block.label], 1.0),
+                            log_odds, named, turn))
     return sorted(places, key=lambda p: -p.log_odds)
 
 
@@ -289,9 +290,10 @@ def _effect_at(found: Found, others: list[str], label: str) -> Effect | None:
     if members is None:
         return None
     members = Members(found.certain.blocks + members.blocks, found.certain.scales + members.scales)
-    for index, value in zip(members.blocks, found.picture.coefficients(members)):
+    values = found.picture.coefficients(members)
+    for index, scale, value in zip(members.blocks, members.scales, values):
         if found.block(index).label == label and found.block(index).effect is not None:
-            return at_values(found.block(index), value)
+            return at_values(found.block(index), scale, value)
     return None
 
 

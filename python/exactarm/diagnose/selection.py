@@ -35,6 +35,7 @@ MOST_EFFECTS = 16
 _SHORTLIST = 12
 _INDEPENDENT_SHARE, _INDEPENDENT_EVIDENCE = 0.8, 20.0
 _MOST_MOVES = 4  # of a step to a likelier place
+_MOST_WIDTHS = 8  # of the priors of one effect's terms: steps of a fixed point
 _PAIRED = 6  # of the shortlist, tried two by two
 _HIDDEN_GAIN = 1.5  # gain of the second beside the first, over what both promised alone
 _KEPT_GAIN = 0.5  # share of the predicted gain that the joint fit must confirm
@@ -146,6 +147,13 @@ def refit(problem: Problem, declared: Layout, effects: list[Effect], last: Fitte
         if trial.fit.cost >= fitted.fit.cost:
             break
         fitted = trial
+    for _ in range(_MOST_WIDTHS):
+        at = fitted.layout
+        redrawn = tuple(effect.redrawn(fitted.fit.covariance[where, where])
+                        for effect, where in zip(at.effects, at.slices))
+        if redrawn == at.effects:
+            break
+        fitted = known.fit(replace(at, effects=redrawn), weight, fitted.sigma)
     return fitted
 
 

@@ -198,11 +198,11 @@ def emptied(effect: Effect) -> Effect:
     return effect.with_values(np.where(free_mask(effect), 0.0, effect.values))
 
 
-def at_values(block: Block, values: np.ndarray) -> Effect:
-    """The effect of a named block with its coefficients at `values`, inside their bounds; searched values are
-    known now."""
-    found = np.asarray(block.effect.values, float).copy()
+def at_values(block: Block, scale: int, values: np.ndarray) -> Effect:
+    """The effect of a named block with its coefficients at `values`, inside their bounds, drawn to zero as
+    the `scale`-th of `SCALES` says; searched values are known now."""
+    effect = block.effect.drawn_wider(float(SCALES[scale]))
+    found = np.asarray(effect.values, float).copy()
     found[block.free] = values
-    parameters = block.effect.parameters()
-    found = [float(np.clip(v, p.lower, p.upper)) for v, p in zip(found, parameters)]
-    return block.effect.with_values(found)
+    found = [float(np.clip(v, p.lower, p.upper)) for v, p in zip(found, effect.parameters())]
+    return effect.with_values(found)

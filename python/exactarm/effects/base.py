@@ -316,6 +316,15 @@ class Effect(ABC):
         they are."""
         return self
 
+    def drawn_wider(self, scale: float) -> Effect:
+        """The effect with the priors of its terms `scale` times as wide, where the data choose their width;
+        others stay."""
+        return self
+
+    def redrawn(self, covariance: np.ndarray) -> Effect:
+        """The same with priors as wide as its free terms, with their covariance (k, k), have come out."""
+        return self
+
     def moved(self, view: View) -> Effect:
         """The effect at a likelier place in the rows, seen from a fit that has it; others stay."""
         return self

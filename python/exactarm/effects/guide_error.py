@@ -30,6 +30,7 @@ _WAVES = 16  # the shortest is an eighth of the way long; they fall, and more co
 _MOTIONS = tuple(f"{motion}_{axis}" for motion in ("shift", "turn") for axis in "xyz")
 # size beside the way: from a ground machine guide (10 um/m) to a welded floor track (0.3 mm/m)
 _SIZES_PER_WAY = (1e-5, 3e-5, 1e-4, 3e-4)
+_SETTLED = 0.1  # change of the log of a width: a prior's width is known no better from 96 terms
 _PLACES = 101  # along the way, at which deviations are taken
 _STRAIGHT, _TURNS = slice(0, 2), slice(3, 6)  # of the motions: across the way, and turns
 
@@ -100,6 +101,15 @@ class GuideError(Effect):
         by_q += turned_about(view, turn, turn_by_q, carriage, carriage_by_q)[1]
         by_parameters = (by_motion[:, :, :, None] * waves[:, None, None, :]).reshape(view.rows, 6, -1)
         return Change(tuple(range(6)), (by_motion @ motion[:, :, None])[:, :, 0], by_parameters, {"q": by_q})
+
+    def drawn_wider(self, scale: float) -> Effect:
+        return replace(self, size_m=scale * self.size_m)
+
+    def redrawn(self, covariance: np.ndarray) -> Effect:
+        """By expectation and maximisation (MacKay 1992): scale^2 = mean((value^2 + variance) / prior^2)."""
+        prior = np.array([parameter.prior for parameter in self.parameters()])
+        scale = np.sqrt(np.mean((np.square(self.values) + np.diag(covariance)) / prior**2))
+        return self if abs(np.log(scale)) < _SETTLED else self.drawn_wider(float(scale))
 
     def measured(self, phi: np.ndarray) -> np.ndarray:
         low, high = self.seen

@@ -234,6 +234,8 @@ def searched_orders(robot, view, index: int, lowest: float = 3.0) -> tuple[float
     highest = max(_POSE_MULTIPLES * int(np.ceil(ratio)), _MOST_TEETH) + 2
     orders = np.concatenate([np.arange(lowest, _HALVES_UNTIL, 0.5), np.arange(_HALVES_UNTIL, highest)])
     orders = orders[orders < highest]
+    if slides(robot, index + 1):  # only the screw or pinion is known; what is slower is a guide_error
+        orders = orders[np.isin(orders, motor_orders(robot, orders, index))]
     return tuple(o for o in orders if np.all(np.abs(declared - o) > 0.5))
 
 
