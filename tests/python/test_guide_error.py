@@ -112,6 +112,24 @@ def test_a_file_gives_it_back_and_says_it_in_numbers():
     assert 0.0 < derived["straightness_m"][0] < 5e-3
 
 
+def test_its_curves_are_its_motions_less_line_and_mean_with_their_spread():
+    effect, x = bent(1), np.linspace(0.1, 2.9, 101)
+    random = np.random.default_rng(9)
+    spread = 1e-6 * random.normal(size=(len(effect.values),) * 2)
+    curves = effect.curves(x, spread @ spread.T)
+    waves = np.cos(np.pi * np.arange(1, WAVES + 1) * (x[:, None] - 0.1) / 2.8)
+    motions = waves @ np.reshape(effect.values, (6, WAVES)).T
+    line = np.stack([np.ones(101), x], axis=1)
+    shift = motions[:, :3] - line @ np.linalg.lstsq(line, motions[:, :3], rcond=None)[0]
+    told = np.concatenate([shift, motions[:, 3:] - motions[:, 3:].mean(axis=0)], axis=1)
+    np.testing.assert_allclose([curve.value for curve in curves], told.T, atol=1e-15)
+    drawn = [effect.with_values(effect.values + spread @ random.normal(size=len(spread))) for _ in range(2000)]
+    values = [[curve.value for curve in each.curves(x[::20], 0.0 * spread)] for each in drawn]
+    deviations = [curve.deviation[::20] for curve in curves]
+    np.testing.assert_allclose(np.std(values, axis=0), deviations, rtol=0.12)
+    assert [curve.unit for curve in curves] == ["m"] * 3 + ["rad"] * 3
+
+
 def test_what_is_no_straightness_is_not_told_as_one():
     """Shifts in proportion to the position are the geometry's, a constant turn too."""
     many = 40
@@ -189,6 +207,11 @@ def rail(seed: int, size_m: float):
                                for amplitude, length, phase in motions], axis=1)
 
 
+def panels_of(result) -> set[str]:
+    """Titles of the panels of its figure of causes."""
+    return {axes.get_title() for axes in result.figures["effects"].build().axes}
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("seed, size_m, count", [(1, 2e-4, 120), (2, 5e-5, 80), (3, 5e-4, 150)])
 def test_a_hidden_bent_rail_is_found_and_nothing_beside_it(seed, size_m, count):
@@ -205,6 +228,7 @@ def test_a_hidden_bent_rail_is_found_and_nothing_beside_it(seed, size_m, count):
     assert result["verdict"] == "explained" and result["converged"]
     assert result.after["validation"].rms < 0.6 * result.before["validation"].rms
     found, = (effect for effect in result.robot.effects if effect.name == "guide_error")
+    assert {"Guide of axis 1: roll", "Guide of axis 1: straightness along x"} <= panels_of(result)
     x = np.linspace(*found.seen, 101)
     waves = np.cos(np.pi * np.arange(1, found.waves + 1) * np.linspace(0.0, 1.0, 101)[:, None])
     line = np.stack([np.ones(101), x], axis=1)

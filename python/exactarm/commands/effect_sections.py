@@ -219,7 +219,8 @@ def orders_table(found: Sequence[tuple[Finding, Contribution | None]], ratios: n
 def curves_figure(found: Sequence[tuple[Finding, Contribution | None]]) -> list[Figure]:
     """One panel an effect, over its own signal, in the order of the chain; what does not lower its own error
     is not drawn."""
-    panels = [_panel(c) for _, c in in_order(found) if c is not None and c.rms[1] < c.rms[0]][:_MOST_PANELS]
+    panels = [panel for _, c in in_order(found) if c is not None and c.rms[1] < c.rms[0]
+              for panel in _panels(c)][:_MOST_PANELS]
     if not panels:
         return []
     grey = any(panel.same or not panel.curve for panel in panels)  # else the error is in another unit
@@ -234,6 +235,15 @@ def curves_figure(found: Sequence[tuple[Finding, Contribution | None]]) -> list[
             c.fast for _, c in found if c is not None) else ""),
         "one panel for each effect found: its curve with band over its own signal, and the error without it",
     )]
+
+
+def _panels(c: Contribution) -> list[EffectPanel]:
+    """One of the effect beside the error, or one of each thing that it does."""
+    if c.own:
+        nothing = np.zeros_like(c.x)
+        return [EffectPanel(curve.title, c.signal, c.signal_unit, curve.unit, c.x, curve.value,
+                            curve.deviation, nothing, nothing, curve=True, same=False) for curve in c.own]
+    return [_panel(c)]
 
 
 def _panel(c: Contribution) -> EffectPanel:

@@ -24,7 +24,7 @@ output revolution are looked at over the phase of their own element.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -33,7 +33,7 @@ from exactarm.chain import Layout
 from exactarm.chain.spring import declared_deflection
 from exactarm.diagnose.problem import Fitted, Problem
 from exactarm.effects.axis_units import of_a_slide, slides
-from exactarm.effects.base import Effect, Station
+from exactarm.effects.base import Effect, OwnCurve, Station
 from exactarm.kinds import kind_of
 from exactarm.robot import Robot
 
@@ -77,6 +77,7 @@ class Contribution:
     peak_to_peak: tuple[float, float]  # of the value, and its 95 % half width
     rigid: tuple[int, ...] = ()
     fast: bool = False
+    own: tuple[OwnCurve, ...] = ()  # of the effect by the position of its axis, at x; deviation: 95 %
 
     @property
     def at_tool(self) -> float | None:
@@ -124,7 +125,8 @@ def _contribution(fitted: Fitted, index: int, signals: dict, directions: dict, u
     high, low = int(np.argmax(value)), int(np.argmin(value))
     difference = slopes[high] - slopes[low]
     named = _own_signals(effect, signals, fitted, direction)
-    signal = _told_over(named, value)
+    by_position = effect.has_curves and f"angle of axis {effect.joint}" in named
+    signal = f"angle of axis {effect.joint}" if by_position else _told_over(named, value)
     rows = _subsampled(named[signal])
     rigid = _loaded_without_spring(fitted, moved) if unit == "Nm" else ()
     tool = (_at_tool(without, moved) if unit == "m" else _by_lever(fitted, effect, value, value_unit)
@@ -137,7 +139,19 @@ def _contribution(fitted: Fitted, index: int, signals: dict, directions: dict, u
         after[rows], tool, residual_unit,
         (float(value[high] - value[low]), float(_half(fitted, difference[None], covariance)[0])), rigid,
         waves is not None,
+        _own_curves(fitted, index, rows) if by_position else (),
     )
+
+
+def _own_curves(fitted: Fitted, index: int, rows: np.ndarray) -> tuple[OwnCurve, ...]:
+    """At the positions of the effect's axis in these rows, with 95 % half widths."""
+    effect, where = fitted.layout.effects[index], fitted.layout.slices[index]
+    free = fitted.layout.free[index]
+    position = fitted.view.q[rows, effect.index] - fitted.robot.offsets[effect.index]
+    covariance = np.zeros((len(effect.values),) * 2)
+    covariance[np.ix_(free, free)] = fitted.fit.covariance[where, where]
+    return tuple(replace(curve, deviation=np.asarray(fitted.fit.half_width(curve.deviation)))
+                 for curve in effect.curves(position, covariance))
 
 
 def _at_tool(without: Fitted, moved: np.ndarray) -> np.ndarray:

@@ -84,6 +84,17 @@ class Change:
 
 
 @dataclass(frozen=True)
+class OwnCurve:
+    """What an effect does by its axis's position, where a picture of the error does not show it: value and
+    standard deviation (N,), SI."""
+
+    title: str
+    unit: str
+    value: np.ndarray
+    deviation: np.ndarray
+
+
+@dataclass(frozen=True)
 class Effect(ABC):
     """Base of all effects. `joint` counts from 1; None for an effect of no single axis."""
 
@@ -226,6 +237,16 @@ class Effect(ABC):
         covariance (k, k) of all parameters; only what the estimate supports is given.
         """
         return ()
+
+    def curves(self, position: np.ndarray, covariance: np.ndarray) -> tuple[OwnCurve, ...]:
+        """What the effect does at output positions (N,) of its axis, if it does several things; covariance as
+        in `derived`."""
+        return ()
+
+    @property
+    def has_curves(self) -> bool:
+        """Whether it does several things by its axis's position."""
+        return type(self).curves is not Effect.curves
 
     def quickness(self, view) -> tuple[float, ...]:
         """Factors, one as likely as the other, by which its parameters may be larger in these data than they

@@ -22,12 +22,14 @@ from typing import ClassVar
 
 import numpy as np
 
-from exactarm.effects.base import Change, Effect, Parameter, Station
+from exactarm.effects.base import Change, Effect, OwnCurve, Parameter, Station
 from exactarm.effects.moving_frames import MovingFrames, turned_about
 from exactarm.kinds import WITH_TARGET
 
 _WAVES = 16  # the shortest is an eighth of the way long; they fall, and more cost the fit alone
 _MOTIONS = tuple(f"{motion}_{axis}" for motion in ("shift", "turn") for axis in "xyz")
+_TITLES = ("straightness along x", "straightness along y", "error along the way", "turn about x",
+           "turn about y", "roll")
 # size beside the way: from a ground machine guide (10 um/m) to a welded floor track (0.3 mm/m)
 _SIZES_PER_WAY = (1e-5, 3e-5, 1e-4, 3e-4)
 _SETTLED = 0.1  # change of the log of a width: a prior's width is known no better from 96 terms
@@ -119,32 +121,49 @@ class GuideError(Effect):
     def angles_measured(self) -> tuple[float, float]:
         return self.seen
 
-    def _deviations(self) -> tuple[np.ndarray, np.ndarray]:
-        """(6, P) deviations along the way, and what makes them of the coefficients of one motion of each sort
-        (2, P, K): of a shift less its straight line, of a turn less its mean."""
-        waves, _ = self._waves_at(np.linspace(*self.seen, _PLACES))
-        line = np.stack([np.ones(_PLACES), np.linspace(-1.0, 1.0, _PLACES)], axis=1)
-        shift = waves - line @ np.linalg.lstsq(line, waves, rcond=None)[0]
-        makes = np.stack([shift, waves - waves.mean(axis=0)])
-        return np.concatenate([self.coefficients[:3] @ makes[0].T, self.coefficients[3:] @ makes[1].T]), makes
+    def _makes(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(N, K) each, at positions x: what makes a shift less its straight line, and a turn less its mean,
+        of their coefficients."""
+        places = np.linspace(*self.seen, _PLACES)
+        waves, along = self._waves_at(x)[0], self._waves_at(places)[0]
+        line = lambda at: np.stack([np.ones(len(at)), at], axis=1)
+        return (waves - line(x) @ np.linalg.lstsq(line(places), along, rcond=None)[0],
+                waves - along.mean(axis=0))
+
+    def _part(self, motion: int, covariance: np.ndarray) -> np.ndarray:
+        """(K, K) of one motion's coefficients."""
+        return covariance.reshape(len(_MOTIONS), self.waves, len(_MOTIONS), self.waves)[motion, :, motion]
+
+    def curves(self, position: np.ndarray, covariance: np.ndarray) -> tuple[OwnCurve, ...]:
+        found = []
+        for motion, title in enumerate(_TITLES):
+            make, own = self._makes(position)[motion // 3], self._part(motion, covariance)
+            variance = np.einsum("nk,kl,nl->n", make, own, make)
+            found.append(OwnCurve(f"Guide of axis {self.joint}: {title}", "m" if motion < 3 else "rad",
+                                  make @ self.coefficients[motion], np.sqrt(np.maximum(variance, 0.0))))
+        return tuple(found)
+
+    def _heights(self) -> np.ndarray:
+        """(6,) peak to peak of the motions over the way."""
+        nothing = np.zeros((len(self.values),) * 2)
+        return np.array([np.ptp(curve.value)
+                         for curve in self.curves(np.linspace(*self.seen, _PLACES), nothing)])
 
     def describe(self) -> str:
-        deviation, _ = self._deviations()
-        height = 1e6 * np.ptp(deviation, axis=1)
+        height = 1e6 * self._heights()
         across, along, turn = height[_STRAIGHT].max(), height[2], height[_TURNS].max()
         return (f"the guide of axis {self.joint} deviates by {across:.0f} µm from a straight line, by "
                 f"{along:.0f} µm along it, and turns by {turn:.0f} µrad, peak to peak over the way measured")
 
     def derived(self, covariance: np.ndarray) -> tuple[tuple[str, float, float], ...]:
-        deviation, makes = self._deviations()
-        found = []
-        for name, motions, sort in (("straightness_m", _STRAIGHT, 0), ("turn_rad", _TURNS, 1)):
-            height = np.ptp(deviation[motions], axis=1)
-            motion = motions.start + int(np.argmax(height))
-            difference = makes[sort][np.argmax(deviation[motion])] - makes[sort][np.argmin(deviation[motion])]
-            part = slice(motion * self.waves, (motion + 1) * self.waves)
-            variance = float(difference @ covariance[part, part] @ difference)
-            found.append((name, float(height.max()), float(np.sqrt(max(variance, 0.0)))))
+        height, places, found = self._heights(), np.linspace(*self.seen, _PLACES), []
+        for name, motions in (("straightness_m", _STRAIGHT), ("turn_rad", _TURNS)):
+            motion = motions.start + int(np.argmax(height[motions]))
+            make = self._makes(places)[motion // 3]
+            curve = make @ self.coefficients[motion]
+            difference = make[np.argmax(curve)] - make[np.argmin(curve)]
+            variance = float(difference @ self._part(motion, covariance) @ difference)
+            found.append((name, float(height[motion]), float(np.sqrt(max(variance, 0.0)))))
         return tuple(found)
 
     def to_table(self):
