@@ -123,7 +123,8 @@ def test_its_curves_are_its_motions_less_line_and_mean_with_their_spread():
     shift = motions[:, :3] - line @ np.linalg.lstsq(line, motions[:, :3], rcond=None)[0]
     told = np.concatenate([shift, motions[:, 3:] - motions[:, 3:].mean(axis=0)], axis=1)
     np.testing.assert_allclose([curve.value for curve in curves], told.T, atol=1e-15)
-    drawn = [effect.with_values(effect.values + spread @ random.normal(size=len(spread))) for _ in range(2000)]
+    draws = effect.values + random.normal(size=(2000, len(spread))) @ spread.T
+    drawn = [effect.with_values(values) for values in draws]
     values = [[curve.value for curve in each.curves(x[::20], 0.0 * spread)] for each in drawn]
     deviations = [curve.deviation[::20] for curve in curves]
     np.testing.assert_allclose(np.std(values, axis=0), deviations, rtol=0.12)
@@ -209,7 +210,8 @@ def rail(seed: int, size_m: float):
 
 def panels_of(result) -> set[str]:
     """Titles of the panels of its figure of causes."""
-    return {axes.get_title() for axes in result.figures["effects"].build().axes}
+    figure, = (figure for figure in result.report.figures if figure.name == "effects")
+    return {axes.get_title() for axes in figure.build().axes}
 
 
 @pytest.mark.slow
