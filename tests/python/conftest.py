@@ -4,6 +4,7 @@ what holds in every test: a command writes the files alone that it says before i
 import gc
 import itertools
 import os
+import shutil
 import signal
 import tempfile
 from fnmatch import fnmatchcase
@@ -13,12 +14,17 @@ import pytest
 # A shell ignores Ctrl-C in jobs of the background, and programs under test inherit that.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
-os.environ["EXACTARM_EFFECTS"] = tempfile.mkdtemp(prefix="exactarm-effects-")  # for what modules prepare
+_OF_MODULES = os.environ["EXACTARM_EFFECTS"] = tempfile.mkdtemp(prefix="exactarm-effects-")  # of modules
 
 
 def pytest_collection_finish():
     """Modules and tests stay to the end: the garbage collector need not walk them again and again."""
     gc.freeze()
+
+
+def pytest_unconfigure():
+    """The folder of effects that modules prepare with goes again, in every process of the tests."""
+    shutil.rmtree(_OF_MODULES, ignore_errors=True)
 
 
 _NUMBERS = itertools.count()

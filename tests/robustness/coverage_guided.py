@@ -54,8 +54,8 @@ def _targets() -> dict[str, tuple[bytes, Callable[[Path], object]]]:
     return found
 
 
-def _fuzz(target: str, corpus: Path, seconds: int, one: Path | None) -> None:
-    """In a process of its own; ends by itself."""
+def _fuzz(target: str, corpus: Path, seconds: int, one: Path | None, folder: Path) -> None:
+    """In a process of its own, which ends by itself at once: another one removes `folder` of its files."""
     import atheris
 
     with atheris.instrument_imports(include=["exactarm"]):
@@ -67,9 +67,8 @@ def _fuzz(target: str, corpus: Path, seconds: int, one: Path | None) -> None:
         import exactarm.plan.path_file
         import exactarm.robot_file  # noqa: F401
         from exactarm.errors import InputError
-    os.environ["EXACTARM_EFFECTS"] = tempfile.mkdtemp(prefix="exactarm-effects-")
+    os.environ["EXACTARM_EFFECTS"] = str(folder / "effects")
     content, read = _targets()[target]
-    folder = Path(tempfile.mkdtemp(prefix="exactarm-fuzz-"))
     path = folder / target
 
     def once(data: bytes) -> None:
@@ -100,14 +99,21 @@ def main() -> int:
     parser.add_argument("--seconds", type=int, default=600, help="of each target")
     parser.add_argument("--corpus", type=Path, default=Path("build/fuzz"))
     parser.add_argument("--one", type=Path, help="a single input, done again")
-    parser.add_argument("--inside", action="store_true", help=argparse.SUPPRESS)
+    parser.add_argument("--inside", type=Path, help=argparse.SUPPRESS)
     arguments = parser.parse_args()
-    if arguments.inside or arguments.one:
-        _fuzz(arguments.targets[0], arguments.corpus / arguments.targets[0], arguments.seconds, arguments.one)
+    if arguments.inside:
+        _fuzz(arguments.targets[0], arguments.corpus / arguments.targets[0], arguments.seconds, arguments.one,
+              arguments.inside)
         return 0
+    with tempfile.TemporaryDirectory(prefix="exactarm-fuzz-") as folder:
+        return _in_processes(arguments, folder)
+
+
+def _in_processes(arguments: argparse.Namespace, folder: str) -> int:
     failed = []
     for target in arguments.targets or _targets():
-        words = [target, "--inside", "--seconds", str(arguments.seconds), "--corpus", str(arguments.corpus)]
+        words = [target, "--inside", folder, "--seconds", str(arguments.seconds),
+                 "--corpus", str(arguments.corpus), *(["--one", str(arguments.one)] if arguments.one else [])]
         done = subprocess.run([sys.executable, __file__, *words], capture_output=True, text=True,
                               errors="replace")
         print(f"{target}: {'held' if done.returncode == 0 else 'BROKEN'}", flush=True)
