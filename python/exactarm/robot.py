@@ -82,6 +82,23 @@ class Joint(Value):
     def has_harmonics(self) -> bool:
         return any(table is not None and table.order.size for table in (self.cw, self.ccw))
 
+    @cached_property
+    def core(self) -> dict[str, Any]:
+        """What the core's joint is made of, but for the link that it carries."""
+        kind = getattr(_core.JointType, self.type)
+        motor = _core.Friction(coulomb=self.coulomb or 0.0, viscous=self.viscous or 0.0)
+        limits = {name: value for name in ("q_min", "q_max", "q_dot_max", "q_ddot_max", "torque_max")
+                  if (value := getattr(self, name)) is not None}
+        gear = 1.0 if self.ratio is None else self.ratio
+        return {
+            "frame": _core.Frame(kind, self.sign, self.zero, self.d, self.a, self.alpha, self.beta or 0.0),
+            "q_offset": self.q_offset,
+            "gear": _core.Gear(gear, *((table or GearTable()).core() for table in (self.cw, self.ccw))),
+            "spring": _core.Spring(self.spring_linear or 0.0, self.spring_cubic),
+            "drive": _core.Drive(self.rotor_inertia or 0.0, motor=motor),
+            "limits": _core.Limits(**limits),
+        }
+
 
 @dataclass(frozen=True, eq=False)
 class Link(Value):
@@ -234,7 +251,11 @@ class Robot(Value):
     @cached_property
     def core(self) -> _core.Robot:
         """The compiled core's robot, built once."""
-        return _build_core(self)
+        links = [None] * self.axes if self.links is None else [
+            _core.LinkInertia(link.mass, link.centre_of_mass, link.inertia) for link in self.links]
+        joints = [_core.Joint(link=link, **joint.core)
+                  for joint, link in zip(self.joints, links, strict=True)]
+        return _core.Robot(joints, self.base.core(), self.tool.core(), self.gravity)
 
     # -- at the angles that the controller reports (chain/controller.py) ---------------------------------
     def fk(self, q: ArrayLike, *, of: Point = "flange", seen_from: Frame = "base") -> Placement:
@@ -341,33 +362,3 @@ def at_reported_angles() -> ReportedAngles:
 def frame_of(joint: Joint) -> Joint:
     """The geometry of a joint and nothing else."""
     return Joint(joint.type, joint.sign, joint.zero, joint.d, joint.a, joint.alpha, joint.beta)
-
-
-def _build_core(robot: Robot) -> _core.Robot:
-    links = [None] * robot.axes if robot.links is None else robot.links
-    joints = [_core_joint(joint, ratio, link)
-              for joint, ratio, link in zip(robot.joints, robot.ratios, links, strict=True)]
-    return _core.Robot(joints, robot.base.core(), robot.tool.core(), robot.gravity)
-
-
-_EVEN = GearTable().core()  # of a gear without harmonics
-
-
-def _core_joint(joint: Joint, ratio: float, link: Link | None) -> _core.Joint:
-    kind = getattr(_core.JointType, joint.type)
-    motor = _core.Friction(coulomb=joint.coulomb or 0.0, viscous=joint.viscous or 0.0)
-    return _core.Joint(
-        frame=_core.Frame(kind, joint.sign, joint.zero, joint.d, joint.a, joint.alpha, joint.beta or 0.0),
-        q_offset=joint.q_offset,
-        gear=_core.Gear(ratio, *(table.core() if table else _EVEN for table in (joint.cw, joint.ccw))),
-        spring=_core.Spring(joint.spring_linear or 0.0, joint.spring_cubic),
-        drive=_core.Drive(joint.rotor_inertia or 0.0, motor=motor),
-        limits=_core_limits(joint),
-        link=None if link is None else _core.LinkInertia(link.mass, link.centre_of_mass, link.inertia),
-    )
-
-
-def _core_limits(joint: Joint) -> _core.Limits:
-    declared = {name: getattr(joint, name)
-                for name in ("q_min", "q_max", "q_dot_max", "q_ddot_max", "torque_max")}
-    return _core.Limits(**{name: value for name, value in declared.items() if value is not None})

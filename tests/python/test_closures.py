@@ -211,6 +211,7 @@ def test_given_places_are_all_kept_and_proposed_ones_end_with_the_most():
         find_places(centres, serves, given, 2, **words)
 
 
+@pytest.mark.slow
 def test_proposed_places_help_beside_each_other():
     robot = replace(load_robot("ur10"), tool=Placement(np.eye(3), np.array([0.03, 0.02, 0.1])))
     one, three = (design_closures(robot, ClosureDesignOptions(places=places, count=30)).deviation[2]

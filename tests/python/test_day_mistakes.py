@@ -34,10 +34,10 @@ def test_what_may_have_happened_to_the_arm_is_none():
         robot = load_robot(name)
         for _ in range(280):
             q = random.uniform(-2.0, 2.0, (random.integers(3, 10), robot.axes))
-            expected = forward(robot, q)[0]
             lost = np.eye(robot.axes)[random.integers(robot.axes)] * random.uniform(0.1, 2.0)
-            position, rotation = forward(robot, q + lost)
-            seen = position + rotation @ random.normal(0.0, 0.2, 3)
+            position, rotation = forward(robot, np.concatenate([q, q + lost]))
+            expected = position[: len(q)]
+            seen = position[len(q) :] + rotation[len(q) :] @ random.normal(0.0, 0.2, 3)
             seen = seen @ exp(random.normal(size=(1, 3)))[0].T + random.normal(size=3)
             words.append(day_mistake("Monday", expected, seen, MOST_M))
     assert [word for word in words if word] == []

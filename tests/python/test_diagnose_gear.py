@@ -97,5 +97,5 @@ def test_gear_that_was_found_to_be_even_is_no_obstacle(racer):
     """`exactarm gear` writes an empty table where no order stands out of the noise."""
     even = GearTable(np.zeros(0), np.zeros(0), np.zeros(0))
     robot = racer.with_joint(1, cw=even, ccw=even)
-    result = diagnose(robot, runs(robot))
+    result = diagnose(robot, runs(robot, axes=(2,)))
     assert result.verdict == NOTHING and not result.findings

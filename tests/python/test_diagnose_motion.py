@@ -44,6 +44,7 @@ def test_clean_torque_has_no_undeclared_effect(racer):
     assert result.unit == "Nm" and len(result.axes) == 6
 
 
+@pytest.mark.slow
 def test_names_a_rotor(racer):
     def rotor(angle, rate, acceleration):
         return np.where(np.arange(6) == 2, 3.0, 0.0) * acceleration

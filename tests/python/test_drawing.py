@@ -36,6 +36,7 @@ def calibrated(arm, truth, poses, noise, rng, judged=40):
     return result, freely, rms
 
 
+@pytest.mark.slow
 def test_few_poses_predict_better_beside_the_drawing(arm):
     rng = np.random.default_rng(1)
     ratios = []

@@ -91,8 +91,8 @@ def doubled(robot, data):
 
 COMMANDS, LAWS = (evaluate, calibrate, certify, check), (shuffled, tracker_moved, axis_reversed, doubled)
 # A day is told by its first poses, and a pose that is there twice measures the noise.
-CASES = [pytest.param(command, law, marks=pytest.mark.slow if command is calibrate else ())
-         for command in COMMANDS for law in LAWS
+MARKS = {command: pytest.mark.slow if command is calibrate else () for command in COMMANDS}
+CASES = [pytest.param(command, law, marks=MARKS[command]) for command in COMMANDS for law in LAWS
          if (command, law) not in ((check, shuffled), (check, doubled))]
 CASES += [pytest.param(diagnose, law, marks=pytest.mark.slow) for law in (shuffled, axis_reversed)]
 
@@ -104,7 +104,7 @@ def test_the_answer_follows(command, law):
     assert other[0] == one[0] and other[1] == pytest.approx(one[1], rel=few)
 
 
-@pytest.mark.parametrize("command", COMMANDS)
+@pytest.mark.parametrize("command", [pytest.param(each, marks=MARKS[each]) for each in COMMANDS])
 def test_errors_grow_with_the_noise(command):
     one, three = (reference(command, noise) for noise in (NOISE_M, 3.0 * NOISE_M))
     assert three[0] == one[0] and three[1] == pytest.approx([3.0 * value for value in one[1]], rel=0.1)

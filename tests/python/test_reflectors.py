@@ -70,6 +70,7 @@ def test_one_reflector_is_a_position(tmp_path):
     assert np.allclose(data.position, place) and data.rotation is None
 
 
+@pytest.mark.slow
 def test_a_calibration_is_the_same_as_with_the_pose(tmp_path):
     made = ea.simulate("racer-7-1.4", count=40, noise=2e-5, deviation=0.5, counts=0, orientation=True).data
     poses = [made.position, made.position + 0.2 * made.rotation[:, :, 0],

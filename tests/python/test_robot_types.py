@@ -108,7 +108,8 @@ def counted_from_axis_2() -> Robot:
     return replace(arm, joints=joints, controller=replace(arm.controller, coupling=((3, 2, 1.0),)))
 
 
-@pytest.mark.parametrize("table", [turntable, pytest.param(positioner, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("table", [turntable, positioner])
 def test_a_table_of_one_or_two_axes_is_judged_without_a_misleading_word(table):
     """What frames take up is said, a wrong unit is not suspected, and the last axis' run-out is found."""
     axes = table().axes

@@ -81,6 +81,7 @@ def test_a_wave_of_the_gear_stays_one(racer):
     assert_allclose(waves_of_the_gear(result), ORDER, atol=0.2)
 
 
+@pytest.mark.slow
 def test_beside_a_floor_that_shakes_the_gear_keeps_its_wave(racer):
     result = diagnose(racer, one_speed(racer, gear=True, shakes=(np.zeros(RUNS), 0.0)))
     assert result.verdict == "unexplained"

@@ -10,10 +10,8 @@ from exactarm.robot import Robot
 def declared_deflection(robot: Robot, torque: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Change of q under the torque (N, n) that the springs carry, -kappa^{-1}(torque), and its slope by the
     torque."""
-    value, slope = np.zeros_like(torque), np.zeros_like(torque)
-    springs = [i for i, joint in enumerate(robot.joints) if joint.spring_linear]
-    linear = np.array([robot.joints[i].spring_linear for i in springs])
-    value[:, springs], slope[:, springs] = -torque[:, springs] / linear, -1.0 / linear
+    linear = np.array([joint.spring_linear or np.inf for joint in robot.joints])
+    value, slope = -torque / linear, np.repeat([-1.0 / linear], len(torque), axis=0)
     for i, joint in enumerate(robot.joints):
         if joint.spring_linear and joint.spring_cubic:
             stretch, by_torque = spring_inverse(joint.spring_linear, joint.spring_cubic, torque[:, i])
