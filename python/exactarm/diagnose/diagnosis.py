@@ -181,7 +181,7 @@ def diagnose(
                                    problem.share_of_measured(last))
     else:
         verdict = verdict_of_causes(causes, after, noise, excess)
-    lines = problem.waves_taken_out() + (problem.lines_left(last, noise.value) if noise.measured else ())
+    lines = problem.waves(last, noise.value if noise.measured else None)
     unknown = _unknown_beside(causes, findings) + lines
     unconverged = _unconverged(selection)
     _, refuted = stood_and_refuted(findings)

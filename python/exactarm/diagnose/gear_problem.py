@@ -295,14 +295,15 @@ class GearProblem(ProblemInTime):
                                for name, ratio in both))
         return float(np.mean(squares)) if squares else 0.0
 
-    def waves_taken_out(self) -> tuple[str, ...]:
-        return tuple(
+    def waves(self, fitted: Fitted, floor: float | None) -> tuple[str, ...]:
+        out = tuple(
             f"a wave of {wave.frequency:.3g} Hz in time, {1e3 * wave.size:.2g} m{self.unit}, which follows "
             f"no axis's angle, is likelier than {_listed(wave.instead)} (probability "
             f"{wave.probability:.2f}) and was taken out: look for a floor or a mount that shakes"
             for wave in self._waves)
+        return out if floor is None else out + self._waves_left(fitted, floor)
 
-    def lines_left(self, fitted: Fitted, floor: float) -> tuple[str, ...]:
+    def _waves_left(self, fitted: Fitted, floor: float) -> tuple[str, ...]:
         pieces = self._pieces(fitted)
         rms = np.sqrt(np.mean(np.concatenate([piece for column in pieces for piece in column]) ** 2))
         rows = sum(piece.size for piece in pieces[0])

@@ -285,13 +285,9 @@ class Problem(ABC):
         that takes away no more."""
         return 0.0
 
-    def waves_taken_out(self) -> tuple[str, ...]:
-        """In words: waves in time that were likelier than effects."""
-        return ()
-
-    def lines_left(self, fitted: Fitted, floor: float) -> tuple[str, ...]:
-        """In words: waves in time that stand out of a measured noise floor, in the unit of the errors; empty
-        where there are none, or where nothing is known of them."""
+    def waves(self, fitted: Fitted, floor: float | None) -> tuple[str, ...]:
+        """In words: waves in time that were likelier than effects, or that stand out of a measured noise
+        floor, in the unit of the errors; empty where there are none, or where nothing is known of them."""
         return ()
 
     def share_of_measured(self, fitted: Fitted) -> float:

@@ -35,6 +35,7 @@ from exactarm.identify.base_parameters import BaseParameters, base_parameters
 from exactarm.identify.consistent import consistent_fit
 from exactarm.identify.declared import carried_layout, require_geometry, with_estimates
 from exactarm.identify.friction_width import friction_widths
+from exactarm.identify.identifiability import Dropped
 from exactarm.identify.motion_fit import MotionFit, fit_motion
 from exactarm.identify.prior_bodies import declares_bodies
 from exactarm.identify.session_payloads import (
@@ -71,14 +72,6 @@ class DynamicsOptions:
 
 
 @dataclass(frozen=True)
-class DroppedParameter:
-    """A parameter that is not estimated, and why."""
-
-    name: str
-    why: str
-
-
-@dataclass(frozen=True)
 class DynamicsIdentification:
     """records and residuals (N', m) Nm before and after, by "identification" and "validation"; unconstrained:
     those after without the condition that links are physical bodies (the same where no inertia was
@@ -87,7 +80,7 @@ class DynamicsIdentification:
     robot: Robot
     fit: MotionFit
     base: BaseParameters
-    dropped: tuple[DroppedParameter, ...]
+    dropped: tuple[Dropped, ...]
     records: dict[str, MotionRecord]
     before: dict[str, np.ndarray]
     after: dict[str, np.ndarray]
@@ -190,7 +183,7 @@ def inertia_was_estimated(robot: Robot) -> bool:
 
 def excited_layout(
     robot: Robot, layout: Layout, record: MotionRecord, threads: int = 1
-) -> tuple[Layout, tuple[DroppedParameter, ...]]:
+) -> tuple[Layout, tuple[Dropped, ...]]:
     """The layout without the parameters that this motion cannot tell from others."""
     axes = record.measured_axes
     prediction = predict_motion(robot, layout, record, threads=threads)
@@ -199,15 +192,14 @@ def excited_layout(
     columns = columns.reshape(-1, layout.size)
     size = np.linalg.norm(columns, axis=0)
     still = size <= 1e-9 * size.max()
-    dropped = [DroppedParameter(layout.names[k], "this motion does not excite it")
-               for k in np.flatnonzero(still)]
+    dropped = [Dropped(layout.names[k], "this motion does not excite it") for k in np.flatnonzero(still)]
     moving = np.flatnonzero(~still)
     triangle = np.linalg.qr(columns[:, moving] / size[moving], mode="r")
     upper, order = linalg.qr(triangle, mode="r", pivoting=True)
     diagonal = np.abs(np.diag(upper))
     weak = np.sort(moving[order[diagonal < diagonal[0] / _WORST_CONDITION]])
     why = "this motion cannot tell it from the others"
-    dropped += [DroppedParameter(layout.names[k], why) for k in weak]
+    dropped += [Dropped(layout.names[k], why) for k in weak]
     return layout.without({entry.name for entry in dropped}), tuple(dropped)
 
 
@@ -222,10 +214,10 @@ def require_enough(layout: Layout, record: MotionRecord) -> None:
 
 def _structurally(base: BaseParameters):
     for column in base.without_effect:
-        yield DroppedParameter(base.names[column], "no motion of this robot shows it")
+        yield Dropped(base.names[column], "no motion of this robot shows it")
     for column in base.dropped:
         bearers = base.bearers(column)
-        yield DroppedParameter(base.names[column], f"only its sum with {', '.join(bearers)} can be told")
+        yield Dropped(base.names[column], f"only its sum with {', '.join(bearers)} can be told")
 
 
 def _warnings(fit: MotionFit, data: Dataset, unsettled: str):

@@ -34,12 +34,12 @@ _WEAK_SHARE = 0.3  # the same in a direction that is weak but not empty
 
 @dataclass(frozen=True)
 class Dropped:
-    """A parameter that cannot be identified: why in one sentence, and with which others it collides."""
+    """A parameter that is not estimated: why in one sentence, and with which others it collides."""
 
     name: str
     why: str
-    collides_with: tuple[str, ...]
-    exact: bool  # False: told apart in principle, but not at this noise
+    collides_with: tuple[str, ...] = ()
+    exact: bool = True  # False: told apart in principle, but not at this noise
 
 
 @dataclass(frozen=True)

@@ -21,21 +21,13 @@ from exactarm.robot import Robot
 
 
 @dataclass(frozen=True)
-class Gap:
-    """A parameter that the model does not have, although these poses would show it."""
-
-    name: str
-    why: str
-
-
-@dataclass(frozen=True)
 class ModelCheck:
     """identifiability of the declared parameters; absent: the d of Hayati frames and what stands for them;
-    gaps."""
+    gaps: parameters that the model does not have, although these poses would show them."""
 
     identifiability: Identifiability
     absent: tuple[Dropped, ...]
-    gaps: tuple[Gap, ...]
+    gaps: tuple[Dropped, ...]
 
 
 def check_model(
@@ -69,7 +61,7 @@ def check_model(
     spare = [place[name] for name in full.names if name not in set(layout.names)]
     beside = select(kept + spare, len(kept))
     absent = tuple(entry for entry in beside.dropped if parse_parameter(entry.name).symbol == "d")
-    gaps = tuple(Gap(name, _why_gap(name, robot)) for name in beside.identifiable if place[name] in spare)
+    gaps = tuple(Dropped(name, _why_gap(name, robot)) for name in beside.identifiable if place[name] in spare)
     return ModelCheck(result, absent, gaps)
 
 
