@@ -18,7 +18,7 @@ from exactarm.effects.frames import Frames
 from exactarm.effects.gear_harmonics import GearHarmonics
 from exactarm.effects.guide_error import GuideError
 from exactarm.plan.compensation import known_functions, planning_model
-from exactarm.robot import Placement
+from exactarm.robot import Joint, Placement, Robot
 from test_robot_types import arm_on_a_track, slide
 
 WAVES, NOISE_M, WAY_M = 3, 2e-5, 3.0
@@ -275,4 +275,35 @@ def test_a_bent_rail_and_a_run_out_beside_it_are_both_found():
     result = ea.diagnose(robot, data, seed=8, threads=1)
     found = {(each["effect"], each["joint"]) for each in result["effects"]}
     assert found == {("guide_error", 1), ("gear_eccentricity", 4)} and result["converged"]
+    assert result.after["validation"].rms < 4.0 * NOISE_M
+
+
+def gantry():
+    """Three slides at right angles, and a wrist."""
+    quarter = 0.5 * np.pi
+    wrist = [replace(joint, ratio=100.0, q_min=-2.2, q_max=2.2)
+             for joint in (Joint(d=0.1, alpha=quarter), Joint(alpha=-quarter), Joint(d=0.1))]
+    return Robot("gantry", (slide(4.0, alpha=-quarter), slide(2.0, alpha=quarter, zero=quarter), slide(1.0),
+                            *wrist))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("axes, count, seed", [((1, 2, 3), 250, 3), ((3,), 100, 4), ((), 120, 5)])
+def test_the_guides_of_a_gantry_are_told_apart(axes, count, seed):
+    """Plant: from the last bent guide to the first, what lies beyond moves with its carriage."""
+    robot, random = gantry(), np.random.default_rng(seed)
+    true, q = placed(robot, seed), angles(robot, count, seed)
+    origins, rotations = _core.frame_poses(replace(true, base=Placement(), tool=Placement()).core, q)
+    target = origins[:, -1] + rotations[:, -1] @ true.tool.position
+    for axis in sorted(axes, reverse=True):
+        way = robot.joints[axis - 1].q_max
+        motions = rail(10 * seed + axis, 6e-5 * way)(q[:, axis - 1] * WAY_M / way)
+        motions[:, 3:] *= WAY_M / way
+        guide, carriage = rotations[:, axis - 1], origins[:, axis]
+        shift, turn = (np.einsum("nij,nj->ni", guide, part) for part in (motions[:, :3], motions[:, 3:]))
+        target = carriage + shift + Rotation.from_rotvec(turn).apply(target - carriage)
+    measured = target @ true.base.rotation.T + true.base.position + NOISE_M * random.normal(size=target.shape)
+    result = ea.diagnose(robot, poses(q, measured), seed=seed, threads=1)
+    found = [(each["effect"], each["joint"]) for each in result["effects"]]
+    assert sorted(found) == [("guide_error", axis) for axis in axes] and result["converged"]
     assert result.after["validation"].rms < 4.0 * NOISE_M
