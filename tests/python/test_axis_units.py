@@ -9,7 +9,7 @@ from exactarm.commands.effect_sections import parameters_table
 from exactarm.commands.error_sections import unit_of
 from exactarm.diagnose.diagnosis import Finding
 from exactarm.effects import library
-from exactarm.effects.axis_units import of_a_slide
+from exactarm.effects.axis_units import moves_by, of_a_slide
 from exactarm.effects.backlash import Backlash
 from exactarm.effects.joint_coupling import JointCoupling
 from exactarm.effects.joint_offset import JointOffset
@@ -52,6 +52,10 @@ def test_every_effect_of_one_axis_says_it_without_radians_or_newton_metres_there
             names = [effect.in_units_of(ARM, parameter.name) for parameter in effect.parameters()]
             said = f"{effect.describe_on(ARM)} {' '.join(names)}".replace("_", " ").split()
             assert "Nm" not in said and "rad" not in said, (cls.name, said)
+
+
+def test_the_own_signal_of_an_axis_that_slides_is_its_travel():
+    assert [moves_by(ARM, joint) for joint in (2, 3)] == ["angle of axis 2", "travel of axis 3"]
 
 
 def test_the_zero_of_a_sliding_axis_is_a_length():

@@ -14,6 +14,8 @@ from exactarm.kinds import CLOSURES, GEAR_RUN, MOTION, POSES, TRACKED_MOTION
     (POSES, "a turn of axis 3 follows the angle of axis 2 and the angle of axis 3", "every axis over"),
     (POSES, "a turn of axis 3 follows the angle of axis 2 and the load of axis 3", "load of axis 3"),
     (POSES, "the device follows the position in the workspace", "second place of the tracker"),
+    (POSES, "a turn of axis 2 follows the travel of axis 1", "axis 1 alone along its way"),
+    (TRACKED_MOTION, "travel of axis 1", "axis 1 alone along its way, slowly"),
     (POSES, "order of measurement", "every quarter of an hour"),
     (POSES, "approach of axis 2", "both sides of axis 2"),
     (POSES, "temperature_degC", "another temperature_degC"),

@@ -27,7 +27,7 @@ _AT_REST = (
     (r"approach" + _AXIS,
      "drive to twenty poses from both sides of axis {axis} (`exactarm design --both-ways`): the "
      "difference is what hangs on the direction"),
-    (r"angle" + _AXIS + r".* and the (?!load)|two axes together",
+    (r"(angle|travel)" + _AXIS + r".* and the (?!load)|two axes together",
      "measure about as many poses again, every axis over its whole range and independent of the others "
      "(`exactarm design`): it shows at no axis alone"),
     (r"load" + _AXIS,
@@ -36,6 +36,9 @@ _AT_REST = (
     (r"angle" + _AXIS,
      "turn axis {axis} alone through its range in steps of 3 deg, in two postures of the others: what its"
      " angle does then shows by itself"),
+    (r"travel" + _AXIS,
+     "drive axis {axis} alone along its way in steps of a hundredth, in two postures of the others: what its"
+     " guide does then shows by itself"),
     (r"position",
      "{elsewhere}: what stays with the device is not the arm's"),
     (r"time|order of measurement",
@@ -51,6 +54,8 @@ _IN_MOTION = (
     (r"(motor )?angle" + _AXIS,
      "turn axis {axis} alone through its range, slowly, both ways: what its angle does then shows by "
      "itself"),
+    (r"travel" + _AXIS,
+     "move axis {axis} alone along its way, slowly, both ways: what its guide does then shows by itself"),
     (r"load" + _AXIS,
      "repeat the motion with a known payload: what hangs on the load of axis {axis} grows with it"),
     (r"acceleration" + _AXIS,

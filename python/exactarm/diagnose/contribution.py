@@ -32,7 +32,7 @@ from exactarm import _core
 from exactarm.chain import Layout
 from exactarm.chain.spring import declared_deflection
 from exactarm.diagnose.problem import Fitted, Problem
-from exactarm.effects.axis_units import of_a_slide, slides
+from exactarm.effects.axis_units import moves_by, of_a_slide, slides
 from exactarm.effects.base import Effect, OwnCurve, Station
 from exactarm.kinds import kind_of
 from exactarm.robot import Robot
@@ -47,8 +47,8 @@ _POSTURES = 50  # of a run: levers change little between neighbours
 _SMALL_RAD = 1e-4  # a turn whose chord is its arc to 1e-9
 _MOST_POINTS = 3000  # of a picture
 _TURN = 2.0 * np.pi
-_UNITS = {"angle": "rad", "motor": "rad", "phase": "rad", "load": "Nm", "time": "s", "position": "m",
-          "speed": "rad/s",
+_UNITS = {"angle": "rad", "motor": "rad", "phase": "rad", "load": "Nm", "time": "s",
+          "position": "m", "travel": "m", "speed": "rad/s",
           "acceleration": "rad/s²"}
 _STATION_UNITS = {Station.MOTOR: "rad", Station.GEAR: "rad", Station.SPRING: "rad", Station.LOAD: "Nm",
                   Station.DRIVE: "Nm"}
@@ -125,21 +125,20 @@ def _contribution(fitted: Fitted, index: int, signals: dict, directions: dict, u
     high, low = int(np.argmax(value)), int(np.argmin(value))
     difference = slopes[high] - slopes[low]
     named = _own_signals(effect, signals, fitted, direction)
-    by_position = effect.has_curves and f"angle of axis {effect.joint}" in named
-    signal = f"angle of axis {effect.joint}" if by_position else _told_over(named, value)
+    own = moves_by(fitted.robot, effect.joint) if effect.has_curves else None
+    signal = own if own in named else _told_over(named, value)
     rows = _subsampled(named[signal])
     rigid = _loaded_without_spring(fitted, moved) if unit == "Nm" else ()
     tool = (_at_tool(without, moved) if unit == "m" else _by_lever(fitted, effect, value, value_unit)
             if unit != "Nm" else None if rigid else _by_springs(fitted, moved))
-    told = _of_a_way(signal, fitted.robot)
     return Contribution(
-        effect, told, _UNITS.get(told.split()[0], ""), _follows(named[signal], value) > FOLLOWS,
+        effect, signal, _UNITS.get(signal.split()[0], ""), _follows(named[signal], value) > FOLLOWS,
         named[signal][rows], value[rows], _half(fitted, slopes[rows], covariance), value_unit, direction,
         before[rows],
         after[rows], tool, residual_unit,
         (float(value[high] - value[low]), float(_half(fitted, difference[None], covariance)[0])), rigid,
         waves is not None,
-        _own_curves(fitted, index, rows) if by_position else (),
+        _own_curves(fitted, index, rows) if own == signal else (),
     )
 
 
@@ -280,7 +279,7 @@ def _half(fitted: Fitted, slopes: np.ndarray, covariance: np.ndarray) -> np.ndar
 def _told_over(named: dict[str, np.ndarray], value: np.ndarray) -> str:
     """The signal that the value follows best. Everything smooth follows time, which says nothing of a cause:
     time only where no other signal explains half."""
-    others = {name: _follows(values, value) + 1e-3 * name.startswith("angle")
+    others = {name: _follows(values, value) + 1e-3 * name.startswith(("angle", "travel"))
               for name, values in named.items() if name != "time"}
     best = max(others, key=others.__getitem__, default="time")
     return best if "time" not in named or others.get(best, 0.0) > _ENOUGH else "time"
@@ -309,12 +308,6 @@ def _own_signals(effect: Effect, signals: dict[str, np.ndarray], fitted: Fitted,
         phase = np.mod(orders[0] * fitted.view.phi[:, effect.index], _TURN)
         own[f"phase of {element}axis {effect.joint}, order {orders[0]:.4g}"] = phase
     return own or signals
-
-
-def _of_a_way(signal: str, robot: Robot) -> str:
-    """The name of a signal to a reader: an axis that slides has a position, and no angle."""
-    name, _, axis = signal.rpartition(" ")
-    return f"position of axis {axis}" if name == "angle of axis" and slides(robot, int(axis)) else signal
 
 
 def _follows(signal: np.ndarray, value: np.ndarray) -> float:

@@ -30,11 +30,13 @@ from exactarm.diagnose.problem import Fitted, Problem
 from exactarm.diagnose.search import search
 from exactarm.diagnose.selection import refit
 from exactarm.diagnose.vocabulary import Vocabulary, vocabulary_of
+from exactarm.effects.axis_units import moves_by
 from exactarm.effects.base import Effect
 from exactarm.effects.expression import Expression, signal_of
 from exactarm.formula import LONGEST
 from exactarm.noise.estimate import estimate_noise
 from exactarm.noise.model import NoiseModel
+from exactarm.robot import Robot
 
 MOST_DRAFTS = 3
 _MOST_TERMS, _MOST_SIGNALS = 3, 3
@@ -43,7 +45,7 @@ _SERIES_COSTS = 5.0  # nats: a short formula up to 150 times less likely is stil
 _PROBABLE = 0.5  # that an unknown function turns the axis, from which it is worth a draft
 _MOST_FUNCTIONS = 6  # searched for at once: twice what is drafted
 _NOISE_PASSES = 2
-_SIGNALS = {"angle": "q", "load": "torque", "approach": "approach"}
+_SIGNALS = {"angle": "q", "travel": "q", "load": "torque", "approach": "approach"}
 _PARAMETER = re.compile(r"[abcw]\d*(_\d+)?$")  # what a formula of the dictionary calls its parameters
 _GAPS_TOLD = 3  # of each signal; the file has all
 _RARE_GAP = 0.01  # chance that evenly scattered values leave one gap as wide
@@ -137,7 +139,7 @@ def drafts_of(problem: Problem, declared: Layout, last: Fitted) -> tuple[Draft, 
         formula, log_bayes = _best_formula(fitted, noise, folds, axis, names)
         if formula is None:
             break
-        titled = replace(formula, heading=_title(formula))
+        titled = replace(formula, heading=_title(formula, problem.robot))
         chosen = [*fitted.layout.effects[len(declared.effects) :], titled]
         trial = refit(problem, declared, chosen, fitted, noise)
         if not trial.fit.converged:
@@ -291,19 +293,19 @@ def _in_formulas(name: str) -> str | None:
     )
 
 
-def _title(effect: Expression) -> str:
+def _title(effect: Expression, robot: Robot) -> str:
     """As a technician says it."""
-    return f"axis {effect.joint} follows {' and '.join(_in_words(signal) for signal in effect.of)}"
+    return f"axis {effect.joint} follows {' and '.join(_in_words(signal, robot) for signal in effect.of)}"
 
 
-def _in_words(signal: str) -> str:
+def _in_words(signal: str, robot: Robot) -> str:
     kind, _, axis = signal.rpartition("_")
-    words = {"q": "the angle of axis", "torque": "the load of axis", "approach": "the direction of axis"}
-    return (
-        f"{words[kind]} {axis}"
-        if kind in words and axis.isdigit()
-        else ("time" if signal == "time_h" else signal)
-    )
+    words = {"torque": "the load of axis", "approach": "the direction of axis"}
+    if kind == "q" and axis.isdigit():
+        return f"the {moves_by(robot, int(axis))}"
+    if kind in words and axis.isdigit():
+        return f"{words[kind]} {axis}"
+    return "time" if signal == "time_h" else signal
 
 
 def _suspect(effect: Effect) -> str:

@@ -8,6 +8,7 @@ from exactarm.dataset import Dataset
 from exactarm.diagnose.noise import repeat_scatter
 from exactarm.diagnose.problem import Fitted, Problem
 from exactarm.diagnose.smoothness import second_order
+from exactarm.effects.axis_units import moves_by
 from exactarm.identify.declared import require_geometry
 from exactarm.noise.wandering import SESSIONS_APART
 from exactarm.robot import Robot
@@ -45,7 +46,7 @@ class ProblemAtRest(Problem):
 
     def signals(self, fitted: Fitted) -> dict[str, np.ndarray]:
         view, data = fitted.view, self.data
-        signals = {f"angle of axis {i + 1}": view.q[:, i] for i in range(view.axes)}
+        signals = {moves_by(self.robot, i + 1): view.q[:, i] for i in range(view.axes)}
         signals |= {f"load of axis {i + 1}": view.torque[:, i] for i in range(view.axes)
                     if np.ptp(view.torque[:, i]) > 0}
         directions = view.direction

@@ -18,6 +18,7 @@ from exactarm.dataset import Dataset
 from exactarm.diagnose.coloured_noise import ColouredNoise, NoiseMemory
 from exactarm.diagnose.problem import Fitted, Problem
 from exactarm.diagnose.time_groups import run_groups, stretches_of_response
+from exactarm.effects.axis_units import moves_by
 from exactarm.identify.declared import all_effects, with_estimates
 from exactarm.robot import Robot
 from exactarm.view import View
@@ -56,7 +57,7 @@ class ProblemInTime(Problem):
         """Of some axes, whose motors turn at `rate` (N, n) on the output side, and of what all share."""
         signals = {}
         for i in axes:
-            signals[f"angle of axis {i + 1}"] = view.q[:, i]
+            signals[moves_by(self.robot, i + 1)] = view.q[:, i]
             signals[f"direction of axis {i + 1}"] = direction[:, i]
             signals[f"speed of axis {i + 1}"] = rate[:, i]
             if "theta_ddot" in view.signals:

@@ -92,7 +92,7 @@ def unknown_functions(fitted, signals: dict,
         for signal, basis in bases.items():
             found.append((Unknown(name, (signal,)), pattern[:, :, None] * basis[:, None, :], lengths))
     whole = {name: basis for name, basis in bases.items()
-             if not name.startswith(("angle", "load", "approach", *OF_TIME))}
+             if not name.startswith(("angle", "travel", "load", "approach", *OF_TIME))}
     for signal, basis in whole.items() if device else ():
         response = np.concatenate([pattern[:, :, None] * basis[:, None, :] for pattern in device], axis=2)
         found.append((Unknown("the device", (signal,)), response,
@@ -120,7 +120,7 @@ def _of_place(place: list[np.ndarray], device: list[np.ndarray]) -> tuple:
 
 def _of_two(curves: dict, turns: dict, device: list) -> list:
     """Products of functions of the angles of two axes, which move one axis, or the device's axes."""
-    few = {name: few_of(values) for name, values in curves.items() if name.startswith("angle")}
+    few = {name: few_of(values) for name, values in curves.items() if name.startswith(("angle", "travel"))}
     size = sizes_of(LENGTHS[1], _TERMS_OF_TWO)
     names, found = list(few), []
     product_size = AMPLITUDE * np.outer(size, size).ravel()

@@ -22,6 +22,11 @@ def slides(robot: Robot, joint: int | None) -> bool:
     return joint is not None and robot.joints[joint - 1].type == "prismatic"
 
 
+def moves_by(robot: Robot, joint: int) -> str:
+    """The name of an axis's own signal: `angle of axis 2`, `travel of axis 1` where it slides."""
+    return f"{'travel' if slides(robot, joint) else 'angle'} of axis {joint}"
+
+
 def of_a_slide(words: str) -> str:
     """A name or a sentence with the units of a sliding axis in place of those of a revolute one."""
     return _UNIT.sub(lambda match: _OF_A_SLIDE[match[1]], words)
