@@ -83,6 +83,15 @@ class Joint(Value):
         return any(table is not None and table.order.size for table in (self.cw, self.ccw))
 
     @cached_property
+    def tables(self) -> tuple[tuple[int, _core.GearTable], ...]:
+        """The core's tables by direction of motion: -1 cw, 0 the mean of both, 1 ccw."""
+        cw, ccw = self.cw or self.ccw or GearTable(), self.ccw or self.cw or GearTable()
+        mean = cw if cw is ccw else GearTable(
+            np.concatenate([cw.order, ccw.order]), 0.5 * np.concatenate([cw.a, ccw.a]),
+            0.5 * np.concatenate([cw.b, ccw.b]))
+        return tuple((direction, table.core()) for direction, table in ((-1, cw), (0, mean), (1, ccw)))
+
+    @cached_property
     def core(self) -> dict[str, Any]:
         """What the core's joint is made of, but for the link that it carries."""
         kind = getattr(_core.JointType, self.type)

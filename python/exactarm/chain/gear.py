@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from exactarm import _core
-from exactarm.robot import GearTable, Joint
+from exactarm.robot import Joint
 from exactarm.view import View
 
 _NEWTON_STEPS = 4  # from an error of the two tables' difference, 1e-3 rad
@@ -23,7 +23,7 @@ def declared_output_angle(view: View) -> tuple[np.ndarray, np.ndarray]:
     for i, joint in enumerate(view.robot.joints):
         if not joint.has_harmonics:
             continue
-        for direction, table in direction_tables(joint):
+        for direction, table in joint.tables:
             rows = way[:, i] == direction
             if rows.any():
                 theta = view.theta[rows, i]
@@ -56,20 +56,3 @@ def differs_with_direction(joint: Joint) -> bool:
         return False
     return not all(np.array_equal(getattr(joint.cw, name), getattr(joint.ccw, name))
                    for name in ("order", "a", "b"))
-
-
-def direction_tables(joint: Joint) -> tuple[tuple[int, _core.GearTable], ...]:
-    """(-1: cw, 0: mean, +1: ccw) with the core's tables."""
-    cw, ccw = joint.cw or joint.ccw, joint.ccw or joint.cw
-    return ((-1, cw.core()), (0, mean_table(cw, ccw).core()), (1, ccw.core()))
-
-
-def mean_table(cw: GearTable, ccw: GearTable) -> GearTable:
-    """Harmonics with half the coefficients of either table."""
-    if cw is ccw:
-        return cw
-    return GearTable(
-        np.concatenate([cw.order, ccw.order]),
-        0.5 * np.concatenate([cw.a, ccw.a]),
-        0.5 * np.concatenate([cw.b, ccw.b]),
-    )

@@ -111,25 +111,27 @@ def _refine(points, rotations, measured, tool_points) -> tuple[np.ndarray, np.nd
         arm = arm @ np.swapaxes(base, -1, -2)
         return base, arm, measured - arm
 
+    tool_points, live = tool_points.copy(), np.arange(len(tool_points))  # live: starts that have not ended
     base, arm, residual = placed(tool_points)
     cost, damping = np.sum(residual**2, axis=(1, 2)), np.full(len(tool_points), 1e-9)
-    ended = np.zeros(len(tool_points), bool)
     for _ in range(_STEPS):
-        jacobian = np.concatenate([-skew(arm), base[:, None] @ rotations], axis=-1).reshape(len(base), -1, 6)
+        turned = base[live, None] @ rotations
+        jacobian = np.concatenate([-skew(arm[live]), turned], axis=-1).reshape(len(live), -1, 6)
         normal = np.swapaxes(jacobian, -1, -2) @ jacobian
-        damped = normal + (damping[:, None, None] * normal) * np.eye(6)
-        slope = np.einsum("srk,sr->sk", jacobian, residual.reshape(len(base), -1))
+        damped = normal + (damping[live, None, None] * normal) * np.eye(6)
+        slope = np.einsum("srk,sr->sk", jacobian, residual[live].reshape(len(live), -1))
         step = np.einsum("skl,sl->sk", np.linalg.pinv(damped, rcond=1e-12, hermitian=True), slope)
-        trial = tool_points + step[:, 3:]
+        trial = tool_points[live] + step[:, 3:]
         trial_base, trial_arm, trial_residual = placed(trial)
         trial_cost = np.sum(trial_residual**2, axis=(1, 2))
-        better = (trial_cost < cost) & ~ended
-        ended |= (better & (cost - trial_cost < 1e-12 * cost)) | (damping > 1e6)
-        damping = np.where(better, np.maximum(0.1 * damping, 1e-12), np.minimum(30.0 * damping, 1e8))
-        tool_points = np.where(better[:, None], trial, tool_points)
-        base, arm, residual = (np.where(better[:, None, None], new, old) for new, old in (
-            (trial_base, base), (trial_arm, arm), (trial_residual, residual)))
-        cost = np.where(better, trial_cost, cost)
-        if ended.all():
+        better = trial_cost < cost[live]
+        ended = (better & (cost[live] - trial_cost < 1e-12 * cost[live])) | (damping[live] > 1e6)
+        damping[live] = np.where(better, np.maximum(0.1 * damping[live], 1e-12),
+                                 np.minimum(30.0 * damping[live], 1e8))
+        for values, new in ((tool_points, trial), (base, trial_base), (arm, trial_arm),
+                            (residual, trial_residual), (cost, trial_cost)):
+            values[live[better]] = new[better]
+        live = live[~ended]
+        if not live.size:
             break
     return tool_points, cost
