@@ -19,6 +19,7 @@ from exactarm.effects.gear_harmonics import GearHarmonics
 from exactarm.effects.guide_error import GuideError
 from exactarm.plan.compensation import known_functions, planning_model
 from exactarm.robot import Joint, Placement, Robot
+from exactarm.simulate.virtual_robot import parse_effect
 from test_robot_types import arm_on_a_track, slide
 
 WAVES, NOISE_M, WAY_M = 3, 2e-5, 3.0
@@ -110,6 +111,19 @@ def test_a_file_gives_it_back_and_says_it_in_numbers():
     assert derived["turn_rad"][0] == pytest.approx(1e-6 * roll, abs=1e-6)
     assert 0.0 < derived["turn_rad"][1] < 5e-6
     assert 0.0 < derived["straightness_m"][0] < 5e-3
+
+
+def test_a_few_terms_are_enough_to_simulate_one():
+    words = "guide_error joint=1 shift_x_2_m=1e-4 turn_z_3_rad=2e-4 seen_from_m=0 seen_to_m=3 size_m=1e-4"
+    robot, q = arm_on_a_track(), angles(arm_on_a_track(), 20, 10)
+    effect = parse_effect(words, robot.axes)
+    assert effect.waves == 3 and np.count_nonzero(effect.values) == 2
+    assert 2e-5 < np.linalg.norm(predicted(robot, q, effect) - predicted(robot, q), axis=1).max() < 1e-3
+    for wrong in (words.replace("seen_to_m=3", "seen_to_m=0"), words.replace("size_m=1e-4", "size_m=0"),
+                  "guide_error joint=1 seen_from_m=0 seen_to_m=3 size_m=1e-4",
+                  words.replace("shift_x_2_m", "shift_w_2_m")):
+        with pytest.raises(ea.InputError, match="guide_error"):
+            parse_effect(wrong, robot.axes)
 
 
 def test_its_curves_are_its_motions_less_line_and_mean_with_their_spread():

@@ -16,6 +16,7 @@ sd(B_k) = sd(A_k) k pi / R. Constant shifts and turns, and shifts in proportion 
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import ClassVar
@@ -30,6 +31,7 @@ _WAVES = 16  # the shortest is an eighth of the way long; they fall, and more co
 _MOTIONS = tuple(f"{motion}_{axis}" for motion in ("shift", "turn") for axis in "xyz")
 _TITLES = ("straightness along x", "straightness along y", "error along the way", "turn about x",
            "turn about y", "roll")
+_TERM = re.compile(r"(?:shift_[xyz]_([1-9]\d?)_m|turn_[xyz]_([1-9]\d?)_rad)")
 # size beside the way: from a ground machine guide (10 um/m) to a welded floor track (0.3 mm/m)
 _SIZES_PER_WAY = (1e-5, 3e-5, 1e-4, 3e-4)
 _SETTLED = 0.1  # change of the log of a width: a prior's width is known no better from 96 terms
@@ -172,11 +174,15 @@ class GuideError(Effect):
 
     @classmethod
     def from_table(cls, table: Mapping[str, float | int | str]) -> Effect:
-        waves = sum(1 for name in table if name.startswith("shift_x_"))
-        raw = cls(table.get("joint"), (0.0,) * (len(_MOTIONS) * waves),
-                  seen=(float(table["seen_from_m"]), float(table["seen_to_m"])),
-                  size_m=float(table["size_m"]))
-        return raw.with_values(table[parameter.name] for parameter in raw.parameters())
+        """Terms that are not named are zero."""
+        waves = max((int(term[1] or term[2]) for term in map(_TERM.fullmatch, table) if term), default=0)
+        if waves == 0:
+            raise KeyError("shift_x_1_m")
+        seen, size = (float(table["seen_from_m"]), float(table["seen_to_m"])), float(table["size_m"])
+        if not (seen[0] < seen[1] and size > 0.0):
+            raise ValueError("expected seen_from_m < seen_to_m and size_m > 0")
+        raw = cls(table.get("joint"), (0.0,) * (len(_MOTIONS) * waves), seen=seen, size_m=size)
+        return raw.with_values(table.get(parameter.name, 0.0) for parameter in raw.parameters())
 
     @classmethod
     def candidates(cls, robot, view) -> Iterable[Effect]:
