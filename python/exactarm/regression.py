@@ -60,7 +60,8 @@ class Fit:
     """x (P,), covariance (P, P), sigma (weighted residual standard deviation), freedom, state of the search.
 
     reason: why the search ended; offset: share of the square sum that a linear step from x would still take
-    off, computed anew from the last residual and Jacobian. at_bound (P,) bool; weights (R,) of the robust
+    off, computed anew from the last residual and Jacobian; rank: so many directions of the free parameters
+    are seen. at_bound (P,) bool; weights (R,) of the robust
     loss, square roots (1 without); slope: mean slope of the clipped residual; cost = half the weighted square
     sum. bounds (2, P); unbounded (2, P): estimate and standard deviation of each parameter were it alone free
     of its bounds (x and the root of the covariance where no bound holds it).
@@ -78,6 +79,7 @@ class Fit:
     residual: np.ndarray
     slope: float
     offset: float
+    rank: float
     bounds: np.ndarray
     unbounded: np.ndarray
 
@@ -337,6 +339,7 @@ def _finish(now, weight, soft, slope, x, lower, upper, reason, iterations, model
     covariance = np.zeros((x.size, x.size))
     inverse, scale = gram_inverse(gram[np.ix_(free, free)])
     covariance[np.ix_(free, free)] = variance * inverse / np.outer(scale, scale)
+    rank = float(np.sum(inverse * (gram[np.ix_(free, free)] / np.outer(scale, scale))))
     unbounded = np.stack([x, np.sqrt(np.diag(covariance))])
     if at_bound.any():
         unbounded = beyond_bounds(unbounded, gram, downhill / slope, at_bound, variance)
@@ -346,6 +349,6 @@ def _finish(now, weight, soft, slope, x, lower, upper, reason, iterations, model
     return Fit(
         x=x, covariance=covariance, sigma=float(np.sqrt(variance)), freedom=freedom, reason=reason,
         iterations=iterations, cost=0.5 * square, at_bound=at_bound, weights=soft, residual=now.residual,
-        slope=slope, bounds=np.stack([lower, upper]), unbounded=unbounded,
+        slope=slope, rank=rank, bounds=np.stack([lower, upper]), unbounded=unbounded,
         offset=float(onto @ inverse @ onto) / square if square > 0.0 else 0.0,
     )

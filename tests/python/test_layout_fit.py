@@ -11,6 +11,7 @@ from exactarm.chain import Layout
 from exactarm.effects.base import Parameter
 from exactarm.identify import layout_fit
 from exactarm.identify.layout_fit import fit_layout
+from exactarm.regression import Evaluation, least_squares
 
 PRIOR = 0.3
 
@@ -135,3 +136,25 @@ def test_the_same_arguments_give_the_same_bits():
                alike=np.arange(2))
     again = fit_layout(predict, layout(), np.ones(60), alike=np.arange(2))
     assert np.array_equal(first.fit.x, again.fit.x) and np.array_equal(first.sigma, again.sigma)
+
+
+@pytest.mark.parametrize("repeated", [False, True])
+def test_what_the_rows_have_paid_is_their_leverage(repeated):
+    """Of one variance: by the parameters' covariance, the same as by the product of all columns."""
+    rng = np.random.default_rng(5)
+    columns, measured = case(rng, components=3, sigma=(0.2, 0.2, 0.2))
+    if repeated:
+        columns[:, :, 2] = columns[:, :, 0]
+    weight, alike, sigma = np.ones(60), np.zeros(3, int), np.full(3, 0.2)
+    fit = fit_layout(linear(columns, measured), layout(), weight, alike=alike).fit
+    pull, _ = layout_fit.pulls_of(layout())
+    assert np.any(pull)
+    again = least_squares(
+        lambda x, _: Evaluation(np.append(measured - columns @ x, pull @ -x),
+                                np.append(columns.reshape(-1, 4), pull, 0)),
+        fit.x, weights=np.append(np.full(180, 1 / 0.2), 1.0), bounds=(fit.bounds[0], fit.bounds[1]))
+    spent = layout_fit._spent(columns.reshape(-1, 4), weight, sigma, alike, pull, again)
+    free = ~again.at_bound
+    rows = np.append(columns.reshape(-1, 4) / 0.2, pull, 0)[:, free]
+    leverage = np.trace((rows @ np.linalg.pinv(rows))[:180, :180])
+    assert spent == pytest.approx(np.full(3, leverage / 3), rel=1e-9)

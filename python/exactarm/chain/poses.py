@@ -172,6 +172,8 @@ def predict_target(view: View, layout: Layout, tangents: bool) -> PosePrediction
     pass_station(view, layout, Station.DEVICE, "measured", tangents)
     if tangents:
         jacobian[:, :3], jacobian[:, 3:] = view.tangents["measured"], view.tangents["displacement"][:, 3:]
+        # What leads there has done its work: kept with a fit of many parameters, it is most of its memory.
+        view.tangents = {"measured": jacobian[:, :3]}
     return PosePrediction(view.measured, rotation, jacobian, view)
 
 

@@ -95,8 +95,8 @@ def fit_layout(
             group=_group(alike), data_rows=each.size,
             numbers=numbers, tolerance=tolerance if exact else max(tolerance, _ALONG),
         )
-        (columns,) = (evaluation.jacobian[: each.size] for evaluation in latest.values())
-        spent = _spent(columns, weight[rows], sigma, alike, pull, ~fit.at_bound)
+        (last,) = latest.values()
+        spent = _spent(last.jacobian[: each.size], weight[rows], sigma, alike, pull, fit)
         left = fit.clipped[: each.size].reshape(-1, components)
         new = np.maximum(_spread(left, spent, alike, share[rows]), floor)
         near = one_scale or bool(np.all(np.abs(new / sigma - 1.0) < _SETTLED))
@@ -134,9 +134,13 @@ def _spread(residual: np.ndarray, spent: np.ndarray, alike: np.ndarray, share: n
 
 
 def _spent(columns: np.ndarray, weight: np.ndarray, sigma: np.ndarray, alike: np.ndarray, pull: np.ndarray,
-           free: np.ndarray) -> np.ndarray:
+           fit: Fit) -> np.ndarray:
     """(m,) leverage of each component's weighted rows, of columns (n m, P) with weight (n,): what is measured
     best pays for most parameters."""
+    if not alike.any() and fit.sigma > 0.0:  # all rows: what is seen, less the leverage of the priors
+        priors = np.sum(pull**2 @ np.diag(fit.covariance)) / fit.sigma**2  # each row pulls at one parameter
+        return np.full(len(alike), (fit.rank - priors) / len(alike))
+    free = ~fit.at_bound
     columns = columns.reshape(len(weight), len(sigma), -1)
     if np.any(weight != 1.0):
         columns = weight[:, None, None] * columns
