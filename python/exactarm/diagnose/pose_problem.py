@@ -81,7 +81,7 @@ class PoseProblem(ProblemAtRest):
             sigma=None if sigma is None else sigma[::3], tolerance=self.tolerance,
             drawn=self.calibrated.drawn,
         )
-        prediction = predict_poses(self.robot, result.layout, self.data, threads=self.threads)
+        prediction = result.prediction
         residual = prediction.residual(self.orientation)
         sigma = [result.sigma_position] * 3 + ([result.sigma_orientation] * 3 if self.orientation else [])
         view = prediction.view

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from exactarm.chain import Layout, predict_poses
+from exactarm.chain import Layout, PosePrediction, predict_poses
 from exactarm.dataset import Dataset
 from exactarm.identify.drawing import FREE, Drawn
 from exactarm.identify.layout_fit import fit_layout
@@ -22,14 +22,15 @@ _FIRST_SIGMA = 1e-4  # m, rad
 
 @dataclass(frozen=True)
 class PoseFit:
-    """The layout at its estimate, the fit, and the standard deviations (m, rad) of the residual
-    components."""
+    """The layout at its estimate, the fit, the standard deviations (m, rad) of the residual components, and
+    the prediction of the fitted rows with its Jacobian."""
 
     robot: Robot
     layout: Layout
     fit: Fit
     sigma_position: float
     sigma_orientation: float | None
+    prediction: PosePrediction
     drawn: Drawn = FREE
 
     def error(self, data: Dataset, threads: int = 1) -> np.ndarray:
@@ -59,8 +60,13 @@ def fit_poses(
     it out; `sigma` (1,) or (2,): first guess of the standard deviations (m, rad);
     `tolerance`: relative fall of the square sum at which the search ends; `drawn`: to what the
     declared parameters are; `worth` (N,): independent rows that each is worth (repeats.py)."""
+    accepted: list[PosePrediction] = []  # the last: a fit asks for tangents where it stands alone
+
     def predict(at: Layout, with_jacobian: bool):
+        if with_jacobian:
+            accepted.clear()  # two at once are a lot of memory
         prediction = predict_poses(robot, at, data, tangents=with_jacobian, threads=threads)
+        accepted.extend([prediction] if with_jacobian else [])
         residual = prediction.residual(orientation)
         return residual, prediction.jacobian[:, : residual.shape[1]] if with_jacobian else None
 
@@ -71,5 +77,5 @@ def fit_poses(
                        drawing=drawn.to, worth=worth)
     return PoseFit(
         robot, found.layout, found.fit, float(found.sigma[0]), float(found.sigma[3]) if orientation else None,
-        drawn,
+        accepted[0], drawn,
     )
