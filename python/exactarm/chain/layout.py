@@ -87,6 +87,11 @@ class Layout:
         """(P,) standard deviation of each free parameter's Gaussian prior around zero; inf = none."""
         return np.array([p.prior for p in self.parameters])
 
+    def carries_from(self, joint: int) -> np.ndarray:
+        """(P,) bool: see `Effect.carries_from`."""
+        parts = [effect.carries_from(joint)[mask] for effect, mask in zip(self.effects, self.free)]
+        return np.concatenate(parts) if parts else np.zeros(0, bool)
+
     def prior_rows(self) -> np.ndarray:
         """(r, P) rows of 1 / standard deviation, one for each parameter with a prior: pseudo-observations of
         zero."""

@@ -1,7 +1,8 @@
 """Forward differentiation through the stations: values and tangents of one signal after another.
 
 A change at a station adds its value to the signal, and to the tangent
-    T_signal += change.by_parameters + sum_s change.by_signal[s] @ T_s.
+    T_signal += change.by_parameters + sum_s change.by_signal[s] @ T_s,
+and what a parameter that carries the whole arm from a joint on does besides (`Change.carried`).
 Effects of drives and structure act in every kind of data, those of encoders and devices in their own kinds
 only.
 """
@@ -65,6 +66,9 @@ def _move_tangent(view: View, layout: Layout, index: int, change: Change, tangen
     columns = list(change.columns)
     added = [_through(factor, view.tangents[name]) for name, factor in change.by_signal.items()
              if name in view.tangents]
+    if change.carried is not None:
+        joint, factor = change.carried
+        added.append(_through(factor, view.tangents["displacement"] * layout.carries_from(joint)))
     for part in added:
         if part is not None:
             tangent[:, columns] += part

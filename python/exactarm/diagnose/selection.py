@@ -149,8 +149,8 @@ def refit(problem: Problem, declared: Layout, effects: list[Effect], last: Fitte
         fitted = trial
     for _ in range(_MOST_WIDTHS):
         at = fitted.layout
-        redrawn = tuple(effect.redrawn(fitted.fit.covariance[where, where])
-                        for effect, where in zip(at.effects, at.slices))
+        redrawn = tuple(effect.redrawn(fitted.fit.covariance[where, where]) if free.all() else effect
+                        for effect, free, where in zip(at.effects, at.free, at.slices))
         if redrawn == at.effects:
             break
         fitted = known.fit(replace(at, effects=redrawn), weight, fitted.sigma)

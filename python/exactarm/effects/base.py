@@ -71,12 +71,15 @@ class Change:
                    columns ("theta", "phi", "torque", "q", "displacement", "measured"; rates are "q_dot",
                        ...).
                    Absent: the change does not depend on it.
+    carried        (joint from 1, (N, c, 6)): what more than by_signal["displacement"] a parameter does that
+                   moves the whole arm from that joint on (`Effect.carries_from`)
     """
 
     columns: tuple[int, ...]
     value: np.ndarray
     by_parameters: np.ndarray
     by_signal: Mapping[str, np.ndarray] = None
+    carried: tuple[int, np.ndarray] | None = None
 
     def __post_init__(self) -> None:
         if self.by_signal is None:
@@ -197,6 +200,10 @@ class Effect(ABC):
     def with_all_columns(self, robot: Robot) -> Effect:
         """The effect with every parameter that a frame could have, at the values of the robot's tables."""
         return self
+
+    def carries_from(self, joint: int) -> np.ndarray:
+        """(k,) bool: parameters that move the frame of `joint` and all beyond it as one rigid body."""
+        return np.zeros(len(self.values), bool)
 
     @property
     def frames_of(self) -> int | None:

@@ -43,6 +43,9 @@ class Frames(Effect):
         count = 12 if orientation else 9
         return Frames(None, tuple(float(v) for v in numbers[:count]), session, names[:count])
 
+    def carries_from(self, joint: int) -> np.ndarray:
+        return np.array([name.startswith("base") for name in self.names])
+
     @property
     def frames_of(self) -> int:
         return self.session

@@ -47,6 +47,11 @@ class Geometry(Effect):
         symbol, unit = parameter.name.rsplit("_", 1)
         return f"{symbol}_{self.joint}_{unit}"
 
+    def carries_from(self, joint: int) -> np.ndarray:
+        """Its own place on the axis, d and a, moves the carriage of a slide along."""
+        along = [name in ("d_m", "a_m") for name in self.names]
+        return np.array(along) if self.joint == joint else np.full(len(self.names), self.joint < joint)
+
     def with_all_columns(self, robot) -> Geometry:
         joint = robot.joints[self.index]
         return Geometry(self.joint, (joint.d, joint.a, joint.alpha, joint.beta or 0.0), _NAMES)

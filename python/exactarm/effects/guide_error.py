@@ -24,8 +24,9 @@ from typing import ClassVar
 import numpy as np
 
 from exactarm.effects.base import Change, Effect, OwnCurve, Parameter, Station
-from exactarm.effects.moving_frames import MovingFrames, turned_about
+from exactarm.effects.moving_frames import MovingFrames
 from exactarm.kinds import WITH_TARGET
+from exactarm.rotation import skew
 
 _WAVES = 16  # the shortest is an eighth of the way long; they fall, and more cost the fit alone
 _MOTIONS = tuple(f"{motion}_{axis}" for motion in ("shift", "turn") for axis in "xyz")
@@ -83,28 +84,31 @@ class GuideError(Effect):
 
     def change(self, view) -> Change:
         frames, index = MovingFrames.of(view), self.index
-        waves, slopes = self._waves_at(view.q[:, index] - view.robot.offsets[index])
+        waves, slopes = self._waves_at(view.phi[:, index])
         along = frames.rotations[:, index]
         carriage = frames.origins[:, index + 1]
-        carriage_by_q = frames.point_by_q(carriage, index)
+        carriage_by_q, arm = frames.point_by_q(carriage, index), view.signals["target"] - carriage
         motion, motion_by_x = waves @ self.coefficients.T, slopes @ self.coefficients.T
         by_motion = np.zeros((view.rows, 6, 6))
         by_motion[:, :3, :3] = along
-        by_q = np.zeros((view.rows, 6, view.axes))
-        turn, turn_by_q = np.zeros((view.rows, 3)), np.zeros((view.rows, 3, view.axes))
-        still = np.zeros_like(turn_by_q)
-        for a in range(3):
-            direction = along[:, :, a]
-            direction_by_q = frames.direction_by_q(direction, index - 1)
-            by_motion[:, :, 3 + a] = turned_about(view, direction, still, carriage, carriage_by_q)[0]
-            by_q[:, :3] += motion[:, a, None, None] * direction_by_q
-            by_q[:, :3, index] += motion_by_x[:, a, None] * direction
-            turn += motion[:, 3 + a, None] * direction
-            turn_by_q += motion[:, 3 + a, None, None] * direction_by_q
-            turn_by_q[:, :, index] += motion_by_x[:, 3 + a, None] * direction
-        by_q += turned_about(view, turn, turn_by_q, carriage, carriage_by_q)[1]
+        by_q, by_x = np.zeros((view.rows, 6, view.axes)), np.zeros((view.rows, 6, view.axes))
+        for a in range(6):
+            direction = along[:, :, a % 3]
+            by_q[:, 3 * (a // 3) : 3 * (a // 3) + 3] += motion[:, a, None, None] * frames.direction_by_q(
+                direction, index - 1)
+            if a >= 3:
+                by_motion[:, :3, a], by_motion[:, 3:, a] = np.cross(direction, arm), direction
+        value = (by_motion @ motion[:, :, None])[:, :, 0]
+        by_x[:, :, index] = (by_motion @ motion_by_x[:, :, None])[:, :, 0]
+        turn = skew(value[:, 3:])
+        # The target moves with all parameters before it, the carriage with the joints up to its own.
+        by_q[:, :3] -= skew(arm) @ by_q[:, 3:] + turn @ carriage_by_q
+        by_displacement, carried = np.zeros((view.rows, 6, 6)), np.zeros((view.rows, 6, 6))
+        by_displacement[:, :3, :3] = turn
+        carried[:, :3, :3], carried[:, :3, 3:], carried[:, 3:, 3:] = -turn, -skew(value[:, :3]), -turn
         by_parameters = (by_motion[:, :, :, None] * waves[:, None, None, :]).reshape(view.rows, 6, -1)
-        return Change(tuple(range(6)), (by_motion @ motion[:, :, None])[:, :, 0], by_parameters, {"q": by_q})
+        by_signal = {"q": by_q, "phi": by_x, "displacement": by_displacement}
+        return Change(tuple(range(6)), value, by_parameters, by_signal, (self.joint, carried))
 
     def drawn_wider(self, scale: float) -> Effect:
         return replace(self, size_m=scale * self.size_m)
