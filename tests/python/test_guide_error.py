@@ -233,7 +233,10 @@ def panels_of(result) -> set[str]:
 @pytest.mark.slow
 @pytest.mark.parametrize("seed, size_m, count", [(1, 2e-4, 120), (2, 5e-5, 80), (3, 5e-4, 150)])
 def test_a_hidden_bent_rail_is_found_and_nothing_beside_it(seed, size_m, count):
-    """Plant: exact rigid motions of a deviated arm."""
+    """Plant: exact rigid motions of a deviated arm. Seeds: the first three, none was left out.
+
+    Held-out errors of 9 to 59 NOISE_M fall to 2.2 to 2.6 (noise alone: 1.7), so that six tenths left are a
+    failure. Of the motions a third of the largest may be missing: fewer poses than terms have fitted them."""
     random = np.random.default_rng(seed)
     robot = arm_on_a_track()
     off = lambda joint: {name: getattr(joint, name) + 3e-4 * random.normal() for name in ("d", "a", "alpha")}
@@ -280,7 +283,7 @@ def test_a_short_slide_is_drawn_to_a_smaller_error():
 @pytest.mark.slow
 def test_a_bent_rail_and_a_run_out_beside_it_are_both_found():
     """Priors held at the size of the first picture left 0.43 mm; now they are as wide as the terms are
-    found."""
+    found. Seeds: of the arm on which that was seen; noise alone is 1.7 NOISE_M."""
     random = np.random.default_rng(58)
     robot = arm_on_a_track()
     q = angles(robot, 120, 58)
@@ -306,7 +309,8 @@ def gantry():
 @pytest.mark.slow
 @pytest.mark.parametrize("axes, count, seed", [((1, 2, 3), 250, 3), ((3,), 100, 4), ((), 120, 5)])
 def test_the_guides_of_a_gantry_are_told_apart(axes, count, seed):
-    """Plant: from the last bent guide to the first, what lies beyond moves with its carriage."""
+    """Plant: from the last bent guide to the first, what lies beyond moves with its carriage. Seeds 1
+    and 2 were gantries with one and two bent guides, in a trial: none was left out."""
     robot, random = gantry(), np.random.default_rng(seed)
     true, q = placed(robot, seed), angles(robot, count, seed)
     origins, rotations = _core.frame_poses(replace(true, base=Placement(), tool=Placement()).core, q)

@@ -82,6 +82,7 @@ def causes_in_words(result: Diagnosis, found: Sequence[tuple[Finding, Contributi
     told = dict(zip(groups, quantities([size(members) for members in groups.values()], "m")))
     phrases = []
     for words, members in sorted(groups.items(), key=lambda item: -size(item[1])):
+        # Of a displacement the width along one turn holds what geometry makes up for, too.
         widths = [c.peak_to_peak[0] for _, c in members if c is not None and c.curve and c.unit == "rad"
                   and c.effect.station is not Station.GEOMETRY]
         sizes = [f"up to {quantity(max(widths), 'rad')} peak to peak"] if widths else []
