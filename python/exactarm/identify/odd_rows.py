@@ -17,8 +17,9 @@ import numpy as np
 from exactarm.chain import Layout, predict_poses
 from exactarm.dataset import Dataset
 from exactarm.identify.frames import find_frames
+from exactarm.identify.linear_frames import frames_of_stack, linear_frames
 from exactarm.identify.pose_candidates import Candidate, candidates
-from exactarm.identify.pose_mistakes import LEAST_ROWS, linear_frames
+from exactarm.identify.pose_mistakes import LEAST_ROWS, flanges
 from exactarm.identify.reach import reach
 from exactarm.identify.suspicion import FALL, Suspicion, in_order
 from exactarm.robot import Placement, Robot
@@ -52,9 +53,9 @@ class _Frames:
         return _Frames(base, measured.mean(axis=0), offset)
 
     def left(self, points: np.ndarray, rotations: np.ndarray, measured: np.ndarray) -> np.ndarray:
-        """(N,) m."""
+        """(..., N) m."""
         goal = points - (measured - self.centre) @ self.base
-        return np.linalg.norm(goal - self.offset[:3] + rotations @ self.offset[3:], axis=1)
+        return np.linalg.norm(goal - self.offset[:3] + rotations @ self.offset[3:], axis=-1)
 
 
 def odd_rows(robot: Robot, data: Dataset, carried: Layout, seed: int = 0) -> list[Suspicion]:
@@ -88,14 +89,12 @@ def _of_session(bare: Robot, carried: Layout, whole: Dataset, rows: np.ndarray,
         return []  # not even if the odd rows had no error at all
     place, part = _place(whole, rows, odd), data.select(odd)
     fall = lambda left: now / max(_rms(np.concatenate([good, left])), 1e-12)
-    found = []
-    for words, other, changed in (*candidates(bare, data, whole, rows, 1.0), *_zeros(bare, data)):
-        if other.name != bare.name:
-            continue
-        some = changed.select(odd)
-        moved = predict_poses(bare, carried, some, tangents=False)
-        if (gain := fall(frames.left(moved.position, moved.rotation, some.position))) >= FALL:
-            found.append(Suspicion(f"{words} {place}", gain))
+    tried = [(words, changed) for words, other, changed in (*candidates(bare, data, whole, rows, 1.0),
+                                                            *_zeros(bare, data)) if other.name == bare.name]
+    points, rotations = flanges([(bare, carried, changed.select(odd)) for _, changed in tried])
+    left = frames.left(points, rotations, np.stack([changed.position[odd] for _, changed in tried]))
+    gains = [(words, fall(each)) for (words, _), each in zip(tried, left)]
+    found = [Suspicion(f"{words} {place}", gain) for words, gain in gains if gain >= FALL]
     if found or odd.sum() < LEAST_ROWS:
         return found
     own = _Frames.of(*(values[odd] for values in given)).left(*(values[odd] for values in given))
@@ -122,22 +121,38 @@ def _agreed(given: tuple[np.ndarray, ...], random: np.random.Generator) -> _Fram
     half = count // 2 + 1
     starts = list(np.array_split(np.arange(count), max(min(_PARTS, count // LEAST_ROWS), 1)))
     starts += [random.choice(count, min(_FEW, count), replace=False) for _ in range(_TRIES)]
-    begun = sorted((_settled(given, half, kept, _FIRST) for kept in starts), key=lambda pair: pair[0])
-    settled = [_settled(given, half, kept, _STEPS) for _, kept in begun[:_BEST]]
+    begun = sorted(_settled(given, half, starts, _FIRST), key=lambda pair: pair[0])
+    settled = _settled(given, half, [kept for _, kept in begun[:_BEST]], _STEPS)
     _, kept = min(settled, key=lambda pair: pair[0])
     return _Frames.of(*(values[kept] for values in given))
 
 
-def _settled(given: tuple[np.ndarray, ...], half: int, kept: np.ndarray,
-             steps: int) -> tuple[float, np.ndarray]:
-    """The rows of the half that fits best, step by step from the rows `kept`; and their RMS error before the
-    last step."""
+def _settled(given: tuple[np.ndarray, ...], half: int, starts: list[np.ndarray],
+             steps: int) -> list[tuple[float, np.ndarray]]:
+    """Of each start, the rows of the half that fits best, step by step from those of the start; and their RMS
+    error before the last step."""
+    ends = [(np.inf, kept) for kept in starts]
+    live = range(len(starts))
     for _ in range(steps):
-        left = _Frames.of(*(values[kept] for values in given)).left(*given)
-        before, kept = kept, np.sort(np.argsort(left, kind="stable")[:half])
-        if np.array_equal(kept, before):
-            break
-    return _rms(left[kept]), kept
+        unlike, sizes = [], [len(ends[k][1]) for k in live]
+        for size in set(sizes):
+            some = [k for k, own in zip(live, sizes) if own == size]
+            left = _left_of(given, np.stack([ends[k][1] for k in some]))
+            for k, error in zip(some, left):
+                before, kept = ends[k][1], np.sort(np.argsort(error, kind="stable")[:half])
+                ends[k] = _rms(error[kept]), kept
+                unlike += [] if np.array_equal(kept, before) else [k]
+        live = unlike
+    return ends
+
+
+def _left_of(given: tuple[np.ndarray, ...], kept: np.ndarray) -> np.ndarray:
+    """(S, N) m that the frames of each of the S sets of rows `kept` leave of all rows."""
+    points, rotations, measured = given
+    base, offset = frames_of_stack(*(values[kept] for values in given))
+    goal = points - (measured - measured[kept].mean(axis=1, keepdims=True)) @ base
+    turned = np.einsum("nij,sj->sni", rotations, offset[:, 3:])
+    return np.linalg.norm(goal - offset[:, None, :3] + turned, axis=2)
 
 
 def _zeros(bare: Robot, data: Dataset) -> Iterator[Candidate]:

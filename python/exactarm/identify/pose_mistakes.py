@@ -1,28 +1,25 @@
 """Usual mistakes in pose data, each tried: would the error be gone without it?
 
 A mistake is undone in the data (signs, columns, units, zeros, the device's axes, the quaternion's convention,
-rows, the tool, the robot file), and the frames are fitted anew. For a candidate this takes two linear least
-squares: from
-    R_base' (p_measured - p_base) = p_flange + R_flange p_tool
-with R_base' replaced by any matrix M (15 unknowns), then with the rotation nearest to M (6 unknowns). The
-second RMS is an upper bound of the best one, so that no mistake is named that the frames could not confirm.
-Orientations are compared with the same rotation and the best rotation of the tool.
+rows, the tool, the robot file), and the frames are fitted anew, by the two linear least squares of
+`linear_frames`: the second RMS is an upper bound of the best one, so that no mistake is named that the frames
+could not confirm. Orientations are compared with the same rotation and the best rotation of the tool.
 A candidate is named where it lowers the error of positions or orientations `FALL` times and the other not by
 less. It only tells: nothing is corrected.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import minimize_scalar
 
 from exactarm.chain import Layout, predict_poses
-from exactarm.chain.poses import PosePrediction
 from exactarm.dataset import Dataset
 from exactarm.identify.frames import find_frames
+from exactarm.identify.linear_frames import free_frames, least_left, linear_frames, solved
 from exactarm.identify.pose_candidates import ANOTHER_SIZE, FARTHEST_SIZE, candidates
 from exactarm.identify.reach import reach
 from exactarm.identify.suspicion import FALL, Suspicion, in_order
@@ -54,6 +51,8 @@ _SPLITS = 15  # of a session's rows, at even distances
 _MOST_GROSS = 0.05  # share of rows that may be wrong by themselves
 _GROSS = 10.0  # times the median error of a row
 _ON_ITS_PLACE_M = 1e-6  # a turntable's flange: its points show neither unit nor base
+_ROUNDED = 1.0 + 1e-9
+_MOST_TOGETHER = 20000  # rows: a few megabytes
 _MOST_CHECKED = 20000  # rows, evenly spread, that are looked through for gross errors
 
 
@@ -89,15 +88,12 @@ def pose_mistakes(robot: Robot, data: Dataset, carried: Layout, seed: int = 0) -
     if np.ptp(flange.position, axis=0).max() < _ON_ITS_PLACE_M:
         return in_order(list(_gross_rows(bare, carried, whole)))
     now = replace(now, position=min(now.position, _searched(bare, carried, data, seed)))
-    found = []
-    for words, other, changed in candidates(bare, data, whole, rows, size):
-        # What was found on this arm says nothing of another one, which may not even have the masses that it
-        # needs.
-        own = carried if other.name == bare.name else Layout.of(())
-        same = flange if other is bare and changed.joints is data.joints else None
-        fall = _fall(now, other, own, changed, same)
-        if fall >= FALL:
-            found.append(Suspicion(words, fall))
+    # What was found on this arm says nothing of another one, which may not even have the masses it needs.
+    tried = [(words, other, carried if other.name == bare.name else Layout.of(()), changed)
+             for words, other, changed in candidates(bare, data, whole, rows, size)]
+    turns = now.orientation > _LEAST_ORIENTATION_RAD
+    falls = _falls(now, data, [each[1:] for each in tried], 1.0 / _NOT_WORSE if turns else FALL)
+    found = [Suspicion(each[0], fall) for each, fall in zip(tried, falls) if fall >= FALL]
     found += _another_size(bare, carried, data, size, now, seed)
     found += _scaled_columns(bare, carried, data, now)
     found = found or list(_another_clock(bare, carried, data, now, seed))
@@ -142,12 +138,44 @@ def _searched(bare: Robot, carried: Layout, data: Dataset, seed: int) -> float:
 
 
 # -- the misfit of one candidate ---------------------------------------------------------------------
-def _fall(now: Misfit, bare: Robot, carried: Layout, changed: Dataset,
-          flange: PosePrediction | None = None) -> float:
-    """flange: as the arm carries it, where that is known."""
-    flange = flange or predict_poses(bare, carried, changed, tangents=False)
-    most = _NOT_WORSE * now.position
-    return now.fall_to(_misfit_of(flange.position, flange.rotation, changed, changed.session, most)[0])
+def _falls(now: Misfit, data: Dataset, tried: Sequence[tuple[Robot, Layout, Dataset]],
+           least: float = 1.0 / _NOT_WORSE) -> list[float]:
+    """Of every arm, its effects, and rows in place of those of `data`: 0 where positions gain less than
+    `least` times, or nothing else gains. What no frames can explain is not looked at any closer."""
+    points, rotations = flanges(tried)
+    measured = np.stack([changed.position for *_, changed in tried])
+    left = _least_rms(points, rotations, measured, data.session)
+    most, falls = _NOT_WORSE * now.position, [0.0] * len(tried)
+    for k in np.flatnonzero(~(left > _ROUNDED * now.position / least)):
+        changed = tried[k][2]
+        falls[k] = now.fall_to(_misfit_of(points[k], rotations[k], changed, changed.session, most)[0])
+    return falls
+
+
+def _least_rms(points: np.ndarray, rotations: np.ndarray, measured: np.ndarray,
+               session: np.ndarray) -> np.ndarray:
+    """(K,) m: what no frames can lower, of K sets (K, N, ...) of rows."""
+    parts = [session == number for number in np.unique(session)]
+    square = sum(least_left(points[:, rows], rotations[:, rows], measured[:, rows]) for rows in parts)
+    return np.sqrt(square / len(session))
+
+
+def flanges(tried: Sequence[tuple[Robot, Layout, Dataset]]) -> tuple[np.ndarray, np.ndarray]:
+    """Positions (K, N, 3) and rotations (K, N, 3, 3) of the flange: data that differ in their angles
+    alone are evaluated together, save by effects, which may look at the order of rows."""
+    count, alike = len(tried[0][2]), {}
+    position, rotation = np.empty((len(tried), count, 3)), np.empty((len(tried), count, 3, 3))
+    for k, (robot, layout, _) in enumerate(tried):
+        alike.setdefault((id(robot), k if layout.effects else None), []).append(k)
+    for places in alike.values():
+        robot, layout, data = tried[places[0]]
+        for part in np.array_split(places, -(-len(places) * count // _MOST_TOGETHER)):
+            rows = data.select(np.tile(np.arange(count), len(part)))
+            joints = {name: np.concatenate([tried[k][2].joints[name] for k in part]) for name in data.joints}
+            flange = predict_poses(robot, layout, replace(rows, joints=joints), tangents=False)
+            position[part] = flange.position.reshape(-1, count, 3)
+            rotation[part] = flange.rotation.reshape(-1, count, 3, 3)
+    return position, rotation
 
 
 def _misfit_of(
@@ -172,54 +200,6 @@ def _misfit_of(
             orientation += float(np.sum(rotation_log(nearest(seen.mean(axis=0)).T @ seen) ** 2))
         orientation = float(np.sqrt(orientation / len(points)))
     return Misfit(position, orientation), float(np.mean(sizes))
-
-
-def linear_frames(
-    points: np.ndarray, rotations: np.ndarray, measured: np.ndarray, most: float = np.inf
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
-    """Rotation of the base frame, offset of the points and tool (6,), what is left of every row (N, 3), and
-    the size of the device's points beside the arm's. Where no matrix in place of the rotation leaves less
-    than `most` (RMS, m), what that one leaves, and no frames."""
-    columns, scale, found = _free(points, rotations, measured)
-    bound = points - columns @ found
-    if np.sum(bound**2) > most**2 * len(points):
-        return np.eye(3), np.zeros(6), bound, 1.0
-    centred = measured - measured.mean(axis=0)
-    base = nearest(found[:9].reshape(3, 3) / scale).T
-    turned, goal = columns[:, :, 9:], points - centred @ base
-    target = points + rotations @ found[12:]  # a spread, not a determinant: points may lie on a line
-    arm = float(np.sqrt(np.mean((target - target.mean(axis=0)) ** 2)))
-    offset = solved(turned, goal)
-    return base, offset, goal - turned @ offset, float(np.clip(scale / max(arm, 1e-300), 1e-9, 1e9))
-
-
-def _free(points: np.ndarray, rotations: np.ndarray,
-          measured: np.ndarray) -> tuple[np.ndarray, float, np.ndarray]:
-    """Columns of the linear fit, the size that it takes for one, and its unknowns (15,)."""
-    centred = measured - measured.mean(axis=0)
-    scale = max(float(np.sqrt(np.mean(centred**2))), 1e-300)
-    columns = np.zeros((len(points), 3, 15))
-    for k in range(3):
-        columns[:, k, 3 * k : 3 * k + 3] = centred / scale
-        columns[:, k, 9 + k] = 1.0
-    columns[:, :, 12:] = -rotations
-    return columns, scale, solved(columns, points)
-
-
-def free_frames(points: np.ndarray, rotations: np.ndarray, measured: np.ndarray) -> np.ndarray:
-    """(3, 3) the matrix in place of the base's rotation that fits best; its columns belong to x, y, z."""
-    _, scale, found = _free(points, rotations, measured)
-    return found[:9].reshape(3, 3) / scale
-
-
-def linear_tool(points: np.ndarray, rotations: np.ndarray, measured: np.ndarray) -> np.ndarray:
-    """(3,) the tool point that the linear fit of all frames finds, m."""
-    return _free(points, rotations, measured)[2][12:]
-
-
-def solved(columns: np.ndarray, goal: np.ndarray) -> np.ndarray:
-    rows = columns.reshape(-1, columns.shape[2])
-    return np.linalg.lstsq(rows, goal.ravel(), rcond=1e-9)[0]
 
 
 def _turns_otherwise(bare: Robot, carried: Layout, data: Dataset) -> float:
@@ -262,7 +242,7 @@ def _scaled_columns(bare: Robot, carried: Layout, data: Dataset, now: Misfit) ->
     if not ANOTHER_SIZE < abs(factors[k] - 1.0) or not 1.0 / FARTHEST_SIZE < factors[k] < FARTHEST_SIZE:
         return
     changed = replace(data, position=data.position * np.where(np.arange(3) == k, factors[k], 1.0))
-    fall = _fall(now, bare, carried, changed)
+    fall, = _falls(now, data, [(bare, carried, changed)])
     if fall >= FALL:
         yield Suspicion(f"column {'xyz'[k]} alone {factors[k]:.3g} times as large (inches or feet?)", fall)
 
@@ -275,26 +255,38 @@ def _another_clock(
     if not known or now.position < _LEAST_SHARE * reach(bare):
         return
 
-    def fall(factor: float) -> float:
+    def meant(factor: float) -> tuple[Dataset, np.ndarray]:
+        """All rows at their own times, and those that lie within their run."""
         joints = {name: values.copy() for name, values in data.joints.items() if name in ("theta", "q")}
         within = np.zeros(len(data), bool)
         for run in np.unique(data.run):
             rows = np.flatnonzero(data.run == run)
             start = data.time[rows[0]]
-            meant = start + factor * (data.time[rows] - start)
-            within[rows] = meant <= data.time[rows[-1]]
+            at = start + factor * (data.time[rows] - start)
+            within[rows] = at <= data.time[rows[-1]]
             for values in joints.values():
-                values[rows] = np.stack([np.interp(meant, data.time[rows], one) for one in values[rows].T], 1)
-        changed = replace(data, joints=data.joints | joints).select(within)
-        return now.position / max(_searched(bare, carried, changed, seed), 1e-12)
+                values[rows] = np.stack([np.interp(at, data.time[rows], one) for one in values[rows].T], 1)
+        return replace(data, joints=data.joints | joints), within
 
-    factor = max(_CLOCKS, key=fall)
-    best = minimize_scalar(lambda value: -fall(value), bounds=(factor / _CLOCK_STEP, factor * _CLOCK_STEP),
-                           method="bounded", options={"maxiter": 40, "xatol": 1e-5})
+    def left(factor: float) -> float:
+        changed, within = meant(factor)
+        return _searched(bare, carried, changed.select(within), seed)
+
+    tried = [meant(factor) for factor in _CLOCKS]
+    points, rotations = flanges([(bare, carried, changed) for changed, _ in tried])
+    least = [float(_least_rms(points[[k]][:, within], rotations[[k]][:, within],
+                              data.position[None, within], data.session[within])[0])
+             for k, (_, within) in enumerate(tried)]
+    lowest, factor = np.inf, 1.0
+    for k in np.argsort(least):  # no clock leaves less than what any frames do
+        if least[k] < _ROUNDED * lowest and (found := left(_CLOCKS[k])) < lowest:
+            lowest, factor = found, _CLOCKS[k]
+    best = minimize_scalar(left, bounds=(factor / _CLOCK_STEP, factor * _CLOCK_STEP), method="bounded",
+                           options={"maxiter": 40, "xatol": 1e-5})
+    fall = now.position / max(float(best.fun), 1e-12)
     longest = max(float(np.ptp(data.time[data.run == run])) for run in np.unique(data.run))
-    if -best.fun >= FALL and abs(float(best.x) - 1.0) * longest > _CLOCK_GAP_S:
-        yield Suspicion(f"a device whose time runs {best.x:.4g} times as fast as the controller's",
-                        -float(best.fun))
+    if fall >= FALL and abs(float(best.x) - 1.0) * longest > _CLOCK_GAP_S:
+        yield Suspicion(f"a device whose time runs {best.x:.4g} times as fast as the controller's", fall)
 
 
 def _scales_of_axes(bare: Robot, carried: Layout, data: Dataset, now: Misfit) -> Iterator[Suspicion]:
@@ -302,20 +294,22 @@ def _scales_of_axes(bare: Robot, carried: Layout, data: Dataset, now: Misfit) ->
     if now.position < _SUSPICIOUS_SHARE * reach(bare) and not now.orientation > _LEAST_ORIENTATION_RAD:
         return
 
-    def fall(axis: int, factor: float) -> float:
-        joints = {name: data.joints[name].copy() for name in ("theta", "q") if name in data.joints}
-        for values in joints.values():
-            values[:, axis] *= factor
-        return _fall(now, bare, carried, replace(data, joints=data.joints | joints))
+    def falls(pairs: list[tuple[int, float]]) -> list[float]:
+        tried = []
+        for axis, factor in pairs:
+            joints = {name: data.joints[name].copy() for name in ("theta", "q") if name in data.joints}
+            for values in joints.values():
+                values[:, axis] *= factor
+            tried.append((bare, carried, replace(data, joints=data.joints | joints)))
+        return _falls(now, data, tried)
 
-    axis, factor = max(
-        ((i, factor) for i in range(bare.axes) for factor in _SCALES), key=lambda pair: fall(*pair)
-    )
+    pairs = [(i, factor) for i in range(bare.axes) for factor in _SCALES]
+    axis, factor = pairs[int(np.argmax(falls(pairs)))]
     around = np.sort([1.0, *_SCALES])
     place = int(np.searchsorted(around, factor))
     ends = around[max(place - 1, 0)], around[min(place + 1, len(around) - 1)]
     best = minimize_scalar(
-        lambda value: -fall(axis, value),
+        lambda value: -falls([(axis, value)])[0],
         bounds=ends,
         method="bounded",
         options={"maxiter": 40, "xatol": 1e-5},
@@ -327,26 +321,32 @@ def _scales_of_axes(bare: Robot, carried: Layout, data: Dataset, now: Misfit) ->
 
 def _changes_midway(bare: Robot, carried: Layout, data: Dataset, now: Misfit) -> Iterator[Suspicion]:
     """From some row on, another tool or another place of the device."""
-    flange = predict_poses(bare, carried, data, tangents=False)
+    flange, most = predict_poses(bare, carried, data, tangents=False), _NOT_WORSE * now.position
     for session in np.unique(data.session):
         rows = np.flatnonzero(data.session == session)
         if rows.size < 2 * LEAST_ROWS:
             continue
 
-        def fall(place: int, rows: np.ndarray = rows) -> float:
-            group = data.session * 2
-            group[rows[place:]] += 1
-            return now.fall_to(_misfit_of(flange.position, flange.rotation, data, group,
-                                          _NOT_WORSE * now.position)[0])
+        given = flange.position[rows], flange.rotation[rows], np.insert(data.position[rows], 3, 1.0, axis=1)
+
+        def falls(places: np.ndarray, rows: np.ndarray = rows, given: tuple = given) -> list[float]:
+            later = np.arange(rows.size) >= places[:, None]
+            square = sum(least_left(*(np.einsum("kn,n...->kn...", part, values) for values in given))
+                         for part in (later, ~later))
+            found = []
+            for place, least in zip(places, np.sqrt(square / len(data))):
+                group = data.session * 2
+                group[rows[place:]] += 1
+                found.append(0.0 if least > _ROUNDED * most else now.fall_to(
+                    _misfit_of(flange.position, flange.rotation, data, group, most)[0]))
+            return found
 
         last = rows.size - LEAST_ROWS
         places = np.unique(np.linspace(LEAST_ROWS, last, _SPLITS).astype(int))
-        rough = max(places, key=fall)
+        rough = places[int(np.argmax(falls(places)))]
         near = (last - LEAST_ROWS) // _SPLITS + 1
-        best = max(
-            (fall(place), int(rows[place]))
-            for place in range(max(rough - near, LEAST_ROWS), min(rough + near, last) + 1)
-        )
+        places = np.arange(max(rough - near, LEAST_ROWS), min(rough + near, last) + 1)
+        best = max(zip(falls(places), rows[places].tolist()))
         if best[0] >= FALL:
             at = best[1]
             yield Suspicion(

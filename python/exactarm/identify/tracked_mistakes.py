@@ -13,8 +13,8 @@ import numpy as np
 from exactarm import _core
 from exactarm.dataset import Dataset
 from exactarm.identify.clock_drift import LEAST_DRIFT_STEPS, SURE, Lags, lags
+from exactarm.identify.linear_frames import linear_tool
 from exactarm.identify.planned import controller_angles
-from exactarm.identify.pose_mistakes import linear_tool
 from exactarm.identify.suspicion import Suspicion
 from exactarm.kinds.base import runs_in_time
 from exactarm.robot import Placement, Robot
