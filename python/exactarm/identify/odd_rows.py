@@ -18,8 +18,8 @@ from exactarm.chain import Layout, predict_poses
 from exactarm.dataset import Dataset
 from exactarm.identify.frames import find_frames
 from exactarm.identify.linear_frames import frames_of_stack, linear_frames
-from exactarm.identify.pose_candidates import Candidate, candidates
-from exactarm.identify.pose_mistakes import LEAST_ROWS, flanges
+from exactarm.identify.pose_candidates import Candidate, candidates, turned, with_angles
+from exactarm.identify.pose_mistakes import LEAST_ROWS, flanges, spread
 from exactarm.identify.reach import reach
 from exactarm.identify.suspicion import FALL, Suspicion, in_order
 from exactarm.robot import Placement, Robot
@@ -65,8 +65,7 @@ def odd_rows(robot: Robot, data: Dataset, carried: Layout, seed: int = 0) -> lis
     for session in np.unique(data.session):
         rows = np.flatnonzero(data.session == session)
         if len(rows) >= 2 * LEAST_ROWS:
-            spread = np.unique(np.linspace(0, len(rows) - 1, min(len(rows), MOST_ROWS)).round().astype(int))
-            found += _of_session(bare, carried, data, rows[spread], seed)
+            found += _of_session(bare, carried, data, rows[spread(len(rows), MOST_ROWS)], seed)
     return in_order(found)
 
 
@@ -159,11 +158,8 @@ def _zeros(bare: Robot, data: Dataset) -> Iterator[Candidate]:
     """A zero that was lost, by any angle: to a degree below ten, to five above."""
     for axis, joint in enumerate(bare.joints):
         for angle in (*_ZEROS, *-_ZEROS) if joint.type == "revolute" else ():
-            joints = {name: data.joints[name].copy() for name in ("theta", "q") if name in data.joints}
-            for name, values in joints.items():
-                values[:, axis] += angle * (bare.controller_ratios[axis] if name == "theta" else 1.0)
             words = f"another zero of axis {axis + 1} (by about {np.degrees(angle):+.0f} degrees)"
-            yield words, bare, replace(data, joints=data.joints | joints)
+            yield words, bare, with_angles(data, turned(axis, angle, bare))
 
 
 def _place(whole: Dataset, rows: np.ndarray, odd: np.ndarray) -> str:

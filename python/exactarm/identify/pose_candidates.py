@@ -61,20 +61,20 @@ def _turns_alike(other: Robot, data: Dataset) -> bool:
 
 
 def _of_angles(robot: Robot, data: Dataset) -> Iterator[tuple[str, Dataset]]:
-    n, with_joints = robot.axes, lambda change: _with_joints(data, change)
+    n, with_joints = robot.axes, lambda change: with_angles(data, change)
     axes = range(n)
     turning = [i for i in axes if robot.joints[i].type == "revolute"]
-    yield "degrees labelled as radians", with_joints(_factor(turning, _DEGREE))
-    yield "radians labelled as degrees", with_joints(_factor(turning, 1.0 / _DEGREE))
-    yield "whole turns labelled as radians", with_joints(_factor(turning, _TURN))
-    yield "gon labelled as degrees", with_joints(_factor(turning, _GON))
+    yield "degrees labelled as radians", with_joints(scaled(turning, _DEGREE))
+    yield "radians labelled as degrees", with_joints(scaled(turning, 1.0 / _DEGREE))
+    yield "whole turns labelled as radians", with_joints(scaled(turning, _TURN))
+    yield "gon labelled as degrees", with_joints(scaled(turning, _GON))
     for i in turning:
-        yield f"degrees labelled as radians on axis {i + 1}", with_joints(_factor([i], _DEGREE))
-        yield f"radians labelled as degrees on axis {i + 1}", with_joints(_factor([i], 1.0 / _DEGREE))
+        yield f"degrees labelled as radians on axis {i + 1}", with_joints(scaled([i], _DEGREE))
+        yield f"radians labelled as degrees on axis {i + 1}", with_joints(scaled([i], 1.0 / _DEGREE))
     most = n if n <= MOST_AXES_FOR_SIGNS else 2
     for count in range(1, most + 1):
         for chosen in combinations(axes, count):
-            yield f"the opposite sign of {listed(chosen)}", with_joints(_factor(list(chosen), -1.0))
+            yield f"the opposite sign of {listed(chosen)}", with_joints(scaled(list(chosen), -1.0))
     for i, j in combinations(axes, 2):
         order = list(axes)
         order[i], order[j] = j, i
@@ -86,7 +86,7 @@ def _of_angles(robot: Robot, data: Dataset) -> Iterator[tuple[str, Dataset]]:
         for angle in (90.0, -90.0, 180.0):
             yield (
                 f"another zero of axis {i + 1} (by {angle:+.0f} degrees)",
-                with_joints(_turned(i, angle * _DEGREE, robot)),
+                with_joints(turned(i, angle * _DEGREE, robot)),
             )
     for i, j in [(i, i + 1) for i in range(n - 1)] + [(i + 1, i) for i in range(n - 1)]:
         for sign in (1.0, -1.0):
@@ -98,22 +98,23 @@ def _of_angles(robot: Robot, data: Dataset) -> Iterator[tuple[str, Dataset]]:
     if any(joint.has_gear for joint in robot.joints):
         yield (
             "motor angles labelled as q_i",
-            _with_joints(data, _factor(list(axes), 1.0 / robot.ratios), ("q",)),
+            with_angles(data, scaled(list(axes), 1.0 / robot.ratios), ("q",)),
         )
         yield (
             "joint angles labelled as theta_i",
-            _with_joints(data, _factor(list(axes), robot.ratios), ("theta",)),
+            with_angles(data, scaled(list(axes), robot.ratios), ("theta",)),
         )
 
 
-def _with_joints(
+def with_angles(
     data: Dataset, change: Callable[[np.ndarray, str], np.ndarray], names: tuple[str, ...] = ("theta", "q")
 ) -> Dataset:
+    """Columns of angles changed; change: of a copy (N, n) and the name of the column."""
     joints = {name: change(data.joints[name].copy(), name) for name in names if name in data.joints}
     return replace(data, joints=data.joints | joints)
 
 
-def _factor(axes: list[int], factor) -> Callable[[np.ndarray, str], np.ndarray]:
+def scaled(axes: list[int], factor) -> Callable[[np.ndarray, str], np.ndarray]:
     def change(angles: np.ndarray, name: str) -> np.ndarray:
         angles[:, axes] *= factor
         return angles
@@ -125,7 +126,7 @@ def _order(order: list[int]) -> Callable[[np.ndarray, str], np.ndarray]:
     return lambda angles, name: angles[:, order]
 
 
-def _turned(axis: int, angle: float, robot: Robot) -> Callable[[np.ndarray, str], np.ndarray]:
+def turned(axis: int, angle: float, robot: Robot) -> Callable[[np.ndarray, str], np.ndarray]:
     def change(angles: np.ndarray, name: str) -> np.ndarray:
         angles[:, axis] += angle * (robot.controller_ratios[axis] if name == "theta" else 1.0)
         return angles
@@ -213,11 +214,11 @@ def _of_rows(data: Dataset, whole: Dataset, rows: np.ndarray) -> Iterator[tuple[
     for shift, way in ((1, "later"), (-1, "earlier"), (2, "later"), (-2, "earlier")):
         order, count = rows_beside(shift), "one row" if abs(shift) == 1 else "two rows"
         for i in range(data.axes):
-            joints = {name: data.joints[name].copy() for name in ("theta", "q") if name in data.joints}
-            for name, angles in joints.items():
+            def own(angles: np.ndarray, name: str, i: int = i, order: np.ndarray = order) -> np.ndarray:
                 angles[:, i] = whole.joints[name][order, i]
-            yield f"the angles of axis {i + 1} {count} {way} than the others", replace(
-                data, joints=data.joints | joints)
+                return angles
+
+            yield f"the angles of axis {i + 1} {count} {way} than the others", with_angles(data, own)
         for k, name in enumerate(_ALL_COLUMNS):
             position = data.position.copy()
             position[:, k] = whole.position[order, k]

@@ -20,7 +20,7 @@ from exactarm.chain import Layout, predict_poses
 from exactarm.dataset import Dataset
 from exactarm.identify.frames import find_frames
 from exactarm.identify.linear_frames import free_frames, least_left, linear_frames, solved
-from exactarm.identify.pose_candidates import ANOTHER_SIZE, FARTHEST_SIZE, candidates
+from exactarm.identify.pose_candidates import ANOTHER_SIZE, FARTHEST_SIZE, candidates, scaled, with_angles
 from exactarm.identify.reach import reach
 from exactarm.identify.suspicion import FALL, Suspicion, in_order
 from exactarm.kinds import TRACKED_MOTION
@@ -122,10 +122,13 @@ def _spread_rows(data: Dataset) -> np.ndarray | None:
     for session in np.unique(data.session):
         rows = np.flatnonzero(data.session == session)
         if rows.size >= LEAST_ROWS:
-            parts.append(
-                rows[np.unique(np.linspace(0, rows.size - 1, min(rows.size, MOST_ROWS)).round().astype(int))]
-            )
+            parts.append(rows[spread(rows.size, MOST_ROWS)])
     return np.sort(np.concatenate(parts)) if parts else None
+
+
+def spread(count: int, most: int) -> np.ndarray:
+    """At most `most` of `count` rows, at even distances."""
+    return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(int))
 
 
 def _searched(bare: Robot, carried: Layout, data: Dataset, seed: int) -> float:
@@ -295,13 +298,8 @@ def _scales_of_axes(bare: Robot, carried: Layout, data: Dataset, now: Misfit) ->
         return
 
     def falls(pairs: list[tuple[int, float]]) -> list[float]:
-        tried = []
-        for axis, factor in pairs:
-            joints = {name: data.joints[name].copy() for name in ("theta", "q") if name in data.joints}
-            for values in joints.values():
-                values[:, axis] *= factor
-            tried.append((bare, carried, replace(data, joints=data.joints | joints)))
-        return _falls(now, data, tried)
+        return _falls(now, data, [(bare, carried, with_angles(data, scaled([axis], factor)))
+                                  for axis, factor in pairs])
 
     pairs = [(i, factor) for i in range(bare.axes) for factor in _SCALES]
     axis, factor = pairs[int(np.argmax(falls(pairs)))]
@@ -357,9 +355,7 @@ def _changes_midway(bare: Robot, carried: Layout, data: Dataset, now: Misfit) ->
 
 def _gross_rows(bare: Robot, carried: Layout, data: Dataset) -> Iterator[Suspicion]:
     """A few rows that are far off by themselves, with the frames that fit the others."""
-    data = data.select(
-        np.unique(np.linspace(0, len(data) - 1, min(len(data), _MOST_CHECKED)).round().astype(int))
-    )
+    data = data.select(spread(len(data), _MOST_CHECKED))
     flange = predict_poses(bare, carried, data, tangents=False)
     error = np.zeros(len(data))
     for session in np.unique(data.session):
