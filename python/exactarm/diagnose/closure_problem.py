@@ -48,9 +48,10 @@ from exactarm.robot import Robot
 
 @dataclass(frozen=True)
 class ClosureFitted(Fitted):
-    """weight (N,): square roots of the rows' robust weights; sigmas (N, m) of every number; pulls: known
-    lengths and drawing."""
+    """weight (N,): square roots of the rows' robust weights; worth (N,): independent readings that each is
+    worth; sigmas (N, m) of every number; pulls: known lengths and drawing."""
 
+    worth: np.ndarray
     sigmas: np.ndarray
     pulls: Pulls
     prediction: ClosurePrediction
@@ -63,12 +64,12 @@ class ClosureFitted(Fitted):
         return ClosureFitted(
             fit.robot, fit.layout, fit.fit, prediction.residual, prediction.jacobian, np.array(mean),
             fit.weight, prediction.view,
-            fit.sigma, pulls, prediction,
+            fit.worth, fit.sigma, pulls, prediction,
         )
 
     @cached_property
     def scale(self) -> np.ndarray:
-        return self.weight[:, None] * self.prediction.used / self.sigmas
+        return (np.sqrt(self.worth) * self.weight)[:, None] * self.prediction.used / self.sigmas
 
     @cached_property
     def prior(self) -> tuple[np.ndarray, np.ndarray]:
@@ -121,6 +122,7 @@ class ClosureProblem(ProblemAtRest):
     # not `by_posterior`: contacts are fitted beside the effects, and it has not been measured on them
     # places are few and far apart: an effect that hardly helps there is none
     least_elsewhere = Problem.least_share
+    far_elsewhere = True
 
     def __init__(self, robot: Robot, data: Dataset, held_out: Dataset, threads: int = 1, seed: int = 0):
         super().__init__(robot, touches(data), touches(held_out) if len(held_out) else held_out, threads,
@@ -132,20 +134,23 @@ class ClosureProblem(ProblemAtRest):
         return POSES.name in effect.kinds and effect.station != Station.DEVICE and not effect.excludes_rows()
 
     def declared(self) -> Layout:
+        return self._declared.layout
+
+    @cached_property
+    def _declared(self) -> ClosureFit:
         sessions = tuple(
             sorted({*sessions_of(self.data), *(sessions_of(self.held_out) if len(self.held_out) else ())})
         )
         own = reestimated_layout(self.robot, self.data)
         known = carried_effects(self.robot, self.data).effects
         carried = own.only(k for k, effect in enumerate(own.effects) if effect in known)
-        return declare_closures(self.robot, self.data, (), self.seed, self.threads, sessions,
-                                carried).fit.layout
+        return declare_closures(self.robot, self.data, (), self.seed, self.threads, sessions, carried).fit
 
     def fit(self, layout: Layout, weight: np.ndarray | None = None,
             sigma: np.ndarray | None = None) -> Fitted:
         fit = fit_closures(
-            self.robot, layout, self.data, self.pulls, keep=weight, threads=self.threads,
-            tolerance=self.tolerance,
+            self.robot, layout, self.data, self.pulls, keep=weight, worth=self._declared.worth,
+            threads=self.threads, tolerance=self.tolerance,
         )
         fit.prediction.view.signals["residual"] = fit.prediction.residual
         return ClosureFitted.of(fit, self.pulls)
@@ -200,8 +205,8 @@ class ClosureProblem(ProblemAtRest):
 
     def correlation_factor(self, fitted: Fitted) -> float:
         """Pairs: the means that were projected out are no data."""
-        used = int(fitted.prediction.used.sum())
-        return (used - fitted.prediction.projected) / max(used, 1)
+        worth, used = fitted.worth, fitted.prediction.used.sum(axis=1)
+        return (float(worth @ used) - fitted.prediction.projected(worth)) / max(int(used.sum()), 1)
 
     def updated_robot(self, fitted: Fitted) -> Robot:
         return updated_robot(self.robot, self.data, fitted)

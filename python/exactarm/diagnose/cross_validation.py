@@ -34,6 +34,37 @@ def held_out_squares(
     prior (k,): standard deviations of the priors of the columns' coefficients, inf = none. units (N,): what
     the square sum is told by, numbers from 0; absent: the folds.
     """
+    parts, order = _predicted(fitted, columns, folds, prior)
+    squares = np.empty(fitted.data_numbers)
+    squares[order] = np.concatenate([answer - part @ values for part, answer, _, values in parts]) ** 2
+    squares = np.sum(squares.reshape(len(folds), -1), axis=1)
+    return np.bincount(folds if units is None else units, weights=squares)
+
+
+def held_out_deviances(
+    fitted: Fitted, columns: np.ndarray | None, folds: np.ndarray, prior: np.ndarray | None = None
+) -> np.ndarray:
+    """(folds,) -2 log density, up to a constant, of each fold as the others predict it, with the uncertainty
+    of their prediction:
+
+        e' V^-1 e + log det V,    V = I + X C X',    C: covariance of the coefficients without the fold
+
+    by Woodbury's identity. Where a fold lies far from the others, what they cannot know of it is no error of
+    the model.
+    """
+    found = []
+    for part, answer, rest, values in _predicted(fitted, columns, folds, prior)[0]:
+        error = answer - part @ values
+        known, all_of_it = linalg.cholesky(rest), linalg.cholesky(rest + part.T @ part)
+        shared = linalg.solve_triangular(all_of_it, part.T @ error, trans=1)
+        widened = np.sum(np.log(np.diag(all_of_it)) - np.log(np.diag(known)))
+        found.append(float(error @ error - shared @ shared + 2.0 * widened))
+    return np.array(found)
+
+
+def _predicted(fitted: Fitted, columns: np.ndarray | None, folds: np.ndarray, prior: np.ndarray | None):
+    """Of each fold its rows of the design, its residual, the others' normal equations and the coefficients
+    that they give; and the order (R,) of the numbers by folds."""
     design = fitted.basis if columns is None else np.concatenate([fitted.basis, columns], axis=1)
     penalty = np.zeros(design.shape[1])
     if prior is not None:
@@ -45,15 +76,12 @@ def held_out_squares(
     order = np.argsort(np.repeat(folds, numbers // len(folds)), kind="stable")
     ends = np.cumsum(np.bincount(folds) * (numbers // len(folds)))
     parts = [(design[rows], residual[rows]) for rows in np.split(order, ends[:-1])]
-    prior = design[numbers:]  # rows of no fold
+    own = design[numbers:]  # rows of no fold
     grams = [part.T @ part for part, _ in parts]
-    normal, right = sum(grams) + prior.T @ prior + np.diag(penalty), design.T @ residual
-    held_out = []
+    normal, right = sum(grams) + own.T @ own + np.diag(penalty), design.T @ residual
+    predicted = []
     for gram, (part, answer) in zip(grams, parts):
-        rest = normal - gram
-        values = linalg.solve(rest + 1e-10 * np.eye(len(rest)), right - part.T @ answer, assume_a="pos")
-        held_out.append(answer - part @ values)
-    squares = np.empty(numbers)
-    squares[order] = np.concatenate(held_out) ** 2
-    squares = np.sum(squares.reshape(len(folds), -1), axis=1)
-    return np.bincount(folds if units is None else units, weights=squares)
+        rest = normal - gram + 1e-10 * np.eye(len(normal))
+        values = linalg.solve(rest, right - part.T @ answer, assume_a="pos")
+        predicted.append((part, answer, rest, values))
+    return predicted, order

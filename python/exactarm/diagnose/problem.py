@@ -199,6 +199,7 @@ class Problem(ABC):
     least_share = 0.02  # of the cross-validated square sum that an effect must take away
     # share of the square sum that it must take away in stretches it has not learnt from
     least_elsewhere = 0.0
+    far_elsewhere = False  # whether these lie where the others know little: judged by what they can know
     share_left = 0.10  # of the square sum that a signal still has to explain to count as structure
 
     def __init__(self, robot: Robot, data: Dataset, held_out: Dataset, threads: int = 1, seed: int = 0):
@@ -346,8 +347,8 @@ class Problem(ABC):
         return None
 
     def holds(self, without: np.ndarray, left: np.ndarray) -> bool:
-        """Whether an effect holds in stretches that it has not learnt from: their square sums (K,) without it
-        and with it."""
+        """Whether an effect holds in stretches that it has not learnt from: their square sums, or deviances
+        (K,), without it and with it."""
         return bool(left.sum() < (1.0 - self.least_elsewhere) * without.sum())
 
     def also_judged(self, fitted: Fitted, data: Dataset) -> dict[str, float]:

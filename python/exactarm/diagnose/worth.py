@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from exactarm.diagnose.cross_validation import folds_of, held_out_squares
+from exactarm.diagnose.cross_validation import folds_of, held_out_deviances, held_out_squares
 from exactarm.diagnose.orthonormal import orthonormal
 from exactarm.diagnose.problem import Fitted, Problem
 from exactarm.diagnose.scan import linear_columns, prior_of
@@ -59,8 +59,8 @@ def holds_elsewhere(problem: Problem, fitted: Fitted, effects: list[Effect]) -> 
     columns = np.concatenate([linear_columns(fitted, effect) for effect in effects], axis=1)
     prior = np.concatenate([prior_of(effect) for effect in effects])
     folds = np.unique(stretches, return_inverse=True)[1]
-    without = held_out_squares(fitted, None, folds)
-    return problem.holds(without, held_out_squares(fitted, columns, folds, prior))
+    judged = held_out_deviances if problem.far_elsewhere else held_out_squares
+    return problem.holds(judged(fitted, None, folds), judged(fitted, columns, folds, prior))
 
 
 def _promised(fitted: Fitted, columns: np.ndarray, prior: np.ndarray, units: np.ndarray) -> np.ndarray:

@@ -22,10 +22,13 @@ from scipy import linalg
 from exactarm.chain import Layout
 from exactarm.dataset import Dataset
 from exactarm.fixture import Fixture
-from exactarm.measurement.closures import ClosurePrediction, noise_classes, predict_closures
+from exactarm.identify.repeats import worth_of_rows
+from exactarm.measurement.closures import PAIR, ClosurePrediction, noise_classes, predict_closures
+from exactarm.measurement.contacts import CAMERA
 from exactarm.measurement.known_lengths import known_lengths
 from exactarm.regression import Evaluation, Fit, beyond_bounds, least_squares
 from exactarm.robot import Robot
+from exactarm.split import pose_groups
 
 TAIL_FREEDOM = 4.0  # a slip of 10 sigma counts 7 %; normal noise is used to 95 %
 _FIRST_SIGMA = (1e-3, 2e-3)  # m, rad
@@ -56,7 +59,8 @@ class Noise:
 
 @dataclass(frozen=True)
 class ClosureFit:
-    """The layout at its estimate; `weight` (N,): square roots of the rows' robust weights."""
+    """The layout at its estimate; `weight` (N,): square roots of the rows' robust weights; worth (N,):
+    independent readings that each row is worth (exactarm.identify.repeats)."""
 
     robot: Robot
     layout: Layout
@@ -65,6 +69,7 @@ class ClosureFit:
     prediction: ClosurePrediction
     sigma: np.ndarray
     weight: np.ndarray
+    worth: np.ndarray
 
     @property
     def sigma_position(self) -> float:
@@ -83,7 +88,30 @@ class ClosureFit:
         """Of the rows, up to a constant: what different models of one data set are compared by."""
         square, count = _squares(self.prediction.residual / self.sigma, self.prediction.used)
         tails = 0.5 * (TAIL_FREEDOM + count) * np.log1p(square / TAIL_FREEDOM)
-        return -float(tails.sum() + np.log(self.sigma[self.prediction.used]).sum())
+        scales = np.where(self.prediction.used, np.log(self.sigma), 0.0).sum(axis=1)
+        return -float(self.worth @ (tails + scales))
+
+    @property
+    def numbers(self) -> float:
+        """Independent numbers of the rows, those that the means of pairs have taken excepted."""
+        return float(self.worth @ self.prediction.used.sum(axis=1)) - self.prediction.projected(self.worth)
+
+    def told(self, data: Dataset) -> np.ndarray:
+        """(N,) what each row is worth by this fit: readings of one contact at the same angles share what the
+        arm misses it by. Corners of a picture have parted what they share from the rest already."""
+        angles = pose_groups(replace(data, contacts={n: v for n, v in data.contacts.items() if n != PAIR}))
+        devices, used, out = noise_classes(data), self.prediction.used, np.ones(len(data))
+        white = self.weight[:, None] * self.prediction.residual / self.sigma
+        for name in set(devices) - set(CAMERA):
+            rows = np.flatnonzero((devices == name) & (self.weight > 0))
+            if not len(rows):
+                continue
+            seen = used[rows[0]]
+            same = np.stack([angles, data.session, *data.contacts.values()], axis=1)[rows]
+            poses = np.unique(same, axis=0, return_inverse=True)[1].ravel()
+            share = self.fit.x.size * len(rows) * seen.sum() / max(int(used.sum()), 1)
+            out[rows] = worth_of_rows(white[rows][:, seen], poses, share)
+        return out
 
 
 @dataclass(frozen=True)
@@ -124,12 +152,15 @@ def fit_closures(
     pulls: Pulls,
     *,
     keep: np.ndarray | None = None,
+    worth: np.ndarray | None = None,
     threads: int = 1,
     tolerance: float = 1e-9,
 ) -> ClosureFit:
     """Estimates the free parameters of `layout` from all rows of `data` (one device a row). keep (N,): rows
-    to use."""
+    to use; worth (N,): independent readings that each is worth, absent: one."""
     keep = np.ones(len(data)) if keep is None else np.asarray(keep, float)
+    worth = np.ones(len(data)) if worth is None else worth
+    root = np.sqrt(worth)
     lower = np.array([p.lower for p in layout.parameters])
     upper = np.array([p.upper for p in layout.parameters])
     prediction = predict_closures(robot, layout, data, threads=threads)
@@ -137,12 +168,12 @@ def fit_closures(
     sigma, weight, settled, fit = noise.of(data, prediction.used), keep, False, None
     for _ in range(_ROUNDS):
         weight = keep * _tail_weights(prediction.residual / sigma, prediction.used)
-        fit = _inner(robot, layout, data, pulls, prediction, weight[:, None] / sigma, (lower, upper), threads,
-                     tolerance)
+        fit = _inner(robot, layout, data, pulls, prediction, (root * weight)[:, None] / sigma, (lower, upper),
+                     threads, tolerance)
         layout = layout.at(fit.x)
         prediction = predict_closures(robot, layout, data, threads=threads)
         pull, tail = pulls.rows(layout)
-        new = _estimated_noise(data, prediction, sigma, keep, pull)
+        new = _estimated_noise(data, prediction, sigma, keep, worth, pull)
         change = max(abs(value / noise.by_class.get(key, np.inf) - 1.0)
                      for key, value in new.by_class.items())
         if settled := change < _SETTLED and fit.converged:
@@ -150,8 +181,8 @@ def fit_closures(
         noise, sigma = new, new.of(data, prediction.used)
     weight = keep * _tail_weights(prediction.residual / sigma, prediction.used)
     pull, tail = pulls.rows(layout)
-    fit = _finished(fit, prediction, sigma, keep, weight, pull, tail, settled)
-    return ClosureFit(robot, layout, fit, noise, prediction, sigma, weight)
+    fit = _finished(fit, prediction, sigma, keep, worth, weight, pull, tail, settled)
+    return ClosureFit(robot, layout, fit, noise, prediction, sigma, weight, worth)
 
 
 def expected_deviations(
@@ -208,11 +239,11 @@ def _first_noise(data: Dataset, prediction: ClosurePrediction) -> Noise:
     })
 
 
-def _estimated_noise(data, prediction: ClosurePrediction, sigma, keep, pull) -> Noise:
+def _estimated_noise(data, prediction: ClosurePrediction, sigma, keep, worth, pull) -> Noise:
     """Scale of each class: weighted square sum over its redundancy (numbers less leverage)."""
     used, device = prediction.used & (keep > 0)[:, None], noise_classes(data)
     white = prediction.residual / sigma
-    weight = _tail_weights(white, prediction.used)
+    weight = np.sqrt(worth) * _tail_weights(white, prediction.used)
     leverage = _leverage(prediction, weight[:, None] * used / sigma, pull)
     pairs = prediction.pairs
     alone = np.where(pairs >= 0,
@@ -225,7 +256,7 @@ def _estimated_noise(data, prediction: ClosurePrediction, sigma, keep, pull) -> 
             block &= used
             if block.any():
                 square = np.sum(((weight[:, None] * prediction.residual)[block]) ** 2)
-                redundancy = max(float((alone[:, None] * block).sum() - leverage[block].sum()), 1.0)
+                redundancy = max(float(((worth * alone)[:, None] * block).sum() - leverage[block].sum()), 1.0)
                 found[name, part] = max(float(np.sqrt(square / redundancy)), _LEAST_SIGMA)
     return Noise(found)
 
@@ -242,14 +273,15 @@ def _pseudo_inverse(matrix: np.ndarray) -> np.ndarray:
     return linalg.pinvh(matrix / np.outer(scale, scale), rtol=1e-12) / np.outer(scale, scale)
 
 
-def _finished(fit, prediction, sigma, keep, weight, pull, tail, settled) -> Fit:
+def _finished(fit, prediction, sigma, keep, worth, weight, pull, tail, settled) -> Fit:
     """The fit with the covariance of the M-estimator and a check of convergence beside
     the solver's own."""
     used = prediction.used & (keep > 0)[:, None]
     square, count = _squares(prediction.residual / sigma, used)
     psi = (keep * weight**2)[:, None] * prediction.residual / sigma * used
-    numbers = int(used.sum()) - prediction.projected
-    scale = used / sigma
+    shares = (worth[:, None] * used).sum(axis=1)
+    numbers = float(shares.sum()) - prediction.projected(worth)
+    scale = np.sqrt(worth)[:, None] * used / sigma
     jacobian = prediction.jacobian.reshape(scale.size, pull.shape[1])
     rows = scale.ravel()[:, None] * jacobian
     redundancy = numbers - float(_leverage(prediction, weight[:, None] * scale, pull).sum())
@@ -258,14 +290,14 @@ def _finished(fit, prediction, sigma, keep, weight, pull, tail, settled) -> Fit:
     slopes = ((TAIL_FREEDOM + count) * (1.0 / tails - 2.0 * square / np.maximum(count, 1) / tails**2))[
         keep > 0
     ]
-    each = count[keep > 0] / max(int(used.sum()), 1)
+    each = shares[keep > 0] / max(float(shares.sum()), 1.0)
     slope = float(slopes @ each)
     # few numbers for each parameter: Huber's correction of the next order (1981, 7.6)
     few = 1.0 + (numbers - freedom) / max(numbers, 1) * float((slopes - slope) ** 2 @ each) / slope**2
-    spread = few**2 * float(np.sum(psi**2)) / freedom
+    spread = few**2 * float(np.sum(worth[:, None] * psi**2)) / freedom
     information = slope**2 / max(spread, 1e-300) * rows.T @ rows
     covariance = _pseudo_inverse(information + pull.T @ pull)
-    gradient = jacobian.T @ (scale * psi).ravel() + pull.T @ tail
+    gradient = rows.T @ (np.sqrt(worth)[:, None] * psi).ravel() + pull.T @ tail
     free = ~fit.at_bound
     hessian = slope * rows.T @ rows + pull.T @ pull
     inner = _pseudo_inverse(hessian[np.ix_(free, free)])

@@ -154,6 +154,9 @@ def declare_closures(
         layout, found = identifiable_closures(robot, setup, beside, data, threads)
         pulls = Pulls.of(geometry, data.fixture)
         fit = fit_closures(robot, layout, data, pulls, threads=threads)
+        worth = fit.told(data)
+        if worth.min() < 1.0:
+            fit = fit_closures(robot, fit.layout, data, pulls, worth=worth, threads=threads)
         return (
             layout, pulls, found, fit if scale_is_known(layout, data) else with_scale_in_doubt(fit, geometry)
         )
@@ -162,7 +165,7 @@ def declare_closures(
     apart = _with_tools_apart(setup, data)
     if apart is not None:
         other = fitted(apart)
-        price = 0.5 * (other[0].size - one[0].size) * np.log(other[3].prediction.used.sum())
+        price = 0.5 * (other[0].size - one[0].size) * np.log(other[3].numbers)
         if other[3].log_likelihood - one[3].log_likelihood > _MOUNTED_ANEW * price:
             one = other
     layout, pulls, found, fit = one

@@ -172,11 +172,12 @@ class ClosurePrediction:
         order."""
         return self.through(self.view.response(effect))
 
-    @cached_property
-    def projected(self) -> int:
-        """How many of the used numbers the means of the pairs have taken."""
+    def projected(self, worth: np.ndarray) -> float:
+        """How many of the used numbers, of which a row counts for worth (N,), the means of the pairs have
+        taken."""
         first = np.unique(self.pairs, return_index=True)[1]
-        return int(self.used[first[self.pairs[first] >= 0]].sum())
+        first = first[self.pairs[first] >= 0]
+        return float(worth[first] @ self.used[first].sum(axis=1))
 
 
 def predict_closures(
