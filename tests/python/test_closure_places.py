@@ -78,8 +78,8 @@ def test_a_row_counts_for_its_worth_as_if_it_were_there_so_often():
     declared = declare_closures(robot.nominal, touches(data))
     once = touches(data)
     twice = once.select(np.repeat(np.arange(len(once)), 2))
-    fits = [fit_closures(robot.nominal, declared.layout, rows, declared.pulls, worth=np.full(len(rows), worth))
-            for rows, worth in ((once, 1.0), (twice, 0.5))]
+    fits = [fit_closures(robot.nominal, declared.layout, rows, declared.pulls, worth=each)
+            for rows, each in ((once, np.ones(len(once))), (twice, np.full(len(twice), 0.5)))]
     one, other = (np.sqrt(np.diag(fit.fit.covariance)) for fit in fits)
     assert other == pytest.approx(one, rel=1e-6)
     assert fits[1].fit.x == pytest.approx(fits[0].fit.x, abs=1e-9)

@@ -42,6 +42,7 @@ from exactarm.identify.match import WORST_SHARE, reach
 from exactarm.identify.parameter_name import parse_parameter
 from exactarm.identify.partner_misfit import partner_misfit
 from exactarm.identify.partner_prior import known_of_partner, partner_warnings, with_open_partner
+from exactarm.identify.size_doubt import size_doubts
 from exactarm.identify.statistics import summarise
 from exactarm.measurement.closures import (
     PAIR,
@@ -375,7 +376,9 @@ def _warnings(declared: DeclaredClosures, data: Dataset):
             f"the fit did not converge ({fit.fit.reason}): check the data for gross errors, or for contacts "
             "with the wrong number"
         )
-    if not scale_is_known(fit.layout, data):
+    if scale_is_known(fit.layout, data):
+        yield from size_doubts(fit.layout, fit.fit, declared.pulls.drawing)
+    else:
         yield SCALE
     if gravity_alone(data):
         yield GRAVITY_ALONE
