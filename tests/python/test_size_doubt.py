@@ -1,4 +1,4 @@
-"""A known length of the fixture that is wrong makes the whole arm larger: said, where the drawing shows it."""
+"""A known length of the fixture that is wrong makes the whole arm larger, and that is said."""
 
 from dataclasses import replace
 
@@ -18,7 +18,8 @@ from test_closures import touched
 def test_a_distance_that_is_wrong_by_some_percent_is_doubted(factor, said):
     robot, data = touched("ur10", "socket", 6, count=15)
     wrong = tuple(replace(each, length=factor * each.length) for each in data.fixture.distances)
-    result = calibrate_closures(robot.nominal, replace(data, fixture=replace(data.fixture, distances=wrong)))
+    fixture = replace(data.fixture, distances=wrong)
+    result = calibrate_closures(robot.nominal, replace(data, fixture=fixture))
     assert result.fit.fit.converged
     assert any("all alike: is a known length" in line for line in result.warnings) == said
 

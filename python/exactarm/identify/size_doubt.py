@@ -1,4 +1,4 @@
-"""Is a known length of a fixture wrong? All lengths of the arm then come out by one factor beside their drawing.
+"""Is a known length of a fixture wrong? All lengths of the arm then leave their drawing by one factor.
 
     x_i - x0_i = s x0_i + e_i,    e_i: what this arm's lengths miss their drawing by in any case
 
@@ -36,5 +36,6 @@ def size_doubts(layout: Layout, fit: Fit, drawing: Mapping[str, tuple[float, flo
     if 2.0 * stats.t.sf(sure, len(told) - 1) > _BY_CHANCE:
         return ()
     more = "longer" if growth > 0.0 else "shorter"
-    return (f"the lengths of the arm come out {abs(growth):.2%} {more} than its drawing, all alike: is a known "
-            f"length (of the fixture, a bar, the board's squares, a tracker) wrong by the factor {1.0 + growth:.4g}?",)
+    return (f"the lengths of the arm come out {abs(growth):.2%} {more} than its drawing, all alike: is a "
+            "known length (of the fixture, a bar, the board's squares, a tracker) wrong by the factor "
+            f"{1.0 + growth:.4g}?",)
