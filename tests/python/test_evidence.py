@@ -7,7 +7,7 @@ import pytest
 from exactarm.diagnose.evidence import Members, Picture, compressed
 from exactarm.diagnose.search import _richer, search, weight_of
 from exactarm.diagnose.self_test import _Parts
-from exactarm.diagnose.unknown import Unknown, basis_of, sizes_of
+from exactarm.diagnose.unknown import Unknown, basis_of, sizes_of, unknown_functions
 from exactarm.diagnose.vocabulary import SCALE_WEIGHTS, SCALES, Block, Vocabulary
 from exactarm.effects.gear_eccentricity import GearEccentricity
 from exactarm.effects.gear_harmonics import GearHarmonics
@@ -59,6 +59,42 @@ def dense_log_likelihood(pic, members):
 def test_likelihood_is_that_of_the_full_covariance(members):
     pic = picture(1, planted=(4,))
     assert pic.log_likelihood(members) == pytest.approx(dense_log_likelihood(pic, members), abs=1e-9)
+
+
+def test_parameters_with_a_prior_are_integrated_out_and_pay_for_what_the_data_tell():
+    rng = np.random.default_rng(8)
+    blocks = (block(0, 2, 0), block(1, 1, 2))
+    responses = rng.standard_normal((ROWS, COMPONENTS, 3))
+    declared = rng.standard_normal((ROWS, COMPONENTS, 4))
+    residual, spread = rng.standard_normal((ROWS, COMPONENTS)), np.array([1e-3, 0.05, 0.3, 10.0])
+    noise, members = normal_noise(np.ones((ROWS, COMPONENTS))), Members((0, 1), (3, 2))
+    pic = Picture.of(Vocabulary(blocks, responses), residual, declared, noise,
+                     (np.diag(1.0 / spread), np.zeros(4)))
+    flat, d = responses.reshape(-1, 3), declared.reshape(-1, 4) * spread
+    parts = [flat[:, blocks[i].where] * (SCALES[k] * blocks[i].size) for i, k in ((0, 3), (1, 2))]
+    b = np.concatenate(parts, axis=1)
+    prior_of_rows = np.eye(len(flat)) + d @ d.T
+    whole, r = prior_of_rows + b @ b.T, residual.ravel()
+    log_det, left = pic.quadratic(members)
+    assert log_det == pytest.approx(np.linalg.slogdet(whole)[1] - np.linalg.slogdet(prior_of_rows)[1])
+    assert left == pytest.approx(r @ np.linalg.solve(whole, r))
+    told = np.trace(d @ np.linalg.solve(np.eye(4) + d.T @ d, d.T))
+    assert pic.count == pytest.approx(r.size - told) and told < 3.5
+
+
+def test_exactly_dependent_parameters_with_priors_do_not_hang_on_rounding():
+    """Curves of many orders have columns that differ in the seventh digit: under a flat prior the last digits
+    of the data decide which directions are free."""
+    rng = np.random.default_rng(9)
+    one = rng.standard_normal((ROWS, COMPONENTS, 1))
+    declared = one + 3e-7 * rng.standard_normal((ROWS, COMPONENTS, 3))
+    responses, residual = rng.standard_normal((ROWS, COMPONENTS, 2)), rng.standard_normal((ROWS, COMPONENTS))
+    noise, prior = normal_noise(np.ones((ROWS, COMPONENTS))), (np.eye(3) / 0.1, np.zeros(3))
+    weights = []
+    for touched in (1.0, 1.0 + 1e-9 * rng.standard_normal(declared.shape)):
+        pic = Picture.of(Vocabulary((block(0, 2, 0),), responses), residual, declared * touched, noise, prior)
+        weights.append(pic.additions(Members((), ())).log_weight[0])
+    assert weights[0] == pytest.approx(weights[1], abs=1e-6)
 
 
 def test_additions_are_the_difference_of_two_likelihoods():
@@ -120,6 +156,15 @@ def test_unknown_functions_have_unit_variance_on_the_average():
     for length in (0.4, 1.0, 2.4):
         variance = np.sum((basis_of(s) * sizes_of(length)) ** 2, axis=1)
         assert 0.6 < variance.mean() < 1.3
+
+
+def test_a_signal_of_rounding_is_no_signal():
+    """The load of a last axis whose masses lie on it: 1e-17 Nm of either sign."""
+    rng = np.random.default_rng(3)
+    real = rng.uniform(-1.0, 1.0, 50)
+    signals = {"load of axis 5": real, "load of axis 6": 1e-17 * real}
+    found = unknown_functions(None, signals, {"a turn of axis 3": np.ones((50, 3))})
+    assert [unknown.signals for unknown, _, _ in found] == [("load of axis 5",)]
 
 
 def gear_curve_picture(seed):

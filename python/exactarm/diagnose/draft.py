@@ -1,13 +1,13 @@
 """Draft: an effect that nobody wrote yet, as a formula, where a diagnosis finds something else at work.
 
-1. Unknown functions (unknown.py) are searched once more beside the final model; those that turn an axis are
-   grouped by it.
-2. The formulas of the dictionary in the signals of the strongest axis are compared by the evidence of the
-   linear picture (evidence.py), grids of their non-linear parameters summed over. A further term is added
-   while it is `_LEAST_NATS` more likely. A series takes part, and wins where no short formula fits nearly as
+1. Unknown functions (unknown.py) are searched once more beside the final model, whose parameters keep their
+   priors; those that turn an axis are grouped by it, the likeliest axis first.
+2. The formulas of the dictionary in the signals of an axis are compared by the evidence of the linear picture
+   (evidence.py), grids of their non-linear parameters summed over. The first term, and each further one, is
+   `_LEAST_NATS` more likely than without. A series takes part, and wins where no short formula fits nearly as
    well (`_SERIES_COSTS`).
 3. The winner has to lower the cross-validated square sum over whole poses; then everything is fitted together
-   through the chain.
+   through the chain. An axis that no formula describes is left, and the next is tried.
 
 Held-out rows choose nothing. An unknown function of the device is not drafted: a formula turns one axis.
 """
@@ -28,6 +28,7 @@ from exactarm.diagnose.dictionary import forms_of, is_series, sum_of
 from exactarm.diagnose.evidence import Members, Picture
 from exactarm.diagnose.problem import Fitted, Problem
 from exactarm.diagnose.search import search
+from exactarm.diagnose.search_round import alike
 from exactarm.diagnose.selection import refit
 from exactarm.diagnose.vocabulary import Vocabulary, vocabulary_of
 from exactarm.effects.axis_units import moves_by
@@ -40,7 +41,7 @@ from exactarm.robot import Robot
 
 MOST_DRAFTS = 3
 _MOST_TERMS, _MOST_SIGNALS = 3, 3
-_LEAST_NATS = 3.0  # of a further term: twenty to one
+_LEAST_NATS = 3.0  # of a formula, and of a further term: twenty to one
 _SERIES_COSTS = 5.0  # nats: a short formula up to 150 times less likely is still the one to read and to check
 _PROBABLE = 0.5  # that an unknown function turns the axis, from which it is worth a draft
 _MOST_FUNCTIONS = 6  # searched for at once: twice what is drafted
@@ -122,48 +123,43 @@ class Draft:
 
 
 def drafts_of(problem: Problem, declared: Layout, last: Fitted) -> tuple[Draft, ...]:
-    """Unknown functions that turn an axis beside the model `last`, the strongest first, each as a formula."""
+    """Unknown functions that turn an axis beside the model `last`, the likeliest axis first, each as a
+    formula beside those before it; an axis that no formula describes is left."""
     found: list[Draft] = []
     fitted, folds = last, folds_of(problem.groups(), problem.seed)
-    while len(found) < MOST_DRAFTS:
-        noise, probabilities = _unknown_axes(problem, fitted)
-        axes = [
-            axis
-            for axis, (probability, _) in probabilities.items()
-            if probability >= _PROBABLE and all(draft.effect.joint != axis for draft in found)
-        ]
-        if not axes:
-            break
-        axis = max(axes, key=lambda a: probabilities[a][0])
+    noise, probabilities = _unknown_axes(problem, fitted)
+    for axis in sorted(probabilities, key=lambda a: -probabilities[a][0]):
         probability, names = probabilities[axis]
+        if probability < _PROBABLE or len(found) == MOST_DRAFTS:
+            break
         formula, log_bayes = _best_formula(fitted, noise, folds, axis, names)
         if formula is None:
-            break
+            continue
         titled = replace(formula, heading=_title(formula, problem.robot))
         chosen = [*fitted.layout.effects[len(declared.effects) :], titled]
         trial = refit(problem, declared, chosen, fitted, noise)
-        if not trial.fit.converged:
-            break
-        found.append(_draft(problem, fitted, trial, log_bayes, probability, not is_series(formula)))
-        fitted = trial
+        if trial.fit.converged:
+            found.append(_draft(problem, fitted, trial, log_bayes, probability, not is_series(formula)))
+            fitted = trial
     return tuple(found)
 
 
 def _unknown_axes(problem: Problem, fitted: Fitted) -> tuple[NoiseModel, dict[int, tuple[float, list[str]]]]:
     """The noise with unknown functions taken into account; axis -> probability that one turns it, and its
     signals in the best set."""
-    visits, lost = problem.groups(), fitted.jacobian.shape[2]
+    visits, lost = problem.groups(), fitted.spent
     vocabulary = vocabulary_of(fitted, [], problem.signals(fitted), problem.directions(fitted))
-    noise, left = estimate_noise(fitted.residual, lost, visits), fitted.residual
+    noise = estimate_noise(fitted.residual, lost, visits)
     if not vocabulary.blocks:
         return noise, {}
     for _ in range(_NOISE_PASSES):
-        picture = Picture.of(vocabulary, fitted.residual, fitted.jacobian, noise)
+        picture = Picture.of(vocabulary, fitted.residual, fitted.jacobian, noise, fitted.prior)
         certain, posterior = search(picture, _MOST_FUNCTIONS)
         beside = posterior.members[posterior.best]
         members = Members(certain.blocks + beside.blocks, certain.scales + beside.scales)
-        left = fitted.residual - _taken(picture, members)
-        noise = estimate_noise(left, lost, visits)
+        before, noise = noise, estimate_noise(fitted.residual - _taken(picture, members), lost, visits)
+        if alike(before, noise):
+            break
     signals, by_label = defaultdict(list), {}
     for block in vocabulary.blocks:
         if block.unknown.direction.startswith("a turn of axis"):
@@ -215,7 +211,7 @@ def _best_formula(
         if more is None or sum_value < value + _LEAST_NATS:
             break
         best, value, (picture, members) = more, sum_value, rest
-    if best is None or value <= 0.0:
+    if best is None or value < _LEAST_NATS:
         return None, 0.0
     if picture.held_out(members, folds).sum() >= picture.held_out(Members((), ()), folds).sum():
         return None, 0.0
@@ -228,7 +224,7 @@ def _likeliest(fitted, noise, forms: list[Expression]):
     vocabulary: Vocabulary = vocabulary_of(fitted, forms, {}, {})
     if not vocabulary.blocks:
         return None, -np.inf, None, None
-    picture = Picture.of(vocabulary, fitted.residual, fitted.jacobian, noise)
+    picture = Picture.of(vocabulary, fitted.residual, fitted.jacobian, noise, fitted.prior)
     additions = picture.additions(Members((), ()))
     weight = additions.log_weight - picture.log_prior
     names, which = vocabulary.labels

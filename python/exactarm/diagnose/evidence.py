@@ -59,11 +59,14 @@ class Picture:
     def __init__(self, vocabulary: Vocabulary, declared: np.ndarray, columns: np.ndarray,
                  residual: np.ndarray, count: float,
                  closed: frozenset[int] = frozenset(), rows: tuple[np.ndarray, np.ndarray] | None = None,
-                 taken: tuple[np.ndarray, np.ndarray] | None = None, before: Picture | None = None):
+                 taken: tuple[np.ndarray, np.ndarray] | None = None, before: Picture | None = None,
+                 measured: int | None = None):
         self.closed = closed  # blocks that are not to be added
         self.vocabulary, self.columns, self.residual, self.count = vocabulary, columns, residual, count
         self.declared = declared  # (R, d) orthonormal
         self.rows = (columns, residual) if rows is None else rows  # row by row, where they are compressed
+        # so many rows are data; then those of a prior
+        self.measured = len(self.rows[1]) if measured is None else measured
         # L^-1 B'C (K, p) and L^-1 B'r (K,) of the sets that are part of the noise: V^-1 = I - (..)'(..)
         self.taken = (np.zeros((0, columns.shape[1])), np.zeros(0)) if taken is None else taken
         self.before = before  # the picture without the last of these sets
@@ -72,23 +75,29 @@ class Picture:
         self._grams: dict[tuple[int, int], np.ndarray] = {}  # C_g'V^-1 C_h of two of them
 
     @staticmethod
-    def of(vocabulary: Vocabulary, residual: np.ndarray, declared: np.ndarray, noise) -> Picture:
-        """residual (N, m), declared (N, m, P): columns that are free under a flat prior; noise.whiten and
-        noise.numbers."""
+    def of(vocabulary: Vocabulary, residual: np.ndarray, declared: np.ndarray, noise,
+           prior: tuple[np.ndarray, np.ndarray] | None = None) -> Picture:
+        """residual (N, m), declared (N, m, P): columns that are free under a flat prior, or that of these
+        pseudo-observations (q, P) and what they lack (q,); noise.whiten and noise.numbers."""
         root = np.sqrt(noise.held_share)
         r = root * noise.whiten(residual[:, :, None])[:, 0]
         d = noise.whiten(declared)
         c = root * noise.whiten(vocabulary.responses)
+        measured = len(r)
+        if prior is not None:
+            d = np.concatenate([root * d, prior[0]])
+            r = np.concatenate([r, prior[1]])
+            c = np.concatenate([c, np.zeros((len(prior[0]), c.shape[1]))])
         basis = orthonormal(d, WEAKEST)
         before = np.einsum("ij,ij->j", c, c)
         c -= basis @ (basis.T @ c)
         left = np.einsum("ij,ij->j", c, c)
         c[:, left < _ABSORBED * before] = 0.0
         r, c = r - basis @ (basis.T @ r), np.asfortranarray(c)  # read column by column
-        count = max(noise.numbers - basis.shape[1], 1.0)
-        if len(r) <= _LONG * c.shape[1]:
-            return Picture(vocabulary, basis, c, r, count)
-        return Picture(vocabulary, basis, *compressed(c, r), count, rows=(c, r))
+        spent = float(np.sum(basis[:measured] ** 2))  # less what the prior pays for
+        count = max(noise.numbers - spent, 1.0)
+        short = compressed(c, r) if len(r) > _LONG * c.shape[1] else (c, r)
+        return Picture(vocabulary, basis, *short, count, rows=(c, r), measured=measured)
 
     def beside(self, members: Members) -> Picture:
         """The picture in which a set is part of the noise, its labels left out of the vocabulary: `taken` of
@@ -100,7 +109,7 @@ class Picture:
         cross, onto = self.factor(members)
         taken = np.concatenate([self.taken[0], cross]), np.concatenate([self.taken[1], onto])
         return Picture(self.vocabulary, self.declared, self.columns, self.residual, self.count, closed,
-                       self.rows, taken, self)
+                       self.rows, taken, self, self.measured)
 
     @cached_property
     def by_width(self) -> dict[int, np.ndarray]:
@@ -235,7 +244,8 @@ class Picture:
         prior = np.concatenate([np.full(self.declared.shape[1], 1e-8),
                                 np.ones(b.shape[1] - self.declared.shape[1])])
         normal, right = b.T @ b + np.diag(prior), b.T @ residual
-        of_number = np.repeat(folds, len(residual) // len(folds))
+        of_number = np.full(len(residual), -1)  # the rows of a prior are in every fold's others
+        of_number[: self.measured] = np.repeat(folds, self.measured // len(folds))
         squares = np.empty(int(folds.max()) + 1)
         for fold in range(len(squares)):
             mine = of_number == fold

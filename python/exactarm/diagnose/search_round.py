@@ -112,7 +112,7 @@ def _settled(problem: Problem, at: At, noise: NoiseModel) -> Found | None:
         residual = at.residual - _prediction(picture, members, at, noise)
         lost = at.jacobian.shape[2] + sum(found.block(i).columns for i in members.blocks) * _COLUMN_COSTS
         before, noise = noise, problem.noise_of(residual, lost)
-        if _alike(before, noise):
+        if alike(before, noise):
             break
     return replace(found, noise=noise, left=residual)
 
@@ -141,7 +141,7 @@ def _score(found: Found) -> float:
     return score - (0.0 if noise.wandering is None else _LEAST_NATS + np.log(len(left)))
 
 
-def _alike(one: NoiseModel, other: NoiseModel) -> bool:
+def alike(one: NoiseModel, other: NoiseModel) -> bool:
     """Whether two noise models weigh the rows alike, so that a search under either finds the same."""
     scale = lambda noise: np.sqrt(noise.weight)[:, None] / noise.sigma
     apart = scale(one) / (scale(other) + 1e-300)

@@ -25,6 +25,7 @@ _HALF_WIDTH = 1.3  # L: at the ends of the range the basis is still free
 AMPLITUDE = 3e-4  # rad of an axis, m of the device: what gears, springs and devices leave
 OF_TIME = ("time", "order of measurement")
 _LEAST_VALUES = 5  # different values of a signal; fewer are levels, not a curve
+_DECIMALS = 9  # of a signal in SI: no device measures a nanoradian; a load of 1e-17 Nm is rounding
 
 
 @dataclass(frozen=True)
@@ -82,7 +83,8 @@ def unknown_functions(fitted, signals: dict,
                       directions: dict) -> list[tuple[Unknown, np.ndarray, list[np.ndarray]]]:
     """(what, response (N, m, k), sizes of the coefficients for each length) of every unknown function worth
     trying."""
-    curves = {name: values for name, values in signals.items() if len(np.unique(values)) >= _LEAST_VALUES}
+    curves = {name: values for name, values in signals.items()
+              if len(np.unique(values.round(_DECIMALS))) >= _LEAST_VALUES}
     turns = {name: pattern for name, pattern in directions.items() if not name.startswith("the device")}
     device = [pattern for name, pattern in directions.items() if name.startswith("the device")]
     found = []

@@ -137,21 +137,24 @@ def _spent(columns: np.ndarray, weight: np.ndarray, sigma: np.ndarray, alike: np
            fit: Fit) -> np.ndarray:
     """(m,) leverage of each component's weighted rows, of columns (n m, P) with weight (n,): what is measured
     best pays for most parameters."""
-    if not alike.any() and fit.sigma > 0.0:  # all rows: what is seen, less the leverage of the priors
-        priors = np.sum(pull**2 @ np.diag(fit.covariance)) / fit.sigma**2  # each row pulls at one parameter
-        return np.full(len(alike), (fit.rank - priors) / len(alike))
-    free = ~fit.at_bound
-    columns = columns.reshape(len(weight), len(sigma), -1)
+    columns, kinds = columns.reshape(len(weight), len(sigma), -1), int(alike.max()) + 1
     if np.any(weight != 1.0):
         columns = weight[:, None, None] * columns
-    each = []
-    for number in range(int(alike.max()) + 1):
+    known, free = fit.sigma > 0.0, ~fit.at_bound
+    grams = []  # of the last component that has a variance of its own only where the rest does not tell
+    for number in range(kinds - 1 if known else kinds):
         mine = (columns[:, alike == number] / sigma[alike == number, None]).reshape(-1, columns.shape[2])
-        each.append((mine.T @ mine)[np.ix_(free, free)])
-    inverse, scale = gram_inverse(sum(each) + pull[:, free].T @ pull[:, free])
-    inverse = inverse / np.outer(scale, scale)
-    shared = np.array([np.sum(inverse * gram) for gram in each]) / np.bincount(alike)
-    return shared[alike]
+        grams.append(mine.T @ mine)
+    if known:
+        inverse = fit.covariance / fit.sigma**2
+    else:
+        whole, inverse = sum(grams) + pull.T @ pull, np.zeros(grams[0].shape)
+        scaled, scale = gram_inverse(whole[np.ix_(free, free)])
+        inverse[np.ix_(free, free)] = scaled / np.outer(scale, scale)
+    paid = [np.sum(inverse * gram) for gram in grams]
+    if known:  # all that is seen, less the leverage of the priors, of which each row pulls at one parameter
+        paid.append(fit.rank - np.sum(pull**2 @ np.diag(inverse)) - sum(paid))
+    return (np.array(paid) / np.bincount(alike))[alike]
 
 
 def pulls_of(layout: Layout, drawing: Drawing | None = None) -> tuple[np.ndarray, np.ndarray]:
