@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from exactarm.diagnose.cross_validation import held_out_deviances, held_out_squares
+from exactarm.diagnose.worth import holds_elsewhere
+from exactarm.effects.base import Parameter
 from exactarm.identify.closure_fit import fit_closures
 from exactarm.identify.closures import calibrate_closures, declare_closures
 from exactarm.measurement.closures import touches
@@ -52,6 +54,42 @@ def test_what_the_other_places_cannot_know_refuses_no_effect(true, judged, least
         fitted, effect, folds = three_places(np.random.default_rng(seed), true)
         kept += bool(np.sum(judged(fitted, effect, folds)) < np.sum(judged(fitted, None, folds)))
     assert least <= kept <= most, kept
+
+
+class _Places:
+    """Three places that the linear picture knows all of; each has to hold."""
+
+    far_elsewhere = True
+
+    def __init__(self, folds):
+        self.folds = folds
+
+    def stretches(self):
+        return self.folds
+
+    def elsewhere(self, fitted):
+        return fitted
+
+    def holds(self, without, left):
+        return bool(np.sum(left) < 0.98 * np.sum(without))
+
+
+def test_an_effect_that_is_known_too_badly_to_be_used_elsewhere_is_none():
+    """On the same records: what makes the other places worse is refused however likely it is; of four
+    standard deviations of what two places know (1 / (0.1 sqrt(60)) = 1.3) nothing is refused."""
+    effect = SimpleNamespace(excludes_rows=lambda: False, values=(0.0,),
+                             parameters=lambda: (Parameter("size", 1.0),))
+    kept = {true: [] for true in (0.5, 5.2)}
+    for true, found in kept.items():
+        for seed in range(40):
+            fitted, columns, folds = three_places(np.random.default_rng(seed), true)
+            fitted.columns = lambda one, columns=columns: columns
+            worse = (np.sum(held_out_squares(fitted, columns, folds))
+                     > np.sum(held_out_squares(fitted, None, folds)))
+            held = holds_elsewhere(_Places(folds), fitted, [effect])
+            assert not (held and worse)
+            found.append(held)
+    assert 0 < sum(kept[0.5]) < 40 and sum(kept[5.2]) == 40, kept
 
 
 def read_again(seed: int, readings: int):

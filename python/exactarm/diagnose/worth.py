@@ -59,8 +59,12 @@ def holds_elsewhere(problem: Problem, fitted: Fitted, effects: list[Effect]) -> 
     columns = np.concatenate([linear_columns(fitted, effect) for effect in effects], axis=1)
     prior = np.concatenate([prior_of(effect) for effect in effects])
     folds = np.unique(stretches, return_inverse=True)[1]
-    judged = held_out_deviances if problem.far_elsewhere else held_out_squares
-    return problem.holds(judged(fitted, None, folds), judged(fitted, columns, folds, prior))
+    squares = held_out_squares(fitted, None, folds), held_out_squares(fitted, columns, folds, prior)
+    if not problem.far_elsewhere:
+        return problem.holds(*squares)
+    known = held_out_deviances(fitted, None, folds), held_out_deviances(fitted, columns, folds, prior)
+    # True or not: what is known too badly to be used at places that were not seen makes the arm worse there.
+    return problem.holds(*known) and bool(squares[1].sum() < squares[0].sum())
 
 
 def _promised(fitted: Fitted, columns: np.ndarray, prior: np.ndarray, units: np.ndarray) -> np.ndarray:
