@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from exactarm.chain import Layout
 from exactarm.regression import Fit
@@ -33,7 +33,7 @@ def size_doubts(layout: Layout, fit: Fit, drawing: Mapping[str, tuple[float, flo
     growth = float(drawn @ (found - drawn)) / max(square, np.finfo(float).tiny)
     left = float(np.sum((found - drawn - growth * drawn) ** 2)) / (len(told) - 1)
     sure = abs(growth) * np.sqrt(square / max(left, np.finfo(float).tiny))
-    if 2.0 * stats.t.sf(sure, len(told) - 1) > _BY_CHANCE:
+    if 2.0 * special.stdtr(len(told) - 1, -sure) > _BY_CHANCE:
         return ()
     more = "longer" if growth > 0.0 else "shorter"
     return (f"the lengths of the arm come out {abs(growth):.2%} {more} than its drawing, all alike: is a "
