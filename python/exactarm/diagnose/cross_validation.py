@@ -62,6 +62,16 @@ def held_out_deviances(
     return np.array(found)
 
 
+def held_out_unknown(
+    fitted: Fitted, columns: np.ndarray | None, folds: np.ndarray, prior: np.ndarray | None = None
+) -> np.ndarray:
+    """(folds,) what the square sums of `held_out_squares` are expected to hold beside the noise, if the
+    model is right: trace of X C X', for what the others do not know of the coefficients."""
+    parts = _predicted(fitted, columns, folds, prior)[0]
+    return np.array([np.sum(linalg.solve_triangular(linalg.cholesky(rest), part.T, trans=1) ** 2)
+                     for part, _, rest, _ in parts])
+
+
 def _predicted(fitted: Fitted, columns: np.ndarray | None, folds: np.ndarray, prior: np.ndarray | None):
     """Of each fold its rows of the design, its residual, the others' normal equations and the coefficients
     that they give; and the order (R,) of the numbers by folds."""

@@ -9,7 +9,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from exactarm.diagnose.cross_validation import folds_of, held_out_deviances, held_out_squares
+from exactarm.diagnose.cross_validation import (
+    folds_of,
+    held_out_deviances,
+    held_out_squares,
+    held_out_unknown,
+)
 from exactarm.diagnose.orthonormal import orthonormal
 from exactarm.diagnose.problem import Fitted, Problem
 from exactarm.diagnose.scan import linear_columns, prior_of
@@ -59,12 +64,15 @@ def holds_elsewhere(problem: Problem, fitted: Fitted, effects: list[Effect]) -> 
     columns = np.concatenate([linear_columns(fitted, effect) for effect in effects], axis=1)
     prior = np.concatenate([prior_of(effect) for effect in effects])
     folds = np.unique(stretches, return_inverse=True)[1]
-    squares = held_out_squares(fitted, None, folds), held_out_squares(fitted, columns, folds, prior)
+    of_two = lambda judged: (judged(fitted, None, folds), judged(fitted, columns, folds, prior))
+    without, left = of_two(held_out_squares)
     if not problem.far_elsewhere:
-        return problem.holds(*squares)
-    known = held_out_deviances(fitted, None, folds), held_out_deviances(fitted, columns, folds, prior)
-    # True or not: what is known too badly to be used at places that were not seen makes the arm worse there.
-    return problem.holds(*known) and bool(squares[1].sum() < squares[0].sum())
+        return problem.holds(without, left)
+    # Errors that grow by more than the others cannot know, in white noise, are those of a wrong effect.
+    known, unknown = of_two(held_out_unknown)
+    grown = left - without - (unknown - known)
+    right = bool(np.all(grown < problem.least_elsewhere * without))
+    return right and problem.holds(*of_two(held_out_deviances))
 
 
 def _promised(fitted: Fitted, columns: np.ndarray, prior: np.ndarray, units: np.ndarray) -> np.ndarray:
