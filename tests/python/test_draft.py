@@ -12,7 +12,7 @@ from exactarm import cli
 from exactarm.dataset import write_dataset
 from exactarm.diagnose.diagnosis import diagnose
 from exactarm.diagnose.dictionary import forms_of, is_series
-from exactarm.diagnose.draft import Draft, gaps_in_words, gaps_of
+from exactarm.diagnose.draft import Draft, _suspect, gaps_in_words, gaps_of
 from exactarm.formula import Formula, divisors, linear_names
 from exactarm.robot_file import load_robot
 from set_ups import measured, true_robot
@@ -133,6 +133,14 @@ def test_the_widest_gaps_are_told_in_degrees():
     assert gaps_in_words("q_4", gaps) == (
         "q_4 from -114.6 to -57.3, 11.46 to 28.65, 34.38 to 51.57 deg and 2 narrower gaps")
     assert gaps_in_words("temperature_degC", gaps[:1]) == "temperature_degC from -2 to -1"
+
+
+@pytest.mark.parametrize(("joint", "slides", "place"), [
+    (2, {1}, "the guide of axis 1"), (2, set(), "a hose, a cable or a linkage that axis 1"),
+    (1, {1}, "the screw or the scale"), (1, set(), "the gear or the encoder"),
+])
+def test_what_is_suspected_of_a_travel_is_no_hose(joint, slides, place):
+    assert place in _suspect(SimpleNamespace(of=("q_1",), joint=joint), frozenset(slides))
 
 
 def test_what_is_drafted_of_an_axis_that_slides_is_a_length():

@@ -248,7 +248,8 @@ def _draft(
     intervals = np.column_stack([effect.values, effect.values]).astype(float)
     intervals[free] = after.fit.interval()[where]
     signals = {name: signal_of(after.view, name) for name in effect.of}
-    data = problem.judged
+    data, slides = problem.judged, frozenset(
+        i for i, joint in enumerate(problem.robot.joints, start=1) if joint.type == "prismatic")
     return Draft(
         effect,
         intervals,
@@ -257,9 +258,9 @@ def _draft(
         log_bayes,
         probability,
         tuple(float(np.sqrt(np.nanmean(problem.errors(fitted, data) ** 2))) for fitted in (before, after)),
-        _suspect(effect),
+        _suspect(effect, slides),
         short,
-        frozenset(i for i, joint in enumerate(problem.robot.joints, start=1) if joint.type == "prismatic"),
+        slides,
     )
 
 
@@ -304,8 +305,9 @@ def _in_words(signal: str, robot: Robot) -> str:
     return "time" if signal == "time_h" else signal
 
 
-def _suspect(effect: Effect) -> str:
-    """What may be behind it, in words: a place to look at, not a finding."""
+def _suspect(effect: Effect, slides: frozenset[int]) -> str:
+    """What may be behind it, in words: a place to look at, not a finding; slides: axes (from 1) that
+    slide."""
     found = []
     for signal in effect.of:
         kind, _, axis = signal.rpartition("_")
@@ -323,6 +325,12 @@ def _suspect(effect: Effect) -> str:
                 "friction or play that stays after a motion"
                 if own
                 else f"a mechanical path that the last motion of axis {axis} strains"
+            )
+        elif kind == "q" and axis.isdigit() and int(axis) in slides:
+            found.append(
+                "the screw or the scale of the axis itself"
+                if own
+                else f"the guide of axis {axis}, or a cable that it pulls along"
             )
         elif kind == "q":
             found.append(
