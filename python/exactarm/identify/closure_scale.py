@@ -1,7 +1,7 @@
 """The scale of closures: whether anything tells how large the robot is, and what is held where nothing does.
 
 All lengths of robot and surroundings times a common factor close as well. Where nothing gives a length, the
-longest one of the robot keeps its declared value, and every interval knows that it is only as good as a
+longest one of the robot keeps its declared value. Every interval knows that what is held is only as good as a
 drawing.
 """
 
@@ -13,9 +13,9 @@ import numpy as np
 
 from exactarm.chain import Layout
 from exactarm.dataset import Dataset
-from exactarm.identify.closure_fit import ClosureFit
+from exactarm.identify.closure_fit import ClosureFit, Pulls
 from exactarm.identify.partner_prior import partner_tells_scale
-from exactarm.measurement.closures import device_of
+from exactarm.measurement.closures import device_of, predict_closures
 from exactarm.measurement.contacts import SENSORS
 from exactarm.measurement.known_lengths import known_lengths
 
@@ -44,15 +44,27 @@ def longest_length(layout: Layout, held: set[str], first: int) -> str:
     return max(lengths)[1]
 
 
-def with_scale_in_doubt(fit: ClosureFit, geometry: Layout) -> ClosureFit:
-    """The fit whose intervals know that the length which holds the scale is only as good as a drawing."""
-    free = set(fit.layout.names)
-    held = {name: abs(value) for name, value in zip(geometry.names, geometry.values)
-            if name.endswith("_m") and name not in free}
-    longest = max(held, key=lambda name: held[name])
-    doubt = geometry.parameters[geometry.names.index(longest)].plausible / max(held[longest], 1e-9)
-    # a face's h counts from its own point
-    grows = np.array([name.endswith("_m") and not name.endswith("_h_m") for name in fit.layout.names])
-    growth = np.where(grows, fit.layout.values, 0.0)
-    covariance = fit.fit.covariance + doubt**2 * np.outer(growth, growth)
-    return replace(fit, fit=replace(fit.fit, covariance=covariance))
+def with_held_in_doubt(fit: ClosureFit, whole: Layout, data: Dataset, pulls: Pulls) -> ClosureFit:
+    """The fit whose intervals know that what is held is only as good as a drawing. `whole`: the layout before
+    anything was held.
+
+    Of unseen directions one parameter stays where the drawing has it (of two parallel axes under an
+    inclinometer the second zero, the longest length where none is known); the others took up its
+    deviation h, x = G h with G = -(H_kk)^-1 H_kh of the normal matrix, h as wide as the drawing's tolerance.
+    """
+    estimates = dict(zip(fit.layout.names, fit.fit.x))
+    free = np.array([name in estimates for name in whole.names])
+    tolerance = np.array([pulls.drawing.get(n, (0.0, own))[1] for n, own in zip(whole.names, whole.prior)])
+    held = ~free & np.isfinite(tolerance)
+    if not held.any():
+        return fit
+    layout = whole.at(np.array([estimates.get(n, value) for n, value in zip(whole.names, whole.values)]))
+    prediction = predict_closures(fit.robot, layout, data)
+    scale = (np.sqrt(fit.worth) * fit.weight)[:, None] / fit.sigma * prediction.used
+    rows = (scale[:, :, None] * prediction.jacobian).reshape(scale.size, layout.size)
+    rows = np.concatenate([rows, pulls.rows(layout)[0]])
+    moved = np.flatnonzero(free)[~fit.fit.at_bound]
+    taken = np.linalg.lstsq(rows[:, moved], rows[:, held] * tolerance[held], rcond=None)[0]
+    doubt = np.zeros((fit.layout.size, held.sum()))
+    doubt[~fit.fit.at_bound] = taken
+    return replace(fit, fit=replace(fit.fit, covariance=fit.fit.covariance + doubt @ doubt.T))

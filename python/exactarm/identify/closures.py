@@ -31,9 +31,10 @@ from exactarm.identify.closure_scale import (
     gravity_alone,
     longest_length,
     scale_is_known,
-    with_scale_in_doubt,
+    with_held_in_doubt,
 )
 from exactarm.identify.compliance import compliance_layout
+from exactarm.identify.contact_starts import sought_anew, with_contacts
 from exactarm.identify.declared import carried_layout, frames_layout, geometry_layout, require_geometry
 from exactarm.identify.identifiability import Dropped, Identifiability, select_identifiable, still_axes
 from exactarm.identify.judged_rows import judged_rows, unjudged_lines
@@ -48,14 +49,13 @@ from exactarm.measurement.closures import (
     PAIR,
     TRACKER,
     ClosurePrediction,
-    contact_keys,
     device_of,
     gross_rows,
     predict_closures,
     touches,
 )
 from exactarm.measurement.contact import Contact
-from exactarm.measurement.contacts import CAMERA, CONTACT_CLASSES, SENSORS
+from exactarm.measurement.contacts import CAMERA, SENSORS
 from exactarm.measurement.known_lengths import distance_errors, known_lengths
 from exactarm.measurement.partner import NAME as PARTNER
 from exactarm.measurement.target import Target
@@ -66,9 +66,6 @@ _STARTS = 12
 # ur10: 16 times, tx40: 10 times)
 _HOPELESS = 2.0
 _TOOL_REACH_M = 0.3  # spread of the random starts of the tool point
-# below, a contact is wherever it was touched
-_LEAST_TOUCHES = {"socket": 1, "plane": 3, "sphere": 4, "bar": 4, "tilt": 6, "accel": 4, "camera": 18,
-                  "partner": 12}
 SLIPPED = 0.35  # square root of a weight: beyond some 7 standard deviations
 # times Schwarz' price: what is left of an arm's own error buys up to 1.6 times with one and the same tool
 _MOUNTED_ANEW = 3.0
@@ -158,9 +155,7 @@ def declare_closures(
         worth = fit.told(data)
         if worth.min() < 1.0:
             fit = fit_closures(robot, fit.layout, data, pulls, worth=worth, threads=threads)
-        return (
-            layout, pulls, found, fit if scale_is_known(layout, data) else with_scale_in_doubt(fit, geometry)
-        )
+        return layout, pulls, found, with_held_in_doubt(fit, setup.joined(beside), data, pulls)
 
     one = fitted(setup)
     apart = _with_tools_apart(setup, data)
@@ -213,7 +208,7 @@ def nominal_closures(
             break
     if best[0] > limit:
         raise _another_robot(robot, data, best[0])
-    return best[1]
+    return sought_anew(robot, best[1], data, threads)
 
 
 def _another_robot(robot: Robot, data: Dataset, missed: float) -> InputError:
@@ -226,26 +221,6 @@ def _another_robot(robot: Robot, data: Dataset, missed: float) -> InputError:
         f"another robot, are axes exchanged or are angles in another unit{of_partner}?",
         file=data.first_file,
     )
-
-
-def with_contacts(robot: Robot, layout: Layout, data: Dataset, threads: int = 1) -> Layout:
-    """The layout with every contact of `data` that it lacks, where the target is; contacts come behind frames
-    and before the rest.
-
-    A contact with too few touches is left out, and with it its rows. Only the contacts are refined, nothing
-    else moves.
-    """
-    known = {(e.contact, e.session, e.number) for e in layout.effects if isinstance(e, Contact)}
-    view = predict_closures(robot, layout.held, data, tangents=False, threads=threads).view
-    found = []
-    for name, session, number in contact_keys(data):
-        if (name, session, number) in known:
-            continue
-        contact = CONTACT_CLASSES[name](None, (), session, number)
-        rows = np.flatnonzero(contact.rows(data))
-        if len(rows) >= _LEAST_TOUCHES[name]:
-            found.append(contact.started(view, rows))
-    return Layout.of(tuple(found)).joined(layout)
 
 
 def closure_errors(robot: Robot, layout: Layout, data: Dataset, threads: int = 1) -> ClosurePrediction:
