@@ -8,6 +8,7 @@ is the derivative (N, m, P) of a signal with respect to the P free parameters of
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -43,6 +44,8 @@ class View:
     rest_load: RestLoad | None = None  # of poses at rest
     # of poses at rest, by the identity of an effect: the effect, its change, the signals that it follows
     changes: dict[int, tuple[Any, Any, dict[str, np.ndarray]]] = field(default_factory=dict, init=False)
+    # of time series: what a residual (N, m) says of each moving axis, (N, n)
+    by_axis: Callable[[np.ndarray], np.ndarray] | None = None
 
     @property
     def rows(self) -> int:
@@ -192,6 +195,14 @@ class View:
         """
         change = effect.change(self)
         return self.transfers[effect.station](change.columns, change.by_parameters)
+
+    def leaving(self, residual: np.ndarray) -> View:
+        """The same evaluation, of which a residual (N, m) is left: searches for orders look at it."""
+        if self.by_axis is None:
+            return self
+        other = copy(self)
+        other.signals = self.signals | {"axis_residual": self.by_axis(residual)}
+        return other
 
     @property
     def has_masses(self) -> bool:

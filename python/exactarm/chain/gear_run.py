@@ -15,6 +15,7 @@ point as in static poses (chain/poses.py).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from scipy import ndimage
@@ -93,7 +94,8 @@ def predict_gear_run(
     _pass(view, layout, Station.DEVICE, "measured", passed)
     device = device_map(view, passed)
     along = None if record.encoder_axes else _along(device)
-    _keep_axis_residual(view, observed, along, record)
+    view.by_axis = partial(_by_axis, view.sensor_axis, along, record.encoder_axes, view.axes)
+    view = view.leaving(observed - view.measured)
     jacobian = _jacobian(view, layout, record, passed, weights) if tangents else None
     view.transfers = _transfers(view, record, device @ weights)
     return GearRunPrediction(view.measured, observed, jacobian, along, view)
@@ -176,16 +178,15 @@ def _along(device: np.ndarray) -> np.ndarray:
     return along / np.linalg.norm(along, axis=1)[:, None]
 
 
-def _keep_axis_residual(view: View, observed: np.ndarray, along: np.ndarray | None,
-                        record: GearRecord) -> None:
-    """What is left along each moving axis, (N, n) in view.signals["axis_residual"], for the search of
-    orders."""
-    residual, by_axis = observed - view.measured, np.zeros((view.rows, view.axes))
+def _by_axis(sensor_axis: np.ndarray, along: np.ndarray | None, encoder_axes: tuple[int, ...], axes: int,
+             residual: np.ndarray) -> np.ndarray:
+    """What is left along each moving axis, (N, n), for the search of orders."""
+    left = np.zeros((len(residual), axes))
     if along is None:
-        by_axis[:, record.encoder_axes] = residual
+        left[:, encoder_axes] = residual
     else:
-        by_axis[np.arange(view.rows), view.sensor_axis] = np.einsum("ij,ij->i", residual, along)
-    view.signals["axis_residual"] = by_axis
+        left[np.arange(len(residual)), sensor_axis] = np.einsum("ij,ij->i", residual, along)
+    return left
 
 
 def _jacobian(view: View, layout: Layout, record: GearRecord, passed: list[Recorded],

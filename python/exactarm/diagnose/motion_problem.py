@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import pickle
 from dataclasses import dataclass, field, fields, replace
+from functools import partial
 
 import numpy as np
 
@@ -103,6 +104,13 @@ def _in_parts(places: list[int], widths: list[int]) -> list[list[int]]:
     return [[places[k] for k in np.flatnonzero(part_of == part)] for part in np.unique(part_of)]
 
 
+def _by_axis(measured: list[int], axes: int, residual: np.ndarray) -> np.ndarray:
+    """(N, n) of a residual of the axes that are measured."""
+    left = np.zeros((len(residual), axes))
+    left[:, measured] = residual
+    return left
+
+
 class MotionProblem(ProblemInTime):
     """One or several runs of all axes together."""
 
@@ -148,8 +156,8 @@ class MotionProblem(ProblemInTime):
             record, found = again, self._estimated(found.layout, again, rows, found.sigma)
         prediction, axes, keep = found.prediction, found.axes, record.keep & (rows > 0.0)
         residual = np.where(keep[:, None], prediction.residual()[:, axes], 0.0)
-        left = prediction.view.signals["axis_residual"] = np.zeros((len(keep), self.robot.axes))
-        left[:, axes] = residual
+        view = prediction.view
+        view.by_axis = partial(_by_axis, axes, self.robot.axes)
         fitted = MotionFitted(
             robot=self.robot,
             layout=found.layout,
@@ -159,7 +167,7 @@ class MotionProblem(ProblemInTime):
             jacobian=prediction.jacobian[:, axes],
             sigma=found.sigma,
             weight=keep.astype(float),
-            view=prediction.view,
+            view=view.leaving(residual),
             measured=axes,
             record=record,
         )

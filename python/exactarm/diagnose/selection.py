@@ -384,8 +384,15 @@ def _rivals_of(effect: Effect, library_field: list[Effect], first_ranking) -> li
             if other.label in best:
                 field.append(emptied(best.pop(other.label)))
         else:
-            field.append(other)
+            field.append(_tried_at(effect, other))
     return field
+
+
+def _tried_at(effect: Effect, other: Effect) -> Effect:
+    """The other, tried where the search for `effect` ended too: no finer place decides between them."""
+    found = {p.name: value for p, value in zip(effect.parameters(), effect.values) if p.search}
+    return other.with_values(found.get(p.name, value) if p.search else value
+                             for p, value in zip(other.parameters(), other.values))
 
 
 def _differs(one: Effect, other: Effect) -> bool:
