@@ -17,7 +17,7 @@ from exactarm.effects.axis_units import slides
 from exactarm.effects.base import Change, Effect, Parameter, Station
 from exactarm.kinds import ALL_KINDS
 
-_SPREAD_RAD = 1e-3  # of real gears; on a part of a revolution, larger terms would imitate any slow curve
+SPREAD_RAD = 1e-3  # of real gears; on a part of a revolution, larger terms would imitate any slow curve
 
 _LEAST_RANGE_RAD = 1.0  # on less, once per revolution is a parabola, and has no name
 
@@ -43,7 +43,7 @@ class GearEccentricity(Effect):
 
     def parameters(self) -> tuple[Parameter, ...]:
         names = ("first_cos_rad", "first_sin_rad", "second_cos_rad", "second_sin_rad")
-        return tuple(Parameter(name, 2e-4, prior=_SPREAD_RAD) for name in names[: 4 if self.second else 2])
+        return tuple(Parameter(name, 2e-4, prior=SPREAD_RAD) for name in names[: 4 if self.second else 2])
 
     def change(self, view) -> Change:
         phi = view.phi[:, self.index]

@@ -3,13 +3,15 @@
     gyroscope   output = rate / scale * 1 / (1 + s(phi)) + bias
     encoders    output = angle / scale - e(phi) + disturbances (offsets of the runs, delay, wind-up, friction)
 with scale = true ratio over declared ratio. Ratio with disturbances and harmonics are fitted in turn until
-they rest; both directions share the ratio. The bias is left at zero where nothing tells it from the ratio:
+they rest; both directions share the ratio. Once and twice a turn a wheel may run out, which on a part of a turn
+looks much like another ratio: such terms are free beside it where they stand out of the noise, and else widen
+its interval by what they may be. The bias is left at zero where nothing tells it from the ratio:
 one direction at one speed without a standstill.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import linalg
@@ -17,7 +19,17 @@ from scipy import linalg
 from exactarm.errors import InputError
 from exactarm.harmonics import delivered
 from exactarm.identify.gear_declared import SIDES
-from exactarm.identify.gear_orders import Found, Table, find_orders, fit_all, order_uncertainty, whole_orders
+from exactarm.identify.gear_orders import (
+    RUN_OUT,
+    Found,
+    Table,
+    drawn_to_zero,
+    find_orders,
+    fit_all,
+    order_uncertainty,
+    whole_orders,
+    with_run_out,
+)
 from exactarm.identify.gear_profile import AngleProfile, angle_profile, highest_order
 from exactarm.identify.gear_samples import GearSamples
 from exactarm.robot import GearTable
@@ -63,12 +75,21 @@ class FirstLook:
     """Profiles by side with the first ratio, the band of orders that they can tell, and the whole numbers in
     it."""
 
-    scale: float
-    disturbance: np.ndarray
-    sigma: float
+    ratio: Ratio
     profiles: dict[str, AngleProfile]
     band: tuple[float, float]
     whole: Found
+
+
+@dataclass(frozen=True)
+class Ratio:
+    """scale with its standard deviation at the orders of the tables, and with what run-outs may be left
+    open; disturbance (k,)."""
+
+    scale: float
+    disturbance: np.ndarray
+    sigma: float
+    open_sigma: float
 
 
 def first_look(samples: GearSamples) -> FirstLook | None:
@@ -76,9 +97,9 @@ def first_look(samples: GearSamples) -> FirstLook | None:
     fitted = samples.identification & samples.keep
     if fitted.sum() < _LEAST_CELLS:
         return None
-    scale, disturbance, sigma = _ratio(samples, fitted, {}, 1.0)
-    _require_like(samples, scale)
-    profiles = _profiles(samples, fitted, scale, disturbance)
+    ratio, _ = _ratio(samples, fitted, {}, 1.0, 0.0)
+    _require_like(samples, ratio.scale)
+    profiles = _profiles(samples, fitted, ratio)
     if not profiles:
         return None
     sides = list(profiles.values())
@@ -86,32 +107,35 @@ def first_look(samples: GearSamples) -> FirstLook | None:
     band = 2.0 / max(profile.range_rev for profile in sides), highest_order(samples)
     nothing = fit_all(sides, np.zeros(0))
     whole = whole_orders(sides, band, nothing) if band[1] > band[0] else nothing
-    return FirstLook(scale, disturbance, sigma, profiles, band, whole)
+    return FirstLook(ratio, profiles, band, whole)
 
 
 def identify_axis(samples: GearSamples, method: str, first: FirstLook) -> GearEstimate:
     """Estimate from the identification rows."""
     fitted = samples.identification & samples.keep
-    scale, disturbance, sigma, profiles = first.scale, first.disturbance, first.sigma, first.profiles
-    found = None
+    ratio, profiles, band, found = first.ratio, first.profiles, first.band, None
     for turn in range(_ROUNDS):
         if turn:
-            profiles = _profiles(samples, fitted, scale, disturbance)
-        sides, band = list(profiles.values()), first.band
+            profiles = _profiles(samples, fitted, ratio)
+        sides = list(profiles.values())
         if turn < _SEARCH_ROUNDS and band[1] > band[0]:
             found = find_orders(sides, band, method, found, None if turn else first.whole)
         else:
             found = (
                 fit_all(sides, np.zeros(0)) if found is None else fit_all(sides, found.orders, found.tables)
             )
-        before = scale
-        scale, disturbance, sigma = _ratio(samples, fitted, dict(zip(profiles, found.tables)), scale)
-        settled = abs(scale - before) < _RATIO_RESTS * sigma
+        if turn:  # beside the harmonics, with a bias that was estimated beside them
+            found = with_run_out(sides, band, found)
+        before = ratio
+        ratio, tables = _ratio(samples, fitted, dict(zip(profiles, found.tables)), ratio.scale, band[0])
+        found = replace(found, tables=tuple(tables.values()))
+        settled = abs(ratio.scale - before.scale) < _RATIO_RESTS * ratio.sigma
         if turn >= _SEARCH_ROUNDS - 1 and settled:
             break
     return GearEstimate(
-        samples, method, samples.ratio * scale, abs(samples.ratio) * sigma, disturbance, found.orders,
-        order_uncertainty(sides, found), dict(zip(profiles, found.tables)), profiles, bool(settled),
+        samples, method, samples.ratio * ratio.scale, abs(samples.ratio) * ratio.open_sigma,
+        ratio.disturbance, found.orders, order_uncertainty(sides, found), dict(zip(profiles, found.tables)),
+        profiles, bool(settled),
     )
 
 
@@ -126,40 +150,91 @@ def _require_like(samples: GearSamples, scale: float) -> None:
         )
 
 
-def _profiles(samples, fitted, scale, disturbance) -> dict[str, AngleProfile]:
-    beside = samples.disturbances @ disturbance
+def _profiles(samples, fitted, ratio: Ratio) -> dict[str, AngleProfile]:
+    beside = samples.disturbances @ ratio.disturbance
     sides = {side: fitted & samples.side(way) for side, way in SIDES.items()}
     sides = {side: rows for side, rows in sides.items()
              if rows.sum() >= _LEAST_CELLS and np.ptp(samples.angle[rows]) > 0}
     return {
-        side: angle_profile(samples, rows, SIDES[side], highest_order(samples), scale, beside)
+        side: angle_profile(samples, rows, SIDES[side], highest_order(samples), ratio.scale,
+                            beside)
         for side, rows in sides.items()
     }
 
 
-def _ratio(samples: GearSamples, fitted: np.ndarray, tables: dict[str, Table], scale: float):
-    """scale, disturbance (k,) and the standard deviation of the scale, at fixed harmonics."""
+def _ratio(samples: GearSamples, fitted: np.ndarray, tables: dict[str, Table], scale: float,
+           lowest: float) -> tuple[Ratio, dict[str, Table]]:
+    """The ratio at fixed harmonics, and the tables with their run-outs below the order `lowest` as they are
+    beside it."""
     shape = np.ones(samples.rate.size)
     error = np.zeros(samples.rate.size)
+    below = RUN_OUT[RUN_OUT < lowest]
+    open_columns, centre, known = [], [], []
     for side, table in tables.items():
         rows = samples.direction == SIDES[side]
         phi = samples.angle[rows] / scale
         x, slope = delivered(phi, table.orders, table.a, table.b)
         shape[rows], error[rows] = 1.0 / (1.0 + slope), phi - x
+        columns = np.zeros((samples.rate.size, 2 * below.size))
+        columns[rows] = _run_out_columns(x, below, samples.rate[rows] * shape[rows] ** 2 / scale
+                                         if samples.rated else None)
+        open_columns.append(columns[fitted])
+        has = np.isin(below, table.orders)
+        lacks = np.zeros((2, below.size))
+        lacks[:, has] = -table.a[: has.sum()], -table.b[: has.sum()]  # the lowest of its orders
+        centre.append(lacks.ravel())
+        known.append(np.tile(has, 2))
     motor = samples.rate * shape if samples.rated else samples.angle
-    output = samples.output if samples.rated else samples.output + error
+    output = (samples.output if samples.rated else samples.output + error)[fitted]
     chosen = _tellable(motor[fitted], samples.disturbances[fitted])
     columns = np.concatenate([motor[fitted][:, None], samples.disturbances[fitted][:, chosen]], axis=1)
-    normal = columns.T @ columns
+    nothing = np.zeros(columns.shape[1])
+    x, covariance, variance = _solved(columns, output, nothing, nothing, None)
+    open_square = covariance[0, 0]
+    if below.size and tables:
+        columns = np.concatenate([columns, *open_columns], axis=1)
+        priors = np.concatenate([nothing, *[drawn_to_zero(below)] * len(tables)])
+        centres = np.concatenate([nothing, *centre])
+        free, its, _ = _solved(columns, output, priors, centres, variance)
+        kept = np.concatenate([nothing == 0.0, *known])
+        x, covariance, _ = _solved(columns[:, kept], output, priors[kept], centres[kept], variance)
+        open_square = its[0, 0] + (free[0] - x[0]) ** 2
+    steps = iter(np.split(x[nothing.size :], len(tables)) if tables else ())
+    tables = {side: _moved(table, step) for (side, table), step in zip(tables.items(), steps)}
+    disturbance = np.zeros(samples.disturbances.shape[1])
+    disturbance[chosen] = x[1 : nothing.size]
+    sigmas = np.sqrt([covariance[0, 0], open_square])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return Ratio(1.0 / x[0], disturbance, *(float(sigma / x[0] ** 2) for sigma in sigmas)), tables
+
+
+def _moved(table: Table, step: np.ndarray) -> Table:
+    """The table with its lowest orders' a, then b, moved."""
+    by_a, by_b = np.split(step, 2)
+    rest = np.zeros(table.orders.size - by_a.size)
+    return replace(table, a=table.a + np.append(by_a, rest), b=table.b + np.append(by_b, rest))
+
+
+def _run_out_columns(x: np.ndarray, orders: np.ndarray, rate: np.ndarray | None) -> np.ndarray:
+    """(N, 2 m) what all a and all b do to the output at the angle x: a rate, or the angle itself."""
+    angle = x[:, None] * orders
+    if rate is not None:
+        return rate[:, None] * np.concatenate([-np.cos(angle), np.sin(angle)], axis=1)
+    return np.concatenate([-np.sin(angle) / orders, (1.0 - np.cos(angle)) / orders], axis=1)
+
+
+def _solved(columns: np.ndarray, output: np.ndarray, priors: np.ndarray, centre: np.ndarray | float,
+            variance: float | None) -> tuple[np.ndarray, np.ndarray, float]:
+    """Coefficients, their covariance and the variance of a row (found where it is not given), drawn to
+    `centre` with the inverse variances `priors`."""
+    normal = columns.T @ columns + np.diag(priors * (variance or 0.0))
     size = np.sqrt(np.diag(normal))
     inverse = linalg.pinvh(normal / np.outer(size, size)) / np.outer(size, size)
-    x = inverse @ (columns.T @ output[fitted])
-    residual = output[fitted] - columns @ x
-    sigma = np.sqrt(residual @ residual / max(residual.size - x.size, 1) * inverse[0, 0])
-    disturbance = np.zeros(samples.disturbances.shape[1])
-    disturbance[chosen] = x[1:]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return 1.0 / x[0], disturbance, float(sigma / x[0] ** 2)
+    x = inverse @ (columns.T @ output + priors * (variance or 0.0) * centre)
+    if variance is None:
+        residual = output - columns @ x
+        variance = float(residual @ residual) / max(residual.size - x.size, 1)
+    return x, variance * inverse, variance
 
 
 def _tellable(motor: np.ndarray, columns: np.ndarray) -> np.ndarray:

@@ -6,7 +6,9 @@
               (variable projection, Golub and Pereyra 1973), shared by both directions: one gear, one set of
                   wheels.
 An order enters when noise alone would show such a peak anywhere in the band with a probability below
-FALSE_ALARM. Coefficients: weighted least squares per direction (3.5), drawn to zero with a spread that no
+FALSE_ALARM. The band begins at two periods within the range; below it only what an output wheel does is asked,
+once and twice a turn (effects/gear_eccentricity.py), and such an order stays the whole number that it is.
+Coefficients: weighted least squares per direction (3.5), drawn to zero with a spread that no
 gear exceeds, so that neighbours which a short range cannot tell apart do not grow against each other.
 """
 
@@ -17,8 +19,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import linalg
 from scipy.ndimage import median_filter
-from scipy.special import gammaincinv
+from scipy.special import chdtrc, gammaincinv
 
+from exactarm.effects.gear_eccentricity import SPREAD_RAD
 from exactarm.identify.gear_profile import FALSE_ALARM, AngleProfile, false_alarm
 
 METHODS = ("refined", "neighbours")
@@ -26,7 +29,9 @@ _MOST_ORDERS, _MOST_ROUNDS, _MOST_PEAKS = 30, 20, 6
 _LEAST_SHARE = 0.01  # of the noise's variance in the folded cells, that an order must carry
 _NEIGHBOURHOOD = 40  # resolutions over which the floor of the spectrum is taken
 _SIDE_LOBE, _APART = 0.15, 3.0  # peaks found at once: share of the highest, resolutions between them
-_SPREAD = 1e-2  # of a and b
+_SPREAD = 1e-2  # of a and b, where the angle does not swing by more than a run-out
+RUN_OUT = np.array([1.0, 2.0])
+_LEAST_PERIODS = 0.5  # less of a wave is a parabola, which what is left of lines close by makes, too
 _SEPARATION = 0.6  # of the resolution 1 / range: closer orders cannot be told apart
 _WHOLE_NUMBERS_APART = 2.9  # resolution up to which neighbouring whole numbers are tried there
 _NEWTON_PASSES = 6
@@ -84,7 +89,7 @@ def fit_table(profile: AngleProfile, orders: np.ndarray, start: Table | None = N
     """Coefficients at fixed orders, by Gauss-Newton from `start` (the model is nearly linear)."""
     m = orders.size
     x = start.x if start is not None and start.orders.size == m else np.zeros(2 * m + 1)
-    drawn = _drawn(m)
+    drawn = np.append(drawn_to_zero(orders), 0.0)
     for _ in range(_NEWTON_PASSES):
         normal, gradient, residual = profile.normal(orders, x)
         variance = profile.variance(residual, 2 * m + 1)
@@ -97,9 +102,9 @@ def fit_table(profile: AngleProfile, orders: np.ndarray, start: Table | None = N
     return Table(orders, x[:m], x[m:-1], float(x[-1]), covariance[:-1, :-1], residual, variance)
 
 
-def _drawn(m: int) -> np.ndarray:
-    """(2 m + 1,) inverse variances of the priors on a, b and level."""
-    return np.append(np.full(2 * m, 1.0 / _SPREAD**2), 0.0)
+def drawn_to_zero(orders: np.ndarray) -> np.ndarray:
+    """(2 m,) inverse variances of the priors on all a and all b."""
+    return np.tile(np.minimum(SPREAD_RAD * orders, _SPREAD) ** -2.0, 2)
 
 
 def fit_all(profiles: list[AngleProfile], orders: np.ndarray,
@@ -107,6 +112,20 @@ def fit_all(profiles: list[AngleProfile], orders: np.ndarray,
     """The tables of all profiles at fixed orders."""
     starts = start or (None,) * len(profiles)
     return Found(orders, tuple(fit_table(profile, orders, table) for profile, table in zip(profiles, starts)))
+
+
+def with_run_out(profiles: list[AngleProfile], band: tuple[float, float], found: Found) -> Found:
+    """The orders found in the band, with those of a run-out below it that noise alone would not show."""
+    below = RUN_OUT[(RUN_OUT < band[0]) & (RUN_OUT * longest_range(profiles) > _LEAST_PERIODS)]
+    found = fit_all(profiles, np.union1d(below, found.orders))
+    while np.any(below):
+        worth = _worth(found)[: below.size]
+        weakest = int(np.argmin(worth))
+        if chdtrc(2 * len(profiles), worth[weakest]) < FALSE_ALARM:
+            break
+        below = np.delete(below, weakest)
+        found = fit_all(profiles, np.delete(found.orders, weakest))
+    return found
 
 
 def find_orders(
@@ -168,18 +187,24 @@ def _earning(profiles, found: Found) -> Found:
     """The orders without those that predict worse than nothing (Akaike), the weakest first."""
     price = 2.0 * (1 + 2 * len(profiles))
     while found.orders.size:
-        worth = np.zeros(found.orders.size)
-        for table in found.tables:
-            for k in range(found.orders.size):
-                pair = [k, k + found.orders.size]
-                x = np.array([table.a[k], table.b[k]])
-                worth[k] += x @ np.linalg.solve(table.covariance[np.ix_(pair, pair)], x)
+        worth = _worth(found)
         weakest = int(np.argmin(worth))
         if worth[weakest] >= price:
             break
         rest = tuple(table.without(weakest) for table in found.tables)
         found = fit_all(profiles, np.delete(found.orders, weakest), rest)
     return found
+
+
+def _worth(found: Found) -> np.ndarray:
+    """(m,) square of each order's coefficients in their standard deviations, of all directions."""
+    worth = np.zeros(found.orders.size)
+    for table in found.tables:
+        for k in range(found.orders.size):
+            pair = [k, k + found.orders.size]
+            x = np.array([table.a[k], table.b[k]])
+            worth[k] += x @ np.linalg.solve(table.covariance[np.ix_(pair, pair)], x)
+    return worth
 
 
 def _peaks(profiles, already: Found, band, coarse: bool) -> np.ndarray:
@@ -235,21 +260,22 @@ def _summit(grid: np.ndarray, power: np.ndarray, best: int) -> float:
 
 
 def _refine(profiles, found: Found, band, rounds: int = 5) -> Found:
-    """Gauss-Newton on the orders with the coefficients eliminated; a step that does not help is shortened,
-    then dropped."""
-    orders = found.orders
-    if not orders.size:
+    """Gauss-Newton on the orders in the band with the coefficients eliminated; a step that does not help is
+    shortened, then dropped."""
+    orders, free = found.orders, found.orders >= band[0]
+    if not free.any():
         return found
     gap = _SEPARATION / longest_range(profiles)
     closest = min(0.7 * gap, 0.9 * np.min(np.diff(orders), initial=np.inf))
     for _ in range(rounds):
         normal, gradient = _projected(profiles, found)
-        normal += np.eye(orders.size) * 1e-9 * np.trace(normal) / orders.size
+        normal, gradient = normal[np.ix_(free, free)], gradient[free]
+        normal += np.eye(gradient.size) * 1e-9 * np.trace(normal) / gradient.size
         # A third of what can be told apart is all that the linear picture carries.
         step = np.clip(np.linalg.solve(normal, gradient), -0.3 * gap, 0.3 * gap)
         before = found
         for share in (1.0, 0.3):
-            moved = np.sort(np.clip(found.orders + share * step, *band))
+            moved = np.concatenate([orders[~free], np.sort(np.clip(found.orders[free] + share * step, *band))])
             if orders.size > 1 and np.min(np.diff(moved)) < closest:
                 continue
             trial = fit_all(profiles, moved, found.tables)
@@ -270,10 +296,11 @@ def _projected(profiles, found: Found) -> tuple[np.ndarray, np.ndarray]:
     for profile, table in zip(profiles, found.tables):
         full, slope, _ = profile.normal(found.orders, table.x, with_orders=True)
         full, slope = full / max(table.variance, _TINY), slope / max(table.variance, _TINY)
-        factor = linalg.cho_factor(full[own, own] + np.diag(_drawn(m)), check_finite=False)
+        drawn = np.append(drawn_to_zero(found.orders), 0.0)
+        factor = linalg.cho_factor(full[own, own] + np.diag(drawn), check_finite=False)
         eliminated = linalg.cho_solve(factor, full[own, order], check_finite=False)
         normal += full[order, order] - full[order, own] @ eliminated
-        gradient += slope[order] - eliminated.T @ (slope[own] - table.x * _drawn(m))
+        gradient += slope[order] - eliminated.T @ (slope[own] - table.x * drawn)
     return normal, gradient
 
 
