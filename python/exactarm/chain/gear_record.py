@@ -171,11 +171,13 @@ def gear_record(robot: Robot, data: Dataset, *, accelerating: bool = False) -> G
 
 def _cut_in_motion(rate: np.ndarray, time: np.ndarray) -> np.ndarray:
     """(R,) bool: rows so near to an end of a run, or to lost samples, that the derivative is of a lower
-    order, where the axis (rate (R,)) moves: it does not follow the faster waves of a gear."""
-    cut = np.zeros(time.size, bool)
+    order, where the axis (rate (R,)) moves: it does not follow the faster waves of a gear. Of a row alone
+    there is none."""
+    cut, alone = np.zeros((2, time.size), bool)
     for rows in blocks(time):
         cut[rows[:HALF_STENCIL]] = cut[rows[-HALF_STENCIL:]] = True
-    return cut & (np.abs(rate) > _STANDING * np.max(np.abs(rate)))
+        alone[rows] = rows.size == 1
+    return alone | (cut & (np.abs(rate) > _STANDING * np.max(np.abs(rate))))
 
 
 def _quiet_axes(robot: Robot, data: Dataset, record: GearRecord, bending: np.ndarray,

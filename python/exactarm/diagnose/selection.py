@@ -354,7 +354,7 @@ def _contest(problem, declared, chosen, rounds, fitted, first_ranking, progress,
         ranking = scan(without, field, count)
         own = next((c for c in ranking if c.label == chosen[place].label), None)
         winner = next((c for c in ranking if not same_family(c.effect, chosen[place])), ranking[0])
-        stronger = own is not None and winner.label != own.label and winner.evidence > own.evidence + 1.0
+        stronger = own is not None and winner.label != own.label and winner.evidence > own.evidence
         if stronger and holds_elsewhere(problem, without, [winner.effect]):
             trial = refit(problem, declared, chosen[:place] + [winner.effect] + chosen[place + 1 :], fitted)
             price = np.log(count) * (free_mask(winner.effect).sum() - free_mask(chosen[place]).sum())

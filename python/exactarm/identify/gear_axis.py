@@ -3,10 +3,10 @@
     gyroscope   output = rate / scale * 1 / (1 + s(phi)) + bias
     encoders    output = angle / scale - e(phi) + disturbances (offsets of the runs, delay, wind-up, friction)
 with scale = true ratio over declared ratio. Ratio with disturbances and harmonics are fitted in turn until
-they rest; both directions share the ratio. Once and twice a turn a wheel may run out, which on a part of a turn
-looks much like another ratio: such terms are free beside it where they stand out of the noise, and else widen
-its interval by what they may be. The bias is left at zero where nothing tells it from the ratio:
-one direction at one speed without a standstill.
+they rest; both directions share the ratio. Once and twice a turn a wheel may run out, which on a part of a
+turn looks much like another ratio: such terms are free beside it where they stand out of the noise, and else
+widen its interval by what they may be. The bias is left at zero where nothing tells it from the ratio: one
+direction at one speed without a standstill.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from exactarm.identify.gear_profile import AngleProfile, angle_profile, highest_
 from exactarm.identify.gear_samples import GearSamples
 from exactarm.robot import GearTable
 
-_ROUNDS = 3
+_ROUNDS = 12
 # of its standard deviation: ratio and harmonics, fitted in turn, have settled on each other
 _RATIO_RESTS = 0.1
 _SEARCH_ROUNDS = 2
@@ -72,12 +72,13 @@ class GearEstimate:
 
 @dataclass(frozen=True)
 class FirstLook:
-    """Profiles by side with the first ratio, the band of orders that they can tell, and the whole numbers in
-    it."""
+    """Profiles by side with the first ratio, the band of orders that they can tell, what lies below it, and
+    the whole numbers in it."""
 
     ratio: Ratio
     profiles: dict[str, AngleProfile]
     band: tuple[float, float]
+    run_out: Found
     whole: Found
 
 
@@ -105,9 +106,9 @@ def first_look(samples: GearSamples) -> FirstLook | None:
     sides = list(profiles.values())
     # from two periods within the range on
     band = 2.0 / max(profile.range_rev for profile in sides), highest_order(samples)
-    nothing = fit_all(sides, np.zeros(0))
-    whole = whole_orders(sides, band, nothing) if band[1] > band[0] else nothing
-    return FirstLook(ratio, profiles, band, whole)
+    run_out = with_run_out(sides, band, fit_all(sides, np.zeros(0)))
+    whole = whole_orders(sides, band, run_out) if band[1] > band[0] else run_out
+    return FirstLook(ratio, profiles, band, run_out, whole)
 
 
 def identify_axis(samples: GearSamples, method: str, first: FirstLook) -> GearEstimate:
@@ -119,11 +120,9 @@ def identify_axis(samples: GearSamples, method: str, first: FirstLook) -> GearEs
             profiles = _profiles(samples, fitted, ratio)
         sides = list(profiles.values())
         if turn < _SEARCH_ROUNDS and band[1] > band[0]:
-            found = find_orders(sides, band, method, found, None if turn else first.whole)
+            found = find_orders(sides, band, method, found, None if turn else first.whole, first.run_out)
         else:
-            found = (
-                fit_all(sides, np.zeros(0)) if found is None else fit_all(sides, found.orders, found.tables)
-            )
+            found = first.run_out if found is None else fit_all(sides, found.orders, found.tables)
         if turn:  # beside the harmonics, with a bias that was estimated beside them
             found = with_run_out(sides, band, found)
         before = ratio

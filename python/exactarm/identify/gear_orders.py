@@ -6,10 +6,10 @@
               (variable projection, Golub and Pereyra 1973), shared by both directions: one gear, one set of
                   wheels.
 An order enters when noise alone would show such a peak anywhere in the band with a probability below
-FALSE_ALARM. The band begins at two periods within the range; below it only what an output wheel does is asked,
-once and twice a turn (effects/gear_eccentricity.py), and such an order stays the whole number that it is.
-Coefficients: weighted least squares per direction (3.5), drawn to zero with a spread that no
-gear exceeds, so that neighbours which a short range cannot tell apart do not grow against each other.
+FALSE_ALARM. The band begins at two periods within the range; below it only what an output wheel does is
+asked, once and twice a turn (effects/gear_eccentricity.py), and such an order stays the whole number that
+it is. Coefficients: weighted least squares per direction (3.5), drawn to zero with a spread that no gear
+exceeds, so that neighbours which a short range cannot tell apart do not grow against each other.
 """
 
 from __future__ import annotations
@@ -130,10 +130,11 @@ def with_run_out(profiles: list[AngleProfile], band: tuple[float, float], found:
 
 def find_orders(
     profiles: list[AngleProfile], band: tuple[float, float], method: str, start: Found | None = None,
-    whole: Found | None = None
+    whole: Found | None = None, run_out: Found | None = None
 ) -> Found:
     """Accepted orders for all directions together; `start`: orders that are in already, from other profiles
-    of the same gear; `whole`: what `whole_orders` found in these profiles.
+    of the same gear; `whole`: what `whole_orders` found in these profiles; `run_out`: what lies below the
+    band in them, whose side lobes it begins beside.
 
     The refined search has two beginnings, its own peaks and the whole numbers of the other method: close
     orders that nearly cancel each other leave many local minima. Akaike's criterion (1974) decides, which
@@ -145,13 +146,13 @@ def find_orders(
     if method == "neighbours":
         return whole if whole is not None else whole_orders(profiles, band, start)
     settle = lambda found: _earning(profiles, _refine(profiles, found, band))
-    found = [settle(_one_after_another(profiles, band, start, coarse=False))]
+    found = [settle(_one_after_another(profiles, band, start or run_out, coarse=False))]
     if start is not None:
         found.append(start)
     # Between encoders, delay and friction colour what is left: there no criterion can judge lines closer than
     # a cell.
     elif profiles[0].rated or 1.0 / longest_range(profiles) < _WHOLE_NUMBERS_APART:
-        whole = whole_orders(profiles, band) if whole is None else whole
+        whole = whole_orders(profiles, band, run_out) if whole is None else whole
         earning = _earning(profiles, whole)
         found += [settle(earning), earning, whole]
     return min(found, key=lambda each: each.criterion)
@@ -275,7 +276,8 @@ def _refine(profiles, found: Found, band, rounds: int = 5) -> Found:
         step = np.clip(np.linalg.solve(normal, gradient), -0.3 * gap, 0.3 * gap)
         before = found
         for share in (1.0, 0.3):
-            moved = np.concatenate([orders[~free], np.sort(np.clip(found.orders[free] + share * step, *band))])
+            moved = found.orders.copy()
+            moved[free] = np.sort(np.clip(moved[free] + share * step, *band))
             if orders.size > 1 and np.min(np.diff(moved)) < closest:
                 continue
             trial = fit_all(profiles, moved, found.tables)
