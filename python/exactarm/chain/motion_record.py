@@ -4,7 +4,8 @@ The measured torque passes an acausal Butterworth low-pass (fourth order, forwar
 bandwidth f; the angles pass the same at 2.5 f, which leaves the band of the torque untouched, and are
 differentiated. Rows are then resampled at 12.5 f a second (25 f where gear harmonics are declared). The
 prediction, friction's jumps and all, goes through the low-pass at f too (thesis (3.2): both sides alike), so
-it is never asked for what the measured side has lost.
+it is never asked for what the measured side has lost. Short gaps in time are filled (lost_samples.py); long
+ones (rows that are not to be fitted) cut a run into stretches, each with its own ends: `runs` are these.
 
 Torque (N, n) in Nm on the output side: tau, or nominal ratio times tau_motor, or nominal ratio times torque
 constant times current (1 Nm/A where no constant is declared). Axes whose torque was not measured hold NaN.
@@ -12,7 +13,7 @@ constant times current (1 Nm/A where no constant is declared). Axes whose torque
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -21,6 +22,7 @@ from scipy import linalg, sparse
 
 from exactarm import _core
 from exactarm.chain.direction import direction_of_motion
+from exactarm.chain.lost_samples import Filled, without_gaps
 from exactarm.dataset import Dataset
 from exactarm.errors import InputError
 from exactarm.kinds.base import runs_in_time
@@ -40,6 +42,7 @@ _SLOWEST_HZ, _BELOW_RESONANCE = 5.0, 0.6
 _SAMPLED_ROWS = 16
 _LARGEST = 0.4  # of the sampling rate: no low-pass above it
 _EDGE_PERIODS = 3.0  # of the bandwidth, left out at both ends of a run
+_FILLED_PERIODS = 0.25  # gaps so long carry nothing that the filter leaves
 
 
 @dataclass(frozen=True)
@@ -144,23 +147,26 @@ def motion_record(robot: Robot, data: Dataset, bandwidth_hz: float | None = None
         raise InputError("a motion needs a time: expected the column time_s")
     torque, theta = measured_torque(robot, data), motor_angles(robot, data)
     rates = _given_rates(robot, data)
-    parts, steps = [], []
+    parts, steps, short = [], [], []
     for rows in runs_in_time(data):
         step = typical_step(data.time[rows]) if rows.size > 1 else np.inf
         steps.append(step)
-        filtered = bandwidth < _LARGEST / step
-        parts.append(_Run(rows, step, filtered,
-                          rows_share * _rows_per_period(robot)).resampled(theta, rates, torque, data.time,
-                                                                          bandwidth))
+        signals = (theta[rows], torque[rows], *(() if rates is None else (rates[rows],)))
+        for stretch in without_gaps(data.time[rows], signals, _FILLED_PERIODS / bandwidth):
+            run = _Run(rows, step, bandwidth < _LARGEST / step, rows_share * _rows_per_period(robot), stretch)
+            (short if run.too_short(bandwidth) else parts).append(run)
+    if not parts:
+        raise InputError(max(short, key=lambda run: run.stretch.time.size).too_short(bandwidth))
+    parts = [run.resampled(bandwidth) for run in parts]
     filtered = all(bandwidth < _LARGEST / step for step in steps)
     if not filtered and any(bandwidth < _LARGEST / step for step in steps):
         raise InputError("runs of one motion were logged at very different rates; expected one sampling rate")
     kept = np.concatenate([part[0] for part in parts])
     stack = lambda k: np.concatenate([part[k] for part in parts])
     counts = np.cumsum([0] + [len(part[0]) for part in parts])
-    sides = [direction_of_motion(data.time[part[0]], part[1] / np.abs(robot.ratios)) for part in parts]
+    sides = [direction_of_motion(part[6], part[1] / np.abs(robot.ratios)) for part in parts]
     return MotionRecord(
-        data=data.select(kept),
+        data=replace(data.select(kept), time=stack(6)),
         theta=stack(1),
         theta_dot=stack(2),
         theta_ddot=stack(3),
@@ -169,7 +175,7 @@ def motion_record(robot: Robot, data: Dataset, bandwidth_hz: float | None = None
         inside=stack(5),
         runs=tuple(np.arange(a, b) for a, b in zip(counts[:-1], counts[1:])),
         bandwidth_hz=bandwidth if filtered else None,
-        step=float(np.median([np.median(np.diff(data.time[part[0]])) for part in parts])),
+        step=float(np.median([np.median(np.diff(part[6])) for part in parts])),
         logged_step=float(np.median(steps)),
         sign_width=np.full(robot.axes, SIGN_WIDTH_RAD_S),
         at_reversal=np.zeros(len(kept), bool),
@@ -251,36 +257,46 @@ def _given_rates(robot: Robot, data: Dataset) -> np.ndarray | None:
 
 @dataclass(frozen=True)
 class _Run:
-    """Rows of one run in the order of time, its sampling step, and whether it is filtered."""
+    """A stretch without a gap of a run with these rows in the order of time, its sampling step, and whether
+    it is filtered."""
 
     rows: np.ndarray
     step: float
     filtered: bool
     rows_per_period: float
+    stretch: Filled
 
-    def resampled(self, theta, rates, torque, time, bandwidth):
-        """(kept rows, theta, theta_dot, theta_ddot, torque, keep) of the run."""
-        rows, step = self.rows, self.step
-        edge = int(np.ceil(_EDGE_PERIODS / (bandwidth * step) - 1e-9)) if self.filtered else 4
-        if rows.size < 2 * edge + 10:
-            raise InputError(f"a run of {rows.size} samples is too short; expected at least {2 * edge + 10}")
-        angle, moment = theta[rows], torque[rows]
+    def _edge(self, bandwidth: float) -> int:
+        return int(np.ceil(_EDGE_PERIODS / (bandwidth * self.step) - 1e-9)) if self.filtered else 4
+
+    def too_short(self, bandwidth: float) -> str:
+        """What is wrong with its length; empty where nothing is."""
+        count, least = self.stretch.time.size, 2 * self._edge(bandwidth) + 10
+        if count >= least:
+            return ""
+        return f"a run of {count} samples without a gap is too short; expected at least {least}"
+
+    def resampled(self, bandwidth):
+        """(kept rows, theta, theta_dot, theta_ddot, torque, keep, time) of the stretch."""
+        step, edge, time = self.step, self._edge(bandwidth), self.stretch.time
+        angle, moment, *rates = self.stretch.signals
         wide = _WIDE * bandwidth
         if self.filtered and wide < _LARGEST / step:
             angle = _low_pass(angle, wide, step)
-        derivative = derivative_operator(time[rows])
-        rate = derivative @ angle if rates is None else rates[rows]
-        if rates is not None and self.filtered and wide < _LARGEST / step:
+        derivative = derivative_operator(time)
+        rate = rates[0] if rates else derivative @ angle
+        if rates and self.filtered and wide < _LARGEST / step:
             rate = _low_pass(rate, wide, step)
         acceleration = derivative @ rate
         every = 1
         if self.filtered:
             moment = _low_pass(moment, bandwidth, step)
             every = max(1, int(1.0 / (self.rows_per_period * bandwidth * step) + 1e-9))
-        keep = np.zeros(rows.size, bool)
-        keep[edge : rows.size - edge] = True
+        keep = np.zeros(time.size, bool)
+        keep[edge : time.size - edge] = True
         pick = slice(0, None, every)
-        return rows[pick], angle[pick], rate[pick], acceleration[pick], moment[pick], keep[pick]
+        rows = self.rows[self.stretch.row]
+        return tuple(values[pick] for values in (rows, angle, rate, acceleration, moment, keep, time))
 
 
 @lru_cache(maxsize=64)

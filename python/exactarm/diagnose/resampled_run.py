@@ -6,7 +6,8 @@ forwards and backwards), flat below, and every k-th sample is taken: a search ov
 costs 1 / k. The angles of link encoders are treated as the gyroscope's reading is.
 
 Past its ends a run goes on as its own point reflection until the low-pass has died out, so that one which is
-cut in motion goes on moving. The reflection turns about a noisy sample: what it reaches is left out.
+cut in motion goes on moving. The reflection turns about a noisy sample: what it reaches is left out. So it is
+at long gaps within a run.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ import numpy as np
 import scipy  # scipy.signal is imported at its first use: it takes half a second
 
 from exactarm.chain import GearRecord
+from exactarm.chain.lost_samples import Filled, without_gaps
 from exactarm.dataset import Dataset
 from exactarm.robot import Robot
 from exactarm.signals import derivative, typical_step
@@ -28,6 +30,10 @@ _ORDER = 8
 _REACH_PERIODS = 1.0
 # its slowest pole falls by exp(-2 pi sin(pi / 16)) = 0.29 a period: to 4e-7 of a ramp's slope in these
 _FADED_PERIODS = 12.0
+# gaps so long are filled (chain/lost_samples.py): of the low-pass; and of the resampled rows, which do not
+# show a shorter one as a gap
+_FILLED_PERIODS, _SEEN_AS_GAP = 0.25, 1.5
+_LEAST_KEPT = 0.5  # of the rows: among many gaps the run stays as it is
 
 
 def resampled_run(robot: Robot, data: Dataset, record: GearRecord) -> tuple[Dataset, GearRecord]:
@@ -44,22 +50,36 @@ def resampled_run(robot: Robot, data: Dataset, record: GearRecord) -> tuple[Data
     reach = int(np.ceil(_REACH_PERIODS / (cutoff * step)))
     axes = list(record.encoder_axes)
     reading = data.joints["q"][:, axes] if axes else data.gyro
-    smooth, theta, keep = np.empty_like(reading), record.theta.copy(), np.empty_like(record.keep)
+    longest = max(_FILLED_PERIODS / cutoff, _SEEN_AS_GAP * every * step)
+    picked, sizes = [], []
     for rows in record.runs:
-        smooth[rows], theta[rows] = low_pass(reading[rows]), low_pass(record.theta[rows])
-        undefined = np.pad(~record.keep[rows], reach, constant_values=True)
-        keep[rows] = np.convolve(undefined, np.ones(2 * reach + 1), "valid") < 0.5
-    chosen = np.concatenate([rows[::every] for rows in record.runs])
-    count = np.cumsum([0] + [rows[::every].size for rows in record.runs])
+        stretches = without_gaps(record.time[rows], (reading[rows], record.theta[rows]), longest)
+        parts = [_picked(record, rows, stretch, low_pass, reach, every) for stretch in stretches
+                 if stretch.time.size > 2 * reach]
+        picked += parts
+        sizes.append(sum(part[0].size for part in parts))
+    if not picked or sum(part[5].sum() for part in picked) * every < _LEAST_KEPT * record.keep.sum():
+        return data, record
+    chosen, time, smooth, theta, direction, keep = (np.concatenate(each) for each in zip(*picked))
+    count = np.cumsum([0, *sizes])
     runs = tuple(np.arange(a, b) for a, b in zip(count[:-1], count[1:]))
-    theta, time = theta[chosen], record.time[chosen]
     theta_dot = np.concatenate([derivative(theta[rows], time[rows]) for rows in runs])
     resampled = GearRecord(
-        theta, theta_dot, record.direction[chosen], keep[chosen], runs, time, record.cutoff_hz,
-        record.encoder_axes,
-        record.moving, record.furthest,
+        theta, theta_dot, direction, keep, runs, time, record.cutoff_hz, record.encoder_axes, record.moving,
+        record.furthest,
     )
-    return with_reading(data, axes, smooth).select(chosen), resampled
+    return with_reading(replace(data.select(chosen), time=time), axes, smooth), resampled
+
+
+def _picked(record: GearRecord, rows: np.ndarray, stretch: Filled, low_pass, reach: int,
+            every: int) -> tuple[np.ndarray, ...]:
+    """Rows, time, reading, theta, direction and keep of every k-th sample of a stretch of the run `rows`."""
+    own = rows[stretch.row]
+    undefined = np.pad(~record.keep[own], reach, constant_values=True)
+    keep = np.convolve(undefined, np.ones(2 * reach + 1), "valid") < 0.5
+    smooth, theta = (low_pass(signal) for signal in stretch.signals)
+    every_one = (own, stretch.time, smooth, theta, record.direction[own], keep)
+    return tuple(values[::every] for values in every_one)
 
 
 def with_reading(data: Dataset, axes: list[int], reading: np.ndarray) -> Dataset:

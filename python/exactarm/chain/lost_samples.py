@@ -1,0 +1,61 @@
+"""Samples that a logger lost, or that are not to be fitted: short gaps in a run are filled, long ones cut it.
+
+A low-pass over samples one after another takes a gap for a jump. Where a gap is short beside the shortest
+period that counts, a cubic spline through its neighbours stands for what is missing; a longer one makes two
+runs of one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy  # scipy.interpolate is imported at its first use
+
+from exactarm.signals import blocks, typical_step
+
+
+@dataclass(frozen=True)
+class Filled:
+    """A stretch without a gap: time (G,), the nearest row (G,) of the run, and its signals (G, ...)."""
+
+    time: np.ndarray
+    row: np.ndarray
+    signals: tuple[np.ndarray, ...]
+
+
+def without_gaps(time: np.ndarray, signals: Sequence[np.ndarray], longest_s: float) -> list[Filled]:
+    """The stretches of one run (time (R,), signals (R, ...)), gaps of up to `longest_s` filled."""
+    parts = blocks(time)
+    if len(parts) == 1:
+        return [Filled(time, parts[0], tuple(signals))]
+    step, stretches = typical_step(time), [[parts[0]]]
+    for part in parts[1:]:
+        if time[part[0]] - time[stretches[-1][-1][-1]] > longest_s:
+            stretches.append([])
+        stretches[-1].append(part)
+    return [_filled(time, signals, stretch, step) for stretch in stretches]
+
+
+def _filled(time: np.ndarray, signals: Sequence[np.ndarray], parts: list[np.ndarray], step: float) -> Filled:
+    rows = np.concatenate(parts)
+    own, missing = time[rows], []
+    for before, after in zip(parts[:-1], parts[1:]):
+        first, last = time[before[-1]], time[after[0]]
+        missing.append(np.linspace(first, last, max(2, round((last - first) / step) + 1))[1:-1])
+    if not missing:
+        return Filled(own, rows, tuple(signal[rows] for signal in signals))
+    whole = np.sort(np.concatenate([own, *missing]))
+    place = np.searchsorted(own, whole).clip(1, own.size - 1)
+    place -= whole - own[place - 1] < own[place] - whole
+    return Filled(whole, rows[place], tuple(_at(own, signal[rows], whole) for signal in signals))
+
+
+def _at(time: np.ndarray, values: np.ndarray, whole: np.ndarray) -> np.ndarray:
+    """(G, ...) by a spline; a column with no value somewhere has none anywhere."""
+    flat = values.reshape(len(values), -1)
+    known = np.isfinite(flat).all(axis=0)
+    out = np.full((whole.size, flat.shape[1]), np.nan)
+    out[:, known] = scipy.interpolate.CubicSpline(time, flat[:, known])(whole)
+    return out.reshape(whole.size, *values.shape[1:])

@@ -1,0 +1,73 @@
+"""A motion of which rows are missing says the same as the whole one: lost samples are filled, stretches that
+are kept for validation cut a run into pieces."""
+
+import numpy as np
+import pytest
+
+from exactarm.chain.lost_samples import without_gaps
+from exactarm.chain.motion_record import motion_record
+from exactarm.errors import InputError
+from exactarm.robot_file import load_robot
+from motions import fourier_motion, motion_data
+
+STEP_S = 1e-3
+
+
+@pytest.fixture(scope="module")
+def whole():
+    robot = load_robot("tx40")
+    time, angle, rate, acceleration = fourier_motion(robot, 6.0, 1.0 / STEP_S, seed=3)
+    return robot, motion_data(robot, time, angle, acceleration + 0.5 * rate)
+
+
+def apart(robot, whole, part):
+    """Largest deviation of acceleration and torque from those of the whole motion at the same times, over
+    their largest values."""
+    full, cut = motion_record(robot, whole), motion_record(robot, whole.select(part))
+    worst = []
+    for name in ("theta_ddot", "torque"):
+        a, b = getattr(full, name)[full.keep], getattr(cut, name)[cut.keep]
+        at = [np.interp(cut.data.time[cut.keep], full.data.time[full.keep], column) for column in a.T]
+        worst.append(np.nanmax(np.abs(np.stack(at, axis=1) - b) / np.nanmax(np.abs(a), axis=0)))
+    return max(worst), cut
+
+
+def test_a_run_without_gaps_is_left_as_it_is():
+    time, values = np.arange(100) * STEP_S, np.random.default_rng(1).normal(size=(100, 2))
+    (part,) = without_gaps(time, (values,), 1.0)
+    assert part.signals[0] is values and np.array_equal(part.row, np.arange(100))
+
+
+def test_short_gaps_are_filled_and_long_ones_cut():
+    time = np.arange(300) * STEP_S
+    kept = np.ones(300, bool)
+    kept[[50, 51, 52]] = False
+    kept[150:200] = False
+    values = np.stack([np.sin(20.0 * time), np.full(300, np.nan)], axis=1)
+    first, second = without_gaps(time[kept], (values[kept],), 6e-3)
+    assert first.time == pytest.approx(time[:150], abs=1e-12)
+    assert first.signals[0][:, 0] == pytest.approx(values[:150, 0], abs=20.0**4 * 4e-3**4 / 64)  # of a cubic
+    assert np.isnan(first.signals[0][:, 1]).all()
+    assert np.array_equal(second.time, time[200:])
+    assert np.array_equal(np.flatnonzero(kept)[second.row], np.arange(200, 300))
+    nearest = np.flatnonzero(kept)[first.row][48:55]
+    assert np.array_equal(nearest[[0, 1, 2, 4, 5, 6]], [48, 49, 49, 53, 53, 54]) and nearest[3] in (49, 53)
+
+
+def test_lost_samples_change_nothing(whole):
+    robot, data = whole
+    worst, cut = apart(robot, data, np.random.default_rng(2).random(len(data)) > 0.02)
+    assert worst < 1e-3 and len(cut.runs) == 1
+
+
+def test_rows_of_validation_within_a_run_cut_it(whole):
+    robot, data = whole
+    worst, cut = apart(robot, data, np.arange(len(data)) % 1500 < 1000)
+    assert worst < 5e-3 and len(cut.runs) == 4
+    assert cut.keep.sum() * cut.step == pytest.approx(4 * 0.7, rel=0.05)  # less 0.15 s at both ends
+
+
+def test_stretches_that_are_all_too_short_are_refused(whole):
+    robot, data = whole
+    with pytest.raises(InputError, match="200 samples without a gap is too short; expected"):
+        motion_record(robot, data.select(np.arange(len(data)) % 400 < 200))
