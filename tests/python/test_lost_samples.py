@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from exactarm.chain.lost_samples import without_gaps
-from exactarm.chain.motion_record import motion_record
+from exactarm.chain.motion_record import full_record, motion_record
 from exactarm.errors import InputError
 from exactarm.robot_file import load_robot
 from motions import fourier_motion, motion_data
@@ -65,6 +65,21 @@ def test_rows_of_validation_within_a_run_cut_it(whole):
     worst, cut = apart(robot, data, np.arange(len(data)) % 1500 < 1000)
     assert worst < 5e-3 and len(cut.runs) == 4
     assert cut.keep.sum() * cut.step == pytest.approx(4 * 0.7, rel=0.05)  # less 0.15 s at both ends
+
+
+@pytest.mark.parametrize(("kept", "runs"), [
+    (np.random.default_rng(2).random(6000) > 0.02, 1),
+    (np.arange(6000) % 1500 < 1000, 4),
+], ids=["lost", "cut"])
+def test_rates_of_a_tracked_motion_do_not_see_gaps(whole, kept, runs):
+    """Beside a gap, as at the ends of a run, the acceleration is that of half a filter."""
+    robot, data = whole
+    full, cut = full_record(robot, data), full_record(robot, data.select(kept))
+    assert len(cut.runs) == runs
+    clear = np.concatenate([rows[50:-50] for rows in cut.runs])
+    for name in ("theta_dot", "theta_ddot"):
+        a, b = getattr(full, name)[kept], getattr(cut, name)
+        assert np.max(np.abs(a - b)[clear] / np.max(np.abs(a), axis=0)) < 1e-3
 
 
 def test_stretches_that_are_all_too_short_are_refused(whole):

@@ -18,10 +18,12 @@ from exactarm.signals import blocks, typical_step
 
 @dataclass(frozen=True)
 class Filled:
-    """A stretch without a gap: time (G,), the nearest row (G,) of the run, and its signals (G, ...)."""
+    """A stretch without a gap: time (G,), the nearest row (G,) of the run, which of the samples are rows
+    (G,), and its signals (G, ...)."""
 
     time: np.ndarray
     row: np.ndarray
+    given: np.ndarray
     signals: tuple[np.ndarray, ...]
 
 
@@ -29,7 +31,7 @@ def without_gaps(time: np.ndarray, signals: Sequence[np.ndarray], longest_s: flo
     """The stretches of one run (time (R,), signals (R, ...)), gaps of up to `longest_s` filled."""
     parts = blocks(time)
     if len(parts) == 1:
-        return [Filled(time, parts[0], tuple(signals))]
+        return [Filled(time, parts[0], np.ones(time.size, bool), tuple(signals))]
     step, stretches = typical_step(time), [[parts[0]]]
     for part in parts[1:]:
         if time[part[0]] - time[stretches[-1][-1][-1]] > longest_s:
@@ -45,11 +47,13 @@ def _filled(time: np.ndarray, signals: Sequence[np.ndarray], parts: list[np.ndar
         first, last = time[before[-1]], time[after[0]]
         missing.append(np.linspace(first, last, max(2, round((last - first) / step) + 1))[1:-1])
     if not missing:
-        return Filled(own, rows, tuple(signal[rows] for signal in signals))
+        return Filled(own, rows, np.ones(rows.size, bool), tuple(signal[rows] for signal in signals))
     whole = np.sort(np.concatenate([own, *missing]))
     place = np.searchsorted(own, whole).clip(1, own.size - 1)
     place -= whole - own[place - 1] < own[place] - whole
-    return Filled(whole, rows[place], tuple(_at(own, signal[rows], whole) for signal in signals))
+    given = np.zeros(whole.size, bool)
+    given[np.searchsorted(whole, own)] = True
+    return Filled(whole, rows[place], given, tuple(_at(own, signal[rows], whole) for signal in signals))
 
 
 def _at(time: np.ndarray, values: np.ndarray, whole: np.ndarray) -> np.ndarray:

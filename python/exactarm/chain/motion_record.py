@@ -217,15 +217,17 @@ def full_record(
     theta = motor_angles(robot, data)
     turned = theta / np.abs(robot.ratios) if joints is None else joints * np.sign(robot.ratios)
     rate, acceleration, direction = np.zeros_like(theta), np.zeros_like(theta), np.zeros_like(theta)
-    runs = runs_in_time(data)
-    step = float(np.median(np.concatenate([np.diff(data.time[rows]) for rows in runs])))
+    whole, runs = runs_in_time(data), []
+    step = float(np.median(np.concatenate([np.diff(data.time[rows]) for rows in whole])))
     filtered = _WIDE * bandwidth_hz < _LARGEST / step
-    for rows in runs:
-        derivative = derivative_operator(data.time[rows])
-        rate[rows] = derivative @ (_low_pass(theta[rows], _WIDE * bandwidth_hz, step)
-                                   if filtered else theta[rows])
-        acceleration[rows] = derivative @ rate[rows]
-        direction[rows] = direction_of_motion(data.time[rows], turned[rows])
+    for run in whole:
+        for stretch in without_gaps(data.time[run], (theta[run],), _FILLED_PERIODS / bandwidth_hz):
+            rows = run[stretch.row[stretch.given]]
+            derivative, angle = derivative_operator(stretch.time), stretch.signals[0]
+            own = derivative @ (_low_pass(angle, _WIDE * bandwidth_hz, step) if filtered else angle)
+            rate[rows], acceleration[rows] = own[stretch.given], (derivative @ own)[stretch.given]
+            direction[rows] = direction_of_motion(data.time[rows], turned[rows])
+            runs.append(rows)
     band = bandwidth_hz if bandwidth_hz < _LARGEST / step else None
     torque = np.full_like(theta, np.nan)
     inside, width = np.ones(len(data), bool), np.full(robot.axes, SIGN_WIDTH_RAD_S)
