@@ -1,6 +1,7 @@
 """Gyroscope runs of less than a turn: the ratio beside a wheel that runs out, waves at one speed, lost
 samples."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -93,3 +94,26 @@ def test_a_row_between_lost_samples_has_no_rate():
     record = gear_record(robot, data.select(lost))
     assert not record.keep[1000] and record.theta_dot[1000, 0] == 0.0
     assert record.keep[900] and record.theta_dot[900, 0] != 0.0
+
+
+@pytest.mark.parametrize(("late_s", "way"), [(0.02, "behind"), (-0.02, "ahead of")])
+def test_another_clock_of_the_gyroscope_is_told(late_s, way):
+    robot, _, data = case(0.0)
+    rows = round(late_s * 500.0)
+    gyro = data.gyro.copy()
+    for run in np.unique(data.run):
+        own = np.flatnonzero(data.run == run)
+        gyro[own] = gyro[own[np.clip(np.arange(own.size) - rows, 0, own.size - 1)]]
+    told = [text for text in identify_gears(robot, replace(data, gyro=gyro)).warnings if "clock" in text]
+    assert len(told) == 1
+    found = re.search(f"about (.*) ms {way} the motor", told[0])
+    assert found and float(found.group(1)) == pytest.approx(20.0, rel=0.1)  # the ratio takes a part of it
+    assert not [text for text in identify_gears(robot, data).warnings if "clock" in text]
+
+
+def test_a_scale_of_the_gyroscope_is_told_beside_the_ratio():
+    robot, _, data = case(0.0)
+    told = lambda data: [text for text in identify_gears(robot, data).warnings if "count of teeth" in text]
+    assert not told(data)
+    (text,) = told(replace(data, gyro=1.02 * data.gyro))
+    assert "79.41" in text and "-2 %" in text

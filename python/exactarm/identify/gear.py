@@ -28,6 +28,7 @@ from exactarm.identify.gear_declared import SIDES, measured_axes
 from exactarm.identify.gear_error import (
     cutoff_hz,
     kinematic_error,
+    lag_in_error,
     motor_by_tables,
     noise_of_error,
     sensor_part,
@@ -42,6 +43,8 @@ from exactarm.split import DEFAULT_SEED
 
 FITTING = "gears and their harmonics"  # a step as it is told
 _MUCH_OUTSIDE, _FAR_ABOVE = 0.2, 2.0  # share of validation rows; times the noise
+_CERTAIN = 3.0  # standard deviations: one warning in 370 without a cause
+_MUCH_OF_ERROR = 0.2  # of its square sum
 _SAME_SPEED = 0.1  # runs whose speeds differ by less than this share count as one speed
 
 
@@ -149,7 +152,7 @@ def identify_gears(
         gears += [_gear(chosen, side, errors) for side in chosen.tables]
         held_out += _held_out(chosen, errors)
         alignments += _alignments(data, samples, setup)
-        warnings += _warnings(chosen)
+        warnings += [*_warnings(chosen), *_late(samples, errors.unfiltered)]
         result = new
     if not gears:
         missing = "no axis moves far enough in one direction; expected gear runs over a range of its axis"
@@ -184,13 +187,15 @@ def _with_tables(robot: Robot, axis: int, estimate: GearEstimate) -> Robot:
 @dataclass(frozen=True)
 class _Errors:
     """Kinematic errors (N,) of one axis: constant ratio, each method's tables, the robot file's own, the
-    chosen tables with all that stands beside the gear taken out; noise of the chosen.
+    chosen tables with all that stands beside the gear taken out, that of the chosen before any filter; noise
+    of the chosen.
     """
 
     before: np.ndarray
     after: dict[str, np.ndarray]
     declared: np.ndarray
     rest: np.ndarray
+    unfiltered: np.ndarray
     noise: float
 
 
@@ -204,6 +209,7 @@ def _errors(robot: Robot, estimates: dict[str, GearEstimate], method: str) -> _E
     models = {name: motor_by_tables(samples, each.scale, tables(each)) for name, each in estimates.items()}
     after = {name: error(models[name], sensor_part(samples, each.disturbance))
              for name, each in estimates.items()}
+    unfiltered = error(models[method], filtered=False)
     return _Errors(
         error(samples.motor / chosen.scale),
         after,
@@ -211,7 +217,8 @@ def _errors(robot: Robot, estimates: dict[str, GearEstimate], method: str) -> _E
                               {side: table for side, table in own.items() if table is not None})),
         after[method] if np.array_equal(sensor, chosen.disturbance)
         else error(models[method], chosen.disturbance),
-        noise_of_error(samples, error(models[method], filtered=False)),
+        unfiltered,
+        noise_of_error(samples, unfiltered),
     )
 
 
@@ -296,6 +303,13 @@ def _warnings(estimate: GearEstimate):
             f"axis {joint}: one direction at one speed cannot tell the gyroscope's bias from the ratio; it "
             "is taken as 0"
         )
+    off = estimate.scale - 1.0
+    if samples.rated and abs(off) > _CERTAIN * estimate.ratio_sigma / abs(samples.ratio):
+        yield (
+            f"axis {joint}: the ratio comes out as {estimate.ratio:.6g}, {100.0 * off:+.2g} % beside the "
+            f"declared {samples.ratio:.6g}. A ratio is a count of teeth; a gyroscope whose scale is wrong by "
+            "as much reads the same: only angles (two encoders, a tracker) tell them apart"
+        )
     longest = max(profile.range_rev for profile in estimate.profiles.values())
     if longest < 0.2:
         yield (
@@ -304,6 +318,18 @@ def _warnings(estimate: GearEstimate):
         )
     if not estimate.orders.size:
         yield f"axis {joint}: no order stands out of the noise"
+
+
+def _late(samples: GearSamples, error: np.ndarray) -> Iterator[str]:
+    """A gyroscope whose clock is not the motor's; the error is not corrected by it."""
+    lag, sigma, share = lag_in_error(samples, error)
+    if samples.rated and abs(lag) > _CERTAIN * sigma and share > _MUCH_OF_ERROR:
+        way = "behind" if lag > 0.0 else "ahead of"
+        yield (
+            f"axis {samples.axis + 1}: {100.0 * share:.0f} % of what is left follows the acceleration, as of "
+            f"a gyroscope about {1e3 * abs(lag):.2g} ms {way} the motor: its waves are shifted by that, and "
+            "so are the tables; log both by one clock, or declare a time_delay (`exactarm diagnose` finds it)"
+        )
 
 
 def _left_out(data: Dataset, record) -> Iterator[str]:

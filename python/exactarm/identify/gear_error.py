@@ -14,10 +14,11 @@ from exactarm.harmonics import delivered
 from exactarm.identify.gear_declared import SIDES
 from exactarm.identify.gear_samples import GearSamples
 from exactarm.robot import GearTable
-from exactarm.signals import gaussian_filter, typical_step, white_noise
+from exactarm.signals import derivative, gaussian_filter, typical_step, white_noise
 
 CUTOFF_PER_MOTOR_REV = 2.3
 _HIGHEST_SHARE = 0.4  # of the sampling rate
+_MOTION_HZ = 15.0  # that arms are accelerated with
 _NOISE_SHARE = 1.0645  # equivalent noise bandwidth of the filter over its cutoff
 
 
@@ -88,3 +89,21 @@ def noise_of_error(samples: GearSamples, error: np.ndarray) -> float:
         squares.append(share * white_noise(part) ** 2)
         counts.append(part.size)
     return float(np.sqrt(np.average(squares, weights=counts))) if squares else 0.0
+
+
+def lag_in_error(samples: GearSamples, error: np.ndarray) -> tuple[float, float, float]:
+    """By how much (s) the output comes behind the motor as an unfiltered error of rates (N,) has it, its
+    standard deviation, and its share of the error's square sum."""
+    acceleration = np.zeros(samples.run.size)
+    for rows in samples.runs:
+        slow = gaussian_filter(samples.rate[rows], samples.time[rows], _MOTION_HZ)
+        acceleration[rows] = derivative(slow, samples.time[rows])
+    used = samples.identification & np.isfinite(error)
+    column, left = acceleration[used], error[used]
+    normal = float(column @ column)
+    if normal == 0.0:
+        return 0.0, np.inf, 0.0
+    lag = float(column @ left) / normal
+    square = float(left @ left)
+    share = lag**2 * normal / max(square, np.finfo(float).tiny)
+    return lag, float(np.sqrt((1.0 - share) * square / max(left.size - 1, 1) / normal)), share
