@@ -8,7 +8,7 @@ import pytest
 
 from exactarm.dataset import read_dataset
 from exactarm.examples import data_path
-from exactarm.identify.drive_model import alone, samples_of
+from exactarm.identify.drive_model import Motion, alone, samples_of
 from exactarm.identify.motion_mistakes import motion_mistakes
 from exactarm.robot_file import load_robot
 from six_axis import six_axis
@@ -62,3 +62,14 @@ def test_right_times_are_not_suspected(seed):
 def test_the_shipped_motion_is_not_suspected():
     robot = load_robot("tx40")
     assert said(robot, read_dataset(data_path("tx40/motion.parquet"), robot)) == ""
+
+
+def test_the_same_path_at_another_speed_is_what_the_core_says_of_it():
+    robot, random = six_axis(), np.random.default_rng(3)
+    motion = Motion(robot, *random.normal(size=(3, 20, robot.axes)))
+    for speed in (0.4, 1.3, 3.0):
+        other = motion.at(speed)
+        rate, acceleration = speed * motion.rate, speed**2 * motion.acceleration
+        core = Motion(robot, motion.q, rate, acceleration, clock=speed)
+        np.testing.assert_allclose(other.links, core.links, atol=1e-14 * np.abs(core.links).max())
+        np.testing.assert_allclose(other.grams, core.grams, atol=1e-13 * np.abs(core.grams).max())

@@ -49,13 +49,23 @@ class Motion:
         return tuple(map(np.ascontiguousarray, (self.q, self.rate, self.acceleration)))
 
     @cached_property
+    def links(self) -> np.ndarray:
+        """(N, n, 10 n) columns of the links' inertial parameters, Nm."""
+        return _core.dynamics_regressor(self.robot.core, *self.arrays)
+
+    @cached_property
+    def _links_held(self) -> np.ndarray:
+        """`links` of the arm that is held at rest in these places."""
+        rest = np.zeros_like(self.q)
+        return replace(self, rate=rest, acceleration=rest).links
+
+    @cached_property
     def columns(self) -> tuple[np.ndarray, ...]:
         """Of every axis (N, P_i), Nm, at its places."""
-        links = _core.dynamics_regressor(self.robot.core, *self.arrays)
         own = np.stack([self.robot.controller_ratios**2 * self.acceleration,
                         dry_friction_of(self.rate / self.clock), self.rate, np.ones_like(self.rate)], axis=2)
         axes = range(self.robot.axes)
-        return tuple(np.concatenate([links[:, i, 10 * i :], own[:, i]], axis=1) for i in axes)
+        return tuple(np.concatenate([self.links[:, i, 10 * i :], own[:, i]], axis=1) for i in axes)
 
     @cached_property
     def grams(self) -> np.ndarray:
@@ -72,8 +82,11 @@ class Motion:
         return np.array([np.sqrt(np.mean(columns[:, -3] ** 2)) for columns in self.columns])
 
     def at(self, speed: float) -> Motion:
-        """The same path `speed` times as fast."""
-        return replace(self, rate=speed * self.rate, acceleration=speed**2 * self.acceleration, clock=speed)
+        """The same path `speed` times as fast: what moves the links goes with the square, what holds them
+        does not."""
+        other = replace(self, rate=speed * self.rate, acceleration=speed**2 * self.acceleration, clock=speed)
+        other.__dict__["links"] = self._links_held + speed**2 * (self.links - self._links_held)
+        return other
 
     def under(self, gravity: np.ndarray) -> Motion:
         return replace(self, robot=replace(self.robot, gravity=gravity))

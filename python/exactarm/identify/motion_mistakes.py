@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import cache
 from itertools import combinations
 
 import numpy as np
@@ -165,8 +166,11 @@ def _other_clock(model: Model, samples: MotionSamples, now: Explained) -> Iterat
     since = samples.time - samples.logged_time[0]
     most, found = _MOST_LAG * float(since[-1]), []
     for shape, tried in ((np.ones_like(since), _LAGS_S), (since, _DRIFTS)):
-        def left(size: float, shape: np.ndarray = shape) -> float:
-            return float(np.prod(model(samples.with_torques_of(size * shape)).shares))
+        @cache
+        def late(size: float, shape: np.ndarray = shape) -> Explained:
+            return model(samples.with_torques_of(size * shape))
+
+        left = lambda size, late=late: float(np.prod(late(size).shares))
 
         grid = [sign * size for size in tried for sign in (1.0, -1.0)
                 if _LAGS_S[0] <= size * shape[-1] <= most]
@@ -183,7 +187,7 @@ def _other_clock(model: Model, samples: MotionSamples, now: Explained) -> Iterat
             words = f"torques of a clock that runs {1e2 * abs(best):.2g} % {way} than that of the angles"
         else:
             words = f"the torques logged {abs(best):.2g} s {'later' if best > 0.0 else 'earlier'}"
-        found.append((left(best), Suspicion(words, fall(now, model(samples.with_torques_of(best * shape))))))
+        found.append((left(best), Suspicion(words, fall(now, late(best)))))
     if found and (best := min(found, key=lambda pair: pair[0]))[1].fall:
         yield best
 
@@ -191,6 +195,7 @@ def _other_clock(model: Model, samples: MotionSamples, now: Explained) -> Iterat
 def _scaled_time(model: Model, samples: MotionSamples, now: Explained) -> Iterator[Rival]:
     """All times too long or too short: masses hold against gravity and against acceleration, in
     proportion."""
+    @cache
     def at(k: float) -> Explained:
         return model(replace(samples, motion=samples.motion.at(k)))
 
