@@ -19,6 +19,7 @@ from exactarm.chain import Layout
 from exactarm.dataset import Dataset
 from exactarm.effects.base import Station
 from exactarm.errors import InputError
+from exactarm.fixture import Fixture
 from exactarm.identify.calibrate import (
     GEOMETRY,
     JUDGING,
@@ -38,6 +39,7 @@ from exactarm.identify.contact_starts import sought_anew, with_contacts
 from exactarm.identify.declared import carried_layout, frames_layout, geometry_layout, require_geometry
 from exactarm.identify.identifiability import Dropped, Identifiability, select_identifiable, still_axes
 from exactarm.identify.judged_rows import judged_rows, unjudged_lines
+from exactarm.identify.length_doubt import length_doubts
 from exactarm.identify.loads import kept_masses, with_loads
 from exactarm.identify.match import WORST_SHARE, reach
 from exactarm.identify.parameter_name import parse_parameter
@@ -70,6 +72,10 @@ SLIPPED = 0.35  # square root of a weight: beyond some 7 standard deviations
 # times Schwarz' price: what is left of an arm's own error buys up to 1.6 times with one and the same tool
 _MOUNTED_ANEW = 3.0
 _AS_ONE = ("d", "q_offset")  # of axis 1: they move the arm along and about it
+TOOL_RUNS_AWAY = (
+    "the touches do not tell where the tool is: the further from the arm, the better they fit; declare the "
+    "tool's place or the spheres' radii ([[radii]] of the fixture file), or touch from all sides"
+)
 AS_ONE = "the robot and everything that it touches may move as one: the contacts absorb it"
 SCALE = (
     "all lengths times a common factor fit as well: give one distance, radius or bar length of the fixture"
@@ -129,7 +135,9 @@ def calibrate_closures(robot: Robot, data: Dataset,
         orientation=fit.prediction.used.shape[1] == 6,
         beside_before=beside(declared.nominal, before),
         beside_after=beside(fit, after),
-        warnings=(*_warnings(declared, train), *gross_corner_warning(data), *unjudged_lines(rows),
+        warnings=(*_warnings(declared, train),
+                  *length_doubts(fit, train, declared.pulls, options.threads),
+                  *gross_corner_warning(data), *unjudged_lines(rows),
                   *partner_warnings(fit, train, declared.pulls, options.threads)),
     )
 
@@ -172,8 +180,8 @@ def nominal_closures(
     robot: Robot, data: Dataset, carried: Layout, seed: int = 0, threads: int = 1,
     sessions: tuple[int, ...] = ()
 ) -> ClosureFit:
-    """Contacts, tool and frames alone, by the robot as declared; known lengths are not used. Raises
-    InputError where they do not fit."""
+    """Contacts, tool and frames alone, by the robot as declared; of known lengths the radii alone are used.
+    Raises InputError where they do not fit."""
     if not judged_rows(data).any():
         raise InputError(f"no row can be judged: {unjudged_lines(data)[0]}", file=data.first_file)
     device = device_of(data)
@@ -193,6 +201,7 @@ def nominal_closures(
         missed = partner_misfit(robot, carried, data, starts, limit)
         if missed > _HOPELESS * limit:
             raise _another_robot(robot, data, missed)
+    known = Pulls(Fixture(radii=data.fixture.radii))
     best = None
     for tool in starts:
         target = (
@@ -200,15 +209,25 @@ def nominal_closures(
                       estimate=bool(touched.any())) if shared else Layout.of(())
         )
         layout = with_contacts(robot, frames.joined(target).joined(carried), data, threads)
-        fit = fit_closures(robot, layout, data, Pulls(), threads=threads)
+        fit = fit_closures(robot, layout, data, known, threads=threads)
+        if _ran_away(fit.layout, robot):
+            continue
         error = float(np.median(fit.prediction.error()))
         if best is None or error < best[0]:
             best = (error, fit)
         if best[0] <= limit:
             break
+    if best is None:
+        raise InputError(TOOL_RUNS_AWAY, file=data.first_file)
     if best[0] > limit:
         raise _another_robot(robot, data, best[0])
-    return sought_anew(robot, best[1], data, threads)
+    return sought_anew(robot, best[1], data, known, threads)
+
+
+def _ran_away(layout: Layout, robot: Robot) -> bool:
+    """Whether the tool went further than any tool is: it and the centre of a sphere far off together."""
+    return any(np.linalg.norm(effect.values) > reach(robot) for effect in layout.effects
+               if isinstance(effect, Target))
 
 
 def _another_robot(robot: Robot, data: Dataset, missed: float) -> InputError:

@@ -39,7 +39,7 @@ def with_contacts(robot: Robot, layout: Layout, data: Dataset, threads: int = 1)
     return Layout.of(tuple(found)).joined(layout)
 
 
-def sought_anew(robot: Robot, fit: ClosureFit, data: Dataset, threads: int) -> ClosureFit:
+def sought_anew(robot: Robot, fit: ClosureFit, data: Dataset, pulls: Pulls, threads: int) -> ClosureFit:
     """The fit with every touched contact sought anew around its tool, as long as that makes it likelier: with
     a wrong tool a face may lie across its touches, and does not turn upright by itself."""
     effects = fit.layout.effects
@@ -48,7 +48,7 @@ def sought_anew(robot: Robot, fit: ClosureFit, data: Dataset, threads: int) -> C
         return fit
     for _ in range(_SOUGHT_ANEW):
         layout = with_contacts(robot, fit.layout.only(others), data, threads)
-        anew = fit_closures(robot, layout, data, Pulls(), threads=threads)
+        anew = fit_closures(robot, layout, data, pulls, threads=threads)
         if anew.log_likelihood < fit.log_likelihood + _LIKELIER:
             break
         fit = anew

@@ -27,11 +27,12 @@ from exactarm.measurement.contacts import Plane
 
 @dataclass(frozen=True)
 class KnownLength:
-    """One row: residual (m), rows (P,) by the free parameters, sigma (m); a distance between contacts or a
-    radius."""
+    """One row: known (m) as the fixture says, residual (m), row (P,) by the free parameters, sigma (m); a
+    distance between contacts or a radius."""
 
     name: str
     session: int
+    known: float
     residual: float
     row: np.ndarray
     sigma: float
@@ -53,7 +54,8 @@ def known_lengths(layout: Layout, fixture: Fixture) -> tuple[KnownLength, ...]:
                                            0.0 if ball is None else ball.length)
                 name = f"{entry.contact} {entry.between[0]} to {entry.between[1]} of session {session}"
                 row = _row(layout, dict(zip(ends, blocks)))
-                found.append(KnownLength(name, session, entry.length - length, row, entry.sigma, True))
+                found.append(KnownLength(name, session, entry.length, entry.length - length, row,
+                                         entry.sigma, True))
     for (contact, session, number), i in places.items():
         radius = fixture.radius_of(contact, number, session)
         if radius is not None:
@@ -61,14 +63,14 @@ def known_lengths(layout: Layout, fixture: Fixture) -> tuple[KnownLength, ...]:
             length = radius.length + (ball.length if ball is not None else 0.0)
             row = _row(layout, {i: np.array([0.0, 0.0, 0.0, 1.0])})
             name = f"radius of {contact} {number} of session {session}"
-            found.append(KnownLength(name, session, length - layout.effects[i].values[3], row, radius.sigma,
-                                     False))
+            found.append(KnownLength(name, session, length, length - layout.effects[i].values[3], row,
+                                     radius.sigma, False))
     for (_, session, _), i in places.items():
         if isinstance(camera := layout.effects[i], Camera):
             residual = camera.setup.square - camera.values[SQUARE]
             row = _row(layout, {i: np.eye(len(camera.values))[SQUARE]})
-            found.append(KnownLength(f"square of the board of session {session}", session, residual, row,
-                                     camera.setup.sigma, False))
+            found.append(KnownLength(f"square of the board of session {session}", session,
+                                     camera.setup.square, residual, row, camera.setup.sigma, False))
     return tuple(found)
 
 

@@ -1,0 +1,53 @@
+"""Known lengths of a fixture that are others: told by their name, with what the touches say."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from exactarm.chain import Layout
+from exactarm.identify.closures import calibrate_closures, nominal_closures
+from exactarm.measurement.closures import touches
+from exactarm.measurement.contacts import Sphere
+from test_closures import ECCENTRICITY, touched
+
+
+def doubts(robot, data) -> list[str]:
+    return [line for line in calibrate_closures(robot.nominal, data).warnings if "the touches say" in line]
+
+
+def with_radii(data, factor: float):
+    radii = tuple(replace(each, length=factor * each.length) for each in data.fixture.radii)
+    return replace(data, fixture=replace(data.fixture, radii=radii))
+
+
+@pytest.mark.parametrize(("contact", "count"), [("sphere", 30), ("bar", 30), ("plane", 20), ("socket", 15)])
+def test_right_lengths_are_not_doubted(contact, count):
+    for effects in ((), (ECCENTRICITY,)):
+        robot, data = touched("panda", contact, 5, *effects, count=count)
+        assert doubts(robot, data) == []
+
+
+def test_a_diameter_in_place_of_a_radius_is_told():
+    robot, data = touched("panda", "sphere", 5, count=30)
+    assert data.fixture.radii
+    (line,) = doubts(robot, with_radii(data, 2.0))
+    assert line.startswith("radius of sphere") and line.endswith("is a diameter given for a radius?")
+
+
+def test_a_wire_whose_zero_is_elsewhere_is_told():
+    """10 mm: without a word it made the arm four times worse than its drawing."""
+    robot, data = touched("panda", "bar", 5, count=30)
+    (line,) = doubts(robot, replace(data, length=data.length + 0.01))
+    assert line.startswith("zero of bar 0") and "the touches say -9.99" in line
+
+
+def test_known_radii_place_the_tool():
+    """With free radii the tool and the centres could run off together, by kilometres."""
+    robot, data = touched("panda", "sphere", 5, count=30)
+    fit = nominal_closures(robot.nominal, touches(data), Layout.of(()))
+    spheres = [effect for effect in fit.layout.effects if isinstance(effect, Sphere)]
+    known = [data.fixture.radius_of("sphere", each.number, each.session) for each in spheres]
+    assert len(spheres) >= 3 and all(known)
+    found = [each.values[3] for each in spheres]
+    np.testing.assert_allclose(found, [each.length for each in known], atol=1e-4)
