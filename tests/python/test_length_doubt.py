@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from exactarm.chain import Layout
-from exactarm.identify.closures import calibrate_closures, nominal_closures
+from exactarm.identify.closures import calibrate_closures, declare_closures, nominal_closures
+from exactarm.identify.length_doubt import length_doubts
 from exactarm.measurement.closures import touches
 from exactarm.measurement.contacts import Sphere
 from test_closures import ECCENTRICITY, touched
@@ -33,6 +34,16 @@ def test_a_diameter_in_place_of_a_radius_is_told():
     assert data.fixture.radii
     (line,) = doubts(robot, with_radii(data, 2.0))
     assert line.startswith("radius of sphere") and line.endswith("is a diameter given for a radius?")
+
+
+def test_a_fit_that_did_not_converge_doubts_nothing():
+    """Of rows with wrong numbers the touches said 2.36e8 mm."""
+    robot, data = touched("panda", "sphere", 5, count=30)
+    rows = touches(with_radii(data, 2.0))
+    found = declare_closures(robot.nominal, rows)
+    stopped = replace(found.fit, fit=replace(found.fit.fit, reason="stopped"))
+    assert length_doubts(found.fit, rows, found.pulls)
+    assert not length_doubts(stopped, rows, found.pulls)
 
 
 def test_a_wire_whose_zero_is_elsewhere_is_told():

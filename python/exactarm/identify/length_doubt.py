@@ -17,6 +17,7 @@ from exactarm.chain import Layout
 from exactarm.dataset import Dataset
 from exactarm.fixture import SIGMA_M, Fixture
 from exactarm.identify.closure_fit import ClosureFit, Pulls, fit_closures
+from exactarm.identify.reach import reach
 from exactarm.measurement.contacts import Bar
 from exactarm.measurement.known_lengths import known_lengths
 from exactarm.measurement.partner import NAME as PARTNER
@@ -29,7 +30,10 @@ _TWICE = 0.1  # share by which a factor of two may be missed
 
 
 def length_doubts(fit: ClosureFit, data: Dataset, pulls: Pulls, threads: int = 1) -> tuple[str, ...]:
-    """One line for the known length of each sort that is doubted most."""
+    """One line for the known length of each sort that is doubted most; none where the fit itself is in doubt,
+    or where the length runs off with the tool."""
+    if not fit.fit.converged:
+        return ()
     free, mask = zip(*(_released(*each) for each in zip(fit.layout.effects, fit.layout.free)))
     layout = Layout(free, mask)
     fixture = replace(pulls.fixture, distances=(), radii=())
@@ -43,7 +47,7 @@ def length_doubts(fit: ClosureFit, data: Dataset, pulls: Pulls, threads: int = 1
     for sort, words, said, known, sd in _compared(anew, fit.layout, pulls.fixture):
         sd = float(np.hypot(sd, anew.sigma_position))
         doubt = abs(said - known) / sd
-        if doubt > max(_DOUBTED, worst.get(sort, (0.0, ""))[0]):
+        if said < 2.0 * reach(fit.robot) and doubt > max(_DOUBTED, worst.get(sort, (0.0, ""))[0]):
             is_twice = sort == "radius" and abs(known / max(said, 1e-12) / 2.0 - 1.0) < _TWICE
             twice = "; is a diameter given for a radius?" if is_twice else ""
             worst[sort] = (doubt, f"{words}: the touches say {1e3 * said:.4g} mm +- {1e3 * sd:.2g} mm, "
