@@ -112,52 +112,49 @@ def _log_likelihood_alone(model: NoiseModel, residual: np.ndarray) -> float:
     return _student(residual, kinds, model.freedom).log_likelihood
 
 
-def _scales(e: np.ndarray, weight: np.ndarray, kinds: np.ndarray, total: float) -> np.ndarray:
-    """(m,) root mean weighted square of each kind of component (positions alike, orientations alike)."""
-    sigma, at = np.empty(e.shape[1]), 0
-    for width in kinds:
-        part = e[:, at : at + width]
-        sigma[at : at + width] = np.sqrt(np.sum(weight[:, None] * part**2) / (total * width))
-        at += width
-    return np.maximum(sigma, 1e-15)
+def _squares(e: np.ndarray, kinds: np.ndarray) -> np.ndarray:
+    """(N, K) square sum of every row over each kind of component."""
+    return np.add.reduceat(e**2, np.cumsum(kinds) - kinds, axis=1)
+
+
+def _scales(squares: np.ndarray, weight: np.ndarray, kinds: np.ndarray) -> np.ndarray:
+    """(K,) root mean weighted square of each kind of component (positions alike, orientations alike)."""
+    return np.maximum(np.sqrt(weight @ squares / (len(squares) * kinds)), 1e-15)
 
 
 def _student(e: np.ndarray, kinds: np.ndarray, nu: float) -> NoiseModel:
-    rows, m = e.shape
-    sigma = _robust(e, kinds) if np.isfinite(nu) else _scales(e, np.ones(rows), kinds, rows)
+    (rows, m), squares = e.shape, _squares(e, kinds)
+    sigma = _robust(squares, kinds) if np.isfinite(nu) else _scales(squares, np.ones(rows), kinds)
     for _ in range(_PASSES if np.isfinite(nu) else 0):
-        new = _scales(e, _row_weight(np.sum((e / sigma) ** 2, axis=1), m, nu), kinds, rows)
+        new = _scales(squares, _row_weight(squares @ sigma**-2.0, m, nu), kinds)
         done = np.all(np.abs(new / sigma - 1.0) < 1e-6)
         sigma = new
         if done:
             break
-    square = np.sum((e / sigma) ** 2, axis=1)
-    value = float(np.sum(_log_density(square, m, nu)) - rows * np.sum(np.log(sigma)))
-    return NoiseModel(sigma, _row_weight(square, m, nu), "student" if np.isfinite(nu) else "gauss", nu, value)
+    square = squares @ sigma**-2.0
+    value = float(np.sum(_log_density(square, m, nu)) - rows * (kinds @ np.log(sigma)))
+    family = "student" if np.isfinite(nu) else "gauss"
+    return NoiseModel(np.repeat(sigma, kinds), _row_weight(square, m, nu), family, nu, value)
 
 
-def _robust(e: np.ndarray, kinds: np.ndarray) -> np.ndarray:
-    """(m,) scale from the median of the squares."""
-    sigma, at = np.empty(e.shape[1]), 0
-    for width in kinds:
-        square = np.sum(e[:, at : at + width] ** 2, axis=1)
-        sigma[at : at + width] = np.sqrt(np.median(square) / (2.0 * special.gammaincinv(0.5 * width, 0.5)))
-        at += width
-    return np.maximum(sigma, 1e-15)
+def _robust(squares: np.ndarray, kinds: np.ndarray) -> np.ndarray:
+    """(K,) scale from the median of the squares."""
+    usual = 2.0 * special.gammaincinv(0.5 * kinds, 0.5)
+    return np.maximum(np.sqrt(np.median(squares, axis=0) / usual), 1e-15)
 
 
 def _gross(e: np.ndarray, kinds: np.ndarray, nu: float) -> NoiseModel:
     """A share of the rows from a normal law of its own width, the others normal or Student with nu degrees of
     freedom; share and width by expectation and maximisation (Dempster, Laird and Rubin 1977)."""
-    rows, m = e.shape
-    sigma, share, width = _robust(e, kinds), 0.02, MOST_GROSS
+    (rows, m), squares = e.shape, _squares(e, kinds)
+    sigma, share, width = _robust(squares, kinds), 0.02, MOST_GROSS
     for _ in range(_PASSES):
-        square = np.sum((e / sigma) ** 2, axis=1)
+        square = squares @ sigma**-2.0
         good = np.log1p(-share) + _log_density(square, m, nu)
         bad = np.log(share) + _log_density(square / width**2, m, np.inf) - m * np.log(width)
         wrong = special.expit(bad - good)
         weight = _row_weight(square, m, nu)
-        new = _scales(e, (1.0 - wrong) * weight + wrong / width**2, kinds, rows)
+        new = _scales(squares, (1.0 - wrong) * weight + wrong / width**2, kinds)
         share_new = float(np.clip(wrong.mean(), 0.5 / rows, _MOST_WRONG))
         width_new = np.sqrt((wrong @ square) / (m * max(float(wrong.sum()), 0.5)))
         width_new = float(np.clip(width_new, LEAST_GROSS, MOST_GROSS))
@@ -166,8 +163,9 @@ def _gross(e: np.ndarray, kinds: np.ndarray, nu: float) -> NoiseModel:
         sigma, share, width = new, share_new, width_new
         if done:
             break
-    value = float(np.sum(np.logaddexp(good, bad)) - rows * np.sum(np.log(sigma)))
-    return NoiseModel(sigma, np.where(wrong > _SURELY_WRONG, 0.0, weight), "gross", nu, value)
+    value = float(np.sum(np.logaddexp(good, bad)) - rows * (kinds @ np.log(sigma)))
+    weight = np.where(wrong > _SURELY_WRONG, 0.0, weight)
+    return NoiseModel(np.repeat(sigma, kinds), weight, "gross", nu, value)
 
 
 def _log_density(square: np.ndarray, m: int, nu: float) -> np.ndarray:
