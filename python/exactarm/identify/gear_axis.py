@@ -17,7 +17,7 @@ import numpy as np
 from scipy import linalg
 
 from exactarm.errors import InputError
-from exactarm.harmonics import delivered
+from exactarm.harmonics import delivered, waves
 from exactarm.identify.gear_declared import SIDES
 from exactarm.identify.gear_orders import (
     RUN_OUT,
@@ -174,10 +174,10 @@ def _ratio(samples: GearSamples, fitted: np.ndarray, tables: dict[str, Table], s
         phi = samples.angle[rows] / scale
         x, slope = delivered(phi, table.orders, table.a, table.b)
         shape[rows], error[rows] = 1.0 / (1.0 + slope), phi - x
-        columns = np.zeros((samples.rate.size, 2 * below.size))
-        columns[rows] = _run_out_columns(x, below, samples.rate[rows] * shape[rows] ** 2 / scale
-                                         if samples.rated else None)
-        open_columns.append(columns[fitted])
+        used, columns = fitted[rows], np.zeros((np.count_nonzero(fitted), 2 * below.size))
+        rate = samples.rate[rows][used] * shape[rows][used] ** 2 / scale if samples.rated else None
+        columns[rows[fitted]] = _run_out_columns(x[used], below, rate)
+        open_columns.append(columns)
         has = np.isin(below, table.orders)
         lacks = np.zeros((2, below.size))
         lacks[:, has] = -table.a[: has.sum()], -table.b[: has.sum()]  # the lowest of its orders
@@ -186,23 +186,27 @@ def _ratio(samples: GearSamples, fitted: np.ndarray, tables: dict[str, Table], s
     motor = samples.rate * shape if samples.rated else samples.angle
     output = (samples.output if samples.rated else samples.output + error)[fitted]
     chosen = _tellable(motor[fitted], samples.disturbances[fitted])
-    columns = np.concatenate([motor[fitted][:, None], samples.disturbances[fitted][:, chosen]], axis=1)
-    nothing = np.zeros(columns.shape[1])
-    x, covariance, variance = _solved(columns, output, nothing, nothing, None)
-    open_square = covariance[0, 0]
+    columns = [motor[fitted][:, None], samples.disturbances[fitted][:, chosen], *open_columns]
+    whole = np.concatenate(columns, axis=1)
+    normal, right = whole.T @ whole, whole.T @ output
+    nothing = np.zeros(1 + np.count_nonzero(chosen))
+    plain = slice(nothing.size)
+    x, inverse = _solved(normal[plain, plain], right[plain], nothing, nothing)
+    residual = output - whole[:, plain] @ x
+    variance = float(residual @ residual) / max(residual.size - x.size, 1)
+    open_square = inverse[0, 0] * variance
     if below.size and tables:
-        columns = np.concatenate([columns, *open_columns], axis=1)
-        priors = np.concatenate([nothing, *[drawn_to_zero(below)] * len(tables)])
+        priors = variance * np.concatenate([nothing, *[drawn_to_zero(below)] * len(tables)])
         centres = np.concatenate([nothing, *centre])
-        free, its, _ = _solved(columns, output, priors, centres, variance)
+        free, its = _solved(normal, right, priors, centres)
         kept = np.concatenate([nothing == 0.0, *known])
-        x, covariance, _ = _solved(columns[:, kept], output, priors[kept], centres[kept], variance)
-        open_square = its[0, 0] + (free[0] - x[0]) ** 2
+        x, inverse = _solved(normal[np.ix_(kept, kept)], right[kept], priors[kept], centres[kept])
+        open_square = variance * its[0, 0] + (free[0] - x[0]) ** 2
     steps = iter(np.split(x[nothing.size :], len(tables)) if tables else ())
     tables = {side: _moved(table, step) for (side, table), step in zip(tables.items(), steps)}
     disturbance = np.zeros(samples.disturbances.shape[1])
     disturbance[chosen] = x[1 : nothing.size]
-    sigmas = np.sqrt([covariance[0, 0], open_square])
+    sigmas = np.sqrt([variance * inverse[0, 0], open_square])
     with np.errstate(divide="ignore", invalid="ignore"):
         return Ratio(1.0 / x[0], disturbance, *(float(sigma / x[0] ** 2) for sigma in sigmas)), tables
 
@@ -216,24 +220,20 @@ def _moved(table: Table, step: np.ndarray) -> Table:
 
 def _run_out_columns(x: np.ndarray, orders: np.ndarray, rate: np.ndarray | None) -> np.ndarray:
     """(N, 2 m) what all a and all b do to the output at the angle x: a rate, or the angle itself."""
-    angle = x[:, None] * orders
+    sine, cosine = waves(x, orders)
     if rate is not None:
-        return rate[:, None] * np.concatenate([-np.cos(angle), np.sin(angle)], axis=1)
-    return np.concatenate([-np.sin(angle) / orders, (1.0 - np.cos(angle)) / orders], axis=1)
+        return rate[:, None] * np.concatenate([-cosine, sine], axis=1)
+    return np.concatenate([-sine / orders, (1.0 - cosine) / orders], axis=1)
 
 
-def _solved(columns: np.ndarray, output: np.ndarray, priors: np.ndarray, centre: np.ndarray | float,
-            variance: float | None) -> tuple[np.ndarray, np.ndarray, float]:
-    """Coefficients, their covariance and the variance of a row (found where it is not given), drawn to
-    `centre` with the inverse variances `priors`."""
-    normal = columns.T @ columns + np.diag(priors * (variance or 0.0))
+def _solved(normal: np.ndarray, right: np.ndarray, priors: np.ndarray,
+            centre: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Coefficients and the inverse of their normal matrix, drawn to `centre` with `priors`: their inverse
+    variances times the variance of a row."""
+    normal = normal + np.diag(priors)
     size = np.sqrt(np.diag(normal))
     inverse = linalg.pinvh(normal / np.outer(size, size)) / np.outer(size, size)
-    x = inverse @ (columns.T @ output + priors * (variance or 0.0) * centre)
-    if variance is None:
-        residual = output - columns @ x
-        variance = float(residual @ residual) / max(residual.size - x.size, 1)
-    return x, variance * inverse, variance
+    return inverse @ (right + priors * centre), inverse
 
 
 def _tellable(motor: np.ndarray, columns: np.ndarray) -> np.ndarray:
