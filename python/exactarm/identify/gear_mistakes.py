@@ -12,7 +12,7 @@ import numpy as np
 
 from exactarm.dataset import Dataset
 from exactarm.identify.clock_drift import lags
-from exactarm.identify.odd_gear_runs import gyro_runs, odd_gear_runs
+from exactarm.identify.odd_gear_runs import gyro_runs, odd_gear_runs, runs_of_several_axes
 from exactarm.identify.signal_mistakes import LONG_STEP_S
 from exactarm.identify.suspicion import Suspicion, run_words
 from exactarm.identify.tracked_mistakes import clock_suspicions
@@ -171,7 +171,8 @@ def _of_gyroscope(robot: Robot, data: Dataset) -> list[Suspicion]:
         found += clock_suspicions(late, f"run {data.run[rows[0]]}", "the gyroscope", MUCH_LAG_S)
     shares = {axis: float(np.median(values)) for axis, values in slopes.items() if np.median(values) > 0.0}
     odd = odd_gear_runs(data, runs, GYRO_TOLERANCE, _reading)
-    return odd or _far_off(shares) or found[:1] or _somewhat_off(robot, shares)
+    together = runs_of_several_axes(robot, data)
+    return together + (odd or _far_off(shares) or found[:1] or _somewhat_off(robot, shares))
 
 
 def _far_off(shares: dict[int, float]) -> list[Suspicion]:

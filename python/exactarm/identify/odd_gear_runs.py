@@ -16,7 +16,7 @@ from itertools import permutations, product
 import numpy as np
 
 from exactarm.dataset import Dataset
-from exactarm.identify.suspicion import Suspicion, run_words
+from exactarm.identify.suspicion import Suspicion, listed, run_words
 from exactarm.kinds.base import STANDS_STILL, runs_in_time
 from exactarm.robot import Robot
 from exactarm.view import motor_angles
@@ -64,6 +64,24 @@ def gyro_runs(robot: Robot, data: Dataset, smooth: Callable[[np.ndarray], np.nda
         reading = np.stack([smooth(values) for values in data.gyro[rows].T], axis=1)
         found.append(GyroRun.of(rows, axis, rate, reading))
     return found
+
+
+def runs_of_several_axes(robot: Robot, data: Dataset) -> list[Suspicion]:
+    """Of the first run in which more than one axis moves: which of them the sensor feels, nobody knows."""
+    theta, found, runs = motor_angles(robot, data), [], runs_in_time(data)
+    for rows in runs:
+        span = np.ptp(theta[rows], axis=0) / np.abs(robot.ratios)
+        moving = np.flatnonzero(span > STANDS_STILL * span.max())
+        if rows.size >= _LEAST_ROWS and moving.size > 1:
+            found.append((rows, moving))
+    if not found:
+        return []
+    (rows, moving), others = found[0], len(found) - 1
+    beside = f" (and so in {others} more of {len(runs)} runs)" if others else ""
+    return [Suspicion(
+        f"{run_words(data, rows)}: {listed(moving)} move at once{beside}; a gyroscope shows the gear of one "
+        "axis while the others stand still: what is said of gears from such runs is not to be trusted",
+        sentence=True)]
 
 
 def odd_gear_runs(data: Dataset, runs: list[GyroRun], tolerance: float,
