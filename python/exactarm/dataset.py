@@ -47,6 +47,7 @@ from exactarm.sensor_rows import with_sensors
 from exactarm.split import pose_split, run_split, split_rule
 from exactarm.table import Table, read_table, write_table
 
+_EPOCH_S = 1e8  # three years: nobody measures so long
 _ROBOT_FILES = (".toml", ".urdf", ".xacro")
 QUATERNION_NORM_TOLERANCE = 0.01  # three decimals per component pass, a wrong column does not
 
@@ -92,6 +93,12 @@ def read_dataset(
     _check_files(files)
     dataset = replace(_join(files, robot), fixture=fixture)
     return replace(dataset, **data_kinds(dataset, robot, kind))
+
+
+def _since_the_start(time: np.ndarray) -> np.ndarray:
+    """Of a clock that counts from 1970 or so: a float of 1.8e9 s knows no less than 0.24 us, which rates
+    of fast logs feel."""
+    return time - np.floor(time.min()) if time.size and time.min() > _EPOCH_S else time
 
 
 def read_planned_poses(paths: str | Path | Sequence[str | Path], robot: Robot) -> Dataset:
@@ -297,7 +304,7 @@ def _join(files: Sequence[_File], robot: Robot) -> Dataset:
         run=_distinct_runs(files),
         file_index=np.repeat(np.arange(len(files)), rows),
         row=np.concatenate([np.arange(1, count + 1) for count in rows]),
-        time=stack(("time", None)) if ("time", None) in first else None,
+        time=_since_the_start(stack(("time", None))) if ("time", None) in first else None,
         position=vector(POSITION),
         rotation=_rotation(files, vector),
         rotation_vector=vector(ROTATION_VECTOR),

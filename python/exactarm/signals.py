@@ -17,6 +17,8 @@ _FIRST_SAMPLES = 400  # as good as all, and quick on a long run
 _GAP = 1.5  # a step longer than this many typical ones may end a block ...
 # ... if the clock stays late by this share of one: median of so many stamps on either side
 _LOST, _AROUND = 0.5, 8
+# of a step; share of the steps: stamps on a grid tell every lost sample by themselves, however many are lost
+_OFF_THE_GRID, _GRID = 0.1, 0.99
 # Central differences on a unit grid, coefficients of x[k + 1] - x[k - 1], x[k + 2] - x[k - 2], ... (Fornberg
 # 1988).
 _STENCILS = {
@@ -28,6 +30,7 @@ _STENCILS = {
 HALF_STENCIL = 4
 _LONG_SAMPLES = 10000
 _CERTAIN = 5.0  # standard deviations
+_SLOW_HZ = 15.0  # that arms are moved with
 _EVEN, _CLOCK_CUTOFF_HZ = 1e-6, 1.0  # share of a step; slower changes of the sampling rate are believed
 _END_WIDTHS = 4.0  # deviations of the filter: the line at the ends of a noisy block
 _WIDE = 60  # samples of a kernel's reach from which a Fourier transform is quicker
@@ -55,9 +58,14 @@ def blocks(time: np.ndarray) -> list[np.ndarray]:
     if time.size < 2:
         return [np.arange(time.size)]
     step = typical_step(time)
-    gaps = np.flatnonzero(np.diff(time) > _GAP * step)
+    steps = np.diff(time) / step
+    gaps = np.flatnonzero(steps > _GAP)
     if gaps.size:
-        gaps = gaps[_lateness(time, gaps) > _LOST * step]
+        lost = _lateness(time, gaps) > _LOST * step
+        whole = np.abs(steps - np.maximum(np.round(steps), 1.0)) < _OFF_THE_GRID
+        if np.mean(whole) > _GRID:
+            lost |= whole[gaps] & whole[np.minimum(gaps + 1, steps.size - 1)]
+        gaps = gaps[lost]
     return np.split(np.arange(time.size), gaps + 1)
 
 
@@ -110,6 +118,15 @@ def stamps_are_true(values: np.ndarray, rate: np.ndarray, time: np.ndarray, cloc
     share = float(stamped @ scattered) / power
     left = scattered - share * stamped
     return share > 0.5 and share > _CERTAIN * np.sqrt(float(left @ left) / power / values.size)
+
+
+def at_even_times(values: np.ndarray, stamps: np.ndarray, time: np.ndarray, main: int) -> np.ndarray:
+    """Angles (R, n) of one run at the even `time`, where those of the column `main`, which moves most, show
+    that they were read at their stamps."""
+    rate = derivative(gaussian_filter(values, time, _SLOW_HZ), time)
+    if not stamps_are_true(values[:, main], rate[:, main], stamps, time):
+        return values
+    return values - rate * (stamps - time)[:, None]
 
 
 def gaussian_sigma(cutoff_hz: float) -> float:

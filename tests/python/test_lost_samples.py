@@ -1,13 +1,18 @@
 """A motion of which rows are missing says the same as the whole one: lost samples are filled, stretches that
 are kept for validation cut a run into pieces."""
 
+from dataclasses import replace
+
 import numpy as np
+import pandas as pd
 import pytest
 
 from exactarm.chain.lost_samples import without_gaps
 from exactarm.chain.motion_record import full_record, motion_record
+from exactarm.dataset import read_dataset
 from exactarm.errors import InputError
 from exactarm.robot_file import load_robot
+from exactarm.signals import blocks
 from motions import fourier_motion, motion_data
 
 STEP_S = 1e-3
@@ -65,6 +70,58 @@ def test_rows_of_validation_within_a_run_cut_it(whole):
     worst, cut = apart(robot, data, np.arange(len(data)) % 1500 < 1000)
     assert worst < 5e-3 and len(cut.runs) == 4
     assert cut.keep.sum() * cut.step == pytest.approx(4 * 0.7, rel=0.05)  # less 0.15 s at both ends
+
+
+@pytest.mark.parametrize("share", [0.1, 0.3])
+def test_many_lost_samples_are_seen_on_a_grid_of_stamps(share):
+    kept = np.random.default_rng(4).random(2000) > share
+    kept[[0, -1]] = True
+    (part,) = without_gaps(np.flatnonzero(kept) * STEP_S, (), 20.0 * STEP_S)
+    assert part.time == pytest.approx(np.arange(2000) * STEP_S, abs=1e-12)
+
+
+def test_a_late_stamp_is_no_gap():
+    time = np.arange(400) * STEP_S
+    time[200] += 0.9 * STEP_S
+    assert len(blocks(time)) == 1
+
+
+@pytest.mark.parametrize("clock", ["jitter", "epoch", "read at its stamps"])
+def test_uneven_stamps_do_not_reach_the_acceleration(whole, clock):
+    """A tenth of a step of jitter; the seconds since 1970 in a float; angles that were read late indeed."""
+    robot, data = whole
+    late = np.random.default_rng(5).normal(0.0, 0.1 * STEP_S, len(data))
+    late = np.spacing(1.76e9) * np.round(late / STEP_S * 5.0) if clock == "epoch" else late
+    stamped = replace(data, time=data.time + late)
+    if clock.startswith("read"):
+        _, angle, rate, _ = fourier_motion(robot, 6.0, 1.0 / STEP_S, seed=3)
+        read = (angle + rate * late[:, None]) * robot.ratios
+        stamped = replace(stamped, joints={**data.joints, "theta": read})
+    full, cut = motion_record(robot, data), motion_record(robot, stamped)
+    off = np.abs(full.theta_ddot - cut.theta_ddot)[full.keep]
+    assert np.max(off / np.max(np.abs(full.theta_ddot), axis=0)) < 0.02
+
+
+def test_seconds_since_1970_count_from_the_first(tmp_path):
+    robot = load_robot("tx40")
+    columns = {f"theta_{axis + 1}_rad": 0.01 * np.arange(40) for axis in range(robot.axes)}
+    columns |= {f"tau_{axis + 1}_Nm": np.ones(40) for axis in range(robot.axes)}
+    columns["time_s"] = 1.7637e9 + 0.5 + STEP_S * np.arange(40)
+    pd.DataFrame(columns).to_csv(tmp_path / "log.csv", index=False)
+    time = read_dataset(tmp_path / "log.csv", robot).time
+    assert time == pytest.approx(0.5 + STEP_S * np.arange(40), abs=1e-6)
+
+
+def test_rows_of_a_series_that_change_their_set_every_few_samples_are_refused(tmp_path):
+    robot = load_robot("tx40")
+    columns = {f"theta_{axis + 1}_rad": 0.01 * np.arange(200) for axis in range(robot.axes)}
+    columns |= {f"tau_{axis + 1}_Nm": np.ones(200) for axis in range(robot.axes)}
+    columns["time_s"] = STEP_S * np.arange(200)
+    columns["set"] = np.where(np.arange(200) % 10 < 7, "identification", "validation")
+    pd.DataFrame(columns).to_csv(tmp_path / "log.csv", index=False)
+    with pytest.raises(InputError, match="passes 39 times between identification and validation") as caught:
+        read_dataset(tmp_path / "log.csv", robot)
+    assert (caught.value.row, caught.value.column) == (8, "set")
 
 
 @pytest.mark.parametrize(("kept", "runs"), [

@@ -32,13 +32,13 @@ from exactarm.kinds.base import STANDS_STILL
 from exactarm.robot import Robot
 from exactarm.signals import (
     HALF_STENCIL,
+    at_even_times,
     block_starts,
     blocks,
     derivative,
     even_clock,
     gaussian_filter,
     gaussian_sigma,
-    stamps_are_true,
     steady_direction,
     step_of_quantisation,
     typical_step,
@@ -138,7 +138,7 @@ def gear_record(robot: Robot, data: Dataset, *, accelerating: bool = False) -> G
         clock[rows] = time = even_clock(stamps)
         at = np.ix_(rows, moving)
         if time is not stamps:
-            theta[at] = _at_even_times(theta[at], stamps, time, int(np.searchsorted(moving, main)))
+            theta[at] = at_even_times(theta[at], stamps, time, int(np.searchsorted(moving, main)))
         angle = theta[at] if cutoff is None else smoothest(theta[at], time, cutoff)
         theta[at] = angle
         theta_dot[at] = rate = derivative(angle, time)
@@ -235,15 +235,6 @@ def _passing(robot: Robot, data: Dataset, record: GearRecord) -> np.ndarray:
         passing |= in_passage(error, beside, columns, record.theta_dot[:, axis] / robot.ratios[axis],
                               record.theta[:, axis] / robot.ratios[axis], record.time, runs, record.keep)
     return passing
-
-
-def _at_even_times(theta: np.ndarray, stamps: np.ndarray, time: np.ndarray, main: int) -> np.ndarray:
-    """Motor angles (R, n) at the even `time`, where those of the column `main` show that they were read at
-    their stamps."""
-    rate = derivative(gaussian_filter(theta, time, _DIRECTION_CUTOFF_HZ), time)
-    if not stamps_are_true(theta[:, main], rate[:, main], stamps, time):
-        return theta
-    return theta - rate * (stamps - time)[:, None]
 
 
 def _encoder_axes(data: Dataset) -> tuple[int, ...]:

@@ -4,8 +4,9 @@ The measured torque passes an acausal Butterworth low-pass (fourth order, forwar
 bandwidth f; the angles pass the same at 2.5 f, which leaves the band of the torque untouched, and are
 differentiated. Rows are then resampled at 12.5 f a second (25 f where gear harmonics are declared). The
 prediction, friction's jumps and all, goes through the low-pass at f too (thesis (3.2): both sides alike), so
-it is never asked for what the measured side has lost. Short gaps in time are filled (lost_samples.py); long
-ones (rows that are not to be fitted) cut a run into stretches, each with its own ends: `runs` are these.
+it is never asked for what the measured side has lost. Stamps that scatter are made even first. Short gaps in
+time are filled (lost_samples.py); long ones (rows that are not to be fitted) cut a run into stretches, each
+with its own ends: `runs` are these.
 
 Torque (N, n) in Nm on the output side: tau, or nominal ratio times tau_motor, or nominal ratio times torque
 constant times current (1 Nm/A where no constant is declared). Axes whose torque was not measured hold NaN.
@@ -28,7 +29,7 @@ from exactarm.errors import InputError
 from exactarm.kinds.base import runs_in_time
 from exactarm.rest_load import declared_constants, drive_torque
 from exactarm.robot import Robot
-from exactarm.signals import derivative_operator, typical_step
+from exactarm.signals import at_even_times, derivative_operator, even_clock, typical_step
 from exactarm.view import SIGN_WIDTH_RAD_S, motor_angles
 
 BANDWIDTH_HZ = 20.0  # arms are moved below 5 Hz and swing near 10 Hz
@@ -151,8 +152,9 @@ def motion_record(robot: Robot, data: Dataset, bandwidth_hz: float | None = None
     for rows in runs_in_time(data):
         step = typical_step(data.time[rows]) if rows.size > 1 else np.inf
         steps.append(step)
-        signals = (theta[rows], torque[rows], *(() if rates is None else (rates[rows],)))
-        for stretch in without_gaps(data.time[rows], signals, _FILLED_PERIODS / bandwidth):
+        time, angle = _on_an_even_clock(robot, data.time[rows], theta[rows])
+        signals = (angle, torque[rows], *(() if rates is None else (rates[rows],)))
+        for stretch in without_gaps(time, signals, _FILLED_PERIODS / bandwidth):
             run = _Run(rows, step, bandwidth < _LARGEST / step, rows_share * _rows_per_period(robot), stretch)
             (short if run.too_short(bandwidth) else parts).append(run)
     if not parts:
@@ -221,7 +223,8 @@ def full_record(
     step = float(np.median(np.concatenate([np.diff(data.time[rows]) for rows in whole])))
     filtered = _WIDE * bandwidth_hz < _LARGEST / step
     for run in whole:
-        for stretch in without_gaps(data.time[run], (theta[run],), _FILLED_PERIODS / bandwidth_hz):
+        time, even = _on_an_even_clock(robot, data.time[run], theta[run])
+        for stretch in without_gaps(time, (even,), _FILLED_PERIODS / bandwidth_hz):
             rows = run[stretch.row[stretch.given]]
             derivative, angle = derivative_operator(stretch.time), stretch.signals[0]
             own = derivative @ (_low_pass(angle, _WIDE * bandwidth_hz, step) if filtered else angle)
@@ -233,6 +236,14 @@ def full_record(
     inside, width = np.ones(len(data), bool), np.full(robot.axes, SIGN_WIDTH_RAD_S)
     return MotionRecord(data, theta, rate, acceleration, torque, direction, inside, tuple(runs), band, step,
                         step, width, ~inside)
+
+
+def _on_an_even_clock(robot: Robot, stamps: np.ndarray, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Times (R,) of a run without the jitter of their stamps, and its motor angles (R, n) at them."""
+    time = even_clock(stamps)
+    if time is stamps:
+        return stamps, theta
+    return time, at_even_times(theta, stamps, time, int(np.argmax(np.ptp(theta / robot.ratios, axis=0))))
 
 
 def measured_torque(robot: Robot, data: Dataset) -> np.ndarray:

@@ -25,6 +25,7 @@ from exactarm.errors import InputError
 from exactarm.robot import Robot
 from exactarm.rows import Rows
 
+_LEAST_STRETCH = 20  # rows of a series in one set, on average
 STANDS_STILL = 0.02  # an axis moves when its range is more than this share of the largest
 NEARLY_EQUAL = 0.5  # a step may differ from the median by this share ...
 NEARLY_ALL = 0.9  # ... in this share of all steps, at least: logs lose samples
@@ -135,6 +136,15 @@ def check_time(data: Rows) -> None:
             message = f"time {data.time[at]:.9g} s does not rise; expected more than {time[fallen[0]]:.9g} s"
             file = file_of(data, data.file_index[at])
             raise InputError(message, file=file, row=int(data.row[at]), column="time_s")
+        sets = data.identification
+        turns = np.flatnonzero(np.diff(sets[rows])) if sets is not None else time[:0]
+        if turns.size and rows.size < _LEAST_STRETCH * (turns.size + 1):
+            at = rows[int(turns[0]) + 1]
+            raise InputError(
+                f"run {data.run[at]} passes {turns.size} times between identification and validation, every "
+                f"{rows.size / (turns.size + 1):.2g} rows; expected whole runs, or stretches of seconds: "
+                "neighbours in time are no test of each other", file=file_of(data, data.file_index[at]),
+                row=int(data.row[at]), column="set")
 
 
 def check_joints(data: Rows, robot: Robot) -> None:
