@@ -120,6 +120,18 @@ def stamps_are_true(values: np.ndarray, rate: np.ndarray, time: np.ndarray, cloc
     return share > 0.5 and share > _CERTAIN * np.sqrt(float(left @ left) / power / values.size)
 
 
+def between_gaps(time: np.ndarray, *signals: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Time and signals (R, ...) of one run with straight lines over its gaps, for what smooths neighbours."""
+    parts, step = blocks(time), typical_step(time)
+    if len(parts) == 1:
+        return time, *signals
+    gaps = [(time[one[-1]], time[other[0]]) for one, other in zip(parts[:-1], parts[1:])]
+    missing = [np.linspace(a, b, max(2, round((b - a) / step) + 1))[1:-1] for a, b in gaps]
+    whole = np.sort(np.concatenate([time, *missing]))
+    line = lambda values: np.interp(whole, time, values)
+    return whole, *(np.apply_along_axis(line, 0, signal) for signal in signals)
+
+
 def at_even_times(values: np.ndarray, stamps: np.ndarray, time: np.ndarray, main: int) -> np.ndarray:
     """Angles (R, n) of one run at the even `time`, where those of the column `main`, which moves most, show
     that they were read at their stamps."""

@@ -9,6 +9,7 @@ import pytest
 
 from exactarm.chain import gear_record
 from exactarm.diagnose.diagnosis import diagnose
+from exactarm.errors import InputError
 from exactarm.identify.gear import identify_gears
 from exactarm.robot import GearTable
 from gear_simulation import DEGREE, GearRuns, simulate
@@ -117,3 +118,10 @@ def test_a_scale_of_the_gyroscope_is_told_beside_the_ratio():
     assert not told(data)
     (text,) = told(replace(data, gyro=1.02 * data.gyro))
     assert "79.41" in text and "-2 %" in text
+
+
+def test_a_gear_of_which_hardly_a_row_has_a_rate_is_refused_in_words():
+    robot, _, data = case(0.0)
+    kept = np.random.default_rng(2).random(len(data)) > 0.35
+    with pytest.raises(InputError, match="rows identify in a steady motion"):
+        identify_gears(robot, data.select(kept))

@@ -109,3 +109,10 @@ def test_axes_that_move_at_once_under_a_gyroscope_are_told(gyro_runs):
                if "at once" in text]
     assert "axes 1 and 2 move at once; a gyroscope" in said and said.startswith("run 1 (")
     assert not [text for text in first_aid(robot, data) if "at once" in text]
+
+
+@pytest.mark.parametrize("share", [0.1, 0.3])
+def test_lost_samples_are_no_other_ratio_and_no_other_clock(gyro_runs, share):
+    robot, data = gyro_runs
+    kept = np.random.default_rng(6).random(len(data)) > share
+    assert first_aid(robot, data.select(kept)) == first_aid(robot, data) == ()

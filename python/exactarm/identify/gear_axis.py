@@ -30,7 +30,7 @@ from exactarm.identify.gear_orders import (
     whole_orders,
     with_run_out,
 )
-from exactarm.identify.gear_profile import AngleProfile, angle_profile, highest_order
+from exactarm.identify.gear_profile import AngleProfile, angle_profile, fast_rows, highest_order
 from exactarm.identify.gear_samples import GearSamples
 from exactarm.robot import GearTable
 
@@ -151,7 +151,7 @@ def _require_like(samples: GearSamples, scale: float) -> None:
 
 def _profiles(samples, fitted, ratio: Ratio) -> dict[str, AngleProfile]:
     beside = samples.disturbances @ ratio.disturbance
-    sides = {side: fitted & samples.side(way) for side, way in SIDES.items()}
+    sides = {side: fast_rows(samples, fitted & samples.side(way)) for side, way in SIDES.items()}
     sides = {side: rows for side, rows in sides.items()
              if rows.sum() >= _LEAST_CELLS and np.ptp(samples.angle[rows]) > 0}
     return {

@@ -18,7 +18,7 @@ from exactarm.identify.suspicion import Suspicion, run_words
 from exactarm.identify.tracked_mistakes import clock_suspicions
 from exactarm.kinds.base import rows_of_runs, runs_in_time
 from exactarm.robot import Robot
-from exactarm.signals import typical_step
+from exactarm.signals import between_gaps, typical_step
 from exactarm.view import motor_angles
 
 RATIO_TOLERANCE = 0.03  # teeth are counted; a gear's error is below a thousandth
@@ -100,8 +100,9 @@ def _of_clocks(robot: Robot, data: Dataset, both: np.ndarray) -> list[Suspicion]
             continue
         for i in both:
             sides = (data.joints["theta"][rows, i] / robot.ratios[i], data.joints["q"][rows, i])
-            rates = [np.gradient(_smooth(values), time) for values in sides]
-            told += [found] if (found := lags(time, *rates)) else []
+            even, *sides = between_gaps(time, *sides)
+            rates = [np.gradient(_smooth(values), even) for values in sides]
+            told += [found] if (found := lags(even, *rates)) else []
         if not told:
             continue
         first, last = (np.array([getattr(each, name) for each in told]) for name in ("first", "last"))
@@ -162,10 +163,11 @@ def _of_gyroscope(robot: Robot, data: Dataset) -> list[Suspicion]:
     runs = gyro_runs(robot, data, _smooth)
     for run in runs:
         rows, axis = run.rows, run.axis
-        time = data.time[rows]
-        rate = np.gradient(_smooth(theta[rows, axis] / robot.ratios[axis]), time)
-        reading = _smooth(np.linalg.norm(data.gyro[rows], axis=1))
-        along = np.linalg.norm(data.gyro[rows].T @ rate)
+        time, angle, gyro = between_gaps(data.time[rows], theta[rows, axis] / robot.ratios[axis],
+                                         data.gyro[rows])
+        rate = np.gradient(_smooth(angle), time)
+        reading = _smooth(np.linalg.norm(gyro, axis=1))
+        along = np.linalg.norm(gyro.T @ rate)
         slopes.setdefault(axis, []).append(float(along / max(rate @ rate, 1e-300)))
         late = lags(time, np.abs(rate), reading)
         found += clock_suspicions(late, f"run {data.run[rows[0]]}", "the gyroscope", MUCH_LAG_S)

@@ -80,8 +80,7 @@ def angle_profile(samples, chosen: np.ndarray, way: float, highest: float, scale
                   disturbance: np.ndarray):
     """Profile of the chosen rows; scale: true ratio over declared one; disturbance (N,): what to take out of
     the output."""
-    fast = np.abs(samples.rate) > _LEAST_SPEED_SHARE * np.max(np.abs(samples.rate), initial=0.0)
-    chosen = chosen & (fast if samples.rated else True)
+    chosen = fast_rows(samples, chosen)
     angle = samples.angle[chosen] / scale
     output = samples.output[chosen] - disturbance[chosen]
     step = _CELL_PHASE_RAD / highest
@@ -98,6 +97,14 @@ def angle_profile(samples, chosen: np.ndarray, way: float, highest: float, scale
         value = fold(angle - output)[full] / weight
     centre = fold(angle)[full] / count[full]
     return AngleProfile(way, centre, value, weight, full, step, int(chosen.sum()), samples.rated)
+
+
+def fast_rows(samples, chosen: np.ndarray) -> np.ndarray:
+    """(N,) bool: the chosen rows that a profile is made of."""
+    if not samples.rated:
+        return chosen
+    speed = np.abs(samples.rate)
+    return chosen & (speed > _LEAST_SPEED_SHARE * np.max(speed[samples.keep], initial=0.0))
 
 
 def highest_order(samples) -> float:

@@ -19,6 +19,7 @@ from exactarm.dataset import Dataset
 from exactarm.identify.suspicion import Suspicion, listed, run_words
 from exactarm.kinds.base import STANDS_STILL, runs_in_time
 from exactarm.robot import Robot
+from exactarm.signals import between_gaps
 from exactarm.view import motor_angles
 
 # the noise of a run's direction is a thousandth; a sensor is mounted again within some hundredths
@@ -60,8 +61,10 @@ def gyro_runs(robot: Robot, data: Dataset, smooth: Callable[[np.ndarray], np.nda
         if rows.size < _LEAST_ROWS or span.max() == 0.0 or np.sum(span > STANDS_STILL * span.max()) != 1:
             continue
         axis = int(np.argmax(span))
-        rate = np.gradient(smooth(theta[rows, axis] / robot.ratios[axis]), data.time[rows])
-        reading = np.stack([smooth(values) for values in data.gyro[rows].T], axis=1)
+        time, angle, gyro = between_gaps(data.time[rows], theta[rows, axis] / robot.ratios[axis],
+                                         data.gyro[rows])
+        rate = np.gradient(smooth(angle), time)
+        reading = np.stack([smooth(values) for values in gyro.T], axis=1)
         found.append(GyroRun.of(rows, axis, rate, reading))
     return found
 
