@@ -143,3 +143,13 @@ def test_stretches_that_are_all_too_short_are_refused(whole):
     robot, data = whole
     with pytest.raises(InputError, match="200 samples without a gap is too short; expected"):
         motion_record(robot, data.select(np.arange(len(data)) % 400 < 200))
+
+
+def test_a_clock_that_begins_anew_asks_for_a_column_run(tmp_path):
+    robot = load_robot("tx40")
+    columns = {f"theta_{axis + 1}_rad": 0.01 * np.arange(80) for axis in range(robot.axes)}
+    columns |= {f"tau_{axis + 1}_Nm": np.ones(80) for axis in range(robot.axes)}
+    columns["time_s"] = STEP_S * (np.arange(80) % 40)
+    pd.DataFrame(columns).to_csv(tmp_path / "log.csv", index=False)
+    with pytest.raises(InputError, match="expected more than 0.039 s .where a second run begins"):
+        read_dataset(tmp_path / "log.csv", robot)

@@ -134,13 +134,15 @@ def _ratio_and_disturbances(robot: Robot, gears) -> tuple:
             if value and not name.startswith("offset"):
                 beside.append((str(gear.joint), name,
                                Quantity(float(value), _disturbance_unit(name, gear.unit))))
-    tables: list = [Table("Ratio", ("axis", "declared", "identified (95 %)"), tuple(rows))]
+    ranges = [profile.range_rev for gear in gears for profile in gear.estimate.profiles.values()]
+    note = ("On less than two turns a wheel that runs out, once or twice a turn, looks much like another "
+            "ratio: the interval holds what it may be." if min(ranges) < 2.0 else "")
+    tables: list = [Table("Ratio", ("axis", "declared", "identified (95 %)"), tuple(rows), note)]
     if beside:
         tables.append(Table(
             "Beside the gear", ("axis", "what", "size"), tuple(beside),
             "Fitted together with the harmonics so that they do not bend them; not taken out of the errors "
-            "above "
-            "(but for the bias) and not in the robot file: `exactarm diagnose` names such effects.",
+            "above (but for the bias) and not in the robot file: `exactarm diagnose` names such effects.",
         ))
     if rest:
         header = ("gear", "identification", "identification without", "validation", "validation without")

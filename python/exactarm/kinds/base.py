@@ -134,6 +134,8 @@ def check_time(data: Rows) -> None:
         if fallen.size:
             at = rows[fallen[0] + 1]
             message = f"time {data.time[at]:.9g} s does not rise; expected more than {time[fallen[0]]:.9g} s"
+            if data.time[at] <= time[1]:
+                message += " (where a second run begins, number the runs in a column run)"
             file = file_of(data, data.file_index[at])
             raise InputError(message, file=file, row=int(data.row[at]), column="time_s")
         sets = data.identification
