@@ -50,7 +50,7 @@ def length_doubts(fit: ClosureFit, data: Dataset, pulls: Pulls, threads: int = 1
         if said < 2.0 * reach(fit.robot) and doubt > max(_DOUBTED, worst.get(sort, (0.0, ""))[0]):
             is_twice = sort == "radius" and abs(known / max(said, 1e-12) / 2.0 - 1.0) < _TWICE
             twice = "; is a diameter given for a radius?" if is_twice else ""
-            worst[sort] = (doubt, f"{words}: the touches say {1e3 * said:.4g} mm +- {1e3 * sd:.2g} mm, "
+            worst[sort] = (doubt, f"{words}: the touches say {1e3 * said:.4g} mm ± {1e3 * sd:.2g} mm, "
                                   f"expected {known * 1e3:.4g} mm{twice}")
     return tuple(line for _, line in worst.values())
 
