@@ -30,7 +30,7 @@ _STENCILS = {
 HALF_STENCIL = 4
 _LONG_SAMPLES = 10000
 _CERTAIN = 5.0  # standard deviations
-_SLOW_HZ = 15.0  # that arms are moved with
+MOTION_HZ = 15.0  # that arms are moved with
 _EVEN, _CLOCK_CUTOFF_HZ = 1e-6, 1.0  # share of a step; slower changes of the sampling rate are believed
 _END_WIDTHS = 4.0  # deviations of the filter: the line at the ends of a noisy block
 _WIDE = 60  # samples of a kernel's reach from which a Fourier transform is quicker
@@ -120,22 +120,10 @@ def stamps_are_true(values: np.ndarray, rate: np.ndarray, time: np.ndarray, cloc
     return share > 0.5 and share > _CERTAIN * np.sqrt(float(left @ left) / power / values.size)
 
 
-def between_gaps(time: np.ndarray, *signals: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Time and signals (R, ...) of one run with straight lines over its gaps, for what smooths neighbours."""
-    parts, step = blocks(time), typical_step(time)
-    if len(parts) == 1:
-        return time, *signals
-    gaps = [(time[one[-1]], time[other[0]]) for one, other in zip(parts[:-1], parts[1:])]
-    missing = [np.linspace(a, b, max(2, round((b - a) / step) + 1))[1:-1] for a, b in gaps]
-    whole = np.sort(np.concatenate([time, *missing]))
-    line = lambda values: np.interp(whole, time, values)
-    return whole, *(np.apply_along_axis(line, 0, signal) for signal in signals)
-
-
 def at_even_times(values: np.ndarray, stamps: np.ndarray, time: np.ndarray, main: int) -> np.ndarray:
     """Angles (R, n) of one run at the even `time`, where those of the column `main`, which moves most, show
     that they were read at their stamps."""
-    rate = derivative(gaussian_filter(values, time, _SLOW_HZ), time)
+    rate = derivative(gaussian_filter(values, time, MOTION_HZ), time)
     if not stamps_are_true(values[:, main], rate[:, main], stamps, time):
         return values
     return values - rate * (stamps - time)[:, None]

@@ -7,7 +7,7 @@ is the derivative (N, m, P) of a signal with respect to the P free parameters of
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -230,3 +230,10 @@ def motor_angles(robot: Robot, data: Dataset) -> np.ndarray:
         reported = (data.joints["q"] - robot.controller_offsets) * robot.controller_ratios
         theta = np.where(np.isnan(theta), reported, theta)
     return np.where(np.isnan(theta), 0.0, theta)
+
+
+def on_axes(measured: Sequence[int], axes: int, values: np.ndarray) -> np.ndarray:
+    """(N, n) of values (N, m) of the axes that are measured, from 0; zero on the others."""
+    out = np.zeros((len(values), axes))
+    out[:, measured] = values
+    return out

@@ -52,7 +52,8 @@ def touched_blocks(name: str, seed: int) -> tuple[VirtualRobot, Dataset]:
 @pytest.mark.parametrize("name", ["ur10", "panda", "tx40"])
 def test_small_faces_are_found_with_an_unknown_tool(name):
     """Around a wrong tool a face lay across its touches and stayed there, 9 to 43 mm off; an arm of this
-    deviation misses its faces by 2 to 4 mm at most (seeds 0 to 2 of each arm)."""
+    deviation misses its faces by 2 to 4 mm at most (seeds 0 to 2 of each arm;
+    the first is run here)."""
     robot, data = touched_blocks(name, 0)
     data = touches(data)
     fit = nominal_closures(robot.nominal, data, Layout.of(()))

@@ -1,5 +1,8 @@
 """Gyroscope runs of less than a turn: the ratio beside a wheel that runs out, waves at one speed, lost
-samples."""
+samples.
+
+Seeds: the first tried, none exchanged.
+"""
 
 import re
 from dataclasses import replace
@@ -12,11 +15,10 @@ from exactarm.diagnose.diagnosis import diagnose
 from exactarm.errors import InputError
 from exactarm.identify.gear import identify_gears
 from exactarm.robot import GearTable
-from gear_simulation import DEGREE, GearRuns, simulate
+from gear_simulation import GearRuns, simulate
 from rigid_arm import rigid
 
 RATIO, NOISE = 81.0, 1e-3
-TRAVEL = 340.0 * DEGREE  # of axis 1 of the arm, from which margins are taken
 
 
 def table(run_out_rad, seed):

@@ -1,5 +1,8 @@
 """A motion of which rows are missing says the same as the whole one: lost samples are filled, stretches that
-are kept for validation cut a run into pieces."""
+are kept for validation cut a run into pieces.
+
+Seeds: the first tried, none exchanged.
+"""
 
 from dataclasses import replace
 

@@ -32,6 +32,7 @@ from exactarm.kinds.base import STANDS_STILL
 from exactarm.robot import Robot
 from exactarm.signals import (
     HALF_STENCIL,
+    MOTION_HZ,
     at_even_times,
     block_starts,
     blocks,
@@ -48,7 +49,6 @@ from exactarm.view import View, motor_angles
 
 _ENCODER_SHARE = 0.1  # of the gyroscope's noise that the encoder may add to the predicted rate
 _LOWEST_CUTOFF_HZ, _HIGHEST_SHARE = 15.0, 0.35  # of the sampling rate
-_DIRECTION_CUTOFF_HZ = 15.0
 _STENCIL_GAIN = 1.18  # noise of the eighth-order central difference per step
 # integral of (2 pi f)^2 (2 H - H^2)^2 2 df / f_c^3, H = exp(-ln 2 / 2 f^2 / f_c^2), twice applied
 _NOISE_BANDWIDTH = 131.9
@@ -143,7 +143,7 @@ def gear_record(robot: Robot, data: Dataset, *, accelerating: bool = False) -> G
         theta[at] = angle
         theta_dot[at] = rate = derivative(angle, time)
         # Filtered with sqrt(2) of the width at once, as if twice.
-        slow = gaussian_filter(rate, time, _DIRECTION_CUTOFF_HZ / np.sqrt(2.0))
+        slow = gaussian_filter(rate, time, MOTION_HZ / np.sqrt(2.0))
         span = np.ptp(angle, axis=0) / np.abs(robot.ratios[moving])
         for column, axis in enumerate(moving):
             if span[column] <= STANDS_STILL * span.max():
@@ -228,7 +228,7 @@ def _passing(robot: Robot, data: Dataset, record: GearRecord) -> np.ndarray:
                 continue
             clock, kept = record.time[rows], rows[record.keep[rows]]
             beside[rows, 1] = rate = derivative(own[rows, axis], clock)
-            beside[rows, 2] = gaussian_filter(derivative(rate, clock), clock, _DIRECTION_CUTOFF_HZ)
+            beside[rows, 2] = gaussian_filter(derivative(rate, clock), clock, MOTION_HZ)
             columns[rows, 1] = derivative(columns[rows, 0], clock)
             toward = data.gyro[kept].T @ beside[kept, 1]
             error[rows] = data.gyro[rows] @ (toward / max(np.linalg.norm(toward), 1e-300)) - rate

@@ -34,7 +34,7 @@ from exactarm.effects.drive import smooth_sign
 from exactarm.rest_load import declared_constants
 from exactarm.robot import Robot
 from exactarm.signals import gaussian_filter, typical_step
-from exactarm.view import View
+from exactarm.view import View, on_axes
 
 _FIXED_POINT_TOLERANCE_RAD = 1e-13
 _FIXED_POINT_PASSES = 30
@@ -94,7 +94,8 @@ def predict_gear_run(
     _pass(view, layout, Station.DEVICE, "measured", passed)
     device = device_map(view, passed)
     along = None if record.encoder_axes else _along(device)
-    view.by_axis = partial(_by_axis, view.sensor_axis, along, record.encoder_axes, view.axes)
+    view.by_axis = (partial(on_axes, record.encoder_axes, view.axes) if along is None
+                    else partial(_on_moving_axis, view.sensor_axis, along, view.axes))
     view = view.leaving(observed - view.measured)
     jacobian = _jacobian(view, layout, record, passed, weights) if tangents else None
     view.transfers = _transfers(view, record, device @ weights)
@@ -178,14 +179,11 @@ def _along(device: np.ndarray) -> np.ndarray:
     return along / np.linalg.norm(along, axis=1)[:, None]
 
 
-def _by_axis(sensor_axis: np.ndarray, along: np.ndarray | None, encoder_axes: tuple[int, ...], axes: int,
-             residual: np.ndarray) -> np.ndarray:
-    """What is left along each moving axis, (N, n), for the search of orders."""
+def _on_moving_axis(sensor_axis: np.ndarray, along: np.ndarray, axes: int,
+                    residual: np.ndarray) -> np.ndarray:
+    """(N, n) of a gyroscope's residual (N, 3), along the axis that moves."""
     left = np.zeros((len(residual), axes))
-    if along is None:
-        left[:, encoder_axes] = residual
-    else:
-        left[np.arange(len(residual)), sensor_axis] = np.einsum("ij,ij->i", residual, along)
+    left[np.arange(len(residual)), sensor_axis] = np.einsum("ij,ij->i", residual, along)
     return left
 
 

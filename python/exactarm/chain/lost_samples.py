@@ -15,6 +15,9 @@ import scipy  # scipy.interpolate is imported at its first use
 
 from exactarm.signals import blocks, typical_step
 
+# of the shortest period that counts, or that a low-pass leaves: gaps so long carry nothing of it
+FILLED_PERIODS = 0.25
+
 
 @dataclass(frozen=True)
 class Filled:
@@ -42,18 +45,23 @@ def without_gaps(time: np.ndarray, signals: Sequence[np.ndarray], longest_s: flo
 
 def _filled(time: np.ndarray, signals: Sequence[np.ndarray], parts: list[np.ndarray], step: float) -> Filled:
     rows = np.concatenate(parts)
-    own, missing = time[rows], []
-    for before, after in zip(parts[:-1], parts[1:]):
-        first, last = time[before[-1]], time[after[0]]
-        missing.append(np.linspace(first, last, max(2, round((last - first) / step) + 1))[1:-1])
-    if not missing:
+    own = time[rows]
+    if len(parts) == 1:
         return Filled(own, rows, np.ones(rows.size, bool), tuple(signal[rows] for signal in signals))
-    whole = np.sort(np.concatenate([own, *missing]))
+    whole = _times(time, parts, step)
     place = np.searchsorted(own, whole).clip(1, own.size - 1)
     place -= whole - own[place - 1] < own[place] - whole
     given = np.zeros(whole.size, bool)
     given[np.searchsorted(whole, own)] = True
     return Filled(whole, rows[place], given, tuple(_at(own, signal[rows], whole) for signal in signals))
+
+
+def _times(time: np.ndarray, parts: list[np.ndarray], step: float) -> np.ndarray:
+    """Those of the parts, and of the samples that are missing between them."""
+    own = [time[part] for part in parts]
+    gaps = [(before[-1], after[0]) for before, after in zip(own[:-1], own[1:])]
+    missing = [np.linspace(a, b, max(2, round((b - a) / step) + 1))[1:-1] for a, b in gaps]
+    return np.sort(np.concatenate([*own, *missing]))
 
 
 def _at(time: np.ndarray, values: np.ndarray, whole: np.ndarray) -> np.ndarray:
@@ -63,3 +71,14 @@ def _at(time: np.ndarray, values: np.ndarray, whole: np.ndarray) -> np.ndarray:
     out = np.full((whole.size, flat.shape[1]), np.nan)
     out[:, known] = scipy.interpolate.CubicSpline(time, flat[:, known])(whole)
     return out.reshape(whole.size, *values.shape[1:])
+
+
+def between_gaps(time: np.ndarray, *signals: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Time and signals (R, ...) of one run with straight lines over its gaps, however long: for what smooths
+    neighbours and looks at the whole run."""
+    parts = blocks(time)
+    if len(parts) == 1:
+        return time, *signals
+    whole = _times(time, parts, typical_step(time))
+    line = lambda values: np.interp(whole, time, values)
+    return whole, *(np.apply_along_axis(line, 0, signal) for signal in signals)

@@ -23,7 +23,7 @@ from scipy import linalg, sparse
 
 from exactarm import _core
 from exactarm.chain.direction import direction_of_motion
-from exactarm.chain.lost_samples import Filled, without_gaps
+from exactarm.chain.lost_samples import FILLED_PERIODS, Filled, without_gaps
 from exactarm.dataset import Dataset
 from exactarm.errors import InputError
 from exactarm.kinds.base import runs_in_time
@@ -43,7 +43,6 @@ _SLOWEST_HZ, _BELOW_RESONANCE = 5.0, 0.6
 _SAMPLED_ROWS = 16
 _LARGEST = 0.4  # of the sampling rate: no low-pass above it
 _EDGE_PERIODS = 3.0  # of the bandwidth, left out at both ends of a run
-_FILLED_PERIODS = 0.25  # gaps so long carry nothing that the filter leaves
 
 
 @dataclass(frozen=True)
@@ -148,18 +147,18 @@ def motion_record(robot: Robot, data: Dataset, bandwidth_hz: float | None = None
         raise InputError("a motion needs a time: expected the column time_s")
     torque, theta = measured_torque(robot, data), motor_angles(robot, data)
     rates = _given_rates(robot, data)
-    parts, steps, short = [], [], []
+    parts, steps = [], []
     for rows in runs_in_time(data):
         step = typical_step(data.time[rows]) if rows.size > 1 else np.inf
         steps.append(step)
         time, angle = _on_an_even_clock(robot, data.time[rows], theta[rows])
         signals = (angle, torque[rows], *(() if rates is None else (rates[rows],)))
-        for stretch in without_gaps(time, signals, _FILLED_PERIODS / bandwidth):
-            run = _Run(rows, step, bandwidth < _LARGEST / step, rows_share * _rows_per_period(robot), stretch)
-            (short if run.too_short(bandwidth) else parts).append(run)
-    if not parts:
-        raise InputError(max(short, key=lambda run: run.stretch.time.size).too_short(bandwidth))
-    parts = [run.resampled(bandwidth) for run in parts]
+        share = rows_share * _rows_per_period(robot)
+        stretches = [_Run(rows, step, bandwidth < _LARGEST / step, share, stretch)
+                     for stretch in without_gaps(time, signals, FILLED_PERIODS / bandwidth)]
+        if short := max(stretches, key=lambda run: run.stretch.time.size).too_short(bandwidth):
+            raise InputError(short)
+        parts += [run.resampled(bandwidth) for run in stretches if not run.too_short(bandwidth)]
     filtered = all(bandwidth < _LARGEST / step for step in steps)
     if not filtered and any(bandwidth < _LARGEST / step for step in steps):
         raise InputError("runs of one motion were logged at very different rates; expected one sampling rate")
@@ -224,7 +223,7 @@ def full_record(
     filtered = _WIDE * bandwidth_hz < _LARGEST / step
     for run in whole:
         time, even = _on_an_even_clock(robot, data.time[run], theta[run])
-        for stretch in without_gaps(time, (even,), _FILLED_PERIODS / bandwidth_hz):
+        for stretch in without_gaps(time, (even,), FILLED_PERIODS / bandwidth_hz):
             rows = run[stretch.row[stretch.given]]
             derivative, angle = derivative_operator(stretch.time), stretch.signals[0]
             own = derivative @ (_low_pass(angle, _WIDE * bandwidth_hz, step) if filtered else angle)

@@ -46,6 +46,7 @@ from exactarm.kinds import MOTION
 from exactarm.kinds.base import runs_in_time
 from exactarm.robot import Robot
 from exactarm.signals import typical_step, white_noise
+from exactarm.view import on_axes
 
 _COLUMNS_AT_ONCE = 48
 _FITS_KEPT = 6  # contest and alternatives ask for the same rivals; a fit is some ten megabytes
@@ -104,13 +105,6 @@ def _in_parts(places: list[int], widths: list[int]) -> list[list[int]]:
     return [[places[k] for k in np.flatnonzero(part_of == part)] for part in np.unique(part_of)]
 
 
-def _by_axis(measured: list[int], axes: int, residual: np.ndarray) -> np.ndarray:
-    """(N, n) of a residual of the axes that are measured."""
-    left = np.zeros((len(residual), axes))
-    left[:, measured] = residual
-    return left
-
-
 class MotionProblem(ProblemInTime):
     """One or several runs of all axes together."""
 
@@ -157,7 +151,7 @@ class MotionProblem(ProblemInTime):
         prediction, axes, keep = found.prediction, found.axes, record.keep & (rows > 0.0)
         residual = np.where(keep[:, None], prediction.residual()[:, axes], 0.0)
         view = prediction.view
-        view.by_axis = partial(_by_axis, axes, self.robot.axes)
+        view.by_axis = partial(on_axes, axes, self.robot.axes)
         fitted = MotionFitted(
             robot=self.robot,
             layout=found.layout,

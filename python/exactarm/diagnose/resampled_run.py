@@ -18,7 +18,7 @@ import numpy as np
 import scipy  # scipy.signal is imported at its first use: it takes half a second
 
 from exactarm.chain import GearRecord
-from exactarm.chain.lost_samples import Filled, without_gaps
+from exactarm.chain.lost_samples import FILLED_PERIODS, Filled, without_gaps
 from exactarm.dataset import Dataset
 from exactarm.robot import Robot
 from exactarm.signals import derivative, typical_step
@@ -30,9 +30,7 @@ _ORDER = 8
 _REACH_PERIODS = 1.0
 # its slowest pole falls by exp(-2 pi sin(pi / 16)) = 0.29 a period: to 4e-7 of a ramp's slope in these
 _FADED_PERIODS = 12.0
-# gaps so long are filled (chain/lost_samples.py): of the low-pass; and of the resampled rows, which do not
-# show a shorter one as a gap
-_FILLED_PERIODS, _SEEN_AS_GAP = 0.25, 1.5
+_SEEN_AS_GAP = 1.5  # of the resampled rows: a shorter gap is none among them, and is filled
 _LEAST_KEPT = 0.5  # of the rows: among many gaps the run stays as it is
 
 
@@ -50,7 +48,7 @@ def resampled_run(robot: Robot, data: Dataset, record: GearRecord) -> tuple[Data
     reach = int(np.ceil(_REACH_PERIODS / (cutoff * step)))
     axes = list(record.encoder_axes)
     reading = data.joints["q"][:, axes] if axes else data.gyro
-    longest = max(_FILLED_PERIODS / cutoff, _SEEN_AS_GAP * every * step)
+    longest = max(FILLED_PERIODS / cutoff, _SEEN_AS_GAP * every * step)
     picked, sizes = [], []
     for rows in record.runs:
         stretches = without_gaps(record.time[rows], (reading[rows], record.theta[rows]), longest)

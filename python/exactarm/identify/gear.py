@@ -322,8 +322,10 @@ def _warnings(estimate: GearEstimate):
 
 def _late(samples: GearSamples, error: np.ndarray) -> Iterator[str]:
     """A gyroscope whose clock is not the motor's; the error is not corrected by it."""
+    if not samples.rated:
+        return
     lag, sigma, share = lag_in_error(samples, error)
-    if samples.rated and abs(lag) > _CERTAIN * sigma and share > _MUCH_OF_ERROR:
+    if abs(lag) > _CERTAIN * sigma and share > _MUCH_OF_ERROR:
         way = "behind" if lag > 0.0 else "ahead of"
         yield (
             f"axis {samples.axis + 1}: {100.0 * share:.0f} % of what is left follows the acceleration, as of "

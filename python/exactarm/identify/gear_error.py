@@ -14,11 +14,10 @@ from exactarm.harmonics import delivered
 from exactarm.identify.gear_declared import SIDES
 from exactarm.identify.gear_samples import GearSamples
 from exactarm.robot import GearTable
-from exactarm.signals import derivative, gaussian_filter, typical_step, white_noise
+from exactarm.signals import MOTION_HZ, derivative, gaussian_filter, typical_step, white_noise
 
 CUTOFF_PER_MOTOR_REV = 2.3
 _HIGHEST_SHARE = 0.4  # of the sampling rate
-_MOTION_HZ = 15.0  # that arms are accelerated with
 _NOISE_SHARE = 1.0645  # equivalent noise bandwidth of the filter over its cutoff
 
 
@@ -96,7 +95,7 @@ def lag_in_error(samples: GearSamples, error: np.ndarray) -> tuple[float, float,
     standard deviation, and its share of the error's square sum."""
     acceleration = np.zeros(samples.run.size)
     for rows in samples.runs:
-        slow = gaussian_filter(samples.rate[rows], samples.time[rows], _MOTION_HZ)
+        slow = gaussian_filter(samples.rate[rows], samples.time[rows], MOTION_HZ)
         acceleration[rows] = derivative(slow, samples.time[rows])
     used = samples.identification & np.isfinite(error)
     column, left = acceleration[used], error[used]

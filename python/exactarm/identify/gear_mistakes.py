@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from exactarm.chain.lost_samples import between_gaps
 from exactarm.dataset import Dataset
 from exactarm.identify.clock_drift import lags
 from exactarm.identify.odd_gear_runs import gyro_runs, odd_gear_runs, runs_of_several_axes
@@ -18,7 +19,7 @@ from exactarm.identify.suspicion import Suspicion, run_words
 from exactarm.identify.tracked_mistakes import clock_suspicions
 from exactarm.kinds.base import rows_of_runs, runs_in_time
 from exactarm.robot import Robot
-from exactarm.signals import between_gaps, typical_step
+from exactarm.signals import typical_step
 from exactarm.view import motor_angles
 
 RATIO_TOLERANCE = 0.03  # teeth are counted; a gear's error is below a thousandth

@@ -117,8 +117,10 @@ def fit_all(profiles: list[AngleProfile], orders: np.ndarray,
 def with_run_out(profiles: list[AngleProfile], band: tuple[float, float], found: Found) -> Found:
     """The orders found in the band, with those of a run-out below it that noise alone would not show."""
     below = RUN_OUT[(RUN_OUT < band[0]) & (RUN_OUT * longest_range(profiles) > _LEAST_PERIODS)]
+    if not below.size:
+        return found
     found = fit_all(profiles, np.union1d(below, found.orders))
-    while np.any(below):
+    while below.size:
         worth = _worth(found)[: below.size]
         weakest = int(np.argmin(worth))
         if chdtrc(2 * len(profiles), worth[weakest]) < FALSE_ALARM:

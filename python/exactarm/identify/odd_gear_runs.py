@@ -15,11 +15,11 @@ from itertools import permutations, product
 
 import numpy as np
 
+from exactarm.chain.lost_samples import between_gaps
 from exactarm.dataset import Dataset
 from exactarm.identify.suspicion import Suspicion, listed, run_words
 from exactarm.kinds.base import STANDS_STILL, runs_in_time
 from exactarm.robot import Robot
-from exactarm.signals import between_gaps
 from exactarm.view import motor_angles
 
 # the noise of a run's direction is a thousandth; a sensor is mounted again within some hundredths
