@@ -30,6 +30,7 @@ from exactarm.identify.signal_mistakes import (
     repeated_rows,
 )
 from exactarm.identify.suspicion import Suspicion, in_order
+from exactarm.identify.touch_mistakes import touch_mistakes
 from exactarm.identify.tracked_mistakes import tracked_mistakes
 from exactarm.kinds import CLOSURES, GEAR_RUN, MOTION, POSES, TRACKED_MOTION
 from exactarm.robot import Robot
@@ -66,6 +67,10 @@ def _pictures(robot: Robot, data: Dataset) -> list[Suspicion]:
     return camera_mistakes(robot, data) if robot.has_geometry else []
 
 
+def _touches(robot: Robot, data: Dataset) -> list[Suspicion]:
+    return touch_mistakes(robot, data) if robot.has_geometry else []
+
+
 def _loads(robot: Robot, data: Dataset) -> list[Suspicion]:
     return list(load_mistakes(robot, data)) if robot.has_geometry else []
 
@@ -80,7 +85,7 @@ def _motions(robot: Robot, data: Dataset) -> list[Suspicion]:
 
 _CHECKS: dict[str, tuple[Callable[[Robot, Dataset], list[Suspicion]], ...]] = {
     POSES.name: (_poses, _loads),
-    CLOSURES.name: (_pictures, _loads),
+    CLOSURES.name: (_pictures, _touches, _loads),
     TRACKED_MOTION.name: (_poses, tracked_mistakes),
     MOTION.name: (_motions,),
     GEAR_RUN.name: (gear_mistakes,),

@@ -25,7 +25,7 @@ def judged_rows(data: Dataset, known: Layout | None = None) -> np.ndarray:
     judged = shows_a_place(data)
     placed = {(e.contact, e.session, e.number) for e in (known.effects if known else ())
               if isinstance(e, Contact)}
-    for key, rows in _contacts(data):
+    for key, rows in touched_contacts(data):
         if key not in placed and rows.sum() < JUDGED_FROM.get(key[0], 0):
             judged &= ~rows
     return judged
@@ -33,7 +33,8 @@ def judged_rows(data: Dataset, known: Layout | None = None) -> np.ndarray:
 
 def unjudged_lines(data: Dataset) -> tuple[str, ...]:
     """One line on the contacts that judge nothing."""
-    few = [(key, int(rows.sum())) for key, rows in _contacts(data) if rows.sum() < JUDGED_FROM.get(key[0], 0)]
+    few = [(key, int(rows.sum())) for key, rows in touched_contacts(data)
+           if rows.sum() < JUDGED_FROM.get(key[0], 0)]
     if not few:
         return ()
     (name, session, number), touched = few[0]
@@ -43,7 +44,7 @@ def unjudged_lines(data: Dataset) -> tuple[str, ...]:
             f"not count{others}: expected at least {JUDGED_FROM[name]} touches of a {name}",)
 
 
-def _contacts(data: Dataset):
+def touched_contacts(data: Dataset):
     """(name, session, number) and rows (N,) of every contact, and of every pair."""
     for name, session, number in contact_keys(data):
         if name in JUDGED_FROM:

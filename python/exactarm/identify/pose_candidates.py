@@ -42,7 +42,7 @@ def candidates(
     `size`: how many times as far apart as the robot says the points lie."""
     sized = 1.0 / FARTHEST_SIZE < size < FARTHEST_SIZE
     units = _of_units(data) if sized else ()
-    for words, changed in (*_of_angles(robot, data), *units, *_of_device(data), *_of_rows(data, whole, rows)):
+    for words, changed in (*of_angles(robot, data), *units, *_of_device(data), *_of_rows(data, whole, rows)):
         yield words, robot, changed
     for name in shipped_robots():
         other = load_robot(name)
@@ -60,7 +60,7 @@ def _turns_alike(other: Robot, data: Dataset) -> bool:
     return "theta" not in data.joints or all(joint.has_gear for joint in other.joints)
 
 
-def _of_angles(robot: Robot, data: Dataset) -> Iterator[tuple[str, Dataset]]:
+def of_angles(robot: Robot, data: Dataset) -> Iterator[tuple[str, Dataset]]:
     n, with_joints = robot.axes, lambda change: with_angles(data, change)
     axes = range(n)
     turning = [i for i in axes if robot.joints[i].type == "revolute"]

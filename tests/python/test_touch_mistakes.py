@@ -1,0 +1,91 @@
+"""Mistakes in the angles of touches are named, and right touches are accused of nothing, whatever the arm
+lacks."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from exactarm.cli import main
+from exactarm.dataset import Dataset, read_dataset
+from exactarm.examples import data_path
+from exactarm.fixture import load_fixture
+from exactarm.identify.first_aid import first_aid
+from exactarm.robot_file import load_robot
+from test_closures import ECCENTRICITY, touched
+from test_contact_starts import touched_blocks
+
+MISTAKES = {
+    "the opposite sign of axis 4": lambda q: q * [1, 1, 1, -1, 1, 1, 1][: q.shape[1]],
+    "axes 2 and 3 exchanged": lambda q: q[:, [0, 2, 1, *range(3, q.shape[1])]],
+    "another zero of axis 3 (by -90 degrees)": lambda q: q + np.pi / 2 * (np.arange(q.shape[1]) == 2),
+    "degrees labelled as radians": lambda q: q * 180 / np.pi,
+    "radians labelled as degrees": lambda q: q * np.pi / 180,
+}
+CONTACTS = [("panda", "socket"), ("panda", "plane"), ("ur10", "sphere"), ("ur10", "bar"), ("panda", "pair")]
+
+
+def with_angles(data: Dataset, change) -> Dataset:
+    angles = {name: change(values) for name, values in data.joints.items() if name in ("theta", "q")}
+    return replace(data, joints=data.joints | angles)
+
+
+def changed(robot, data):
+    """Words of each mistake, and what is said where it was made."""
+    return [(words, first_aid(robot, with_angles(data, change))) for words, change in MISTAKES.items()]
+
+
+def told(found: list) -> list[str]:
+    """Mistakes that are not named in one line."""
+    return [words for words, lines in found
+            if len(lines) != 1 or not lines[0].startswith(f"with {words} the data would fit the robot ")]
+
+
+@pytest.mark.parametrize(("name", "contact"), CONTACTS)
+def test_mistakes_in_the_angles_of_touches_are_named(name, contact):
+    robot, data = touched(name, contact, 1, count=20)
+    assert told(changed(robot.nominal, data)) == []
+
+
+def test_mistakes_are_named_where_a_cube_is_touched():
+    """The touches of a whole face of every arm lie in one plane where axis 1 stands still; that is no
+    explanation."""
+    robot, data = touched_blocks("ur10", 1)
+    assert told(changed(robot.nominal, data)) == []
+
+
+@pytest.mark.parametrize(("name", "contact"), CONTACTS)
+def test_right_touches_are_accused_of_nothing(name, contact):
+    for effects in ((), (ECCENTRICITY,)):
+        robot, data = touched(name, contact, 2, *effects, count=20)
+        assert first_aid(robot.nominal, data) == ()
+
+
+@pytest.mark.parametrize("name", ["panda_3", "panda_6", "panda_7", "dinova_1", "dinova_2"])
+def test_the_shipped_arms_are_accused_of_nothing_and_mistakes_in_them_are_named(name):
+    robot, folder = load_robot("panda" if "panda" in name else "gen3lite"), data_path("ball_in_socket")
+    data = read_dataset(folder / f"{name}.csv", robot, fixture=load_fixture(folder / "fixture.toml"))
+    assert first_aid(robot, data) == ()
+    assert told(changed(robot, data)) == []
+
+
+def test_a_single_face_and_a_few_touches_accuse_nothing():
+    robot, data = touched("ur10", "plane", 3, count=20)
+    few = data.select(data.contacts["plane"] == 0).select(np.arange(0, 60, 5))
+    assert first_aid(robot.nominal, with_angles(few, MISTAKES["axes 2 and 3 exchanged"])) == ()
+
+
+def test_the_refusal_of_touches_names_the_mistake(tmp_path, capsys):
+    lines = (data_path("ball_in_socket") / "panda_7.csv").read_text().splitlines()
+    column = next(row for row in lines if not row.startswith("#")).split(",").index("q_4_rad")
+    out = []
+    for line in lines:
+        cells = line.split(",")
+        if not line.startswith("#") and cells[column] != "q_4_rad":
+            cells[column] = str(-float(cells[column]))
+        out.append(",".join(cells))
+    (tmp_path / "negated.csv").write_text("\n".join(out) + "\n")
+    fixture = str(data_path("ball_in_socket") / "fixture.toml")
+    assert main(["calibrate", "panda", str(tmp_path / "negated.csv"), "--fixture", fixture, "--out",
+                 str(tmp_path / "out"), "--quiet"]) != 0
+    assert "with the opposite sign of axis 4 the data would fit" in capsys.readouterr().err
