@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from exactarm.chain import Layout
+from exactarm.commands import diagnose as command
 from exactarm.identify.closures import calibrate_closures, declare_closures, nominal_closures
 from exactarm.identify.length_doubt import length_doubts
 from exactarm.measurement.closures import touches
@@ -33,6 +34,18 @@ def test_a_diameter_in_place_of_a_radius_is_told():
     robot, data = touched("panda", "sphere", 5, count=30)
     assert data.fixture.radii
     (line,) = doubts(robot, with_radii(data, 2.0))
+    assert line.startswith("radius of sphere") and line.endswith("is a diameter given for a radius?")
+
+
+def test_a_diagnosis_doubts_a_length_in_the_same_words_as_a_calibration():
+    """And no right length, whatever the arm lacks."""
+    told = lambda robot, data: [line for line in command.diagnose(robot.nominal, data, threads=1)["warnings"]
+                                if "the touches say" in line]
+    for effects in ((), (ECCENTRICITY,)):
+        robot, data = touched("panda", "sphere", 5, *effects, count=30)
+        assert told(robot, data) == []
+    robot, data = touched("panda", "sphere", 5, count=30)
+    (line,) = told(robot, with_radii(data, 2.0))
     assert line.startswith("radius of sphere") and line.endswith("is a diameter given for a radius?")
 
 

@@ -88,8 +88,8 @@ def diagnose(
         # What the first kind of data has found is part of the model that the next kind judges.
         known = result.robot
         results.append(result)
-        lacks = result.problem.lacks_of_tables(result.selection.fits[-1])
-        warnings += [line for line in (*told, *found, *lacks) if line not in warnings]
+        doubts = result.problem.doubts(result.selection.fits[-1])
+        warnings += [line for line in (*told, *found, *doubts) if line not in warnings]
     first = results[0]
     also: dict[str, Any] = {"also": [_json(other) for other in results[1:]]} if len(results) > 1 else {}
     also |= {"skipped": skipped} if skipped else {}

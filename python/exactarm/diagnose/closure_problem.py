@@ -11,7 +11,7 @@ A known length of the place left out stays among the rows that are learnt from: 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
 import numpy as np
@@ -34,6 +34,7 @@ from exactarm.identify.closures import (
 )
 from exactarm.identify.declared import geometry_layout, reestimated_layout
 from exactarm.identify.judged_rows import judged_rows
+from exactarm.identify.length_doubt import length_doubts
 from exactarm.kinds import CLOSURES, POSES
 from exactarm.measurement.closures import (
     ClosurePrediction,
@@ -163,6 +164,10 @@ class ClosureProblem(ProblemAtRest):
     def also_judged(self, fitted: Fitted, data: Dataset) -> dict[str, float]:
         errors = closure_errors(self.robot, fitted.layout, data, self.threads)
         return other_errors(self.robot, fitted.layout, data, errors, threads=self.threads)
+
+    def doubts(self, fitted: Fitted) -> tuple[str, ...]:
+        fit = replace(self._declared, layout=fitted.layout, fit=fitted.fit)
+        return length_doubts(fit, self.data, self.pulls, self.threads)
 
     def directions(self, fitted: Fitted) -> dict[str, np.ndarray]:
         prediction = fitted.prediction

@@ -70,7 +70,7 @@ class PoseProblem(ProblemAtRest):
         told, _ = identifiable_layout(self.robot, whole, self.data, self.orientation, sigma, self.threads)
         return Layout(declared.effects, tuple(a | b for a, b in zip(declared.free, told.free)))
 
-    def lacks_of_tables(self, fitted: Fitted) -> tuple[str, ...]:
+    def doubts(self, fitted: Fitted) -> tuple[str, ...]:
         return missing_tilts(self.robot, fitted.layout, self.data, self.threads)
 
     def fit(self, layout: Layout, weight: np.ndarray | None = None,

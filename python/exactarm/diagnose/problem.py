@@ -356,8 +356,8 @@ class Problem(ABC):
         """Further numbers of any rows that stand beside the error, by their names with units."""
         return {}
 
-    def lacks_of_tables(self, fitted: Fitted) -> tuple[str, ...]:
-        """In words: what the robot file's tables cannot express and what is left asks for."""
+    def doubts(self, fitted: Fitted) -> tuple[str, ...]:
+        """In words: what is left asks for and tables cannot express, and known lengths that the rows deny."""
         return ()
 
     def elsewhere(self, fitted: Fitted) -> Fitted:
