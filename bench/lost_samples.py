@@ -1,4 +1,4 @@
-"""What a log with lost samples, or with stamps that scatter, costs the identification of masses and friction.
+"""What lost samples, uneven stamps and repeated readings cost the identification of masses and friction.
 
     python bench/lost_samples.py [--seed 1]
 
@@ -15,11 +15,13 @@ import numpy as np
 
 from exactarm.dataset import Dataset, read_dataset
 from exactarm.examples import example
+from exactarm.held_samples import without_held
 from exactarm.identify.dynamics import DynamicsOptions, identify_dynamics
 from exactarm.robot_file import load_robot
 from exactarm.signals import typical_step
 
 LOST, JITTER, STRETCH_S = 0.01, 0.1, 0.45  # share of the samples, of a step; s
+HELD = 20  # rows: 250 Hz of 5 kHz
 SINCE_1970_S = 1.7637e9  # a float there has steps of 0.24 us
 
 
@@ -27,12 +29,16 @@ def variants(data: Dataset, random: np.random.Generator) -> dict[str, Dataset]:
     step, rows = typical_step(data.time), len(data)
     kept = random.random(rows) >= LOST
     stretch = (data.time - data.time[0]) // STRETCH_S
+    last = np.arange(rows) // HELD * HELD
+    held = lambda name: replace(data, joints=data.joints | {name: data.joints[name][last]})
     stamped = data.time + random.normal(0.0, JITTER * step, rows)
     return {
         "as it is": data,
         f"{LOST:.0%} of the samples lost": data.select(kept),
         f"every third stretch of {STRETCH_S} s validates": replace(data, identification=stretch % 3 != 2),
         f"stamps off by {1e6 * JITTER * step:.0f} of {1e6 * step:.0f} us": replace(data, time=stamped),
+        f"torques repeated {HELD} times": without_held(held("tau_motor")),
+        f"angles repeated {HELD} times": without_held(held("theta")),
         "seconds since 1970": replace(data, time=(data.time + SINCE_1970_S) - SINCE_1970_S),
     }
 
