@@ -55,6 +55,7 @@ def test_a_judgement_names_the_commands_that_lower_the_error():
 def test_an_alarm_says_where_to_look_and_one_that_nothing_explains_asks_for_a_diagnosis():
     look, anew = after_check(unexplained=False).paragraphs
     assert "collision" in look and "exactarm calibrate" in anew and "BEFORE" in anew
+    assert "`session`" in after_check(unexplained=False, base=True).paragraphs[0]
     (line,) = after_check(unexplained=True).paragraphs
     assert "exactarm diagnose" in line
 

@@ -290,7 +290,7 @@ def _report(robot: Robot, series: Daily, change: Change, days_per_year: float) -
         ),
     ]
     if moved:
-        sections.append(after_check(change.unexplained < UNEXPLAINED))
+        sections.append(after_check(change.unexplained < UNEXPLAINED, "base" in (best.name, *change.apart)))
         rows = [
             (
                 cause.name,

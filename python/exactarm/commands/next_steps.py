@@ -61,14 +61,19 @@ def next_steps(robot: Robot, kind: Kind, before: float, after: float, worse: boo
     return Text(HEADING, tuple(lines))
 
 
-def after_check(unexplained: bool) -> Text:
-    """After an alarm: these few poses detect, they do not calibrate."""
+def after_check(unexplained: bool, base: bool = False) -> Text:
+    """After an alarm: these few poses detect, they do not calibrate. base: it may be the base."""
     if unexplained:
         return Text(HEADING, (
             "Measure some fifty poses and run `exactarm diagnose`: it tells what these few poses cannot. "
             "Until then the robot file is not to be trusted.",
         ))
+    anew = (
+        "If the instrument was set up anew, give the files of these days a column `session` with a number "
+        "that BEFORE does not have.",
+    ) if base else ()
     return Text(HEADING, (
+        *anew,
         "See what happened: a collision, a belt that slipped or new mastering moves a zero; a push moves the "
         "base or the instrument; mounting the target anew moves the tool.",
         "If it is the arm, measure some fifty poses and `exactarm calibrate` anew. Then measure BEFORE "

@@ -27,6 +27,7 @@ from exactarm.identify.planned import controller_angles
 from exactarm.identify.pose_fit import PoseFit, fit_poses
 from exactarm.identify.reach import reach
 from exactarm.robot import Placement, Robot
+from exactarm.rotation import log
 from exactarm.split import DEFAULT_SEED
 from exactarm.verify.change import RANK, Evidence, Hypothesis
 from exactarm.verify.copied_rows import CopiedRows, copied_rows
@@ -40,6 +41,9 @@ LEAST_FREEDOM = (
 )
 TOGETHER = 0.01  # p-value below which poses that move together are told
 DAY_S = 86400.0
+# Points closer to a line than this share of its length do not show turns about it. Above, noise of 0.05 mm
+# on 0.5 m turns them by 2 mrad at most, of which a twist leaves 2 um over 1 m
+LINE = 0.05
 BASE = ("x_m", "y_m", "z_m", "rx_rad", "ry_rad", "rz_rad")
 
 
@@ -92,7 +96,7 @@ def daily(
     for number, (data, cell) in enumerate(zip(measured, cells, strict=True)):
         expected = data.position - fit.residual(replace(data, session=np.full(len(data), before.session[0])))
         mistakes.append(day_mistake(labels[number], expected, data.position, most))
-        y, seen, value = _day(fit, data, cell, base, visits, int(before.session[0]))
+        y, seen, value = _day(fit, data, cell, base, level, visits, int(before.session[0]))
         days.append((y, seen))
         moved[number] = value - level
     warnings = [*filter(None, mistakes), *warnings]
@@ -110,16 +114,37 @@ def daily(
     )
 
 
+def _base_of(fit: PoseFit, session: int) -> Placement:
+    """The controller's base in the frame of the device."""
+    base = Placement()
+    for effect in fit.layout.effects:
+        base = effect.place(session, base, Placement())[0]
+    first = fit.robot.controller.base
+    turned = base.rotation @ first.rotation.T
+    return Placement(turned, base.position - turned @ first.position)
+
+
 def _in_base(fit: PoseFit, data: Dataset, vectors: np.ndarray) -> np.ndarray:
     """Vectors (N, 3, ...) of the device's frame in the controller's base frame, which no set-up turns."""
-    out, first = np.empty_like(vectors), fit.robot.controller.base.rotation
+    out = np.empty_like(vectors)
     for session in np.unique(data.session):
-        base = Placement()
-        for effect in fit.layout.effects:
-            base = effect.place(int(session), base, Placement())[0]
         here = data.session == session
-        out[here] = np.einsum("ji,nj...->ni...", base.rotation @ first.T, vectors[here])
+        rotation = _base_of(fit, int(session)).rotation
+        out[here] = np.einsum("ji,nj...->ni...", rotation, vectors[here])
     return out
+
+
+def _as_twist(points: np.ndarray, level: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """What `y` is beyond `level` at `points` (each (K, 3), in the base frame): a far move of the base as a
+    twist, linear as the base's columns are. Where more is left than that changes, it is no move of the base.
+    """
+    spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
+    if len(spread) < 2 or spread[1] < LINE * spread[0]:
+        return y - level
+    placed, apart = procrustes(points + level, points + y)
+    twist = np.cross(log(placed.rotation), points) + placed.position
+    bent = y - level - twist - apart
+    return twist + apart @ placed.rotation if np.linalg.norm(apart) < np.linalg.norm(bent) else y - level
 
 
 def _frames_of(robot: Robot, data: Dataset, seed: int) -> PoseFit:
@@ -288,16 +313,22 @@ def _occasions(data: Dataset, cell: np.ndarray, visits: int) -> np.ndarray:
 
 # -- one day -------------------------------------------------------------------------------------------
 def _day(
-    fit: PoseFit, data: Dataset, cell: np.ndarray, base: np.ndarray, visits: int, session: int
+    fit: PoseFit,
+    data: Dataset,
+    cell: np.ndarray,
+    base: np.ndarray,
+    level: np.ndarray,
+    visits: int,
+    session: int,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """y (3 K,), what the day shows of it (3 K, 3 K), and the residuals (K, 3), NaN where there is none.
 
-    base (3 K, 6): how the check poses follow the base frame; session: BEFORE's.
+    base (3 K, 6): how the check poses follow the base frame; level (K, 3), session: BEFORE's.
     """
     count = len(base) // 3
     here, y = np.isin(np.arange(count), cell), np.full((count, 3), np.nan)
     known = replace(data, session=np.full(len(data), session))
-    residual = fit.residual(known)
+    residual = left = fit.residual(known)
     seen = np.diag(np.repeat(here.astype(float), 3))
     if np.any(data.session != session):  # a set-up of its own: where the base stands is no news
         placed, apart = procrustes(data.position - residual, data.position)
@@ -311,6 +342,11 @@ def _day(
     residual = _in_base(fit, known, residual)
     for k in np.flatnonzero(here):
         y[k] = residual[cell == k][:visits].mean(axis=0)
+    if np.all(data.session == session):
+        own, placed = np.nan_to_num(level), _base_of(fit, session)
+        points = (data.position - left - placed.position) @ placed.rotation
+        at = np.array([points[cell == k][:visits].mean(axis=0) for k in np.flatnonzero(here)])
+        y[here] = own[here] + _as_twist(at, own[here], y[here])
     return np.nan_to_num(y).ravel(), seen, y
 
 
