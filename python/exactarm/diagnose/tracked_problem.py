@@ -8,7 +8,7 @@ pieces of them are held out. Fitted and searched on subsampled runs, judged on a
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -32,6 +32,7 @@ from exactarm.identify.tracked_fit import (
     tracked_frames,
     tracked_record,
 )
+from exactarm.identify.wild_rows import left_out_line, single_wild_rows
 from exactarm.robot import Robot
 
 # a path is played again: its motor angles, over their ratios, differ by less at every sample
@@ -80,6 +81,7 @@ class TrackedProblem(ProblemInTime):
             require_sessions(data, held_out)
         self.record = subsampled_record(self._records["identification"], robot)
         self._estimator = ColouredNoise(self, short=True)
+        self._left_out = reversals_left_out(self._records.values())
         self._drawing: Drawing = {}  # see declared()
 
     def _new_record(self, data: Dataset) -> MotionRecord:
@@ -93,6 +95,8 @@ class TrackedProblem(ProblemInTime):
         still = static_rows(self.data)
         kept, _ = identifiable_layout(self.robot, layout, still, False, threads=self.threads)
         first = self.fit(kept)
+        if self._leave_out(first):
+            first = self.fit(kept)
         # As if every other sample had told nothing new: the sigma of independent rows, at the number of rows
         # used here.
         sigma = first.sigma[:1] * np.sqrt(len(still) / len(self.record.data))
@@ -111,6 +115,23 @@ class TrackedProblem(ProblemInTime):
             return told
         self._noise = drawn_fit.noise
         return kept
+
+    def _leave_out(self, fitted: Fitted) -> bool:
+        """Whether single readings jump away from the path and back: those count nowhere any more."""
+        before = self.record
+        for name, data in (("identification", self.data), ("validation", self.held_out)):
+            if name not in self._records:
+                continue
+            record, error = self._records[name], self.errors(fitted, data)
+            known = np.isfinite(error)
+            wild = np.zeros(error.size, bool)
+            runs = [np.flatnonzero(np.isin(np.flatnonzero(known), rows)) for rows in record.runs]
+            wild[known] = single_wild_rows(error[known], runs)
+            if wild.any():
+                self._records[name] = replace(record, at_reversal=record.at_reversal | wild)
+                self._left_out += (left_out_line(error, wild),)
+                self.record = subsampled_record(self._records["identification"], self.robot)
+        return self.record is not before
 
     def fit(self, layout: Layout, weight: np.ndarray | None = None,
             sigma: np.ndarray | None = None) -> Fitted:
@@ -138,7 +159,7 @@ class TrackedProblem(ProblemInTime):
         return np.where(rows_kept(fitted.layout, prediction.view) & ~record.at_reversal, error, np.nan)
 
     def left_out(self) -> tuple[str, ...]:
-        return reversals_left_out(self._records.values())
+        return self._left_out
 
     def stretches(self) -> np.ndarray | None:
         run = self.record.data.run

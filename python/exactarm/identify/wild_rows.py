@@ -6,11 +6,15 @@ of 105 rows that were 5 to 50 mm off made a six-axis arm miss by 0.68 mm, and by
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 # times the median error: the worst of 1,495 tracker rows of a UR10 stands at 5.9, of noise that is normal in
 # three directions none of 1e30; effects that a model lacks stay below, for they are everywhere
 WILD = 8.0
+_MOST_TOGETHER = 3  # samples: a beam that was broken and is back; a swing of the arm has some ten
+_MOST_SINGLE = 0.02  # of the rows
 
 
 def wild_rows(error: np.ndarray) -> np.ndarray:
@@ -18,8 +22,26 @@ def wild_rows(error: np.ndarray) -> np.ndarray:
     return error > WILD * np.median(error) if error.size else np.zeros(0, bool)
 
 
+def single_wild_rows(error: np.ndarray, runs: Sequence[np.ndarray]) -> np.ndarray:
+    """(N,) bool of errors (N,) in the order of time in each run: at most `_MOST_TOGETHER` wild ones one after
+    another, and few of all. What a model lacks stays for longer."""
+    wild, single = wild_rows(error), np.zeros(error.size, bool)
+    for rows in runs:
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], wild[rows], [False]])))
+        for first, end in zip(edges[::2], edges[1::2]):
+            single[rows[first:end]] = end - first <= _MOST_TOGETHER
+    return single if single.mean() <= _MOST_SINGLE else np.zeros(error.size, bool)
+
+
 def wild_rows_line(error: np.ndarray, wild: np.ndarray) -> str:
     """What a result says of wild rows among errors (N,) in m."""
     those = f"{wild.sum()} of {wild.size} rows miss" if wild.sum() > 1 else f"1 of {wild.size} rows misses"
     return (f"{those} by more than {WILD:g} times the median, by up to {1e3 * error[wild].max():.3g} mm: "
             "all were fitted with Huber's loss, which gives such rows less weight")
+
+
+def left_out_line(error: np.ndarray, wild: np.ndarray) -> str:
+    """What a result says of single readings among errors (N,) in m that count nowhere."""
+    some = "readings jump" if wild.sum() > 1 else "reading jumps"
+    return (f"{wild.sum()} of {wild.size} {some} away from the path and back within {_MOST_TOGETHER} "
+            f"samples, by up to {1e3 * error[wild].max():.3g} mm: left out")
