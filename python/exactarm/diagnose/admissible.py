@@ -13,6 +13,7 @@ from exactarm.diagnose.problem import Fitted
 from exactarm.kinds.base import STANDS_STILL
 from exactarm.robot import Robot
 
+LEAST_EVIDENCE = 5.0  # log Bayes factor; all candidates tried are already paid for
 LEAST_PROBABILITY = 0.5  # of an effect in the model, among all that could stand in its place
 
 

@@ -186,7 +186,8 @@ def diagnose(
     unconverged = _unconverged(selection)
     _, refuted = stood_and_refuted(findings)
     worse = sum(gains) < 0.0 and rises(before, after)
-    if unconverged or refuted or worse or lines or sum(gains) < AGAINST:
+    undecided = selection.undecided
+    if unconverged or refuted or worse or lines or undecided or sum(gains) < AGAINST:
         verdict = UNEXPLAINED
     drafts = ()
     if verdict == UNEXPLAINED and problem.by_posterior and not unconverged:
@@ -204,7 +205,7 @@ def diagnose(
         alternatives=alternatives,
         verdict=verdict,
         sentence=no_verdict(unconverged) if unconverged else sentence_of(
-            verdict, findings, alternatives, before, after, left, excess, unknown, sum(gains)),
+            verdict, findings, alternatives, before, after, left, excess, unknown, sum(gains), undecided),
         causes=causes,
         unconverged=unconverged,
         drafts=drafts,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from exactarm.diagnose.admissible import LEAST_EVIDENCE, LEAST_PROBABILITY
 from exactarm.diagnose.problem import Fitted
 from exactarm.diagnose.scan import Candidate
 from exactarm.effects.base import Effect
@@ -29,7 +30,19 @@ class Accepted:
 
 @dataclass(frozen=True)
 class Selection:
-    """fits[0] is the declared model, fits[i] the one after i rounds."""
+    """fits[0] is the declared model, fits[i] the one after i rounds; asked: what earned a place, before those
+    that are no likelier than their rivals left it."""
 
     fits: tuple[Fitted, ...]
     accepted: tuple[Accepted, ...]
+    asked: tuple[Accepted, ...] = ()
+
+    @property
+    def undecided(self) -> tuple[str, ...]:
+        """Titles of causes of which one is missing without a doubt, where none is likelier than not."""
+        lost = [a for a in self.asked if a.probability < LEAST_PROBABILITY and a.rivals]
+        if self.accepted or not lost:
+            return ()
+        best = max(lost, key=lambda each: each.evidence)
+        alike = [c.effect for c in best.rivals if c.evidence > best.evidence - LEAST_EVIDENCE]
+        return tuple(dict.fromkeys(effect.title for effect in (best.effect, *alike)))

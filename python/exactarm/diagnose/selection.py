@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from exactarm.chain import Layout
-from exactarm.diagnose.admissible import LEAST_PROBABILITY, is_possible, moving_axes
+from exactarm.diagnose.admissible import LEAST_EVIDENCE, LEAST_PROBABILITY, is_possible, moving_axes
 from exactarm.diagnose.bagging import bagged_contest
 from exactarm.diagnose.cluster_robust import robust_evidence
 from exactarm.diagnose.cross_validation import folds_of, held_out_squares
@@ -29,7 +29,6 @@ from exactarm.diagnose.worth import holds_elsewhere, is_worth
 from exactarm.effects import library
 from exactarm.effects.base import Effect
 
-LEAST_EVIDENCE = 5.0  # log Bayes factor; all candidates tried are already paid for
 NAMED_AT = 0.5  # probability from which a cause is named: more likely than not
 MOST_EFFECTS = 16
 _SHORTLIST = 12
@@ -100,12 +99,12 @@ def select(problem: Problem, declared: Layout, progress: Progress = lambda text:
     accepted = [replace(contested[place] if place in contested else settled[effect.label], effect=effect,
                         round=rounds[place])
                 for place, effect in enumerate(fitted.layout.effects[len(declared.effects):])]
-    accepted, fitted = _admissible(problem, declared, accepted, fitted)
+    asked, (accepted, fitted) = tuple(accepted), _admissible(problem, declared, accepted, fitted)
     if problem.unknown_rivals:
         accepted = _beside_unknown(problem.knowing(fitted), declared, accepted, fitted)
     if len(fits) > 1:
         fits[-1] = fitted
-    return Selection(tuple(fits), tuple(accepted))
+    return Selection(tuple(fits), tuple(accepted), asked)
 
 
 def _curves(problem, declared, rounds, fitted: Fitted, templates: list[Effect], turn: int):

@@ -126,8 +126,9 @@ def remains(left: Dossier, excess: float, unknown: tuple[str, ...] = ()) -> str:
 
 
 def sentence_of(verdict, findings, alternatives, before, after, left: Dossier, excess: float,
-                unknown: tuple[str, ...] = (), gain: float = 0.0) -> str:
-    """The verdict in one sentence that a technician understands; gain: of the held-out rows, in nats."""
+                unknown: tuple[str, ...] = (), gain: float = 0.0, undecided: tuple[str, ...] = ()) -> str:
+    """The verdict in one sentence that a technician understands; gain: of the held-out rows, in nats;
+    undecided: titles of causes of which one is missing."""
     judged = "validation" if after["validation"].n else "identification"
     if findings:
         stood, refuted = stood_and_refuted(findings)
@@ -157,6 +158,8 @@ def sentence_of(verdict, findings, alternatives, before, after, left: Dossier, e
                 f"{remains(left, excess, unknown)}."
             )
         return text
+    if undecided:
+        return f"The model lacks something, but this data cannot tell which: {' or '.join(undecided)}."
     if verdict == UNEXPLAINED:
         return (
             "The residual has a structure that nothing in the library explains; "
