@@ -17,6 +17,7 @@ from exactarm.diagnose.quantisation import rounding_noise
 from exactarm.kinds import kind_of
 
 _CLOSE_RAD = 0.02
+_COPIED = 1e-6  # of the noise that is taken for that of repeats: their differences are rounding
 _LEAST_PAIRS = 20
 _GROSS = 5.0  # robust standard deviations: one good number in two millions lies beyond
 _ROUNDING_SHARE = 0.1  # of the floor from repeats: less changes it by half a per cent
@@ -36,7 +37,9 @@ def noise_floor(problem: Problem, final: Fitted) -> NoiseFloor:
     """The best estimate that the data allow."""
     unit = problem.error_of_unit_noise(final)
     repeats = problem.repeat_noise(final)
-    if repeats is not None:
+    if repeats is not None and repeats < _COPIED:  # one measurement, written twice: it has no scatter to show
+        unit *= float(np.sqrt(1.0 + getattr(final.noise, "shared", 0.0)))
+    elif repeats is not None:
         # A model of many terms may follow the repeats a little closer than their own scatter.
         value, rounding = min(repeats, 1.0) * unit, rounding_noise(problem, final)
         also = " and the rounding of the reported angles" if rounding > _ROUNDING_SHARE * value else ""

@@ -30,6 +30,9 @@ _SURELY_WRONG = 0.99
 _PASSES = 60
 # rows beyond the first of their pose, below which nothing is said of what visits share
 _LEAST_ROWS_A_VISIT = 10
+# variance within visits, of all of a row: visits that agree better (copied rows, whose difference is exactly
+# nothing) say the same thing once, and rows may be divided by this noise without losing their digits
+_LEAST_WITHIN = 1e-6
 
 
 def estimate_noise(
@@ -192,8 +195,8 @@ def _shared(white: np.ndarray, weight: np.ndarray, visits: np.ndarray) -> tuple[
     sums = [np.bincount(visits, weights=weight * white[:, k]) for k in range(white.shape[1])]
     means = np.stack(sums, axis=1) / np.maximum(total, 1e-300)[:, None]
     inside = weight[:, None] * (white - means[visits]) ** 2
-    within = float(np.sum(inside)) / (within_freedom * white.shape[1])
+    within = max(float(np.sum(inside)) / (within_freedom * white.shape[1]), _LEAST_WITHIN)
     used = total > 0.0
     between = float(np.sum(total[used, None] * means[used] ** 2)) / (used.sum() * white.shape[1])
-    shared = (between / max(within, 1e-300) - 1.0) / float(np.mean(total[used]))
+    shared = (between / within - 1.0) / float(np.mean(total[used]))
     return (shared, within) if shared > 0.0 else (0.0, 1.0)
