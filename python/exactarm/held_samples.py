@@ -140,9 +140,13 @@ def _at(time: np.ndarray, values: np.ndarray, wanted: np.ndarray) -> np.ndarray:
 
 def _note(held: dict[str, _Held], slowest: _Held | None, data: Rows, runs: list[np.ndarray]) -> str:
     rate = 1.0 / float(np.median([typical_step(data.time[rows]) for rows in runs]))
-    told = " and ".join(f"{found.words} ({rate / found.length:.3g} Hz)" for found in held.values())
-    said = f"a log of {rate:.3g} Hz repeats the last reading of {told} until the next"
+    told = " and ".join(f"{found.words} ({_hertz(rate / found.length)})" for found in held.values())
+    said = f"a log of {_hertz(rate)} repeats the last reading of {told} until the next"
     if slowest is None:
         return f"{said}: between them they are interpolated"
     rows = sum(places.size for places in slowest.fresh)
     return f"{said}: {rows:,} of {len(data):,} rows are used, those in which {slowest.words} is new"
+
+
+def _hertz(rate: float) -> str:
+    return f"{rate:,.0f} Hz" if rate >= 100.0 else f"{rate:.3g} Hz"
