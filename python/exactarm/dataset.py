@@ -38,7 +38,7 @@ from exactarm.columns import (
 from exactarm.errors import InputError
 from exactarm.euler import with_orientation
 from exactarm.fixture import Fixture
-from exactarm.held_samples import without_held
+from exactarm.held_samples import without_frozen, without_held
 from exactarm.kinds import POSES, data_kinds, kind_of
 from exactarm.kinds.base import check_joints, is_a_series
 from exactarm.reflectors import with_target
@@ -93,7 +93,7 @@ def read_dataset(
     files = [_read_file(str(path), robot, columns) for path in paths]
     _check_files(files)
     dataset = replace(_join(files, robot), fixture=fixture)
-    return without_held(replace(dataset, **data_kinds(dataset, robot, kind)))
+    return without_frozen(without_held(replace(dataset, **data_kinds(dataset, robot, kind))))
 
 
 def _since_the_start(time: np.ndarray) -> np.ndarray:

@@ -16,6 +16,7 @@ from typing import TypeVar
 import numpy as np
 import scipy  # scipy.interpolate is imported at its first use
 
+from exactarm.kinds import kind_of
 from exactarm.kinds.base import LEAST_SAMPLES, runs_in_time
 from exactarm.rows import Rows
 from exactarm.signals import even_clock, typical_step
@@ -29,6 +30,8 @@ _STANDS = 3.0  # times the median stretch: longer ones are a standstill
 _ROUNDING_STEPS = 3.0  # a rounded reading changes by one, at most two, after it has stayed the same
 _LEAST_STRETCHES = 20
 _EVEN = 1e-6  # of a step: rounding
+# rows one after the other, and typical steps of the motors; share of all others that may repeat
+_LEAST_FROZEN, _REPEATED = 4, 0.01
 
 
 @dataclass(frozen=True)
@@ -42,7 +45,7 @@ class _Held:
 
 def without_held(data: Data) -> Data:
     """The rows of a series in which its slowest quantity is new; the same rows where none is held."""
-    if data.time is None:
+    if data.time is None or kind_of(data.kind).at_rest:
         return data
     runs = runs_in_time(data)
     signals = _signals(data)
@@ -68,6 +71,29 @@ def without_held(data: Data) -> Data:
     kept = replace(data.select(np.concatenate(picked)), time=np.concatenate(times),
                    notes=(*data.notes, _note(held, slowest, data, runs)))
     return _with_signals(kept, {name: np.concatenate(part) for name, part in parts.items()})
+
+
+def without_frozen(data: Data) -> Data:
+    """The rows without those in which a tracker that has lost its target repeats one position, its last or
+    0, 0, 0, while the motors move on. What a tracker measures is never twice the same in all its digits."""
+    if data.time is None or data.position is None or kind_of(data.kind).at_rest:
+        return data
+    motors = next(data.joints[name] for name in _commanded(data) if name in data.joints)
+    lost, stretches = np.zeros(len(data), bool), 0
+    for rows in runs_in_time(data):
+        same = np.all(np.diff(data.position[rows], axis=0) == 0.0, axis=1)
+        turned = np.nansum(np.abs(np.diff(motors[rows], axis=0)), axis=1)
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], same, [False]])))
+        for first, end in zip(edges[::2], edges[1::2]):
+            if end - first >= _LEAST_FROZEN and turned[first:end].sum() > _LEAST_FROZEN * np.median(turned):
+                lost[rows[first : end + 1]] = True
+                stretches += 1
+    free = np.mean(np.all(np.diff(data.position[~lost], axis=0) == 0.0, axis=1)) if np.sum(~lost) > 1 else 1.0
+    if not stretches or free > _REPEATED:
+        return data
+    note = (f"x, y, z stay the same while the motors move, in {lost.sum():,} of {len(data):,} rows: left "
+            "out, as of a tracker that has lost its target")
+    return replace(data.select(~lost), notes=(*data.notes, note))
 
 
 def _commanded(data: Rows) -> tuple[str, ...]:

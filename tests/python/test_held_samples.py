@@ -1,4 +1,4 @@
-"""A log that repeats the last reading of a slow device until the next one comes.
+"""A log that repeats the last reading of a slow device until the next one comes, or of one that sees nothing.
 
 Seeds: the first tried, none exchanged.
 """
@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from exactarm.dataset import Dataset
-from exactarm.held_samples import without_held
+from exactarm.held_samples import without_frozen, without_held
 
 LOG_HZ, AXES, NOISE_M = 125.0, 2, 2e-5
 
@@ -105,3 +105,26 @@ def test_noise_that_repeats_itself_is_not_held(step):
     tau = np.stack([torque, np.full(time.size, np.nan)], axis=1)
     data = Dataset.of_arrays("motion", {"theta": angles(time), "tau": tau}, time=time)
     assert without_held(data) is data
+
+
+@pytest.mark.parametrize("shown", ["the last position", "zeros"])
+def test_a_tracker_without_its_target_says_nothing(shown):
+    data = series()
+    lost = (data.time > 5.0) & (data.time < 5.6) | (data.time > 12.0) & (data.time < 12.1)
+    position = np.where(lost[:, None], np.nan, data.position)
+    last = np.maximum.accumulate(np.where(lost, 0, np.arange(len(data))))
+    position = data.position[last] if shown == "the last position" else np.nan_to_num(position)
+    kept = without_frozen(replace(data, position=position))
+    assert not lost[kept.row - 1].any()
+    assert lost.sum() <= len(data) - len(kept) <= lost.sum() + 2  # the rows whose positions are repeated
+    assert "lost its target" in kept.notes[0]
+
+
+@pytest.mark.parametrize("change", [
+    lambda data: data,
+    at_rest_between,
+    lambda data: replace(data, position=1e-2 * np.round(data.position / 1e-2)),
+], ids=["as it is", "with stops", "rounded to a centimetre"])
+def test_an_arm_that_stands_still_has_not_lost_its_target(change):
+    data = change(series())
+    assert without_frozen(data) is data
