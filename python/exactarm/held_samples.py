@@ -30,7 +30,7 @@ _STANDS = 3.0  # times the median stretch: longer ones are a standstill
 _ROUNDING_STEPS = 3.0  # a rounded reading changes by one, at most two, after it has stayed the same
 _LEAST_STRETCHES = 20
 _EVEN = 1e-6  # of a step: rounding
-# rows one after the other, and typical steps of the motors; share of all others that may repeat
+# rows in which the motors have moved further than in one of them; share of others that may repeat
 _LEAST_FROZEN, _REPEATED = 4, 0.01
 
 
@@ -85,7 +85,7 @@ def without_frozen(data: Data) -> Data:
         turned = np.nansum(np.abs(np.diff(motors[rows], axis=0)), axis=1)
         edges = np.flatnonzero(np.diff(np.concatenate([[False], same, [False]])))
         for first, end in zip(edges[::2], edges[1::2]):
-            if end - first >= _LEAST_FROZEN and turned[first:end].sum() > _LEAST_FROZEN * np.median(turned):
+            if end - first >= _LEAST_FROZEN and turned[first:end].sum() > np.median(turned):
                 lost[rows[first : end + 1]] = True
                 stretches += 1
     free = np.mean(np.all(np.diff(data.position[~lost], axis=0) == 0.0, axis=1)) if np.sum(~lost) > 1 else 1.0
@@ -125,20 +125,30 @@ def _held(values: np.ndarray, words: str, runs: list[np.ndarray]) -> _Held | Non
         new = np.append(True, np.any(np.nan_to_num(change) != 0.0, axis=1))
         places = np.flatnonzero(new)
         stretches = np.diff(places)
-        fresh.append(places)
+        fresh.append(np.append(places, rows.size))
         lengths.append(stretches[1:])  # the first may have begun before the run
         steps.append(np.abs(change[places[2:] - 1][stretches[1:] > 1]))
     length, step = np.concatenate(lengths), np.concatenate(steps)
     if not length.size:
         return None
-    moving = length[length <= _STANDS * max(np.median(length), 1.0)]
+    longest = _STANDS * max(np.median(length), 1.0)
+    moving = length[length <= longest]
     mean = float(moving.mean())
     alike = np.abs(moving - mean) < 1.0
     if mean < _LEAST_HELD or len(step) < _LEAST_STRETCHES or alike.mean() < _SAME_LENGTH:
         return None
     smallest = np.nanmin(np.where(step > 0.0, step, np.inf), axis=0)
     in_steps = np.max(np.nan_to_num(step / smallest), axis=1)
-    return _Held(words, mean, fresh) if np.median(in_steps) >= _ROUNDING_STEPS else None
+    if np.median(in_steps) < _ROUNDING_STEPS:
+        return None
+    return _Held(words, mean, [_with_standstill(ends, longest, mean) for ends in fresh])
+
+
+def _with_standstill(ends: np.ndarray, longest: float, length: float) -> np.ndarray:
+    """Places where stretches begin, of the ends between them; one that is longer than `longest` rows is read
+    anew every `length` of them."""
+    each = [np.arange(a, b, round(length)) if b - a > longest else [a] for a, b in zip(ends[:-1], ends[1:])]
+    return np.concatenate(each).astype(int)
 
 
 def _own_clock(stamps: np.ndarray, log: np.ndarray, held: _Held) -> np.ndarray:

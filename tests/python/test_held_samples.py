@@ -107,6 +107,18 @@ def test_noise_that_repeats_itself_is_not_held(step):
     assert without_held(data) is data
 
 
+def test_an_arm_that_stands_still_is_read_all_the_same():
+    """Angles of 25 Hz: where they stand for a second, they stand between its readings too."""
+    moving = at_rest_between(series())
+    last = np.arange(len(moving)) // 5 * 5
+    data = without_held(replace(moving, joints={"q": moving.joints["q"][last]}))
+    assert "between them they are interpolated" in data.notes[0]
+    rest = np.flatnonzero((moving.time % 2.0 > 1.2) & (moving.time % 2.0 < 1.8))  # its starts are jumps
+    rest = rest[rest < len(data)]
+    assert rest.size > 600
+    assert np.abs(data.joints["q"] - moving.joints["q"][: len(data)])[rest].max() < 1e-3
+
+
 @pytest.mark.parametrize("shown", ["the last position", "zeros"])
 def test_a_tracker_without_its_target_says_nothing(shown):
     data = series()
