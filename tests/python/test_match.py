@@ -94,3 +94,19 @@ def test_every_command_on_poses_asks_first(arm, tmp_path, capsys, command):
     lines = capsys.readouterr().err.strip().splitlines()
     assert len(lines) == 1 and "poses.csv" in lines[0] and "millimetres labelled as metres" in lines[0]
     assert not (tmp_path / "out" / "result.json").exists()
+
+
+def test_what_all_rows_show_is_said_where_the_fitted_ones_show_nothing(arm, tmp_path, capsys):
+    """A tracker without its target repeats what it saw last, in more of the fitted rows than gross errors are
+    looked for among."""
+    data = replace(data_of(arm, count=60), identification=np.arange(60) < 42)
+    position = data.position.copy()
+    for row in (10, 25, 40):
+        position[row] = position[row - 1]
+    write_robot(tmp_path / "robot.toml", arm)
+    write_dataset(tmp_path / "poses.csv", replace(data, position=position), arm)
+    words = ["calibrate", tmp_path / "robot.toml", tmp_path / "poses.csv", "--out", tmp_path / "out"]
+    assert cli.main([*map(str, words), "--quiet"]) == 2
+    (line,) = capsys.readouterr().err.strip().splitlines()
+    assert "robot and data do not match" in line and "another robot" not in line
+    assert "had the device lost its target?" in line or "gross errors" in line

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from exactarm.dataset import Dataset
 from exactarm.errors import ComputationError, InputError
 from exactarm.identify.first_aid import first_aid
-from exactarm.kinds import CLOSURES
+from exactarm.identify.match import Mismatch
 from exactarm.robot import Robot
 
 
@@ -23,9 +23,10 @@ def suspicions(robot: Robot, data: Dataset, *placed: Dataset) -> Iterator[tuple[
     try:
         yield (*found, *notes)
     except (InputError, ComputationError) as error:
-        looked = "do not match" in str(error) and data.kind != CLOSURES.name  # that refusal, by itself
-        if not found or looked:
+        if not found or isinstance(error, Mismatch) and error.cause:
             raise
+        if isinstance(error, Mismatch):  # asks for no other robot where all rows show what it is
+            raise Mismatch(error.refusal, found[0], error.file) from error
         message = f"{getattr(error, 'message', error)}; {found[0]}"
         if isinstance(error, ComputationError):
             raise ComputationError(message) from error

@@ -20,6 +20,15 @@ from exactarm.split import DEFAULT_SEED
 WORST_SHARE = 0.03  # of the reach, RMS with the frames fitted
 
 
+class Mismatch(InputError):
+    """Robot and data do not match. refusal: the line without its question; cause: the usual mistake that the
+    rows themselves show, None where they show none."""
+
+    def __init__(self, refusal: str, cause: str | None, file: object):
+        super().__init__(f"{refusal}: {cause or 'is it another robot?'}", file=file)
+        self.refusal, self.cause = refusal, cause
+
+
 def require_match(robot: Robot, data: Dataset, found: list[tuple[int, FoundFrames]], carried: Layout,
                   seed: int = DEFAULT_SEED) -> None:
     """Raises InputError where the robot cannot have moved the target as measured; `found`: frames by
@@ -29,12 +38,11 @@ def require_match(robot: Robot, data: Dataset, found: list[tuple[int, FoundFrame
             continue
         rows = data.select(data.session == session)
         meant = pose_mistakes(robot, rows, carried, seed)
-        cause = "is it another robot?"
+        cause = None
         if meant:
             cause = meant[0].text if meant[0].sentence else f"is it {meant[0].words}?"
-        raise InputError(
+        raise Mismatch(
             f"robot and data do not match: with the best base and tool of session {session}, {robot.name} "
             f"misses the measured points by {frames.rms:.3g} m (RMS), expected less than "
-            f"{WORST_SHARE * reach(robot):.2g} m: {cause}",
-            file=rows.first_file,
+            f"{WORST_SHARE * reach(robot):.2g} m", cause, rows.first_file,
         )
