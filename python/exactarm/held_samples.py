@@ -14,12 +14,11 @@ from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
-import scipy  # scipy.interpolate is imported at its first use
 
 from exactarm.kinds import kind_of
 from exactarm.kinds.base import LEAST_SAMPLES, runs_in_time
 from exactarm.rows import Rows
-from exactarm.signals import even_clock, typical_step
+from exactarm.signals import by_spline, even_clock, typical_step
 
 Data = TypeVar("Data", bound=Rows)
 
@@ -65,7 +64,7 @@ def without_held(data: Data) -> Data:
             own = held[name].fresh[k] if name in held else np.arange(rows.size)
             at = _own_clock(time[own], time, held[name]) if name in held else time
             column, same = values[rows], name in held and held[name] is slowest or np.isin(even, at).all()
-            parts[name].append(column[new] if same else _at(at, column[own], even))
+            parts[name].append(column[new] if same else by_spline(at, column[own], even))
         picked.append(rows[new])
         times.append(even)
     kept = replace(data.select(np.concatenate(picked)), time=np.concatenate(times),
@@ -78,7 +77,7 @@ def without_frozen(data: Data) -> Data:
     0, 0, 0, while the motors move on. What a tracker measures is never twice the same in all its digits."""
     if data.time is None or data.position is None or kind_of(data.kind).at_rest:
         return data
-    motors = next(data.joints[name] for name in _commanded(data) if name in data.joints)
+    motors = data.joints[_commanded(data)[0]]
     lost, stretches = np.zeros(len(data), bool), 0
     for rows in runs_in_time(data):
         same = np.all(np.diff(data.position[rows], axis=0) == 0.0, axis=1)
@@ -164,14 +163,6 @@ def _own_clock(stamps: np.ndarray, log: np.ndarray, held: _Held) -> np.ndarray:
     if late < _EVEN * step:
         return stamps
     return even if late < step else even_clock(stamps)
-
-
-def _at(time: np.ndarray, values: np.ndarray, wanted: np.ndarray) -> np.ndarray:
-    """(R', k) of values (R, k) that are known at `time`, by a spline; a column with no value has none."""
-    out = np.full((wanted.size, values.shape[1]), np.nan)
-    known = np.isfinite(values).all(axis=0)
-    out[:, known] = scipy.interpolate.CubicSpline(time, values[:, known])(wanted)
-    return out
 
 
 def _note(held: dict[str, _Held], slowest: _Held | None, data: Rows, runs: list[np.ndarray]) -> str:

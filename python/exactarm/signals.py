@@ -9,6 +9,7 @@ two. A block is a stretch of one run without a gap in its time stamps.
 from __future__ import annotations
 
 import numpy as np
+import scipy  # scipy.interpolate is imported at its first use
 from scipy import fft, ndimage, sparse
 
 from exactarm import _core
@@ -127,6 +128,16 @@ def at_even_times(values: np.ndarray, stamps: np.ndarray, time: np.ndarray, main
     if not stamps_are_true(values[:, main], rate[:, main], stamps, time):
         return values
     return values - rate * (stamps - time)[:, None]
+
+
+def by_spline(time: np.ndarray, values: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    """(G, ...) of values (R, ...) that are known at `time`, at the `wanted` times; a column with no value
+    somewhere has none anywhere."""
+    flat = values.reshape(len(values), -1)
+    known = np.isfinite(flat).all(axis=0)
+    out = np.full((wanted.size, flat.shape[1]), np.nan)
+    out[:, known] = scipy.interpolate.CubicSpline(time, flat[:, known])(wanted)
+    return out.reshape(wanted.size, *values.shape[1:])
 
 
 def gaussian_sigma(cutoff_hz: float) -> float:

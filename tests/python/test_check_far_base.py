@@ -1,4 +1,7 @@
-"""A base that has moved so far that no derivative tells it, in the daily check."""
+"""A base that has moved so far that no derivative tells it, in the daily check.
+
+Seeds: the first tried, none exchanged; with 20 to 25 the first test holds as well.
+"""
 
 from dataclasses import replace
 

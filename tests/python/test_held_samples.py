@@ -55,11 +55,12 @@ def left(data):
     ({"q_hz": 62.0, "tracker_hz": 28.0, "start_s": (0.0011, 0.0037)}, 559),
 ], ids=["tracker", "tracker of its own clock", "angles", "both"])
 def test_only_new_readings_are_used(rates, rows):
-    """Straight lines between 25 Hz, as `left` draws them, leave up to 0.15 mm; repeated readings 3 mm."""
+    """Repeated readings leave 4.2 to 5.0 mm, new ones 0.020 to 0.046 mm (straight lines, as `left` draws
+    them): seeds 0 to 2, of which the first is run."""
     held = series(**rates)
     data = without_held(held)
     assert left(held) > 1e-3
-    assert left(data) < 3e-4
+    assert left(data) < 1e-4
     assert abs(len(data) - rows) <= 2
     assert "repeats the last reading" in data.notes[0]
 

@@ -11,9 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import scipy  # scipy.interpolate is imported at its first use
 
-from exactarm.signals import blocks, typical_step
+from exactarm.signals import blocks, by_spline, typical_step
 
 # of the shortest period that counts, or that a low-pass leaves: gaps so long carry nothing of it
 FILLED_PERIODS = 0.25
@@ -53,7 +52,7 @@ def _filled(time: np.ndarray, signals: Sequence[np.ndarray], parts: list[np.ndar
     place -= whole - own[place - 1] < own[place] - whole
     given = np.zeros(whole.size, bool)
     given[np.searchsorted(whole, own)] = True
-    return Filled(whole, rows[place], given, tuple(_at(own, signal[rows], whole) for signal in signals))
+    return Filled(whole, rows[place], given, tuple(by_spline(own, signal[rows], whole) for signal in signals))
 
 
 def _times(time: np.ndarray, parts: list[np.ndarray], step: float) -> np.ndarray:
@@ -62,15 +61,6 @@ def _times(time: np.ndarray, parts: list[np.ndarray], step: float) -> np.ndarray
     gaps = [(before[-1], after[0]) for before, after in zip(own[:-1], own[1:])]
     missing = [np.linspace(a, b, max(2, round((b - a) / step) + 1))[1:-1] for a, b in gaps]
     return np.sort(np.concatenate([*own, *missing]))
-
-
-def _at(time: np.ndarray, values: np.ndarray, whole: np.ndarray) -> np.ndarray:
-    """(G, ...) by a spline; a column with no value somewhere has none anywhere."""
-    flat = values.reshape(len(values), -1)
-    known = np.isfinite(flat).all(axis=0)
-    out = np.full((whole.size, flat.shape[1]), np.nan)
-    out[:, known] = scipy.interpolate.CubicSpline(time, flat[:, known])(whole)
-    return out.reshape(whole.size, *values.shape[1:])
 
 
 def between_gaps(time: np.ndarray, *signals: np.ndarray) -> tuple[np.ndarray, ...]:
