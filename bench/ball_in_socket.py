@@ -18,15 +18,15 @@ from dataclasses import replace
 import numpy as np
 
 from exactarm.chain import Layout
-from exactarm.dataset import Dataset, read_dataset
+from exactarm.data.dataset import Dataset, read_dataset
+from exactarm.data.fixture import load_fixture
 from exactarm.diagnose.closure_problem import ClosureProblem
 from exactarm.diagnose.selection import select
-from exactarm.examples import data_path
-from exactarm.fixture import load_fixture
+from exactarm.files.examples import data_path
 from exactarm.identify.closures import declare_closures, sessions_of
 from exactarm.identify.loads import with_loads
 from exactarm.measurement.closures import predict_closures, touches
-from exactarm.robot import Robot
+from exactarm.robot.robot import Robot
 from exactarm.robot_file import load_robot
 
 ARMS = ("panda_3", "panda_6", "panda_7", "dinova_1", "dinova_2")

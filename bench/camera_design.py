@@ -20,17 +20,17 @@ from dataclasses import replace
 import numpy as np
 
 from exactarm.chain import Layout
-from exactarm.dataset import Dataset
-from exactarm.fixture import CameraSetup, Fixture
+from exactarm.data.dataset import Dataset
+from exactarm.data.fixture import CameraSetup, Fixture
+from exactarm.design.camera_design import design_pictures
+from exactarm.design.closure_design import ClosureDesignOptions
 from exactarm.identify.calibrate import CalibrationOptions
-from exactarm.identify.camera_design import design_pictures
-from exactarm.identify.closure_design import ClosureDesignOptions
 from exactarm.identify.closures import calibrate_closures
 from exactarm.identify.evaluate import evaluate_poses
 from exactarm.measurement.camera import Camera
-from exactarm.robot import Placement, Robot
+from exactarm.numerics.rotation import exp
+from exactarm.robot.robot import Placement, Robot
 from exactarm.robot_file import load_robot
-from exactarm.rotation import exp
 from exactarm.simulate import Sensors, VirtualRobot, deviated, measure_poses
 from exactarm.simulate.pictures import TRUE_LENS, pictures_at
 from exactarm.simulate.profiles import limit

@@ -32,7 +32,7 @@ from exactarm.compensate.law import NEAR_SINGULAR, CompensationModel
 from exactarm.compensate.setting import Setting, chosen_points
 from exactarm.effects.backlash import Backlash
 from exactarm.effects.joint_compliance import JointCompliance
-from exactarm.robot import Robot
+from exactarm.robot.robot import Robot
 from exactarm.robot_file import load_robot
 
 

@@ -18,11 +18,11 @@ from statistics import median
 
 import numpy as np
 
-from exactarm.examples import data_path
-from exactarm.identify.criterion import Criterion, LogDeterminant
-from exactarm.identify.design import Design, design_poses
-from exactarm.identify.exchange import ExchangeOptions, exchange
-from exactarm.robot import Placement, Robot
+from exactarm.design.criterion import Criterion, LogDeterminant
+from exactarm.design.design import Design, design_poses
+from exactarm.design.exchange import ExchangeOptions, exchange
+from exactarm.files.examples import data_path
+from exactarm.robot.robot import Placement, Robot
 from exactarm.robot_file import load_robot
 
 

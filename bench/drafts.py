@@ -19,10 +19,10 @@ import numpy as np
 
 from exactarm.chain import Layout, predict_poses
 from exactarm.commands.accept import accept
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
 from exactarm.diagnose.diagnosis import diagnose
+from exactarm.robot.writer import tables_text
 from exactarm.robot_file import load_robot
-from exactarm.robot_writer import tables_text
 from exactarm.simulate.virtual_robot import deviated
 
 NOISE_M, POSES = 5e-5, 160

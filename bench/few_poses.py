@@ -3,7 +3,7 @@
     python bench/few_poses.py [--series B] [--counts 12 20 30 50] [--sets 30] [--out FILE.json]
 
 The fitted rows of a random split (70 %) are the pool, the other rows judge. From the pool are taken sets at
-random, and sets by `identify.exchange` from each of `STARTS` random starts:
+random, and sets by `design.exchange` from each of `STARTS` random starts:
 
     D    the criteria of `exactarm design`: log det, smallest singular value
     I    the least mean variance of the position over the pool, tr(M^-1 W), W the mean of its J'J
@@ -24,16 +24,16 @@ from pathlib import Path
 
 import numpy as np
 
-from exactarm.dataset import Dataset, read_dataset
+from exactarm.data.dataset import Dataset, read_dataset
+from exactarm.design.criterion import Criterion
+from exactarm.design.design import reference_identifiability
+from exactarm.design.exchange import ExchangeOptions, exchange
 from exactarm.errors import ComputationError, InputError
-from exactarm.examples import example
+from exactarm.files.examples import example
 from exactarm.identify.calibrate import calibrate
-from exactarm.identify.criterion import Criterion
-from exactarm.identify.design import reference_identifiability
-from exactarm.identify.exchange import ExchangeOptions, exchange
 from exactarm.identify.observability import column_scale
 from exactarm.identify.planned import PlannedModel, row_weights
-from exactarm.robot import Robot
+from exactarm.robot.robot import Robot
 from exactarm.robot_file import load_robot
 
 STARTS = 3

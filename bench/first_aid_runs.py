@@ -25,8 +25,8 @@ sys.path.insert(0, str(TOP / "bench"))
 
 from blind import gear_scenario, motion_scenario, tracked_scenario  # noqa: E402
 from blind.run import ROBOTS  # noqa: E402
-from exactarm.dataset import Dataset, read_dataset  # noqa: E402
-from exactarm.identify.first_aid import first_aid  # noqa: E402
+from exactarm.data.dataset import Dataset, read_dataset  # noqa: E402
+from exactarm.first_aid.first_aid import first_aid  # noqa: E402
 from exactarm.robot_file import load_robot  # noqa: E402
 
 DRAWS = {"motion": motion_scenario, "gear_run": gear_scenario, "tracked_motion": tracked_scenario}

@@ -24,15 +24,15 @@ import numpy as np
 
 from blind.random_arms import write_random_arm
 from exactarm.chain import Layout
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
 from exactarm.diagnose.diagnosis import diagnose
 from exactarm.diagnose.problems import problem_for
 from exactarm.effects.base import Effect
 from exactarm.effects.gear_harmonics import GearHarmonics
-from exactarm.generic_masses import with_generic_masses
-from exactarm.robot import Placement, Robot
+from exactarm.numerics.rotation import exp
+from exactarm.robot.generic_masses import with_generic_masses
+from exactarm.robot.robot import Placement, Robot
 from exactarm.robot_file import load_robot
-from exactarm.rotation import exp
 from exactarm.simulate.virtual_robot import deviated
 from reliability import SIGMA_M, angles, drawn_causes, is_right, measured
 

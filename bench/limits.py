@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from exactarm.examples import data_path
+from exactarm.files.examples import data_path
 
 PATIENCE_S, MOST_GB = 120.0, 6.0
 PATH_RATE_HZ = 250.0

@@ -13,12 +13,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from exactarm.dataset import Dataset, read_dataset
-from exactarm.examples import example
-from exactarm.held_samples import without_held
+from exactarm.data.dataset import Dataset, read_dataset
+from exactarm.data.held_samples import without_held
+from exactarm.files.examples import example
 from exactarm.identify.dynamics import DynamicsOptions, identify_dynamics
+from exactarm.numerics.signals import typical_step
 from exactarm.robot_file import load_robot
-from exactarm.signals import typical_step
 
 LOST, JITTER, STRETCH_S = 0.01, 0.1, 0.45  # share of the samples, of a step; s
 HELD = 20  # rows: 250 Hz of 5 kHz

@@ -32,16 +32,16 @@ sys.path.insert(0, str(TOP / "bench"))
 
 from blind.random_arms import write_random_arm  # noqa: E402
 from exactarm.chain import Layout, predict_poses  # noqa: E402
-from exactarm.dataset import Dataset  # noqa: E402
+from exactarm.data.dataset import Dataset  # noqa: E402
 from exactarm.diagnose.diagnosis import diagnose  # noqa: E402
 from exactarm.diagnose.problems import problem_for  # noqa: E402
 from exactarm.diagnose.scan import free_mask, grid  # noqa: E402
 from exactarm.diagnose.selection import candidates_for  # noqa: E402
 from exactarm.effects.base import Effect  # noqa: E402
-from exactarm.generic_masses import with_generic_masses  # noqa: E402
-from exactarm.robot import Placement, Robot  # noqa: E402
+from exactarm.numerics.rotation import exp  # noqa: E402
+from exactarm.robot.generic_masses import with_generic_masses  # noqa: E402
+from exactarm.robot.robot import Placement, Robot  # noqa: E402
 from exactarm.robot_file import load_robot  # noqa: E402
-from exactarm.rotation import exp  # noqa: E402
 from exactarm.simulate.virtual_robot import deviated  # noqa: E402
 
 SIGMA_M, SHOWN = 5e-5, (3.0, 30.0)  # standard deviations by which a cause moves all rows together

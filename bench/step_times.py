@@ -15,7 +15,7 @@ import pandas
 import exactarm as ea
 from exactarm.commands.execute import execute, parse
 from exactarm.commands.listing import import_command
-from exactarm.examples import example
+from exactarm.files.examples import example
 from exactarm.progress import Progress
 
 UR10, KR300 = ("ur10", "ur10/series_B"), ("kr300", "kr300/run_A", "kr300/run_B")

@@ -17,12 +17,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
 from exactarm.identify.calibrate import CalibrationOptions, calibrate
 from exactarm.identify.closures import calibrate_closures
 from exactarm.identify.evaluate import evaluate_poses
 from exactarm.measurement.contacts import CONTACT_CLASSES
-from exactarm.robot import Placement
+from exactarm.robot.robot import Placement
 from exactarm.robot_file import load_robot
 from exactarm.simulate import Sensors, VirtualRobot, deviated, measure_poses
 from exactarm.simulate.closures import measure_closures

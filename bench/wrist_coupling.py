@@ -12,10 +12,10 @@ from __future__ import annotations
 import numpy as np
 
 from exactarm.chain import Layout
-from exactarm.dataset import read_dataset
+from exactarm.data.dataset import read_dataset
 from exactarm.diagnose.problems import problem_for
 from exactarm.effects.joint_coupling import JointCoupling
-from exactarm.examples import data_path
+from exactarm.files.examples import data_path
 from exactarm.robot_file import load_robot
 
 COUPLINGS = (-2.0, -1.0, -0.5, 0.0, 0.5, 1.0)

@@ -75,8 +75,8 @@ def of_ratios(records: list[dict]) -> str:
 
 def ratio(case, arguments) -> dict | None:
     """None where the file or the data do not admit the check."""
-    from exactarm.dataset import read_dataset
-    from exactarm.identify.ratio_mistakes import ratio_mistakes
+    from exactarm.data.dataset import read_dataset
+    from exactarm.first_aid.ratio_mistakes import ratio_mistakes
     from exactarm.robot_file import load_robot
 
     robot = load_robot(str(case.robot))

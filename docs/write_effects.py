@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
+from exactarm.data.kinds import ALL_KINDS
 from exactarm.effects import Effect, Parameter, library
-from exactarm.kinds import ALL_KINDS
 
 PAGE = Path(__file__).with_name("effects.md")
 SHAPES = ((), (0.0,), (1.0, 0.0, 0.0))  # of the values, where the parameters depend on how many there are

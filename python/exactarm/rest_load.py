@@ -17,10 +17,10 @@ from functools import cached_property
 import numpy as np
 
 from exactarm import _core
-from exactarm.dataset import Dataset
-from exactarm.generic_masses import first_moments
-from exactarm.kinds import kind_of
-from exactarm.robot import Link, Robot
+from exactarm.data.dataset import Dataset
+from exactarm.data.kinds import kind_of
+from exactarm.robot.generic_masses import first_moments
+from exactarm.robot.robot import Link, Robot
 
 TIP_SHARE = 0.1  # of the arm's mass, at the flange: the shape by which a generic distribution may be wrong
 Body = tuple[_core.Robot, np.ndarray]  # a massive arm, and how much of it (N,) each row carries

@@ -18,12 +18,12 @@ from typing import Any
 
 import numpy as np
 
-from exactarm.covariance import ParameterCovariance
 from exactarm.effects import Effect, effect_from_table, library
 from exactarm.errors import InputError
-from exactarm.examples import is_table, no_such_robot
-from exactarm.robot import Controller, GearTable, Joint, Link, Placement, ReportedAngles, Robot, provide
-from exactarm.robot_keys import (
+from exactarm.files.examples import is_table, no_such_robot
+from exactarm.files.toml_file import fits_shape, is_number, read_toml
+from exactarm.robot.covariance import ParameterCovariance
+from exactarm.robot.keys import (
     CONTROLLER_KEYS,
     FORMAT,
     FRAME_FIELDS,
@@ -35,10 +35,10 @@ from exactarm.robot_keys import (
     OTHER_UNITS,
     POSITIVE,
 )
-from exactarm.robot_writer import write_robot
-from exactarm.toml_file import fits_shape, is_number, read_toml
-from exactarm.ur_calibration import read_ur_calibration
-from exactarm.urdf import read_urdf
+from exactarm.robot.robot import Controller, GearTable, Joint, Link, Placement, ReportedAngles, Robot, provide
+from exactarm.robot.ur_calibration import read_ur_calibration
+from exactarm.robot.urdf import read_urdf
+from exactarm.robot.writer import write_robot
 
 __all__ = ["AnyRobot", "Robot", "load_robot", "read_robot", "robot_of", "shipped_robots", "write_robot"]
 

@@ -16,12 +16,12 @@ from typing import Any
 import numpy as np
 
 from exactarm import _core
-from exactarm.dataset import Dataset
-from exactarm.kinds import Device, Kind, kind_of
-from exactarm.kinds.base import STANDS_STILL, rows_of_runs
+from exactarm.data.dataset import Dataset
+from exactarm.data.kinds import Device, Kind, kind_of
+from exactarm.data.kinds.base import STANDS_STILL, rows_of_runs
+from exactarm.numerics.signals import order_of_sampling
 from exactarm.rest_load import RestLoad
-from exactarm.robot import Placement, Robot
-from exactarm.signals import order_of_sampling
+from exactarm.robot.robot import Placement, Robot
 from exactarm.station import Station
 
 SIGN_WIDTH_RAD_S = 0.02  # output side; a robot that moves at all moves ten times as fast

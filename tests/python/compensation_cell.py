@@ -16,11 +16,11 @@ from scipy.spatial.transform import Rotation
 from exactarm import _core
 from exactarm.chain import Layout, predict_poses
 from exactarm.compensate.law import CompensationModel
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
 from exactarm.effects.backlash import Backlash
 from exactarm.effects.joint_compliance import JointCompliance
-from exactarm.mdh_frames import compose, relative
-from exactarm.robot import Placement, Robot
+from exactarm.robot.mdh_frames import compose, relative
+from exactarm.robot.robot import Placement, Robot
 from exactarm.robot_file import load_robot
 
 TOOL = (85.0, -30.0, 210.0, 20.0, 35.0, -15.0)  # mm, deg: x y z, a b c about z, y, x

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
 
 DEGREE = np.pi / 180.0
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from exactarm.chain import Layout, predict_poses
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
 from exactarm.effects.frames import Frames
 from exactarm.identify.declared import geometry_layout
-from exactarm.robot import Joint, Placement, Robot
+from exactarm.robot.robot import Joint, Placement, Robot
 
 RIGHT = np.pi / 2
 TOOL = Placement(position=np.array([0.03, 0.02, 0.05]))

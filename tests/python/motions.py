@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from exactarm.dataset import Dataset
-from exactarm.robot import Robot
+from exactarm.data.dataset import Dataset
+from exactarm.robot.robot import Robot
 
 
 def fourier_motion(robot: Robot, seconds: float, rate_hz: float, seed: int, base_hz: float = 0.2,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from exactarm.robot import Robot
+from exactarm.robot.robot import Robot
 from exactarm.robot_file import load_robot
 
 # with these fields a motion's torque is that of the links alone: constant ratios, no rotor, no friction

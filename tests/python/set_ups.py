@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from exactarm.chain import Layout, predict_poses
-from exactarm.dataset import Dataset
-from exactarm.robot import Placement, Robot
+from exactarm.data.dataset import Dataset
+from exactarm.robot.robot import Placement, Robot
 from exactarm.simulate.virtual_robot import deviated
 from random_robot import random_rotation
 
@@ -58,6 +58,6 @@ def measured(
     data = replace(data, position=position + rng.normal(0.0, noise_m, (rows, 3)))
     if noise_rad is None:
         return data
-    from exactarm.rotation import exp
+    from exactarm.numerics.rotation import exp
 
     return replace(data, rotation=exp(rng.normal(0.0, noise_rad, (rows, 3))) @ rotation)

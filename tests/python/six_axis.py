@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from exactarm.robot import Joint, Link, Placement, Robot
-from exactarm.rotation import exp
+from exactarm.numerics.rotation import exp
+from exactarm.robot.robot import Joint, Link, Placement, Robot
 
 _FRAMES = (  # d, a, alpha, beta, q_offset
     (0.43, 0.15, np.pi / 2, None, 0.0),

@@ -2,7 +2,7 @@
 
 import pytest
 
-from exactarm.dataset import read_dataset
+from exactarm.data.dataset import read_dataset
 from exactarm.errors import InputError
 from exactarm.robot_file import load_robot
 

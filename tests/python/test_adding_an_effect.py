@@ -13,7 +13,7 @@ import pytest
 from central_difference import assert_derivative
 from exactarm import cli, effects
 from exactarm.chain import Layout, predict_poses
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
 from exactarm.effects import library
 from exactarm.robot_file import load_robot
 from six_axis import six_axis

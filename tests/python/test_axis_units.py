@@ -13,7 +13,7 @@ from exactarm.effects.axis_units import moves_by, of_a_slide
 from exactarm.effects.backlash import Backlash
 from exactarm.effects.joint_coupling import JointCoupling
 from exactarm.effects.joint_offset import JointOffset
-from exactarm.robot import Joint, Robot
+from exactarm.robot.robot import Joint, Robot
 
 SLIDE, TURN = Joint(type="prismatic", q_min=-0.2, q_max=0.0), Joint(d=0.4, a=0.35)
 ARM = Robot("scara", (TURN, replace(TURN, alpha=np.pi), SLIDE, Joint()))

@@ -17,7 +17,7 @@ from exactarm.diagnose.verdict import EXPLAINED
 from exactarm.effects import effect_from_table
 from exactarm.effects.backlash import Backlash
 from exactarm.effects.load_dependence import LoadDependence
-from exactarm.generic_masses import with_generic_masses
+from exactarm.robot.generic_masses import with_generic_masses
 from exactarm.robot_file import load_robot
 from exactarm.simulate import Sensors, VirtualRobot, measure_gear_runs, parse_effect
 from motions import fourier_motion, motion_data

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from exactarm.cli import main
-from exactarm.dataset import read_dataset
-from exactarm.examples import data_path
-from exactarm.fixture import load_fixture
+from exactarm.data.dataset import read_dataset
+from exactarm.data.fixture import load_fixture
+from exactarm.files.examples import data_path
 from exactarm.identify.closures import AS_ONE, SCALE, calibrate_closures
 from exactarm.identify.evaluate import evaluate_closures
 from exactarm.robot_file import load_robot

@@ -22,7 +22,7 @@ from blind.motion import inverse_dynamics  # noqa: E402
 from blind.pose_scenario import draw_case  # noqa: E402
 from blind.scorer import diagnose_case  # noqa: E402
 from exactarm import _core  # noqa: E402
-from exactarm.dataset import read_dataset  # noqa: E402
+from exactarm.data.dataset import read_dataset  # noqa: E402
 from exactarm.robot_file import load_robot  # noqa: E402
 
 ROBOTS = TOP / "python" / "exactarm" / "data" / "robots"

@@ -19,7 +19,7 @@ from blind.motion import excitation, play  # noqa: E402
 from blind.noise import component_noise, draw_noise  # noqa: E402
 from blind.passage import passed  # noqa: E402
 from blind.pose_sets import in_a_cube  # noqa: E402
-from exactarm.dataset import read_dataset  # noqa: E402
+from exactarm.data.dataset import read_dataset  # noqa: E402
 from exactarm.robot_file import load_robot  # noqa: E402
 
 ROBOTS = TOP / "python" / "exactarm" / "data" / "robots"

@@ -8,16 +8,16 @@ import pytest
 
 from exactarm import cli
 from exactarm.chain import Layout
-from exactarm.dataset import read_dataset, read_planned_poses, write_dataset
+from exactarm.data.dataset import read_dataset, read_planned_poses, write_dataset
 from exactarm.effects.frames import Frames
 from exactarm.effects.joint_compliance import JointCompliance
 from exactarm.errors import InputError
-from exactarm.examples import data_path, example
+from exactarm.files.examples import data_path, example
 from exactarm.identify.calibrate import CalibrationOptions, calibrate
 from exactarm.identify.declared import geometry_layout
 from exactarm.identify.evaluate import evaluate_poses
+from exactarm.robot.writer import write_robot
 from exactarm.robot_file import load_robot
-from exactarm.robot_writer import write_robot
 from set_ups import at_random_place, joints_in_limits, measured, true_robot
 from six_axis import six_axis
 

@@ -10,25 +10,25 @@ import pytest
 from central_difference import assert_derivative
 from exactarm.chain import Layout
 from exactarm.cli import main
-from exactarm.dataset import Dataset, dataset_columns, read_dataset
+from exactarm.data.dataset import Dataset, dataset_columns, read_dataset
+from exactarm.data.fixture import CameraSetup, Fixture, load_fixture
 from exactarm.errors import InputError
-from exactarm.fixture import CameraSetup, Fixture, load_fixture
+from exactarm.files.table import write_table
+from exactarm.first_aid.first_aid import first_aid
 from exactarm.identify.calibrate import CalibrationOptions
 from exactarm.identify.closures import calibrate_closures
 from exactarm.identify.declared import geometry_layout
 from exactarm.identify.evaluate import evaluate_closures, evaluate_poses
-from exactarm.identify.first_aid import first_aid
 from exactarm.measurement.board_pictures import gross_corners, two_frames
 from exactarm.measurement.camera import Camera
 from exactarm.measurement.closures import noise_classes, predict_closures, touches
 from exactarm.measurement.lens import project, undistorted
 from exactarm.measurement.pictures import SHARED
-from exactarm.rotation import exp
+from exactarm.numerics.rotation import exp
 from exactarm.simulate import Sensors, VirtualRobot, measure_poses
 from exactarm.simulate.closures import fixture_text, measure_closures
 from exactarm.simulate.pictures import SETUP, TRUE_LENS
 from exactarm.simulate.profiles import limit
-from exactarm.table import write_table
 from spoiled_rows import HEADER, PANDA, POSE, assert_refused
 from test_closures import covered, virtual
 

@@ -8,14 +8,14 @@ import pytest
 
 from exactarm.chain import Layout
 from exactarm.cli import main
-from exactarm.dataset import read_planned_poses
+from exactarm.data.dataset import read_planned_poses
+from exactarm.data.fixture import CameraSetup
+from exactarm.design.camera_design import CORNER_PX, REPEATS_M, REPEATS_RAD, _block, design_pictures
+from exactarm.design.closure_design import ClosureDesignOptions
+from exactarm.design.pose_space import PoseSpace
 from exactarm.errors import InputError
-from exactarm.fixture import CameraSetup
-from exactarm.identify.camera_design import CORNER_PX, REPEATS_M, REPEATS_RAD, _block, design_pictures
-from exactarm.identify.closure_design import ClosureDesignOptions
-from exactarm.identify.pose_space import PoseSpace
 from exactarm.measurement.board_views import LEAST_SEEN, Views, corners_seen
-from exactarm.robot import Placement
+from exactarm.robot.robot import Placement
 from exactarm.robot_file import load_robot
 
 SETUP = CameraSetup(size=(1600, 1200), lens=(1400.0, 1400.0, 800.0, 600.0, 0.0, 0.0, 0.0, 0.0, 0.0))

@@ -9,11 +9,11 @@ import pytest
 
 import exactarm as ea
 from exactarm import cli
-from exactarm.dataset import Dataset, write_dataset
+from exactarm.data.dataset import Dataset, write_dataset
+from exactarm.data.rows import Source
 from exactarm.errors import InputError
 from exactarm.report import Highlights, printing
-from exactarm.robot_writer import write_robot
-from exactarm.rows import Source
+from exactarm.robot.writer import write_robot
 from exactarm.verify.held_out import FRAME_POSES, choose_rows, judge, nominal_robot
 from exactarm.verify.iso_9283 import LEAST_VISITS, iso_9283, repeatability
 from exactarm.verify.uncertainty import budget, mean_with_interval

@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose
 from central_difference import assert_derivative
 from exactarm import _core
 from exactarm.chain import Layout, predict_poses
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
 from exactarm.effects.frames import Frames
 from exactarm.effects.gear_harmonics import GearHarmonics
 from exactarm.effects.hysteresis import Hysteresis
@@ -18,9 +18,9 @@ from exactarm.effects.joint_compliance import JointCompliance
 from exactarm.effects.payload import Payload
 from exactarm.effects.tracker_scale import TrackerScale
 from exactarm.identify.declared import geometry_layout
-from exactarm.robot import GearTable, Placement
+from exactarm.numerics.rotation import exp, log
+from exactarm.robot.robot import GearTable, Placement
 from exactarm.robot_file import load_robot
-from exactarm.rotation import exp, log
 from random_robot import random_rotation
 from six_axis import six_axis
 

@@ -14,7 +14,7 @@ import exactarm as ea
 from exactarm.cli import main
 from exactarm.commands import calibrate as calibration
 from exactarm.commands import diagnose_report, gear_report, identify
-from exactarm.dataset import write_dataset
+from exactarm.data.dataset import write_dataset
 from exactarm.diagnose.verdict import sentence_of
 from exactarm.identify.statistics import summarise
 from exactarm.report.numbers import change

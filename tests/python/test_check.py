@@ -9,8 +9,8 @@ import pytest
 
 import exactarm as ea
 from exactarm import cli
-from exactarm.dataset import write_dataset
-from exactarm.robot_writer import write_robot
+from exactarm.data.dataset import write_dataset
+from exactarm.robot.writer import write_robot
 from exactarm.verify import change as change_module
 from exactarm.verify.change import Detector, Evidence, Hypothesis, detect, detectable
 from exactarm.verify.daily import day_numbers

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import exactarm as ea
-from exactarm.robot import Placement
-from exactarm.rotation import exp
+from exactarm.numerics.rotation import exp
+from exactarm.robot.robot import Placement
 from test_check import an_arm_for, before_of, days_of
 
 

@@ -9,20 +9,20 @@ import pytest
 
 from exactarm.chain import Layout
 from exactarm.cli import main
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
+from exactarm.design.closure_design import ClosureDesignOptions, design_closures, find_places
 from exactarm.diagnose.diagnosis import diagnose
 from exactarm.diagnose.verdict import NOTHING
 from exactarm.errors import ComputationError, InputError
-from exactarm.examples import data_path
+from exactarm.files.examples import data_path
 from exactarm.identify.calibrate import CalibrationOptions, calibrate
-from exactarm.identify.closure_design import ClosureDesignOptions, design_closures, find_places
 from exactarm.identify.closures import SCALE, calibrate_closures, declare_closures
 from exactarm.identify.declared import geometry_layout
 from exactarm.identify.evaluate import evaluate_poses
 from exactarm.measurement.closures import touches
 from exactarm.measurement.target import Target
 from exactarm.measurement.touching import target_at
-from exactarm.robot import Placement
+from exactarm.robot.robot import Placement
 from exactarm.robot_file import load_robot
 from exactarm.simulate import Sensors, VirtualRobot, deviated, measure_poses, parse_effect
 from exactarm.simulate.closures import measure_closures

@@ -11,7 +11,7 @@ from exactarm import _core
 from exactarm.chain import Layout, motion_record, predict_motion, predict_poses
 from exactarm.compensate.flange_poses import pose_error
 from exactarm.compensate.law import CompensationModel, actual_of
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
 from exactarm.effects import library
 from exactarm.effects.joint_compliance import JointCompliance
 from exactarm.effects.joint_coupling import JointCoupling

@@ -10,7 +10,7 @@ import pytest
 import compensation_cell as cells
 from compensation_cell import BASE, TOOL, Cell, identified, nearby, reachable
 from exactarm.cli import main
-from exactarm.robot import Placement
+from exactarm.robot.robot import Placement
 from exactarm.robot_file import write_robot
 
 MICROMETRE = 1e-6

@@ -9,12 +9,12 @@ import pytest
 from compensation_cell import identified, reachable
 from exactarm.compensate.frames import cell_frames, with_nominal
 from exactarm.compensate.law import CompensationModel
-from exactarm.dataset import Dataset, write_dataset
+from exactarm.data.dataset import Dataset, write_dataset
 from exactarm.errors import InputError
-from exactarm.mdh_frames import compose
-from exactarm.robot import Controller, Placement
+from exactarm.numerics.rotation import exp
+from exactarm.robot.mdh_frames import compose
+from exactarm.robot.robot import Controller, Placement
 from exactarm.robot_file import load_robot
-from exactarm.rotation import exp
 
 
 def arms(shift=(0.0012, -0.0009, 0.0015), turn=(4e-4, -3e-4, 6e-4), end=(5e-4, -7e-4, 4e-4)):

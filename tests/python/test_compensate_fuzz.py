@@ -16,7 +16,7 @@ from exactarm.compensate.law import CompensationModel
 from exactarm.compensate.program import Program, SourceText
 from exactarm.compensate.setting import Setting, chosen_points
 from exactarm.errors import InputError
-from exactarm.robot import Placement
+from exactarm.robot.robot import Placement
 
 MAKERS = {
     "krl": cells.krl, "rapid": cells.rapid, "fanuc": cells.fanuc, "urscript": cells.urscript,

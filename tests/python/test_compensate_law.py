@@ -9,7 +9,7 @@ from compensation_cell import Cell, identified, reachable
 from exactarm.compensate.flange_poses import Poses, pose_error
 from exactarm.compensate.law import CompensationModel, actual_of, command_of
 from exactarm.errors import InputError
-from exactarm.robot import Controller
+from exactarm.robot.robot import Controller
 from exactarm.robot_file import load_robot
 
 

@@ -9,9 +9,9 @@ import pytest
 import compensation_cell as cells
 import exactarm as ea
 from compensation_cell import BASE, LOAD, TOOL, Cell, identified, nearby, reachable
-from exactarm.dataset import Dataset, write_dataset
+from exactarm.data.dataset import Dataset, write_dataset
 from exactarm.effects.payload import Payload
-from exactarm.robot import Placement
+from exactarm.robot.robot import Placement
 from test_compensate import FRAMES, compensate, wpr
 
 MICROMETRE = 1e-6

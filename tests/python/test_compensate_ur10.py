@@ -7,7 +7,7 @@ import pytest
 
 import exactarm as ea
 from exactarm.chain import Layout, predict_poses
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
 
 # smallest |q5| and |q3| in mrad of the poses that are asked for: close to zero the wrist or the elbow is in
 # line

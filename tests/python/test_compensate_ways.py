@@ -11,7 +11,7 @@ from exactarm.compensate.program import SourceText
 from exactarm.compensate.setting import Setting
 from exactarm.compensate.ways import UNCERTAIN, Step, walk
 from exactarm.errors import InputError
-from exactarm.robot import Placement
+from exactarm.robot.robot import Placement
 
 
 def seen(*words):

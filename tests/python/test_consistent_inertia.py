@@ -13,15 +13,15 @@ import pytest
 from exactarm import _core
 from exactarm.chain import Layout, motion_record, predict_motion
 from exactarm.cli import main
-from exactarm.dataset import read_dataset, write_dataset
-from exactarm.examples import data_path
+from exactarm.data.dataset import read_dataset, write_dataset
 from exactarm.export.mjcf import mjcf_text
+from exactarm.files.examples import data_path
 from exactarm.identify.dynamics import DynamicsOptions, identify_dynamics
 from exactarm.identify.prior_bodies import prior_bodies
-from exactarm.pseudo_inertia import BASIS, inconsistencies, inertial_parameters, of_body, pseudo_inertia
-from exactarm.robot import Link
+from exactarm.robot.pseudo_inertia import BASIS, inconsistencies, inertial_parameters, of_body, pseudo_inertia
+from exactarm.robot.robot import Link
+from exactarm.robot.urdf import urdf_text
 from exactarm.robot_file import load_robot, write_robot
-from exactarm.urdf import urdf_text
 from motions import fourier_motion, motion_data
 from six_axis import six_axis
 from test_identify_dynamics import base_values, log_of, true_arm

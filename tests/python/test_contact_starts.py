@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from exactarm.chain import Layout
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
 from exactarm.identify.closures import nominal_closures
 from exactarm.measurement.closures import touches
 from exactarm.measurement.touching import touching
-from exactarm.robot import Placement
+from exactarm.robot.robot import Placement
 from exactarm.robot_file import load_robot
 from exactarm.simulate import VirtualRobot, deviated
 from exactarm.simulate.virtual_robot import placed

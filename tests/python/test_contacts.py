@@ -5,10 +5,10 @@ import pytest
 
 from central_difference import assert_derivative
 from exactarm.chain import Layout
-from exactarm.columns import CONTACTS
-from exactarm.dataset import NO_CONTACT, Dataset, read_dataset
+from exactarm.data.columns import CONTACTS
+from exactarm.data.dataset import NO_CONTACT, Dataset, read_dataset
+from exactarm.data.fixture import Distance, Fixture, Radius, load_fixture
 from exactarm.errors import InputError
-from exactarm.fixture import Distance, Fixture, Radius, load_fixture
 from exactarm.identify.declared import geometry_layout
 from exactarm.measurement.closures import cleared_of_pairs, device_of, predict_closures, touches
 from exactarm.measurement.contacts import TOUCHED, Bar, Plane, Socket, Sphere

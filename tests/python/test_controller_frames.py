@@ -12,31 +12,31 @@ import exactarm as ea
 from central_difference import assert_derivative
 from exactarm.chain import Layout
 from exactarm.commands import loop
-from exactarm.controller_frames import base_in_device, joined, target_on_flange, with_target
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
+from exactarm.data.fixture import CameraSetup, Fixture
+from exactarm.data.fixture import Partner as Declared
+from exactarm.design.camera_design import design_pictures
+from exactarm.design.closure_design import ClosureDesignOptions, design_closures
+from exactarm.design.line_of_sight import Station
+from exactarm.design.pose_space import Box, PoseSpace
 from exactarm.diagnose.in_space import errors_in_space
 from exactarm.effects.frames import Frames
-from exactarm.fixture import CameraSetup, Fixture
-from exactarm.fixture import Partner as Declared
-from exactarm.identify.camera_design import design_pictures
-from exactarm.identify.closure_design import ClosureDesignOptions, design_closures
-from exactarm.identify.drive_model import Motion, MotionSamples
-from exactarm.identify.line_of_sight import Station
-from exactarm.identify.load_mistakes import payload_mistakes
-from exactarm.identify.motion_mistakes import candidates
-from exactarm.identify.pose_space import Box, PoseSpace
-from exactarm.mdh_frames import relative
+from exactarm.files.table import write_table
+from exactarm.first_aid.drive_model import Motion, MotionSamples
+from exactarm.first_aid.load_mistakes import payload_mistakes
+from exactarm.first_aid.motion_mistakes import candidates
 from exactarm.measurement.partner import Partner
 from exactarm.measurement.target import Target
+from exactarm.numerics.rotation import exp, log
 from exactarm.plan import Line, PlannedPath, PlanOptions, plan_path
 from exactarm.plan.trajectory import trajectory_table
-from exactarm.robot import Controller, Placement, Robot
+from exactarm.robot.controller_frames import base_in_device, joined, target_on_flange, with_target
+from exactarm.robot.mdh_frames import relative
+from exactarm.robot.robot import Controller, Placement, Robot
+from exactarm.robot.urdf import read_urdf, urdf_text
 from exactarm.robot_file import load_robot
-from exactarm.rotation import exp, log
 from exactarm.simulate import Sensors, VirtualRobot, deviated, measure_poses
 from exactarm.simulate.virtual_robot import placed
-from exactarm.table import write_table
-from exactarm.urdf import read_urdf, urdf_text
 from exactarm.view import View
 from set_ups import joints_in_limits, true_robot
 from set_ups import measured as set_up

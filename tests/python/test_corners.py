@@ -7,13 +7,13 @@ import sys
 import numpy as np
 import pytest
 
-from exactarm.board_detection import find_corners
 from exactarm.cli import main
-from exactarm.dataset import read_dataset
+from exactarm.data.dataset import read_dataset
+from exactarm.data.fixture import CameraSetup
 from exactarm.errors import InputError
-from exactarm.fixture import CameraSetup
+from exactarm.measurement.board_detection import find_corners
+from exactarm.numerics.rotation import exp
 from exactarm.robot_file import load_robot
-from exactarm.rotation import exp
 
 SETUP = CameraSetup(columns=7, rows=5, square=0.03, marker=0.022, dictionary="DICT_5X5_100", size=(800, 600))
 PIXELS_PER_M = 4000.0

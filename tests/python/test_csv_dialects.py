@@ -7,10 +7,10 @@ import pytest
 
 import exactarm as ea
 from exactarm import cli
-from exactarm.columns import parse_column
+from exactarm.data.columns import parse_column
 from exactarm.errors import InputError
-from exactarm.robot import Joint, Robot
-from exactarm.table import read_table
+from exactarm.files.table import read_table
+from exactarm.robot.robot import Joint, Robot
 
 PLAIN = "q_1_rad,q_2_rad,x_mm,y_mm,z_mm\n0.1,-2.5e-3,512.25,1,3\n0.2,1,1000.5,-0.5,4\n"
 TWO = Robot("two", (Joint(), Joint()))

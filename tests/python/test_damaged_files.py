@@ -4,11 +4,11 @@ else."""
 import numpy as np
 import pytest
 
-from exactarm.dataset import read_dataset
+from exactarm.data.dataset import read_dataset
 from exactarm.errors import InputError
-from exactarm.examples import data_path
+from exactarm.files.examples import data_path
+from exactarm.robot.urdf import urdf_text
 from exactarm.robot_file import load_robot, write_robot
-from exactarm.urdf import urdf_text
 from urdf_sample import random_urdf
 
 DAMAGES = 150

@@ -8,11 +8,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from exactarm.dataset import Dataset, read_dataset, write_dataset
+from exactarm.data.dataset import Dataset, read_dataset, write_dataset
 from exactarm.errors import InputError
-from exactarm.robot import Joint, Robot
+from exactarm.files.table import write_table
+from exactarm.robot.robot import Joint, Robot
 from exactarm.robot_file import load_robot
-from exactarm.table import write_table
 
 AXES = 3
 GEARED = Robot("geared", tuple(Joint(ratio=50.0) for _ in range(AXES)))

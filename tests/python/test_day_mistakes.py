@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from exactarm.chain.controller import forward
+from exactarm.numerics.rotation import exp
 from exactarm.robot_file import load_robot
-from exactarm.rotation import exp
 from exactarm.verify.day_mistakes import day_mistake
 
 MOST_M = 0.05

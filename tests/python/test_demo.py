@@ -9,7 +9,7 @@ from exactarm import cli
 from exactarm.commands import demo
 from exactarm.commands.demo_steps import STEPS, Step
 from exactarm.commands.listing import find_commands
-from exactarm.examples import data_path
+from exactarm.files.examples import data_path
 
 
 def test_every_step_names_a_command_and_files_that_exist():

@@ -5,15 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from exactarm.design.criterion import LogDeterminant, SmallestOverLargest, information_of
+from exactarm.design.design import DesignOptions, design_poses, short_way, spread_poses
+from exactarm.design.exchange import ExchangeOptions, exchange
+from exactarm.design.polish import PolishOptions, polish
+from exactarm.design.pose_space import Box, PoseSpace
 from exactarm.errors import ComputationError, InputError
-from exactarm.examples import data_path
-from exactarm.identify.criterion import LogDeterminant, SmallestOverLargest, information_of
-from exactarm.identify.design import DesignOptions, design_poses, short_way, spread_poses
-from exactarm.identify.exchange import ExchangeOptions, exchange
+from exactarm.files.examples import data_path
 from exactarm.identify.observability import observability
-from exactarm.identify.polish import PolishOptions, polish
-from exactarm.identify.pose_space import Box, PoseSpace
-from exactarm.robot import Joint, Placement, Robot
+from exactarm.robot.robot import Joint, Placement, Robot
 from exactarm.robot_file import load_robot
 from identification_poses import RIGHT, TOOL, racer_like, robot_of
 

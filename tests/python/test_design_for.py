@@ -8,7 +8,7 @@ import pytest
 
 from exactarm.cli import main
 from exactarm.commands.design_for import experiment_json, minutes_of, read_experiments
-from exactarm.dataset import read_dataset
+from exactarm.data.dataset import read_dataset
 from exactarm.diagnose.next_poses import Experiment
 from exactarm.errors import InputError
 from exactarm.robot_file import load_robot

@@ -6,7 +6,7 @@ import pytest
 
 from central_difference import assert_derivative
 from exactarm.chain import Layout, predict_gear_run
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
 from exactarm.diagnose.diagnosis import diagnose
 from exactarm.effects import effect_from_table
 from exactarm.effects.load_dependence import LoadDependence

@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
 from exactarm.diagnose.diagnosis import diagnose
 from exactarm.diagnose.verdict import EXPLAINED, NOTHING
-from exactarm.robot import GearTable
+from exactarm.robot.robot import GearTable
 from gear_simulation import DEGREE, GearRuns, joined, simulate
 from rigid_arm import rigid
 

@@ -7,11 +7,11 @@ import pytest
 
 from exactarm import _core
 from exactarm.commands.diagnose import _json
-from exactarm.dataset import read_dataset
+from exactarm.data.dataset import read_dataset
 from exactarm.diagnose.diagnosis import diagnose
 from exactarm.diagnose.verdict import EXPLAINED, NOTHING
 from exactarm.effects.payload import Payload
-from exactarm.examples import data_path
+from exactarm.files.examples import data_path
 from exactarm.identify.dynamics import identify_dynamics, inertia_was_estimated
 from exactarm.robot_file import load_robot
 from motions import fourier_motion, motion_data

@@ -11,7 +11,7 @@ import pytest
 from exactarm import cli
 from exactarm.chain import Layout
 from exactarm.commands.diagnose_report import report_of
-from exactarm.dataset import write_dataset
+from exactarm.data.dataset import write_dataset
 from exactarm.diagnose.diagnosis import diagnose
 from exactarm.diagnose.pose_problem import PoseProblem
 from exactarm.diagnose.verdict import held_out_excess

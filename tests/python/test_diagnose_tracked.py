@@ -11,7 +11,7 @@ from scipy import special
 
 from exactarm import cli
 from exactarm.chain import Layout, predict_tracked_motion
-from exactarm.dataset import Dataset, write_dataset
+from exactarm.data.dataset import Dataset, write_dataset
 from exactarm.diagnose.coloured_noise import autoregressive_share
 from exactarm.diagnose.diagnosis import diagnose
 from exactarm.diagnose.problems import problem_for
@@ -20,8 +20,8 @@ from exactarm.diagnose.selection import candidates_for
 from exactarm.effects import effect_from_table
 from exactarm.identify.evaluate import evaluate_tracked_motion
 from exactarm.identify.tracked_fit import subsampled_record, tracked_record
+from exactarm.robot.writer import write_robot
 from exactarm.robot_file import load_robot
-from exactarm.robot_writer import write_robot
 from motions import fourier_motion
 from set_ups import at_random_place
 

@@ -13,7 +13,7 @@ TOP = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(TOP / "bench"))
 
 import diagnosis_time  # noqa: E402
-from exactarm.dataset import read_dataset  # noqa: E402
+from exactarm.data.dataset import read_dataset  # noqa: E402
 from exactarm.robot_file import load_robot  # noqa: E402
 
 

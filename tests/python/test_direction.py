@@ -16,7 +16,7 @@ from exactarm.chain.direction import (
     reversals,
 )
 from exactarm.chain.gear import declared_output_angle
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
 from exactarm.robot_file import load_robot
 from exactarm.view import View
 

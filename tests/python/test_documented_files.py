@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
-from exactarm.columns import JOINT_UNITS, SCALAR_UNITS
 from exactarm.commands.listing import find_commands
-from exactarm.dataset import read_dataset
+from exactarm.data.columns import JOINT_UNITS, SCALAR_UNITS
+from exactarm.data.dataset import read_dataset
 from exactarm.plan.path_file import CHOICES, COMMON, load_path, shipped_paths
-from exactarm.robot import Joint, Robot
+from exactarm.robot.robot import Joint, Robot
 from exactarm.robot_file import load_robot, shipped_robots
 
 PAGE = (Path(__file__).parents[2] / "docs" / "files.md").read_text()

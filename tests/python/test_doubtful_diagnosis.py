@@ -10,9 +10,9 @@ import pytest
 import exactarm as ea
 from exactarm.chain import Layout, predict_poses
 from exactarm.commands.design_for import read_experiments
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
 from exactarm.effects.joint_compliance import JointCompliance
-from exactarm.robot import Placement
+from exactarm.robot.robot import Placement
 
 
 @pytest.fixture(scope="module")

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from exactarm import cli
-from exactarm.dataset import write_dataset
+from exactarm.data.dataset import write_dataset
 from exactarm.diagnose.diagnosis import diagnose
 from exactarm.diagnose.dictionary import forms_of, is_series
 from exactarm.diagnose.draft import Draft, _suspect, gaps_in_words, gaps_of
-from exactarm.formula import Formula, divisors, linear_names
+from exactarm.numerics.formula import Formula, divisors, linear_names
 from exactarm.robot_file import load_robot
 from set_ups import measured, true_robot
 

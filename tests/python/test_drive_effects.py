@@ -10,7 +10,7 @@ import pytest
 from central_difference import assert_derivative
 from exactarm import _core
 from exactarm.chain import Layout, View, predict_poses
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
 from exactarm.effects import Station, effect_from_table, library
 from exactarm.effects.frames import Frames
 from exactarm.effects.outliers import Outliers

@@ -11,7 +11,8 @@ from numpy.testing import assert_allclose
 from central_difference import assert_derivative
 from exactarm import _core
 from exactarm.chain import Layout, predict_poses
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
+from exactarm.data.kinds import Device
 from exactarm.effects import effect_from_table, library
 from exactarm.effects.backlash import Backlash
 from exactarm.effects.direction_dependence import DirectionDependence
@@ -20,9 +21,8 @@ from exactarm.effects.gear_harmonics import GearHarmonics
 from exactarm.effects.harmonic_family import searched_orders
 from exactarm.effects.hysteresis import Hysteresis
 from exactarm.effects.joint_coupling import JointCoupling
-from exactarm.harmonics import delivered_angle
-from exactarm.kinds import Device
-from exactarm.robot import GearTable
+from exactarm.numerics.harmonics import delivered_angle
+from exactarm.robot.robot import GearTable
 from exactarm.robot_file import load_robot
 
 POSE_EFFECTS = (

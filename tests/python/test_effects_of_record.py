@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from exactarm import cli
-from exactarm.dataset import Dataset, write_dataset
+from exactarm.data.dataset import Dataset, write_dataset
+from exactarm.data.rows import Source
 from exactarm.effects import effect_from_table, library
 from exactarm.effects.tracker_drift import TrackerDrift
 from exactarm.errors import InputError
 from exactarm.plan.compensation import planning_model
 from exactarm.robot_file import load_robot
-from exactarm.rows import Source
 from exactarm.simulate.virtual_robot import VirtualRobot
 from set_ups import joints_in_limits, measured, true_robot
 

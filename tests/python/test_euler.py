@@ -9,10 +9,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from exactarm import cli
-from exactarm.dataset import read_dataset, write_dataset
+from exactarm.data.dataset import read_dataset, write_dataset
 from exactarm.errors import InputError
-from exactarm.identify.first_aid import first_aid
-from exactarm.robot_writer import write_robot
+from exactarm.first_aid.first_aid import first_aid
+from exactarm.robot.writer import write_robot
 from set_ups import at_random_place, joints_in_limits, measured, true_robot
 from six_axis import six_axis
 

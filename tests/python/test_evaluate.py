@@ -9,14 +9,14 @@ import pytest
 
 from exactarm import cli
 from exactarm.chain import Layout
-from exactarm.dataset import Dataset, write_dataset
+from exactarm.data.dataset import Dataset, write_dataset
 from exactarm.effects.gear_harmonics import GearHarmonics
 from exactarm.effects.joint_compliance import JointCompliance
 from exactarm.errors import InputError
 from exactarm.identify.evaluate import evaluate_poses
-from exactarm.robot import Placement
+from exactarm.robot.robot import Placement
+from exactarm.robot.writer import write_robot
 from exactarm.robot_file import load_robot
-from exactarm.robot_writer import write_robot
 from set_ups import at_random_place, joints_in_limits, measured, true_robot
 from six_axis import six_axis
 

@@ -18,8 +18,8 @@ from exactarm.export.mjcf import mjcf_text
 from exactarm.export.robodk import station_script
 from exactarm.export.ur_description import kinematics_yaml, link_origins
 from exactarm.export.urdf import patched_urdf
+from exactarm.robot.urdf import read_urdf
 from exactarm.robot_file import load_robot, write_robot
-from exactarm.urdf import read_urdf
 from urdf_sample import random_urdf
 
 

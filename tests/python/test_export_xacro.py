@@ -8,7 +8,7 @@ import pytest
 from exactarm.errors import InputError
 from exactarm.export.urdf import patched_urdf
 from exactarm.export.xacro_source import expanded
-from exactarm.urdf import read_urdf
+from exactarm.robot.urdf import read_urdf
 from test_export import deviated, flange, random_q
 from urdf_sample import random_urdf
 

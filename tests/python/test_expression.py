@@ -10,12 +10,12 @@ import pytest
 from central_difference import assert_derivative
 from exactarm import cli
 from exactarm.chain import Layout
-from exactarm.dataset import write_dataset
+from exactarm.data.dataset import write_dataset
 from exactarm.effects import effect_from_table
-from exactarm.formula import Formula, FormulaError
 from exactarm.identify.pose_fit import fit_poses
+from exactarm.numerics.formula import Formula, FormulaError
+from exactarm.robot.writer import robot_text
 from exactarm.robot_file import load_robot
-from exactarm.robot_writer import robot_text
 from set_ups import joints_in_limits, measured, true_robot
 
 HOSE = {"effect": "expression", "joint": 5, "title": "a hose presses axis 5", "of": ["q_4", "q_6"],

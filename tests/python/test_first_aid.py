@@ -11,17 +11,18 @@ from scipy.spatial.transform import Rotation
 
 from exactarm import cli
 from exactarm.chain import Layout, predict_poses
-from exactarm.dataset import Dataset, read_dataset, write_dataset
+from exactarm.data.dataset import Dataset, read_dataset, write_dataset
 from exactarm.diagnose.diagnosis import diagnose
 from exactarm.effects import effect_from_table
 from exactarm.errors import InputError
-from exactarm.examples import data_path
+from exactarm.files.examples import data_path
+from exactarm.first_aid.first_aid import first_aid
+from exactarm.first_aid.suspicion import Suspicion, in_order
 from exactarm.identify.dynamics import identify_dynamics
 from exactarm.identify.evaluate import evaluate_poses
-from exactarm.identify.first_aid import first_aid
 from exactarm.identify.frames import find_frames
 from exactarm.identify.gear import identify_gears
-from exactarm.identify.suspicion import Suspicion, in_order, listed
+from exactarm.robot.axes_in_words import axes_in_words
 from exactarm.robot_file import load_robot
 from exactarm.simulate import Sensors, VirtualRobot, measure_tracked_motion
 from exactarm.simulate.profiles import excitation
@@ -366,7 +367,7 @@ def test_of_mistakes_that_explain_as_much_the_first_is_named():
     found = in_order([Suspicion("simple", 90.0), Suspicion("odd", 100.0), Suspicion("weak", 4.0)])
     assert [each.words for each in found] == ["simple", "odd", "weak"] and in_order([]) == []
     assert "90 times better" in found[0].text and "without a rest" in Suspicion("x", 1e9).text
-    assert listed([0]) == "axis 1" and listed([0, 2, 5]) == "axes 1, 3 and 6"
+    assert axes_in_words([0]) == "axis 1" and axes_in_words([0, 2, 5]) == "axes 1, 3 and 6"
 
 
 def test_an_axis_that_stands_still_is_said(kr300):

@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from exactarm.dataset import read_dataset
-from exactarm.examples import data_path
-from exactarm.identify.drive_model import Motion, alone, samples_of
-from exactarm.identify.motion_mistakes import motion_mistakes
+from exactarm.data.dataset import read_dataset
+from exactarm.files.examples import data_path
+from exactarm.first_aid.drive_model import Motion, alone, samples_of
+from exactarm.first_aid.motion_mistakes import motion_mistakes
 from exactarm.robot_file import load_robot
 from six_axis import six_axis
 from test_identify_dynamics import log_of, true_arm

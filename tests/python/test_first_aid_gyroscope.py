@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from exactarm.identify.first_aid import first_aid
+from exactarm.first_aid.first_aid import first_aid
 from exactarm.identify.gear import identify_gears
 from exactarm.robot_file import load_robot
 from exactarm.simulate import Sensors, VirtualRobot, measure_gear_runs

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import exactarm as ea
-from exactarm.identify.first_aid import first_aid
+from exactarm.files.table import write_table
+from exactarm.first_aid.first_aid import first_aid
 from exactarm.robot_file import load_robot
-from exactarm.table import write_table
 
 
 @pytest.fixture(scope="module", params=[

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from exactarm.first_aid.clock_drift import lags
+from exactarm.first_aid.first_aid import first_aid
 from exactarm.identify.calibrate import calibrate
-from exactarm.identify.clock_drift import lags
 from exactarm.identify.evaluate import evaluate_poses
-from exactarm.identify.first_aid import first_aid
 from exactarm.robot_file import load_robot
 from exactarm.simulate import Sensors, VirtualRobot, measure_poses
 from exactarm.simulate.profiles import limit

@@ -4,12 +4,12 @@ import pytest
 
 from exactarm import cli
 from exactarm.errors import InputError
-from exactarm.examples import data_path
+from exactarm.files.examples import data_path
+from exactarm.files.table import read_table
 from exactarm.plan.path_file import load_path
+from exactarm.robot.keys import MOST_AXES
 from exactarm.robot_file import load_robot
-from exactarm.robot_keys import MOST_AXES
 from exactarm.simulate.virtual_robot import parse_effect
-from exactarm.table import read_table
 
 HUGE = 10**400
 JOINT = 'name = "one"\n[[joints]]\n'

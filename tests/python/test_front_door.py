@@ -192,7 +192,7 @@ def test_gravity_torque_follows_the_true_joint_angles():
 
 
 @pytest.mark.parametrize("module", [
-    "exactarm.robot", "exactarm.commands.call",
+    "exactarm.robot.robot", "exactarm.commands.call",
     *(pytest.param(f"exactarm.commands.{name}", marks=pytest.mark.slow if name in LONG_EXAMPLES else ())
       for name in ea.COMMANDS if name in find_commands()),
 ])

@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 from central_difference import assert_derivative
 from exactarm import _core
 from exactarm.chain import Layout, gear_record, predict_gear_run
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
 from exactarm.effects.backlash import Backlash
 from exactarm.effects.declared_harmonics import DeclaredHarmonics
 from exactarm.effects.direction_dependence import DirectionDependence

@@ -11,17 +11,17 @@ from scipy.interpolate import make_interp_spline
 from exactarm import _core
 from exactarm.chain import gear_record
 from exactarm.cli import main
-from exactarm.dataset import Dataset, read_dataset, write_dataset
+from exactarm.data.dataset import Dataset, read_dataset, write_dataset
 from exactarm.effects.time_delay import TimeDelay
 from exactarm.errors import InputError
-from exactarm.examples import data_path
+from exactarm.files.examples import data_path
 from exactarm.identify.evaluate import EVALUATORS
 from exactarm.identify.gear import identify_gears
 from exactarm.identify.gear_declared import declared_gear_layout, sensor_layout
 from exactarm.identify.gear_fit import fit_gear_runs
 from exactarm.identify.gear_orders import find_orders
 from exactarm.identify.gear_profile import AngleProfile, false_alarm
-from exactarm.robot import GearTable
+from exactarm.robot.robot import GearTable
 from exactarm.robot_file import load_robot
 from gear_simulation import DEGREE, GearRuns, joined, simulate
 

@@ -11,12 +11,12 @@ from scipy.signal import butter, lfilter, sosfiltfilt
 from exactarm import _core
 from exactarm.chain import gear_record
 from exactarm.chain.encoder_counts import smoothest
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
 from exactarm.diagnose.diagnosis import diagnose
 from exactarm.noise.broadband import broadband_noise, oscillation, strongest_line
-from exactarm.robot import GearTable
+from exactarm.numerics.signals import derivative, gaussian_filter, step_of_quantisation
+from exactarm.robot.robot import GearTable
 from exactarm.robot_file import load_robot
-from exactarm.signals import derivative, gaussian_filter, step_of_quantisation
 
 COUNT = 2.0 * np.pi / 65536
 STEP_S = 1e-3

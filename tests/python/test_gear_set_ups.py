@@ -7,9 +7,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from exactarm.chain import Layout
+from exactarm.data.kinds import data_kinds
 from exactarm.diagnose.gear_problem import GearProblem
 from exactarm.effects.gyro_bias import GyroBias
-from exactarm.kinds import data_kinds
 from gear_simulation import DEGREE, GearRuns, simulate
 from rigid_arm import rigid
 

@@ -14,7 +14,7 @@ from exactarm.chain import gear_record
 from exactarm.diagnose.diagnosis import diagnose
 from exactarm.errors import InputError
 from exactarm.identify.gear import identify_gears
-from exactarm.robot import GearTable
+from exactarm.robot.robot import GearTable
 from gear_simulation import GearRuns, simulate
 from rigid_arm import rigid
 

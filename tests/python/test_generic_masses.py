@@ -7,15 +7,15 @@ import pytest
 
 from exactarm import _core
 from exactarm.chain import Layout, predict_tracked_motion
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
 from exactarm.effects.gravity_compensator import GravityCompensator
 from exactarm.effects.joint_compliance import DISTRIBUTION
 from exactarm.errors import InputError
-from exactarm.generic_masses import generic_links, with_declared_masses, with_generic_masses
 from exactarm.rest_load import RestLoad
-from exactarm.robot import Joint, Robot
+from exactarm.robot.generic_masses import generic_links, with_declared_masses, with_generic_masses
+from exactarm.robot.robot import Joint, Robot
+from exactarm.robot.urdf import urdf_text
 from exactarm.robot_file import load_robot, write_robot
-from exactarm.urdf import urdf_text
 from motions import fourier_motion
 from three_arms import puma, three_arms
 

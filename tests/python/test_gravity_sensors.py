@@ -9,11 +9,12 @@ import pytest
 from central_difference import assert_derivative
 from exactarm.chain import Layout
 from exactarm.cli import main
-from exactarm.dataset import Dataset, dataset_columns, read_dataset, read_planned_poses
+from exactarm.data.dataset import Dataset, dataset_columns, read_dataset, read_planned_poses
 from exactarm.diagnose.diagnosis import diagnose
 from exactarm.diagnose.verdict import NOTHING
 from exactarm.effects.frames import Frames
 from exactarm.errors import InputError
+from exactarm.files.table import write_table
 from exactarm.identify.calibrate import CalibrationOptions
 from exactarm.identify.closures import GRAVITY_ALONE, calibrate_closures
 from exactarm.identify.declared import geometry_layout
@@ -21,12 +22,11 @@ from exactarm.identify.evaluate import evaluate_closures
 from exactarm.measurement.closures import device_of, predict_closures, touches
 from exactarm.measurement.contacts import SENSORS
 from exactarm.measurement.gravity_sensors import Accelerometer, Inclinometer
-from exactarm.robot import Placement
+from exactarm.numerics.rotation import exp
+from exactarm.robot.robot import Placement
 from exactarm.robot_file import load_robot
-from exactarm.rotation import exp
 from exactarm.simulate import Sensors
 from exactarm.simulate.closures import measure_closures
-from exactarm.table import write_table
 from spoiled_rows import HEADER, PANDA, POSE, assert_refused
 from test_closures import ECCENTRICITY, covered, virtual
 

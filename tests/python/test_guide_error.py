@@ -12,14 +12,14 @@ from central_difference import assert_derivative
 from exactarm import _core
 from exactarm.chain import Layout, predict_poses
 from exactarm.chain.extrapolation import extrapolations
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
 from exactarm.effects import effect_from_table, library
 from exactarm.effects.frames import Frames
 from exactarm.effects.gear_harmonics import GearHarmonics
 from exactarm.effects.guide_error import GuideError
 from exactarm.identify.declared import geometry_layout
 from exactarm.plan.compensation import known_functions, planning_model
-from exactarm.robot import Joint, Placement, Robot
+from exactarm.robot.robot import Joint, Placement, Robot
 from exactarm.simulate.virtual_robot import parse_effect
 from test_robot_types import arm_on_a_track, slide
 

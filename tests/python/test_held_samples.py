@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from exactarm.dataset import Dataset
-from exactarm.held_samples import without_frozen, without_held
+from exactarm.data.dataset import Dataset
+from exactarm.data.held_samples import without_frozen, without_held
 
 LOG_HZ, AXES, NOISE_M = 125.0, 2, 2e-5
 

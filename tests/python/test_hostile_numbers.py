@@ -11,7 +11,7 @@ import pytest
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from exactarm.errors import InputError
-from exactarm.whole_number import whole_number
+from exactarm.files.whole_number import whole_number
 from robustness.samples import samples
 from robustness.trials import READERS
 

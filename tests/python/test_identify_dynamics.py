@@ -11,13 +11,13 @@ import pytest
 from exactarm import _core
 from exactarm.chain import Layout, motion_record, predict_motion
 from exactarm.cli import main
-from exactarm.dataset import read_dataset, write_dataset
-from exactarm.examples import data_path
+from exactarm.data.dataset import read_dataset, write_dataset
+from exactarm.files.examples import data_path
 from exactarm.identify.base_parameters import base_parameters
 from exactarm.identify.correlated import autocorrelation, uncertainty
 from exactarm.identify.dynamics import DynamicsOptions, identify_dynamics
-from exactarm.regression import bounded_interval
-from exactarm.robot import Link
+from exactarm.numerics.regression import bounded_interval
+from exactarm.robot.robot import Link
 from exactarm.robot_file import load_robot, write_robot
 from exactarm.simulate import Sensors, VirtualRobot, deviated, measure_motion
 from exactarm.simulate.profiles import excitation

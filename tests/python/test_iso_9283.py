@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import exactarm as ea
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
 from exactarm.errors import InputError
-from exactarm.robot import Placement
-from exactarm.rotation import exp
+from exactarm.numerics.rotation import exp
+from exactarm.robot.robot import Placement
 from exactarm.verify.iso_9283 import iso_9283
 from exactarm.verify.iso_orientation import iso_orientation
 from exactarm.verify.iso_path import EDGE, measures

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from exactarm.chain import Layout, predict_poses
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
+from exactarm.design.pose_space import PoseSpace
 from exactarm.diagnose.isolability import isolability
 from exactarm.diagnose.pose_problem import PoseProblem
 from exactarm.effects.joint_coupling import JointCoupling
-from exactarm.identify.pose_space import PoseSpace
-from exactarm.robot import Placement
+from exactarm.robot.robot import Placement
 from exactarm.robot_file import load_robot
 
 NOISE_M = 5e-5

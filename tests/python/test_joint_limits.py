@@ -9,9 +9,9 @@ import pytest
 
 import exactarm as ea
 from exactarm.cli import main
-from exactarm.dataset import Dataset
-from exactarm.identify.joint_limits import ROUNDED, beyond_limits, violations
-from exactarm.kinds import POSES
+from exactarm.data.dataset import Dataset
+from exactarm.data.kinds import POSES
+from exactarm.design.joint_limits import ROUNDED, beyond_limits, violations
 from exactarm.robot_file import load_robot
 
 ARM = load_robot("ur10")

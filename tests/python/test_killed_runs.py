@@ -12,7 +12,7 @@ import pytest
 
 from exactarm import cli
 from exactarm.commands.listing import find_commands
-from exactarm.examples import data_path
+from exactarm.files.examples import data_path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 

@@ -25,27 +25,36 @@ LONGER = {
     "tests/python/test_simulate.py": 401,
 }
 
-MODEL = {"leaf", "kinds", "effects", "chain", "robot_file"}
-REPORT = {"errors", "progress", "report"}
+LEAVES = {"leaf", "files", "numerics"}
+VALUES = LEAVES | {"robot", "data"}
+MODEL = VALUES | {"effects", "chain"}
+MEASURED = MODEL | {"robot_file", "measurement"}
 # Room -> rooms that it may import. A module directly in the package is a leaf unless it is named here.
 MAY_IMPORT = {
-    "leaf": {"leaf", "kinds"},
-    "kinds": {"leaf", "kinds"},
-    "effects": MODEL - {"robot_file"},
-    "chain": MODEL - {"robot_file"},
+    "leaf": {"leaf"},
+    "files": LEAVES,
+    "numerics": LEAVES,
+    "robot": LEAVES | {"robot"},
+    "data": VALUES,
+    "rest_load": VALUES,
+    "view": VALUES | {"rest_load"},
+    "effects": VALUES | {"view", "rest_load", "effects"},
+    "chain": MODEL | {"view", "rest_load"},
     "robot_file": MODEL,
-    "measurement": MODEL - {"robot_file"} | {"measurement"},
-    "identify": MODEL | {"measurement", "identify"},
-    "plan": MODEL | {"plan"},
-    "simulate": MODEL | {"measurement", "simulate"},
-    "verify": MODEL | {"measurement", "identify", "verify"},
-    "compensate": MODEL | {"compensate"},
-    "export": MODEL | {"compensate", "export"},
+    "measurement": MODEL | {"view", "measurement"},
     "noise": {"leaf", "noise"},
-    "diagnose": MODEL | {"measurement", "identify", "diagnose", "noise"},
-    "report": REPORT,
-    "commands": MODEL | {"measurement", "identify", "plan", "compensate", "export", "simulate", "diagnose",
-                         "verify", "report", "commands"},
+    "plan": MODEL | {"view", "robot_file", "plan"},
+    "simulate": MEASURED | {"view", "simulate"},
+    "compensate": MODEL | {"robot_file", "compensate"},
+    "export": MODEL | {"compensate", "export"},
+    "identify": MODEL | {"measurement", "view", "rest_load", "identify"},
+    "first_aid": MEASURED | {"view", "rest_load", "identify", "first_aid"},
+    "design": MEASURED | {"identify", "design"},
+    "verify": MEASURED | {"identify", "first_aid", "verify"},
+    "diagnose": MEASURED | {"view", "identify", "design", "noise", "diagnose"},
+    "report": {"errors", "progress", "report"},
+    "commands": MEASURED | {"identify", "first_aid", "design", "plan", "compensate", "export", "simulate",
+                            "diagnose", "verify", "report", "commands"},
     "cli": {"leaf", "commands"},
     "__main__": {"cli"},
 }
@@ -168,6 +177,7 @@ def test_imports_have_no_circle():
     assert not [circle for circle in circles if len(circle) > 1]
 
 
+KINDS = PYTHON / "data" / "kinds"
 KIND_NAMES = {"poses", "gear_run", "motion", "tracked_motion", "closures"}
 # Where these words stand outside of `kinds`: a direction of gear tables, names of figures, keys, measures.
 # Only ever fewer.
@@ -181,7 +191,7 @@ def words_of_kinds(path: Path) -> int:
 
 def test_no_other_room_names_a_kind_of_data():
     elsewhere = {str(path): words_of_kinds(path) for path in python_files()
-                 if path.parent != PYTHON / "kinds"}
+                 if path.parent != KINDS}
     assert sum(elsewhere.values()) <= OTHER_MEANINGS, {path: count for path, count in elsewhere.items()
                                                        if count}
 
@@ -198,7 +208,8 @@ def kinds_asked_for(path: Path) -> int:
 
 def test_a_kind_is_asked_where_its_chain_begins_and_what_ends_it_not_which_one_it_is():
     """Commands may read one kind alone."""
-    rooms = [path for path in MODULES if room_of(module_of(path)) not in ("kinds", "commands")]
+    rooms = [path for path in MODULES
+             if room_of(module_of(path)) != "commands" and path.parent != KINDS]
     assert not [str(path.relative_to(PYTHON)) for path in rooms if kinds_asked_for(path)]
 
 

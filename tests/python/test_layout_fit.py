@@ -11,7 +11,7 @@ from exactarm.chain import Layout
 from exactarm.effects.base import Parameter
 from exactarm.identify import layout_fit
 from exactarm.identify.layout_fit import fit_layout
-from exactarm.regression import Evaluation, least_squares
+from exactarm.numerics.regression import Evaluation, least_squares
 
 PRIOR = 0.3
 

@@ -9,10 +9,10 @@ import pytest
 from exactarm import _core
 from exactarm.cli import main
 from exactarm.commands.planning_arguments import station_of
+from exactarm.design.line_of_sight import Station, segment_distance
+from exactarm.design.pose_space import PoseSpace
 from exactarm.errors import InputError
-from exactarm.identify.line_of_sight import Station, segment_distance
-from exactarm.identify.pose_space import PoseSpace
-from exactarm.robot import Placement
+from exactarm.robot.robot import Placement
 from exactarm.robot_file import load_robot
 
 STATION = np.array([3.0, 0.5, 1.0])

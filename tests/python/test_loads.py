@@ -7,13 +7,13 @@ import pytest
 
 from exactarm import _core
 from exactarm.chain import Layout, predict_poses
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
 from exactarm.effects.joint_compliance import JointCompliance
-from exactarm.generic_masses import with_generic_masses
+from exactarm.first_aid.first_aid import first_aid
+from exactarm.first_aid.load_mistakes import load_mistakes
 from exactarm.identify.compliance import compliance_layout
-from exactarm.identify.first_aid import first_aid
-from exactarm.identify.load_mistakes import load_mistakes
 from exactarm.identify.loads import guess_line, kept_masses, load_json, load_lines, with_loads
+from exactarm.robot.generic_masses import with_generic_masses
 from three_arms import puma
 
 ROWS = 60

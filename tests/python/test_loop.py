@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from exactarm.cli import main
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
 from exactarm.simulate import Sensors, VirtualRobot, measure_tracked_motion, parse_effect
 from exactarm.simulate.measure import true_path
 from exactarm.simulate.profiles import excitation

@@ -12,10 +12,10 @@ import pytest
 
 from exactarm.chain.lost_samples import without_gaps
 from exactarm.chain.motion_record import full_record, motion_record
-from exactarm.dataset import read_dataset
+from exactarm.data.dataset import read_dataset
 from exactarm.errors import InputError
+from exactarm.numerics.signals import blocks
 from exactarm.robot_file import load_robot
-from exactarm.signals import blocks
 from motions import fourier_motion, motion_data
 
 STEP_S = 1e-3

@@ -14,7 +14,7 @@ import pytest
 from exactarm import cli
 from exactarm.commands.output import OutputFolder
 from exactarm.errors import InputError
-from exactarm.examples import data_path
+from exactarm.files.examples import data_path
 from test_cli import package, run  # noqa: F401
 
 DATA = str(data_path("ur10/series_B.csv"))

@@ -6,14 +6,15 @@ import numpy as np
 import pytest
 
 from exactarm import cli
-from exactarm.dataset import write_dataset
+from exactarm.data.dataset import write_dataset
 from exactarm.errors import InputError
+from exactarm.first_aid.mismatch import with_cause
 from exactarm.identify.calibrate import calibrate
 from exactarm.identify.evaluate import evaluate_poses
-from exactarm.identify.match import WORST_SHARE
+from exactarm.identify.match import WORST_SHARE, Mismatch
 from exactarm.identify.reach import reach
+from exactarm.robot.writer import write_robot
 from exactarm.robot_file import load_robot
-from exactarm.robot_writer import write_robot
 from set_ups import joints_in_limits, measured, true_robot
 from six_axis import six_axis
 
@@ -32,6 +33,13 @@ def scaled(data, length=1.0, angle=1.0):
     return replace(data, position=length * data.position, joints={"theta": angle * data.joints["theta"]})
 
 
+def refusal_of(work, *given):
+    """The line of the refusal, with its question."""
+    with pytest.raises(Mismatch) as raised:
+        work(*given)
+    return str(with_cause(raised.value))
+
+
 def test_reach_is_that_of_the_stretched_arm(arm):
     assert reach(arm) == pytest.approx(np.hypot(0.43, 0.15) + 0.59 + 0.13 + 0.684 + 0.1)
 
@@ -43,8 +51,8 @@ def test_reach_is_that_of_the_stretched_arm(arm):
     ({"angle": np.pi / 180.0}, "radians labelled as degrees"),
 ], ids=lambda value: value if isinstance(value, str) else "")
 def test_wrong_unit_is_named(arm, factors, words):
-    with pytest.raises(InputError, match=f"robot and data do not match: .*{words}"):
-        evaluate_poses(arm, scaled(data_of(arm), **factors))
+    line = refusal_of(evaluate_poses, arm, scaled(data_of(arm), **factors))
+    assert "robot and data do not match: " in line and words in line
 
 
 @pytest.mark.parametrize("other", ["ur10", "tx40", "kr300"])
@@ -57,15 +65,15 @@ def test_another_robot_is_refused(arm, other):
         with pytest.raises(InputError, match="expected a declared geometry"):
             calibrate(robot, data)
         return
-    with pytest.raises(InputError, match="robot and data do not match: .*is it data of racer-7-1.4?"):
-        calibrate(robot, data)
+    line = refusal_of(calibrate, robot, data)
+    assert "robot and data do not match: " in line and "is it data of racer-7-1.4?" in line
 
 
 def test_exchanged_axes_are_refused(arm):
     data = data_of(arm)
     swapped = data.joints["theta"][:, [0, 2, 1, 3, 4, 5]]
-    with pytest.raises(InputError, match="do not match: .*is it axes 2 and 3 exchanged?"):
-        calibrate(arm, replace(data, joints={"theta": swapped}))
+    line = refusal_of(calibrate, arm, replace(data, joints={"theta": swapped}))
+    assert "is it axes 2 and 3 exchanged?" in line
 
 
 def test_badly_mastered_robot_passes(arm):
@@ -81,8 +89,8 @@ def test_session_at_fault_is_named(arm):
     truth = true_robot(arm, rng)
     data = measured(arm, [truth, truth], [joints_in_limits(arm, 30, rng) for _ in range(2)], 1e-4, rng)
     position = np.where((data.session == 2)[:, None], 1e3, 1.0) * data.position
-    with pytest.raises(InputError, match="base and tool of session 2.*millimetres labelled as metres"):
-        calibrate(arm, replace(data, position=position))
+    line = refusal_of(calibrate, arm, replace(data, position=position))
+    assert "base and tool of session 2" in line and "millimetres labelled as metres" in line
 
 
 @pytest.mark.parametrize("command", ["calibrate", "evaluate", "identifiable", "diagnose"])

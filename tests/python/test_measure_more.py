@@ -5,7 +5,7 @@ from types import SimpleNamespace as Plain
 import pytest
 
 from exactarm.commands.measure_more import experiment_for, to_tell_noise, worse_elsewhere
-from exactarm.kinds import CLOSURES, GEAR_RUN, MOTION, POSES, TRACKED_MOTION
+from exactarm.data.kinds import CLOSURES, GEAR_RUN, MOTION, POSES, TRACKED_MOTION
 
 
 @pytest.mark.parametrize("kind, told, words", [

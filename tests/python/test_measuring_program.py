@@ -8,8 +8,8 @@ import pytest
 from exactarm.compensate.formats import jobs
 from exactarm.compensate.measuring_program import BEFORE_RAD, WRITERS, measuring_program, stops_of
 from exactarm.compensate.setting import Setting
+from exactarm.design.pose_space import PoseSpace
 from exactarm.errors import InputError
-from exactarm.identify.pose_space import PoseSpace
 from exactarm.robot_file import load_robot
 
 LEAST_COUNT_RAD = {"krl": 1e-7, "rapid": 1e-7, "fanuc": 1e-5, "urscript": 1e-9, "inform": 1e-5}

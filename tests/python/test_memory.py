@@ -11,17 +11,19 @@ import pyarrow as pa
 import pyarrow.parquet
 import pytest
 
-from exactarm import cli, free_memory, point_text, table
+from exactarm import cli
 from exactarm.commands import memory
 from exactarm.compensate.program import SourceText
-from exactarm.dataset import read_dataset
+from exactarm.data import point_text
+from exactarm.data.dataset import read_dataset
 from exactarm.errors import InputError
-from exactarm.examples import data_path
+from exactarm.files import free_memory, table
+from exactarm.files.examples import data_path
+from exactarm.files.toml_file import read_toml
 from exactarm.identify import evaluate as evaluation
+from exactarm.robot.ur_calibration import _deltas
+from exactarm.robot.urdf_tree import read_tree
 from exactarm.robot_file import load_robot
-from exactarm.toml_file import read_toml
-from exactarm.ur_calibration import _deltas
-from exactarm.urdf_tree import read_tree
 
 
 class Said:

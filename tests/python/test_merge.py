@@ -7,8 +7,8 @@ import pytest
 
 import exactarm as ea
 from exactarm import cli
+from exactarm.data.point_text import read_points
 from exactarm.errors import InputError
-from exactarm.point_text import read_points
 
 METRES = np.array([[0.512301, -0.020118, 0.834002], [0.49871, 0.033921, 0.790215], [0.4, 0.1, 0.7]])
 NAMES = ("p1", "p2", "p3")

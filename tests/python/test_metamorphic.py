@@ -13,8 +13,8 @@ from exactarm.commands.diagnose import diagnose
 from exactarm.commands.evaluate import evaluate
 from exactarm.commands.identify import identify
 from exactarm.commands.plain import plain
-from exactarm.dataset import read_dataset, write_dataset
-from exactarm.examples import data_path
+from exactarm.data.dataset import read_dataset, write_dataset
+from exactarm.files.examples import data_path
 from exactarm.robot_file import load_robot
 from exactarm.simulate import Sensors, VirtualRobot, measure_poses
 from exactarm.simulate.profiles import limit

@@ -16,8 +16,8 @@ from exactarm.commands.check import check
 from exactarm.commands.diagnose import diagnose
 from exactarm.commands.evaluate import evaluate
 from exactarm.commands.plain import plain
-from exactarm.dataset import Dataset, read_dataset, write_dataset
-from exactarm.examples import data_path
+from exactarm.data.dataset import Dataset, read_dataset, write_dataset
+from exactarm.files.examples import data_path
 from exactarm.robot_file import load_robot
 from exactarm.simulate import Sensors, VirtualRobot, measure_poses
 from exactarm.simulate.profiles import limit

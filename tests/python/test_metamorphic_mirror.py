@@ -9,9 +9,9 @@ import pytest
 from exactarm.commands.calibrate import calibrate
 from exactarm.commands.gear import gear
 from exactarm.commands.plain import plain
-from exactarm.dataset import Dataset, read_dataset
-from exactarm.examples import data_path, example
-from exactarm.robot import Robot
+from exactarm.data.dataset import Dataset, read_dataset
+from exactarm.files.examples import data_path, example
+from exactarm.robot.robot import Robot
 from exactarm.robot_file import load_robot
 from exactarm.simulate import Sensors, VirtualRobot, measure_gear_runs, measure_poses
 from exactarm.simulate.profiles import limit

@@ -9,8 +9,8 @@ import pytest
 from exactarm.chain import Layout, motion_record, predict_motion
 from exactarm.commands.identify import identify
 from exactarm.commands.plain import plain
-from exactarm.dataset import Dataset
-from exactarm.robot import Robot
+from exactarm.data.dataset import Dataset
+from exactarm.robot.robot import Robot
 from motions import fourier_motion, motion_data
 from six_axis import six_axis
 from test_metamorphic_mirror import mirrored_robot

@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from exactarm.numerics.rotation import exp
 from exactarm.plan import Line, PlannedPath, PlanOptions, load_path, plan_path
-from exactarm.robot import GearTable, Robot
+from exactarm.robot.robot import GearTable, Robot
 from exactarm.robot_file import load_robot
-from exactarm.rotation import exp
 from test_metamorphic_mirror import MIRROR, mirrored_robot
 
 ROBOT = load_robot("racer-7-1.4")

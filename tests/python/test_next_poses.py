@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from exactarm.chain import Layout, predict_poses
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
+from exactarm.design.pose_space import PoseSpace
 from exactarm.diagnose.confusion import Place
 from exactarm.diagnose.next_poses import PAYLOAD_KG, Experiment, next_poses, sentence_of, told_by
 from exactarm.diagnose.pose_problem import PoseProblem
 from exactarm.effects.gear_ratio import GearRatio
 from exactarm.effects.joint_compliance import JointCompliance
-from exactarm.identify.pose_space import PoseSpace
-from exactarm.robot import Placement
+from exactarm.robot.robot import Placement
 from exactarm.robot_file import load_robot
 
 SPRING, RATIO = JointCompliance(2, (2e-6, 0.0)), GearRatio(2, (0.0,))

@@ -14,10 +14,10 @@ import exactarm as ea
 from exactarm import cli
 from exactarm.commands.next_steps import after_check, next_steps, to_improve, with_lines
 from exactarm.commands.outcome import Asked, Outcome
-from exactarm.kinds import GEAR_RUN, MOTION, POSES
+from exactarm.data.kinds import GEAR_RUN, MOTION, POSES
+from exactarm.data.rows import Source
 from exactarm.report import Report, Text
 from exactarm.report.sections import line_to_copy
-from exactarm.rows import Source
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from robustness.short_runs import prepare, words_of

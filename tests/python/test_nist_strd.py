@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from scipy import optimize
 
-from exactarm.regression import Evaluation, least_squares
+from exactarm.numerics.regression import Evaluation, least_squares
 
 FOLDER = Path(__file__).parent / "nist_strd"
 LEAST_DIGITS, LEAST_DIGITS_DEVIATION = 6.0, 5.0

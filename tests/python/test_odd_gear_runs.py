@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from exactarm.identify.first_aid import first_aid
+from exactarm.first_aid.first_aid import first_aid
 from exactarm.robot_file import load_robot
 from exactarm.simulate import Sensors, VirtualRobot, measure_gear_runs
 from test_first_aid import kr300  # noqa: F401

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import exactarm as ea
-from exactarm.identify.first_aid import first_aid
+from exactarm.first_aid.first_aid import first_aid
+from exactarm.numerics.rotation import exp
 from exactarm.robot_file import load_robot
-from exactarm.rotation import exp
 from test_first_aid import column, kr300, order, position, scaled, shifted, tx40, ur10  # noqa: F401
 
 DEGREE = np.pi / 180.0

@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from exactarm.dataset import Dataset, read_dataset
+from exactarm.data.dataset import Dataset, read_dataset
 from exactarm.effects.payload import Payload
-from exactarm.examples import data_path
-from exactarm.identify.first_aid import first_aid
-from exactarm.identify.odd_runs import odd_runs
+from exactarm.files.examples import data_path
+from exactarm.first_aid.first_aid import first_aid
+from exactarm.first_aid.odd_runs import odd_runs
 from exactarm.robot_file import load_robot
 from exactarm.simulate import Sensors, VirtualRobot, measure_tracked_motion
 from exactarm.simulate.profiles import excitation

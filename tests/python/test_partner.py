@@ -10,11 +10,12 @@ import pytest
 from central_difference import assert_derivative
 from exactarm.chain import Layout
 from exactarm.cli import main
-from exactarm.dataset import Dataset, dataset_columns, read_dataset
+from exactarm.data.dataset import Dataset, dataset_columns, read_dataset
+from exactarm.data.fixture import Fixture, Partner, load_fixture
 from exactarm.diagnose.diagnosis import diagnose
 from exactarm.diagnose.verdict import NOTHING
 from exactarm.errors import InputError
-from exactarm.fixture import Fixture, Partner, load_fixture
+from exactarm.files.table import write_table
 from exactarm.identify import closures
 from exactarm.identify.calibrate import CalibrationOptions, calibrate
 from exactarm.identify.closure_scale import scale_is_known
@@ -29,12 +30,11 @@ from exactarm.measurement.closures import device_of, predict_closures, touches
 from exactarm.measurement.partner import FRAMES, partner_robot, placed_by
 from exactarm.measurement.partner import Partner as Contact
 from exactarm.measurement.target import Target
+from exactarm.numerics.rotation import exp
 from exactarm.robot_file import load_robot
-from exactarm.rotation import exp
 from exactarm.simulate import Sensors, VirtualRobot, measure_poses
 from exactarm.simulate.closures import measure_closures
 from exactarm.simulate.virtual_robot import placed
-from exactarm.table import write_table
 from spoiled_rows import PANDA
 from test_closures import ECCENTRICITY, covered, together, virtual
 

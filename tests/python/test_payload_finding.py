@@ -7,9 +7,9 @@ import pytest
 
 from exactarm import cli
 from exactarm.chain import Layout
-from exactarm.dataset import write_dataset
+from exactarm.data.dataset import write_dataset
 from exactarm.effects.payload import Payload
-from exactarm.robot_writer import write_robot
+from exactarm.robot.writer import write_robot
 from set_ups import joints_in_limits, measured, true_robot
 from six_axis import six_axis
 

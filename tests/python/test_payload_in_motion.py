@@ -8,7 +8,7 @@ import pytest
 import exactarm as ea
 from central_difference import assert_derivative
 from exactarm.chain import Layout, motion_record, predict_motion
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
 from exactarm.diagnose.diagnosis import diagnose
 from exactarm.diagnose.verdict import NOTHING
 from exactarm.effects.gear_harmonics import GearHarmonics

@@ -9,19 +9,19 @@ import pytest
 
 from exactarm import _core
 from exactarm.chain.direction import TRANSITION_S
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
 from exactarm.effects.backlash import Backlash
 from exactarm.effects.direction_dependence import DirectionDependence
 from exactarm.effects.hysteresis import Hysteresis
 from exactarm.effects.payload import Payload
 from exactarm.errors import ComputationError, InputError
+from exactarm.files.table import read_table, write_table
 from exactarm.plan import Line, PathFailure, PlannedPath, PlanOptions, Points, load_path, plan_many, plan_path
 from exactarm.plan.limits import violations
 from exactarm.plan.trajectory import trajectory_table
 from exactarm.robot_file import load_robot
 from exactarm.simulate.measure import true_path
 from exactarm.simulate.virtual_robot import VirtualRobot
-from exactarm.table import read_table, write_table
 
 ROBOT = load_robot("racer-7-1.4")
 LINE = replace(load_path("line"), rate_hz=200.0)

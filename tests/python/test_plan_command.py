@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from exactarm.cli import main
-from exactarm.table import read_table
+from exactarm.files.table import read_table
 
 
 def run(tmp_path, *words):

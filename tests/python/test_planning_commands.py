@@ -10,7 +10,7 @@ import pytest
 
 from exactarm import _core
 from exactarm.cli import main
-from exactarm.robot import Placement
+from exactarm.robot.robot import Placement
 from exactarm.robot_file import load_robot
 
 TARGET = "0.05,0,0.1"

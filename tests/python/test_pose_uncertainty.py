@@ -8,12 +8,12 @@ import pytest
 
 from exactarm import cli
 from exactarm.chain import predict_poses
-from exactarm.covariance import ParameterCovariance
-from exactarm.dataset import write_dataset
+from exactarm.data.dataset import write_dataset
 from exactarm.identify.calibrate import CalibrationOptions, calibrate
 from exactarm.identify.evaluate import evaluate_poses
 from exactarm.identify.planned import controller_angles
 from exactarm.identify.pose_uncertainty import conformal_quantile, model_uncertainty, pose_uncertainty
+from exactarm.robot.covariance import ParameterCovariance
 from exactarm.robot_file import load_robot, read_robot, write_robot
 from set_ups import measured, true_robot
 

@@ -12,10 +12,10 @@ from exactarm.effects import library
 from exactarm.errors import ComputationError
 from exactarm.identify.dynamics import DynamicsOptions, identify_dynamics
 from exactarm.report import Report
+from exactarm.robot.urdf import read_urdf
 from exactarm.robot_file import load_robot, read_robot
 from exactarm.simulate import Sensors, VirtualRobot, measure_motion
 from exactarm.simulate.profiles import excitation
-from exactarm.urdf import read_urdf
 
 
 def published(robot, out):

@@ -8,7 +8,7 @@ import pytest
 
 from exactarm import _core
 from exactarm.chain import Layout, predict_tracked_motion
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
 from exactarm.diagnose.problems import problem_for
 from exactarm.effects import effect_from_table, library
 from exactarm.robot_file import load_robot

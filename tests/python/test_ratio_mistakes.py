@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from exactarm import _core
-from exactarm.identify.first_aid import first_aid
-from exactarm.identify.ratio_mistakes import ratio_mistakes
+from exactarm.first_aid.first_aid import first_aid
+from exactarm.first_aid.ratio_mistakes import ratio_mistakes
 from exactarm.robot_file import load_robot
 from motions import fourier_motion, motion_data
 

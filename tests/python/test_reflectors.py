@@ -5,9 +5,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import exactarm as ea
-from exactarm.dataset import read_dataset
+from exactarm.data.dataset import read_dataset
+from exactarm.data.reflectors import plate_poses
 from exactarm.errors import InputError
-from exactarm.reflectors import plate_poses
 from exactarm.robot_file import load_robot
 
 PLATE = np.array([[0.0, 0.0, 0.0], [0.2, 0.0, 0.0], [0.05, 0.15, 0.0], [-0.1, 0.05, 0.04]])

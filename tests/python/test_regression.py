@@ -5,11 +5,11 @@ import pytest
 from scipy import optimize, stats
 
 from exactarm.chain import predict_poses
-from exactarm.dataset import read_dataset
-from exactarm.examples import example
+from exactarm.data.dataset import read_dataset
+from exactarm.files.examples import example
 from exactarm.identify.calibrate import identifiable_layout
 from exactarm.identify.declared import frames_layout, geometry_layout
-from exactarm.regression import HUBER, Evaluation, bounded_interval, least_squares
+from exactarm.numerics.regression import HUBER, Evaluation, bounded_interval, least_squares
 from exactarm.robot_file import load_robot
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from exactarm.chain import gear_record
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
 from exactarm.diagnose.diagnosis import diagnose
 from exactarm.diagnose.gear_problem import GearProblem
 from exactarm.diagnose.resampled_run import resampled_run

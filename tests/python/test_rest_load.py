@@ -8,15 +8,15 @@ import pytest
 from central_difference import assert_derivative
 from exactarm import _core
 from exactarm.chain import Layout, predict_gear_run, predict_poses
-from exactarm.dataset import Dataset, read_planned_poses
+from exactarm.data.dataset import Dataset, read_planned_poses
 from exactarm.effects import effect_from_table, library
 from exactarm.effects.base_compliance import BaseCompliance
 from exactarm.effects.frames import Frames
 from exactarm.effects.joint_compliance import JointCompliance, RelativeCompliance
 from exactarm.effects.link_compliance import LinkCompliance
 from exactarm.effects.payload import Payload
-from exactarm.generic_masses import with_generic_masses
 from exactarm.rest_load import RestLoad
+from exactarm.robot.generic_masses import with_generic_masses
 from exactarm.robot_file import load_robot
 from six_axis import six_axis
 

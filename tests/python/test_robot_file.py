@@ -10,9 +10,9 @@ from scipy.spatial.transform import Rotation
 
 from exactarm.effects import effect_from_table
 from exactarm.errors import InputError
-from exactarm.robot import Controller, GearTable, Joint, Link, Placement, Robot, frame_of
+from exactarm.robot.keys import JOINT_KEYS
+from exactarm.robot.robot import Controller, GearTable, Joint, Link, Placement, Robot, frame_of
 from exactarm.robot_file import load_robot, read_robot, shipped_robots, write_robot
-from exactarm.robot_keys import JOINT_KEYS
 
 numbers = st.floats(allow_nan=False, allow_infinity=False)
 positive = st.floats(1e-12, 1e12)

@@ -11,12 +11,12 @@ import exactarm as ea
 from central_difference import assert_derivative
 from exactarm.chain import Layout, predict_poses
 from exactarm.compensate.law import CompensationModel
-from exactarm.dataset import Dataset, dataset_columns, read_dataset, read_planned_poses
+from exactarm.data.dataset import Dataset, dataset_columns, read_dataset, read_planned_poses
 from exactarm.effects import effect_from_table
 from exactarm.effects.declared_ratio import DeclaredRatio
 from exactarm.effects.joint_coupling import JointCoupling
-from exactarm.robot import Joint, Robot
-from exactarm.table import write_table
+from exactarm.files.table import write_table
+from exactarm.robot.robot import Joint, Robot
 from three_arms import puma
 
 POSES = 90

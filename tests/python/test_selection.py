@@ -10,7 +10,7 @@ import pytest
 from exactarm import _core
 from exactarm.chain import Layout, predict_poses
 from exactarm.commands.diagnose import _json
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
 from exactarm.diagnose import selection
 from exactarm.diagnose.admissible import is_possible
 from exactarm.diagnose.closure_problem import ClosureProblem
@@ -180,7 +180,7 @@ def test_a_pair_whose_search_ends_under_another_label_is_still_a_pair(monkeypatc
 def test_an_unconverged_fit_takes_the_verdict_away(monkeypatch):
     """The search is stopped after one step: whatever the residual looks like, nothing is called explained."""
     from exactarm.identify import layout_fit
-    from exactarm.regression import least_squares
+    from exactarm.numerics.regression import least_squares
 
     good = diagnose(*poses(count=40), seed=1)
     assert good.converged and _json(good)["converged"] and _json(good)["warnings"] == []

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
 from exactarm.identify.gear_evaluate import evaluate_gear_runs
 from exactarm.identify.sensor_tone import find_tones, without_tones
 from rigid_arm import rigid

@@ -10,13 +10,13 @@ import exactarm as ea
 from central_difference import assert_derivative
 from exactarm.chain import Layout, predict_poses
 from exactarm.cli import main
-from exactarm.dataset import Dataset, dataset_columns
+from exactarm.data.dataset import Dataset, dataset_columns
 from exactarm.effects.joint_compliance import JointCompliance
 from exactarm.errors import InputError
+from exactarm.files.table import write_table
 from exactarm.measurement.session_payload import SessionPayload
 from exactarm.robot_file import load_robot
 from exactarm.simulate import Sensors, VirtualRobot, deviated, measure_poses
-from exactarm.table import write_table
 
 UR10 = load_robot("ur10")
 STIFF = {2: 6e-6, 3: 9e-6}  # rad/Nm

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
+from exactarm.data.session_table import with_sessions
 from exactarm.errors import InputError
-from exactarm.identify.load_mistakes import payload_mistakes
+from exactarm.first_aid.load_mistakes import payload_mistakes
 from exactarm.robot_file import load_robot
-from exactarm.session_table import with_sessions
 
 DATA = Dataset.of_arrays(
     "poses", {"q": np.zeros((3, 2))}, session=np.array([2, 1, 2]), covariates={"humidity": np.ones(3)},

@@ -5,9 +5,9 @@ import pandas as pd
 import pytest
 
 from exactarm import _core
-from exactarm.dataset import read_dataset, read_planned_poses
+from exactarm.data.dataset import read_dataset, read_planned_poses
 from exactarm.errors import InputError
-from exactarm.examples import data_path, example
+from exactarm.files.examples import data_path, example
 from exactarm.robot_file import load_robot, shipped_robots, write_robot
 
 RACER = load_robot("racer-7-1.4")

@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy import ndimage
 
-from exactarm.signals import (
+from exactarm.numerics.signals import (
     blocks,
     derivative,
     derivative_operator,

@@ -18,12 +18,12 @@ from exactarm.chain import (
     predict_tracked_motion,
 )
 from exactarm.cli import main
-from exactarm.dataset import Dataset, read_dataset
+from exactarm.data.dataset import Dataset, read_dataset
 from exactarm.effects import library
 from exactarm.errors import InputError
 from exactarm.identify.calibrate import calibrate
 from exactarm.identify.dynamics import DynamicsOptions, identify_dynamics
-from exactarm.robot import GearTable
+from exactarm.robot.robot import GearTable
 from exactarm.robot_file import load_robot, write_robot
 from exactarm.simulate import (
     Sensors,

@@ -6,8 +6,8 @@ import pytest
 
 from exactarm.chain import Layout
 from exactarm.cli import main
-from exactarm.dataset import read_dataset
-from exactarm.fixture import load_fixture
+from exactarm.data.dataset import read_dataset
+from exactarm.data.fixture import load_fixture
 from exactarm.measurement.closures import predict_closures
 from exactarm.measurement.contacts import TOUCHED
 from exactarm.robot_file import load_robot

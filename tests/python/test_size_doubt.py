@@ -9,7 +9,7 @@ from exactarm.chain import Layout
 from exactarm.identify.closures import calibrate_closures
 from exactarm.identify.declared import geometry_layout
 from exactarm.identify.size_doubt import size_doubts
-from exactarm.regression import Fit
+from exactarm.numerics.regression import Fit
 from exactarm.robot_file import load_robot
 from test_closures import touched
 

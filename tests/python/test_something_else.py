@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from exactarm.chain import Layout, predict_tracked_motion
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
 from exactarm.diagnose.problems import problem_for
 from exactarm.diagnose.something_else import beside_unknown, scales_up_to
 from exactarm.diagnose.verdict import EXPLAINED, sentence_of

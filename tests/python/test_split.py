@@ -4,8 +4,8 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from exactarm.dataset import Dataset
-from exactarm.split import pose_groups
+from exactarm.data.dataset import Dataset
+from exactarm.data.split import pose_groups
 
 AXES = 3
 

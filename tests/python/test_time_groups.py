@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from exactarm.chain import predict_gear_run
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
 from exactarm.diagnose.diagnosis import diagnose
 from exactarm.diagnose.time_groups import stretches_of_response
 from exactarm.diagnose.verdict import EXPLAINED

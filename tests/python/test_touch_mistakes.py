@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from exactarm.cli import main
-from exactarm.dataset import Dataset, read_dataset
-from exactarm.examples import data_path
-from exactarm.fixture import load_fixture
-from exactarm.identify.first_aid import first_aid
+from exactarm.data.dataset import Dataset, read_dataset
+from exactarm.data.fixture import load_fixture
+from exactarm.files.examples import data_path
+from exactarm.first_aid.first_aid import first_aid
 from exactarm.robot_file import load_robot
 from test_closures import ECCENTRICITY, touched
 from test_contact_starts import touched_blocks

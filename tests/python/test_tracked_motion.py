@@ -11,11 +11,11 @@ from exactarm import _core
 from exactarm.chain import Layout, predict_poses, predict_tracked_motion
 from exactarm.chain.motion_record import full_record
 from exactarm.chain.spring_response import DAMPING_S
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
 from exactarm.effects import library
 from exactarm.effects.frames import Frames
 from exactarm.effects.joint_offset import JointOffset
-from exactarm.robot import GearTable
+from exactarm.robot.robot import GearTable
 from exactarm.simulate.plant import swing
 from exactarm.simulate.profiles import excitation
 from motions import fourier_motion

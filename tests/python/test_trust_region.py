@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from exactarm.trust_region import Model
+from exactarm.numerics.trust_region import Model
 
 ROWS, COLUMNS, WEAK = 300, 60, 7
 

@@ -7,7 +7,7 @@ import pytest
 import exactarm as ea
 from exactarm import cli
 from exactarm.errors import InputError
-from exactarm.rotation import exp
+from exactarm.numerics.rotation import exp
 
 
 def written(folder, deltas, name="calibration.conf"):

@@ -10,9 +10,9 @@ import pytest
 
 from exactarm import _core
 from exactarm.errors import InputError
-from exactarm.robot import GearTable, Joint, Link, Placement, Robot
+from exactarm.robot.robot import GearTable, Joint, Link, Placement, Robot
+from exactarm.robot.urdf import read_urdf, reported_shift, roll_pitch_yaw, urdf_text, write_urdf
 from exactarm.robot_file import load_robot, shipped_robots
-from exactarm.urdf import read_urdf, reported_shift, roll_pitch_yaw, urdf_text, write_urdf
 from random_robot import random_rotation
 from urdf_sample import link, random_urdf, urdf_pose
 

@@ -8,10 +8,10 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.integrate import cumulative_trapezoid
 
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
 from exactarm.diagnose.diagnosis import diagnose
+from exactarm.numerics.signals import gaussian_filter
 from exactarm.robot_file import load_robot
-from exactarm.signals import gaussian_filter
 
 AXIS, RUNS, STEP_S, NOISE = 2, 6, 2.5e-3, 1e-3  # axis from 0; rad/s
 SPEED, ORDER, RIPPLE_RAD = 0.8, 31.0, 5e-5  # the gear's line stands at 3.9 Hz

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from exactarm.chain import Layout
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
 from exactarm.diagnose.diagnosis import diagnose
 from exactarm.effects import effect_from_table
 from exactarm.effects.hysteresis import Hysteresis

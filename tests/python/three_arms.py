@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from exactarm.robot import Joint, Link, Robot
+from exactarm.robot.robot import Joint, Link, Robot
 from exactarm.robot_file import load_robot
 
 _FRAMES = ((0.6718, 0.0, np.pi / 2), (0.0, 0.4318, 0.0), (0.15005, 0.0203, -np.pi / 2),

@@ -33,7 +33,7 @@ def _targets() -> dict[str, tuple[bytes, Callable[[Path], object]]]:
 
     from exactarm.commands.accept import accept
     from exactarm.errors import InputError
-    from exactarm.formula import Formula, FormulaError
+    from exactarm.numerics.formula import Formula, FormulaError
     from robustness.samples import samples
     from robustness.trials import READERS
 
@@ -61,9 +61,9 @@ def _fuzz(target: str, corpus: Path, seconds: int, one: Path | None, folder: Pat
     with atheris.instrument_imports(include=["exactarm"]):
         import exactarm.commands.accept
         import exactarm.compensate.formats
-        import exactarm.dataset
-        import exactarm.fixture
-        import exactarm.formula
+        import exactarm.data.dataset
+        import exactarm.data.fixture
+        import exactarm.numerics.formula
         import exactarm.plan.path_file
         import exactarm.robot_file  # noqa: F401
         from exactarm.errors import InputError

@@ -29,7 +29,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from exactarm import cli
-from exactarm.toml_file import read_toml
+from exactarm.files.toml_file import read_toml
 from robustness.short_runs import RUNS, environment, prepare, words_of
 
 PACKAGE = Path(cli.__file__).parents[1]

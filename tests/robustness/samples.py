@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from exactarm.examples import data_path
+from exactarm.files.examples import data_path
 from exactarm.plan.path_file import SHIPPED as PATHS
+from exactarm.robot.urdf import urdf_text
+from exactarm.robot.writer import robot_text
 from exactarm.robot_file import load_robot
-from exactarm.robot_writer import robot_text
-from exactarm.urdf import urdf_text
 from robustness.virtual_samples import virtual_samples
 
 ROWS = 40

@@ -34,12 +34,12 @@ from exactarm.commands.execute import parser_of
 from exactarm.commands.listing import import_command
 from exactarm.compensate.formats import jobs
 from exactarm.compensate.setting import Setting
-from exactarm.dataset import Dataset, read_dataset, read_planned_poses
+from exactarm.data.dataset import Dataset, read_dataset, read_planned_poses
+from exactarm.data.fixture import load_fixture
+from exactarm.data.session_table import with_sessions
 from exactarm.errors import InputError
-from exactarm.fixture import load_fixture
 from exactarm.plan.path_file import load_path
 from exactarm.robot_file import load_robot, read_robot
-from exactarm.session_table import with_sessions
 from robustness.mutations import spoiled, spoiled_words
 from robustness.samples import samples
 from robustness.short_runs import RUNS

@@ -13,9 +13,9 @@ import pandas as pd
 
 from exactarm.commands.design_for import experiment_json
 from exactarm.compensate.measuring_program import Stop, measuring_program
-from exactarm.dataset import Dataset, write_dataset
+from exactarm.data.dataset import Dataset, write_dataset
 from exactarm.diagnose.next_poses import Experiment
-from exactarm.robot import Robot
+from exactarm.robot.robot import Robot
 from exactarm.robot_file import load_robot
 from exactarm.simulate import Sensors, VirtualRobot, measure_poses
 from exactarm.simulate.closures import fixture_text, measure_closures

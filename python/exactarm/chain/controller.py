@@ -22,13 +22,13 @@ import numpy as np
 from exactarm import _core
 from exactarm.chain.layout import Layout
 from exactarm.chain.poses import PosePrediction, predict_poses
-from exactarm.controller_frames import at_base, at_flange
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
+from exactarm.data.kinds import POSES
 from exactarm.effects.base import Station
 from exactarm.errors import ComputationError, InputError
-from exactarm.kinds import POSES
-from exactarm.robot import Frame, Point, Robot
-from exactarm.rotation import log
+from exactarm.numerics.rotation import log
+from exactarm.robot.controller_frames import at_base, at_flange
+from exactarm.robot.robot import Frame, Point, Robot
 
 _PASSES = 50
 _STEP_RAD = 1e-6  # central differences of the chain: error of order step^2 against rounding 1e-16 / step

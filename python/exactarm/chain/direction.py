@@ -21,7 +21,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.interpolate import BSpline
 
-from exactarm.rows import LEAST_TURN_RAD
+from exactarm.data.rows import LEAST_TURN_RAD
 
 TRANSITION_S = 0.05  # what a passage asks of the motor stays below about 50 Hz
 _DEGREE = 5

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from exactarm.effects.axis_units import slides
-from exactarm.robot import Robot
+from exactarm.robot.robot import Robot
 
 _LEAST_SHARE = 0.01  # of the rows; deflections move single rows across an end
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from exactarm import _core
-from exactarm.robot import Joint
+from exactarm.robot.robot import Joint
 from exactarm.view import View
 
 _NEWTON_STEPS = 4  # from an error of the two tables' difference, 1e-3 rad

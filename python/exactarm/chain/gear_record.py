@@ -26,11 +26,10 @@ from exactarm.chain.gear import declared_output_angle, differs_with_direction
 from exactarm.chain.gear_passage import in_passage
 from exactarm.chain.spring import declared_deflection
 from exactarm.chain.swinging import bending_rate, follows_quietly, swings, widened
-from exactarm.dataset import Dataset
-from exactarm.kinds import GEAR_RUN
-from exactarm.kinds.base import STANDS_STILL
-from exactarm.robot import Robot
-from exactarm.signals import (
+from exactarm.data.dataset import Dataset
+from exactarm.data.kinds import GEAR_RUN
+from exactarm.data.kinds.base import STANDS_STILL
+from exactarm.numerics.signals import (
     HALF_STENCIL,
     MOTION_HZ,
     at_even_times,
@@ -45,6 +44,7 @@ from exactarm.signals import (
     typical_step,
     white_noise,
 )
+from exactarm.robot.robot import Robot
 from exactarm.view import View, motor_angles
 
 _ENCODER_SHARE = 0.1  # of the gyroscope's noise that the encoder may add to the predicted rate

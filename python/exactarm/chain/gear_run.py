@@ -28,12 +28,12 @@ from exactarm.chain.propagate import acts
 from exactarm.chain.run_tangents import Recorded, device_map, joint_tangents, moved
 from exactarm.chain.sensor_link import sensor_rates
 from exactarm.chain.spring import declared_deflection
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
 from exactarm.effects.base import Station
 from exactarm.effects.drive import smooth_sign
+from exactarm.numerics.signals import gaussian_filter, typical_step
 from exactarm.rest_load import declared_constants
-from exactarm.robot import Robot
-from exactarm.signals import gaussian_filter, typical_step
+from exactarm.robot.robot import Robot
 from exactarm.view import View, on_axes
 
 _FIXED_POINT_TOLERANCE_RAD = 1e-13

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from exactarm.effects.base import Effect, Parameter
-from exactarm.robot import Robot
+from exactarm.robot.robot import Robot
 
 
 @dataclass(frozen=True)

@@ -15,10 +15,10 @@ from dataclasses import replace
 import numpy as np
 
 from exactarm import _core
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
 from exactarm.effects.base import Effect
 from exactarm.effects.payload import inertial, with_added
-from exactarm.robot import Robot
+from exactarm.robot.robot import Robot
 
 Arm = tuple[np.ndarray | slice, _core.Robot]
 

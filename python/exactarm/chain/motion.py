@@ -25,10 +25,10 @@ from exactarm.chain.loaded_arms import Arm, loaded_arms
 from exactarm.chain.motion_record import SLOW_HZ, MotionRecord
 from exactarm.chain.propagate import pass_station, pass_tangents
 from exactarm.chain.spring_response import SpringResponse
+from exactarm.data.kinds import MOTION, Device
 from exactarm.effects.base import Effect, Station
 from exactarm.effects.drive import smooth_sign
-from exactarm.kinds import MOTION, Device
-from exactarm.robot import Robot
+from exactarm.robot.robot import Robot
 from exactarm.view import View
 
 _RELATIVE_STEP = 1e-4  # of a plausible value, for the slope of dphi/dtheta (exact for effects linear in it)

@@ -24,12 +24,12 @@ from scipy import linalg, sparse
 from exactarm import _core
 from exactarm.chain.direction import direction_of_motion
 from exactarm.chain.lost_samples import FILLED_PERIODS, Filled, without_gaps
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
+from exactarm.data.kinds.base import runs_in_time
 from exactarm.errors import InputError
-from exactarm.kinds.base import runs_in_time
+from exactarm.numerics.signals import at_even_times, derivative_operator, even_clock, typical_step
 from exactarm.rest_load import declared_constants, drive_torque
-from exactarm.robot import Robot
-from exactarm.signals import at_even_times, derivative_operator, even_clock, typical_step
+from exactarm.robot.robot import Robot
 from exactarm.view import SIGN_WIDTH_RAD_S, motor_angles
 
 BANDWIDTH_HZ = 20.0  # arms are moved below 5 Hz and swing near 10 Hz

@@ -25,10 +25,10 @@ from exactarm.chain.layout import Layout
 from exactarm.chain.motion import predict_motion
 from exactarm.chain.motion_record import MotionRecord, measured_torque
 from exactarm.chain.tracked_motion import predict_tracked_motion
-from exactarm.dataset import Dataset
-from exactarm.kinds.base import runs_in_time
-from exactarm.robot import Robot
-from exactarm.signals import typical_step, white_noise
+from exactarm.data.dataset import Dataset
+from exactarm.data.kinds.base import runs_in_time
+from exactarm.numerics.signals import typical_step, white_noise
+from exactarm.robot.robot import Robot
 
 # what friction leaves of wind-up, 1e-4 to 1e-3 rad, is passed in so long at 2 rad/s^2 and twice that
 DURATIONS_S = (0.02, 0.1)

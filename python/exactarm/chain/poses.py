@@ -18,13 +18,13 @@ from exactarm.chain.gear import declared_output_angle
 from exactarm.chain.layout import Layout
 from exactarm.chain.propagate import pass_station, pass_tangents
 from exactarm.chain.spring import declared_deflection
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
+from exactarm.data.kinds import POSES
 from exactarm.effects.base import Station
-from exactarm.kinds import POSES
+from exactarm.numerics.rotation import exp as rotation_exp
+from exactarm.numerics.rotation import log as rotation_log
 from exactarm.rest_load import RestLoad
-from exactarm.robot import Robot
-from exactarm.rotation import exp as rotation_exp
-from exactarm.rotation import log as rotation_log
+from exactarm.robot.robot import Robot
 from exactarm.view import View, motor_angles
 
 _FIXED_POINT_TOLERANCE_RAD = 1e-13

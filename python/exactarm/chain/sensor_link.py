@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from exactarm import _core
-from exactarm.robot import GRAVITY_M_S2
+from exactarm.robot.robot import GRAVITY_M_S2
 from exactarm.view import View
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from exactarm.robot import Robot
+from exactarm.robot.robot import Robot
 
 
 def declared_deflection(robot: Robot, torque: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

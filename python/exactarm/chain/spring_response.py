@@ -19,7 +19,7 @@ import numpy as np
 from scipy.linalg import solve_banded
 
 from exactarm.chain.spring import declared_deflection
-from exactarm.robot import Robot
+from exactarm.robot.robot import Robot
 
 DAMPING_S = 1e-3
 _SECANTS = 3

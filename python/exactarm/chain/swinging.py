@@ -18,8 +18,8 @@ import numpy as np
 from scipy import ndimage
 
 from exactarm import _core
-from exactarm.robot import Robot
-from exactarm.signals import derivative, gaussian_filter, typical_step
+from exactarm.numerics.signals import derivative, gaussian_filter, typical_step
+from exactarm.robot.robot import Robot
 
 _STEP_S, _REACH_S = 0.005, 0.03
 LEAST_RATE_RAD_S = 2e-4

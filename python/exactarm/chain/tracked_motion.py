@@ -11,9 +11,9 @@ from exactarm.chain.layout import Layout
 from exactarm.chain.motion import motion_view
 from exactarm.chain.motion_record import MotionRecord, full_record
 from exactarm.chain.poses import PosePrediction, predict_target
-from exactarm.dataset import Dataset
-from exactarm.kinds import TRACKED_MOTION
-from exactarm.robot import Robot
+from exactarm.data.dataset import Dataset
+from exactarm.data.kinds import TRACKED_MOTION
+from exactarm.robot.robot import Robot
 
 
 def predict_tracked_motion(

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from exactarm.errors import InputError
-from exactarm.toml_file import read_toml
+from exactarm.files.toml_file import read_toml
 
 KEYS = {  # key -> what the page calls it
     "number": "certificate number",

@@ -10,15 +10,15 @@ from pathlib import Path
 from exactarm.commands.outcome import Asked
 from exactarm.commands.plain import sha256
 from exactarm.commands.result import CommandResult
+from exactarm.data.rows import Source
+from exactarm.data.split import DEFAULT_SEED
 from exactarm.effects import Effect, effect_from_table, library
 from exactarm.effects.accepted import effects_folder
 from exactarm.errors import InputError
+from exactarm.files.toml_file import read_toml
 from exactarm.report import Report, Text, Warnings
-from exactarm.robot_keys import MOST_AXES
-from exactarm.robot_writer import effects_text
-from exactarm.rows import Source
-from exactarm.split import DEFAULT_SEED
-from exactarm.toml_file import read_toml
+from exactarm.robot.keys import MOST_AXES
+from exactarm.robot.writer import effects_text
 
 NAME = "accept"
 HELP = "make a drafted effect (draft.toml) part of your own library"

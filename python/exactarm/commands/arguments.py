@@ -7,9 +7,9 @@ import os
 from collections.abc import Collection
 from pathlib import Path
 
-from exactarm.examples import file_or_example
-from exactarm.kinds import KIND_NAMES
-from exactarm.split import DEFAULT_SEED
+from exactarm.data.kinds import KIND_NAMES
+from exactarm.data.split import DEFAULT_SEED
+from exactarm.files.examples import file_or_example
 
 
 def add_robot(parser: argparse.ArgumentParser) -> None:

@@ -33,13 +33,13 @@ from exactarm.commands.plain import sha256
 from exactarm.commands.publish import publish, sources
 from exactarm.commands.result import CommandResult
 from exactarm.commands.steps import JOBS, STEPS
+from exactarm.data.split import DEFAULT_SEED
 from exactarm.errors import ComputationError, InputError
-from exactarm.examples import file_or_example
-from exactarm.file_bytes import file_bytes
+from exactarm.files.examples import file_or_example
+from exactarm.files.file_bytes import file_bytes
+from exactarm.files.table import parquet_table
 from exactarm.progress import SILENT, Progress
 from exactarm.report import Cell, Highlight, Highlights, Link, Quantity, Report, Table
-from exactarm.split import DEFAULT_SEED
-from exactarm.table import parquet_table
 
 NAME = "batch"
 HELP = "many robots from one table: one summary, and only what is new is computed"

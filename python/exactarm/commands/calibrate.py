@@ -30,7 +30,9 @@ from exactarm.commands.payload_section import with_payload_section
 from exactarm.commands.result import WORSE, CommandResult, estimate
 from exactarm.commands.steps import CHECKING, READING, STEPS
 from exactarm.commands.suspicions import suspicions
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
+from exactarm.data.kinds import CLOSURES, POSES, kind_of
+from exactarm.data.split import DEFAULT_SEED
 from exactarm.errors import InputError
 from exactarm.identify.calibrate import Calibration, CalibrationOptions
 from exactarm.identify.calibrate import calibrate as identify_geometry
@@ -39,13 +41,11 @@ from exactarm.identify.closures import calibrate_closures
 from exactarm.identify.declared import geometry_layout
 from exactarm.identify.identifiability import Dropped
 from exactarm.identify.parameter_name import Group, parse_parameter
-from exactarm.kinds import CLOSURES, POSES, kind_of
 from exactarm.progress import SILENT, Progress
 from exactarm.report import Estimate, Figure, Quantity, Report, Table, Warnings
 from exactarm.report.numbers import change, quantities
 from exactarm.report.plots.parameters import parameter_forest
-from exactarm.robot import Robot
-from exactarm.split import DEFAULT_SEED
+from exactarm.robot.robot import Robot
 
 NAME = "calibrate"
 HELP = "identify the geometry (and joint compliance) from measured poses"

@@ -14,20 +14,20 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from exactarm.columns import PAYLOAD
 from exactarm.commands.arguments import available_cores
 from exactarm.commands.outcome import Asked
 from exactarm.commands.plain import sha256
-from exactarm.dataset import Dataset, read_dataset
+from exactarm.data.columns import PAYLOAD
+from exactarm.data.dataset import Dataset, read_dataset
+from exactarm.data.fixture import Fixture, load_fixture
+from exactarm.data.rows import Source
+from exactarm.data.session_table import with_sessions
 from exactarm.errors import InputError
-from exactarm.examples import file_or_example
-from exactarm.fixture import Fixture, load_fixture
-from exactarm.robot import Robot
+from exactarm.files.examples import file_or_example
+from exactarm.robot.robot import Robot
 from exactarm.robot_file import AnyRobot as AnyRobot
 from exactarm.robot_file import load_robot, shipped_robots
 from exactarm.robot_file import robot_of as robot_of
-from exactarm.rows import Source
-from exactarm.session_table import with_sessions
 
 AnyData = Dataset | str | Path | Sequence[str | Path]
 AnyFixture = Fixture | str | Path | None

@@ -11,7 +11,7 @@ import numpy as np
 
 from exactarm.commands.outcome import Column
 from exactarm.commands.result import CommandResult
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
 from exactarm.identify.pose_uncertainty import PoseUncertainty
 from exactarm.report import Cell, Figure, Quantity, Table
 from exactarm.report.numbers import quantity

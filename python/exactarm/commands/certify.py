@@ -21,14 +21,14 @@ from exactarm.commands.plain import sha256
 from exactarm.commands.result import CommandResult
 from exactarm.commands.steps import CHECKING, JUDGING, READING, STEPS
 from exactarm.commands.suspicions import suspicions
-from exactarm.controller_frames import in_base
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
+from exactarm.data.kinds import TRACKED_MOTION
+from exactarm.data.split import DEFAULT_SEED
 from exactarm.errors import InputError
 from exactarm.identify.statistics import summarise
-from exactarm.kinds import TRACKED_MOTION
 from exactarm.progress import SILENT, Progress
-from exactarm.robot import Placement, Robot
-from exactarm.split import DEFAULT_SEED
+from exactarm.robot.controller_frames import in_base
+from exactarm.robot.robot import Placement, Robot
 from exactarm.verify.held_out import Judged, choose_rows, judge, nominal_robot
 from exactarm.verify.iso_9283 import iso_9283
 from exactarm.verify.iso_orientation import iso_orientation

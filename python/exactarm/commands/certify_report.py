@@ -10,14 +10,14 @@ import numpy as np
 
 from exactarm.commands.about import EXPECTED_KEYS, KEYS
 from exactarm.commands.result import estimate
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
 from exactarm.identify.statistics import ErrorSummary
 from exactarm.report import Figure, Highlight, Highlights, Quantity, Report, Table, Text, Warnings
 from exactarm.report.numbers import change, quantities, quantity
 from exactarm.report.plots.errors import error_histogram, error_histogram_panel
 from exactarm.report.plots.style import on_one_panel
 from exactarm.report.plots.workspace_error import distance_error_panel, error_over_workspace
-from exactarm.robot import Robot
+from exactarm.robot.robot import Robot
 from exactarm.verify.held_out import Judged, Rows
 from exactarm.verify.iso_9283 import LEAST_VISITS, STANDARD_VISITS, Distances, Iso9283
 from exactarm.verify.iso_orientation import AXES, Orientation

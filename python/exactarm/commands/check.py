@@ -20,16 +20,16 @@ from exactarm.commands.output import PICTURES
 from exactarm.commands.result import CommandResult, estimate
 from exactarm.commands.steps import DETECTING, READING, SERIES, STEPS
 from exactarm.commands.suspicions import suspicions
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
+from exactarm.data.kinds import POSES
+from exactarm.data.rows import Source
+from exactarm.data.split import DEFAULT_SEED
 from exactarm.errors import InputError
-from exactarm.kinds import POSES
 from exactarm.progress import SILENT, Progress
 from exactarm.report import Estimate, Figure, Highlight, Highlights, Quantity, Report, Table, Text, Warnings
 from exactarm.report.numbers import quantity
 from exactarm.report.plots.change import MOST, statistic_over_days
-from exactarm.robot import Robot
-from exactarm.rows import Source
-from exactarm.split import DEFAULT_SEED
+from exactarm.robot.robot import Robot
 from exactarm.verify.change import Cause, Change, detect, detectable
 from exactarm.verify.copied_rows import copied_lines
 from exactarm.verify.daily import Daily, daily

@@ -7,14 +7,14 @@ import numpy as np
 
 from exactarm.commands.design_for import pose_columns
 from exactarm.commands.result import CommandResult
-from exactarm.fixture import CameraSetup
-from exactarm.identify.camera_design import CORNER_PX, REPEATS_M, CameraDesign, design_pictures
-from exactarm.identify.closure_design import ClosureDesign, ClosureDesignOptions, design_closures
-from exactarm.identify.gravity_design import SIGMA_RAD, GravityDesign, design_gravity
+from exactarm.data.fixture import CameraSetup
+from exactarm.design.camera_design import CORNER_PX, REPEATS_M, CameraDesign, design_pictures
+from exactarm.design.closure_design import ClosureDesign, ClosureDesignOptions, design_closures
+from exactarm.design.gravity_design import SIGMA_RAD, GravityDesign, design_gravity
 from exactarm.measurement.board_views import LEAST_SEEN, Views
 from exactarm.report import Quantity, Report, Table, Text
 from exactarm.report.numbers import quantity
-from exactarm.robot import Robot
+from exactarm.robot.robot import Robot
 
 
 def designed_closures(robot: Robot, options: ClosureDesignOptions) -> CommandResult:

@@ -22,19 +22,19 @@ import numpy as np
 from scipy.interpolate import make_interp_spline
 
 from exactarm.commands.result import CommandResult
-from exactarm.controller_frames import at_flange
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
+from exactarm.data.kinds import TRACKED_MOTION
 from exactarm.errors import InputError
 from exactarm.identify.statistics import summarise
-from exactarm.kinds import TRACKED_MOTION
 from exactarm.plan.inverse_kinematics import inverse_kinematics
 from exactarm.plan.optimal import PlanOptions, plan_path
 from exactarm.plan.path_file import PlannedPath, load_path
 from exactarm.report import Figure, Highlight, Highlights, Quantity, Report, Table, Text, Warnings
 from exactarm.report.numbers import quantity
 from exactarm.report.plots.curves import curves
-from exactarm.robot import Robot
-from exactarm.robot_writer import robot_text
+from exactarm.robot.controller_frames import at_flange
+from exactarm.robot.robot import Robot
+from exactarm.robot.writer import robot_text
 from exactarm.simulate import VirtualRobot, deviated, parse_effect
 from exactarm.simulate.independent import independent_path
 from exactarm.simulate.measure import true_path

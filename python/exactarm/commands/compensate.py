@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from exactarm.columns import MOST, PAYLOAD
 from exactarm.commands.arguments import add_files, add_map, add_robot
 from exactarm.commands.call import AnyRobot, arguments_of, asked, robot_of, threads_of
 from exactarm.commands.compensate_report import compensation_table, report_of, summary_of
@@ -28,13 +27,14 @@ from exactarm.compensate.formats import Job, jobs
 from exactarm.compensate.frames import cell_frames, with_nominal
 from exactarm.compensate.law import CompensationModel
 from exactarm.compensate.setting import Setting, chosen_points, read_frames, read_numbers
+from exactarm.data.columns import MOST, PAYLOAD
+from exactarm.data.split import DEFAULT_SEED
 from exactarm.errors import InputError
-from exactarm.identify.load_mistakes import FAR_M
+from exactarm.first_aid.load_mistakes import FAR_M
 from exactarm.identify.pose_uncertainty import model_uncertainty
 from exactarm.progress import SILENT, Progress
-from exactarm.robot import Placement, Robot
+from exactarm.robot.robot import Placement, Robot
 from exactarm.robot_file import load_robot
-from exactarm.split import DEFAULT_SEED
 
 NAME = "compensate"
 HELP = "correct robot programs by the identified model: the same files, with other numbers"

@@ -15,7 +15,7 @@ from exactarm.identify.statistics import summarise
 from exactarm.report import Figure, Highlight, Highlights, Quantity, Report, Table, Text, Warnings
 from exactarm.report.numbers import quantity
 from exactarm.report.plots.compensation import shift_per_target, shift_view
-from exactarm.robot import Robot
+from exactarm.robot.robot import Robot
 
 FINEST_M = 1e-9  # the law ends at a tenth of it; what is left is rounding, not a distance
 

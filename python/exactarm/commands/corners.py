@@ -9,20 +9,20 @@ from pathlib import Path
 
 import numpy as np
 
-from exactarm.board_detection import find_corners
 from exactarm.commands.arguments import add_fixture, add_map, add_robot
 from exactarm.commands.call import AnyFixture, AnyRobot, asked, robot_of
 from exactarm.commands.plain import sha256
 from exactarm.commands.result import CommandResult
 from exactarm.commands.steps import PICTURES, STEPS
-from exactarm.dataset import Dataset, dataset_columns, read_joint_log
+from exactarm.data.dataset import Dataset, dataset_columns, read_joint_log
+from exactarm.data.fixture import CameraSetup, load_fixture
+from exactarm.data.kinds import CLOSURES
+from exactarm.data.rows import Source, by_name
+from exactarm.data.split import DEFAULT_SEED
 from exactarm.errors import ComputationError, InputError
-from exactarm.fixture import CameraSetup, load_fixture
-from exactarm.kinds import CLOSURES
+from exactarm.measurement.board_detection import find_corners
 from exactarm.progress import SILENT, Progress
 from exactarm.report import Highlight, Highlights, Quantity, Report, Table, Warnings
-from exactarm.rows import Source, by_name
-from exactarm.split import DEFAULT_SEED
 
 NAME = "corners"
 HELP = "pictures of a ChArUco board and a log of joint angles become one table of corners"

@@ -15,7 +15,7 @@ from exactarm.commands.output import PICTURES
 from exactarm.commands.publish import Published
 from exactarm.commands.result import CommandResult
 from exactarm.errors import ComputationError, InputError
-from exactarm.examples import data_path
+from exactarm.files.examples import data_path
 from exactarm.report import Link, Quantity, Report, Section, Table, Text, Warnings
 from exactarm.report.numbers import quantities
 

@@ -30,16 +30,16 @@ from exactarm.commands.planning_arguments import (
 from exactarm.commands.result import CommandResult
 from exactarm.commands.steps import CAUSES, STEPS
 from exactarm.compensate.measuring_program import WRITERS, measuring_program, stops_of
-from exactarm.controller_frames import with_target
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
+from exactarm.data.fixture import CameraSetup, load_fixture
+from exactarm.data.kinds import POSES
+from exactarm.data.split import DEFAULT_SEED
+from exactarm.design.closure_design import ClosureDesignOptions
+from exactarm.design.design import Design, DesignOptions, design_poses
+from exactarm.design.line_of_sight import Station
+from exactarm.design.pose_space import Box
 from exactarm.diagnose.isolability import isolability
 from exactarm.errors import InputError
-from exactarm.fixture import CameraSetup, load_fixture
-from exactarm.identify.closure_design import ClosureDesignOptions
-from exactarm.identify.design import Design, DesignOptions, design_poses
-from exactarm.identify.line_of_sight import Station
-from exactarm.identify.pose_space import Box
-from exactarm.kinds import POSES
 from exactarm.measurement.board_views import VIEWS, Views
 from exactarm.measurement.contacts import CAMERA, SENSORS
 from exactarm.progress import SILENT, Progress
@@ -47,8 +47,8 @@ from exactarm.report import Figure, Quantity, Report, Section, Table, Text, Warn
 from exactarm.report.numbers import number
 from exactarm.report.plots.design import observability_over_steps
 from exactarm.report.plots.workspace import poses_view
-from exactarm.robot import Robot
-from exactarm.split import DEFAULT_SEED
+from exactarm.robot.controller_frames import with_target
+from exactarm.robot.robot import Robot
 
 NAME = "design"
 NOISE_MM = 0.05  # of a measured coordinate: a laser tracker on an arm that repeats to 0.03 mm

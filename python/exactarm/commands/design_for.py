@@ -10,17 +10,17 @@ from typing import Any
 
 import numpy as np
 
-from exactarm.columns import MOST, PAYLOAD
 from exactarm.commands.result import CommandResult
 from exactarm.compensate.measuring_program import measuring_program, stops_of
+from exactarm.data.columns import MOST, PAYLOAD
+from exactarm.design.joint_limits import violations
+from exactarm.design.pose_space import PoseSpace
 from exactarm.diagnose.next_poses import MINUTES, Experiment
 from exactarm.errors import InputError
-from exactarm.identify.joint_limits import violations
-from exactarm.identify.pose_space import PoseSpace
+from exactarm.files.toml_file import is_number
 from exactarm.report import Report, Table, Text
-from exactarm.robot import Robot
+from exactarm.robot.robot import Robot
 from exactarm.robot_file import shipped_robots
-from exactarm.toml_file import is_number
 
 _EXPECTED = "expected result.json of `exactarm diagnose`"
 _LONGEST_NAME = 60  # of a robot, in a message

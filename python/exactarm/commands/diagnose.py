@@ -21,6 +21,8 @@ from exactarm.commands.payload_section import with_payload_section
 from exactarm.commands.result import CommandResult, estimate
 from exactarm.commands.steps import CHECKING, READING, STEPS, step_of, steps_of_kinds
 from exactarm.commands.suspicions import suspicions
+from exactarm.data.kinds import MOTION
+from exactarm.data.split import DEFAULT_SEED
 from exactarm.diagnose.diagnosis import Diagnosis, Finding
 from exactarm.diagnose.diagnosis import diagnose as find_causes
 from exactarm.diagnose.draft import Draft
@@ -29,10 +31,8 @@ from exactarm.diagnose.verdict import UNEXPLAINED, remains
 from exactarm.errors import InputError
 from exactarm.identify.session_payloads import session_payloads
 from exactarm.identify.statistics import summarise
-from exactarm.kinds import MOTION
 from exactarm.progress import SILENT, Progress
-from exactarm.robot_writer import tables_text
-from exactarm.split import DEFAULT_SEED
+from exactarm.robot.writer import tables_text
 
 NAME = "diagnose"
 DRAFT_FILE = "draft.toml"

@@ -21,6 +21,7 @@ from exactarm.commands.effect_sections import (
 from exactarm.commands.error_sections import error_figures, error_table, highlights
 from exactarm.commands.measure_more import measure_more, to_tell_noise, worse_elsewhere
 from exactarm.commands.next_steps import HEADING
+from exactarm.data.kinds import kind_of
 from exactarm.diagnose.contribution import Contribution
 from exactarm.diagnose.diagnosis import Diagnosis, Finding
 from exactarm.diagnose.dossier import Dossier
@@ -33,11 +34,10 @@ from exactarm.diagnose.verdict import (
     spoken_against,
     stood_and_refuted,
 )
-from exactarm.kinds import kind_of
 from exactarm.report import Figure, Quantity, Report, Table, Text, Warnings
 from exactarm.report.numbers import change, fixed, number, quantities
 from exactarm.report.plots.arm import arm_with_errors
-from exactarm.robot import Robot
+from exactarm.robot.robot import Robot
 
 _LESS = 1.02  # of the error with the accepted causes: a rival below leaves no more than they do
 _MANY = 0.02  # of the rows left out: a tracker's wild rows are fewer

@@ -10,15 +10,15 @@ from typing import Any
 import numpy as np
 
 from exactarm.commands.error_sections import unit_of, words_of
+from exactarm.data.kinds import kind_of
 from exactarm.diagnose.contribution import Contribution
 from exactarm.diagnose.diagnosis import Diagnosis, Finding
 from exactarm.effects.base import Effect
 from exactarm.effects.order_source import likely_source
-from exactarm.kinds import kind_of
 from exactarm.report import Cell, Estimate, Figure, Quantity, Table
 from exactarm.report.numbers import quantities, quantity
 from exactarm.report.plots.effects import EffectPanel, contribution_bars, effect_panels
-from exactarm.robot import Robot
+from exactarm.robot.robot import Robot
 from exactarm.station import Station
 
 _AT_TOOL = {  # by the unit of the error: of positions, of torques; else of angles

@@ -21,14 +21,15 @@ from exactarm.commands.output import PICTURES
 from exactarm.commands.result import CommandResult
 from exactarm.commands.steps import AT_POSES, CHECKING, JUDGING, READING, STEPS
 from exactarm.commands.suspicions import suspicions
-from exactarm.dataset import Dataset, read_planned_poses
+from exactarm.data.dataset import Dataset, read_planned_poses
+from exactarm.data.kinds import kind_of
+from exactarm.data.split import DEFAULT_SEED
+from exactarm.design.joint_limits import beyond_limits
 from exactarm.errors import InputError
 from exactarm.identify.evaluate import EVALUATORS
 from exactarm.identify.evaluation import Evaluation
-from exactarm.identify.joint_limits import beyond_limits
 from exactarm.identify.planned import controller_angles
 from exactarm.identify.pose_uncertainty import pose_uncertainty
-from exactarm.kinds import kind_of
 from exactarm.progress import SILENT, Progress
 from exactarm.report import Cell, Figure, Highlight, Highlights, Quantity, Report, Table, Warnings
 from exactarm.report.numbers import quantities, quantity
@@ -38,8 +39,7 @@ from exactarm.report.plots.errors import (
     error_per_pose,
     error_per_pose_panel,
 )
-from exactarm.robot import Robot
-from exactarm.split import DEFAULT_SEED
+from exactarm.robot.robot import Robot
 
 NAME = "evaluate"
 HELP = "the error of a robot file, as it is, on data it has not seen"

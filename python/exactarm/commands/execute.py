@@ -18,7 +18,7 @@ from exactarm.commands.outcome import Asked
 from exactarm.commands.output import OutputFolder, may_write
 from exactarm.commands.publish import Published, publish, sources
 from exactarm.commands.result import CommandResult
-from exactarm.dataset import read_dataset
+from exactarm.data.dataset import read_dataset
 from exactarm.errors import InputError
 from exactarm.progress import Progress
 from exactarm.report.plots.files import DRAWING

@@ -14,6 +14,7 @@ import numpy as np
 from exactarm.commands.arguments import add_robot
 from exactarm.commands.call import AnyRobot, asked, robot_of
 from exactarm.commands.result import CommandResult
+from exactarm.data.split import DEFAULT_SEED
 from exactarm.errors import InputError
 from exactarm.export.chain import Lost, lost, reported_chain
 from exactarm.export.mjcf import mjcf_text
@@ -21,13 +22,12 @@ from exactarm.export.offsets import offsets_text
 from exactarm.export.robodk import station_script
 from exactarm.export.ur_description import kinematics_yaml, link_origins
 from exactarm.export.urdf import patched_urdf
-from exactarm.mdh_frames import behind_axis, compose
-from exactarm.pseudo_inertia import inconsistencies
 from exactarm.report import Highlight, Highlights, Quantity, Report, Text, Warnings
 from exactarm.report.numbers import quantity
-from exactarm.robot import Placement, Robot
-from exactarm.split import DEFAULT_SEED
-from exactarm.urdf import urdf_text
+from exactarm.robot.mdh_frames import behind_axis, compose
+from exactarm.robot.pseudo_inertia import inconsistencies
+from exactarm.robot.robot import Placement, Robot
+from exactarm.robot.urdf import urdf_text
 
 NAME = "export"
 HELP = "the identified arm as URDF (patched in place), ur_description, MJCF, table, offsets or RoboDK script"

@@ -16,13 +16,13 @@ from exactarm.commands.output import PICTURES, ROBOT_FILES
 from exactarm.commands.result import CommandResult, estimate
 from exactarm.commands.steps import CHECKING, READING, STEPS
 from exactarm.commands.suspicions import suspicions
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
+from exactarm.data.kinds import GEAR_RUN
+from exactarm.data.split import DEFAULT_SEED
 from exactarm.errors import InputError
 from exactarm.identify.gear import Gear, GearIdentification, identify_gears
 from exactarm.identify.gear_orders import METHODS
-from exactarm.kinds import GEAR_RUN
 from exactarm.progress import SILENT, Progress
-from exactarm.split import DEFAULT_SEED
 
 NAME = "gear"
 HELP = "gear ratio and its harmonics per axis and direction, from gear runs"

@@ -8,13 +8,13 @@ from functools import partial
 import numpy as np
 
 from exactarm.commands.next_steps import ENOUGH_FALL, next_steps
+from exactarm.data.kinds import GEAR_RUN
 from exactarm.identify.gear import Gear, GearIdentification
 from exactarm.identify.gear_declared import SIDES
-from exactarm.kinds import GEAR_RUN
 from exactarm.report import Estimate, Figure, Highlight, Highlights, Quantity, Report, Table, Text, Warnings
 from exactarm.report.numbers import change, fixed, quantity
 from exactarm.report.plots.residual import residual_over_signal, spectrum
-from exactarm.robot import Robot
+from exactarm.robot.robot import Robot
 
 _LEVEL = 1.96
 _MOST_SHOWN = 6000

@@ -26,9 +26,14 @@ from exactarm.commands.planning_arguments import (
 )
 from exactarm.commands.publish import sources
 from exactarm.commands.result import CommandResult
-from exactarm.dataset import Dataset, read_planned_poses
+from exactarm.data.dataset import Dataset, read_planned_poses
+from exactarm.data.fixture import Fixture, load_fixture
+from exactarm.data.kinds import CLOSURES
+from exactarm.data.split import DEFAULT_SEED
+from exactarm.design.joint_limits import beyond_limits
+from exactarm.design.pose_space import PoseSpace
 from exactarm.errors import InputError
-from exactarm.fixture import Fixture, load_fixture
+from exactarm.first_aid.mismatch import with_cause
 from exactarm.identify.closure_fit import Pulls, expected_deviations
 from exactarm.identify.closure_scale import gravity_alone, scale_is_known
 from exactarm.identify.closures import (
@@ -41,22 +46,18 @@ from exactarm.identify.closures import (
 from exactarm.identify.compliance import compliance_layout
 from exactarm.identify.declared import carried_layout, frames_layout, geometry_layout, require_geometry
 from exactarm.identify.identifiability import Dropped, Identifiability, still_axes
-from exactarm.identify.joint_limits import beyond_limits
-from exactarm.identify.match import require_match
+from exactarm.identify.match import Mismatch, require_match
 from exactarm.identify.model_check import ModelCheck, check_model
 from exactarm.identify.parameter_name import parse_parameter
 from exactarm.identify.partner_prior import with_open_partner
 from exactarm.identify.planned import PlannedModel, controller_angles, pose_blocks, pose_data, row_weights
-from exactarm.identify.pose_space import PoseSpace
-from exactarm.kinds import CLOSURES
 from exactarm.measurement.closures import touches
 from exactarm.progress import SILENT, Progress
 from exactarm.report import Cell, Figure, Quantity, Report, Section, Table, Text, Warnings
 from exactarm.report.numbers import number
 from exactarm.report.plots.parameters import singular_values
-from exactarm.robot import Robot
+from exactarm.robot.robot import Robot
 from exactarm.robot_file import load_robot
-from exactarm.split import DEFAULT_SEED
 
 NAME = "identifiable"
 HELP = "which parameters the planned or measured poses can identify, and which collide with which"
@@ -170,7 +171,10 @@ def _poses(robot: Robot, arguments: argparse.Namespace) -> _Poses:
         if arguments.frames != "both":
             raise InputError(f"--frames {arguments.frames}: measured poses have both frames unknown")
         frames, found = frames_layout(robot, data, orientation=orientation, seed=arguments.seed)
-        require_match(robot, data, found, carried_layout(robot, data), arguments.seed)
+        try:
+            require_match(robot, data, found, carried_layout(robot, data), arguments.seed)
+        except Mismatch as error:
+            raise with_cause(error) from error
         robot = replace(robot, tool=found[0][1].tool)  # reasons look at where the target really is
         layout = frames.joined(geometry_layout(robot)).joined(compliance_layout(robot, data))
         return _Poses(robot, layout, data, orientation, frames.size, f"{len(data)} measured poses")

@@ -19,7 +19,9 @@ from exactarm.commands.payload_section import with_payload_section
 from exactarm.commands.result import CommandResult, estimate
 from exactarm.commands.steps import CHECKING, READING, STEPS
 from exactarm.commands.suspicions import suspicions
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
+from exactarm.data.kinds import MOTION
+from exactarm.data.split import DEFAULT_SEED
 from exactarm.errors import InputError
 from exactarm.identify.dynamics import (
     DynamicsIdentification,
@@ -30,13 +32,11 @@ from exactarm.identify.dynamics import (
     with_links,
 )
 from exactarm.identify.statistics import summarise
-from exactarm.kinds import MOTION
 from exactarm.progress import SILENT, Progress
 from exactarm.report import Cell, Figure, Quantity, Report, Table, Warnings
 from exactarm.report.numbers import change, quantity
 from exactarm.report.plots.curves import curves_per_axis
-from exactarm.robot import Robot
-from exactarm.split import DEFAULT_SEED
+from exactarm.robot.robot import Robot
 
 NAME = "identify"
 HELP = "identify masses, rotors and friction from motion data"

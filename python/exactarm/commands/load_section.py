@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 from exactarm.commands.result import CommandResult
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
+from exactarm.data.kinds import kind_of
 from exactarm.identify.loads import guess_line, load_json, load_lines, with_loads
-from exactarm.kinds import kind_of
 from exactarm.report import Text
-from exactarm.robot import Robot
+from exactarm.robot.robot import Robot
 
 
 def with_load_section(result: CommandResult, robot: Robot, data: Dataset) -> CommandResult:

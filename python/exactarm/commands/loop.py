@@ -18,24 +18,24 @@ from exactarm.commands.arguments import add_robot
 from exactarm.commands.output import PICTURES, ROBOT_FILES
 from exactarm.commands.result import CommandResult
 from exactarm.commands.steps import CALIBRATING, EXECUTING, MEASURING, STEPS
-from exactarm.controller_frames import base_in_device, target_on_flange
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
+from exactarm.data.kinds import TRACKED_MOTION
 from exactarm.diagnose.diagnosis import Diagnosis, diagnose
 from exactarm.effects.base import Effect
 from exactarm.errors import InputError
 from exactarm.identify.calibrate import CalibrationOptions, calibrate
 from exactarm.identify.declared import frames_layout
 from exactarm.identify.statistics import ErrorSummary, summarise
-from exactarm.kinds import TRACKED_MOTION
 from exactarm.plan.optimal import PlanOptions, plan_path
 from exactarm.plan.path_file import PlannedPath, load_path
 from exactarm.plan.reference import Reference
 from exactarm.report import Figure, Highlight, Highlights, Quantity, Report, Table, Text
 from exactarm.report.numbers import quantities
 from exactarm.report.plots.curves import curves
-from exactarm.robot import Robot
+from exactarm.robot.controller_frames import base_in_device, target_on_flange
+from exactarm.robot.robot import Robot
+from exactarm.robot.writer import robot_text
 from exactarm.robot_file import load_robot
-from exactarm.robot_writer import robot_text
 from exactarm.simulate import Sensors, VirtualRobot, deviated, measure_poses, parse_effect
 from exactarm.simulate.measure import true_path
 from exactarm.simulate.profiles import limit

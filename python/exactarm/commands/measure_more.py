@@ -12,10 +12,10 @@ import re
 
 from scipy import special
 
+from exactarm.data.kinds import kind_of
+from exactarm.data.kinds.base import Device, Kind
 from exactarm.diagnose.diagnosis import Diagnosis
 from exactarm.diagnose.verdict import carries_badly
-from exactarm.kinds import kind_of
-from exactarm.kinds.base import Device, Kind
 from exactarm.report.numbers import quantity
 
 _AXIS = r" of axis (?P<axis>\d+)"

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
+from exactarm.data.kinds import GEAR_RUN, MOTION, POSES
 from exactarm.errors import InputError
-from exactarm.free_memory import GIGABYTE, SHARE, free_bytes
-from exactarm.kinds import GEAR_RUN, MOTION, POSES
+from exactarm.files.free_memory import GIGABYTE, SHARE, free_bytes
 from exactarm.progress import SILENT, Progress
 
 BASE_BYTES = 0.3 * GIGABYTE  # of the libraries and the figures

@@ -16,15 +16,15 @@ from exactarm.commands.call import AnyRobot, asked, robot_of
 from exactarm.commands.outcome import Column
 from exactarm.commands.plain import sha256
 from exactarm.commands.result import CommandResult
-from exactarm.dataset import Dataset, dataset_columns, read_dataset, read_joint_log
+from exactarm.data.dataset import Dataset, dataset_columns, read_dataset, read_joint_log
+from exactarm.data.kinds import POSES
+from exactarm.data.point_text import UNITS, Points, header_names, read_points
+from exactarm.data.rows import Source
+from exactarm.data.split import DEFAULT_SEED
 from exactarm.errors import InputError
-from exactarm.kinds import POSES
-from exactarm.point_text import UNITS, Points, header_names, read_points
+from exactarm.files.table import column_names, write_table
 from exactarm.report import Highlight, Highlights, Quantity, Report, Table, Text, Warnings
-from exactarm.robot import Robot
-from exactarm.rows import Source
-from exactarm.split import DEFAULT_SEED
-from exactarm.table import column_names, write_table
+from exactarm.robot.robot import Robot
 
 NAME = "merge"
 HELP = "points of a tracker's program as text and a log of joint angles become one table of poses"

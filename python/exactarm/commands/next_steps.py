@@ -12,12 +12,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from exactarm.commands.outcome import Asked, Outcome
-from exactarm.examples import EXAMPLES
-from exactarm.kinds import GEAR_RUN, MOTION, POSES, kind_of
-from exactarm.kinds.base import Device, Kind
+from exactarm.data.kinds import GEAR_RUN, MOTION, POSES, kind_of
+from exactarm.data.kinds.base import Device, Kind
+from exactarm.files.examples import EXAMPLES
 from exactarm.plan.path_file import shipped_paths
 from exactarm.report import Highlights, Report, Text, Warnings
-from exactarm.robot import Robot
+from exactarm.robot.robot import Robot
 from exactarm.robot_file import shipped_robots
 
 HEADING = "What to do next"

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from exactarm.data.rows import Source
 from exactarm.report.sections import Report
-from exactarm.robot import Robot
-from exactarm.rows import Source
+from exactarm.robot.robot import Robot
 
 Column = Sequence[Any] | np.ndarray
 

@@ -18,6 +18,7 @@ from exactarm.commands.model_trust import thinned, trust_highlights, trust_json,
 from exactarm.commands.output import PICTURES
 from exactarm.commands.result import CommandResult
 from exactarm.commands.steps import PLANNING, STEPS, TRUSTED
+from exactarm.data.split import DEFAULT_SEED
 from exactarm.errors import InputError
 from exactarm.identify.declared import require_geometry
 from exactarm.identify.pose_uncertainty import model_uncertainty
@@ -29,8 +30,7 @@ from exactarm.progress import SILENT, Progress
 from exactarm.report import Figure, Highlight, Highlights, Quantity, Report, Section, Table, Text, Warnings
 from exactarm.report.numbers import quantity
 from exactarm.report.plots.curves import curves, curves_per_axis
-from exactarm.robot import Robot
-from exactarm.split import DEFAULT_SEED
+from exactarm.robot.robot import Robot
 
 NAME = "plan"
 HELP = "motor trajectory that puts the flange on a path (line, spiral, or a path file)"

@@ -8,13 +8,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from exactarm.controller_frames import with_target
+from exactarm.design.line_of_sight import ACCEPTANCE_RAD, Station
+from exactarm.design.pose_space import Box
 from exactarm.errors import InputError
 from exactarm.identify.identifiability import Dropped
-from exactarm.identify.line_of_sight import ACCEPTANCE_RAD, Station
 from exactarm.identify.planned import FRAMES, SIGMA_POSITION_M
-from exactarm.identify.pose_space import Box
-from exactarm.robot import Robot
+from exactarm.robot.controller_frames import with_target
+from exactarm.robot.robot import Robot
 
 
 def add_planning(parser: argparse.ArgumentParser) -> None:

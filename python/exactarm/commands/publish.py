@@ -17,6 +17,7 @@ from exactarm.commands.next_steps import with_lines
 from exactarm.commands.outcome import Asked, Outcome
 from exactarm.commands.output import ALWAYS, PICTURES, ROBOT_FILES, OutputFolder
 from exactarm.commands.plain import plain, rows_of, sha256
+from exactarm.data.rows import Source
 from exactarm.errors import ComputationError, InputError
 from exactarm.progress import SILENT, Progress
 from exactarm.report.html import render_html
@@ -24,8 +25,7 @@ from exactarm.report.plots.files import draw
 from exactarm.report.printing import print_page
 from exactarm.report.sections import Report
 from exactarm.report.terminal import render_text
-from exactarm.robot import Robot
-from exactarm.rows import Source
+from exactarm.robot.robot import Robot
 
 _SHORT_HASH = 12  # characters of a SHA-256 that are shown; result.json has all
 _NUMERICS = ("numpy", "scipy")
@@ -130,8 +130,8 @@ def _details(asked: Asked, made: str) -> dict[str, str]:
 
 def _write_robot(robot: Robot, asked: Asked, made: str, folder: OutputFolder) -> None:
     """The robot file, with a record of which command made it, from which data and when."""
+    from exactarm.robot.urdf import read_urdf, write_urdf
     from exactarm.robot_file import read_robot, write_robot
-    from exactarm.urdf import read_urdf, write_urdf
 
     told = {
         "command": asked.command,

@@ -24,21 +24,21 @@ from exactarm.commands.output import PICTURES
 from exactarm.commands.publish import sources
 from exactarm.commands.result import CommandResult
 from exactarm.commands.virtual_measurements import FILES, FIXTURE_FILES, MEASURES, SHOW_THE_TARGET, Played
-from exactarm.dataset import Dataset, dataset_columns, read_planned_poses
+from exactarm.data.dataset import Dataset, dataset_columns, read_planned_poses
+from exactarm.data.kinds import CLOSURES, MOTION, POSES, TRACKED_MOTION
+from exactarm.data.split import DEFAULT_SEED
+from exactarm.design.joint_limits import beyond_limits
 from exactarm.errors import InputError
-from exactarm.generic_masses import with_generic_masses
-from exactarm.identify.joint_limits import beyond_limits
 from exactarm.identify.statistics import summarise
-from exactarm.kinds import CLOSURES, MOTION, POSES, TRACKED_MOTION
 from exactarm.progress import SILENT, Progress
 from exactarm.report import Highlight, Highlights, Quantity, Report, Text
 from exactarm.report.numbers import quantity
-from exactarm.robot import Robot
-from exactarm.robot_writer import robot_text
+from exactarm.robot.generic_masses import with_generic_masses
+from exactarm.robot.robot import Robot
+from exactarm.robot.writer import robot_text
 from exactarm.simulate import VirtualRobot, deviated, parse_effect
 from exactarm.simulate.closures import CONTACTS
 from exactarm.simulate.virtual_robot import one_sided, placed
-from exactarm.split import DEFAULT_SEED
 
 NAME = "simulate"
 HELP = "play a trajectory or measure poses, gears and motions on a virtual robot"

@@ -9,8 +9,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from exactarm.design import design
 from exactarm.diagnose import diagnosis
-from exactarm.identify import calibrate, design, dynamics, gear
+from exactarm.identify import calibrate, dynamics, gear
 
 READING, CHECKING = "reading the data", "looking for mistakes in the data"
 JUDGING, AT_POSES = "fitting the set-up and judging", "uncertainty at the poses asked for"

@@ -24,17 +24,17 @@ from exactarm.commands.result import CommandResult
 from exactarm.commands.steps import CASES, STEPS
 from exactarm.commands.study_case import Case
 from exactarm.commands.study_report import study_report
+from exactarm.data.split import DEFAULT_SEED
 from exactarm.errors import InputError
 from exactarm.identify.statistics import summarise
 from exactarm.plan.optimal import PlanOptions, plan_path
 from exactarm.plan.path_file import PlannedPath, load_path, shipped_paths
 from exactarm.plan.spectrum import PEAK_SHARE, peak_bandwidth, ringing
 from exactarm.progress import SILENT, Progress
-from exactarm.robot import Robot
+from exactarm.robot.robot import Robot
 from exactarm.simulate import VirtualRobot
 from exactarm.simulate.plant import is_elastic
 from exactarm.simulate.virtual_robot import one_sided
-from exactarm.split import DEFAULT_SEED
 
 NAME = "study"
 HELP = "the weight of the input: accuracy against bandwidth, acceleration against jerk as the input"

@@ -21,7 +21,7 @@ from exactarm.report.plots.weighting import (
     spectra_per_axis,
     trade_off,
 )
-from exactarm.robot import Robot
+from exactarm.robot.robot import Robot
 
 Study = dict[str, list[Case]]
 _LEAST_SHOWN_M = 1e-10

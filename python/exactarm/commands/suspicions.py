@@ -6,11 +6,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
 from exactarm.errors import ComputationError, InputError
-from exactarm.identify.first_aid import first_aid
+from exactarm.first_aid.first_aid import first_aid
+from exactarm.first_aid.mismatch import with_cause
 from exactarm.identify.match import Mismatch
-from exactarm.robot import Robot
+from exactarm.robot.robot import Robot
 
 
 @contextmanager
@@ -23,10 +24,10 @@ def suspicions(robot: Robot, data: Dataset, *placed: Dataset) -> Iterator[tuple[
     try:
         yield (*found, *notes)
     except (InputError, ComputationError) as error:
-        if not found or isinstance(error, Mismatch) and error.cause:
+        if isinstance(error, Mismatch):
+            raise with_cause(error, found) from error
+        if not found:
             raise
-        if isinstance(error, Mismatch):  # asks for no other robot where all rows show what it is
-            raise Mismatch(error.refusal, found[0], error.file) from error
         message = f"{getattr(error, 'message', error)}; {found[0]}"
         if isinstance(error, ComputationError):
             raise ComputationError(message) from error

@@ -12,13 +12,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
-from exactarm.columns import PAYLOAD, PAYLOAD_CENTRE
-from exactarm.controller_frames import at_flange
-from exactarm.dataset import Dataset
+from exactarm.data.columns import PAYLOAD, PAYLOAD_CENTRE
+from exactarm.data.dataset import Dataset
+from exactarm.data.kinds import CLOSURES, GEAR_RUN, MOTION, POSES, TRACKED_MOTION
 from exactarm.errors import InputError
-from exactarm.kinds import CLOSURES, GEAR_RUN, MOTION, POSES, TRACKED_MOTION
-from exactarm.robot import Robot
-from exactarm.robot_writer import robot_text
+from exactarm.robot.controller_frames import at_flange
+from exactarm.robot.robot import Robot
+from exactarm.robot.writer import robot_text
 from exactarm.simulate import (
     Sensors,
     VirtualRobot,

@@ -16,8 +16,8 @@ from exactarm.chain.direction import direction_of_motion
 from exactarm.compensate.flange_poses import Poses, solved
 from exactarm.compensate.law import CompensationModel
 from exactarm.compensate.program import Motion, Program
-from exactarm.rotation import turn
-from exactarm.rows import LEAST_TURN_RAD
+from exactarm.data.rows import LEAST_TURN_RAD
+from exactarm.numerics.rotation import turn
 
 
 class Sides:

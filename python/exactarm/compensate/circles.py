@@ -9,7 +9,7 @@ import numpy as np
 from exactarm.compensate.flange_poses import Poses
 from exactarm.compensate.program import Program
 from exactarm.compensate.ways import listed
-from exactarm.rotation import turn
+from exactarm.numerics.rotation import turn
 
 OFF_THE_WAY_RAD = 0.1  # by which an error of 1 mm, or 1 mrad at 1 m, changes by 0.1 mm
 

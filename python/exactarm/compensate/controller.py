@@ -21,11 +21,11 @@ import numpy as np
 from exactarm import _core
 from exactarm.chain import Layout, predict_poses
 from exactarm.compensate.flange_poses import Poses, pose_error, pseudo_inverse
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
+from exactarm.data.kinds import POSES
 from exactarm.effects.base import Effect
 from exactarm.errors import InputError
-from exactarm.kinds import POSES
-from exactarm.robot import Robot, frame_of
+from exactarm.robot.robot import Robot, frame_of
 
 STEPS = 8  # from an error of 1e-3 rad, the Jacobian of the start for all
 SETTLED_RAD = 1e-13  # of a step: what the next ones would add are the last bits

@@ -36,8 +36,8 @@ from exactarm.compensate.program import (
 )
 from exactarm.compensate.setting import Setting
 from exactarm.errors import InputError
-from exactarm.robot import Placement
-from exactarm.whole_number import whole_number
+from exactarm.files.whole_number import whole_number
+from exactarm.robot.robot import Placement
 
 NAME, SUFFIXES = "Fanuc TP", (".ls",)
 _MOTION = re.compile(r"(?m)^[ \t]*\d*[ \t]*:[ \t]*([JLCAS])[ \t]+(P|PR)\[([^\]]*)\]([^;]*);?")

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from exactarm.robot import Placement
-from exactarm.rotation import log as rotation_log
+from exactarm.numerics.rotation import log as rotation_log
+from exactarm.robot.robot import Placement
 
 # m per rad: 1 mrad that nothing can reach counts as 1 um in the search, and moves the place by nanometres
 PLACE_FIRST_M = 1e-3

@@ -13,9 +13,9 @@ from exactarm.compensate.collector import collector_at_rest
 from exactarm.compensate.program import Program, SourceText
 from exactarm.compensate.rapid_data import linked
 from exactarm.compensate.setting import Setting
-from exactarm.controller_frames import FOR_THE_REAL_ARM
 from exactarm.errors import InputError
-from exactarm.free_memory import GIGABYTE, SHARE, free_bytes
+from exactarm.files.free_memory import GIGABYTE, SHARE, free_bytes
+from exactarm.robot.controller_frames import FOR_THE_REAL_ARM
 
 BYTES_A_BYTE = 70  # memory of a program; measured of 60,000 targets: 28 (Fanuc TP) to 69 (INFORM)
 DIALECTS: tuple[ModuleType, ...] = (krl, rapid, fanuc_tp, urscript, inform, joint_trajectory, target_table)

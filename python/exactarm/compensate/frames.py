@@ -23,11 +23,11 @@ import numpy as np
 
 from exactarm.compensate.flange_poses import Poses, pose_error
 from exactarm.compensate.law import CompensationModel
-from exactarm.dataset import read_dataset
+from exactarm.data.dataset import read_dataset
+from exactarm.data.kinds import POSES
 from exactarm.errors import InputError
-from exactarm.kinds import POSES
-from exactarm.robot import Placement, Robot
-from exactarm.rotation import exp, log, skew
+from exactarm.numerics.rotation import exp, log, skew
+from exactarm.robot.robot import Placement, Robot
 
 SAMPLES, SEED, STEPS = 200, 1, 6
 LEVER_M = 0.2  # an orientation error counts as the shift of a tool of that length

@@ -25,7 +25,7 @@ from exactarm.compensate.inform_points import SILENT, Places
 from exactarm.compensate.program import HERE, Motion, Notation, Numbers, Program, SourceText, Target, decimals
 from exactarm.compensate.setting import Setting
 from exactarm.errors import InputError
-from exactarm.robot import Placement
+from exactarm.robot.robot import Placement
 
 NAME, SUFFIXES = "INFORM", (".jbi",)
 LARGEST_PULSES = 2**31

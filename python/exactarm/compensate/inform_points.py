@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from exactarm.compensate.program import Edit, Notation, SourceText, Target
-from exactarm.whole_number import whole_number
+from exactarm.files.whole_number import whole_number
 
 FLY_BY = "PL=1"
 # of a motion whose other words hold for each part of its way

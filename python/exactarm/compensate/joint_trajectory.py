@@ -20,8 +20,8 @@ import yaml
 from exactarm.compensate.program import Edit, Motion, Notation, Number, Numbers, Program, SourceText, Target
 from exactarm.compensate.setting import Setting
 from exactarm.errors import InputError
-from exactarm.robot import Robot
-from exactarm.whole_number import whole_number
+from exactarm.files.whole_number import whole_number
+from exactarm.robot.robot import Robot
 
 NAME, SUFFIXES = "JointTrajectory", (".yaml", ".yml")
 DECIMALS = 12

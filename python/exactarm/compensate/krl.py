@@ -37,7 +37,7 @@ from exactarm.compensate.program import HERE, Edit, Motion, Notation, Program, S
 from exactarm.compensate.setting import Setting
 from exactarm.compensate.ways import UNCERTAIN, Step, goes_on, settings_of, unread, walk
 from exactarm.errors import InputError
-from exactarm.robot import Placement
+from exactarm.robot.robot import Placement
 
 NAME, SUFFIXES = "KRL", (".src", ".dat")
 MM_DECIMALS, DEG_DECIMALS = 5, 7  # 1e-8 m and 2e-9 rad: below a micrometre at any reach

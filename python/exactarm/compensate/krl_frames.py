@@ -13,7 +13,7 @@ from exactarm.compensate.angles import from_zyx
 from exactarm.compensate.krl_data import CARTESIAN, Aggregate, Declarations
 from exactarm.compensate.program import SourceText, Target
 from exactarm.compensate.setting import Setting
-from exactarm.robot import Placement
+from exactarm.robot.robot import Placement
 
 START = {"$TOOL": None, "$BASE": None, "$IPO_MODE": "#BASE"}
 _FRAME = re.compile(r"\$?\w+(\[\d*\])?")

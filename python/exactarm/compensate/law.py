@@ -24,12 +24,12 @@ from exactarm.chain import Layout, PosePrediction, predict_poses
 from exactarm.chain.motion import transmission
 from exactarm.compensate.controller import ControllerChain
 from exactarm.compensate.flange_poses import Poses, missing, pose_error, pseudo_inverse
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
+from exactarm.data.kinds import POSES
 from exactarm.effects.payload import Payload
 from exactarm.errors import InputError
-from exactarm.kinds import POSES
-from exactarm.mdh_frames import compose
-from exactarm.robot import Placement, Robot
+from exactarm.robot.mdh_frames import compose
+from exactarm.robot.robot import Placement, Robot
 from exactarm.robot_file import AnyRobot, robot_of
 
 STEPS = (

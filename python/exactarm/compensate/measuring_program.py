@@ -16,7 +16,7 @@ import numpy as np
 
 from exactarm.compensate.setting import Setting
 from exactarm.errors import InputError
-from exactarm.robot import Robot
+from exactarm.robot.robot import Robot
 
 BEFORE_RAD = np.radians(3.0)  # several times the lost motion of any gear that still works
 WAIT_S = 3.0

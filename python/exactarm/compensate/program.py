@@ -23,8 +23,8 @@ import numpy as np
 
 from exactarm.compensate.flange_poses import Poses
 from exactarm.errors import InputError
-from exactarm.file_bytes import file_bytes
-from exactarm.robot import Placement
+from exactarm.files.file_bytes import file_bytes
+from exactarm.robot.robot import Placement
 
 NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?"
 _NUMBER = re.compile(rf"\s*({NUMBER})\s*")

@@ -13,8 +13,8 @@ from exactarm.compensate.program import SourceText
 from exactarm.compensate.rapid_data import Datum, Declarations, Literal
 from exactarm.compensate.setting import Setting
 from exactarm.errors import InputError
-from exactarm.mdh_frames import compose
-from exactarm.robot import Placement
+from exactarm.robot.mdh_frames import compose
+from exactarm.robot.robot import Placement
 
 NORM_TOLERANCE = 1e-2  # of a quaternion typed with three decimals
 

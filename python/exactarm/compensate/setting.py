@@ -11,7 +11,7 @@ import numpy as np
 
 from exactarm.compensate.program import Program
 from exactarm.errors import InputError
-from exactarm.robot import Robot
+from exactarm.robot.robot import Robot
 
 LARGEST = 1e6  # mm or degrees that a controller shows of a frame, or that its axes stand at
 

@@ -19,8 +19,8 @@ from exactarm.compensate.controller import ANYWHERE, SOLVED
 from exactarm.compensate.flange_poses import Poses
 from exactarm.compensate.law import NOT_REACHED, CompensationModel
 from exactarm.compensate.program import Motion, Program
-from exactarm.mdh_frames import compose, relative
-from exactarm.robot import Placement
+from exactarm.robot.mdh_frames import compose, relative
+from exactarm.robot.robot import Placement
 
 SAMPLES = (
     48  # of a line in all: gear ripple of a hundred periods a turn shows on motions of a few degrees an axis

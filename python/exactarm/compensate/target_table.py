@@ -28,13 +28,13 @@ from exactarm.compensate.controller import ControllerChain
 from exactarm.compensate.flange_poses import Poses
 from exactarm.compensate.program import Motion, Notation, Program, SourceText, Target
 from exactarm.compensate.setting import Setting
-from exactarm.controller_frames import base_in_device, target_on_flange
-from exactarm.csv_dialect import Dialect, dialect_of, split_header
-from exactarm.dataset import Dataset, read_named_targets
+from exactarm.data.dataset import Dataset, read_named_targets
 from exactarm.errors import InputError
-from exactarm.mdh_frames import relative
-from exactarm.robot import Placement, Robot
-from exactarm.whole_number import whole_number
+from exactarm.files.csv_dialect import Dialect, dialect_of, split_header
+from exactarm.files.whole_number import whole_number
+from exactarm.robot.controller_frames import base_in_device, target_on_flange
+from exactarm.robot.mdh_frames import relative
+from exactarm.robot.robot import Placement, Robot
 
 NAME, SUFFIXES = "table", (".csv", ".parquet", ".pq")
 

@@ -34,7 +34,7 @@ from exactarm.compensate.program import (
 )
 from exactarm.compensate.setting import Setting
 from exactarm.compensate.ways import UNCERTAIN, Step, goes_on, unread, walk
-from exactarm.robot import Placement
+from exactarm.robot.robot import Placement
 
 NAME, SUFFIXES = "URScript", (".script", ".urscript")
 DECIMALS = 9  # m and rad: a nanometre

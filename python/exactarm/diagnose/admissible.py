@@ -9,9 +9,9 @@ from __future__ import annotations
 import numpy as np
 
 from exactarm.chain import View
+from exactarm.data.kinds.base import STANDS_STILL
 from exactarm.diagnose.problem import Fitted
-from exactarm.kinds.base import STANDS_STILL
-from exactarm.robot import Robot
+from exactarm.robot.robot import Robot
 
 LEAST_EVIDENCE = 5.0  # log Bayes factor; all candidates tried are already paid for
 LEAST_PROBABILITY = 0.5  # of an effect in the model, among all that could stand in its place

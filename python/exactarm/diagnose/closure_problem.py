@@ -17,7 +17,8 @@ from functools import cached_property
 import numpy as np
 
 from exactarm.chain import Layout
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
+from exactarm.data.kinds import CLOSURES, POSES
 from exactarm.diagnose.orthonormal import orthonormal
 from exactarm.diagnose.problem import Fitted, Problem
 from exactarm.diagnose.problem_at_rest import ProblemAtRest
@@ -35,7 +36,6 @@ from exactarm.identify.closures import (
 from exactarm.identify.declared import geometry_layout, reestimated_layout
 from exactarm.identify.judged_rows import judged_rows
 from exactarm.identify.length_doubt import length_doubts
-from exactarm.kinds import CLOSURES, POSES
 from exactarm.measurement.closures import (
     ClosurePrediction,
     contact_keys,
@@ -44,7 +44,7 @@ from exactarm.measurement.closures import (
     turn_of_axis,
 )
 from exactarm.measurement.contact import Contact
-from exactarm.robot import Robot
+from exactarm.robot.robot import Robot
 
 
 @dataclass(frozen=True)

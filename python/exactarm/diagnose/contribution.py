@@ -31,11 +31,11 @@ import numpy as np
 from exactarm import _core
 from exactarm.chain import Layout
 from exactarm.chain.spring import declared_deflection
+from exactarm.data.kinds import kind_of
 from exactarm.diagnose.problem import Fitted, Problem
 from exactarm.effects.axis_units import moves_by, of_a_slide, slides
 from exactarm.effects.base import Effect, OwnCurve, Station
-from exactarm.kinds import kind_of
-from exactarm.robot import Robot
+from exactarm.robot.robot import Robot
 
 # share of a value's variance that one signal explains, from which it is drawn as a curve of that signal
 FOLLOWS = 0.9

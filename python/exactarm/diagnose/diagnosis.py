@@ -11,7 +11,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from exactarm.chain import Layout
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
+from exactarm.data.split import DEFAULT_SEED
 from exactarm.diagnose.confusion import DOUBT, next_experiments
 from exactarm.diagnose.contribution import Contribution, contributions
 from exactarm.diagnose.dossier import Dossier, dossier
@@ -41,8 +42,7 @@ from exactarm.identify.loads import kept_masses
 from exactarm.identify.statistics import ErrorSummary, summarise
 from exactarm.noise.model import NoiseModel
 from exactarm.noise.sharing import shared_covariance
-from exactarm.robot import Robot
-from exactarm.split import DEFAULT_SEED
+from exactarm.robot.robot import Robot
 
 # Steps as they are told, in their order; ALL_ROWS only where the search takes a part of them.
 DECLARED, SEARCHING, ALL_ROWS = "the declared model", "searching for causes", "fitting all rows"

@@ -26,7 +26,7 @@ import numpy as np
 
 from exactarm.diagnose.unknown import AMPLITUDE, LENGTHS, sizes_of
 from exactarm.effects.expression import Expression
-from exactarm.formula import LONGEST, Formula, linear_names
+from exactarm.numerics.formula import LONGEST, Formula, linear_names
 
 _HARMONICS = range(1, 7)
 _PLACES = (

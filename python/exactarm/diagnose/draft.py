@@ -34,10 +34,10 @@ from exactarm.diagnose.vocabulary import Vocabulary, vocabulary_of
 from exactarm.effects.axis_units import moves_by
 from exactarm.effects.base import Effect
 from exactarm.effects.expression import Expression, signal_of
-from exactarm.formula import LONGEST
 from exactarm.noise.estimate import estimate_noise
 from exactarm.noise.model import NoiseModel
-from exactarm.robot import Robot
+from exactarm.numerics.formula import LONGEST
+from exactarm.robot.robot import Robot
 
 MOST_DRAFTS = 3
 _MOST_TERMS, _MOST_SIGNALS = 3, 3

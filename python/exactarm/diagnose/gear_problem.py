@@ -17,7 +17,8 @@ import numpy as np
 
 from exactarm.chain import GearRecord, GearRunPrediction, Layout, gear_record, predict_gear_run
 from exactarm.chain.encoder_counts import folded_rounding
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
+from exactarm.data.kinds import GEAR_RUN
 from exactarm.diagnose.next_runs import separating_run
 from exactarm.diagnose.orthonormal import orthonormal
 from exactarm.diagnose.problem import Fitted, Problem
@@ -31,11 +32,10 @@ from exactarm.identify.drifting_noise import DriftingNoise
 from exactarm.identify.gear_declared import declared_gear_layout, sensor_layout
 from exactarm.identify.gear_fit import fit_gear_runs
 from exactarm.identify.sensor_tone import find_tones, without_tones
-from exactarm.kinds import GEAR_RUN
 from exactarm.noise.broadband import broadband_noise, oscillation, strongest_line
-from exactarm.regression import Fit
-from exactarm.robot import Robot
-from exactarm.signals import typical_step
+from exactarm.numerics.regression import Fit
+from exactarm.numerics.signals import typical_step
+from exactarm.robot.robot import Robot
 
 _LEAST_SIGMA = 1e-12
 # RMS beside the floor without lines: 1.00 to 1.03 on clean blind runs (bench/blind, seeds 65000 to 65063,

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from exactarm.chain import Layout, predict_poses
-from exactarm.controller_frames import in_base, vectors_in_base
-from exactarm.dataset import Dataset
-from exactarm.robot import Robot
+from exactarm.data.dataset import Dataset
+from exactarm.robot.controller_frames import in_base, vectors_in_base
+from exactarm.robot.robot import Robot
 
 
 @dataclass(frozen=True)

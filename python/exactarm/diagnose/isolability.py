@@ -21,7 +21,7 @@ from functools import cached_property
 import numpy as np
 
 from exactarm.chain import predict_poses
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
 from exactarm.diagnose.evidence import Picture
 from exactarm.diagnose.pose_problem import PoseProblem
 from exactarm.diagnose.selection import candidates_for
@@ -31,7 +31,7 @@ from exactarm.identify.declared import carried_layout
 from exactarm.identify.drawing import FREE
 from exactarm.identify.pose_fit import PoseFit
 from exactarm.noise.estimate import normal_noise
-from exactarm.robot import Robot
+from exactarm.robot.robot import Robot
 
 _WIDE = 3.0  # times its plausible size, what a rival may be
 CLEAR = 4.0  # standard deviations that nobody confuses any more

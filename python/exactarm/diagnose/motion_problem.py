@@ -23,7 +23,9 @@ from exactarm.chain import (
     reversals_left_out,
 )
 from exactarm.chain.motion_record import measured_torque
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
+from exactarm.data.kinds import MOTION
+from exactarm.data.kinds.base import runs_in_time
 from exactarm.diagnose.next_motions import separating_motion
 from exactarm.diagnose.problem import Fitted
 from exactarm.diagnose.problem_in_time import ProblemInTime
@@ -42,10 +44,8 @@ from exactarm.identify.dynamics import (
 from exactarm.identify.friction_width import friction_widths
 from exactarm.identify.motion_fit import MotionFit, fit_motion
 from exactarm.identify.session_payloads import payload_layout_of_motion
-from exactarm.kinds import MOTION
-from exactarm.kinds.base import runs_in_time
-from exactarm.robot import Robot
-from exactarm.signals import typical_step, white_noise
+from exactarm.numerics.signals import typical_step, white_noise
+from exactarm.robot.robot import Robot
 from exactarm.view import on_axes
 
 _COLUMNS_AT_ONCE = 48

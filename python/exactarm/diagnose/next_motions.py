@@ -16,7 +16,7 @@ from exactarm.chain import MotionRecord, predict_motion
 from exactarm.diagnose.next_runs import Difference
 from exactarm.diagnose.problem import Fitted
 from exactarm.effects.base import Effect
-from exactarm.robot import Robot
+from exactarm.robot.robot import Robot
 
 _TEMPOS = (0.5, 1.0, 1.5)
 

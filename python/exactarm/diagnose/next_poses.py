@@ -15,17 +15,17 @@ import numpy as np
 from scipy import linalg
 
 from exactarm.chain import View, predict_poses
-from exactarm.columns import PAYLOAD, PAYLOAD_CENTRE
-from exactarm.dataset import Dataset
+from exactarm.data.columns import PAYLOAD, PAYLOAD_CENTRE
+from exactarm.data.dataset import Dataset
+from exactarm.data.kinds import POSES
+from exactarm.design.pose_space import Box, PoseSpace
 from exactarm.diagnose.cause_information import Field, Hypothesis, chosen_for
 from exactarm.diagnose.confusion import Place
 from exactarm.diagnose.problem import Fitted
 from exactarm.diagnose.scan import free_mask, linear_columns
 from exactarm.effects.base import Effect
 from exactarm.errors import ComputationError
-from exactarm.identify.pose_space import Box, PoseSpace
-from exactarm.kinds import POSES
-from exactarm.robot import Robot
+from exactarm.robot.robot import Robot
 
 PAYLOAD_KG = 5.0  # of the payload that is proposed, in the flange's centre: what most arms carry
 # to drive to a pose and measure; to mount a payload: assumed

@@ -13,13 +13,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from exactarm.chain import GearRecord, predict_gear_run
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
+from exactarm.data.kinds import GEAR_RUN
 from exactarm.diagnose.orthonormal import orthonormal
 from exactarm.diagnose.problem import Fitted
 from exactarm.diagnose.scan import free_mask
 from exactarm.effects.base import Effect
-from exactarm.kinds import GEAR_RUN
-from exactarm.robot import Robot
+from exactarm.robot.robot import Robot
 from exactarm.view import View
 
 _SPEED_SHARES = (0.25, 0.5, 1.0)

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
+from exactarm.data.kinds import kind_of
 from exactarm.diagnose.problem import Fitted, Problem
 from exactarm.diagnose.quantisation import rounding_noise
-from exactarm.kinds import kind_of
 
 _CLOSE_RAD = 0.02
 _COPIED = 1e-6  # of the noise that is taken for that of repeats: their differences are rounding

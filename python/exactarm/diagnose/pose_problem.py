@@ -8,7 +8,8 @@ from functools import cached_property
 import numpy as np
 
 from exactarm.chain import Layout, predict_poses
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
+from exactarm.data.kinds import POSES
 from exactarm.diagnose.in_space import InSpace, errors_in_space
 from exactarm.diagnose.next_poses import next_poses, sentence_of
 from exactarm.diagnose.problem import Fitted, rows_kept
@@ -31,9 +32,8 @@ from exactarm.identify.declared import (
 from exactarm.identify.match import require_match
 from exactarm.identify.missing_tilt import missing_tilts
 from exactarm.identify.pose_fit import PoseFit, fit_poses
-from exactarm.kinds import POSES
 from exactarm.noise.model import NoiseModel
-from exactarm.robot import Robot
+from exactarm.robot.robot import Robot
 
 
 class PoseProblem(ProblemAtRest):

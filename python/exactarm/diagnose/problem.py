@@ -15,15 +15,15 @@ import numpy as np
 from scipy import linalg
 
 from exactarm.chain import Layout, View
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
 from exactarm.diagnose.in_space import InSpace
 from exactarm.diagnose.orthonormal import extended, narrowed, orthonormal
 from exactarm.effects.base import Effect
 from exactarm.identify.layout_fit import Drawing, pulls_of
 from exactarm.noise.estimate import estimate_noise
 from exactarm.noise.model import NoiseModel
-from exactarm.regression import Fit
-from exactarm.robot import Robot
+from exactarm.numerics.regression import Fit
+from exactarm.robot.robot import Robot
 
 
 @dataclass(frozen=True)

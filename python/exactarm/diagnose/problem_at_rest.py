@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
+from exactarm.data.split import pose_groups, pose_split
 from exactarm.diagnose.noise import repeat_scatter
 from exactarm.diagnose.problem import Fitted, Problem
 from exactarm.diagnose.smoothness import second_order
 from exactarm.effects.axis_units import moves_by
 from exactarm.identify.declared import require_geometry
 from exactarm.noise.wandering import SESSIONS_APART
-from exactarm.robot import Robot
-from exactarm.split import pose_groups, pose_split
+from exactarm.robot.robot import Robot
 
 _SEARCH_POSES = 600  # enough to find every large cause in good time; the smallest may need more poses
 _LEAST_REPEATS = 10

@@ -14,13 +14,13 @@ from typing import Any, Self
 
 import numpy as np
 
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
 from exactarm.diagnose.coloured_noise import ColouredNoise, NoiseMemory
 from exactarm.diagnose.problem import Fitted, Problem
 from exactarm.diagnose.time_groups import run_groups, stretches_of_response
 from exactarm.effects.axis_units import moves_by
 from exactarm.identify.declared import all_effects, with_estimates
-from exactarm.robot import Robot
+from exactarm.robot.robot import Robot
 from exactarm.view import View
 
 

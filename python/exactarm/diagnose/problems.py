@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
 from exactarm.diagnose.closure_problem import ClosureProblem
 from exactarm.diagnose.gear_problem import GearProblem
 from exactarm.diagnose.motion_problem import MotionProblem
@@ -11,7 +11,7 @@ from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.tracked_problem import TrackedProblem
 from exactarm.errors import InputError
 from exactarm.identify.loads import with_loads
-from exactarm.robot import Robot
+from exactarm.robot.robot import Robot
 
 PROBLEMS: dict[str, type[Problem]] = {cls.kind: cls
                                       for cls in (PoseProblem, GearProblem, MotionProblem, TrackedProblem,

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from exactarm.data.kinds import kind_of
 from exactarm.diagnose.problem import Fitted, Problem
 from exactarm.effects.base import Station
-from exactarm.kinds import kind_of
 
 _LEAST_VALUES = 8  # distinct ones: fewer may lie on a grid by choice (commanded steps), which is no rounding
 _EXACT = 1e-9  # rad: below it a remainder is nothing, above it lies the last digit of any table

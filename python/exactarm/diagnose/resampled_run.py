@@ -19,9 +19,9 @@ import scipy  # scipy.signal is imported at its first use: it takes half a secon
 
 from exactarm.chain import GearRecord
 from exactarm.chain.lost_samples import FILLED_PERIODS, Filled, without_gaps
-from exactarm.dataset import Dataset
-from exactarm.robot import Robot
-from exactarm.signals import derivative, typical_step
+from exactarm.data.dataset import Dataset
+from exactarm.numerics.signals import derivative, typical_step
+from exactarm.robot.robot import Robot
 
 _MOTOR_ORDERS, _LEAST_HZ = 2.5, 80.0
 _ROWS_PER_PERIOD = 2.6  # of the low-pass; 2 would be its Nyquist rate

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from exactarm.chain import Layout, MotionRecord, reversals_left_out
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
 from exactarm.diagnose.coloured_noise import ColouredNoise
 from exactarm.diagnose.next_motions import separating_motion
 from exactarm.diagnose.problem import Fitted, rows_kept
@@ -33,7 +33,7 @@ from exactarm.identify.tracked_fit import (
     tracked_record,
 )
 from exactarm.identify.wild_rows import left_out_line, single_wild_rows
-from exactarm.robot import Robot
+from exactarm.robot.robot import Robot
 
 # a path is played again: its motor angles, over their ratios, differ by less at every sample
 _SAME_PATH_RAD = 1e-3

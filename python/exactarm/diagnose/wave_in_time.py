@@ -33,7 +33,7 @@ from exactarm.diagnose.vocabulary import emptied
 from exactarm.effects.base import Effect
 from exactarm.identify.sensor_tone import summit
 from exactarm.noise.broadband import level_around
-from exactarm.signals import typical_step
+from exactarm.numerics.signals import typical_step
 
 _PERIODS = 2.0  # in the longest run, at least
 _PEAKS, _PADDED = 6, 4  # lines of the spectrum that are tried; times the longest run

@@ -11,7 +11,7 @@ import re
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from exactarm.robot import Robot
+    from exactarm.robot.robot import Robot
 
 _UNIT = re.compile(r"(?<![A-Za-z])(Nm[_ ]s|Nm3|Nm|rad)(?![A-Za-z0-9])")
 _OF_A_SLIDE = {"Nm_s": "N_s_per_m", "Nm s": "N s/m", "Nm3": "N3", "Nm": "N", "rad": "m"}

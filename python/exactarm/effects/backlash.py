@@ -6,7 +6,7 @@ torque is what the joint carries (the spring's torque, E4; in motions as the dri
 view.signals["carried"]: the angles that the model takes it from have been bent by the gap itself), friction
 the joint's Coulomb friction against the direction of motion: it decides where the load is small. transition =
 friction / 5, so that friction alone presses the flanks together. Two-state model of Nordin and Gutman 2002,
-at rest on either flank. bias: only where the masses are generic (exactarm.generic_masses): their load is
+at rest on either flank. bias: only where the masses are generic (robot/generic_masses.py): their load is
 right in kind, and need not change its sign where the real one does.
 """
 
@@ -18,8 +18,8 @@ from typing import ClassVar
 
 import numpy as np
 
+from exactarm.data.kinds import ALL_KINDS, Device
 from exactarm.effects.base import Change, Effect, Parameter, Station
-from exactarm.kinds import ALL_KINDS, Device
 
 _TRANSITION_SHARE = 0.2
 _FRICTION_SHARE = 0.02  # of the largest load, where no friction is declared

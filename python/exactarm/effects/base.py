@@ -33,8 +33,8 @@ from exactarm.effects.axis_units import of_a_slide, slides
 from exactarm.station import Station
 
 if TYPE_CHECKING:
-    from exactarm.dataset import Dataset
-    from exactarm.robot import Controller, Placement, Robot
+    from exactarm.data.dataset import Dataset
+    from exactarm.robot.robot import Controller, Placement, Robot
     from exactarm.view import View
 
 

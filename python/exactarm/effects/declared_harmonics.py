@@ -12,10 +12,10 @@ from typing import ClassVar
 
 import numpy as np
 
+from exactarm.data.kinds import GEAR_RUN
 from exactarm.effects.base import Change, Effect, Parameter, Station
-from exactarm.harmonics import basis
-from exactarm.kinds import GEAR_RUN
-from exactarm.robot import GearTable
+from exactarm.numerics.harmonics import basis
+from exactarm.robot.robot import GearTable
 
 _PLAUSIBLE = 3e-3
 

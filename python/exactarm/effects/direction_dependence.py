@@ -12,9 +12,9 @@ from typing import ClassVar
 
 import numpy as np
 
+from exactarm.data.kinds import ALL_KINDS
 from exactarm.effects.base import Effect
 from exactarm.effects.harmonic_family import HarmonicFamily, declared_orders, searched_orders
-from exactarm.kinds import ALL_KINDS
 
 
 @dataclass(frozen=True)

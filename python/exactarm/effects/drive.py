@@ -14,8 +14,8 @@ from typing import ClassVar
 
 import numpy as np
 
+from exactarm.data.kinds import MOTION
 from exactarm.effects.base import Change, Effect, Station
-from exactarm.kinds import MOTION
 from exactarm.view import SIGN_WIDTH_RAD_S
 
 _LEAST_SWING = 1e-3  # of the width

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
+from exactarm.data.kinds import GEAR_RUN
 from exactarm.effects.base import Change, Effect, Parameter, Station
-from exactarm.kinds import GEAR_RUN
 
 
 @dataclass(frozen=True)

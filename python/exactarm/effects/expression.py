@@ -17,11 +17,11 @@ from typing import ClassVar
 
 import numpy as np
 
+from exactarm.data.kinds import ALL_KINDS
 from exactarm.effects.accepted import accepted_drafts
 from exactarm.effects.base import Change, Effect, Parameter, Station
 from exactarm.effects.slow_driver import TIME, slow_signal
-from exactarm.formula import Formula, divisors, linear_names
-from exactarm.kinds import ALL_KINDS
+from exactarm.numerics.formula import Formula, divisors, linear_names
 
 _OF_AXIS = re.compile(r"(q|theta|torque|approach)_(\d+)$")
 _LONGEST_LABEL = 60  # characters

@@ -12,11 +12,11 @@ from typing import ClassVar
 
 import numpy as np
 
-from exactarm.controller_frames import apart, base_in_device, target_on_flange
+from exactarm.data.kinds import WITH_TARGET
 from exactarm.effects.base import Change, Effect, Parameter, Station
-from exactarm.kinds import WITH_TARGET
-from exactarm.robot import Placement
-from exactarm.rotation import exp, left_jacobian, log, skew
+from exactarm.numerics.rotation import exp, left_jacobian, log, skew
+from exactarm.robot.controller_frames import apart, base_in_device, target_on_flange
+from exactarm.robot.robot import Placement
 
 _AXES = ("x_m", "y_m", "z_m", "rx_rad", "ry_rad", "rz_rad")
 

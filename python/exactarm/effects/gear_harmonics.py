@@ -14,11 +14,11 @@ from typing import ClassVar
 
 import numpy as np
 
+from exactarm.data.kinds import ALL_KINDS
 from exactarm.effects.axis_units import slides
 from exactarm.effects.base import Effect
 from exactarm.effects.harmonic_family import HarmonicFamily, motor_orders, searched_orders
-from exactarm.harmonics import delivered_angle
-from exactarm.kinds import ALL_KINDS
+from exactarm.numerics.harmonics import delivered_angle
 
 _CURVE_ORDERS, _CURVE_POINTS = 40, 400
 _CURVE_AMPLITUDES_RAD = (3e-5, 1e-4)  # per order; the evidence chooses

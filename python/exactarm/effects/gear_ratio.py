@@ -10,8 +10,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import ClassVar
 
+from exactarm.data.kinds import ALL_KINDS
 from exactarm.effects.base import Change, Effect, Parameter, Station
-from exactarm.kinds import ALL_KINDS
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 A torsion spring takes stiffness q + preload off the joint torque; a spring on a crank arm, hinged beside
 the axis, cosine cos q + sine sin q (zero free length; Klimchik et al. 2013 give the crank with free length,
 whose first harmonic this is). What the spring carries, the gear does not. No candidate where the masses are
-generic (exactarm.generic_masses) and the load of the axis is not measured: it would only mend a load that
+generic (robot/generic_masses.py) and the load of the axis is not measured: it would only mend a load that
 nobody knows.
 """
 
@@ -15,8 +15,8 @@ from typing import ClassVar
 
 import numpy as np
 
+from exactarm.data.kinds import MOTION, TRACKED_MOTION
 from exactarm.effects.base import Change, Effect, Parameter, Station
-from exactarm.kinds import MOTION, TRACKED_MOTION
 
 
 @dataclass(frozen=True)

@@ -23,10 +23,10 @@ from typing import ClassVar
 
 import numpy as np
 
+from exactarm.data.kinds import WITH_TARGET
 from exactarm.effects.base import Change, Effect, OwnCurve, Parameter, Station
 from exactarm.effects.moving_frames import MovingFrames
-from exactarm.kinds import WITH_TARGET
-from exactarm.rotation import skew
+from exactarm.numerics.rotation import skew
 
 _WAVES = 16  # the shortest is an eighth of the way long; they fall, and more cost the fit alone
 _MOTIONS = tuple(f"{motion}_{axis}" for motion in ("shift", "turn") for axis in "xyz")

@@ -12,9 +12,9 @@ from typing import ClassVar
 
 import numpy as np
 
+from exactarm.data.kinds import GEAR_RUN
 from exactarm.effects.base import Change, Effect, Parameter, Station
-from exactarm.kinds import GEAR_RUN
-from exactarm.mdh_frames import rotation_x, rotation_y
+from exactarm.robot.mdh_frames import rotation_x, rotation_y
 
 _UPSIDE_DOWN = np.diag([1.0, -1.0, -1.0])
 

@@ -8,8 +8,8 @@ from typing import ClassVar
 
 import numpy as np
 
+from exactarm.data.kinds import GEAR_RUN
 from exactarm.effects.base import Change, Effect, Parameter, Station
-from exactarm.kinds import GEAR_RUN
 
 # A prior: a small sensor's bias before calibration stays below 1 deg/s. Runs at one speed each do not part it
 # from the alignment, and a bias a hundred times as large would fit them as well.

@@ -17,8 +17,8 @@ from typing import ClassVar
 
 import numpy as np
 
+from exactarm.data.kinds import GEAR_RUN
 from exactarm.effects.base import Change, Effect, Parameter, Station
-from exactarm.kinds import GEAR_RUN
 
 _ENTRIES = tuple((row, column) for row in range(3) for column in range(3))
 _LEAST_G = 0.05  # RMS that a component must vary beyond a constant and the others: 3 degrees of tilt

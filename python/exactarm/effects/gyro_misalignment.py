@@ -12,10 +12,10 @@ from typing import ClassVar
 
 import numpy as np
 
+from exactarm.data.kinds import GEAR_RUN
 from exactarm.effects.base import Change, Effect, Parameter, Station
 from exactarm.effects.gyro_alignment import slope_x, slope_y
-from exactarm.kinds import GEAR_RUN
-from exactarm.mdh_frames import rotation_x, rotation_y
+from exactarm.robot.mdh_frames import rotation_x, rotation_y
 
 
 @dataclass(frozen=True)

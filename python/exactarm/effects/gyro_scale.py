@@ -8,8 +8,8 @@ from typing import ClassVar
 
 import numpy as np
 
+from exactarm.data.kinds import GEAR_RUN
 from exactarm.effects.base import Change, Effect, Parameter, Station
-from exactarm.kinds import GEAR_RUN
 
 
 @dataclass(frozen=True)

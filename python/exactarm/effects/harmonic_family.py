@@ -14,12 +14,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from exactarm.data.kinds import Device
 from exactarm.effects.axis_units import slides
 from exactarm.effects.base import Change, Effect, Parameter, Station
 from exactarm.effects.known_curve import KnownCurve
-from exactarm.harmonics import delivered_angle, waves
-from exactarm.kinds import Device
-from exactarm.signals import strongest_orders
+from exactarm.numerics.harmonics import delivered_angle, waves
+from exactarm.numerics.signals import strongest_orders
 
 _POSE_MULTIPLES = 2  # of the ratio: the highest order that poses are searched for
 _HALVES_UNTIL = 40.0  # orders of an element that turns neither with the output nor with the motor

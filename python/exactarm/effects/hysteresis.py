@@ -24,8 +24,8 @@ from typing import ClassVar
 import numpy as np
 
 from exactarm import _core
+from exactarm.data.kinds import ALL_KINDS, Device
 from exactarm.effects.base import Change, Effect, Parameter, Station
-from exactarm.kinds import ALL_KINDS, Device
 
 _REACHES_RAD = (3e-5, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1)
 

@@ -4,7 +4,7 @@ change of q = -(linear torque + cubic torque^3), in rad; the joint torque of a s
 torque. Linear and cubic compliance, as the thesis takes for gears 2 and 3 (1.1.2, (2.18)); E4 for the sign. A
 declared spring stays in the robot's tables; this is what is missing beside it.
 
-Where the masses are generic (exactarm.generic_masses) the load is right in kind, not in size, and its shape
+Where the masses are generic (robot/generic_masses.py) the load is right in kind, not in size, and its shape
 is a little wrong:
     change of q = -(linear torque + tip torque_tip + own torque_own + sum_k m_k torque_k)
 torque_tip: a tenth of the arm's mass at the flange, which makes up for a wrong distribution; torque_own: the
@@ -21,8 +21,8 @@ from typing import ClassVar
 
 import numpy as np
 
+from exactarm.data.kinds import MOTION, POSES, TRACKED_MOTION, WITH_TARGET
 from exactarm.effects.base import Change, Effect, Parameter, Station
-from exactarm.kinds import MOTION, POSES, TRACKED_MOTION, WITH_TARGET
 
 # of the generic first moments of links, standard deviation: 0.26 RMS on Puma 560, UR10 and Racer 7-1.4, of
 # what `linear` and `tip` leave (tests/python/test_generic_masses.py)

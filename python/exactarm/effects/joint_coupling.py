@@ -14,10 +14,10 @@ from typing import ClassVar
 
 import numpy as np
 
+from exactarm.data.kinds import ALL_KINDS
+from exactarm.data.kinds.base import Device
 from exactarm.effects.axis_units import slides
 from exactarm.effects.base import Change, Effect, Parameter, Station
-from exactarm.kinds import ALL_KINDS
-from exactarm.kinds.base import Device
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,8 @@ from typing import ClassVar
 
 import numpy as np
 
+from exactarm.data.kinds import WITH_TARGET
 from exactarm.effects.base import Change, Effect, Parameter, Station
-from exactarm.kinds import WITH_TARGET
 
 
 @dataclass(frozen=True)

@@ -14,10 +14,10 @@ from typing import ClassVar
 
 import numpy as np
 
+from exactarm.data.kinds import WITH_TARGET
 from exactarm.effects.base import Change, Effect, Parameter, Station
 from exactarm.effects.gravity_moment import gravity_moment
 from exactarm.effects.moving_frames import turned_about
-from exactarm.kinds import WITH_TARGET
 
 
 @dataclass(frozen=True)

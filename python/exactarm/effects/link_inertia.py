@@ -13,9 +13,9 @@ from typing import ClassVar
 import numpy as np
 
 from exactarm import _core
+from exactarm.data.kinds import MOTION
 from exactarm.effects.base import Change, Effect, Parameter, Station
-from exactarm.kinds import MOTION
-from exactarm.robot import Link
+from exactarm.robot.robot import Link
 
 SYMBOLS = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz")
 _UNITS = ("kg",) + ("kg_m",) * 3 + ("kg_m2",) * 6

@@ -20,9 +20,9 @@ from typing import ClassVar
 import numpy as np
 
 from exactarm import _core
+from exactarm.data.kinds import MOTION
 from exactarm.effects.base import Change, Effect, Parameter, Station
 from exactarm.effects.link_inertia import PLAUSIBLE, LinkInertia, column_name
-from exactarm.kinds import MOTION
 
 MASS = 0.03  # relative, standard deviation
 _MOST_LINKS = 32  # in a robot file

@@ -19,8 +19,8 @@ from typing import ClassVar
 
 import numpy as np
 
+from exactarm.data.kinds import MOTION
 from exactarm.effects.base import Change, Effect, Parameter, Station
-from exactarm.kinds import MOTION
 
 
 @dataclass(frozen=True)

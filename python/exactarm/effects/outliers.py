@@ -16,8 +16,8 @@ import numpy as np
 from scipy import special
 from scipy.spatial import cKDTree
 
+from exactarm.data.kinds import POSES
 from exactarm.effects.base import Change, Effect, Parameter, Station
-from exactarm.kinds import POSES
 
 _LARGEST_SHARE = 0.2  # more than that is no longer a few wrong rows
 _FALSE_ALARM = 0.01  # of a whole data set

@@ -16,8 +16,8 @@ from typing import ClassVar
 import numpy as np
 
 from exactarm import _core
+from exactarm.data.kinds import MOTION, POSES, TRACKED_MOTION
 from exactarm.effects.base import Change, Effect, Parameter, Station
-from exactarm.kinds import MOTION, POSES, TRACKED_MOTION
 
 _MASS_FLOOR_KG = 1e-3
 # standard deviations that the mass must be away from zero, so that a moment over it has a meaning

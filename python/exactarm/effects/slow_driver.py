@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from exactarm.kinds.base import is_a_series, rows_of_runs
+from exactarm.data.kinds.base import is_a_series, rows_of_runs
 
 TIME, ROW = "time", "row"
 REFERENCE_DEGC = 20.0

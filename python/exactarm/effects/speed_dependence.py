@@ -13,9 +13,9 @@ from typing import ClassVar
 
 import numpy as np
 
+from exactarm.data.kinds import GEAR_RUN, MOTION
 from exactarm.effects.base import Change, Effect, Parameter
 from exactarm.effects.harmonic_family import HarmonicFamily, declared_orders, growing_error, searched_orders
-from exactarm.kinds import GEAR_RUN, MOTION
 
 
 @dataclass(frozen=True)

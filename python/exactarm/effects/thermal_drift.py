@@ -23,10 +23,10 @@ from typing import ClassVar
 
 import numpy as np
 
+from exactarm.data.kinds import ALL_KINDS, GEAR_RUN, MOTION, WITH_TARGET
 from exactarm.effects.base import Change, Effect, Parameter, Station
 from exactarm.effects.drive import smooth_sign
 from exactarm.effects.slow_driver import ROW, drivers, quickness, slow_signal, temperatures, unit
-from exactarm.kinds import ALL_KINDS, GEAR_RUN, MOTION, WITH_TARGET
 
 
 @dataclass(frozen=True)

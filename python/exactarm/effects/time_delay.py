@@ -14,8 +14,8 @@ from typing import ClassVar
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from exactarm.data.kinds import IN_TIME
 from exactarm.effects.base import Change, Effect, Parameter, Station
-from exactarm.kinds import IN_TIME
 
 
 @dataclass(frozen=True)

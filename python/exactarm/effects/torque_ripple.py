@@ -15,7 +15,7 @@ import numpy as np
 
 from exactarm.effects.base import Change, Parameter
 from exactarm.effects.drive import DriveEffect
-from exactarm.signals import strongest_orders
+from exactarm.numerics.signals import strongest_orders
 
 ORDERS = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0, 16.0, 18.0, 20.0, 24.0, 30.0, 36.0, 48.0)
 _SAME = 0.02  # relative: the search refines an order by itself

@@ -14,9 +14,9 @@ from typing import ClassVar
 
 import numpy as np
 
+from exactarm.data.kinds import WITH_TARGET
 from exactarm.effects.base import Change, Effect, Parameter, Station
 from exactarm.effects.slow_driver import ROW, TIME, quickness, slow_signal, unit
-from exactarm.kinds import WITH_TARGET
 
 
 @dataclass(frozen=True)

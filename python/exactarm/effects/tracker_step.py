@@ -12,11 +12,11 @@ from typing import ClassVar
 
 import numpy as np
 
+from exactarm.data.kinds import WITH_TARGET
 from exactarm.effects.base import Change, Effect, Parameter, Station
 from exactarm.effects.slow_driver import ROW, clock_of, in_order, slow_signal, unit
 from exactarm.effects.step_place import likelier_place, places
 from exactarm.effects.tracker_drift import moved_device
-from exactarm.kinds import WITH_TARGET
 
 
 @dataclass(frozen=True)

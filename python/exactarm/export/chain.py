@@ -17,10 +17,10 @@ import numpy as np
 from exactarm.compensate.flange_poses import Poses
 from exactarm.compensate.law import CompensationModel
 from exactarm.errors import InputError
-from exactarm.mdh_frames import behind_axis, compose, rotation_z
-from exactarm.robot import Placement, Robot
-from exactarm.rotation import exp
-from exactarm.urdf import reported_shift
+from exactarm.numerics.rotation import exp
+from exactarm.robot.mdh_frames import behind_axis, compose, rotation_z
+from exactarm.robot.robot import Placement, Robot
+from exactarm.robot.urdf import reported_shift
 
 POSES, SEED = 300, 1
 

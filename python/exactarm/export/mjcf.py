@@ -13,9 +13,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from exactarm.export.chain import reported_chain
-from exactarm.mdh_frames import behind_axis, relative
-from exactarm.robot import Placement, Robot
-from exactarm.urdf import reported_shift
+from exactarm.robot.mdh_frames import behind_axis, relative
+from exactarm.robot.robot import Placement, Robot
+from exactarm.robot.urdf import reported_shift
 
 LEAST = 'mass="1e-3" diaginertia="1e-6 1e-6 1e-6"'
 

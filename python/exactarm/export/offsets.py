@@ -11,9 +11,9 @@ from __future__ import annotations
 import numpy as np
 
 from exactarm.compensate.angles import to_quaternion, to_zyx
-from exactarm.controller_frames import base_in_device, target_on_flange
-from exactarm.robot import Placement, Robot
-from exactarm.urdf import reported_shift
+from exactarm.robot.controller_frames import base_in_device, target_on_flange
+from exactarm.robot.robot import Placement, Robot
+from exactarm.robot.urdf import reported_shift
 
 _W_FIRST = np.array([1.0, 0.0, 0.0, 0.0])
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from exactarm.errors import InputError
 from exactarm.export.chain import ReportedChain, reported_chain
-from exactarm.robot import Placement, Robot
+from exactarm.robot.robot import Placement, Robot
 
 POSES, SEED, LARGEST_RAD = 20, 1, 1.5  # joint angles of the comparison, drawn within the limits
 

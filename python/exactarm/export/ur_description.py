@@ -16,10 +16,10 @@ import numpy as np
 
 from exactarm.errors import InputError
 from exactarm.export.chain import reported_chain
-from exactarm.mdh_frames import compose, relative
-from exactarm.robot import Placement, Robot
-from exactarm.ur_calibration import like_universal_robots
-from exactarm.urdf import roll_pitch_yaw
+from exactarm.robot.mdh_frames import compose, relative
+from exactarm.robot.robot import Placement, Robot
+from exactarm.robot.ur_calibration import like_universal_robots
+from exactarm.robot.urdf import roll_pitch_yaw
 
 LINKS = ("shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3")
 

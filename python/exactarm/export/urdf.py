@@ -24,12 +24,12 @@ from exactarm.export.xacro_source import (
     stands_for_several,
     without_comments,
 )
-from exactarm.file_bytes import file_bytes
-from exactarm.mdh_frames import compose, relative
-from exactarm.robot import Placement, Robot
-from exactarm.rotation import exp
-from exactarm.urdf import roll_pitch_yaw
-from exactarm.urdf_tree import MOVING, UrdfJoint, read_tree
+from exactarm.files.file_bytes import file_bytes
+from exactarm.numerics.rotation import exp
+from exactarm.robot.mdh_frames import compose, relative
+from exactarm.robot.robot import Placement, Robot
+from exactarm.robot.urdf import roll_pitch_yaw
+from exactarm.robot.urdf_tree import MOVING, UrdfJoint, read_tree
 
 OTHER_ARM_RAD, OTHER_ARM_M = (
     0.1,

@@ -19,8 +19,8 @@ from xml.parsers.expat import ExpatError
 import numpy as np
 
 from exactarm.errors import InputError
-from exactarm.robot import Placement
-from exactarm.urdf_tree import UrdfTree
+from exactarm.robot.robot import Placement
+from exactarm.robot.urdf_tree import UrdfTree
 
 SAME = 1e-12  # m, and of a rotation's entries: numbers are written with all their digits
 _JOINT = re.compile(r"<joint\b([^>]*)(?<!/)>(.*?)</joint\s*>", re.S)

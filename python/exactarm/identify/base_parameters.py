@@ -15,7 +15,7 @@ import numpy as np
 
 from exactarm import _core
 from exactarm.effects.link_inertia import column_name
-from exactarm.robot import Robot
+from exactarm.robot.robot import Robot
 
 _STATES = 150
 _DEPENDENT = 1e-7  # of a column's own norm is left: rounding

@@ -15,9 +15,9 @@ import numpy as np
 
 from exactarm import _core
 from exactarm.chain import Layout, predict_poses
-from exactarm.controller_frames import apart, target_on_flange
-from exactarm.covariance import ParameterCovariance
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
+from exactarm.data.kinds import POSES, kind_of
+from exactarm.data.split import DEFAULT_SEED, pose_groups
 from exactarm.errors import InputError
 from exactarm.identify.compliance import compliance_layout
 from exactarm.identify.declared import (
@@ -39,12 +39,12 @@ from exactarm.identify.repeats import worth_of_rows
 from exactarm.identify.session_payloads import EstimatedPayload, payload_layout, session_payloads
 from exactarm.identify.statistics import ErrorSummary, summarise
 from exactarm.identify.wild_rows import wild_rows, wild_rows_line
-from exactarm.kinds import POSES, kind_of
 from exactarm.measurement.session_payload import SessionPayload
-from exactarm.regression import Fit
-from exactarm.robot import Placement, Robot
-from exactarm.rotation import log
-from exactarm.split import DEFAULT_SEED, pose_groups
+from exactarm.numerics.regression import Fit
+from exactarm.numerics.rotation import log
+from exactarm.robot.controller_frames import apart, target_on_flange
+from exactarm.robot.covariance import ParameterCovariance
+from exactarm.robot.robot import Placement, Robot
 from exactarm.view import motor_angles
 
 if TYPE_CHECKING:

@@ -20,15 +20,15 @@ import numpy as np
 from scipy import linalg
 
 from exactarm.chain import Layout
-from exactarm.dataset import Dataset
-from exactarm.fixture import Fixture
+from exactarm.data.dataset import Dataset
+from exactarm.data.fixture import Fixture
+from exactarm.data.split import pose_groups
 from exactarm.identify.repeats import worth_of_rows
 from exactarm.measurement.closures import PAIR, ClosurePrediction, noise_classes, predict_closures
 from exactarm.measurement.contacts import CAMERA
 from exactarm.measurement.known_lengths import known_lengths
-from exactarm.regression import Evaluation, Fit, beyond_bounds, least_squares
-from exactarm.robot import Robot
-from exactarm.split import pose_groups
+from exactarm.numerics.regression import Evaluation, Fit, beyond_bounds, least_squares
+from exactarm.robot.robot import Robot
 
 TAIL_FREEDOM = 4.0  # a slip of 10 sigma counts 7 %; normal noise is used to 95 %
 _FIRST_SIGMA = (1e-3, 2e-3)  # m, rad

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from exactarm.chain import Layout
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
 from exactarm.identify.closure_fit import ClosureFit, Pulls
 from exactarm.identify.partner_prior import partner_tells_scale
 from exactarm.measurement.closures import device_of, predict_closures

@@ -16,10 +16,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from exactarm.chain import Layout
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
+from exactarm.data.fixture import Fixture
 from exactarm.effects.base import Station
 from exactarm.errors import InputError
-from exactarm.fixture import Fixture
 from exactarm.identify.calibrate import (
     GEOMETRY,
     JUDGING,
@@ -61,7 +61,7 @@ from exactarm.measurement.contacts import CAMERA, SENSORS
 from exactarm.measurement.known_lengths import distance_errors, known_lengths
 from exactarm.measurement.partner import NAME as PARTNER
 from exactarm.measurement.target import Target
-from exactarm.robot import Robot
+from exactarm.robot.robot import Robot
 
 _STARTS = 12
 # times the limit: a partner is refused before a whole fit, which may end a little nearer (racer-7-1.4 for an

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from exactarm.identify.parameter_name import Group, ParameterName, parse_parameter
-from exactarm.robot import Robot
+from exactarm.robot.robot import Robot
 
 NEARLY_PARALLEL_RAD = 0.05  # beyond it nobody calls two axes parallel
 EXACTLY_PARALLEL_RAD = 1e-9

@@ -9,11 +9,11 @@ import numpy as np
 
 from exactarm import _core
 from exactarm.chain import Layout, predict_poses
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
 from exactarm.effects.joint_compliance import JointCompliance, RelativeCompliance
 from exactarm.errors import InputError
 from exactarm.rest_load import RestLoad
-from exactarm.robot import Robot
+from exactarm.robot.robot import Robot
 
 # of the most loaded axis' torque; below it, compliance moves nothing that a tracker sees
 _LEAST_TORQUE_SHARE = 0.05

@@ -28,9 +28,9 @@ from exactarm.effects.link_inertia import LinkInertia
 from exactarm.identify.layout_fit import priors_of
 from exactarm.identify.motion_fit import MotionFit
 from exactarm.identify.prior_bodies import declares_bodies, prior_bodies
-from exactarm.pseudo_inertia import BASIS, inertial_parameters
-from exactarm.robot import Robot
-from exactarm.trust_region import Model, bounded_step
+from exactarm.numerics.trust_region import Model, bounded_step
+from exactarm.robot.pseudo_inertia import BASIS, inertial_parameters
+from exactarm.robot.robot import Robot
 
 # Of the entropic distance: the size of a link is drawn to its body's with a standard deviation of
 # 1 / (2 sqrt w) = 1.6 times itself. Masses of a drawing or of a bar are wrong by a factor of two or three.

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from exactarm.chain import Layout
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
 from exactarm.identify.closure_fit import ClosureFit, Pulls, fit_closures
 from exactarm.measurement.closures import contact_keys, predict_closures
 from exactarm.measurement.contact import Contact
 from exactarm.measurement.contacts import CONTACT_CLASSES, Touched
-from exactarm.robot import Robot
+from exactarm.robot.robot import Robot
 
 # below, a contact is wherever it was touched
 _LEAST_TOUCHES = {"socket": 1, "plane": 3, "sphere": 4, "bar": 4, "tilt": 6, "accel": 4, "camera": 18,

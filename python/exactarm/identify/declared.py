@@ -12,7 +12,9 @@ from dataclasses import replace
 import numpy as np
 
 from exactarm.chain import Layout, predict_poses
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
+from exactarm.data.kinds import POSES, kind_of
+from exactarm.data.split import DEFAULT_SEED
 from exactarm.effects.base import Effect, Parameter, Station
 from exactarm.effects.declared_ratio import DeclaredRatio
 from exactarm.effects.frames import Frames
@@ -20,9 +22,7 @@ from exactarm.effects.geometry import Geometry
 from exactarm.effects.joint_offset import JointOffset
 from exactarm.errors import InputError
 from exactarm.identify.frames import find_frames
-from exactarm.kinds import POSES, kind_of
-from exactarm.robot import Robot
-from exactarm.split import DEFAULT_SEED
+from exactarm.robot.robot import Robot
 
 _MOST_CHECKED = 5000  # rows, evenly spread
 

@@ -26,7 +26,7 @@ from scipy import linalg
 
 from exactarm.chain import Layout
 from exactarm.identify.layout_fit import Drawing
-from exactarm.regression import Fit
+from exactarm.numerics.regression import Fit
 
 _TAILS = 4.0
 _SETTLED, _ROUNDS = 1e-3, 200  # relative change of the scale

@@ -25,12 +25,14 @@ from exactarm.chain import (
     predict_motion,
     reversals_left_out,
 )
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
+from exactarm.data.kinds import MOTION
+from exactarm.data.kinds.motion import TORQUES
+from exactarm.data.split import DEFAULT_SEED
 from exactarm.effects.declared_friction import DeclaredFriction
 from exactarm.effects.declared_rotor import DeclaredRotor
 from exactarm.effects.link_inertia import LinkInertia
 from exactarm.errors import InputError
-from exactarm.generic_masses import with_declared_masses
 from exactarm.identify.base_parameters import BaseParameters, base_parameters
 from exactarm.identify.consistent import consistent_fit
 from exactarm.identify.declared import carried_layout, require_geometry, with_estimates
@@ -43,12 +45,10 @@ from exactarm.identify.session_payloads import (
     payload_layout_of_motion,
     session_payloads,
 )
-from exactarm.identify.suspicion import listed
-from exactarm.kinds import MOTION
-from exactarm.kinds.motion import TORQUES
 from exactarm.rest_load import declared_constants
-from exactarm.robot import Link, Robot
-from exactarm.split import DEFAULT_SEED
+from exactarm.robot.axes_in_words import axes_in_words
+from exactarm.robot.generic_masses import with_declared_masses
+from exactarm.robot.robot import Link, Robot
 from exactarm.view import SIGN_WIDTH_RAD_S
 
 _WORST_CONDITION = 1e3  # of scaled columns: a parameter behind it would carry noise, not mass
@@ -238,8 +238,8 @@ def _warnings(fit: MotionFit, data: Dataset, unsettled: str):
             )
     if without := _currents_of_no_constant(fit.robot, data):
         yield (
-            f"no torque constant of {listed(without)} is declared: the currents were taken at 1 Nm/A, and "
-            "what they tell scales with it"
+            f"no torque constant of {axes_in_words(without)} is declared: the currents were taken at 1 Nm/A, "
+            "and what they tell scales with it"
         )
 
 

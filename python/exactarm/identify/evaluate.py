@@ -14,7 +14,9 @@ import numpy as np
 
 from exactarm.chain import MotionRecord, reversals_left_out
 from exactarm.chain.extrapolation import extrapolations
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
+from exactarm.data.kinds import CLOSURES, GEAR_RUN, MOTION, POSES, TRACKED_MOTION
+from exactarm.data.split import DEFAULT_SEED
 from exactarm.identify.closures import (
     carried_effects,
     gravity_alone,
@@ -37,10 +39,8 @@ from exactarm.identify.tracked_fit import (
     tracked_frames,
     tracked_record,
 )
-from exactarm.kinds import CLOSURES, GEAR_RUN, MOTION, POSES, TRACKED_MOTION
 from exactarm.measurement.closures import touches
-from exactarm.robot import Robot
-from exactarm.split import DEFAULT_SEED
+from exactarm.robot.robot import Robot
 
 GRAVITY_COLUMNS = ("d1_rad", "d2_rad", "d3_rad")  # of the sensor's axes
 RESIDUAL_COLUMNS = ("dx_m", "dy_m", "dz_m", "drx_rad", "dry_rad", "drz_rad")

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from exactarm.chain import Layout
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
 from exactarm.identify.statistics import ErrorSummary, summarise
 
 

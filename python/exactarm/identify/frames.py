@@ -15,11 +15,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from exactarm.chain import Layout, predict_poses
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
+from exactarm.data.split import DEFAULT_SEED
 from exactarm.errors import InputError
-from exactarm.robot import Placement, Robot
-from exactarm.rotation import nearest, skew
-from exactarm.split import DEFAULT_SEED
+from exactarm.numerics.rotation import nearest, skew
+from exactarm.robot.robot import Placement, Robot
 
 _STARTS = 12
 _TOOL_REACH_M = 0.5  # spread of the random starts of the tool point

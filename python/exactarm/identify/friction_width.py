@@ -12,7 +12,7 @@ import numpy as np
 
 from exactarm.chain import Layout, MotionRecord, predict_motion
 from exactarm.effects.drive import smooth_sign
-from exactarm.robot import Robot
+from exactarm.robot.robot import Robot
 from exactarm.view import SIGN_WIDTH_RAD_S
 
 _WIDTHS_RAD_S = (1e-3, 2.5e-3, 5e-3, 1e-2, SIGN_WIDTH_RAD_S, 4e-2, 8e-2, 0.16)

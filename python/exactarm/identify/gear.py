@@ -20,7 +20,8 @@ import numpy as np
 
 from exactarm import _core
 from exactarm.chain import gear_record
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
+from exactarm.data.split import DEFAULT_SEED
 from exactarm.effects.gyro_alignment import tilt
 from exactarm.errors import ComputationError, InputError
 from exactarm.identify.gear_axis import GearEstimate, first_look, identify_axis
@@ -38,8 +39,7 @@ from exactarm.identify.gear_samples import GearSamples, gear_samples
 from exactarm.identify.sensor_tone import find_tones, without_tones
 from exactarm.identify.statistics import ErrorSummary, summarise
 from exactarm.progress import SILENT, Progress
-from exactarm.robot import GearTable, Robot
-from exactarm.split import DEFAULT_SEED
+from exactarm.robot.robot import GearTable, Robot
 
 FITTING = "gears and their harmonics"  # a step as it is told
 _MUCH_OUTSIDE, _FAR_ABOVE = 0.2, 2.0  # share of validation rows; times the noise

@@ -17,7 +17,6 @@ import numpy as np
 from scipy import linalg
 
 from exactarm.errors import InputError
-from exactarm.harmonics import delivered, waves
 from exactarm.identify.gear_declared import SIDES
 from exactarm.identify.gear_orders import (
     RUN_OUT,
@@ -32,7 +31,8 @@ from exactarm.identify.gear_orders import (
 )
 from exactarm.identify.gear_profile import AngleProfile, angle_profile, fast_rows, highest_order
 from exactarm.identify.gear_samples import GearSamples
-from exactarm.robot import GearTable
+from exactarm.numerics.harmonics import delivered, waves
+from exactarm.robot.robot import GearTable
 
 _ROUNDS = 12
 # of its standard deviation: ratio and harmonics, fitted in turn, have settled on each other

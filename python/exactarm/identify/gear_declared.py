@@ -11,15 +11,15 @@ from __future__ import annotations
 import numpy as np
 
 from exactarm.chain import GearRecord, Layout
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
+from exactarm.data.kinds import GEAR_RUN
+from exactarm.data.kinds.base import rows_of_runs
 from exactarm.effects.declared_harmonics import DeclaredHarmonics
 from exactarm.effects.encoder_offset import EncoderOffset
 from exactarm.effects.gyro_alignment import GyroAlignment, aligning_angles
 from exactarm.effects.gyro_bias import GyroBias
 from exactarm.identify.declared import carried_layout
-from exactarm.kinds import GEAR_RUN
-from exactarm.kinds.base import rows_of_runs
-from exactarm.robot import Robot
+from exactarm.robot.robot import Robot
 
 SIDES = {"cw": -1.0, "ccw": 1.0}
 

@@ -10,11 +10,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from exactarm.harmonics import delivered
 from exactarm.identify.gear_declared import SIDES
 from exactarm.identify.gear_samples import GearSamples
-from exactarm.robot import GearTable
-from exactarm.signals import MOTION_HZ, derivative, gaussian_filter, typical_step, white_noise
+from exactarm.numerics.harmonics import delivered
+from exactarm.numerics.signals import MOTION_HZ, derivative, gaussian_filter, typical_step, white_noise
+from exactarm.robot.robot import GearTable
 
 CUTOFF_PER_MOTOR_REV = 2.3
 _HIGHEST_SHARE = 0.4  # of the sampling rate

@@ -9,14 +9,14 @@ from __future__ import annotations
 import numpy as np
 
 from exactarm.chain import gear_record
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
+from exactarm.data.kinds import GEAR_RUN
 from exactarm.identify.declared import carried_layout
 from exactarm.identify.evaluation import Evaluation
 from exactarm.identify.gear_declared import sensor_layout
 from exactarm.identify.gear_fit import fit_gear_runs
 from exactarm.identify.sensor_tone import find_tones, without_tones
-from exactarm.kinds import GEAR_RUN
-from exactarm.robot import Robot
+from exactarm.robot.robot import Robot
 
 
 def evaluate_gear_runs(robot: Robot, data: Dataset, seed: int = 0, threads: int = 1) -> Evaluation:

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from exactarm.chain import GearRecord, GearRunPrediction, Layout, gear_record, predict_gear_run
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
 from exactarm.identify.drifting_noise import DriftingNoise
 from exactarm.identify.layout_fit import fit_layout
-from exactarm.regression import Fit
-from exactarm.robot import Robot
+from exactarm.numerics.regression import Fit
+from exactarm.robot.robot import Robot
 
 _LEAST_SIGMA = 1e-9  # rad/s or rad
 _TOLERANCE = 1e-8  # relative fall of the square sum that ends a fit

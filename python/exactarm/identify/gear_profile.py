@@ -15,7 +15,7 @@ import numpy as np
 from scipy.special import gammaincc
 
 from exactarm import _core
-from exactarm.signals import zoom
+from exactarm.numerics.signals import zoom
 
 _CELL_PHASE_RAD = 0.25  # of the highest order
 _LEAST_SPEED_SHARE = 0.3  # slower samples carry little and may stick

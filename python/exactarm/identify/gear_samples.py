@@ -16,13 +16,13 @@ import numpy as np
 
 from exactarm.chain import GearRecord, Layout, gear_record, predict_gear_run
 from exactarm.chain.propagate import acts, pass_station
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
+from exactarm.data.kinds import GEAR_RUN
+from exactarm.data.kinds.base import rows_by_number
 from exactarm.identify.declared import carried_layout
 from exactarm.identify.gear_declared import sensor_layout
-from exactarm.kinds import GEAR_RUN
-from exactarm.kinds.base import rows_by_number
-from exactarm.robot import Robot
-from exactarm.signals import typical_step
+from exactarm.numerics.signals import typical_step
+from exactarm.robot.robot import Robot
 from exactarm.station import Station
 
 _MOST_ROWS = 10000

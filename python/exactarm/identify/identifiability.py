@@ -23,7 +23,7 @@ import numpy as np
 from exactarm.identify.collision import Arm, hardly_differ, move_alike, no_effect
 from exactarm.identify.observability import Observability, column_scale, observability
 from exactarm.identify.parameter_name import Group, parse_parameter
-from exactarm.robot import Robot
+from exactarm.robot.robot import Robot
 
 RANK_TOLERANCE = 1e-6  # part of a unit column outside the kept ones: URDF files print pi to six digits
 _NO_EFFECT = 1e-12  # length of a column (per plausible magnitude) beside the longest

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from exactarm.chain import Layout
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
 from exactarm.measurement.closures import PAIR, contact_keys, pair_numbers, shows_a_place
 from exactarm.measurement.contact import Contact
 

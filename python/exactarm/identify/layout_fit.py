@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from exactarm.chain import Layout
-from exactarm.regression import Evaluation, Fit, gram_inverse, least_squares
+from exactarm.numerics.regression import Evaluation, Fit, gram_inverse, least_squares
 
 Predict = Callable[[Layout, bool], tuple[np.ndarray, np.ndarray | None]]
 Drawing = Mapping[str, tuple[float, float]]  # name of a parameter: declared value, plausible deviation

@@ -14,8 +14,8 @@ from dataclasses import replace
 import numpy as np
 
 from exactarm.chain import Layout
-from exactarm.dataset import Dataset
-from exactarm.fixture import SIGMA_M, Fixture
+from exactarm.data.dataset import Dataset
+from exactarm.data.fixture import SIGMA_M, Fixture
 from exactarm.identify.closure_fit import ClosureFit, Pulls, fit_closures
 from exactarm.identify.reach import reach
 from exactarm.measurement.contacts import Bar

@@ -1,6 +1,6 @@
 """Where the load of an arm at rest comes from: declared or generic masses, measured torques, known payloads.
 
-An arm without declared masses gets generic ones (exactarm.generic_masses), so that causes that need a load
+An arm without declared masses gets generic ones (robot/generic_masses.py), so that causes that need a load
 can be looked for. Where drive torques were measured at rest, these masses are scaled to them: with g the
 gravity of the generic links, g_t that of a tenth of their mass at the flange, and tau the measured torques
 of all axes together,
@@ -17,12 +17,12 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import nnls
 
-from exactarm.dataset import Dataset
-from exactarm.generic_masses import with_declared_masses, with_generic_masses
-from exactarm.identify.suspicion import listed
-from exactarm.kinds import kind_of
+from exactarm.data.dataset import Dataset
+from exactarm.data.kinds import kind_of
 from exactarm.rest_load import TIP_SHARE, RestLoad
-from exactarm.robot import Robot
+from exactarm.robot.axes_in_words import axes_in_words
+from exactarm.robot.generic_masses import with_declared_masses, with_generic_masses
+from exactarm.robot.robot import Robot
 from exactarm.view import motor_angles
 
 LEAST_SHARE = 0.5  # of the square sum of measured torques that gravity must explain, to size the masses
@@ -78,7 +78,7 @@ def load_lines(robot: Robot, data: Dataset) -> tuple[str, ...]:
     load, lines = RestLoad.of(robot, data), []
     axes = np.flatnonzero(load.fixed.all(axis=0))
     if axes.size:
-        lines.append(f"the load of {listed(axes)} is the torque that was measured")
+        lines.append(f"the load of {axes_in_words(axes)} is the torque that was measured")
     if load.payload:
         masses = ", ".join(f"{mass:.3g}" for mass in np.unique(data.payload[0])[:8])
         lines.append(f"the flange carries the payload of each row ({masses} kg) beside the links")

@@ -14,12 +14,12 @@ import numpy as np
 from scipy import special
 
 from exactarm.chain import Layout, predict_poses
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
+from exactarm.data.split import pose_groups
 from exactarm.effects.geometry import Geometry
 from exactarm.identify.collision import NEARLY_PARALLEL_RAD, deviation_from_parallel
 from exactarm.identify.repeats import worth_of_rows
-from exactarm.robot import Robot
-from exactarm.split import pose_groups
+from exactarm.robot.robot import Robot
 
 CHANCE = 1e-4  # of one such line in ten thousand calibrations of an arm that lacks nothing
 

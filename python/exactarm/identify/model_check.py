@@ -17,7 +17,7 @@ from exactarm.chain import Layout
 from exactarm.identify.collision import NEARLY_PARALLEL_RAD, deviation_from_parallel
 from exactarm.identify.identifiability import Dropped, Identifiability, select_identifiable
 from exactarm.identify.parameter_name import parse_parameter
-from exactarm.robot import Robot
+from exactarm.robot.robot import Robot
 
 
 @dataclass(frozen=True)

@@ -18,14 +18,14 @@ from exactarm.chain import (
     predict_motion,
     reversals_left_out,
 )
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
+from exactarm.data.kinds import MOTION
 from exactarm.errors import InputError
 from exactarm.identify.declared import carried_layout, require_geometry
 from exactarm.identify.dynamics import friction_layout
 from exactarm.identify.evaluation import Evaluation
 from exactarm.identify.friction_width import friction_widths
-from exactarm.kinds import MOTION
-from exactarm.robot import Robot
+from exactarm.robot.robot import Robot
 
 
 def evaluate_motion(robot: Robot, data: Dataset, seed: int = 0, threads: int = 1) -> Evaluation:

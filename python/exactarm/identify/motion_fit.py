@@ -13,8 +13,8 @@ import numpy as np
 from exactarm.chain import Layout, MotionPrediction, MotionRecord, predict_motion
 from exactarm.identify.correlated import Uncertainty, uncertainty
 from exactarm.identify.layout_fit import fit_layout, priors_of
-from exactarm.regression import Fit
-from exactarm.robot import Robot
+from exactarm.numerics.regression import Fit
+from exactarm.robot.robot import Robot
 
 _LEAST_SHARE = 1e-6  # of an axis' torque: exact data leave no noise to weigh by
 _LEAST_OF_ALL = 1e-9  # of the largest axis' torque, for an axis that reports none at all

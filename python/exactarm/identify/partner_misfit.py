@@ -17,11 +17,11 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from exactarm.chain import Layout
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
 from exactarm.measurement.closures import predict_closures
 from exactarm.measurement.partner import Partner, partner_of, placed_by
-from exactarm.robot import Robot
-from exactarm.rotation import exp, left_jacobian
+from exactarm.numerics.rotation import exp, left_jacobian
+from exactarm.robot.robot import Robot
 
 MOST_ROWS = 300
 _SOFT_M = 0.02  # beyond, a row counts by its distance and no more by its square: far above any deviation

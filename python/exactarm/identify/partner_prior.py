@@ -15,12 +15,12 @@ from collections.abc import Iterable
 import numpy as np
 
 from exactarm.chain import Layout
-from exactarm.covariance import ParameterCovariance
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
 from exactarm.identify.closure_fit import ClosureFit, Pulls, fit_closures
 from exactarm.identify.declared import geometry_layout
 from exactarm.measurement.partner import FRAMES, NAME, Partner
-from exactarm.robot import Robot
+from exactarm.robot.covariance import ParameterCovariance
+from exactarm.robot.robot import Robot
 
 _NINETY_FIVE = 1.959964
 _OTHER_ARM = 2.0  # times Schwarz' price

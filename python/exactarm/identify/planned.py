@@ -12,12 +12,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from exactarm.chain import Layout, predict_poses
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
+from exactarm.data.kinds import POSES
 from exactarm.effects.frames import Frames
 from exactarm.identify.compliance import compliance_layout
 from exactarm.identify.declared import geometry_layout, require_geometry
-from exactarm.kinds import POSES
-from exactarm.robot import Placement, Robot
+from exactarm.robot.robot import Placement, Robot
 
 FRAMES = ("both", "base", "tool", "none")
 SIGMA_POSITION_M = 1e-4  # of a good camera system or an ordinary tracker (thesis 3.2.1)

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from exactarm.chain import Layout, PosePrediction, predict_poses
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
 from exactarm.identify.drawing import FREE, Drawn
 from exactarm.identify.layout_fit import fit_layout
-from exactarm.regression import Fit
-from exactarm.robot import Robot
+from exactarm.numerics.regression import Fit
+from exactarm.robot.robot import Robot
 
 _FIRST_SIGMA = 1e-4  # m, rad
 

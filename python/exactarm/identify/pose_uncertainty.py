@@ -23,13 +23,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from exactarm.chain import Layout, predict_poses
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
 from exactarm.effects.base import Station
 from exactarm.effects.frames import Frames
 from exactarm.errors import InputError
 from exactarm.identify.declared import carried_layout, geometry_layout
 from exactarm.identify.planned import pose_data
-from exactarm.robot import Robot
+from exactarm.robot.robot import Robot
 from exactarm.view import View
 
 LEVEL = 0.95

@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from exactarm.mdh_frames import behind_axis
-from exactarm.pseudo_inertia import of_body, spread_of
-from exactarm.robot import Robot
+from exactarm.robot.mdh_frames import behind_axis
+from exactarm.robot.pseudo_inertia import of_body, spread_of
+from exactarm.robot.robot import Robot
 
 _THICKNESS = 0.1  # of the mean length: standard deviation about a bar's axis, of a bar 0.35 lengths wide
 _THINNEST = 0.02  # the same of a declared link: thinner than the links of arms are

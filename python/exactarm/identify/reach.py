@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from exactarm.robot import Robot
+from exactarm.robot.robot import Robot
 
 
 def reach(robot: Robot) -> float:

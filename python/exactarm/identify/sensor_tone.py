@@ -21,9 +21,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import fft, ndimage, special
 
-from exactarm.dataset import Dataset
-from exactarm.kinds.base import rows_of_runs
-from exactarm.signals import gaussian_filter, typical_step
+from exactarm.data.dataset import Dataset
+from exactarm.data.kinds.base import rows_of_runs
+from exactarm.numerics.signals import gaussian_filter, typical_step
 
 _FALSE_ALARM = 1e-4  # of one data set
 _MOST_TONES = 4

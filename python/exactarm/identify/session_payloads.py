@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from exactarm.chain import Layout
-from exactarm.columns import PAYLOAD, PAYLOAD_CENTRE
-from exactarm.dataset import Dataset
+from exactarm.data.columns import PAYLOAD, PAYLOAD_CENTRE
+from exactarm.data.dataset import Dataset
 from exactarm.errors import InputError
 from exactarm.measurement.session_payload import SessionPayload
 

@@ -14,7 +14,7 @@ import numpy as np
 from scipy import special
 
 from exactarm.chain import Layout
-from exactarm.regression import Fit
+from exactarm.numerics.regression import Fit
 
 _BY_CHANCE = 1e-4  # of arms that are right, of which the line is said
 _TOLD = 0.9  # of its deviation from the drawing, which is the standard error of a length that no row shows

@@ -18,16 +18,16 @@ from exactarm.chain import (
     track_clear_of_reversals,
 )
 from exactarm.chain.motion_record import full_record
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
+from exactarm.data.kinds import POSES, TRACKED_MOTION
+from exactarm.data.kinds.motion import TORQUES
+from exactarm.data.split import DEFAULT_SEED
 from exactarm.errors import InputError
 from exactarm.identify.declared import carried_layout, frames_layout, require_geometry
 from exactarm.identify.layout_fit import Drawing, fit_layout
 from exactarm.identify.match import require_match
-from exactarm.kinds import POSES, TRACKED_MOTION
-from exactarm.kinds.motion import TORQUES
-from exactarm.regression import Fit
-from exactarm.robot import Robot
-from exactarm.split import DEFAULT_SEED
+from exactarm.numerics.regression import Fit
+from exactarm.robot.robot import Robot
 
 KIND = TRACKED_MOTION.name
 _ROWS = 2000  # that a fit works on, as long as they do not stand further apart than

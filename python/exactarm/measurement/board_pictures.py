@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from exactarm.rotation import log, nearest
+from exactarm.numerics.rotation import log, nearest
 
 Pose = tuple[np.ndarray, np.ndarray]  # rotation (..., 3, 3), position (..., 3) m
 LEAST_CORNERS = 6  # of a picture: a plane's four with something to spare

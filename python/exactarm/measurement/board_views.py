@@ -12,14 +12,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from exactarm.chain import Layout
-from exactarm.dataset import Dataset
-from exactarm.fixture import CameraSetup
-from exactarm.kinds import CLOSURES
+from exactarm.data.dataset import Dataset
+from exactarm.data.fixture import CameraSetup
+from exactarm.data.kinds import CLOSURES
 from exactarm.measurement.board_pictures import Pose, inverse
 from exactarm.measurement.camera import Camera
 from exactarm.measurement.touching import TOUCHES_M, predicted_at, touching
-from exactarm.robot import Robot
-from exactarm.rotation import exp
+from exactarm.numerics.rotation import exp
+from exactarm.robot.robot import Robot
 
 _AIM_M = 0.05  # the camera's axis passes the middle of the board by this, at most
 LEAST_SEEN = 0.5  # of the corners

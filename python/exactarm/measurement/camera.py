@@ -18,9 +18,9 @@ from typing import ClassVar
 
 import numpy as np
 
+from exactarm.data.fixture import CameraSetup
 from exactarm.effects.base import Parameter
 from exactarm.errors import InputError
-from exactarm.fixture import CameraSetup
 from exactarm.measurement.board_pictures import (
     LEAST_CORNERS,
     Pose,
@@ -32,7 +32,7 @@ from exactarm.measurement.board_pictures import (
 )
 from exactarm.measurement.contact import Contact
 from exactarm.measurement.lens import LENS, project, undistorted
-from exactarm.rotation import exp, left_jacobian, skew
+from exactarm.numerics.rotation import exp, left_jacobian, skew
 
 EDGE_PX = 1.0  # by which noise may put a corner beyond the edge
 LEAST_PICTURES = 3  # two unknown frames: two turns about different axes

@@ -19,14 +19,14 @@ from functools import cached_property
 import numpy as np
 
 from exactarm.chain import Layout, View, predict_poses
-from exactarm.dataset import NO_CONTACT, Dataset
+from exactarm.data.dataset import NO_CONTACT, Dataset
 from exactarm.effects.base import Effect, Station
 from exactarm.measurement.board_pictures import gross_corners
 from exactarm.measurement.contact import Contact
 from exactarm.measurement.contacts import ARMS, CONTACT_CLASSES, SENSORS
 from exactarm.measurement.pictures import SHARED, Pictures, rows_of_pictures
-from exactarm.robot import Robot
-from exactarm.rotation import log, nearest
+from exactarm.numerics.rotation import log, nearest
+from exactarm.robot.robot import Robot
 
 TRACKER = "tracker"
 PAIR = "pair"

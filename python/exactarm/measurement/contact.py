@@ -14,8 +14,8 @@ from typing import ClassVar
 
 import numpy as np
 
+from exactarm.data.kinds import CLOSURES, POSES
 from exactarm.effects.base import Change, Effect, Parameter, Station
-from exactarm.kinds import CLOSURES, POSES
 
 
 @dataclass(frozen=True)

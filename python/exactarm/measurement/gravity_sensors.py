@@ -21,8 +21,8 @@ import numpy as np
 from exactarm.effects.base import Parameter
 from exactarm.errors import InputError
 from exactarm.measurement.contact import Contact
-from exactarm.robot import GRAVITY_M_S2
-from exactarm.rotation import exp, left_jacobian, nearest, skew
+from exactarm.numerics.rotation import exp, left_jacobian, nearest, skew
+from exactarm.robot.robot import GRAVITY_M_S2
 
 GAIN = 0.05  # standard deviation before any data; data sheets of cheap sensors: 3 to 5 %
 BIAS_M_S2, ZERO_RAD = 0.5, 0.05  # the same: 50 mg, 3 degrees

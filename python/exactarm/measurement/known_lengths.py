@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from exactarm.chain.layout import Layout
-from exactarm.fixture import Fixture
+from exactarm.data.fixture import Fixture
 from exactarm.measurement.camera import SQUARE, Camera
 from exactarm.measurement.contact import Contact
 from exactarm.measurement.contacts import Plane

@@ -19,16 +19,16 @@ from typing import ClassVar
 import numpy as np
 
 from exactarm.chain import Layout, PosePrediction, predict_poses
-from exactarm.controller_frames import at_flange, target_on_flange, with_target
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
+from exactarm.data.fixture import Fixture
+from exactarm.data.fixture import Partner as Declared
+from exactarm.data.kinds import POSES
 from exactarm.effects.base import Parameter, Station
 from exactarm.errors import InputError
-from exactarm.fixture import Fixture
-from exactarm.fixture import Partner as Declared
-from exactarm.kinds import POSES
 from exactarm.measurement.contact import Contact
-from exactarm.robot import Robot
-from exactarm.rotation import exp, left_jacobian, nearest, skew
+from exactarm.numerics.rotation import exp, left_jacobian, nearest, skew
+from exactarm.robot.controller_frames import at_flange, target_on_flange, with_target
+from exactarm.robot.robot import Robot
 
 NAME = "partner"
 _ROUNDS = 20  # of a start: the base by the ball, the ball by the base

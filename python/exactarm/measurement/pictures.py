@@ -17,9 +17,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from exactarm.chain import Layout
-from exactarm.dataset import NO_CONTACT
+from exactarm.data.dataset import NO_CONTACT
+from exactarm.data.rows import Rows
 from exactarm.measurement.camera import Camera
-from exactarm.rows import Rows
 from exactarm.view import View
 
 SHARED = ("camera across", "camera about and along", "camera tilted")  # two numbers each

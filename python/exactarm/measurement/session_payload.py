@@ -17,9 +17,9 @@ from typing import ClassVar
 import numpy as np
 
 from exactarm import _core
+from exactarm.data.kinds import CLOSURES, MOTION, POSES
 from exactarm.effects.base import Change, Effect, Parameter, Station
 from exactarm.effects.payload import inertial
-from exactarm.kinds import CLOSURES, MOTION, POSES
 
 
 @dataclass(frozen=True)

@@ -14,10 +14,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from exactarm.controller_frames import target_on_flange
+from exactarm.data.kinds import CLOSURES, POSES
 from exactarm.effects.base import Change, Effect, Parameter, Station
-from exactarm.kinds import CLOSURES, POSES
-from exactarm.robot import Placement
+from exactarm.robot.controller_frames import target_on_flange
+from exactarm.robot.robot import Placement
 
 
 @dataclass(frozen=True)

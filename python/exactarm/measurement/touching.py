@@ -9,12 +9,12 @@ from __future__ import annotations
 import numpy as np
 
 from exactarm.chain import Layout
-from exactarm.dataset import NO_CONTACT, Dataset
-from exactarm.kinds import CLOSURES
+from exactarm.data.dataset import NO_CONTACT, Dataset
+from exactarm.data.kinds import CLOSURES
 from exactarm.measurement.closures import PAIR, ClosurePrediction, predict_closures, turn_of_axis
 from exactarm.measurement.contact import Contact
 from exactarm.measurement.contacts import CONTACT_CLASSES, Socket
-from exactarm.robot import Robot
+from exactarm.robot.robot import Robot
 
 TOUCHES_M = 1e-9  # nearer than any device notices
 _STEPS, _LONGEST_RAD = 40, 0.3

@@ -24,13 +24,13 @@ from exactarm import _core
 from exactarm.chain import Layout
 from exactarm.chain.direction import direction_of_motion, eased
 from exactarm.chain.spring import declared_deflection
-from exactarm.controller_frames import at_flange
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
+from exactarm.data.kinds import TRACKED_MOTION
 from exactarm.effects.base import Effect, Station
-from exactarm.kinds import TRACKED_MOTION
+from exactarm.numerics.rotation import exp as rotation_exp
 from exactarm.plan.reference import Reference
-from exactarm.robot import Link, Robot
-from exactarm.rotation import exp as rotation_exp
+from exactarm.robot.controller_frames import at_flange
+from exactarm.robot.robot import Link, Robot
 from exactarm.view import View
 
 # stiffness for a rigid joint, in inertias per square sample; its deflection is taken out again

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from exactarm.robot import Robot
+from exactarm.robot.robot import Robot
 
 FITS = 1.0 + 1e-6
 _PASSES = 12

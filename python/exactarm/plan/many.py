@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from exactarm.errors import ComputationError, InputError
 from exactarm.plan.optimal import Plan, PlanOptions, plan_path
 from exactarm.plan.path_file import PlannedPath
-from exactarm.robot import Robot
+from exactarm.robot.robot import Robot
 
 # Called after each path with the number of paths that are done, and of all.
 Progress = Callable[[int, int], None]

@@ -26,7 +26,7 @@ from exactarm.plan.inverse_kinematics import inverse_kinematics
 from exactarm.plan.limits import Violation, shortest_duration, violations
 from exactarm.plan.path_file import PlannedPath
 from exactarm.plan.reference import Reference
-from exactarm.robot import Robot
+from exactarm.robot.robot import Robot
 
 LEAST_KNOTS = 12  # fewer leave no freedom between the two ends
 ENERGY_SHARE = 0.99  # of the input, below the bandwidth

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from exactarm.errors import InputError
+from exactarm.files.toml_file import fits_shape, is_number, read_toml
 from exactarm.plan.reference import Curve, Line, Points, Reference, Spiral, sample_reference
-from exactarm.toml_file import fits_shape, is_number, read_toml
 
 SHIPPED = Path(__file__).parent.parent / "data" / "paths"
 MOST_SAMPLES = 2_000_000

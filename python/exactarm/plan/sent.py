@@ -19,10 +19,10 @@ from __future__ import annotations
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from exactarm.controller_frames import FOR_THE_REAL_ARM
 from exactarm.errors import InputError
 from exactarm.plan.optimal import Plan
-from exactarm.robot import Robot
+from exactarm.robot.controller_frames import FOR_THE_REAL_ARM
+from exactarm.robot.robot import Robot
 
 FILES = {"joint_trajectory": "trajectory.yaml", "servoj": "trajectory.script", "krl": "trajectory.src",
          "csv": "sent.csv", "pulses": "sent_pulses.csv"}

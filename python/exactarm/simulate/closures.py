@@ -13,16 +13,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
+from exactarm.data.fixture import CameraSetup, Distance, Fixture, Radius
+from exactarm.data.kinds import CLOSURES
 from exactarm.errors import ComputationError
-from exactarm.fixture import CameraSetup, Distance, Fixture, Radius
-from exactarm.kinds import CLOSURES
 from exactarm.measurement.closures import PAIR
 from exactarm.measurement.contact import Contact
 from exactarm.measurement.contacts import ARMS, CAMERA, SENSORS, TOUCHED, Bar, Plane, Socket, Sphere
 from exactarm.measurement.touching import TOUCHES_M, predicted_at, rows_at, target_at, touching
-from exactarm.robot import GRAVITY_M_S2, Placement
-from exactarm.rotation import exp
+from exactarm.numerics.rotation import exp
+from exactarm.robot.robot import GRAVITY_M_S2, Placement
 from exactarm.simulate.partner import touched_partner
 from exactarm.simulate.pictures import SETUP, measured_pictures
 from exactarm.simulate.profiles import limit

@@ -14,7 +14,7 @@ from scipy.interpolate import make_interp_spline
 
 from exactarm.chain.direction import direction_of_motion
 from exactarm.errors import ComputationError, InputError
-from exactarm.robot import GearTable, Joint, Robot
+from exactarm.robot.robot import GearTable, Joint, Robot
 from exactarm.simulate.virtual_robot import VirtualRobot
 
 _BISECTIONS = 60

@@ -20,9 +20,9 @@ from exactarm.chain.motion_record import MotionRecord, full_record
 from exactarm.chain.poses import predict_target
 from exactarm.chain.propagate import pass_station
 from exactarm.chain.spring import declared_deflection
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
+from exactarm.data.kinds import GEAR_RUN, MOTION, POSES, TRACKED_MOTION
 from exactarm.effects import Station
-from exactarm.kinds import GEAR_RUN, MOTION, POSES, TRACKED_MOTION
 from exactarm.simulate.plant import is_elastic, swing
 from exactarm.simulate.profiles import gear_run
 from exactarm.simulate.sensors import Sensors, read, temperature
@@ -61,7 +61,7 @@ def measure_poses(
     if torques:
         data = replace(data, joints=data.joints | {"tau": prediction.view.torque})
     if orientation:
-        from exactarm.rotation import exp
+        from exactarm.numerics.rotation import exp
 
         turned = random.normal(0.0, sensors.orientation_rad, (len(theta), 3))
         data = replace(data, rotation=exp(turned) @ prediction.rotation)

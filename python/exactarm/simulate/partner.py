@@ -12,13 +12,13 @@ from dataclasses import replace
 import numpy as np
 
 from exactarm.chain import Layout
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
+from exactarm.data.fixture import Partner
 from exactarm.errors import ComputationError
-from exactarm.fixture import Partner
 from exactarm.measurement.partner import NAME
 from exactarm.measurement.touching import TOUCHES_M, rows_at, target_at, touching
-from exactarm.robot import Joint, Placement, Robot
-from exactarm.rotation import exp
+from exactarm.numerics.rotation import exp
+from exactarm.robot.robot import Joint, Placement, Robot
 from exactarm.simulate.profiles import limit
 from exactarm.simulate.sensors import Sensors
 from exactarm.simulate.virtual_robot import VirtualRobot, deviated

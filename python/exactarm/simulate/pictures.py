@@ -11,14 +11,14 @@ from dataclasses import replace
 import numpy as np
 
 from exactarm.chain import Layout
-from exactarm.dataset import Dataset
-from exactarm.fixture import CameraSetup
-from exactarm.kinds import CLOSURES
+from exactarm.data.dataset import Dataset
+from exactarm.data.fixture import CameraSetup
+from exactarm.data.kinds import CLOSURES
 from exactarm.measurement.board_views import LEAST_SEEN, VIEWS, corners_seen, joint_angles, wanted_views
 from exactarm.measurement.camera import Camera
 from exactarm.measurement.lens import LENS
-from exactarm.robot import Robot
-from exactarm.rotation import exp
+from exactarm.numerics.rotation import exp
+from exactarm.robot.robot import Robot
 from exactarm.simulate.sensors import Sensors
 
 SETUP = CameraSetup(size=(1600, 1200))

@@ -27,7 +27,7 @@ from scipy.interpolate import make_interp_spline
 from exactarm import _core
 from exactarm.chain.spring import declared_deflection
 from exactarm.errors import ComputationError, InputError
-from exactarm.robot import Robot
+from exactarm.robot.robot import Robot
 
 _LONGEST_STEP_S = 1e-3
 _TOLERANCE = 1e-9  # of the largest torque so far

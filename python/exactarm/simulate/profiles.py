@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from exactarm.robot import Robot
+from exactarm.robot.robot import Robot
 
 _NO_LIMIT = {"q_min": -2.0, "q_max": 2.0, "q_dot_max": 2.0, "q_ddot_max": 6.0}
 _MARGIN = 0.05  # of the range, left at either end

@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from exactarm.dataset import Dataset
-from exactarm.robot import Robot
+from exactarm.data.dataset import Dataset
+from exactarm.robot.robot import Robot
 
 DEGREE = np.pi / 180.0
 COUNTS = 2**16  # per motor revolution, of an ordinary absolute encoder

@@ -14,11 +14,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from exactarm.chain import Layout
-from exactarm.controller_frames import with_target
 from exactarm.effects import Effect, library
 from exactarm.errors import InputError
-from exactarm.robot import Joint, Link, Placement, Robot
-from exactarm.rotation import exp
+from exactarm.numerics.rotation import exp
+from exactarm.robot.controller_frames import with_target
+from exactarm.robot.robot import Joint, Link, Placement, Robot
 
 # Standard deviations of a new arm against its drawing: thesis Table 3.8 in kind; masses and friction as
 # catalogues go.

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
 
 BY_CHANCE = 1e-6  # of a day: one false word in thousands of years
 _DIGITS = 9  # behind the point, in m: finer than any device writes

@@ -17,7 +17,8 @@ import numpy as np
 from scipy import special
 
 from exactarm.chain import Layout, predict_poses
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
+from exactarm.data.split import DEFAULT_SEED
 from exactarm.effects.joint_offset import JointOffset
 from exactarm.errors import InputError
 from exactarm.identify.declared import carried_layout, frames_layout, require_geometry
@@ -26,9 +27,8 @@ from exactarm.identify.match import WORST_SHARE, require_match
 from exactarm.identify.planned import controller_angles
 from exactarm.identify.pose_fit import PoseFit, fit_poses
 from exactarm.identify.reach import reach
-from exactarm.robot import Placement, Robot
-from exactarm.rotation import log
-from exactarm.split import DEFAULT_SEED
+from exactarm.numerics.rotation import log
+from exactarm.robot.robot import Placement, Robot
 from exactarm.verify.change import RANK, Evidence, Hypothesis
 from exactarm.verify.copied_rows import CopiedRows, copied_rows
 from exactarm.verify.day_mistakes import day_mistake

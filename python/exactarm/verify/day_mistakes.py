@@ -15,8 +15,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from exactarm.first_aid.suspicion import FALL
 from exactarm.identify.frames import procrustes
-from exactarm.identify.suspicion import FALL
 
 LEAST_POINTS = 4
 _UNITS_M = (1.0, 1e-2, 1e-3, 0.0254, 0.3048)

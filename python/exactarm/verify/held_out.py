@@ -15,14 +15,14 @@ from typing import Any
 import numpy as np
 
 from exactarm.chain import predict_poses
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
+from exactarm.data.split import DEFAULT_SEED, pose_groups
 from exactarm.errors import InputError
 from exactarm.identify.declared import carried_layout, frames_layout, require_geometry
 from exactarm.identify.match import require_match
 from exactarm.identify.pose_fit import PoseFit, fit_poses
-from exactarm.robot import Joint, Placement, Robot, frame_of
-from exactarm.rotation import log, nearest
-from exactarm.split import DEFAULT_SEED, pose_groups
+from exactarm.numerics.rotation import log, nearest
+from exactarm.robot.robot import Joint, Placement, Robot, frame_of
 
 FRAME_POSES = 12  # different poses that find the nine numbers of a set-up: four times as many numbers
 FRAME_SHARE = 0.3  # of the poses of a session that nothing was fitted to, to find its frames by

@@ -21,8 +21,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from exactarm.dataset import Dataset
-from exactarm.split import pose_groups
+from exactarm.data.dataset import Dataset
+from exactarm.data.split import pose_groups
 
 STANDARD_VISITS = 30
 LEAST_VISITS = 3  # of one pose from one direction: fewer give no standard deviation worth the name

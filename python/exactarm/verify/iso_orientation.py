@@ -17,8 +17,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from exactarm.dataset import Dataset
-from exactarm.rotation import log, nearest
+from exactarm.data.dataset import Dataset
+from exactarm.numerics.rotation import log, nearest
 from exactarm.verify.iso_9283 import LEAST_VISITS, direction_of_approach, members, pose_and_session
 
 AXES = ("a", "b", "c")

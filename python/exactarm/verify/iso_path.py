@@ -22,14 +22,14 @@ import numpy as np
 
 from exactarm.chain import predict_poses
 from exactarm.chain.direction import direction_of_motion
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
+from exactarm.data.kinds import POSES
 from exactarm.errors import InputError
+from exactarm.first_aid.suspicion import FALL
 from exactarm.identify.frames import procrustes
 from exactarm.identify.match import WORST_SHARE
 from exactarm.identify.reach import reach
-from exactarm.identify.suspicion import FALL
-from exactarm.kinds import POSES
-from exactarm.robot import Robot
+from exactarm.robot.robot import Robot
 from exactarm.verify.day_mistakes import day_mistake
 from exactarm.verify.held_out import Judged
 

@@ -26,9 +26,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
+from exactarm.data.split import pose_groups
 from exactarm.identify.statistics import ErrorSummary, summarise
-from exactarm.split import pose_groups
 from exactarm.verify.held_out import Judged
 
 LEVEL = 0.95

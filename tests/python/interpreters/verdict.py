@@ -15,11 +15,11 @@ import exactarm as ea
 from compensation_cell import identified
 from exactarm.chain import Layout, predict_poses
 from exactarm.compensate.law import CompensationModel
-from exactarm.dataset import Dataset
+from exactarm.data.dataset import Dataset
 from exactarm.effects.joint_compliance import JointCompliance
 from exactarm.effects.payload import Payload
 from exactarm.errors import InputError
-from exactarm.robot import Placement
+from exactarm.robot.robot import Placement
 
 from .motion import Arm, matrix
 

@@ -1,0 +1,73 @@
+"""Design of readings of a gravity sensor on the flange: the poses that tell most about the arm's angles.
+
+Of random poses of the work space (of an inclinometer those within its range), `count` by the mean variance of
+the target's position over the work space that the angles leave (exactarm.design.closure_design), with
+mounting, base tilt, gain and zero unknown and the drawing as prior. The sensor's axes are taken for those of
+the flange; a reading is taken to be good to SIGMA_RAD.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from exactarm.chain import Layout
+from exactarm.data.fixture import Fixture
+from exactarm.design.closure_design import ClosureDesignOptions, least_variance, work_space_weight
+from exactarm.design.criterion import information_of
+from exactarm.design.design import short_way
+from exactarm.design.pose_space import PoseSpace
+from exactarm.errors import InputError
+from exactarm.identify.closure_fit import Pulls
+from exactarm.identify.closures import identifiable_closures
+from exactarm.identify.declared import geometry_layout, require_geometry
+from exactarm.identify.identifiability import Identifiability
+from exactarm.measurement.closures import predict_closures
+from exactarm.measurement.contacts import SENSORS
+from exactarm.measurement.touching import rows_at
+from exactarm.robot.controller_frames import at_base
+from exactarm.robot.robot import Robot
+
+SIGMA_RAD = 1e-4  # of an averaged reading: an ordinary inclinometer, an accelerometer of 100 micro-g
+RANGE_RAD = 1.0  # of an inclinometer
+_POOL = 12  # random poses for each that is asked for
+
+
+@dataclass(frozen=True)
+class GravityDesign:
+    """q (K, n) of the controller; deviation: expected error of the target over the work space by the arm's
+    angles, m, with the drawing alone, with random poses, and with these."""
+
+    q: np.ndarray
+    deviation: tuple[float, float, float]
+    identifiability: Identifiability
+
+
+def design_gravity(robot: Robot, sensor: str, options: ClosureDesignOptions) -> GravityDesign:
+    """The poses. Raises InputError where too few are within the sensor's range."""
+    require_geometry(robot)
+    random = np.random.default_rng(options.seed)
+    robot = replace(at_base(robot), effects=())
+    space = PoseSpace.of(robot, options.box, options.clearance)
+    cls = SENSORS[sensor]
+    device = cls(None, (0.0,) * (5 + 2 * cls.numbers))
+    q = space.draw(_POOL * options.count, random)
+    setup, geometry = Layout.of((device,)), geometry_layout(robot)
+    read = lambda q: rows_at(q, device, **{sensor: np.zeros((len(q), cls.numbers))})
+    if sensor == "tilt":
+        tilts = predict_closures(robot, setup.held, read(q), tangents=False).residual[:, : cls.numbers]
+        q = q[np.abs(tilts).max(axis=1) < RANGE_RAD]
+    if len(q) <= options.count:
+        raise InputError(f"--count {options.count}: expected fewer than the {len(q)} random poses within the "
+                         "sensor's range")
+    layout, found = identifiable_closures(robot, setup, geometry, read(q), options.threads)
+    plausible = np.array([parameter.plausible for parameter in layout.parameters])
+    jacobian = predict_closures(robot, layout, read(q), threads=options.threads).jacobian
+    pool = jacobian[:, : cls.numbers] / SIGMA_RAD * plausible
+    pull, _ = Pulls.of(geometry, Fixture()).rows(layout)
+    loose = np.array([name not in set(geometry.names) for name in layout.names])
+    known = information_of(pull[:, None, :] * plausible) + np.diag(loose.astype(float))
+    weight = work_space_weight(robot, layout, options, plausible)
+    chosen, _, deviations = least_variance(pool, known, weight, options.count, random)
+    return GravityDesign(short_way(space, q[chosen]), deviations, found)

@@ -1,0 +1,1 @@
+"""Numbers without a robot: least squares, rotations, harmonics, sampled signals, formulas."""
