@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from exactarm.diagnose.cross_validation import held_out_deviances, held_out_squares, held_out_unknown
+from exactarm.diagnose.cross_validation import CrossValidation
 from exactarm.diagnose.worth import holds_elsewhere
 from exactarm.effects.base import Parameter
 from exactarm.identify.closure_fit import fit_closures
@@ -30,7 +30,7 @@ def test_a_deviance_is_the_density_under_the_predicted_covariance():
     """Beside the dense formula, up to the constant."""
     fitted, effect, folds = three_places(np.random.default_rng(1), 0.5)
     prior = np.array([2.0])
-    found = held_out_deviances(fitted, effect, folds, prior)
+    found = CrossValidation.of(fitted, folds).deviances(effect, prior)
     design = np.column_stack([fitted.basis, effect])
     for fold, deviance in enumerate(found):
         at = folds == fold
@@ -43,8 +43,8 @@ def test_a_deviance_is_the_density_under_the_predicted_covariance():
 
 
 @pytest.mark.parametrize(("true", "judged", "least", "most"), [
-    (0.5, held_out_squares, 0, 60), (0.5, held_out_deviances, 99, 100),
-    (0.0, held_out_deviances, 0, 20),
+    (0.5, CrossValidation.squares, 0, 60), (0.5, CrossValidation.deviances, 99, 100),
+    (0.0, CrossValidation.deviances, 0, 20),
 ])
 def test_what_the_other_places_cannot_know_refuses_no_effect(true, judged, least, most):
     """Of 100 records, seeds 0 to 99: where the effect is, squares refuse half of them; where none is, most
@@ -52,7 +52,8 @@ def test_what_the_other_places_cannot_know_refuses_no_effect(true, judged, least
     kept = 0
     for seed in range(100):
         fitted, effect, folds = three_places(np.random.default_rng(seed), true)
-        kept += bool(np.sum(judged(fitted, effect, folds)) < np.sum(judged(fitted, None, folds)))
+        parted = CrossValidation.of(fitted, folds)
+        kept += bool(np.sum(judged(parted, effect)) < np.sum(judged(parted)))
     assert least <= kept <= most, kept
 
 
@@ -97,8 +98,8 @@ def test_what_two_places_owe_the_third_is_their_expected_square():
     for seed in range(400):
         fitted, columns, _ = three_places(np.random.default_rng(0), 0.0)
         fitted.whitened = np.random.default_rng(1000 + seed).normal(0, 1, len(folds))
-        more.append(held_out_squares(fitted, columns, folds) - 30.0)
-    expected = held_out_unknown(fitted, columns, folds)
+        more.append(CrossValidation.of(fitted, folds).squares(columns) - 30.0)
+    expected = CrossValidation.of(fitted, folds).unknown(columns)
     scatter = np.std(more, axis=0) / np.sqrt(len(more))
     assert np.all(np.abs(np.mean(more, axis=0) - expected) < 4.0 * scatter)
 

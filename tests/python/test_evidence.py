@@ -49,9 +49,14 @@ def picture(seed, planted=(), positive=False, size=1.5):
 
 def dense_log_likelihood(pic, members):
     """-1/2 log|V| - n/2 log(r' V^-1 r), V = I + B B' written out."""
-    b = pic.basis(members)
-    v = np.eye(len(pic.residual)) + b @ b.T
-    left = pic.residual @ np.linalg.solve(v, pic.residual)
+    (columns, residual), basis = pic.rows, pic.absorbed.basis
+    blocks = [pic.vocabulary.blocks[i] for i in members.blocks]
+    b = np.concatenate([np.zeros((len(residual), 0)),
+                        *(columns[:, block.where] * (SCALES[scale] * block.size)
+                          for block, scale in zip(blocks, members.scales))], axis=1)
+    b -= basis @ (basis.T @ b)
+    v = np.eye(len(residual)) + b @ b.T
+    left = residual @ np.linalg.solve(v, residual)
     return -0.5 * np.linalg.slogdet(v)[1] - 0.5 * pic.count * np.log(left / pic.square)
 
 
@@ -226,6 +231,6 @@ def test_random_signs_by_block_are_those_of_the_rows():
     onto, square = _Parts.of(pic, residual, visits).wild(5, np.random.default_rng(12))
     signs = np.random.default_rng(12).choice([-1.0, 1.0], (visits.max() + 1, 5))
     wild = residual[:, None] * np.repeat(signs[visits], COMPONENTS, axis=0)
-    wild -= pic.declared @ (pic.declared.T @ wild)
+    wild -= pic.absorbed.basis @ (pic.absorbed.basis.T @ wild)
     assert onto == pytest.approx(pic.rows[0].T @ wild)
     assert square == pytest.approx(np.sum(wild**2, axis=0))

@@ -171,7 +171,7 @@ def test_a_pair_whose_search_ends_under_another_label_is_still_a_pair(monkeypatc
     asked = []
     monkeypatch.setattr(selection, "is_worth", lambda problem, fitted, effects, *rest: asked.append(effects))
     pair = [Named("order 3 of axis 2"), Named("order 5 of axis 2")]
-    assert selection._best_pair(None, None, [], fitted, pair, None, None) is None
+    assert selection._best_pair(None, None, [], fitted, pair, None) is None
     assert [[effect.label for effect in effects]
             for effects in asked] == [["order 3 of axis 2", "order 7 of axis 2"]]
 

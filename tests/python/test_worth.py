@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from exactarm.diagnose.cross_validation import folds_of, held_out_squares
+from exactarm.diagnose.cross_validation import CrossValidation, folds_of
 from exactarm.diagnose.worth import holds_elsewhere, is_worth
 
 ROWS, GROUPS = 240, 40
@@ -43,7 +43,7 @@ def problem_of(groups, least_share=0.02, stretches=None, least_elsewhere=0.0, ro
 def worth(residual, cause, **options):
     groups = np.repeat(np.arange(GROUPS), ROWS // GROUPS)
     fitted, problem, folds = state_of(residual), problem_of(groups, **options), folds_of(groups, 0)
-    return is_worth(problem, fitted, [cause], folds, held_out_squares(fitted, None, folds))
+    return is_worth(problem, fitted, [cause], CrossValidation.of(fitted, folds))
 
 
 def drawn(seed):

@@ -1,10 +1,23 @@
-"""Held-out error of a candidate by cross-validation over whole poses or runs, in closed form.
+"""Held-out error by cross-validation over whole poses or runs, in closed form.
 
-In the linear picture around a fitted state, each fold is predicted from the others' normal equations; the
-error is the mean weighted square of the held-out residual (1 = all noise).
+In the linear picture around a fitted state, each fold f is predicted from the others' normal equations. Q:
+orthonormal basis of the free parameters, r: whitened residual:
+
+    Q'Q - Q_f'Q_f = L_f L_f',    P_f = Q_f L_f^-T,    e_f = r_f - P_f L_f^-1 (Q'r - Q_f'r_f)
+
+is what the others predict wrongly. Beside further columns C, cleared of Q, with priors, W = -L_f^-1 Q_f'C_f:
+
+    D = C_f - P_f W,    S = C'C - C_f'C_f + prior - W'W,
+    e_f - D S^-1 (C'r - C_f'r_f - W' L_f^-1 (Q'r - Q_f'r_f))
+
+so that the fit is parted once, whatever is tried beside it. A square of 1 is noise.
 """
 
 from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy import linalg
@@ -12,6 +25,7 @@ from scipy import linalg
 from exactarm.diagnose.problem import Fitted
 
 _FOLDS = 10
+_RIDGE = 1e-10  # of the normal equations of columns of unit length: of what one fold alone can tell
 
 
 def folds_of(groups: np.ndarray, seed: int) -> np.ndarray:
@@ -21,77 +35,104 @@ def folds_of(groups: np.ndarray, seed: int) -> np.ndarray:
     return (order % min(_FOLDS, len(names)))[inverse]
 
 
-def held_out_squares(
-    fitted: Fitted,
-    columns: np.ndarray | None,
-    folds: np.ndarray,
-    prior: np.ndarray | None = None,
-    units: np.ndarray | None = None,
-) -> np.ndarray:
-    """(units,) square sum of the held-out residual with the free parameters and `columns` (R, k), if any,
-    refitted.
+@dataclass(frozen=True)
+class _Fold:
+    """rows (n,) of the design; Q_f (n, d), L_f (d, d), P_f (n, d), L_f^-1 (Q'r - Q_f'r_f) (d,), e_f (n,)."""
 
-    prior (k,): standard deviations of the priors of the columns' coefficients, inf = none. units (N,): what
-    the square sum is told by, numbers from 0; absent: the folds.
-    """
-    parts, order = _predicted(fitted, columns, folds, prior)
-    squares = np.empty(fitted.data_numbers)
-    squares[order] = np.concatenate([answer - part @ values for part, answer, _, values in parts]) ** 2
-    squares = np.sum(squares.reshape(len(folds), -1), axis=1)
-    return np.bincount(folds if units is None else units, weights=squares)
+    rows: np.ndarray
+    own: np.ndarray
+    lower: np.ndarray
+    others: np.ndarray
+    right: np.ndarray
+    error: np.ndarray
 
 
-def held_out_deviances(
-    fitted: Fitted, columns: np.ndarray | None, folds: np.ndarray, prior: np.ndarray | None = None
-) -> np.ndarray:
-    """(folds,) -2 log density, up to a constant, of each fold as the others predict it, with the uncertainty
-    of their prediction:
+class CrossValidation:
+    """basis (R, d) and residual (R,): those of the data first, row by row of `folds` (N,), then those of
+    priors, which are in every fold's others."""
 
-        e' V^-1 e + log det V,    V = I + X C X',    C: covariance of the coefficients without the fold
+    def __init__(self, basis: np.ndarray, residual: np.ndarray, numbers: int, folds: np.ndarray):
+        """numbers: so many of R are data."""
+        self.basis, self.residual, self.numbers, self.folds = basis, residual, numbers, folds
 
-    by Woodbury's identity. Where a fold lies far from the others, what they cannot know of it is no error of
-    the model.
-    """
-    found = []
-    for part, answer, rest, values in _predicted(fitted, columns, folds, prior)[0]:
-        error = answer - part @ values
-        known, all_of_it = linalg.cholesky(rest), linalg.cholesky(rest + part.T @ part)
-        shared = linalg.solve_triangular(all_of_it, part.T @ error, trans=1)
-        widened = np.sum(np.log(np.diag(all_of_it)) - np.log(np.diag(known)))
-        found.append(float(error @ error - shared @ shared + 2.0 * widened))
-    return np.array(found)
+    @staticmethod
+    def of(fitted: Fitted, folds: np.ndarray) -> CrossValidation:
+        """Of the free parameters of a fit."""
+        return CrossValidation(fitted.basis, fitted.whitened, fitted.data_numbers, folds)
+
+    @cached_property
+    def _parts(self) -> list[_Fold]:
+        order = np.argsort(np.repeat(self.folds, self.numbers // len(self.folds)), kind="stable")
+        ends = np.cumsum(np.bincount(self.folds) * (self.numbers // len(self.folds)))
+        whole, onto = self.basis.T @ self.basis, self.basis.T @ self.residual
+        whole[np.diag_indices_from(whole)] += _RIDGE
+        found = []
+        for rows in np.split(order, ends[:-1]):
+            own, answer = self.basis[rows], self.residual[rows]
+            lower = linalg.cholesky(whole - own.T @ own, lower=True, check_finite=False)
+            others = _solved(lower, own.T).T
+            right = _solved(lower, onto - own.T @ answer)
+            found.append(_Fold(rows, own, lower, others, right, answer - others @ right))
+        return found
+
+    def _each(self, columns: np.ndarray | None,
+              prior: np.ndarray | None) -> Iterator[tuple[_Fold, np.ndarray, np.ndarray]]:
+        """Each fold with its error (n,) and D L_S^-T (n, k), S = L_S L_S': the uncertainty that the columns
+        add to that of the others' prediction."""
+        if columns is None or not columns.shape[1]:
+            yield from ((part, part.error, part.own[:, :0]) for part in self._parts)
+            return
+        columns = columns - self.basis @ (self.basis.T @ columns)
+        norm = np.linalg.norm(columns, axis=0)
+        penalty = np.zeros(len(norm)) if prior is None else 1.0 / prior**2
+        size = np.sqrt(norm**2 + penalty)[norm > 0]  # a column of rounding is its prior
+        columns, penalty = columns[:, norm > 0] / size, penalty[norm > 0] / size**2
+        onto, normal = columns.T @ self.residual, columns.T @ columns + np.diag(penalty + _RIDGE)
+        for part in self._parts:
+            own, answer = columns[part.rows], self.residual[part.rows]
+            within = _solved(part.lower, -part.own.T @ own)
+            lower = linalg.cholesky(normal - own.T @ own - within.T @ within, lower=True, check_finite=False)
+            beyond = _solved(lower, (own - part.others @ within).T).T
+            values = _solved(lower, onto - own.T @ answer - within.T @ part.right)
+            yield part, part.error - beyond @ values, beyond
+
+    def squares(self, columns: np.ndarray | None = None, prior: np.ndarray | None = None,
+                units: np.ndarray | None = None) -> np.ndarray:
+        """(units,) square sum of the held-out residual with the free parameters and `columns` (R, k), if any,
+        refitted.
+
+        prior (k,): standard deviations of the priors of the columns' coefficients, inf = none. units (N,):
+        what the square sum is told by, numbers from 0; absent: the folds.
+        """
+        squares = np.empty(self.numbers)
+        for part, error, _ in self._each(columns, prior):
+            squares[part.rows] = error**2
+        by_row = np.sum(squares.reshape(len(self.folds), -1), axis=1)
+        return np.bincount(self.folds if units is None else units, weights=by_row)
+
+    def deviances(self, columns: np.ndarray | None = None, prior: np.ndarray | None = None) -> np.ndarray:
+        """(folds,) -2 log density, up to a constant, of each fold as the others predict it, with the
+        uncertainty of their prediction:
+
+            e' V^-1 e + log det V,    V = I + X C X',    C: covariance of the coefficients without the fold
+
+        by Woodbury's identity. Where a fold lies far from the others, what they cannot know of it is no error
+        of the model.
+        """
+        found = []
+        for part, error, beyond in self._each(columns, prior):
+            spread = np.concatenate([part.others, beyond], axis=1)
+            lower = linalg.cholesky(np.eye(spread.shape[1]) + spread.T @ spread, lower=True)
+            shared = _solved(lower, spread.T @ error)
+            found.append(float(error @ error - shared @ shared + 2.0 * np.sum(np.log(np.diag(lower)))))
+        return np.array(found)
+
+    def unknown(self, columns: np.ndarray | None = None, prior: np.ndarray | None = None) -> np.ndarray:
+        """(folds,) what `squares` by folds are expected to hold beside the noise, if the model is right:
+        trace of X C X', for what the others do not know of the coefficients."""
+        return np.array([np.sum(part.others**2) + np.sum(beyond**2)
+                         for part, _, beyond in self._each(columns, prior)])
 
 
-def held_out_unknown(
-    fitted: Fitted, columns: np.ndarray | None, folds: np.ndarray, prior: np.ndarray | None = None
-) -> np.ndarray:
-    """(folds,) what the square sums of `held_out_squares` are expected to hold beside the noise, if the
-    model is right: trace of X C X', for what the others do not know of the coefficients."""
-    parts = _predicted(fitted, columns, folds, prior)[0]
-    return np.array([np.sum(linalg.solve_triangular(linalg.cholesky(rest), part.T, trans=1) ** 2)
-                     for part, _, rest, _ in parts])
-
-
-def _predicted(fitted: Fitted, columns: np.ndarray | None, folds: np.ndarray, prior: np.ndarray | None):
-    """Of each fold its rows of the design, its residual, the others' normal equations and the coefficients
-    that they give; and the order (R,) of the numbers by folds."""
-    design = fitted.basis if columns is None else np.concatenate([fitted.basis, columns], axis=1)
-    penalty = np.zeros(design.shape[1])
-    if prior is not None:
-        penalty[fitted.basis.shape[1] :] = 1.0 / prior**2
-    norm = np.linalg.norm(design, axis=0)
-    size = np.sqrt(norm**2 + penalty)[norm > 0]  # a column of rounding is its prior
-    design, penalty = design[:, norm > 0] / size, penalty[norm > 0] / size**2
-    residual, numbers = fitted.whitened, fitted.data_numbers
-    order = np.argsort(np.repeat(folds, numbers // len(folds)), kind="stable")
-    ends = np.cumsum(np.bincount(folds) * (numbers // len(folds)))
-    parts = [(design[rows], residual[rows]) for rows in np.split(order, ends[:-1])]
-    own = design[numbers:]  # rows of no fold
-    grams = [part.T @ part for part, _ in parts]
-    normal, right = sum(grams) + own.T @ own + np.diag(penalty), design.T @ residual
-    predicted = []
-    for gram, (part, answer) in zip(grams, parts):
-        rest = normal - gram + 1e-10 * np.eye(len(normal))
-        values = linalg.solve(rest, right - part.T @ answer, assume_a="pos")
-        predicted.append((part, answer, rest, values))
-    return predicted, order
+def _solved(lower: np.ndarray, right: np.ndarray) -> np.ndarray:
+    return linalg.solve_triangular(lower, right, lower=True, check_finite=False)

@@ -23,14 +23,14 @@ from functools import partial
 import numpy as np
 
 from exactarm.chain import Layout
-from exactarm.diagnose.cross_validation import folds_of
+from exactarm.diagnose.cross_validation import CrossValidation, folds_of
 from exactarm.diagnose.dictionary import forms_of, is_series, sum_of
-from exactarm.diagnose.evidence import Members, Picture
+from exactarm.diagnose.evidence import Absorbed, Members, Picture
 from exactarm.diagnose.problem import Fitted, Problem
 from exactarm.diagnose.search import search
 from exactarm.diagnose.search_round import alike
 from exactarm.diagnose.selection import refit
-from exactarm.diagnose.vocabulary import Vocabulary, vocabulary_of
+from exactarm.diagnose.vocabulary import vocabulary_of
 from exactarm.effects.axis_units import moves_by
 from exactarm.effects.base import Effect
 from exactarm.effects.expression import Expression, signal_of
@@ -126,13 +126,17 @@ def drafts_of(problem: Problem, declared: Layout, last: Fitted) -> tuple[Draft, 
     """Unknown functions that turn an axis beside the model `last`, the likeliest axis first, each as a
     formula beside those before it; an axis that no formula describes is left."""
     found: list[Draft] = []
-    fitted, folds = last, folds_of(problem.groups(), problem.seed)
+    fitted = last
     noise, probabilities = _unknown_axes(problem, fitted)
+    absorbed = None
     for axis in sorted(probabilities, key=lambda a: -probabilities[a][0]):
         probability, names = probabilities[axis]
         if probability < _PROBABLE or len(found) == MOST_DRAFTS:
             break
-        formula, log_bayes = _best_formula(fitted, noise, folds, axis, names)
+        if absorbed is None:
+            absorbed = Absorbed.of(fitted.residual, fitted.jacobian, noise, fitted.prior)
+            parted = absorbed.parted(folds_of(problem.groups(), problem.seed))
+        formula, log_bayes = _best_formula(fitted, absorbed, parted, axis, names)
         if formula is None:
             continue
         titled = replace(formula, heading=_title(formula, problem.robot))
@@ -140,7 +144,7 @@ def drafts_of(problem: Problem, declared: Layout, last: Fitted) -> tuple[Draft, 
         trial = refit(problem, declared, chosen, fitted, noise)
         if trial.fit.converged:
             found.append(_draft(problem, fitted, trial, log_bayes, probability, not is_series(formula)))
-            fitted = trial
+            fitted, absorbed = trial, None
     return tuple(found)
 
 
@@ -193,38 +197,38 @@ def _taken(picture: Picture, members: Members) -> np.ndarray:
 
 
 def _best_formula(
-    fitted: Fitted, noise: NoiseModel, folds, axis: int, names: list[str]
+    fitted: Fitted, absorbed: Absorbed, parted: CrossValidation, axis: int, names: list[str]
 ) -> tuple[Expression | None, float]:
     """The likeliest formula in the signals with these names, its log Bayes factor; None where none holds."""
     formulas = [formula for formula in map(_in_formulas, names) if formula is not None][:_MOST_SIGNALS]
     signals = {name: signal_of(fitted.view, name) for name in formulas}
     if not signals:
         return None, 0.0
-    best, value, picture, members = _likeliest(fitted, noise, forms_of(axis, signals))
+    best, value, picture, members = _likeliest(fitted, absorbed, forms_of(axis, signals))
     for term in range(2, _MOST_TERMS + 1):
         if best is None or is_series(best):
             break
         fixed = replace(best, searched=())
         sums = [sum_of(fixed, form) for form in forms_of(axis, signals, term) if not is_series(form)]
         further = [form for form in sums if len(form.form) <= LONGEST]
-        more, sum_value, *rest = _likeliest(fitted, noise, further)
+        more, sum_value, *rest = _likeliest(fitted, absorbed, further)
         if more is None or sum_value < value + _LEAST_NATS:
             break
         best, value, (picture, members) = more, sum_value, rest
     if best is None or value < _LEAST_NATS:
         return None, 0.0
-    if picture.held_out(members, folds).sum() >= picture.held_out(Members((), ()), folds).sum():
+    if picture.held_out(members, parted) >= picture.held_out(Members((), ()), parted):
         return None, 0.0
     return best, value
 
 
-def _likeliest(fitted, noise, forms: list[Expression]):
+def _likeliest(fitted: Fitted, absorbed: Absorbed, forms: list[Expression]):
     """The likeliest of formulas at its best grid point and coefficients, its log Bayes factor (its grid
     summed over), picture, set."""
-    vocabulary: Vocabulary = vocabulary_of(fitted, forms, {}, {})
+    vocabulary = vocabulary_of(fitted, forms, {}, {})
     if not vocabulary.blocks:
         return None, -np.inf, None, None
-    picture = Picture.of(vocabulary, fitted.residual, fitted.jacobian, noise, fitted.prior)
+    picture = absorbed.picture(vocabulary)
     additions = picture.additions(Members((), ()))
     weight = additions.log_weight - picture.log_prior
     names, which = vocabulary.labels

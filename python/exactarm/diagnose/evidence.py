@@ -2,8 +2,8 @@
 integrated out.
 
 r (R,) whitened residual and C (R, p) whitened columns of the vocabulary, both cleared of what the declared
-parameters D can absorb (flat prior): C~ = C - Q Q'C, r~ = r - Q Q'r. With B the columns of a set M times
-their prior sizes, V = I + B B':
+parameters D can absorb: C~ = C - Q Q'C, r~ = r - Q Q'r. With B the columns of a set M times their prior
+sizes, V = I + B B':
 
     log p(r | M) = -1/2 log|V| - n/2 log(r' V^-1 r) + const,      n = independent numbers - rank(D)
     adding a block g:  H = S C_g' V^-1 C_g S,  y = S C_g' V^-1 r:
@@ -22,6 +22,7 @@ from functools import cached_property
 import numpy as np
 from scipy import linalg, special
 
+from exactarm.diagnose.cross_validation import CrossValidation
 from exactarm.diagnose.orthonormal import orthonormal
 from exactarm.diagnose.vocabulary import SCALE_WEIGHTS, SCALES, Vocabulary
 
@@ -53,51 +54,83 @@ class Members:
     scales: tuple[int, ...]
 
 
-class Picture:
-    """The linear picture of one fit: columns, residual and count of independent numbers. Immutable by use."""
+@dataclass(frozen=True)
+class Absorbed:
+    """What the declared parameters absorb under one noise: `basis` (R, d) of their whitened columns, and the
+    residual (R,) without it.
 
-    def __init__(self, vocabulary: Vocabulary, declared: np.ndarray, columns: np.ndarray,
-                 residual: np.ndarray, count: float,
+    noise: `whiten`, `numbers` and `held_share`; measured: so many rows are data, then those of a prior;
+    count: independent numbers that are left.
+    """
+
+    basis: np.ndarray
+    residual: np.ndarray
+    noise: object
+    measured: int
+    count: float
+
+    @staticmethod
+    def of(residual: np.ndarray, declared: np.ndarray, noise,
+           prior: tuple[np.ndarray, np.ndarray] | None = None) -> Absorbed:
+        """residual (N, m), declared (N, m, P): columns that are free under a flat prior, or that of these
+        pseudo-observations (q, P) and what they lack (q,)."""
+        root = np.sqrt(noise.held_share)
+        r = root * noise.whiten(residual[:, :, None])[:, 0]
+        d = noise.whiten(declared)
+        measured = len(r)
+        if prior is not None:
+            d, r = np.concatenate([root * d, prior[0]]), np.concatenate([r, prior[1]])
+        basis = orthonormal(d, WEAKEST)
+        spent = float(np.sum(basis[:measured] ** 2))  # less what the prior pays for
+        return Absorbed(basis, r - basis @ (basis.T @ r), noise, measured, max(noise.numbers - spent, 1.0))
+
+    def picture(self, vocabulary: Vocabulary) -> Picture:
+        """Of the columns of a vocabulary beside the declared ones."""
+        c = self.noise.whiten(vocabulary.responses)
+        c *= np.sqrt(self.noise.held_share)
+        absorbed, before = self.basis[: self.measured].T @ c, np.einsum("ij,ij->j", c, c)
+        hidden = before - np.einsum("ij,ij->j", absorbed, absorbed) < _ABSORBED * before
+        c[:, hidden], absorbed[:, hidden] = 0.0, 0.0
+        c, r = np.asfortranarray(c), self.residual[: self.measured]  # read column by column
+        if len(r) > _LONG * c.shape[1]:
+            cleared = -self.basis @ absorbed
+            cleared[: self.measured] += c
+            columns, residual = compressed(cleared, self.residual)
+            return Picture(vocabulary, self, absorbed, columns, residual, (absorbed[:0], np.zeros(0)),
+                           rows=(c, r))
+        return Picture(vocabulary, self, absorbed, c, r, (absorbed, np.zeros(len(absorbed))))
+
+
+    def parted(self, folds: np.ndarray) -> CrossValidation:
+        """For the cross-validation of sets by folds (N,) of the rows of the data."""
+        return CrossValidation(self.basis, self.residual, self.measured, folds)
+
+
+class Picture:
+    """The linear picture of one fit: columns, residual and count of independent numbers. Immutable by use.
+
+    taken: (K, p) of the columns and (K,) of the residual, what the declared parameters absorb and what sets
+    explain that have become part of the noise: all products are C'V^-1 C = C'C - taken'taken."""
+
+    def __init__(self, vocabulary: Vocabulary, absorbed: Absorbed, crossed: np.ndarray, columns: np.ndarray,
+                 residual: np.ndarray, taken: tuple[np.ndarray, np.ndarray],
                  closed: frozenset[int] = frozenset(), rows: tuple[np.ndarray, np.ndarray] | None = None,
-                 taken: tuple[np.ndarray, np.ndarray] | None = None, before: Picture | None = None,
-                 measured: int | None = None):
+                 before: Picture | None = None):
         self.closed = closed  # blocks that are not to be added
-        self.vocabulary, self.columns, self.residual, self.count = vocabulary, columns, residual, count
-        self.declared = declared  # (R, d) orthonormal
+        self.vocabulary, self.columns, self.residual = vocabulary, columns, residual
+        self.absorbed, self.count, self.taken = absorbed, absorbed.count, taken
+        self.crossed = crossed  # (d, p) Q'C
         self.rows = (columns, residual) if rows is None else rows  # row by row, where they are compressed
-        # so many rows are data; then those of a prior
-        self.measured = len(self.rows[1]) if measured is None else measured
-        # L^-1 B'C (K, p) and L^-1 B'r (K,) of the sets that are part of the noise: V^-1 = I - (..)'(..)
-        self.taken = (np.zeros((0, columns.shape[1])), np.zeros(0)) if taken is None else taken
         self.before = before  # the picture without the last of these sets
-        self.square = float(residual @ residual) - float(self.taken[1] @ self.taken[1])
+        self.square = float(absorbed.residual @ absorbed.residual - taken[1] @ taken[1])
         self._product: dict[int, np.ndarray] = {}  # C_g'V^-1 C of blocks that have been members
         self._grams: dict[tuple[int, int], np.ndarray] = {}  # C_g'V^-1 C_h of two of them
 
     @staticmethod
     def of(vocabulary: Vocabulary, residual: np.ndarray, declared: np.ndarray, noise,
            prior: tuple[np.ndarray, np.ndarray] | None = None) -> Picture:
-        """residual (N, m), declared (N, m, P): columns that are free under a flat prior, or that of these
-        pseudo-observations (q, P) and what they lack (q,); noise.whiten and noise.numbers."""
-        root = np.sqrt(noise.held_share)
-        r = root * noise.whiten(residual[:, :, None])[:, 0]
-        d = noise.whiten(declared)
-        c = root * noise.whiten(vocabulary.responses)
-        measured = len(r)
-        if prior is not None:
-            d = np.concatenate([root * d, prior[0]])
-            r = np.concatenate([r, prior[1]])
-            c = np.concatenate([c, np.zeros((len(prior[0]), c.shape[1]))])
-        basis = orthonormal(d, WEAKEST)
-        before = np.einsum("ij,ij->j", c, c)
-        c -= basis @ (basis.T @ c)
-        left = np.einsum("ij,ij->j", c, c)
-        c[:, left < _ABSORBED * before] = 0.0
-        r, c = r - basis @ (basis.T @ r), np.asfortranarray(c)  # read column by column
-        spent = float(np.sum(basis[:measured] ** 2))  # less what the prior pays for
-        count = max(noise.numbers - spent, 1.0)
-        short = compressed(c, r) if len(r) > _LONG * c.shape[1] else (c, r)
-        return Picture(vocabulary, basis, *short, count, rows=(c, r), measured=measured)
+        """As `Absorbed.of`, with the columns of a vocabulary."""
+        return Absorbed.of(residual, declared, noise, prior).picture(vocabulary)
 
     def beside(self, members: Members) -> Picture:
         """The picture in which a set is part of the noise, its labels left out of the vocabulary: `taken` of
@@ -108,8 +141,8 @@ class Picture:
         closed = frozenset(self.closed | {i for i, b in enumerate(blocks) if b.label in labels} | forms)
         cross, onto = self.factor(members)
         taken = np.concatenate([self.taken[0], cross]), np.concatenate([self.taken[1], onto])
-        return Picture(self.vocabulary, self.declared, self.columns, self.residual, self.count, closed,
-                       self.rows, taken, self, self.measured)
+        return Picture(self.vocabulary, self.absorbed, self.crossed, self.columns, self.residual, taken,
+                       closed, self.rows, self)
 
     @cached_property
     def by_width(self) -> dict[int, np.ndarray]:
@@ -150,18 +183,16 @@ class Picture:
             starts = {}
             for b in blocks:  # functions of several lengths share their columns
                 if b.where.start not in starts:
-                    starts[b.where.start] = self._between(b.where, b.where)
+                    starts[b.where.start] = self.between(b.where, b.where)
             gram = np.stack([starts[b.where.start] for b in blocks])
             found[k] = (which, np.stack([b.size for b in blocks]), gram)
         return found
 
-    def basis(self, members: Members, columns: np.ndarray | None = None) -> np.ndarray:
-        """(R, K) columns of a set times prior sizes and scales: B."""
-        columns, parts = self.columns if columns is None else columns, []
-        for index, scale in zip(members.blocks, members.scales):
-            block = self.vocabulary.blocks[index]
-            parts.append(columns[:, block.where] * (SCALES[scale] * block.size))
-        return np.concatenate(parts, axis=1) if parts else np.zeros((len(columns), 0))
+    def sizes(self, members: Members) -> np.ndarray:
+        """(K,) standard deviations of the coefficients of a set."""
+        blocks = self.vocabulary.blocks
+        parts = [SCALES[scale] * blocks[i].size for i, scale in zip(members.blocks, members.scales)]
+        return np.concatenate(parts) if parts else np.zeros(0)
 
     def factor(self, members: Members) -> tuple[np.ndarray, np.ndarray]:
         """L^-1 B'C (K, p) and L^-1 B'r (K,), with L L' = I + B'B."""
@@ -182,7 +213,7 @@ class Picture:
             if start not in self._product:
                 if len(self._product) >= _MOST_PRODUCTS:
                     self._product.pop(next(iter(self._product)))
-                self._product[start] = self._between(block.where, slice(None))
+                self._product[start] = self.between(block.where, slice(None))
             each = SCALES[size] * block.size
             parts.append(each[:, None] * self._product[start])
             where.append(np.arange(block.where.start, block.where.stop))
@@ -193,16 +224,20 @@ class Picture:
         """log|V| and r' V^-1 r of a set."""
         if not members.blocks:
             return 0.0, self.square
-        blocks = [self.vocabulary.blocks[i] for i in members.blocks]
-        size = np.concatenate([SCALES[s] * block.size for block, s in zip(blocks, members.scales)])
-        right = size * np.concatenate([self.onto[block.where] for block in blocks])
-        gram = np.concatenate([np.concatenate([self._gram(one.where, other.where) for other in blocks],
-                                              axis=1) for one in blocks])
-        lower = np.linalg.cholesky(np.eye(len(size)) + size[:, None] * gram * size)
+        gram, right = self._system(members)
+        lower = np.linalg.cholesky(gram)
         onto = linalg.solve_triangular(lower, right, lower=True, check_finite=False)
         return 2.0 * float(np.sum(np.log(np.diag(lower)))), self.square - float(onto @ onto)
 
-    def _between(self, one: slice, other: slice) -> np.ndarray:
+    def _system(self, members: Members) -> tuple[np.ndarray, np.ndarray]:
+        """I + B'V^-1 B (K, K) and B'V^-1 r (K,) of a set."""
+        blocks, size = [self.vocabulary.blocks[i] for i in members.blocks], self.sizes(members)
+        gram = np.concatenate([np.concatenate([self._gram(one.where, other.where) for other in blocks],
+                                              axis=1) for one in blocks])
+        right = size * np.concatenate([self.onto[block.where] for block in blocks])
+        return np.eye(len(size)) + size[:, None] * gram * size, right
+
+    def between(self, one: slice, other: slice | np.ndarray) -> np.ndarray:
         """C_g'V^-1 C_h of two parts of the columns."""
         taken = self.taken[0]
         return self.columns[:, one].T @ self.columns[:, other] - taken[:, one].T @ taken[:, other]
@@ -211,7 +246,7 @@ class Picture:
         """C_g'V^-1 C_h of two blocks, kept."""
         key = (one.start, other.start)
         if key not in self._grams:
-            self._grams[key] = self._between(one, other)
+            self._grams[key] = self.between(one, other)
             self._grams[key[::-1]] = self._grams[key].T
         return self._grams[key]
 
@@ -222,38 +257,23 @@ class Picture:
 
     def coefficients(self, members: Members) -> list[np.ndarray]:
         """Posterior mean of the coefficients of every member, in units of the parameters."""
-        b = self.basis(members)
-        scaled = (
-            np.linalg.solve(np.eye(b.shape[1]) + b.T @ b, b.T @ self.residual) if b.shape[1] else np.zeros(0)
-        )
-        found, at = [], 0
-        for index, scale in zip(members.blocks, members.scales):
-            block = self.vocabulary.blocks[index]
-            found.append(scaled[at : at + block.columns] * SCALES[scale] * block.size)
-            at += block.columns
+        if not members.blocks:
+            return []
+        values = np.linalg.solve(*self._system(members)) * self.sizes(members)
+        return np.split(values, np.cumsum([self.vocabulary.blocks[i].columns for i in members.blocks])[:-1])
+
+    def held_out(self, members: Members, parted: CrossValidation) -> float:
+        """Square sum of the whitened residual of every fold, predicted from the others with a set."""
+        return float(parted.squares(self._rows_of(members), np.ones(len(self.sizes(members)))).sum())
+
+    def _rows_of(self, members: Members) -> np.ndarray:
+        """(R, K) rows of the columns of a set times their standard deviations, those of a prior too: B."""
+        columns, blocks = self.rows[0], self.vocabulary.blocks
+        where = [np.arange(blocks[i].where.start, blocks[i].where.stop) for i in members.blocks]
+        found = np.zeros((len(self.absorbed.residual), sum(map(len, where))))
+        if where:
+            found[: len(columns)] = columns[:, np.concatenate(where)] * self.sizes(members)
         return found
-
-    def held_out(self, members: Members, folds: np.ndarray) -> np.ndarray:
-        """(folds,) square sum of the whitened residual of every fold, predicted from the others; folds (N,)
-        of the rows.
-
-        The declared parameters are fitted anew without the fold too: `declared` columns under a flat prior.
-        """
-        columns, residual = self.rows
-        b = np.concatenate([self.declared, self.basis(members, columns)], axis=1)
-        prior = np.concatenate([np.full(self.declared.shape[1], 1e-8),
-                                np.ones(b.shape[1] - self.declared.shape[1])])
-        normal, right = b.T @ b + np.diag(prior), b.T @ residual
-        of_number = np.full(len(residual), -1)  # the rows of a prior are in every fold's others
-        of_number[: self.measured] = np.repeat(folds, self.measured // len(folds))
-        squares = np.empty(int(folds.max()) + 1)
-        for fold in range(len(squares)):
-            mine = of_number == fold
-            part, answer = b[mine], residual[mine]
-            values = np.linalg.solve(normal - part.T @ part + 1e-9 * np.eye(len(normal)),
-                                     right - part.T @ answer)
-            squares[fold] = np.sum((answer - part @ values) ** 2)
-        return squares
 
     def additions(self, members: Members) -> Additions:
         """Every block of the vocabulary beside the set, as if it were added next (its own prior included)."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from exactarm.diagnose.cross_validation import folds_of, held_out_squares
+from exactarm.diagnose.cross_validation import CrossValidation, folds_of
 from exactarm.diagnose.problem import Fitted, Problem
 from exactarm.diagnose.scan import Candidate, free_mask, linear_columns, prior_of, scan
 from exactarm.effects.base import Effect
@@ -49,11 +49,9 @@ def best_form(problem: Problem, without: Fitted, effect: Effect, field: list[Eff
     able = [key for key in forms if left[key] <= _HOPELESS * min(left.values())]
     if len(able) < 2:
         return forms[able[0]]
-    folds = folds_of(problem.groups(), problem.seed)
-    errors = {key: held_out_squares(without,
-                                    linear_columns(without, forms[key].effect),
-                                    folds,
-                                    prior_of(forms[key].effect)) for key in able}
+    parted = CrossValidation.of(without, folds_of(problem.groups(), problem.seed))
+    errors = {key: parted.squares(linear_columns(without, forms[key].effect), prior_of(forms[key].effect))
+              for key in able}
     best = min(able, key=lambda key: errors[key].sum())
     excess = {key: errors[key] - errors[best] for key in able}
     as_good = [key

@@ -30,7 +30,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import linalg
 
-from exactarm.diagnose.cross_validation import folds_of, held_out_squares
+from exactarm.diagnose.cross_validation import CrossValidation, folds_of
 from exactarm.diagnose.forms import same_family
 from exactarm.diagnose.problem import Fitted, Problem
 from exactarm.diagnose.scan import free_mask, linear_columns, prior_of
@@ -78,8 +78,8 @@ def with_curves(problem: Problem, fitted: Fitted, first: int, templates: list[Ef
         return None
     now = np.concatenate([choices[0].sizes for _, choices in axes])
     then = np.concatenate([choices[k].beside(noise) for (_, choices), k in zip(axes, chosen)])
-    folds = folds_of(problem.groups(), problem.seed)
-    fall = picture.held_out(now, folds) - picture.held_out(then, folds)
+    parted = CrossValidation.of(without, folds_of(problem.groups(), problem.seed))
+    fall = picture.held_out(now, parted) - picture.held_out(then, parted)
     if fall.mean() <= fall.std(ddof=1) / np.sqrt(len(fall)):  # one standard error, as for forms (forms.py)
         return None
     kept = [effect for place, effect in enumerate(found) if place not in places]
@@ -190,7 +190,7 @@ class _Linear:
         left = max(square - float(taken @ taken), 1e-12 * square)
         return float(-np.log(np.diag(lower)).sum() - 0.5 * self.count * np.log(left / self.square))
 
-    def held_out(self, sizes: np.ndarray, folds: np.ndarray) -> np.ndarray:
+    def held_out(self, sizes: np.ndarray, parted: CrossValidation) -> np.ndarray:
         """(folds,) square sums by cross-validation with sizes (p,)."""
         on = np.flatnonzero(sizes)
-        return held_out_squares(self.without, self.columns[:, on], folds, sizes[on])
+        return parted.squares(self.columns[:, on], sizes[on])

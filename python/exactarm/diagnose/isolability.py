@@ -89,17 +89,20 @@ def _of(picture: Picture) -> Isolability:
     names, which = vocabulary.labels
     order = list(dict.fromkeys(which))  # as the library lists them
     first = [int(np.flatnonzero(which == label)[0]) for label in order]
-    columns = [picture.columns[:, vocabulary.blocks[i].where] * vocabulary.blocks[i].size for i in first]
-    owner = np.repeat(np.arange(len(order)), [c.shape[1] for c in columns])
-    signals = np.concatenate(columns, axis=1)
-    squares = np.sum(signals**2, axis=0)
+    one_each = [vocabulary.blocks[i] for i in first]
+    owner = np.repeat(np.arange(len(order)), [block.columns for block in one_each])
+    signals = np.concatenate([np.arange(block.where.start, block.where.stop) for block in one_each])
+    sizes = np.concatenate([block.size for block in one_each])
+    products = picture.between(slice(None), signals) * sizes
+    squares = products[signals, np.arange(len(signals))] * sizes
     seen = np.bincount(owner, squares, len(order))
     apart = np.tile(seen[:, None], len(order))
     for place, label in enumerate(order):
         for index in np.flatnonzero(which == label):
             block = vocabulary.blocks[index]
-            left = np.maximum(squares - _imitated(picture.columns[:, block.where] * (_WIDE * block.size),
-                                                  signals), 0.0)
+            size = _WIDE * block.size
+            gram = size[:, None] * picture.between(block.where, block.where) * size
+            left = np.maximum(squares - _imitated(gram, size[:, None] * products[block.where]), 0.0)
             apart[:, place] = np.minimum(apart[:, place], np.bincount(owner, left, len(order)))
     effects = tuple(vocabulary.blocks[i].effect for i in first)
     cause = [(effect.family or effect.label, effect.joint) for effect in effects]
@@ -107,8 +110,7 @@ def _of(picture: Picture) -> Isolability:
     return Isolability(effects, np.sqrt(seen), np.sqrt(apart))
 
 
-def _imitated(columns: np.ndarray, signals: np.ndarray) -> np.ndarray:
-    """(p,) square length of signals (R, p) that coefficients of unit variance of `columns` (R, k) account
-    for."""
-    onto = columns.T @ signals
-    return np.einsum("kp,kp->p", onto, np.linalg.solve(np.eye(columns.shape[1]) + columns.T @ columns, onto))
+def _imitated(gram: np.ndarray, onto: np.ndarray) -> np.ndarray:
+    """(p,) square length of signals that coefficients of unit variance of columns account for: products of
+    the columns with each other (k, k) and with the signals (k, p)."""
+    return np.einsum("kp,kp->p", onto, np.linalg.solve(np.eye(len(gram)) + gram, onto))

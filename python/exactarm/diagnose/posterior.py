@@ -133,7 +133,7 @@ def _causes(problem: Problem, declared: Layout, progress: Progress) -> Causes | 
         if found is None or len(places) + len(found.members.blocks) > MOST_AT_ONCE:
             return None
         new = _one_each([p for p in _places(found, len(fits) - 1) if p.probability >= NAMED_AT])
-        held = _holding(found, new, folds_of(found.at.groups, problem.seed))
+        held = _holding(found, new, problem.seed)
         nothing = found.probability_of_nothing() if nothing is None else nothing
         something, unknown, noise = found.probability_of_unknown(), tuple(found.titles()), found.noise
         kept, fit = _confirmed(problem, declared, chosen, fits[-1], found, held)
@@ -306,20 +306,19 @@ def _one_each(places: list[Place]) -> list[Place]:
     return list(found.values())
 
 
-def _holding(found: Found, places: list[Place], folds: np.ndarray) -> list[Place]:
+def _holding(found: Found, places: list[Place], seed: int) -> list[Place]:
     """Those that lower the held-out square sum of a cross-validation over whole poses or runs by the share
     `least`, beside all others that do.
 
     Evidence trusts its noise model; what only fits its own rows does not pass here, whatever the noise is.
     """
-    places = list(places)
+    if not places:
+        return []
+    places, parted = list(places), found.picture.absorbed.parted(folds_of(found.at.groups, seed))
+    held_out = lambda kept: found.picture.held_out(_only(found, tuple(p.label for p in kept)), parted)
     while places:
-        members = _only(found, tuple(p.label for p in places))
-        whole = found.picture.held_out(members, folds).sum()
-        without = {}
-        for k in range(len(places)):
-            rest = tuple(p.label for i, p in enumerate(places) if i != k)
-            without[k] = found.picture.held_out(_only(found, rest), folds).sum()
+        whole = held_out(places)
+        without = {k: held_out(places[:k] + places[k + 1 :]) for k in range(len(places))}
         worst = min(without, key=lambda k: without[k])
         if without[worst] > whole:
             return places

@@ -17,7 +17,7 @@ from exactarm.chain import Layout
 from exactarm.diagnose.admissible import LEAST_EVIDENCE, LEAST_PROBABILITY, is_possible, moving_axes
 from exactarm.diagnose.bagging import bagged_contest
 from exactarm.diagnose.cluster_robust import robust_evidence
-from exactarm.diagnose.cross_validation import folds_of, held_out_squares
+from exactarm.diagnose.cross_validation import CrossValidation, folds_of
 from exactarm.diagnose.forms import best_form, forms_of, same_family
 from exactarm.diagnose.gear_curves import with_curves
 from exactarm.diagnose.problem import Fitted, Problem, rows_kept
@@ -165,22 +165,21 @@ def _warm(declared: Layout, last: Fitted) -> Layout:
 def _best_addition(problem, declared, chosen, fitted, ranking):
     """The best candidate that cross-validation and the joint fit confirm, with what is independent of it;
     else None."""
-    folds = folds_of(problem.groups(), problem.seed)
-    without = held_out_squares(fitted, None, folds, units=problem.units(folds))
+    parted = CrossValidation.of(fitted, folds_of(problem.groups(), problem.seed))
     asked = [c for c in ranking[:_SHORTLIST] if c.evidence >= LEAST_EVIDENCE]
     shortlist = [c for c in asked if _evidence(problem, fitted, c) >= LEAST_EVIDENCE]
     for place, candidate in enumerate(shortlist):
-        candidate = _worthy_form(problem, fitted, candidate, folds, without)
+        candidate = _worthy_form(problem, fitted, candidate, parted)
         if candidate is None:
             continue
         group, excludes = [candidate.effect], candidate.effect.excludes_rows()
         if not excludes:
-            group = _independent(problem, fitted, [candidate, *shortlist[place + 1 :]], folds, without)
+            group = _independent(problem, fitted, [candidate, *shortlist[place + 1 :]], parted)
         for effects in (group, group[:1]) if len(group) > 1 else (group,):
             trial = refit(problem, declared, chosen + effects, fitted)
             if excludes or _confirmed(problem, declared, fitted, trial, candidate.gain):
                 return [*trial.layout.effects[len(declared.effects):]], trial
-    return _best_pair(problem, declared, chosen, fitted, asked, folds, without)
+    return _best_pair(problem, declared, chosen, fitted, asked, parted)
 
 
 def _evidence(problem: Problem, fitted: Fitted, candidate: Candidate) -> float:
@@ -192,10 +191,10 @@ def _evidence(problem: Problem, fitted: Fitted, candidate: Candidate) -> float:
     return robust_evidence(fitted, candidate, columns, problem.groups(), count_of(problem, fitted))
 
 
-def _worthy_form(problem, fitted, candidate: Candidate, folds, without) -> Candidate | None:
+def _worthy_form(problem, fitted, candidate: Candidate, parted) -> Candidate | None:
     """The candidate, or another form of the same cause where it is not worth its place (a curve that wraps
     around single poses hides the one order that is there); None where no form is."""
-    if is_worth(problem, fitted, [candidate.effect], folds, without):
+    if is_worth(problem, fitted, [candidate.effect], parted):
         return candidate
     if not candidate.effect.family:
         return None
@@ -203,12 +202,12 @@ def _worthy_form(problem, fitted, candidate: Candidate, folds, without) -> Candi
     forms = forms_of(fitted, candidate.effect, field, count, LEAST_EVIDENCE)
     for form in sorted(forms.values(), key=lambda form: -form.evidence):
         if (_differs(form.effect, candidate.effect) and _evidence(problem, fitted, form) >= LEAST_EVIDENCE
-                and is_worth(problem, fitted, [form.effect], folds, without)):
+                and is_worth(problem, fitted, [form.effect], parted)):
             return form
     return None
 
 
-def _best_pair(problem, declared, chosen, fitted, shortlist: list[Candidate], folds, without):
+def _best_pair(problem, declared, chosen, fitted, shortlist: list[Candidate], parted):
     """Two candidates that hide each other: neither is worth its place alone, both together are; else None."""
     count = count_of(problem, fitted)
     linear = [c for c in shortlist if not c.effect.excludes_rows()][:_PAIRED]
@@ -221,7 +220,7 @@ def _best_pair(problem, declared, chosen, fitted, shortlist: list[Candidate], fo
                 if second.gain > _HIDDEN_GAIN * (first.gain + alone.gain):
                     pairs.append((first.gain + second.gain, first.effect, second.effect))
     for gain, *effects in sorted(pairs, key=lambda pair: -pair[0]):
-        if is_worth(problem, fitted, effects, folds, without):
+        if is_worth(problem, fitted, effects, parted):
             trial = refit(problem, declared, chosen + effects, fitted)
             if _confirmed(problem, declared, fitted, trial, gain):
                 return [*trial.layout.effects[len(declared.effects):]], trial
@@ -287,7 +286,7 @@ def _beside_unknown(problem: Problem, declared: Layout, accepted: list[Accepted]
     return found
 
 
-def _independent(problem, fitted, shortlist: list[Candidate], folds, without) -> list[Effect]:
+def _independent(problem, fitted, shortlist: list[Candidate], parted) -> list[Effect]:
     """The first of the shortlist and those others whose gain stays the same beside it: independent causes.
 
     Saves a search over the whole library for each of many independent causes (a curve on every axis).
@@ -299,7 +298,7 @@ def _independent(problem, fitted, shortlist: list[Candidate], folds, without) ->
             continue
         found = scan(beside, [emptied(candidate.effect)], count)[0]
         independent = found.gain >= _INDEPENDENT_SHARE * candidate.gain
-        if independent and is_worth(problem, fitted, [candidate.effect], folds, without):
+        if independent and is_worth(problem, fitted, [candidate.effect], parted):
             group.append(found.effect)
             beside = beside.beside(linear_columns(fitted, candidate.effect))
     return group

@@ -66,11 +66,12 @@ class _Parts:
         block = np.repeat(names, len(residual) // len(visits))
         order = np.argsort(block, kind="stable")
         starts = np.searchsorted(block[order], np.arange(names.max() + 1))
-        columns = picture.rows[0]
+        columns, absorbed = picture.rows[0], picture.absorbed
         add = lambda matrix: np.add.reduceat(matrix[order] * residual[order, None], starts, axis=0).T
         strips = [add(columns[:, at : at + _STRIP]) for at in range(0, columns.shape[1], _STRIP)]
-        onto = np.concatenate(strips) if strips else np.zeros((0, len(starts)))
-        return _Parts(onto, add(picture.declared), float(residual @ residual))
+        declared = add(absorbed.basis[: absorbed.measured])
+        onto = np.concatenate(strips) - picture.crossed.T @ declared if strips else np.zeros((0, len(starts)))
+        return _Parts(onto, declared, float(residual @ residual))
 
     def wild(self, draws: int, rng) -> tuple[np.ndarray, np.ndarray]:
         """C'w (p, draws) and w'w (draws,) of residuals w with random signs by block, cleared of what the
@@ -106,7 +107,7 @@ def _planted(picture: Picture, parts: _Parts, rng) -> tuple[int, int]:
     shown = {}
     for index, block in enumerate(blocks):
         if block.effect is not None:
-            length = float(np.linalg.norm(picture.columns[:, block.where] * block.size))
+            length = float(np.sqrt(np.diag(picture.between(block.where, block.where)) @ block.size**2))
             if length > shown.get(block.label, (_LEAST_SHOWN, None))[0]:
                 shown[block.label] = (length, index)
     chosen = [index for _, index in sorted(shown.values(), key=lambda e: -e[0])][:_CAUSES]
@@ -117,9 +118,9 @@ def _planted(picture: Picture, parts: _Parts, rng) -> tuple[int, int]:
     for d, index in enumerate(truth):
         block = blocks[index]
         size = rng.standard_normal(block.columns) * block.size
-        planted = picture.columns[:, block.where] @ size
-        square[d] += 2.0 * float(onto[block.where, d] @ size) + float(planted @ planted)
-        onto[:, d] += picture.columns.T @ planted
+        planted = picture.between(slice(None), block.where) @ size
+        square[d] += float((2.0 * onto[block.where, d] + planted[block.where]) @ size)
+        onto[:, d] += planted
     weights = _weights(picture, onto, square)
     names, label_of = picture.vocabulary.labels
     sets = right = 0

@@ -9,12 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from exactarm.diagnose.cross_validation import (
-    folds_of,
-    held_out_deviances,
-    held_out_squares,
-    held_out_unknown,
-)
+from exactarm.diagnose.cross_validation import CrossValidation, folds_of
 from exactarm.diagnose.orthonormal import orthonormal
 from exactarm.diagnose.problem import Fitted, Problem
 from exactarm.diagnose.scan import linear_columns, prior_of
@@ -25,10 +20,9 @@ _LEAST_FALLING = 8  # folds
 _RESPONDING, _LEAST_SHOWING = 1e-6, 3  # share of the strongest unit's response; units to judge by
 
 
-def is_worth(problem: Problem, fitted: Fitted, effects: list[Effect], folds: np.ndarray,
-             without: np.ndarray) -> bool:
-    """Whether the effects take enough of the held-out square sum `without` (U,) away, and surely so over the
-    problem's units."""
+def is_worth(problem: Problem, fitted: Fitted, effects: list[Effect], parted: CrossValidation) -> bool:
+    """Whether the effects take enough of the held-out square sum away, and surely so over the problem's
+    units; parted: the fit by folds."""
     if any(effect.excludes_rows() for effect in effects):
         return True
     parameters = [p for effect in effects for p in effect.parameters()]
@@ -37,10 +31,10 @@ def is_worth(problem: Problem, fitted: Fitted, effects: list[Effect], folds: np.
     prior = np.array([p.prior for p in parameters])[free]
     groups = problem.groups_for(_response(fitted, columns))
     if not np.array_equal(groups, problem.groups()):
-        folds = folds_of(groups, problem.seed)
-        without = held_out_squares(fitted, None, folds, units=problem.units(folds))
-    units = problem.units(folds)
-    falls = without - held_out_squares(fitted, columns, folds, prior, units)
+        parted = CrossValidation.of(fitted, folds_of(groups, problem.seed))
+    units = problem.units(parted.folds)
+    without = parted.squares(units=units)
+    falls = without - parted.squares(columns, prior, units)
     fall = falls[_showing(fitted, columns, units)]
     certain = _as_promised(falls, _promised(fitted, columns, prior, units))
     certain = certain or fall.mean() > _FOLD_CERTAINTY * fall.std(ddof=1) / np.sqrt(len(fall))
@@ -63,16 +57,14 @@ def holds_elsewhere(problem: Problem, fitted: Fitted, effects: list[Effect]) -> 
     fitted = problem.elsewhere(fitted)
     columns = np.concatenate([linear_columns(fitted, effect) for effect in effects], axis=1)
     prior = np.concatenate([prior_of(effect) for effect in effects])
-    folds = np.unique(stretches, return_inverse=True)[1]
-    of_two = lambda judged: (judged(fitted, None, folds), judged(fitted, columns, folds, prior))
-    without, left = of_two(held_out_squares)
+    parted = CrossValidation.of(fitted, np.unique(stretches, return_inverse=True)[1])
+    without, left = parted.squares(), parted.squares(columns, prior)
     if not problem.far_elsewhere:
         return problem.holds(without, left)
     # Errors that grow by more than the others cannot know, in white noise, are those of a wrong effect.
-    known, unknown = of_two(held_out_unknown)
-    grown = left - without - (unknown - known)
+    grown = left - without - (parted.unknown(columns, prior) - parted.unknown())
     right = bool(np.all(grown < problem.least_elsewhere * without))
-    return right and problem.holds(*of_two(held_out_deviances))
+    return right and problem.holds(parted.deviances(), parted.deviances(columns, prior))
 
 
 def _promised(fitted: Fitted, columns: np.ndarray, prior: np.ndarray, units: np.ndarray) -> np.ndarray:
