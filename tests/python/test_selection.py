@@ -18,6 +18,7 @@ from exactarm.diagnose.diagnosis import _unconverged, diagnose
 from exactarm.diagnose.orthonormal import orthonormal
 from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.problems import problem_for
+from exactarm.diagnose.scan import free_mask
 from exactarm.diagnose.verdict import UNEXPLAINED
 from exactarm.effects import effect_from_table
 from exactarm.robot_file import load_robot
@@ -64,6 +65,16 @@ def test_a_fit_without_an_effect_is_clear_of_all_others():
     expected = orthonormal(without.design)
     assert without.basis.shape == expected.shape
     assert without.basis @ (without.basis.T @ expected) == pytest.approx(expected, abs=1e-9)
+    points = [effect for effect in field if effect.joint in (1, 4) and effect.keep(without.view) is None]
+    masks = [free_mask(effect) for effect in points]
+    assert len(points) > 4
+    afresh = replace(without)  # of which nothing says that it is a part
+    for turned, scanned in zip(without.products_of(points, masks), afresh.products_of(points, masks)):
+        size = np.sqrt(np.maximum(scanned.square, 1e-300))
+        both = np.outer(size, size)
+        assert turned.normal / both == pytest.approx(scanned.normal / both, abs=1e-8)
+        assert turned.onto / size == pytest.approx(scanned.onto / size, abs=1e-6)
+    assert without.free_residual == pytest.approx(afresh.free_residual, abs=1e-6)
     wider = whole.beside(np.eye(len(whole.basis))[:, :1])  # its basis holds more than its own columns
     assert wider.coordinates is None
     assert without.spent == pytest.approx(float(np.sum(expected[: without.data_numbers] ** 2)), rel=1e-9)

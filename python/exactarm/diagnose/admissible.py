@@ -10,7 +10,7 @@ import numpy as np
 
 from exactarm.chain import View
 from exactarm.data.kinds.base import STANDS_STILL
-from exactarm.diagnose.problem import Fitted
+from exactarm.diagnose.fitted import Fitted
 from exactarm.robot.robot import Robot
 
 LEAST_EVIDENCE = 5.0  # log Bayes factor; all candidates tried are already paid for

@@ -17,7 +17,7 @@ from __future__ import annotations
 import numpy as np
 from scipy import special
 
-from exactarm.diagnose.problem import Fitted
+from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.scan import linear_columns, prior_of
 from exactarm.diagnose.vocabulary import emptied
 from exactarm.effects.base import Effect

@@ -19,8 +19,9 @@ import numpy as np
 from exactarm.chain import Layout
 from exactarm.data.dataset import Dataset
 from exactarm.data.kinds import CLOSURES, POSES
+from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.orthonormal import orthonormal
-from exactarm.diagnose.problem import Fitted, Problem
+from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.problem_at_rest import ProblemAtRest
 from exactarm.effects.base import Effect, Station
 from exactarm.identify.closure_fit import ClosureFit, Pulls, fit_closures

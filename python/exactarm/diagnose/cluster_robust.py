@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from exactarm.diagnose.problem import Fitted
+from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.scan import Candidate
 
 _GROUPS_EACH = 5  # groups for each coefficient, below which their scatter is no estimate

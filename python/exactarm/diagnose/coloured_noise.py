@@ -18,8 +18,9 @@ from itertools import combinations
 import numpy as np
 from scipy import linalg
 
+from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.orthonormal import orthonormal
-from exactarm.diagnose.problem import Fitted, Problem
+from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.scan import Candidate, linear_columns, log_evidence, scan
 from exactarm.identify.correlated import autocorrelation
 from exactarm.identify.drifting_noise import DriftingNoise

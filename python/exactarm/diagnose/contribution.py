@@ -32,7 +32,8 @@ from exactarm import _core
 from exactarm.chain import Layout
 from exactarm.chain.spring import declared_deflection
 from exactarm.data.kinds import kind_of
-from exactarm.diagnose.problem import Fitted, Problem
+from exactarm.diagnose.fitted import Fitted
+from exactarm.diagnose.problem import Problem
 from exactarm.effects.axis_units import moves_by, of_a_slide, slides
 from exactarm.effects.base import Effect, OwnCurve, Station
 from exactarm.robot.robot import Robot

@@ -22,7 +22,7 @@ from functools import cached_property
 import numpy as np
 from scipy import linalg
 
-from exactarm.diagnose.problem import Fitted
+from exactarm.diagnose.fitted import Fitted
 
 _FOLDS = 10
 _RIDGE = 1e-10  # of the normal equations of columns of unit length: of what one fold alone can tell

@@ -14,8 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
+from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.orthonormal import orthonormal
-from exactarm.diagnose.problem import Fitted, Problem
+from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.smoothness import closeness, follows_space
 
 BINS = 8

@@ -26,7 +26,8 @@ from exactarm.chain import Layout
 from exactarm.diagnose.cross_validation import CrossValidation, folds_of
 from exactarm.diagnose.dictionary import forms_of, is_series, sum_of
 from exactarm.diagnose.evidence import Absorbed, Members, Picture
-from exactarm.diagnose.problem import Fitted, Problem
+from exactarm.diagnose.fitted import Fitted
+from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.search import search
 from exactarm.diagnose.search_round import alike
 from exactarm.diagnose.selection import refit

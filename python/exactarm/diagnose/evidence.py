@@ -88,7 +88,7 @@ class Absorbed:
         """Of the columns of a vocabulary beside the declared ones."""
         c = self.noise.whiten(vocabulary.responses)
         c *= np.sqrt(self.noise.held_share)
-        absorbed, before = self.basis[: self.measured].T @ c, np.einsum("ij,ij->j", c, c)
+        absorbed, before = (c.T @ self.basis[: self.measured]).T, np.einsum("ij,ij->j", c, c)
         hidden = before - np.einsum("ij,ij->j", absorbed, absorbed) < _ABSORBED * before
         c[:, hidden], absorbed[:, hidden] = 0.0, 0.0
         c, r = np.asfortranarray(c), self.residual[: self.measured]  # read column by column
@@ -140,7 +140,8 @@ class Picture:
         forms = frozenset().union(*(self.vocabulary.forms_of(i) for i in members.blocks))
         closed = frozenset(self.closed | {i for i, b in enumerate(blocks) if b.label in labels} | forms)
         cross, onto = self.factor(members)
-        taken = np.concatenate([self.taken[0], cross]), np.concatenate([self.taken[1], onto])
+        rows = np.asfortranarray(np.concatenate([self.taken[0], cross]))  # read column by column
+        taken = rows, np.concatenate([self.taken[1], onto])
         return Picture(self.vocabulary, self.absorbed, self.crossed, self.columns, self.residual, taken,
                        closed, self.rows, self)
 

@@ -10,7 +10,8 @@ from __future__ import annotations
 import numpy as np
 
 from exactarm.diagnose.cross_validation import CrossValidation, folds_of
-from exactarm.diagnose.problem import Fitted, Problem
+from exactarm.diagnose.fitted import Fitted
+from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.scan import Candidate, free_mask, linear_columns, prior_of, scan
 from exactarm.effects.base import Effect
 

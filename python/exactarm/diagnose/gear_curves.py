@@ -31,8 +31,9 @@ import numpy as np
 from scipy import linalg
 
 from exactarm.diagnose.cross_validation import CrossValidation, folds_of
+from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.forms import same_family
-from exactarm.diagnose.problem import Fitted, Problem
+from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.scan import free_mask, linear_columns, prior_of
 from exactarm.effects.base import Effect
 

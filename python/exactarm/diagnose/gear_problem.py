@@ -19,9 +19,10 @@ from exactarm.chain import GearRecord, GearRunPrediction, Layout, gear_record, p
 from exactarm.chain.encoder_counts import folded_rounding
 from exactarm.data.dataset import Dataset
 from exactarm.data.kinds import GEAR_RUN
+from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.next_runs import separating_run
 from exactarm.diagnose.orthonormal import orthonormal
-from exactarm.diagnose.problem import Fitted, Problem
+from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.problem_in_time import ProblemInTime
 from exactarm.diagnose.resampled_run import resampled_run, with_reading
 from exactarm.diagnose.scan import free_mask

@@ -26,8 +26,8 @@ from exactarm.chain.motion_record import measured_torque
 from exactarm.data.dataset import Dataset
 from exactarm.data.kinds import MOTION
 from exactarm.data.kinds.base import runs_in_time
+from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.next_motions import separating_motion
-from exactarm.diagnose.problem import Fitted
 from exactarm.diagnose.problem_in_time import ProblemInTime
 from exactarm.diagnose.scan import free_mask
 from exactarm.effects.base import Effect, Station

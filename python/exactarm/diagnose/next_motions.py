@@ -13,8 +13,8 @@ from dataclasses import replace
 import numpy as np
 
 from exactarm.chain import MotionRecord, predict_motion
+from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.next_runs import Difference
-from exactarm.diagnose.problem import Fitted
 from exactarm.effects.base import Effect
 from exactarm.robot.robot import Robot
 

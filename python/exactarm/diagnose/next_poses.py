@@ -21,7 +21,7 @@ from exactarm.data.kinds import POSES
 from exactarm.design.pose_space import Box, PoseSpace
 from exactarm.diagnose.cause_information import Field, Hypothesis, chosen_for
 from exactarm.diagnose.confusion import Place
-from exactarm.diagnose.problem import Fitted
+from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.scan import free_mask, linear_columns
 from exactarm.effects.base import Effect
 from exactarm.errors import ComputationError

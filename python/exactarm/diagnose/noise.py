@@ -13,7 +13,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from exactarm.data.kinds import kind_of
-from exactarm.diagnose.problem import Fitted, Problem
+from exactarm.diagnose.fitted import Fitted
+from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.quantisation import rounding_noise
 
 _CLOSE_RAD = 0.02

@@ -10,7 +10,8 @@ from __future__ import annotations
 import numpy as np
 from scipy import linalg
 
-from exactarm.diagnose.problem import Fitted, Problem
+from exactarm.diagnose.fitted import Fitted
+from exactarm.diagnose.problem import Problem
 
 _RIDGE = 1e-10  # of a column's square sum: what the data cannot tell stays where it is
 

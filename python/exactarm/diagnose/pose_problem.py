@@ -10,9 +10,9 @@ import numpy as np
 from exactarm.chain import Layout, predict_poses
 from exactarm.data.dataset import Dataset
 from exactarm.data.kinds import POSES
+from exactarm.diagnose.fitted import Fitted, rows_kept
 from exactarm.diagnose.in_space import InSpace, errors_in_space
 from exactarm.diagnose.next_poses import next_poses, sentence_of
-from exactarm.diagnose.problem import Fitted, rows_kept
 from exactarm.diagnose.problem_at_rest import ProblemAtRest
 from exactarm.effects.base import Station
 from exactarm.errors import ComputationError

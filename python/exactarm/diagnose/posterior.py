@@ -19,7 +19,8 @@ from scipy import special
 from exactarm.chain import Layout
 from exactarm.diagnose.cross_validation import folds_of
 from exactarm.diagnose.evidence import Members, Picture
-from exactarm.diagnose.problem import Fitted, Problem
+from exactarm.diagnose.fitted import Fitted
+from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.scan import Candidate
 from exactarm.diagnose.search import CERTAIN, Posterior, log_prior_of_count, weight_of
 from exactarm.diagnose.search_round import MOST_AT_ONCE, At, Found, score_of, search_round

@@ -1,188 +1,22 @@
 """What the diagnosis needs of one kind of data, and nothing that depends on the kind.
 
-A problem holds robot and identification data and can fit any layout of effects to them through the chain. A
-`Fitted` state carries the whitened residual, the declared model's Jacobian and the responses of effects that
-are not in the model yet.
+A problem holds robot and identification data and can fit any layout of effects to them through the chain.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, field, replace
-from functools import cached_property
 
 import numpy as np
-from scipy import linalg
 
-from exactarm.chain import Layout, View
+from exactarm.chain import Layout
 from exactarm.data.dataset import Dataset
+from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.in_space import InSpace
-from exactarm.diagnose.orthonormal import extended, narrowed, orthonormal
 from exactarm.effects.base import Effect
-from exactarm.identify.layout_fit import Drawing, pulls_of
 from exactarm.noise.estimate import estimate_noise
 from exactarm.noise.model import NoiseModel
-from exactarm.numerics.regression import Fit
 from exactarm.robot.robot import Robot
-
-
-@dataclass(frozen=True)
-class Fitted:
-    """A layout at its estimate on the identification rows.
-
-    residual (N, m) measured minus predicted; jacobian (N, m, P) of the prediction; sigma (m,) standard
-    deviation of each component; weight (N,) 0 for rows that are left out, 1 otherwise; noise: what else is
-    known of the noise, in the terms of the problem, for the next fit to begin with; drawing: declared
-    parameters that the fit draws to their declared values.
-    """
-
-    robot: Robot
-    layout: Layout
-    fit: Fit
-    residual: np.ndarray
-    jacobian: np.ndarray
-    sigma: np.ndarray
-    weight: np.ndarray
-    view: View
-    noise: object = field(default=None, kw_only=True)
-    drawing: Drawing = field(default_factory=dict, kw_only=True)
-    # the fit that this one is a part of, and (P,) bool: its parameters that are not of this one
-    _taken_from: tuple[Fitted, np.ndarray] | None = field(default=None, init=False, repr=False, compare=False)
-
-    @cached_property
-    def scale(self) -> np.ndarray:
-        """(N, m) what a residual is multiplied with to have unit variance."""
-        return self.weight[:, None] / self.sigma
-
-    @cached_property
-    def prior(self) -> tuple[np.ndarray, np.ndarray]:
-        """Pseudo-observations (r, P) of the regularised parameters, and what they lack (r,)."""
-        rows, centre = pulls_of(self.layout, self.drawing)
-        return rows, rows @ (centre - self.layout.values)
-
-    @property
-    def prior_rows(self) -> np.ndarray:
-        """(r, P) pseudo-observations of the regularised parameters."""
-        return self.prior[0]
-
-    @cached_property
-    def whitened(self) -> np.ndarray:
-        """(N m + r,) the residual with unit variance, then the pseudo-residuals of the priors."""
-        return np.concatenate([self.standard(self.residual[:, :, None]).ravel(), self.prior[1]])
-
-    @property
-    def design(self) -> np.ndarray:
-        """(N m + r, P) whitened columns of the free parameters, then the rows of the priors."""
-        return np.concatenate([self.standard(self.jacobian), self.prior_rows])
-
-    @cached_property
-    def free_residual(self) -> np.ndarray:
-        """The whitened residual without what the free parameters could still explain."""
-        return self.whitened - self.basis @ (self.basis.T @ self.whitened)
-
-    def without(self, index: int) -> Fitted:
-        """The linear picture of the fit without the effect at `index` of the layout."""
-        where = self.layout.slices[index]
-        keep = np.ones(self.layout.size, bool)
-        keep[where] = False
-        layout = self.layout.only(k for k in range(len(self.layout.effects)) if k != index)
-        # A non-linear parameter (an order) is no part of what the effect has moved: its linear ones have
-        # moved it all.
-        linear = np.array([not p.search for p in self.layout.parameters[where]], bool)
-        residual = self.residual + self.jacobian[:, :,
-                                                 where] @ np.where(linear, self.layout.values[where], 0.0)
-        narrower = replace(self, layout=layout, residual=residual, jacobian=self.jacobian[:, :, keep],
-                           view=self.view.leaving(residual))
-        vars(narrower)["_taken_from"] = self, ~keep
-        return narrower
-
-    @property
-    def data_numbers(self) -> int:
-        """N m: so many entries of `whitened` are data."""
-        return self.residual.size
-
-    def decorrelated(self, values: np.ndarray) -> np.ndarray:
-        """(N, m, ...) behind the filter that makes the noise of neighbouring rows independent; here there is
-        none."""
-        return values
-
-    def standard(self, values: np.ndarray) -> np.ndarray:
-        """(N, m, k) of the measurement as (N m, k) in units of its noise."""
-        return (self.decorrelated(values) * self.scale[:, :, None]).reshape(self.data_numbers, -1)
-
-    def square(self, like: Fitted) -> float:
-        """Square sum of the residual in the noise of `like`, so that different fits can be compared."""
-        return float(np.sum((self.weight[:, None] * like.decorrelated(self.residual) / like.sigma) ** 2))
-
-    @cached_property
-    def basis(self) -> np.ndarray:
-        """(N m + r, b) orthonormal basis of what the free parameters can explain."""
-        if self._taken_from is None or self._taken_from[0].coordinates is None:
-            return orthonormal(self.design)
-        whole, gone = self._taken_from
-        pulled = np.any(whole.prior_rows[:, gone] != 0.0, axis=1)  # rows of what is gone
-        rows = np.concatenate([np.ones(self.data_numbers, bool), ~pulled])
-        return narrowed(whole.basis, whole.coordinates, gone)[rows]
-
-    @cached_property
-    def coordinates(self) -> np.ndarray | None:
-        """(P, P) inverse of the columns' coordinates in the basis; None where they are dependent, or it holds
-        others."""
-        if self.basis.shape[1] != self.layout.size:
-            return None
-        return linalg.inv(self.basis.T @ self.design, check_finite=False)
-
-    @cached_property
-    def spent(self) -> float:
-        """Numbers of the data that the free parameters have used up: their count, less what priors pay
-        for."""
-        data = self.basis[: self.data_numbers].ravel(order="K")
-        return float(data @ data)
-
-    @cached_property
-    def determined(self) -> np.ndarray:
-        """(N m, d) orthonormal basis of what the free parameters explain, without what their priors determine
-        more than the data do."""
-        data = self.basis[: self.data_numbers]
-        if not len(self.prior_rows):
-            return data
-        share, vectors = linalg.eigh(data.T @ data)
-        return data @ (vectors[:, share > 0.5] / np.sqrt(share[share > 0.5]))
-
-    def beside(self, columns: np.ndarray) -> Fitted:
-        """The same fit, in whose linear picture further whitened columns (N m + r, k) are free too."""
-        wider = replace(self)
-        vars(wider)["basis"] = extended(self.basis, columns)  # in the place of the cached one
-        return wider
-
-    def columns(self, effect: Effect) -> np.ndarray:
-        """(N m + r, k) whitened response to the parameters of an effect that is not in the layout."""
-        return self.columns_of([effect])[0]
-
-    def columns_of(self, effects: list[Effect]) -> list[np.ndarray]:
-        """The same of several effects, each as if it were alone."""
-        return [self.whiten(response) for response in self.responses_of(effects)]
-
-    def responses_of(self, effects: list[Effect]) -> list[np.ndarray]:
-        """(N, m, k) of each effect that is not in the layout: the measurement's response to its
-        parameters."""
-        return [self.view.response(effect)[:, : self.residual.shape[1]] for effect in effects]
-
-    def whiten(self, response: np.ndarray) -> np.ndarray:
-        """(N m + r, k) of a response (N, m, k), in units of the noise, with nothing in the rows of the
-        priors."""
-        data = self.standard(response)
-        return np.concatenate([data, np.zeros((len(self.prior_rows), data.shape[1]))])
-
-
-def rows_kept(layout: Layout, view: View) -> np.ndarray:
-    """(N,) bool: rows that every effect of the layout keeps."""
-    keep = np.ones(view.rows, bool)
-    for effect in layout.effects:
-        kept = effect.keep(view)
-        if kept is not None:
-            keep &= kept
-    return keep
 
 
 class Problem(ABC):

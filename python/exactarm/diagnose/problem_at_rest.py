@@ -6,8 +6,9 @@ import numpy as np
 
 from exactarm.data.dataset import Dataset
 from exactarm.data.split import pose_groups, pose_split
+from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.noise import repeat_scatter
-from exactarm.diagnose.problem import Fitted, Problem
+from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.smoothness import second_order
 from exactarm.effects.axis_units import moves_by
 from exactarm.identify.declared import require_geometry

@@ -16,7 +16,8 @@ import numpy as np
 
 from exactarm.data.dataset import Dataset
 from exactarm.diagnose.coloured_noise import ColouredNoise, NoiseMemory
-from exactarm.diagnose.problem import Fitted, Problem
+from exactarm.diagnose.fitted import Fitted
+from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.time_groups import run_groups, stretches_of_response
 from exactarm.effects.axis_units import moves_by
 from exactarm.identify.declared import all_effects, with_estimates

@@ -10,7 +10,8 @@ from __future__ import annotations
 import numpy as np
 
 from exactarm.data.kinds import kind_of
-from exactarm.diagnose.problem import Fitted, Problem
+from exactarm.diagnose.fitted import Fitted
+from exactarm.diagnose.problem import Problem
 from exactarm.effects.base import Station
 
 _LEAST_VALUES = 8  # distinct ones: fewer may lie on a grid by choice (commanded steps), which is no rounding

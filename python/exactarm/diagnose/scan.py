@@ -18,7 +18,7 @@ from itertools import product
 
 import numpy as np
 
-from exactarm.diagnose.problem import Fitted
+from exactarm.diagnose.fitted import Fitted
 from exactarm.effects.base import Effect
 
 _ABSORBED = 1e-6  # share of a column's square sum left after projection, below which geometry explains it
@@ -73,8 +73,7 @@ def linear_columns(fitted: Fitted, effect: Effect) -> np.ndarray:
 
 def scan(fitted: Fitted, candidates: list[Effect], count: float) -> list[Candidate]:
     """All candidates, best evidence first; of each (name, axis) only its best point."""
-    basis, residual = fitted.basis, fitted.free_residual
-    square = float(residual @ residual)
+    square = float(fitted.free_residual @ fitted.free_residual)
     best: dict[str, Candidate] = {}
     families = len({effect.label for effect in candidates})
     variants = [(effect, point) for effect in candidates for point in grid(effect)]
@@ -91,9 +90,8 @@ def scan(fitted: Fitted, candidates: list[Effect], count: float) -> list[Candida
             block.append((point, free_mask(point)))
             width += int(block[-1][1].sum())
         if block and (width >= _BLOCK_COLUMNS or place == len(variants) - 1):
-            columns = fitted.columns_of([point for point, _ in block])
-            columns = [each[:, mask] for (_, mask), each in zip(block, columns)]
-            _score_block(basis, block, columns, residual, square, count, tried, families, best)
+            products = fitted.products_of([point for point, _ in block], [mask for _, mask in block])
+            _score_block(block, products, square, count, tried, families, best)
             block, width = [], 0
     return sorted(best.values(), key=lambda c: -c.evidence)
 
@@ -108,33 +106,25 @@ def _excluding(fitted: Fitted, point: Effect, kept: np.ndarray, count: float, fa
     return Candidate(point, gain, free, 1, log_evidence(square, gain, count, free, families))
 
 
-def _score_block(basis, block, columns, residual, square, count, tried, families, best) -> None:
-    stacked = np.concatenate(columns, axis=1)
-    before = np.einsum("ij,ij->j", stacked, stacked)
-    absorbed = basis.T @ stacked
-    onto = stacked.T @ residual  # the residual is clear of the basis
-    at = 0
-    for point, mask in block:
-        k = int(mask.sum())
-        where = slice(at, at + k)
-        at += k
-        normal = stacked[:, where].T @ stacked[:, where] - absorbed[:, where].T @ absorbed[:, where]
+def _score_block(block, products, square, count, tried, families, best) -> None:
+    for (point, mask), each in zip(block, products):
+        k, normal, onto = int(mask.sum()), each.normal, each.onto
         plausible, prior, lower, upper = np.array(
             [(p.plausible, p.prior, p.lower, p.upper) for p, keep in zip(point.parameters(), mask) if keep]
         ).reshape(k, 4).T
-        usable = (np.diag(normal) > _ABSORBED * before[where]) & (
-            np.sqrt(before[where]) * plausible > _INVISIBLE
+        usable = (np.diag(normal) > _ABSORBED * each.square) & (
+            np.sqrt(each.square) * plausible > _INVISIBLE
         )
         start, price, free = np.array(point.values, float), 0.0, int(usable.sum())
         if np.isfinite(prior).any():
-            gain, values, price = regularised_gain(normal, onto[where], prior)
+            gain, values, price = regularised_gain(normal, onto, prior)
             free = 0
         else:
-            gain, values = _gain(normal, onto[where], usable)
+            gain, values = _gain(normal, onto, usable)
             if not np.all((lower <= start[mask] + values) & (start[mask] + values <= upper)):
                 # the best point inside the bounds: what leaves them is clipped, the gain is taken there
                 values = np.clip(start[mask] + values, lower, upper) - start[mask]
-                gain = max(float(2.0 * values @ onto[where] - values @ normal @ values), 0.0)
+                gain = max(float(2.0 * values @ onto - values @ normal @ values), 0.0)
         evidence = log_evidence(square, gain, count, free, tried[point.label] * families) - price
         evidence += point.log_odds
         known = best.get(point.label)

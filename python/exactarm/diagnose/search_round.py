@@ -12,8 +12,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from exactarm.diagnose.evidence import WEAKEST, Members, Picture
+from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.orthonormal import orthonormal
-from exactarm.diagnose.problem import Fitted, Problem
+from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.search import Posterior, prior_of, search
 from exactarm.diagnose.vocabulary import SCALES, Block, Vocabulary
 from exactarm.noise.estimate import log_likelihood_under, normal_noise

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from exactarm.diagnose.admissible import LEAST_EVIDENCE, LEAST_PROBABILITY
-from exactarm.diagnose.problem import Fitted
+from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.scan import Candidate
 from exactarm.effects.base import Effect
 

@@ -18,9 +18,10 @@ from exactarm.diagnose.admissible import LEAST_EVIDENCE, LEAST_PROBABILITY, is_p
 from exactarm.diagnose.bagging import bagged_contest
 from exactarm.diagnose.cluster_robust import robust_evidence
 from exactarm.diagnose.cross_validation import CrossValidation, folds_of
+from exactarm.diagnose.fitted import Fitted, rows_kept
 from exactarm.diagnose.forms import best_form, forms_of, same_family
 from exactarm.diagnose.gear_curves import with_curves
-from exactarm.diagnose.problem import Fitted, Problem, rows_kept
+from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.scan import Candidate, free_mask, linear_columns, probability, same_cause, scan
 from exactarm.diagnose.selected import Accepted, Selection
 from exactarm.diagnose.something_else import Beside, beside_unknown, pieces_of

@@ -22,7 +22,8 @@ import numpy as np
 from scipy import special
 
 from exactarm.diagnose.bagging import bagged, squares_by_piece
-from exactarm.diagnose.problem import Fitted, Problem
+from exactarm.diagnose.fitted import Fitted
+from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.scan import free_mask, grid, regularised_gain
 from exactarm.diagnose.search import log_prior_of_count
 from exactarm.diagnose.time_groups import time_groups

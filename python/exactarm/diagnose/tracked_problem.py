@@ -15,8 +15,8 @@ import numpy as np
 from exactarm.chain import Layout, MotionRecord, reversals_left_out
 from exactarm.data.dataset import Dataset
 from exactarm.diagnose.coloured_noise import ColouredNoise
+from exactarm.diagnose.fitted import Fitted, rows_kept
 from exactarm.diagnose.next_motions import separating_motion
-from exactarm.diagnose.problem import Fitted, rows_kept
 from exactarm.diagnose.problem_in_time import ProblemInTime
 from exactarm.diagnose.smoothness import second_order
 from exactarm.effects.base import Effect, Station

@@ -25,7 +25,7 @@ import numpy as np
 from scipy import fft, linalg, special
 
 from exactarm.chain import Layout
-from exactarm.diagnose.problem import Fitted
+from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.problem_in_time import ProblemInTime
 from exactarm.diagnose.scan import free_mask, grid, prior_of
 from exactarm.diagnose.selection import Selection, candidates_for, count_of

@@ -10,8 +10,9 @@ from __future__ import annotations
 import numpy as np
 
 from exactarm.diagnose.cross_validation import CrossValidation, folds_of
+from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.orthonormal import orthonormal
-from exactarm.diagnose.problem import Fitted, Problem
+from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.scan import linear_columns, prior_of
 from exactarm.effects.base import Effect
 
